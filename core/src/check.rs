@@ -1,0 +1,43 @@
+//! What was noticed about a file or a case: a code, a severity and a text.
+
+use serde::Serialize;
+
+/// How much a [`Check`] matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// Worth knowing; nothing was assumed.
+    Note,
+    /// Something was assumed or may mislead: shown where it can't be missed.
+    Warning,
+    /// The thing it is about can't be used.
+    Error,
+}
+
+/// One finding. Codes are stable, lower-case, hyphenated and documented in `docs/checks.md`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Check {
+    /// Stable name of the finding, for instance `sform-qform-disagree`.
+    pub code: &'static str,
+    /// How much it matters.
+    pub severity: Severity,
+    /// What was found and what was expected. Names the file's own name or the mask's id first.
+    pub message: String,
+}
+
+impl Check {
+    /// A [`Severity::Note`].
+    pub fn note(code: &'static str, message: impl Into<String>) -> Self {
+        Self { code, severity: Severity::Note, message: message.into() }
+    }
+
+    /// A [`Severity::Warning`].
+    pub fn warning(code: &'static str, message: impl Into<String>) -> Self {
+        Self { code, severity: Severity::Warning, message: message.into() }
+    }
+
+    /// A [`Severity::Error`].
+    pub fn error(code: &'static str, message: impl Into<String>) -> Self {
+        Self { code, severity: Severity::Error, message: message.into() }
+    }
+}

@@ -1,0 +1,101 @@
+//! Reading and writing files. Every failure names the file, what was found and what was expected.
+
+use std::path::{Path, PathBuf};
+
+use crate::{Cancelled, Check, Progress, Volume};
+
+/// Where a file's bytes come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A file on disk.
+    File(PathBuf),
+    /// Bytes that came with the program, under the name of the file they stand for.
+    Embedded {
+        /// Its name, with ending.
+        name: &'static str,
+        /// Its content.
+        bytes: &'static [u8],
+    },
+}
+
+impl Source {
+    /// What messages call it.
+    pub fn name(&self) -> String {
+        match self {
+            Self::File(path) => path.display().to_string(),
+            Self::Embedded { name, .. } => (*name).to_owned(),
+        }
+    }
+}
+
+/// Limits on reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Most bytes of voxels that one frame may take.
+    pub max_bytes: u64,
+    /// Which frame of a 4-D or 5-D file, counting on through dimensions 4, 5, 6 and 7.
+    pub frame: usize,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        Self { max_bytes: 4 << 30, frame: 0 }
+    }
+}
+
+/// One frame of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    /// Its voxels and where they are.
+    pub volume: Volume,
+    /// Frames the file has: 1 for a 3-D file.
+    pub frames: usize,
+    /// What was noticed.
+    pub checks: Vec<Check>,
+}
+
+/// Why a file can't be read or written: one line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FileError {
+    /// The file is not what it should be.
+    #[error("{file}: found {found}, expected {expected}")]
+    Wrong {
+        /// Name of the file.
+        file: String,
+        /// What is there.
+        found: String,
+        /// What should be.
+        expected: String,
+    },
+    /// The user asked to stop.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Writes the whole of `bytes` to `path`, or leaves what stood there untouched: a temporary file
+/// beside it, flushed to disk, then renamed over it.
+///
+/// # Errors
+/// [`FileError::Wrong`] with the system's reason.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let fail = |e: std::io::Error| FileError::Wrong {
+        file: path.display().to_string(),
+        found: format!("writing failed: {e}"),
+        expected: "a place that can be written".into(),
+    };
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = tempfile::Builder::new().prefix(".glioscope-").tempfile_in(folder).map_err(fail)?;
+    std::io::Write::write_all(&mut file, bytes).map_err(fail)?;
+    file.as_file().sync_all().map_err(fail)?;
+    file.persist(path).map_err(|e| fail(e.error))?;
+    Ok(())
+}
+
+/// Reads one frame of a NIfTI-1 or -2 file (`.nii`, `.nii.gz`, `.hdr`/`.img` in every mix).
+///
+/// # Errors
+/// [`FileError`].
+pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
+    let _ = (options, progress);
+    Err(FileError::Wrong { file: source.name(), found: "no reader".into(), expected: "one".into() })
+}

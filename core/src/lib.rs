@@ -1,0 +1,26 @@
+//! Glioscope's numbers: volumes, files, masks, the tumour index and what is counted on it.
+//!
+//! Nothing here knows a GPU or a window. World space is RAS+ millimetres in `f64`;
+//! [`Grid::world_from_voxel`] maps voxel *centres*. Words (mask, region, tumour index, lens …) are
+//! those of the project's design: see ARCHITECTURE.md.
+
+pub mod case;
+pub mod check;
+pub mod files;
+pub mod grid;
+pub mod mask;
+pub mod measure;
+pub mod phantom;
+pub mod progress;
+pub mod regions;
+pub mod resample;
+pub mod tumor_index;
+pub mod volume;
+
+pub use check::{Check, Severity};
+pub use grid::{Grid, GridError, Sides};
+pub use mask::{Mask, MaskBits};
+pub use progress::{Cancelled, Progress};
+pub use regions::{Region, RegionVolume, Regions, Selection};
+pub use tumor_index::{IndexData, TumorIndex};
+pub use volume::{Samples, Scaling, Volume};

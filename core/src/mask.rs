@@ -1,0 +1,177 @@
+//! One binary segmentation.
+
+use crate::grid::Grid;
+
+/// One bit a voxel. Each x-line starts a new 64-bit word; bits past the line's end are zero.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MaskBits {
+    dims: [usize; 3],
+    words_per_line: usize,
+    words: Vec<u64>,
+}
+
+impl MaskBits {
+    /// All voxels inactive.
+    pub fn empty(dims: [usize; 3]) -> Self {
+        let words_per_line = dims[0].div_ceil(64);
+        Self { dims, words_per_line, words: vec![0; words_per_line * dims[1] * dims[2]] }
+    }
+
+    /// Voxels where `active(linear)` holds, `linear` as in [`Grid::linear`].
+    pub fn from_fn(dims: [usize; 3], mut active: impl FnMut(usize) -> bool) -> Self {
+        let mut bits = Self::empty(dims);
+        let mut linear = 0;
+        for line in 0..dims[1] * dims[2] {
+            for x in 0..dims[0] {
+                if active(linear) {
+                    bits.words[line * bits.words_per_line + x / 64] |= 1 << (x % 64);
+                }
+                linear += 1;
+            }
+        }
+        bits
+    }
+
+    /// Voxels along each axis.
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// Words of one x-line.
+    pub fn words_per_line(&self) -> usize {
+        self.words_per_line
+    }
+
+    /// All words, line after line (`y` before `z`).
+    pub fn words(&self) -> &[u64] {
+        &self.words
+    }
+
+    /// Whether voxel `ijk` (inside the dims) is active.
+    #[inline]
+    pub fn get(&self, ijk: [usize; 3]) -> bool {
+        let line = ijk[2] * self.dims[1] + ijk[1];
+        self.words[line * self.words_per_line + ijk[0] / 64] >> (ijk[0] % 64) & 1 == 1
+    }
+
+    /// Makes voxel `ijk` (inside the dims) active.
+    #[inline]
+    pub fn set(&mut self, ijk: [usize; 3]) {
+        let line = ijk[2] * self.dims[1] + ijk[1];
+        self.words[line * self.words_per_line + ijk[0] / 64] |= 1 << (ijk[0] % 64);
+    }
+
+    /// Number of active voxels.
+    pub fn count(&self) -> u64 {
+        self.words.iter().map(|w| u64::from(w.count_ones())).sum()
+    }
+
+    /// Smallest box of voxels that holds all active ones: first voxel and size; `None` when empty.
+    pub fn bounds(&self) -> Option<([usize; 3], [usize; 3])> {
+        let mut lo = [usize::MAX; 3];
+        let mut hi = [0; 3];
+        for (line, words) in self.words.chunks_exact(self.words_per_line.max(1)).enumerate() {
+            let (Some(first), Some(last)) =
+                (words.iter().position(|&w| w != 0), words.iter().rposition(|&w| w != 0))
+            else {
+                continue;
+            };
+            let x = [
+                first * 64 + words[first].trailing_zeros() as usize,
+                last * 64 + 63 - words[last].leading_zeros() as usize,
+            ];
+            let yz = [line % self.dims[1], line / self.dims[1]];
+            for (axis, (first, last)) in
+                [(x[0], x[1]), (yz[0], yz[0]), (yz[1], yz[1])].into_iter().enumerate()
+            {
+                lo[axis] = lo[axis].min(first);
+                hi[axis] = hi[axis].max(last);
+            }
+        }
+        (lo[0] != usize::MAX).then(|| (lo, std::array::from_fn(|a| hi[a] - lo[a] + 1)))
+    }
+
+    /// Calls `visit(linear)` for every active voxel, in memory order.
+    pub fn for_each(&self, mut visit: impl FnMut(usize)) {
+        for (line, words) in self.words.chunks_exact(self.words_per_line.max(1)).enumerate() {
+            for (w, &word) in words.iter().enumerate() {
+                let mut rest = word;
+                while rest != 0 {
+                    visit(line * self.dims[0] + w * 64 + rest.trailing_zeros() as usize);
+                    rest &= rest - 1;
+                }
+            }
+        }
+    }
+}
+
+/// A segmentation under its name, on a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask {
+    id: String,
+    grid: Grid,
+    bits: MaskBits,
+}
+
+impl Mask {
+    /// `bits` on `grid`; `None` when their sizes differ.
+    pub fn new(id: impl Into<String>, grid: Grid, bits: MaskBits) -> Option<Self> {
+        (bits.dims() == grid.dims()).then(|| Self { id: id.into(), grid, bits })
+    }
+
+    /// The name the case gives it.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// Where its voxels are.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Which voxels are active.
+    pub fn bits(&self) -> &MaskBits {
+        &self.bits
+    }
+
+    /// Active voxels.
+    pub fn voxels(&self) -> u64 {
+        self.bits.count()
+    }
+
+    /// Millilitres on its own grid.
+    pub fn volume_ml(&self) -> f64 {
+        self.grid.volume_ml(self.voxels())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_past_a_word_and_a_line() {
+        for nx in [1, 63, 64, 65, 130] {
+            let dims = [nx, 3, 2];
+            let bits = MaskBits::from_fn(dims, |l| l % 3 == 0);
+            let n = nx * 6;
+            assert_eq!(bits.count(), n.div_ceil(3) as u64);
+            let mut seen = Vec::new();
+            bits.for_each(|l| seen.push(l));
+            assert_eq!(seen, (0..n).step_by(3).collect::<Vec<_>>());
+            for &l in &seen {
+                assert!(bits.get([l % nx, l / nx % 3, l / nx / 3]));
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_of_nothing_one_and_all() {
+        let dims = [70, 4, 5];
+        let mut bits = MaskBits::empty(dims);
+        assert_eq!(bits.bounds(), None);
+        bits.set([66, 2, 3]);
+        assert_eq!(bits.bounds(), Some(([66, 2, 3], [1, 1, 1])));
+        assert_eq!(MaskBits::from_fn(dims, |_| true).bounds(), Some(([0, 0, 0], dims)));
+    }
+}

@@ -1,0 +1,398 @@
+//! Regions: the voxels with one same non-zero index, and which of them are shown.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    grid::Grid,
+    tumor_index::{IndexData, TumorIndex},
+};
+
+/// The voxels where exactly the masks in `bits` are active.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// The index value: bit k set for mask k. Never 0.
+    pub bits: u32,
+    /// How many voxels have it. Never 0.
+    pub voxels: u64,
+    /// Their volume.
+    pub volume_ml: f64,
+    /// Middle of the voxels, world millimetres.
+    pub centroid_mm: DVec3,
+}
+
+impl Region {
+    /// How many masks are active in it: 1 or more.
+    pub fn mask_count(&self) -> u32 {
+        self.bits.count_ones()
+    }
+}
+
+/// All regions of one tumour index, fewest masks first, then by bits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Regions {
+    list: Vec<Region>,
+    bounds: Option<([usize; 3], [usize; 3])>,
+    mask_ids: Vec<String>,
+    voxel_volume_mm3: f64,
+}
+
+#[derive(Clone, Copy)]
+struct Tally {
+    voxels: u64,
+    sum: [u64; 3],
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self { voxels: 0, sum: [0; 3] }
+    }
+}
+
+struct SliceTally {
+    by_bits: HashMap<u32, Tally>,
+    lo: [usize; 3],
+    hi: [usize; 3],
+}
+
+/// Counts one z-slice: runs of equal value cost one look-up, empty stretches next to nothing.
+fn tally_slice<T: Copy + PartialEq + Default + Into<u32>>(values: &[T], nx: usize, z: usize) -> SliceTally {
+    let mut out = SliceTally { by_bits: HashMap::new(), lo: [usize::MAX; 3], hi: [0; 3] };
+    let zero = T::default();
+    for (y, line) in values.chunks_exact(nx).enumerate() {
+        let mut x = 0;
+        while x < nx {
+            let value = line[x];
+            let start = x;
+            while x < nx && line[x] == value {
+                x += 1;
+            }
+            if value == zero {
+                continue;
+            }
+            let run = (x - start) as u64;
+            let tally = out.by_bits.entry(value.into()).or_default();
+            tally.voxels += run;
+            tally.sum[0] += (start as u64 + x as u64 - 1) * run; // twice the sum: halved at the end
+            tally.sum[1] += y as u64 * run;
+            tally.sum[2] += z as u64 * run;
+            for (axis, (first, last)) in [(start, x - 1), (y, y), (z, z)].into_iter().enumerate() {
+                out.lo[axis] = out.lo[axis].min(first);
+                out.hi[axis] = out.hi[axis].max(last);
+            }
+        }
+    }
+    out
+}
+
+fn tally<T: Copy + PartialEq + Default + Into<u32> + Sync>(values: &[T], grid: &Grid) -> SliceTally {
+    let dims = grid.dims();
+    let empty = || SliceTally { by_bits: HashMap::new(), lo: [usize::MAX; 3], hi: [0; 3] };
+    values
+        .par_chunks_exact(dims[0] * dims[1])
+        .enumerate()
+        .map(|(z, slice)| tally_slice(slice, dims[0], z))
+        .reduce(empty, |mut a, b| {
+            for (bits, t) in b.by_bits {
+                let into = a.by_bits.entry(bits).or_default();
+                into.voxels += t.voxels;
+                for axis in 0..3 {
+                    into.sum[axis] += t.sum[axis];
+                }
+            }
+            for axis in 0..3 {
+                a.lo[axis] = a.lo[axis].min(b.lo[axis]);
+                a.hi[axis] = a.hi[axis].max(b.hi[axis]);
+            }
+            a
+        })
+}
+
+impl Regions {
+    /// Counts the regions of `index` in one pass.
+    pub fn of(index: &TumorIndex) -> Self {
+        let grid = index.grid();
+        let found = match index.data() {
+            IndexData::U8(v) => tally(v, grid),
+            IndexData::U16(v) => tally(v, grid),
+            IndexData::U32(v) => tally(v, grid),
+        };
+        let mut list: Vec<Region> = found
+            .by_bits
+            .into_iter()
+            .map(|(bits, t)| {
+                let n = t.voxels as f64;
+                let center = DVec3::new(t.sum[0] as f64 / 2.0, t.sum[1] as f64, t.sum[2] as f64) / n;
+                Region {
+                    bits,
+                    voxels: t.voxels,
+                    volume_ml: grid.volume_ml(t.voxels),
+                    centroid_mm: grid.world_from_voxel().transform_point3(center),
+                }
+            })
+            .collect();
+        list.sort_by_key(|r| (r.mask_count(), r.bits));
+        let bounds = (found.lo[0] != usize::MAX)
+            .then(|| (found.lo, std::array::from_fn(|a| found.hi[a] - found.lo[a] + 1)));
+        Self { list, bounds, mask_ids: index.mask_ids().to_vec(), voxel_volume_mm3: grid.voxel_volume_mm3() }
+    }
+
+    /// All regions, fewest masks first, then by bits.
+    pub fn list(&self) -> &[Region] {
+        &self.list
+    }
+
+    /// The region with exactly these bits; `None` when it has no voxel.
+    pub fn get(&self, bits: u32) -> Option<&Region> {
+        self.list.iter().find(|r| r.bits == bits)
+    }
+
+    /// First voxel and size of the box that holds every active voxel; `None` when all is empty.
+    pub fn bounds(&self) -> Option<([usize; 3], [usize; 3])> {
+        self.bounds
+    }
+
+    /// Ids of the masks; bit k is `mask_ids()[k]`.
+    pub fn mask_ids(&self) -> &[String] {
+        &self.mask_ids
+    }
+
+    /// Voxels of the union of all masks.
+    pub fn union_voxels(&self) -> u64 {
+        self.list.iter().map(|r| r.voxels).sum()
+    }
+
+    /// Millilitres of the union of all masks.
+    pub fn union_ml(&self) -> f64 {
+        self.union_voxels() as f64 * self.voxel_volume_mm3 / 1000.0
+    }
+
+    /// Voxels where mask k is active.
+    pub fn mask_voxels(&self, mask: usize) -> u64 {
+        self.list.iter().filter(|r| r.bits >> mask & 1 == 1).map(|r| r.voxels).sum()
+    }
+
+    /// Millilitres where mask k is active.
+    pub fn mask_ml(&self, mask: usize) -> f64 {
+        self.mask_voxels(mask) as f64 * self.voxel_volume_mm3 / 1000.0
+    }
+
+    /// Middle of the union, world millimetres: where the lens starts. `None` when all is empty.
+    pub fn centroid_mm(&self) -> Option<DVec3> {
+        let n = self.union_voxels();
+        (n > 0).then(|| self.list.iter().map(|r| r.centroid_mm * (r.voxels as f64 / n as f64)).sum())
+    }
+
+    /// Name of a region from its masks' ids: `T1+PET`.
+    pub fn name(&self, bits: u32) -> String {
+        let names: Vec<&str> = self
+            .mask_ids
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| bits >> k & 1 == 1)
+            .map(|(_, id)| id.as_str())
+            .collect();
+        names.join("+")
+    }
+}
+
+/// The regions now shown. Regions it doesn't know (another time point's) are shown: hiding is a
+/// deliberate act, so what is stored is what was hidden.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Selection {
+    hidden: BTreeSet<u32>,
+}
+
+impl Selection {
+    /// Everything shown.
+    pub fn all() -> Self {
+        Self::default()
+    }
+
+    /// Only these regions of `regions` shown.
+    pub fn only(regions: &Regions, shown: &[u32]) -> Self {
+        let hidden = regions.list().iter().map(|r| r.bits).filter(|b| !shown.contains(b)).collect();
+        Self { hidden }
+    }
+
+    /// Whether the region with these bits is shown.
+    pub fn shows(&self, bits: u32) -> bool {
+        bits != 0 && !self.hidden.contains(&bits)
+    }
+
+    /// Shows or hides one region.
+    pub fn set(&mut self, bits: u32, shown: bool) {
+        if shown {
+            self.hidden.remove(&bits);
+        } else {
+            self.hidden.insert(bits);
+        }
+    }
+
+    /// Turns one region on or off.
+    pub fn toggle(&mut self, bits: u32) {
+        let shown = self.shows(bits);
+        self.set(bits, !shown);
+    }
+
+    /// Whether no region of `regions` is shown.
+    pub fn is_empty(&self, regions: &Regions) -> bool {
+        regions.list().iter().all(|r| !self.shows(r.bits))
+    }
+}
+
+/// The tumour index cropped to its active voxels, with each region's small number instead of its
+/// bits: what the graphics card gets. 0 is empty; n is `regions.list()[n - 1]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RegionVolume {
+    grid: Grid,
+    ids: IndexData,
+    bits_of_id: Vec<u32>,
+}
+
+impl RegionVolume {
+    /// `None` when no voxel is active: there is nothing to draw.
+    pub fn of(index: &TumorIndex, regions: &Regions) -> Option<Self> {
+        let (start, dims) = regions.bounds()?;
+        let grid = index.grid().crop(start, dims).ok()?;
+        let id_of_bits: BTreeMap<u32, u32> =
+            regions.list().iter().zip(1..).map(|(r, id)| (r.bits, id)).collect();
+        let highest = regions.list().len() as u32;
+        let mut last = (0, 0);
+        let mut id_at = |linear: usize| {
+            let bits = index.get(linear);
+            if bits != last.0 {
+                last = (bits, id_of_bits.get(&bits).copied().unwrap_or(0));
+            }
+            last.1
+        };
+        let mut linears = Vec::with_capacity(grid.voxel_count());
+        for z in 0..dims[2] {
+            for y in 0..dims[1] {
+                let first = index.grid().linear([start[0], start[1] + y, start[2] + z]);
+                linears.extend((first..first + dims[0]).map(&mut id_at));
+            }
+        }
+        let ids = if highest <= 0xff {
+            IndexData::U8(linears.iter().map(|&v| v as u8).collect())
+        } else if highest <= 0xffff {
+            IndexData::U16(linears.iter().map(|&v| v as u16).collect())
+        } else {
+            IndexData::U32(linears)
+        };
+        let bits_of_id = std::iter::once(0).chain(regions.list().iter().map(|r| r.bits)).collect();
+        Some(Self { grid, ids, bits_of_id })
+    }
+
+    /// The cropped grid.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Region numbers, `x` fastest.
+    pub fn ids(&self) -> &IndexData {
+        &self.ids
+    }
+
+    /// Region number of the voxel at `linear` of the cropped grid.
+    #[inline]
+    pub fn id(&self, linear: usize) -> u32 {
+        match &self.ids {
+            IndexData::U8(v) => u32::from(v[linear]),
+            IndexData::U16(v) => u32::from(v[linear]),
+            IndexData::U32(v) => v[linear],
+        }
+    }
+
+    /// Index bits of each region number; `[0]` is 0.
+    pub fn bits_of_id(&self) -> &[u32] {
+        &self.bits_of_id
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mask::{Mask, MaskBits};
+
+    fn index(dims: [usize; 3], masks: usize, seed: u64) -> TumorIndex {
+        let grid = Grid::axis_aligned(dims, DVec3::new(1.0, 2.0, 3.0), DVec3::splat(-7.0)).unwrap();
+        let mut state = seed;
+        let made: Vec<Mask> = (0..masks)
+            .map(|k| {
+                let bits = MaskBits::from_fn(dims, |_| {
+                    state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                    state >> 61 == 0
+                });
+                Mask::new(format!("m{k}"), grid.clone(), bits).unwrap()
+            })
+            .collect();
+        TumorIndex::new(grid, &made.iter().collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn regions_equal_brute_force_for_each_width() {
+        for masks in [1, 3, 8, 9, 16, 17, 32] {
+            let index = index([67, 5, 6], masks, masks as u64);
+            let regions = Regions::of(&index);
+            let mut brute: BTreeMap<u32, (u64, DVec3)> = BTreeMap::new();
+            for z in 0..6 {
+                for y in 0..5 {
+                    for x in 0..67 {
+                        let bits = index.get(index.grid().linear([x, y, z]));
+                        if bits != 0 {
+                            let e = brute.entry(bits).or_default();
+                            e.0 += 1;
+                            e.1 += index.grid().center_of_voxel_mm([x, y, z]);
+                        }
+                    }
+                }
+            }
+            assert_eq!(regions.list().len(), brute.len());
+            for r in regions.list() {
+                let (n, sum) = brute[&r.bits];
+                assert_eq!(r.voxels, n);
+                assert!((r.centroid_mm - sum / n as f64).length() < 1e-9);
+                assert!((r.volume_ml - n as f64 * 6.0 / 1000.0).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn the_region_volume_says_what_the_index_says() {
+        let index = index([40, 7, 9], 3, 5);
+        let regions = Regions::of(&index);
+        let volume = RegionVolume::of(&index, &regions).unwrap();
+        let (start, dims) = regions.bounds().unwrap();
+        assert_eq!(volume.grid().dims(), dims);
+        for linear in 0..volume.grid().voxel_count() {
+            let ijk = [linear % dims[0], linear / dims[0] % dims[1], linear / dims[0] / dims[1]];
+            let full = index.grid().linear(std::array::from_fn(|a| ijk[a] + start[a]));
+            assert_eq!(volume.bits_of_id()[volume.id(linear) as usize], index.get(full));
+        }
+    }
+
+    #[test]
+    fn nothing_active_is_no_region() {
+        let grid = Grid::axis_aligned([3, 3, 3], DVec3::ONE, DVec3::ZERO).unwrap();
+        let index = TumorIndex::new(grid, &[]).unwrap();
+        let regions = Regions::of(&index);
+        assert!(regions.list().is_empty());
+        assert_eq!(regions.centroid_mm(), None);
+        assert_eq!(RegionVolume::of(&index, &regions), None);
+    }
+
+    #[test]
+    fn hiding_is_deliberate() {
+        let regions = Regions::of(&index([20, 5, 5], 2, 1));
+        let mut s = Selection::all();
+        assert!(s.shows(1) && s.shows(99) && !s.shows(0));
+        s.toggle(1);
+        assert!(!s.shows(1));
+        assert_eq!(Selection::only(&regions, &[2, 3]), s);
+        assert!(Selection::only(&regions, &[]).is_empty(&regions));
+    }
+}

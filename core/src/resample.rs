@@ -1,0 +1,1 @@
+//! Masks and images brought onto another grid.

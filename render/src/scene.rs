@@ -1,0 +1,40 @@
+//! What is to be drawn: everything a frame depends on, and nothing else.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use glioscope_core::{RegionVolume, Selection};
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    camera::Camera,
+    palette::{MaskColors, Rgb},
+};
+
+/// The spherical region of interest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lens {
+    /// Its centre, world millimetres.
+    pub center_mm: DVec3,
+    /// Its radius; positive.
+    pub radius_mm: f64,
+}
+
+/// A closeup to draw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// The regions; `None` where no voxel is active.
+    pub tumor: Option<Arc<RegionVolume>>,
+    /// Which regions the lens shows.
+    pub selection: Selection,
+    /// Their colours.
+    pub colors: MaskColors,
+    /// The lens; `None` when it is off: then the selection holds everywhere.
+    pub lens: Option<Lens>,
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// What is behind everything.
+    pub background: Rgb,
+    /// Colour of silhouettes: black on light backgrounds; a light one where black would vanish.
+    pub silhouette: Rgb,
+}

@@ -4,6 +4,13 @@ use std::path::{Path, PathBuf};
 
 use crate::{Cancelled, Check, Progress, Volume};
 
+mod bounded_gzip;
+mod nifti;
+pub mod nifti_header;
+pub mod nifti_space;
+
+pub use nifti::{HeaderInfo, info, info_with, nifti_stem, read_bytes};
+
 /// Where a file's bytes come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
@@ -22,7 +29,7 @@ impl Source {
     /// What messages call it.
     pub fn name(&self) -> String {
         match self {
-            Self::File(path) => path.display().to_string(),
+            Self::File(path) => printable(&path.display().to_string()),
             Self::Embedded { name, .. } => (*name).to_owned(),
         }
     }
@@ -72,6 +79,31 @@ pub enum FileError {
     Cancelled(#[from] Cancelled),
 }
 
+impl FileError {
+    pub(crate) fn wrong(
+        file: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Wrong { file: file.into(), found: found.into(), expected: expected.into() }
+    }
+}
+
+/// `name` on one line: control characters and those that turn the writing direction are escaped.
+pub(crate) fn printable(name: &str) -> String {
+    let turns =
+        |c: char| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let mut out = String::with_capacity(name.len());
+    for c in name.chars() {
+        if c.is_control() || turns(c) || matches!(c, '\u{2028}' | '\u{2029}') {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    out
+}
+
 /// Writes the whole of `bytes` to `path`, or leaves what stood there untouched: a temporary file
 /// beside it, flushed to disk, then renamed over it.
 ///
@@ -91,11 +123,13 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Reads one frame of a NIfTI-1 or -2 file (`.nii`, `.nii.gz`, `.hdr`/`.img` in every mix).
+/// Reads one frame of a NIfTI-1 or -2 file (`.nii`, `.nii.gz`, `.hdr`/`.img` in every mix, given
+/// by either half). gzip is recognised by content, not by name.
 ///
 /// # Errors
-/// [`FileError`].
+/// [`FileError::Wrong`] for whatever is wrong with the file; nothing is allocated for voxels
+/// before the header has passed against the file's length and `options.max_bytes`.
+/// [`FileError::Cancelled`] when `progress` says so.
 pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
-    let _ = (options, progress);
-    Err(FileError::Wrong { file: source.name(), found: "no reader".into(), expected: "one".into() })
+    nifti::read(source, options, progress)
 }

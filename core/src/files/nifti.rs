@@ -1,0 +1,472 @@
+//! Reading NIfTI: one frame's voxels, or what the header says, from one file or a pair.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::bounded_gzip::{CHUNK_BYTES, Stream};
+use super::nifti_header::{
+    ByteOrder, Described, Fault, Header, MAX_EXTENSION_BYTES, SampleType, Version, recognise,
+};
+use super::nifti_space::{Form, length_unit};
+use super::{FileError, Loaded, ReadOptions, Source, printable};
+use crate::{Check, Progress, Samples, Sides, Volume};
+
+/// Most extensions that a file may have.
+const MAX_EXTENSIONS: u64 = 1024;
+
+/// What a file says about itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HeaderInfo {
+    /// The file that has the header.
+    pub file: String,
+    /// The file that has the voxels, where that is another.
+    pub image_file: Option<String>,
+    /// NIfTI-1 or NIfTI-2.
+    pub format: Version,
+    /// Order of the bytes of a number.
+    pub byte_order: ByteOrder,
+    /// Whether the file that has the voxels is gzipped.
+    pub gzip: bool,
+    /// All dimensions, as many as the file has.
+    pub dims: Vec<u64>,
+    /// Product of dimensions 4 to 7.
+    pub frames: u64,
+    /// Type of the stored voxels.
+    pub datatype: SampleType,
+    /// Bytes of one frame's voxels.
+    pub frame_bytes: u64,
+    /// Distance between neighbouring voxel centres, of the form in force.
+    pub spacing_mm: [f64; 3],
+    /// Rows of the matrix from voxel centres to RAS+ millimetres.
+    pub world_from_voxel: [[f64; 4]; 3],
+    /// Letters that the voxel axes run towards; `None` where sides are unknown.
+    pub axis_codes: Option<String>,
+    /// Which of the header's forms made the matrix.
+    pub form: Form,
+    /// As the header has it.
+    pub sform_code: i32,
+    /// As the header has it.
+    pub qform_code: i32,
+    /// Unit of length in the header: `mm`, `µm`, `m`; `None` where it names none.
+    pub unit: Option<&'static str>,
+    /// Factor from stored numbers to values.
+    pub slope: f64,
+    /// Summand from stored numbers to values.
+    pub intercept: f64,
+    /// Number of header extensions; their content is not shown (it may hold patient data).
+    pub extensions: u64,
+    /// What was noticed.
+    pub checks: Vec<Check>,
+}
+
+/// Reads one frame of a NIfTI-1 or -2 file (`.nii`, `.nii.gz`, `.hdr`/`.img` in every mix, given
+/// by either half). gzip is recognised by content, not by name.
+///
+/// # Errors
+/// [`FileError::Wrong`] for whatever is wrong with the file; nothing is allocated for voxels
+/// before the header has passed against the file's length and `options.max_bytes`.
+/// [`FileError::Cancelled`] when `progress` says so.
+pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
+    read_opened(Opened::source(source, progress)?, options, progress)
+}
+
+/// As [`read`], from memory; `name` stands in messages. A pair's header is refused.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_bytes(
+    name: &str,
+    bytes: &[u8],
+    options: &ReadOptions,
+    progress: &Progress,
+) -> Result<Loaded, FileError> {
+    read_opened(Opened::single(Stream::of_bytes(name, bytes, progress)?)?, options, progress)
+}
+
+/// What a file says about itself. Reads through to its end, so that a damaged or cut-off file is
+/// found out, but keeps no voxels.
+///
+/// # Errors
+/// As [`read`], except that no size is too large.
+pub fn info(source: &Source) -> Result<HeaderInfo, FileError> {
+    info_with(source, &Progress::new())
+}
+
+/// As [`info`], with progress and cancel.
+///
+/// # Errors
+/// As [`info`].
+pub fn info_with(source: &Source, progress: &Progress) -> Result<HeaderInfo, FileError> {
+    let opened = Opened::source(source, progress)?;
+    let (header, described, file) = (opened.header, opened.described, opened.file);
+    let mut checks = described.checks.clone();
+    let (image_file, gzip) = (opened.image_file, opened.voxels.is_gzip());
+    pass_over(opened.voxels, &described, &opened.own_name, &mut checks)?;
+    let grid = &described.grid;
+    let world_from_voxel = grid.world_from_voxel();
+    let known = grid.sides() == Sides::Known;
+    Ok(HeaderInfo {
+        file,
+        image_file,
+        format: header.version,
+        byte_order: header.order,
+        gzip,
+        dims: header
+            .dim
+            .iter()
+            .skip(1)
+            .take(header.dim[0].max(0) as usize)
+            .map(|&d| d.max(0) as u64)
+            .collect(),
+        frames: described.frames,
+        datatype: described.sample_type,
+        frame_bytes: described.frame_bytes,
+        spacing_mm: grid.spacing_mm().to_array(),
+        world_from_voxel: std::array::from_fn(|row| {
+            std::array::from_fn(|column| match column {
+                0..3 => world_from_voxel.matrix3.col(column)[row],
+                _ => world_from_voxel.translation[row],
+            })
+        }),
+        axis_codes: known.then(|| grid.axis_codes().iter().collect()),
+        form: described.form,
+        sform_code: header.sform_code,
+        qform_code: header.qform_code,
+        unit: length_unit(header.xyzt_units).map(|(name, _)| name),
+        slope: described.scaling.slope,
+        intercept: described.scaling.intercept,
+        extensions: opened.extensions,
+        checks,
+    })
+}
+
+/// A checked header, and the stream of the file that has the voxels.
+struct Opened<'a> {
+    /// Path of the header, for errors.
+    file: String,
+    /// Name of the header's file without its folder, for checks.
+    own_name: String,
+    image_file: Option<String>,
+    header: Header,
+    described: Described,
+    extensions: u64,
+    voxels: Stream<'a>,
+}
+
+impl<'a> Opened<'a> {
+    fn source(source: &'a Source, progress: &'a Progress) -> Result<Self, FileError> {
+        match source {
+            Source::Embedded { name, bytes } => Self::single(Stream::of_bytes(name, bytes, progress)?),
+            Source::File(path) => match Half::of(path) {
+                None => Self::single(Stream::open(path, progress)?),
+                Some(Half::Header) => Self::pair(path, None, progress),
+                Some(Half::Image) => {
+                    if !path.exists() {
+                        // Says so in the same words as for any other file.
+                        Stream::open(path, progress)?;
+                    }
+                    Self::pair(&Half::Image.partner(path)?, Some(path), progress)
+                }
+            },
+        }
+    }
+
+    fn single(mut stream: Stream<'a>) -> Result<Self, FileError> {
+        let (header, described) = read_header(&mut stream)?;
+        if header.paired {
+            let fault = Fault::new(
+                "magic-pair",
+                "the header of a pair (magic ni1 or ni2)",
+                "magic n+1 or n+2, or the name .hdr and an .img beside it",
+            );
+            return Err(fault.in_file(stream.file()));
+        }
+        stream.can_hold(described.data_offset)?;
+        Self::with_voxels_behind(header, described, stream)
+    }
+
+    fn with_voxels_behind(
+        header: Header,
+        mut described: Described,
+        mut stream: Stream<'a>,
+    ) -> Result<Self, FileError> {
+        let own_name = own_name(stream.file());
+        let end = described.data_offset;
+        let extensions = read_extensions(&mut stream, &header, Some(end), &own_name, &mut described.checks)?;
+        stream.skip(end - stream.at(), "as many bytes before the voxels as vox_offset says")?;
+        let file = stream.file().to_owned();
+        Ok(Self { file, own_name, image_file: None, header, described, extensions, voxels: stream })
+    }
+
+    fn pair(header_path: &Path, image: Option<&Path>, progress: &'a Progress) -> Result<Self, FileError> {
+        let mut stream = Stream::open(header_path, progress)?;
+        let (header, mut described) = read_header(&mut stream)?;
+        let (file, own_name) = (stream.file().to_owned(), own_name(stream.file()));
+        if !header.paired {
+            if image.is_some() {
+                let fault = Fault::new(
+                    "magic-pair",
+                    "magic n+1 or n+2 (voxels in the same file)",
+                    "ni1 or ni2 in the header of a pair",
+                );
+                return Err(fault.in_file(&file));
+            }
+            // The magic decides, not the name: a single file under the name .hdr.
+            return Self::with_voxels_behind(header, described, stream);
+        }
+        let extensions = read_extensions(&mut stream, &header, None, &own_name, &mut described.checks)?;
+        stream.finish()?;
+        let image = match image {
+            Some(path) => path.to_owned(),
+            None => Half::Header.partner(header_path)?,
+        };
+        let mut voxels = Stream::open(&image, progress)?;
+        voxels.can_hold(described.data_offset)?;
+        voxels.skip(described.data_offset, "as many bytes before the voxels as vox_offset says")?;
+        let image_file = Some(voxels.file().to_owned());
+        Ok(Self { file, own_name, image_file, header, described, extensions, voxels })
+    }
+}
+
+fn read_header(stream: &mut Stream<'_>) -> Result<(Header, Described), FileError> {
+    let mut bytes = [0; 540];
+    let mut have = stream.fill(&mut bytes[..348])?;
+    if have == 348
+        && let Some(&first_four) = bytes.first_chunk()
+        && let Some((version, _)) = recognise(first_four)
+    {
+        have += stream.fill(&mut bytes[348..version.header_bytes()])?;
+    }
+    let file = stream.file();
+    let header = Header::parse(&bytes[..have]).map_err(|fault| fault.in_file(file))?;
+    let described = header.describe(&own_name(file)).map_err(|fault| fault.in_file(file))?;
+    Ok((header, described))
+}
+
+/// Counts the extensions and stops behind the last; `end` is where they must end, or `None` for
+/// the end of the file (a pair's header).
+fn read_extensions(
+    stream: &mut Stream<'_>,
+    header: &Header,
+    end: Option<u64>,
+    name: &str,
+    checks: &mut Vec<Check>,
+) -> Result<u64, FileError> {
+    let mut extender = [0; 4];
+    let have = stream.fill(&mut extender)?;
+    if have < 4 && end.is_some() {
+        return Err(stream.ends_early("four more bytes, which say whether extensions follow"));
+    }
+    if have < 4 || extender[0] == 0 {
+        return Ok(0);
+    }
+    let first = stream.at();
+    let last = end.unwrap_or(first + MAX_EXTENSION_BYTES);
+    let mut count = 0;
+    while stream.at() < last {
+        let bad = |found: String, stream: &Stream<'_>| {
+            let expected = "header extensions of a multiple of 16 bytes each, in front of the voxels";
+            Fault::new("extension", found, expected).in_file(stream.file())
+        };
+        let mut intro = [0; 8];
+        let room = last - stream.at();
+        let got = stream.fill(&mut intro[..8.min(usize::try_from(room).unwrap_or(8))])?;
+        if got == 0 && end.is_none() {
+            break;
+        }
+        if got < 8 {
+            return Err(bad(format!("{got} bytes where an extension should begin"), stream));
+        }
+        let size = [intro[0], intro[1], intro[2], intro[3]];
+        let size = match header.order {
+            ByteOrder::Little => i32::from_le_bytes(size),
+            ByteOrder::Big => i32::from_be_bytes(size),
+        };
+        let fits = u64::try_from(size).ok().filter(|&n| n >= 16 && n % 16 == 0 && n <= room);
+        let Some(size) = fits else {
+            return Err(bad(format!("an extension of {size} bytes where {room} are left"), stream));
+        };
+        count += 1;
+        if count > MAX_EXTENSIONS {
+            return Err(bad(format!("more than {MAX_EXTENSIONS} extensions"), stream));
+        }
+        stream.skip(size - 8, "the whole of a header extension")?;
+    }
+    if count == 0 {
+        checks.push(Check::note(
+            "extension-missing",
+            format!("{name}: the header announces extensions, but there is no room for any"),
+        ));
+    }
+    Ok(count)
+}
+
+/// Goes through all voxels without keeping them.
+fn pass_over(
+    mut stream: Stream<'_>,
+    described: &Described,
+    name: &str,
+    checks: &mut Vec<Check>,
+) -> Result<(), FileError> {
+    let all = described.frame_bytes.saturating_mul(described.frames);
+    stream.can_hold(described.data_offset.saturating_add(all))?;
+    stream.skip(all, &format!("{all} bytes of voxels"))?;
+    finish(stream, name, checks)
+}
+
+fn finish(stream: Stream<'_>, name: &str, checks: &mut Vec<Check>) -> Result<(), FileError> {
+    let trailing = stream.finish()?;
+    if trailing > 0 {
+        checks.push(Check::note(
+            "trailing-bytes",
+            format!("{name}: {trailing} bytes behind the voxels, not read"),
+        ));
+    }
+    Ok(())
+}
+
+fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
+    let Opened { described, mut voxels, file, own_name, .. } = opened;
+    let frame_bytes = described.frame_bytes;
+    if frame_bytes > options.max_bytes {
+        let found = format!("{frame_bytes} bytes of voxels a frame");
+        let expected = format!("at most {} (the limit, which can be raised)", options.max_bytes);
+        return Err(FileError::wrong(file, found, expected));
+    }
+    let frame = options.frame as u64;
+    if frame >= described.frames {
+        let found = format!("{} frame(s)", described.frames);
+        return Err(FileError::wrong(
+            file,
+            found,
+            format!("more than {frame}, as frame {frame} (from 0) is asked for"),
+        ));
+    }
+    // describe() has made sure that these fit.
+    let all = frame_bytes.saturating_mul(described.frames);
+    voxels.can_hold(described.data_offset.saturating_add(all))?;
+    let expected = format!("{all} bytes of voxels");
+    voxels.skip(frame_bytes * frame, &expected)?;
+    let samples = read_samples(&mut voxels, &described, opened.header.order, &expected)?;
+    voxels.skip(frame_bytes * (described.frames - 1 - frame), &expected)?;
+    let mut checks = described.checks;
+    finish(voxels, &own_name, &mut checks)?;
+    progress.check()?;
+    let frames = usize::try_from(described.frames).unwrap_or(usize::MAX);
+    let volume = Volume::new(described.grid, samples, described.scaling)
+        .ok_or_else(|| FileError::wrong(file, "another number of voxels", expected))?;
+    Ok(Loaded { volume, frames, checks })
+}
+
+fn read_samples(
+    stream: &mut Stream<'_>,
+    described: &Described,
+    order: ByteOrder,
+    expected: &str,
+) -> Result<Samples, FileError> {
+    let count = described.grid.voxel_count();
+    macro_rules! typed {
+        ($variant:ident, $t:ty) => {
+            Samples::$variant(match order {
+                ByteOrder::Little => read_numbers(stream, count, <$t>::from_le_bytes, expected)?,
+                ByteOrder::Big => read_numbers(stream, count, <$t>::from_be_bytes, expected)?,
+            })
+        };
+    }
+    Ok(match described.sample_type {
+        SampleType::UInt8 => typed!(U8, u8),
+        SampleType::Int8 => typed!(I8, i8),
+        SampleType::UInt16 => typed!(U16, u16),
+        SampleType::Int16 => typed!(I16, i16),
+        SampleType::UInt32 => typed!(U32, u32),
+        SampleType::Int32 => typed!(I32, i32),
+        SampleType::UInt64 => typed!(U64, u64),
+        SampleType::Int64 => typed!(I64, i64),
+        SampleType::Float32 => typed!(F32, f32),
+        SampleType::Float64 => typed!(F64, f64),
+    })
+}
+
+/// Reads `count` numbers straight into their own vector, a cache-sized piece at a time.
+fn read_numbers<T, const N: usize>(
+    stream: &mut Stream<'_>,
+    count: usize,
+    decode: impl Fn([u8; N]) -> T + Copy,
+    expected: &str,
+) -> Result<Vec<T>, FileError> {
+    let mut numbers = Vec::new();
+    // The system hands out pages as they are filled, so a false claim costs address space only.
+    numbers.try_reserve_exact(count).map_err(|_| {
+        FileError::wrong(stream.file(), format!("{count} voxels of {N} bytes"), "no more than fit in memory")
+    })?;
+    let mut chunk = vec![0; CHUNK_BYTES.min(count.saturating_mul(N))];
+    while numbers.len() < count {
+        let want = chunk.len().min((count - numbers.len()).saturating_mul(N));
+        let part = &mut chunk[..want];
+        stream.fill_all(part, expected)?;
+        numbers.extend(part.as_chunks::<N>().0.iter().map(|&bytes| decode(bytes)));
+    }
+    Ok(numbers)
+}
+
+/// The file's name without its folder.
+fn own_name(file: &str) -> String {
+    let name = Path::new(file).file_name().map(|n| n.to_string_lossy().into_owned());
+    name.unwrap_or_else(|| file.to_owned())
+}
+
+/// Which half of a pair a file is, after its name.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Half {
+    Header,
+    Image,
+}
+
+impl Half {
+    fn of(path: &Path) -> Option<Self> {
+        let name = path.file_name()?.to_str()?;
+        match nifti_stem(name)?.1 {
+            ".hdr" | ".hdr.gz" => Some(Self::Header),
+            ".img" | ".img.gz" => Some(Self::Image),
+            _ => None,
+        }
+    }
+
+    /// The other half beside `path`: compressed likewise first, then the other way; capitals too.
+    fn partner(self, path: &Path) -> Result<PathBuf, FileError> {
+        let file = printable(&path.display().to_string());
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+        let (stem, ending) = nifti_stem(name).unwrap_or((name, ""));
+        let other = if self == Self::Header { ".img" } else { ".hdr" };
+        let zipped = format!("{other}.gz");
+        let endings =
+            if ending.ends_with(".gz") { [zipped.as_str(), other] } else { [other, zipped.as_str()] };
+        let capitals = name.ends_with(|c: char| c.is_ascii_uppercase());
+        for ending in endings {
+            let mut spellings = [ending.to_owned(), ending.to_ascii_uppercase()];
+            if capitals {
+                spellings.reverse();
+            }
+            for spelling in spellings {
+                let candidate = path.with_file_name(format!("{stem}{spelling}"));
+                if candidate.is_file() {
+                    return Ok(candidate);
+                }
+            }
+        }
+        let found = format!("no {} or {} beside it", endings[0], endings[1]);
+        Err(FileError::wrong(file, found, "both halves of the pair"))
+    }
+}
+
+/// Splits a file name into its stem and the NIfTI ending it has in any case (`.nii`, `.nii.gz`,
+/// `.hdr`, `.hdr.gz`, `.img`, `.img.gz`); `None` for other names.
+pub fn nifti_stem(name: &str) -> Option<(&str, &'static str)> {
+    const ENDINGS: [&str; 6] = [".nii.gz", ".hdr.gz", ".img.gz", ".nii", ".hdr", ".img"];
+    ENDINGS.into_iter().find_map(|ending| {
+        let at = name.len().checked_sub(ending.len())?;
+        let (stem, tail) = (name.get(..at)?, name.get(at..)?);
+        tail.eq_ignore_ascii_case(ending).then_some((stem, ending))
+    })
+}

@@ -1,0 +1,314 @@
+//! The house rules that the compiler does not check: which crate knows which, lints, file lengths.
+//!
+//! Each rule is a function from facts to findings, so that beside the check of the real workspace stands a
+//! check that a broken one is found.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+/// Who may name whom among our own crates, whatever the kind of dependency (normal, build, dev).
+/// A crate that stands in no row is a finding: a new one needs a rule.
+const MAY_KNOW: [(&str, &[&str]); 5] = [
+    ("glioscope-core", &[]),
+    ("glioscope-shaders", &[]),
+    ("glioscope-render", &["glioscope-core", "glioscope-shaders"]),
+    ("glioscope", &["glioscope-core", "glioscope-render"]),
+    ("glioscope-tests", &["glioscope", "glioscope-core", "glioscope-render", "glioscope-shaders"]),
+];
+
+/// What a crate must not reach, directly or through others, when it is built for use (dev-dependencies apart).
+/// A name covers its family: `egui` also means `egui-wgpu` and `egui_tiles`.
+const MUST_NOT_REACH: [(&str, &[&str]); 3] = [
+    ("glioscope-core", &["egui", "eframe", "winit", "wgpu", "naga"]),
+    ("glioscope-shaders", &["egui", "eframe", "winit", "wgpu"]),
+    ("glioscope-render", &["egui", "eframe", "winit"]),
+];
+
+/// A source file past this many lines is asked why it is one file.
+const MAX_LINES: usize = 800;
+
+// ---- facts ----------------------------------------------------------------------------------------
+
+fn root() -> Result<PathBuf, Box<dyn Error>> {
+    Ok(Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("tests/ has no parent folder")?.to_path_buf())
+}
+
+fn stdout_of(command: &mut Command) -> Result<String, Box<dyn Error>> {
+    let output = command.output()?;
+    if !output.status.success() {
+        return Err(format!("{command:?}: {}", String::from_utf8_lossy(&output.stderr)).into());
+    }
+    Ok(String::from_utf8(output.stdout)?)
+}
+
+/// `cargo metadata` of this workspace, resolved for this platform (the packages of the others may not be here).
+fn metadata() -> Result<Value, Box<dyn Error>> {
+    let version = stdout_of(Command::new("rustc").arg("-vV"))?;
+    let host = version.lines().find_map(|l| l.strip_prefix("host: ")).ok_or("rustc -vV names no host")?;
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let text = stdout_of(
+        Command::new(cargo)
+            .args(["metadata", "--format-version", "1", "--locked", "--filter-platform", host])
+            .current_dir(root()?),
+    )?;
+    Ok(serde_json::from_str(&text)?)
+}
+
+fn list<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = &'a Value> {
+    value[key].as_array().into_iter().flatten()
+}
+
+fn text<'a>(value: &'a Value, key: &str) -> &'a str {
+    value[key].as_str().unwrap_or_default()
+}
+
+/// The workspace's own packages in `cargo metadata`'s answer.
+fn members(metadata: &Value) -> Vec<&Value> {
+    let ids: BTreeSet<&str> = list(metadata, "workspace_members").filter_map(Value::as_str).collect();
+    list(metadata, "packages").filter(|p| ids.contains(text(p, "id"))).collect()
+}
+
+// ---- rules ----------------------------------------------------------------------------------------
+
+/// Edges between our own crates that [`MAY_KNOW`] does not allow, and crates that it does not list.
+fn forbidden_edges(metadata: &Value) -> Vec<String> {
+    let rules = BTreeMap::from(MAY_KNOW);
+    let members = members(metadata);
+    let ours: BTreeSet<&str> = members.iter().map(|p| text(p, "name")).collect();
+    let mut findings = Vec::new();
+    for package in members {
+        let name = text(package, "name");
+        let Some(allowed) = rules.get(name) else {
+            findings.push(format!("{name}: no row in MAY_KNOW"));
+            continue;
+        };
+        for dependency in list(package, "dependencies").map(|d| text(d, "name")) {
+            if ours.contains(dependency) && !allowed.contains(&dependency) {
+                findings.push(format!("{name} must not know {dependency}"));
+            }
+        }
+    }
+    findings
+}
+
+/// The shortest way from package `from` to one of `family` (see [`MUST_NOT_REACH`]), dev-dependencies left out.
+fn way_to(metadata: &Value, from: &str, family: &str) -> Option<String> {
+    let names: BTreeMap<&str, &str> =
+        list(metadata, "packages").map(|p| (text(p, "id"), text(p, "name"))).collect();
+    let nodes: BTreeMap<&str, &Value> =
+        list(&metadata["resolve"], "nodes").map(|n| (text(n, "id"), n)).collect();
+    let start = *names.iter().find(|(_, name)| **name == from)?.0;
+    let mut came_from: BTreeMap<&str, &str> = BTreeMap::from([(start, start)]);
+    let mut queue = VecDeque::from([start]);
+    while let Some(id) = queue.pop_front() {
+        let name = names.get(id).copied().unwrap_or_default();
+        let rest = name.strip_prefix(family);
+        if rest.is_some_and(|r| r.is_empty() || r.starts_with(['-', '_'])) {
+            let mut way = vec![name];
+            let mut at = id;
+            while at != start {
+                at = came_from.get(at)?;
+                way.push(names.get(at).copied().unwrap_or_default());
+            }
+            way.reverse();
+            return Some(way.join(" -> "));
+        }
+        let Some(node) = nodes.get(id) else { continue };
+        for dependency in list(node, "deps") {
+            let built_for_use = list(dependency, "dep_kinds").any(|k| text(k, "kind") != "dev");
+            let next = text(dependency, "pkg");
+            if built_for_use && !came_from.contains_key(next) {
+                came_from.insert(next, id);
+                queue.push_back(next);
+            }
+        }
+    }
+    None
+}
+
+/// What is wrong with the lints of one member's manifest.
+fn lint_findings(name: &str, manifest: &str) -> Vec<String> {
+    match manifest.parse::<toml::Table>() {
+        Err(error) => vec![format!("{name}: {error}")],
+        Ok(table) => {
+            let inherits = table.get("lints").and_then(|l| l.get("workspace")).and_then(toml::Value::as_bool);
+            if inherits == Some(true) {
+                vec![]
+            } else {
+                vec![format!("{name}: no `[lints] workspace = true`")]
+            }
+        }
+    }
+}
+
+/// The level that a workspace manifest gives to rustc's `missing_docs`.
+fn missing_docs_level(manifest: &str) -> Option<String> {
+    let table = manifest.parse::<toml::Table>().ok()?;
+    let lint = table.get("workspace")?.get("lints")?.get("rust")?.get("missing_docs")?;
+    Some(lint.as_str().or_else(|| lint.get("level")?.as_str())?.to_owned())
+}
+
+/// Every `.rs` and `.wgsl` file below `folder`, with its number of lines.
+fn line_counts(folder: &Path) -> Result<Vec<(PathBuf, usize)>, Box<dyn Error>> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))? {
+        let path = entry?.path();
+        if path.is_dir() {
+            found.extend(line_counts(&path)?);
+        } else if path.extension().is_some_and(|e| e == "rs" || e == "wgsl") {
+            found.push((path.clone(), std::fs::read_to_string(&path)?.lines().count()));
+        }
+    }
+    Ok(found)
+}
+
+fn too_long(counts: &[(PathBuf, usize)]) -> Vec<String> {
+    counts
+        .iter()
+        .filter(|(_, lines)| *lines > MAX_LINES)
+        .map(|(path, lines)| format!("{}: {lines} lines, at most {MAX_LINES}", path.display()))
+        .collect()
+}
+
+// ---- the real workspace ---------------------------------------------------------------------------
+
+#[test]
+fn crates_know_only_whom_they_may() -> Outcome {
+    let metadata = metadata()?;
+    let names: BTreeSet<&str> = members(&metadata).iter().map(|p| text(p, "name")).collect();
+    assert_eq!(names, MAY_KNOW.iter().map(|(name, _)| *name).collect(), "members of the workspace");
+    assert_eq!(forbidden_edges(&metadata), [""; 0]);
+    Ok(())
+}
+
+#[test]
+fn core_and_shaders_reach_no_gpu_and_render_no_ui() -> Outcome {
+    let metadata = metadata()?;
+    // The same search must find what is there, or finding nothing below would mean nothing.
+    assert!(way_to(&metadata, "glioscope", "egui").is_some(), "glioscope builds on egui");
+    assert!(way_to(&metadata, "glioscope-render", "wgpu").is_some(), "glioscope-render builds on wgpu");
+    let ways: Vec<String> = MUST_NOT_REACH
+        .iter()
+        .flat_map(|(from, families)| families.iter().map(move |family| (from, family)))
+        .filter_map(|(from, family)| way_to(&metadata, from, family))
+        .collect();
+    assert_eq!(ways, [""; 0]);
+    Ok(())
+}
+
+#[test]
+fn every_crate_takes_the_workspace_lints_and_they_ask_for_docs() -> Outcome {
+    let mut findings = Vec::new();
+    for package in members(&metadata()?) {
+        let manifest = std::fs::read_to_string(text(package, "manifest_path"))?;
+        findings.extend(lint_findings(text(package, "name"), &manifest));
+    }
+    assert_eq!(findings, [""; 0]);
+    let level = missing_docs_level(&std::fs::read_to_string(root()?.join("Cargo.toml"))?);
+    assert!(matches!(level.as_deref(), Some("warn" | "deny" | "forbid")), "missing_docs is {level:?}");
+    Ok(())
+}
+
+#[test]
+fn no_source_file_is_too_long() -> Outcome {
+    let metadata = metadata()?;
+    let mut counts = Vec::new();
+    for package in members(&metadata) {
+        let manifest = Path::new(text(package, "manifest_path"));
+        counts.extend(line_counts(&manifest.with_file_name("src"))?);
+    }
+    assert!(counts.len() >= MAY_KNOW.len(), "each crate has a source file; found {}", counts.len());
+    assert_eq!(too_long(&counts), [""; 0]);
+    Ok(())
+}
+
+// ---- the rules find a broken house ----------------------------------------------------------------
+
+/// A workspace with glioscope-core (depending on `helper` and, as a dev-dependency, on eframe), helper
+/// (depending on wgpu-hal) and an unlisted crate, in `cargo metadata`'s form.
+fn broken_house() -> Value {
+    let package = |name: &str, dependencies: &[&str]| {
+        let dependencies: Vec<Value> = dependencies.iter().map(|d| serde_json::json!({"name": d})).collect();
+        serde_json::json!({"id": format!("id {name}"), "name": name, "dependencies": dependencies})
+    };
+    let node = |name: &str, deps: &[(&str, Option<&str>)]| {
+        let deps: Vec<Value> = deps
+            .iter()
+            .map(|(d, kind)| serde_json::json!({"pkg": format!("id {d}"), "dep_kinds": [{"kind": kind}]}))
+            .collect();
+        serde_json::json!({"id": format!("id {name}"), "deps": deps})
+    };
+    serde_json::json!({
+        "workspace_members": ["id glioscope-core", "id glioscope-render", "id glioscope-attic"],
+        "packages": [
+            package("glioscope-core", &["helper", "glioscope-render"]),
+            package("glioscope-render", &["glioscope-core"]),
+            package("glioscope-attic", &["glioscope-core"]),
+            package("helper", &["wgpu-hal"]),
+            package("wgpu-hal", &[]),
+            package("eframe", &[]),
+        ],
+        "resolve": {"nodes": [
+            node("glioscope-core", &[("helper", None), ("eframe", Some("dev"))]),
+            node("helper", &[("wgpu-hal", None)]),
+        ]},
+    })
+}
+
+#[test]
+fn a_forbidden_edge_and_an_unlisted_crate_are_found() {
+    assert_eq!(
+        forbidden_edges(&broken_house()),
+        ["glioscope-core must not know glioscope-render", "glioscope-attic: no row in MAY_KNOW"]
+    );
+}
+
+#[test]
+fn a_way_through_others_is_found_and_dev_dependencies_are_left_out() {
+    let house = broken_house();
+    assert_eq!(
+        way_to(&house, "glioscope-core", "wgpu").as_deref(),
+        Some("glioscope-core -> helper -> wgpu-hal")
+    );
+    assert_eq!(way_to(&house, "glioscope-core", "eframe"), None);
+    // A family is a whole word: "help" is not the family of "helper".
+    assert_eq!(way_to(&house, "glioscope-core", "help"), None);
+}
+
+#[test]
+fn missing_lints_are_found() {
+    assert_eq!(lint_findings("good", "[lints]\nworkspace = true"), [""; 0]);
+    assert_eq!(lint_findings("off", "[lints]\nworkspace = false"), ["off: no `[lints] workspace = true`"]);
+    assert_eq!(lint_findings("none", "[package]\nname = \"none\""), ["none: no `[lints] workspace = true`"]);
+    assert_eq!(lint_findings("not toml", "[lints").len(), 1);
+    assert_eq!(missing_docs_level("[workspace.lints.rust]\nunsafe_code = \"deny\""), None);
+    assert_eq!(
+        missing_docs_level("[workspace.lints.rust]\nmissing_docs = \"allow\"").as_deref(),
+        Some("allow")
+    );
+    assert_eq!(
+        missing_docs_level("[workspace.lints.rust]\nmissing_docs = { level = \"deny\", priority = 1 }")
+            .as_deref(),
+        Some("deny")
+    );
+}
+
+#[test]
+fn a_long_file_is_named() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let inner = folder.path().join("passes");
+    std::fs::create_dir(&inner)?;
+    for (name, lines) in [("long.rs", MAX_LINES + 1), ("just.wgsl", MAX_LINES), ("data.txt", 2 * MAX_LINES)] {
+        glioscope_core::files::write_whole(&inner.join(name), "\n".repeat(lines).as_bytes())?;
+    }
+    let findings = too_long(&line_counts(folder.path())?);
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert!(findings[0].contains("long.rs: 801 lines"), "{findings:?}");
+    Ok(())
+}

@@ -1,0 +1,204 @@
+//! The tumour overlap diagram (thesis 7.5 and 7.7): how large each region is, and which are shown.
+//!
+//! Up to three masks are a ring with a circle in it ([`ring`]), with the bar of whole masks below;
+//! more are an UpSet plot. Beside or below stand the table of regions and that of agreement. All of
+//! it reads [`OverlapInput`] and writes [`Command`]s; nothing here changes the selection itself.
+
+mod bar;
+mod interact;
+mod model;
+mod paint;
+pub mod ring;
+mod ring_view;
+mod table;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use egui::{Align, Layout, Rect, RichText, ScrollArea, Sense, Ui, pos2, vec2};
+use glioscope_core::{Regions, Selection};
+use glioscope_render::MaskColors;
+use serde::{Deserialize, Serialize};
+
+pub use model::{Shown, Target, mask_shown, whole_masks, with_mask_toggled};
+
+use crate::commands::Command;
+
+/// What a click turns on or off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum OverlapMode {
+    /// Regions: every overlap on its own.
+    #[default]
+    Regions,
+    /// Whole masks; overlaps are not considered (thesis 7.7).
+    WholeMasks,
+}
+
+/// What the view reads.
+#[derive(Clone, Copy)]
+pub struct OverlapInput<'a> {
+    /// Sizes and names.
+    pub regions: &'a Regions,
+    /// What is shown.
+    pub selection: &'a Selection,
+    /// Colours of the masks.
+    pub colors: &'a MaskColors,
+    /// What a click means.
+    pub mode: OverlapMode,
+}
+
+/// Most masks that the ring can show with their overlaps.
+const RING_MASKS: usize = 3;
+
+/// Draws the whole view (diagram, bar, tables) into the rest of `ui` and pushes what the user did
+/// to `out`. Gives the bits of the region under the cursor, in the diagram or in the table; `None`
+/// where whole masks are shown.
+pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Option<u32> {
+    header(ui, input, out);
+    if input.regions.union_voxels() == 0 {
+        nothing(ui, input);
+        return None;
+    }
+    let pointed_at = ui.scope_id().with("pointed at in the table");
+    let marked: Option<Target> = ui.data(|d| d.get_temp(pointed_at)).flatten();
+    let size = ui.available_size();
+    let mut in_diagram = None;
+    let mut in_table = None;
+    if side_by_side(input, size) {
+        let table_width = (size.x * 0.48).clamp(215.0, 340.0);
+        ui.horizontal_top(|ui| {
+            let left = vec2(size.x - table_width - ui.spacing().item_spacing.x, size.y);
+            ui.allocate_ui(left, |ui| in_diagram = diagram_in(ui, left, input, marked, out));
+            ui.vertical(|ui| {
+                ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+                    in_table = tables(ui, input, in_diagram, out);
+                });
+            });
+        });
+    } else {
+        ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+            let room = size.y - table::height(input) - 8.0;
+            let height = room.clamp((size.y * 0.8).min(220.0), size.x + bar::HEIGHT);
+            in_diagram = diagram_in(ui, vec2(ui.available_width(), height), input, marked, out);
+            ui.add_space(4.0);
+            in_table = tables(ui, input, in_diagram, out);
+        });
+    }
+    if in_table != marked {
+        ui.data_mut(|d| d.insert_temp(pointed_at, in_table));
+        ui.ctx().request_repaint();
+    }
+    match in_diagram.or(in_table) {
+        Some(Target::Region(bits)) => Some(bits),
+        _ => None,
+    }
+}
+
+/// Only the diagram and the bar, as large as `ui` has room: for pictures. The painted area of each
+/// mask's pure colour is in proportion to the mask's size while all regions are shown. Gives the
+/// region under the cursor, as [`show`].
+pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Option<u32> {
+    if input.regions.union_voxels() == 0 {
+        nothing(ui, input);
+        return None;
+    }
+    let size = ui.available_size();
+    match diagram_in(ui, size, input, None, out) {
+        Some(Target::Region(bits)) => Some(bits),
+        _ => None,
+    }
+}
+
+fn is_ring(input: &OverlapInput<'_>) -> bool {
+    input.mode == OverlapMode::WholeMasks || input.regions.mask_ids().len() <= RING_MASKS
+}
+
+fn side_by_side(input: &OverlapInput<'_>, size: egui::Vec2) -> bool {
+    if is_ring(input) { size.x >= 420.0 && size.x > 1.1 * size.y } else { size.x >= 860.0 }
+}
+
+fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) {
+    ui.horizontal(|ui| {
+        for (mode, name, hint) in [
+            (OverlapMode::Regions, "Overlaps", "Show and select each overlap of the masks on its own"),
+            (OverlapMode::WholeMasks, "Whole masks", "No overlaps: show and select whole masks"),
+        ] {
+            if ui.selectable_label(input.mode == mode, name).on_hover_text(hint).clicked()
+                && input.mode != mode
+            {
+                out.push(Command::SetOverlapMode(mode));
+            }
+        }
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let hidden = input.regions.list().iter().filter(|r| !input.selection.shows(r.bits)).count();
+            let button = ui.add_enabled(hidden > 0, egui::Button::new("Show all"));
+            if button.clicked() {
+                out.push(Command::ShowAllRegions);
+            }
+            if hidden > 0 {
+                let all = input.regions.list().len();
+                ui.weak(format!("{} of {all} regions shown", all - hidden));
+            }
+        });
+    });
+}
+
+fn nothing(ui: &mut Ui, input: &OverlapInput<'_>) {
+    let masks = input.regions.mask_ids();
+    let why = match masks {
+        [] => "The case has no mask.".to_owned(),
+        [one] => format!("The mask {one} is empty."),
+        all => format!("All {} masks are empty: {}.", all.len(), all.join(", ")),
+    };
+    ui.vertical_centered(|ui| {
+        ui.add_space(ui.available_height() * 0.35);
+        ui.label(RichText::new("No active voxels").heading());
+        ui.weak(why);
+    });
+}
+
+fn tables(
+    ui: &mut Ui,
+    input: &OverlapInput<'_>,
+    marked: Option<Target>,
+    out: &mut Vec<Command>,
+) -> Option<Target> {
+    let hovered = table::regions(ui, input, marked, out);
+    ui.add_space(10.0);
+    table::agreement(ui, input);
+    hovered
+}
+
+/// Ring and bar, or the UpSet plot, in `size`.
+fn diagram_in(
+    ui: &mut Ui,
+    size: egui::Vec2,
+    input: &OverlapInput<'_>,
+    marked: Option<Target>,
+    out: &mut Vec<Command>,
+) -> Option<Target> {
+    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+    let id = ui.scope_id().with("overlap diagram");
+    let masks = input.regions.mask_ids().len();
+    let pieces = match input.mode {
+        OverlapMode::Regions => {
+            ring::pieces_of_regions(masks, |b| input.regions.get(b).map_or(0, |r| r.voxels))
+        }
+        OverlapMode::WholeMasks => ring::pieces_of_masks(masks, |k| input.regions.mask_voxels(k)),
+    };
+    let note = match input.mode {
+        OverlapMode::Regions => "Area of a colour: size of its mask",
+        OverlapMode::WholeMasks => "Whole masks, overlaps not considered",
+    };
+    let small = egui::TextStyle::Small.resolve(ui.style());
+    let color = ui.visuals().weak_text_color();
+    ui.painter().text(rect.left_top(), egui::Align2::LEFT_TOP, note, small, color);
+    let split = rect.bottom() - bar::HEIGHT;
+    let above = Rect::from_min_max(rect.min + vec2(0.0, 10.0), pos2(rect.right(), split - 4.0));
+    let below = Rect::from_min_max(pos2(rect.left(), split), rect.max);
+    let ring = ring_view::show(ui, id.with("ring"), above, &pieces, input, marked, out);
+    let bar = bar::show(ui, id.with("bar"), below, input, marked.or(ring.hovered), out);
+    ring.hovered.or(bar.hovered)
+}

@@ -1,0 +1,134 @@
+//! Colours of the view, and fills whose colour is pure up to their smoothed edge.
+
+use egui::{
+    Color32, Pos2, Stroke, Ui, Visuals,
+    epaint::{Mesh, Vertex},
+    lerp, pos2,
+};
+use glioscope_render::Rgb;
+
+use super::{model::Shown, ring};
+
+/// Width of the border around what is shown, points.
+pub const BORDER_PT: f32 = 1.7;
+
+/// The colours that don't stand for a mask.
+pub struct Style {
+    /// Under everything that carries a border, so that white is seen on any background.
+    pub casing: Color32,
+    /// Border of what is shown.
+    pub shown: Stroke,
+    /// Border of what is hidden.
+    pub hidden: Stroke,
+    /// What hidden fills fade towards.
+    pub faded: Color32,
+    /// Border under the cursor or with keyboard focus.
+    pub marked: Stroke,
+    /// One device pixel in points: the width of a smoothed edge.
+    pub pixel: f32,
+}
+
+impl Style {
+    /// For this `ui`'s theme and resolution.
+    pub fn of(ui: &Ui) -> Self {
+        let Visuals { dark_mode, .. } = *ui.visuals();
+        let grey = if dark_mode { 120 } else { 150 };
+        Self {
+            casing: if dark_mode { Color32::from_gray(8) } else { Color32::from_gray(45) },
+            shown: Stroke::new(BORDER_PT, Color32::WHITE),
+            hidden: Stroke::new(1.0, Color32::from_gray(grey)),
+            faded: if dark_mode { Color32::from_gray(62) } else { Color32::from_gray(205) },
+            marked: Stroke::new(3.0, Color32::from_rgb(255, 214, 64)),
+            pixel: 1.0 / ui.ctx().pixels_per_point(),
+        }
+    }
+
+    /// A mask's colour: pure when shown, faded when not.
+    pub fn fill(&self, rgb: Rgb, shown: Shown) -> Color32 {
+        let pure = Color32::from_rgb(rgb[0], rgb[1], rgb[2]);
+        match shown {
+            Shown::All => pure,
+            Shown::Some => self.faded.lerp_to_gamma(pure, 0.62),
+            Shown::None => self.faded.lerp_to_gamma(pure, 0.28),
+        }
+    }
+
+    /// The border of what is shown or not.
+    pub fn border(&self, shown: Shown) -> Stroke {
+        if shown == Shown::None { self.hidden } else { self.shown }
+    }
+}
+
+/// A part of a ring between two angles (clockwise from twelve o'clock, radians) and two radii
+/// (points), smoothed over one pixel across its edges so that its area is right. `wider` moves its
+/// straight sides outwards, by so many points at every radius.
+pub fn ring_part(
+    mesh: &mut Mesh,
+    center: Pos2,
+    span: [f64; 2],
+    radii: [f64; 2],
+    wider: f64,
+    color: Color32,
+    pixel: f32,
+) {
+    let [from, to] = span;
+    let [inner, outer] = radii;
+    if to <= from || outer <= inner {
+        return;
+    }
+    let half = f64::from(pixel) / 2.0;
+    let closed = to - from >= std::f64::consts::TAU - 1e-9;
+    let steps = ring::arc_steps(from, to, outer);
+    // What is thinner than a pixel is painted a pixel wide and as much fainter.
+    let across = |width: f64| ((width / (2.0 * half)).min(1.0), half.min(width / 2.0));
+    let (radial_alpha, radial_inset) = across(outer - inner);
+    let rows = [
+        ((inner - half).max(0.0), if inner > 0.0 { 0.0 } else { radial_alpha }),
+        (inner + if inner > 0.0 { radial_inset } else { 0.0 }, radial_alpha),
+        (outer - radial_inset, radial_alpha),
+        (outer + half, 0.0),
+    ];
+    let first = mesh.vertices.len() as u32;
+    let mut columns = 0;
+    // An angle is moved by so much along the arc, which is a different angle in each row.
+    let mut column = |angle: f64, moved: f64, fade: bool| {
+        for (radius, alpha) in rows {
+            let angle = angle + if radius > 0.0 { moved / radius.max(half) } else { 0.0 };
+            let [x, y] = ring::point(angle, radius);
+            let (arc_alpha, _) =
+                if closed { (1.0, 0.0) } else { across((to - from) * radius.max(outer / 2.0) + 2.0 * wider) };
+            let alpha = if fade { 0.0 } else { alpha * arc_alpha };
+            let color = color.gamma_multiply(alpha as f32);
+            mesh.vertices.push(Vertex::untextured(center + egui::vec2(x as f32, y as f32), color));
+        }
+        columns += 1;
+    };
+    if closed {
+        (0..=steps).for_each(|i| column(lerp(from..=to, i as f64 / steps as f64), 0.0, false));
+    } else {
+        let inset = half.min((to - from) * (inner + outer) / 4.0) - wider;
+        column(from, -half - wider, true);
+        column(from, inset, false);
+        (1..steps).for_each(|i| column(lerp(from..=to, i as f64 / steps as f64), 0.0, false));
+        column(to, -inset, false);
+        column(to, half + wider, true);
+    }
+    for c in 0..columns - 1 {
+        for r in 0..3 {
+            let a = first + c * 4 + r;
+            mesh.add_triangle(a, a + 1, a + 4);
+            mesh.add_triangle(a + 1, a + 4, a + 5);
+        }
+    }
+}
+
+/// The points of an arc (clockwise from twelve o'clock), for a line.
+pub fn arc(center: Pos2, from: f64, to: f64, radius: f64) -> Vec<Pos2> {
+    let steps = ring::arc_steps(from, to, radius);
+    (0..=steps)
+        .map(|i| {
+            let [x, y] = ring::point(lerp(from..=to, i as f64 / steps as f64), radius);
+            pos2(center.x + x as f32, center.y + y as f32)
+        })
+        .collect()
+}

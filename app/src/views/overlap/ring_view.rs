@@ -1,0 +1,261 @@
+//! The ring on the screen: fills, borders, labels.
+
+use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Shape, Stroke, TextStyle, Ui, epaint::Mesh, pos2, vec2};
+
+use super::{
+    OverlapInput,
+    interact::{self, Spot, Touched},
+    model::{Shown, Target},
+    paint::{self, Style},
+    ring::{GAP_PT, Piece, RingLayout, Segment, point},
+    text,
+};
+use crate::commands::Command;
+
+/// Room for labels beside, above and below the ring, points.
+const LABEL_ROOM: [f32; 2] = [44.0, 20.0];
+
+/// Draws the ring of `pieces` into `rect` and handles the mouse and the keyboard. `marked` is what is
+/// under the cursor elsewhere (in the table).
+pub fn show(
+    ui: &Ui,
+    id: Id,
+    rect: Rect,
+    pieces: &[Piece],
+    input: &OverlapInput<'_>,
+    marked: Option<Target>,
+    out: &mut Vec<Command>,
+) -> Touched {
+    let (layout, center) = &fit(pieces, rect);
+    let center = *center;
+    let hit = |p: Pos2| layout.hit(f64::from(p.x - center.x), f64::from(p.y - center.y));
+    let touched = interact::picture(ui, id, rect, &spots(layout, center), hit, input, out);
+    let style = Style::of(ui);
+    let marked = touched.hovered.or(marked);
+    fills(ui, layout, center, input, &style);
+    borders(ui, layout, center, input, &style, marked, touched.focused);
+    labels(ui, rect, layout, center, input);
+    touched
+}
+
+/// The largest ring of these pieces that has room for itself and its labels in `rect`, and its
+/// centre there. Segments that reach far out on one side move it to the other.
+pub fn fit(pieces: &[Piece], rect: Rect) -> (RingLayout, Pos2) {
+    let room = vec2(LABEL_ROOM[0].min(rect.width() * 0.17), LABEL_ROOM[1].min(rect.height() * 0.1));
+    let inside = rect.shrink2(room);
+    let mut radius = f64::from(inside.size().min_elem() / 2.0);
+    let mut layout = RingLayout::new(pieces, radius);
+    for _ in 0..4 {
+        let size = extent(&layout).size();
+        let by = (inside.width() / size.x.max(1.0)).min(inside.height() / size.y.max(1.0));
+        radius *= f64::from(by);
+        layout = RingLayout::new(pieces, radius);
+    }
+    let center = inside.center() - extent(&layout).center().to_vec2();
+    (layout, center)
+}
+
+/// The box around all that is painted, borders included, with the ring's centre at (0, 0).
+fn extent(layout: &RingLayout) -> Rect {
+    let mut around = Rect::NOTHING;
+    for s in &layout.segments {
+        for p in paint::arc(Pos2::ZERO, s.from_rad, s.to_rad, layout.top(s) + GAP_PT) {
+            around.extend_with(p);
+        }
+    }
+    // The hole's rim, or the circle alone.
+    let core = layout.layers.first().map_or_else(|| layout.disc.as_ref().map_or(0.0, |d| d.radius), |l| l.0);
+    let core = (core + GAP_PT) as f32;
+    around.union(Rect::from_center_size(Pos2::ZERO, vec2(2.0 * core, 2.0 * core)))
+}
+
+fn spots(layout: &RingLayout, center: Pos2) -> Vec<Spot> {
+    let ring = layout.segments.iter().map(|s| {
+        let (inner, outer) = layout.layers.first().copied().unwrap_or((0.0, 0.0));
+        let middle = (inner + outer) / 2.0;
+        let [x, y] = point((s.from_rad + s.to_rad) / 2.0, middle);
+        let side = ((s.to_rad - s.from_rad) * middle).min(outer - inner).clamp(2.0, 24.0) * 0.7;
+        Spot { target: s.piece.target, rect: square(center + vec2(x as f32, y as f32), side) }
+    });
+    let disc = layout
+        .disc
+        .iter()
+        .map(|d| Spot { target: d.piece.target, rect: square(center, d.radius.clamp(2.0, 40.0)) });
+    ring.chain(disc).collect()
+}
+
+fn square(center: Pos2, side: f64) -> Rect {
+    Rect::from_center_size(center, vec2(side as f32, side as f32))
+}
+
+fn fills(ui: &Ui, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>, style: &Style) {
+    // The casing first, wide enough to lie under every border.
+    let mut mesh = Mesh::default();
+    let wider = GAP_PT;
+    for s in &layout.segments {
+        let (from, to) = cell(layout, s);
+        let radii = [layout.layers.first().map_or(0.0, |l| l.0) - wider, layout.top(s) + wider];
+        let aside = if layout.gap_rad > 0.0 { wider / 2.0 } else { 0.0 };
+        paint::ring_part(&mut mesh, center, [from, to], radii, aside, style.casing, style.pixel);
+    }
+    if let Some(d) = &layout.disc {
+        let span = [0.0, std::f64::consts::TAU];
+        paint::ring_part(&mut mesh, center, span, [0.0, d.radius + wider], 0.0, style.casing, style.pixel);
+    }
+    for s in &layout.segments {
+        let shown = input.shown(s.piece.target);
+        for (&mask, &(inner, outer)) in s.piece.masks.iter().zip(&layout.layers) {
+            let color = style.fill(input.colors.mask(mask), shown);
+            paint::ring_part(
+                &mut mesh,
+                center,
+                [s.from_rad, s.to_rad],
+                [inner, outer],
+                0.0,
+                color,
+                style.pixel,
+            );
+        }
+    }
+    if let Some(d) = &layout.disc {
+        let shown = input.shown(d.piece.target);
+        let sector = std::f64::consts::TAU / d.piece.masks.len() as f64;
+        for (i, &mask) in d.piece.masks.iter().enumerate() {
+            let span = [(i as f64 - 0.5) * sector, (i as f64 + 0.5) * sector];
+            let color = style.fill(input.colors.mask(mask), shown);
+            paint::ring_part(&mut mesh, center, span, [0.0, d.radius], 0.0, color, style.pixel);
+        }
+    }
+    ui.painter().add(Shape::mesh(mesh));
+}
+
+/// From the middle of the gap before a segment to the middle of the gap after it.
+fn cell(layout: &RingLayout, s: &Segment) -> (f64, f64) {
+    (s.from_rad - layout.gap_rad / 2.0, s.to_rad + layout.gap_rad / 2.0)
+}
+
+fn borders(
+    ui: &Ui,
+    layout: &RingLayout,
+    center: Pos2,
+    input: &OverlapInput<'_>,
+    style: &Style,
+    marked: Option<Target>,
+    focused: Option<Target>,
+) {
+    // Hidden first, then shown, then marked: of two neighbours the stronger border is seen.
+    let mut lines: Vec<(u8, Vec<Shape>)> = Vec::new();
+    let strength = |target: Target| {
+        if marked == Some(target) || focused == Some(target) {
+            2
+        } else {
+            u8::from(input.shown(target) != Shown::None)
+        }
+    };
+    let stroke = |strength: u8| match strength {
+        2 => style.marked,
+        1 => style.shown,
+        _ => style.hidden,
+    };
+    let half_gap = GAP_PT / 2.0;
+    let count = layout.segments.len();
+    for (i, s) in layout.segments.iter().enumerate() {
+        let level = strength(s.piece.target);
+        let (from, to) = cell(layout, s);
+        let inner = layout.layers.first().map_or(0.0, |l| l.0) - half_gap;
+        let arcs = [inner, layout.top(s) + half_gap]
+            .map(|radius| Shape::line(paint::arc(center, from, to, radius), stroke(level)));
+        lines.push((level, arcs.into()));
+        if count < 2 {
+            continue;
+        }
+        let next = &layout.segments[(i + 1) % count];
+        let next_level = strength(next.piece.target);
+        for (layer, &(inner, outer)) in layout.layers.iter().enumerate() {
+            let here = s.piece.masks.get(layer);
+            let there = next.piece.masks.get(layer);
+            let level = match (here, there) {
+                (Some(_), Some(_)) => level.max(next_level),
+                (Some(_), None) => level,
+                (None, Some(_)) => next_level,
+                (None, None) => continue,
+            };
+            let ends = [inner - half_gap, outer + half_gap].map(|r| {
+                let [x, y] = point(to, r);
+                center + vec2(x as f32, y as f32)
+            });
+            // Two segments with only one boundary twice (count 2) are right too: both are drawn.
+            let shapes =
+                if here == there { stippled(ends, stroke(level)) } else { vec![line(ends, stroke(level))] };
+            lines.push((level, shapes));
+        }
+    }
+    if let Some(d) = &layout.disc {
+        let level = strength(d.piece.target);
+        lines.push((level, vec![Shape::circle_stroke(center, (d.radius + half_gap) as f32, stroke(level))]));
+    }
+    lines.sort_by_key(|l| l.0);
+    ui.painter().extend(lines.into_iter().flat_map(|l| l.1));
+}
+
+fn line(ends: [Pos2; 2], stroke: Stroke) -> Shape {
+    Shape::line_segment(ends, stroke)
+}
+
+fn stippled(ends: [Pos2; 2], stroke: Stroke) -> Vec<Shape> {
+    Shape::dashed_line(&ends, stroke, 3.5, 3.5)
+}
+
+/// Names beside the segments, largest first, each only where it covers nothing.
+fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>) {
+    let font = FontId::new(TextStyle::Small.resolve(ui.style()).size + 1.5, egui::FontFamily::Proportional);
+    let mut taken: Vec<Rect> = Vec::new();
+    let mut order: Vec<&Segment> = layout.segments.iter().collect();
+    order.sort_by_key(|s| std::cmp::Reverse(s.piece.voxels));
+    for s in order {
+        let middle = (s.from_rad + s.to_rad) / 2.0;
+        let [x, y] = point(middle, layout.top(s) + GAP_PT + 2.5);
+        let anchor = center + vec2(x as f32, y as f32);
+        let name = input.name(s.piece.target);
+        let size = text::ml(input.ml(s.piece.target));
+        let color = label_color(ui, input.shown(s.piece.target));
+        let galley = ui.painter().layout_no_wrap(format!("{name}\n{size}"), font.clone(), color);
+        // So far out that the label lies beyond the tangent at the anchor.
+        let outwards = vec2(middle.sin() as f32, -middle.cos() as f32);
+        let reach = (outwards.abs() * galley.size()).x / 2.0 + (outwards.abs() * galley.size()).y / 2.0;
+        let min = anchor + outwards * reach - galley.size() / 2.0;
+        let place = Rect::from_min_size(min, galley.size());
+        let covers = |other: &Rect| other.expand(1.0).intersects(place);
+        if rect.expand(1.0).contains_rect(place)
+            && !taken.iter().any(covers)
+            && !over_ring(layout, center, place)
+        {
+            taken.push(place);
+            ui.painter().galley(min, galley, color);
+        }
+    }
+    if let Some(d) = &layout.disc {
+        let name = input.name(d.piece.target);
+        let line = format!("middle: {name}, {}", text::ml(input.ml(d.piece.target)));
+        let at = pos2(rect.left() + 2.0, rect.bottom() - 1.0);
+        let galley = ui.painter().layout_no_wrap(line, font, label_color(ui, input.shown(d.piece.target)));
+        let place = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());
+        if !taken.iter().any(|t| t.intersects(place)) && !over_ring(layout, center, place) {
+            ui.painter().galley(place.min, galley, Color32::PLACEHOLDER);
+        }
+    }
+}
+
+fn label_color(ui: &Ui, shown: Shown) -> Color32 {
+    if shown == Shown::None { ui.visuals().weak_text_color() } else { ui.visuals().text_color() }
+}
+
+/// Whether a label would lie over a painted part.
+fn over_ring(layout: &RingLayout, center: Pos2, label: Rect) -> bool {
+    (0..=8).any(|i| {
+        (0..=4).any(|j| {
+            let p = label.lerp_inside(vec2(i as f32 / 8.0, j as f32 / 4.0)) - center;
+            layout.hit(f64::from(p.x), f64::from(p.y)).is_some()
+        })
+    })
+}

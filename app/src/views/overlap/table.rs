@@ -1,0 +1,224 @@
+//! The table of regions (thesis 7.7) and the table of how far masks agree, in numbers.
+
+use egui::{Align, Checkbox, Layout, RichText, Sense, Ui, vec2};
+use egui_extras::{Column, TableBuilder};
+use glioscope_core::measure;
+
+use super::{
+    OverlapInput, OverlapMode,
+    model::{Shown, Target},
+    text,
+};
+use crate::commands::Command;
+
+const ROW: f32 = 19.0;
+
+/// Rows in the order of their size, largest first.
+fn rows(input: &OverlapInput<'_>) -> Vec<Target> {
+    let mut rows: Vec<Target> = match input.mode {
+        OverlapMode::Regions => input.regions.list().iter().map(|r| Target::Region(r.bits)).collect(),
+        OverlapMode::WholeMasks => (0..input.regions.mask_ids().len()).map(Target::Mask).collect(),
+    };
+    rows.sort_by_key(|&t| std::cmp::Reverse(input.voxels(t)));
+    rows
+}
+
+/// Height that the table of regions takes, points.
+pub fn height(input: &OverlapInput<'_>) -> f32 {
+    (rows(input).len() + 2) as f32 * (ROW + 3.0) + 6.0
+}
+
+/// Check box, colours, name, millilitres, share and (where there is room) voxels of each region, or
+/// of each mask when whole masks are shown; the union below. Gives the row under the cursor.
+pub fn regions(
+    ui: &mut Ui,
+    input: &OverlapInput<'_>,
+    marked: Option<Target>,
+    out: &mut Vec<Command>,
+) -> Option<Target> {
+    let with_voxels = ui.available_width() > 300.0;
+    let rows = rows(input);
+    let mut hovered = None;
+    ui.spacing_mut().item_spacing.x = 4.0;
+    let mut builder = TableBuilder::new(ui)
+        .id_salt("regions")
+        .vscroll(false)
+        .striped(true)
+        .sense(Sense::hover())
+        .cell_layout(Layout::right_to_left(Align::Center))
+        .column(Column::remainder().at_least(60.0).clip(true))
+        .column(Column::exact(66.0))
+        .column(Column::exact(42.0));
+    if with_voxels {
+        builder = builder.column(Column::exact(72.0));
+    }
+    let table = builder.header(ROW, |mut row| {
+        row.col(|ui| {
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                ui.strong(if input.mode == OverlapMode::Regions { "Region" } else { "Mask" });
+            });
+        });
+        for (name, hint) in [("Size", "Millilitres"), ("Share", "Share of the union of all masks")] {
+            row.col(|ui| {
+                ui.strong(name).on_hover_text(hint);
+            });
+        }
+        if with_voxels {
+            row.col(|ui| {
+                ui.strong("Voxels");
+            });
+        }
+    });
+    table.body(|mut body| {
+        for &target in &rows {
+            body.row(ROW, |mut row| {
+                row.set_hovered(marked == Some(target));
+                row.col(|ui| {
+                    ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                        name_cell(ui, input, target, out)
+                    });
+                });
+                let hidden = input.shown(target) == Shown::None;
+                let mut number = |words: String| {
+                    row.col(|ui| {
+                        let words = RichText::new(words);
+                        ui.label(if hidden { words.weak() } else { words });
+                    });
+                };
+                number(text::ml(input.ml(target)));
+                number(text::share(input.share(target)));
+                if with_voxels {
+                    number(text::count(input.voxels(target)));
+                }
+                if row.response().contains_pointer() {
+                    hovered = Some(target);
+                }
+            });
+        }
+        body.row(ROW, |mut row| {
+            row.col(|ui| {
+                ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                    ui.strong("Union");
+                });
+            });
+            row.col(|ui| {
+                ui.strong(text::ml(input.regions.union_ml()));
+            });
+            row.col(|ui| {
+                ui.strong(text::share(if input.regions.union_voxels() > 0 { 1.0 } else { 0.0 }));
+            });
+            if with_voxels {
+                row.col(|ui| {
+                    ui.strong(text::count(input.regions.union_voxels()));
+                });
+            }
+        });
+    });
+    hovered
+}
+
+fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Vec<Command>) {
+    let shown = input.shown(target);
+    let mut on = shown == Shown::All;
+    ui.spacing_mut().item_spacing.x = 4.0;
+    let check = Checkbox::without_text(&mut on).indeterminate(shown == Shown::Some);
+    let response = ui.add(check);
+    let name = input.name(target);
+    response.widget_info(|| {
+        egui::WidgetInfo::selected(egui::Role::CheckBox, true, shown == Shown::All, format!("Show {name}"))
+    });
+    if response.changed() {
+        out.push(match target {
+            Target::Region(bits) => Command::SetRegion(bits, on),
+            Target::Mask(k) => Command::ToggleMask(k),
+        });
+    }
+    swatch(ui, input, target);
+    let words = RichText::new(&name);
+    let label = ui.add(
+        egui::Label::new(if shown == Shown::None { words.weak() } else { words })
+            .truncate()
+            .selectable(false)
+            .sense(Sense::CLICK),
+    );
+    if label.double_clicked() {
+        out.push(match target {
+            Target::Region(bits) => Command::OnlyRegion(bits),
+            Target::Mask(k) => Command::OnlyMask(k),
+        });
+    }
+    label.on_hover_text(format!("{name}. Double-click: only this."));
+}
+
+/// The region's own colour (as the 3D views draw it), and the colours of its masks beneath.
+fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
+    let (rect, _) = ui.allocate_exact_size(vec2(16.0, 13.0), Sense::hover());
+    let color = |rgb: [u8; 3]| egui::Color32::from_rgb(rgb[0], rgb[1], rgb[2]);
+    let painter = ui.painter();
+    match target {
+        Target::Mask(k) => {
+            painter.rect_filled(rect, 2.0, color(input.colors.mask(k)));
+        }
+        Target::Region(bits) => {
+            painter.rect_filled(rect, 2.0, color(input.colors.region(bits)));
+            let masks: Vec<usize> = (0..32).filter(|k| bits >> k & 1 == 1).collect();
+            if masks.len() > 1 {
+                let width = rect.width() / masks.len() as f32;
+                for (i, &k) in masks.iter().enumerate() {
+                    let left = rect.left() + i as f32 * width;
+                    let part =
+                        egui::Rect::from_x_y_ranges(left..=left + width, rect.bottom() - 4.0..=rect.bottom());
+                    painter.rect_filled(part, 0.0, color(input.colors.mask(k)));
+                }
+            }
+        }
+    }
+    let border = ui.visuals().widgets.noninteractive.fg_stroke.color.gamma_multiply(0.5);
+    painter.rect_stroke(rect, 2.0, egui::Stroke::new(1.0, border), egui::StrokeKind::Outside);
+}
+
+/// Dice and Jaccard of every pair of masks; nothing with fewer than two.
+pub fn agreement(ui: &mut Ui, input: &OverlapInput<'_>) {
+    let pairs = measure::pairs(input.regions);
+    if pairs.is_empty() {
+        return;
+    }
+    TableBuilder::new(ui)
+        .id_salt("agreement")
+        .vscroll(false)
+        .striped(true)
+        .cell_layout(Layout::right_to_left(Align::Center))
+        .column(Column::remainder().at_least(60.0).clip(true))
+        .column(Column::exact(42.0))
+        .column(Column::exact(56.0))
+        .header(ROW, |mut row| {
+            row.col(|ui| {
+                ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                    ui.strong("Agreement");
+                });
+            });
+            row.col(|ui| {
+                ui.strong("Dice").on_hover_text("2|A∩B| / (|A|+|B|), 0 to 1; 1 for two empty masks");
+            });
+            row.col(|ui| {
+                ui.strong("Jaccard").on_hover_text("|A∩B| / |A∪B|, 0 to 1; 1 for two empty masks");
+            });
+        })
+        .body(|mut body| {
+            for pair in pairs {
+                body.row(ROW, |mut row| {
+                    row.col(|ui| {
+                        ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                            ui.add(egui::Label::new(format!("{} – {}", pair.a, pair.b)).truncate());
+                        });
+                    });
+                    row.col(|ui| {
+                        ui.label(format!("{:.3}", pair.dice));
+                    });
+                    row.col(|ui| {
+                        ui.label(format!("{:.3}", pair.jaccard));
+                    });
+                });
+            }
+        });
+}

@@ -17,6 +17,18 @@ impl MaskBits {
         Self { dims, words_per_line, words: vec![0; words_per_line * dims[1] * dims[2]] }
     }
 
+    /// All voxels active.
+    pub fn full(dims: [usize; 3]) -> Self {
+        let mut bits = Self::empty(dims);
+        for line in bits.words.chunks_exact_mut(bits.words_per_line.max(1)) {
+            for (w, word) in line.iter_mut().enumerate() {
+                let rest = dims[0] - w * 64;
+                *word = if rest >= 64 { u64::MAX } else { (1 << rest) - 1 };
+            }
+        }
+        bits
+    }
+
     /// Voxels where `active(linear)` holds, `linear` as in [`Grid::linear`].
     pub fn from_fn(dims: [usize; 3], mut active: impl FnMut(usize) -> bool) -> Self {
         let mut bits = Self::empty(dims);
@@ -45,6 +57,11 @@ impl MaskBits {
     /// All words, line after line (`y` before `z`).
     pub fn words(&self) -> &[u64] {
         &self.words
+    }
+
+    /// All words, to be written; the bits past a line's end stay zero.
+    pub(crate) fn words_mut(&mut self) -> &mut [u64] {
+        &mut self.words
     }
 
     /// Whether voxel `ijk` (inside the dims) is active.
@@ -173,5 +190,8 @@ mod tests {
         bits.set([66, 2, 3]);
         assert_eq!(bits.bounds(), Some(([66, 2, 3], [1, 1, 1])));
         assert_eq!(MaskBits::from_fn(dims, |_| true).bounds(), Some(([0, 0, 0], dims)));
+        for nx in [1, 63, 64, 65, 128] {
+            assert_eq!(MaskBits::full([nx, 2, 3]), MaskBits::from_fn([nx, 2, 3], |_| true));
+        }
     }
 }

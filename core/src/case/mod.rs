@@ -1,11 +1,17 @@
 //! A case: one patient's images and masks, over one or more time points.
 
+mod check;
+mod load;
+mod select;
+
 use std::sync::Arc;
 
 use crate::{
     Cancelled, Check, Grid, Mask, Progress, Regions, TumorIndex, Volume,
-    files::{FileError, Source},
+    files::{self, FileError, ReadOptions, Source},
 };
+
+pub use load::load_with;
 
 /// One image or mask that a case names, before it is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -148,6 +154,6 @@ pub enum CaseError {
 /// # Errors
 /// [`CaseError`].
 pub fn load(spec: &CaseSpec, options: &LoadOptions, progress: &Progress) -> Result<Case, CaseError> {
-    let _ = (options, progress);
-    Err(CaseError::Wrong { case: spec.name.clone(), found: "no loader".into(), expected: "one".into() })
+    let read_options = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
+    load_with(spec, options, progress, &|source| files::read(source, &read_options, progress))
 }

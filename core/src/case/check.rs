@@ -1,0 +1,266 @@
+//! What is noticed about a case: each finding has a code of `docs/checks.md`.
+
+use glam::DVec3;
+
+use super::{
+    CaseMask, CaseSpec,
+    load::{NativeMask, at_time},
+};
+use crate::{Check, Grid, Mask, Regions, Sides, resample};
+
+/// Volume drift of a resampled mask, in per cent, above which it is a warning and not a note.
+pub const DRIFT_WARNING_PERCENT: f64 = 5.0;
+
+fn spacing(grid: &Grid) -> String {
+    let s = grid.spacing_mm();
+    format!("{:.2}×{:.2}×{:.2} mm", s.x, s.y, s.z)
+}
+
+fn list(labels: &[i64]) -> String {
+    let words: Vec<String> = labels.iter().map(i64::to_string).collect();
+    format!("{} {}", if labels.len() == 1 { "label" } else { "labels" }, words.join(", "))
+}
+
+/// A part of a whole in per cent, never rounded to 0 or to 100 when it is neither.
+fn percent(part: u64, whole: u64) -> String {
+    if part == whole {
+        return "all".into();
+    }
+    let exact = 100.0 * part as f64 / whole as f64;
+    if exact < 0.1 {
+        "less than 0.1 %".into()
+    } else if exact > 99.9 {
+        "more than 99.9 %".into()
+    } else {
+        format!("{exact:.1} %")
+    }
+}
+
+fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>) {
+    let labels = spec.masks[m.spec].labels.as_deref();
+    if m.mask.bits().bounds().is_none() {
+        let why = match labels {
+            Some(labels) => format!("no voxel has {}", list(labels)),
+            None => "no voxel is above 0.5".into(),
+        };
+        checks.push(Check::warning(
+            "mask-empty",
+            format!("{name}: found an empty mask ({why}), expected active voxels"),
+        ));
+    } else if !m.missing.is_empty() {
+        let asked = list(labels.unwrap_or_default());
+        checks.push(Check::note(
+            "label-missing",
+            format!("{name}: found no voxel with {}, expected {asked}", list(&m.missing)),
+        ));
+    }
+    if m.not_whole > 0 {
+        checks.push(Check::warning(
+            "non-integer-label-map",
+            format!(
+                "{name}: found {} voxels that are no whole number, expected a label map; they are inactive",
+                m.not_whole
+            ),
+        ));
+    }
+}
+
+fn sides(spec: &CaseSpec, masks: &[NativeMask], images: &[(usize, &str, &Grid)]) -> Vec<Check> {
+    let of_masks = masks.iter().map(|m| (spec.masks[m.spec].id.as_str(), m.mask.grid().sides()));
+    let mut all: Vec<(&str, Sides)> = images.iter().map(|(_, id, grid)| (*id, grid.sides())).collect();
+    all.extend(of_masks);
+    let ids = |which: Sides| {
+        let mut ids: Vec<&str> = Vec::new();
+        for (id, _) in all.iter().filter(|(_, sides)| *sides == which) {
+            if !ids.contains(id) {
+                ids.push(id);
+            }
+        }
+        ids.join(", ")
+    };
+    let (known, unknown) = (ids(Sides::Known), ids(Sides::Unknown));
+    let mut checks = Vec::new();
+    if !unknown.is_empty() {
+        checks.push(Check::warning(
+            "sides-unknown",
+            format!("{unknown}: found no place in the patient, expected sform or qform; left and right are unknown"),
+        ));
+        if !known.is_empty() {
+            checks.push(Check::warning(
+                "sides-mixed",
+                format!("{unknown}: found no place in the patient, while {known} have one; that they lie on each other is assumed"),
+            ));
+        }
+    }
+    checks
+}
+
+/// Everything that shows on the masks' and images' own grids. `images`: time, id, grid.
+pub(super) fn before_resampling(
+    spec: &CaseSpec,
+    labels: &[String],
+    masks: &[NativeMask],
+    images: &[(usize, &str, &Grid)],
+    (case_grid, case_grid_id): (&Grid, &str),
+) -> Vec<Check> {
+    let mut checks = sides(spec, masks, images);
+    for m in masks {
+        let name = at_time(&spec.masks[m.spec].id, &labels[m.time]);
+        contents(spec, m, &name, &mut checks);
+        let total = m.mask.voxels();
+        let report = |code, outside: u64, whose: &str, then: &str| {
+            let ml = m.mask.grid().volume_ml(outside);
+            let share = percent(outside, total);
+            Check::warning(
+                code,
+                format!(
+                    "{name}: found {share} of the mask ({ml:.3} ml) outside {whose}, expected it inside{then}"
+                ),
+            )
+        };
+        let here: Vec<&Grid> = images.iter().filter(|(t, ..)| *t == m.time).map(|(_, _, g)| *g).collect();
+        let outside = if here.is_empty() { 0 } else { resample::voxels_outside(&m.mask, &here) };
+        if outside > 0 {
+            checks.push(report("mask-outside-image", outside, "every image", ""));
+        }
+        let cut = resample::voxels_outside(&m.mask, &[case_grid]);
+        if cut > 0 {
+            let whose = format!("the case grid (that of {case_grid_id})");
+            checks.push(report(
+                "mask-cut-by-case-grid",
+                cut,
+                &whose,
+                "; this part is missing in all numbers but the native volume",
+            ));
+        }
+    }
+    let mut grids: Vec<&Grid> = Vec::new();
+    for m in masks {
+        if !grids.iter().any(|g| g.same_place(m.mask.grid(), resample::SAME_PLACE_VOXELS)) {
+            grids.push(m.mask.grid());
+        }
+    }
+    if grids.len() > 1 {
+        checks.push(Check::note(
+            "grids-differ",
+            format!("masks: found {} different grids, expected one; all are brought onto that of {case_grid_id} ({})", grids.len(), spacing(case_grid)),
+        ));
+    }
+    let mut ids: Vec<&str> = Vec::new();
+    for m in &spec.masks {
+        if !ids.contains(&m.id.as_str()) {
+            ids.push(&m.id);
+        }
+    }
+    for (time, label) in labels.iter().enumerate() {
+        let here = |id: &str| masks.iter().any(|m| m.time == time && spec.masks[m.spec].id == id);
+        let missing: Vec<&str> = ids.iter().copied().filter(|id| !here(id)).collect();
+        if !missing.is_empty() {
+            let found = missing.join(", ");
+            checks.push(Check::note(
+                "mask-not-at-every-time",
+                format!("{found}: found no mask at {label}, expected one as at other times; that is unknown, not empty"),
+            ));
+        }
+    }
+    let dated = |l: &String| {
+        l.len() == 10
+            && l.bytes()
+                .enumerate()
+                .all(|(i, b)| if i == 4 || i == 7 { b == b'-' } else { b.is_ascii_digit() })
+    };
+    if labels.iter().all(dated) && !labels.is_sorted() {
+        checks.push(Check::note(
+            "times-not-in-order",
+            format!(
+                "times: found {} in this order, expected the earliest first; the order stands as it is",
+                labels.join(", ")
+            ),
+        ));
+    }
+    checks
+}
+
+/// What resampling changed.
+pub(super) fn after_resampling(labels: &[String], native: &[NativeMask], on_grid: &[Mask]) -> Vec<Check> {
+    let mut checks = Vec::new();
+    for (m, after) in native.iter().zip(on_grid) {
+        if after.grid().same_place(m.mask.grid(), resample::SAME_PLACE_VOXELS) || m.mask.voxels() == 0 {
+            continue;
+        }
+        let name = at_time(m.mask.id(), &labels[m.time]);
+        let (before_ml, after_ml) = (m.mask.volume_ml(), after.volume_ml());
+        let drift = 100.0 * (after_ml - before_ml) / before_ml;
+        let text = format!(
+            "{name}: found a mask on {}, expected the case grid's {}; resampled: {before_ml:.3} ml before, {after_ml:.3} ml after ({drift:+.2} %)",
+            spacing(m.mask.grid()),
+            spacing(after.grid()),
+        );
+        checks.push(if drift.abs() > DRIFT_WARNING_PERCENT {
+            Check::warning("mask-resampled", text)
+        } else {
+            Check::note("mask-resampled", text)
+        });
+    }
+    checks
+}
+
+/// Masks of one time point that neither share a voxel with another nor lie against one (26
+/// neighbours). Needs two masks that aren't empty.
+pub(super) fn touching(label: &str, masks: &[CaseMask], regions: &Regions) -> Vec<Check> {
+    let filled: Vec<usize> = (0..masks.len()).filter(|&k| regions.mask_voxels(k) > 0).collect();
+    if filled.len() < 2 {
+        return Vec::new();
+    }
+    let mut checks = Vec::new();
+    for &k in &filled {
+        let overlaps = regions.list().iter().any(|r| r.bits >> k & 1 == 1 && r.mask_count() > 1);
+        let others = || filled.iter().filter(|&&o| o != k).map(|&o| &masks[o].mask);
+        if overlaps || others().any(|o| adjacent(&masks[k].mask, o)) {
+            continue;
+        }
+        let gap = others().map(|o| box_gap_mm(&masks[k].mask, o)).fold(f64::INFINITY, f64::min);
+        let name = at_time(masks[k].mask.id(), label);
+        checks.push(Check::warning(
+            "masks-do-not-touch",
+            format!("{name}: found a mask that touches no other (the nearest one's box is {gap:.1} mm away), expected masks of one tumour"),
+        ));
+    }
+    checks
+}
+
+/// First and one-past-last voxel of a mask's box, grown by `by` and kept inside the grid.
+fn grown_box(mask: &Mask, by: usize) -> Option<([usize; 3], [usize; 3])> {
+    let (start, dims) = mask.bits().bounds()?;
+    let n = mask.grid().dims();
+    let lo = std::array::from_fn(|a| start[a].saturating_sub(by));
+    Some((lo, std::array::from_fn(|a| (start[a] + dims[a] + by).min(n[a]))))
+}
+
+fn adjacent(a: &Mask, b: &Mask) -> bool {
+    let (Some((lo_a, hi_a)), Some((lo_b, hi_b))) = (grown_box(a, 1), grown_box(b, 0)) else { return false };
+    let lo: [usize; 3] = std::array::from_fn(|x| lo_a[x].max(lo_b[x]));
+    let hi: [usize; 3] = std::array::from_fn(|x| hi_a[x].min(hi_b[x]));
+    let n = a.grid().dims();
+    let near = |ijk: [usize; 3]| {
+        (0..27).any(|o| {
+            let step = [o % 3, o / 3 % 3, o / 9];
+            let at: [usize; 3] = std::array::from_fn(|x| (ijk[x] + step[x]).wrapping_sub(1));
+            (0..3).all(|x| at[x] < n[x]) && a.bits().get(at)
+        })
+    };
+    (lo[2]..hi[2])
+        .any(|z| (lo[1]..hi[1]).any(|y| (lo[0]..hi[0]).any(|x| b.bits().get([x, y, z]) && near([x, y, z]))))
+}
+
+/// Distance between two masks' boxes along the voxel axes, each in millimetres.
+fn box_gap_mm(a: &Mask, b: &Mask) -> f64 {
+    let (Some((lo_a, hi_a)), Some((lo_b, hi_b))) = (grown_box(a, 0), grown_box(b, 0)) else {
+        return f64::INFINITY;
+    };
+    let gap = |x: usize| {
+        let voxels = lo_b[x].saturating_sub(hi_a[x]).max(lo_a[x].saturating_sub(hi_b[x]));
+        voxels as f64
+    };
+    (DVec3::new(gap(0), gap(1), gap(2)) * a.grid().spacing_mm()).length()
+}

@@ -1,0 +1,332 @@
+//! From a case's description to the case: files read side by side, label maps made into masks,
+//! masks brought onto the case grid.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{
+    Case, CaseError, CaseGridChoice, CaseMask, CaseSpec, Context, LoadOptions, TimePoint, check,
+    select::{self, Selected},
+};
+use crate::{
+    Check, Grid, Mask, Progress, Regions, Sides, TumorIndex, Volume,
+    files::{FileError, Loaded, Source},
+    resample,
+    tumor_index::MAX_MASKS,
+};
+
+/// One mask on its own grid.
+pub(super) struct NativeMask {
+    pub spec: usize,
+    pub time: usize,
+    pub mask: Mask,
+    pub missing: Vec<i64>,
+    pub not_whole: u64,
+}
+
+/// One image.
+struct NativeContext {
+    spec: usize,
+    time: usize,
+    volume: Arc<Volume>,
+}
+
+fn wrong(case: &str, found: impl Into<String>, expected: impl Into<String>) -> CaseError {
+    CaseError::Wrong { case: case.to_owned(), found: found.into(), expected: expected.into() }
+}
+
+/// The labels of the time points, in the order first met, images before masks; one empty label
+/// where nothing names a time.
+fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
+    let images = spec.contexts.iter().map(|c| ("image", &c.id, &c.time));
+    let masks = spec.masks.iter().map(|m| ("mask", &m.id, &m.time));
+    let mut labels: Vec<String> = Vec::new();
+    let (mut named, mut unnamed) = (None, None);
+    for (kind, id, time) in images.chain(masks) {
+        match time {
+            Some(label) => {
+                named.get_or_insert_with(|| format!("{kind} {id} at {label}"));
+                if !labels.contains(label) {
+                    labels.push(label.clone());
+                }
+            }
+            None => drop(unnamed.get_or_insert_with(|| format!("{kind} {id} without a time"))),
+        }
+    }
+    match (named, unnamed) {
+        (Some(named), Some(unnamed)) => Err(wrong(
+            &spec.name,
+            format!("{unnamed} beside {named}"),
+            "a time for every image and mask, or for none",
+        )),
+        (None, None) => Err(wrong(&spec.name, "no image and no mask", "at least one")),
+        (None, Some(_)) => Ok(vec![String::new()]),
+        (Some(_), None) => Ok(labels),
+    }
+}
+
+/// `(T1, 2024-01-15)` as messages write it.
+pub(super) fn at_time(id: &str, time: &str) -> String {
+    if time.is_empty() { id.to_owned() } else { format!("{id} ({time})") }
+}
+
+fn check_names(spec: &CaseSpec) -> Result<(), CaseError> {
+    let images: Vec<_> = spec.contexts.iter().map(|c| (&c.id, &c.time)).collect();
+    let masks: Vec<_> = spec.masks.iter().map(|m| (&m.id, &m.time)).collect();
+    for (kind, list) in [("image", images), ("mask", masks)] {
+        for (n, (id, time)) in list.iter().enumerate() {
+            let label = at_time(id, time.as_deref().unwrap_or_default());
+            if id.trim().is_empty() {
+                return Err(wrong(&spec.name, format!("{kind} number {} with an empty id", n + 1), "a name"));
+            }
+            if list[..n].contains(&(id, time)) {
+                let expected = format!("each {kind} id once at each time");
+                return Err(wrong(&spec.name, format!("{kind} {label} twice"), expected));
+            }
+        }
+    }
+    for mask in &spec.masks {
+        if mask.labels.as_ref().is_some_and(Vec::is_empty) {
+            return Err(wrong(
+                &spec.name,
+                format!("mask {} with an empty list of labels", mask.id),
+                "a label",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn check_counts(spec: &CaseSpec, labels: &[String]) -> Result<(), CaseError> {
+    for label in labels {
+        let here: Vec<_> =
+            spec.masks.iter().filter(|m| m.time.as_deref().unwrap_or_default() == label).collect();
+        if here.len() > MAX_MASKS {
+            let place = if label.is_empty() { String::new() } else { format!(" at {label}") };
+            return Err(wrong(
+                &spec.name,
+                format!("{} masks{place}, number {} is {}", here.len(), MAX_MASKS + 1, here[MAX_MASKS].id),
+                format!("at most {MAX_MASKS} masks at one time point"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// A file named in the case, with all that is made of it.
+struct Job<'a> {
+    source: &'a Source,
+    contexts: Vec<usize>,
+    masks: Vec<usize>,
+}
+
+impl Job<'_> {
+    fn first_id<'a>(&self, spec: &'a CaseSpec) -> &'a str {
+        match (self.contexts.first(), self.masks.first()) {
+            (Some(&c), _) => &spec.contexts[c].id,
+            (None, Some(&m)) => &spec.masks[m].id,
+            (None, None) => "",
+        }
+    }
+}
+
+/// Each file once, in the order named.
+fn jobs(spec: &CaseSpec) -> Vec<Job<'_>> {
+    let mut jobs: Vec<Job<'_>> = Vec::new();
+    let job_of = |jobs: &mut Vec<Job<'_>>, source| match jobs.iter().position(|j| j.source == source) {
+        Some(found) => found,
+        None => jobs.len(),
+    };
+    for (n, context) in spec.contexts.iter().enumerate() {
+        let at = job_of(&mut jobs, &context.source);
+        if at == jobs.len() {
+            jobs.push(Job { source: &context.source, contexts: Vec::new(), masks: Vec::new() });
+        }
+        jobs[at].contexts.push(n);
+    }
+    for (n, mask) in spec.masks.iter().enumerate() {
+        let at = job_of(&mut jobs, &mask.source);
+        if at == jobs.len() {
+            jobs.push(Job { source: &mask.source, contexts: Vec::new(), masks: Vec::new() });
+        }
+        jobs[at].masks.push(n);
+    }
+    jobs
+}
+
+/// What one file gave: its masks and its image are kept, the rest of its voxels dropped at once.
+struct Read {
+    checks: Vec<Check>,
+    grid: Grid,
+    image: Option<Arc<Volume>>,
+    selected: Vec<(usize, Selected)>,
+}
+
+fn read_one(
+    job: &Job<'_>,
+    spec: &CaseSpec,
+    progress: &Progress,
+    read: &(dyn Fn(&Source) -> Result<Loaded, FileError> + Sync),
+) -> Result<Read, CaseError> {
+    progress.check()?;
+    let id = job.first_id(spec);
+    progress.say(format!("Reading {id}"));
+    let loaded = read(job.source)?;
+    let prefix = |c: Check| Check { message: format!("{id}: {}", c.message), ..c };
+    let selected = job
+        .masks
+        .iter()
+        .map(|&m| Ok((m, select::select(&loaded.volume, spec.masks[m].labels.as_deref(), progress)?)))
+        .collect::<Result<Vec<_>, CaseError>>()?;
+    Ok(Read {
+        checks: loaded.checks.into_iter().map(prefix).collect(),
+        grid: loaded.volume.grid().clone(),
+        image: (!job.contexts.is_empty()).then(|| Arc::new(loaded.volume)),
+        selected,
+    })
+}
+
+/// The case grid: where, and whose.
+fn case_grid(
+    spec: &CaseSpec,
+    choice: &CaseGridChoice,
+    masks: &[NativeMask],
+    images: &[NativeContext],
+) -> Result<(Grid, String), CaseError> {
+    let of_mask = |m: &NativeMask| (m.mask.grid().clone(), spec.masks[m.spec].id.clone());
+    let of_image = |c: &NativeContext| (c.volume.grid().clone(), spec.contexts[c.spec].id.clone());
+    let none = || wrong(&spec.name, "no image and no mask", "at least one");
+    let (grid, id) = match choice {
+        CaseGridChoice::FinestMask => {
+            // A later mask must be finer by more than rounding to win.
+            let finest = masks.iter().reduce(|best, m| {
+                let (a, b) = (best.mask.grid().voxel_volume_mm3(), m.mask.grid().voxel_volume_mm3());
+                if b < a * (1.0 - 1e-6) { m } else { best }
+            });
+            finest.map(of_mask).or_else(|| images.first().map(of_image)).ok_or_else(none)?
+        }
+        CaseGridChoice::Of(id) => {
+            let mask = masks.iter().find(|m| spec.masks[m.spec].id == *id).map(of_mask);
+            let image = || images.iter().find(|c| spec.contexts[c.spec].id == *id).map(of_image);
+            mask.or_else(image).ok_or_else(|| {
+                let ids = spec.masks.iter().map(|m| &m.id).chain(spec.contexts.iter().map(|c| &c.id));
+                let mut known: Vec<&str> = Vec::new();
+                for id in ids {
+                    if !known.contains(&id.as_str()) {
+                        known.push(id);
+                    }
+                }
+                wrong(&spec.name, format!("case grid of {id}"), format!("one of {}", known.join(", ")))
+            })?
+        }
+    };
+    // Masks whose sides are unknown make the index's sides unknown: overlaying them is a guess.
+    let unknown = masks.iter().any(|m| m.mask.grid().sides() == Sides::Unknown);
+    let sides = if unknown { Sides::Unknown } else { grid.sides() };
+    let grid = Grid::new(grid.dims(), grid.world_from_voxel(), sides)
+        .map_err(|e| wrong(&spec.name, e.to_string(), "a usable case grid"))?;
+    Ok((grid, id))
+}
+
+/// As [`super::load`], with the files given by `read`: for cases that are already in memory, and
+/// for tests.
+///
+/// # Errors
+/// [`CaseError`].
+pub fn load_with(
+    spec: &CaseSpec,
+    options: &LoadOptions,
+    progress: &Progress,
+    read: &(dyn Fn(&Source) -> Result<Loaded, FileError> + Sync),
+) -> Result<Case, CaseError> {
+    let labels = time_labels(spec)?;
+    check_names(spec)?;
+    check_counts(spec, &labels)?;
+    let time_of = |time: &Option<String>| labels.iter().position(|l| Some(l) == time.as_ref()).unwrap_or(0);
+
+    let jobs = jobs(spec);
+    let mut checks = spec.notes.clone();
+    let (mut images, mut masks) = (Vec::new(), Vec::new());
+    let reads = jobs.par_iter().map(|job| read_one(job, spec, progress, read)).collect::<Vec<_>>();
+    for (job, outcome) in jobs.iter().zip(reads) {
+        let outcome = outcome?;
+        checks.extend(outcome.checks);
+        for (m, selected) in outcome.selected {
+            let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits)
+                .ok_or_else(|| wrong(&spec.name, "a mask of another size than its file", "the same size"))?;
+            let (missing, not_whole) = (selected.missing, selected.not_whole);
+            masks.push(NativeMask { spec: m, time: time_of(&spec.masks[m].time), mask, missing, not_whole });
+        }
+        if let Some(volume) = outcome.image {
+            for &c in &job.contexts {
+                let time = time_of(&spec.contexts[c].time);
+                images.push(NativeContext { spec: c, time, volume: Arc::clone(&volume) });
+            }
+        }
+    }
+    images.sort_by_key(|c| c.spec);
+    // One id is one mask over time, so it takes its bit in the order ids are first met.
+    let rank = |m: &NativeMask| spec.masks.iter().position(|s| s.id == spec.masks[m.spec].id);
+    masks.sort_by_key(|m| m.spec);
+    let (grid, grid_id) = case_grid(spec, &options.case_grid, &masks, &images)?;
+    masks.sort_by_key(|m| (m.time, rank(m)));
+
+    let image_grids: Vec<(usize, &str, &Grid)> =
+        images.iter().map(|c| (c.time, spec.contexts[c.spec].id.as_str(), c.volume.grid())).collect();
+    checks.extend(check::before_resampling(spec, &labels, &masks, &image_grids, (&grid, &grid_id)));
+
+    progress.say("Bringing the masks onto the case grid");
+    let on_grid = masks
+        .par_iter()
+        .map(|m| {
+            let bits = resample::mask_onto(&m.mask, &grid, progress)?;
+            Mask::new(m.mask.id(), grid.clone(), bits).ok_or_else(|| {
+                wrong(&spec.name, "a mask of another size than the case grid", "the same size")
+            })
+        })
+        .collect::<Result<Vec<_>, CaseError>>()?;
+    checks.extend(check::after_resampling(&labels, &masks, &on_grid));
+
+    let mut placed: Vec<(usize, CaseMask)> = masks
+        .iter()
+        .zip(on_grid)
+        .map(|(native, mask)| {
+            let case_mask = CaseMask {
+                mask,
+                native_voxels: native.mask.voxels(),
+                native_volume_ml: native.mask.volume_ml(),
+                color: spec.masks[native.spec].color,
+            };
+            (native.time, case_mask)
+        })
+        .collect();
+    drop(masks);
+    progress.say("Counting regions");
+    let mut time_points = Vec::new();
+    for (number, label) in labels.into_iter().enumerate() {
+        progress.check()?;
+        let later = placed.iter().position(|(time, _)| *time != number).unwrap_or(placed.len());
+        let here: Vec<CaseMask> = placed.drain(..later).map(|(_, mask)| mask).collect();
+        let index = TumorIndex::new(grid.clone(), &here.iter().map(|m| &m.mask).collect::<Vec<_>>())
+            .map_err(|e| wrong(&spec.name, e.to_string(), "masks on the case grid"))?;
+        let regions = Regions::of(&index);
+        checks.extend(check::touching(&label, &here, &regions));
+        let contexts = images
+            .iter()
+            .filter(|c| c.time == number)
+            .map(|c| Context { id: spec.contexts[c.spec].id.clone(), volume: Arc::clone(&c.volume) })
+            .collect();
+        time_points.push(TimePoint {
+            label,
+            contexts,
+            masks: here,
+            index: Arc::new(index),
+            regions: Arc::new(regions),
+        });
+    }
+    // Most severe first, else in the order found.
+    checks.sort_by_key(|c| std::cmp::Reverse(c.severity));
+    checks.dedup();
+    Ok(Case { name: spec.name.clone(), grid, time_points, checks })
+}

@@ -1,1 +1,1 @@
-//! stub
+//! Nothing here: the tests are in `tests/`, the program they run in `src/bin/`.

@@ -1,0 +1,47 @@
+//! The About box: what this is, what it is not, and on what it runs.
+
+use egui::{Align2, Context, RichText, Ui};
+
+use crate::viewport::Viewport;
+
+/// The line that must never be missing.
+pub const NOTICE: &str =
+    "For research use only. Not a medical device: not for diagnosis or treatment decisions.";
+
+/// Version and target.
+pub fn version() -> String {
+    format!("Glioscope {} ({} {})", env!("CARGO_PKG_VERSION"), std::env::consts::OS, std::env::consts::ARCH)
+}
+
+/// Draws it where it is open.
+pub fn show(ui: &mut Ui, open: &mut bool, viewport: Option<&Viewport>) {
+    if !*open {
+        return;
+    }
+    let ctx: &Context = &ui.ctx().clone();
+    let mut close = false;
+    egui::Window::new("About Glioscope")
+        .open(open)
+        .collapsible(false)
+        .resizable(false)
+        .anchor(Align2::CENTER_CENTER, [0.0, 0.0])
+        .show(ctx, |ui| {
+            ui.set_width(440.0);
+            ui.label(RichText::new(version()).strong());
+            ui.label("Compares tumour segmentations: several modalities, several raters, one screen.");
+            ui.add_space(6.0);
+            ui.label(RichText::new(NOTICE).strong());
+            ui.add_space(6.0);
+            ui.label(format!(
+                "Graphics: {}",
+                viewport.map_or_else(|| "no adapter".to_owned(), |v| v.gpu.describe())
+            ));
+            ui.label("After F. Lindemann's thesis (Münster 2014), chapter 7. Licence: MIT OR Apache-2.0.");
+            ui.label("No network is used. Nothing about a case is logged or sent.");
+            ui.add_space(6.0);
+            close = ui.button("Close").clicked();
+        });
+    if close {
+        *open = false;
+    }
+}

@@ -1,0 +1,243 @@
+//! What can be typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use glioscope_core::case::{Case, CaseGridChoice, LoadOptions};
+
+use super::{Failure, terminal};
+use crate::{document::CaseRef, run_window::case_of_path, world};
+
+/// Compares tumour segmentations. Without a subcommand it opens the window.
+#[derive(Debug, Parser)]
+#[command(name = "glioscope", version, about, args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    /// What to do without a window.
+    #[command(subcommand)]
+    pub task: Option<Task>,
+    /// The case to open; the embedded sample without one.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// How the window opens.
+    #[command(flatten)]
+    pub window: WindowArguments,
+}
+
+/// How the window opens.
+#[derive(Clone, Debug, Default, Args)]
+pub struct WindowArguments {
+    /// Use only the software graphics adapter.
+    #[arg(long)]
+    pub software: bool,
+    /// Write a picture of the window to this file once the case is drawn, then quit.
+    #[arg(long, value_name = "FILE")]
+    pub picture: Option<PathBuf>,
+}
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Task {
+    /// Open the window.
+    Open {
+        /// The case.
+        #[command(flatten)]
+        case: CaseArguments,
+        /// How the window opens.
+        #[command(flatten)]
+        window: WindowArguments,
+    },
+    /// Say what a file or a case is, without reading voxels where it can be helped.
+    Info {
+        /// A NIfTI file, a manifest or a folder.
+        target: Option<PathBuf>,
+        /// The case, where it is given in parts.
+        #[command(flatten)]
+        case: MaskArguments,
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Count masks, regions and their agreement.
+    Measure {
+        /// The case.
+        #[command(flatten)]
+        case: CaseArguments,
+        /// As JSON: see docs/json.md.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Draw one view into a PNG.
+    Render(RenderArguments),
+    /// Write the pictures of every view and all numbers into a folder.
+    Report {
+        /// The case; the embedded sample without one.
+        #[command(flatten)]
+        case: CaseArguments,
+        /// The folder.
+        #[arg(long)]
+        out: PathBuf,
+        /// Use only the software graphics adapter.
+        #[arg(long)]
+        software: bool,
+    },
+    /// Write the embedded sample case as files.
+    Sample {
+        /// The folder.
+        #[arg(long)]
+        out: PathBuf,
+    },
+}
+
+/// Masks and images given one by one.
+#[derive(Clone, Debug, Default, Args)]
+pub struct MaskArguments {
+    /// A mask: ID=FILE[:1,4][@TIME]. Repeat for more.
+    #[arg(long = "mask", value_name = "ID=FILE[:LABELS][@TIME]")]
+    pub masks: Vec<String>,
+    /// An image: ID=FILE[@TIME]. Repeat for more.
+    #[arg(long = "context", value_name = "ID=FILE[@TIME]")]
+    pub contexts: Vec<String>,
+    /// Use the embedded sample.
+    #[arg(long, conflicts_with_all = ["masks", "contexts"])]
+    pub sample: bool,
+    /// The mask or image whose grid the case gets; else the finest mask's.
+    #[arg(long, value_name = "ID")]
+    pub case_grid: Option<String>,
+    /// Most bytes of voxels that a file may declare.
+    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30)]
+    pub max_bytes: u64,
+}
+
+/// How a case is named.
+#[derive(Clone, Debug, Default, Args)]
+pub struct CaseArguments {
+    /// A manifest (case.toml), a folder, a NIfTI file or a session file.
+    pub path: Option<PathBuf>,
+    /// The case in parts.
+    #[command(flatten)]
+    pub parts: MaskArguments,
+}
+
+impl CaseArguments {
+    /// The case named; `None` when nothing is.
+    ///
+    /// # Errors
+    /// When it is named twice.
+    pub fn reference(&self) -> Result<Option<CaseRef>, Failure> {
+        let parts = &self.parts;
+        let in_parts = !parts.masks.is_empty() || !parts.contexts.is_empty();
+        match (&self.path, in_parts, parts.sample) {
+            (Some(path), false, false) => Ok(Some(case_of_path(path.clone()))),
+            (None, true, false) => {
+                Ok(Some(CaseRef::Arguments { masks: parts.masks.clone(), contexts: parts.contexts.clone() }))
+            }
+            (None, false, true) => Ok(Some(CaseRef::Sample)),
+            (None, false, false) => Ok(None),
+            _ => Err(Failure(
+                "arguments: found a case named twice, expected a path, or --mask and --context, or --sample"
+                    .into(),
+            )),
+        }
+    }
+
+    /// Limits and choices of loading.
+    pub fn options(&self) -> LoadOptions {
+        LoadOptions {
+            max_bytes: self.parts.max_bytes,
+            case_grid: self.parts.case_grid.clone().map_or(CaseGridChoice::FinestMask, CaseGridChoice::Of),
+        }
+    }
+
+    /// Reads the case with a progress bar on the terminal; its reference beside it.
+    ///
+    /// # Errors
+    /// [`Failure`]; also when no case is named and `or_sample` is false.
+    pub fn load(&self, or_sample: bool) -> Result<(CaseRef, Case), Failure> {
+        let reference = match self.reference()? {
+            Some(reference) => reference,
+            None if or_sample => CaseRef::Sample,
+            None => {
+                return Err(Failure(
+                    "arguments: found no case, expected a path, --mask and --context, or --sample".into(),
+                ));
+            }
+        };
+        let spec = world::spec_of(&reference)?;
+        terminal::notes(&spec.notes);
+        let case =
+            terminal::with_progress(|progress| glioscope_core::case::load(&spec, &self.options(), progress))?;
+        terminal::notes(&case.checks);
+        Ok((reference, case))
+    }
+}
+
+/// What `render` can be told.
+#[derive(Debug, Args)]
+pub struct RenderArguments {
+    /// The case; the embedded sample without one.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// closeup, axial, coronal, sagittal, overlap, regions or window.
+    #[arg(long, default_value = "closeup")]
+    pub view: String,
+    /// Pixels: WIDTHxHEIGHT.
+    #[arg(long, default_value = "1024x1024")]
+    pub size: String,
+    /// Regions to show, others hidden: T1,T1+PET. `all` and `none` are understood.
+    #[arg(long, value_name = "REGION,...")]
+    pub select: Option<String>,
+    /// The lens in millimetres: X,Y,Z,RADIUS, or `off`.
+    #[arg(long, value_name = "X,Y,Z,R", allow_hyphen_values = true)]
+    pub lens: Option<String>,
+    /// The camera in degrees: AZIMUTH,ELEVATION. 0,0 looks at the face, 90,0 stands at the patient's left.
+    #[arg(long, value_name = "AZ,EL", allow_hyphen_values = true)]
+    pub camera: Option<String>,
+    /// Orthographic instead of perspective.
+    #[arg(long)]
+    pub orthographic: bool,
+    /// The crosshair in millimetres.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub cursor: Option<String>,
+    /// The image that slices show, by id.
+    #[arg(long, value_name = "ID")]
+    pub image: Option<String>,
+    /// Its window: LOW,HIGH.
+    #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
+    pub window: Option<String>,
+    /// Patient's left on the left.
+    #[arg(long)]
+    pub neurological: bool,
+    /// fill, outline or both.
+    #[arg(long)]
+    pub overlay: Option<String>,
+    /// The date, by its label.
+    #[arg(long, value_name = "LABEL")]
+    pub time: Option<String>,
+    /// Colours that common colour vision deficiencies tell apart.
+    #[arg(long)]
+    pub color_blind_safe: bool,
+    /// The diagram selects whole masks.
+    #[arg(long)]
+    pub whole_masks: bool,
+    /// On a dark background.
+    #[arg(long)]
+    pub dark: bool,
+    /// Pixels a logical point.
+    #[arg(long, default_value_t = 1.0)]
+    pub scale: f32,
+    /// Only the renderer's picture: no legend, cube or scale bar (closeup).
+    #[arg(long)]
+    pub plain: bool,
+    /// Use only the software graphics adapter.
+    #[arg(long)]
+    pub software: bool,
+    /// Print the plan: what is drawn, what is left out and why.
+    #[arg(long)]
+    pub explain: bool,
+    /// Print adapter and pass times as JSON.
+    #[arg(long)]
+    pub stats: bool,
+    /// The picture.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}

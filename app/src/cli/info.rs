@@ -1,0 +1,55 @@
+//! `glioscope info`.
+
+use std::path::{Path, PathBuf};
+
+use glioscope_core::{
+    Progress,
+    files::{self, Source},
+};
+use serde_json::json;
+
+use super::{CaseArguments, Failure, arguments::MaskArguments, terminal};
+use crate::{document::CaseRef, world};
+
+pub(super) fn run(target: Option<PathBuf>, parts: &MaskArguments, as_json: bool) -> Result<(), Failure> {
+    if let Some(path) = &target
+        && path.is_file()
+        && !is_manifest(path)
+    {
+        let info = files::info(&Source::File(path.clone()), &Progress::new())?;
+        return if as_json { terminal::print_json(&info) } else { terminal::print(&info.to_string()) };
+    }
+    let case = CaseArguments { path: target, parts: parts.clone() };
+    let reference = case.reference()?.unwrap_or(CaseRef::Sample);
+    let spec = world::spec_of(&reference)?;
+    if as_json {
+        let masks: Vec<_> = spec
+            .masks
+            .iter()
+            .map(|m| json!({"id": m.id, "file": m.source.name(), "labels": m.labels, "time": m.time}))
+            .collect();
+        let contexts: Vec<_> = spec
+            .contexts
+            .iter()
+            .map(|c| json!({"id": c.id, "file": c.source.name(), "time": c.time}))
+            .collect();
+        return terminal::print_json(
+            &json!({"case": spec.name, "masks": masks, "contexts": contexts, "notes": spec.notes}),
+        );
+    }
+    let mut lines = vec![spec.name.clone()];
+    let time = |t: &Option<String>| t.as_ref().map(|t| format!("  at {t}")).unwrap_or_default();
+    for c in &spec.contexts {
+        lines.push(format!("image {:16} {}{}", c.id, c.source.name(), time(&c.time)));
+    }
+    for m in &spec.masks {
+        let labels = m.labels.as_ref().map(|l| format!("  labels {l:?}")).unwrap_or_default();
+        lines.push(format!("mask  {:16} {}{labels}{}", m.id, m.source.name(), time(&m.time)));
+    }
+    lines.extend(spec.notes.iter().map(|n| format!("{}: {}", n.code, n.message)));
+    terminal::print(&lines.join("\n"))
+}
+
+fn is_manifest(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}

@@ -1,0 +1,55 @@
+//! `glioscope measure`.
+
+use glioscope_core::{Case, measure};
+
+use super::{CaseArguments, Failure, terminal};
+use crate::format;
+
+pub(super) fn run(case: &CaseArguments, json: bool) -> Result<(), Failure> {
+    let (_, case) = case.load(false)?;
+    if json { terminal::print_json(&measure::report(&case)) } else { terminal::print(&table(&case)) }
+}
+
+/// The numbers as a text for people.
+fn table(case: &Case) -> String {
+    let spacing = case.grid.spacing_mm();
+    let [nx, ny, nz] = case.grid.dims();
+    let mut lines = vec![
+        case.name.clone(),
+        format!("grid {nx} × {ny} × {nz}, {:.3} × {:.3} × {:.3} mm", spacing.x, spacing.y, spacing.z),
+    ];
+    for time_point in &case.time_points {
+        let regions = &time_point.regions;
+        let union = regions.union_voxels();
+        if !time_point.label.is_empty() {
+            lines.push(format!("\n{}", time_point.label));
+        }
+        lines.push(format!("{:24} {:>12} {:>14} {:>14}", "mask", "voxels", "volume", "on own grid"));
+        for (k, mask) in time_point.masks.iter().enumerate() {
+            lines.push(format!(
+                "{:24} {:>12} {:>14} {:>14}",
+                mask.mask.id(),
+                regions.mask_voxels(k),
+                format::ml(regions.mask_ml(k)),
+                format::ml(mask.native_volume_ml)
+            ));
+        }
+        lines.push(format!("{:24} {:>12} {:>14} {:>14}", "region", "voxels", "volume", "of the union"));
+        for region in regions.list() {
+            let share = region.voxels as f64 / union as f64;
+            lines.push(format!(
+                "{:24} {:>12} {:>14} {:>14}",
+                regions.name(region.bits),
+                region.voxels,
+                format::ml(region.volume_ml),
+                format::percent(share)
+            ));
+        }
+        lines.push(format!("{:24} {:>12} {:>14}", "union", union, format::ml(regions.union_ml())));
+        for pair in measure::pairs(regions) {
+            let name = format!("{} and {}", pair.a, pair.b);
+            lines.push(format!("{name:24} Dice {:.4}  Jaccard {:.4}", pair.dice, pair.jaccard));
+        }
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,203 @@
+//! What is saved: which case, what the user chose, and where they look.
+//!
+//! [`Edit`] is what undo covers; [`Navigation`] is not, so that undoing a selection doesn't also
+//! throw the camera back. Nothing here is alive: volumes, jobs and GPU things are in
+//! [`crate::world`].
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use egui_tiles::Tree;
+use glam::{DVec2, DVec3};
+use glioscope_core::{Selection, case::TimePoint};
+use glioscope_render::{
+    Camera, Lens, Palette, Projection,
+    slices::{Convention, Overlay, Plane, Window},
+};
+use serde::{Deserialize, Serialize};
+
+use crate::{layout, views::overlap::OverlapMode};
+
+/// How to open the case again.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CaseRef {
+    /// The embedded sample.
+    #[default]
+    Sample,
+    /// A manifest, a folder, or one NIfTI file.
+    Path(PathBuf),
+    /// The `--mask` and `--context` arguments.
+    Arguments {
+        /// Each `ID=FILE[:1,4][@TIME]`.
+        masks: Vec<String>,
+        /// Each `ID=FILE[@TIME]`.
+        contexts: Vec<String>,
+    },
+}
+
+/// One pane of the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Pane {
+    /// The tumour intersection closeup.
+    Closeup,
+    /// The overlap diagram with its bar.
+    Overlap,
+    /// The table of regions.
+    Regions,
+    /// A slice view.
+    Slice(Plane),
+    /// Plan, pass times and adapter.
+    Diagnostics,
+}
+
+impl Pane {
+    /// What tabs, menus and file names call it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Closeup => "the closeup",
+            Self::Overlap => "the overlap diagram",
+            Self::Regions => "the table of regions",
+            Self::Slice(Plane::Axial) => "the axial slice",
+            Self::Slice(Plane::Coronal) => "the coronal slice",
+            Self::Slice(Plane::Sagittal) => "the sagittal slice",
+            Self::Diagnostics => "diagnostics",
+        }
+    }
+
+    /// What its tab says.
+    pub fn tab(self) -> &'static str {
+        match self {
+            Self::Closeup => "Closeup",
+            Self::Overlap => "Overlap",
+            Self::Regions => "Regions",
+            Self::Slice(Plane::Axial) => "Axial",
+            Self::Slice(Plane::Coronal) => "Coronal",
+            Self::Slice(Plane::Sagittal) => "Sagittal",
+            Self::Diagnostics => "Diagnostics",
+        }
+    }
+}
+
+/// What undo covers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Edit {
+    /// Regions shown.
+    pub selection: Selection,
+    /// Whether the lens is on.
+    pub lens_on: bool,
+    /// The lens.
+    pub lens: Lens,
+    /// Window of each context the user changed, by id.
+    pub windows: BTreeMap<String, Window>,
+    /// How masks are drawn on slices.
+    pub overlay: Overlay,
+    /// Opacity of masks' fill on slices, 0 to 1.
+    pub overlay_opacity: f32,
+    /// Colour scheme.
+    pub palette: Palette,
+    /// Whether the diagram selects regions or whole masks.
+    pub overlap_mode: OverlapMode,
+    /// Where panes are.
+    pub layout: Tree<Pane>,
+    /// The pane that fills the window, if one does.
+    pub maximized: Option<Pane>,
+}
+
+/// Where the user looks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Navigation {
+    /// Which time point is current.
+    pub time: usize,
+    /// The closeup's camera.
+    pub camera: Camera,
+    /// The crosshair, world millimetres.
+    pub cursor_mm: DVec3,
+    /// Which context the slices show, by id; `None` for none.
+    pub context: Option<String>,
+    /// Which side left is drawn on.
+    pub convention: Convention,
+    /// Magnification of the slices: millimetres a logical point; `None` fits the image.
+    pub mm_per_point: Option<f64>,
+    /// In-plane shift of each slice's middle from the image's, in picture millimetres (right, down).
+    pub pan_mm: [DVec2; 3],
+    /// Whether the slices follow the pointer over the closeup.
+    pub follow_pointer: bool,
+}
+
+/// A case and how it is looked at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Document {
+    /// The case.
+    pub case: CaseRef,
+    /// What undo covers.
+    pub edit: Edit,
+    /// What it doesn't.
+    pub nav: Navigation,
+}
+
+/// A lens about the tumour of `time_point`: on its centroid, with the radius of a ball of half again the union's
+/// volume, so that the start shows an inside and an outside.
+pub fn default_lens(time_point: &TimePoint) -> Lens {
+    let regions = &time_point.regions;
+    let center_mm = regions.centroid_mm().unwrap_or_else(|| time_point.index.grid().center_mm());
+    let volume_mm3 = regions.union_ml() * 1000.0 * 1.5;
+    let ball_mm = (volume_mm3 * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
+    let smallest_mm = time_point.index.grid().spacing_mm().max_element() * 2.0;
+    Lens { center_mm, radius_mm: if regions.union_voxels() == 0 { 20.0 } else { ball_mm.max(smallest_mm) } }
+}
+
+/// Half the diagonal of the active voxels' box: what the camera has to hold.
+pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
+    let grid = time_point.index.grid();
+    let corners = time_point
+        .regions
+        .bounds()
+        .and_then(|(start, dims)| grid.crop(start, dims).ok())
+        .map_or_else(|| grid.corners_mm(), |part| part.corners_mm());
+    corners.iter().flat_map(|a| corners.iter().map(move |b| a.distance(*b))).fold(0.0, f64::max) / 2.0
+}
+
+impl Document {
+    /// How a freshly opened case looks: everything shown, the lens on the tumour, seen from the
+    /// front, a little from the left and above.
+    pub fn new(case: CaseRef, time_point: &TimePoint) -> Self {
+        let lens = default_lens(time_point);
+        let camera = Camera::fit(
+            lens.center_mm,
+            tumor_radius_mm(time_point),
+            Camera::orientation(30.0, 20.0),
+            Projection::Perspective,
+        );
+        Self {
+            case,
+            edit: Edit {
+                selection: Selection::all(),
+                lens_on: true,
+                lens,
+                windows: BTreeMap::new(),
+                overlay: Overlay::Both,
+                overlay_opacity: 0.35,
+                palette: Palette::Thesis,
+                overlap_mode: OverlapMode::Regions,
+                layout: layout::default_layout(),
+                maximized: None,
+            },
+            nav: Navigation {
+                time: 0,
+                camera,
+                cursor_mm: lens.center_mm,
+                context: time_point.contexts.first().map(|c| c.id.clone()),
+                convention: Convention::Radiological,
+                mm_per_point: None,
+                pan_mm: [DVec2::ZERO; 3],
+                follow_pointer: true,
+            },
+        }
+    }
+
+    /// The lens where it is on.
+    pub fn active_lens(&self) -> Option<Lens> {
+        self.edit.lens_on.then_some(self.edit.lens)
+    }
+}

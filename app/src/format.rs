@@ -1,0 +1,63 @@
+//! Numbers as people read them. Full precision is in `--json`.
+
+/// Millilitres with sensible digits: `12.34 ml`, `0.0123 ml`.
+pub fn ml(value: f64) -> String {
+    if !value.is_finite() {
+        return "unknown".into();
+    }
+    let digits = match value.abs() {
+        v if v == 0.0 || v >= 100.0 => 1,
+        v if v >= 1.0 => 2,
+        v if v >= 0.01 => 3,
+        _ => 4,
+    };
+    format!("{value:.digits$} ml")
+}
+
+/// A share as per cent: `14.2 %`, `0.03 %`.
+pub fn percent(share: f64) -> String {
+    if !share.is_finite() {
+        return "unknown".into();
+    }
+    let value = share * 100.0;
+    if value == 0.0 || value >= 1.0 { format!("{value:.1} %") } else { format!("{value:.2} %") }
+}
+
+/// A number without needless zeros: `20`, `0.5`.
+pub fn plain(value: f64) -> String {
+    format!("{value}")
+}
+
+/// The longest of 1, 2, 5 times a power of ten millimetres that takes at most `max_points`, with
+/// its length in points. `None` when nothing fits.
+pub fn nice_length_mm(mm_per_point: f64, max_points: f64) -> Option<(f64, f64)> {
+    let max_mm = mm_per_point * max_points;
+    if !(max_mm.is_finite() && max_mm > 1e-9) {
+        return None;
+    }
+    let power = 10_f64.powf(max_mm.log10().floor());
+    let mm = [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|&mm| mm <= max_mm)?;
+    Some((mm, mm / mm_per_point))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_that_can_be_read() {
+        assert_eq!(ml(0.0), "0.0 ml");
+        assert_eq!(ml(12.345), "12.35 ml");
+        assert_eq!(ml(0.0123), "0.012 ml");
+        assert_eq!(ml(f64::NAN), "unknown");
+        assert_eq!(percent(0.142), "14.2 %");
+        assert_eq!(percent(0.0003), "0.03 %");
+    }
+
+    #[test]
+    fn scale_bars_are_round_and_fit() {
+        assert_eq!(nice_length_mm(0.5, 100.0), Some((50.0, 100.0)));
+        assert_eq!(nice_length_mm(0.5, 99.0), Some((20.0, 40.0)));
+        assert_eq!(nice_length_mm(0.0, 99.0), None);
+    }
+}

@@ -1,0 +1,75 @@
+//! Where panes are: the default is Fig. 7.1's arrangement.
+
+use egui_tiles::{Container, Linear, LinearDir, Tiles, Tree};
+use glioscope_render::slices::Plane;
+
+use crate::document::Pane;
+
+/// Closeup at the left, the overlap diagram and the table in the middle, three slices at the right.
+pub fn default_layout() -> Tree<Pane> {
+    let mut tiles = Tiles::default();
+    let closeup = tiles.insert_pane(Pane::Closeup);
+    let overlap = tiles.insert_pane(Pane::Overlap);
+    let regions = tiles.insert_pane(Pane::Regions);
+    let slices =
+        [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(|plane| tiles.insert_pane(Pane::Slice(plane)));
+    let middle = linear(&mut tiles, LinearDir::Vertical, &[(overlap, 1.35), (regions, 1.0)]);
+    let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
+    let root = linear(&mut tiles, LinearDir::Horizontal, &[(closeup, 1.35), (middle, 1.0), (right, 0.9)]);
+    Tree::new("layout", root, tiles)
+}
+
+fn linear(
+    tiles: &mut Tiles<Pane>,
+    dir: LinearDir,
+    children: &[(egui_tiles::TileId, f32)],
+) -> egui_tiles::TileId {
+    let mut container = Linear::new(dir, children.iter().map(|c| c.0).collect());
+    for &(child, share) in children {
+        container.shares.set_share(child, share);
+    }
+    tiles.insert_container(Container::Linear(container))
+}
+
+/// One pane alone over the whole window.
+pub fn single(pane: Pane) -> Tree<Pane> {
+    let mut tiles = Tiles::default();
+    let root = tiles.insert_pane(pane);
+    Tree::new("layout", root, tiles)
+}
+
+/// Whether `pane` has a place in `layout`.
+pub fn contains(layout: &Tree<Pane>, pane: Pane) -> bool {
+    layout.tiles.find_pane(&pane).is_some()
+}
+
+/// Gives `pane` a place at the right, or takes it away.
+pub fn toggle(layout: &mut Tree<Pane>, pane: Pane) {
+    if let Some(tile) = layout.tiles.find_pane(&pane) {
+        layout.remove_recursively(tile);
+    } else {
+        let tile = layout.tiles.insert_pane(pane);
+        match layout.root() {
+            Some(root) => layout.move_tile_to_container(tile, root, usize::MAX, true),
+            None => *layout = single(pane),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_has_every_view_and_toggling_undoes_itself() {
+        let mut layout = default_layout();
+        for pane in [Pane::Closeup, Pane::Overlap, Pane::Regions, Pane::Slice(Plane::Coronal)] {
+            assert!(contains(&layout, pane));
+        }
+        assert!(!contains(&layout, Pane::Diagnostics));
+        toggle(&mut layout, Pane::Diagnostics);
+        assert!(contains(&layout, Pane::Diagnostics));
+        toggle(&mut layout, Pane::Diagnostics);
+        assert!(!contains(&layout, Pane::Diagnostics));
+    }
+}

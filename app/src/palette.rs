@@ -1,0 +1,122 @@
+//! The command palette: every command by its words.
+
+use egui::{Align2, Key, RichText, ScrollArea, TextEdit, Ui};
+use nucleo_matcher::{
+    Config, Matcher, Utf32Str,
+    pattern::{CaseMatching, Normalization, Pattern},
+};
+
+use crate::commands::Command;
+
+/// Whether it is open, what was typed, and which row is chosen.
+#[derive(Default)]
+pub struct CommandPalette {
+    open: bool,
+    query: String,
+    chosen: usize,
+}
+
+/// Commands whose text matches `query`, best first; all of them for an empty query.
+pub fn matching(query: &str, commands: Vec<Command>) -> Vec<Command> {
+    if query.trim().is_empty() {
+        return commands;
+    }
+    let mut matcher = Matcher::new(Config::DEFAULT);
+    let pattern = Pattern::parse(query, CaseMatching::Ignore, Normalization::Smart);
+    let mut buffer = Vec::new();
+    let mut scored: Vec<(u32, Command)> = commands
+        .into_iter()
+        .filter_map(|command| {
+            let text = command.text();
+            pattern.score(Utf32Str::new(&text, &mut buffer), &mut matcher).map(|score| (score, command))
+        })
+        .collect();
+    scored.sort_by_key(|(score, _)| std::cmp::Reverse(*score));
+    scored.into_iter().map(|(_, command)| command).collect()
+}
+
+impl CommandPalette {
+    /// Opens it, empty.
+    pub fn open(&mut self) {
+        *self = Self { open: true, ..Self::default() };
+    }
+
+    /// Draws it where it is open; the command that was chosen goes to `out`.
+    pub fn show(&mut self, ui: &mut Ui, out: &mut Vec<Command>) {
+        if !self.open {
+            return;
+        }
+        let found = matching(&self.query, Command::listed());
+        let (up, down, enter, escape) = ui.input_mut(|i| {
+            let mut pressed = |key| i.consume_key(egui::Modifiers::NONE, key);
+            (pressed(Key::ArrowUp), pressed(Key::ArrowDown), pressed(Key::Enter), pressed(Key::Escape))
+        });
+        self.chosen = match (up, down) {
+            (true, _) => self.chosen.saturating_sub(1),
+            (_, true) => (self.chosen + 1).min(found.len().saturating_sub(1)),
+            _ => self.chosen.min(found.len().saturating_sub(1)),
+        };
+        let mut done = escape;
+        if enter && let Some(command) = found.get(self.chosen) {
+            out.push(command.clone());
+            done = true;
+        }
+        egui::Window::new("Commands")
+            .title_bar(false)
+            .resizable(false)
+            .anchor(Align2::CENTER_TOP, [0.0, 60.0])
+            .fixed_size([430.0, 380.0])
+            .show(ui.ctx(), |ui| {
+                let edit = TextEdit::singleline(&mut self.query)
+                    .hint_text("Type what you want to do")
+                    .desired_width(f32::INFINITY);
+                let response = ui.add(edit);
+                response.widget_info(|| {
+                    egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, "Search commands")
+                });
+                response.request_focus();
+                ui.add_space(4.0);
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    if found.is_empty() {
+                        ui.label("No command has these words.");
+                    }
+                    for (row, command) in found.iter().enumerate() {
+                        let chosen = row == self.chosen;
+                        let clicked = ui
+                            .horizontal(|ui| {
+                                let clicked = ui.selectable_label(chosen, command.text()).clicked();
+                                if let Some(keys) = command.shortcut() {
+                                    let keys = keys.format(&egui::ModifierNames::NAMES, false);
+                                    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                                        ui.label(RichText::new(keys).weak());
+                                    });
+                                }
+                                clicked
+                            })
+                            .inner;
+                        if clicked {
+                            out.push(command.clone());
+                            done = true;
+                        }
+                    }
+                });
+            });
+        if done {
+            self.open = false;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_in_any_case_find_their_command() {
+        let found = matching("only lens", Command::listed());
+        assert!(found.len() < Command::listed().len());
+        assert_eq!(matching("UNDO", Command::listed()).first(), Some(&Command::Undo));
+        assert_eq!(matching("", Command::listed()).len(), Command::listed().len());
+        assert!(matching("qqqzzz", Command::listed()).is_empty());
+    }
+}

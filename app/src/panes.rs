@@ -1,0 +1,148 @@
+//! The panes of the window: which view is drawn where.
+
+use std::collections::BTreeMap;
+
+use egui::{Rect, Ui, WidgetText};
+use egui_tiles::{Behavior, SimplificationOptions, TileId, Tiles, UiResponse};
+use glioscope_render::Scene;
+
+use crate::{
+    commands::Command,
+    document::Pane,
+    viewport::Viewport,
+    views::{
+        ViewContext, closeup, diagnostics,
+        overlap::{self, OverlapInput},
+        slices,
+    },
+};
+
+/// What drawing the panes needs, and what it leaves behind.
+pub struct PaneArea<'a> {
+    /// What views read.
+    pub view: ViewContext<'a>,
+    /// The closeup's scene.
+    pub scene: &'a Scene,
+    /// The 3D renderer.
+    pub viewport: Option<&'a mut Viewport>,
+    /// What the closeup remembers.
+    pub closeup: &'a mut closeup::CloseupState,
+    /// Whether drafts are skipped.
+    pub refine_at_once: bool,
+    /// Where each pane was drawn.
+    pub rects: BTreeMap<Pane, Rect>,
+    /// What the user did.
+    pub out: &'a mut Vec<Command>,
+}
+
+/// Draws the layout, or the maximised pane alone.
+pub fn show(ui: &mut Ui, area: &mut PaneArea<'_>) {
+    let edit = &area.view.doc.edit;
+    if let Some(pane) = edit.maximized {
+        egui::Panel::top("maximized").show(ui, |ui| {
+            ui.horizontal(|ui| {
+                ui.strong(pane.tab());
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    pane_buttons(ui, pane, true, area.out);
+                });
+            });
+        });
+        egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| area.pane(ui, pane));
+        return;
+    }
+    let mut layout = edit.layout.clone();
+    layout.ui(area, ui);
+    // The first draw simplifies the tree; that is no deed of the user's, but it must be kept all the
+    // same, or every frame would do it again.
+    if layout != edit.layout {
+        area.out.push(Command::SetLayout(Box::new(layout)));
+    }
+}
+
+impl PaneArea<'_> {
+    /// Draws one view into all of `ui`.
+    pub fn pane(&mut self, ui: &mut Ui, pane: Pane) {
+        self.rects.insert(pane, ui.available_rect_before_wrap());
+        match pane {
+            Pane::Closeup => closeup::show(
+                ui,
+                &self.view,
+                self.scene,
+                self.viewport.as_deref_mut(),
+                self.closeup,
+                self.refine_at_once,
+                self.out,
+            ),
+            Pane::Overlap => {
+                overlap::show(ui, &self.overlap_input(), self.out);
+            }
+            Pane::Regions => {
+                overlap::show_table(ui, &self.overlap_input(), self.out);
+            }
+            Pane::Slice(plane) => slices::show(ui, &self.view, plane, self.out),
+            Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref()),
+        }
+    }
+
+    fn overlap_input(&self) -> OverlapInput<'_> {
+        OverlapInput {
+            regions: &self.view.time_point.regions,
+            selection: &self.view.doc.edit.selection,
+            colors: self.view.colors,
+            mode: self.view.doc.edit.overlap_mode,
+        }
+    }
+}
+
+fn pane_buttons(ui: &mut Ui, pane: Pane, maximized: bool, out: &mut Vec<Command>) {
+    let (sign, words) = if maximized { ("🗗", "Restore") } else { ("🗖", "Maximise") };
+    for (sign, label, command) in [
+        (sign, format!("{words} {}", pane.title()), Command::MaximizePane(pane)),
+        ("📷", format!("Picture of {}", pane.title()), Command::ScreenshotPane(pane)),
+    ] {
+        let response = ui.small_button(sign).on_hover_text(command.tooltip());
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, &label));
+        if response.clicked() {
+            out.push(command);
+        }
+    }
+}
+
+impl Behavior<Pane> for PaneArea<'_> {
+    fn pane_ui(&mut self, ui: &mut Ui, _tile: TileId, pane: &mut Pane) -> UiResponse {
+        let fill = ui.visuals().panel_fill;
+        ui.painter().rect_filled(ui.max_rect(), 0.0, fill);
+        self.pane(ui, *pane);
+        UiResponse::None
+    }
+
+    fn tab_title_for_pane(&mut self, pane: &Pane) -> WidgetText {
+        pane.tab().into()
+    }
+
+    fn top_bar_right_ui(
+        &mut self,
+        tiles: &Tiles<Pane>,
+        ui: &mut Ui,
+        _tile: TileId,
+        tabs: &egui_tiles::Tabs,
+        _scroll_offset: &mut f32,
+    ) {
+        if let Some(pane) = tabs.active.and_then(|tile| tiles.get_pane(&tile)) {
+            ui.add_space(4.0);
+            pane_buttons(ui, *pane, false, self.out);
+        }
+    }
+
+    fn tab_bar_height(&self, _style: &egui::Style) -> f32 {
+        22.0
+    }
+
+    fn gap_width(&self, _style: &egui::Style) -> f32 {
+        3.0
+    }
+
+    fn simplification_options(&self) -> SimplificationOptions {
+        SimplificationOptions { all_panes_must_have_tabs: true, ..SimplificationOptions::default() }
+    }
+}

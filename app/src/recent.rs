@@ -1,0 +1,78 @@
+//! The list of cases opened before, in the user's configuration folder. Losing it loses nothing
+//! else, so its failures are silent.
+
+use std::path::{Path, PathBuf};
+
+use glioscope_core::files::write_whole;
+
+const MOST: usize = 12;
+
+/// Paths of cases and sessions, newest first.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Recent {
+    file: Option<PathBuf>,
+    paths: Vec<PathBuf>,
+}
+
+impl Recent {
+    /// The user's list. `GLIOSCOPE_CONFIG` names another folder to keep it in.
+    pub fn of_user() -> Self {
+        let folder = std::env::var_os("GLIOSCOPE_CONFIG").map(PathBuf::from).or_else(|| {
+            directories::ProjectDirs::from("", "", "glioscope").map(|d| d.config_dir().to_owned())
+        });
+        folder.map_or_else(Self::default, |folder| Self::in_folder(&folder))
+    }
+
+    /// The list kept in `folder`.
+    pub fn in_folder(folder: &Path) -> Self {
+        let file = folder.join("recent.json");
+        let paths =
+            std::fs::read(&file).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
+        Self { file: Some(file), paths }
+    }
+
+    /// Newest first.
+    pub fn paths(&self) -> &[PathBuf] {
+        &self.paths
+    }
+
+    /// Puts `path` first and keeps the list.
+    pub fn add(&mut self, path: &Path) {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        self.paths.retain(|p| *p != path);
+        self.paths.insert(0, path);
+        self.paths.truncate(MOST);
+        self.keep();
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.paths.clear();
+        self.keep();
+    }
+
+    fn keep(&self) {
+        let Some(file) = &self.file else { return };
+        if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.paths)) {
+            let _ = std::fs::create_dir_all(folder);
+            let _ = write_whole(file, &bytes);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn newest_first_once_each_and_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut recent = Recent::in_folder(folder.path());
+        for name in ["/a", "/b", "/a"] {
+            recent.add(Path::new(name));
+        }
+        let expected = [PathBuf::from("/a"), PathBuf::from("/b")];
+        assert_eq!(recent.paths(), expected);
+        assert_eq!(Recent::in_folder(folder.path()).paths(), expected);
+    }
+}

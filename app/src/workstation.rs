@@ -1,0 +1,137 @@
+//! Document, world and history together: what commands act on. Knows no window, so tests and the
+//! command line drive it too.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+use glioscope_core::case::LoadOptions;
+
+use crate::{
+    commands::Command,
+    document::{CaseRef, Document},
+    history::History,
+    session,
+    world::{self, LoadJob, Loaded, World},
+};
+
+/// The running program's state.
+#[derive(Default)]
+pub struct Workstation {
+    /// What is saved; `None` while no case is open.
+    pub doc: Option<Document>,
+    /// What is alive.
+    pub world: World,
+    /// Undo and redo.
+    pub history: History,
+    /// A case being read.
+    pub job: Option<LoadJob>,
+    /// Where the session was last saved or read.
+    pub session_path: Option<PathBuf>,
+    /// Limits and choices of loading.
+    pub options: LoadOptions,
+    /// The last thing that went wrong, until dismissed.
+    pub error: Option<String>,
+    /// What was just done, for the status line.
+    pub notice: Option<String>,
+}
+
+impl Workstation {
+    /// A workstation with a case open.
+    pub fn with_case(case: CaseRef, loaded: Loaded) -> Self {
+        let mut it = Self::default();
+        it.install(case, loaded, None);
+        it
+    }
+
+    fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
+        self.world = World::new(loaded);
+        self.history = History::default();
+        let first = self.world.case().and_then(|c| c.time_points.first());
+        self.doc = document.or_else(|| first.map(|time_point| Document::new(case, time_point)));
+        if let Some(doc) = &mut self.doc {
+            doc.nav.time = doc.nav.time.min(self.world.time_point_count().saturating_sub(1));
+        }
+    }
+
+    /// Starts opening a case; the current one stays until the new one is whole.
+    pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: impl FnOnce() + Send + 'static) {
+        if let Some(job) = self.job.take() {
+            job.progress.cancel();
+        }
+        match world::spec_of(&case) {
+            Ok(spec) => {
+                self.error = None;
+                self.job = Some(LoadJob::start(case, spec, self.options.clone(), document, wake));
+            }
+            Err(error) => self.error = Some(error.to_string()),
+        }
+    }
+
+    /// Opens a session file and the case it names.
+    pub fn open_session(&mut self, path: &Path, wake: impl FnOnce() + Send + 'static) {
+        match session::load(path) {
+            Ok(document) => {
+                self.session_path = Some(path.to_owned());
+                self.open(document.case.clone(), Some(document), wake);
+            }
+            Err(error) => self.error = Some(error.to_string()),
+        }
+    }
+
+    /// Takes the finished load, if there is one. Returns the case that was opened.
+    pub fn poll(&mut self) -> Option<CaseRef> {
+        let result = self.job.as_ref()?.poll()?;
+        let job = self.job.take()?;
+        match result {
+            Ok(loaded) => {
+                if job.document.is_none() {
+                    self.session_path = None;
+                }
+                self.install(job.case.clone(), loaded, job.document);
+                Some(job.case)
+            }
+            Err(error) => {
+                if job.progress.check().is_ok() {
+                    self.error = Some(error);
+                } else {
+                    self.notice = Some("Loading cancelled; nothing was changed.".into());
+                }
+                None
+            }
+        }
+    }
+
+    /// Saves the session to `path`.
+    pub fn save(&mut self, path: PathBuf) {
+        let Some(doc) = &self.doc else { return };
+        match session::save(&path, doc) {
+            Ok(()) => {
+                self.notice = Some("Session saved.".into());
+                self.session_path = Some(path);
+            }
+            Err(error) => self.error = Some(error.to_string()),
+        }
+    }
+
+    /// Does what a command does to the document, and remembers it for undo.
+    pub fn apply(&mut self, command: &Command, now: Instant) {
+        let Some(doc) = &mut self.doc else { return };
+        match command {
+            Command::Undo => {
+                self.history.undo(&mut doc.edit);
+            }
+            Command::Redo => {
+                self.history.redo(&mut doc.edit);
+            }
+            _ => {
+                let before = doc.edit.clone();
+                command.apply(doc, &self.world);
+                if doc.edit != before {
+                    self.history.record(before, command.gesture(), now);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! What is alive: the loaded case and what is derived from it. Never saved.
+
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, mpsc},
+    thread,
+};
+
+use glioscope_core::{
+    Check, Progress, RegionVolume,
+    case::{self, Case, CaseError, CaseSpec, LoadOptions, TimePoint},
+    sample,
+};
+use glioscope_render::{MaskColors, Scene, slices::PreparedContext};
+
+use crate::document::{CaseRef, Document};
+
+/// A case and what every view needs of it, made once a load.
+pub struct Loaded {
+    /// The case.
+    pub case: Arc<Case>,
+    /// Images ready to slice, in the order of each time point's contexts.
+    contexts: Vec<Vec<Arc<PreparedContext>>>,
+    /// Cropped regions of each time point; `None` where no voxel is active.
+    tumors: Vec<Option<Arc<RegionVolume>>>,
+}
+
+impl Loaded {
+    /// Derives what views need.
+    pub fn new(case: Case) -> Self {
+        let contexts = case
+            .time_points
+            .iter()
+            .map(|t| t.contexts.iter().map(|c| Arc::new(PreparedContext::new(c.volume.clone()))).collect())
+            .collect();
+        let tumors =
+            case.time_points.iter().map(|t| RegionVolume::of(&t.index, &t.regions).map(Arc::new)).collect();
+        Self { case: Arc::new(case), contexts, tumors }
+    }
+}
+
+/// What is alive.
+#[derive(Default)]
+pub struct World {
+    loaded: Option<Loaded>,
+}
+
+impl World {
+    /// A world with a case in it.
+    pub fn new(loaded: Loaded) -> Self {
+        Self { loaded: Some(loaded) }
+    }
+
+    /// The case.
+    pub fn case(&self) -> Option<&Arc<Case>> {
+        self.loaded.as_ref().map(|l| &l.case)
+    }
+
+    /// Number of dates.
+    pub fn time_point_count(&self) -> usize {
+        self.case().map_or(0, |c| c.time_points.len())
+    }
+
+    /// The date the document looks at.
+    pub fn time_point(&self, doc: &Document) -> Option<&TimePoint> {
+        let case = self.case()?;
+        case.time_points.get(doc.nav.time).or_else(|| case.time_points.first())
+    }
+
+    /// The image that the slices show.
+    pub fn context(&self, doc: &Document) -> Option<(&str, &Arc<PreparedContext>)> {
+        let time_point = self.time_point(doc)?;
+        let id = doc.nav.context.as_ref()?;
+        let at = time_point.contexts.iter().position(|c| c.id == *id)?;
+        let prepared = self.loaded.as_ref()?.contexts.get(doc.nav.time)?.get(at)?;
+        Some((time_point.contexts[at].id.as_str(), prepared))
+    }
+
+    /// Colours of the masks of the current date.
+    pub fn colors(&self, doc: &Document) -> MaskColors {
+        let asked: Vec<_> =
+            self.time_point(doc).map(|t| t.masks.iter().map(|m| m.color).collect()).unwrap_or_default();
+        MaskColors::new(doc.edit.palette, &asked)
+    }
+
+    /// The closeup as the document wants it.
+    pub fn closeup(&self, doc: &Document, dark: bool) -> Scene {
+        Scene {
+            tumor: self.loaded.as_ref().and_then(|l| l.tumors.get(doc.nav.time)?.clone()),
+            selection: doc.edit.selection.clone(),
+            colors: self.colors(doc),
+            lens: doc.active_lens(),
+            camera: doc.nav.camera,
+            background: if dark { [34, 36, 40] } else { [244, 244, 242] },
+            silhouette: [0, 0, 0],
+        }
+    }
+
+    /// Everything noticed about the case.
+    pub fn checks(&self) -> &[Check] {
+        self.case().map_or(&[], |c| &c.checks)
+    }
+}
+
+/// The case that a reference names, before it is read.
+///
+/// # Errors
+/// [`CaseError`]: the manifest, folder or argument is wrong.
+pub fn spec_of(case: &CaseRef) -> Result<CaseSpec, CaseError> {
+    match case {
+        CaseRef::Sample => Ok(sample::sample_spec()),
+        CaseRef::Path(path) => CaseSpec::from_path(path),
+        CaseRef::Arguments { masks, contexts } => CaseSpec::from_arguments(masks, contexts),
+    }
+}
+
+/// A load on its own thread.
+pub struct LoadJob {
+    /// What is being opened.
+    pub case: CaseRef,
+    /// How far it is.
+    pub progress: Progress,
+    /// A document to continue with, from a session file.
+    pub document: Option<Document>,
+    receive: mpsc::Receiver<Result<Loaded, CaseError>>,
+}
+
+impl LoadJob {
+    /// Starts reading `spec`. `wake` is called when it is done.
+    pub fn start(
+        case: CaseRef,
+        spec: CaseSpec,
+        options: LoadOptions,
+        document: Option<Document>,
+        wake: impl FnOnce() + Send + 'static,
+    ) -> Self {
+        let progress = Progress::new();
+        let (send, receive) = mpsc::channel();
+        let worker_progress = progress.clone();
+        thread::spawn(move || {
+            let result = case::load(&spec, &options, &worker_progress).map(Loaded::new);
+            // The window may be gone: then nobody wants the result.
+            let _ = send.send(result);
+            wake();
+        });
+        Self { case, progress, document, receive }
+    }
+
+    /// The result, once there is one.
+    pub fn poll(&self) -> Option<Result<Loaded, String>> {
+        match self.receive.try_recv() {
+            Ok(result) => Some(result.map_err(|e| e.to_string())),
+            Err(mpsc::TryRecvError::Empty) => None,
+            Err(mpsc::TryRecvError::Disconnected) => {
+                Some(Err("loading stopped without an answer; please report the files' kinds".into()))
+            }
+        }
+    }
+}
+
+/// Progress as words: what is being done and how far.
+pub fn progress_text(progress: &Progress) -> String {
+    let label = progress.label();
+    match progress.fraction() {
+        Some(fraction) => format!("{label} {:.0} %", fraction * 100.0),
+        None => label,
+    }
+}
+
+/// Ids of contexts with their place in a list, for menus.
+pub fn context_ids(time_point: &TimePoint) -> BTreeMap<usize, &str> {
+    time_point.contexts.iter().map(|c| c.id.as_str()).enumerate().collect()
+}

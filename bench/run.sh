@@ -1,0 +1,109 @@
+#!/usr/bin/env bash
+# Times the optimised glioscope beside its peers on the real glioma case, all in one run on one machine, and prints
+# the Markdown tables of docs/performance.md. Called by `./x bench`, which installs what it needs.
+set -euo pipefail
+
+usage() {
+    cat <<'TEXT'
+Usage: ./x bench [--runs N] [--vtk] [--data DIR]
+
+  --runs N    timed runs of each program; the median counts (default 7)
+  --vtk       also VTK's volume ray casting and surfaces with SSAO (../shared/bench/vtk_peer.py; about a minute)
+  --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
+TEXT
+}
+
+root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
+target_dir=${CARGO_TARGET_DIR:-$root/target}
+runs=7 vtk='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
+while (($#)); do
+    case $1 in
+    --runs) runs=${2:?--runs needs a number} && shift 2 ;;
+    --data) data=${2:?--data needs a folder} && shift 2 ;;
+    --vtk) vtk=1 && shift ;;
+    -h | --help) usage && exit 0 ;;
+    *) echo "bench: unknown argument: $1" >&2 && usage >&2 && exit 2 ;;
+    esac
+done
+
+case_dir=$data/glioma-5-algorithms
+if [[ ! -f $case_dir/scan-20.nii.gz ]]; then
+    echo "bench: $case_dir: expected the glioma case (scan-20.nii.gz …), found nothing; name its parent with --data" >&2
+    exit 2
+fi
+data=$(cd -- "$data" && pwd) && case_dir=$data/glioma-5-algorithms
+
+# ---- programs -----------------------------------------------------------------------------------
+
+cargo build --quiet --manifest-path "$root/Cargo.toml" --release -p glioscope
+glioscope=$target_dir/release/glioscope
+
+venv=$target_dir/venv
+requirements=$root/bench/requirements${vtk:+-vtk}.txt
+[[ -x $venv/bin/python ]] || python3 -m venv "$venv"
+"$venv/bin/pip" install --quiet --disable-pip-version-check -r "$requirements"
+
+masks=()
+for rater in hnfnetv1-20 isen-20 scan-20; do
+    masks+=(--mask "${rater%-20}=$case_dir/$rater.nii.gz:1,2,4")
+done
+contexts=()
+for image in t1c fla; do
+    contexts+=(--context "${image^^}=$case_dir/$image.nii.gz")
+done
+pictures=$(mktemp -d)
+trap 'rm -rf -- "$pictures"' EXIT
+
+# One argument, quoted so that timing.py splits it back into these words.
+command_of() { printf '%q ' "$@"; }
+closeup() { command_of "$glioscope" render --view closeup --size "$1" --stats --out "$pictures/closeup-$1.png" "${masks[@]}"; }
+peer() { command_of "$venv/bin/python" "$root/bench/peer_measure.py" --json "${masks[@]}"; }
+timing() { "$venv/bin/python" "$root/bench/timing.py" "$@"; }
+
+# ---- tables -------------------------------------------------------------------------------------
+
+echo "### Machine"
+echo
+lscpu | sed -nE 's/^(Model name|CPU\(s\)|L3 cache): +/- \1: /p'
+sed -nE 's/^MemTotal: +([0-9]+) kB/\1/p' /proc/meminfo | awk '{ printf "- Memory: %.0f GiB\n", $1 / 1048576 }'
+sed -n 's/^PRETTY_NAME="\(.*\)"/- System: \1/p' /etc/os-release
+echo "- $(rustc --version); $("$venv/bin/python" --version); $("$venv/bin/pip" list --disable-pip-version-check 2>/dev/null | awk '/^(nibabel|numpy|vtk) / { printf "%s%s %s", sep, $1, $2; sep = ", " }')"
+echo "- $(date -u +%Y-%m-%d), commit $(git -C "$root" rev-parse --short HEAD), load before the run $(cut -d' ' -f1 /proc/loadavg)"
+
+echo
+echo "### Measure, beside nibabel and NumPy"
+echo
+"$glioscope" measure --json "${masks[@]}" >"$pictures/ours.json"
+"$venv/bin/python" "$root/bench/peer_measure.py" --json "${masks[@]}" >"$pictures/theirs.json"
+"$venv/bin/python" "$root/bench/same_numbers.py" "$pictures/ours.json" "$pictures/theirs.json"
+echo
+timing processes --runs "$runs" "glioscope measure" "$(command_of "$glioscope" measure --json "${masks[@]}")" \
+    "nibabel + NumPy" "$(peer)"
+
+echo
+echo "### Load and first complete frame"
+echo
+echo "Whole processes: three masks read, the closeup drawn at 512x512 and written; the same with two images and a slice."
+echo
+timing processes --runs "$runs" "closeup" "$(closeup 512x512)" \
+    "axial slice" "$(command_of "$glioscope" render --view axial --size 512x512 --out "$pictures/axial.png" "${masks[@]}" "${contexts[@]}")"
+
+echo
+echo "### Closeup, per pass"
+timing passes --runs "$runs" "$(closeup 512x512)" "$(closeup 1024x1024)"
+
+if [[ -n $vtk ]]; then
+    echo
+    echo "### VTK on the same masks"
+    echo
+    peer_script=$data/../bench/vtk_peer.py
+    if [[ ! -f $peer_script ]]; then
+        echo "bench: $peer_script is absent: no VTK figures" >&2
+        exit 2
+    fi
+    # Its camera frames the whole image for volumes and the tumour for surfaces. In its mode volume+ssao VTK 9.7.2 drew an
+    # empty picture here (one colour), so that time means nothing and is left out.
+    printf '| size | mode | median of 5 (ms) | window |\n|---|---|---:|---|\n'
+    (cd -- "$pictures" && env -u DISPLAY "$venv/bin/python" "$peer_script" "$data" 2>/dev/null) |
+        awk '/^[0-9]+ / && $2 != "volume+ssao" { printf "| %sx%s | %s | %s | %s |\n", $1, $1, $2, $3, $5 }'
+fi

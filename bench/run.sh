@@ -5,9 +5,10 @@ set -euo pipefail
 
 usage() {
     cat <<'TEXT'
-Usage: ./x bench [--runs N] [--vtk] [--data DIR]
+Usage: ./x bench [--runs N] [--software] [--vtk] [--data DIR]
 
   --runs N    timed runs of each program; the median counts (default 7)
+  --software  draw with the software adapter even where there is a GPU
   --vtk       also VTK's volume ray casting and surfaces with SSAO (../shared/bench/vtk_peer.py; about a minute)
   --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
 TEXT
@@ -15,11 +16,12 @@ TEXT
 
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 target_dir=${CARGO_TARGET_DIR:-$root/target}
-runs=7 vtk='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
+runs=7 software=() vtk='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
 while (($#)); do
     case $1 in
     --runs) runs=${2:?--runs needs a number} && shift 2 ;;
     --data) data=${2:?--data needs a folder} && shift 2 ;;
+    --software) software=(--software) && shift ;;
     --vtk) vtk=1 && shift ;;
     -h | --help) usage && exit 0 ;;
     *) echo "bench: unknown argument: $1" >&2 && usage >&2 && exit 2 ;;
@@ -56,8 +58,7 @@ trap 'rm -rf -- "$pictures"' EXIT
 
 # One argument, quoted so that timing.py splits it back into these words.
 command_of() { printf '%q ' "$@"; }
-closeup() { command_of "$glioscope" render --view closeup --size "$1" --stats --out "$pictures/closeup-$1.png" "${masks[@]}"; }
-peer() { command_of "$venv/bin/python" "$root/bench/peer_measure.py" --json "${masks[@]}"; }
+render() { command_of "$glioscope" render "$@" --out "$pictures/frame.png" "${software[@]}" "${masks[@]}"; }
 timing() { "$venv/bin/python" "$root/bench/timing.py" "$@"; }
 
 # ---- tables -------------------------------------------------------------------------------------
@@ -78,19 +79,22 @@ echo
 "$venv/bin/python" "$root/bench/same_numbers.py" "$pictures/ours.json" "$pictures/theirs.json"
 echo
 timing processes --runs "$runs" "glioscope measure" "$(command_of "$glioscope" measure --json "${masks[@]}")" \
-    "nibabel + NumPy" "$(peer)"
+    "nibabel + NumPy" "$(command_of "$venv/bin/python" "$root/bench/peer_measure.py" --json "${masks[@]}")"
 
 echo
 echo "### Load and first complete frame"
 echo
-echo "Whole processes: three masks read, the closeup drawn at 512x512 and written; the same with two images and a slice."
+echo "Whole processes: three masks read, the closeup drawn at 512x512 and written; three masks and two images read, an axial slice."
 echo
-timing processes --runs "$runs" "closeup" "$(closeup 512x512)" \
-    "axial slice" "$(command_of "$glioscope" render --view axial --size 512x512 --out "$pictures/axial.png" "${masks[@]}" "${contexts[@]}")"
+timing processes --runs "$runs" "closeup" "$(render --view closeup --size 512x512)" \
+    "axial slice" "$(render --view axial --size 512x512 "${contexts[@]}")"
 
 echo
 echo "### Closeup, per pass"
-timing passes --runs "$runs" "$(closeup 512x512)" "$(closeup 1024x1024)"
+echo
+echo "The second frame of a process (the first one compiles and uploads), without legend and cube."
+timing passes --runs "$runs" "$(render --view closeup --plain --stats --size 512x512)" \
+    "$(render --view closeup --plain --stats --size 1024x1024)"
 
 if [[ -n $vtk ]]; then
     echo

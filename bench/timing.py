@@ -2,7 +2,7 @@
 
   timing.py processes --runs N NAME COMMAND [NAME COMMAND …]
       Whole processes, start to exit, in turns (A B A B …), so that other load on the machine meets all alike;
-      CPU time is the steadier figure under load. One untimed run each first. Peak memory is the largest of the process and the children it waited for.
+      CPU time is the steadier figure under load. One untimed run each first. Peak memory is the process's own.
       The first program is compared with every other: ratio = its median / theirs.
   timing.py passes --runs N COMMAND [COMMAND …]
       Runs `glioscope render … --stats`, reads the JSON it prints, and gives the median of each pass.
@@ -69,7 +69,7 @@ def passes(runs, commands):
     for command in commands:
         frames = [json.loads(run(command)[-1]) for _ in range(runs)]
         size = frames[0]["size"]
-        print(f"\nAdapter: {frames[0]['adapter']}; size {size if isinstance(size, str) else 'x'.join(map(str, size))}\n")
+        print(f"\nSize {'x'.join(map(str, size))}; adapter {frames[0]['adapter']}; timed by {frames[0].get('timed_by', 'unknown')}.\n")
         print(f"| pass | median of {runs} (ms) | fastest to slowest (ms) |")
         print("|---|---:|---:|")
         names = [step["name"] for step in frames[0]["passes"]]

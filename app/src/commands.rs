@@ -129,8 +129,7 @@ impl Command {
         ];
         all.extend(AnatomicalView::ALL.map(Self::Look));
         let planes = [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(Pane::Slice);
-        for pane in [Pane::Closeup, Pane::Overlap, Pane::Regions, Pane::Diagnostics].into_iter().chain(planes)
-        {
+        for pane in [Pane::Closeup, Pane::Overlap, Pane::Diagnostics].into_iter().chain(planes) {
             all.push(Self::TogglePane(pane));
             all.push(Self::MaximizePane(pane));
         }

@@ -41,10 +41,8 @@ pub enum CaseRef {
 pub enum Pane {
     /// The tumour intersection closeup.
     Closeup,
-    /// The overlap diagram with its bar.
+    /// The overlap diagram with its bar and the table of regions.
     Overlap,
-    /// The table of regions.
-    Regions,
     /// A slice view.
     Slice(Plane),
     /// Plan, pass times and adapter.
@@ -57,7 +55,6 @@ impl Pane {
         match self {
             Self::Closeup => "the closeup",
             Self::Overlap => "the overlap diagram",
-            Self::Regions => "the table of regions",
             Self::Slice(Plane::Axial) => "the axial slice",
             Self::Slice(Plane::Coronal) => "the coronal slice",
             Self::Slice(Plane::Sagittal) => "the sagittal slice",
@@ -70,7 +67,6 @@ impl Pane {
         match self {
             Self::Closeup => "Closeup",
             Self::Overlap => "Overlap",
-            Self::Regions => "Regions",
             Self::Slice(Plane::Axial) => "Axial",
             Self::Slice(Plane::Coronal) => "Coronal",
             Self::Slice(Plane::Sagittal) => "Sagittal",

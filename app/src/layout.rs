@@ -5,17 +5,15 @@ use glioscope_render::slices::Plane;
 
 use crate::document::Pane;
 
-/// Closeup at the left, the overlap diagram and the table in the middle, three slices at the right.
+/// Closeup at the left, the overlap diagram with its table in the middle, three slices at the right.
 pub fn default_layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let closeup = tiles.insert_pane(Pane::Closeup);
     let overlap = tiles.insert_pane(Pane::Overlap);
-    let regions = tiles.insert_pane(Pane::Regions);
     let slices =
         [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(|plane| tiles.insert_pane(Pane::Slice(plane)));
-    let middle = linear(&mut tiles, LinearDir::Vertical, &[(overlap, 1.35), (regions, 1.0)]);
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
-    let root = linear(&mut tiles, LinearDir::Horizontal, &[(closeup, 1.35), (middle, 1.0), (right, 0.9)]);
+    let root = linear(&mut tiles, LinearDir::Horizontal, &[(closeup, 1.35), (overlap, 1.0), (right, 0.9)]);
     Tree::new("layout", root, tiles)
 }
 
@@ -63,7 +61,7 @@ mod tests {
     #[test]
     fn the_default_has_every_view_and_toggling_undoes_itself() {
         let mut layout = default_layout();
-        for pane in [Pane::Closeup, Pane::Overlap, Pane::Regions, Pane::Slice(Plane::Coronal)] {
+        for pane in [Pane::Closeup, Pane::Overlap, Pane::Slice(Plane::Coronal)] {
             assert!(contains(&layout, pane));
         }
         assert!(!contains(&layout, Pane::Diagnostics));

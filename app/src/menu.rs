@@ -94,9 +94,7 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
     let Some(doc) = &work.doc else { return };
     ui.separator();
     let planes = Plane::ALL.map(Pane::Slice);
-    for pane in
-        [Pane::Closeup, Pane::Overlap, Pane::Regions].into_iter().chain(planes).chain([Pane::Diagnostics])
-    {
+    for pane in [Pane::Closeup, Pane::Overlap].into_iter().chain(planes).chain([Pane::Diagnostics]) {
         switch(ui, layout::contains(&doc.edit.layout, pane), Command::TogglePane(pane), out);
     }
     item(ui, Command::ResetLayout, true, out);

@@ -76,9 +76,6 @@ impl PaneArea<'_> {
             Pane::Overlap => {
                 overlap::show(ui, &self.overlap_input(), self.out);
             }
-            Pane::Regions => {
-                overlap::show_table(ui, &self.overlap_input(), self.out);
-            }
             Pane::Slice(plane) => slices::show(ui, &self.view, plane, self.out),
             Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref()),
         }

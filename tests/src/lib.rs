@@ -1,1 +1,152 @@
-//! Nothing here: the tests are in `tests/`, the program they run in `src/bin/`.
+//! What the whole-program tests share: the window on the sample without a display, the program as a
+//! process, real data, and pictures compared with goldens.
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+    sync::Arc,
+};
+
+use egui_kittest::{Harness, HarnessBuilder};
+use egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
+use glioscope::{
+    document::CaseRef, recent::Recent, viewport::Viewport, window::GlioscopeApp, workstation::Workstation,
+    world::{self, Loaded},
+};
+use glioscope_core::{
+    Progress,
+    case::{self, LoadOptions},
+};
+use glioscope_render::{Gpu, gpu};
+use image::RgbaImage;
+
+/// The wgpu setup of every test: the software adapter, with what the renderer needs.
+pub fn software_setup() -> WgpuSetup {
+    let mut setup = WgpuSetupCreateNew::without_display_handle();
+    setup.instance_descriptor.backends = gpu::BACKENDS;
+    setup.native_adapter_selector =
+        Some(Arc::new(|adapters, surface| gpu::choose(adapters, surface, true).map_err(|e| e.to_string())));
+    setup.device_descriptor = Arc::new(|adapter| gpu::device_descriptor(adapter));
+    WgpuSetup::CreateNew(setup)
+}
+
+/// A workstation with this case open.
+///
+/// # Panics
+/// When the case doesn't load.
+pub fn workstation(case: CaseRef) -> Workstation {
+    let loaded = world::spec_of(&case)
+        .and_then(|spec| case::load(&spec, &LoadOptions::default(), &Progress::new()))
+        .map(Loaded::new);
+    match loaded {
+        Ok(loaded) => Workstation::with_case(case, loaded),
+        Err(error) => fail(&error.to_string()),
+    }
+}
+
+/// The whole window on a case, drawn without a display.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'static, GlioscopeApp> {
+    let work = workstation(case);
+    HarnessBuilder::default()
+        .with_size(size)
+        .with_theme(theme)
+        .with_max_steps(60)
+        .wgpu_setup(software_setup())
+        .build_eframe(move |cc| {
+            let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
+            let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
+            match Viewport::new(gpu, state.renderer.clone()) {
+                Ok(viewport) => GlioscopeApp::new(work, Some(viewport), Recent::default()).refined(),
+                Err(error) => fail(&error),
+            }
+        })
+}
+
+/// Runs the program.
+///
+/// # Panics
+/// When it can't be started.
+pub fn run(program: &str, arguments: &[&str]) -> Output {
+    match Command::new(program).args(arguments).output() {
+        Ok(output) => output,
+        Err(error) => fail(&format!("{program}: {error}")),
+    }
+}
+
+/// The folder of real files, or `None` after saying that a test is skipped.
+pub fn real_data(folder: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("GLIOSCOPE_REAL_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
+    let path = root.join(folder);
+    if path.is_dir() {
+        return Some(path);
+    }
+    say(&format!("SKIPPED: real data folder {folder} is not here (GLIOSCOPE_REAL_DATA names its parent)"));
+    None
+}
+
+/// The most by which a channel may differ before a pixel counts as different.
+const CHANNEL_TOLERANCE: u8 = 24;
+/// The share of pixels that may differ: text anti-aliasing moves a little between Mesa versions.
+const PIXEL_TOLERANCE: f64 = 0.002;
+
+/// Compares a picture with `goldens/NAME.png`. `UPDATE_GOLDENS=1` writes it instead; look at it then.
+///
+/// # Panics
+/// When they differ, or there is no golden.
+pub fn golden(name: &str, picture: &RgbaImage) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("goldens");
+    let path = folder.join(format!("{name}.png"));
+    if std::env::var_os("UPDATE_GOLDENS").is_some() {
+        let _ = std::fs::create_dir_all(&folder);
+        if let Err(error) = picture.save(&path) {
+            fail(&format!("{}: {error}", path.display()));
+        }
+        return;
+    }
+    let expected = match image::open(&path) {
+        Ok(image) => image.to_rgba8(),
+        Err(error) => fail(&format!("{}: {error}; UPDATE_GOLDENS=1 writes it, then look at it", path.display())),
+    };
+    if expected.dimensions() != picture.dimensions() {
+        fail(&format!("{name}: found {:?}, expected {:?} pixels", picture.dimensions(), expected.dimensions()));
+    }
+    let differs = |(a, b): &(&image::Rgba<u8>, &image::Rgba<u8>)| {
+        a.0.iter().zip(b.0).any(|(x, y)| x.abs_diff(y) > CHANNEL_TOLERANCE)
+    };
+    let different = picture.pixels().zip(expected.pixels()).filter(differs).count();
+    let share = different as f64 / f64::from(picture.width() * picture.height());
+    if share > PIXEL_TOLERANCE {
+        let seen = folder.join(format!("{name}.new.png"));
+        let _ = picture.save(&seen);
+        fail(&format!("{name}: {different} pixels ({share:.4}) differ from the golden; see {}", seen.display()));
+    }
+}
+
+/// A part of a picture, in logical points at one pixel a point.
+pub fn crop(picture: &RgbaImage, rect: egui::Rect) -> RgbaImage {
+    let (x, y) = (rect.left().max(0.0) as u32, rect.top().max(0.0) as u32);
+    image::imageops::crop_imm(picture, x, y, rect.width() as u32, rect.height() as u32).to_image()
+}
+
+/// How many pixels are this colour, within `tolerance` a channel.
+pub fn count_color(picture: &RgbaImage, [r, g, b]: [u8; 3], tolerance: u8) -> usize {
+    let near = |p: &&image::Rgba<u8>| {
+        p.0[0].abs_diff(r) <= tolerance && p.0[1].abs_diff(g) <= tolerance && p.0[2].abs_diff(b) <= tolerance
+    };
+    picture.pixels().filter(near).count()
+}
+
+#[allow(clippy::panic, reason = "this library is only for tests: failing is its way to say so")]
+#[track_caller]
+fn fail(why: &str) -> ! {
+    panic!("{why}")
+}
+
+#[allow(clippy::print_stdout, reason = "a skipped test must say so")]
+fn say(line: &str) {
+    println!("{line}");
+}

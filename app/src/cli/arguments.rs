@@ -177,7 +177,7 @@ pub struct RenderArguments {
     /// The case; the embedded sample without one.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// closeup, axial, coronal, sagittal, overlap, regions or window.
+    /// closeup, axial, coronal, sagittal, overlap or window.
     #[arg(long, default_value = "closeup")]
     pub view: String,
     /// Pixels: WIDTHxHEIGHT.

@@ -42,14 +42,9 @@ fn view(name: &str) -> Result<View, Failure> {
         "coronal" => View::Pane(Pane::Slice(Plane::Coronal)),
         "sagittal" => View::Pane(Pane::Slice(Plane::Sagittal)),
         "overlap" => View::Pane(Pane::Overlap),
-        "regions" => View::Pane(Pane::Regions),
         "window" => View::Window,
         other => {
-            return Err(wrong(
-                "view",
-                other,
-                "closeup, axial, coronal, sagittal, overlap, regions or window",
-            ));
+            return Err(wrong("view", other, "closeup, axial, coronal, sagittal, overlap or window"));
         }
     })
 }

@@ -8,14 +8,13 @@ use glioscope_render::slices::Plane;
 use super::{CaseArguments, Failure, render, terminal};
 use crate::{document::Pane, files, workstation::Workstation, world::Loaded};
 
-const VIEWS: [(&str, Option<Pane>, [u32; 2]); 7] = [
+const VIEWS: [(&str, Option<Pane>, [u32; 2]); 6] = [
     ("window", None, [1600, 1000]),
     ("closeup", Some(Pane::Closeup), [900, 900]),
     ("axial", Some(Pane::Slice(Plane::Axial)), [700, 700]),
     ("coronal", Some(Pane::Slice(Plane::Coronal)), [700, 700]),
     ("sagittal", Some(Pane::Slice(Plane::Sagittal)), [700, 700]),
-    ("overlap", Some(Pane::Overlap), [700, 760]),
-    ("regions", Some(Pane::Regions), [700, 500]),
+    ("overlap", Some(Pane::Overlap), [700, 900]),
 ];
 
 pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), Failure> {

@@ -6,6 +6,7 @@
 pub mod camera;
 pub mod palette;
 pub mod scene;
+pub mod slices;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
 pub use palette::{MaskColors, Palette, Rgb};

@@ -1,0 +1,19 @@
+//! The three slice views: true axial, coronal and sagittal planes of patient space (thesis 7.4).
+//!
+//! Slices are resampled on the CPU: it is exact, testable without a GPU, and a 512×512 picture takes
+//! milliseconds. Images are trilinear, masks are the nearest voxel. Nothing here draws text or lines:
+//! letters, scale bar, crosshair and lens circle come as numbers for whoever draws them.
+
+mod context;
+mod draw;
+mod outline;
+mod sampler;
+#[cfg(test)]
+mod tests;
+mod view;
+mod window;
+
+pub use context::{PreparedContext, Readout, readout};
+pub use draw::{ContextLayer, MaskLayer, Overlay, SliceImage, SliceLayers, SliceStyle, render_slice};
+pub use view::{Convention, Plane, ScaleBar, SliceView, place_label};
+pub use window::{Histogram, Preset, Window};

@@ -1,0 +1,338 @@
+//! Which plane of the patient a picture shows, and which way round.
+
+use glam::{DVec2, DVec3};
+use glioscope_core::Grid;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::Lens;
+
+/// One of the three anatomical planes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Plane {
+    /// Seen along the body: normal superior.
+    Axial,
+    /// Seen from the front or the back: normal anterior.
+    Coronal,
+    /// Seen from the side: normal right.
+    Sagittal,
+}
+
+impl Plane {
+    /// All three.
+    pub const ALL: [Self; 3] = [Self::Axial, Self::Coronal, Self::Sagittal];
+
+    /// Its name, capitalised.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Axial => "Axial",
+            Self::Coronal => "Coronal",
+            Self::Sagittal => "Sagittal",
+        }
+    }
+
+    /// Which of the world axes R, A, S (0, 1, 2) the plane's normal is.
+    pub fn axis(self) -> usize {
+        match self {
+            Self::Axial => 2,
+            Self::Coronal => 1,
+            Self::Sagittal => 0,
+        }
+    }
+
+    /// Unit normal in world space: superior, anterior or right.
+    pub fn normal(self) -> DVec3 {
+        [DVec3::X, DVec3::Y, DVec3::Z][self.axis()]
+    }
+
+    /// Distance between neighbouring slices of `grid` along the normal, in millimetres: what one
+    /// notch of scrolling moves. On an oblique grid, that of the voxel axis nearest the normal.
+    pub fn step_mm(self, grid: &Grid) -> f64 {
+        let letters = [['L', 'R'], ['P', 'A'], ['I', 'S']][self.axis()];
+        let nearest = grid.axis_codes().iter().position(|code| letters.contains(code)).unwrap_or(0);
+        let m = grid.world_from_voxel().matrix3;
+        let column = [m.x_axis, m.y_axis, m.z_axis][nearest];
+        let along = column[self.axis()].abs();
+        // A heavily sheared axis may hardly move along the normal it was matched with.
+        if along > 0.1 * column.length() { along } else { column.length() }
+    }
+}
+
+/// Whether the picture shows the patient's left on its right.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Convention {
+    /// Axial and coronal: the patient's left is on the picture's right, as if seen from the feet
+    /// and from the front.
+    #[default]
+    Radiological,
+    /// Axial and coronal: the patient's left is on the picture's left.
+    Neurological,
+}
+
+/// A piece of a plane, as a picture.
+///
+/// Coronal and sagittal have superior up, axial has anterior up. Sagittal has anterior on the left
+/// in both conventions: they are about left and right, which a sagittal slice doesn't show.
+///
+/// Pixel coordinates count from the top left corner, pixel centres at halves, as in
+/// [`Camera::ray`](crate::Camera::ray).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SliceView {
+    /// Which plane.
+    pub plane: Plane,
+    /// The point of the plane in the middle of the picture, world millimetres.
+    pub center_mm: DVec3,
+    /// Size of a pixel. Positive.
+    pub mm_per_pixel: f64,
+    /// Width and height in pixels.
+    pub size_px: [u32; 2],
+    /// Which side is left.
+    pub convention: Convention,
+}
+
+/// A scale bar that fits a view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScaleBar {
+    /// Its length: 1, 2 or 5 times a power of ten.
+    pub mm: f64,
+    /// Its length in the picture.
+    pub px: f64,
+}
+
+impl SliceView {
+    /// The slice through `through_mm` that shows all of the box `bounds_mm` (smallest and largest
+    /// world coordinates) in its middle, with 3 % to spare on each side.
+    pub fn fit(
+        plane: Plane,
+        convention: Convention,
+        bounds_mm: (DVec3, DVec3),
+        through_mm: DVec3,
+        size_px: [u32; 2],
+    ) -> Self {
+        let mut center_mm = (bounds_mm.0 + bounds_mm.1) * 0.5;
+        center_mm[plane.axis()] = through_mm[plane.axis()];
+        let mut view = Self { plane, center_mm, mm_per_pixel: 1.0, size_px, convention };
+        let extent = bounds_mm.1 - bounds_mm.0;
+        let needed = [view.right(), view.down()]
+            .map(|axis| axis.abs().dot(extent))
+            .iter()
+            .zip(size_px)
+            .map(|(mm, px)| mm / f64::from(px.max(1)))
+            .fold(0.0, f64::max);
+        view.mm_per_pixel = if needed > 0.0 { needed * 1.06 } else { 1.0 };
+        view
+    }
+
+    /// World direction of the picture's right; of unit length.
+    pub fn right(&self) -> DVec3 {
+        match (self.plane, self.convention) {
+            (Plane::Sagittal, _) => DVec3::NEG_Y,
+            (_, Convention::Radiological) => DVec3::NEG_X,
+            (_, Convention::Neurological) => DVec3::X,
+        }
+    }
+
+    /// World direction of the picture's bottom; of unit length.
+    pub fn down(&self) -> DVec3 {
+        match self.plane {
+            Plane::Axial => DVec3::NEG_Y,
+            Plane::Coronal | Plane::Sagittal => DVec3::NEG_Z,
+        }
+    }
+
+    /// World place of a pixel coordinate.
+    pub fn world_at(&self, pixel: DVec2) -> DVec3 {
+        let from_middle = (pixel - self.middle_px()) * self.mm_per_pixel;
+        self.center_mm + self.right() * from_middle.x + self.down() * from_middle.y
+    }
+
+    /// Pixel coordinate of a world point, projected along the normal.
+    pub fn pixel_of(&self, world_mm: DVec3) -> DVec2 {
+        let from_center = world_mm - self.center_mm;
+        self.middle_px()
+            + DVec2::new(from_center.dot(self.right()), from_center.dot(self.down())) / self.mm_per_pixel
+    }
+
+    /// Signed distance of a world point from the plane: positive on the superior, anterior or right
+    /// side.
+    pub fn distance_mm(&self, world_mm: DVec3) -> f64 {
+        (world_mm - self.center_mm)[self.plane.axis()]
+    }
+
+    /// Anatomical letters of the picture's left, right, top and bottom edges. Don't show them where
+    /// the image's [`Sides`](glioscope_core::Sides) are unknown.
+    pub fn letters(&self) -> [char; 4] {
+        let letter = |towards: DVec3| {
+            let axis = towards.abs().to_array().iter().position(|&c| c > 0.5).unwrap_or(0);
+            [['L', 'R'], ['P', 'A'], ['I', 'S']][axis][usize::from(towards[axis] > 0.0)]
+        };
+        [-self.right(), self.right(), -self.down(), self.down()].map(letter)
+    }
+
+    /// Where the plane is: `S 12.5 mm`. `+12.5 mm` where the sides are unknown.
+    pub fn position_label(&self, sides_known: bool) -> String {
+        let at = self.center_mm[self.plane.axis()];
+        if sides_known { signed_letter(self.plane.axis(), at) } else { format!("{at:+.1} mm") }
+    }
+
+    /// The longest scale bar of 1, 2 or 5 times a power of ten millimetres that takes at most
+    /// `max_px` pixels. `None` when the view's scale or `max_px` isn't positive and finite.
+    pub fn scale_bar(&self, max_px: f64) -> Option<ScaleBar> {
+        let max_mm = max_px * self.mm_per_pixel;
+        if !(max_mm > 0.0 && max_mm.is_finite() && self.mm_per_pixel > 0.0) {
+            return None;
+        }
+        // Down the list 5, 2, 1 of the decade that holds it; the tiny slack keeps 10 from becoming 5.
+        let decade = 10f64.powi((max_mm * (1.0 + 1e-12)).log10().floor() as i32);
+        let mm = [5.0, 2.0, 1.0].map(|m| m * decade).into_iter().find(|&mm| mm <= max_mm * (1.0 + 1e-12))?;
+        Some(ScaleBar { mm, px: mm / self.mm_per_pixel })
+    }
+
+    /// Circle in which the plane cuts the lens: middle and radius in pixels. `None` when it misses.
+    pub fn lens_circle(&self, lens: &Lens) -> Option<(DVec2, f64)> {
+        let distance = self.distance_mm(lens.center_mm);
+        let squared = lens.radius_mm * lens.radius_mm - distance * distance;
+        (squared > 0.0).then(|| (self.pixel_of(lens.center_mm), squared.sqrt() / self.mm_per_pixel))
+    }
+
+    fn middle_px(&self) -> DVec2 {
+        DVec2::new(f64::from(self.size_px[0]), f64::from(self.size_px[1])) * 0.5
+    }
+}
+
+/// `R 12.5 mm` for +12.5 on world axis 0, `L 12.5 mm` for −12.5.
+fn signed_letter(axis: usize, mm: f64) -> String {
+    let letters = [['L', 'R'], ['P', 'A'], ['I', 'S']][axis];
+    // What is written as 0.0 has no side worth a minus sign.
+    let letter = letters[usize::from(mm > -0.05)];
+    format!("{letter} {:.1} mm", mm.abs())
+}
+
+/// `R 3.0  A 12.5  S 40.0 mm`, or `x 3.0  y 12.5  z 40.0 mm` where the sides are unknown.
+pub fn place_label(world_mm: DVec3, sides_known: bool) -> String {
+    let parts: [String; 3] = std::array::from_fn(|axis| {
+        if sides_known {
+            signed_letter(axis, world_mm[axis]).trim_end_matches(" mm").to_owned()
+        } else {
+            format!("{} {:.1}", ['x', 'y', 'z'][axis], world_mm[axis])
+        }
+    });
+    format!("{} mm", parts.join("  "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view(plane: Plane, convention: Convention) -> SliceView {
+        let center_mm = DVec3::new(1e6, -20.0, 30.0);
+        SliceView { plane, center_mm, mm_per_pixel: 0.5, size_px: [400, 300], convention }
+    }
+
+    #[test]
+    fn letters_are_where_the_patient_s_sides_are() {
+        use Convention::{Neurological, Radiological};
+        let expected = [
+            (Plane::Axial, Radiological, ['R', 'L', 'A', 'P']),
+            (Plane::Axial, Neurological, ['L', 'R', 'A', 'P']),
+            (Plane::Coronal, Radiological, ['R', 'L', 'S', 'I']),
+            (Plane::Coronal, Neurological, ['L', 'R', 'S', 'I']),
+            (Plane::Sagittal, Radiological, ['A', 'P', 'S', 'I']),
+            (Plane::Sagittal, Neurological, ['A', 'P', 'S', 'I']),
+        ];
+        for (plane, convention, letters) in expected {
+            let v = view(plane, convention);
+            assert_eq!(v.letters(), letters, "{plane:?} {convention:?}");
+            // And a step towards each letter lands nearer that edge.
+            let steps = [
+                ('R', DVec3::X),
+                ('L', -DVec3::X),
+                ('A', DVec3::Y),
+                ('P', -DVec3::Y),
+                ('S', DVec3::Z),
+                ('I', -DVec3::Z),
+            ];
+            let edges = [-DVec2::X, DVec2::X, -DVec2::Y, DVec2::Y];
+            for (edge, letter) in edges.into_iter().zip(letters) {
+                let step = steps.iter().find(|s| s.0 == letter).unwrap().1;
+                let moved = v.pixel_of(v.center_mm + step * 10.0) - DVec2::new(200.0, 150.0);
+                assert!((moved - edge * 20.0).length() < 1e-6, "{plane:?} {letter} {moved}");
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_and_millimetres_undo_each_other() {
+        for plane in Plane::ALL {
+            let v = view(plane, Convention::Radiological);
+            for pixel in [DVec2::new(0.5, 0.5), DVec2::new(399.5, 17.25)] {
+                let world = v.world_at(pixel);
+                assert!(v.pixel_of(world).distance(pixel) < 1e-6);
+                assert_eq!(v.distance_mm(world), 0.0);
+                assert!((v.distance_mm(world + plane.normal() * 3.0) - 3.0).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn the_scale_bar_is_the_longest_round_length_that_fits() {
+        let mut v = view(Plane::Axial, Convention::Radiological);
+        for (mm_per_pixel, max_px, mm) in [
+            (0.5, 100.0, 50.0),
+            (1.0, 100.0, 100.0),
+            (1.0, 99.0, 50.0),
+            (1.0, 10.0, 10.0),
+            (0.1, 100.0, 10.0),
+            (0.1, 99.0, 5.0),
+            (0.01, 45.0, 0.2),
+            (0.7, 100.0, 50.0),
+        ] {
+            v.mm_per_pixel = mm_per_pixel;
+            let bar = v.scale_bar(max_px).unwrap();
+            assert!((bar.mm / mm - 1.0).abs() < 1e-9, "{mm_per_pixel} {max_px}: {bar:?}");
+            let ends = [DVec2::new(10.0, 10.0), DVec2::new(10.0 + bar.px, 10.0)].map(|p| v.world_at(p));
+            assert!((ends[0].distance(ends[1]) - bar.mm).abs() < 1e-8);
+        }
+        v.mm_per_pixel = 0.0;
+        assert_eq!(v.scale_bar(100.0), None);
+        v.mm_per_pixel = f64::NAN;
+        assert_eq!(v.scale_bar(100.0), None);
+    }
+
+    #[test]
+    fn the_lens_is_cut_where_the_plane_meets_it() {
+        let v = view(Plane::Coronal, Convention::Radiological);
+        let lens = Lens { center_mm: v.center_mm + DVec3::new(10.0, 3.0, 4.0), radius_mm: 5.0 };
+        let (middle, radius) = v.lens_circle(&lens).unwrap();
+        assert!((radius - 4.0 / 0.5).abs() < 1e-9, "3-4-5");
+        assert!(middle.distance(DVec2::new(200.0 - 20.0, 150.0 - 8.0)) < 1e-6);
+        assert_eq!(v.lens_circle(&Lens { radius_mm: 2.9, ..lens }), None);
+    }
+
+    #[test]
+    fn a_fitted_view_holds_the_box_and_little_more() {
+        let bounds = (DVec3::new(-100.0, -50.0, 0.0), DVec3::new(100.0, 150.0, 90.0));
+        for plane in Plane::ALL {
+            let through = DVec3::new(7.0, 8.0, 9.0);
+            let v = SliceView::fit(plane, Convention::Radiological, bounds, through, [300, 200]);
+            assert_eq!(v.distance_mm(through), 0.0);
+            let pixels = [bounds.0, bounds.1].map(|c| v.pixel_of(c));
+            let (lo, hi) = (pixels[0].min(pixels[1]), pixels[0].max(pixels[1]));
+            assert!(lo.min_element() > 0.0 && hi.x < 300.0 && hi.y < 200.0);
+            assert!((hi.x - lo.x) / 300.0 > 0.94 || (hi.y - lo.y) / 200.0 > 0.94);
+        }
+    }
+
+    #[test]
+    fn a_step_is_one_slice() {
+        let grid = Grid::axis_aligned([4, 5, 6], DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO).unwrap();
+        assert_eq!(Plane::ALL.map(|p| p.step_mm(&grid)), [3.0, 2.0, 1.0]);
+    }
+
+    #[test]
+    fn places_are_written_with_their_letters() {
+        assert_eq!(place_label(DVec3::new(-3.0, 12.54, -0.01), true), "L 3.0  A 12.5  S 0.0 mm");
+        assert_eq!(place_label(DVec3::new(-3.0, 12.54, 0.0), false), "x -3.0  y 12.5  z 0.0 mm");
+        assert_eq!(view(Plane::Coronal, Convention::Radiological).position_label(true), "P 20.0 mm");
+        assert_eq!(view(Plane::Axial, Convention::Radiological).position_label(false), "+30.0 mm");
+    }
+}

@@ -1,0 +1,414 @@
+//! Which values are black and which are white, and good choices for an image.
+
+use glioscope_core::{Scaling, Volume, with_samples};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Values at `low` and below are black, at `high` and above white, linear between. Image units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Window {
+    /// Black.
+    pub low: f64,
+    /// White. Where it isn't above `low`, the picture is a step: white above `low`, else black.
+    pub high: f64,
+}
+
+impl Window {
+    /// The window around `level`, `width` wide.
+    pub fn of_level(level: f64, width: f64) -> Self {
+        Self { low: level - width / 2.0, high: level + width / 2.0 }
+    }
+
+    /// Middle grey.
+    pub fn level(self) -> f64 {
+        (self.low + self.high) / 2.0
+    }
+
+    /// From black to white.
+    pub fn width(self) -> f64 {
+        self.high - self.low
+    }
+
+    /// Grey of a value, rounded to the nearest of 0 to 255. NaN is black: callers show it otherwise.
+    pub fn grey(self, value: f64) -> u8 {
+        let (scale, offset) = self.scale_offset();
+        (value * scale + offset) as u8
+    }
+
+    /// `value · scale + offset`, cast to `u8`, is [`Window::grey`].
+    pub(super) fn scale_offset(self) -> (f64, f64) {
+        let width = self.width();
+        // A width this small next to the level can't be resolved: make the step of it.
+        if width > 1e-12 * self.low.abs().max(self.high.abs()) {
+            let scale = 255.0 / width;
+            (scale, 0.5 - self.low * scale)
+        } else {
+            let scale = 1e12 / self.low.abs().max(1e-200);
+            (scale, -self.low * scale)
+        }
+    }
+
+    /// The window after dragging by `dx`, `dy` screen points (y down): right widens, by a factor of e
+    /// every 300 points; down raises the level and so darkens, by the width every 300 points.
+    /// Dragging back undoes it. `range` (smallest and largest value) bounds the result: level stays
+    /// within it, width between a millionth and four times of it.
+    #[must_use]
+    pub fn drag(self, dx: f64, dy: f64, range: (f64, f64)) -> Self {
+        let whole = (range.1 - range.0).max(f64::MIN_POSITIVE);
+        let width = (self.width() * (dx / 300.0).exp()).clamp(whole * 1e-6, whole * 4.0);
+        let level = (self.level() + dy / 300.0 * self.width()).clamp(range.0, range.1.max(range.0));
+        Self::of_level(level, width)
+    }
+}
+
+/// A named window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Preset {
+    /// What the menu says; says so where the kind of image was guessed.
+    pub name: &'static str,
+    /// The window.
+    pub window: Window,
+}
+
+/// Share of finite voxels with one and the same value, the smallest or 0, above which that value
+/// counts as background: padding of a CT, or what skull stripping left.
+const BACKGROUND_SHARE: f64 = 0.05;
+
+/// How an image's values are spread. NaN and infinities are left out of everything but their count.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Histogram {
+    range: Option<(f64, f64)>,
+    not_finite: u64,
+    background: Option<f64>,
+    p01_p99: Option<(f64, f64)>,
+    looks_like_ct: bool,
+}
+
+/// A stored number.
+trait Stored: Copy + Send + Sync {
+    fn value(self) -> f64;
+}
+
+macro_rules! stored {
+    ($($t:ty),*) => { $(impl Stored for $t {
+        #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all ten types")]
+        #[inline]
+        fn value(self) -> f64 { self as f64 }
+    })* };
+}
+stored!(u8, i8, u16, i16, u32, i32, u64, i64, f32, f64);
+
+/// An integer in the order of the values it stands for; both zeros give the same.
+fn ordered(value: f32) -> u32 {
+    let bits = (value + 0.0).to_bits();
+    if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
+}
+
+fn from_ordered(key: u32) -> f32 {
+    f32::from_bits(if key >> 31 == 1 { key & !(1 << 31) } else { !key })
+}
+
+/// Voxels by the upper half of [`ordered`].
+struct Tally {
+    by_key: Vec<u64>,
+    range: Option<(f64, f64)>,
+    at_smallest: u64,
+    zeros: u64,
+    air: u64,
+    not_finite: u64,
+}
+
+impl Tally {
+    fn new() -> Self {
+        let by_key = vec![0; 1 << 16];
+        Self { by_key, range: None, at_smallest: 0, zeros: 0, air: 0, not_finite: 0 }
+    }
+
+    #[inline]
+    fn add(&mut self, value: f64) {
+        if !value.is_finite() {
+            self.not_finite += 1;
+            return;
+        }
+        let (lo, hi) = self.range.unwrap_or((value, value));
+        if value < lo {
+            self.at_smallest = 0;
+        }
+        let lo = lo.min(value);
+        self.range = Some((lo, hi.max(value)));
+        self.at_smallest += u64::from(value == lo);
+        self.zeros += u64::from(value == 0.0);
+        self.air += u64::from(value <= -700.0);
+        self.by_key[(ordered(value as f32) >> 16) as usize] += 1;
+    }
+
+    fn merge(mut self, other: Self) -> Self {
+        for (a, b) in self.by_key.iter_mut().zip(other.by_key) {
+            *a += b;
+        }
+        (self.range, self.at_smallest) = match (self.range, other.range) {
+            (Some(a), Some(b)) => {
+                let count = |r: (f64, f64), n: u64| if r.0 <= a.0.min(b.0) { n } else { 0 };
+                (Some((a.0.min(b.0), a.1.max(b.1))), count(a, self.at_smallest) + count(b, other.at_smallest))
+            }
+            (a, None) => (a, self.at_smallest),
+            (None, b) => (b, other.at_smallest),
+        };
+        self.zeros += other.zeros;
+        self.air += other.air;
+        self.not_finite += other.not_finite;
+        self
+    }
+}
+
+const CHUNK: usize = 1 << 18;
+
+fn tally<T: Stored>(stored: &[T], scaling: Scaling) -> Tally {
+    stored
+        .par_chunks(CHUNK)
+        .fold(Tally::new, |mut tally, chunk| {
+            chunk.iter().for_each(|s| tally.add(scaling.apply(s.value())));
+            tally
+        })
+        .reduce(Tally::new, Tally::merge)
+}
+
+/// For each upper key in `uppers`, its voxels by the lower half of [`ordered`].
+fn tally_lower<T: Stored>(stored: &[T], scaling: Scaling, uppers: [u32; 2]) -> [Vec<u32>; 2] {
+    let new = || [vec![0u32; 1 << 16], vec![0u32; 1 << 16]];
+    stored
+        .par_chunks(CHUNK)
+        .fold(new, |mut lower, chunk| {
+            for s in chunk {
+                let value = scaling.apply(s.value());
+                let key = ordered(value as f32);
+                for (upper, counts) in uppers.iter().zip(&mut lower) {
+                    if key >> 16 == *upper && value.is_finite() {
+                        counts[(key & 0xffff) as usize] += 1;
+                    }
+                }
+            }
+            lower
+        })
+        .reduce(new, |mut a, b| {
+            for (a, b) in a.iter_mut().zip(b) {
+                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+            }
+            a
+        })
+}
+
+/// Position of the entry that holds the `rank`-th (from 0) of `counts`, and the rank within it.
+fn entry_of_rank(counts: impl Iterator<Item = u64>, rank: u64) -> Option<(u32, u64)> {
+    let mut before = 0;
+    for (entry, count) in (0..).zip(counts) {
+        if rank < before + count {
+            return Some((entry, rank - before));
+        }
+        before += count;
+    }
+    None
+}
+
+impl Histogram {
+    /// Counts all voxels of a volume. Percentiles are those of stored values (no interpolation), to
+    /// `f32` precision.
+    pub fn of(volume: &Volume) -> Self {
+        let scaling = volume.scaling();
+        let mut t = with_samples!(volume.samples(), v => tally(v, scaling));
+        let Some(range) = t.range else {
+            return Self {
+                range: None,
+                not_finite: t.not_finite,
+                background: None,
+                p01_p99: None,
+                looks_like_ct: false,
+            };
+        };
+        let finite: u64 = t.by_key.iter().sum();
+        let (background, voxels) =
+            if t.zeros > t.at_smallest { (0.0, t.zeros) } else { (range.0, t.at_smallest) };
+        // An image that is one value throughout has no background.
+        let is_background = voxels as f64 > BACKGROUND_SHARE * finite as f64 && voxels < finite;
+        let key = ordered(background as f32);
+        let mut rest = finite;
+        if is_background {
+            t.by_key[(key >> 16) as usize] -= voxels;
+            rest -= voxels;
+        }
+        let ranks = [0.01, 0.99].map(|share| ((rest - 1) as f64 * share).round() as u64);
+        let entries = ranks.map(|rank| entry_of_rank(t.by_key.iter().copied(), rank).unwrap_or((0, 0)));
+        let uppers = entries.map(|e| e.0);
+        let mut lower = with_samples!(volume.samples(), v => tally_lower(v, scaling, uppers));
+        let found: [f64; 2] = std::array::from_fn(|i| {
+            if is_background && key >> 16 == uppers[i] {
+                let count = &mut lower[i][(key & 0xffff) as usize];
+                *count = (u64::from(*count).saturating_sub(voxels)) as u32;
+            }
+            entry_of_rank(lower[i].iter().map(|&c| u64::from(c)), entries[i].1).map_or(range.0, |(low, _)| {
+                // Beyond f32's range the key says infinity.
+                f64::from(from_ordered(uppers[i] << 16 | low)).clamp(range.0, range.1)
+            })
+        });
+        // In Hounsfield units air is −1000, bone at least 300, and no scanner goes far beyond.
+        let looks_like_ct = (-4100.0..=-900.0).contains(&range.0)
+            && (300.0..=40000.0).contains(&range.1)
+            && t.air as f64 > 0.02 * finite as f64;
+        Self {
+            range: Some(range),
+            not_finite: t.not_finite,
+            background: is_background.then_some(background),
+            p01_p99: Some((found[0], found[1])),
+            looks_like_ct,
+        }
+    }
+
+    /// Smallest and largest finite value; `None` when no voxel is finite.
+    pub fn range(&self) -> Option<(f64, f64)> {
+        self.range
+    }
+
+    /// How many voxels are NaN or infinite.
+    pub fn not_finite(&self) -> u64 {
+        self.not_finite
+    }
+
+    /// The value that counts as background and is left out of the percentiles: the smallest or 0,
+    /// where more than 5 % of the finite voxels have exactly it.
+    pub fn background(&self) -> Option<f64> {
+        self.background
+    }
+
+    /// 1st and 99th percentile without background; `None` when no voxel is finite.
+    pub fn p01_p99(&self) -> Option<(f64, f64)> {
+        self.p01_p99
+    }
+
+    /// Whether the values look like Hounsfield units: a guess (air below −900 takes part of the
+    /// volume, and something is at least as dense as bone), named as one wherever it shows.
+    pub fn looks_like_ct(&self) -> bool {
+        self.looks_like_ct
+    }
+
+    /// Windows to offer, the one to begin with first. Never empty.
+    pub fn presets(&self) -> Vec<Preset> {
+        let of = |range: Option<(f64, f64)>| match range {
+            Some((low, high)) if high > low => Window { low, high },
+            Some((value, _)) => Window { low: value - 0.5, high: value + 0.5 },
+            None => Window { low: 0.0, high: 1.0 },
+        };
+        let mut presets = vec![
+            Preset { name: "Auto (1 to 99 %)", window: of(self.p01_p99) },
+            Preset { name: "Full range", window: of(self.range) },
+        ];
+        if self.looks_like_ct {
+            let ct = [
+                ("Soft tissue 40/400 (looks like CT)", 40.0, 400.0),
+                ("Brain 40/80 (looks like CT)", 40.0, 80.0),
+                ("Bone 500/2000 (looks like CT)", 500.0, 2000.0),
+                ("Lung -600/1500 (looks like CT)", -600.0, 1500.0),
+            ];
+            let ct = ct.map(|(name, level, width)| Preset { name, window: Window::of_level(level, width) });
+            presets.splice(0..0, ct);
+        }
+        presets
+    }
+
+    /// The window to begin with: the first of [`Histogram::presets`].
+    pub fn initial_window(&self) -> Window {
+        self.presets().first().map_or(Window { low: 0.0, high: 1.0 }, |p| p.window)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use glioscope_core::{Grid, Samples};
+
+    fn histogram(samples: Samples, scaling: Scaling) -> Histogram {
+        let grid = Grid::axis_aligned([samples.len(), 1, 1], DVec3::ONE, DVec3::ZERO).unwrap();
+        Histogram::of(&Volume::new(grid, samples, scaling).unwrap())
+    }
+
+    #[test]
+    fn percentiles_are_those_of_a_sorted_list() {
+        // 100 003 scattered values, a background of zeros, NaN and infinities.
+        let mut values: Vec<f32> = (0..100_003u32)
+            .map(|i| (i.wrapping_mul(2_654_435_761) % 1_000_003) as f32 * 1e-3 + 10.0)
+            .collect();
+        let mut sorted = values.clone();
+        sorted.sort_by(f32::total_cmp);
+        values.extend([0.0; 30_000]);
+        values.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY]);
+        let h = histogram(Samples::F32(values), Scaling { slope: -2.0, intercept: 5.0 });
+        assert_eq!(h.not_finite(), 3);
+        // Zero became 5 = the largest value: no background under a negative slope; so try both.
+        assert_eq!(h.background(), None);
+        let all =
+            histogram(Samples::F32(sorted.iter().copied().chain([0.0; 30_000]).collect()), Scaling::NONE);
+        assert_eq!(all.background(), Some(0.0));
+        let at = |share: f64| f64::from(sorted[((sorted.len() - 1) as f64 * share).round() as usize]);
+        assert_eq!(all.p01_p99(), Some((at(0.01), at(0.99))));
+        assert_eq!(all.range(), Some((0.0, f64::from(sorted[sorted.len() - 1]))));
+    }
+
+    #[test]
+    fn order_of_keys_is_order_of_values() {
+        let values = [-f32::MAX, -7.5, -1e-30, 0.0, 1e-30, 2.0, f32::MAX];
+        assert_eq!(ordered(-0.0), ordered(0.0));
+        assert!(values.windows(2).all(|w| ordered(w[0]) < ordered(w[1])));
+        assert!(values.iter().all(|&v| from_ordered(ordered(v)) == v));
+    }
+
+    #[test]
+    fn padding_is_background_and_one_value_throughout_is_not() {
+        let ct: Vec<i16> = (0..2000).map(|i| if i < 500 { -1024 } else { i - 1000 }).collect();
+        let h = histogram(Samples::I16(ct), Scaling::NONE);
+        assert_eq!(h.background(), Some(-1024.0));
+        assert_eq!(h.p01_p99(), Some((-485.0, 984.0)));
+        let flat = histogram(Samples::U8(vec![7; 100]), Scaling::NONE);
+        assert_eq!((flat.background(), flat.p01_p99()), (None, Some((7.0, 7.0))));
+        assert_eq!(flat.initial_window(), Window { low: 6.5, high: 7.5 });
+        let nothing = histogram(Samples::F32(vec![f32::NAN; 4]), Scaling::NONE);
+        assert_eq!((nothing.range(), nothing.not_finite()), (None, 4));
+        assert!(!nothing.presets().is_empty());
+    }
+
+    #[test]
+    fn only_what_has_air_and_bone_looks_like_ct() {
+        let ct: Vec<i16> = (0..4000).map(|i| if i < 2000 { -1000 } else { i - 2500 }).collect();
+        let h = histogram(Samples::I16(ct), Scaling::NONE);
+        assert!(h.looks_like_ct());
+        assert_eq!(h.initial_window(), Window { low: -160.0, high: 240.0 });
+        assert!(h.presets().iter().filter(|p| p.name.contains("CT")).count() >= 3);
+        let mr = histogram(Samples::I16((0..4000).collect()), Scaling::NONE);
+        assert!(!mr.looks_like_ct() && mr.presets().len() == 2);
+    }
+
+    #[test]
+    fn greys_are_linear_and_cut_off() {
+        let w = Window { low: -100.0, high: 155.0 };
+        for (value, grey) in [(-1e9, 0), (-100.0, 0), (-99.4, 1), (0.0, 100), (154.6, 255), (1e300, 255)] {
+            assert_eq!(w.grey(value), grey, "{value}");
+        }
+        assert_eq!(w.grey(f64::NAN), 0);
+        let step = Window { low: 3.0, high: 3.0 };
+        assert_eq!([2.9, 3.0, 3.1].map(|v| step.grey(v)), [0, 0, 255]);
+        let zero = Window { low: 0.0, high: 0.0 };
+        assert_eq!([-1.0, 0.0, 1.0].map(|v| zero.grey(v)), [0, 0, 255]);
+    }
+
+    #[test]
+    fn dragging_back_undoes_and_never_turns_the_window_over() {
+        let w = Window { low: 0.0, high: 100.0 };
+        let range = (-1000.0, 3000.0);
+        let wide = w.drag(300.0, 0.0, range);
+        assert!((wide.width() / w.width() - 1f64.exp()).abs() < 1e-12 && wide.level() == 50.0);
+        let back = wide.drag(-300.0, 0.0, range);
+        assert!((back.low - w.low).abs() < 1e-9 && (back.high - w.high).abs() < 1e-9);
+        assert_eq!(w.drag(0.0, 150.0, range), Window { low: 50.0, high: 150.0 });
+        let narrow = w.drag(-1e6, -1e9, range);
+        assert!(narrow.width() > 0.0 && narrow.level() == -1000.0);
+    }
+}

@@ -36,39 +36,61 @@ fn area_of(bits: &[u32], width: usize) -> Option<(Area, u32)> {
     (any != 0).then(|| (Area { x: x.0, y: y.0, width: x.1 - x.0 + 1, height: y.1 - y.0 + 1 }, any))
 }
 
-/// One layer off every mask. Odd layers keep corners and even ones round them, which makes the
-/// layers about equally thick in all directions. Beyond the area is outside, unless that is beyond
-/// the picture (`open`: left, right, top, bottom), where what is cut off has no edge.
-fn eroded(bits: &[u32], width: usize, open: [bool; 4], corners: bool) -> Vec<u32> {
-    let height = bits.len() / width;
-    let at = |x: isize, y: isize| -> u32 {
-        let beyond = (x < 0 && !open[0])
-            || (x >= width as isize && !open[1])
-            || (y < 0 && !open[2])
-            || (y >= height as isize && !open[3]);
-        if beyond {
-            return 0;
+/// An area's bits with one pixel more on each side: empty, or on the picture's border (`open`: left,
+/// right, top, bottom) the nearest pixel's, because what the picture cuts off has no edge there.
+struct Padded {
+    bits: Vec<u32>,
+    width: usize,
+    height: usize,
+    open: [bool; 4],
+}
+
+impl Padded {
+    fn stride(&self) -> usize {
+        self.width + 2
+    }
+
+    fn row(&self, y: usize) -> &[u32] {
+        &self.bits[(y + 1) * self.stride() + 1..][..self.width]
+    }
+
+    fn refresh_border(&mut self) {
+        let (stride, last) = (self.stride(), (self.height + 1) * self.stride());
+        let kept = |open: bool, bits: u32| if open { bits } else { 0 };
+        for row in self.bits.chunks_exact_mut(stride) {
+            row[0] = kept(self.open[0], row[1]);
+            row[stride - 1] = kept(self.open[1], row[stride - 2]);
         }
-        let (x, y) = (x.clamp(0, width as isize - 1) as usize, y.clamp(0, height as isize - 1) as usize);
-        bits[y * width + x]
-    };
-    let mut out = vec![0; bits.len()];
-    out.par_chunks_mut(width).enumerate().for_each(|(y, line)| {
-        let y = y as isize;
-        for (x, out) in line.iter_mut().enumerate() {
-            let own = bits[y as usize * width + x];
-            if own == 0 {
-                continue;
+        for x in 0..stride {
+            self.bits[x] = kept(self.open[2], self.bits[stride + x]);
+            self.bits[last + x] = kept(self.open[3], self.bits[last - stride + x]);
+        }
+    }
+
+    /// One layer off every mask. Layers that keep and that lose corners in turn are about equally
+    /// thick in all directions.
+    fn eroded(&self, corners: bool) -> Self {
+        let stride = self.stride();
+        let mut bits = vec![0; self.bits.len()];
+        let inner = &mut bits[stride..][..stride * self.height];
+        inner.par_chunks_exact_mut(stride).with_min_len(32).enumerate().for_each(|(y, out)| {
+            let above = &self.bits[y * stride..][..stride];
+            let own = &self.bits[(y + 1) * stride..][..stride];
+            let below = &self.bits[(y + 2) * stride..][..stride];
+            let out = &mut out[1..=self.width];
+            for (x, out) in out.iter_mut().enumerate() {
+                *out = own[x + 1] & own[x] & own[x + 2] & above[x + 1] & below[x + 1];
             }
-            let x = x as isize;
-            let mut kept = own & at(x - 1, y) & at(x + 1, y) & at(x, y - 1) & at(x, y + 1);
             if corners {
-                kept &= at(x - 1, y - 1) & at(x + 1, y - 1) & at(x - 1, y + 1) & at(x + 1, y + 1);
+                for (x, out) in out.iter_mut().enumerate() {
+                    *out &= above[x] & above[x + 2] & below[x] & below[x + 2];
+                }
             }
-            *out = kept;
-        }
-    });
-    out
+        });
+        let mut next = Self { bits, ..*self };
+        next.refresh_border();
+        next
+    }
 }
 
 /// The mask whose outline covers each pixel of a picture `width` pixels wide, as its bit number plus
@@ -80,93 +102,98 @@ pub(super) fn outlines(bits: &[u32], width: usize, line_px: usize) -> Vec<u8> {
         return owner;
     };
     let height = bits.len() / width;
-    let crop: Vec<u32> = (0..area.height)
-        .flat_map(|y| &bits[(area.y + y) * width + area.x..][..area.width])
-        .copied()
-        .collect();
     let open = [area.x == 0, area.x + area.width == width, area.y == 0, area.y + area.height == height];
+    let stride = area.width + 2;
+    let mut rest =
+        Padded { bits: vec![0; stride * (area.height + 2)], width: area.width, height: area.height, open };
+    for y in 0..area.height {
+        rest.bits[(y + 1) * stride + 1..][..area.width]
+            .copy_from_slice(&bits[(area.y + y) * width + area.x..][..area.width]);
+    }
+    rest.refresh_border();
 
-    // depth_bits[t]: masks that lose the pixel to the t-th peel.
+    // layers[t]: masks that lose the pixel to the t-th peel; `rim` those that lose it to any.
     let stacked = (any.count_ones() as usize).min(MOST_STACKED);
-    let depths = stacked * line_px;
-    let mut layers = Vec::with_capacity(depths);
-    let mut rest = crop.clone();
-    for t in 0..depths {
-        let next = eroded(&rest, area.width, open, t % 2 == 1);
-        layers.push(rest.iter().zip(&next).map(|(a, b)| a & !b).collect::<Vec<u32>>());
-        rest = next;
+    let mut peel = Peel { layers: Vec::new(), rim: Vec::new(), core: Vec::new(), area, line_px, stacked };
+    let whole: Vec<u32> = (0..rest.height).flat_map(|y| rest.row(y)).copied().collect();
+    let mut before = whole.clone();
+    for t in 0..stacked * line_px {
+        rest = rest.eroded(t % 2 == 1);
+        let after: Vec<u32> = (0..rest.height).flat_map(|y| rest.row(y)).copied().collect();
+        peel.layers.push(before.iter().zip(&after).map(|(a, b)| a & !b).collect());
+        before = after;
     }
+    peel.rim = whole.iter().zip(&before).map(|(a, b)| a & !b).collect();
+    peel.core = before;
 
-    let rows: Vec<Vec<u8>> = (0..area.height)
-        .into_par_iter()
-        .map(|y| (0..area.width).map(|x| owner_of(&layers, &rest, &area, [x, y], line_px, stacked)).collect())
-        .collect();
-    for (y, row) in rows.iter().enumerate() {
-        owner[(area.y + y) * width + area.x..][..area.width].copy_from_slice(row);
-    }
+    let area = &peel.area;
+    let rows = owner[area.y * width..][..area.height * width].par_chunks_exact_mut(width);
+    rows.with_min_len(16).enumerate().for_each(|(y, row)| {
+        for (x, owner) in row[area.x..][..area.width].iter_mut().enumerate() {
+            *owner = peel.owner([x, y]);
+        }
+    });
     owner
 }
 
-fn owner_of(
-    layers: &[Vec<u32>],
-    core: &[u32],
-    area: &Area,
-    [x, y]: [usize; 2],
+struct Peel {
+    layers: Vec<Vec<u32>>,
+    rim: Vec<u32>,
+    core: Vec<u32>,
+    area: Area,
     line_px: usize,
     stacked: usize,
-) -> u8 {
-    let pixel = y * area.width + x;
-    for (t, layer) in layers.iter().enumerate() {
-        let mut here = layer[pixel];
-        while here != 0 {
-            let mask = here.trailing_zeros();
-            here &= here - 1;
-            // Masks whose edge is as far away as this one's, or nearly: they share the stack.
-            let near = t.saturating_sub(line_px - 1)..(t + line_px).min(layers.len());
-            let together = near.fold(0, |all, t| all | layers[t][pixel]);
-            let slot = (together & ((1 << mask) - 1)).count_ones() as usize % stacked;
-            if t / line_px == slot {
-                return alternated(layers, core, area, [x, y], line_px, together, mask);
-            }
-        }
-    }
-    0
 }
 
-/// `mask` where the stack of outlines of the masks `together` has room here, or else the one whose
-/// dash it is.
-fn alternated(
-    layers: &[Vec<u32>],
-    core: &[u32],
-    area: &Area,
-    [x, y]: [usize; 2],
-    line_px: usize,
-    together: u32,
-    mask: u32,
-) -> u8 {
-    let count = together.count_ones() as usize;
-    if count < 2 {
-        return mask as u8 + 1;
+impl Peel {
+    fn owner(&self, [x, y]: [usize; 2]) -> u8 {
+        let pixel = y * self.area.width + x;
+        if self.rim[pixel] == 0 {
+            return 0;
+        }
+        for (t, layer) in self.layers.iter().enumerate() {
+            let mut here = layer[pixel];
+            while here != 0 {
+                let mask = here.trailing_zeros();
+                here &= here - 1;
+                // Masks whose edge is as far away as this one's, or nearly: they share the stack.
+                let near = t.saturating_sub(self.line_px - 1)..(t + self.line_px).min(self.layers.len());
+                let together = near.fold(0, |all, t| all | self.layers[t][pixel]);
+                let slot = (together & ((1 << mask) - 1)).count_ones() as usize % self.stacked;
+                if t / self.line_px == slot {
+                    return self.alternated([x, y], together, mask);
+                }
+            }
+        }
+        0
     }
-    let needed = (count * line_px).min(layers.len());
-    let deepest = &layers[needed - 1..];
-    let reach = needed;
-    let has_room = (y.saturating_sub(reach)..(y + reach + 1).min(area.height)).any(|v| {
-        (x.saturating_sub(reach)..(x + reach + 1).min(area.width)).any(|u| {
-            let pixel = v * area.width + u;
-            let deep = deepest.iter().fold(core[pixel], |all, layer| all | layer[pixel]);
-            deep & together == together
-        })
-    });
-    if has_room {
-        return mask as u8 + 1;
+
+    /// `mask` where the stack of outlines of the masks `together` has room here, or else the one
+    /// whose dash it is.
+    fn alternated(&self, [x, y]: [usize; 2], together: u32, mask: u32) -> u8 {
+        let count = together.count_ones() as usize;
+        if count < 2 {
+            return mask as u8 + 1;
+        }
+        let area = &self.area;
+        let needed = (count * self.line_px).min(self.layers.len());
+        let deepest = &self.layers[needed - 1..];
+        let has_room = (y.saturating_sub(needed)..(y + needed + 1).min(area.height)).any(|v| {
+            (x.saturating_sub(needed)..(x + needed + 1).min(area.width)).any(|u| {
+                let pixel = v * area.width + u;
+                deepest.iter().fold(self.core[pixel], |all, layer| all | layer[pixel]) & together == together
+            })
+        });
+        if has_room {
+            return mask as u8 + 1;
+        }
+        // Dashes by place in the picture, the second number growing otherwise than the first, so
+        // that neither a level nor an upright line stays within one colour.
+        let dash = self.line_px * DASH_WIDTHS;
+        let turn = ((area.x + x) / dash + (area.y + y) / dash * (count - 1)) % count;
+        let nth = (0..turn).fold(together, |rest, _| rest & (rest - 1));
+        nth.trailing_zeros() as u8 + 1
     }
-    // Dashes by place in the picture: two numbers without a common direction, so that no straight
-    // line stays within one colour.
-    let dash = line_px * DASH_WIDTHS;
-    let turn = ((area.x + x) / dash + (area.y + y) / dash * (count - 1).max(1)) % count;
-    let nth = (0..turn).fold(together, |rest, _| rest & (rest - 1));
-    nth.trailing_zeros() as u8 + 1
 }
 
 #[cfg(test)]

@@ -100,7 +100,8 @@ pub struct ScaleBar {
 
 impl SliceView {
     /// The slice through `through_mm` that shows all of the box `bounds_mm` (smallest and largest
-    /// world coordinates) in its middle, with 3 % to spare on each side.
+    /// world coordinates) in its middle, with 3 % to spare on each side. Middle and scale are rounded
+    /// (1 µm, a thousandth), so that noise of the last digits doesn't reach the picture.
     pub fn fit(
         plane: Plane,
         convention: Convention,
@@ -108,7 +109,7 @@ impl SliceView {
         through_mm: DVec3,
         size_px: [u32; 2],
     ) -> Self {
-        let mut center_mm = (bounds_mm.0 + bounds_mm.1) * 0.5;
+        let mut center_mm = ((bounds_mm.0 + bounds_mm.1) * 500.0).round() / 1000.0;
         center_mm[plane.axis()] = through_mm[plane.axis()];
         let mut view = Self { plane, center_mm, mm_per_pixel: 1.0, size_px, convention };
         let extent = bounds_mm.1 - bounds_mm.0;
@@ -118,7 +119,8 @@ impl SliceView {
             .zip(size_px)
             .map(|(mm, px)| mm / f64::from(px.max(1)))
             .fold(0.0, f64::max);
-        view.mm_per_pixel = if needed > 0.0 { needed * 1.06 } else { 1.0 };
+        let unit = 10f64.powf(needed.log10().floor() - 3.0);
+        view.mm_per_pixel = if needed > 0.0 { (needed * 1.06 / unit).ceil() * unit } else { 1.0 };
         view
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
-use glioscope_render::{Frame, Gpu, Pick, Quality, Renderer, Scene};
+use glioscope_render::{Frame, Gpu, PassName, Pick, Quality, Renderer, Scene};
 
 /// Draws scenes on egui's device and hands egui the pictures. One for each program.
 pub struct Viewport {
@@ -71,8 +71,11 @@ impl Viewport {
     }
 
     /// What is under a place of the frame last shown, `u` and `v` from 0 to 1 from the top left.
-    pub fn pick(&self, u: f32, v: f32) -> Option<Pick> {
-        let frame = self.frame()?;
+    ///
+    /// # Errors
+    /// One line, when the device fails.
+    pub fn pick(&self, u: f32, v: f32) -> Result<Option<Pick>, String> {
+        let Some(frame) = self.frame() else { return Ok(None) };
         let at =
             |fraction: f32, extent: u32| ((fraction.clamp(0.0, 1.0) * extent as f32) as u32).min(extent - 1);
         frame.pick(&self.gpu, at(u, frame.size[0]), at(v, frame.size[1]))

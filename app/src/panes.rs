@@ -77,7 +77,7 @@ impl PaneArea<'_> {
                 overlap::show(ui, &self.overlap_input(), self.out);
             }
             Pane::Slice(plane) => slices::show(ui, &self.view, plane, self.out),
-            Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref()),
+            Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref_mut()),
         }
     }
 

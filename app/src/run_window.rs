@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
+use egui_wgpu::{NativeAdapterSelectorMethod, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use glioscope_core::case::LoadOptions;
-use glioscope_render::{Gpu, gpu};
+use glioscope_render::{AdapterPreference, Gpu, gpu};
 
 use crate::{
     document::CaseRef,
@@ -14,6 +14,18 @@ use crate::{
     window::{GlioscopeApp, open_command, waker},
     workstation::Workstation,
 };
+
+/// Takes the adapter that `preference` asks for, of those that can draw to the window.
+pub fn adapter_selector(preference: AdapterPreference) -> NativeAdapterSelectorMethod {
+    Arc::new(move |adapters, surface| {
+        let usable: Vec<_> =
+            adapters.iter().filter(|a| surface.is_none_or(|s| a.is_surface_supported(s))).cloned().collect();
+        gpu::choose_adapter(&usable, preference).cloned().ok_or_else(|| {
+            "found no Vulkan driver that can draw here, expected one: install mesa-vulkan-drivers and libvulkan1"
+                .to_owned()
+        })
+    })
+}
 
 /// How the window starts.
 #[derive(Clone, Debug, Default)]
@@ -34,12 +46,10 @@ pub struct Start {
 /// One line: no display, or no graphics adapter and what to install.
 pub fn run(start: Start) -> Result<(), String> {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
-    setup.instance_descriptor.backends = gpu::BACKENDS;
-    let software = start.software;
-    setup.native_adapter_selector = Some(Arc::new(move |adapters, surface| {
-        gpu::choose(adapters, surface, software).map_err(|e| e.to_string())
-    }));
-    setup.device_descriptor = Arc::new(|adapter| gpu::device_descriptor(adapter));
+    let preference =
+        if start.software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
+    setup.native_adapter_selector = Some(adapter_selector(preference));
+    setup.device_descriptor = Arc::new(gpu::device_descriptor);
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Glioscope")

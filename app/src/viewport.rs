@@ -13,8 +13,18 @@ pub struct Viewport {
     renderer: Renderer,
     egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>,
     shown: Option<Shown>,
+    times: Option<(u64, PassTimes)>,
     /// Frames drawn so far: a test that an idle window draws nothing reads it.
     pub frames_drawn: u64,
+}
+
+/// How long each pass of a frame took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PassTimes {
+    /// Milliseconds, in the order of the plan.
+    pub passes: Vec<(PassName, f64)>,
+    /// What measured them.
+    pub source: &'static str,
 }
 
 struct Shown {
@@ -32,7 +42,7 @@ impl Viewport {
     /// One line, when the device can't run the passes.
     pub fn new(gpu: Gpu, egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>) -> Result<Self, String> {
         let renderer = Renderer::new(&gpu).map_err(|e| e.to_string())?;
-        Ok(Self { gpu, renderer, egui_renderer, shown: None, frames_drawn: 0 })
+        Ok(Self { gpu, renderer, egui_renderer, shown: None, times: None, frames_drawn: 0 })
     }
 
     /// The scene as a texture. Draws only when scene, quality or size changed.
@@ -76,9 +86,10 @@ impl Viewport {
     /// One line, when the device fails.
     pub fn pick(&self, u: f32, v: f32) -> Result<Option<Pick>, String> {
         let Some(frame) = self.frame() else { return Ok(None) };
-        let at =
-            |fraction: f32, extent: u32| ((fraction.clamp(0.0, 1.0) * extent as f32) as u32).min(extent - 1);
-        frame.pick(&self.gpu, at(u, frame.size[0]), at(v, frame.size[1]))
+        let at = |fraction: f32, extent: u32| {
+            ((fraction.clamp(0.0, 1.0) * extent as f32) as u32).min(extent.saturating_sub(1))
+        };
+        frame.pick(&self.gpu, at(u, frame.asked_px[0]), at(v, frame.asked_px[1])).map_err(|e| e.to_string())
     }
 
     /// The frame last drawn.
@@ -86,8 +97,16 @@ impl Viewport {
         self.renderer.frame()
     }
 
-    /// Milliseconds of each pass of the frame last drawn.
-    pub fn pass_times(&self) -> glioscope_render::PassTimes {
-        self.renderer.pass_times(&self.gpu)
+    /// Milliseconds of each pass of the frame last drawn, read back once a frame.
+    ///
+    /// # Errors
+    /// One line, when the device fails.
+    pub fn pass_times(&mut self) -> Result<&PassTimes, String> {
+        if self.times.as_ref().is_none_or(|(frame, _)| *frame != self.frames_drawn) {
+            let passes = self.renderer.pass_times(&self.gpu).map_err(|e| e.to_string())?;
+            let source = self.renderer.time_source().describe();
+            self.times = Some((self.frames_drawn, PassTimes { passes, source }));
+        }
+        self.times.as_ref().map(|(_, times)| times).ok_or_else(|| "no frame was drawn".into())
     }
 }

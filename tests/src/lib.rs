@@ -10,23 +10,26 @@ use std::{
 use egui_kittest::{Harness, HarnessBuilder};
 use egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use glioscope::{
-    document::CaseRef, recent::Recent, viewport::Viewport, window::GlioscopeApp, workstation::Workstation,
+    document::CaseRef,
+    recent::Recent,
+    run_window::adapter_selector,
+    viewport::Viewport,
+    window::GlioscopeApp,
+    workstation::Workstation,
     world::{self, Loaded},
 };
 use glioscope_core::{
     Progress,
     case::{self, LoadOptions},
 };
-use glioscope_render::{Gpu, gpu};
+use glioscope_render::{AdapterPreference, Gpu, gpu};
 use image::RgbaImage;
 
 /// The wgpu setup of every test: the software adapter, with what the renderer needs.
 pub fn software_setup() -> WgpuSetup {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
-    setup.instance_descriptor.backends = gpu::BACKENDS;
-    setup.native_adapter_selector =
-        Some(Arc::new(|adapters, surface| gpu::choose(adapters, surface, true).map_err(|e| e.to_string())));
-    setup.device_descriptor = Arc::new(|adapter| gpu::device_descriptor(adapter));
+    setup.native_adapter_selector = Some(adapter_selector(AdapterPreference::SoftwareOnly));
+    setup.device_descriptor = Arc::new(gpu::device_descriptor);
     WgpuSetup::CreateNew(setup)
 }
 
@@ -109,10 +112,16 @@ pub fn golden(name: &str, picture: &RgbaImage) {
     }
     let expected = match image::open(&path) {
         Ok(image) => image.to_rgba8(),
-        Err(error) => fail(&format!("{}: {error}; UPDATE_GOLDENS=1 writes it, then look at it", path.display())),
+        Err(error) => {
+            fail(&format!("{}: {error}; UPDATE_GOLDENS=1 writes it, then look at it", path.display()))
+        }
     };
     if expected.dimensions() != picture.dimensions() {
-        fail(&format!("{name}: found {:?}, expected {:?} pixels", picture.dimensions(), expected.dimensions()));
+        fail(&format!(
+            "{name}: found {:?}, expected {:?} pixels",
+            picture.dimensions(),
+            expected.dimensions()
+        ));
     }
     let differs = |(a, b): &(&image::Rgba<u8>, &image::Rgba<u8>)| {
         a.0.iter().zip(b.0).any(|(x, y)| x.abs_diff(y) > CHANNEL_TOLERANCE)
@@ -122,7 +131,10 @@ pub fn golden(name: &str, picture: &RgbaImage) {
     if share > PIXEL_TOLERANCE {
         let seen = folder.join(format!("{name}.new.png"));
         let _ = picture.save(&seen);
-        fail(&format!("{name}: {different} pixels ({share:.4}) differ from the golden; see {}", seen.display()));
+        fail(&format!(
+            "{name}: {different} pixels ({share:.4}) differ from the golden; see {}",
+            seen.display()
+        ));
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, Gpu, Palette, Projection, Quality, Renderer,
+    AdapterPreference, Camera, Gpu, Palette, Plan, Projection, Quality, Renderer,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde_json::json;
@@ -17,7 +17,7 @@ use crate::{
     offscreen::Offscreen,
     panes::{self, PaneArea},
     recent::Recent,
-    viewport::Viewport,
+    viewport::{PassTimes, Viewport},
     views::{ViewContext, closeup::CloseupState, overlap::OverlapMode},
     window::GlioscopeApp,
     workstation::Workstation,
@@ -179,7 +179,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let scene = work.doc.as_ref().map(|doc| work.world.closeup(doc, arguments.dark));
     let is_closeup = view == View::Pane(Pane::Closeup);
     if let Some(scene) = scene.as_ref().filter(|_| arguments.explain && is_closeup) {
-        terminal::print(&glioscope_render::plan(scene, &Quality::FULL).explain())?;
+        terminal::print(&explained(&glioscope_render::plan(scene, &Quality::FULL)))?;
     }
     if arguments.out.is_none() && !arguments.stats {
         return if arguments.explain {
@@ -196,7 +196,8 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         for _ in 0..if arguments.stats { 2 } else { 1 } {
             renderer.render(&gpu, scene, &Quality::FULL, size).map_err(|e| Failure(e.to_string()))?;
         }
-        stats = Some(renderer.pass_times(&gpu));
+        let passes = renderer.pass_times(&gpu).map_err(|e| Failure(e.to_string()))?;
+        stats = Some(PassTimes { passes, source: renderer.time_source().describe() });
         renderer
             .frame()
             .map(|f| f.read_rgba(&gpu))
@@ -229,12 +230,19 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         terminal::print_json(&json!({
             "adapter": gpu.describe(),
             "size": size,
-            "timed_by": stats.as_ref().map(|t| t.source.to_string()),
+            "timed_by": stats.as_ref().map(|t| t.source),
             "passes": passes,
             "omitted": omitted,
         }))?;
     }
     Ok(())
+}
+
+/// A plan in words: a line a pass.
+fn explained(plan: &Plan) -> String {
+    let runs = plan.passes.iter().map(|pass| format!("runs     {}", pass.name()));
+    let omitted = plan.omitted.iter().map(|(pass, reason)| format!("left out {}: {reason}", pass.name()));
+    runs.chain(omitted).collect::<Vec<_>>().join("\n")
 }
 
 /// Draws views of one workstation without a window.
@@ -252,8 +260,8 @@ impl Studio {
         Ok(Self { offscreen, app, dark })
     }
 
-    fn pass_times(&self) -> Option<glioscope_render::PassTimes> {
-        self.app.viewport.as_ref().map(Viewport::pass_times)
+    fn pass_times(&mut self) -> Option<PassTimes> {
+        self.app.viewport.as_mut()?.pass_times().ok().cloned()
     }
 
     fn picture(&mut self, view: View, size: [u32; 2], scale: f32) -> Result<Vec<u8>, Failure> {

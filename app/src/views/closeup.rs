@@ -131,7 +131,9 @@ fn hover(
     if pointer != state.pointer || response.clicked() {
         state.pointer = pointer;
         state.hover = pointer.filter(|_| !dragging).and_then(|p| {
-            viewport.pick((p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height())
+            let (u, v) = ((p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height());
+            // A device that fails says so when the next frame is drawn.
+            viewport.pick(u, v).ok().flatten()
         });
         if let Some(pick) = &state.hover
             && (view.doc.nav.follow_pointer || response.clicked())

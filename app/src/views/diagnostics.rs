@@ -6,7 +6,7 @@ use glioscope_render::Scene;
 use crate::viewport::Viewport;
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scene: Option<&Scene>, viewport: Option<&Viewport>) {
+pub fn show(ui: &mut Ui, scene: Option<&Scene>, viewport: Option<&mut Viewport>) {
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let Some(viewport) = viewport else {
             ui.label("No graphics adapter.");
@@ -20,8 +20,15 @@ pub fn show(ui: &mut Ui, scene: Option<&Scene>, viewport: Option<&Viewport>) {
             ui.label("Not drawn: no pane shows it.");
             return;
         };
-        let times = viewport.pass_times();
-        ui.label(format!("{} × {} pixels, times by {}", frame.size[0], frame.size[1], times.source));
+        let ([width, height], omitted) = (frame.size_px, frame.plan.omitted.clone());
+        let times = match viewport.pass_times() {
+            Ok(times) => times,
+            Err(error) => {
+                ui.label(error);
+                return;
+            }
+        };
+        ui.label(format!("{width} × {height} pixels, times by {}", times.source));
         Grid::new("passes").num_columns(2).striped(true).show(ui, |ui| {
             for (pass, milliseconds) in &times.passes {
                 ui.label(pass.name());
@@ -31,10 +38,10 @@ pub fn show(ui: &mut Ui, scene: Option<&Scene>, viewport: Option<&Viewport>) {
         });
         ui.add_space(6.0);
         ui.label(RichText::new("Left out").strong());
-        if frame.plan.omitted.is_empty() {
+        if omitted.is_empty() {
             ui.label("Nothing.");
         }
-        for (pass, reason) in &frame.plan.omitted {
+        for (pass, reason) in &omitted {
             ui.label(format!("{}: {reason}", pass.name()));
         }
         ui.add_space(6.0);

@@ -317,7 +317,7 @@ mod tests {
     fn members_padding_and_rest() {
         let one = gz(b"hello ");
         let two = gz(b"world");
-        let mut file = [one.clone(), gz(b""), two].concat();
+        let mut file = [one, gz(b""), two].concat();
         assert_eq!(all(&file, 11).unwrap(), (b"hello world".to_vec(), 0));
         assert_eq!(all(&file, 6).unwrap(), (b"hello ".to_vec(), 5));
         file.extend([0; 700]);

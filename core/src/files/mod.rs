@@ -8,8 +8,10 @@ mod bounded_gzip;
 mod nifti;
 pub mod nifti_header;
 pub mod nifti_space;
+mod nifti_write;
 
 pub use nifti::{HeaderInfo, info, info_with, nifti_stem, read_bytes};
+pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
 
 /// Where a file's bytes come from.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -187,9 +187,9 @@ impl Spacing {
             }
         }
         let stated = DVec3::from_array(self.stored).abs() * mm_per_unit;
-        let (used, rank) = (grid.spacing_mm(), 3);
-        let off = |a: usize| self.dims[a] > 1 && !((stated[a] - used[a]).abs() <= 0.01 * used[a]);
-        if form == Form::Sform && (0..rank).any(off) {
+        let used = grid.spacing_mm();
+        let off = |a: usize| self.dims[a] > 1 && (stated[a] - used[a]).abs() > 0.01 * used[a];
+        if form == Form::Sform && (0..3).any(off) {
             checks.push(Check::note(
                 "pixdim-sform-disagree",
                 format!(

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{files_below, read, real_data};
+use glam::DVec3;
 
 #[test]
 fn every_type_loads_or_is_refused_by_name() {
@@ -44,5 +45,67 @@ fn every_malformed_file_is_refused_in_one_line() {
             e
         );
         println!("{e}");
+    }
+}
+
+/// Dims, values and matrix with the voxel axes turned to R, A and S: only axes are exchanged and
+/// reversed, no value is computed.
+fn turned_to_ras(path: &std::path::Path) -> ([usize; 3], Vec<f64>, [DVec3; 4]) {
+    let volume = read(path).unwrap().volume;
+    let grid = volume.grid();
+    let codes = grid.axis_codes();
+    // For each of R, A, S: the voxel axis that runs along it, and whether backwards.
+    let along = [['R', 'L'], ['A', 'P'], ['S', 'I']].map(|[forward, backward]| {
+        let axis = codes.iter().position(|&c| c == forward || c == backward).unwrap();
+        (axis, codes[axis] == backward)
+    });
+    let dims = along.map(|(axis, _)| grid.dims()[axis]);
+    let source = |ras: [usize; 3]| {
+        let mut ijk = [0; 3];
+        for (i, (axis, back)) in along.into_iter().enumerate() {
+            ijk[axis] = if back { dims[i] - 1 - ras[i] } else { ras[i] };
+        }
+        ijk
+    };
+    let mut values = Vec::new();
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                values.push(volume.value(grid.linear(source([x, y, z]))));
+            }
+        }
+    }
+    let corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]];
+    (dims, values, corners.map(|c| grid.center_of_voxel_mm(source(c))))
+}
+
+#[test]
+fn all_48_orientations_are_one_volume() {
+    let Some(folder) = real_data("nifti-orientations") else { return };
+    let files: Vec<_> =
+        files_below(&folder).into_iter().filter(|p| p.extension().is_some_and(|e| e == "gz")).collect();
+    assert_eq!(files.len(), 48);
+    let (dims, values, places) = turned_to_ras(&folder.join("RAS.nii.gz"));
+    for path in files {
+        let name = path.file_name().unwrap().to_str().unwrap().to_owned();
+        let codes: String = read(&path).unwrap().volume.grid().axis_codes().iter().collect();
+        assert_eq!(format!("{codes}.nii.gz"), name);
+        let (other_dims, other_values, other_places) = turned_to_ras(&path);
+        assert_eq!(other_dims, dims, "{name}");
+        assert!(other_values == values, "{name}: values differ");
+        for (a, b) in places.into_iter().zip(other_places) {
+            assert!(a.distance(b) < 1e-3, "{name}: {a} and {b}");
+        }
+    }
+}
+
+#[test]
+fn a_header_and_its_image_may_be_compressed_differently() {
+    let Some(folder) = real_data("nifti-types") else { return };
+    let one = read(&folder.join("minimal.nii")).unwrap().volume;
+    for other in
+        ["minimal2.hdr", "minimal2.img.gz", "minimal.hdr", "minimal.img.gz", "multi-member-gzip.nii.gz"]
+    {
+        assert_eq!(read(&folder.join(other)).unwrap().volume, one, "{other}");
     }
 }

@@ -1,0 +1,112 @@
+//! Files that claim or inflate to gigabytes end in an error within 2 s and 100 MB. Each is read
+//! in a process of its own, which reports its peak of resident memory (Linux only).
+
+mod common;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use common::{Made, files_below, gzip, real_data};
+
+/// Not a test of its own: [`refused_within_bounds`] runs it in a child process.
+#[test]
+#[ignore = "run in a child process by the tests of this file"]
+fn child_reads_one_file() {
+    let path = PathBuf::from(std::env::var_os("GLIOSCOPE_CHILD_FILE").expect("started by the parent"));
+    let outcome = common::read(&path).map(|_| "loaded".to_owned()).unwrap_or_else(|e| e.to_string());
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let peak = status.lines().find(|l| l.starts_with("VmHWM:")).unwrap();
+    println!("\nOUTCOME {outcome}\nPEAK {}", peak.split_whitespace().nth(1).unwrap());
+}
+
+/// Outcome, peak in KiB, time.
+fn in_a_child(path: &Path) -> (String, u64, Duration) {
+    let start = Instant::now();
+    let output = Command::new(std::env::current_exe().unwrap())
+        .args(["--ignored", "--exact", "child_reads_one_file", "--nocapture"])
+        .env("GLIOSCOPE_CHILD_FILE", path)
+        .output()
+        .unwrap();
+    let elapsed = start.elapsed();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let line = |key: &str| text.lines().find_map(|l| l.strip_prefix(key)).unwrap_or_else(|| panic!("{text}"));
+    (line("OUTCOME ").to_owned(), line("PEAK ").parse().unwrap(), elapsed)
+}
+
+fn refused_within_bounds(path: &Path) {
+    let (outcome, peak_kib, elapsed) = in_a_child(path);
+    println!("{peak_kib} KiB, {elapsed:?}: {outcome}");
+    assert_ne!(outcome, "loaded", "{}", path.display());
+    assert!(peak_kib < 100_000, "{}: {peak_kib} KiB", path.display());
+    assert!(elapsed < Duration::from_secs(2), "{}: {elapsed:?}", path.display());
+}
+
+fn linux() -> bool {
+    if !cfg!(target_os = "linux") {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: peak memory is read from /proc, which only Linux has");
+    }
+    cfg!(target_os = "linux")
+}
+
+#[test]
+fn made_bombs_are_refused_within_bounds() {
+    if !linux() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        glioscope_core::files::write_whole(&path, bytes).unwrap();
+        refused_within_bounds(&path);
+    };
+    // Inflates to 300 MB behind a header that declares 48 bytes.
+    let mut bomb = Made::new().bytes;
+    bomb.resize(300 << 20, 0);
+    put("bomb.nii.gz", &gzip(&bomb));
+    // Claims 1 GiB that the file can't hold, then 1 GiB that its gzip could but doesn't hold.
+    let mut claim = Made::new();
+    claim.i16s(40, &[3, 1024, 1024, 1024]).i16s(70, &[2, 8]);
+    put("claim.nii", &claim.bytes);
+    put("claim.nii.gz", &gzip(&claim.bytes));
+    let mut state = 1u64;
+    claim.bytes.extend((0..2_000_000).map(|_| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (state >> 56) as u8
+    }));
+    put("half-held.nii.gz", &gzip(&claim.bytes));
+    // An extension chain and an offset that claim much.
+    let mut offset = Made::new();
+    offset.f32s(108, &[60e6]);
+    put("offset.nii", &offset.bytes);
+    put("offset.nii.gz", &gzip(&offset.bytes));
+}
+
+#[test]
+fn every_malformed_file_is_refused_within_bounds() {
+    let Some(folder) = real_data("nifti-malformed") else { return };
+    if !linux() {
+        return;
+    }
+    for path in files_below(&folder) {
+        refused_within_bounds(&path);
+    }
+}
+
+/// A real volume takes little more than its own voxels: one pass, no second copy.
+#[test]
+fn a_large_honest_volume_takes_its_size_once() {
+    if !linux() {
+        return;
+    }
+    let mut made = Made::new();
+    made.i16s(40, &[3, 256, 256, 512]);
+    made.bytes.resize(352 + 2 * 256 * 256 * 512, 0);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("honest.nii.gz");
+    glioscope_core::files::write_whole(&path, &gzip(&made.bytes)).unwrap();
+    let (outcome, peak_kib, _) = in_a_child(&path);
+    assert_eq!(outcome, "loaded");
+    assert!((65_536..90_000).contains(&peak_kib), "{peak_kib} KiB for 65536 KiB of voxels");
+}

@@ -1,0 +1,340 @@
+//! Headers and files that are cut, flipped, or say what can't be: an error or the same voxels,
+//! never a panic.
+
+mod common;
+
+use common::{Made, codes, gzip, numbers, read, read_bytes};
+use glioscope_core::files::{self, FileError, ReadOptions, Source, WriteOptions, nifti_stem, write_nifti};
+use glioscope_core::{Cancelled, Progress, Samples};
+
+/// 40 x 30 x 20 voxels of int16 that hardly compress.
+fn larger() -> Vec<u8> {
+    let mut made = Made::new();
+    made.i16s(40, &[3, 40, 30, 20]);
+    made.bytes.truncate(352);
+    let noise = (0..24_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 16) as i16);
+    made.bytes.extend(noise.flat_map(i16::to_le_bytes));
+    made.bytes
+}
+
+fn two(paired: bool) -> Vec<u8> {
+    let mut bytes = vec![0; 544];
+    bytes[..4].copy_from_slice(&540i32.to_le_bytes());
+    bytes[4..12].copy_from_slice(if paired { b"ni2\0\r\n\x1a\n" } else { b"n+2\0\r\n\x1a\n" });
+    bytes[12..16].copy_from_slice(&[2, 0, 8, 0]);
+    for (i, d) in [3i64, 2, 3, 4, 0, 0, 0, 0].into_iter().enumerate() {
+        bytes[16 + 8 * i..24 + 8 * i].copy_from_slice(&d.to_le_bytes());
+        bytes[104 + 8 * i..112 + 8 * i].copy_from_slice(&1.0f64.to_le_bytes());
+    }
+    bytes[168..176].copy_from_slice(&if paired { 0i64 } else { 544 }.to_le_bytes());
+    bytes.extend(0..24u8);
+    bytes
+}
+
+#[test]
+fn a_file_cut_anywhere_is_an_error() {
+    let small = Made::new().bytes;
+    assert!(read_bytes(&small).is_ok());
+    for cut in 0..small.len() {
+        assert!(read_bytes(&small[..cut]).is_err(), "cut at {cut}");
+    }
+    let large = larger();
+    let packed = gzip(&large);
+    assert!(read_bytes(&large).is_ok() && read_bytes(&packed).is_ok());
+    for i in 0..1000 {
+        let cut = (i * 48_271 + 11) % large.len();
+        assert!(read_bytes(&large[..cut]).is_err(), "cut at {cut}");
+        let cut = (i * 48_271 + 11) % packed.len();
+        assert!(read_bytes(&packed[..cut]).is_err(), "gzip cut at {cut}");
+    }
+    let two = two(false);
+    assert!(read_bytes(&two).is_ok());
+    for cut in 0..two.len() {
+        assert!(read_bytes(&two[..cut]).is_err(), "NIfTI-2 cut at {cut}");
+    }
+}
+
+#[test]
+fn every_flipped_header_bit_is_an_error_or_loads_whole() {
+    let mut good = Made::new();
+    good.sform(1, [[1.5, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]]);
+    let right = good.read().unwrap();
+    // Fields that nothing here reads: data_type to dim_info, intent, slice and calibration, texts.
+    let unread = [4..40, 56..70, 74..76, 120..123, 124..252, 328..344, 349..352];
+    // Size field, type, bits, offset, magic: one wrong bit can't be right.
+    let vital = [0..4, 41..42, 70..74, 108..112, 344..348];
+    let (mut loaded, mut refused) = (0, 0);
+    for bit in 0..352 * 8 {
+        let mut bytes = good.bytes.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        let answer = read_bytes(&bytes);
+        let within = |fields: &[std::ops::Range<usize>]| fields.iter().any(|f| f.contains(&(bit / 8)));
+        match answer {
+            Ok(other) => {
+                loaded += 1;
+                assert!(!within(&vital), "bit {bit} of a vital field was overlooked");
+                assert_eq!(other.volume.samples().len(), other.volume.grid().voxel_count());
+                if within(&unread) {
+                    assert_eq!(other.volume, right.volume, "bit {bit}");
+                }
+            }
+            Err(e) => {
+                refused += 1;
+                assert!(!within(&unread), "bit {bit}: {e}");
+            }
+        }
+    }
+    assert!(loaded > 1500 && refused > 100, "{loaded} loaded, {refused} refused");
+    let two = two(false);
+    for bit in 0..544 * 8 {
+        let mut bytes = two.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        if let Ok(other) = read_bytes(&bytes) {
+            assert_eq!(other.volume.samples().len(), other.volume.grid().voxel_count());
+        }
+    }
+}
+
+#[test]
+fn impossible_headers_are_refused_by_name() {
+    let refuse = |made: &Made, why: &str| {
+        let error = made.read().unwrap_err().to_string();
+        assert!(error.starts_with("made.nii: found ") && error.contains(why), "{error}, expected {why}");
+        assert_eq!(error.lines().count(), 1);
+    };
+    for rank in [0, 8, -1] {
+        refuse(Made::new().i16s(40, &[rank]), "dim[0]");
+    }
+    refuse(Made::new().i16s(42, &[0]), "dim[1] = 0");
+    refuse(Made::new().i16s(46, &[-4]), "dim[3] = -4");
+    refuse(Made::new().i16s(42, &[32767, 32767, 32767]), "dimensions [32767, 32767, 32767]");
+    refuse(Made::new().i16s(40, &[7, 2, 3, 4, 32767, 32767, 32767, 32767]), "32767, 32767], expected fewer");
+    refuse(Made::new().i16s(40, &[5, 2, 3, 4, 32767, 32767]), "400 bytes, expected the 515364622");
+    refuse(Made::new().i16s(72, &[8]), "bitpix 8 with datatype int16");
+    for (code, bits, name) in [
+        (1, 1, "binary"),
+        (32, 64, "complex64"),
+        (128, 24, "RGB24"),
+        (1536, 128, "float128"),
+        (1792, 128, "complex128"),
+        (2048, 256, "complex256"),
+        (2304, 32, "RGBA32"),
+        (0, 0, "code 0"),
+        (999, 8, "code 999"),
+    ] {
+        refuse(Made::new().i16s(70, &[code, bits]), name);
+    }
+    for offset in [0.0, 348.0, 351.0, 352.5, -352.0, 1e9, f32::NAN, f32::INFINITY] {
+        refuse(Made::new().f32s(108, &[offset]), "vox_offset");
+    }
+    refuse(Made::new().f32s(108, &[368.0]), "400 bytes, expected the 416 bytes");
+    refuse(Made::new().put(344, b"ni1\0"), "header of a pair");
+    refuse(Made::new().put(344, b"\0\0\0\0"), "ANALYZE");
+    refuse(Made::new().put(344, b"n+3\0"), "n+3");
+    let mut odd = two(false);
+    odd[8] = b'\n';
+    assert!(read_bytes(&odd).unwrap_err().to_string().contains("magic"));
+}
+
+#[test]
+fn voxels_are_where_vox_offset_says() {
+    for offset in [352usize, 368, 1024] {
+        let mut made = Made::new();
+        let voxels = made.bytes.split_off(352);
+        made.f32s(108, &[offset as f32]);
+        made.bytes.resize(offset, 0xee);
+        made.bytes[348] = 0;
+        made.bytes.extend(voxels);
+        for bytes in [made.bytes.clone(), gzip(&made.bytes)] {
+            let loaded = read_bytes(&bytes).unwrap();
+            assert_eq!(numbers(loaded.volume.samples()), (0..24).map(f64::from).collect::<Vec<_>>());
+        }
+    }
+}
+
+#[test]
+fn extensions_are_passed_over_within_bounds() {
+    let with = |sizes: &[i32], room: usize| {
+        let mut made = Made::new();
+        let voxels = made.bytes.split_off(352);
+        made.put(348, &[1]).f32s(108, &[(352 + room) as f32]);
+        for &size in sizes {
+            made.bytes.extend(size.to_le_bytes());
+            made.bytes.resize(made.bytes.len() + usize::try_from(size - 4).unwrap_or(12), 6);
+        }
+        made.bytes.resize(352 + room, 0);
+        made.bytes.extend(voxels);
+        made
+    };
+    let fine = with(&[16, 32, 160], 208);
+    let path = tempfile::NamedTempFile::new().unwrap();
+    std::io::Write::write_all(&mut path.as_file(), &fine.bytes).unwrap();
+    assert_eq!(files::info(&Source::File(path.path().into())).unwrap().extensions, 3);
+    assert_eq!(numbers(fine.read().unwrap().volume.samples())[23], 23.0);
+    assert_eq!(numbers(read_bytes(&gzip(&fine.bytes)).unwrap().volume.samples())[23], 23.0);
+    let all = vec![16; 1024];
+    assert!(with(&all, 16 * 1024).read().is_ok());
+    let many = vec![16; 1025];
+    assert!(with(&many, 16 * 1025).read().unwrap_err().to_string().contains("more than 1024 extensions"));
+    for (sizes, room) in
+        [(&[0][..], 32), (&[8], 32), (&[-16], 32), (&[24], 32), (&[64], 32), (&[16], 36), (&[16], 20)]
+    {
+        let error = with(sizes, room).read().unwrap_err().to_string();
+        assert!(error.contains("extension"), "{sizes:?} in {room}: {error}");
+    }
+    assert!(codes(&with(&[], 0).read().unwrap()).contains(&"extension-missing"));
+}
+
+#[test]
+fn scaling_that_means_nothing_is_none_and_told() {
+    let scaled = |slope: f32, intercept: f32| {
+        let loaded = Made::new().f32s(112, &[slope, intercept]).read().unwrap();
+        let code = loaded.checks.iter().find(|c| c.code == "scaling-ignored").map(|c| c.severity);
+        (loaded.volume.value(3), code)
+    };
+    use glioscope_core::Severity::{Note, Warning};
+    assert_eq!(scaled(0.5, -1.0), (0.5, None));
+    assert_eq!(scaled(-2.0, 0.25), (-5.75, None));
+    assert_eq!(scaled(0.0, 0.0), (3.0, None));
+    assert_eq!(scaled(0.0, 7.0), (3.0, Some(Note)));
+    assert_eq!(scaled(f32::NAN, 0.0), (3.0, Some(Note)));
+    assert_eq!(scaled(f32::INFINITY, 0.0), (3.0, Some(Note)));
+    assert_eq!(scaled(1.0, f32::NAN), (3.0, Some(Note)));
+    assert_eq!(scaled(2.0, f32::NEG_INFINITY), (3.0, Some(Warning)));
+}
+
+#[test]
+fn a_frame_is_chosen_through_all_further_dimensions() {
+    let mut made = Made::new();
+    made.i16s(40, &[5, 2, 3, 1, 2, 2]);
+    for bytes in [made.bytes.clone(), gzip(&made.bytes)] {
+        for frame in 0..4 {
+            let options = ReadOptions { frame, ..ReadOptions::default() };
+            let loaded = files::read_bytes("made", &bytes, &options, &Progress::new()).unwrap();
+            let first = frame as i16 * 6;
+            assert_eq!(loaded.volume.samples(), &Samples::I16((first..first + 6).collect()));
+            assert_eq!(loaded.frames, 4);
+        }
+        let options = ReadOptions { frame: 4, ..ReadOptions::default() };
+        let error = files::read_bytes("made", &bytes, &options, &Progress::new()).unwrap_err().to_string();
+        assert_eq!(error, "made: found 4 frame(s), expected more than 4, as frame 4 (from 0) is asked for");
+    }
+}
+
+#[test]
+fn limits_trailing_bytes_and_cancel() {
+    let mut made = Made::new();
+    let options = ReadOptions { max_bytes: 47, frame: 0 };
+    let error = files::read_bytes("made", &made.bytes, &options, &Progress::new()).unwrap_err();
+    assert!(error.to_string().contains("48 bytes of voxels a frame, expected at most 47"), "{error}");
+    made.bytes.extend([1; 9]);
+    assert!(codes(&made.read().unwrap()).contains(&"trailing-bytes"));
+    assert!(codes(&read_bytes(&gzip(&made.bytes)).unwrap()).contains(&"trailing-bytes"));
+    let progress = Progress::new();
+    progress.cancel();
+    let cancelled = files::read_bytes("made", &made.bytes, &ReadOptions::default(), &progress);
+    assert_eq!(cancelled, Err(FileError::Cancelled(Cancelled)));
+}
+
+#[test]
+fn pairs_in_every_mix_from_either_half() {
+    let mut header = Made::new();
+    header.put(344, b"ni1\0").f32s(108, &[0.0]);
+    let voxels = header.bytes.split_off(352);
+    for header_bytes in [header.bytes[..348].to_vec(), header.bytes.clone()] {
+        for (h, i) in [
+            (".hdr", ".img"),
+            (".hdr.gz", ".img.gz"),
+            (".hdr", ".img.gz"),
+            (".hdr.gz", ".img"),
+            (".HDR", ".IMG"),
+            (".HDR", ".img.gz"),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = |ending: &str| folder.path().join(format!("a.b{ending}"));
+            let pack = |bytes: &[u8], e: &str| if e.ends_with("gz") { gzip(bytes) } else { bytes.to_vec() };
+            files::write_whole(&path(h), &pack(&header_bytes, h)).unwrap();
+            let alone = read(&path(h)).unwrap_err().to_string();
+            assert!(alone.contains("beside it"), "{alone}");
+            files::write_whole(&path(i), &pack(&voxels, i)).unwrap();
+            for half in [h, i] {
+                let loaded = read(&path(half)).unwrap();
+                assert_eq!(numbers(loaded.volume.samples())[23], 23.0, "{h} {i} from {half}");
+            }
+            let info = files::info(&Source::File(path(h))).unwrap();
+            assert_eq!(info.image_file, Some(path(i).display().to_string()));
+            std::fs::remove_file(path(h)).unwrap();
+            assert!(read(&path(i)).unwrap_err().to_string().contains("beside it"));
+            std::fs::remove_file(path(i)).unwrap();
+            assert!(read(&path(i)).unwrap_err().to_string().contains("no such file"));
+        }
+    }
+    // The magic decides, not the name: one file called .hdr, and a pair's header called .nii.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("one.hdr");
+    files::write_whole(&path, &Made::new().bytes).unwrap();
+    assert!(read(&path).is_ok());
+    // A pair of NIfTI-2, and an offset into the image.
+    let mut two = two(true);
+    let voxels = two.split_off(544);
+    two[168..176].copy_from_slice(&100i64.to_le_bytes());
+    files::write_whole(&folder.path().join("two.hdr"), &two).unwrap();
+    files::write_whole(&folder.path().join("two.img"), &[vec![9; 100], voxels].concat()).unwrap();
+    assert_eq!(numbers(read(&folder.path().join("two.hdr")).unwrap().volume.samples())[5], 5.0);
+}
+
+#[test]
+fn what_is_no_file_is_said_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("found a folder"), "{error}");
+    let odd = folder.path().join("line\nbreak\u{202e}.nii");
+    let error = read(&odd).unwrap_err().to_string();
+    assert!(
+        error.lines().count() == 1 && !error.contains('\u{202e}') && error.contains("no such file"),
+        "{error}"
+    );
+    for (bytes, what) in [
+        (&b"  <!DOCTYPE html>"[..], "web page"),
+        (b"NRRD0004\n", "NRRD"),
+        (b"", "empty"),
+        (b"abc", "3 bytes"),
+    ] {
+        let error = read_bytes(bytes).unwrap_err().to_string();
+        assert!(error.contains(what), "{error}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_without_waiting_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pipe.nii");
+    let made = std::process::Command::new("mkfifo").arg(&path).status().unwrap();
+    assert!(made.success());
+    assert!(read(&path).unwrap_err().to_string().contains("pipe or device"));
+}
+
+#[test]
+fn names_are_split_whatever_their_case() {
+    assert_eq!(nifti_stem("a.nii.gz"), Some(("a", ".nii.gz")));
+    assert_eq!(nifti_stem("SCAN.v2.NII.Gz"), Some(("SCAN.v2", ".nii.gz")));
+    assert_eq!(nifti_stem("ä.IMG"), Some(("ä", ".img")));
+    for no in ["a.nii.bz2", "nii", "gz", "", "ä€", "a.nrrd"] {
+        assert_eq!(nifti_stem(no), None, "{no}");
+    }
+}
+
+#[test]
+fn a_write_that_fails_leaves_what_stood_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let volume = Made::new().read().unwrap().volume;
+    let path = folder.path().join("x.nii.gz");
+    write_nifti(&path, &volume, &WriteOptions::default()).unwrap();
+    let before = std::fs::read(&path).unwrap();
+    assert_eq!(before[..2], [0x1f, 0x8b]);
+    assert!(write_nifti(&folder.path().join("none/x.nii"), &volume, &WriteOptions::default()).is_err());
+    assert!(write_nifti(folder.path(), &volume, &WriteOptions::default()).is_err());
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+}

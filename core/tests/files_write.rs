@@ -1,0 +1,135 @@
+//! What is written is read again as the same volume: every type, every kind of matrix, plain and
+//! gzipped.
+
+mod common;
+
+use common::read_bytes;
+use glam::{DAffine3, DMat3, DVec3};
+use glioscope_core::files::nifti_header::{Header, Version};
+use glioscope_core::files::{WriteOptions, info, nifti_bytes, write_nifti};
+use glioscope_core::{Grid, Samples, Scaling, Sides, Volume, files::Source};
+use proptest::prelude::*;
+
+fn samples(kind: usize, bits: &[u64]) -> Samples {
+    match kind {
+        0 => Samples::U8(bits.iter().map(|&b| b as u8).collect()),
+        1 => Samples::I8(bits.iter().map(|&b| b as i8).collect()),
+        2 => Samples::U16(bits.iter().map(|&b| b as u16).collect()),
+        3 => Samples::I16(bits.iter().map(|&b| b as i16).collect()),
+        4 => Samples::U32(bits.iter().map(|&b| b as u32).collect()),
+        5 => Samples::I32(bits.iter().map(|&b| b as i32).collect()),
+        6 => Samples::U64(bits.to_vec()),
+        7 => Samples::I64(bits.iter().map(|&b| b as i64).collect()),
+        8 => Samples::F32(bits.iter().map(|&b| b as i32 as f32 / 128.0).collect()),
+        _ => Samples::F64(bits.iter().map(|&b| b as i64 as f64 / 1024.0).collect()),
+    }
+}
+
+fn same_after(volume: &Volume, gzip: bool) -> Result<Volume, TestCaseError> {
+    let bytes = nifti_bytes(volume, gzip);
+    let loaded = read_bytes(&bytes).map_err(|e| TestCaseError::fail(e.to_string()))?;
+    prop_assert_eq!(loaded.volume.samples(), volume.samples());
+    prop_assert!(
+        !loaded.checks.iter().any(|c| c.code == "sform-qform-disagree" || c.code == "trailing-bytes")
+    );
+    Ok(loaded.volume)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn written_then_read_is_the_same(
+        dims in prop::array::uniform3(1usize..7),
+        kind in 0usize..10,
+        seed in any::<u64>(),
+        angles in prop::array::uniform3(-3.2f64..3.2),
+        spacing in prop::array::uniform3(0.05f64..12.0),
+        shear in prop_oneof![Just(0.0), -0.4f64..0.4],
+        mirror in any::<bool>(),
+        offset in prop::array::uniform3(-2000.0f64..2000.0),
+        scaling in prop_oneof![Just((1.0, 0.0)), (0.001f64..9.0, -100.0f64..100.0)],
+        gzip in any::<bool>(),
+    ) {
+        let rotation = DMat3::from_rotation_z(angles[0])
+            * DMat3::from_rotation_y(angles[1])
+            * DMat3::from_rotation_x(angles[2]);
+        let mut m = rotation * DMat3::from_diagonal(DVec3::from_array(spacing));
+        m.y_axis += m.x_axis * shear;
+        if mirror {
+            m.z_axis = -m.z_axis;
+        }
+        let matrix = DAffine3 { matrix3: m, translation: DVec3::from_array(offset) };
+        let grid = Grid::new(dims, matrix, Sides::Known).unwrap();
+        let bits: Vec<u64> = (0..grid.voxel_count() as u64)
+            .map(|i| (i ^ seed).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(17))
+            .collect();
+        let scaling = Scaling { slope: scaling.0, intercept: scaling.1 };
+        let volume = Volume::new(grid, samples(kind, &bits), scaling).unwrap();
+        let again = same_after(&volume, gzip)?;
+        // 32-bit floats in the header: a thousandth of a voxel is what the writer promises.
+        prop_assert!(volume.grid().same_place(again.grid(), 1e-3));
+        prop_assert_eq!(again.grid().sides(), Sides::Known);
+        prop_assert!((again.scaling().slope - scaling.slope).abs() <= 1e-6 * scaling.slope.abs());
+        prop_assert!((again.scaling().intercept - scaling.intercept).abs() <= 1e-6 * scaling.intercept.abs());
+    }
+}
+
+fn plain(dims: [usize; 3], matrix: DAffine3, sides: Sides) -> Volume {
+    let grid = Grid::new(dims, matrix, sides).unwrap();
+    let n = grid.voxel_count();
+    Volume::new(grid, Samples::U8(vec![3; n]), Scaling::NONE).unwrap()
+}
+
+fn version_of(volume: &Volume) -> Version {
+    Header::parse(&nifti_bytes(volume, false)).unwrap().version
+}
+
+#[test]
+fn the_second_format_serves_where_the_first_is_too_narrow() {
+    let at = |x: f64| DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::new(x, 0.0, 0.0) };
+    assert_eq!(version_of(&plain([32767, 1, 1], at(0.0), Sides::Known)), Version::One);
+    let long = plain([32768, 1, 1], at(0.0), Sides::Known);
+    assert_eq!(version_of(&long), Version::Two);
+    assert_eq!(same_after(&long, true).unwrap(), long);
+    // 32-bit floats hold 1e6 + 0.1 to 0.06 only.
+    let far = plain([2, 2, 2], at(1e6 + 0.1), Sides::Known);
+    assert_eq!(version_of(&far), Version::Two);
+    assert_eq!(same_after(&far, false).unwrap(), far);
+}
+
+#[test]
+fn both_forms_are_written_unless_sheared_and_neither_without_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    let codes = |volume: &Volume| {
+        let path = folder.path().join("x.nii");
+        write_nifti(&path, volume, &WriteOptions { description: "näme".into() }).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(&bytes[148..154], b"n??me\0");
+        let info = info(&Source::File(path)).unwrap();
+        (info.sform_code, info.qform_code)
+    };
+    let upright = DAffine3 { matrix3: DMat3::from_rotation_x(0.4), translation: DVec3::ONE };
+    assert_eq!(codes(&plain([2, 2, 2], upright, Sides::Known)), (1, 1));
+    assert_eq!(codes(&plain([2, 2, 2], upright, Sides::Unknown)), (0, 0));
+    let mut sheared = upright;
+    sheared.matrix3.y_axis += sheared.matrix3.x_axis * 0.1;
+    assert_eq!(codes(&plain([2, 2, 2], sheared, Sides::Known)), (1, 0));
+    let unknown = plain([2, 3, 4], DAffine3::IDENTITY, Sides::Unknown);
+    assert_eq!(same_after(&unknown, true).unwrap(), unknown);
+}
+
+#[test]
+fn the_header_holds_nothing_that_was_not_asked_for_and_gzip_no_time() {
+    let volume = plain([2, 2, 2], DAffine3::IDENTITY, Sides::Known);
+    let bytes = nifti_bytes(&volume, false);
+    assert_eq!(bytes.len(), 352 + 8);
+    // data_type to dim_info, intent, slice fields, aux_file, intent_name.
+    for unused in [4..40, 56..70, 74..76, 120..123, 124..148, 157..252, 328..344, 348..352] {
+        assert!(bytes[unused.clone()].iter().all(|&b| b == 0), "{unused:?}");
+    }
+    let packed = nifti_bytes(&volume, true);
+    assert_eq!(packed, nifti_bytes(&volume, true));
+    // RFC 1952: flags, then four bytes of time.
+    assert_eq!(packed[3..8], [0; 5]);
+}

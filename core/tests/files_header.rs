@@ -1,6 +1,13 @@
 //! Headers and files that are cut, flipped, or say what can't be: an error or the same voxels,
 //! never a panic.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
 mod common;
 
 use common::{Made, codes, gzip, numbers, read, read_bytes};

@@ -3,6 +3,12 @@
 //! wrong order changes), and the matrix where the header sets one. Only these numbers are here.
 
 #![allow(clippy::excessive_precision, reason = "printed by Python, kept as they are")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
 
 mod common;
 

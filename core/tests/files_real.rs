@@ -1,5 +1,12 @@
 //! Real files, none of them written by this project: they load, or are refused by name.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
 mod common;
 
 use common::{files_below, read, real_data};

@@ -3,6 +3,13 @@
 //! extensions (wrong voxels, none among these files); it finds no image that is compressed unlike
 //! its header.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
 mod common;
 
 use std::path::Path;

@@ -1,6 +1,13 @@
 //! Where headers put their voxels: qform against nibabel's numbers, which form is in force, and
 //! what is said about it.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
 mod common;
 
 use common::{Made, codes};
@@ -12,6 +19,7 @@ type Rows = [[f64; 4]; 3];
 
 /// `Nifti1Header.get_qform()` of nibabel 5.4.2 (22 Nov 2026) for pixdim, quaternion, offset, qfac.
 #[rustfmt::skip]
+#[allow(clippy::type_complexity, reason = "a table, read once below")]
 const QFORMS: &[(&str, [f32; 3], [f32; 3], [f32; 3], f32, Rows)] = &[
     ("no rotation", [1.5, 2.0, 3.0], [0.0, 0.0, 0.0], [-10.0, 20.0, 5.5], 1.0, [[1.5, 0.0, 0.0, -10.0], [0.0, 2.0, 0.0, 20.0], [0.0, 0.0, 3.0, 5.5]]),
     ("half turn about z, as LPS", [1.0, 1.0, 2.0], [0.0, 0.0, 1.0], [90.0, 126.0, -72.0], 1.0, [[-1.0, 0.0, 0.0, 90.0], [0.0, -1.0, 0.0, 126.0], [0.0, 0.0, 2.0, -72.0]]),

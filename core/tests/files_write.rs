@@ -1,6 +1,13 @@
 //! What is written is read again as the same volume: every type, every kind of matrix, plain and
 //! gzipped.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
 mod common;
 
 use common::read_bytes;

@@ -1,0 +1,30 @@
+//! Every code that the files' checks use is documented, and no other.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap here is a failed test")]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+#[test]
+fn docs_list_exactly_the_codes_of_files() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut used = BTreeSet::new();
+    for entry in std::fs::read_dir(root.join("src/files")).unwrap() {
+        let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+        for call in ["Check::note(", "Check::warning(", "Check::error(", "Fault::new("] {
+            for rest in text.split(call).skip(1) {
+                if let Some(rest) = rest.trim_start().strip_prefix('"') {
+                    used.insert(rest.split('"').next().unwrap().to_owned());
+                }
+            }
+        }
+    }
+    let doc = std::fs::read_to_string(root.join("../docs/checks.md")).unwrap();
+    let files = doc.split("\n## ").filter(|section| section.starts_with("Files"));
+    let listed: BTreeSet<String> = files
+        .flat_map(str::lines)
+        .filter_map(|line| line.strip_prefix("| `")?.split('`').next().map(str::to_owned))
+        .collect();
+    assert!(used.len() > 25, "{used:?}");
+    assert_eq!(used, listed);
+}

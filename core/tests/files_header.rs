@@ -291,6 +291,31 @@ fn pairs_in_every_mix_from_either_half() {
 }
 
 #[test]
+fn info_says_what_the_header_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scan.nii");
+    let mut made = Made::new();
+    made.sform(1, [[-1.5, 0.0, 0.0, 90.0], [0.0, 0.0, 3.0, -126.0], [0.0, 2.0, 0.0, -72.0]]);
+    made.i16s(40, &[4, 2, 3, 2, 2]).f32s(112, &[0.5, -4.0]);
+    files::write_whole(&path, &gzip(&made.bytes)).unwrap();
+    let info = serde_json::to_value(files::info(&Source::File(path.clone())).unwrap()).unwrap();
+    let expected = serde_json::json!({
+        "file": path.display().to_string(), "image_file": null, "format": "NIfTI-1", "byte_order": "little",
+        "gzip": true, "dims": [2, 3, 2, 2], "frames": 2, "datatype": "int16", "frame_bytes": 24,
+        "spacing_mm": [1.5, 2.0, 3.0],
+        "world_from_voxel": [[-1.5, 0.0, 0.0, 90.0], [0.0, 0.0, 3.0, -126.0], [0.0, 2.0, 0.0, -72.0], [0.0, 0.0, 0.0, 1.0]],
+        "axis_codes": "LSA", "form": "sform", "sform_code": 1, "qform_code": 0, "unit": "mm",
+        "slope": 0.5, "intercept": -4.0, "extensions": 0, "checks": [],
+    });
+    assert_eq!(info, expected);
+    // It reads to the end: damage behind the header is found.
+    let mut packed = gzip(&made.bytes);
+    *packed.last_mut().unwrap() ^= 1;
+    files::write_whole(&path, &packed).unwrap();
+    assert!(files::info(&Source::File(path)).unwrap_err().to_string().contains("damaged gzip"));
+}
+
+#[test]
 fn what_is_no_file_is_said_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let error = read(folder.path()).unwrap_err().to_string();

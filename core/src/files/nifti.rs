@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DMat4;
 use serde::Serialize;
 
 use super::bounded_gzip::{CHUNK_BYTES, Stream};
@@ -38,8 +39,8 @@ pub struct HeaderInfo {
     pub frame_bytes: u64,
     /// Distance between neighbouring voxel centres, of the form in force.
     pub spacing_mm: [f64; 3],
-    /// Rows of the matrix from voxel centres to RAS+ millimetres.
-    pub world_from_voxel: [[f64; 4]; 3],
+    /// Rows of the matrix from voxel centres to RAS+ millimetres, the last 0 0 0 1.
+    pub world_from_voxel: [[f64; 4]; 4],
     /// Letters that the voxel axes run towards; `None` where sides are unknown.
     pub axis_codes: Option<String>,
     /// Which of the header's forms made the matrix.
@@ -123,12 +124,7 @@ pub fn info_with(source: &Source, progress: &Progress) -> Result<HeaderInfo, Fil
         datatype: described.sample_type,
         frame_bytes: described.frame_bytes,
         spacing_mm: grid.spacing_mm().to_array(),
-        world_from_voxel: std::array::from_fn(|row| {
-            std::array::from_fn(|column| match column {
-                0..3 => world_from_voxel.matrix3.col(column)[row],
-                _ => world_from_voxel.translation[row],
-            })
-        }),
+        world_from_voxel: DMat4::from(world_from_voxel).transpose().to_cols_array_2d(),
         axis_codes: known.then(|| grid.axis_codes().iter().collect()),
         form: described.form,
         sform_code: header.sform_code,

@@ -13,7 +13,7 @@ use crate::{Check, Grid, Sides};
 /// Largest entry of a matrix that is taken for millimetres of a patient: ten kilometres.
 const MAX_MM: f64 = 1e7;
 /// Smallest spacing that is taken for millimetres: a hundredth of an atom.
-const MIN_SPACING_MM: f64 = 1e-9;
+pub(crate) const MIN_SPACING_MM: f64 = 1e-9;
 
 /// What a grid was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -7,6 +7,7 @@ use flate2::{Compression, GzBuilder};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::nifti_header::{Header, SampleType, Version};
+use super::nifti_space::MIN_SPACING_MM;
 use super::{FileError, write_whole};
 use crate::{Grid, Samples, Sides, Volume, with_samples};
 
@@ -112,6 +113,7 @@ fn fits_nifti_1(volume: &Volume) -> bool {
     let scaling = volume.scaling();
     let close = |x: f64| (narrow(x) - x).abs() <= 1e-6 * x.abs();
     grid.dims().iter().all(|&d| i16::try_from(d).is_ok())
+        && grid.spacing_mm().min_element() > 2.0 * MIN_SPACING_MM
         && Grid::new(grid.dims(), rounded, grid.sides()).is_ok_and(|near| grid.same_place(&near, 1e-3))
         && close(scaling.slope)
         && close(scaling.intercept)

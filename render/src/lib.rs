@@ -3,11 +3,24 @@
 //! Knows no window and no egui. `Gpu` is made once a program, `Renderer` (pipelines) once a device,
 //! a scene's buffers once an input, targets once a size.
 
+mod bricks;
 pub mod camera;
+pub mod frame;
+pub mod gpu;
 pub mod palette;
+pub mod plan;
+pub mod renderer;
 pub mod scene;
 pub mod slices;
+mod targets;
+#[cfg(test)]
+mod testing;
+mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
+pub use frame::{Frame, Pick};
+pub use gpu::{AdapterPreference, Gpu, GpuError};
 pub use palette::{MaskColors, Palette, Rgb};
+pub use plan::{PassName, Plan, Quality, plan};
+pub use renderer::{RenderError, Renderer, TimeSource};
 pub use scene::{Lens, Scene};

@@ -1,1 +1,118 @@
-//! stub
+//! The WGSL of every pass and how it is composed.
+//!
+//! Entry points stand in `wgsl/`, libraries in `wgsl/lib/`. A line `#include lib/NAME.wgsl` is
+//! replaced by that file, once however often it is named. Nothing here knows a device.
+
+mod sources;
+
+pub use sources::ALL;
+
+/// A shader that can't be composed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ComposeError {
+    /// No file of this name.
+    #[error("shader {asked_by}: found an include of {name}, expected one of {}", known())]
+    Unknown {
+        /// The file that isn't there.
+        name: String,
+        /// What includes it.
+        asked_by: String,
+    },
+}
+
+fn known() -> String {
+    sources::FILES.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
+}
+
+/// The whole text of entry point file `name` (one of [`ALL`], for example `closeup_surface`).
+///
+/// # Errors
+/// [`ComposeError`] when it, or a file that it includes, doesn't exist.
+pub fn compose(name: &str) -> Result<String, ComposeError> {
+    let mut text = String::new();
+    let mut seen = Vec::new();
+    append(&format!("{name}.wgsl"), name, &mut seen, &mut text)?;
+    Ok(text)
+}
+
+fn append(file: &str, asked_by: &str, seen: &mut Vec<String>, text: &mut String) -> Result<(), ComposeError> {
+    if seen.iter().any(|s| s == file) {
+        return Ok(());
+    }
+    seen.push(file.to_owned());
+    let Some((_, source)) = sources::FILES.iter().find(|(name, _)| *name == file) else {
+        return Err(ComposeError::Unknown { name: file.to_owned(), asked_by: asked_by.to_owned() });
+    };
+    for line in source.lines() {
+        match line.strip_prefix("#include ") {
+            Some(included) => append(included.trim(), file, seen, text)?,
+            None => {
+                text.push_str(line);
+                text.push('\n');
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    /// One list of everything that is wrong, not the first only.
+    #[test]
+    fn every_shader_composes_and_validates() {
+        let mut failures = Vec::new();
+        for name in ALL {
+            let text = match compose(name) {
+                Ok(text) => text,
+                Err(e) => {
+                    failures.push(format!("{name}: {e}"));
+                    continue;
+                }
+            };
+            match naga::front::wgsl::parse_str(&text) {
+                Err(e) => failures.push(format!("{name}: {}", e.emit_to_string(&text))),
+                Ok(module) => {
+                    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+                    if let Err(e) = validator.validate(&module) {
+                        failures.push(format!("{name}: {}", e.emit_to_string(&text)));
+                    }
+                    if module.entry_points.iter().all(|e| e.name != "main") {
+                        failures.push(format!("{name}: found no entry point named main"));
+                    }
+                }
+            }
+        }
+        assert!(ALL.len() >= 5, "expected the closeup's shaders, found {ALL:?}");
+        assert!(failures.is_empty(), "{}", failures.join("\n\n"));
+    }
+
+    #[test]
+    fn every_file_is_listed_and_used() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("wgsl");
+        let mut found = Vec::new();
+        for (folder, prefix) in [(root.clone(), ""), (root.join("lib"), "lib/")] {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let name = entry.unwrap().file_name().into_string().unwrap();
+                if name.ends_with(".wgsl") {
+                    found.push(format!("{prefix}{name}"));
+                }
+            }
+        }
+        found.sort();
+        let mut listed: Vec<String> = sources::FILES.iter().map(|(name, _)| (*name).to_owned()).collect();
+        listed.sort();
+        assert_eq!(found, listed);
+        for (name, _) in sources::FILES.iter().filter(|(name, _)| !name.contains('/')) {
+            assert!(ALL.contains(&name.trim_end_matches(".wgsl")), "{name} is no entry point in ALL");
+        }
+    }
+
+    #[test]
+    fn an_unknown_name_is_named() {
+        let e = compose("nowhere").unwrap_err().to_string();
+        assert!(e.contains("nowhere") && e.contains("lib/view.wgsl"), "{e}");
+    }
+}

@@ -1,0 +1,225 @@
+//! Which passes a scene needs, and why the others are left out. Pure: no device is touched.
+
+use std::fmt;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::scene::{Lens, Scene};
+
+/// The passes of the closeup, in the order they run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PassName {
+    /// First shown voxel along each ray, inside the lens or everywhere when it is off.
+    Surface,
+    /// The faint outer level and its first hit.
+    Outside,
+    /// Screen-space ambient occlusion.
+    Occlusion,
+    /// Its blur.
+    OcclusionBlur,
+    /// Colours, lines, ring.
+    Compose,
+}
+
+impl PassName {
+    /// All, in order.
+    pub const ALL: [Self; 5] =
+        [Self::Surface, Self::Outside, Self::Occlusion, Self::OcclusionBlur, Self::Compose];
+
+    /// Its name in `--explain`, `--stats` and the diagnostics panel.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Surface => "surface",
+            Self::Outside => "outside",
+            Self::Occlusion => "occlusion",
+            Self::OcclusionBlur => "occlusion_blur",
+            Self::Compose => "compose",
+        }
+    }
+}
+
+impl fmt::Display for PassName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How much work a frame may be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Point pairs that ambient occlusion tests a pixel, 1 to [`Quality::MOST_SAMPLES`].
+    pub occlusion_samples: u32,
+    /// How far it reaches.
+    pub occlusion_radius_mm: f64,
+    /// 0 (none) to 1 (hidden places black).
+    pub occlusion_strength: f64,
+    /// How much hidden places take on the colour of what hides them, 0 to 1.
+    pub color_bleeding: f64,
+    /// Pixels drawn to pixels asked for, along each side; above 0, at most 1.
+    pub resolution_scale: f64,
+}
+
+impl Quality {
+    /// The most point pairs of ambient occlusion.
+    pub const MOST_SAMPLES: u32 = 32;
+
+    /// At rest, and for files.
+    pub const FULL: Self = Self {
+        occlusion_samples: 12,
+        occlusion_radius_mm: 6.0,
+        occlusion_strength: 0.75,
+        color_bleeding: 0.35,
+        resolution_scale: 1.0,
+    };
+
+    /// While dragging: half the resolution, fewer samples.
+    pub const DRAFT: Self = Self { occlusion_samples: 6, resolution_scale: 0.5, ..Self::FULL };
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self::FULL
+    }
+}
+
+/// The passes of one frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// What runs, in order.
+    pub passes: Vec<PassName>,
+    /// What doesn't, and why.
+    pub omitted: Vec<(PassName, &'static str)>,
+}
+
+impl Plan {
+    /// Every pass: what tests compare a plan with.
+    pub fn everything() -> Self {
+        Self { passes: PassName::ALL.to_vec(), omitted: Vec::new() }
+    }
+
+    /// Whether `pass` runs.
+    pub fn has(&self, pass: PassName) -> bool {
+        self.passes.contains(&pass)
+    }
+}
+
+/// Whether every corner of the volume's box is in the ball.
+fn covers(lens: &Lens, corners_mm: &[DVec3; 8]) -> bool {
+    corners_mm.iter().all(|c| c.distance(lens.center_mm) <= lens.radius_mm)
+}
+
+/// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+pub fn plan(scene: &Scene, quality: &Quality) -> Plan {
+    let nothing = "no mask is active";
+    let tumor = scene.tumor.as_deref();
+    let shows_any = tumor.is_some_and(|t| t.bits_of_id().iter().any(|&bits| scene.selection.shows(bits)));
+    let no_surface = match tumor {
+        None => Some(nothing),
+        Some(_) if !shows_any => Some("selection is empty"),
+        Some(_) => None,
+    };
+    let no_outside = match (tumor, &scene.lens) {
+        (None, _) => Some(nothing),
+        (_, None) => Some("lens is off"),
+        (Some(t), Some(lens)) if covers(lens, &t.grid().corners_mm()) => {
+            Some("lens covers everything: nothing lies outside")
+        }
+        _ => None,
+    };
+    let no_occlusion = no_surface.or_else(|| {
+        if !(quality.occlusion_strength > 0.0) {
+            Some("occlusion strength is 0")
+        } else if !(quality.occlusion_radius_mm > 0.0) {
+            Some("occlusion radius is 0")
+        } else if quality.occlusion_samples == 0 {
+            Some("occlusion has no samples")
+        } else {
+            None
+        }
+    });
+    let mut plan = Plan { passes: Vec::new(), omitted: Vec::new() };
+    for pass in PassName::ALL {
+        let reason = match pass {
+            PassName::Surface => no_surface,
+            PassName::Outside => no_outside,
+            PassName::Occlusion | PassName::OcclusionBlur => no_occlusion,
+            PassName::Compose => None,
+        };
+        match reason {
+            Some(reason) => plan.omitted.push((pass, reason)),
+            None => plan.passes.push(pass),
+        }
+    }
+    plan
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+    use glioscope_core::Selection;
+
+    fn names(plan: &Plan) -> Vec<&'static str> {
+        plan.passes.iter().map(|p| p.name()).collect()
+    }
+
+    #[test]
+    fn a_whole_scene_needs_every_pass() {
+        let scene = testing::balls_scene();
+        let plan = plan(&scene, &Quality::FULL);
+        assert_eq!(plan, Plan::everything());
+    }
+
+    #[test]
+    fn each_reason_leaves_out_its_passes() {
+        let mut scene = testing::balls_scene();
+        scene.lens = None;
+        let without_lens = plan(&scene, &Quality::FULL);
+        assert_eq!(without_lens.omitted, [(PassName::Outside, "lens is off")]);
+
+        let mut scene = testing::balls_scene();
+        if let Some(lens) = &mut scene.lens {
+            lens.radius_mm = 1e4;
+        }
+        let covered = plan(&scene, &Quality::FULL);
+        assert_eq!(covered.omitted, [(PassName::Outside, "lens covers everything: nothing lies outside")]);
+
+        let mut scene = testing::balls_scene();
+        for bits in 0..8 {
+            scene.selection.set(bits, false);
+        }
+        let unselected = plan(&scene, &Quality::FULL);
+        assert_eq!(names(&unselected), ["outside", "compose"]);
+        assert!(unselected.omitted.iter().all(|(_, reason)| *reason == "selection is empty"));
+
+        let mut scene = testing::balls_scene();
+        scene.tumor = None;
+        scene.selection = Selection::all();
+        let empty = plan(&scene, &Quality::FULL);
+        assert_eq!(names(&empty), ["compose"]);
+        assert!(empty.omitted.iter().all(|(_, reason)| *reason == "no mask is active"));
+
+        let scene = testing::balls_scene();
+        let flat = plan(&scene, &Quality { occlusion_strength: 0.0, ..Quality::FULL });
+        assert_eq!(names(&flat), ["surface", "outside", "compose"]);
+        let nan = plan(&scene, &Quality { occlusion_strength: f64::NAN, ..Quality::FULL });
+        assert_eq!(names(&nan), ["surface", "outside", "compose"]);
+    }
+
+    #[test]
+    fn a_pass_is_planned_or_left_out_never_both() {
+        for radius in [0.5, 20.0, 1e4] {
+            let mut scene = testing::balls_scene();
+            if let Some(lens) = &mut scene.lens {
+                lens.radius_mm = radius;
+            }
+            let plan = plan(&scene, &Quality::DRAFT);
+            let mut all: Vec<PassName> =
+                plan.passes.iter().copied().chain(plan.omitted.iter().map(|o| o.0)).collect();
+            all.sort();
+            assert_eq!(all, PassName::ALL);
+        }
+    }
+}

@@ -1,0 +1,88 @@
+// The outer level (thesis 7.3.3): all regions outside the lens, faint, composited front to back
+// where the region changes, and the first hit kept apart for the outer contour lines. Where the
+// lens shows tissue the composite is discarded, so only that first hit is searched.
+#include lib/view.wgsl
+#include lib/march.wgsl
+
+struct Outside {
+    depth: f32,          // of the first hit
+    number: u32,         // of the first hit
+    face: u32,
+    color: u32,          // rgb with alpha, premultiplied
+}
+
+@group(0) @binding(4) var<storage, read> depths: array<f32>;
+@group(0) @binding(6) var<storage, read_write> outsides: array<Outside>;
+
+const OPACITY = 0.16;        // of one region change
+const MOST_OPAQUE = 0.97;    // nothing behind changes a picture of 8 bits by much
+
+struct Level {
+    first: Outside,
+    color: vec3<f32>,
+    through: f32,
+    number: u32,
+}
+
+fn composite(ray: Ray, near: f32, far: f32, axis: u32, only_first: bool, level: ptr<function, Level>) {
+    if near >= far {
+        return;
+    }
+    let skipping = (view.flags & NO_SKIPPING) == 0u;
+    var w = start_walk(ray, near, axis);
+    for (var n = most_steps(); n > 0u && w.t < far; n--) {
+        let brick = brick_of(w.cell);
+        let number = number_at(w.cell, brick);
+        if number != (*level).number {
+            (*level).number = number;
+            if number != 0u {
+                if (*level).first.number == 0u {
+                    (*level).first.depth = w.t;
+                    (*level).first.number = number;
+                    (*level).first.face = face_of(ray, w);
+                    if only_first {
+                        return;
+                    }
+                }
+                (*level).color += (*level).through * OPACITY * color_of(number);
+                (*level).through *= 1.0 - OPACITY;
+                if (*level).through < 1.0 - MOST_OPAQUE {
+                    return;
+                }
+            }
+        }
+        if skipping && (brick.y & UNIFORM) != 0u {
+            step_brick(ray, &w);
+        } else {
+            step_cell(ray, &w);
+        }
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= view.size) {
+        return;
+    }
+    let at = linear_index(id.xy);
+    var level = Level(Outside(FAR, 0u, 3u, 0u), vec3<f32>(0.0), 1.0, 0u);
+    let ray = ray_of(id.xy);
+    let span = box_interval(ray);
+    // Lens off: the selection holds everywhere and nothing is outside.
+    if span.near < span.far && (view.flags & LENS_ON) != 0u {
+        let hidden = (view.flags & HAS_SURFACE) != 0u && depths[at] < FAR;
+        let lens = lens_interval(id.xy);
+        if lens.x >= lens.y {
+            composite(ray, span.near, span.far, span.axis, hidden, &level);
+        } else {
+            composite(ray, span.near, min(span.far, lens.x), span.axis, hidden, &level);
+            if !hidden {
+                let behind = lens.y > span.near;
+                level.number = select(level.number, 0u, behind);
+                composite(ray, max(span.near, lens.y), span.far, select(span.axis, 3u, behind), false, &level);
+            }
+        }
+    }
+    level.first.color = pack4x8unorm(vec4<f32>(level.color, 1.0 - level.through));
+    outsides[at] = level.first;
+}

@@ -1,0 +1,73 @@
+// What every pass of the closeup shares: the camera, the volume's shape, the look.
+//
+// Camera space: x right, y up, s = view depth in millimetres, counted from a reference plane near
+// the data, so that neither a camera far away nor a volume 1e6 mm off costs digits.
+// Index space: voxel (i, j, k) of the cropped volume fills [i, i+1) x [j, j+1) x [k, k+1).
+
+struct View {
+    corner: vec3<f32>,              // index space, where the view axis meets the reference plane
+    mm_per_pixel: f32,              // on the reference plane
+    right: vec3<f32>,               // index space, one millimetre to the right
+    mm_per_pixel_per_mm: f32,       // growth with depth; 0 for the orthographic camera
+    up: vec3<f32>,
+    nearest_mm: f32,                // depth where rays start
+    forward: vec3<f32>,
+    voxel_mm: f32,                  // finest spacing
+    dims: vec3<u32>,
+    log2_ids_per_word: u32,
+    bricks: vec3<u32>,
+    selected: u32,                  // bit set of the shown region numbers modulo 32
+    lens: vec4<f32>,                // camera space centre and radius
+    background: vec4<f32>,
+    silhouette: vec4<f32>,
+    size: vec2<u32>,
+    flags: u32,
+    occlusion_samples: u32,
+    occlusion_radius_mm: f32,
+    occlusion_strength: f32,
+    color_bleeding: f32,
+    line_scale: f32,                // widths of lines, 1 for a picture 512 pixels high
+}
+
+const LENS_ON = 1u;
+const HAS_SURFACE = 2u;
+const HAS_OUTSIDE = 4u;
+const HAS_OCCLUSION = 8u;
+const NO_SKIPPING = 16u;
+const MANY_REGIONS = 32u;
+
+// Depth of a pixel where nothing was hit.
+const FAR = 1e30;
+
+@group(0) @binding(0) var<uniform> view: View;
+
+// Pixel centre in pixels from the middle of the picture, y up.
+fn from_middle(pixel: vec2<u32>) -> vec2<f32> {
+    let at = vec2<f32>(pixel) + 0.5 - 0.5 * vec2<f32>(view.size);
+    return vec2<f32>(at.x, -at.y);
+}
+
+// Millimetres that a pixel covers at a depth.
+fn footprint_mm(depth: f32) -> f32 {
+    return view.mm_per_pixel + depth * view.mm_per_pixel_per_mm;
+}
+
+fn linear_index(pixel: vec2<u32>) -> u32 {
+    return pixel.y * view.size.x + pixel.x;
+}
+
+// Depths where the pixel's ray enters and leaves the lens; x > y when it misses.
+fn lens_interval(pixel: vec2<u32>) -> vec2<f32> {
+    let p = from_middle(pixel);
+    let direction = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
+    let start = vec3<f32>(p * view.mm_per_pixel, 0.0) - view.lens.xyz;
+    let a = dot(direction, direction);
+    let nearest = -dot(start, direction) / a;
+    let off = start + nearest * direction;
+    let half2 = (view.lens.w * view.lens.w - dot(off, off)) / a;
+    if half2 <= 0.0 {
+        return vec2<f32>(1.0, 0.0);
+    }
+    let half = sqrt(half2);
+    return vec2<f32>(nearest - half, nearest + half);
+}

@@ -80,17 +80,18 @@ fn sides(spec: &CaseSpec, masks: &[NativeMask], images: &[(usize, &str, &Grid)])
     };
     let (known, unknown) = (ids(Sides::Known), ids(Sides::Unknown));
     let mut checks = Vec::new();
-    if !unknown.is_empty() {
+    let of_masks = masks.iter().filter(|m| m.mask.grid().sides() == Sides::Unknown).count();
+    if of_masks > 0 {
         checks.push(Check::warning(
             "sides-unknown",
-            format!("{unknown}: found no place in the patient, expected sform or qform; left and right are unknown"),
+            format!("masks: found {of_masks} of {} without a place in the patient, expected all with one; left and right are unknown", masks.len()),
         ));
-        if !known.is_empty() {
-            checks.push(Check::warning(
-                "sides-mixed",
-                format!("{unknown}: found no place in the patient, while {known} have one; that they lie on each other is assumed"),
-            ));
-        }
+    }
+    if !unknown.is_empty() && !known.is_empty() {
+        checks.push(Check::warning(
+            "sides-mixed",
+            format!("{unknown}: found no place in the patient, while {known} have one; that they lie on each other is assumed"),
+        ));
     }
     checks
 }

@@ -173,14 +173,19 @@ fn read_one(
     let id = job.first_id(spec);
     progress.say(format!("Reading {id}"));
     let loaded = read(job.source)?;
-    let prefix = |c: Check| Check { message: format!("{id}: {}", c.message), ..c };
+    let mut checks: Vec<Check> =
+        loaded.checks.into_iter().map(|c| Check { message: format!("{id}: {}", c.message), ..c }).collect();
+    if loaded.frames > 1 {
+        let text = format!("{id}: found {} frames, expected one; the first is shown", loaded.frames);
+        checks.push(Check::warning("first-frame-only", text));
+    }
     let selected = job
         .masks
         .iter()
         .map(|&m| Ok((m, select::select(&loaded.volume, spec.masks[m].labels.as_deref(), progress)?)))
         .collect::<Result<Vec<_>, CaseError>>()?;
     Ok(Read {
-        checks: loaded.checks.into_iter().map(prefix).collect(),
+        checks,
         grid: loaded.volume.grid().clone(),
         image: (!job.contexts.is_empty()).then(|| Arc::new(loaded.volume)),
         selected,

@@ -1,7 +1,11 @@
 //! A case: one patient's images and masks, over one or more time points.
 
+mod arguments;
 mod check;
+mod discover;
 mod load;
+mod manifest;
+mod names;
 mod select;
 
 use std::sync::Arc;
@@ -11,7 +15,10 @@ use crate::{
     files::{self, FileError, ReadOptions, Source},
 };
 
+pub use arguments::from_arguments;
+pub use discover::open_spec;
 pub use load::load_with;
+pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 
 /// One image or mask that a case names, before it is read.
 #[derive(Clone, Debug, PartialEq)]

@@ -138,7 +138,6 @@ pub(super) fn select(
     Ok(Selected { bits, missing, not_whole: seen.not_whole })
 }
 
-#[allow(dead_code, reason = "folder guess, next commit")]
 /// The whole-number values of a volume, ascending, when it has at most `most` different ones, all
 /// whole: what a label map looks like. `None` for anything else.
 pub(super) fn few_whole_values(volume: &Volume, most: usize) -> Option<Vec<i64>> {

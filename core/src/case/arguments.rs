@@ -1,0 +1,139 @@
+//! `--mask ID=FILE[:1,4][@TIME]` and `--context ID=FILE[@TIME]`: a case on the command line.
+
+use std::path::Path;
+
+use super::{CaseError, CaseSpec, ContextSpec, MaskSpec};
+use crate::files::Source;
+
+/// The parts of one argument.
+#[derive(Debug, PartialEq)]
+struct Parts<'a> {
+    id: &'a str,
+    file: &'a str,
+    labels: Option<Vec<i64>>,
+    time: Option<&'a str>,
+}
+
+/// `1,4` as labels; `None` when it is anything else.
+fn labels(text: &str) -> Option<Vec<i64>> {
+    text.split(',').map(|n| n.trim().parse().ok()).collect()
+}
+
+/// `FILE:1,4` in two; the file alone where no labels follow the last colon.
+fn split_labels(text: &str) -> (&str, Option<Vec<i64>>) {
+    match text.rsplit_once(':').map(|(file, list)| (file, labels(list))) {
+        Some((file, Some(list))) if !file.is_empty() => (file, Some(list)),
+        _ => (text, None),
+    }
+}
+
+/// Splits an argument. File names may hold `=`, `@` and `:` (a Windows drive): the longest reading
+/// whose file `exists` is taken. Where none exists, the last `@` that no path separator follows
+/// starts the time, and a colon followed by whole numbers alone starts the labels.
+fn split<'a>(text: &'a str, with_labels: bool, exists: &dyn Fn(&str) -> bool) -> Option<Parts<'a>> {
+    let (id, rest) = text.split_once('=').map(|(id, rest)| (id.trim(), rest))?;
+    let reading = |file: &'a str, time: Option<&'a str>| {
+        let (file, labels) = if with_labels { split_labels(file) } else { (file, None) };
+        Parts { id, file, labels, time }
+    };
+    let whole = Parts { id, file: rest, labels: None, time: None };
+    let mut readings = vec![whole, reading(rest, None)];
+    for (at, _) in rest.rmatch_indices('@') {
+        let (before, time) = (&rest[..at], rest[at + 1..].trim());
+        if !time.is_empty() {
+            readings.push(Parts { id, file: before, labels: None, time: Some(time) });
+            readings.push(reading(before, Some(time)));
+        }
+    }
+    if let Some(found) = readings.iter().position(|r| exists(r.file)) {
+        return Some(readings.swap_remove(found));
+    }
+    match rest.rsplit_once('@') {
+        Some((before, time)) if !time.trim().is_empty() && !time.contains(['/', '\\']) => {
+            Some(reading(before, Some(time.trim())))
+        }
+        _ => Some(reading(rest, None)),
+    }
+}
+
+fn parse<'a>(flag: &str, form: &str, text: &'a str, with_labels: bool) -> Result<Parts<'a>, CaseError> {
+    let parts = split(text, with_labels, &|file| Path::new(file).exists());
+    match parts {
+        Some(parts) if !parts.id.is_empty() && !parts.file.is_empty() => Ok(parts),
+        _ => Err(CaseError::Wrong { case: flag.into(), found: format!("{text:?}"), expected: form.into() }),
+    }
+}
+
+/// A case from the values of repeated `--mask` and `--context`, in the order given. Files are
+/// relative to the current folder.
+///
+/// # Errors
+/// [`CaseError::Wrong`] for a value of another form. Whether the files exist shows when they are
+/// read.
+pub fn from_arguments(contexts: &[String], masks: &[String]) -> Result<CaseSpec, CaseError> {
+    let mut spec = CaseSpec { name: "command line".into(), ..CaseSpec::default() };
+    for text in contexts {
+        let p = parse("--context", "ID=FILE[@TIME]", text, false)?;
+        spec.contexts.push(ContextSpec {
+            id: p.id.into(),
+            source: Source::File(p.file.into()),
+            time: p.time.map(str::to_owned),
+        });
+    }
+    for text in masks {
+        let p = parse("--mask", "ID=FILE[:LABEL,LABEL…][@TIME]", text, true)?;
+        spec.masks.push(MaskSpec {
+            id: p.id.into(),
+            source: Source::File(p.file.into()),
+            labels: p.labels,
+            time: p.time.map(str::to_owned),
+            color: None,
+        });
+    }
+    Ok(spec)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parts<'a>(id: &'a str, file: &'a str, labels: Option<&[i64]>, time: Option<&'a str>) -> Parts<'a> {
+        Parts { id, file, labels: labels.map(<[i64]>::to_vec), time }
+    }
+
+    #[test]
+    fn the_plain_forms() {
+        let none = |_: &str| false;
+        let mask = |text| split(text, true, &none).unwrap();
+        assert_eq!(mask("T1=a.nii"), parts("T1", "a.nii", None, None));
+        assert_eq!(mask("T1=a.nii:1,4"), parts("T1", "a.nii", Some(&[1, 4]), None));
+        assert_eq!(mask("T1=a.nii:-1@2024-01-15"), parts("T1", "a.nii", Some(&[-1]), Some("2024-01-15")));
+        assert_eq!(mask("T1=a.nii@week 3"), parts("T1", "a.nii", None, Some("week 3")));
+        assert_eq!(mask(r"T1=C:\b\a.nii:2"), parts("T1", r"C:\b\a.nii", Some(&[2]), None));
+        assert_eq!(mask(r"T1=C:\b\a.nii"), parts("T1", r"C:\b\a.nii", None, None));
+        assert_eq!(mask("T1=me@home/a.nii"), parts("T1", "me@home/a.nii", None, None));
+        assert_eq!(mask("T1=a=b.nii"), parts("T1", "a=b.nii", None, None));
+        assert_eq!(mask("T1=a.nii:1,x"), parts("T1", "a.nii:1,x", None, None));
+        assert_eq!(split("CT=a.nii:1", false, &none).unwrap(), parts("CT", "a.nii:1", None, None));
+        assert_eq!(split("a.nii", true, &none), None);
+    }
+
+    #[test]
+    fn a_file_that_exists_decides() {
+        let with = |file: &'static str| move |f: &str| f == file;
+        let text = "T1=a@b:1@2024";
+        assert_eq!(split(text, true, &with("a@b:1@2024")).unwrap(), parts("T1", "a@b:1@2024", None, None));
+        assert_eq!(split(text, true, &with("a@b:1")).unwrap(), parts("T1", "a@b:1", None, Some("2024")));
+        assert_eq!(split(text, true, &with("a@b")).unwrap(), parts("T1", "a@b", Some(&[1]), Some("2024")));
+        assert_eq!(split(text, true, &with("a")).unwrap(), parts("T1", "a", None, Some("b:1@2024")));
+        assert_eq!(split("T1=s:3", true, &with("s:3")).unwrap(), parts("T1", "s:3", None, None));
+    }
+
+    #[test]
+    fn mistakes_name_the_flag() {
+        for bad in ["a.nii", "=a.nii", "T1="] {
+            let error = from_arguments(&[], &[bad.into()]).unwrap_err().to_string();
+            assert!(error.starts_with("--mask: found ") && error.contains("expected ID=FILE"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! A case from a path: a manifest, a folder read by its files' names, or a single file. What is
+//! guessed is said in the case's notes, which are shown before the case is.
+
+use std::path::{Path, PathBuf};
+
+use super::{
+    CaseError, CaseSpec, ContextSpec, LoadOptions, MaskSpec,
+    manifest::{folder_name, read_manifest},
+    names::{self, Kind, Named},
+    select,
+};
+use crate::{
+    Check, Progress,
+    files::{self, ReadOptions, Source},
+    tumor_index::MAX_MASKS,
+};
+
+/// Most different values a file may have to pass for a label map: BraTS has 5, a whole-brain
+/// parcellation hundreds.
+const MAX_LABELS: usize = 64;
+
+/// Folders below the one opened that are searched: BIDS has sub-, ses- and anat.
+const MAX_DEPTH: usize = 4;
+
+/// Most files and folders that are looked at.
+const MAX_ENTRIES: usize = 10_000;
+
+fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
+    CaseError::Wrong { case: path.display().to_string(), found: found.into(), expected: expected.into() }
+}
+
+/// The case at `path`: a manifest (`.toml`), a folder with one (`case.toml`, or the only `.toml`
+/// that has a `glioscope` key), a folder without, or one NIfTI file. Files are opened only where
+/// their names don't say enough.
+///
+/// # Errors
+/// [`CaseError`]: nothing there, a wrong manifest, a folder without NIfTI files or with those of
+/// several subjects, a file that can't be read.
+pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
+    let expected = "a case manifest (.toml), a folder of NIfTI files, or a NIfTI file";
+    let there = std::fs::metadata(path).map_err(|e| wrong(path, e.to_string(), expected))?;
+    if there.is_dir() {
+        return match manifest_in(path)? {
+            Some(manifest) => read_manifest(&manifest),
+            None => guess_folder(path, options, progress),
+        };
+    }
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        return read_manifest(path);
+    }
+    if names::nifti_stem(&name).is_none() {
+        return Err(wrong(path, "a file of another kind", expected));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    guess(folder, vec![PathBuf::from(&name)], name, options, progress)
+}
+
+/// The manifest of a folder, where it has one.
+fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
+    let usual = folder.join("case.toml");
+    if usual.is_file() {
+        return Ok(Some(usual));
+    }
+    let mut found = Vec::new();
+    for entry in read_folder(folder)? {
+        let small = entry.metadata().is_ok_and(|m| m.is_file() && m.len() < 1 << 20);
+        if small
+            && entry.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+            && std::fs::read_to_string(&entry)
+                .is_ok_and(|t| t.lines().any(|l| l.trim_start().starts_with("glioscope")))
+        {
+            found.push(entry);
+        }
+    }
+    match found.len() {
+        0 | 1 => Ok(found.pop()),
+        n => Err(wrong(folder, format!("{n} manifests"), "one, or one named case.toml")),
+    }
+}
+
+fn read_folder(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
+    let fail = |e: std::io::Error| wrong(folder, e.to_string(), "a folder that can be read");
+    let entries = std::fs::read_dir(folder).map_err(fail)?;
+    let mut paths = entries.map(|e| Ok(e.map_err(fail)?.path())).collect::<Result<Vec<_>, CaseError>>()?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// NIfTI files below `folder`, relative to it, in the order of their paths. Hidden ones are left
+/// out, and folders that are links.
+fn nifti_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, CaseError> {
+    let mut found = Vec::new();
+    let mut seen = 0;
+    let mut ahead = vec![(folder.to_path_buf(), 0)];
+    while let Some((here, depth)) = ahead.pop() {
+        progress.check()?;
+        for path in read_folder(&here)? {
+            seen += 1;
+            if seen > MAX_ENTRIES {
+                let text = format!("more than {MAX_ENTRIES} files and folders");
+                return Err(wrong(folder, text, "the folder of one case"));
+            }
+            let Some(name) = path.file_name().and_then(|n| n.to_str()).filter(|n| !n.starts_with('.')) else {
+                continue;
+            };
+            if path.is_dir() {
+                if depth < MAX_DEPTH && !path.is_symlink() {
+                    ahead.push((path, depth + 1));
+                }
+            } else if names::nifti_stem(name).is_some() {
+                found.extend(path.strip_prefix(folder).map(Path::to_path_buf));
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
+    let files = nifti_files(folder, progress)?;
+    if files.is_empty() {
+        return Err(wrong(folder, "no NIfTI file (.nii, .nii.gz, .hdr)", "a case.toml or NIfTI files"));
+    }
+    let name = folder_name(&folder.join("x"));
+    guess(folder, files, name, options, progress)
+}
+
+/// One file on its way into the case.
+struct Entry {
+    path: PathBuf,
+    named: Named,
+    is_mask: bool,
+    by_content: bool,
+    /// Values above 0, where the file was read and looks like a label map.
+    labels: Option<Vec<i64>>,
+    id: String,
+}
+
+/// Labels of a file that looks like a label map: few different values, all whole, and not one
+/// single value all over.
+fn labels_of(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Option<Vec<i64>>, CaseError> {
+    let read = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
+    let loaded = files::read(&Source::File(path.to_path_buf()), &read, progress)?;
+    let values = select::few_whole_values(&loaded.volume, MAX_LABELS);
+    Ok(values.filter(|v| v.len() > 1 || v == &[0]))
+}
+
+/// Ids, made different within each kind and time: by name, else by the whole name, else by folder.
+fn give_ids(entries: &mut [Entry]) {
+    for e in entries.iter_mut() {
+        e.id = names::id(&e.named, e.is_mask);
+    }
+    let clashes = |entries: &[Entry]| -> Vec<usize> {
+        let same =
+            |a: &Entry, b: &Entry| a.is_mask == b.is_mask && a.named.time == b.named.time && a.id == b.id;
+        (0..entries.len())
+            .filter(|&n| entries.iter().enumerate().any(|(m, other)| m != n && same(&entries[n], other)))
+            .collect()
+    };
+    for n in clashes(entries) {
+        entries[n].id = entries[n].named.stem.clone();
+    }
+    for n in clashes(entries) {
+        entries[n].id = entries[n].path.display().to_string();
+    }
+}
+
+/// Times from the names. One label alone is no time; a file without one beside files with one is
+/// left out. Where no name has any and ids clash, the folders' names are the times.
+fn give_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
+    if entries.iter().all(|e| e.named.time.is_none()) {
+        let top = |e: &Entry| {
+            let mut parts = e.path.iter().filter_map(|p| p.to_str());
+            parts.next().filter(|_| e.path.components().count() > 1).map(str::to_owned)
+        };
+        let folders: Option<Vec<String>> = entries.iter().map(top).collect();
+        let ids: Vec<(bool, String)> =
+            entries.iter().map(|e| (e.is_mask, names::id(&e.named, e.is_mask))).collect();
+        let clash = (0..ids.len()).any(|n| ids[..n].contains(&ids[n]));
+        if let (Some(folders), true) = (folders, clash) {
+            for (e, folder) in entries.iter_mut().zip(folders) {
+                e.named.time = Some(folder);
+            }
+        }
+    }
+    let mut labels: Vec<String> = entries.iter().filter_map(|e| e.named.time.clone()).collect();
+    labels.sort();
+    labels.dedup();
+    if labels.len() < 2 {
+        entries.iter_mut().for_each(|e| e.named.time = None);
+        return;
+    }
+    let timeless: Vec<String> =
+        entries.iter().filter(|e| e.named.time.is_none()).map(|e| e.named.stem.clone()).collect();
+    entries.retain(|e| e.named.time.is_some());
+    notes.push(Check::note("guessed-times", format!("times: guessed from names: {}", labels.join(", "))));
+    if !timeless.is_empty() {
+        let text =
+            format!("{}: found no time in the name while others have one; left out", timeless.join(", "));
+        notes.push(Check::warning("guess-left-out", text));
+    }
+}
+
+/// One label map at each time and nothing else to compare it with: each of its labels is a mask.
+/// Returns the labels of all of them together; `None` where that isn't so.
+fn labels_as_masks(
+    folder: &Path,
+    entries: &mut [Entry],
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Option<Vec<i64>>, CaseError> {
+    let times: Vec<_> = entries.iter().filter(|e| e.is_mask).map(|e| e.named.time.clone()).collect();
+    if times.is_empty() || (0..times.len()).any(|n| times[..n].contains(&times[n])) {
+        return Ok(None);
+    }
+    let mut all = Vec::new();
+    for e in entries.iter_mut().filter(|e| e.is_mask) {
+        if !e.by_content {
+            e.labels = labels_of(&folder.join(&e.path), options, progress)?;
+        }
+        all.extend(e.labels.iter().flatten().copied().filter(|&l| l != 0));
+    }
+    all.sort_unstable();
+    all.dedup();
+    Ok((2..=MAX_MASKS).contains(&all.len()).then_some(all))
+}
+
+fn list<'a>(ids: impl Iterator<Item = &'a Entry>) -> Option<String> {
+    let mut unique: Vec<&str> = Vec::new();
+    for e in ids {
+        if !unique.contains(&e.id.as_str()) {
+            unique.push(&e.id);
+        }
+    }
+    (!unique.is_empty()).then(|| unique.join(", "))
+}
+
+fn say_kinds(entries: &[Entry], notes: &mut Vec<Check>) {
+    let mut say = |is_mask: bool, by_content: bool, text: &str| {
+        if let Some(ids) = list(entries.iter().filter(|e| e.is_mask == is_mask && e.by_content == by_content))
+        {
+            let kind = if is_mask { "masks" } else { "images" };
+            notes.push(Check::note("guessed-kinds", format!("{kind}: guessed {text}: {ids}")));
+        }
+    };
+    say(false, false, "from names");
+    say(false, true, "from contents (values of an image, not of labels)");
+    say(true, false, "from names");
+    say(true, true, "from contents (few values, all whole numbers)");
+}
+
+fn guess(
+    folder: &Path,
+    files: Vec<PathBuf>,
+    name: String,
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<CaseSpec, CaseError> {
+    let mut named: Vec<Named> = Vec::new();
+    let mut paths = Vec::new();
+    for path in files {
+        if let Some(n) = names::read_name(&path) {
+            named.push(n);
+            paths.push(path);
+        }
+    }
+    let mut subjects: Vec<&String> = named.iter().filter_map(|n| n.subject.as_ref()).collect();
+    subjects.sort();
+    subjects.dedup();
+    if subjects.len() > 1 {
+        return Err(wrong(folder, format!("files of {} subjects", subjects.len()), "the folder of one"));
+    }
+    names::drop_common_start(&mut named);
+
+    let mut entries = Vec::new();
+    for (path, named) in paths.into_iter().zip(named) {
+        let (mut is_mask, mut labels) = (named.kind == Kind::Mask, None);
+        let by_content = named.kind == Kind::Unsaid;
+        if by_content {
+            labels = labels_of(&folder.join(&path), options, progress)?;
+            is_mask = labels.is_some();
+        }
+        entries.push(Entry { path, named, is_mask, by_content, labels, id: String::new() });
+    }
+    let mut spec = CaseSpec { name, ..CaseSpec::default() };
+    give_times(&mut entries, &mut spec.notes);
+    give_ids(&mut entries);
+    say_kinds(&entries, &mut spec.notes);
+    let split = labels_as_masks(folder, &mut entries, options, progress)?;
+    if let Some(labels) = &split {
+        let words: Vec<String> = labels.iter().map(i64::to_string).collect();
+        spec.notes.push(Check::note(
+            "guessed-labels",
+            format!(
+                "masks: guessed one for each label of the label map: {}; what they mean is unknown",
+                words.join(", ")
+            ),
+        ));
+    } else if entries.iter().any(|e| e.is_mask) {
+        spec.notes.push(Check::note(
+            "guessed-labels",
+            "masks: guessed that every voxel above 0.5 is active, whatever its label",
+        ));
+    }
+    for e in entries {
+        let (source, time) = (Source::File(folder.join(&e.path)), e.named.time);
+        if !e.is_mask {
+            spec.contexts.push(ContextSpec { id: e.id, source, time });
+            continue;
+        }
+        let parts: Vec<(String, Option<Vec<i64>>)> = match &split {
+            Some(labels) => labels.iter().map(|l| (format!("{}-{l}", e.id), Some(vec![*l]))).collect(),
+            None => vec![(e.id, None)],
+        };
+        for (id, labels) in parts {
+            spec.masks.push(MaskSpec { id, source: source.clone(), labels, time: time.clone(), color: None });
+        }
+    }
+    Ok(spec)
+}

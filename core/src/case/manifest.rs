@@ -1,0 +1,371 @@
+//! The case manifest: a TOML file that names a case's images and masks.
+//!
+//! ```toml
+//! glioscope = 1            # format version, required
+//! name = "Follow-up"       # optional: else the manifest's folder
+//! [[context]]
+//! id = "T1c"
+//! file = "t1c.nii.gz"      # relative to the manifest
+//! time = "2024-03-02"      # a text or a TOML date; optional with one time point
+//! [[mask]]
+//! id = "T1"
+//! file = "seg.nii.gz"
+//! labels = [1, 4]          # optional; else every voxel above 0.5
+//! time = "2024-03-02"
+//! color = "#d62728"        # optional
+//! ```
+//! Unknown keys are errors: a misspelt `label` must not silently mean "every voxel".
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::{CaseError, CaseSpec, ContextSpec, MaskSpec};
+use crate::files::Source;
+
+/// The version written, and the only one read.
+pub const VERSION: i64 = 1;
+
+/// Most bytes a manifest may have.
+const MAX_BYTES: u64 = 1 << 20;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Manifest {
+    glioscope: Spanned<i64>,
+    name: Option<String>,
+    #[serde(default)]
+    context: Vec<Spanned<ContextEntry>>,
+    #[serde(default)]
+    mask: Vec<Spanned<MaskEntry>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ContextEntry {
+    id: Spanned<String>,
+    file: Spanned<String>,
+    time: Option<Spanned<Time>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaskEntry {
+    id: Spanned<String>,
+    file: Spanned<String>,
+    labels: Option<Spanned<Vec<i64>>>,
+    time: Option<Spanned<Time>>,
+    color: Option<Spanned<String>>,
+}
+
+/// A label in quotes, or a date without.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a text in quotes or a date")]
+enum Time {
+    Text(String),
+    Date(toml::value::Datetime),
+}
+
+impl Time {
+    fn label(&self) -> String {
+        match self {
+            Self::Text(text) => text.trim().to_owned(),
+            Self::Date(date) => date.to_string(),
+        }
+    }
+}
+
+/// `#d62728` as three bytes.
+pub(super) fn parse_color(text: &str) -> Option<[u8; 3]> {
+    let digits =
+        text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
+    let byte = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).ok();
+    Some([byte(0)?, byte(2)?, byte(4)?])
+}
+
+/// Where a message about part of a manifest points: `case.toml, line 7`.
+struct Place<'a> {
+    name: String,
+    text: &'a str,
+}
+
+impl Place<'_> {
+    fn wrong(&self, at: Option<usize>, found: impl Into<String>, expected: impl Into<String>) -> CaseError {
+        let line = at.and_then(|at| self.text.get(..at)).map(|before| before.matches('\n').count() + 1);
+        let case = line.map_or_else(|| self.name.clone(), |line| format!("{}, line {line}", self.name));
+        CaseError::Wrong { case, found: one_line(found), expected: one_line(expected) }
+    }
+
+    /// The parser's own message, turned into what was found and what was expected.
+    fn from_toml(&self, error: &toml::de::Error) -> CaseError {
+        let message = one_line(error.message());
+        let at = error.span().map(|s| s.start);
+        match message.split_once(", expected ") {
+            Some((found, expected)) => {
+                self.wrong(at, found.replace("unknown field", "unknown key"), expected)
+            }
+            None => self.wrong(at, message, "a case manifest in TOML"),
+        }
+    }
+}
+
+fn one_line(text: impl Into<String>) -> String {
+    text.into().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Reads the manifest at `path`. The files it names are not touched.
+///
+/// # Errors
+/// [`CaseError::Wrong`], one line with the manifest's name and, where there is one, the line.
+pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
+    let fail = |found: String| CaseError::Wrong {
+        case: path.display().to_string(),
+        found,
+        expected: "a case manifest in TOML".into(),
+    };
+    let size = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?.len();
+    if size > MAX_BYTES {
+        return Err(fail(format!("{size} bytes")));
+    }
+    let text = std::fs::read_to_string(path).map_err(|e| fail(e.to_string()))?;
+    parse_manifest(&text, path)
+}
+
+/// Reads a manifest's text; `path` is where it stands or would stand: messages name it, files are
+/// relative to its folder, and the folder names a case without a name.
+///
+/// # Errors
+/// As [`read_manifest`].
+pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
+    let place = Place { name: path.display().to_string(), text };
+    let manifest: Manifest = toml::from_str(text).map_err(|e| place.from_toml(&e))?;
+    let version = *manifest.glioscope.get_ref();
+    if version != VERSION {
+        let at = Some(manifest.glioscope.span().start);
+        return Err(place.wrong(at, format!("manifest version {version}"), format!("glioscope = {VERSION}")));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let text_of = |s: &Spanned<String>, what: &str| {
+        let value = s.get_ref().trim();
+        if value.is_empty() || value.chars().any(char::is_control) {
+            return Err(place.wrong(Some(s.span().start), format!("{what} = {:?}", s.get_ref()), "a name"));
+        }
+        Ok(value.to_owned())
+    };
+    let source_of = |s: &Spanned<String>| Ok::<_, CaseError>(Source::File(folder.join(text_of(s, "file")?)));
+    let time_of = |s: &Option<Spanned<Time>>| match s {
+        Some(time) if time.get_ref().label().is_empty() => {
+            Err(place.wrong(Some(time.span().start), "an empty time", "a date or a name"))
+        }
+        other => Ok(other.as_ref().map(|t| t.get_ref().label())),
+    };
+
+    let mut spec =
+        CaseSpec { name: manifest.name.unwrap_or_else(|| folder_name(path)), ..CaseSpec::default() };
+    for entry in &manifest.context {
+        let (at, entry) = (entry.span().start, entry.get_ref());
+        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
+        if spec.contexts.iter().any(|c| c.id == id && c.time == time) {
+            return Err(place.wrong(Some(at), format!("image {id} twice"), "each id once at each time"));
+        }
+        spec.contexts.push(ContextSpec { id, source, time });
+    }
+    for entry in &manifest.mask {
+        let (at, entry) = (entry.span().start, entry.get_ref());
+        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
+        if spec.masks.iter().any(|m| m.id == id && m.time == time) {
+            return Err(place.wrong(Some(at), format!("mask {id} twice"), "each id once at each time"));
+        }
+        let labels = match &entry.labels {
+            Some(labels) if labels.get_ref().is_empty() => {
+                return Err(place.wrong(
+                    Some(labels.span().start),
+                    "an empty list of labels",
+                    "at least one",
+                ));
+            }
+            labels => labels.as_ref().map(|l| l.get_ref().clone()),
+        };
+        let color = match &entry.color {
+            None => None,
+            Some(text) => Some(parse_color(text.get_ref()).ok_or_else(|| {
+                let found = format!("color = {:?}", text.get_ref());
+                place.wrong(Some(text.span().start), found, "six hexadecimal digits as in \"#d62728\"")
+            })?),
+        };
+        spec.masks.push(MaskSpec { id, source, labels, time, color });
+    }
+    if spec.contexts.is_empty() && spec.masks.is_empty() {
+        return Err(place.wrong(None, "no [[context]] and no [[mask]]", "at least one"));
+    }
+    Ok(spec)
+}
+
+/// Name of the folder that a file lies in; its own name where that is unknown.
+pub(super) fn folder_name(path: &Path) -> String {
+    let folder =
+        path.parent().and_then(|p| p.canonicalize().ok()).or_else(|| path.parent().map(Path::to_owned));
+    let name = folder.as_deref().and_then(Path::file_name).or(path.file_name());
+    name.map_or_else(|| "case".into(), |n| n.to_string_lossy().into_owned())
+}
+
+#[derive(Serialize)]
+struct Written<'a> {
+    glioscope: i64,
+    name: &'a str,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    context: Vec<WrittenContext<'a>>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    mask: Vec<WrittenMask<'a>>,
+}
+
+#[derive(Serialize)]
+struct WrittenContext<'a> {
+    id: &'a str,
+    file: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+struct WrittenMask<'a> {
+    id: &'a str,
+    file: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    labels: Option<&'a [i64]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    color: Option<String>,
+}
+
+/// The manifest of `spec`, to be written into `folder`: files in it are named relative to it,
+/// others as they are. Reading it back gives the same case (its notes aside).
+///
+/// # Errors
+/// [`CaseError::Wrong`] when a file's path is not UTF-8.
+pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseError> {
+    let wrong = |found: String, expected: &str| CaseError::Wrong {
+        case: spec.name.clone(),
+        found,
+        expected: expected.into(),
+    };
+    let file = |source: &Source| match source {
+        Source::File(path) => {
+            let relative = path.strip_prefix(folder).unwrap_or(path);
+            let name = relative.to_str().ok_or_else(|| wrong(source.name(), "a path in UTF-8"))?;
+            Ok::<_, CaseError>(name.to_owned())
+        }
+        Source::Embedded { name, .. } => Ok((*name).to_owned()),
+    };
+    let context = spec
+        .contexts
+        .iter()
+        .map(|c| Ok(WrittenContext { id: &c.id, file: file(&c.source)?, time: c.time.as_deref() }));
+    let mask = spec.masks.iter().map(|m| {
+        Ok(WrittenMask {
+            id: &m.id,
+            file: file(&m.source)?,
+            labels: m.labels.as_deref(),
+            time: m.time.as_deref(),
+            color: m.color.map(|[r, g, b]| format!("#{r:02x}{g:02x}{b:02x}")),
+        })
+    });
+    let written = Written {
+        glioscope: VERSION,
+        name: &spec.name,
+        context: context.collect::<Result<_, CaseError>>()?,
+        mask: mask.collect::<Result<_, CaseError>>()?,
+    };
+    toml::to_string(&written).map_err(|e| wrong(e.to_string(), "a case that TOML can hold"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = r##"glioscope = 1
+name = "Follow-up"
+[[context]]
+id = "T1c"
+file = "t1c.nii.gz"
+time = 2024-03-02
+[[mask]]
+id = "T1"
+file = "sub/seg.nii.gz"
+labels = [1, 4]
+time = "2024-03-02"
+color = "#d62728"
+"##;
+
+    fn parse(text: &str) -> Result<CaseSpec, CaseError> {
+        parse_manifest(text, Path::new("/cases/one/case.toml"))
+    }
+
+    #[test]
+    fn a_full_manifest() {
+        let spec = parse(GOOD).unwrap();
+        assert_eq!(spec.name, "Follow-up");
+        assert_eq!(spec.contexts[0].time.as_deref(), Some("2024-03-02"));
+        assert_eq!(spec.contexts[0].source, Source::File("/cases/one/t1c.nii.gz".into()));
+        let mask = &spec.masks[0];
+        assert_eq!(mask.source, Source::File("/cases/one/sub/seg.nii.gz".into()));
+        assert_eq!((mask.labels.as_deref(), mask.color), (Some(&[1, 4][..]), Some([0xd6, 0x27, 0x28])));
+        assert_eq!(mask.time, spec.contexts[0].time);
+    }
+
+    #[test]
+    fn written_and_read_back() {
+        let spec = parse(GOOD).unwrap();
+        let text = write_manifest(&spec, Path::new("/cases/one")).unwrap();
+        assert!(text.contains("file = \"t1c.nii.gz\""), "{text}");
+        assert_eq!(parse(&text).unwrap(), spec);
+    }
+
+    #[test]
+    fn each_mistake_has_one_line_that_names_it() {
+        let replaced = |from: &str, to: &str| {
+            assert!(GOOD.contains(from), "{from}");
+            GOOD.replacen(from, to, 1)
+        };
+        let cases = [
+            (
+                replaced("glioscope = 1", "glioscope = 2"),
+                "line 1: found manifest version 2, expected glioscope = 1",
+            ),
+            (replaced("glioscope = 1\n", ""), "found missing field `glioscope`"),
+            (
+                replaced("labels =", "label ="),
+                "line 10: found unknown key `label`, expected one of `id`, `file`, `labels`",
+            ),
+            (replaced("[1, 4]", "[1, \"x\"]"), "line 10: found invalid type: string \"x\", expected i64"),
+            (replaced("[1, 4]", "[]"), "line 10: found an empty list of labels"),
+            (replaced("#d62728", "red"), "line 12: found color = \"red\""),
+            (replaced("id = \"T1\"", "id = \"\""), "line 8: found id = \"\", expected a name"),
+            (replaced("time = 2024-03-02", "time = 7"), "line 6: found "),
+            (replaced("[[mask]]", "[mask]"), "line 7: found "),
+            (replaced("id = \"T1c\"", "id = \"T1c"), "line 4: found "),
+            (
+                format!("{GOOD}[[mask]]\nid = \"T1\"\nfile = \"b.nii\"\ntime = \"2024-03-02\"\n"),
+                "line 13: found mask T1 twice",
+            ),
+            ("glioscope = 1\n".into(), "found no [[context]] and no [[mask]]"),
+            ("<!DOCTYPE html>".into(), "line 1: found "),
+        ];
+        for (text, expected) in cases {
+            let error = parse(&text).unwrap_err().to_string();
+            assert!(error.starts_with("/cases/one/case.toml"), "{error}");
+            assert!(error.contains(expected), "{error}\n  expected {expected}");
+            assert!(!error.contains('\n') && error.contains(", expected "), "{error}");
+        }
+    }
+
+    #[test]
+    fn colors() {
+        assert_eq!(parse_color("#00ff7F"), Some([0, 255, 127]));
+        for bad in ["00ff7f", "#00ff7", "#00ff7fff", "#+0ff7f", "#ünïx"] {
+            assert_eq!(parse_color(bad), None, "{bad}");
+        }
+    }
+}

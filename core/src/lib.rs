@@ -14,6 +14,7 @@ pub mod phantom;
 pub mod progress;
 pub mod regions;
 pub mod resample;
+pub mod sample;
 pub mod tumor_index;
 pub mod volume;
 

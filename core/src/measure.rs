@@ -1,8 +1,9 @@
-//! Dice and Jaccard, and their answers for empty masks.
+//! What is counted on a case: sizes of masks and regions, Dice and Jaccard, and their answers for
+//! empty masks.
 
 use serde::Serialize;
 
-use crate::regions::Regions;
+use crate::{Check, case::Case, grid::Grid, regions::Regions};
 
 /// How far two masks agree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,6 +48,132 @@ pub fn pairs(regions: &Regions) -> Vec<Pair> {
         }
     }
     out
+}
+
+/// Every number of a case, as `measure --json` writes it. Field names are stable.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeasureReport {
+    /// Name of the case.
+    pub case: String,
+    /// The grid that everything but the native volumes is counted on.
+    pub grid: GridReport,
+    /// Everything noticed, most severe first.
+    pub warnings: Vec<Check>,
+    /// In the order of the case.
+    pub time_points: Vec<TimeReport>,
+}
+
+/// A grid.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GridReport {
+    /// Voxels along each axis.
+    pub dims: [usize; 3],
+    /// Distance between neighbouring voxel centres along each axis.
+    pub spacing_mm: [f64; 3],
+    /// The four rows of the matrix from voxel centres to RAS+ millimetres.
+    pub world_from_voxel: [[f64; 4]; 4],
+}
+
+/// One date.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TimeReport {
+    /// Its label; empty where the case has one time point without a name.
+    pub time: String,
+    /// Every mask, in the order of the case.
+    pub masks: Vec<MaskReport>,
+    /// Every region that has a voxel, fewest masks first. None when all masks are empty.
+    pub regions: Vec<RegionReport>,
+    /// Every pair of masks; see [`pairs`] for empty ones.
+    pub pairs: Vec<Pair>,
+}
+
+/// One mask. An empty one has 0 voxels and 0 ml.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MaskReport {
+    /// Its id.
+    pub id: String,
+    /// Active voxels on the case grid.
+    pub voxels: u64,
+    /// Their volume.
+    pub volume_ml: f64,
+    /// Active voxels on the mask's own grid, before resampling.
+    pub native_voxels: u64,
+    /// Volume on the mask's own grid.
+    pub native_volume_ml: f64,
+    /// Part of the union of all masks, 0 to 1; 0 where the union is empty.
+    pub share: f64,
+}
+
+/// One region.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RegionReport {
+    /// Ids of the masks that are active in it, and no other is.
+    pub masks: Vec<String>,
+    /// Its voxels; never 0.
+    pub voxels: u64,
+    /// Their volume.
+    pub volume_ml: f64,
+    /// Part of the union of all masks, above 0 to 1; the shares of one date's regions add up to 1.
+    pub share: f64,
+}
+
+impl GridReport {
+    /// What is reported of `grid`.
+    pub fn of(grid: &Grid) -> Self {
+        let (m, t) = (grid.world_from_voxel().matrix3, grid.world_from_voxel().translation);
+        let row = |r: usize| [m.x_axis[r], m.y_axis[r], m.z_axis[r], t[r]];
+        Self {
+            dims: grid.dims(),
+            spacing_mm: grid.spacing_mm().to_array(),
+            world_from_voxel: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
+        }
+    }
+}
+
+/// All numbers of `case`.
+pub fn report(case: &Case) -> MeasureReport {
+    let time_points = case.time_points.iter().map(|time| {
+        let regions = &time.regions;
+        let union = regions.union_voxels();
+        let share = |voxels: u64| if union == 0 { 0.0 } else { voxels as f64 / union as f64 };
+        let ids = |bits: u32| {
+            let active = regions.mask_ids().iter().enumerate().filter(|(k, _)| bits >> k & 1 == 1);
+            active.map(|(_, id)| id.clone()).collect()
+        };
+        TimeReport {
+            time: time.label.clone(),
+            masks: time
+                .masks
+                .iter()
+                .enumerate()
+                .map(|(k, m)| MaskReport {
+                    id: m.mask.id().to_owned(),
+                    voxels: regions.mask_voxels(k),
+                    volume_ml: regions.mask_ml(k),
+                    native_voxels: m.native_voxels,
+                    native_volume_ml: m.native_volume_ml,
+                    share: share(regions.mask_voxels(k)),
+                })
+                .collect(),
+            regions: regions
+                .list()
+                .iter()
+                .map(|r| RegionReport {
+                    masks: ids(r.bits),
+                    voxels: r.voxels,
+                    volume_ml: r.volume_ml,
+                    share: share(r.voxels),
+                })
+                .collect(),
+            pairs: pairs(regions),
+        }
+    });
+    MeasureReport {
+        case: case.name.clone(),
+        grid: GridReport::of(&case.grid),
+        warnings: case.checks.clone(),
+        time_points: time_points.collect(),
+    }
 }
 
 #[cfg(test)]

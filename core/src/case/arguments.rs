@@ -64,13 +64,8 @@ fn parse<'a>(flag: &str, form: &str, text: &'a str, with_labels: bool) -> Result
     }
 }
 
-/// A case from the values of repeated `--mask` and `--context`, in the order given. Files are
-/// relative to the current folder.
-///
-/// # Errors
-/// [`CaseError::Wrong`] for a value of another form. Whether the files exist shows when they are
-/// read.
-pub fn from_arguments(contexts: &[String], masks: &[String]) -> Result<CaseSpec, CaseError> {
+/// See [`CaseSpec::from_arguments`].
+pub(super) fn parse_all(masks: &[String], contexts: &[String]) -> Result<CaseSpec, CaseError> {
     let mut spec = CaseSpec { name: "command line".into(), ..CaseSpec::default() };
     for text in contexts {
         let p = parse("--context", "ID=FILE[@TIME]", text, false)?;
@@ -132,7 +127,7 @@ mod tests {
     #[test]
     fn mistakes_name_the_flag() {
         for bad in ["a.nii", "=a.nii", "T1="] {
-            let error = from_arguments(&[], &[bad.into()]).unwrap_err().to_string();
+            let error = parse_all(&[bad.into()], &[]).unwrap_err().to_string();
             assert!(error.starts_with("--mask: found ") && error.contains("expected ID=FILE"), "{error}");
         }
     }

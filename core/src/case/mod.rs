@@ -8,14 +8,13 @@ mod manifest;
 mod names;
 mod select;
 
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 use crate::{
     Cancelled, Check, Grid, Mask, Progress, Regions, TumorIndex, Volume,
     files::{self, FileError, ReadOptions, Source},
 };
 
-pub use arguments::from_arguments;
 pub use discover::open_spec;
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
@@ -57,6 +56,31 @@ pub struct CaseSpec {
     pub masks: Vec<MaskSpec>,
     /// What was guessed or noticed while it was put together.
     pub notes: Vec<Check>,
+}
+
+impl CaseSpec {
+    /// The case at `path`: a manifest, a folder, or one NIfTI file, as [`open_spec`] with default
+    /// limits.
+    ///
+    /// # Errors
+    /// As [`open_spec`].
+    pub fn from_path(path: &Path) -> Result<Self, CaseError> {
+        open_spec(path, &LoadOptions::default(), &Progress::new())
+    }
+
+    /// A case from the values of repeated `--mask ID=FILE[:1,4][@TIME]` and
+    /// `--context ID=FILE[@TIME]`, in the order given. Files are relative to the current folder.
+    ///
+    /// File names may hold `=`, `@` and `:` (a Windows drive): the longest reading whose file
+    /// exists is taken. Where none exists, the last `@` that no path separator follows starts the
+    /// time, and a colon followed by whole numbers alone starts the labels.
+    ///
+    /// # Errors
+    /// [`CaseError::Wrong`] for a value of another form. Whether the files exist shows when they
+    /// are read.
+    pub fn from_arguments(masks: &[String], contexts: &[String]) -> Result<Self, CaseError> {
+        arguments::parse_all(masks, contexts)
+    }
 }
 
 /// Which grid the tumour index is on.

@@ -1,7 +1,5 @@
 //! What is where in the head, and how bright each image shows it.
 
-use std::f64::consts::TAU;
-
 use glam::DVec3;
 
 use super::marks::{Ellipsoid, Mark};
@@ -105,13 +103,22 @@ fn skin_mm(p: DVec3) -> f64 {
     if p.z < -30.0 { head_mm.min(neck_mm.max(p.z + 30.0)) } else { head_mm }
 }
 
+/// A sine made of parabolas, period 1. The system's `sin` may differ in the last bit from one
+/// machine to the next, and the sample is to be the same on all.
+fn wave(turns: f64) -> f64 {
+    let t = turns - turns.floor();
+    if t < 0.5 { 16.0 * t * (0.5 - t) } else { -16.0 * (t - 0.5) * (1.0 - t) }
+}
+
 /// Cortex and white matter, folded along a gyroid surface.
 fn cerebrum(p: DVec3, depth_mm: f64) -> Tissue {
     if depth_mm > 24.0 {
         return Tissue::White;
     }
-    let w = p * (TAU / 27.0) + at(0.4, 1.1, 0.0);
-    let fold = w.x.sin() * w.y.cos() + w.y.sin() * w.z.cos() + w.z.sin() * w.x.cos();
+    let w = p / 27.0 + at(0.06, 0.175, 0.0);
+    let [sx, sy, sz] = [wave(w.x), wave(w.y), wave(w.z)];
+    let [cx, cy, cz] = [wave(w.x + 0.25), wave(w.y + 0.25), wave(w.z + 0.25)];
+    let fold = sx * cy + sy * cz + sz * cx;
     // Furrows narrow with depth, the ribbon of grey lines them and the surface.
     let furrow = 0.16 * (1.0 - depth_mm / 15.0);
     if fold.abs() < furrow {
@@ -137,7 +144,7 @@ fn inside_skull(p: DVec3, mirrored: DVec3, depth_mm: f64) -> Tissue {
     }
     let cerebellum_mm = CEREBELLUM.distance_mm(p);
     if cerebellum_mm < 0.0 {
-        let leaf = (TAU / 6.0 * (p.z + 0.35 * p.y + 2.0 * (p.x / 14.0).cos())).sin();
+        let leaf = wave((p.z + 0.35 * p.y + 2.0 * wave(p.x / 88.0 + 0.25)) / 6.0);
         return if leaf > 0.82 && cerebellum_mm > -9.0 {
             Tissue::Fluid
         } else if leaf > -0.25 && cerebellum_mm > -13.0 {
@@ -213,10 +220,11 @@ pub(super) fn intensity(modality: Modality, [t1, t2, pet]: &[Mark; 3], p: DVec3)
     let tissue = tumour(p, t1, t2).unwrap_or_else(|| healthy(p));
     let brightness = tissue.brightness()[modality as usize - 1];
     let hot = pet.parts[0].radius_at(p);
-    if modality == Modality::Pet && hot < 1.35 {
+    if modality == Modality::Pet && hot < 1.3 {
         // Falls through half its height at the mask's border.
-        let glow =
-            245.0 * (0.5 - 0.5 * ((hot - 1.0) * 5.0).tanh()) as f32 * (1.0 - 0.25 * (hot * hot) as f32);
+        let edge = ((1.3 - hot) / 0.6).clamp(0.0, 1.0);
+        let height = edge * edge * (3.0 - 2.0 * edge) * (1.0 - 0.25 * hot * hot);
+        let glow = 245.0 * height as f32;
         return brightness.max(glow);
     }
     brightness

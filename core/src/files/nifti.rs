@@ -61,21 +61,15 @@ pub struct HeaderInfo {
     pub checks: Vec<Check>,
 }
 
-/// Reads one frame of a NIfTI-1 or -2 file (`.nii`, `.nii.gz`, `.hdr`/`.img` in every mix, given
-/// by either half). gzip is recognised by content, not by name.
-///
-/// # Errors
-/// [`FileError::Wrong`] for whatever is wrong with the file; nothing is allocated for voxels
-/// before the header has passed against the file's length and `options.max_bytes`.
-/// [`FileError::Cancelled`] when `progress` says so.
-pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
+/// As [`super::read`].
+pub(super) fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
     read_opened(Opened::source(source, progress)?, options, progress)
 }
 
-/// As [`read`], from memory; `name` stands in messages. A pair's header is refused.
+/// As [`super::read`], from memory; `name` stands in messages. A pair's header is refused.
 ///
 /// # Errors
-/// As [`read`].
+/// As [`super::read`].
 pub fn read_bytes(
     name: &str,
     bytes: &[u8],
@@ -89,7 +83,7 @@ pub fn read_bytes(
 /// found out, but keeps no voxels.
 ///
 /// # Errors
-/// As [`read`], except that no size is too large.
+/// As [`super::read`], except that no size is too large.
 pub fn info(source: &Source) -> Result<HeaderInfo, FileError> {
     info_with(source, &Progress::new())
 }

@@ -18,7 +18,8 @@ impl Machine {
     /// A machine with ordinary tools and cargo; no compiler, no Vulkan, no X, and an empty linker cache.
     fn bare() -> Result<Self, Box<dyn Error>> {
         let machine = Self { folder: tempfile::tempdir()? };
-        for tool in ["bash", "cat", "dirname", "env", "find", "grep", "mktemp", "rm", "tr", "uname"] {
+        let tools = "awk basename bash cat dirname env find git grep mktemp rm sed sort tee tr uname";
+        for tool in tools.split(' ') {
             let path = Command::new("bash").args(["-c", &format!("type -P {tool}")]).output()?;
             let target = String::from_utf8(path.stdout)?;
             std::os::unix::fs::symlink(target.trim(), machine.folder.path().join(tool))?;
@@ -154,5 +155,70 @@ fn goldens_want_the_software_driver_even_beside_a_gpu() -> Outcome {
     assert_eq!(missing("$PATH/nvidia_icd.json", "software")?, ["mesa-vulkan-drivers"]);
     assert_eq!(missing("$PATH/nvidia_icd.json:$PATH/lvp_icd.x86_64.json", "software")?, [""; 0]);
     assert_eq!(missing("$PATH/absent.json", "vulkan")?, ["mesa-vulkan-drivers"]);
+    Ok(())
+}
+
+#[test]
+fn a_picture_that_no_test_names_is_dead() -> Outcome {
+    let machine = Machine::bare()?;
+    let repository = tempfile::tempdir()?;
+    for folder in ["goldens/old", "src"] {
+        std::fs::create_dir_all(repository.path().join(folder))?;
+    }
+    let source = br#"compare("named"); compare("in/folder"); compare("ending.png"); // unnamed, "not.this"#;
+    glioscope_core::files::write_whole(&repository.path().join("src/pictures.rs"), source)?;
+    for stem in ["goldens/named", "goldens/folder", "goldens/old/ending", "goldens/old/unnamed", "not"] {
+        glioscope_core::files::write_whole(&repository.path().join(format!("{stem}.png")), b"")?;
+    }
+    let at = repository.path().display();
+    let output = machine.bash(&format!(
+        "cd '{at}'; git init -q; git add .; check_dead_snapshots || echo found; \
+         git rm -qf goldens/old/unnamed.png; check_dead_snapshots && echo none"
+    ))?;
+    assert_eq!(
+        lines(&output.stdout),
+        ["goldens/old/unnamed.png: no test names \"unnamed\"", "found", "none"],
+        "{output:?}"
+    );
+    Ok(())
+}
+
+#[test]
+fn every_check_runs_and_the_failed_ones_are_repeated_at_the_end() -> Outcome {
+    let machine = Machine::bare()?;
+    machine.stand_in("cc", "exit 0")?;
+    let all = "format clippy docs unused_dependencies dead_snapshots";
+    let output = machine.bash(&format!(
+        "for c in {all}; do eval \"check_$c() {{ echo $c spoke; }}\"; done; \
+         check_clippy() {{ echo '   Compiling x'; echo a lint; return 3; }}; main check"
+    ))?;
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let said = lines(&output.stdout);
+    let repeated = said.iter().position(|l| l == "==== clippy: what it said ====");
+    let summary = said.iter().position(|l| l == "==== check ====");
+    let (Some(repeated), Some(summary)) = (repeated, summary) else { return Err(said.join("\n").into()) };
+    assert_eq!(said[repeated + 1], "a lint", "cargo's progress is left out");
+    let verdicts: Vec<Vec<&str>> =
+        said[summary + 1..].iter().map(|l| l.split_whitespace().collect()).collect();
+    assert_eq!(verdicts.len(), 5);
+    for line in verdicts {
+        let expected = if line[0] == "clippy" { "FAILED" } else { "ok" };
+        assert!(line.contains(&expected), "{line:?}");
+    }
+    Ok(())
+}
+
+#[test]
+fn test_results_are_added_up_and_skipped_tests_named_once() -> Outcome {
+    let machine = Machine::bare()?;
+    let log = machine.folder.path().join("log");
+    let text = "SKIPPED: no real data\ntest result: ok. 3 passed; 0 failed; 1 ignored; 0 measured; 0 filtered out\n\
+                SKIPPED: no real data\ntest result: FAILED. 4 passed; 2 failed; 0 ignored; 0 measured; 0 filtered out\n";
+    glioscope_core::files::write_whole(&log, text.as_bytes())?;
+    let output = machine.bash(&format!("summarise_tests '{}'", log.display()))?;
+    assert_eq!(
+        lines(&output.stdout),
+        ["  SKIPPED: no real data", "", "2 test programs, 1 tests ignored", "7 passed, 2 failed"]
+    );
     Ok(())
 }

@@ -32,6 +32,7 @@ pub enum Command {
     SaveSessionAs,
     SaveSessionTo(PathBuf),
     CancelLoading,
+    AcceptGuess(bool),
     ScreenshotWindow,
     ScreenshotPane(Pane),
     ScreenshotTo(Option<Pane>, PathBuf),
@@ -147,6 +148,8 @@ impl Command {
             Self::SaveSessionAs => "Save the session as…".into(),
             Self::SaveSessionTo(_) => "Save the session here".into(),
             Self::CancelLoading => "Cancel loading".into(),
+            Self::AcceptGuess(true) => "Open it like this".into(),
+            Self::AcceptGuess(false) => "Don't open it".into(),
             Self::ScreenshotWindow => "Picture of the window…".into(),
             Self::ScreenshotPane(pane) => format!("Picture of {}…", pane.title()),
             Self::ScreenshotTo(..) => "Write the picture".into(),
@@ -398,6 +401,7 @@ impl Command {
             | Self::SaveSessionAs
             | Self::SaveSessionTo(_)
             | Self::CancelLoading
+            | Self::AcceptGuess(_)
             | Self::ScreenshotWindow
             | Self::ScreenshotPane(_)
             | Self::ScreenshotTo(..)

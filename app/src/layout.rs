@@ -14,7 +14,7 @@ pub fn default_layout() -> Tree<Pane> {
         [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(|plane| tiles.insert_pane(Pane::Slice(plane)));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
     let root = linear(&mut tiles, LinearDir::Horizontal, &[(closeup, 1.35), (overlap, 1.0), (right, 0.9)]);
-    Tree::new("layout", root, tiles)
+    Tree::new(egui::Id::unique("layout"), root, tiles)
 }
 
 fn linear(
@@ -33,7 +33,7 @@ fn linear(
 pub fn single(pane: Pane) -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let root = tiles.insert_pane(pane);
-    Tree::new("layout", root, tiles)
+    Tree::new(egui::Id::unique("layout"), root, tiles)
 }
 
 /// Whether `pane` has a place in `layout`.

@@ -132,7 +132,7 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     {
         let response = ui.add_enabled(enabled, Button::new(sign)).on_hover_text(command.tooltip());
         let text = command.text();
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, enabled, &text));
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, enabled, &text));
         if response.clicked() {
             out.push(command);
         }
@@ -183,7 +183,7 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     let mut radius_mm = doc.edit.lens.radius_mm;
     let slider = Slider::new(&mut radius_mm, 1.0..=150.0).logarithmic(true).suffix(" mm").fixed_decimals(1);
     let response = ui.add_enabled(lens_on, slider);
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, lens_on, "Lens radius"));
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, lens_on, "Lens radius"));
     if response.on_hover_text("Lens radius (Alt and scroll over the closeup)").changed() {
         out.push(Command::SetLensRadius(radius_mm));
     }
@@ -196,9 +196,8 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     let mut opacity = doc.edit.overlay_opacity;
     ui.spacing_mut().slider_width = 60.0;
     let response = ui.add(Slider::new(&mut opacity, 0.0..=1.0).fixed_decimals(2));
-    response.widget_info(|| {
-        egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, "Opacity of masks on slices")
-    });
+    response
+        .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "Opacity of masks on slices"));
     if response.on_hover_text("Opacity of masks on slices").changed() {
         out.push(Command::SetOverlayOpacity(opacity));
     }

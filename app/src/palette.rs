@@ -72,7 +72,7 @@ impl CommandPalette {
                     .desired_width(f32::INFINITY);
                 let response = ui.add(edit);
                 response.widget_info(|| {
-                    egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, "Search commands")
+                    egui::WidgetInfo::labeled(egui::Role::TextInput, true, "Search commands")
                 });
                 response.request_focus();
                 ui.add_space(4.0);

@@ -1,6 +1,6 @@
 //! The panes of the window: which view is drawn where.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use egui::{Rect, Ui, WidgetText};
 use egui_tiles::{Behavior, SimplificationOptions, TileId, Tiles, UiResponse};
@@ -30,7 +30,7 @@ pub struct PaneArea<'a> {
     /// Whether drafts are skipped.
     pub refine_at_once: bool,
     /// Where each pane was drawn.
-    pub rects: BTreeMap<Pane, Rect>,
+    pub rects: HashMap<Pane, Rect>,
     /// What the user did.
     pub out: &'a mut Vec<Command>,
 }
@@ -98,7 +98,7 @@ fn pane_buttons(ui: &mut Ui, pane: Pane, maximized: bool, out: &mut Vec<Command>
         ("📷", format!("Picture of {}", pane.title()), Command::ScreenshotPane(pane)),
     ] {
         let response = ui.small_button(sign).on_hover_text(command.tooltip());
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, &label));
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &label));
         if response.clicked() {
             out.push(command);
         }

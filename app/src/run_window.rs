@@ -74,7 +74,11 @@ pub fn run(start: Start) -> Result<(), String> {
                 render_state.queue.clone(),
             );
             let viewport = Viewport::new(gpu, render_state.renderer.clone())?;
-            let mut work = Workstation { options: start.options.clone(), ..Workstation::default() };
+            let mut work = Workstation {
+                options: start.options.clone(),
+                accept_guesses: start.picture.is_some(),
+                ..Workstation::default()
+            };
             let wake = waker(&cc.egui_ctx);
             match start.case.clone().unwrap_or_default() {
                 CaseRef::Path(path) if session::is_session(&path) => work.open_session(&path, wake),

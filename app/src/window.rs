@@ -2,7 +2,7 @@
 //! everything is drawn.
 
 use std::{
-    collections::BTreeMap,
+    collections::HashMap,
     path::{Path, PathBuf},
     sync::{Arc, mpsc},
     time::Instant,
@@ -63,7 +63,7 @@ pub struct GlioscopeApp {
     palette: CommandPalette,
     recent: Recent,
     dialog: Option<Dialog<DialogThen>>,
-    pane_rects: BTreeMap<Pane, Rect>,
+    pane_rects: HashMap<Pane, Rect>,
     pictures: (mpsc::Sender<Picture>, mpsc::Receiver<Picture>),
     refine_at_once: bool,
     picture_when_ready: Option<PathBuf>,
@@ -89,7 +89,7 @@ impl GlioscopeApp {
             palette: CommandPalette::default(),
             recent,
             dialog: None,
-            pane_rects: BTreeMap::new(),
+            pane_rects: HashMap::new(),
             pictures: mpsc::channel(),
             refine_at_once: false,
             picture_when_ready: None,
@@ -129,6 +129,7 @@ impl GlioscopeApp {
         EguiPanel::bottom("status").show(ui, |ui| self.status(ui, &mut out));
         CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| self.panes(ui, &mut out));
         self.palette.show(ui, &mut out);
+        self.guess(ui, &mut out);
         self.open_by_path(ui, &mut out);
         about::show(ui, &mut self.open.about, self.viewport.as_ref());
         let now = Instant::now();
@@ -170,7 +171,7 @@ impl GlioscopeApp {
             viewport: self.viewport.as_mut(),
             closeup: &mut self.closeup,
             refine_at_once: self.refine_at_once,
-            rects: BTreeMap::new(),
+            rects: HashMap::new(),
             out,
         };
         panes::show(ui, &mut area);
@@ -324,6 +325,47 @@ impl GlioscopeApp {
         });
     }
 
+    /// Shows how a folder's names were read, before that is used.
+    fn guess(&mut self, ui: &mut Ui, out: &mut Vec<Command>) {
+        let Some(guess) = &self.work.guess else { return };
+        if self.work.accept_guesses {
+            out.push(Command::AcceptGuess(true));
+            return;
+        }
+        egui::Window::new("How this folder is read").collapsible(false).default_width(560.0).show(ui.ctx(), |ui| {
+            ui.label("There is no manifest, so files were told apart by their names and contents. Is this right?");
+            ui.add_space(6.0);
+            egui::ScrollArea::vertical().max_height(360.0).show(ui, |ui| {
+                egui::Grid::new("guess").num_columns(4).striped(true).show(ui, |ui| {
+                    for title in ["", "id", "file", "labels and date"] {
+                        ui.strong(title);
+                    }
+                    ui.end_row();
+                    for context in &guess.spec.contexts {
+                        guess_row(ui, "image", &context.id, &context.source.name(), "", context.time.as_deref());
+                    }
+                    for mask in &guess.spec.masks {
+                        let labels = mask.labels.as_ref().map(|l| format!("{l:?} ")).unwrap_or_default();
+                        guess_row(ui, "mask", &mask.id, &mask.source.name(), &labels, mask.time.as_deref());
+                    }
+                });
+                ui.add_space(6.0);
+                for note in &guess.spec.notes {
+                    ui.label(&note.message);
+                }
+            });
+            ui.add_space(6.0);
+            ui.horizontal(|ui| {
+                if ui.button("Open it like this").clicked() {
+                    out.push(Command::AcceptGuess(true));
+                }
+                if ui.button("Cancel").clicked() {
+                    out.push(Command::AcceptGuess(false));
+                }
+            });
+        });
+    }
+
     fn open_by_path(&mut self, ui: &mut Ui, out: &mut Vec<Command>) {
         let Some(path) = &mut self.open.path else { return };
         let mut close = false;
@@ -386,6 +428,8 @@ impl GlioscopeApp {
                 self.work.save(path.clone());
                 self.recent.add(path);
             }
+            Command::AcceptGuess(true) => self.work.accept_guess(waker(ctx)),
+            Command::AcceptGuess(false) => self.work.guess = None,
             Command::CancelLoading => {
                 if let Some(job) = &self.work.job {
                     job.progress.cancel();
@@ -469,7 +513,7 @@ fn dropped(ctx: &Context, out: &mut Vec<Command>) {
         out.push(open_command(path.clone()));
     }
     if ctx.input(|i| !i.raw.hovered_files.is_empty()) {
-        let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::new("drop"));
+        let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
         let painter = ctx.layer_painter(layer);
         let rect = ctx.content_rect();
         painter.rect_filled(rect, 0.0, egui::Color32::from_black_alpha(160));
@@ -481,4 +525,14 @@ fn dropped(ctx: &Context, out: &mut Vec<Command>) {
             egui::Color32::WHITE,
         );
     }
+}
+
+fn guess_row(ui: &mut Ui, kind: &str, id: &str, file: &str, labels: &str, time: Option<&str>) {
+    ui.label(kind);
+    ui.label(id);
+    let name =
+        Path::new(file).file_name().map_or_else(|| file.to_owned(), |n| n.to_string_lossy().into_owned());
+    ui.label(name).on_hover_text(file);
+    ui.label(format!("{labels}{}", time.unwrap_or_default()));
+    ui.end_row();
 }

@@ -6,15 +6,25 @@ use std::{
     time::Instant,
 };
 
-use glioscope_core::case::LoadOptions;
+use glioscope_core::case::{CaseSpec, LoadOptions};
 
 use crate::{
     commands::Command,
     document::{CaseRef, Document},
     history::History,
     session,
-    world::{self, LoadJob, Loaded, World},
+    world::{LoadJob, Loaded, Step, World},
 };
+
+/// A case whose files were guessed from their names.
+pub struct Guess {
+    /// What was asked for.
+    pub case: CaseRef,
+    /// What was guessed, with the reasons in its notes.
+    pub spec: CaseSpec,
+    /// A document to continue with.
+    pub document: Option<Document>,
+}
 
 /// The running program's state.
 #[derive(Default)]
@@ -27,6 +37,10 @@ pub struct Workstation {
     pub history: History,
     /// A case being read.
     pub job: Option<LoadJob>,
+    /// A guess that the user has to see before it is used.
+    pub guess: Option<Guess>,
+    /// Uses guesses without asking: for scripted pictures.
+    pub accept_guesses: bool,
     /// Where the session was last saved or read.
     pub session_path: Option<PathBuf>,
     /// Limits and choices of loading.
@@ -60,12 +74,15 @@ impl Workstation {
         if let Some(job) = self.job.take() {
             job.progress.cancel();
         }
-        match world::spec_of(&case) {
-            Ok(spec) => {
-                self.error = None;
-                self.job = Some(LoadJob::start(case, spec, self.options.clone(), document, wake));
-            }
-            Err(error) => self.error = Some(error.to_string()),
+        self.error = None;
+        self.guess = None;
+        self.job = Some(LoadJob::start(case, None, self.options.clone(), document, wake));
+    }
+
+    /// Reads the case as it was guessed.
+    pub fn accept_guess(&mut self, wake: impl FnOnce() + Send + 'static) {
+        if let Some(Guess { case, spec, document }) = self.guess.take() {
+            self.job = Some(LoadJob::start(case, Some(spec), self.options.clone(), document, wake));
         }
     }
 
@@ -85,11 +102,15 @@ impl Workstation {
         let result = self.job.as_ref()?.poll()?;
         let job = self.job.take()?;
         match result {
-            Ok(loaded) => {
+            Ok(Step::Guessed(spec)) => {
+                self.guess = Some(Guess { case: job.case, spec, document: job.document });
+                None
+            }
+            Ok(Step::Loaded(loaded)) => {
                 if job.document.is_none() {
                     self.session_path = None;
                 }
-                self.install(job.case.clone(), loaded, job.document);
+                self.install(job.case.clone(), *loaded, job.document);
                 Some(job.case)
             }
             Err(error) => {

@@ -1,7 +1,6 @@
 //! What is alive: the loaded case and what is derived from it. Never saved.
 
 use std::{
-    collections::BTreeMap,
     sync::{Arc, mpsc},
     thread,
 };
@@ -102,19 +101,28 @@ impl World {
     }
 }
 
-/// The case that a reference names, before it is read.
+/// The case that a reference names, before it is read. A folder's files are opened where their names
+/// don't say enough.
 ///
 /// # Errors
 /// [`CaseError`]: the manifest, folder or argument is wrong.
-pub fn spec_of(case: &CaseRef) -> Result<CaseSpec, CaseError> {
+pub fn spec_of(case: &CaseRef, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
     match case {
         CaseRef::Sample => Ok(sample::sample_spec()),
-        CaseRef::Path(path) => CaseSpec::from_path(path),
+        CaseRef::Path(path) => case::open_spec(path, options, progress),
         CaseRef::Arguments { masks, contexts } => CaseSpec::from_arguments(masks, contexts),
     }
 }
 
-/// A load on its own thread.
+/// What a worker hands back.
+pub enum Step {
+    /// The case's files were guessed from names: the user sees the guess before it is used.
+    Guessed(CaseSpec),
+    /// The case is read.
+    Loaded(Box<Loaded>),
+}
+
+/// A worker that opens a case.
 pub struct LoadJob {
     /// What is being opened.
     pub case: CaseRef,
@@ -122,40 +130,60 @@ pub struct LoadJob {
     pub progress: Progress,
     /// A document to continue with, from a session file.
     pub document: Option<Document>,
-    receive: mpsc::Receiver<Result<Loaded, CaseError>>,
+    receive: mpsc::Receiver<Result<Step, CaseError>>,
 }
 
 impl LoadJob {
-    /// Starts reading `spec`. `wake` is called when it is done.
+    /// Starts opening `case`, or reading `accepted`, a spec that the user has seen. `wake` is called
+    /// when there is an answer.
     pub fn start(
         case: CaseRef,
-        spec: CaseSpec,
+        accepted: Option<CaseSpec>,
         options: LoadOptions,
         document: Option<Document>,
         wake: impl FnOnce() + Send + 'static,
     ) -> Self {
         let progress = Progress::new();
         let (send, receive) = mpsc::channel();
-        let worker_progress = progress.clone();
+        let (wanted, worker_progress) = (case.clone(), progress.clone());
         thread::spawn(move || {
-            let result = case::load(&spec, &options, &worker_progress).map(Loaded::new);
             // The window may be gone: then nobody wants the result.
-            let _ = send.send(result);
+            let _ = send.send(open(&wanted, accepted, &options, &worker_progress));
             wake();
         });
         Self { case, progress, document, receive }
     }
 
-    /// The result, once there is one.
-    pub fn poll(&self) -> Option<Result<Loaded, String>> {
+    /// The answer, once there is one.
+    pub fn poll(&self) -> Option<Result<Step, String>> {
         match self.receive.try_recv() {
             Ok(result) => Some(result.map_err(|e| e.to_string())),
             Err(mpsc::TryRecvError::Empty) => None,
             Err(mpsc::TryRecvError::Disconnected) => {
-                Some(Err("loading stopped without an answer; please report the files' kinds".into()))
+                Some(Err("found a loader that stopped without an answer, expected a case or a reason".into()))
             }
         }
     }
+}
+
+fn open(
+    case: &CaseRef,
+    accepted: Option<CaseSpec>,
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Step, CaseError> {
+    let spec = match accepted {
+        Some(spec) => spec,
+        None => {
+            progress.say("reading names");
+            let spec = spec_of(case, options, progress)?;
+            if !spec.notes.is_empty() {
+                return Ok(Step::Guessed(spec));
+            }
+            spec
+        }
+    };
+    case::load(&spec, options, progress).map(|case| Step::Loaded(Box::new(Loaded::new(case))))
 }
 
 /// Progress as words: what is being done and how far.
@@ -165,9 +193,4 @@ pub fn progress_text(progress: &Progress) -> String {
         Some(fraction) => format!("{label} {:.0} %", fraction * 100.0),
         None => label,
     }
-}
-
-/// Ids of contexts with their place in a list, for menus.
-pub fn context_ids(time_point: &TimePoint) -> BTreeMap<usize, &str> {
-    time_point.contexts.iter().map(|c| c.id.as_str()).enumerate().collect()
 }

@@ -38,8 +38,9 @@ pub fn software_setup() -> WgpuSetup {
 /// # Panics
 /// When the case doesn't load.
 pub fn workstation(case: CaseRef) -> Workstation {
-    let loaded = world::spec_of(&case)
-        .and_then(|spec| case::load(&spec, &LoadOptions::default(), &Progress::new()))
+    let (options, progress) = (LoadOptions::default(), Progress::new());
+    let loaded = world::spec_of(&case, &options, &progress)
+        .and_then(|spec| case::load(&spec, &options, &progress))
         .map(Loaded::new);
     match loaded {
         Ok(loaded) => Workstation::with_case(case, loaded),

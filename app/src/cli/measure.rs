@@ -1,6 +1,6 @@
 //! `glioscope measure`.
 
-use glioscope_core::{Case, measure};
+use glioscope_core::{case::Case, measure};
 
 use super::{CaseArguments, Failure, terminal};
 use crate::format;

@@ -1,6 +1,6 @@
 //! `glioscope render`: one view into a PNG, and what it took.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
@@ -15,7 +15,7 @@ use crate::{
     document::{Document, Pane},
     files,
     offscreen::Offscreen,
-    panes::{self, PaneArea},
+    panes::PaneArea,
     recent::Recent,
     viewport::{PassTimes, Viewport},
     views::{ViewContext, closeup::CloseupState, overlap::OverlapMode},
@@ -297,12 +297,12 @@ fn draw_pane(ui: &mut egui::Ui, app: &mut GlioscopeApp, pane: Pane, dark: bool) 
         viewport: app.viewport.as_mut(),
         closeup: &mut closeup,
         refine_at_once: true,
-        rects: BTreeMap::new(),
+        rects: HashMap::new(),
         out: &mut out,
     };
     egui::CentralPanel::default()
         .frame(egui::Frame::new().fill(ui.visuals().panel_fill))
-        .show(ui, |ui| panes::PaneArea::pane(&mut area, ui, pane));
+        .show(ui, |ui| area.pane(ui, pane));
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glioscope_core::{Check, Progress, Severity};
+use glioscope_core::{Check, Progress, Severity, case::CaseSpec};
 
 use super::Failure;
 
@@ -51,6 +51,13 @@ pub fn error(line: &str) {
 pub fn notes(checks: &[Check]) {
     for check in checks.iter().filter(|c| c.severity >= Severity::Warning) {
         let _ = writeln!(std::io::stderr(), "glioscope: warning [{}]: {}", check.code, check.message);
+    }
+}
+
+/// How a case was put together from names, on stderr; nothing where nothing was guessed.
+pub fn guess(spec: &CaseSpec) {
+    for note in &spec.notes {
+        let _ = writeln!(std::io::stderr(), "glioscope: guess [{}]: {}", note.code, note.message);
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use egui::{Align2, Color32, FontId, PointerButton, Rect, Sense, Ui, WidgetInfo, WidgetType, pos2, vec2};
+use egui::{Align2, Color32, FontId, PointerButton, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glam::{DVec2, UVec2};
 use glioscope_core::Sides;
 use glioscope_render::{Pick, Projection, Quality, Scene};
@@ -83,7 +83,7 @@ pub fn show(
     decorate(ui, view, rect, dark);
     response.widget_info(|| {
         let under = state.hover.map_or_else(|| "nothing under the pointer".into(), |p| pick_text(view, &p));
-        WidgetInfo::labeled(WidgetType::Other, true, format!("Closeup: {under}"))
+        WidgetInfo::labeled(Role::Canvas, true, format!("Closeup: {under}"))
     });
 }
 

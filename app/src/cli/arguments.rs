@@ -162,10 +162,12 @@ impl CaseArguments {
                 ));
             }
         };
-        let spec = world::spec_of(&reference)?;
-        terminal::notes(&spec.notes);
-        let case =
-            terminal::with_progress(|progress| glioscope_core::case::load(&spec, &self.options(), progress))?;
+        let options = self.options();
+        let (spec, case) = terminal::with_progress(|progress| {
+            let spec = world::spec_of(&reference, &options, progress)?;
+            glioscope_core::case::load(&spec, &options, progress).map(|case| (spec, case))
+        })?;
+        terminal::guess(&spec);
         terminal::notes(&case.checks);
         Ok((reference, case))
     }

@@ -129,24 +129,26 @@ fn draw_image(
     rgba: &mut [u8],
 ) -> u64 {
     let (scale, offset) = window.scale_offset();
+    let (scale, offset) = (scaling.slope * scale, scaling.intercept * scale + offset);
     let opaque = |[r, g, b]: Rgb| [r, g, b, 255];
+    let [outside, unknown] = [style.outside, style.not_finite].map(opaque);
     let draw_row = |y: u32, line: &mut [u8]| -> u64 {
         let row = sampler.row(view, y);
         let mut not_finite = 0;
-        for (x, pixel) in (0..).zip(line.chunks_exact_mut(4)) {
-            let color = match sampler.place(&row, x) {
-                None => opaque(style.outside),
-                Some(place) => match value_at(sampler, place, at) {
-                    Some(stored) => {
-                        // Casting cuts off at 0 and 255.
-                        let grey = (scaling.apply(stored) * scale + offset) as u8;
-                        [grey, grey, grey, 255]
-                    }
-                    None => {
-                        not_finite += 1;
-                        opaque(style.not_finite)
-                    }
-                },
+        let (before, rest) = line.split_at_mut(row.span.start * 4);
+        let (inside, after) = rest.split_at_mut(row.span.len() * 4);
+        before.chunks_exact_mut(4).chain(after.chunks_exact_mut(4)).for_each(|p| p.copy_from_slice(&outside));
+        for (x, pixel) in row.span.clone().zip(inside.chunks_exact_mut(4)) {
+            let color = match value_at(sampler, row.place(x), at) {
+                Some(stored) => {
+                    // Casting cuts off at 0 and 255.
+                    let grey = (stored * scale + offset) as u8;
+                    [grey, grey, grey, 255]
+                }
+                None => {
+                    not_finite += 1;
+                    unknown
+                }
             };
             pixel.copy_from_slice(&color);
         }
@@ -204,8 +206,8 @@ fn nearest_bits<T: Copy + Sync + Into<u32>>(view: &SliceView, sampler: &Sampler,
     let mut bits = vec![0; width * view.size_px[1] as usize];
     (0..view.size_px[1]).into_par_iter().zip(bits.par_chunks_exact_mut(width)).for_each(|(y, line)| {
         let row = sampler.row(view, y);
-        for (x, out) in (0..).zip(line) {
-            *out = sampler.place(&row, x).map_or(0, |place| index[sampler.nearest(place)].into());
+        for x in row.span.clone() {
+            line[x] = index[sampler.nearest(row.place(x))].into();
         }
     });
     bits

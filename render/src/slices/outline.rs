@@ -112,19 +112,13 @@ pub(super) fn outlines(bits: &[u32], width: usize, line_px: usize) -> Vec<u8> {
     }
     rest.refresh_border();
 
-    // layers[t]: masks that lose the pixel to the t-th peel; `rim` those that lose it to any.
     let stacked = (any.count_ones() as usize).min(MOST_STACKED);
-    let mut peel = Peel { layers: Vec::new(), rim: Vec::new(), core: Vec::new(), area, line_px, stacked };
-    let whole: Vec<u32> = (0..rest.height).flat_map(|y| rest.row(y)).copied().collect();
-    let mut before = whole.clone();
+    let mut peeled = vec![rest];
     for t in 0..stacked * line_px {
-        rest = rest.eroded(t % 2 == 1);
-        let after: Vec<u32> = (0..rest.height).flat_map(|y| rest.row(y)).copied().collect();
-        peel.layers.push(before.iter().zip(&after).map(|(a, b)| a & !b).collect());
-        before = after;
+        let next = peeled[t].eroded(t % 2 == 1);
+        peeled.push(next);
     }
-    peel.rim = whole.iter().zip(&before).map(|(a, b)| a & !b).collect();
-    peel.core = before;
+    let peel = Peel { peeled, area, line_px, stacked };
 
     let area = &peel.area;
     let rows = owner[area.y * width..][..area.height * width].par_chunks_exact_mut(width);
@@ -136,10 +130,9 @@ pub(super) fn outlines(bits: &[u32], width: usize, line_px: usize) -> Vec<u8> {
     owner
 }
 
+/// All masks after 0, 1, 2 … layers were taken off.
 struct Peel {
-    layers: Vec<Vec<u32>>,
-    rim: Vec<u32>,
-    core: Vec<u32>,
+    peeled: Vec<Padded>,
     area: Area,
     line_px: usize,
     stacked: usize,
@@ -147,18 +140,20 @@ struct Peel {
 
 impl Peel {
     fn owner(&self, [x, y]: [usize; 2]) -> u8 {
-        let pixel = y * self.area.width + x;
-        if self.rim[pixel] == 0 {
+        let pixel = (y + 1) * (self.area.width + 2) + x + 1;
+        let depths = self.peeled.len() - 1;
+        let left = |t: usize| self.peeled[t].bits[pixel];
+        if left(0) & !left(depths) == 0 {
             return 0;
         }
-        for (t, layer) in self.layers.iter().enumerate() {
-            let mut here = layer[pixel];
+        for t in 0..depths {
+            let mut here = left(t) & !left(t + 1);
             while here != 0 {
                 let mask = here.trailing_zeros();
                 here &= here - 1;
                 // Masks whose edge is as far away as this one's, or nearly: they share the stack.
-                let near = t.saturating_sub(self.line_px - 1)..(t + self.line_px).min(self.layers.len());
-                let together = near.fold(0, |all, t| all | self.layers[t][pixel]);
+                let near = [t.saturating_sub(self.line_px - 1), (t + self.line_px).min(depths)];
+                let together = left(near[0]) & !left(near[1]);
                 let slot = (together & ((1 << mask) - 1)).count_ones() as usize % self.stacked;
                 if t / self.line_px == slot {
                     return self.alternated([x, y], together, mask);
@@ -176,14 +171,11 @@ impl Peel {
             return mask as u8 + 1;
         }
         let area = &self.area;
-        let needed = (count * self.line_px).min(self.layers.len());
-        let deepest = &self.layers[needed - 1..];
-        let has_room = (y.saturating_sub(needed)..(y + needed + 1).min(area.height)).any(|v| {
-            (x.saturating_sub(needed)..(x + needed + 1).min(area.width)).any(|u| {
-                let pixel = v * area.width + u;
-                deepest.iter().fold(self.core[pixel], |all, layer| all | layer[pixel]) & together == together
-            })
-        });
+        let needed = (count * self.line_px).min(self.peeled.len() - 1);
+        let deep = &self.peeled[needed - 1];
+        let columns = x.saturating_sub(needed)..(x + needed + 1).min(area.width);
+        let has_room = (y.saturating_sub(needed)..(y + needed + 1).min(area.height))
+            .any(|v| deep.row(v)[columns.clone()].iter().any(|bits| bits & together == together));
         if has_room {
             return mask as u8 + 1;
         }

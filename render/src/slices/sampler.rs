@@ -6,14 +6,20 @@
 //! coordinates are rounded to 2⁻²⁰ voxel. So one image stored in any of the 48 axis orders goes
 //! through the very same arithmetic and gives the same bytes, for less than 10⁻⁴ voxel.
 
-use glam::DVec3;
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
 use glioscope_core::Grid;
 
 use super::view::SliceView;
 
-/// Voxel coordinates are counted in 2⁻²⁰ of a voxel.
-const FRACTION_BITS: u32 = 20;
+/// Along a row, voxel coordinates are counted in 2⁻³² of a voxel: whole numbers add up exactly.
+const FRACTION_BITS: u32 = 32;
 const ONE: i64 = 1 << FRACTION_BITS;
+/// Interpolation weights have 20 bits.
+const WEIGHT_BITS: u32 = 20;
+/// Coordinates beyond this many voxels are outside of every image that fits a computer.
+const FARTHEST: f64 = (1u64 << 28) as f64;
 
 /// The voxels of one grid with its axes reordered to run right, anterior and superior.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,15 +35,26 @@ pub(super) struct Sampler {
     origin_mm: DVec3,
 }
 
-/// Where a line of pixels runs, in reordered voxel coordinates.
+/// Where a line of pixels runs inside the grid.
 pub(super) struct Row {
-    start: DVec3,
-    step: DVec3,
+    /// Pixels that are inside.
+    pub(super) span: Range<usize>,
+    start: [i64; 3],
+    step: [i64; 3],
 }
 
-/// A place inside the grid: 2⁻²⁰ voxels along each reordered axis.
+/// A place inside the grid: 2⁻³² voxels along each reordered axis.
 #[derive(Clone, Copy)]
 pub(super) struct Place([i64; 3]);
+
+impl Row {
+    /// Place of pixel `x`; inside when `x` is in the span.
+    #[inline]
+    pub(super) fn place(&self, x: usize) -> Place {
+        let x = x as i64;
+        Place(std::array::from_fn(|axis| self.start[axis] + self.step[axis] * x))
+    }
+}
 
 impl Sampler {
     pub(super) fn new(grid: &Grid) -> Self {
@@ -65,27 +82,27 @@ impl Sampler {
 
     /// The line of pixels at height `y` of a view.
     pub(super) fn row(&self, view: &SliceView, y: u32) -> Row {
-        let world = view.world_at(glam::DVec2::new(0.5, f64::from(y) + 0.5));
+        let world = view.world_at(DVec2::new(0.5, f64::from(y) + 0.5));
         let along = view.right() * view.mm_per_pixel;
-        let turned = |v: DVec3| DVec3::from_array(self.rows.map(|row| row.dot(v)));
-        Row { start: turned(world - self.origin_mm), step: turned(along) }
-    }
-
-    /// The place of pixel `x` of a row; `None` outside the voxels' cells.
-    #[inline]
-    pub(super) fn place(&self, row: &Row, x: u32) -> Option<Place> {
-        let at = row.start + row.step * f64::from(x);
-        let mut fixed = [0; 3];
-        for axis in 0..3 {
-            // Casting cuts towards zero and saturates; the shift by one voxel keeps what can be
-            // inside positive. NaN becomes 0 and so lies outside.
-            let shifted = ((at[axis] + 1.0) * ONE as f64 + 0.5) as i64;
-            if !(shifted >= ONE / 2 && shifted < self.dims[axis] * ONE + ONE / 2) {
-                return None;
-            }
-            fixed[axis] = shifted - ONE;
+        let turned = |v: DVec3| self.rows.map(|row| row.dot(v));
+        let (start, step) = (turned(world - self.origin_mm), turned(along));
+        let width = f64::from(view.size_px[0]);
+        // NaN fails this too.
+        let near = (0..3).all(|a| start[a].abs() < FARTHEST && (start[a] + step[a] * width).abs() < FARTHEST);
+        if !near {
+            return Row { span: 0..0, start: [0; 3], step: [0; 3] };
         }
-        Some(Place(fixed))
+        // Half a weight unit is added here, so that cutting bits off rounds.
+        let fixed = |v: f64| (v * ONE as f64).round() as i64;
+        let start = start.map(|v| fixed(v) + (1 << (FRACTION_BITS - WEIGHT_BITS - 1)));
+        let step = step.map(fixed);
+        let mut span = 0..i64::from(view.size_px[0]);
+        for axis in 0..3 {
+            let inside = inside_span(start[axis], step[axis], -ONE / 2, self.dims[axis] * ONE - ONE / 2);
+            span = span.start.max(inside.start)..span.end.min(inside.end);
+        }
+        let span = if span.is_empty() { 0..0 } else { span.start as usize..span.end as usize };
+        Row { span, start, step }
     }
 
     /// Memory place of the voxel whose cell holds `place`.
@@ -106,7 +123,8 @@ impl Sampler {
             let first = base.max(0);
             lower[axis] = first * self.strides[axis];
             step[axis] = ((base + 1).min(self.dims[axis] - 1) - first) * self.strides[axis];
-            weight[axis] = (place.0[axis] & (ONE - 1)) as f64 * (1.0 / ONE as f64);
+            let fraction = (place.0[axis] & (ONE - 1)) >> (FRACTION_BITS - WEIGHT_BITS);
+            weight[axis] = fraction as f64 * (1.0 / (1 << WEIGHT_BITS) as f64);
         }
         let corner = self.first + lower[0] + lower[1] + lower[2];
         let line = |offset: i64| {
@@ -120,5 +138,34 @@ impl Sampler {
         };
         let (a, b) = (sheet(0), sheet(step[2]));
         a + (b - a) * weight[2]
+    }
+}
+
+/// The whole numbers x with `low <= start + step·x < high`.
+fn inside_span(start: i64, step: i64, low: i64, high: i64) -> Range<i64> {
+    let above = |numerator: i64, step: i64| -(-numerator).div_euclid(step);
+    match step {
+        0 if (low..high).contains(&start) => i64::MIN..i64::MAX,
+        0 => 0..0,
+        1.. => above(low - start, step)..above(high - start, step),
+        _ => (start - high).div_euclid(-step) + 1..(start - low).div_euclid(-step) + 1,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_are_what_trying_each_number_gives() {
+        for step in [-7, -3, -1, 0, 1, 2, 5] {
+            for start in -40..40 {
+                let span = inside_span(start, step, -11, 17);
+                for x in -60..60 {
+                    let expected = (-11..17).contains(&(start + step * x));
+                    assert_eq!(span.contains(&x), expected, "{start} + {step}·{x}");
+                }
+            }
+        }
     }
 }

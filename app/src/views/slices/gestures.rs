@@ -1,0 +1,167 @@
+//! What mouse and keys do on a slice.
+
+use egui::{Event, Id, Key, MouseWheelUnit, PointerButton, Response, Ui};
+use glam::{DVec2, DVec3};
+use glioscope_render::slices::Plane;
+
+use super::{Layout, ViewContext, window_of};
+use crate::commands::Command;
+
+/// Touchpad points that count as one notch of a wheel.
+const POINTS_A_NOTCH: f32 = 40.0;
+/// Most and least magnification, millimetres a point.
+const ZOOM_RANGE: (f64, f64) = (0.002, 20.0);
+
+/// Turns what the user did into commands.
+pub(super) fn interact(
+    ui: &Ui,
+    view: &ViewContext<'_>,
+    layout: &Layout,
+    response: &Response,
+    memory: Id,
+    out: &mut Vec<Command>,
+) {
+    let shift = ui.input(|i| i.modifiers.shift);
+    if response.double_clicked() {
+        out.push(Command::ResetSlices);
+        return;
+    }
+    crosshair(ui, view, layout, response, shift, out);
+    if response.dragged_by(PointerButton::Secondary) {
+        drag_window(view, response, out);
+    }
+    if response.dragged_by(PointerButton::Middle) || (shift && response.dragged_by(PointerButton::Primary)) {
+        let drag = response.drag_delta();
+        let moved = DVec2::new(f64::from(drag.x), f64::from(drag.y)) * layout.mm_per_point();
+        if moved != DVec2::ZERO {
+            let plane = layout.slice.plane;
+            out.push(Command::SetPan(plane, view.doc.nav.pan_mm[plane as usize] - moved));
+        }
+    }
+    if response.hovered() {
+        scroll(ui, view, layout, memory, out);
+        zoom(ui, view, layout, response, out);
+    }
+    keys(ui, view, layout, response, out);
+}
+
+fn crosshair(
+    ui: &Ui,
+    view: &ViewContext<'_>,
+    layout: &Layout,
+    response: &Response,
+    shift: bool,
+    out: &mut Vec<Command>,
+) {
+    let primary_down = ui.input(|i| i.pointer.primary_down());
+    let held = response.is_pointer_button_down_on() && primary_down;
+    if shift || !(held || response.clicked()) {
+        return;
+    }
+    let Some(pos) = response.interact_pointer_pos() else { return };
+    let place = layout.world_at(pos.clamp(layout.rect.min, layout.rect.max));
+    if place != view.doc.nav.cursor_mm {
+        out.push(Command::SetCursor(place));
+    }
+}
+
+fn drag_window(view: &ViewContext<'_>, response: &Response, out: &mut Vec<Command>) {
+    let Some((id, image)) = view.context else { return };
+    let Some(range) = image.histogram().range() else { return };
+    let drag = response.drag_delta();
+    if drag != egui::Vec2::ZERO {
+        let window = window_of(view, id, image).drag(f64::from(drag.x), f64::from(drag.y), range);
+        out.push(Command::SetWindow(id.to_owned(), window));
+    }
+}
+
+/// Moves the crosshair by whole slices along the normal, no further than the outermost.
+fn step(view: &ViewContext<'_>, layout: &Layout, plane: Plane, slices: f64, out: &mut Vec<Command>) {
+    let grid = view.context.map_or(&view.case.grid, |(_, image)| image.volume().grid());
+    let step_mm = plane.step_mm(grid);
+    let axis = plane.axis();
+    let (lo, hi) = (layout.bounds_mm.0[axis] + step_mm / 2.0, layout.bounds_mm.1[axis] - step_mm / 2.0);
+    let mut cursor_mm = view.doc.nav.cursor_mm;
+    cursor_mm[axis] = (cursor_mm[axis] + slices * step_mm).clamp(lo.min(hi), hi.max(lo));
+    if cursor_mm != view.doc.nav.cursor_mm {
+        out.push(Command::SetCursor(cursor_mm));
+    }
+}
+
+fn scroll(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id, out: &mut Vec<Command>) {
+    // Raw events rather than the smoothed sum: a notch is one slice, at once.
+    let notches: f32 = ui.input(|i| {
+        let zooming = |m: &egui::Modifiers| m.ctrl || m.command;
+        let wheel = |event: &Event| match event {
+            Event::MouseWheel { unit, delta, modifiers, .. } if !zooming(modifiers) => Some(match unit {
+                MouseWheelUnit::Point => delta.y / POINTS_A_NOTCH,
+                MouseWheelUnit::Line => delta.y,
+                MouseWheelUnit::Page => delta.y * 10.0,
+            }),
+            _ => None,
+        };
+        i.events.iter().filter_map(wheel).sum()
+    });
+    if notches == 0.0 {
+        return;
+    }
+    // Touchpads move by parts of a notch: what is left over waits for the next event.
+    let rest = memory.with(egui::IdSalt::new("scrolled"));
+    let sum = notches + ui.data(|data| data.get_temp::<f32>(rest)).unwrap_or(0.0);
+    let whole = sum.trunc();
+    ui.data_mut(|data| data.insert_temp(rest, sum - whole));
+    if whole != 0.0 {
+        step(view, layout, layout.slice.plane, f64::from(whole), out);
+    }
+}
+
+/// Zooms about the pointer: what is under it stays there.
+fn zoom(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, out: &mut Vec<Command>) {
+    let factor = f64::from(ui.input(egui::InputState::zoom_delta));
+    let Some(pos) = response.hover_pos() else { return };
+    if factor == 1.0 || !(factor > 0.0) {
+        return;
+    }
+    let before = layout.mm_per_point();
+    let after = (before / factor).clamp(ZOOM_RANGE.0, ZOOM_RANGE.1);
+    let from_middle = pos - layout.rect.center();
+    let from_middle = DVec2::new(f64::from(from_middle.x), f64::from(from_middle.y));
+    let plane = layout.slice.plane;
+    out.push(Command::SetZoom(Some(after)));
+    out.push(Command::SetPan(plane, view.doc.nav.pan_mm[plane as usize] + from_middle * (before - after)));
+}
+
+/// Page keys go through the slices; arrows move the crosshair in the plane, by one voxel.
+fn keys(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, out: &mut Vec<Command>) {
+    if response.has_focus() {
+        let filter =
+            egui::EventFilter { horizontal_arrows: true, vertical_arrows: true, ..Default::default() };
+        ui.memory_mut(|memory| memory.set_focus_lock_filter(response.id, filter));
+    } else if !response.hovered() || ui.memory(|memory| memory.focused().is_some()) {
+        return;
+    }
+    let presses = |key: Key| ui.input(|i| if i.modifiers.any() { 0 } else { i.num_presses(key) }) as f64;
+    let slices = presses(Key::PageUp) - presses(Key::PageDown);
+    if slices != 0.0 {
+        step(view, layout, layout.slice.plane, slices, out);
+    }
+    for (direction, forwards, backwards) in [
+        (layout.slice.right(), Key::ArrowRight, Key::ArrowLeft),
+        (layout.slice.down(), Key::ArrowDown, Key::ArrowUp),
+    ] {
+        let moved = presses(forwards) - presses(backwards);
+        if moved != 0.0 {
+            let along = |plane: &Plane| plane.normal().dot(direction) != 0.0;
+            if let Some(plane) = Plane::ALL.into_iter().find(along) {
+                let sign = plane.normal().dot(direction);
+                step(view, layout, plane, moved * sign, out);
+            }
+        }
+    }
+}
+
+/// A place of the world in whole tenths of a millimetre: what two readouts of one place agree on.
+#[cfg(test)]
+pub(super) fn tenths(world_mm: DVec3) -> [i64; 3] {
+    world_mm.to_array().map(|mm| (mm * 10.0).round() as i64)
+}

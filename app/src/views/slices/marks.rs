@@ -1,0 +1,169 @@
+//! What is drawn over a slice: crosshair, letters, scale bar, lens, texts. White with a dark halo,
+//! so that it reads on black, on white and on every mask.
+
+use std::sync::Arc;
+
+use egui::{Align2, Color32, FontId, Galley, Painter, Pos2, Stroke, Ui, pos2, vec2};
+
+use super::{Layout, ViewContext, sides_known, window_of};
+use crate::format;
+
+const HALO: Color32 = Color32::from_black_alpha(200);
+const INK: Color32 = Color32::WHITE;
+/// The lens in every view.
+const LENS: Color32 = Color32::from_rgb(255, 40, 40);
+const WARNING: Color32 = Color32::from_rgb(255, 170, 60);
+/// Half of the crosshair's gap, so that it doesn't cover what it points at.
+const GAP: f32 = 9.0;
+const MARGIN: f32 = 7.0;
+
+/// Draws all of it.
+pub(super) fn draw(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, readout: &str, not_finite_pixels: u64) {
+    let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
+    crosshair(&painter, layout, layout.pos_of(view.doc.nav.cursor_mm));
+    if let Some(lens) = view.doc.active_lens()
+        && let Some((middle, radius_px)) = layout.slice.lens_circle(&lens)
+    {
+        let radius = (radius_px.min(1e6) as f32) / layout.pixels_per_point;
+        let middle = layout.pos_of_pixel(middle);
+        painter.circle_stroke(middle, radius, Stroke::new(3.5, Color32::from_black_alpha(110)));
+        painter.circle_stroke(middle, radius, Stroke::new(1.75, LENS));
+    }
+    let known = sides_known(view);
+    let title_height = title(&painter, view, layout, known, not_finite_pixels);
+    let readout_height = bottom_line(&painter, layout, readout);
+    if known {
+        letters(&painter, layout, title_height, readout_height);
+    }
+    scale_bar(&painter, layout, readout_height);
+}
+
+fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {
+    let rect = layout.rect;
+    let lines = [
+        [pos2(rect.left(), at.y), pos2(at.x - GAP, at.y)],
+        [pos2(at.x + GAP, at.y), pos2(rect.right(), at.y)],
+        [pos2(at.x, rect.top()), pos2(at.x, at.y - GAP)],
+        [pos2(at.x, at.y + GAP), pos2(at.x, rect.bottom())],
+    ];
+    for stroke in [
+        Stroke::new(3.0, Color32::from_black_alpha(70)),
+        Stroke::new(1.0, Color32::from_rgba_unmultiplied(255, 255, 255, 170)),
+    ] {
+        for [from, to] in lines {
+            if from.x <= to.x && from.y <= to.y {
+                painter.line_segment([from, to], stroke);
+            }
+        }
+    }
+}
+
+/// Text with a dark halo; returns its height.
+fn text(painter: &Painter, at: Pos2, anchor: Align2, words: &str, size: f32, ink: Color32) -> f32 {
+    haloed(
+        painter,
+        at,
+        anchor,
+        painter.layout_no_wrap(words.to_owned(), FontId::proportional(size), ink),
+        ink,
+    )
+}
+
+fn haloed(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>, ink: Color32) -> f32 {
+    let corner = anchor.anchor_size(at, galley.size()).min;
+    for (dx, dy) in
+        [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0)]
+    {
+        painter.galley_with_override_text_color(corner + vec2(dx, dy), galley.clone(), HALO);
+    }
+    let height = galley.size().y;
+    painter.galley_with_override_text_color(corner, galley, ink);
+    height
+}
+
+/// Plane, position and window at the top; returns the height they take.
+fn title(
+    painter: &Painter,
+    view: &ViewContext<'_>,
+    layout: &Layout,
+    known: bool,
+    not_finite_pixels: u64,
+) -> f32 {
+    let rect = layout.rect;
+    let mut at = rect.left_top() + vec2(MARGIN, MARGIN - 2.0);
+    let name = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(known));
+    let row = text(painter, at, Align2::LEFT_TOP, &name, 13.0, INK);
+    at.y += row;
+    if !known {
+        at.y += text(painter, at, Align2::LEFT_TOP, "side unknown", 13.0, WARNING);
+    }
+    if not_finite_pixels > 0 {
+        let words = format!("NaN or infinite: {not_finite_pixels} pixels");
+        at.y += text(painter, at, Align2::LEFT_TOP, &words, 11.0, WARNING);
+    }
+    let words = match view.context {
+        Some((id, image)) => {
+            let window = window_of(view, id, image);
+            format!("W {} L {}", short(window.width()), short(window.level()))
+        }
+        None => "no image".to_owned(),
+    };
+    // Beside the name where there is room, else below it.
+    if rect.width() > 250.0 {
+        text(painter, rect.right_top() + vec2(-MARGIN, MARGIN - 2.0), Align2::RIGHT_TOP, &words, 12.0, INK);
+    } else {
+        at.y += text(painter, at, Align2::LEFT_TOP, &words, 12.0, INK);
+    }
+    at.y - rect.top()
+}
+
+/// Three digits or so: enough to tell windows apart.
+fn short(value: f64) -> String {
+    let digits = if value == 0.0 { 0.0 } else { (2.0 - value.abs().log10().floor()).clamp(0.0, 6.0) };
+    format!("{value:.0$}", digits as usize)
+}
+
+/// The readout at the bottom; returns the height it takes.
+fn bottom_line(painter: &Painter, layout: &Layout, readout: &str) -> f32 {
+    let rect = layout.rect;
+    let room = (rect.width() - 2.0 * MARGIN).max(40.0);
+    let galley = painter.layout(readout.to_owned(), FontId::proportional(12.0), INK, room);
+    haloed(painter, rect.left_bottom() + vec2(MARGIN, -MARGIN + 2.0), Align2::LEFT_BOTTOM, galley, INK)
+        + MARGIN
+}
+
+fn letters(painter: &Painter, layout: &Layout, title_height: f32, readout_height: f32) {
+    let rect = layout.rect;
+    let [left, right, top, bottom] = layout.slice.letters();
+    // The top letter goes below a title that reaches the middle.
+    let top_y =
+        if rect.width() > 380.0 { rect.top() + MARGIN - 2.0 } else { rect.top() + title_height + 1.0 };
+    let places = [
+        (left, pos2(rect.left() + MARGIN, rect.center().y), Align2::LEFT_CENTER),
+        (right, pos2(rect.right() - MARGIN, rect.center().y), Align2::RIGHT_CENTER),
+        (top, pos2(rect.center().x, top_y), Align2::CENTER_TOP),
+        (bottom, pos2(rect.center().x, rect.bottom() - readout_height), Align2::CENTER_BOTTOM),
+    ];
+    for (letter, at, anchor) in places {
+        text(painter, at, anchor, &letter.to_string(), 16.0, INK);
+    }
+}
+
+fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
+    let rect = layout.rect;
+    let room = f64::from(rect.width() * layout.pixels_per_point) * 0.3;
+    let Some(bar) = layout.slice.scale_bar(room) else { return };
+    let length = bar.px as f32 / layout.pixels_per_point;
+    let right = rect.right_bottom() + vec2(-MARGIN - 1.0, -readout_height - 6.0);
+    let left = right - vec2(length, 0.0);
+    for stroke in [Stroke::new(4.0, HALO), Stroke::new(2.0, INK)] {
+        let over = vec2((stroke.width - 2.0) / 2.0, 0.0);
+        painter.line_segment([left - over, right + over], stroke);
+        for end in [left, right] {
+            let up = vec2(0.0, 4.0 + over.x);
+            painter.line_segment([end - up, end + up], stroke);
+        }
+    }
+    let words = format!("{} mm", format::plain(bar.mm));
+    text(painter, right - vec2(length / 2.0, 4.0), Align2::CENTER_BOTTOM, &words, 12.0, INK);
+}

@@ -9,8 +9,8 @@ mod tests;
 use std::sync::{Arc, Weak};
 
 use egui::{
-    Color32, ColorImage, Id, IdSalt, Pos2, Rect, Sense, TextureHandle, TextureOptions, Ui, WidgetInfo,
-    WidgetType, emath::GuiRounding, pos2,
+    Color32, ColorImage, Id, IdSalt, Pos2, Rect, Role, Sense, TextureHandle, TextureOptions, Ui, WidgetInfo,
+    emath::GuiRounding, pos2,
 };
 use glam::{DVec2, DVec3};
 use glioscope_core::{Selection, Sides, TumorIndex};
@@ -98,7 +98,7 @@ pub fn show(ui: &mut Ui, view: &ViewContext<'_>, plane: Plane, out: &mut Vec<Com
     marks::draw(ui, view, &layout, &text, not_finite_pixels);
     response.widget_info(|| {
         let at = layout.slice.position_label(sides_known(view));
-        WidgetInfo::labeled(WidgetType::Other, true, format!("{} slice {at}: {text}", plane.name()))
+        WidgetInfo::labeled(Role::Canvas, true, format!("{} slice {at}: {text}", plane.name()))
     });
     window_menu(&response, view, out);
 }

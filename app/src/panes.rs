@@ -74,20 +74,21 @@ impl PaneArea<'_> {
                 self.out,
             ),
             Pane::Overlap => {
-                overlap::show(ui, &self.overlap_input(), self.out);
+                let input = overlap_input(&self.view);
+                overlap::show(ui, &input, self.out);
             }
             Pane::Slice(plane) => slices::show(ui, &self.view, plane, self.out),
             Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref_mut()),
         }
     }
+}
 
-    fn overlap_input(&self) -> OverlapInput<'_> {
-        OverlapInput {
-            regions: &self.view.time_point.regions,
-            selection: &self.view.doc.edit.selection,
-            colors: self.view.colors,
-            mode: self.view.doc.edit.overlap_mode,
-        }
+fn overlap_input<'a>(view: &ViewContext<'a>) -> OverlapInput<'a> {
+    OverlapInput {
+        regions: &view.time_point.regions,
+        selection: &view.doc.edit.selection,
+        colors: view.colors,
+        mode: view.doc.edit.overlap_mode,
     }
 }
 

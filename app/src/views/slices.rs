@@ -85,7 +85,7 @@ pub fn show(ui: &mut Ui, view: &ViewContext<'_>, plane: Plane, out: &mut Vec<Com
     let rect = ui.available_rect_before_wrap();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let Some(layout) = Layout::new(view, plane, rect, ui.pixels_per_point()) else { return };
-    let memory = ui.id().with(IdSalt::new(("slice", plane)));
+    let memory = ui.scope_id().with(IdSalt::new(("slice", plane)));
     gestures::interact(ui, view, &layout, &response, memory, out);
 
     let (texture, not_finite_pixels) = picture(ui, view, &layout, memory);

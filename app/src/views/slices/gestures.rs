@@ -1,7 +1,7 @@
 //! What mouse and keys do on a slice.
 
 use egui::{Event, Id, Key, MouseWheelUnit, PointerButton, Response, Ui};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use glioscope_render::slices::Plane;
 
 use super::{Layout, ViewContext, window_of};

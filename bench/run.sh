@@ -108,6 +108,10 @@ if [[ -n $vtk ]]; then
     # Its camera frames the whole image for volumes and the tumour for surfaces. In its mode volume+ssao VTK 9.7.2 drew an
     # empty picture here (one colour), so that time means nothing and is left out.
     printf '| size | mode | median of 5 (ms) | window |\n|---|---|---:|---|\n'
-    (cd -- "$pictures" && env -u DISPLAY "$venv/bin/python" "$peer_script" "$data" 2>/dev/null) |
-        awk '/^[0-9]+ / && $2 != "volume+ssao" { printf "| %sx%s | %s | %s | %s |\n", $1, $1, $2, $3, $5 }'
+    # Its warnings about displays that it tried in vain are shown only if it fails.
+    if ! (cd -- "$pictures" && env -u DISPLAY "$venv/bin/python" "$peer_script" "$data" >vtk.txt 2>vtk.err); then
+        cat "$pictures/vtk.err" >&2
+        exit 1
+    fi
+    awk '/^[0-9]+ / && $2 != "volume+ssao" { printf "| %sx%s | %s | %s | %s |\n", $1, $1, $2, $3, $5 }' "$pictures/vtk.txt"
 fi

@@ -193,7 +193,7 @@ pub(super) fn after_resampling(labels: &[String], native: &[NativeMask], on_grid
         let (before_ml, after_ml) = (m.mask.volume_ml(), after.volume_ml());
         let drift = 100.0 * (after_ml - before_ml) / before_ml;
         let text = format!(
-            "{name}: found a mask on {}, expected the case grid's {}; resampled: {before_ml:.3} ml before, {after_ml:.3} ml after ({drift:+.2} %)",
+            "{name}: found a mask on its own grid ({}), expected the case grid ({}); resampled: {before_ml:.3} ml before, {after_ml:.3} ml after ({drift:+.2} %)",
             spacing(m.mask.grid()),
             spacing(after.grid()),
         );

@@ -188,3 +188,6 @@ pub fn load(spec: &CaseSpec, options: &LoadOptions, progress: &Progress) -> Resu
     let read_options = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
     load_with(spec, options, progress, &|source| files::read(source, &read_options, progress))
 }
+
+#[cfg(test)]
+mod tests;

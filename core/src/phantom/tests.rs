@@ -1,5 +1,10 @@
+use std::sync::LazyLock;
+
 use super::*;
 use crate::{Regions, TumorIndex, mask::Mask};
+
+static FILES_MADE: LazyLock<Vec<PhantomFile>> = LazyLock::new(phantom);
+static TRUE: LazyLock<Truth> = LazyLock::new(truth);
 
 /// The lines' measure against 4/3 π a b c, and a union whose parts are apart against their sum.
 #[test]
@@ -36,7 +41,7 @@ fn measured_overlap_equals_the_closed_form() {
 
 #[test]
 fn faces_move_by_the_stated_millimetres() {
-    let growth = truth().growth;
+    let growth = &TRUE.growth;
     let at = |id: &str| growth.iter().find(|g| g.id == id).unwrap();
     assert_eq!(at("T1").right_anterior_superior_mm, DVec3::new(-3.0, 5.0, 0.0));
     assert_eq!(at("T2").left_posterior_inferior_mm, DVec3::new(-4.0, 6.0, 0.0));
@@ -62,9 +67,9 @@ fn voxel_error_ml(mark: &Mark, grid: &Grid) -> f64 {
 
 #[test]
 fn masks_have_the_true_volumes() {
-    let files = phantom();
+    let files = &*FILES_MADE;
     assert_eq!(files.len(), FILES.len());
-    let truth = truth();
+    let truth = &*TRUE;
     for file in files.iter().filter(|f| f.is_mask) {
         let time = TIMES.iter().position(|t| *t == file.time).unwrap();
         let Samples::U8(voxels) = file.volume.samples() else { panic!("{} is not u8", file.name) };
@@ -89,7 +94,7 @@ fn all_seven_regions_have_their_true_volumes() {
             .collect();
         let index = TumorIndex::new(grid.clone(), &masks.iter().collect::<Vec<_>>()).unwrap();
         let regions = Regions::of(&index);
-        let truth = &truth().time_points[time];
+        let truth = &TRUE.time_points[time];
         assert_eq!(truth.regions.len(), 7);
         for region in &truth.regions {
             let bits = (0..3).filter(|&k| region.masks.contains(&MARK_IDS[k])).fold(0, |b, k| b | 1 << k);
@@ -119,7 +124,7 @@ fn the_case_loads_and_its_tumour_is_in_the_left_front() {
 /// the nose in front, the neck below.
 #[test]
 fn the_images_show_which_side_is_which() {
-    let files = phantom();
+    let files = &*FILES_MADE;
     let t1c = &files.iter().find(|f| f.id == "T1c").unwrap().volume;
     let at = |x: f64, y: f64, z: f64| {
         t1c.value(t1c.grid().linear(t1c.grid().voxel_at(DVec3::new(x, y, z)).unwrap()))

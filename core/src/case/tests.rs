@@ -1,0 +1,272 @@
+//! Loading cases that are made in memory.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::{DAffine3, DVec3};
+
+use super::*;
+use crate::{Samples, Scaling, Severity, Sides, files::Loaded, measure};
+
+const DIMS: [usize; 3] = [10, 10, 10];
+
+fn grid(spacing: f64, origin: f64) -> Grid {
+    Grid::axis_aligned(DIMS, DVec3::splat(spacing), DVec3::splat(origin)).unwrap()
+}
+
+/// Label 1 in a box of voxels, else 0.
+fn boxed(grid: &Grid, lo: usize, hi: usize) -> Volume {
+    let inside = |v: usize| (lo..hi).contains(&v);
+    let stored = (0..1000).map(|l| u8::from(inside(l % 10) && inside(l / 10 % 10) && inside(l / 100)));
+    Volume::new(grid.clone(), Samples::U8(stored.collect()), Scaling::NONE).unwrap()
+}
+
+fn source(name: &str) -> Source {
+    Source::File(name.into())
+}
+
+fn mask(id: &str, file: &str, time: Option<&str>) -> MaskSpec {
+    MaskSpec { id: id.into(), source: source(file), labels: None, time: time.map(str::to_owned), color: None }
+}
+
+fn image(id: &str, file: &str, time: Option<&str>) -> ContextSpec {
+    ContextSpec { id: id.into(), source: source(file), time: time.map(str::to_owned) }
+}
+
+fn case_of(contexts: Vec<ContextSpec>, masks: Vec<MaskSpec>) -> CaseSpec {
+    CaseSpec { name: "made".into(), contexts, masks, notes: Vec::new() }
+}
+
+fn load_from(spec: &CaseSpec, options: &LoadOptions, files: &[(&str, Volume)]) -> Result<Case, CaseError> {
+    let read = |source: &Source| {
+        let found = files.iter().find(|(name, _)| *name == source.name());
+        let volume = found.map(|(_, v)| v.clone()).unwrap_or_else(|| boxed(&grid(1.0, 0.0), 0, 2));
+        Ok(Loaded { volume, frames: 1, checks: Vec::new() })
+    };
+    load_with(spec, options, &Progress::new(), &read)
+}
+
+fn load_plain(spec: &CaseSpec, files: &[(&str, Volume)]) -> Case {
+    load_from(spec, &LoadOptions::default(), files).unwrap()
+}
+
+fn error(spec: &CaseSpec) -> String {
+    let text = load_from(spec, &LoadOptions::default(), &[]).unwrap_err().to_string();
+    assert!(
+        text.starts_with("made: found ") && text.contains(", expected ") && !text.contains('\n'),
+        "{text}"
+    );
+    text
+}
+
+fn message<'a>(case: &'a Case, code: &str) -> &'a str {
+    let found: Vec<&Check> = case.checks.iter().filter(|c| c.code == code).collect();
+    assert_eq!(found.len(), 1, "{code}: {:?}", case.checks);
+    &found[0].message
+}
+
+fn has(case: &Case, code: &str) -> bool {
+    case.checks.iter().any(|c| c.code == code)
+}
+
+#[test]
+fn the_finest_masks_grid_is_the_cases() {
+    let files = [
+        ("coarse", boxed(&grid(2.0, 0.5), 1, 4)),
+        ("fine", boxed(&grid(1.0, 0.0), 2, 8)),
+        ("same", boxed(&grid(1.0, 3.0), 2, 8)),
+    ];
+    let masks = vec![mask("C", "coarse", None), mask("F", "fine", None), mask("S", "same", None)];
+    let spec = case_of(vec![image("I", "coarse", None)], masks);
+    let case = load_plain(&spec, &files);
+    // The first of the two finest.
+    assert!(case.grid.same_place(&grid(1.0, 0.0), 1e-9));
+    // 3³ voxels of 8 mm³, on a grid that divides them: 27 · 8 voxels of 1 mm³.
+    let coarse = &case.time_points[0].masks[0];
+    assert_eq!((coarse.native_voxels, coarse.mask.voxels()), (27, 216));
+    assert!((coarse.native_volume_ml - 0.216).abs() < 1e-12);
+    let text = case.checks.iter().find(|c| c.message.starts_with("C: found a mask on its own grid")).unwrap();
+    assert!(text.message.contains("0.216 ml before, 0.216 ml after (+0.00 %)"), "{text:?}");
+    assert_eq!(message(&case, "grids-differ").split(',').next(), Some("masks: found 3 different grids"));
+
+    let by_id = |id: &str| LoadOptions { case_grid: CaseGridChoice::Of(id.into()), ..LoadOptions::default() };
+    let chosen = load_from(&spec, &by_id("C"), &files).unwrap();
+    assert!(chosen.grid.same_place(&grid(2.0, 0.5), 1e-9));
+    let unknown = load_from(&spec, &by_id("X"), &files).unwrap_err().to_string();
+    assert_eq!(unknown, "made: found case grid of X, expected one of C, F, S, I");
+}
+
+#[test]
+fn masks_only_and_images_only_both_load() {
+    let files = [("a", boxed(&grid(1.0, 0.0), 1, 3)), ("b", boxed(&grid(3.0, 0.0), 1, 3))];
+    let masks = load_plain(&case_of(vec![], vec![mask("A", "a", None)]), &files);
+    assert_eq!(masks.time_points[0].regions.union_voxels(), 8);
+    assert!(masks.time_points[0].contexts.is_empty());
+    let images = load_plain(&case_of(vec![image("B", "b", None), image("A", "a", None)], vec![]), &files);
+    assert!(images.grid.same_place(&grid(3.0, 0.0), 1e-9), "the first image's");
+    assert!(images.time_points[0].regions.list().is_empty());
+    assert!(measure::report(&images).time_points[0].pairs.is_empty());
+}
+
+#[test]
+fn a_file_named_twice_is_read_once() {
+    let reads = AtomicUsize::new(0);
+    let read = |_: &Source| {
+        reads.fetch_add(1, Ordering::Relaxed);
+        let stored = (0..1000).map(|l| (l % 5) as u8).collect();
+        let volume = Volume::new(grid(1.0, 0.0), Samples::U8(stored), Scaling::NONE).unwrap();
+        Ok(Loaded { volume, frames: 3, checks: vec![Check::note("noticed", "seg.nii: something")] })
+    };
+    let with_labels =
+        |id: &str, labels: &[i64]| MaskSpec { labels: Some(labels.to_vec()), ..mask(id, "seg", None) };
+    let masks = vec![
+        with_labels("core", &[1, 4]),
+        with_labels("whole", &[1, 2, 4]),
+        with_labels("none", &[9]),
+        with_labels("some", &[3, 9]),
+    ];
+    let spec = case_of(vec![image("map", "seg", None)], masks);
+    let case = load_with(&spec, &LoadOptions::default(), &Progress::new(), &read).unwrap();
+    assert_eq!(reads.load(Ordering::Relaxed), 1);
+    let voxels: Vec<u64> = case.time_points[0].masks.iter().map(|m| m.mask.voxels()).collect();
+    assert_eq!(voxels, [400, 600, 0, 200]);
+    assert_eq!(message(&case, "noticed"), "map: seg.nii: something");
+    assert!(message(&case, "first-frame-only").starts_with("map: found 3 frames"));
+    assert!(message(&case, "mask-empty").starts_with("none: found an empty mask (no voxel has label 9)"));
+    assert_eq!(message(&case, "label-missing"), "some: found no voxel with label 9, expected labels 3, 9");
+}
+
+#[test]
+fn times_are_in_the_order_met_and_one_id_keeps_its_bit() {
+    let masks = vec![
+        mask("A", "a", Some("2024-05-01")),
+        mask("B", "b", Some("2024-05-01")),
+        mask("B", "b", Some("2024-01-01")),
+        mask("A", "a", Some("2024-01-01")),
+        mask("B", "b", Some("2024-09-01")),
+    ];
+    let case = load_plain(&case_of(vec![], masks), &[]);
+    let labels: Vec<&str> = case.time_points.iter().map(|t| t.label.as_str()).collect();
+    assert_eq!(labels, ["2024-05-01", "2024-01-01", "2024-09-01"]);
+    assert_eq!(case.time_points[0].index.mask_ids(), ["A", "B"]);
+    assert_eq!(case.time_points[1].index.mask_ids(), ["A", "B"]);
+    assert!(message(&case, "mask-not-at-every-time").starts_with("A: found no mask at 2024-09-01"));
+    assert!(has(&case, "times-not-in-order"));
+}
+
+#[test]
+fn wrong_cases_are_one_line_that_names_the_culprit() {
+    assert!(error(&case_of(vec![], vec![])).contains("no image and no mask"));
+    let mixed = case_of(vec![image("I", "i", None)], vec![mask("A", "a", Some("now"))]);
+    assert!(error(&mixed).contains("image I without a time beside mask A at now"));
+    let twice = case_of(vec![], vec![mask("A", "a", Some("now")), mask("A", "b", Some("now"))]);
+    assert!(error(&twice).contains("mask A (now) twice"));
+    let nameless = case_of(vec![image(" ", "i", None)], vec![]);
+    assert!(error(&nameless).contains("image number 1 with an empty id"));
+    let many: Vec<MaskSpec> = (0..33).map(|k| mask(&format!("m{k}"), "a", None)).collect();
+    assert!(load_from(&case_of(vec![], many[..32].to_vec()), &LoadOptions::default(), &[]).is_ok());
+    let text = error(&case_of(vec![], many));
+    assert!(
+        text.contains("33 masks, number 33 is m32, expected at most 32 masks at one time point"),
+        "{text}"
+    );
+    let unlabelled = MaskSpec { labels: Some(vec![]), ..mask("A", "a", None) };
+    assert!(error(&case_of(vec![], vec![unlabelled])).contains("mask A with an empty list of labels"));
+}
+
+#[test]
+fn masks_outside_the_image_or_apart_are_reported() {
+    let image_grid = grid(1.0, 0.0);
+    let away = grid(1.0, 8.0);
+    let files = [
+        ("image", boxed(&image_grid, 0, 1)),
+        ("in", boxed(&image_grid, 1, 4)),
+        // Voxels 1 to 3 of a grid that starts at 8 mm: 9 to 11 mm, one of three layers inside.
+        ("half", boxed(&away, 1, 4)),
+        ("beside", boxed(&image_grid, 4, 6)),
+    ];
+    let spec = |masks| case_of(vec![image("T1c", "image", None)], masks);
+    let case = load_plain(&spec(vec![mask("A", "in", None), mask("B", "half", None)]), &files);
+    let text = message(&case, "mask-outside-image");
+    assert!(text.starts_with("B: found 96.3 % of the mask (0.026 ml) outside every image"), "{text}");
+    assert!(message(&case, "mask-cut-by-case-grid").contains("outside the case grid (that of A)"));
+    let apart: Vec<&str> =
+        case.checks.iter().filter(|c| c.code == "masks-do-not-touch").map(|c| c.message.as_str()).collect();
+    // Boxes end at 3 and start at 9: five empty voxels between them along each axis.
+    assert_eq!(apart.len(), 2);
+    assert!(apart[0].starts_with("A: ") && apart[0].contains("8.7 mm away"), "{apart:?}");
+    assert!(case.checks.iter().all(|c| c.severity != Severity::Error));
+    // Corner to corner is touching; sharing a voxel is.
+    let case = load_plain(&spec(vec![mask("A", "in", None), mask("B", "beside", None)]), &files);
+    assert!(case.checks.is_empty(), "{:?}", case.checks);
+    // One mask has nothing to touch.
+    assert!(!has(&load_plain(&spec(vec![mask("A", "in", None)]), &files), "masks-do-not-touch"));
+}
+
+#[test]
+fn unknown_sides_stay_unknown() {
+    let nowhere = Grid::new(DIMS, DAffine3::IDENTITY, Sides::Unknown).unwrap();
+    let files = [("known", boxed(&grid(1.0, 0.0), 1, 4)), ("unknown", boxed(&nowhere, 1, 4))];
+    let masks = vec![mask("A", "known", None), mask("B", "unknown", None)];
+    let case = load_plain(&case_of(vec![], masks), &files);
+    assert_eq!(case.grid.sides(), Sides::Unknown);
+    assert!(message(&case, "sides-mixed").starts_with("B: found no place in the patient, while A have one"));
+    assert!(message(&case, "sides-unknown").contains("1 of 2"));
+    let case = load_plain(&case_of(vec![], vec![mask("A", "known", None)]), &files);
+    assert_eq!(case.grid.sides(), Sides::Known);
+    assert!(case.checks.is_empty());
+}
+
+#[test]
+fn values_that_are_no_labels_are_counted() {
+    let mut values = vec![0.0_f32; 1000];
+    values[..4].copy_from_slice(&[1.0, 1.0, 0.3, f32::NAN]);
+    let volume = Volume::new(grid(1.0, 0.0), Samples::F32(values), Scaling::NONE).unwrap();
+    let labelled = MaskSpec { labels: Some(vec![1]), ..mask("A", "float", None) };
+    let case = load_plain(&case_of(vec![], vec![labelled]), &[("float", volume)]);
+    assert_eq!(case.time_points[0].regions.union_voxels(), 2);
+    assert!(
+        message(&case, "non-integer-label-map").starts_with("A: found 2 voxels that are no whole number")
+    );
+}
+
+#[test]
+fn cancelled_and_failing_reads_end_the_load() {
+    let spec = case_of(vec![], vec![mask("A", "a", None)]);
+    let progress = Progress::new();
+    progress.cancel();
+    let read = |_: &Source| -> Result<Loaded, FileError> { panic!("read after cancel") };
+    assert_eq!(
+        load_with(&spec, &LoadOptions::default(), &progress, &read),
+        Err(CaseError::Cancelled(Cancelled))
+    );
+    let missing = load(&spec, &LoadOptions::default(), &Progress::new()).unwrap_err().to_string();
+    assert!(missing.starts_with("a: found ") || missing.contains("a: found"), "{missing}");
+}
+
+#[test]
+fn the_report_has_the_documented_keys() {
+    let files = [("a", boxed(&grid(2.0, -5.0), 1, 4)), ("b", boxed(&grid(2.0, -5.0), 2, 5))];
+    let case = load_plain(&case_of(vec![], vec![mask("A", "a", None), mask("B", "b", None)]), &files);
+    let json = serde_json::to_value(measure::report(&case)).unwrap();
+    assert_eq!(json["case"], "made");
+    assert_eq!(json["grid"]["dims"], serde_json::json!([10, 10, 10]));
+    assert_eq!(json["grid"]["spacing_mm"], serde_json::json!([2.0, 2.0, 2.0]));
+    let rows = serde_json::json!([
+        [2.0, 0.0, 0.0, -5.0],
+        [0.0, 2.0, 0.0, -5.0],
+        [0.0, 0.0, 2.0, -5.0],
+        [0.0, 0.0, 0.0, 1.0]
+    ]);
+    assert_eq!(json["grid"]["world_from_voxel"], rows);
+    let time = &json["time_points"][0];
+    assert_eq!(time["time"], "");
+    assert_eq!(time["masks"][0]["id"], "A");
+    assert_eq!(time["masks"][0]["native_voxels"], 27);
+    // 27 + 27 - 8 voxels of 8 mm³.
+    let last = &time["regions"][2];
+    assert_eq!((&last["masks"], &last["voxels"]), (&serde_json::json!(["A", "B"]), &serde_json::json!(8)));
+    assert!((last["volume_ml"].as_f64().unwrap() - 0.064).abs() < 1e-12);
+    assert!((last["share"].as_f64().unwrap() - 8.0 / 46.0).abs() < 1e-12);
+    assert!((time["pairs"][0]["dice"].as_f64().unwrap() - 16.0 / 54.0).abs() < 1e-12);
+    assert!(json["warnings"].as_array().unwrap().is_empty());
+}

@@ -1,6 +1,13 @@
 //! Real cases against what NumPy, SciPy and nibabel count on them. The expected numbers are
 //! committed, with the script that made them: tests/expected/glioma_regions.py.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
 mod common;
 
 use std::path::Path;

@@ -1,5 +1,12 @@
 //! The embedded sample: made by the generator in the repository, small, true, and readable.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
 use std::collections::BTreeSet;
 
 use glioscope_core::case::{self, CaseSpec, LoadOptions};

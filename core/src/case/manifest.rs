@@ -98,7 +98,7 @@ impl Place<'_> {
     }
 
     /// The parser's own message, turned into what was found and what was expected.
-    fn from_toml(&self, error: &toml::de::Error) -> CaseError {
+    fn parse_error(&self, error: &toml::de::Error) -> CaseError {
         let message = one_line(error.message());
         let at = error.span().map(|s| s.start);
         match message.split_once(", expected ") {
@@ -139,7 +139,7 @@ pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
 /// As [`read_manifest`].
 pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     let place = Place { name: path.display().to_string(), text };
-    let manifest: Manifest = toml::from_str(text).map_err(|e| place.from_toml(&e))?;
+    let manifest: Manifest = toml::from_str(text).map_err(|e| place.parse_error(&e))?;
     let version = *manifest.glioscope.get_ref();
     if version != VERSION {
         let at = Some(manifest.glioscope.span().start);

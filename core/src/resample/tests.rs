@@ -136,7 +136,7 @@ fn outside_is_inactive_and_counted() {
     // Two halves cover what neither does alone.
     let other = plain([4, 4, 2], DVec3::ONE, DVec3::new(0.0, 0.0, 2.0));
     assert_eq!(voxels_outside(&full, &[&half, &other]), 0);
-    let empty = Mask::new("empty", away.clone(), MaskBits::empty([4, 4, 4])).unwrap();
+    let empty = Mask::new("empty", away, MaskBits::empty([4, 4, 4])).unwrap();
     assert_eq!(onto(&empty, &half).count(), 0);
     assert_eq!(voxels_outside(&empty, &[]), 0);
     assert_eq!(voxels_outside(&full, &[]), 64);

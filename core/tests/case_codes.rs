@@ -1,0 +1,47 @@
+//! Every code that a case can give is in docs/checks.md, and every documented one is given.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Codes in the first column of the tables of the section "Cases".
+fn documented(root: &Path) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(root.join("../docs/checks.md")).unwrap();
+    let section = text.split("\n## ").find(|s| s.starts_with("Cases\n")).expect("a section Cases");
+    section.lines().filter_map(|l| Some(l.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
+}
+
+/// Literals that follow a constructor of `Check`, and those handed on by `check.rs`'s `report`.
+fn given(root: &Path) -> BTreeSet<String> {
+    let mut codes = BTreeSet::new();
+    for entry in std::fs::read_dir(root.join("src/case")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.ends_with("tests.rs") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        for start in ["Check::note(", "Check::warning(", "Check::error(", "report("] {
+            for after in text.split(start).skip(1) {
+                if let Some((code, _)) = after.trim_start().strip_prefix('"').and_then(|c| c.split_once('"'))
+                {
+                    codes.insert(code.to_owned());
+                }
+            }
+        }
+    }
+    codes
+}
+
+#[test]
+fn documented_codes_are_the_given_ones() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let given = given(root);
+    assert!(given.len() >= 17, "{given:?}");
+    assert_eq!(given, documented(root));
+}

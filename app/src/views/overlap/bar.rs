@@ -9,7 +9,7 @@ use super::{
     OverlapInput,
     interact::{self, Spot, Touched},
     model::{Shown, Target},
-    paint::Style,
+    paint::{Style, dim_text},
     text,
 };
 use crate::commands::Command;
@@ -59,7 +59,7 @@ pub fn show(
     }
     for (&mask, (galley, label)) in masks.iter().zip(&labels) {
         let hidden = input.shown(mask) == Shown::None;
-        let color = if hidden { ui.visuals().weak_text_color() } else { ui.visuals().text_color() };
+        let color = if hidden { dim_text(ui) } else { ui.visuals().text_color() };
         if !galley.is_empty() {
             painter.galley_with_override_text_color(label.min, Arc::clone(galley), color);
         }

@@ -67,6 +67,9 @@ pub fn picture(
                 input.spoken(spot.target),
             )
         });
+        if response.gained_focus() {
+            response.scroll_to_me(None);
+        }
         if response.has_focus() {
             focused = Some(spot.target);
         }

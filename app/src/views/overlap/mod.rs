@@ -16,6 +16,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod text;
+mod upset;
 
 use egui::{Align, Layout, Rect, RichText, ScrollArea, Sense, Ui, pos2, vec2};
 use glioscope_core::{Regions, Selection};
@@ -79,8 +80,7 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Op
         });
     } else {
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-            let room = size.y - table::height(input) - 8.0;
-            let height = room.clamp((size.y * 0.8).min(220.0), size.x + bar::HEIGHT);
+            let height = stacked_height(input, size);
             in_diagram = diagram_in(ui, vec2(ui.available_width(), height), input, marked, out);
             ui.add_space(4.0);
             in_table = tables(ui, input, in_diagram, out);
@@ -111,6 +111,17 @@ pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command
     }
 }
 
+/// Height of the diagram where the tables stand below it.
+fn stacked_height(input: &OverlapInput<'_>, size: egui::Vec2) -> f32 {
+    let room = size.y - table::height(input) - 8.0;
+    if is_ring(input) {
+        return room.clamp((size.y * 0.8).min(220.0), size.x + bar::HEIGHT);
+    }
+    // The plot is read first: it gets the whole pane, but for a glimpse of what is below it.
+    let least = upset::least_height(input.regions.mask_ids().len());
+    (size.y - 26.0).min(least * 1.6).max(least)
+}
+
 fn is_ring(input: &OverlapInput<'_>) -> bool {
     input.mode == OverlapMode::WholeMasks || input.regions.mask_ids().len() <= RING_MASKS
 }
@@ -139,7 +150,7 @@ fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) {
             }
             if hidden > 0 {
                 let all = input.regions.list().len();
-                ui.weak(format!("{} of {all} regions shown", all - hidden));
+                ui.weak(format!("{} of {all} shown", all - hidden));
             }
         });
     });
@@ -181,6 +192,9 @@ fn diagram_in(
 ) -> Option<Target> {
     let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
     let id = ui.scope_id().with("overlap diagram");
+    if !is_ring(input) {
+        return upset::show(ui, id.with("upset"), rect, input, marked, out);
+    }
     let masks = input.regions.mask_ids().len();
     let pieces = match input.mode {
         OverlapMode::Regions => {

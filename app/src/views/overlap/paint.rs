@@ -132,3 +132,8 @@ pub fn arc(center: Pos2, from: f64, to: f64, radius: f64) -> Vec<Pos2> {
         })
         .collect()
 }
+
+/// Colour of words about what is hidden: quieter than text, still legible.
+pub fn dim_text(ui: &Ui) -> Color32 {
+    ui.visuals().panel_fill.lerp_to_gamma(ui.visuals().text_color(), 0.66)
+}

@@ -247,7 +247,7 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
 }
 
 fn label_color(ui: &Ui, shown: Shown) -> Color32 {
-    if shown == Shown::None { ui.visuals().weak_text_color() } else { ui.visuals().text_color() }
+    if shown == Shown::None { paint::dim_text(ui) } else { ui.visuals().text_color() }
 }
 
 /// Whether a label would lie over a painted part.

@@ -7,6 +7,7 @@ use glioscope_core::measure;
 use super::{
     OverlapInput, OverlapMode,
     model::{Shown, Target},
+    paint::dim_text,
     text,
 };
 use crate::commands::Command;
@@ -82,7 +83,7 @@ pub fn regions(
                 let mut number = |words: String| {
                     row.col(|ui| {
                         let words = RichText::new(words);
-                        ui.label(if hidden { words.weak() } else { words });
+                        ui.label(if hidden { words.color(dim_text(ui)) } else { words });
                     });
                 };
                 number(text::ml(input.ml(target)));
@@ -136,7 +137,7 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Ve
     swatch(ui, input, target);
     let words = RichText::new(&name);
     let label = ui.add(
-        egui::Label::new(if shown == Shown::None { words.weak() } else { words })
+        egui::Label::new(if shown == Shown::None { words.color(dim_text(ui)) } else { words })
             .truncate()
             .selectable(false)
             .sense(Sense::CLICK),

@@ -1,0 +1,303 @@
+//! Four masks and more: an UpSet plot (Lex et al. 2014). A column is a region, the largest first; its
+//! bar is its size, its dots are its masks. A row is a mask, with its whole size on the left.
+
+use egui::{
+    Align2, Color32, CornerRadius, FontId, Id, Pos2, Rect, ScrollArea, Sense, Shape, Stroke, StrokeKind,
+};
+use egui::{TextStyle, Ui, epaint::TextShape, pos2, vec2};
+use glioscope_core::Region;
+
+use super::{
+    OverlapInput,
+    interact::{self, Spot, Touched},
+    model::{Shown, Target},
+    paint::{Style, dim_text},
+    text,
+};
+use crate::commands::Command;
+
+/// Least height of a mask's row, points: its name and its bar.
+const ROW_PT: f32 = 21.0;
+/// Least width of a region's column, points.
+const COLUMN_PT: f32 = 21.0;
+/// Room above the highest bar for its size, written upwards.
+const NUMBER_PT: f32 = 54.0;
+/// Room for the check boxes between bars and dots.
+const CHECK_PT: f32 = 20.0;
+/// Least height of the highest bar.
+const BAR_PT: f32 = 50.0;
+/// Room for the scroll bar below.
+const SCROLL_PT: f32 = 10.0;
+
+/// Least height that shows everything, points; with it, rows and bars are small but legible.
+pub fn least_height(masks: usize) -> f32 {
+    NUMBER_PT + BAR_PT + CHECK_PT + SCROLL_PT + masks as f32 * ROW_PT
+}
+
+/// Where rows and columns lie.
+struct Frame {
+    rect: Rect,
+    /// Width of the masks' column on the left.
+    left: f32,
+    /// Lower end of the bars.
+    base: f32,
+    /// Length of the highest bar.
+    highest: f32,
+    /// Upper end of the first row.
+    rows: f32,
+    row: f32,
+    column: f32,
+}
+
+impl Frame {
+    fn new(rect: Rect, masks: usize, regions: usize) -> Self {
+        let left = (rect.width() * 0.3).clamp(104.0, 190.0);
+        let free = rect.height() - least_height(masks);
+        let row = ROW_PT + (free * 0.4 / masks.max(1) as f32).clamp(0.0, 7.0);
+        let rows = rect.bottom() - SCROLL_PT - row * masks as f32;
+        let base = rows - CHECK_PT;
+        let column = ((rect.width() - left - 8.0) / regions.max(1) as f32).clamp(COLUMN_PT, 38.0);
+        Self { rect, left, base, highest: (base - rect.top() - NUMBER_PT).max(10.0), rows, row, column }
+    }
+
+    fn row_rect(&self, mask: usize, left: f32, right: f32) -> Rect {
+        let top = self.rows + mask as f32 * self.row;
+        Rect::from_x_y_ranges(left..=right, top..=top + self.row)
+    }
+}
+
+/// Draws the plot into `rect`; regions scroll sideways when they don't all fit.
+pub fn show(
+    ui: &mut Ui,
+    id: Id,
+    rect: Rect,
+    input: &OverlapInput<'_>,
+    marked: Option<Target>,
+    out: &mut Vec<Command>,
+) -> Option<Target> {
+    let masks = input.regions.mask_ids().len();
+    let mut regions: Vec<&Region> = input.regions.list().iter().collect();
+    regions.sort_by_key(|r| std::cmp::Reverse(r.voxels));
+    let frame = Frame::new(rect, masks, regions.len());
+    let style = Style::of(ui);
+    for mask in (0..masks).step_by(2) {
+        let stripe = frame.row_rect(mask, rect.left(), rect.right());
+        ui.painter().rect_filled(stripe, 2.0, ui.visuals().faint_bg_color);
+    }
+    summary(ui, &frame, input);
+    let in_masks = mask_rows(ui, id.with("masks"), &frame, input, &style, marked, out);
+    let right = Rect::from_min_max(pos2(rect.left() + frame.left + 8.0, rect.top()), rect.max);
+    let mut child = ui.new_child(egui::UiBuilder::new().max_rect(right));
+    let scrolled = ScrollArea::horizontal()
+        .id_salt(id.with("regions"))
+        .auto_shrink([false, false])
+        .show(&mut child, |ui| columns(ui, id.with("columns"), &frame, &regions, input, &style, marked, out))
+        .inner;
+    scrolled.hovered.or(in_masks.hovered)
+}
+
+/// In the free corner: what there is, and how to read it.
+fn summary(ui: &Ui, frame: &Frame, input: &OverlapInput<'_>) {
+    let regions = input.regions.list().len();
+    let lines = [
+        format!("Union {}", text::ml(input.regions.union_ml())),
+        format!("{regions} regions of {} masks", input.regions.mask_ids().len()),
+        "Bars: size of a region".to_owned(),
+        "Dots: its masks".to_owned(),
+    ];
+    let font = small(ui);
+    for (i, line) in lines.into_iter().enumerate() {
+        let at = frame.rect.left_top() + vec2(0.0, 18.0 + i as f32 * 14.0);
+        let color = if i == 0 { ui.visuals().text_color() } else { dim_text(ui) };
+        if at.y + 14.0 < frame.rows {
+            ui.painter().text(at, Align2::LEFT_TOP, line, font.clone(), color);
+        }
+    }
+}
+
+fn small(ui: &Ui) -> FontId {
+    FontId::proportional(TextStyle::Small.resolve(ui.style()).size + 1.5)
+}
+
+/// Names and whole sizes of the masks. A click toggles the mask as a whole.
+fn mask_rows(
+    ui: &Ui,
+    id: Id,
+    frame: &Frame,
+    input: &OverlapInput<'_>,
+    style: &Style,
+    marked: Option<Target>,
+    out: &mut Vec<Command>,
+) -> Touched {
+    let count = input.regions.mask_ids().len();
+    let place = |k: usize| frame.row_rect(k, frame.rect.left(), frame.rect.left() + frame.left);
+    let spots: Vec<Spot> = (0..count).map(|k| Spot { target: Target::Mask(k), rect: place(k) }).collect();
+    let all = spots.iter().fold(Rect::NOTHING, |r, s| r.union(s.rect));
+    let hit = |p: Pos2| spots.iter().find(|s| s.rect.contains(p)).map(|s| s.target);
+    let touched = interact::picture(ui, id, all, &spots, hit, input, out);
+    let most = (0..count).map(|k| input.regions.mask_voxels(k)).max().unwrap_or(0).max(1) as f32;
+    let font = small(ui);
+    for spot in &spots {
+        let Target::Mask(k) = spot.target else { continue };
+        let rect = spot.rect.shrink2(vec2(4.0, 2.0));
+        let shown = input.shown(spot.target);
+        let color = if shown == Shown::None { dim_text(ui) } else { ui.visuals().text_color() };
+        let painter = ui.painter();
+        let size = painter.text(
+            rect.right_top(),
+            Align2::RIGHT_TOP,
+            text::ml(input.ml(spot.target)),
+            font.clone(),
+            color,
+        );
+        let room = size.left() - rect.left() - 4.0;
+        let name = elided(ui, &input.name(spot.target), &font, color, room);
+        painter.galley(rect.min, name, color);
+        let length = (rect.width() - 4.0) * input.voxels(spot.target) as f32 / most;
+        let bar = Rect::from_min_size(pos2(rect.left() + 2.0, rect.bottom() - 4.0), vec2(length, 3.0));
+        painter.rect_filled(bar.expand(1.0), CornerRadius::ZERO, style.casing);
+        painter.rect_filled(bar, CornerRadius::ZERO, style.fill(input.colors.mask(k), shown));
+        if [touched.hovered, touched.focused, marked].contains(&Some(spot.target)) {
+            let line = Stroke::new(1.5, style.marked.color);
+            painter.rect_stroke(spot.rect, 3.0, line, StrokeKind::Inside);
+        }
+    }
+    touched
+}
+
+fn elided(ui: &Ui, words: &str, font: &FontId, color: Color32, width: f32) -> std::sync::Arc<egui::Galley> {
+    let mut job = egui::text::LayoutJob::simple_singleline(words.to_owned(), font.clone(), color);
+    job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(1.0));
+    ui.painter().layout_job(job)
+}
+
+#[expect(clippy::too_many_arguments, reason = "one call, and each is one thing of the frame")]
+fn columns(
+    ui: &mut Ui,
+    id: Id,
+    frame: &Frame,
+    regions: &[&Region],
+    input: &OverlapInput<'_>,
+    style: &Style,
+    marked: Option<Target>,
+    out: &mut Vec<Command>,
+) -> Touched {
+    let size = vec2(frame.column * regions.len() as f32, frame.rect.height() - SCROLL_PT);
+    let (area, _) = ui.allocate_exact_size(size, Sense::hover());
+    let column = |i: usize| {
+        let left = area.left() + i as f32 * frame.column;
+        Rect::from_x_y_ranges(left..=left + frame.column, area.top()..=area.bottom())
+    };
+    let spots: Vec<Spot> = regions
+        .iter()
+        .enumerate()
+        .map(|(i, r)| {
+            let middle = pos2(column(i).center().x, (frame.base + frame.rows) / 2.0);
+            let rect = Rect::from_center_size(middle, vec2(CHECK_PT - 4.0, CHECK_PT - 4.0));
+            Spot { target: Target::Region(r.bits), rect }
+        })
+        .collect();
+    let hit = |p: Pos2| {
+        let i = ((p.x - area.left()) / frame.column).floor();
+        (i >= 0.0 && area.contains(p))
+            .then(|| regions.get(i as usize))
+            .flatten()
+            .map(|r| Target::Region(r.bits))
+    };
+    let touched = interact::picture(ui, id, area, &spots, hit, input, out);
+    let most = regions.first().map_or(1, |r| r.voxels).max(1) as f32;
+    for (i, region) in regions.iter().enumerate() {
+        let place = column(i);
+        if !ui.is_rect_visible(place) {
+            continue;
+        }
+        let target = Target::Region(region.bits);
+        let is_marked = [touched.hovered, touched.focused, marked].contains(&Some(target));
+        if is_marked {
+            ui.painter().rect_filled(place, 3.0, style.marked.color.gamma_multiply(0.16));
+        }
+        let height = frame.highest * region.voxels as f32 / most;
+        bar(ui, frame, place, height, region, input, style, is_marked);
+        check(ui, spots[i].rect, input.shown(target), is_marked, style);
+        dots(ui, frame, place, region.bits, input, style);
+    }
+    touched
+}
+
+/// A region's bar, and its size written upwards above it.
+#[expect(clippy::too_many_arguments, reason = "one call, and each is one thing of the column")]
+fn bar(
+    ui: &Ui,
+    frame: &Frame,
+    place: Rect,
+    height: f32,
+    region: &Region,
+    input: &OverlapInput<'_>,
+    style: &Style,
+    is_marked: bool,
+) {
+    let shown = input.shown(Target::Region(region.bits));
+    let middle = place.center().x;
+    let half = (frame.column * 0.5 - 4.0).min(9.0);
+    let rect = Rect::from_x_y_ranges(middle - half..=middle + half, frame.base - height..=frame.base);
+    let painter = ui.painter();
+    painter.rect_filled(rect.expand(2.6), CornerRadius::ZERO, style.casing);
+    painter.rect_filled(rect, CornerRadius::ZERO, style.fill(input.colors.region(region.bits), shown));
+    let border = if is_marked { Stroke::new(2.0, style.marked.color) } else { style.border(shown) };
+    painter.rect_stroke(rect, CornerRadius::ZERO, border, StrokeKind::Outside);
+    let color = if shown == Shown::None { dim_text(ui) } else { ui.visuals().text_color() };
+    let galley = painter.layout_no_wrap(text::ml(region.volume_ml), small(ui), color);
+    let at = pos2(middle - galley.size().y / 2.0, rect.top() - 5.0);
+    painter.add(TextShape::new(at, galley, color).with_angle(-std::f32::consts::FRAC_PI_2));
+}
+
+/// A check box, as the theme draws it.
+fn check(ui: &Ui, rect: Rect, shown: Shown, is_marked: bool, style: &Style) {
+    let rect = Rect::from_center_size(rect.center(), vec2(13.0, 13.0));
+    let visuals = &ui.visuals().widgets.inactive;
+    ui.painter().rect_filled(rect, 3.0, visuals.bg_fill);
+    let line = Stroke::new(1.0, if is_marked { style.marked.color } else { dim_text(ui) });
+    ui.painter().rect_stroke(rect, 3.0, line, StrokeKind::Inside);
+    if shown == Shown::All {
+        let at = |x: f32, y: f32| rect.lerp_inside(vec2(x, y));
+        let tick = vec![at(0.22, 0.52), at(0.43, 0.75), at(0.8, 0.27)];
+        ui.painter().add(Shape::line(tick, Stroke::new(1.8, ui.visuals().strong_text_color())));
+    }
+}
+
+/// The masks of a region: dots in their colours, joined; faint dots for the others.
+fn dots(ui: &Ui, frame: &Frame, place: Rect, bits: u32, input: &OverlapInput<'_>, style: &Style) {
+    let shown = input.shown(Target::Region(bits));
+    let middle = |k: usize| frame.row_rect(k, place.left(), place.right()).center();
+    let active = |k: &usize| bits >> k & 1 == 1;
+    let masks = 0..input.regions.mask_ids().len();
+    let radius = (frame.row * 0.3).min(6.5);
+    let ink = if shown == Shown::None { dim_text(ui) } else { ui.visuals().strong_text_color() };
+    if let (Some(first), Some(last)) = (masks.clone().find(active), masks.clone().rev().find(active)) {
+        ui.painter().line_segment([middle(first), middle(last)], Stroke::new(2.0, ink));
+    }
+    for k in masks {
+        if active(&k) {
+            ui.painter().circle_filled(middle(k), radius + 1.2, ink);
+            ui.painter().circle_filled(middle(k), radius, style.fill(input.colors.mask(k), shown));
+        } else {
+            ui.painter().circle_filled(middle(k), radius * 0.5, dim_text(ui).gamma_multiply(0.35));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_and_bars_share_the_height() {
+        for (masks, height) in [(4, 300.0), (9, 330.0), (9, 700.0), (32, least_height(32))] {
+            let rect = Rect::from_min_size(pos2(5.0, 7.0), vec2(450.0, height));
+            let f = Frame::new(rect, masks, 31);
+            assert!(f.row >= ROW_PT && f.column >= COLUMN_PT && f.highest >= BAR_PT - 1e-3);
+            assert!(f.row_rect(masks - 1, 0.0, 1.0).bottom() <= rect.bottom() - SCROLL_PT + 1e-3);
+            assert!(f.base - f.highest - NUMBER_PT >= rect.top() - 1e-3);
+        }
+    }
+}

@@ -51,14 +51,14 @@ pub fn show(
     }
     for (&mask, piece) in masks.iter().zip(&places) {
         let (Some(piece), Target::Mask(k)) = (piece, mask) else { continue };
-        let shown = input.shown(mask);
+        let shown = input.look(mask);
         painter.rect_filled(*piece, CornerRadius::ZERO, style.fill(input.colors.mask(k), shown));
         let is_marked = [touched.hovered, touched.focused, marked].contains(&Some(mask));
         let border = if is_marked { style.marked } else { style.border(shown) };
         painter.rect_stroke(*piece, CornerRadius::ZERO, border, StrokeKind::Outside);
     }
     for (&mask, (galley, label)) in masks.iter().zip(&labels) {
-        let hidden = input.shown(mask) == Shown::None;
+        let hidden = input.look(mask) == Shown::None;
         let color = if hidden { dim_text(ui) } else { ui.visuals().text_color() };
         if !galley.is_empty() {
             painter.galley_with_override_text_color(label.min, Arc::clone(galley), color);

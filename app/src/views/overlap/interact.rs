@@ -132,21 +132,17 @@ fn menu(
 
 /// Name, size and share of a region or mask.
 pub fn tooltip(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
-    let name = input.name(target);
     let title = match target {
-        Target::Region(bits) => {
-            let others = input.regions.mask_ids().len() as u32 > bits.count_ones();
-            if bits.count_ones() == 1 && others { format!("{name} alone") } else { name }
-        }
-        Target::Mask(_) => format!("Mask {name}"),
+        Target::Region(_) => input.title(target),
+        Target::Mask(_) => format!("Mask {}", input.name(target)),
     };
     ui.strong(title);
     ui.label(format!("{} · {} of union", text::ml(input.ml(target)), text::share(input.share(target))));
     ui.label(format!("{} voxels", text::count(input.voxels(target))));
-    ui.weak(format!(
-        "{}. Click: on or off. Double-click: only this.",
-        capital(shown_word(input.shown(target)))
-    ));
+    let shown = input.shown(target);
+    let how = capital(shown_word(shown));
+    let why = if shown == Shown::Some { ": not all of its regions are" } else { "" };
+    ui.weak(format!("{how}{why}. Click: on or off. Double-click: only this."));
 }
 
 fn capital(word: &str) -> String {

@@ -2,7 +2,7 @@
 
 use glioscope_core::{Regions, Selection};
 
-use super::{OverlapInput, text};
+use super::{OverlapInput, OverlapMode, text};
 
 /// What one piece of the view stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -63,6 +63,18 @@ impl OverlapInput<'_> {
         }
     }
 
+    /// The name as a label: `T1 only` for what no other mask shares, so that it isn't taken for the
+    /// whole mask of that name.
+    pub(super) fn title(&self, target: Target) -> String {
+        let name = self.name(target);
+        match target {
+            Target::Region(bits) if bits.count_ones() == 1 && self.regions.mask_ids().len() > 1 => {
+                format!("{name} only")
+            }
+            _ => name,
+        }
+    }
+
     /// Voxels of it.
     pub(super) fn voxels(&self, target: Target) -> u64 {
         match target {
@@ -94,6 +106,15 @@ impl OverlapInput<'_> {
         }
     }
 
+    /// How it is drawn. Where whole masks are shown, a mask is on or off: one that is seen only where
+    /// others overlap it is off.
+    pub(super) fn look(&self, target: Target) -> Shown {
+        match self.shown(target) {
+            Shown::Some if self.mode == OverlapMode::WholeMasks => Shown::None,
+            shown => shown,
+        }
+    }
+
     /// What a screen reader says: `T1+PET, 12.30 ml, 14 % of union, shown`.
     pub(super) fn spoken(&self, target: Target) -> String {
         let what = match target {
@@ -102,7 +123,7 @@ impl OverlapInput<'_> {
         };
         format!(
             "{what}{}, {}, {} of union, {}",
-            self.name(target),
+            self.title(target),
             text::ml(self.ml(target)),
             text::share(self.share(target)),
             shown_word(self.shown(target))

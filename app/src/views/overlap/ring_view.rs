@@ -41,7 +41,7 @@ pub fn show(
 /// The largest ring of these pieces that has room for itself and its labels in `rect`, and its
 /// centre there. Segments that reach far out on one side move it to the other.
 pub fn fit(pieces: &[Piece], rect: Rect) -> (RingLayout, Pos2) {
-    let room = vec2(LABEL_ROOM[0].min(rect.width() * 0.17), LABEL_ROOM[1].min(rect.height() * 0.1));
+    let room = vec2(LABEL_ROOM[0].min(rect.width() * 0.19), LABEL_ROOM[1].min(rect.height() * 0.1));
     let inside = rect.shrink2(room);
     let mut radius = f64::from(inside.size().min_elem() / 2.0);
     let mut layout = RingLayout::new(pieces, radius);
@@ -103,7 +103,7 @@ fn fills(ui: &Ui, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>, s
         paint::ring_part(&mut mesh, center, span, [0.0, d.radius + wider], 0.0, style.casing, style.pixel);
     }
     for s in &layout.segments {
-        let shown = input.shown(s.piece.target);
+        let shown = input.look(s.piece.target);
         for (&mask, &(inner, outer)) in s.piece.masks.iter().zip(&layout.layers) {
             let color = style.fill(input.colors.mask(mask), shown);
             paint::ring_part(
@@ -118,7 +118,7 @@ fn fills(ui: &Ui, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>, s
         }
     }
     if let Some(d) = &layout.disc {
-        let shown = input.shown(d.piece.target);
+        let shown = input.look(d.piece.target);
         let sector = std::f64::consts::TAU / d.piece.masks.len() as f64;
         for (i, &mask) in d.piece.masks.iter().enumerate() {
             let span = [(i as f64 - 0.5) * sector, (i as f64 + 0.5) * sector];
@@ -149,7 +149,7 @@ fn borders(
         if marked == Some(target) || focused == Some(target) {
             2
         } else {
-            u8::from(input.shown(target) != Shown::None)
+            u8::from(input.look(target) != Shown::None)
         }
     };
     let stroke = |strength: u8| match strength {
@@ -213,37 +213,41 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
     let mut order: Vec<&Segment> = layout.segments.iter().collect();
     order.sort_by_key(|s| std::cmp::Reverse(s.piece.voxels));
     for s in order {
-        let middle = (s.from_rad + s.to_rad) / 2.0;
-        let [x, y] = point(middle, layout.top(s) + GAP_PT + 2.5);
-        let anchor = center + vec2(x as f32, y as f32);
-        let name = input.name(s.piece.target);
-        let size = text::ml(input.ml(s.piece.target));
-        let color = label_color(ui, input.shown(s.piece.target));
-        let galley = ui.painter().layout_no_wrap(format!("{name}\n{size}"), font.clone(), color);
-        // So far out that the label lies beyond the tangent at the anchor.
-        let outwards = vec2(middle.sin() as f32, -middle.cos() as f32);
-        let reach = (outwards.abs() * galley.size()).x / 2.0 + (outwards.abs() * galley.size()).y / 2.0;
-        let min = anchor + outwards * reach - galley.size() / 2.0;
-        let place = Rect::from_min_size(min, galley.size());
-        let covers = |other: &Rect| other.expand(1.0).intersects(place);
-        if rect.expand(1.0).contains_rect(place)
-            && !taken.iter().any(covers)
-            && !over_ring(layout, center, place)
-        {
+        let words = format!("{}\n{}", input.title(s.piece.target), text::ml(input.ml(s.piece.target)));
+        let color = label_color(ui, input.look(s.piece.target));
+        let galley = ui.painter().layout_no_wrap(words, font.clone(), color);
+        let place = [0.5, 0.35, 0.65, 0.2, 0.8].into_iter().find_map(|t| {
+            let angle = s.from_rad + t * (s.to_rad - s.from_rad);
+            let place = beside(rect, center, angle, layout.top(s), galley.size());
+            let free = !taken.iter().any(|other| other.expand(1.0).intersects(place));
+            (free && rect.contains_rect(place) && !over_ring(layout, center, place)).then_some(place)
+        });
+        if let Some(place) = place {
             taken.push(place);
-            ui.painter().galley(min, galley, color);
+            ui.painter().galley(place.min, galley, color);
         }
     }
     if let Some(d) = &layout.disc {
         let name = input.name(d.piece.target);
         let line = format!("middle: {name}, {}", text::ml(input.ml(d.piece.target)));
         let at = pos2(rect.left() + 2.0, rect.bottom() - 1.0);
-        let galley = ui.painter().layout_no_wrap(line, font, label_color(ui, input.shown(d.piece.target)));
+        let galley = ui.painter().layout_no_wrap(line, font, label_color(ui, input.look(d.piece.target)));
         let place = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());
         if !taken.iter().any(|t| t.intersects(place)) && !over_ring(layout, center, place) {
             ui.painter().galley(place.min, galley, Color32::PLACEHOLDER);
         }
     }
+}
+
+/// Where a label of this size lies outside of the radius: beyond the tangent at `angle`, or as far
+/// beside that as the picture's edge asks.
+fn beside(rect: Rect, center: Pos2, angle: f64, radius: f64, size: egui::Vec2) -> Rect {
+    let [x, y] = point(angle, radius + GAP_PT + 2.5);
+    let outwards = vec2(angle.sin() as f32, -angle.cos() as f32);
+    let reach = (outwards.abs() * size).x / 2.0 + (outwards.abs() * size).y / 2.0;
+    let place = Rect::from_center_size(center + vec2(x as f32, y as f32) + outwards * reach, size);
+    let into = (rect.min - place.min).max(egui::Vec2::ZERO) - (place.max - rect.max).max(egui::Vec2::ZERO);
+    place.translate(into)
 }
 
 fn label_color(ui: &Ui, shown: Shown) -> Color32 {

@@ -48,8 +48,8 @@ pub fn regions(
         .sense(Sense::hover())
         .cell_layout(Layout::right_to_left(Align::Center))
         .column(Column::remainder().at_least(60.0).clip(true))
-        .column(Column::exact(66.0))
-        .column(Column::exact(42.0));
+        .column(Column::exact(64.0))
+        .column(Column::exact(50.0));
     if with_voxels {
         builder = builder.column(Column::exact(72.0));
     }
@@ -76,10 +76,10 @@ pub fn regions(
                 row.set_hovered(marked == Some(target));
                 row.col(|ui| {
                     ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                        name_cell(ui, input, target, out)
+                        name_cell(ui, input, target, out);
                     });
                 });
-                let hidden = input.shown(target) == Shown::None;
+                let hidden = input.look(target) == Shown::None;
                 let mut number = |words: String| {
                     row.col(|ui| {
                         let words = RichText::new(words);
@@ -119,7 +119,7 @@ pub fn regions(
 }
 
 fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Vec<Command>) {
-    let shown = input.shown(target);
+    let shown = input.look(target);
     let mut on = shown == Shown::All;
     ui.spacing_mut().item_spacing.x = 4.0;
     let check = Checkbox::without_text(&mut on).indeterminate(shown == Shown::Some);
@@ -135,7 +135,7 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Ve
         });
     }
     swatch(ui, input, target);
-    let words = RichText::new(&name);
+    let words = RichText::new(input.title(target));
     let label = ui.add(
         egui::Label::new(if shown == Shown::None { words.color(dim_text(ui)) } else { words })
             .truncate()

@@ -2,7 +2,7 @@
 
 use std::{cell::RefCell, rc::Rc};
 
-use egui::{Theme, vec2};
+use egui::{Key, Pos2, Theme, pos2, vec2};
 use egui_kittest::{
     Harness,
     kittest::{NodeT as _, Queryable as _},
@@ -13,13 +13,21 @@ use glioscope_render::{MaskColors, Palette};
 use super::{OverlapInput, OverlapMode, show, show_diagram, testing::regions};
 use crate::commands::Command;
 
-type Sent = Rc<RefCell<Vec<Command>>>;
+/// The commands sent, and the region under the cursor in the last frame.
+#[derive(Default)]
+struct Told {
+    commands: Vec<Command>,
+    hovered: Option<u32>,
+}
+
+type Sent = Rc<RefCell<Told>>;
 
 struct Setup {
     regions: Regions,
     selection: Selection,
     mode: OverlapMode,
     size: [f32; 2],
+    pixels_per_point: f32,
     theme: Theme,
     only_diagram: bool,
 }
@@ -31,6 +39,7 @@ impl Setup {
             selection: Selection::all(),
             mode: OverlapMode::Regions,
             size: [450.0, 350.0],
+            pixels_per_point: 2.0,
             theme: Theme::Dark,
             only_diagram: false,
         }
@@ -44,9 +53,9 @@ impl Setup {
         let (size, theme) = (self.size, self.theme);
         let harness = Harness::builder()
             .with_size(vec2(size[0], size[1]))
-            .with_pixels_per_point(2.0)
+            .with_pixels_per_point(self.pixels_per_point)
             .with_theme(theme)
-            .wgpu()
+            .with_step_dt(1.0 / 60.0)
             .build_ui(move |ui| {
                 let input = OverlapInput {
                     regions: &self.regions,
@@ -55,7 +64,8 @@ impl Setup {
                     mode: self.mode,
                 };
                 let draw = if self.only_diagram { show_diagram } else { show };
-                draw(ui, &input, &mut out.borrow_mut());
+                let told = &mut *out.borrow_mut();
+                told.hovered = draw(ui, &input, &mut told.commands);
             });
         (harness, sent)
     }
@@ -97,6 +107,7 @@ fn raters(masks: usize, seed: u64) -> Regions {
 }
 
 #[test]
+#[ignore = "makes pictures to look at, where GLIOSCOPE_OVERLAP_PICTURES says"]
 fn pictures_to_look_at() {
     for theme in [Theme::Dark, Theme::Light] {
         let word = if theme == Theme::Dark { "dark" } else { "light" };
@@ -118,6 +129,337 @@ fn pictures_to_look_at() {
                 let (mut h, _) = setup.harness();
                 h.run();
                 keep(&format!("{masks}_{word}_{tag}"), &mut h);
+            }
+        }
+    }
+}
+
+/// Pixels of more than half pure red, green and blue in the rows down to `to` points.
+fn pure_pixels(picture: &image::RgbaImage, to: f32, pixels_per_point: f32) -> [f64; 3] {
+    let rows = 0..((to * pixels_per_point) as u32).min(picture.height());
+    let mut counts = [0.0; 3];
+    for y in rows {
+        for x in 0..picture.width() {
+            let p = picture.get_pixel(x, y).0;
+            for (k, count) in counts.iter_mut().enumerate() {
+                let others = (0..3).filter(|&o| o != k).map(|o| p[o]).max().unwrap();
+                if p[k] > 140 && others < 115 {
+                    *count += 1.0;
+                }
+            }
+        }
+    }
+    counts
+}
+
+/// Pixels a voxel must be the same for every mask, to one per cent.
+fn assert_areas(what: &str, counts: [f64; 3], sizes: &[(u32, usize)]) {
+    let mask = |k: usize| sizes.iter().filter(|s| s.0 >> k & 1 == 1).map(|s| s.1).sum::<usize>() as f64;
+    let all = (0..3).map(mask).sum::<f64>();
+    let pixels: f64 = counts.iter().sum();
+    assert!(pixels > 5000.0, "{what}: only {pixels} pixels");
+    for (k, count) in counts.into_iter().enumerate() {
+        let want = pixels * mask(k) / all;
+        let off = if want > 0.0 { count / want - 1.0 } else { count };
+        assert!(
+            off.abs() < 0.01,
+            "{what}, mask {k}: {} pixels, {want:.0} wanted, {:.2} % off",
+            count,
+            off * 100.0
+        );
+    }
+}
+
+#[test]
+fn painted_pixels_are_in_proportion_to_the_masks() {
+    let skewed = [(1, 900), (2, 21_000), (3, 2500), (4, 300), (5, 120), (6, 800), (7, 600)];
+    let cases: [(&str, &[(u32, usize)]); 7] = [
+        ("three", &THREE),
+        ("skewed", &skewed),
+        ("no triple", &[(1, 5000), (2, 3000), (3, 700), (6, 900), (4, 2000)]),
+        ("two", &[(1, 5000), (2, 3000), (3, 700)]),
+        ("nested", &[(1, 9000), (3, 4000), (7, 1500)]),
+        ("mostly common", &[(1, 300), (2, 200), (4, 250), (7, 12_000)]),
+        ("pairs", &[(3, 400), (5, 300), (6, 500)]),
+    ];
+    for (name, sizes) in cases {
+        for (size, pixels_per_point, theme) in [
+            ([420.0, 460.0], 2.0, Theme::Dark),
+            ([900.0, 800.0], 1.0, Theme::Light),
+            ([240.0, 300.0], 3.0, Theme::Dark),
+        ] {
+            let mut setup = Setup::new(regions(&NAMES[..3], sizes));
+            (setup.size, setup.pixels_per_point, setup.theme, setup.only_diagram) =
+                (size, pixels_per_point, theme, true);
+            let (mut h, _) = setup.harness();
+            h.run();
+            let picture = h.render().unwrap();
+            let bar = size[1] - super::bar::HEIGHT - 10.0;
+            let what = format!("{name} {size:?}");
+            assert_areas(&format!("{what} ring"), pure_pixels(&picture, bar, pixels_per_point), sizes);
+            assert_areas(&format!("{what} all"), pure_pixels(&picture, size[1], pixels_per_point), sizes);
+        }
+    }
+}
+
+#[test]
+fn hidden_regions_have_no_pure_colour_and_take_no_place_from_others() {
+    let count = |selection: Selection| {
+        let mut setup = Setup::new(three());
+        (setup.only_diagram, setup.size, setup.selection) = (true, [420.0, 460.0], selection);
+        let (mut h, _) = setup.harness();
+        h.run();
+        pure_pixels(&h.render().unwrap(), 400.0, 2.0)
+    };
+    let (all, some) = (count(Selection::all()), count(Selection::only(&three(), &[1, 3, 5, 7])));
+    // T1 is all shown; of T2 and PET only the overlaps with it.
+    assert!((some[0] / all[0] - 1.0).abs() < 0.005, "{all:?} {some:?}");
+    assert!((some[1] / all[1] / (8700.0 / 26420.0) - 1.0).abs() < 0.01, "{all:?} {some:?}");
+    assert!((some[2] / all[2] / (5850.0 / 9570.0) - 1.0).abs() < 0.01, "{all:?} {some:?}");
+    assert_eq!(count(Selection::only(&three(), &[])), [0.0; 3]);
+}
+
+fn middle(h: &Harness<'_>, label: &str) -> Pos2 {
+    h.get_by_label(label).rect().center()
+}
+
+/// Every region's and mask's label of the three-mask picture.
+const SPOKEN: [&str; 7] = [
+    "T1 only, 4.20 ml, 12.8 % of union, shown",
+    "T2 only, 15.30 ml, 46.5 % of union, shown",
+    "T1+T2, 3.80 ml, 11.6 % of union, shown",
+    "PET only, 1.30 ml, 4.0 % of union, shown",
+    "T1+PET, 0.950 ml, 2.9 % of union, shown",
+    "T2+PET, 2.42 ml, 7.4 % of union, shown",
+    "T1+T2+PET, 4.90 ml, 14.9 % of union, shown",
+];
+
+#[test]
+fn a_click_toggles_the_segment_under_it() {
+    let (mut h, sent) = Setup::new(three()).harness();
+    h.run();
+    for (label, bits) in SPOKEN.iter().zip(1..) {
+        h.get_by_label(label).click();
+        h.run();
+        assert_eq!(
+            sent.borrow_mut().commands.drain(..).collect::<Vec<_>>(),
+            [Command::ToggleRegion(bits)],
+            "{label}"
+        );
+        // Long enough that the next is not a double-click.
+        h.run_steps(30);
+    }
+    h.get_by_label("Mask T2, 26.42 ml, 80.4 % of union, shown").click();
+    h.run();
+    assert_eq!(sent.borrow().commands, [Command::ToggleMask(1)]);
+    // Outside of everything nothing happens.
+    sent.borrow_mut().commands.clear();
+    h.hover_at(pos2(20.0, 60.0));
+    h.drag_at(pos2(20.0, 60.0));
+    h.drop_at(pos2(20.0, 60.0));
+    h.run();
+    assert_eq!(sent.borrow().commands, []);
+}
+
+#[test]
+fn a_double_click_ends_with_only_this_one() {
+    let (mut h, sent) = Setup::new(three()).harness();
+    h.run();
+    h.get_by_label(SPOKEN[2]).click();
+    h.get_by_label(SPOKEN[2]).click();
+    h.run();
+    assert_eq!(sent.borrow().commands, [Command::ToggleRegion(3), Command::OnlyRegion(3)]);
+    sent.borrow_mut().commands.clear();
+    h.run_steps(30);
+    h.get_by_label(SPOKEN[6]).click_modifiers(egui::Modifiers::SHIFT);
+    h.run();
+    assert_eq!(sent.borrow().commands, [Command::OnlyRegion(7)]);
+}
+
+#[test]
+fn keyboard_and_screen_reader_toggle_too() {
+    let (mut h, sent) = Setup::new(three()).harness();
+    h.run();
+    h.get_by_label(SPOKEN[4]).focus();
+    h.run();
+    h.key_press(Key::Space);
+    h.run();
+    h.get_by_label(SPOKEN[5]).click_accesskit();
+    h.run();
+    assert_eq!(sent.borrow().commands, [Command::ToggleRegion(5), Command::ToggleRegion(6)]);
+    // Tab reaches every segment.
+    let mut reached = std::collections::BTreeSet::<&str>::new();
+    for _ in 0..40 {
+        h.key_press(Key::Tab);
+        h.run();
+        reached.extend(SPOKEN.iter().filter(|l| h.get_by_label(l).is_focused()));
+    }
+    assert_eq!(reached.len(), SPOKEN.len());
+}
+
+#[test]
+fn hovering_tells_the_region_in_ring_and_table() {
+    let (mut h, sent) = Setup::new(three()).harness();
+    h.run();
+    assert_eq!(sent.borrow().hovered, None);
+    h.hover_at(middle(&h, SPOKEN[6]));
+    h.run();
+    assert_eq!(sent.borrow().hovered, Some(7));
+    h.run_steps(60);
+    assert!(h.query_by_label("4.90 ml · 14.9 % of union").is_some(), "no tooltip");
+    h.hover_at(middle(&h, "Show T2+PET") + vec2(60.0, 0.0));
+    h.run();
+    assert_eq!(sent.borrow().hovered, Some(6));
+}
+
+#[test]
+fn the_table_says_what_is_shown_and_sets_it() {
+    let mut setup = Setup::new(three());
+    setup.selection.set(2, false);
+    let (mut h, sent) = setup.harness();
+    h.run();
+    let toggled = |h: &Harness<'_>, label: &str| h.get_by_label(label).accesskit_node().toggled();
+    assert_eq!(toggled(&h, "Show T2"), Some(egui::accesskit::Toggled::False));
+    assert_eq!(toggled(&h, "Show T1"), Some(egui::accesskit::Toggled::True));
+    h.get_by_label("Show T2").click();
+    h.run();
+    h.get_by_label("Show T1+PET").click();
+    h.run();
+    h.get_by_label("Show all").click();
+    h.run();
+    h.get_by_label("Whole masks").click();
+    h.run();
+    assert_eq!(
+        sent.borrow().commands,
+        [
+            Command::SetRegion(2, true),
+            Command::SetRegion(5, false),
+            Command::ShowAllRegions,
+            Command::SetOverlapMode(OverlapMode::WholeMasks)
+        ]
+    );
+    // 2 * 8700 / (13850 + 26420), 5850 / (13850 + 9570 - 5850).
+    assert!(h.query_by_label("0.432").is_some() && h.query_by_label("0.333").is_some());
+}
+
+#[test]
+fn whole_masks_click_whole_masks() {
+    let mut setup = Setup::new(three());
+    setup.mode = OverlapMode::WholeMasks;
+    setup.selection = super::whole_masks(&three(), 0b011);
+    let (mut h, sent) = setup.harness();
+    h.run();
+    keep("whole_3_dark_small", &mut h);
+    // Ring and bar both carry the mask: the ring comes first.
+    let all: Vec<_> = h.get_all_by_label("Mask T2, 26.42 ml, 80.4 % of union, shown").collect();
+    assert_eq!(all.len(), 2);
+    all[0].click();
+    h.run();
+    h.run_steps(30);
+    let pet = h.get_all_by_label("Mask PET, 9.57 ml, 29.1 % of union, partly shown").next().unwrap();
+    pet.click();
+    pet.click();
+    h.run();
+    assert_eq!(
+        sent.borrow().commands,
+        [Command::ToggleMask(1), Command::ToggleMask(2), Command::OnlyMask(2)]
+    );
+    assert_eq!(sent.borrow().hovered, None);
+}
+
+#[test]
+fn five_masks_click_in_the_upset_plot() {
+    let sizes = [(31, 900), (1, 500), (6, 400), (9, 300), (16, 200), (30, 100)];
+    let mut setup = Setup::new(regions(&NAMES[..5], &sizes));
+    setup.selection.set(6, false);
+    let (mut h, sent) = setup.harness();
+    h.run();
+    let labels = [
+        (31, "T1+T2+PET+R4+R5, 0.900 ml, 37.5 % of union, shown"),
+        (1, "T1 only, 0.500 ml, 20.8 % of union, shown"),
+        (6, "T2+PET, 0.400 ml, 16.7 % of union, hidden"),
+        (9, "T1+R4, 0.300 ml, 12.5 % of union, shown"),
+        (16, "R5 only, 0.200 ml, 8.3 % of union, shown"),
+        (30, "T2+PET+R4+R5, 0.100 ml, 4.2 % of union, shown"),
+    ];
+    for pair in labels.windows(2) {
+        assert!(middle(&h, pair[0].1).x < middle(&h, pair[1].1).x, "not by size");
+    }
+    for (bits, label) in labels {
+        h.get_by_label(label).click();
+        h.run();
+        h.run_steps(30);
+        assert_eq!(sent.borrow_mut().commands.drain(..).collect::<Vec<_>>(), [Command::ToggleRegion(bits)]);
+    }
+    // The whole column is the surface: a dot toggles as the check box does.
+    let dot: Pos2 = middle(&h, labels[3].1) + vec2(0.0, 40.0);
+    for _ in 0..2 {
+        h.hover_at(dot);
+        h.drag_at(dot);
+        h.drop_at(dot);
+    }
+    h.hover_at(dot);
+    h.run();
+    assert_eq!(sent.borrow().commands, [Command::ToggleRegion(9), Command::OnlyRegion(9)]);
+    assert_eq!(sent.borrow().hovered, Some(9));
+    sent.borrow_mut().commands.clear();
+    h.run_steps(30);
+    h.get_by_label("Mask R5, 1.20 ml, 50.0 % of union, shown").click();
+    h.run();
+    assert_eq!(sent.borrow().commands, [Command::ToggleMask(4)]);
+}
+
+#[test]
+fn many_regions_are_all_in_the_tree() {
+    let r = raters(9, 9);
+    let wanted: Vec<u32> = r.list().iter().map(|x| x.bits).collect();
+    assert!(wanted.len() >= 31);
+    let (mut h, _) = Setup::new(r).harness();
+    h.run();
+    let found = h.get_all_by(|n| n.label().is_some_and(|l| l.ends_with("of union, shown"))).count();
+    assert_eq!(found, wanted.len() + 9);
+}
+
+#[test]
+fn one_mask_and_the_context_menu() {
+    let mut setup = Setup::new(regions(&["T1"], &[(1, 3400)]));
+    setup.selection.set(1, false);
+    let (mut h, sent) = setup.harness();
+    h.run();
+    h.get_by_label("T1, 3.40 ml, 100.0 % of union, hidden").click_secondary();
+    h.run();
+    keep("menu_dark_small", &mut h);
+    h.get_by_label("Show only T1").click();
+    h.run();
+    assert_eq!(sent.borrow().commands, [Command::OnlyRegion(1)]);
+}
+
+#[test]
+fn nothing_active_says_so() {
+    for ids in [&NAMES[..3], &NAMES[..9], &NAMES[..0]] {
+        let (mut h, _) = Setup::new(regions(ids, &[])).harness();
+        h.run();
+        assert!(h.query_by_label("No active voxels").is_some());
+        keep(&format!("empty_{}", ids.len()), &mut h);
+    }
+}
+
+#[test]
+fn an_empty_mask_among_others_is_named() {
+    let (mut h, _) = Setup::new(regions(&NAMES[..3], &[(1, 500), (3, 400)])).harness();
+    h.run();
+    keep("one_empty_dark_small", &mut h);
+    assert!(h.query_by_label("Mask PET, 0.0 ml, 0.0 % of union, hidden").is_some());
+}
+
+#[test]
+fn no_size_is_too_small_to_draw() {
+    for size in [[20.0, 20.0], [120.0, 90.0], [200.0, 60.0], [60.0, 400.0]] {
+        for r in [three(), raters(9, 1)] {
+            for mode in [OverlapMode::Regions, OverlapMode::WholeMasks] {
+                let mut setup = Setup::new(r.clone());
+                (setup.size, setup.mode) = (size, mode);
+                setup.harness().0.run();
             }
         }
     }

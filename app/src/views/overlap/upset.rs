@@ -17,17 +17,17 @@ use super::{
 use crate::commands::Command;
 
 /// Least height of a mask's row, points: its name and its bar.
-const ROW_PT: f32 = 21.0;
+const ROW_PT: f32 = 19.0;
 /// Least width of a region's column, points.
 const COLUMN_PT: f32 = 21.0;
 /// Room above the highest bar for its size, written upwards.
-const NUMBER_PT: f32 = 54.0;
+const NUMBER_PT: f32 = 52.0;
 /// Room for the check boxes between bars and dots.
 const CHECK_PT: f32 = 20.0;
 /// Least height of the highest bar.
-const BAR_PT: f32 = 50.0;
+const BAR_PT: f32 = 44.0;
 /// Room for the scroll bar below.
-const SCROLL_PT: f32 = 10.0;
+const SCROLL_PT: f32 = 9.0;
 
 /// Least height that shows everything, points; with it, rows and bars are small but legible.
 pub fn least_height(masks: usize) -> f32 {
@@ -53,7 +53,7 @@ impl Frame {
     fn new(rect: Rect, masks: usize, regions: usize) -> Self {
         let left = (rect.width() * 0.3).clamp(104.0, 190.0);
         let free = rect.height() - least_height(masks);
-        let row = ROW_PT + (free * 0.4 / masks.max(1) as f32).clamp(0.0, 7.0);
+        let row = ROW_PT + (free * 0.4 / masks.max(1) as f32).clamp(0.0, 6.0);
         let rows = rect.bottom() - SCROLL_PT - row * masks as f32;
         let base = rows - CHECK_PT;
         let column = ((rect.width() - left - 8.0) / regions.max(1) as f32).clamp(COLUMN_PT, 38.0);
@@ -139,7 +139,7 @@ fn mask_rows(
     let font = small(ui);
     for spot in &spots {
         let Target::Mask(k) = spot.target else { continue };
-        let rect = spot.rect.shrink2(vec2(4.0, 2.0));
+        let rect = spot.rect.shrink2(vec2(4.0, 1.5));
         let shown = input.shown(spot.target);
         let color = if shown == Shown::None { dim_text(ui) } else { ui.visuals().text_color() };
         let painter = ui.painter();
@@ -154,7 +154,9 @@ fn mask_rows(
         let name = elided(ui, &input.name(spot.target), &font, color, room);
         painter.galley(rect.min, name, color);
         let length = (rect.width() - 4.0) * input.voxels(spot.target) as f32 / most;
-        let bar = Rect::from_min_size(pos2(rect.left() + 2.0, rect.bottom() - 4.0), vec2(length, 3.0));
+        let thick = (frame.row - 16.5).clamp(2.5, 6.0);
+        let corner = pos2(rect.left() + 2.0, rect.bottom() - thick - 0.5);
+        let bar = Rect::from_min_size(corner, vec2(length, thick));
         painter.rect_filled(bar.expand(1.0), CornerRadius::ZERO, style.casing);
         painter.rect_filled(bar, CornerRadius::ZERO, style.fill(input.colors.mask(k), shown));
         if [touched.hovered, touched.focused, marked].contains(&Some(spot.target)) {
@@ -171,7 +173,6 @@ fn elided(ui: &Ui, words: &str, font: &FontId, color: Color32, width: f32) -> st
     ui.painter().layout_job(job)
 }
 
-#[expect(clippy::too_many_arguments, reason = "one call, and each is one thing of the frame")]
 fn columns(
     ui: &mut Ui,
     id: Id,
@@ -225,7 +226,6 @@ fn columns(
 }
 
 /// A region's bar, and its size written upwards above it.
-#[expect(clippy::too_many_arguments, reason = "one call, and each is one thing of the column")]
 fn bar(
     ui: &Ui,
     frame: &Frame,

@@ -207,7 +207,7 @@ fn diagram_in(
         OverlapMode::WholeMasks => "Whole masks, overlaps not considered",
     };
     let small = egui::TextStyle::Small.resolve(ui.style());
-    let color = ui.visuals().weak_text_color();
+    let color = paint::dim_text(ui);
     ui.painter().text(rect.left_top(), egui::Align2::LEFT_TOP, note, small, color);
     let split = rect.bottom() - bar::HEIGHT;
     let above = Rect::from_min_max(rect.min + vec2(0.0, 10.0), pos2(rect.right(), split - 4.0));

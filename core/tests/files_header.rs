@@ -103,6 +103,35 @@ fn every_flipped_header_bit_is_an_error_or_loads_whole() {
 }
 
 #[test]
+fn random_damage_is_an_error_or_loads_whole() {
+    let seeds = [Made::new().bytes, two(false), gzip(&Made::new().bytes), gzip(&two(false))];
+    let mut state = 20_261_122_u64;
+    let mut random = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    let options = ReadOptions { max_bytes: 1 << 20, frame: 0 };
+    let mut loaded = 0;
+    for i in 0..20_000 {
+        let mut bytes = seeds[i % seeds.len()].clone();
+        for _ in 0..=random(4) {
+            let (at, odd) = (random(bytes.len()), [0, 1, 0x7f, 0x80, 0xff][random(5)]);
+            let run = [1, 2, 4, 8][random(4)].min(bytes.len() - at);
+            bytes[at..at + run].fill(odd);
+        }
+        if random(8) == 0 {
+            bytes.truncate(random(bytes.len()));
+        }
+        if let Ok(other) = files::read_bytes("made", &bytes, &options, &Progress::new()) {
+            loaded += 1;
+            assert_eq!(other.volume.samples().len(), other.volume.grid().voxel_count());
+            assert!(other.volume.grid().voxel_volume_mm3() > 0.0);
+        }
+    }
+    assert!((1000..15_000).contains(&loaded), "{loaded} loaded");
+}
+
+#[test]
 fn impossible_headers_are_refused_by_name() {
     let refuse = |made: &Made, why: &str| {
         let error = made.read().unwrap_err().to_string();

@@ -17,7 +17,8 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(frame < loaded.frames);
         if volume.samples().len() <= 4096 {
             let written = nifti_bytes(volume, false);
-            let again = read_bytes("again.nii", &written, &ReadOptions { frame: 0, ..options }, &Progress::new());
+            let again =
+                read_bytes("again.nii", &written, &ReadOptions { frame: 0, ..options }, &Progress::new());
             let again = again.expect("what was written can be read").volume;
             // NaN is not equal to itself: compare what is stored, as text of bits would be.
             assert_eq!(format!("{:?}", again.samples()), format!("{:?}", volume.samples()));

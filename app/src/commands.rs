@@ -15,7 +15,7 @@ use glioscope_render::{
 use crate::{
     document::{self, CaseRef, Document, Pane},
     layout,
-    views::overlap::OverlapMode,
+    views::overlap::{self, OverlapMode},
     world::World,
 };
 
@@ -296,6 +296,9 @@ impl Command {
             Self::OnlyRegion(bits) => edit.selection = Selection::only(regions, &[*bits]),
             Self::SetRegion(bits, shown) => edit.selection.set(*bits, *shown),
             Self::ShowAllRegions => edit.selection = Selection::all(),
+            Self::ToggleMask(mask) if edit.overlap_mode == OverlapMode::WholeMasks => {
+                edit.selection = overlap::with_mask_toggled(regions, &edit.selection, *mask);
+            }
             Self::ToggleMask(mask) => {
                 let of_mask = || regions.list().iter().map(|r| r.bits).filter(|b| b >> mask & 1 == 1);
                 let all_shown = of_mask().all(|bits| edit.selection.shows(bits));

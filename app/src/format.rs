@@ -5,6 +5,9 @@ pub fn ml(value: f64) -> String {
     if !value.is_finite() {
         return "unknown".into();
     }
+    if value > 0.0 && value < 0.000_05 {
+        return "< 0.0001 ml".into();
+    }
     let digits = match value.abs() {
         v if v == 0.0 || v >= 100.0 => 1,
         v if v >= 1.0 => 2,
@@ -49,6 +52,7 @@ mod tests {
         assert_eq!(ml(0.0), "0.0 ml");
         assert_eq!(ml(12.345), "12.35 ml");
         assert_eq!(ml(0.0123), "0.012 ml");
+        assert_eq!(ml(1e-6), "< 0.0001 ml");
         assert_eq!(ml(f64::NAN), "unknown");
         assert_eq!(percent(0.142), "14.2 %");
         assert_eq!(percent(0.0003), "0.03 %");

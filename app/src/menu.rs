@@ -128,7 +128,7 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
 fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out: &mut Vec<Command>) {
     let Some(time_point) = work.world.time_point(doc) else { return };
     for (sign, command, enabled) in
-        [("⟲", Command::Undo, work.history.can_undo()), ("⟳", Command::Redo, work.history.can_redo())]
+        [("Undo", Command::Undo, work.history.can_undo()), ("Redo", Command::Redo, work.history.can_redo())]
     {
         let response = ui.add_enabled(enabled, Button::new(sign)).on_hover_text(command.tooltip());
         let text = command.text();

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use egui::{Rect, Ui, WidgetText};
+use egui::{Rect, Ui, WidgetText, vec2};
 use egui_tiles::{Behavior, SimplificationOptions, TileId, Tiles, UiResponse};
 use glioscope_render::Scene;
 
@@ -93,17 +93,53 @@ fn overlap_input<'a>(view: &ViewContext<'a>) -> OverlapInput<'a> {
 }
 
 fn pane_buttons(ui: &mut Ui, pane: Pane, maximized: bool, out: &mut Vec<Command>) {
-    let (sign, words) = if maximized { ("🗗", "Restore") } else { ("🗖", "Maximise") };
-    for (sign, label, command) in [
-        (sign, format!("{words} {}", pane.title()), Command::MaximizePane(pane)),
-        ("📷", format!("Picture of {}", pane.title()), Command::ScreenshotPane(pane)),
+    let (icon, words) = if maximized { (Icon::Restore, "Restore") } else { (Icon::Maximise, "Maximise") };
+    for (icon, label, command) in [
+        (icon, format!("{words} {}", pane.title()), Command::MaximizePane(pane)),
+        (Icon::Camera, format!("Picture of {}", pane.title()), Command::ScreenshotPane(pane)),
     ] {
-        let response = ui.small_button(sign).on_hover_text(command.tooltip());
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &label));
-        if response.clicked() {
+        if icon_button(ui, icon, &label).clicked() {
             out.push(command);
         }
     }
+}
+
+/// Signs drawn by hand: the default fonts have none for these.
+#[derive(Clone, Copy)]
+enum Icon {
+    Maximise,
+    Restore,
+    Camera,
+}
+
+fn icon_button(ui: &mut Ui, icon: Icon, label: &str) -> egui::Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(20.0, 18.0), egui::Sense::click());
+    let visuals = ui.style().interact(&response);
+    let stroke = egui::Stroke::new(1.2, visuals.fg_stroke.color);
+    let painter = ui.painter();
+    if response.hovered() || response.has_focus() {
+        painter.rect_filled(rect, 3.0, visuals.weak_bg_fill);
+    }
+    let box_of = |size| Rect::from_center_size(rect.center(), size);
+    let outline = |rect, rounding| painter.rect_stroke(rect, rounding, stroke, egui::StrokeKind::Middle);
+    match icon {
+        Icon::Maximise => {
+            let frame = box_of(vec2(11.0, 9.0));
+            outline(frame, 1.0);
+            painter.hline(frame.x_range(), frame.top() + 2.0, stroke);
+        }
+        Icon::Restore => {
+            outline(box_of(vec2(8.0, 6.0)).translate(vec2(-1.5, 1.5)), 1.0);
+            outline(box_of(vec2(8.0, 6.0)).translate(vec2(1.5, -1.5)), 1.0);
+        }
+        Icon::Camera => {
+            outline(box_of(vec2(12.0, 8.0)).translate(vec2(0.0, 0.8)), 1.5);
+            painter.circle_stroke(rect.center() + vec2(0.0, 0.8), 2.2, stroke);
+            painter.hline(rect.center().x - 2.0..=rect.center().x + 2.0, rect.center().y - 4.4, stroke);
+        }
+    }
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, label));
+    response.on_hover_text(label)
 }
 
 impl Behavior<Pane> for PaneArea<'_> {

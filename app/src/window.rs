@@ -277,7 +277,7 @@ impl GlioscopeApp {
             ui.horizontal(|ui| {
                 let text = if self.open.warnings { "Hide" } else { "Show all" };
                 let count = format!("{} warning{}", serious.len(), if serious.len() == 1 { "" } else { "s" });
-                ui.strong(format!("⚠ {count}"));
+                ui.strong(count);
                 if ui.button(text).clicked() {
                     self.open.warnings = !self.open.warnings;
                 }

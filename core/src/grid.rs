@@ -57,7 +57,9 @@ impl Grid {
             return Err(GridError::NotFinite);
         }
         let condition = condition_number(world_from_voxel.matrix3);
-        if !(condition <= MAX_CONDITION) {
+        // Also false for NaN.
+        let usable = condition <= MAX_CONDITION;
+        if !usable {
             return Err(GridError::Singular { condition });
         }
         Ok(Self { dims, world_from_voxel, sides })
@@ -210,12 +212,12 @@ impl Grid {
 /// Ratio of the largest to the smallest singular value; infinite for a singular matrix.
 fn condition_number(m: DMat3) -> f64 {
     let scale = [m.x_axis, m.y_axis, m.z_axis].iter().map(|c| c.abs().max_element()).fold(0.0, f64::max);
-    if !(scale > 0.0) {
+    if scale.is_nan() || scale <= 0.0 {
         return f64::INFINITY;
     }
     let m = m * (1.0 / scale);
     let det = m.determinant().abs();
-    if !(det > 0.0) {
+    if det.is_nan() || det <= 0.0 {
         return f64::INFINITY;
     }
     // One-sided Jacobi: rotates columns until orthogonal; their lengths are the singular values.

@@ -63,10 +63,6 @@ const FILES: [(&str, &str, usize, Modality, bool); 12] = [
     ("pet-mask-2024-04-15.nii.gz", "PET", 1, Modality::Pet, true),
 ];
 
-/// Colours of the masks, sRGB: the thesis's red, green and blue.
-const COLORS: [(&str, [u8; 3]); 3] =
-    [("T1", [0xff, 0x00, 0x00]), ("T2", [0x00, 0xff, 0x00]), ("PET", [0x00, 0x00, 0xff])];
-
 /// Name the phantom's case goes by.
 pub const CASE_NAME: &str = "Head phantom";
 
@@ -177,8 +173,8 @@ pub fn spec(source: impl Fn(&'static str) -> Source) -> CaseSpec {
     for &(name, id, time, _, is_mask) in &FILES {
         let (id, source, time) = (id.to_owned(), source(name), Some(TIMES[time].to_owned()));
         if is_mask {
-            let color = COLORS.iter().find(|(of, _)| *of == id).map(|&(_, color)| color);
-            spec.masks.push(MaskSpec { id, source, labels: None, time, color });
+            // No colours of its own: the palette's red, green and blue add up in overlaps.
+            spec.masks.push(MaskSpec { id, source, labels: None, time, color: None });
         } else {
             spec.contexts.push(ContextSpec { id, source, time });
         }

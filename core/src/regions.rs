@@ -40,16 +40,10 @@ pub struct Regions {
     voxel_volume_mm3: f64,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Tally {
     voxels: u64,
     sum: [u64; 3],
-}
-
-impl Default for Tally {
-    fn default() -> Self {
-        Self { voxels: 0, sum: [0; 3] }
-    }
 }
 
 struct SliceTally {

@@ -98,7 +98,7 @@ impl Volume {
     }
 
     /// Scaled value of the voxel at `linear` ([`Grid::linear`]). 64-bit integers past 2^53 round.
-    #[allow(clippy::cast_lossless, reason = "one macro arm for all ten types")]
+    #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all ten types")]
     #[inline]
     pub fn value(&self, linear: usize) -> f64 {
         with_samples!(&self.samples, v => self.scaling.apply(v[linear] as f64))

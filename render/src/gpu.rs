@@ -124,7 +124,7 @@ impl Gpu {
     /// [`GpuError`] when there is no adapter of that kind, or it gives no device.
     pub fn headless(preference: AdapterPreference) -> Result<Self, GpuError> {
         let instance = wgpu::Instance::new(instance_descriptor());
-        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let Some(adapter) = choose_adapter(&adapters, preference) else {
             let names: Vec<String> = adapters.iter().map(|a| a.get_info().name).collect();
             return Err(GpuError::NoAdapter(match (names.is_empty(), preference) {

@@ -106,6 +106,16 @@ pub(crate) fn printable(name: &str) -> String {
     out
 }
 
+/// A temporary file with the permissions that the user's other new files have; tempfile's own are
+/// for secrets, and a picture that only its owner can open is no use to a colleague.
+fn temporary() -> tempfile::Builder<'static, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".glioscope-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder
+}
+
 /// Writes the whole of `bytes` to `path`, or leaves what stood there untouched: a temporary file
 /// beside it, flushed to disk, then renamed over it.
 ///
@@ -118,7 +128,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
         expected: "a place that can be written".into(),
     };
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::Builder::new().prefix(".glioscope-").tempfile_in(folder).map_err(fail)?;
+    let mut file = temporary().tempfile_in(folder).map_err(fail)?;
     std::io::Write::write_all(&mut file, bytes).map_err(fail)?;
     file.as_file().sync_all().map_err(fail)?;
     file.persist(path).map_err(|e| fail(e.error))?;

@@ -162,6 +162,6 @@ fn keys(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, o
 
 /// A place of the world in whole tenths of a millimetre: what two readouts of one place agree on.
 #[cfg(test)]
-pub(super) fn tenths(world_mm: DVec3) -> [i64; 3] {
+pub(super) fn tenths(world_mm: glam::DVec3) -> [i64; 3] {
     world_mm.to_array().map(|mm| (mm * 10.0).round() as i64)
 }

@@ -1,4 +1,4 @@
-//! Draws synthetic blobs and times the passes: `closeup [OUT_FOLDER] [real]`.
+//! Draws synthetic blobs and times the passes: `closeup [OUT_FOLDER] [real] [quick]`.
 //! Prints adapter, adapter's time source, and per pass the median of several frames.
 
 #![allow(
@@ -31,10 +31,13 @@ fn median(mut v: Vec<f64>) -> f64 {
 fn main() {
     let mut args = std::env::args().skip(1);
     let folder = args.next();
-    let preference = match args.next().as_deref() {
-        Some("real") => AdapterPreference::RealFirst,
-        _ => AdapterPreference::SoftwareOnly,
+    let rest: Vec<String> = args.collect();
+    let preference = if rest.iter().any(|a| a == "real") {
+        AdapterPreference::RealFirst
+    } else {
+        AdapterPreference::SoftwareOnly
     };
+    let quick = rest.iter().any(|a| a == "quick");
     let gpu = Gpu::headless(preference).unwrap();
     let mut renderer = Renderer::new(&gpu).unwrap();
     println!("{}; times from {}", gpu.describe(), renderer.time_source().describe());
@@ -70,11 +73,14 @@ fn main() {
             let mut rows: Vec<Vec<f64>> = Vec::new();
             let mut whole = Vec::new();
             let mut names = Vec::new();
-            for _ in 0..5 {
+            for _ in 0..if quick { 1 } else { 7 } {
                 let start = Instant::now();
                 renderer.render(&gpu, scene, &Quality::FULL, [size, size]).unwrap();
                 gpu.wait().unwrap();
                 whole.push(start.elapsed().as_secs_f64() * 1e3);
+                if quick {
+                    continue;
+                }
                 let times = renderer.pass_times(&gpu).unwrap();
                 names = times.iter().map(|t| t.0.name()).collect();
                 rows.push(times.iter().map(|t| t.1).collect());

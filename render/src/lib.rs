@@ -5,10 +5,13 @@
 
 mod bricks;
 pub mod camera;
+#[cfg(test)]
+mod closeup_tests;
 pub mod frame;
 pub mod gpu;
 pub mod palette;
 pub mod plan;
+pub mod reference;
 pub mod renderer;
 pub mod scene;
 pub mod slices;

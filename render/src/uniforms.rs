@@ -42,6 +42,10 @@ pub(crate) struct View {
     pub occlusion_strength: f32,
     pub color_bleeding: f32,
     pub line_scale: f32,
+    pub depth_span_mm: f32,
+    pub outside_opacity: f32,
+    pub inner_line_strength: f32,
+    pub outer_line_strength: f32,
 }
 
 /// `Outside` of closeup_outside.wgsl.
@@ -101,6 +105,10 @@ pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]
         occlusion_strength: quality.occlusion_strength.clamp(0.0, 1.0) as f32,
         color_bleeding: quality.color_bleeding.clamp(0.0, 1.0) as f32,
         line_scale: (size[1] as f32 / 512.0).clamp(0.6, 4.0),
+        depth_span_mm: 1.0,
+        outside_opacity: 0.13,
+        inner_line_strength: 0.8,
+        outer_line_strength: 0.4,
         ..View::default()
     };
     for (pass, flag) in [
@@ -128,6 +136,7 @@ pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]
         out.right = single(voxel_from_mm * right);
         out.up = single(voxel_from_mm * up);
         out.forward = single(voxel_from_mm * -back);
+        out.depth_span_mm = (0.5 * grid.corners_mm()[0].distance(grid.corners_mm()[7])) as f32;
         out.voxel_mm = grid.spacing_mm().min_element() as f32;
     }
     out

@@ -16,7 +16,7 @@ struct Outside {
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
 
 const RING = vec3<f32>(0.86, 0.08, 0.08);
-const INNER = vec3<f32>(0.80, 0.80, 0.80);
+const INNER = vec3<f32>(0.72, 0.72, 0.72);
 
 fn clamped(at: vec2<i32>) -> u32 {
     return linear_index(vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1)));
@@ -26,6 +26,86 @@ fn clamped(at: vec2<i32>) -> u32 {
 // straight line from the pixels beyond (pp, p | q, qq), and the best explanation is taken.
 fn step_mm(pp: f32, p: f32, q: f32, qq: f32) -> f32 {
     return min(abs(q - p), min(abs(q - 2.0 * p + pp), abs(p - 2.0 * q + qq)));
+}
+
+// How much of a pixel a line covers that is `width` pixels wide and runs `away` pixels off.
+fn coverage(width: f32, away: f32) -> f32 {
+    return clamp(0.5 * width + 0.5 - away, 0.0, min(width, 1.0));
+}
+
+// Wider where it is nearer to the viewer (thesis 7.3.1: depth-based line thickness).
+fn width_at(depth: f32) -> f32 {
+    return view.line_scale * mix(1.35, 0.65, clamp(0.5 + 0.5 * depth / view.depth_span_mm, 0.0, 1.0));
+}
+
+// The neighbours that lines are looked for towards: at 1, 1.4 and 2 pixels.
+fn neighbour(n: u32) -> vec2<i32> {
+    let side = select(1, -1, (n & 1u) == 1u);
+    switch n >> 1u {
+        case 0u: { return vec2<i32>(side, 0); }
+        case 1u: { return vec2<i32>(0, side); }
+        case 2u: { return vec2<i32>(side, side); }
+        case 3u: { return vec2<i32>(side, -side); }
+        case 4u: { return vec2<i32>(2 * side, 0); }
+        default: { return vec2<i32>(0, 2 * side); }
+    }
+}
+
+struct Lines {
+    black: f32,          // silhouettes: the background, or far more than a voxel behind
+    grey: f32,           // steps of a voxel and more; edges between faces, fainter
+}
+
+// Two pixels of one plane have the same face, so they are passed over at once.
+fn lines_at(here: vec2<i32>, front: f32) -> Lines {
+    let face = surfaces[linear_index(vec2<u32>(here))].y;
+    var lines = Lines(0.0, 0.0);
+    let reach = select(8u, 12u, view.line_scale > 1.2);
+    for (var n = 0u; n < reach; n++) {
+        let to = neighbour(n);
+        let there = clamped(here + to);
+        let q = depths[there];
+        if (front >= FAR && q >= FAR) || (front < FAR && q < FAR && surfaces[there].y == face) {
+            continue;
+        }
+        let nearer = min(front, q);
+        let width = width_at(nearer);
+        let away = length(vec2<f32>(to)) - 0.5;
+        if max(front, q) >= FAR {
+            lines.black = max(lines.black, coverage(max(1.7 * width, 1.4), away));
+            continue;
+        }
+        let steps = step_mm(depths[clamped(here - to)], front, q, depths[clamped(here + 2 * to)]) / view.voxel_mm;
+        let deep = smoothstep(3.0, 6.0, steps);
+        lines.black = max(lines.black, deep * coverage(max(1.7 * width, 1.4), away));
+        // Bricks smaller than a few pixels would turn grey all over.
+        let brick_px = view.voxel_mm / footprint_mm(nearer);
+        let raised = smoothstep(0.3, 0.9, steps) * smoothstep(1.0, 3.5, brick_px);
+        let edge = 0.45 * smoothstep(2.0, 7.0, brick_px);
+        lines.grey = max(lines.grey, max(raised, edge) * coverage(0.9 * width, away));
+    }
+    return lines;
+}
+
+// Silhouettes and large steps of the outer level, where it hides what the lens shows or nothing.
+fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {
+    let p = outsides[linear_index(vec2<u32>(here))];
+    if p.depth >= front {
+        return 0.0;
+    }
+    var line = 0.0;
+    for (var n = 0u; n < 8u; n++) {
+        let to = neighbour(n);
+        let q = outsides[clamped(here + to)];
+        if q.depth < p.depth || q.face == p.face && q.depth < FAR {
+            continue;
+        }
+        let steps = step_mm(outsides[clamped(here - to)].depth, p.depth, q.depth, outsides[clamped(here + 2 * to)].depth)
+            / view.voxel_mm;
+        let away = length(vec2<f32>(to)) - 0.5;
+        line = max(line, smoothstep(2.0, 5.0, steps) * coverage(1.3 * width_at(p.depth), away));
+    }
+    return line;
 }
 
 @compute @workgroup_size(8, 8)
@@ -53,39 +133,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         color = outer.rgb + (1.0 - outer.a) * color;
     }
     if has_surface {
-        var black = 0.0;
-        var grey = 0.0;
-        for (var n = 0; n < 4; n++) {
-            let to = vec2<i32>(select(0, 1 - (n & 2), (n & 1) == 0), select(0, 1 - (n & 2), (n & 1) == 1));
-            let p = front;
-            let q = depths[clamped(here + to)];
-            if p >= FAR && q >= FAR {
-                continue;
-            }
-            let jump = step_mm(depths[clamped(here - to)], p, q, depths[clamped(here + 2 * to)]);
-            black = max(black, smoothstep(3.0, 6.0, jump / view.voxel_mm));
-            if p < q {
-                grey = max(grey, smoothstep(0.3, 1.0, jump / view.voxel_mm));
-            }
-        }
-        color = mix(color, INNER, 0.6 * grey);
-        color = mix(color, view.silhouette.rgb, black);
+        let lines = lines_at(here, front);
+        color = mix(color, INNER, view.inner_line_strength * lines.grey);
+        color = mix(color, view.silhouette.rgb, lines.black);
     }
     if (view.flags & HAS_OUTSIDE) != 0u {
-        let p = outsides[at].depth;
-        if p < front {
-            var line = 0.0;
-            for (var n = 0; n < 4; n++) {
-                let to = vec2<i32>(select(0, 1 - (n & 2), (n & 1) == 0), select(0, 1 - (n & 2), (n & 1) == 1));
-                let q = outsides[clamped(here + to)].depth;
-                let jump = step_mm(
-                    outsides[clamped(here - to)].depth, p, q, outsides[clamped(here + 2 * to)].depth);
-                line = max(line, select(0.0, smoothstep(2.0, 5.0, jump / view.voxel_mm), p < q));
-            }
-            color = mix(color, view.silhouette.rgb, 0.35 * line);
-        }
+        color = mix(color, view.silhouette.rgb, view.outer_line_strength * outer_line_at(here, front));
     }
     if (view.flags & LENS_ON) != 0u {
+        // The ball's outline: where rays pass its centre at its radius.
         let p = from_middle(id.xy);
         let direction = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
         let start = vec3<f32>(p * view.mm_per_pixel, 0.0) - view.lens.xyz;

@@ -1,7 +1,7 @@
 // Screen-space ambient occlusion from depth alone (Mittring 2007; thesis 7.3.1). Points come in
 // pairs about the surface point, so a plane at any slant is exactly half hidden: that half is
-// taken as light, what exceeds it as shadow. Occluders further in front than the radius fade out,
-// or every foreground would throw a halo on what lies far behind.
+// taken as light, what exceeds it as shadow. Occluders further in front than three radii count less,
+// or every foreground would throw a hard halo on what lies far behind.
 #include lib/view.wgsl
 
 @group(0) @binding(3) var<storage, read> regions: array<u32>;
@@ -9,6 +9,9 @@
 @group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
 @group(0) @binding(7) var<storage, read_write> occlusion: array<u32>; // bleeding rgb, occlusion
 @group(0) @binding(9) var<uniform> kernel: array<vec4<f32>, 32>;      // one point of each pair
+
+// A place enclosed on all sides but the viewer's would be dark by a half without it.
+const GAIN = 2.0;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -42,13 +45,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let to = clamp(here + sign * offset, vec2<f32>(0.0), last);
             let there = linear_index(vec2<u32>(to + 0.5));
             let occluder = depths[there];
+            // What is far in front says little about this place: then half, as on a plane.
+            let sure = min(3.0 * radius_mm / max(depth - occluder, 1e-6), 1.0);
             if occluder < depth + sign * k.z * radius_mm - bias {
-                let w = clamp(radius_mm * 2.0 / max(depth - occluder, 1e-6) - 1.0, 0.0, 1.0);
-                hidden += w;
-                bleeding += w * vec4<f32>(unpack4x8unorm(regions[surfaces[there].x]).rgb, 1.0);
+                hidden += 0.5 + 0.5 * sure;
+                bleeding += sure * vec4<f32>(unpack4x8unorm(regions[surfaces[there].x]).rgb, 1.0);
+            } else if occluder < depth {
+                hidden += 0.5 - 0.5 * sure;
             }
         }
     }
-    let dark = clamp(hidden / f32(view.occlusion_samples) - 1.0, 0.0, 1.0);
+    let dark = clamp(GAIN * (hidden / f32(view.occlusion_samples) - 1.0), 0.0, 1.0);
     occlusion[at] = pack4x8unorm(vec4<f32>(bleeding.rgb / max(bleeding.a, 1e-6), dark));
 }

@@ -14,7 +14,6 @@ struct Outside {
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(6) var<storage, read_write> outsides: array<Outside>;
 
-const OPACITY = 0.16;        // of one region change
 const MOST_OPAQUE = 0.97;    // nothing behind changes a picture of 8 bits by much
 
 struct Level {
@@ -44,8 +43,8 @@ fn composite(ray: Ray, near: f32, far: f32, axis: u32, only_first: bool, level: 
                         return;
                     }
                 }
-                (*level).color += (*level).through * OPACITY * color_of(number);
-                (*level).through *= 1.0 - OPACITY;
+                (*level).color += (*level).through * view.outside_opacity * color_of(number);
+                (*level).through *= 1.0 - view.outside_opacity;
                 if (*level).through < 1.0 - MOST_OPAQUE {
                     return;
                 }

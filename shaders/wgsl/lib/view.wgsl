@@ -27,6 +27,10 @@ struct View {
     occlusion_strength: f32,
     color_bleeding: f32,
     line_scale: f32,                // widths of lines, 1 for a picture 512 pixels high
+    depth_span_mm: f32,             // half the diagonal of the volume's box
+    outside_opacity: f32,           // of one region change outside the lens
+    inner_line_strength: f32,
+    outer_line_strength: f32,
 }
 
 const LENS_ON = 1u;
@@ -64,7 +68,8 @@ fn lens_interval(pixel: vec2<u32>) -> vec2<f32> {
     let a = dot(direction, direction);
     let nearest = -dot(start, direction) / a;
     let off = start + nearest * direction;
-    let half2 = (view.lens.w * view.lens.w - dot(off, off)) / a;
+    let b = length(off);
+    let half2 = (view.lens.w - b) * (view.lens.w + b) / a;
     if half2 <= 0.0 {
         return vec2<f32>(1.0, 0.0);
     }

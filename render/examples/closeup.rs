@@ -28,6 +28,13 @@ fn median(mut v: Vec<f64>) -> f64 {
     v[v.len() / 2]
 }
 
+/// CPU time of this process, milliseconds in steps of 10; what a busy machine leaves comparable.
+fn cpu_ms() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
+    fields.get(11..13).map_or(0.0, |t| t.iter().filter_map(|v| v.parse::<f64>().ok()).sum::<f64>() * 10.0)
+}
+
 fn main() {
     let mut args = std::env::args().skip(1);
     let folder = args.next();
@@ -38,12 +45,13 @@ fn main() {
         AdapterPreference::SoftwareOnly
     };
     let quick = rest.iter().any(|a| a == "quick");
+    let only = rest.iter().find_map(|a| a.strip_prefix("only=")).map(str::to_owned);
     let gpu = Gpu::headless(preference).unwrap();
     let mut renderer = Renderer::new(&gpu).unwrap();
     println!("{}; times from {}", gpu.describe(), renderer.time_source().describe());
     let tumor = testing::blobs(84, DVec3::ONE);
     let on = testing::scene_of(tumor.clone(), 3, Some(0.55));
-    let off = testing::scene_of(tumor.clone(), 3, None);
+    let off = testing::scene_of(tumor, 3, None);
     let mut deselected = off.clone();
     deselected.selection.set(0b010, false);
     let mut lens_deselected = on.clone();
@@ -68,16 +76,18 @@ fn main() {
         ("near", near),
         ("thick", thick),
     ];
-    for (name, scene) in &scenes {
+    for (name, scene) in scenes.iter().filter(|s| only.as_deref().is_none_or(|o| o == s.0)) {
         for size in [512, 1024] {
             let mut rows: Vec<Vec<f64>> = Vec::new();
             let mut whole = Vec::new();
+            let mut cpu = Vec::new();
             let mut names = Vec::new();
             for _ in 0..if quick { 1 } else { 7 } {
-                let start = Instant::now();
+                let (start, cpu_before) = (Instant::now(), cpu_ms());
                 renderer.render(&gpu, scene, &Quality::FULL, [size, size]).unwrap();
                 gpu.wait().unwrap();
                 whole.push(start.elapsed().as_secs_f64() * 1e3);
+                cpu.push(cpu_ms() - cpu_before);
                 if quick {
                     continue;
                 }
@@ -85,7 +95,7 @@ fn main() {
                 names = times.iter().map(|t| t.0.name()).collect();
                 rows.push(times.iter().map(|t| t.1).collect());
             }
-            print!("{name:16} {size:5}  whole {:7.1} ms ", median(whole));
+            print!("{name:16} {size:5}  whole {:7.1} ms, CPU {:5.0} ms ", median(whole), median(cpu));
             for (column, pass) in names.iter().enumerate() {
                 print!(" {pass} {:6.1}", median(rows.iter().map(|r| r[column]).collect()));
             }

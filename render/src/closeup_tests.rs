@@ -65,7 +65,7 @@ fn compare(name: &str, scene: &Scene, size: [u32; 2]) -> Tally {
             let at = [i as u32 % size[0], i as u32 / size[0]];
             match twin_hit {
                 None => {
-                    assert!(depth >= FAR, "{name} {what} {at:?}: GPU hits {number} at {depth}, twin nothing")
+                    assert!(depth >= FAR, "{name} {what} {at:?}: GPU hits {number} at {depth}, twin nothing");
                 }
                 Some(hit) => {
                     assert!(depth < FAR, "{name} {what} {at:?}: GPU hits nothing, twin {hit:?}");
@@ -85,7 +85,7 @@ fn compare(name: &str, scene: &Scene, size: [u32; 2]) -> Tally {
         tally.outer += outer;
     }
     println!("{name}: {tally:?}");
-    assert!(tally.delicate * 20 <= n, "{name}: {tally:?}");
+    assert!(tally.delicate * 20 <= tally.pixels, "{name}: {tally:?}");
     tally
 }
 
@@ -503,4 +503,54 @@ fn rust_and_wgsl_lay_structs_out_alike() {
         }
     }
     assert!(seen.iter().all(|&n| n > 0), "{seen:?}");
+}
+
+fn small_device(bytes: u64) -> Gpu {
+    let adapter = bench().gpu.adapter.clone();
+    let mut descriptor = crate::gpu::device_descriptor(&adapter);
+    descriptor.required_limits.max_storage_buffer_binding_size = bytes;
+    descriptor.required_limits.max_buffer_size = bytes;
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+    Gpu::from_parts(adapter, device, queue)
+}
+
+#[test]
+fn regions_too_large_for_the_card_are_refused_by_name() {
+    let gpu = small_device(100_000);
+    let mut renderer = Renderer::new(&gpu).unwrap();
+    let grid = Grid::axis_aligned([64, 64, 64], DVec3::ONE, DVec3::ZERO).unwrap();
+    let large = scene_of(volume(&grid, 1, |_, p| noise(p, 1) > 0.5).unwrap(), 1, None);
+    let e = renderer.render(&gpu, &large, &Quality::FULL, [16, 16]).unwrap_err();
+    assert_eq!(e, RenderError::Volume { found: 64 * 64 * 64, limit: 100_000 });
+    assert!(e.to_string().contains("262144") && e.to_string().contains("100000"), "{e}");
+    // Solid inside, it costs its surface alone.
+    let solid = scene_of(volume(&grid, 1, |_, _| true).unwrap(), 1, None);
+    assert!(renderer.render(&gpu, &solid, &Quality::FULL, [16, 16]).is_ok());
+    let e = renderer.render(&gpu, &solid, &Quality::FULL, [100, 100]).unwrap_err();
+    assert!(matches!(e, RenderError::Size { .. }), "{e}");
+}
+
+#[test]
+fn a_device_that_is_gone_is_an_error_not_a_panic() {
+    let gpu = small_device(1 << 20);
+    let mut renderer = Renderer::new(&gpu).unwrap();
+    let scene = balls_scene();
+    let frame = renderer.render(&gpu, &scene, &Quality::FULL, [32, 32]).unwrap().clone();
+    gpu.wait().unwrap();
+    gpu.device.destroy();
+    // The loss is told once the device is polled.
+    let _ = gpu.wait();
+    assert!(matches!(renderer.render(&gpu, &scene, &Quality::FULL, [32, 32]), Err(RenderError::Device(_))));
+    assert!(matches!(frame.pick(&gpu, 16, 16), Err(RenderError::Device(_))));
+    assert!(matches!(frame.read_rgba(&gpu), Err(RenderError::Device(_))));
+}
+
+#[test]
+fn the_adapter_is_named_and_a_missing_one_says_what_to_install() {
+    let bench = bench();
+    let text = bench.gpu.describe();
+    assert!(bench.gpu.is_software() && text.ends_with("software"), "{text}");
+    assert!(crate::gpu::choose_adapter(&[], AdapterPreference::RealFirst).is_none());
+    let e = crate::GpuError::NoAdapter("no driver at all".to_owned()).to_string();
+    assert!(e.contains("mesa-vulkan-drivers") && e.contains("libvulkan1"), "{e}");
 }

@@ -154,11 +154,9 @@ impl Gpu {
             }
         }));
         let heard = Arc::clone(&complaints);
-        device.set_device_lost_callback(move |reason, message| {
-            // Dropping the device at the end is no loss.
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                heard.lock().unwrap_or_else(PoisonError::into_inner).lost = Some(message);
-            }
+        device.set_device_lost_callback(move |_, message| {
+            heard.lock().unwrap_or_else(PoisonError::into_inner).lost =
+                Some(if message.is_empty() { "no reason given".to_owned() } else { message });
         });
         Self { adapter, device, queue, complaints }
     }
@@ -168,11 +166,14 @@ impl Gpu {
     /// # Errors
     /// The driver's text.
     pub fn check(&self) -> Result<(), String> {
+        // Losses are told when the device is polled; what polling itself fails at is told here too.
+        let polled = self.device.poll(wgpu::PollType::Poll);
         let mut heard = self.complaints.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(lost) = &heard.lost {
             return Err(format!("the graphics device was lost: {lost}"));
         }
-        heard.first.take().map_or(Ok(()), Err)
+        heard.first.take().map_or(Ok(()), Err)?;
+        polled.map(|_| ()).map_err(|e| e.to_string())
     }
 
     /// Waits until everything submitted is done.

@@ -128,10 +128,12 @@ pub fn plan(scene: &Scene, quality: &Quality) -> Plan {
         }
         _ => None,
     };
+    // Not a number is none.
+    let none = |x: f64| x.is_nan() || x <= 0.0;
     let no_occlusion = no_surface.or_else(|| {
-        if !(quality.occlusion_strength > 0.0) {
+        if none(quality.occlusion_strength) {
             Some("occlusion strength is 0")
-        } else if !(quality.occlusion_radius_mm > 0.0) {
+        } else if none(quality.occlusion_radius_mm) {
             Some("occlusion radius is 0")
         } else if quality.occlusion_samples == 0 {
             Some("occlusion has no samples")

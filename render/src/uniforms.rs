@@ -107,7 +107,7 @@ pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]
         line_scale: (size[1] as f32 / 512.0).clamp(0.6, 4.0),
         depth_span_mm: 1.0,
         outside_opacity: 0.13,
-        inner_line_strength: 0.8,
+        inner_line_strength: 0.7,
         outer_line_strength: 0.4,
         ..View::default()
     };

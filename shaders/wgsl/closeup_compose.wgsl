@@ -56,54 +56,56 @@ struct Lines {
     grey: f32,           // steps of a voxel and more; edges between faces, fainter
 }
 
-// Two pixels of one plane have the same face, so they are passed over at once.
+// Two pixels of one plane have the same face (and so have two of the background): no line is
+// between them. First all such neighbours are sorted out, then the few others looked at closely.
 fn lines_at(here: vec2<i32>, front: f32) -> Lines {
     let face = surfaces[linear_index(vec2<u32>(here))].y;
     var lines = Lines(0.0, 0.0);
     let reach = select(8u, 12u, view.line_scale > 1.2);
+    var others = 0u;
     for (var n = 0u; n < reach; n++) {
-        let to = neighbour(n);
-        let there = clamped(here + to);
-        let q = depths[there];
-        if (front >= FAR && q >= FAR) || (front < FAR && q < FAR && surfaces[there].y == face) {
-            continue;
-        }
+        others |= select(0u, 1u << n, surfaces[clamped(here + neighbour(n))].y != face);
+    }
+    while others != 0u {
+        let to = neighbour(firstTrailingBit(others));
+        others &= others - 1u;
+        let q = depths[clamped(here + to)];
         let nearer = min(front, q);
         let width = width_at(nearer);
         let away = length(vec2<f32>(to)) - 0.5;
-        if max(front, q) >= FAR {
-            lines.black = max(lines.black, coverage(max(1.7 * width, 1.4), away));
-            continue;
-        }
         let steps = step_mm(depths[clamped(here - to)], front, q, depths[clamped(here + 2 * to)]) / view.voxel_mm;
-        let deep = smoothstep(3.0, 6.0, steps);
+        let border = max(front, q) >= FAR;
+        let deep = select(smoothstep(3.0, 6.0, steps), 1.0, border);
         lines.black = max(lines.black, deep * coverage(max(1.7 * width, 1.4), away));
         // Bricks smaller than a few pixels would turn grey all over.
         let brick_px = view.voxel_mm / footprint_mm(nearer);
         let raised = smoothstep(0.3, 0.9, steps) * smoothstep(1.0, 3.5, brick_px);
         let edge = 0.45 * smoothstep(2.0, 7.0, brick_px);
-        lines.grey = max(lines.grey, max(raised, edge) * coverage(0.9 * width, away));
+        lines.grey = max(lines.grey, select(max(raised, edge), 0.0, border) * coverage(0.9 * width, away));
     }
     return lines;
 }
 
 // Silhouettes and large steps of the outer level, where it hides what the lens shows or nothing.
 fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {
-    let p = outsides[linear_index(vec2<u32>(here))];
-    if p.depth >= front {
-        return 0.0;
-    }
-    var line = 0.0;
+    let at = linear_index(vec2<u32>(here));
+    let depth = outsides[at].depth;
+    let face = outsides[at].face;
+    var others = 0u;
     for (var n = 0u; n < 8u; n++) {
-        let to = neighbour(n);
-        let q = outsides[clamped(here + to)];
-        if q.depth < p.depth || q.face == p.face && q.depth < FAR {
-            continue;
-        }
-        let steps = step_mm(outsides[clamped(here - to)].depth, p.depth, q.depth, outsides[clamped(here + 2 * to)].depth)
-            / view.voxel_mm;
+        others |= select(0u, 1u << n, outsides[clamped(here + neighbour(n))].face != face);
+    }
+    others = select(0u, others, depth < front);
+    var line = 0.0;
+    while others != 0u {
+        let to = neighbour(firstTrailingBit(others));
+        others &= others - 1u;
+        let q = outsides[clamped(here + to)].depth;
+        let steps =
+            step_mm(outsides[clamped(here - to)].depth, depth, q, outsides[clamped(here + 2 * to)].depth) / view.voxel_mm;
         let away = length(vec2<f32>(to)) - 0.5;
-        line = max(line, smoothstep(2.0, 5.0, steps) * coverage(1.3 * width_at(p.depth), away));
+        let drawn = smoothstep(2.0, 5.0, steps) * coverage(1.3 * width_at(depth), away);
+        line = max(line, select(0.0, drawn, q >= depth));
     }
     return line;
 }

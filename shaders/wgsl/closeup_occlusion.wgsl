@@ -40,6 +40,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var n = 0u; n < view.occlusion_samples; n++) {
         let k = kernel[n];
         let offset = vec2<f32>(c * k.x - s * k.y, s * k.x + c * k.y) * radius_px;
+        // The bleeding colour is that of the pair's nearer occluder.
+        var nearest = FAR;
+        var nearest_at = at;
+        var weight = 0.0;
         for (var side = 0; side < 2; side++) {
             let sign = 1.0 - 2.0 * f32(side);
             let to = clamp(here + sign * offset, vec2<f32>(0.0), last);
@@ -47,13 +51,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let occluder = depths[there];
             // What is far in front says little about this place: then half, as on a plane.
             let sure = min(3.0 * radius_mm / max(depth - occluder, 1e-6), 1.0);
-            if occluder < depth + sign * k.z * radius_mm - bias {
-                hidden += 0.5 + 0.5 * sure;
-                bleeding += sure * vec4<f32>(unpack4x8unorm(regions[surfaces[there].x]).rgb, 1.0);
-            } else if occluder < depth {
-                hidden += 0.5 - 0.5 * sure;
+            let inside = occluder < depth + sign * k.z * radius_mm - bias;
+            hidden += select(select(0.0, 0.5 - 0.5 * sure, occluder < depth), 0.5 + 0.5 * sure, inside);
+            if inside && occluder < nearest {
+                nearest = occluder;
+                nearest_at = there;
+                weight = sure;
             }
         }
+        bleeding += weight * vec4<f32>(unpack4x8unorm(regions[surfaces[nearest_at].x]).rgb, 1.0);
     }
     let dark = clamp(GAIN * (hidden / f32(view.occlusion_samples) - 1.0), 0.0, 1.0);
     occlusion[at] = pack4x8unorm(vec4<f32>(bleeding.rgb / max(bleeding.a, 1e-6), dark));

@@ -29,9 +29,19 @@ fn composite(ray: Ray, near: f32, far: f32, axis: u32, only_first: bool, level: 
     }
     let skipping = (view.flags & NO_SKIPPING) == 0u;
     var w = start_walk(ray, near, axis);
-    for (var n = most_steps(); n > 0u && w.t < far; n--) {
+    for (var n = 2u * most_steps(); n > 0u && w.t < far; n--) {
         let brick = brick_of(w.cell);
-        let number = number_at(w.cell, brick);
+        let within = w.cell >> vec3<u32>(3u);
+        let uniform_brick = skipping && (brick.y & UNIFORM) != 0u;
+        var number = number_at(w.cell, brick);
+        // On to the next change of region, or out of the brick.
+        while number == (*level).number && !uniform_brick {
+            step_cell(ray, &w);
+            if w.t >= far || any((w.cell >> vec3<u32>(3u)) != within) {
+                break;
+            }
+            number = number_at(w.cell, brick);
+        }
         if number != (*level).number {
             (*level).number = number;
             if number != 0u {
@@ -50,10 +60,8 @@ fn composite(ray: Ray, near: f32, far: f32, axis: u32, only_first: bool, level: 
                 }
             }
         }
-        if skipping && (brick.y & UNIFORM) != 0u {
+        if uniform_brick {
             step_brick(ray, &w);
-        } else {
-            step_cell(ray, &w);
         }
     }
 }
@@ -64,7 +72,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let at = linear_index(id.xy);
-    var level = Level(Outside(FAR, 0u, 3u, 0u), vec3<f32>(0.0), 1.0, 0u);
+    var level = Level(Outside(FAR, 0u, NO_FACE, 0u), vec3<f32>(0.0), 1.0, 0u);
     let ray = ray_of(id.xy);
     let span = box_interval(ray);
     // Lens off: the selection holds everywhere and nothing is outside.

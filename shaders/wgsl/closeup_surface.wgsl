@@ -13,7 +13,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let at = linear_index(id.xy);
     depths[at] = FAR;
-    surfaces[at] = vec2<u32>(0u);
+    surfaces[at] = vec2<u32>(0u, NO_FACE);
     let ray = ray_of(id.xy);
     var span = box_interval(ray);
     if (view.flags & LENS_ON) != 0u {
@@ -29,18 +29,27 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let skipping = (view.flags & NO_SKIPPING) == 0u;
     var w = start_walk(ray, span.near, span.axis);
+    // Bricks outside, cells inside: the work of a jump is then done once a brick, not once a cell.
     for (var n = most_steps(); n > 0u && w.t < span.far; n--) {
         let brick = brick_of(w.cell);
-        if skipping && (brick.x & view.selected) == 0u {
-            step_brick(ray, &w);
-            continue;
+        let within = w.cell >> vec3<u32>(3u);
+        let empty = skipping && (brick.x & view.selected) == 0u;
+        var number = 0u;
+        while !empty && w.t < span.far && all((w.cell >> vec3<u32>(3u)) == within) {
+            number = number_at(w.cell, brick);
+            if is_shown(number) {
+                break;
+            }
+            number = 0u;
+            step_cell(ray, &w);
         }
-        let number = number_at(w.cell, brick);
-        if is_shown(number) {
+        if number != 0u {
             depths[at] = w.t;
             surfaces[at] = vec2<u32>(number, face_of(ray, w));
             return;
         }
-        step_cell(ray, &w);
+        if empty {
+            step_brick(ray, &w);
+        }
     }
 }

@@ -66,7 +66,7 @@ fn cast_one(scene: &Scene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
             far = far.min(a.max(b));
         }
     }
-    if !(near < far) {
+    if near >= far {
         // Past an edge of the box, perhaps by less than f32 can tell.
         out.delicate = near_edge(o, d, near) || near_edge(o, d, far);
         return out;

@@ -42,6 +42,8 @@ const MANY_REGIONS = 32u;
 
 // Depth of a pixel where nothing was hit.
 const FAR = 1e30;
+// Its face.
+const NO_FACE = 0xffffffffu;
 
 @group(0) @binding(0) var<uniform> view: View;
 

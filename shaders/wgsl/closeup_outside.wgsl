@@ -79,15 +79,19 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if span.near < span.far && (view.flags & LENS_ON) != 0u {
         let hidden = (view.flags & HAS_SURFACE) != 0u && depths[at] < FAR;
         let lens = lens_interval(id.xy);
-        if lens.x >= lens.y {
-            composite(ray, span.near, span.far, span.axis, hidden, &level);
-        } else {
-            composite(ray, span.near, min(span.far, lens.x), span.axis, hidden, &level);
-            if !hidden {
-                let behind = lens.y > span.near;
-                level.number = select(level.number, 0u, behind);
-                composite(ray, max(span.near, lens.y), span.far, select(span.axis, 3u, behind), false, &level);
+        let meets = lens.x < lens.y;
+        // Before the lens, then behind it: one loop, as masked lanes of a vector pay for both.
+        var from_to = vec2<f32>(span.near, select(span.far, min(span.far, lens.x), meets));
+        var axis = span.axis;
+        for (var behind = false; ; behind = true) {
+            composite(ray, from_to.x, from_to.y, axis, hidden, &level);
+            if behind || !meets || hidden {
+                break;
             }
+            let cut = lens.y > span.near;
+            level.number = select(level.number, 0u, cut);
+            axis = select(span.axis, 3u, cut);
+            from_to = vec2<f32>(max(span.near, lens.y), span.far);
         }
     }
     level.first.color = pack4x8unorm(vec4<f32>(level.color, 1.0 - level.through));

@@ -127,7 +127,7 @@ impl Camera {
         if self.projection == Projection::Perspective {
             let distance = self.distance_mm();
             let depth = distance - from_focus.dot(back);
-            if !(depth > distance * 1e-6) {
+            if depth.is_nan() || depth <= distance * 1e-6 {
                 return None;
             }
             pixels_per_mm *= distance / depth;

@@ -1,7 +1,7 @@
 //! Runs a plan.
 //!
 //! Lifetimes: pipelines are made once a [`Renderer`]; a region volume's bricks once per `Arc` (cut
-//! on all cores, then one upload); targets once a size (about 40 bytes a pixel); the uniform, 256
+//! on all cores, then one upload); targets once a size (about 40 bytes a pixel); the uniform, about 200
 //! bytes, and a small table of colours once a frame.
 
 use std::{sync::Arc, time::Instant};

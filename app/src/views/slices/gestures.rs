@@ -30,14 +30,7 @@ pub(super) fn interact(
     if response.dragged_by(PointerButton::Secondary) {
         drag_window(view, response, out);
     }
-    if response.dragged_by(PointerButton::Middle) || (shift && response.dragged_by(PointerButton::Primary)) {
-        let drag = response.drag_delta();
-        let moved = DVec2::new(f64::from(drag.x), f64::from(drag.y)) * layout.mm_per_point();
-        if moved != DVec2::ZERO {
-            let plane = layout.slice.plane;
-            out.push(Command::SetPan(plane, view.doc.nav.pan_mm[plane as usize] - moved));
-        }
-    }
+    pan(ui, view, layout, response, out);
     if response.hovered() {
         scroll(ui, view, layout, memory, out);
         zoom(ui, view, layout, response, out);
@@ -62,6 +55,21 @@ fn crosshair(
     let place = layout.world_at(pos.clamp(layout.rect.min, layout.rect.max));
     if place != view.doc.nav.cursor_mm {
         out.push(Command::SetCursor(place));
+    }
+}
+
+/// Middle button, or shift and the primary one.
+fn pan(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, out: &mut Vec<Command>) {
+    // From the press on, not from where egui calls it a drag: what was grabbed stays under the pointer.
+    let moved = ui.input(|i| {
+        let grabbed = i.pointer.button_down(PointerButton::Middle)
+            || (i.modifiers.shift && i.pointer.button_down(PointerButton::Primary));
+        if grabbed && response.is_pointer_button_down_on() { i.pointer.delta() } else { egui::Vec2::ZERO }
+    });
+    if moved != egui::Vec2::ZERO {
+        let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y)) * layout.mm_per_point();
+        let plane = layout.slice.plane;
+        out.push(Command::SetPan(plane, view.doc.nav.pan_mm[plane as usize] - moved));
     }
 }
 
@@ -158,10 +166,4 @@ fn keys(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, o
             }
         }
     }
-}
-
-/// A place of the world in whole tenths of a millimetre: what two readouts of one place agree on.
-#[cfg(test)]
-pub(super) fn tenths(world_mm: glam::DVec3) -> [i64; 3] {
-    world_mm.to_array().map(|mm| (mm * 10.0).round() as i64)
 }

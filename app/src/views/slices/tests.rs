@@ -1,1 +1,303 @@
+//! What mouse and keys do, in millimetres.
 
+use std::{sync::Arc, time::Instant};
+
+use egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, Rect, TouchPhase, Vec2, vec2};
+use egui_kittest::{Harness, kittest::Queryable};
+use glam::{DAffine3, DMat3, DVec3};
+use glioscope_core::{
+    Grid, Mask, MaskBits, Regions, Samples, Scaling, Sides, TumorIndex, Volume,
+    case::{Case, CaseMask, Context, TimePoint},
+};
+use glioscope_render::slices::{Convention, Plane, Window};
+
+use super::{Drawn, ViewContext, show};
+use crate::{commands::Command, document::CaseRef, workstation::Workstation, world::Loaded};
+
+/// 40 mm by 60 mm by 80 mm in voxels of 1, 1.5 and 2 mm; values 0, 1, 2 … along x; masks "left" and
+/// "front" over the two halves. The middle is at 100, 200, 300 mm.
+fn case(sides: Sides) -> Case {
+    let spacing = DVec3::new(1.0, 1.5, 2.0);
+    let dims = [40, 40, 40];
+    let translation = DVec3::new(100.0, 200.0, 300.0) - spacing * 19.5;
+    let grid =
+        Grid::new(dims, DAffine3 { matrix3: DMat3::from_diagonal(spacing), translation }, sides).unwrap();
+    let values: Vec<i16> = (0..grid.voxel_count()).map(|l| (l % 40) as i16).collect();
+    let volume = Arc::new(Volume::new(grid.clone(), Samples::I16(values), Scaling::NONE).unwrap());
+    let mask = |id: &str, active: &dyn Fn(usize) -> bool| {
+        let bits = MaskBits::from_fn(dims, active);
+        Mask::new(id, grid.clone(), bits).unwrap()
+    };
+    let masks = [mask("left", &|l| l % 40 < 20), mask("front", &|l| l / 40 % 40 >= 20)];
+    let index = TumorIndex::new(grid.clone(), &[&masks[0], &masks[1]]).unwrap();
+    let regions = Arc::new(Regions::of(&index));
+    let masks = masks
+        .map(|mask| CaseMask {
+            native_voxels: mask.voxels(),
+            native_volume_ml: mask.volume_ml(),
+            mask,
+            color: None,
+        })
+        .to_vec();
+    let contexts = vec![Context { id: "T1c".into(), volume }];
+    let time_point = TimePoint { label: String::new(), contexts, masks, index: Arc::new(index), regions };
+    Case { name: "test".into(), grid, time_points: vec![time_point], checks: Vec::new() }
+}
+
+struct Bench {
+    work: Workstation,
+    rect: Rect,
+}
+
+impl Bench {
+    fn cursor(&self) -> DVec3 {
+        self.work.doc.as_ref().unwrap().nav.cursor_mm
+    }
+
+    fn window(&self) -> Option<Window> {
+        self.work.doc.as_ref().unwrap().edit.windows.get("T1c").copied()
+    }
+}
+
+/// One slice view at half a millimetre a point, the crosshair in the middle of the case.
+fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static, Bench> {
+    let mut work = Workstation::with_case(CaseRef::Sample, Loaded::new(case(sides)));
+    let nav = &mut work.doc.as_mut().unwrap().nav;
+    nav.mm_per_point = Some(0.5);
+    nav.convention = convention;
+    nav.cursor_mm = DVec3::new(100.0, 200.0, 300.0);
+    let mut harness = Harness::builder().with_size(vec2(300.0, 240.0)).with_step_dt(1.0 / 60.0).build_ui_state(
+        move |ui, bench: &mut Bench| {
+            bench.rect = ui.available_rect_before_wrap();
+            let mut out = Vec::new();
+            let doc = bench.work.doc.as_ref().unwrap();
+            let case = bench.work.world.case().unwrap().clone();
+            let view = ViewContext {
+                doc,
+                case: &case,
+                time_point: &case.time_points[0],
+                colors: &bench.work.world.colors(doc),
+                context: bench.work.world.context(doc),
+            };
+            show(ui, &view, plane, &mut out);
+            for command in out {
+                bench.work.apply(&command, Instant::now());
+            }
+        },
+        Bench { work, rect: Rect::NOTHING },
+    );
+    harness.run();
+    harness
+}
+
+fn radiological(plane: Plane) -> Harness<'static, Bench> {
+    bench(plane, Sides::Known, Convention::Radiological)
+}
+
+fn middle_and(harness: &Harness<'_, Bench>, x: f32, y: f32) -> Pos2 {
+    harness.state().rect.center() + vec2(x, y)
+}
+
+fn press(harness: &mut Harness<'_, Bench>, pos: Pos2, button: PointerButton, pressed: bool) {
+    harness.event(Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE });
+    harness.step();
+}
+
+fn drag(harness: &mut Harness<'_, Bench>, from: Pos2, by: Vec2, button: PointerButton) {
+    harness.hover_at(from);
+    harness.step();
+    press(harness, from, button, true);
+    for part in 1..=10 {
+        harness.hover_at(from + by * (part as f32 / 10.0));
+        harness.step();
+    }
+    press(harness, from + by, button, false);
+    harness.run();
+}
+
+fn wheel(harness: &mut Harness<'_, Bench>, lines: f32, modifiers: Modifiers) {
+    harness.event_modifiers(
+        Event::MouseWheel {
+            unit: MouseWheelUnit::Line,
+            delta: vec2(0.0, lines),
+            phase: TouchPhase::Move,
+            source: egui::MouseWheelSource::Wheel,
+            modifiers,
+        },
+        modifiers,
+    );
+    // egui smooths scrolling and zooming over some frames.
+    harness.run_steps(60);
+}
+
+fn assert_near(found: DVec3, expected: [f64; 3]) {
+    let expected = DVec3::from_array(expected);
+    assert!(found.distance(expected) < 1e-3, "found {found}, expected {expected}");
+}
+
+fn draws(harness: &Harness<'_, Bench>) -> u64 {
+    harness.ctx.data(|data| data.iter_temp_by_type::<Drawn>().map(|d| d.draws).sum())
+}
+
+#[test]
+fn a_click_moves_the_crosshair_to_the_millimetres_under_it() {
+    use Convention::{Neurological, Radiological};
+    for (plane, convention, expected) in [
+        (Plane::Axial, Radiological, [90.0, 205.0, 300.0]),
+        (Plane::Axial, Neurological, [110.0, 205.0, 300.0]),
+        (Plane::Coronal, Radiological, [90.0, 200.0, 305.0]),
+        (Plane::Sagittal, Radiological, [100.0, 190.0, 305.0]),
+    ] {
+        let mut harness = bench(plane, Sides::Known, convention);
+        let pos = middle_and(&harness, 20.0, -10.0);
+        harness.hover_at(pos);
+        press(&mut harness, pos, PointerButton::Primary, true);
+        press(&mut harness, pos, PointerButton::Primary, false);
+        harness.run();
+        assert_near(harness.state().cursor(), expected);
+    }
+}
+
+#[test]
+fn dragging_carries_the_crosshair_along() {
+    let mut harness = radiological(Plane::Coronal);
+    let from = middle_and(&harness, 0.0, 0.0);
+    drag(&mut harness, from, vec2(-30.0, 40.0), PointerButton::Primary);
+    assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
+}
+
+#[test]
+fn dragging_right_widens_the_window_and_undo_takes_it_back() {
+    let mut harness = radiological(Plane::Axial);
+    let before = harness.state().work.world.context(harness.state().work.doc.as_ref().unwrap());
+    let before = before.unwrap().1.histogram().initial_window();
+    let from = middle_and(&harness, 0.0, 0.0);
+    drag(&mut harness, from, vec2(90.0, 0.0), PointerButton::Secondary);
+    let after = harness.state().window().unwrap();
+    let factor = (after.width() / before.width()).ln() * 300.0;
+    assert!((factor - 90.0).abs() < 1e-3, "widened by {factor} points");
+    assert!((after.level() - before.level()).abs() < 1e-9);
+    assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
+    drag(&mut harness, from, vec2(0.0, -30.0), PointerButton::Secondary);
+    let up = harness.state().window().unwrap();
+    assert!(up.level() < after.level(), "dragging up brightens");
+    harness.state_mut().work.apply(&Command::Undo, Instant::now());
+    assert_eq!(harness.state().window(), None, "one gesture soon after the other is one undo");
+}
+
+#[test]
+fn the_wheel_goes_slice_by_slice_and_stops_at_the_last() {
+    for (plane, axis, step, last) in
+        [(Plane::Axial, 2, 2.0, 339.0), (Plane::Coronal, 1, 1.5, 229.25), (Plane::Sagittal, 0, 1.0, 119.5)]
+    {
+        let mut harness = radiological(plane);
+        let pos = middle_and(&harness, 30.0, 10.0);
+        harness.hover_at(pos);
+        harness.run();
+        wheel(&mut harness, 1.0, Modifiers::NONE);
+        let mut expected = [100.0, 200.0, 300.0];
+        expected[axis] += step;
+        assert_near(harness.state().cursor(), expected);
+        wheel(&mut harness, -2.0, Modifiers::NONE);
+        expected[axis] -= 2.0 * step;
+        assert_near(harness.state().cursor(), expected);
+        wheel(&mut harness, 1000.0, Modifiers::NONE);
+        expected[axis] = last;
+        assert_near(harness.state().cursor(), expected);
+    }
+}
+
+#[test]
+fn zooming_keeps_what_is_under_the_pointer() {
+    let mut harness = radiological(Plane::Axial);
+    let pos = middle_and(&harness, 60.0, -40.0);
+    harness.hover_at(pos);
+    harness.run();
+    wheel(&mut harness, 3.0, Modifiers::CTRL);
+    let nav = &harness.state().work.doc.as_ref().unwrap().nav;
+    assert!(nav.mm_per_point.unwrap() < 0.45, "{:?}", nav.mm_per_point);
+    press(&mut harness, pos, PointerButton::Primary, true);
+    press(&mut harness, pos, PointerButton::Primary, false);
+    assert_near(harness.state().cursor(), [70.0, 220.0, 300.0]);
+}
+
+#[test]
+fn panning_moves_the_picture_with_the_pointer_and_a_double_click_puts_it_back() {
+    let mut harness = radiological(Plane::Sagittal);
+    let from = middle_and(&harness, 0.0, 0.0);
+    drag(&mut harness, from, vec2(24.0, -16.0), PointerButton::Middle);
+    assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
+    let pos = from + vec2(24.0, -16.0);
+    press(&mut harness, pos, PointerButton::Primary, true);
+    press(&mut harness, pos, PointerButton::Primary, false);
+    assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
+    press(&mut harness, pos, PointerButton::Primary, true);
+    press(&mut harness, pos, PointerButton::Primary, false);
+    harness.run();
+    let nav = &harness.state().work.doc.as_ref().unwrap().nav;
+    assert_eq!((nav.mm_per_point, nav.pan_mm), (None, [glam::DVec2::ZERO; 3]));
+}
+
+#[test]
+fn keys_move_by_slices_and_voxels() {
+    let mut harness = radiological(Plane::Axial);
+    harness.hover_at(middle_and(&harness, 5.0, 5.0));
+    harness.run();
+    harness.key_press(Key::PageUp);
+    harness.run();
+    assert_near(harness.state().cursor(), [100.0, 200.0, 302.0]);
+    // Right in the picture is the patient's left; up is anterior.
+    harness.key_press(Key::ArrowRight);
+    harness.run();
+    harness.key_press(Key::ArrowUp);
+    harness.run();
+    assert_near(harness.state().cursor(), [99.0, 201.5, 302.0]);
+}
+
+#[test]
+fn the_readout_says_place_value_and_masks_to_assistive_tools() {
+    let mut harness = radiological(Plane::Axial);
+    harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm = DVec3::new(90.0, 210.0, 300.0);
+    harness.run();
+    let expected = "Axial slice S 300.0 mm: R 90.0  A 210.0  S 300.0 mm  ·  T1c 10  ·  left + front";
+    harness.get_by_label(expected);
+    harness.state_mut().work.apply(&Command::SetRegion(0b11, false), Instant::now());
+    harness.run();
+    harness.get_by_label(&format!("{expected} (hidden)"));
+    harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm.x = 500.0;
+    harness.run();
+    harness.get_by_label_contains("outside T1c");
+}
+
+#[test]
+fn unknown_sides_are_never_named() {
+    let mut harness = bench(Plane::Coronal, Sides::Unknown, Convention::Radiological);
+    harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm = DVec3::new(100.2, 200.2, 300.2);
+    harness.run();
+    harness.get_by_label("Coronal slice +200.2 mm: x 100.2  y 200.2  z 300.2 mm  ·  T1c 20  ·  front");
+}
+
+#[test]
+fn a_slice_is_drawn_again_only_when_it_changed() {
+    let mut harness = radiological(Plane::Axial);
+    let first = draws(&harness);
+    harness.run_steps(5);
+    harness.hover_at(middle_and(&harness, 3.0, 3.0));
+    harness.run();
+    // Along the plane the crosshair moves, the slice doesn't.
+    harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm.x += 7.0;
+    harness.run();
+    assert_eq!(draws(&harness), first);
+    for command in [
+        Command::SetRegion(1, false),
+        Command::SetOverlayOpacity(0.9),
+        Command::SetWindow("T1c".into(), Window { low: 3.0, high: 9.0 }),
+        Command::SetCursor(DVec3::new(100.0, 200.0, 310.0)),
+        Command::SetContext(None),
+    ] {
+        let before = draws(&harness);
+        harness.state_mut().work.apply(&command, Instant::now());
+        harness.run();
+        assert_eq!(draws(&harness), before + 1, "{command:?}");
+    }
+}

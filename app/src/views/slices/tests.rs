@@ -66,26 +66,27 @@ fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static,
     nav.mm_per_point = Some(0.5);
     nav.convention = convention;
     nav.cursor_mm = DVec3::new(100.0, 200.0, 300.0);
-    let mut harness = Harness::builder().with_size(vec2(300.0, 240.0)).with_step_dt(1.0 / 60.0).build_ui_state(
-        move |ui, bench: &mut Bench| {
-            bench.rect = ui.available_rect_before_wrap();
-            let mut out = Vec::new();
-            let doc = bench.work.doc.as_ref().unwrap();
-            let case = bench.work.world.case().unwrap().clone();
-            let view = ViewContext {
-                doc,
-                case: &case,
-                time_point: &case.time_points[0],
-                colors: &bench.work.world.colors(doc),
-                context: bench.work.world.context(doc),
-            };
-            show(ui, &view, plane, &mut out);
-            for command in out {
-                bench.work.apply(&command, Instant::now());
-            }
-        },
-        Bench { work, rect: Rect::NOTHING },
-    );
+    let mut harness =
+        Harness::builder().with_size(vec2(300.0, 240.0)).with_step_dt(1.0 / 60.0).build_ui_state(
+            move |ui, bench: &mut Bench| {
+                bench.rect = ui.available_rect_before_wrap();
+                let mut out = Vec::new();
+                let doc = bench.work.doc.as_ref().unwrap();
+                let case = bench.work.world.case().unwrap().clone();
+                let view = ViewContext {
+                    doc,
+                    case: &case,
+                    time_point: &case.time_points[0],
+                    colors: &bench.work.world.colors(doc),
+                    context: bench.work.world.context(doc),
+                };
+                show(ui, &view, plane, &mut out);
+                for command in out {
+                    bench.work.apply(&command, Instant::now());
+                }
+            },
+            Bench { work, rect: Rect::NOTHING },
+        );
     harness.run();
     harness
 }

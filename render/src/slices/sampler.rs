@@ -124,7 +124,7 @@ impl Sampler {
             lower[axis] = first * self.strides[axis];
             step[axis] = ((base + 1).min(self.dims[axis] - 1) - first) * self.strides[axis];
             let fraction = (place.0[axis] & (ONE - 1)) >> (FRACTION_BITS - WEIGHT_BITS);
-            weight[axis] = fraction as f64 * (1.0 / (1 << WEIGHT_BITS) as f64);
+            weight[axis] = fraction as f64 * (1.0 / f64::from(1 << WEIGHT_BITS));
         }
         let corner = self.first + lower[0] + lower[1] + lower[2];
         let line = |offset: i64| {

@@ -127,7 +127,7 @@ fn scroll(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id, out: &mu
 fn zoom(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, out: &mut Vec<Command>) {
     let factor = f64::from(ui.input(egui::InputState::zoom_delta));
     let Some(pos) = response.hover_pos() else { return };
-    if factor == 1.0 || !(factor > 0.0) {
+    if factor == 1.0 || factor <= 0.0 || factor.is_nan() {
         return;
     }
     let before = layout.mm_per_point();

@@ -48,7 +48,7 @@ pub fn run(start: Start) -> Result<(), String> {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     let preference =
         if start.software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
-    setup.instance_descriptor.backends = wgpu::Backends::PRIMARY;
+    setup.instance_descriptor = gpu::instance_descriptor();
     setup.native_adapter_selector = Some(adapter_selector(preference));
     setup.device_descriptor = Arc::new(gpu::device_descriptor);
     let options = eframe::NativeOptions {

@@ -28,7 +28,7 @@ use image::RgbaImage;
 /// The wgpu setup of every test: the software adapter, with what the renderer needs.
 pub fn software_setup() -> WgpuSetup {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
-    setup.instance_descriptor.backends = egui_wgpu::wgpu::Backends::PRIMARY;
+    setup.instance_descriptor = gpu::instance_descriptor();
     setup.native_adapter_selector = Some(adapter_selector(AdapterPreference::SoftwareOnly));
     setup.device_descriptor = Arc::new(gpu::device_descriptor);
     WgpuSetup::CreateNew(setup)

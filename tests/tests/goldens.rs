@@ -1,0 +1,121 @@
+//! Pictures of the sample on the software adapter: counted pixels first, then goldens.
+
+use glam::DVec3;
+use glioscope::document::CaseRef;
+use glioscope_tests::{count_color, golden, run, workstation};
+use image::RgbaImage;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+const BACKGROUND: [u8; 3] = [244, 244, 242];
+
+fn picture(arguments: &[&str]) -> RgbaImage {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.png");
+    let mut all = vec!["render", "--sample", "--software", "--size", "512x512", "--out", path.to_str().unwrap()];
+    all.extend(arguments);
+    let output = run(PROGRAM, &all);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    image::open(&path).unwrap().to_rgba8()
+}
+
+/// Seen from the front without perspective, the union's shadow has as many square millimetres as
+/// there are columns of voxels with any tissue.
+#[test]
+fn the_closeup_s_silhouette_has_the_tumour_s_area() {
+    let work = workstation(CaseRef::Sample);
+    let doc = work.doc.as_ref().unwrap();
+    let index = &work.world.time_point(doc).unwrap().index;
+    let grid = index.grid();
+    assert!(!grid.is_oblique(0.01), "the sample's case grid has axes along the patient's");
+    let front = (0..3).find(|&axis| {
+        let mut step = [0.0; 3];
+        step[axis] = 1.0;
+        grid.world_from_voxel().transform_vector3(DVec3::from_array(step)).y.abs() > 0.1
+    });
+    let front = front.unwrap();
+    let (dims, mut columns) = (grid.dims(), std::collections::BTreeSet::new());
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                if index.get(grid.linear([x, y, z])) != 0 {
+                    let mut column = [x, y, z];
+                    column[front] = 0;
+                    columns.insert(column);
+                }
+            }
+        }
+    }
+    let face_mm2 = grid.voxel_volume_mm3() / grid.spacing_mm()[front];
+    let expected_mm2 = columns.len() as f64 * face_mm2;
+
+    let closeup = picture(&["--plain", "--camera", "0,0", "--orthographic", "--lens", "off"]);
+    let tissue = 512 * 512 - count_color(&closeup, BACKGROUND, 3);
+    let mm_per_pixel = doc.nav.camera.height_mm / 512.0;
+    let found_mm2 = tissue as f64 * mm_per_pixel * mm_per_pixel;
+    // Silhouettes are a pixel wide and half of them lie outside: about 1 % of this shape.
+    let ratio = found_mm2 / expected_mm2;
+    assert!((ratio - 1.0).abs() < 0.02, "{found_mm2:.1} mm², expected {expected_mm2:.1}: {ratio:.4}");
+}
+
+#[test]
+fn closeup_with_the_lens() {
+    let closeup = picture(&[]);
+    for color in [[255, 0, 0], [0, 255, 0], [0, 0, 255]] {
+        assert!(count_color(&closeup, color, 40) > 1500, "{color:?}");
+    }
+    golden("closeup_lens_on", &closeup);
+}
+
+#[test]
+fn closeup_without_the_lens() {
+    let closeup = picture(&["--lens", "off"]);
+    // The ring is gone.
+    assert_eq!(count_color(&closeup, [214, 24, 24], 6), 0);
+    golden("closeup_lens_off", &closeup);
+}
+
+#[test]
+fn closeup_with_a_region_deselected() {
+    let closeup = picture(&["--select", "T1,PET,T1+T2,T1+PET,T2+PET,T1+T2+PET"]);
+    let pure_green = count_color(&closeup, [0, 255, 0], 30);
+    // What is left is the legend's swatch.
+    assert!(pure_green < 200, "T2 alone is hidden in the lens: {pure_green} pixels");
+    golden("closeup_deselected", &closeup);
+}
+
+#[test]
+fn closeup_dark_and_colour_blind_safe() {
+    golden("closeup_dark_safe", &picture(&["--dark", "--color-blind-safe"]));
+}
+
+#[test]
+fn slices() {
+    golden("slice_axial", &picture(&["--view", "axial"]));
+    golden("slice_coronal", &picture(&["--view", "coronal"]));
+    golden("slice_sagittal", &picture(&["--view", "sagittal", "--dark"]));
+}
+
+/// Neurological is radiological mirrored: the marker on the patient's right changes sides.
+#[test]
+fn conventions_mirror_the_picture() {
+    let brightness = |picture: &RgbaImage, left: bool| -> u64 {
+        picture
+            .enumerate_pixels()
+            .filter(|(x, _, _)| (*x < 256) == left)
+            .filter(|(_, _, p)| p.0[1] > 150 && p.0[0] < 100)
+            .map(|_| 1)
+            .sum()
+    };
+    let fill = ["--view", "axial", "--overlay", "fill"];
+    let radiological = picture(&fill);
+    let neurological = picture(&[&fill[..], &["--neurological"]].concat());
+    // The tumour is in the left hemisphere: on the right of a radiological picture.
+    assert!(brightness(&radiological, false) > 10 * brightness(&radiological, true).max(1));
+    assert!(brightness(&neurological, true) > 10 * brightness(&neurological, false).max(1));
+}
+
+#[test]
+fn overlap_diagram() {
+    golden("overlap_ring", &picture(&["--view", "overlap", "--select", "all"]));
+    golden("overlap_whole_masks", &picture(&["--view", "overlap", "--whole-masks", "--dark"]));
+}

@@ -1,0 +1,223 @@
+//! The window, driven as a person would, without a display: egui_kittest on the software adapter.
+
+use egui::{Modifiers, Theme};
+use egui_kittest::{Harness, kittest::Queryable};
+use glioscope::{
+    commands::Command,
+    document::{CaseRef, Pane},
+    window::GlioscopeApp,
+};
+use glioscope_render::slices::Plane;
+use glioscope_tests::{count_color, crop, window_on};
+
+const SIZE: [f32; 2] = [1280.0, 800.0];
+const GREEN: [u8; 3] = [0, 255, 0];
+
+fn sample() -> Harness<'static, GlioscopeApp> {
+    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
+    harness.run_ok();
+    harness
+}
+
+fn t2_only(harness: &Harness<'_, GlioscopeApp>) -> u32 {
+    let app = harness.state();
+    let time_point = app.work.world.time_point(app.work.doc.as_ref().unwrap()).unwrap();
+    1 << time_point.regions.mask_ids().iter().position(|id| id == "T2").unwrap()
+}
+
+fn shows(harness: &Harness<'_, GlioscopeApp>, bits: u32) -> bool {
+    harness.state().work.doc.as_ref().unwrap().edit.selection.shows(bits)
+}
+
+/// Pixels of pure green in the closeup: T2 alone, seen in the lens.
+fn green_in_closeup(harness: &mut Harness<'_, GlioscopeApp>) -> usize {
+    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+    let picture = harness.render().unwrap();
+    // The legend's swatches are green too: below them.
+    let rect = egui::Rect::from_min_max(rect.min + egui::vec2(0.0, 80.0), rect.max);
+    count_color(&crop(&picture, rect), GREEN, 40)
+}
+
+#[test]
+fn clicking_a_segment_hides_its_region_everywhere_and_undo_brings_it_back() {
+    let mut harness = sample();
+    let bits = t2_only(&harness);
+    let before = green_in_closeup(&mut harness);
+    assert!(before > 2000, "T2 alone is seen in the closeup: {before} pixels");
+
+    harness.get_all_by_label_contains("T2 only,").next().unwrap().click();
+    harness.run_ok();
+    assert!(!shows(&harness, bits));
+    let hidden = green_in_closeup(&mut harness);
+    assert!(hidden * 20 < before, "hidden in the closeup: {hidden} of {before} pixels");
+    assert!(harness.query_by_label_contains("6 of 7 regions shown").is_some());
+
+    harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::Z);
+    harness.run_ok();
+    assert!(shows(&harness, bits));
+    assert_eq!(green_in_closeup(&mut harness), before);
+
+    harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, egui::Key::Z);
+    harness.run_ok();
+    assert!(!shows(&harness, bits), "redo hides it again");
+}
+
+#[test]
+fn the_table_s_check_box_does_the_same() {
+    let mut harness = sample();
+    let bits = t2_only(&harness);
+    harness.get_by_label("Show T2").click();
+    harness.run_ok();
+    assert!(!shows(&harness, bits));
+    harness.get_by_label("Show all").click();
+    harness.run_ok();
+    assert!(shows(&harness, bits));
+}
+
+#[test]
+fn the_pointer_over_the_closeup_moves_the_slices_to_the_surface() {
+    let mut harness = sample();
+    let before = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
+    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+    harness.hover_at(rect.center());
+    harness.run_ok();
+    let app = harness.state();
+    let doc = app.work.doc.as_ref().unwrap();
+    let picked = app.closeup.hover.expect("the tumour is in the middle of the closeup");
+    assert_eq!(doc.nav.cursor_mm, picked.world_mm);
+    assert_ne!(doc.nav.cursor_mm, before);
+    // Half a voxel further along the line of sight there is tissue of the region picked.
+    let inwards = (picked.world_mm - doc.nav.camera.eye_mm()).try_normalize().unwrap() * 0.1;
+    let index = &app.work.world.time_point(doc).unwrap().index;
+    assert_eq!(index.at_mm(picked.world_mm + inwards), picked.bits);
+}
+
+#[test]
+fn a_click_on_a_slice_moves_the_crosshair_of_all() {
+    let mut harness = sample();
+    let rect = harness.state().pane_rect(Pane::Slice(Plane::Axial)).unwrap();
+    let before = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
+    let at = rect.center() + egui::vec2(12.0, -9.0);
+    harness.hover_at(at);
+    harness.drag_at(at);
+    harness.drop_at(at);
+    harness.run_ok();
+    let after = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
+    assert_ne!(after, before);
+    assert_eq!(after.z, before.z, "an axial click stays on its slice");
+}
+
+#[test]
+fn turning_the_closeup_turns_the_camera_about_the_lens() {
+    let mut harness = sample();
+    let before = harness.state().work.doc.as_ref().unwrap().nav.camera;
+    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+    harness.hover_at(rect.center());
+    harness.drag_at(rect.center());
+    harness.hover_at(rect.center() + egui::vec2(60.0, 0.0));
+    harness.run_ok();
+    harness.drop_at(rect.center() + egui::vec2(60.0, 0.0));
+    harness.run_ok();
+    let after = harness.state().work.doc.as_ref().unwrap().nav.camera;
+    assert_ne!(after.world_from_camera, before.world_from_camera);
+    assert_eq!(after.focus_mm, before.focus_mm);
+}
+
+#[test]
+fn an_idle_window_draws_nothing() {
+    let mut harness = sample();
+    let frames = harness.state().viewport.as_ref().unwrap().frames_drawn;
+    harness.run_steps(20);
+    assert_eq!(harness.state().viewport.as_ref().unwrap().frames_drawn, frames);
+    assert!(!harness.ctx.has_requested_repaint(), "nothing asks for another frame");
+}
+
+#[test]
+fn the_palette_finds_and_does_a_command() {
+    let mut harness = sample();
+    harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::P);
+    harness.run_ok();
+    harness.get_by_label("Search commands").type_text("lens on");
+    harness.run_ok();
+    harness.key_press(egui::Key::Enter);
+    harness.run_ok();
+    assert!(!harness.state().work.doc.as_ref().unwrap().edit.lens_on);
+}
+
+#[test]
+fn panes_are_maximised_and_brought_back() {
+    let mut harness = sample();
+    harness.get_by_label("Maximise the closeup").click();
+    harness.run_ok();
+    let wide = harness.state().pane_rect(Pane::Closeup).unwrap();
+    assert!(wide.width() > SIZE[0] * 0.95);
+    assert_eq!(harness.state().pane_rect(Pane::Overlap), None);
+    harness.get_by_label("Restore the closeup").click();
+    harness.run_ok();
+    assert!(harness.state().pane_rect(Pane::Overlap).is_some());
+}
+
+#[test]
+fn a_session_is_saved_whole_and_opens_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("visit.glioscope.json");
+    let mut harness = sample();
+    let bits = t2_only(&harness);
+    let ctx = harness.ctx.clone();
+    let now = std::time::Instant::now();
+    harness.state_mut().perform(&ctx, &Command::ToggleRegion(bits), now);
+    harness.state_mut().perform(&ctx, &Command::SaveSessionTo(path.clone()), now);
+    harness.run_ok();
+    assert_eq!(harness.state().work.error, None);
+    let saved = harness.state().work.doc.clone().unwrap();
+    assert_eq!(glioscope::session::load(&path).unwrap(), saved);
+
+    let mut other = sample();
+    let ctx = other.ctx.clone();
+    other.state_mut().perform(&ctx, &Command::OpenSession(path.clone()), now);
+    for _ in 0..400 {
+        other.run_steps(1);
+        if other.state().work.job.is_none() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(25));
+    }
+    other.run_ok();
+    assert_eq!(other.state().work.doc.as_ref().unwrap().edit.selection, saved.edit.selection);
+
+    std::fs::write(&path, br#"{"glioscope_session": 99}"#).unwrap();
+    let error = glioscope::session::load(&path).unwrap_err().to_string();
+    assert!(error.contains("99"), "{error}");
+}
+
+#[test]
+fn a_folder_s_guess_is_shown_before_it_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("case");
+    glioscope_core::sample::write_sample(&out).unwrap();
+    std::fs::remove_file(out.join("case.toml")).unwrap();
+    for entry in std::fs::read_dir(&out).unwrap() {
+        let path = entry.unwrap().path();
+        if path.to_string_lossy().contains("04-15") || path.extension().is_some_and(|e| e == "json") {
+            std::fs::remove_file(path).unwrap();
+        }
+    }
+    let mut harness = sample();
+    let ctx = harness.ctx.clone();
+    let open = Command::Open(CaseRef::Path(out));
+    harness.state_mut().perform(&ctx, &open, std::time::Instant::now());
+    for _ in 0..400 {
+        harness.run_steps(1);
+        if harness.state().work.job.is_none() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(25));
+    }
+    harness.run_ok();
+    assert_eq!(harness.state().work.error, None);
+    assert!(harness.state().work.guess.is_some());
+    assert_eq!(harness.state().work.doc.as_ref().unwrap().case, CaseRef::Sample, "not used yet");
+    harness.get_by_label("Open it like this").click();
+    harness.run_ok();
+    assert!(harness.state().work.guess.is_none());
+}

@@ -143,19 +143,19 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
             .case()
             .map(|c| c.time_points.iter().map(|t| t.label.as_str()).collect())
             .unwrap_or_default();
-        ComboBox::from_id_salt("time").selected_text(time_point.label.as_str()).width(96.0).show_ui(
-            ui,
-            |ui| {
-                for (at, label) in labels.iter().enumerate() {
-                    if ui.selectable_label(at == doc.nav.time, *label).clicked() {
-                        out.push(Command::SetTime(at));
-                    }
+        let combo = ComboBox::from_id_salt("time").selected_text(time_point.label.as_str()).width(96.0);
+        let response = combo.show_ui(ui, |ui| {
+            for (at, label) in labels.iter().enumerate() {
+                if ui.selectable_label(at == doc.nav.time, *label).clicked() {
+                    out.push(Command::SetTime(at));
                 }
-            },
-        );
+            }
+        });
+        named(&response.response, "Date");
     }
     let context = doc.nav.context.as_deref().unwrap_or("no image");
-    ComboBox::from_id_salt("context").selected_text(context).width(80.0).show_ui(ui, |ui| {
+    let combo = ComboBox::from_id_salt("context").selected_text(context).width(80.0);
+    let response = combo.show_ui(ui, |ui| {
         for c in &time_point.contexts {
             if ui.selectable_label(doc.nav.context.as_ref() == Some(&c.id), &c.id).clicked() {
                 out.push(Command::SetContext(Some(c.id.clone())));
@@ -165,6 +165,7 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
             out.push(Command::SetContext(None));
         }
     });
+    named(&response.response, "Image on the slices");
     if let Some((id, prepared)) = work.world.context(doc) {
         ui.menu_button("Window", |ui| {
             for preset in prepared.histogram().presets() {
@@ -201,6 +202,11 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     if response.on_hover_text("Opacity of masks on slices").changed() {
         out.push(Command::SetOverlayOpacity(opacity));
     }
+}
+
+/// Names a choice for screen readers, who don't see what stands around it.
+fn named(combo: &egui::Response, name: &str) {
+    combo.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
 }
 
 /// What is shown while no case is open.

@@ -50,7 +50,7 @@ fn clicking_a_segment_hides_its_region_everywhere_and_undo_brings_it_back() {
     assert!(!shows(&harness, bits));
     let hidden = green_in_closeup(&mut harness);
     assert!(hidden * 20 < before, "hidden in the closeup: {hidden} of {before} pixels");
-    assert!(harness.query_by_label_contains("6 of 7 regions shown").is_some());
+    assert!(harness.query_by_label_contains("6 of 7 shown").is_some());
 
     harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::Z);
     harness.run_ok();

@@ -75,7 +75,8 @@ impl PaneArea<'_> {
             ),
             Pane::Overlap => {
                 let input = overlap_input(&self.view);
-                overlap::show(ui, &input, self.out);
+                let margin = egui::Frame::new().inner_margin(6);
+                margin.show(ui, |ui| overlap::show(ui, &input, self.out));
             }
             Pane::Slice(plane) => slices::show(ui, &self.view, plane, self.out),
             Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref_mut()),

@@ -1,5 +1,13 @@
 //! Pictures of the sample on the software adapter: counted pixels first, then goldens.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
 use glam::DVec3;
 use glioscope::document::CaseRef;
 use glioscope_tests::{count_color, golden, run, workstation};

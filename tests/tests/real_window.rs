@@ -1,5 +1,13 @@
 //! The real window, on a virtual display.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
 use std::{
     process::{Child, Command, Stdio},
     time::{Duration, Instant},

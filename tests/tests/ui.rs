@@ -1,5 +1,13 @@
 //! The window, driven as a person would, without a display: egui_kittest on the software adapter.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
 use egui::{Modifiers, Theme};
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{

@@ -67,7 +67,7 @@ pub enum Task {
         json: bool,
     },
     /// Draw one view into a PNG.
-    Render(RenderArguments),
+    Render(Box<RenderArguments>),
     /// Write the pictures of every view and all numbers into a folder.
     Report {
         /// The case; the embedded sample without one.

@@ -198,7 +198,7 @@ fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
             left - vec2(0.0, 6.0),
             Align2::LEFT_BOTTOM,
             format!("{} mm{at_lens}", format::plain(mm)),
-            small.clone(),
+            small,
             ink,
         );
     }

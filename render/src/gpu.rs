@@ -91,8 +91,13 @@ pub fn wanted_limits(adapter: &wgpu::Adapter) -> wgpu::Limits {
 /// `WGPU_DISCARD_HAL_LABELS=0` passes them on, for graphics debuggers.
 pub fn instance_descriptor() -> wgpu::InstanceDescriptor {
     let plain = wgpu::InstanceDescriptor::new_without_display_handle();
-    wgpu::InstanceDescriptor { flags: plain.flags | wgpu::InstanceFlags::DISCARD_HAL_LABELS, ..plain }
-        .with_env()
+    wgpu::InstanceDescriptor {
+        // Vulkan, Metal and Direct3D: asking for OpenGL too makes Mesa complain on stderr.
+        backends: wgpu::Backends::PRIMARY,
+        flags: plain.flags | wgpu::InstanceFlags::DISCARD_HAL_LABELS,
+        ..plain
+    }
+    .with_env()
 }
 
 /// Descriptor of the device to open on `adapter`, for the window's own set-up too.

@@ -169,7 +169,7 @@ impl Document {
             case,
             edit: Edit {
                 selection: Selection::all(),
-                lens_on: true,
+                lens_on: time_point.regions.union_voxels() > 0,
                 lens,
                 windows: BTreeMap::new(),
                 overlay: Overlay::Both,

@@ -275,7 +275,7 @@ impl GlioscopeApp {
         EguiPanel::top("warnings").frame(frame).show(ui, |ui| {
             ui.visuals_mut().override_text_color = Some(ink);
             ui.horizontal(|ui| {
-                let text = if self.open.warnings { "Hide" } else { "Show all" };
+                let text = if self.open.warnings { "Hide warnings" } else { "Show warnings" };
                 let count = format!("{} warning{}", serious.len(), if serious.len() == 1 { "" } else { "s" });
                 ui.strong(count);
                 if ui.button(text).clicked() {

@@ -229,3 +229,82 @@ fn a_folder_s_guess_is_shown_before_it_is_used() {
     harness.run_ok();
     assert!(harness.state().work.guess.is_none());
 }
+
+#[test]
+fn a_picture_of_a_pane_is_the_pane() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("overlap.png");
+    let mut harness = sample();
+    let ctx = harness.ctx.clone();
+    let picture = Command::ScreenshotTo(Some(Pane::Overlap), path.clone());
+    harness.state_mut().perform(&ctx, &picture, std::time::Instant::now());
+    harness.run_steps(3);
+    assert_eq!(harness.state().work.error, None);
+    let written = image::open(&path).unwrap().to_rgba8();
+    let rect = harness.state().pane_rect(Pane::Overlap).unwrap();
+    let window = harness.render().unwrap();
+    assert_eq!(count_color(&written, GREEN, 0), count_color(&crop(&window, rect), GREEN, 0));
+    assert!(count_color(&written, GREEN, 0) > 5000);
+}
+
+#[derive(Debug)]
+struct Dropped(std::path::PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &std::path::Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|e| e.to_string())
+    }
+}
+
+#[test]
+fn a_dropped_folder_opens_and_a_wrong_file_says_why_and_loses_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case");
+    glioscope_core::sample::write_sample(&case).unwrap();
+    let wrong = folder.path().join("wrong.nii");
+    std::fs::write(&wrong, b"no image").unwrap();
+    let mut harness = sample();
+    let wait = |harness: &mut Harness<'_, GlioscopeApp>| {
+        harness.run_steps(1);
+        for _ in 0..400 {
+            if harness.state().work.job.is_none() {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(25));
+            harness.run_steps(1);
+        }
+        harness.run_ok();
+    };
+    harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(wrong)));
+    wait(&mut harness);
+    let error = harness.state().work.error.clone().unwrap();
+    assert!(error.contains("wrong.nii") && error.contains("found") && error.contains("expected"), "{error}");
+    assert_eq!(harness.state().work.doc.as_ref().unwrap().case, CaseRef::Sample);
+    harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(case.clone())));
+    wait(&mut harness);
+    assert_eq!(harness.state().work.error, None);
+    assert_eq!(harness.state().work.doc.as_ref().unwrap().case, CaseRef::Path(case));
+}
+
+#[test]
+fn a_warning_stands_above_the_views() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("empty.nii.gz");
+    let grid = glioscope_core::Grid::axis_aligned([8, 8, 8], glam::DVec3::ONE, glam::DVec3::ZERO).unwrap();
+    let samples = glioscope_core::Samples::U8(vec![0; 512]);
+    let volume = glioscope_core::Volume::new(grid, samples, glioscope_core::volume::Scaling::NONE).unwrap();
+    glioscope_core::files::write_nifti(&path, &volume, &glioscope_core::files::WriteOptions::default())
+        .unwrap();
+    let case = CaseRef::Arguments { masks: vec![format!("T1={}", path.display())], contexts: vec![] };
+    let mut harness = window_on(case, SIZE, Theme::Dark);
+    harness.run_ok();
+    assert!(harness.query_by_label_contains("1 warning").is_some());
+    assert!(harness.query_by_label_contains("No active voxels").is_some());
+    harness.get_by_label("Show warnings").click();
+    harness.run_ok();
+    assert!(harness.query_by_label("mask-empty").is_some());
+}

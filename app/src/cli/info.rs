@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glioscope_core::{
     Progress,
-    files::{self, HeaderInfo, Source},
+    files::{self, HeaderInfo, Source, nifti_header::Version},
 };
 use serde_json::json;
 
@@ -61,9 +61,12 @@ fn header_text(info: &HeaderInfo) -> String {
     let mut lines = vec![
         info.file.clone(),
         format!(
-            "format      {:?}, {:?}{}",
-            info.format,
-            info.byte_order,
+            "format      {}, {}-endian{}",
+            match info.format {
+                Version::One => "NIfTI-1",
+                Version::Two => "NIfTI-2",
+            },
+            format!("{:?}", info.byte_order).to_lowercase(),
             if info.gzip { ", gzip" } else { "" }
         ),
         format!(

@@ -239,6 +239,9 @@ fn legend(painter: &egui::Painter, view: &ViewContext<'_>, rect: Rect, ink: Colo
             break;
         }
     }
+    if view.colors.mask_count() < 2 {
+        return;
+    }
     painter.text(
         at,
         Align2::LEFT_TOP,

@@ -195,7 +195,8 @@ struct Drawn {
 fn picture(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id) -> (TextureHandle, u64) {
     let edit = &view.doc.edit;
     let index = &view.time_point.index;
-    let style = if ui.visuals().dark_mode { SliceStyle::DARK } else { SliceStyle::LIGHT };
+    // Dark in both themes: greys are judged against black, and the marks are white.
+    let style = SliceStyle::DARK;
     let outline_px = (OUTLINE_POINTS * layout.pixels_per_point).round().max(1.0) as u32;
     let image = view.context.map(|(id, image)| (image, window_of(view, id, image)));
     let inputs = Inputs {

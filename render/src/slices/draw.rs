@@ -62,8 +62,6 @@ pub struct SliceStyle {
 impl SliceStyle {
     /// For dark surroundings.
     pub const DARK: Self = Self { outside: [24, 27, 34], not_finite: [176, 0, 92] };
-    /// For light surroundings.
-    pub const LIGHT: Self = Self { outside: [222, 227, 235], not_finite: [176, 0, 92] };
 }
 
 /// All that a slice shows.

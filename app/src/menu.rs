@@ -195,6 +195,7 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     }
     ui.separator();
     let mut opacity = doc.edit.overlay_opacity;
+    ui.label("Masks on slices");
     ui.spacing_mut().slider_width = 60.0;
     let response = ui.add(Slider::new(&mut opacity, 0.0..=1.0).fixed_decimals(2));
     response

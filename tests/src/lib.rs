@@ -54,6 +54,23 @@ pub fn workstation(case: CaseRef) -> Workstation {
 /// # Panics
 /// When there is no software adapter.
 pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'static, GlioscopeApp> {
+    harness(case, size, theme, GlioscopeApp::refined)
+}
+
+/// As [`window_on`], but 3D views are drawn as drafts while something moves, as for a user.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Harness<'static, GlioscopeApp> {
+    harness(case, size, egui::Theme::Light, |app| app)
+}
+
+fn harness(
+    case: CaseRef,
+    size: [f32; 2],
+    theme: egui::Theme,
+    finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
+) -> Harness<'static, GlioscopeApp> {
     let work = workstation(case);
     HarnessBuilder::default()
         .with_size(size)
@@ -64,7 +81,7 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'
             let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
             let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
             match Viewport::new(gpu, state.renderer.clone()) {
-                Ok(viewport) => GlioscopeApp::new(work, Some(viewport), Recent::default()).refined(),
+                Ok(viewport) => finish(GlioscopeApp::new(work, Some(viewport), Recent::default())),
                 Err(error) => fail(&error),
             }
         })

@@ -16,7 +16,7 @@ use glioscope::{
     window::GlioscopeApp,
 };
 use glioscope_render::slices::Plane;
-use glioscope_tests::{count_color, crop, window_on};
+use glioscope_tests::{count_color, crop, drafting_window_on, window_on};
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
 const GREEN: [u8; 3] = [0, 255, 0];
@@ -129,6 +129,30 @@ fn turning_the_closeup_turns_the_camera_about_the_lens() {
     let after = harness.state().work.doc.as_ref().unwrap().nav.camera;
     assert_ne!(after.world_from_camera, before.world_from_camera);
     assert_eq!(after.focus_mm, before.focus_mm);
+}
+
+#[test]
+fn a_moving_closeup_is_a_draft_that_is_refined_when_still() {
+    let mut harness = drafting_window_on(CaseRef::Sample, SIZE);
+    harness.run_ok();
+    let drawn = |harness: &Harness<'_, GlioscopeApp>| {
+        let frame = harness.state().viewport.as_ref().unwrap().frame().unwrap();
+        (frame.size_px, frame.asked_px)
+    };
+    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+    harness.hover_at(rect.center());
+    harness.drag_at(rect.center());
+    harness.run_steps(2);
+    for step in 1..6_u8 {
+        harness.hover_at(rect.center() + egui::vec2(12.0 * f32::from(step), 0.0));
+        harness.run_steps(1);
+    }
+    let (size, asked) = drawn(&harness);
+    assert!(size[0] < asked[0] && size[1] < asked[1], "{size:?} of {asked:?} while it moves");
+    harness.drop_at(rect.center() + egui::vec2(60.0, 0.0));
+    harness.run_steps(40);
+    let (size, asked) = drawn(&harness);
+    assert_eq!(size, asked, "in full when still");
 }
 
 #[test]

@@ -123,11 +123,12 @@ impl GlioscopeApp {
         self.receive(&ctx);
         let mut out = Vec::new();
         self.shortcuts(&ctx, &mut out);
-        dropped(&ctx, &mut out);
+        let dropped_files = dropped(&ctx, &mut out);
         EguiPanel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &mut out));
         self.warnings(ui);
         EguiPanel::bottom("status").show(ui, |ui| self.status(ui, &mut out));
-        CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| self.panes(ui, &mut out));
+        let fill = egui::Frame::NONE.fill(ui.visuals().panel_fill);
+        CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
         self.palette.show(ui, &mut out);
         self.guess(ui, &mut out);
         self.open_by_path(ui, &mut out);
@@ -135,6 +136,11 @@ impl GlioscopeApp {
         let now = Instant::now();
         for command in out {
             self.perform(&ctx, &command, now);
+        }
+        if dropped_files > 1 {
+            self.work.notice = Some(format!(
+                "{dropped_files} files were dropped and the first is opened; drop their folder to open them as one case."
+            ));
         }
         self.picture_once_ready(&ctx);
     }
@@ -332,8 +338,11 @@ impl GlioscopeApp {
             out.push(Command::AcceptGuess(true));
             return;
         }
-        egui::Window::new("How this folder is read").collapsible(false).default_width(560.0).show(ui.ctx(), |ui| {
-            ui.label("There is no manifest, so files were told apart by their names and contents. Is this right?");
+        let window = egui::Window::new("How this folder is read").collapsible(false).resizable(false);
+        window.default_width(560.0).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+            ui.label(
+                "There is no manifest, so files were told apart by their names and contents. Is this right?",
+            );
             ui.add_space(6.0);
             egui::ScrollArea::vertical().max_height(360.0).show(ui, |ui| {
                 egui::Grid::new("guess").num_columns(4).striped(true).show(ui, |ui| {
@@ -342,7 +351,14 @@ impl GlioscopeApp {
                     }
                     ui.end_row();
                     for context in &guess.spec.contexts {
-                        guess_row(ui, "image", &context.id, &context.source.name(), "", context.time.as_deref());
+                        guess_row(
+                            ui,
+                            "image",
+                            &context.id,
+                            &context.source.name(),
+                            "",
+                            context.time.as_deref(),
+                        );
                     }
                     for mask in &guess.spec.masks {
                         let labels = mask.labels.as_ref().map(|l| format!("{l:?} ")).unwrap_or_default();
@@ -369,7 +385,8 @@ impl GlioscopeApp {
     fn open_by_path(&mut self, ui: &mut Ui, out: &mut Vec<Command>) {
         let Some(path) = &mut self.open.path else { return };
         let mut close = false;
-        egui::Window::new("Open a case").collapsible(false).resizable(false).show(ui.ctx(), |ui| {
+        let window = egui::Window::new("Open a case").collapsible(false).resizable(false);
+        window.anchor(egui::Align2::CENTER_CENTER, [0.0, -60.0]).show(ui.ctx(), |ui| {
             ui.label("A manifest (case.toml), a folder, a NIfTI file or a session file:");
             let label = ui.label("Path");
             let field = ui.add(egui::TextEdit::singleline(path).desired_width(420.0)).labelled_by(label.id);
@@ -506,7 +523,8 @@ pub fn open_command(path: PathBuf) -> Command {
     if session::is_session(&path) { Command::OpenSession(path) } else { Command::Open(CaseRef::Path(path)) }
 }
 
-fn dropped(ctx: &Context, out: &mut Vec<Command>) {
+/// Opens the first dropped file or folder; how many there were.
+fn dropped(ctx: &Context, out: &mut Vec<Command>) -> usize {
     let paths: Vec<PathBuf> =
         ctx.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
     if let Some(path) = paths.first() {
@@ -525,6 +543,7 @@ fn dropped(ctx: &Context, out: &mut Vec<Command>) {
             egui::Color32::WHITE,
         );
     }
+    paths.len()
 }
 
 fn guess_row(ui: &mut Ui, kind: &str, id: &str, file: &str, labels: &str, time: Option<&str>) {

@@ -20,8 +20,9 @@ pub struct Lens {
     pub radius_mm: f64,
 }
 
-/// A closeup to draw.
-#[derive(Clone, Debug, PartialEq)]
+/// A closeup to draw. Two are equal when they draw the same picture: volumes by identity, which costs
+/// nothing a frame.
+#[derive(Clone, Debug)]
 pub struct Scene {
     /// The regions; `None` where no voxel is active.
     pub tumor: Option<Arc<RegionVolume>>,
@@ -37,4 +38,22 @@ pub struct Scene {
     pub background: Rgb,
     /// Colour of silhouettes: black on light backgrounds; a light one where black would vanish.
     pub silhouette: Rgb,
+}
+
+impl PartialEq for Scene {
+    fn eq(&self, other: &Self) -> bool {
+        let Self { tumor, selection, colors, lens, camera, background, silhouette } = self;
+        let same_tumor = match (tumor, &other.tumor) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            (None, None) => true,
+            _ => false,
+        };
+        same_tumor
+            && *selection == other.selection
+            && *colors == other.colors
+            && *lens == other.lens
+            && *camera == other.camera
+            && *background == other.background
+            && *silhouette == other.silhouette
+    }
 }

@@ -60,6 +60,10 @@ pub fn show(
     let still = refine_at_once || now - moved_at >= STILL.as_secs_f64();
     state.last = Some((scene.clone(), moved_at));
     let quality = if still { Quality::FULL } else { Quality::DRAFT };
+    if still && !state.refined {
+        // What is under a pointer that didn't move may be something else now.
+        state.pointer = None;
+    }
     state.refined = still;
     if !still {
         ui.request_repaint_after(STILL);

@@ -6,6 +6,7 @@
 
 pub mod case;
 pub mod check;
+pub mod distance;
 pub mod files;
 pub mod grid;
 pub mod mask;
@@ -15,6 +16,7 @@ pub mod progress;
 pub mod regions;
 pub mod resample;
 pub mod sample;
+pub mod surface;
 pub mod tumor_index;
 pub mod volume;
 

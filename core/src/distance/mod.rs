@@ -1,0 +1,251 @@
+//! Exact Euclidean distances in millimetres: [`FeatureTransform`] for every voxel of a crop,
+//! [`KdTree`] for single points.
+
+mod envelope;
+mod kd_tree;
+#[cfg(test)]
+mod tests;
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use crate::{Grid, MaskBits};
+
+pub use kd_tree::KdTree;
+
+/// Cosine between two voxel axes up to which they count as perpendicular. Distances are then
+/// right within the same fraction.
+const PERPENDICULAR: f64 = 1e-6;
+
+/// Spacings outside this range (mm) would leave `f64` when squared and summed.
+const SPACING_RANGE_MM: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
+
+/// Why no distance can be told.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DistanceError {
+    /// The sites' mask and the grid differ in size.
+    #[error("found sites of {sites:?} voxels, expected the grid's {grid:?}")]
+    Dims {
+        /// Size of the sites' mask.
+        sites: [usize; 3],
+        /// Size of the grid.
+        grid: [usize; 3],
+    },
+    /// The crop is empty or reaches outside the grid.
+    #[error("found a crop from {:?} of {:?} voxels, expected one inside the grid's {grid:?}", crop.start, crop.dims)]
+    Crop {
+        /// The crop.
+        crop: Crop,
+        /// Size of the grid.
+        grid: [usize; 3],
+    },
+    /// A site lies outside the crop: leaving it out would make distances too long.
+    #[error("found sites outside the crop from {:?} of {:?} voxels, expected all inside", .0.start, .0.dims)]
+    SitesOutside(Crop),
+    /// More voxels or points than a 32-bit index tells apart.
+    #[error("found {0} voxels or points, expected fewer than 2^32 - 1")]
+    TooLarge(usize),
+    /// Squares of the spacing would overflow or vanish.
+    #[error("found a voxel spacing of {0} mm, expected between 1e-100 and 1e100 mm")]
+    Spacing(DVec3),
+    /// A point has a NaN or an infinity.
+    #[error("found a coordinate that is not finite in point {0}, expected finite millimetres")]
+    NotFinite(usize),
+}
+
+/// A box of voxels: its first voxel and its size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// First voxel.
+    pub start: [usize; 3],
+    /// Voxels along each axis, at least 1.
+    pub dims: [usize; 3],
+}
+
+impl Crop {
+    /// All of `grid`.
+    pub fn whole(grid: &Grid) -> Self {
+        Self { start: [0; 3], dims: grid.dims() }
+    }
+
+    /// The smallest box around the active voxels of all `masks` (of one size), grown by
+    /// `margin_voxels` on each side and cut at the image's border. `None` when all are empty.
+    pub fn around(masks: &[&MaskBits], margin_voxels: usize) -> Option<Self> {
+        let image = masks.first()?.dims();
+        let (lo, end) = masks.iter().filter_map(|m| m.bounds()).fold(None, |all, (start, size)| {
+            let (lo, end) = all.unwrap_or(([usize::MAX; 3], [0; 3]));
+            Some((
+                std::array::from_fn(|a| start[a].min(lo[a])),
+                std::array::from_fn(|a| (start[a] + size[a]).max(end[a])),
+            ))
+        })?;
+        let start = lo.map(|v: usize| v.saturating_sub(margin_voxels));
+        let dims = std::array::from_fn(|a| {
+            let end: usize = end[a];
+            end.saturating_add(margin_voxels).min(image[a]) - start[a]
+        });
+        Some(Self { start, dims })
+    }
+
+    /// Position of grid voxel `ijk` in the crop; `None` outside.
+    fn local(&self, ijk: [usize; 3]) -> Option<[usize; 3]> {
+        let local: [usize; 3] = std::array::from_fn(|a| ijk[a].wrapping_sub(self.start[a]));
+        (0..3).all(|a| local[a] < self.dims[a]).then_some(local)
+    }
+
+    fn inside(&self, dims: [usize; 3]) -> bool {
+        (0..3).all(|a| {
+            self.dims[a] > 0 && self.start[a].checked_add(self.dims[a]).is_some_and(|end| end <= dims[a])
+        })
+    }
+}
+
+/// For every voxel of a crop the nearest of a set of sites, measured between voxel centres.
+///
+/// Exact: [`FeatureTransform::distance_mm`] is bit for bit the minimum over all sites of its own
+/// formula in `f64`. Costs `O(voxels)` on perpendicular axes (Felzenszwalb and Huttenlocher 2012,
+/// section 2; sites as in Maurer, Qi and Raghavan 2003), a k-d tree query a voxel on sheared
+/// ones. Parallel; the answer doesn't depend on the number of threads. 4 bytes a voxel of the
+/// crop, 8 while it is made.
+#[derive(Clone, Debug)]
+pub struct FeatureTransform {
+    crop: Crop,
+    metric: Metric,
+    /// Sites `(k·ny + j)·nx + i` in the crop, at `(j·nz + k)·nx + i`.
+    sites: Vec<u32>,
+}
+
+/// How a difference of voxel indices becomes millimetres.
+#[derive(Clone, Copy, Debug)]
+enum Metric {
+    /// Squared spacings: axes are perpendicular.
+    Spacing([f64; 3]),
+    /// Millimetres of a voxel step along each axis.
+    Sheared(DMat3),
+}
+
+impl Metric {
+    fn of(grid: &Grid) -> Result<Self, DistanceError> {
+        let spacing_mm = grid.spacing_mm();
+        if !spacing_mm.to_array().iter().all(|s| SPACING_RANGE_MM.contains(s)) {
+            return Err(DistanceError::Spacing(spacing_mm));
+        }
+        let m = grid.world_from_voxel().matrix3;
+        let c = [m.x_axis, m.y_axis, m.z_axis].map(|c| c / c.length());
+        let perpendicular =
+            [(0, 1), (0, 2), (1, 2)].iter().all(|&(a, b)| c[a].dot(c[b]).abs() <= PERPENDICULAR);
+        Ok(if perpendicular { Self::Spacing((spacing_mm * spacing_mm).to_array()) } else { Self::Sheared(m) })
+    }
+}
+
+impl FeatureTransform {
+    /// The nearest active voxel of `sites` for every voxel of `crop`. `sites` has the size of
+    /// `grid`; all its active voxels lie in `crop` (see [`Crop::around`]). `None` when it has none:
+    /// there is no distance then, not even an infinite one.
+    ///
+    /// Axes whose cosine is at most 1e-6 count as perpendicular, which shifts distances by at most
+    /// that fraction.
+    ///
+    /// # Errors
+    /// [`DistanceError`] on sizes that differ, a crop that is empty or outside the grid or leaves
+    /// out a site, one of 2³² − 1 voxels or more, or a spacing beyond 1e±100 mm.
+    pub fn of(sites: &MaskBits, grid: &Grid, crop: Crop) -> Result<Option<Self>, DistanceError> {
+        if sites.dims() != grid.dims() {
+            return Err(DistanceError::Dims { sites: sites.dims(), grid: grid.dims() });
+        }
+        if !crop.inside(grid.dims()) {
+            return Err(DistanceError::Crop { crop, grid: grid.dims() });
+        }
+        let voxels = crop.dims.iter().product();
+        if voxels >= u32::MAX as usize {
+            return Err(DistanceError::TooLarge(voxels));
+        }
+        let metric = Metric::of(grid)?;
+        let Some((first, size)) = sites.bounds() else { return Ok(None) };
+        let last = std::array::from_fn(|a| first[a] + size[a] - 1);
+        if crop.local(first).is_none() || crop.local(last).is_none() {
+            return Err(DistanceError::SitesOutside(crop));
+        }
+        let sites = match metric {
+            Metric::Spacing(weights) => envelope::nearest_sites(sites, crop, weights),
+            Metric::Sheared(mm) => match nearest_by_tree(sites, crop, mm)? {
+                Some(sites) => sites,
+                None => return Ok(None),
+            },
+        };
+        Ok(Some(Self { crop, metric, sites }))
+    }
+
+    /// Where answers are known.
+    pub fn crop(&self) -> Crop {
+        self.crop
+    }
+
+    /// The site nearest to voxel `ijk`, both as indices of the grid; `None` outside the crop.
+    ///
+    /// Of sites equally near, the one first in memory (smallest `k`, then `j`, then `i`). Rounding
+    /// can make a tie of a difference, or a difference of a tie, in the last place; the answer is
+    /// then still a site at the minimum distance and the same in every run, but need not be the
+    /// first in memory.
+    pub fn nearest(&self, ijk: [usize; 3]) -> Option<[usize; 3]> {
+        let site = self.local_site(self.crop.local(ijk)?);
+        Some(std::array::from_fn(|a| self.crop.start[a] + site[a]))
+    }
+
+    /// Millimetres from the centre of voxel `ijk` to that of its nearest site, 0 on a site; `None`
+    /// outside the crop. With voxel differences `d` and spacings `s`:
+    /// `√((sx²·dx² + sy²·dy²) + sz²·dz²)`, and on sheared axes the length of the difference of the
+    /// two centres, counted from the crop's first voxel.
+    pub fn distance_mm(&self, ijk: [usize; 3]) -> Option<f64> {
+        let local = self.crop.local(ijk)?;
+        let site = self.local_site(local);
+        Some(match self.metric {
+            Metric::Spacing(w) => {
+                let square = |a: usize| {
+                    let d = local[a] as f64 - site[a] as f64;
+                    w[a] * (d * d)
+                };
+                ((square(0) + square(1)) + square(2)).sqrt()
+            }
+            Metric::Sheared(mm) => {
+                let d = place_mm(mm, site) - place_mm(mm, local);
+                ((d.x * d.x + d.y * d.y) + d.z * d.z).sqrt()
+            }
+        })
+    }
+
+    fn local_site(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
+        let [nx, ny, nz] = self.crop.dims;
+        let site = self.sites[(j * nz + k) * nx + i] as usize;
+        [site % nx, site / nx % ny, site / (nx * ny)]
+    }
+}
+
+/// Millimetres of a voxel centre from the crop's first one: a far origin can't blur it.
+fn place_mm(mm: DMat3, local: [usize; 3]) -> DVec3 {
+    mm.x_axis * local[0] as f64 + mm.y_axis * local[1] as f64 + mm.z_axis * local[2] as f64
+}
+
+/// As [`envelope::nearest_sites`], for any axes; `None` without sites.
+fn nearest_by_tree(sites: &MaskBits, crop: Crop, mm: DMat3) -> Result<Option<Vec<u32>>, DistanceError> {
+    let [nx, ny, nz] = crop.dims;
+    let [mx, my, _] = sites.dims();
+    let (mut index, mut places) = (Vec::new(), Vec::new());
+    sites.for_each(|l| {
+        if let Some(local) = crop.local([l % mx, l / mx % my, l / (mx * my)]) {
+            index.push(((local[2] * ny + local[1]) * nx + local[0]) as u32);
+            places.push(place_mm(mm, local));
+        }
+    });
+    let Some(tree) = KdTree::new(&places)? else { return Ok(None) };
+    let mut nearest = vec![0; nx * ny * nz];
+    nearest.par_chunks_mut(nx).enumerate().for_each(|(row, line)| {
+        for (x, voxel) in line.iter_mut().enumerate() {
+            // Finite: spacings are, by far.
+            if let Some((site, _)) = tree.nearest(place_mm(mm, [x, row / nz, row % nz])) {
+                *voxel = index[site];
+            }
+        }
+    });
+    Ok(Some(nearest))
+}

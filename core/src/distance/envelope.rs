@@ -120,7 +120,10 @@ impl Line {
         // Both parabolas' values and their crossing are each wrong by a few units of roundoff of
         // at most highest + weight·n²; neighbours differ by at least 2·weight a voxel.
         let slack = 16.0 * f64::EPSILON * (highest / weight + (n * n) as f64);
-        (rows.clear(), begins.clear(), near.clear(), best.clear());
+        rows.clear();
+        begins.clear();
+        near.clear();
+        best.clear();
         for q in (0..n).filter(|&q| partial[q].is_finite()) {
             let mut begin = f64::NEG_INFINITY;
             while let (Some(&v), Some(&v_begin)) = (rows.last(), begins.last()) {
@@ -133,7 +136,8 @@ impl Line {
                 if from <= to {
                     near.extend((from as usize..=(to as usize).min(n - 1)).map(|p| (p, v)));
                 }
-                (rows.pop(), begins.pop());
+                rows.pop();
+                begins.pop();
             }
             rows.push(q);
             begins.push(begin);

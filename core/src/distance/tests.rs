@@ -233,7 +233,7 @@ fn the_tree_equals_brute_force_with_duplicates_lines_and_far_points() {
             let tree = KdTree::new(&points).unwrap().unwrap();
             assert_eq!(tree.len(), n);
             for q in 0..150 {
-                let p = point() + if q % 3 == 0 { DVec3::ZERO } else { DVec3::new(0.15, -7.0, q as f64) };
+                let p = point() + if q % 3 == 0 { DVec3::ZERO } else { DVec3::new(0.15, -7.0, f64::from(q)) };
                 let all = points.iter().map(|&s| (s - p).length_squared()).enumerate();
                 let (index, d2) = all.fold((0, f64::INFINITY), |a, b| if b.1 < a.1 { b } else { a });
                 let (found, distance) = tree.nearest(p).unwrap();

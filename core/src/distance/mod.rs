@@ -69,7 +69,7 @@ impl Crop {
     }
 
     /// The smallest box around the active voxels of all `masks` (of one size), grown by
-    /// `margin_voxels` on each side and cut at the image's border. `None` when all are empty.
+    /// `margin_voxels` on each side and cut at the border of the first one. `None` when all are empty.
     pub fn around(masks: &[&MaskBits], margin_voxels: usize) -> Option<Self> {
         let image = masks.first()?.dims();
         let (lo, end) = masks.iter().filter_map(|m| m.bounds()).fold(None, |all, (start, size)| {
@@ -82,7 +82,7 @@ impl Crop {
         let start = lo.map(|v: usize| v.saturating_sub(margin_voxels));
         let dims = std::array::from_fn(|a| {
             let end: usize = end[a];
-            end.saturating_add(margin_voxels).min(image[a]) - start[a]
+            end.saturating_add(margin_voxels).min(image[a]).saturating_sub(start[a])
         });
         Some(Self { start, dims })
     }

@@ -6,6 +6,7 @@
 
 pub mod case;
 pub mod check;
+pub mod components;
 pub mod distance;
 pub mod files;
 pub mod grid;
@@ -21,6 +22,7 @@ pub mod tumor_index;
 pub mod volume;
 
 pub use check::{Check, Severity};
+pub use components::{Component, Components, Connectivity};
 pub use grid::{Grid, GridError, Sides};
 pub use mask::{Mask, MaskBits};
 pub use progress::{Cancelled, Progress};

@@ -136,7 +136,7 @@ fn nothing_one_and_all() {
 #[test]
 fn more_specks_than_sixteen_bits_count() {
     // Every third voxel along each axis: 43 cubed, none touching.
-    let third = |l: usize| l % 128 % 3 == 0 && l / 128 % 128 % 3 == 0 && l / (128 * 128) % 3 == 0;
+    let third = |l: usize| [l % 128, l / 128 % 128, l / (128 * 128)].iter().all(|p| p.is_multiple_of(3));
     let found = Components::of_mask(&MaskBits::from_fn([128; 3], third), Connectivity::default()).unwrap();
     assert_eq!(found.list().len(), 43 * 43 * 43);
     assert!(found.list().iter().all(|c| c.voxels == 1));

@@ -51,32 +51,7 @@ impl Frame {
     /// # Errors
     /// [`RenderError::Device`] with what the driver says.
     pub fn read_rgba(&self, gpu: &Gpu) -> Result<Vec<u8>, RenderError> {
-        let [width, height] = self.size_px;
-        let line = (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("Frame::staging"),
-            size: u64::from(line) * u64::from(height),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let mut encoder = gpu
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("Frame::read_rgba") });
-        encoder.copy_texture_to_buffer(
-            self.color.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &staging,
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(line),
-                    rows_per_image: None,
-                },
-            },
-            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        );
-        gpu.queue.submit([encoder.finish()]);
-        let padded = gpu.map(&staging).map_err(RenderError::Device)?;
-        Ok(padded.chunks_exact(line as usize).flat_map(|l| &l[..width as usize * 4]).copied().collect())
+        read_rgba(gpu, &self.color)
     }
 
     /// What is under pixel (`x`, `y`) of the asked size, counted from the top left. `None` over the
@@ -85,15 +60,11 @@ impl Frame {
     /// # Errors
     /// [`RenderError::Device`] with what the driver says.
     pub fn pick(&self, gpu: &Gpu, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
-        let [width, height] = self.size_px;
+        let width = self.size_px[0];
         if x >= self.asked_px[0] || y >= self.asked_px[1] {
             return Ok(None);
         }
-        let scaled = |v: u32, asked: u32, drawn: u32| {
-            ((f64::from(v) + 0.5) * f64::from(drawn) / f64::from(asked)) as u32
-        };
-        let x = scaled(x, self.asked_px[0], width).min(width - 1);
-        let y = scaled(y, self.asked_px[1], height).min(height - 1);
+        let [x, y] = drawn_pixel([x, y], self.asked_px, self.size_px);
         let at = u64::from(y) * u64::from(width) + u64::from(x);
         let mut parts = Vec::new();
         if self.plan.has(PassName::Surface) {
@@ -128,16 +99,11 @@ impl Frame {
 
     fn found(&self, pixel: [u32; 2], number: u32, depth: f32, inside_lens: bool) -> Option<Pick> {
         let bits = *self.tumor.as_ref()?.bits_of_id().get(number as usize)?;
-        Some(Pick { bits, world_mm: self.world_mm(pixel, depth), inside_lens })
-    }
-
-    /// The point at `depth` (from the reference plane) under a drawn pixel, in f64 throughout.
-    fn world_mm(&self, pixel: [u32; 2], depth: f32) -> DVec3 {
-        let size = DVec2::new(f64::from(self.size_px[0]), f64::from(self.size_px[1]));
-        let center = DVec2::new(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
-        let ray = self.camera.ray(center, size);
-        let along = ray.direction.dot(-self.camera.axes()[2]);
-        ray.origin_mm + ray.direction * ((self.reference_mm + f64::from(depth)) / along)
+        Some(Pick {
+            bits,
+            world_mm: world_at(&self.camera, self.reference_mm, self.size_px, pixel, depth),
+            inside_lens,
+        })
     }
 
     /// Depths (from the reference plane, [`FAR`] where nothing is) and region numbers of all pixels.
@@ -157,4 +123,60 @@ impl Frame {
         let read = gpu.read_buffers(&[(&self.targets.outsides, 0, n * 16)]).unwrap();
         bytemuck::pod_collect_to_vec(&read[0])
     }
+}
+
+/// All pixels of an rgba8 texture, row after row from the top, 4 bytes each.
+///
+/// # Errors
+/// [`RenderError::Device`] with what the driver says.
+pub(crate) fn read_rgba(gpu: &Gpu, color: &wgpu::Texture) -> Result<Vec<u8>, RenderError> {
+    let (width, height) = (color.width(), color.height());
+    let line = (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("Frame::staging"),
+        size: u64::from(line) * u64::from(height),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu
+        .device
+        .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("Frame::read_rgba") });
+    encoder.copy_texture_to_buffer(
+        color.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &staging,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(line),
+                rows_per_image: None,
+            },
+        },
+        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+    );
+    gpu.queue.submit([encoder.finish()]);
+    let padded = gpu.map(&staging).map_err(RenderError::Device)?;
+    Ok(padded.chunks_exact(line as usize).flat_map(|l| &l[..width as usize * 4]).copied().collect())
+}
+
+/// The drawn pixel at the middle of an asked one, which is inside `asked_px`.
+pub(crate) fn drawn_pixel(pixel: [u32; 2], asked_px: [u32; 2], drawn_px: [u32; 2]) -> [u32; 2] {
+    std::array::from_fn(|a| {
+        let at = (f64::from(pixel[a]) + 0.5) * f64::from(drawn_px[a]) / f64::from(asked_px[a]);
+        (at as u32).min(drawn_px[a] - 1)
+    })
+}
+
+/// The point at `depth` (from the reference plane) under a drawn pixel, in f64 throughout.
+pub(crate) fn world_at(
+    camera: &Camera,
+    reference_mm: f64,
+    size_px: [u32; 2],
+    pixel: [u32; 2],
+    depth: f32,
+) -> DVec3 {
+    let size = DVec2::new(f64::from(size_px[0]), f64::from(size_px[1]));
+    let center = DVec2::new(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
+    let ray = camera.ray(center, size);
+    let along = ray.direction.dot(-camera.axes()[2]);
+    ray.origin_mm + ray.direction * ((reference_mm + f64::from(depth)) / along)
 }

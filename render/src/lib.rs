@@ -7,6 +7,7 @@ mod bricks;
 pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
+mod compute;
 pub mod frame;
 pub mod gpu;
 pub mod palette;
@@ -21,9 +22,10 @@ mod testing;
 mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
+pub use compute::TimeSource;
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
 pub use palette::{MaskColors, Palette, Rgb};
 pub use plan::{PassName, Plan, Quality, plan};
-pub use renderer::{RenderError, Renderer, TimeSource};
+pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::{Lens, Scene};
 
-/// The passes of the closeup, in the order they run.
+/// The passes of every view, each view's in the order they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PassName {
@@ -24,8 +24,8 @@ pub enum PassName {
 }
 
 impl PassName {
-    /// All, in order.
-    pub const ALL: [Self; 5] =
+    /// The closeup's, in order.
+    pub const CLOSEUP: [Self; 5] =
         [Self::Surface, Self::Outside, Self::Occlusion, Self::OcclusionBlur, Self::Compose];
 
     /// Its name in `--explain`, `--stats` and the diagnostics panel.
@@ -94,9 +94,21 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Every pass: what tests compare a plan with.
+    /// The passes of `order` that `reason` has none against, and the others with theirs.
+    pub(crate) fn of(order: &[PassName], reason: impl Fn(PassName) -> Option<&'static str>) -> Self {
+        let mut plan = Self { passes: Vec::new(), omitted: Vec::new() };
+        for &pass in order {
+            match reason(pass) {
+                Some(reason) => plan.omitted.push((pass, reason)),
+                None => plan.passes.push(pass),
+            }
+        }
+        plan
+    }
+
+    /// Every pass of the closeup: what tests compare a plan with.
     pub fn everything() -> Self {
-        Self { passes: PassName::ALL.to_vec(), omitted: Vec::new() }
+        Self { passes: PassName::CLOSEUP.to_vec(), omitted: Vec::new() }
     }
 
     /// Whether `pass` runs.
@@ -128,33 +140,28 @@ pub fn plan(scene: &Scene, quality: &Quality) -> Plan {
         }
         _ => None,
     };
+    let no_occlusion = no_surface.or_else(|| no_occlusion(quality));
+    Plan::of(&PassName::CLOSEUP, |pass| match pass {
+        PassName::Surface => no_surface,
+        PassName::Outside => no_outside,
+        PassName::Occlusion | PassName::OcclusionBlur => no_occlusion,
+        PassName::Compose => None,
+    })
+}
+
+/// Why `quality` leaves ambient occlusion out, if it does.
+pub(crate) fn no_occlusion(quality: &Quality) -> Option<&'static str> {
     // Not a number is none.
     let none = |x: f64| x.is_nan() || x <= 0.0;
-    let no_occlusion = no_surface.or_else(|| {
-        if none(quality.occlusion_strength) {
-            Some("occlusion strength is 0")
-        } else if none(quality.occlusion_radius_mm) {
-            Some("occlusion radius is 0")
-        } else if quality.occlusion_samples == 0 {
-            Some("occlusion has no samples")
-        } else {
-            None
-        }
-    });
-    let mut plan = Plan { passes: Vec::new(), omitted: Vec::new() };
-    for pass in PassName::ALL {
-        let reason = match pass {
-            PassName::Surface => no_surface,
-            PassName::Outside => no_outside,
-            PassName::Occlusion | PassName::OcclusionBlur => no_occlusion,
-            PassName::Compose => None,
-        };
-        match reason {
-            Some(reason) => plan.omitted.push((pass, reason)),
-            None => plan.passes.push(pass),
-        }
+    if none(quality.occlusion_strength) {
+        Some("occlusion strength is 0")
+    } else if none(quality.occlusion_radius_mm) {
+        Some("occlusion radius is 0")
+    } else if quality.occlusion_samples == 0 {
+        Some("occlusion has no samples")
+    } else {
+        None
     }
-    plan
 }
 
 #[cfg(test)]
@@ -221,7 +228,7 @@ mod tests {
             let mut all: Vec<PassName> =
                 plan.passes.iter().copied().chain(plan.omitted.iter().map(|o| o.0)).collect();
             all.sort();
-            assert_eq!(all, PassName::ALL);
+            assert_eq!(all, PassName::CLOSEUP);
         }
     }
 }

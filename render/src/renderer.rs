@@ -4,17 +4,19 @@
 //! on all cores, then one upload); targets once a size (about 40 bytes a pixel); the uniform, about 200
 //! bytes, and a small table of colours once a frame.
 
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 use glioscope_core::RegionVolume;
 use wgpu::util::DeviceExt;
 
 use crate::{
     bricks::Bricks,
+    camera::Camera,
+    compute::{PassRunner, TimeSource, workgroups_of},
     frame::Frame,
     gpu::Gpu,
     plan::{PassName, Plan, Quality, plan},
-    scene::Scene,
+    scene::{Lens, Scene},
     targets::Targets,
     uniforms::{self, MANY_REGIONS, NO_SKIPPING},
 };
@@ -56,25 +58,6 @@ pub enum RenderError {
     Shader(#[from] glioscope_shaders::ComposeError),
 }
 
-/// Where pass times come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TimeSource {
-    /// The device's own clock, around each pass of the frame.
-    Device,
-    /// The host's clock: each pass run again on its own, submit to done.
-    Host,
-}
-
-impl TimeSource {
-    /// In words, for the diagnostics panel.
-    pub fn describe(self) -> &'static str {
-        match self {
-            Self::Device => "timestamps of the graphics device",
-            Self::Host => "host clock around each pass",
-        }
-    }
-}
-
 /// Numbers of the bindings, as the shaders write them.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Slot {
@@ -91,18 +74,21 @@ enum Slot {
     Picture = 10,
 }
 
-fn shader_of(pass: PassName) -> (&'static str, &'static [Slot]) {
+/// Shader file and bindings of each pass.
+const SHADERS: [(PassName, &str, &[Slot]); 5] = {
     use Slot::*;
-    match pass {
-        PassName::Surface => ("closeup_surface", &[View, Bricks, Voxels, Regions, Depths, Surfaces]),
-        PassName::Outside => ("closeup_outside", &[View, Bricks, Voxels, Regions, Depths, Outsides]),
-        PassName::Occlusion => ("closeup_occlusion", &[View, Regions, Depths, Surfaces, Occlusion, Kernel]),
-        PassName::OcclusionBlur => ("closeup_occlusion_blur", &[View, Depths, Occlusion, Blurred]),
-        PassName::Compose => {
-            ("closeup_compose", &[View, Regions, Depths, Surfaces, Outsides, Blurred, Picture])
-        }
-    }
-}
+    [
+        (PassName::Surface, "closeup_surface", &[View, Bricks, Voxels, Regions, Depths, Surfaces]),
+        (PassName::Outside, "closeup_outside", &[View, Bricks, Voxels, Regions, Depths, Outsides]),
+        (PassName::Occlusion, "closeup_occlusion", &[View, Regions, Depths, Surfaces, Occlusion, Kernel]),
+        (PassName::OcclusionBlur, "closeup_occlusion_blur", &[View, Depths, Occlusion, Blurred]),
+        (
+            PassName::Compose,
+            "closeup_compose",
+            &[View, Regions, Depths, Surfaces, Outsides, Blurred, Picture],
+        ),
+    ]
+};
 
 struct Uploaded {
     volume: Option<Arc<RegionVolume>>,
@@ -114,31 +100,23 @@ struct Uploaded {
     regions: wgpu::Buffer,
 }
 
-struct Timer {
-    queries: wgpu::QuerySet,
-    resolved: wgpu::Buffer,
-    staging: wgpu::Buffer,
-}
-
 /// Draws closeups. Not bound to a window.
 pub struct Renderer {
-    pipelines: Vec<(PassName, wgpu::ComputePipeline)>,
+    passes: PassRunner,
     view: wgpu::Buffer,
     kernel: wgpu::Buffer,
     kernel_samples: u32,
     uploaded: Option<Uploaded>,
     frame: Option<Frame>,
-    timer: Option<Timer>,
-    bound: Vec<(PassName, wgpu::BindGroup)>,
 }
 
-fn check_scene(scene: &Scene) -> Result<(), RenderError> {
-    let c = &scene.camera;
+/// Refuses a camera or a lens that is not a number or has no size.
+pub(crate) fn check_view(c: &Camera, lens: Option<&Lens>) -> Result<(), RenderError> {
     let turn_is_unit = (c.world_from_camera.length() - 1.0).abs() < 1e-3;
     if !(c.focus_mm.is_finite() && turn_is_unit && c.height_mm.is_finite() && c.height_mm > 0.0) {
         return Err(RenderError::Scene(format!("camera {c:?}")));
     }
-    match &scene.lens {
+    match lens {
         Some(l) if !(l.center_mm.is_finite() && l.radius_mm.is_finite() && l.radius_mm > 0.0) => {
             Err(RenderError::Scene(format!("lens {l:?}")))
         }
@@ -156,28 +134,7 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Device`] when the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
-        let mut pipelines = Vec::new();
-        for pass in PassName::ALL {
-            let name = shader_of(pass).0;
-            let source = glioscope_shaders::compose(name)?;
-            let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
-            });
-            let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(name),
-                layout: None,
-                module: &module,
-                entry_point: Some("main"),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    // No workgroup memory is used.
-                    zero_initialize_workgroup_memory: false,
-                    ..Default::default()
-                },
-                cache: None,
-            });
-            pipelines.push((pass, pipeline));
-        }
+        let passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
         let uniform = |label, size: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -186,43 +143,14 @@ impl Renderer {
                 mapped_at_creation: false,
             })
         };
-        // Mesa's software Vulkan writes timestamps when commands are read, not when they are done.
-        let timer = (gpu.has_timestamps() && !gpu.is_software()).then(|| {
-            let count = 2 * PassName::ALL.len() as u32;
-            let buffer = |label, usage| {
-                gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some(label),
-                    size: u64::from(count) * 8,
-                    usage,
-                    mapped_at_creation: false,
-                })
-            };
-            Timer {
-                queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
-                    label: Some("Timer::queries"),
-                    ty: wgpu::QueryType::Timestamp,
-                    count,
-                }),
-                resolved: buffer(
-                    "Timer::resolved",
-                    wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
-                ),
-                staging: buffer(
-                    "Timer::staging",
-                    wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                ),
-            }
-        });
         gpu.check().map_err(RenderError::Device)?;
         Ok(Self {
-            pipelines,
+            passes,
             view: uniform("Renderer::view", size_of::<uniforms::View>()),
             kernel: uniform("Renderer::kernel", size_of::<[[f32; 4]; 32]>()),
             kernel_samples: 0,
             uploaded: None,
             frame: None,
-            timer,
-            bound: Vec::new(),
         })
     }
 
@@ -257,9 +185,9 @@ impl Renderer {
         skipping: bool,
     ) -> Result<&Frame, RenderError> {
         let before = self.frame.take();
-        self.bound.clear();
+        self.passes.clear();
         gpu.check().map_err(RenderError::Device)?;
-        check_scene(scene)?;
+        check_view(&scene.camera, scene.lens.as_ref())?;
         let scale = if quality.resolution_scale > 0.0 { quality.resolution_scale.min(1.0) } else { 1.0 };
         let size = asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) });
         let targets = match before {
@@ -286,7 +214,7 @@ impl Renderer {
             gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
         }
         self.bind(gpu, &plan, &targets);
-        self.run(gpu, size);
+        self.passes.run(gpu);
         gpu.check().map_err(RenderError::Device)?;
         Ok(self.frame.insert(Frame {
             color: targets.color.clone(),
@@ -363,13 +291,11 @@ impl Renderer {
     fn bind(&mut self, gpu: &Gpu, plan: &Plan, targets: &Targets) {
         let Some(up) = &self.uploaded else { return };
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
-        for (pass, pipeline) in self.pipelines.iter().filter(|(pass, _)| plan.has(*pass)) {
-            let entries: Vec<wgpu::BindGroupEntry<'_>> = shader_of(*pass)
-                .1
+        for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
+            let entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
                 .iter()
-                .map(|&slot| wgpu::BindGroupEntry {
-                    binding: slot as u32,
-                    resource: match slot {
+                .map(|&slot| {
+                    let resource = match slot {
                         Slot::View => self.view.as_entire_binding(),
                         Slot::Bricks => up.table.as_entire_binding(),
                         Slot::Voxels => up.words.as_entire_binding(),
@@ -381,60 +307,17 @@ impl Renderer {
                         Slot::Blurred => targets.blurred.as_entire_binding(),
                         Slot::Kernel => self.kernel.as_entire_binding(),
                         Slot::Picture => wgpu::BindingResource::TextureView(&picture),
-                    },
+                    };
+                    (slot as u32, resource)
                 })
                 .collect();
-            let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some(pass.name()),
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &entries,
-            });
-            self.bound.push((*pass, group));
+            self.passes.bind(gpu, pass, &entries, workgroups_of(targets.size));
         }
-    }
-
-    fn encode(&self, encoder: &mut wgpu::CommandEncoder, number: usize, size: [u32; 2], timed: bool) {
-        let Some((pass, group)) = self.bound.get(number) else { return };
-        let Some((_, pipeline)) = self.pipelines.iter().find(|(name, _)| name == pass) else { return };
-        let timestamp_writes = match &self.timer {
-            Some(timer) if timed => Some(wgpu::ComputePassTimestampWrites {
-                query_set: &timer.queries,
-                beginning_of_pass_write_index: Some(2 * number as u32),
-                end_of_pass_write_index: Some(2 * number as u32 + 1),
-            }),
-            _ => None,
-        };
-        encoder.push_debug_group(pass.name());
-        {
-            let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(pass.name()),
-                timestamp_writes,
-            });
-            compute.set_pipeline(pipeline);
-            compute.set_bind_group(0, group, &[]);
-            compute.dispatch_workgroups(size[0].div_ceil(8), size[1].div_ceil(8), 1);
-        }
-        encoder.pop_debug_group();
-    }
-
-    fn run(&self, gpu: &Gpu, size: [u32; 2]) {
-        let mut encoder = gpu
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("Renderer::run") });
-        for number in 0..self.bound.len() {
-            self.encode(&mut encoder, number, size, true);
-        }
-        if let Some(timer) = &self.timer {
-            let count = 2 * self.bound.len() as u32;
-            encoder.resolve_query_set(&timer.queries, 0..count, &timer.resolved, 0);
-            encoder.copy_buffer_to_buffer(&timer.resolved, 0, &timer.staging, 0, timer.staging.size());
-        }
-        gpu.queue.submit([encoder.finish()]);
     }
 
     /// Where [`Renderer::pass_times`] come from on this device.
     pub fn time_source(&self) -> TimeSource {
-        if self.timer.is_some() { TimeSource::Device } else { TimeSource::Host }
+        self.passes.time_source()
     }
 
     /// Milliseconds of each pass of the last frame, in order; empty before the first. Waits for it.
@@ -443,31 +326,7 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Device`] with what the driver says.
     pub fn pass_times(&self, gpu: &Gpu) -> Result<Vec<(PassName, f64)>, RenderError> {
-        let Some(frame) = &self.frame else { return Ok(Vec::new()) };
-        if let Some(timer) = &self.timer {
-            let bytes = gpu.map(&timer.staging).map_err(RenderError::Device)?;
-            let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
-            let ms_per_tick = f64::from(gpu.queue.get_timestamp_period()) * 1e-6;
-            return Ok(self
-                .bound
-                .iter()
-                .zip(ticks.chunks_exact(2))
-                .map(|((pass, _), t)| (*pass, t[1].saturating_sub(t[0]) as f64 * ms_per_tick))
-                .collect());
-        }
-        let mut times = Vec::new();
-        for (number, (pass, _)) in self.bound.iter().enumerate() {
-            gpu.wait().map_err(RenderError::Device)?;
-            let start = Instant::now();
-            let mut encoder = gpu
-                .device
-                .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("Renderer::time") });
-            self.encode(&mut encoder, number, frame.size_px, false);
-            gpu.queue.submit([encoder.finish()]);
-            gpu.wait().map_err(RenderError::Device)?;
-            times.push((*pass, start.elapsed().as_secs_f64() * 1e3));
-        }
-        Ok(times)
+        if self.frame.is_some() { self.passes.times(gpu) } else { Ok(Vec::new()) }
     }
 }
 

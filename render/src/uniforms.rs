@@ -2,11 +2,12 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3, DVec4};
+use glioscope_core::Grid;
 
 use crate::{
-    camera::{FIELD_OF_VIEW_DEG, Projection},
+    camera::{Camera, FIELD_OF_VIEW_DEG, Projection},
     plan::{PassName, Plan, Quality},
-    scene::Scene,
+    scene::{Lens, Scene},
 };
 
 pub(crate) const LENS_ON: u32 = 1;
@@ -61,7 +62,7 @@ pub(crate) struct OutsideHit {
 /// Depth from which a pixel is empty, `FAR` of lib/view.wgsl.
 pub(crate) const FAR: f32 = 1e30;
 
-fn rgba(rgb: [u8; 3]) -> [f32; 4] {
+pub(crate) fn rgba(rgb: [u8; 3]) -> [f32; 4] {
     let [r, g, b] = rgb.map(|c| f32::from(c) / 255.0);
     [r, g, b, 1.0]
 }
@@ -70,20 +71,33 @@ fn single(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
-/// View depth of the reference plane that depths are counted from: the middle of the tumour's box,
-/// never behind the eye.
-pub(crate) fn reference_mm(scene: &Scene) -> f64 {
-    let camera = &scene.camera;
-    let middle = scene.tumor.as_ref().map_or(camera.focus_mm, |t| t.grid().center_mm());
-    (camera.eye_mm() - middle).dot(camera.axes()[2]).max(0.0)
+/// View depth of the plane that depths are counted from: the middle of what is drawn, never behind
+/// the eye.
+pub(crate) fn reference_to(camera: &Camera, middle_mm: DVec3) -> f64 {
+    (camera.eye_mm() - middle_mm).dot(camera.axes()[2]).max(0.0)
 }
 
-/// The uniform of a scene; `size` in pixels drawn.
-pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]) -> View {
-    let camera = &scene.camera;
+/// As [`reference_to`] the middle of the tumour's box.
+pub(crate) fn reference_mm(scene: &Scene) -> f64 {
+    let middle_mm = scene.tumor.as_ref().map_or(scene.camera.focus_mm, |t| t.grid().center_mm());
+    reference_to(&scene.camera, middle_mm)
+}
+
+/// A point in camera space: right, up, depth from the reference plane.
+pub(crate) fn in_camera_space(camera: &Camera, reference_mm: f64, world_mm: DVec3) -> DVec3 {
     let [right, up, back] = camera.axes();
-    let reference_mm = reference_mm(scene);
-    let eye_mm = camera.eye_mm();
+    let to = world_mm - camera.eye_mm();
+    DVec3::new(to.dot(right), to.dot(up), -to.dot(back) - reference_mm)
+}
+
+/// What the uniform of every 3D view holds, whatever is drawn; `size` in pixels drawn.
+pub(crate) fn camera_view(
+    camera: &Camera,
+    reference_mm: f64,
+    lens: Option<&Lens>,
+    quality: &Quality,
+    size: [u32; 2],
+) -> View {
     let at_focus = camera.height_mm / f64::from(size[1]);
     let (mm_per_pixel, growth) = match camera.projection {
         Projection::Orthographic => (at_focus, 0.0),
@@ -97,8 +111,6 @@ pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]
         mm_per_pixel_per_mm: growth as f32,
         nearest_mm: -reference_mm as f32,
         voxel_mm: 1.0,
-        background: rgba(scene.background),
-        silhouette: rgba(scene.silhouette),
         size,
         occlusion_samples: quality.occlusion_samples.clamp(1, Quality::MOST_SAMPLES),
         occlusion_radius_mm: quality.occlusion_radius_mm.clamp(0.0, 1e6) as f32,
@@ -106,10 +118,42 @@ pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]
         color_bleeding: quality.color_bleeding.clamp(0.0, 1.0) as f32,
         line_scale: (size[1] as f32 / 512.0).clamp(0.6, 4.0),
         depth_span_mm: 1.0,
+        ..View::default()
+    };
+    if let Some(lens) = lens {
+        let center = in_camera_space(camera, reference_mm, lens.center_mm);
+        out.lens = center.extend(lens.radius_mm).as_vec4().to_array();
+        out.flags |= LENS_ON;
+    }
+    out
+}
+
+/// Index space of a volume on `grid` as seen by `camera`: corner, right, up, forward.
+pub(crate) fn index_axes(camera: &Camera, reference_mm: f64, grid: &Grid) -> [[f32; 3]; 4] {
+    let [right, up, back] = camera.axes();
+    // Differences to the grid's own origin first: an offset of 1e6 mm costs no digit then.
+    let world_from_voxel = grid.world_from_voxel();
+    let voxel_from_mm: DMat3 = world_from_voxel.matrix3.inverse();
+    let corner_mm = camera.eye_mm() - world_from_voxel.translation - back * reference_mm;
+    [
+        single(voxel_from_mm * corner_mm + DVec3::splat(0.5)),
+        single(voxel_from_mm * right),
+        single(voxel_from_mm * up),
+        single(voxel_from_mm * -back),
+    ]
+}
+
+/// The uniform of a scene; `size` in pixels drawn.
+pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]) -> View {
+    let camera = &scene.camera;
+    let reference_mm = reference_mm(scene);
+    let mut out = View {
+        background: rgba(scene.background),
+        silhouette: rgba(scene.silhouette),
         outside_opacity: 0.13,
         inner_line_strength: 0.7,
         outer_line_strength: 0.4,
-        ..View::default()
+        ..camera_view(camera, reference_mm, scene.lens.as_ref(), quality, size)
     };
     for (pass, flag) in [
         (PassName::Surface, HAS_SURFACE),
@@ -120,22 +164,9 @@ pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]
             out.flags |= flag;
         }
     }
-    if let Some(lens) = &scene.lens {
-        let to = lens.center_mm - eye_mm;
-        let center = DVec4::new(to.dot(right), to.dot(up), -to.dot(back) - reference_mm, lens.radius_mm);
-        out.lens = center.as_vec4().to_array();
-        out.flags |= LENS_ON;
-    }
     if let Some(tumor) = &scene.tumor {
         let grid = tumor.grid();
-        // Differences to the grid's own origin first: an offset of 1e6 mm costs no digit then.
-        let world_from_voxel = grid.world_from_voxel();
-        let voxel_from_mm: DMat3 = world_from_voxel.matrix3.inverse();
-        let corner_mm = eye_mm - world_from_voxel.translation - back * reference_mm;
-        out.corner = single(voxel_from_mm * corner_mm + DVec3::splat(0.5));
-        out.right = single(voxel_from_mm * right);
-        out.up = single(voxel_from_mm * up);
-        out.forward = single(voxel_from_mm * -back);
+        [out.corner, out.right, out.up, out.forward] = index_axes(camera, reference_mm, grid);
         out.depth_span_mm = (0.5 * grid.corners_mm()[0].distance(grid.corners_mm()[7])) as f32;
         out.voxel_mm = grid.spacing_mm().min_element() as f32;
     }

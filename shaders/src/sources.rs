@@ -14,6 +14,7 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "closeup_outside.wgsl",
     "closeup_surface.wgsl",
     "lib/march.wgsl",
+    "lib/ring.wgsl",
     "lib/view.wgsl",
 ];
 

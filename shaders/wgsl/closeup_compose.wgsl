@@ -1,5 +1,6 @@
 // The picture: flat region colours, occlusion, contour lines, the faint outside, the lens ring.
 #include lib/view.wgsl
+#include lib/ring.wgsl
 
 struct Outside {
     depth: f32,
@@ -15,7 +16,6 @@ struct Outside {
 @group(0) @binding(8) var<storage, read> blurred: array<u32>;
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
 
-const RING = vec3<f32>(0.86, 0.08, 0.08);
 const INNER = vec3<f32>(0.72, 0.72, 0.72);
 
 fn clamped(at: vec2<i32>) -> u32 {
@@ -142,16 +142,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if (view.flags & HAS_OUTSIDE) != 0u {
         color = mix(color, view.silhouette.rgb, view.outer_line_strength * outer_line_at(here, front));
     }
-    if (view.flags & LENS_ON) != 0u {
-        // The ball's outline: where rays pass its centre at its radius.
-        let p = from_middle(id.xy);
-        let direction = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
-        let start = vec3<f32>(p * view.mm_per_pixel, 0.0) - view.lens.xyz;
-        let nearest = -dot(start, direction) / dot(direction, direction);
-        let off_px = (length(start + nearest * direction) - view.lens.w) / footprint_mm(nearest);
-        if nearest > view.nearest_mm {
-            color = mix(color, RING, clamp(0.5 + view.line_scale - abs(off_px), 0.0, 1.0));
-        }
-    }
+    color = with_ring(color, id.xy);
     textureStore(picture, here, vec4<f32>(color, 1.0));
 }

@@ -30,6 +30,20 @@ pub enum Connectivity {
 }
 
 impl Connectivity {
+    /// How many neighbours a voxel has: 6, 18 or 26.
+    pub fn neighbors(self) -> u32 {
+        match self {
+            Self::Six => 6,
+            Self::Eighteen => 18,
+            Self::TwentySix => 26,
+        }
+    }
+
+    /// The one with this many neighbours; `None` for other numbers than 6, 18 and 26.
+    pub fn of_neighbors(neighbors: u32) -> Option<Self> {
+        [Self::Six, Self::Eighteen, Self::TwentySix].into_iter().find(|c| c.neighbors() == neighbors)
+    }
+
     /// How far in x a run reaches into a line that differs in y or z (`axes` 1) or in both (2).
     fn reach(self, axes: usize) -> Option<u32> {
         match (self, axes) {
@@ -114,6 +128,32 @@ impl Components {
         }
     }
 
+    /// Components of one mask of the index: neighbours that both have bit `mask`, whatever their other
+    /// bits, are connected.
+    ///
+    /// # Errors
+    /// [`TooLarge`] past 32-bit sizes.
+    pub fn of_index_mask(
+        index: &TumorIndex,
+        mask: usize,
+        connectivity: Connectivity,
+    ) -> Result<Self, TooLarge> {
+        let dims = index.grid().dims();
+        // No index type is wider than 32 bits.
+        let bit = u32::try_from(mask).ok().and_then(|k| 1_u32.checked_shl(k)).unwrap_or(0);
+        match index.data() {
+            IndexData::U8(v) => {
+                label(dims, connectivity, |l, emit| runs_of_bit(&v[l * dims[0]..][..dims[0]], bit, emit))
+            }
+            IndexData::U16(v) => {
+                label(dims, connectivity, |l, emit| runs_of_bit(&v[l * dims[0]..][..dims[0]], bit, emit))
+            }
+            IndexData::U32(v) => {
+                label(dims, connectivity, |l, emit| runs_of_bit(&v[l * dims[0]..][..dims[0]], bit, emit))
+            }
+        }
+    }
+
     /// The components; label `i + 1` is `list()[i]`.
     pub fn list(&self) -> &[Component] {
         &self.list
@@ -170,6 +210,19 @@ fn runs_of_values<T: Copy + PartialEq + Into<u32>>(line: &[T], emit: &mut dyn Fn
         let next = first + same.len() as u32;
         if value != 0 {
             emit(first, next - 1, value);
+        }
+        first = next;
+    }
+}
+
+/// Calls `emit(first, last, 1)` for each run of values that have `bit`.
+fn runs_of_bit<T: Copy + Into<u32>>(line: &[T], bit: u32, emit: &mut dyn FnMut(u32, u32, u32)) {
+    let has = |v: T| v.into() & bit != 0;
+    let mut first = 0;
+    for same in line.chunk_by(|&a, &b| has(a) == has(b)) {
+        let next = first + same.len() as u32;
+        if has(same[0]) {
+            emit(first, next - 1, 1);
         }
         first = next;
     }

@@ -220,7 +220,16 @@ fn condition_number(m: DMat3) -> f64 {
     if det.is_nan() || det <= 0.0 {
         return f64::INFINITY;
     }
-    // One-sided Jacobi: rotates columns until orthogonal; their lengths are the singular values.
+    let c = orthogonal_columns(m);
+    let lengths = c.map(DVec3::length);
+    let largest = lengths.iter().fold(0.0_f64, |a, &b| a.max(b));
+    let smallest = lengths.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+    if smallest > 0.0 { largest / smallest } else { f64::INFINITY }
+}
+
+/// `m` times a rotation that makes its columns orthogonal: their lengths are the singular values, their
+/// directions the left singular vectors. One-sided Jacobi, which never squares the condition of `m`.
+pub(crate) fn orthogonal_columns(m: DMat3) -> [DVec3; 3] {
     let mut c = [m.x_axis, m.y_axis, m.z_axis];
     for _ in 0..30 {
         let mut off = 0.0_f64;
@@ -240,10 +249,7 @@ fn condition_number(m: DMat3) -> f64 {
             break;
         }
     }
-    let lengths = c.map(DVec3::length);
-    let largest = lengths.iter().fold(0.0_f64, |a, &b| a.max(b));
-    let smallest = lengths.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-    if smallest > 0.0 { largest / smallest } else { f64::INFINITY }
+    c
 }
 
 #[cfg(test)]

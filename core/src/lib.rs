@@ -8,6 +8,7 @@ pub mod case;
 pub mod check;
 pub mod components;
 pub mod distance;
+pub mod ellipsoid;
 pub mod files;
 pub mod grid;
 pub mod mask;

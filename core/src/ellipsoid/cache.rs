@@ -1,0 +1,180 @@
+//! Ellipsoids kept beside a session, so that opening it again costs nothing.
+//!
+//! The file holds numbers under keys made of what they were computed from: no names, no ids, no paths.
+//! It is never needed: a file that is absent, damaged, of another format or for other masks gives
+//! nothing, and what is missing is computed again.
+
+use std::{
+    collections::BTreeMap,
+    fmt,
+    path::{Path, PathBuf},
+};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{ComponentEllipsoid, Options};
+use crate::{
+    components::Connectivity,
+    files::{FileError, write_whole},
+    tumor_index::{IndexData, TumorIndex},
+};
+
+/// Raised whenever the numbers or their form change: older files then give nothing.
+const FORMAT: u32 = 1;
+
+/// 128 bits that stand for everything the ellipsoids depend on: index, grid, connectivity, options and
+/// the format of the file. Not made to withstand someone who looks for two inputs with one key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Key([u64; 2]);
+
+impl Key {
+    /// The key of what [`super::ellipsoids_of`] would compute.
+    pub fn of(index: &TumorIndex, connectivity: Connectivity, options: &Options) -> Self {
+        let mut digest = Digest::new();
+        digest.add(u64::from(FORMAT));
+        digest.add(u64::from(connectivity.neighbors()));
+        digest.bytes(options.method.name().as_bytes());
+        digest.add(options.tolerance.to_bits());
+        digest.add(options.max_iterations as u64);
+        digest.add(index.mask_ids().len() as u64);
+        let dims = index.grid().dims();
+        dims.iter().for_each(|&d| digest.add(d as u64));
+        index.grid().world_from_voxel().to_cols_array().iter().for_each(|v| digest.add(v.to_bits()));
+        let slice = dims[0] * dims[1];
+        let slices: Vec<Self> = match index.data() {
+            IndexData::U8(v) => v.par_chunks(slice).map(|s| of_slice(s)).collect(),
+            IndexData::U16(v) => v.par_chunks(slice).map(|s| of_slice(s)).collect(),
+            IndexData::U32(v) => v.par_chunks(slice).map(|s| of_slice(s)).collect(),
+        };
+        for Self([a, b]) in slices {
+            digest.add(a);
+            digest.add(b);
+        }
+        digest.key()
+    }
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:016x}{:016x}", self.0[0], self.0[1])
+    }
+}
+
+/// Active voxels of one slice with their places; empty stretches cost next to nothing.
+fn of_slice<T: Copy + Into<u32>>(values: &[T]) -> Key {
+    let mut digest = Digest::new();
+    for (at, group) in values.chunks(16).enumerate() {
+        if group.iter().fold(0, |any, &v| any | v.into()) == 0 {
+            continue;
+        }
+        digest.add(at as u64);
+        for pair in group.chunks(2) {
+            digest.add(pair.iter().fold(1, |word, &v| word << 32 | u64::from(v.into())));
+        }
+    }
+    digest.key()
+}
+
+/// Two lanes of multiply, rotate and add, with the finish of MurmurHash3 (public domain): the same on
+/// every machine and in every version of the compiler, which the standard library's hasher isn't.
+struct Digest {
+    lanes: [u64; 2],
+    words: u64,
+}
+
+impl Digest {
+    fn new() -> Self {
+        Self { lanes: [0x243f_6a88_85a3_08d3, 0x1319_8a2e_0370_7344], words: 0 }
+    }
+
+    fn add(&mut self, word: u64) {
+        let [a, b] = &mut self.lanes;
+        *a = (*a ^ word.wrapping_mul(0x87c3_7b91_1142_53d5)).rotate_left(27).wrapping_mul(5).wrapping_add(*b);
+        *b = (*b ^ word.wrapping_mul(0x4cf5_ad43_2745_937f)).rotate_left(31).wrapping_mul(9).wrapping_add(*a);
+        self.words += 1;
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.add(bytes.len() as u64);
+        for chunk in bytes.chunks(8) {
+            self.add(chunk.iter().fold(0, |word, &b| word << 8 | u64::from(b)));
+        }
+    }
+
+    fn key(&self) -> Key {
+        let finish = |mut v: u64| {
+            v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
+            v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+            v ^ v >> 33
+        };
+        let (a, b) = (self.lanes[0] ^ self.words, self.lanes[1] ^ self.words);
+        let (a, b) = (a.wrapping_add(b), b.wrapping_add(a.rotate_left(32)));
+        Key([finish(a), finish(b.wrapping_add(finish(a)))])
+    }
+}
+
+/// What is known, by key: one entry for each time point.
+pub type Entries = BTreeMap<Key, Vec<ComponentEllipsoid>>;
+
+#[derive(Serialize, Deserialize)]
+struct CacheFile {
+    glioscope_ellipsoids: u32,
+    entries: BTreeMap<String, Entry>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    /// Digest of the key and of the list as JSON: a changed digit is noticed.
+    check: String,
+    components: Vec<ComponentEllipsoid>,
+}
+
+/// Where the ellipsoids of a session are kept: `visit.glioscope.json` has `visit.ellipsoids.json`.
+pub fn path_beside(session: &Path) -> PathBuf {
+    let name = session.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let stem = name.strip_suffix(".json").unwrap_or(&name);
+    session.with_file_name(format!("{}.ellipsoids.json", stem.strip_suffix(".glioscope").unwrap_or(stem)))
+}
+
+/// What the file at `path` knows; nothing of what is absent, damaged or of another format.
+pub fn load(path: &Path) -> Entries {
+    let read = || serde_json::from_slice::<CacheFile>(&std::fs::read(path).ok()?).ok();
+    let Some(file) = read().filter(|f| f.glioscope_ellipsoids == FORMAT) else {
+        return Entries::new();
+    };
+    let whole = |(name, entry): (String, Entry)| {
+        let key = parse_key(&name)?;
+        let check = check_of(&name, &entry.components)?;
+        (check == entry.check).then_some((key, entry.components))
+    };
+    file.entries.into_iter().filter_map(whole).collect()
+}
+
+/// Writes `entries` to `path`, or leaves what stood there untouched.
+///
+/// # Errors
+/// [`FileError::Wrong`] where it can't be written. The caller may go on without.
+pub fn save(path: &Path, entries: &Entries) -> Result<(), FileError> {
+    let unfit = || FileError::wrong(path.display().to_string(), "numbers JSON can't hold", "finite ones");
+    let mut file = CacheFile { glioscope_ellipsoids: FORMAT, entries: BTreeMap::new() };
+    for (key, components) in entries {
+        let check = check_of(&key.to_string(), components).ok_or_else(unfit)?;
+        file.entries.insert(key.to_string(), Entry { check, components: components.clone() });
+    }
+    let bytes = serde_json::to_vec(&file).map_err(|_| unfit())?;
+    write_whole(path, &bytes)
+}
+
+fn parse_key(name: &str) -> Option<Key> {
+    let half = |range| u64::from_str_radix(name.get(range)?, 16).ok();
+    let key = Key([half(0..16)?, half(16..32)?]);
+    (key.to_string() == name).then_some(key)
+}
+
+fn check_of(name: &str, components: &[ComponentEllipsoid]) -> Option<String> {
+    let mut digest = Digest::new();
+    digest.bytes(name.as_bytes());
+    digest.bytes(&serde_json::to_vec(components).ok()?);
+    Some(digest.key().to_string())
+}

@@ -1,0 +1,92 @@
+//! REX: exchange of weight between pairs of points (Harman, Filová, Richtárik 2020), here in a fixed
+//! order instead of a random one, so that the answer is the same every time.
+
+use super::solve::{Allowance, N, State};
+
+/// Points with the largest g that may gain weight in one sweep: 4 n.
+const LEADING: usize = 16;
+
+type Matrix = [[f64; 4]; 4];
+
+const IDENTITY: Matrix =
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+
+/// Sweeps until the allowance is reached. `None` when the weights lose a dimension, which exact
+/// arithmetic rules out.
+pub(super) fn run(state: &mut State, allowed: &mut Allowance) -> Option<()> {
+    loop {
+        let s = state.refresh()?;
+        if s <= allowed.target || allowed.left == 0 {
+            return Some(());
+        }
+        allowed.left -= 1;
+        state.delete(s);
+        sweep(state);
+    }
+}
+
+/// Exchanges between every leading point and every point that carries weight.
+fn sweep(state: &mut State) {
+    let points = &mut state.points;
+    let mut leading: Vec<usize> = Vec::with_capacity(LEADING + 1);
+    for i in 0..points.len() {
+        let full = leading.len() == LEADING;
+        if full && leading.last().is_some_and(|&last| points[last].g >= points[i].g) {
+            continue;
+        }
+        let at = leading.partition_point(|&j| points[j].g >= points[i].g);
+        leading.insert(at, i);
+        leading.truncate(LEADING);
+    }
+    let mut carrying: Vec<usize> = (0..points.len()).filter(|&i| points[i].weight > 0.0).collect();
+    // Those that should carry least give first.
+    carrying.sort_by(|&a, &b| points[a].g.total_cmp(&points[b].g).then(a.cmp(&b)));
+
+    let mut inverse = IDENTITY;
+    for &j in &leading {
+        let x = points[j].lifted();
+        let mut a = times(&inverse, &x);
+        for &k in &carrying {
+            if j == k || points[k].weight <= 0.0 && points[j].weight <= 0.0 {
+                continue;
+            }
+            let y = points[k].lifted();
+            let b = times(&inverse, &y);
+            let (gj, gk, gjk) = (dot(&x, &a), dot(&y, &b), dot(&x, &b));
+            let curvature = gj * gk - gjk * gjk;
+            // Equal points, or as good as: nothing to gain.
+            if curvature <= 1e-14 * gj * gk {
+                continue;
+            }
+            let best = (gj - gk) / (2.0 * curvature);
+            let moved = best.clamp(-points[j].weight, points[k].weight);
+            if moved == 0.0 {
+                continue;
+            }
+            let growth = (1.0 + moved * gj) * (1.0 - moved * gk) + moved * moved * gjk * gjk;
+            if growth <= 0.5 / N {
+                continue;
+            }
+            // Exact zeros where all is given: the point leaves the support.
+            points[j].weight = if moved == -points[j].weight { 0.0 } else { points[j].weight + moved };
+            points[k].weight = if moved == points[k].weight { 0.0 } else { points[k].weight - moved };
+            let square = moved * moved;
+            let (aa, ab, bb) =
+                ((square * gk - moved) / growth, -square * gjk / growth, (square * gj + moved) / growth);
+            for r in 0..4 {
+                for c in 0..4 {
+                    inverse[r][c] += aa * a[r] * a[c] + ab * (a[r] * b[c] + b[r] * a[c]) + bb * b[r] * b[c];
+                }
+            }
+            a = times(&inverse, &x);
+        }
+    }
+}
+
+pub(super) fn times(m: &Matrix, v: &[f64; 4]) -> [f64; 4] {
+    std::array::from_fn(|r| dot(&m[r], v))
+}
+
+pub(super) fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+}

@@ -8,14 +8,17 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::Selection;
 use glioscope_render::{
-    AnatomicalView, Camera, Palette, Projection,
+    AnatomicalView, Camera, ClipPlane, Palette, Projection, TransferFunction,
     slices::{Convention, Overlay, Plane, Window},
 };
 
 use crate::{
     document::{self, CaseRef, Document, Pane},
     layout,
-    views::overlap::{self, OverlapMode},
+    views::{
+        ellipsoids::EllipsoidLook,
+        overlap::{self, OverlapMode},
+    },
     world::World,
 };
 
@@ -67,6 +70,12 @@ pub enum Command {
     Look(AnatomicalView),
     ToggleProjection,
     ToggleFollowPointer,
+    TogglePlane,
+    SetPaneZoom(Pane, f64),
+    // Context view and ellipsoid diagram.
+    SetTransfer(String, Option<TransferFunction>),
+    SetClips(Vec<ClipPlane>),
+    SetEllipsoidLook(EllipsoidLook),
     // Slices.
     SetCursor(DVec3),
     SetContext(Option<String>),
@@ -103,6 +112,8 @@ impl Command {
             Self::ClearRecent,
             Self::ScreenshotWindow,
             Self::ScreenshotPane(Pane::Closeup),
+            Self::ScreenshotPane(Pane::Context),
+            Self::ScreenshotPane(Pane::Ellipsoids),
             Self::ScreenshotPane(Pane::Overlap),
             Self::Undo,
             Self::Redo,
@@ -118,6 +129,7 @@ impl Command {
             Self::FitLens,
             Self::ToggleProjection,
             Self::ToggleFollowPointer,
+            Self::TogglePlane,
             Self::NextContext,
             Self::NextOverlay,
             Self::SetConvention(Convention::Radiological),
@@ -130,7 +142,7 @@ impl Command {
         ];
         all.extend(AnatomicalView::ALL.map(Self::Look));
         let planes = [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(Pane::Slice);
-        for pane in [Pane::Closeup, Pane::Overlap, Pane::Diagnostics].into_iter().chain(planes) {
+        for pane in Pane::NOT_SLICES.into_iter().chain(planes) {
             all.push(Self::TogglePane(pane));
             all.push(Self::MaximizePane(pane));
         }
@@ -187,6 +199,12 @@ impl Command {
             Self::Look(view) => format!("Look from {}", format!("{view:?}").to_lowercase()),
             Self::ToggleProjection => "Perspective or orthographic".into(),
             Self::ToggleFollowPointer => "Slices follow the pointer over the closeup".into(),
+            Self::TogglePlane => "Axial slice in the 3D views".into(),
+            Self::SetPaneZoom(pane, _) => format!("Zoom {}", pane.title()),
+            Self::SetTransfer(_, Some(_)) => "Transfer function".into(),
+            Self::SetTransfer(_, None) => "Transfer function to begin with".into(),
+            Self::SetClips(_) => "Cut the image open".into(),
+            Self::SetEllipsoidLook(_) => "Look of the ellipsoid diagram".into(),
             Self::SetCursor(_) => "Move the crosshair".into(),
             Self::SetContext(_) => "Show this image".into(),
             Self::NextContext => "Next image on the slices".into(),
@@ -223,6 +241,7 @@ impl Command {
                 "Regions: each overlap apart. Whole masks: overlaps are not told apart"
             }
             Self::ToggleFollowPointer => "Off: click the closeup to move the crosshair",
+            Self::TogglePlane => "Semi-transparent, through the crosshair",
             Self::MaximizePane(_) => "Again brings the other panes back",
             _ => "",
         };
@@ -255,6 +274,7 @@ impl Command {
             Self::FitTumor => plain(Key::F),
             Self::FitLens => Some(KeyboardShortcut::new(Modifiers::SHIFT, Key::F)),
             Self::ToggleProjection => plain(Key::P),
+            Self::TogglePlane => plain(Key::X),
             Self::NextContext => plain(Key::I),
             Self::NextOverlay => plain(Key::O),
             Self::ResetSlices => plain(Key::R),
@@ -280,6 +300,9 @@ impl Command {
             Self::SetWindow(..) => Some("window"),
             Self::SetOverlayOpacity(_) => Some("opacity"),
             Self::SetLayout(_) => Some("layout"),
+            Self::SetTransfer(..) => Some("transfer"),
+            Self::SetClips(_) => Some("clips"),
+            Self::SetEllipsoidLook(_) => Some("ellipsoids"),
             _ => None,
         }
     }
@@ -353,6 +376,17 @@ impl Command {
                 };
             }
             Self::ToggleFollowPointer => nav.follow_pointer = !nav.follow_pointer,
+            Self::TogglePlane => nav.show_plane = !nav.show_plane,
+            Self::SetPaneZoom(Pane::Context, zoom) if zoom.is_finite() => nav.context_zoom = *zoom,
+            Self::SetPaneZoom(Pane::Ellipsoids, zoom) if zoom.is_finite() => nav.ellipsoid_zoom = *zoom,
+            Self::SetTransfer(id, Some(transfer)) => {
+                edit.transfers.insert(id.clone(), transfer.clone());
+            }
+            Self::SetTransfer(id, None) => {
+                edit.transfers.remove(id);
+            }
+            Self::SetClips(clips) => edit.clips.clone_from(clips),
+            Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
             Self::SetCursor(mm) if mm.is_finite() => nav.cursor_mm = *mm,
             Self::SetContext(id) => nav.context.clone_from(id),
             Self::NextContext => {
@@ -395,6 +429,7 @@ impl Command {
             Self::SetLensRadius(_)
             | Self::SetLensCenter(_)
             | Self::SetCursor(_)
+            | Self::SetPaneZoom(..)
             | Self::SetPan(..)
             | Self::OpenDialog
             | Self::Open(_)

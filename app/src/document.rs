@@ -10,12 +10,15 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{Selection, case::TimePoint};
 use glioscope_render::{
-    Camera, Lens, Palette, Projection,
+    Camera, ClipPlane, Lens, Palette, Projection, TransferFunction,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{layout, views::overlap::OverlapMode};
+use crate::{
+    layout,
+    views::{ellipsoids::EllipsoidLook, overlap::OverlapMode},
+};
 
 /// How to open the case again.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,6 +44,12 @@ pub enum CaseRef {
 pub enum Pane {
     /// The tumour intersection closeup.
     Closeup,
+    /// The tumour in its anatomy.
+    Context,
+    /// The ellipsoid diagram.
+    Ellipsoids,
+    /// The transfer function of the context view.
+    Transfer,
     /// The overlap diagram with its bar and the table of regions.
     Overlap,
     /// A slice view.
@@ -50,10 +59,17 @@ pub enum Pane {
 }
 
 impl Pane {
+    /// All but the slices, in the order of menus.
+    pub const NOT_SLICES: [Self; 6] =
+        [Self::Closeup, Self::Context, Self::Ellipsoids, Self::Overlap, Self::Transfer, Self::Diagnostics];
+
     /// What tabs, menus and file names call it.
     pub fn title(self) -> &'static str {
         match self {
             Self::Closeup => "the closeup",
+            Self::Context => "the context view",
+            Self::Ellipsoids => "the ellipsoid diagram",
+            Self::Transfer => "the transfer function",
             Self::Overlap => "the overlap diagram",
             Self::Slice(Plane::Axial) => "the axial slice",
             Self::Slice(Plane::Coronal) => "the coronal slice",
@@ -66,6 +82,9 @@ impl Pane {
     pub fn tab(self) -> &'static str {
         match self {
             Self::Closeup => "Closeup",
+            Self::Context => "Context",
+            Self::Ellipsoids => "Ellipsoids",
+            Self::Transfer => "Transfer",
             Self::Overlap => "Overlap",
             Self::Slice(Plane::Axial) => "Axial",
             Self::Slice(Plane::Coronal) => "Coronal",
@@ -94,6 +113,15 @@ pub struct Edit {
     pub palette: Palette,
     /// Whether the diagram selects regions or whole masks.
     pub overlap_mode: OverlapMode,
+    /// Transfer function of each context the user changed, by id.
+    #[serde(default)]
+    pub transfers: BTreeMap<String, TransferFunction>,
+    /// Planes that cut the context open.
+    #[serde(default)]
+    pub clips: Vec<ClipPlane>,
+    /// How the ellipsoid diagram is drawn.
+    #[serde(default)]
+    pub ellipsoids: EllipsoidLook,
     /// Where panes are.
     pub layout: Tree<Pane>,
     /// The pane that fills the window, if one does.
@@ -119,6 +147,19 @@ pub struct Navigation {
     pub pan_mm: [DVec2; 3],
     /// Whether the slices follow the pointer over the closeup.
     pub follow_pointer: bool,
+    /// Magnification of the context view; 1 fits.
+    #[serde(default = "one")]
+    pub context_zoom: f64,
+    /// Magnification of the ellipsoid diagram; 1 fits.
+    #[serde(default = "one")]
+    pub ellipsoid_zoom: f64,
+    /// Whether the axial slice is shown as a plane in closeup and ellipsoid diagram.
+    #[serde(default)]
+    pub show_plane: bool,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 /// A case and how it is looked at.
@@ -176,6 +217,9 @@ impl Document {
                 overlay_opacity: 0.35,
                 palette: Palette::Thesis,
                 overlap_mode: OverlapMode::Regions,
+                transfers: BTreeMap::new(),
+                clips: Vec::new(),
+                ellipsoids: EllipsoidLook::default(),
                 layout: layout::default_layout(),
                 maximized: None,
             },
@@ -188,6 +232,9 @@ impl Document {
                 mm_per_point: None,
                 pan_mm: [DVec2::ZERO; 3],
                 follow_pointer: true,
+                context_zoom: 1.0,
+                ellipsoid_zoom: 1.0,
+                show_plane: false,
             },
         }
     }

@@ -5,15 +5,18 @@ use glioscope_render::slices::Plane;
 
 use crate::document::Pane;
 
-/// Closeup at the left, the overlap diagram with its table in the middle, three slices at the right.
+/// Closeup over context at the left, ellipsoids over overlap diagram and table in the middle, three
+/// slices at the right.
 pub fn default_layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
-    let closeup = tiles.insert_pane(Pane::Closeup);
-    let overlap = tiles.insert_pane(Pane::Overlap);
+    let views = [Pane::Closeup, Pane::Context, Pane::Ellipsoids, Pane::Overlap];
+    let [closeup, context, ellipsoids, overlap] = views.map(|pane| tiles.insert_pane(pane));
     let slices =
         [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(|plane| tiles.insert_pane(Pane::Slice(plane)));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
-    let root = linear(&mut tiles, LinearDir::Horizontal, &[(closeup, 1.35), (overlap, 1.0), (right, 0.9)]);
+    let left = linear(&mut tiles, LinearDir::Vertical, &[(closeup, 1.25), (context, 1.0)]);
+    let middle = linear(&mut tiles, LinearDir::Vertical, &[(ellipsoids, 1.0), (overlap, 1.25)]);
+    let root = linear(&mut tiles, LinearDir::Horizontal, &[(left, 1.25), (middle, 1.0), (right, 0.85)]);
     Tree::new(egui::Id::unique("layout"), root, tiles)
 }
 
@@ -61,7 +64,7 @@ mod tests {
     #[test]
     fn the_default_has_every_view_and_toggling_undoes_itself() {
         let mut layout = default_layout();
-        for pane in [Pane::Closeup, Pane::Overlap, Pane::Slice(Plane::Coronal)] {
+        for pane in [Pane::Closeup, Pane::Context, Pane::Ellipsoids, Pane::Overlap, Pane::Slice(Plane::Coronal)] {
             assert!(contains(&layout, pane));
         }
         assert!(!contains(&layout, Pane::Diagnostics));

@@ -12,6 +12,7 @@ pub mod document;
 pub mod files;
 pub mod format;
 pub mod history;
+pub mod jobs;
 pub mod layout;
 pub mod menu;
 pub mod offscreen;

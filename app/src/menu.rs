@@ -94,7 +94,7 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
     let Some(doc) = &work.doc else { return };
     ui.separator();
     let planes = Plane::ALL.map(Pane::Slice);
-    for pane in [Pane::Closeup, Pane::Overlap].into_iter().chain(planes).chain([Pane::Diagnostics]) {
+    for pane in Pane::NOT_SLICES.into_iter().chain(planes) {
         switch(ui, layout::contains(&doc.edit.layout, pane), Command::TogglePane(pane), out);
     }
     item(ui, Command::ResetLayout, true, out);
@@ -115,6 +115,7 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
     }
     item(ui, Command::ResetSlices, true, out);
     switch(ui, doc.nav.follow_pointer, Command::ToggleFollowPointer, out);
+    switch(ui, doc.nav.show_plane, Command::TogglePlane, out);
     ui.separator();
     ui.menu_button("Look from", |ui| {
         for view in AnatomicalView::ALL {

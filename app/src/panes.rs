@@ -1,6 +1,6 @@
 //! The panes of the window: which view is drawn where.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, path::Path};
 
 use egui::{Rect, Ui, WidgetText, vec2};
 use egui_tiles::{Behavior, SimplificationOptions, TileId, Tiles, UiResponse};
@@ -11,11 +11,25 @@ use crate::{
     document::Pane,
     viewport::Viewport,
     views::{
-        ViewContext, closeup, diagnostics,
+        ViewContext, closeup, context, diagnostics,
+        ellipsoids::{self, View3d},
         overlap::{self, OverlapInput},
-        slices,
+        plane, slices, transfer,
     },
 };
+
+/// What the panes besides the closeup remember between frames; never saved.
+#[derive(Default)]
+pub struct PaneStates {
+    /// The context view.
+    pub context: context::ContextState,
+    /// The ellipsoid diagram.
+    pub ellipsoids: ellipsoids::EllipsoidState,
+    /// The transfer-function editor.
+    pub transfer: transfer::TransferState,
+    /// The axial slice in 3D.
+    pub plane: plane::PlaneState,
+}
 
 /// What drawing the panes needs, and what it leaves behind.
 pub struct PaneArea<'a> {
@@ -23,10 +37,14 @@ pub struct PaneArea<'a> {
     pub view: ViewContext<'a>,
     /// The closeup's scene.
     pub scene: &'a Scene,
+    /// The session file, beside which results are kept.
+    pub session: Option<&'a Path>,
     /// The 3D renderer.
     pub viewport: Option<&'a mut Viewport>,
     /// What the closeup remembers.
     pub closeup: &'a mut closeup::CloseupState,
+    /// What the other panes remember.
+    pub states: &'a mut PaneStates,
     /// Whether drafts are skipped.
     pub refine_at_once: bool,
     /// Where each pane was drawn.
@@ -63,23 +81,28 @@ impl PaneArea<'_> {
     /// Draws one view into all of `ui`.
     pub fn pane(&mut self, ui: &mut Ui, pane: Pane) {
         self.rects.insert(pane, ui.available_rect_before_wrap());
+        let Self { view, scene, session, viewport, closeup, states, refine_at_once, out, .. } = self;
+        let PaneStates { context, ellipsoids, transfer, plane } = &mut **states;
+        let three_d = View3d {
+            viewport: viewport.as_deref_mut(),
+            refine_at_once: *refine_at_once,
+            session: *session,
+            plane,
+        };
         match pane {
-            Pane::Closeup => closeup::show(
-                ui,
-                &self.view,
-                self.scene,
-                self.viewport.as_deref_mut(),
-                self.closeup,
-                self.refine_at_once,
-                self.out,
-            ),
-            Pane::Overlap => {
-                let input = overlap_input(&self.view);
-                let margin = egui::Frame::new().inner_margin(6);
-                margin.show(ui, |ui| overlap::show(ui, &input, self.out));
+            Pane::Closeup => {
+                closeup::show(ui, view, scene, three_d.viewport, closeup, *refine_at_once, out);
             }
-            Pane::Slice(plane) => slices::show(ui, &self.view, plane, self.out),
-            Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref_mut()),
+            Pane::Context => context::show(ui, view, scene.tumor.as_ref(), three_d, context, out),
+            Pane::Ellipsoids => ellipsoids::show(ui, view, three_d, ellipsoids, out),
+            Pane::Transfer => transfer::show(ui, view, transfer, *refine_at_once, out),
+            Pane::Overlap => {
+                let input = overlap_input(view);
+                let margin = egui::Frame::new().inner_margin(6);
+                margin.show(ui, |ui| overlap::show(ui, &input, out));
+            }
+            Pane::Slice(plane) => slices::show(ui, view, plane, out),
+            Pane::Diagnostics => diagnostics::show(ui, three_d.viewport),
         }
     }
 }

@@ -1,21 +1,24 @@
-//! The bridge between egui and the renderer: a frame becomes a texture that egui can show.
+//! The bridge between egui and the renderers: a frame becomes a texture that egui can show.
 
 use std::sync::Arc;
 
 use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
-use glioscope_render::{Frame, Gpu, PassName, Pick, Quality, Renderer, Scene};
+use glioscope_render::{
+    ContextRenderer, EllipsoidRenderer, Frame, Gpu, PassName, Pick, Picture, Plan, Quality, RenderError, Renderer,
+    Scene, SceneRenderer,
+};
 
 /// Draws scenes on egui's device and hands egui the pictures. One for each program.
 pub struct Viewport {
     /// The device it draws on.
     pub gpu: Gpu,
-    renderer: Renderer,
-    egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>,
-    shown: Option<Shown>,
-    times: Option<(u64, PassTimes)>,
-    /// Frames drawn so far: a test that an idle window draws nothing reads it.
-    pub frames_drawn: u64,
+    /// The closeup.
+    pub closeup: Screen<Renderer>,
+    /// The context view.
+    pub context: Screen<ContextRenderer>,
+    /// The ellipsoid diagram.
+    pub ellipsoids: Screen<EllipsoidRenderer>,
 }
 
 /// How long each pass of a frame took.
@@ -27,29 +30,40 @@ pub struct PassTimes {
     pub source: &'static str,
 }
 
-struct Shown {
-    scene: Scene,
+/// One 3D view: its renderer, compiled when the view is first shown, and the picture last drawn.
+pub struct Screen<R: SceneRenderer> {
+    egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>,
+    renderer: Option<R>,
+    shown: Option<Shown<R::Scene>>,
+    times: Option<(u64, PassTimes)>,
+    /// Frames drawn so far: a test that an idle window draws nothing reads it.
+    pub frames_drawn: u64,
+}
+
+struct Shown<S> {
+    scene: S,
     quality: Quality,
     size: UVec2,
     texture: wgpu::Texture,
     id: TextureId,
 }
 
-impl Viewport {
-    /// A bridge on an existing device, shared with egui's renderer.
-    ///
-    /// # Errors
-    /// One line, when the device can't run the passes.
-    pub fn new(gpu: Gpu, egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>) -> Result<Self, String> {
-        let renderer = Renderer::new(&gpu).map_err(|e| e.to_string())?;
-        Ok(Self { gpu, renderer, egui_renderer, shown: None, times: None, frames_drawn: 0 })
+impl<R: SceneRenderer> Screen<R> {
+    fn new(egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>) -> Self {
+        Self { egui_renderer, renderer: None, shown: None, times: None, frames_drawn: 0 }
     }
 
     /// The scene as a texture. Draws only when scene, quality or size changed.
     ///
     /// # Errors
     /// One line.
-    pub fn show(&mut self, scene: &Scene, quality: &Quality, size: UVec2) -> Result<TextureId, String> {
+    pub fn show(
+        &mut self,
+        gpu: &Gpu,
+        scene: &R::Scene,
+        quality: &Quality,
+        size: UVec2,
+    ) -> Result<TextureId, String> {
         if let Some(shown) = &self.shown
             && shown.scene == *scene
             && shown.quality == *quality
@@ -57,56 +71,101 @@ impl Viewport {
         {
             return Ok(shown.id);
         }
-        let frame =
-            self.renderer.render(&self.gpu, scene, quality, size.to_array()).map_err(|e| e.to_string())?;
+        let renderer = match &mut self.renderer {
+            Some(renderer) => renderer,
+            none => none.insert(R::start(gpu).map_err(|e| e.to_string())?),
+        };
+        let drawn = renderer.draw(gpu, scene, quality, size.to_array());
+        let texture = drawn.map_err(|e| e.to_string())?.color().clone();
         self.frames_drawn += 1;
-        let texture = frame.color.clone();
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let mut egui_renderer = self.egui_renderer.write();
+        let filter = wgpu::FilterMode::Linear;
         let id = match &self.shown {
             Some(shown) if shown.texture == texture => shown.id,
             Some(shown) => {
-                egui_renderer.update_egui_texture_from_wgpu_texture(
-                    &self.gpu.device,
-                    &view,
-                    wgpu::FilterMode::Linear,
-                    shown.id,
-                );
+                egui_renderer.update_egui_texture_from_wgpu_texture(&gpu.device, &view, filter, shown.id);
                 shown.id
             }
-            None => egui_renderer.register_native_texture(&self.gpu.device, &view, wgpu::FilterMode::Linear),
+            None => egui_renderer.register_native_texture(&gpu.device, &view, filter),
         };
         self.shown = Some(Shown { scene: scene.clone(), quality: *quality, size, texture, id });
         Ok(id)
     }
 
-    /// What is under a place of the frame last shown, `u` and `v` from 0 to 1 from the top left.
-    ///
-    /// # Errors
-    /// One line, when the device fails.
-    pub fn pick(&self, u: f32, v: f32) -> Result<Option<Pick>, String> {
-        let Some(frame) = self.frame() else { return Ok(None) };
+    /// The frame last drawn.
+    pub fn frame(&self) -> Option<&R::Frame> {
+        self.renderer.as_ref()?.last()
+    }
+
+    /// The frame last drawn, and the pixel of it at a place: `u` and `v` from 0 to 1 from the top left.
+    pub fn pixel(&self, u: f32, v: f32) -> Option<(&R::Frame, [u32; 2])> {
+        let frame = self.frame()?;
+        let [_, asked] = frame.sizes_px();
         let at = |fraction: f32, extent: u32| {
             ((fraction.clamp(0.0, 1.0) * extent as f32) as u32).min(extent.saturating_sub(1))
         };
-        frame.pick(&self.gpu, at(u, frame.asked_px[0]), at(v, frame.asked_px[1])).map_err(|e| e.to_string())
-    }
-
-    /// The frame last drawn.
-    pub fn frame(&self) -> Option<&Frame> {
-        self.renderer.frame()
+        Some((frame, [at(u, asked[0]), at(v, asked[1])]))
     }
 
     /// Milliseconds of each pass of the frame last drawn, read back once a frame.
     ///
     /// # Errors
     /// One line, when the device fails.
-    pub fn pass_times(&mut self) -> Result<&PassTimes, String> {
-        if self.times.as_ref().is_none_or(|(frame, _)| *frame != self.frames_drawn) {
-            let passes = self.renderer.pass_times(&self.gpu).map_err(|e| e.to_string())?;
-            let source = self.renderer.time_source().describe();
-            self.times = Some((self.frames_drawn, PassTimes { passes, source }));
+    pub fn pass_times(&mut self, gpu: &Gpu) -> Result<&PassTimes, String> {
+        if self.times.as_ref().is_none_or(|(frame, _)| *frame != self.frames_drawn)
+            && let Some(renderer) = &self.renderer
+        {
+            let (passes, source) = renderer.times(gpu).map_err(|e| e.to_string())?;
+            self.times = Some((self.frames_drawn, PassTimes { passes, source: source.describe() }));
         }
         self.times.as_ref().map(|(_, times)| times).ok_or_else(|| "no frame was drawn".into())
+    }
+
+    /// The plan of the frame last drawn, and the pixels drawn.
+    pub fn plan(&self) -> Option<(&Plan, [u32; 2])> {
+        let frame = self.frame()?;
+        Some((frame.plan(), frame.sizes_px()[0]))
+    }
+}
+
+/// One line of a pick that failed, or what was picked.
+fn said<T>(result: Result<Option<T>, RenderError>) -> Result<Option<T>, String> {
+    result.map_err(|e| e.to_string())
+}
+
+impl Viewport {
+    /// A bridge on an existing device, shared with egui's renderer. The closeup's pipelines are
+    /// compiled at once, so that a device that can't is known at the start.
+    ///
+    /// # Errors
+    /// One line, when the device can't run the passes.
+    pub fn new(gpu: Gpu, egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>) -> Result<Self, String> {
+        let renderer = Renderer::new(&gpu).map_err(|e| e.to_string())?;
+        let closeup = Screen { renderer: Some(renderer), ..Screen::new(egui_renderer.clone()) };
+        let context = Screen::new(egui_renderer.clone());
+        Ok(Self { gpu, closeup, context, ellipsoids: Screen::new(egui_renderer) })
+    }
+
+    /// The closeup as a texture, see [`Screen::show`].
+    ///
+    /// # Errors
+    /// One line.
+    pub fn show(&mut self, scene: &Scene, quality: &Quality, size: UVec2) -> Result<TextureId, String> {
+        self.closeup.show(&self.gpu, scene, quality, size)
+    }
+
+    /// What is under a place of the closeup last shown, `u` and `v` from 0 to 1 from the top left.
+    ///
+    /// # Errors
+    /// One line, when the device fails.
+    pub fn pick(&self, u: f32, v: f32) -> Result<Option<Pick>, String> {
+        let Some((frame, [x, y])) = self.closeup.pixel(u, v) else { return Ok(None) };
+        said(frame.pick(&self.gpu, x, y))
+    }
+
+    /// The closeup last drawn.
+    pub fn frame(&self) -> Option<&Frame> {
+        self.closeup.frame()
     }
 }

@@ -18,7 +18,7 @@ use crate::{
     document::{CaseRef, Pane},
     files, menu,
     palette::CommandPalette,
-    panes::{self, PaneArea},
+    panes::{self, PaneArea, PaneStates},
     recent::Recent,
     session,
     viewport::Viewport,
@@ -58,6 +58,8 @@ pub struct GlioscopeApp {
     pub viewport: Option<Viewport>,
     /// What the closeup remembers.
     pub closeup: CloseupState,
+    /// What the other panes remember.
+    pub states: PaneStates,
     /// What is open.
     pub open: Open,
     palette: CommandPalette,
@@ -85,6 +87,7 @@ impl GlioscopeApp {
             work,
             viewport,
             closeup: CloseupState::default(),
+            states: PaneStates::default(),
             open: Open::default(),
             palette: CommandPalette::default(),
             recent,
@@ -153,7 +156,12 @@ impl GlioscopeApp {
             crate::cli::say_error(error);
             ctx.send_viewport_cmd(egui::ViewportCommand::Close);
         }
-        let ready = self.work.job.is_none() && self.work.doc.is_some() && self.closeup.refined();
+        let drawn = |pane| self.pane_rects.contains_key(&pane);
+        let ready = self.work.job.is_none()
+            && self.work.doc.is_some()
+            && self.closeup.refined()
+            && (!drawn(Pane::Context) || self.states.context.refined())
+            && (!drawn(Pane::Ellipsoids) || self.states.ellipsoids.refined());
         if ready && let Some(path) = self.picture_when_ready.take() {
             self.take_picture(ctx, None, &path);
         } else {
@@ -163,24 +171,44 @@ impl GlioscopeApp {
 
     fn panes(&mut self, ui: &mut Ui, out: &mut Vec<Command>) {
         let Workstation { doc, world, .. } = &self.work;
-        let (Some(doc), Some(case)) = (doc, world.case()) else {
+        if doc.is_none() || world.case().is_none() {
             menu::welcome(ui, self.work.job.is_some(), &self.recent, out);
             return;
-        };
-        let Some(time_point) = world.time_point(doc) else { return };
+        }
+        self.with_panes(ui, out, |ui, area| panes::show(ui, area));
+    }
+
+    /// Draws one pane alone into all of `ui`: for pictures. Nothing where no case is open.
+    pub fn one_pane(&mut self, ui: &mut Ui, pane: Pane) {
+        self.with_panes(ui, &mut Vec::new(), |ui, area| area.pane(ui, pane));
+    }
+
+    fn with_panes(
+        &mut self,
+        ui: &mut Ui,
+        out: &mut Vec<Command>,
+        show: impl FnOnce(&mut Ui, &mut PaneArea<'_>),
+    ) {
+        let Workstation { doc: Some(doc), world, session_path, .. } = &self.work else { return };
+        let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
         let colors = world.colors(doc);
         let view = ViewContext { doc, case, time_point, colors: &colors, context: world.context(doc) };
-        let scene = world.closeup(doc, ui.visuals().dark_mode);
+        let mut scene = world.closeup(doc, ui.visuals().dark_mode);
+        if doc.nav.show_plane {
+            scene.plane = self.states.plane.get(&view);
+        }
         let mut area = PaneArea {
             view,
             scene: &scene,
+            session: session_path.as_deref(),
             viewport: self.viewport.as_mut(),
             closeup: &mut self.closeup,
+            states: &mut self.states,
             refine_at_once: self.refine_at_once,
             rects: HashMap::new(),
             out,
         };
-        panes::show(ui, &mut area);
+        show(ui, &mut area);
         self.pane_rects = area.rects;
     }
 

@@ -12,7 +12,10 @@ use glioscope_core::{
 };
 use glioscope_render::{MaskColors, Scene, slices::PreparedContext};
 
-use crate::document::{CaseRef, Document};
+use crate::{
+    document::{CaseRef, Document},
+    views::closeup,
+};
 
 /// A case and what every view needs of it, made once a load.
 pub struct Loaded {
@@ -82,16 +85,22 @@ impl World {
         MaskColors::new(doc.edit.palette, &asked)
     }
 
-    /// The closeup as the document wants it.
+    /// The regions of the current date, cropped; `None` where no voxel is active.
+    pub fn tumor(&self, doc: &Document) -> Option<&Arc<RegionVolume>> {
+        self.loaded.as_ref()?.tumors.get(doc.nav.time)?.as_ref()
+    }
+
+    /// The closeup as the document wants it, but for the slice plane.
     pub fn closeup(&self, doc: &Document, dark: bool) -> Scene {
         Scene {
-            tumor: self.loaded.as_ref().and_then(|l| l.tumors.get(doc.nav.time)?.clone()),
+            tumor: self.tumor(doc).cloned(),
             selection: doc.edit.selection.clone(),
             colors: self.colors(doc),
             lens: doc.active_lens(),
             camera: doc.nav.camera,
-            background: if dark { [34, 36, 40] } else { [244, 244, 242] },
+            background: closeup::background(dark),
             silhouette: [0, 0, 0],
+            plane: None,
         }
     }
 

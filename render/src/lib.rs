@@ -15,6 +15,7 @@ pub mod plan;
 pub mod reference;
 pub mod renderer;
 pub mod scene;
+mod scene_renderer;
 pub mod slices;
 mod targets;
 #[cfg(test)]
@@ -29,3 +30,4 @@ pub use palette::{MaskColors, Palette, Rgb};
 pub use plan::{PassName, Plan, Quality, plan};
 pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};
+pub use scene_renderer::{Picture, SceneRenderer};

@@ -179,7 +179,7 @@ pub struct RenderArguments {
     /// The case; the embedded sample without one.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// closeup, axial, coronal, sagittal, overlap or window.
+    /// closeup, context, ellipsoids, axial, coronal, sagittal, overlap, transfer or window.
     #[arg(long, default_value = "closeup")]
     pub view: String,
     /// Pixels: WIDTHxHEIGHT.
@@ -221,6 +221,29 @@ pub struct RenderArguments {
     /// The diagram selects whole masks.
     #[arg(long)]
     pub whole_masks: bool,
+    /// The context view's transfer function: mr-surface, mr-tissue, mr-borders, ct-skin, ct-soft,
+    /// ct-bone, pet-hot or pet-body.
+    #[arg(long, value_name = "PRESET")]
+    pub transfer: Option<String>,
+    /// Cut the context image open: SIDE=MM with right, left, front, back, top or bottom; what lies
+    /// beyond that coordinate on that side is taken away. Repeat for more.
+    #[arg(long = "clip", value_name = "SIDE=MM")]
+    pub clips: Vec<String>,
+    /// Ellipsoids of the components' own volume instead of enclosing ones.
+    #[arg(long)]
+    pub moment: bool,
+    /// Opacity of ellipsoids, 0 to 1.
+    #[arg(long, value_name = "SHARE")]
+    pub ellipsoid_opacity: Option<f64>,
+    /// Components below this volume have no ellipsoid.
+    #[arg(long, value_name = "ML")]
+    pub hide_below: Option<f64>,
+    /// Show the axial slice as a plane in closeup and ellipsoid diagram.
+    #[arg(long)]
+    pub slice_plane: bool,
+    /// Magnification of the 3D view; 1 fits.
+    #[arg(long, value_name = "FACTOR")]
+    pub zoom: Option<f64>,
     /// On a dark background.
     #[arg(long)]
     pub dark: bool,

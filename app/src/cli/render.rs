@@ -1,11 +1,11 @@
 //! `glioscope render`: one view into a PNG, and what it took.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, Gpu, Palette, Plan, Projection, Quality, Renderer,
+    AdapterPreference, Camera, ClipPlane, Gpu, Palette, Plan, Projection, Quality, Renderer, SceneRenderer, TransferPreset,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde_json::json;
@@ -15,13 +15,12 @@ use crate::{
     document::{Document, Pane},
     files,
     offscreen::Offscreen,
-    panes::PaneArea,
     recent::Recent,
-    viewport::{PassTimes, Viewport},
-    views::{ViewContext, closeup::CloseupState, overlap::OverlapMode},
+    viewport::{PassTimes, Screen, Viewport},
+    views::{ellipsoids::EllipsoidKind, overlap::OverlapMode, transfer},
     window::GlioscopeApp,
     workstation::Workstation,
-    world::Loaded,
+    world::{Loaded, World},
 };
 
 /// What `--view` names.
@@ -42,9 +41,12 @@ fn view(name: &str) -> Result<View, Failure> {
         "coronal" => View::Pane(Pane::Slice(Plane::Coronal)),
         "sagittal" => View::Pane(Pane::Slice(Plane::Sagittal)),
         "overlap" => View::Pane(Pane::Overlap),
+        "context" => View::Pane(Pane::Context),
+        "ellipsoids" => View::Pane(Pane::Ellipsoids),
+        "transfer" => View::Pane(Pane::Transfer),
         "window" => View::Window,
         other => {
-            return Err(wrong("view", other, "closeup, axial, coronal, sagittal, overlap or window"));
+            return Err(wrong("view", other, "closeup, context, ellipsoids, axial, coronal, sagittal, overlap, transfer or window"));
         }
     })
 }
@@ -158,6 +160,51 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), Fail
     if arguments.whole_masks {
         edit.overlap_mode = OverlapMode::WholeMasks;
     }
+    apply_3d(arguments, doc, world)
+}
+
+/// What was typed about the context view and the ellipsoid diagram.
+fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> Result<(), Failure> {
+    if let Some(name) = &arguments.transfer {
+        let spoken = |preset: &TransferPreset| {
+            let name = preset.name().to_lowercase();
+            name.trim_end_matches(" (2-d)").trim_end_matches(" tissue").trim_end_matches(" spots").replace(' ', "-")
+        };
+        let names: Vec<String> = TransferPreset::ALL.iter().map(spoken).collect();
+        let preset = TransferPreset::ALL.into_iter().find(|preset| spoken(preset) == *name);
+        let preset = preset.ok_or_else(|| wrong("transfer", name, &format!("one of {}", names.join(", "))))?;
+        if let Some((id, image)) = world.context(doc) {
+            let (id, transfer) = (id.to_owned(), preset.transfer(image.histogram()));
+            doc.edit.transfers.insert(id, transfer);
+        }
+    }
+    let Document { edit, nav, .. } = doc;
+    for text in &arguments.clips {
+        let expected = "SIDE=MM with right, left, front, back, top or bottom, at most 6";
+        let (side, mm) = text.split_once('=').ok_or_else(|| wrong("clip", text, expected))?;
+        let (_, normal) = transfer::SIDES
+            .into_iter()
+            .find(|(name, _)| *name == side)
+            .filter(|_| edit.clips.len() < transfer::MOST_CLIPS)
+            .ok_or_else(|| wrong("clip", text, expected))?;
+        let [mm] = numbers("clip", mm, expected)?;
+        edit.clips.push(ClipPlane { normal, offset_mm: mm * normal.element_sum() });
+    }
+    let range = |name, value: Option<f64>, (low, high): (f64, f64)| match value {
+        Some(v) if !(low..=high).contains(&v) => Err(wrong(name, &v.to_string(), &format!("{low} to {high}"))),
+        found => Ok(found),
+    };
+    let look = &mut edit.ellipsoids;
+    if arguments.moment {
+        look.kind = EllipsoidKind::Moment;
+    }
+    look.opacity = range("ellipsoid-opacity", arguments.ellipsoid_opacity, (0.0, 1.0))?.unwrap_or(look.opacity);
+    look.smallest_ml = range("hide-below", arguments.hide_below, (0.0, 1e6))?.unwrap_or(look.smallest_ml);
+    nav.show_plane = arguments.slice_plane;
+    if let Some(zoom) = range("zoom", arguments.zoom, (0.05, 100.0))? {
+        (nav.context_zoom, nav.ellipsoid_zoom) = (zoom, zoom);
+        nav.camera.height_mm /= zoom;
+    }
     Ok(())
 }
 
@@ -178,46 +225,53 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     apply(arguments, &mut work)?;
     let scene = work.doc.as_ref().map(|doc| work.world.closeup(doc, arguments.dark));
     let is_closeup = view == View::Pane(Pane::Closeup);
-    if let Some(scene) = scene.as_ref().filter(|_| arguments.explain && is_closeup) {
-        terminal::print(&explained(&glioscope_render::plan(scene, &Quality::FULL)))?;
+    let draws = arguments.out.is_some() || arguments.stats;
+    if !draws && !arguments.explain {
+        return Err(Failure("arguments: found no --out FILE, expected where to write the picture".into()));
     }
-    if arguments.out.is_none() && !arguments.stats {
-        return if arguments.explain {
-            Ok(())
+    let mut drawn = Drawn { plan: None, times: None };
+    if let Some(scene) = scene.as_ref().filter(|_| is_closeup) {
+        // The closeup's plan needs no device.
+        drawn.plan = Some(glioscope_render::plan(scene, &Quality::FULL));
+    }
+    // The other 3D views' scenes hold results: they are planned when they are drawn.
+    let draws = draws || matches!(view, View::Pane(Pane::Context | Pane::Ellipsoids));
+    let mut adapter = String::new();
+    if draws {
+        let gpu = gpu(arguments.software)?;
+        adapter = gpu.describe();
+        let rgba = if let (true, Some(scene), true) = (arguments.plain, &scene, is_closeup) {
+            let mut renderer = Renderer::new(&gpu).map_err(|e| Failure(e.to_string()))?;
+            // The first frame compiles and uploads; the second is the one whose passes are timed.
+            for _ in 0..if arguments.stats { 2 } else { 1 } {
+                renderer.render(&gpu, scene, &Quality::FULL, size).map_err(|e| Failure(e.to_string()))?;
+            }
+            let passes = renderer.pass_times(&gpu).map_err(|e| Failure(e.to_string()))?;
+            drawn.times = Some(PassTimes { passes, source: renderer.time_source().describe() });
+            renderer
+                .frame()
+                .map(|f| f.read_rgba(&gpu))
+                .transpose()
+                .map_err(|e| Failure(e.to_string()))?
+                .unwrap_or_default()
         } else {
-            Err(Failure("arguments: found no --out FILE, expected where to write the picture".into()))
+            let mut studio = Studio::new(work, &gpu, arguments.dark)?;
+            let rgba = studio.picture(view, size, arguments.scale)?;
+            if let View::Pane(pane) = view {
+                studio.say_drawn(pane, arguments.stats, &mut drawn);
+            }
+            rgba
         };
+        if let Some(path) = &arguments.out {
+            files::write_png(path, size, &rgba)?;
+        }
     }
-    let gpu = gpu(arguments.software)?;
-    let mut stats = None;
-    let rgba = if let (true, Some(scene), true) = (arguments.plain, &scene, is_closeup) {
-        let mut renderer = Renderer::new(&gpu).map_err(|e| Failure(e.to_string()))?;
-        // The first frame compiles and uploads; the second is the one whose passes are timed.
-        for _ in 0..if arguments.stats { 2 } else { 1 } {
-            renderer.render(&gpu, scene, &Quality::FULL, size).map_err(|e| Failure(e.to_string()))?;
-        }
-        let passes = renderer.pass_times(&gpu).map_err(|e| Failure(e.to_string()))?;
-        stats = Some(PassTimes { passes, source: renderer.time_source().describe() });
-        renderer
-            .frame()
-            .map(|f| f.read_rgba(&gpu))
-            .transpose()
-            .map_err(|e| Failure(e.to_string()))?
-            .unwrap_or_default()
-    } else {
-        let mut studio = Studio::new(work, &gpu, arguments.dark)?;
-        let rgba = studio.picture(view, size, arguments.scale)?;
-        if is_closeup {
-            stats = studio.pass_times();
-        }
-        rgba
-    };
-    if let Some(path) = &arguments.out {
-        files::write_png(path, size, &rgba)?;
+    let Drawn { plan, times } = drawn;
+    if let Some(plan) = plan.as_ref().filter(|_| arguments.explain) {
+        terminal::print(&explained(plan))?;
     }
     if arguments.stats {
-        let plan = scene.as_ref().filter(|_| is_closeup).map(|s| glioscope_render::plan(s, &Quality::FULL));
-        let passes: Vec<_> = stats
+        let passes: Vec<_> = times
             .iter()
             .flat_map(|t| &t.passes)
             .map(|(pass, ms)| json!({"name": pass.name(), "ms": ms}))
@@ -228,14 +282,20 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
             .map(|(pass, reason)| json!({"name": pass.name(), "reason": reason}))
             .collect();
         terminal::print_json(&json!({
-            "adapter": gpu.describe(),
+            "adapter": adapter,
             "size": size,
-            "timed_by": stats.as_ref().map(|t| t.source),
+            "timed_by": times.as_ref().map(|t| t.source),
             "passes": passes,
             "omitted": omitted,
         }))?;
     }
     Ok(())
+}
+
+/// What drawing a 3D view took.
+struct Drawn {
+    plan: Option<Plan>,
+    times: Option<PassTimes>,
 }
 
 /// A plan in words: a line a pass.
@@ -249,7 +309,6 @@ fn explained(plan: &Plan) -> String {
 pub(super) struct Studio {
     offscreen: Offscreen,
     app: GlioscopeApp,
-    dark: bool,
 }
 
 impl Studio {
@@ -257,18 +316,26 @@ impl Studio {
         let offscreen = Offscreen::new(gpu, dark);
         let viewport = Viewport::new(gpu.clone(), offscreen.renderer()).map_err(Failure)?;
         let app = GlioscopeApp::new(work, Some(viewport), Recent::default()).refined();
-        Ok(Self { offscreen, app, dark })
+        Ok(Self { offscreen, app })
     }
 
-    fn pass_times(&mut self) -> Option<PassTimes> {
-        self.app.viewport.as_mut()?.pass_times().ok().cloned()
+    /// Plan and pass times of the 3D view that `pane` drew; nothing of other panes.
+    fn say_drawn(&mut self, pane: Pane, timed: bool, drawn: &mut Drawn) {
+        let Some(viewport) = self.app.viewport.as_mut() else { return };
+        let Viewport { gpu, closeup, context, ellipsoids } = viewport;
+        match pane {
+            Pane::Closeup => say_screen(closeup, gpu, timed, drawn),
+            Pane::Context => say_screen(context, gpu, timed, drawn),
+            Pane::Ellipsoids => say_screen(ellipsoids, gpu, timed, drawn),
+            _ => {}
+        }
     }
 
     fn picture(&mut self, view: View, size: [u32; 2], scale: f32) -> Result<Vec<u8>, Failure> {
-        let Self { offscreen, app, dark } = self;
+        let Self { offscreen, app } = self;
         let rgba = offscreen.picture(size, scale, |ui| match view {
             View::Window => app.draw(ui),
-            View::Pane(pane) => draw_pane(ui, app, pane, *dark),
+            View::Pane(pane) => draw_pane(ui, app, pane),
         });
         rgba.map_err(Failure)
     }
@@ -284,25 +351,18 @@ impl Studio {
     }
 }
 
-fn draw_pane(ui: &mut egui::Ui, app: &mut GlioscopeApp, pane: Pane, dark: bool) {
-    let Workstation { doc: Some(doc), world, .. } = &app.work else { return };
-    let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
-    let colors = world.colors(doc);
-    let scene = world.closeup(doc, dark);
-    let mut out = Vec::new();
-    let mut closeup = CloseupState::default();
-    let mut area = PaneArea {
-        view: ViewContext { doc, case, time_point, colors: &colors, context: world.context(doc) },
-        scene: &scene,
-        viewport: app.viewport.as_mut(),
-        closeup: &mut closeup,
-        refine_at_once: true,
-        rects: HashMap::new(),
-        out: &mut out,
-    };
+fn draw_pane(ui: &mut egui::Ui, app: &mut GlioscopeApp, pane: Pane) {
     egui::CentralPanel::default()
         .frame(egui::Frame::new().fill(ui.visuals().panel_fill))
-        .show(ui, |ui| area.pane(ui, pane));
+        .show(ui, |ui| app.one_pane(ui, pane));
+}
+
+fn say_screen<R: SceneRenderer>(screen: &mut Screen<R>, gpu: &Gpu, timed: bool, drawn: &mut Drawn) {
+    drawn.plan = screen.plan().map(|(plan, _)| plan.clone());
+    if timed {
+        // A device that fails has said so when it drew.
+        drawn.times = screen.pass_times(gpu).ok().cloned();
+    }
 }
 
 #[cfg(test)]

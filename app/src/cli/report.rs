@@ -8,9 +8,11 @@ use glioscope_render::slices::Plane;
 use super::{CaseArguments, Failure, render, terminal};
 use crate::{document::Pane, files, workstation::Workstation, world::Loaded};
 
-const VIEWS: [(&str, Option<Pane>, [u32; 2]); 6] = [
+const VIEWS: [(&str, Option<Pane>, [u32; 2]); 8] = [
     ("window", None, [1600, 1000]),
     ("closeup", Some(Pane::Closeup), [900, 900]),
+    ("context", Some(Pane::Context), [900, 900]),
+    ("ellipsoids", Some(Pane::Ellipsoids), [900, 900]),
     ("axial", Some(Pane::Slice(Plane::Axial)), [700, 700]),
     ("coronal", Some(Pane::Slice(Plane::Coronal)), [700, 700]),
     ("sagittal", Some(Pane::Slice(Plane::Sagittal)), [700, 700]),

@@ -1,33 +1,27 @@
 //! The tumour intersection closeup (thesis 7.3.3): the renderer's picture, the orientation cube, the
 //! legend, and what the mouse does.
 
-use std::time::Duration;
-
 use egui::{Align2, Color32, FontId, PointerButton, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glam::{DVec2, UVec2};
 use glioscope_core::Sides;
-use glioscope_render::{Pick, Projection, Quality, Scene};
+use glioscope_render::{Camera, Pick, Projection, Scene};
 
-use super::{ViewContext, orientation};
+use super::{ViewContext, orientation, still::Refinement};
 use crate::{commands::Command, format, viewport::Viewport};
-
-/// How long the camera must be still before the picture is refined.
-const STILL: Duration = Duration::from_millis(180);
 
 /// What the view remembers between frames; never saved.
 #[derive(Default)]
 pub struct CloseupState {
-    last: Option<(Scene, f64)>,
+    refinement: Refinement<Scene>,
     pointer: Option<egui::Pos2>,
     /// What is under the pointer.
     pub hover: Option<Pick>,
-    refined: bool,
 }
 
 impl CloseupState {
     /// Whether the picture last drawn was in full quality.
     pub fn refined(&self) -> bool {
-        self.refined
+        self.refinement.refined()
     }
 }
 
@@ -51,22 +45,10 @@ pub fn show(
     };
     interact(ui, view, &response, rect, out);
 
-    let now = ui.input(|i| i.time);
-    let moved_at = match &state.last {
-        Some((last, at)) if last == scene => *at,
-        Some(_) => now,
-        None => f64::NEG_INFINITY,
-    };
-    let still = refine_at_once || now - moved_at >= STILL.as_secs_f64();
-    state.last = Some((scene.clone(), moved_at));
-    let quality = if still { Quality::FULL } else { Quality::DRAFT };
-    if still && !state.refined {
+    let (quality, just_refined) = state.refinement.quality(ui, scene, refine_at_once);
+    if just_refined {
         // What is under a pointer that didn't move may be something else now.
         state.pointer = None;
-    }
-    state.refined = still;
-    if !still {
-        ui.request_repaint_after(STILL);
     }
     let size = rect.size() * ui.pixels_per_point();
     if size.x < 1.0 || size.y < 1.0 {
@@ -146,16 +128,30 @@ fn hover(
         }
     }
     if let (Some(pointer), Some(pick)) = (pointer, &state.hover) {
-        let text = pick_text(view, pick);
-        let font = FontId::proportional(13.0);
-        let galley = ui.painter().layout_no_wrap(text, font, Color32::WHITE);
-        let mut corner = pointer + vec2(14.0, 14.0);
-        corner.x = corner.x.min(rect.right() - galley.size().x - 10.0).max(rect.left() + 8.0);
-        corner.y = corner.y.min(rect.bottom() - galley.size().y - 8.0);
-        let back = Rect::from_min_size(corner, galley.size()).expand2(vec2(6.0, 3.0));
-        ui.painter().rect_filled(back, 4.0, Color32::from_black_alpha(190));
-        ui.painter().galley(corner, galley, Color32::WHITE);
+        beside_pointer(ui, rect, pointer, &pick_text(view, pick));
     }
+}
+
+/// Text on a dark plate beside the pointer, inside `rect`.
+pub fn beside_pointer(ui: &Ui, rect: Rect, pointer: egui::Pos2, text: &str) {
+    let font = FontId::proportional(13.0);
+    let galley = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::WHITE);
+    let mut corner = pointer + vec2(14.0, 14.0);
+    corner.x = corner.x.min(rect.right() - galley.size().x - 10.0).max(rect.left() + 8.0);
+    corner.y = corner.y.min(rect.bottom() - galley.size().y - 8.0);
+    let back = Rect::from_min_size(corner, galley.size()).expand2(vec2(6.0, 3.0));
+    ui.painter().rect_filled(back, 4.0, Color32::from_black_alpha(190));
+    ui.painter().galley(corner, galley, Color32::WHITE);
+}
+
+/// Colour of what is behind everything in 3D views.
+pub fn background(dark: bool) -> [u8; 3] {
+    if dark { [34, 36, 40] } else { [244, 244, 242] }
+}
+
+/// Colour of text and marks over it.
+pub fn ink(dark: bool) -> Color32 {
+    if dark { Color32::from_gray(230) } else { Color32::from_gray(30) }
 }
 
 /// What a pick says: region, millilitres, place.
@@ -168,12 +164,13 @@ pub fn pick_text(view: &ViewContext<'_>, pick: &Pick) -> String {
     format!("{} {ml}{side}\n{place}", regions.name(pick.bits))
 }
 
-/// Cube, legend, scale bar and notes.
-fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
+/// Cube, or that sides are unknown, and the scale bar: in every 3D view. `at` says where the scale
+/// holds in perspective.
+pub fn corner_marks(ui: &Ui, view: &ViewContext<'_>, rect: Rect, camera: &Camera, at: &str) {
     let painter = ui.painter().with_clip_rect(rect);
-    let ink = if dark { Color32::from_gray(230) } else { Color32::from_gray(30) };
+    let dark = ui.visuals().dark_mode;
+    let ink = ink(dark);
     let small = FontId::proportional(12.0);
-    let camera = &view.doc.nav.camera;
     let known = view.case.grid.sides() == Sides::Known;
     let cube_size = (rect.height().min(rect.width()) * 0.09).clamp(26.0, 44.0);
     let cube_center = rect.right_bottom() - vec2(cube_size * 1.15, cube_size * 1.2);
@@ -188,7 +185,6 @@ fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
             Color32::from_rgb(230, 120, 0),
         );
     }
-    legend(&painter, view, rect, ink, &small);
     let mm_per_point = camera.height_mm / f64::from(rect.height().max(1.0));
     if let Some((mm, points)) = format::nice_length_mm(mm_per_point, f64::from(rect.width()) * 0.22) {
         let left = rect.left_bottom() + vec2(12.0, -12.0);
@@ -197,15 +193,23 @@ fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
         for end in [left, right] {
             painter.line_segment([end - vec2(0.0, 4.0), end + vec2(0.0, 4.0)], egui::Stroke::new(2.0, ink));
         }
-        let at_lens = if camera.projection == Projection::Perspective { " at the lens" } else { "" };
+        let place = if camera.projection == Projection::Perspective { format!(" {at}") } else { String::new() };
         painter.text(
             left - vec2(0.0, 6.0),
             Align2::LEFT_BOTTOM,
-            format!("{} mm{at_lens}", format::plain(mm)),
+            format!("{} mm{place}", format::plain(mm)),
             small,
             ink,
         );
     }
+}
+
+/// Cube, legend, scale bar and notes.
+fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
+    let painter = ui.painter().with_clip_rect(rect);
+    let ink = ink(dark);
+    corner_marks(ui, view, rect, &view.doc.nav.camera, "at the lens");
+    legend(&painter, view, rect, ink, &FontId::proportional(12.0));
     if view.time_point.regions.union_voxels() == 0 {
         painter.text(
             rect.center(),
@@ -255,7 +259,8 @@ fn legend(painter: &egui::Painter, view: &ViewContext<'_>, rect: Rect, ink: Colo
     );
 }
 
-fn message(ui: &Ui, rect: Rect, text: &str) {
+/// A message in the middle of a view that can't be drawn.
+pub fn message(ui: &Ui, rect: Rect, text: &str) {
     let galley = ui.painter().layout(
         text.to_owned(),
         FontId::proportional(14.0),

@@ -1,12 +1,12 @@
 //! What was drawn, what was left out and why, how long each pass took, and on what.
 
 use egui::{Grid, RichText, ScrollArea, Ui};
-use glioscope_render::Scene;
+use glioscope_render::{Gpu, SceneRenderer};
 
-use crate::viewport::Viewport;
+use crate::viewport::{Screen, Viewport};
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, scene: Option<&Scene>, viewport: Option<&mut Viewport>) {
+pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>) {
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let Some(viewport) = viewport else {
             ui.label("No graphics adapter.");
@@ -14,37 +14,42 @@ pub fn show(ui: &mut Ui, scene: Option<&Scene>, viewport: Option<&mut Viewport>)
         };
         ui.label(RichText::new("Adapter").strong());
         ui.label(viewport.gpu.describe());
-        ui.add_space(6.0);
-        ui.label(RichText::new("Closeup").strong());
-        let Some(frame) = viewport.frame().filter(|_| scene.is_some()) else {
-            ui.label("Not drawn: no pane shows it.");
-            return;
-        };
-        let ([width, height], omitted) = (frame.size_px, frame.plan.omitted.clone());
-        let times = match viewport.pass_times() {
-            Ok(times) => times,
-            Err(error) => {
-                ui.label(error);
-                return;
-            }
-        };
-        ui.label(format!("{width} × {height} pixels, times by {}", times.source));
-        Grid::new("passes").num_columns(2).striped(true).show(ui, |ui| {
-            for (pass, milliseconds) in &times.passes {
-                ui.label(pass.name());
-                ui.label(format!("{milliseconds:.2} ms"));
-                ui.end_row();
-            }
-        });
-        ui.add_space(6.0);
-        ui.label(RichText::new("Left out").strong());
-        if omitted.is_empty() {
-            ui.label("Nothing.");
-        }
-        for (pass, reason) in &omitted {
-            ui.label(format!("{}: {reason}", pass.name()));
-        }
-        ui.add_space(6.0);
-        ui.label(format!("Frames drawn: {}", viewport.frames_drawn));
+        let Viewport { gpu, closeup, context, ellipsoids } = viewport;
+        screen(ui, "Closeup", gpu, closeup);
+        screen(ui, "Context view", gpu, context);
+        screen(ui, "Ellipsoid diagram", gpu, ellipsoids);
     });
+}
+
+fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Screen<R>) {
+    ui.add_space(6.0);
+    ui.label(RichText::new(name).strong());
+    let Some((plan, [width, height])) = screen.plan() else {
+        ui.label("Not drawn: no pane shows it.");
+        return;
+    };
+    let omitted = plan.omitted.clone();
+    let frames = screen.frames_drawn;
+    match screen.pass_times(gpu) {
+        Ok(times) => {
+            ui.label(format!("{width} × {height} pixels, times by {}", times.source));
+            Grid::new((name, "passes")).num_columns(2).striped(true).show(ui, |ui| {
+                for (pass, milliseconds) in &times.passes {
+                    ui.label(pass.name());
+                    ui.label(format!("{milliseconds:.2} ms"));
+                    ui.end_row();
+                }
+            });
+        }
+        Err(error) => {
+            ui.label(error);
+        }
+    }
+    if omitted.is_empty() {
+        ui.label("Left out: nothing.");
+    }
+    for (pass, reason) in &omitted {
+        ui.label(format!("Left out: {}: {reason}", pass.name()));
+    }
+    ui.weak(format!("Frames drawn: {frames}"));
 }

@@ -1,10 +1,18 @@
 //! One file for each view. A view reads the document and the world, draws, and writes commands.
 
 pub mod closeup;
+pub mod context;
 pub mod diagnostics;
+pub mod ellipsoids;
+pub mod linked;
 pub mod orientation;
 pub mod overlap;
+pub mod plane;
 pub mod slices;
+pub mod still;
+pub mod transfer;
+
+use std::sync::{Arc, Weak};
 
 use glioscope_core::case::{Case, TimePoint};
 use glioscope_render::{MaskColors, slices::PreparedContext};
@@ -17,11 +25,34 @@ pub struct ViewContext<'a> {
     /// What the user chose.
     pub doc: &'a Document,
     /// The case.
-    pub case: &'a Case,
+    pub case: &'a Arc<Case>,
     /// The date shown.
     pub time_point: &'a TimePoint,
     /// Colours of its masks.
     pub colors: &'a MaskColors,
     /// The image the slices show, with its id.
     pub context: Option<(&'a str, &'a std::sync::Arc<PreparedContext>)>,
+}
+
+/// Which volume or case it was, without keeping it alive: what results are kept under.
+#[derive(Debug)]
+pub struct Handle<T>(Weak<T>);
+
+impl<T> Handle<T> {
+    /// The handle of what `of` holds.
+    pub fn of(of: &Arc<T>) -> Self {
+        Self(Arc::downgrade(of))
+    }
+}
+
+impl<T> Clone for Handle<T> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<T> PartialEq for Handle<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.ptr_eq(&other.0)
+    }
 }

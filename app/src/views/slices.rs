@@ -6,7 +6,7 @@ mod marks;
 #[cfg(test)]
 mod tests;
 
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
 use egui::{
     Color32, ColorImage, Id, IdSalt, Pos2, Rect, Role, Sense, TextureHandle, TextureOptions, Ui, WidgetInfo,
@@ -22,7 +22,7 @@ use glioscope_render::{
     },
 };
 
-use super::ViewContext;
+use super::{Handle, ViewContext};
 use crate::commands::Command;
 
 /// Width of outlines in points; at least one pixel.
@@ -110,7 +110,7 @@ fn sides_known(view: &ViewContext<'_>) -> bool {
 }
 
 /// The window of the image shown: the user's, or the image's own.
-fn window_of(view: &ViewContext<'_>, id: &str, image: &PreparedContext) -> Window {
+pub(super) fn window_of(view: &ViewContext<'_>, id: &str, image: &PreparedContext) -> Window {
     view.doc.edit.windows.get(id).copied().unwrap_or_else(|| image.histogram().initial_window())
 }
 
@@ -165,21 +165,6 @@ struct Inputs {
     style: SliceStyle,
 }
 
-/// Which volume it was, without keeping it alive.
-struct Handle<T>(Weak<T>);
-
-impl<T> Clone for Handle<T> {
-    fn clone(&self) -> Self {
-        Self(self.0.clone())
-    }
-}
-
-impl<T> PartialEq for Handle<T> {
-    fn eq(&self, other: &Self) -> bool {
-        self.0.ptr_eq(&other.0)
-    }
-}
-
 /// The picture last drawn, in egui's memory.
 #[derive(Clone)]
 struct Drawn {
@@ -201,8 +186,8 @@ fn picture(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id) -> (Tex
     let image = view.context.map(|(id, image)| (image, window_of(view, id, image)));
     let inputs = Inputs {
         slice: layout.slice,
-        image: image.map(|(image, window)| (Handle(Arc::downgrade(image)), window)),
-        index: Handle(Arc::downgrade(index)),
+        image: image.map(|(image, window)| (Handle::of(image), window)),
+        index: Handle::of(index),
         colors: view.colors.clone(),
         selection: edit.selection.clone(),
         overlay: edit.overlay,

@@ -1,0 +1,176 @@
+//! The context view (thesis 7.3.2): the tumour in its anatomy, seen through it from every side.
+
+use std::sync::Arc;
+
+use egui::{Align2, Color32, FontId, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use glam::UVec2;
+use glioscope_core::{RegionVolume, Sides};
+use glioscope_render::{
+    Camera, ContextPick, ContextScene, ContextVolume, TransferFunction, TransferPreset, slices::PreparedContext,
+};
+
+use super::{Handle, ViewContext, closeup, ellipsoids::View3d, linked, still::Refinement};
+use crate::{
+    commands::Command,
+    document::{self, Pane},
+    jobs::{Derived, Lookup},
+    window::waker,
+};
+
+/// What the view remembers between frames; never saved.
+#[derive(Default)]
+pub struct ContextState {
+    volume: Derived<Handle<PreparedContext>, ContextVolume>,
+    refinement: Refinement<ContextScene>,
+    transfer: Option<Arc<TransferFunction>>,
+    pointer: Option<egui::Pos2>,
+    hover: Option<ContextPick>,
+}
+
+impl ContextState {
+    /// Whether the picture last drawn was in full quality.
+    pub fn refined(&self) -> bool {
+        self.refinement.refined() && !self.volume.working()
+    }
+
+    /// The scene's transfer function; the same `Arc` as long as it is the same function, so that
+    /// nothing is uploaded again.
+    fn transfer(&mut self, wanted: TransferFunction) -> Arc<TransferFunction> {
+        match &self.transfer {
+            Some(have) if **have == wanted => have.clone(),
+            _ => self.transfer.insert(Arc::new(wanted)).clone(),
+        }
+    }
+}
+
+/// The user's transfer function of an image, or the one to begin with.
+pub fn transfer_of(view: &ViewContext<'_>, id: &str, image: &PreparedContext) -> TransferFunction {
+    let first = || TransferPreset::first_for(image.histogram(), id).transfer(image.histogram());
+    view.doc.edit.transfers.get(id).cloned().unwrap_or_else(first)
+}
+
+/// A camera that holds the image, or without one the tumour.
+fn camera(view: &ViewContext<'_>) -> Camera {
+    let nav = &view.doc.nav;
+    let (focus_mm, radius_mm) = match view.context {
+        Some((_, image)) => {
+            let (low, high) = image.volume().grid().bounds_mm();
+            // Heads are round: the corners of their box may leave the picture.
+            ((low + high) / 2.0, (high - low).length() * 0.36)
+        }
+        None => (view.doc.edit.lens.center_mm, document::tumor_radius_mm(view.time_point)),
+    };
+    linked::camera(&nav.camera, focus_mm, radius_mm, nav.context_zoom)
+}
+
+/// Draws the view into all of `ui` and writes what the user did to `out`.
+pub fn show(
+    ui: &mut Ui,
+    view: &ViewContext<'_>,
+    tumor: Option<&Arc<RegionVolume>>,
+    three_d: View3d<'_>,
+    state: &mut ContextState,
+    out: &mut Vec<Command>,
+) {
+    let rect = ui.available_rect_before_wrap();
+    let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    let Some(viewport) = three_d.viewport else {
+        closeup::message(ui, rect, "No graphics adapter: the context view can't be drawn.");
+        return;
+    };
+    let mut note = None;
+    let volume = view.context.and_then(|(_, image)| {
+        let prepared = image.clone();
+        let work = move |progress: &glioscope_core::Progress| {
+            progress.say("preparing the image");
+            ContextVolume::new(&prepared).map_err(|e| e.to_string())
+        };
+        match state.volume.get(Handle::of(image), three_d.refine_at_once, waker(ui.ctx()), work) {
+            Lookup::Ready(volume) => Some(volume.clone()),
+            Lookup::Working(_) => {
+                note = Some("Preparing the image…".to_owned());
+                ui.ctx().request_repaint_after(std::time::Duration::from_millis(100));
+                None
+            }
+            Lookup::Failed(why) => {
+                note = Some(why.to_owned());
+                None
+            }
+        }
+    });
+    let transfer = match view.context {
+        Some((id, image)) => transfer_of(view, id, image),
+        None => TransferFunction::transparent(),
+    };
+    let transfer = state.transfer(transfer);
+    let scene = ContextScene {
+        volume,
+        transfer,
+        clip: view.doc.edit.clips.clone(),
+        tumor: tumor.cloned(),
+        selection: view.doc.edit.selection.clone(),
+        colors: view.colors.clone(),
+        lens: view.doc.active_lens(),
+        camera: camera(view),
+        background: closeup::background(ui.visuals().dark_mode),
+        silhouette: [0, 0, 0],
+    };
+    linked::interact(ui, view, &response, rect, (Pane::Context, view.doc.nav.context_zoom), out);
+    let size = rect.size() * ui.pixels_per_point();
+    if size.x < 1.0 || size.y < 1.0 {
+        return;
+    }
+    let (quality, just_refined) = state.refinement.quality(ui, &scene, three_d.refine_at_once);
+    if just_refined {
+        state.pointer = None;
+    }
+    let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
+    match viewport.context.show(&viewport.gpu, &scene, &quality, size) {
+        Ok(texture) => {
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            ui.painter().image(texture, rect, whole, Color32::WHITE);
+        }
+        Err(error) => {
+            closeup::message(ui, rect, &error);
+            return;
+        }
+    }
+    let pointer = response.hover_pos();
+    if pointer != state.pointer {
+        state.pointer = pointer;
+        state.hover = pointer.filter(|_| !response.dragged()).and_then(|p| {
+            let (u, v) = ((p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height());
+            let (frame, [x, y]) = viewport.context.pixel(u, v)?;
+            // A device that fails says so when the next frame is drawn.
+            frame.pick(&viewport.gpu, x, y).ok().flatten()
+        });
+        if let Some(pick) = &state.hover
+            && (view.doc.nav.follow_pointer || response.clicked())
+        {
+            out.push(Command::SetCursor(pick.world_mm));
+        }
+    }
+    let spoken = state.hover.map(|pick| pick_text(view, &pick));
+    if let (Some(pointer), Some(text)) = (pointer, &spoken) {
+        closeup::beside_pointer(ui, rect, pointer, text);
+    }
+    let name = view.context.map_or("no image", |(id, _)| id);
+    let ink = closeup::ink(ui.visuals().dark_mode);
+    let painter = ui.painter().with_clip_rect(rect);
+    let text = note.unwrap_or_else(|| name.to_owned());
+    painter.text(rect.left_top() + vec2(10.0, 8.0), Align2::LEFT_TOP, text, FontId::proportional(12.0), ink);
+    closeup::corner_marks(ui, view, rect, &scene.camera, "at the middle");
+    response.widget_info(|| {
+        let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
+        WidgetInfo::labeled(Role::Canvas, true, format!("Context view of {name}: {under}"))
+    });
+}
+
+fn pick_text(view: &ViewContext<'_>, pick: &ContextPick) -> String {
+    let known = view.case.grid.sides() == Sides::Known;
+    let place = glioscope_render::slices::place_label(pick.world_mm, known);
+    match pick.bits {
+        Some(bits) => format!("{}\n{place}", view.time_point.regions.name(bits)),
+        None => place,
+    }
+}

@@ -1,0 +1,397 @@
+//! The transfer-function editor of the context view: histogram, control points, presets, gradient
+//! magnitude as the second dimension, and the planes that cut the image open.
+
+use std::sync::Arc;
+
+use egui::{
+    Color32, ColorImage, Pos2, Rect, Role, Sense, Stroke, TextureHandle, TextureOptions, Ui, WidgetInfo, pos2, vec2,
+};
+use glam::DVec3;
+use glioscope_render::{
+    ClipPlane, ControlPoint, GradientHistogram, GradientPoint, TransferFunction, TransferPreset, ValueHistogram,
+    slices::PreparedContext,
+};
+
+use super::{Handle, ViewContext, context::transfer_of};
+use crate::{
+    commands::Command,
+    jobs::{Derived, Lookup},
+    window::waker,
+};
+
+/// Points within this distance are grabbed.
+const GRAB_POINTS: f32 = 9.0;
+/// Most planes at once.
+pub const MOST_CLIPS: usize = 6;
+
+/// What the editor remembers between frames; never saved.
+#[derive(Default)]
+pub struct TransferState {
+    histogram: Derived<Handle<PreparedContext>, ValueHistogram>,
+    joint: Derived<Handle<PreparedContext>, GradientHistogram>,
+    picture: Option<(Arc<GradientHistogram>, TransferFunction, TextureHandle)>,
+    chosen: Option<usize>,
+    held: Option<usize>,
+    held_gradient: Option<usize>,
+}
+
+/// Opacity to height: the root spreads out the small ones, which is where tissue is.
+fn height(opacity: f64) -> f32 {
+    opacity.clamp(0.0, 1.0).sqrt() as f32
+}
+
+fn opacity(height: f32) -> f64 {
+    f64::from(height.clamp(0.0, 1.0)).powi(2)
+}
+
+/// Draws the editor.
+pub fn show(
+    ui: &mut Ui,
+    view: &ViewContext<'_>,
+    state: &mut TransferState,
+    wait: bool,
+    out: &mut Vec<Command>,
+) {
+    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        egui::Frame::new().inner_margin(6).show(ui, |ui| {
+            let Some((id, image)) = view.context else {
+                ui.label("No image is chosen, so there is nothing to transfer.");
+                return;
+            };
+            let current = transfer_of(view, id, image);
+            let mut new = current.clone();
+            presets(ui, id, image, &mut new, state);
+            let prepared = image.clone();
+            let work = move |_: &glioscope_core::Progress| Ok(ValueHistogram::of(prepared.volume(), prepared.histogram()));
+            match state.histogram.get(Handle::of(image), wait, waker(ui.ctx()), work) {
+                Lookup::Ready(histogram) => {
+                    let histogram = histogram.clone();
+                    curve(ui, &histogram, &mut new, state);
+                }
+                Lookup::Working(_) => {
+                    ui.spinner();
+                }
+                Lookup::Failed(why) => {
+                    ui.label(why);
+                }
+            }
+            chosen(ui, &mut new, state);
+            second_dimension(ui, image, &mut new, state, wait);
+            if new != current {
+                out.push(Command::SetTransfer(id.to_owned(), Some(new)));
+            }
+            ui.separator();
+            clips(ui, view, image, out);
+        });
+    });
+}
+
+fn presets(ui: &mut Ui, id: &str, image: &PreparedContext, new: &mut TransferFunction, state: &mut TransferState) {
+    ui.horizontal_wrapped(|ui| {
+        ui.strong(id);
+        ui.menu_button("Presets", |ui| {
+            for preset in TransferPreset::ALL {
+                if ui.button(preset.name()).clicked() {
+                    *new = preset.transfer(image.histogram());
+                    state.chosen = None;
+                    ui.close();
+                }
+            }
+        });
+        ui.weak("Click adds a point, drag moves it, Delete removes it");
+    });
+}
+
+/// Value against opacity, over the histogram.
+fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, state: &mut TransferState) {
+    let size = vec2(ui.available_width(), 150.0);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+    response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, "Opacity of each value"));
+    let painter = ui.painter().with_clip_rect(rect.expand(6.0));
+    let visuals = ui.visuals();
+    painter.rect_filled(rect, 2.0, visuals.extreme_bg_color);
+    let (low, high) = histogram.range();
+    let x_of = |value: f64| rect.left() + ((value - low) / (high - low)).clamp(0.0, 1.0) as f32 * rect.width();
+    let value_at = |x: f32| low + f64::from(((x - rect.left()) / rect.width()).clamp(0.0, 1.0)) * (high - low);
+    let y_of = |opacity: f64| rect.bottom() - height(opacity) * rect.height();
+    let bars = histogram.log_heights();
+    let bar = rect.width() / bars.len().max(1) as f32;
+    let ink = visuals.weak_text_color().gamma_multiply(0.35);
+    for (i, tall) in bars.iter().enumerate() {
+        let left = rect.left() + i as f32 * bar;
+        let top = rect.bottom() - *tall as f32 * rect.height();
+        painter.rect_filled(Rect::from_min_max(pos2(left, top), pos2(left + bar, rect.bottom())), 0.0, ink);
+    }
+    let steps = 160;
+    let strip = rect.width() / steps as f32;
+    let samples: Vec<(Pos2, Color32)> = (0..=steps)
+        .map(|i| {
+            let x = rect.left() + i as f32 * strip;
+            let (color, per_mm) = new.sample(value_at(x), f64::INFINITY);
+            let [r, g, b] = color.map(|c| (c * 255.0) as u8);
+            (pos2(x, y_of(per_mm)), Color32::from_rgb(r, g, b))
+        })
+        .collect();
+    for pair in samples.windows(2) {
+        let under = Rect::from_min_max(pos2(pair[0].0.x, pair[0].0.y.min(pair[1].0.y)), pos2(pair[1].0.x, rect.bottom()));
+        painter.rect_filled(under, 0.0, pair[0].1.gamma_multiply(0.45));
+    }
+    // Through the points themselves: steps are upright.
+    let corners: Vec<Pos2> = std::iter::once(pos2(rect.left(), y_of(new.sample(low, f64::INFINITY).1)))
+        .chain(new.points().iter().map(|p| pos2(x_of(p.value), y_of(p.opacity))))
+        .chain([pos2(rect.right(), y_of(new.sample(high, f64::INFINITY).1))])
+        .collect();
+    painter.add(egui::Shape::line(corners, Stroke::new(1.5, visuals.text_color())));
+    let places: Vec<Pos2> = new.points().iter().map(|p| pos2(x_of(p.value), y_of(p.opacity))).collect();
+    let near = |at: Pos2| {
+        let closest = places.iter().enumerate().min_by(|a, b| a.1.distance(at).total_cmp(&b.1.distance(at)));
+        closest.filter(|(_, p)| p.distance(at) <= GRAB_POINTS).map(|(i, _)| i)
+    };
+    if response.drag_started() {
+        state.held = response.interact_pointer_pos().and_then(near);
+        state.chosen = state.held.or(state.chosen);
+    }
+    if response.drag_stopped() {
+        state.held = None;
+    }
+    if let (Some(number), Some(at)) = (state.held, response.interact_pointer_pos().filter(|_| response.dragged()))
+        && let Some(point) = new.points().get(number).copied()
+    {
+        let per_mm = opacity((rect.bottom() - at.y) / rect.height());
+        new.set_point(number, ControlPoint { value: value_at(at.x), opacity: per_mm, ..point });
+    }
+    if response.clicked()
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        state.chosen = near(at).or_else(|| {
+            let number = new.add_point(value_at(at.x))?;
+            let point = *new.points().get(number)?;
+            new.set_point(number, ControlPoint { opacity: opacity((rect.bottom() - at.y) / rect.height()), ..point });
+            Some(number)
+        });
+        response.request_focus();
+    }
+    let deletes = |i: &egui::InputState| i.key_pressed(egui::Key::Delete) || i.key_pressed(egui::Key::Backspace);
+    if response.has_focus() && ui.input(deletes) {
+        remove_chosen(new, state);
+    }
+    for (number, (at, point)) in places.iter().zip(new.points()).enumerate() {
+        let [r, g, b] = point.color;
+        let radius = if state.chosen == Some(number) { 6.0 } else { 4.5 };
+        painter.circle(*at, radius, Color32::from_rgb(r, g, b), Stroke::new(1.5, visuals.text_color()));
+    }
+    ui.horizontal(|ui| {
+        ui.weak(crate::format::plain(low));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.weak(crate::format::plain(high)));
+    });
+}
+
+fn remove_chosen(new: &mut TransferFunction, state: &mut TransferState) {
+    if let Some(number) = state.chosen
+        && new.remove_point(number)
+    {
+        state.chosen = None;
+        state.held = None;
+    }
+}
+
+/// Numbers and colour of the chosen point.
+fn chosen(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferState) {
+    let Some((number, point)) = state.chosen.and_then(|n| new.points().get(n).map(|p| (n, *p))) else {
+        ui.weak("No point is chosen");
+        return;
+    };
+    let mut edited = point;
+    let mut remove = false;
+    ui.horizontal_wrapped(|ui| {
+        let response = ui.color_edit_button_srgb(&mut edited.color);
+        response.widget_info(|| WidgetInfo::labeled(Role::ColorWell, true, "Colour of the point"));
+        ui.label("value");
+        let speed = (point.value.abs() * 0.005).max(0.01);
+        let response = ui.add(egui::DragValue::new(&mut edited.value).speed(speed).max_decimals(3));
+        response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Value of the point"));
+        ui.label("opacity of 1 mm");
+        let response =
+            ui.add(egui::DragValue::new(&mut edited.opacity).speed(0.005).range(0.0..=1.0).max_decimals(3));
+        response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Opacity of the point"));
+        remove = ui.button("Remove").clicked();
+    });
+    if edited != point {
+        new.set_point(number, edited);
+    }
+    if remove {
+        remove_chosen(new, state);
+    }
+}
+
+/// The gradient magnitude as a factor of opacity, over the joint histogram.
+fn second_dimension(
+    ui: &mut Ui,
+    image: &Arc<PreparedContext>,
+    new: &mut TransferFunction,
+    state: &mut TransferState,
+    wait: bool,
+) {
+    let mut on = new.gradient().is_some();
+    let text = "Second dimension: gradient magnitude";
+    let tip = "Opacity also depends on how steeply the value changes: borders stand out, flat tissue fades";
+    let switched = ui.checkbox(&mut on, text).on_hover_text(tip).changed();
+    if !on {
+        if switched {
+            // A valid function stays valid without it.
+            let _ = new.set_gradient(None);
+        }
+        return;
+    }
+    let prepared = image.clone();
+    let work = move |_: &glioscope_core::Progress| Ok(GradientHistogram::of(prepared.volume(), prepared.histogram()));
+    let joint = match state.joint.get(Handle::of(image), wait, waker(ui.ctx()), work) {
+        Lookup::Ready(joint) => joint.clone(),
+        Lookup::Working(_) => {
+            ui.spinner();
+            return;
+        }
+        Lookup::Failed(why) => {
+            ui.label(why);
+            return;
+        }
+    };
+    let highest = joint.highest_gradient();
+    if switched {
+        let points = [(0.0, 0.0), (0.05, 0.1), (0.2, 1.0), (1.0, 1.0)];
+        let ramp = points.map(|(share, factor)| GradientPoint { gradient: share * highest, factor });
+        // The ramp is valid: rising, from 0 to 1.
+        let _ = new.set_gradient(Some(ramp.to_vec()));
+    }
+    joint_picture(ui, &joint, new, state);
+    let Some(points) = new.gradient() else { return };
+    let mut points = points.to_vec();
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 70.0), Sense::click_and_drag());
+    response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, "Factor of each gradient magnitude"));
+    let painter = ui.painter().with_clip_rect(rect.expand(6.0));
+    painter.rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
+    let place = |p: &GradientPoint| {
+        let x = (p.gradient / highest).clamp(0.0, 1.0) as f32;
+        pos2(rect.left() + x * rect.width(), rect.bottom() - p.factor as f32 * rect.height())
+    };
+    if response.drag_started()
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        let by = |a: &GradientPoint, b: &GradientPoint| place(a).distance(at).total_cmp(&place(b).distance(at));
+        state.held_gradient = (0..points.len()).min_by(|&a, &b| by(&points[a], &points[b]));
+    }
+    if let (Some(number), Some(at)) = (state.held_gradient, response.interact_pointer_pos())
+        && response.dragged()
+    {
+        let below = number.checked_sub(1).and_then(|n| points.get(n)).map_or(0.0, |p| p.gradient);
+        let above = points.get(number + 1).map_or(highest.max(below), |p| p.gradient);
+        if let Some(point) = points.get_mut(number) {
+            let share = f64::from(((at.x - rect.left()) / rect.width()).clamp(0.0, 1.0));
+            point.gradient = (share * highest).clamp(below, above);
+            point.factor = f64::from(((rect.bottom() - at.y) / rect.height()).clamp(0.0, 1.0));
+        }
+        // Kept between its neighbours, it stays valid.
+        let _ = new.set_gradient(Some(points.clone()));
+    }
+    let line: Vec<Pos2> = points.iter().map(place).collect();
+    painter.add(egui::Shape::line(line.clone(), Stroke::new(1.5, ui.visuals().text_color())));
+    for at in line {
+        painter.circle_filled(at, 4.5, ui.visuals().text_color());
+    }
+    ui.weak(format!("gradient magnitude, 0 to {} per mm", crate::format::plain(highest)));
+}
+
+/// Where voxels are in value and gradient magnitude, tinted as the function colours them.
+fn joint_picture(ui: &mut Ui, joint: &Arc<GradientHistogram>, transfer: &TransferFunction, state: &mut TransferState) {
+    let fresh = matches!(&state.picture, Some((of, with, _)) if Arc::ptr_eq(of, joint) && with == transfer);
+    if !fresh {
+        let bins = GradientHistogram::BINS;
+        let (low, high) = joint.range();
+        let share = |i: usize| (i as f64 + 0.5) / bins as f64;
+        let mut pixels = vec![Color32::BLACK; bins * bins];
+        for (i, tall) in joint.log_heights().iter().enumerate() {
+            let (row, column) = (i / bins, i % bins);
+            let value = low + share(column) * (high - low);
+            let (color, per_mm) = transfer.sample(value, share(row) * joint.highest_gradient());
+            let seen = per_mm.sqrt();
+            let mixed = color.map(|c| (255.0 * tall * (0.45 * (1.0 - seen) + c * seen)) as u8);
+            // Steeper is higher.
+            pixels[(bins - 1 - row) * bins + column] = Color32::from_rgb(mixed[0], mixed[1], mixed[2]);
+        }
+        let image = ColorImage::new([bins, bins], pixels);
+        let texture = ui.ctx().load_texture("joint histogram", image, TextureOptions::NEAREST);
+        state.picture = Some((joint.clone(), transfer.clone(), texture));
+    }
+    if let Some((_, _, texture)) = &state.picture {
+        let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 110.0), Sense::hover());
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
+        response.on_hover_text("Voxels by value (across) and gradient magnitude (up), tinted where they are seen");
+    }
+}
+
+/// The sides that a plane can take away: name, direction.
+pub const SIDES: [(&str, DVec3); 6] = [
+    ("right", DVec3::X),
+    ("left", DVec3::NEG_X),
+    ("front", DVec3::Y),
+    ("back", DVec3::NEG_Y),
+    ("top", DVec3::Z),
+    ("bottom", DVec3::NEG_Z),
+];
+
+/// What a plane cuts off, in words.
+fn side_name(normal: DVec3) -> &'static str {
+    SIDES.iter().find(|(_, n)| n.distance(normal) < 1e-9).map_or("slanted", |(name, _)| name)
+}
+
+fn clips(ui: &mut Ui, view: &ViewContext<'_>, image: &PreparedContext, out: &mut Vec<Command>) {
+    let current = &view.doc.edit.clips;
+    let mut new = current.clone();
+    let corners = image.volume().grid().corners_mm();
+    let range = |normal: DVec3| {
+        let along = corners.map(|c| c.dot(normal));
+        (along.iter().copied().fold(f64::INFINITY, f64::min), along.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+    };
+    ui.horizontal_wrapped(|ui| {
+        ui.strong("Cut the image open");
+        ui.add_enabled_ui(current.len() < MOST_CLIPS, |ui| {
+            ui.menu_button("Add a plane", |ui| {
+                let facing = view.doc.nav.camera.axes()[2];
+                for (text, normal) in SIDES
+                    .iter()
+                    .map(|(name, normal)| (format!("from the {name}"), *normal))
+                    .chain([("facing me".to_owned(), facing)])
+                {
+                    if ui.button(text).clicked() {
+                        new.push(ClipPlane { normal, offset_mm: view.doc.nav.cursor_mm.dot(normal) });
+                        ui.close();
+                    }
+                }
+            });
+        });
+    });
+    let mut removed = None;
+    for (number, plane) in new.iter_mut().enumerate() {
+        ui.horizontal(|ui| {
+            let name = side_name(plane.normal);
+            ui.label(name);
+            let (low, high) = range(plane.normal);
+            ui.spacing_mut().slider_width = (ui.available_width() - 170.0).max(60.0);
+            let slider = egui::Slider::new(&mut plane.offset_mm, low..=high).suffix(" mm").fixed_decimals(1);
+            let response = ui.add(slider);
+            response.widget_info(|| {
+                WidgetInfo::labeled(Role::Slider, true, format!("Place of plane {} ({name})", number + 1))
+            });
+            if ui.button("Remove").clicked() {
+                removed = Some(number);
+            }
+        });
+    }
+    if let Some(number) = removed {
+        new.remove(number);
+    }
+    if new != *current {
+        out.push(Command::SetClips(new));
+    }
+}

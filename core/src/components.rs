@@ -1,7 +1,7 @@
 //! Connected components of a mask or of the tumour index, by union-find over x-runs
 //! (Wu, Otoo, Suzuki 2009: two passes, smallest root wins; here on runs instead of voxels).
 
-use std::ops::Range;
+use std::ops::{BitAnd, BitOr, BitXor, Range};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -116,15 +116,15 @@ impl Components {
     pub fn of_index(index: &TumorIndex, connectivity: Connectivity) -> Result<Self, TooLarge> {
         let dims = index.grid().dims();
         match index.data() {
-            IndexData::U8(v) => {
-                label(dims, connectivity, |l, emit| runs_of_values(&v[l * dims[0]..][..dims[0]], emit))
-            }
-            IndexData::U16(v) => {
-                label(dims, connectivity, |l, emit| runs_of_values(&v[l * dims[0]..][..dims[0]], emit))
-            }
-            IndexData::U32(v) => {
-                label(dims, connectivity, |l, emit| runs_of_values(&v[l * dims[0]..][..dims[0]], emit))
-            }
+            IndexData::U8(v) => label(dims, connectivity, |l, emit| {
+                runs_of_values(&v[l * dims[0]..][..dims[0]], u8::MAX, emit);
+            }),
+            IndexData::U16(v) => label(dims, connectivity, |l, emit| {
+                runs_of_values(&v[l * dims[0]..][..dims[0]], u16::MAX, emit);
+            }),
+            IndexData::U32(v) => label(dims, connectivity, |l, emit| {
+                runs_of_values(&v[l * dims[0]..][..dims[0]], u32::MAX, emit);
+            }),
         }
     }
 
@@ -142,15 +142,15 @@ impl Components {
         // No index type is wider than 32 bits.
         let bit = u32::try_from(mask).ok().and_then(|k| 1_u32.checked_shl(k)).unwrap_or(0);
         match index.data() {
-            IndexData::U8(v) => {
-                label(dims, connectivity, |l, emit| runs_of_bit(&v[l * dims[0]..][..dims[0]], bit, emit))
-            }
-            IndexData::U16(v) => {
-                label(dims, connectivity, |l, emit| runs_of_bit(&v[l * dims[0]..][..dims[0]], bit, emit))
-            }
-            IndexData::U32(v) => {
-                label(dims, connectivity, |l, emit| runs_of_bit(&v[l * dims[0]..][..dims[0]], bit, emit))
-            }
+            IndexData::U8(v) => label(dims, connectivity, |l, emit| {
+                runs_of_values(&v[l * dims[0]..][..dims[0]], bit as u8, &mut |a, b, _| emit(a, b, 1));
+            }),
+            IndexData::U16(v) => label(dims, connectivity, |l, emit| {
+                runs_of_values(&v[l * dims[0]..][..dims[0]], bit as u16, &mut |a, b, _| emit(a, b, 1));
+            }),
+            IndexData::U32(v) => label(dims, connectivity, |l, emit| {
+                runs_of_values(&v[l * dims[0]..][..dims[0]], bit as u32, &mut |a, b, _| emit(a, b, 1));
+            }),
         }
     }
 
@@ -202,30 +202,39 @@ fn runs_of_words(words: &[u64], emit: &mut dyn FnMut(u32, u32, u32)) {
     }
 }
 
-/// Calls `emit(first, last, value)` for each run of one non-zero value.
-fn runs_of_values<T: Copy + PartialEq + Into<u32>>(line: &[T], emit: &mut dyn FnMut(u32, u32, u32)) {
-    let mut first = 0;
-    for same in line.chunk_by(|a, b| a == b) {
-        let value = same[0].into();
-        let next = first + same.len() as u32;
-        if value != 0 {
-            emit(first, next - 1, value);
+/// Values of a tumour index.
+trait Bits:
+    Copy + PartialEq + Default + BitAnd<Output = Self> + BitXor<Output = Self> + BitOr<Output = Self>
+{
+}
+
+impl<T> Bits for T where
+    T: Copy + PartialEq + Default + BitAnd<Output = T> + BitXor<Output = T> + BitOr<Output = T>
+{
+}
+
+/// Calls `emit(first, last, value)` for each run of one non-zero value, of which only the bits `keep`
+/// count.
+fn runs_of_values<T: Bits + Into<u32>>(line: &[T], keep: T, emit: &mut dyn FnMut(u32, u32, u32)) {
+    let mut at = equal_from(line, keep, T::default());
+    while let Some(&first) = line.get(at) {
+        let value = first & keep;
+        let next = at + equal_from(&line[at..], keep, value);
+        if value != T::default() {
+            emit(at as u32, next as u32 - 1, value.into());
         }
-        first = next;
+        at = next;
     }
 }
 
-/// Calls `emit(first, last, 1)` for each run of values that have `bit`.
-fn runs_of_bit<T: Copy + Into<u32>>(line: &[T], bit: u32, emit: &mut dyn FnMut(u32, u32, u32)) {
-    let has = |v: T| v.into() & bit != 0;
-    let mut first = 0;
-    for same in line.chunk_by(|&a, &b| has(a) == has(b)) {
-        let next = first + same.len() as u32;
-        if has(same[0]) {
-            emit(first, next - 1, 1);
-        }
-        first = next;
-    }
+/// How many values from the first on are `value` in the bits `keep`. Whole blocks are compared without
+/// a branch in between, which the compiler turns into vector instructions: most of an index is empty.
+fn equal_from<T: Bits>(line: &[T], keep: T, value: T) -> usize {
+    const BLOCK: usize = 32;
+    let differs = |block: &[T]| block.iter().fold(T::default(), |any, &v| any | ((v & keep) ^ value));
+    let blocks = line.chunks_exact(BLOCK).take_while(|block| differs(block) == T::default()).count();
+    let rest = &line[blocks * BLOCK..];
+    blocks * BLOCK + rest.iter().take_while(|&&v| v & keep == value).count()
 }
 
 /// Runs of some slices with their forest: `parent[i] <= i`, a root is its own parent.

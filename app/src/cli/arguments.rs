@@ -66,6 +66,21 @@ pub enum Task {
         #[arg(long)]
         json: bool,
     },
+    /// Enclose every connected component of every mask and region by an ellipsoid.
+    Ellipsoids {
+        /// The case.
+        #[command(flatten)]
+        case: CaseArguments,
+        /// Neighbours of a voxel: 6, 18 or 26.
+        #[arg(long, value_name = "6|18|26", default_value_t = 26)]
+        connectivity: u32,
+        /// The volume is at most 1 + E times the smallest possible.
+        #[arg(long, value_name = "E", default_value_t = 1e-7, allow_hyphen_values = true)]
+        tolerance: f64,
+        /// As JSON: see docs/json.md.
+        #[arg(long)]
+        json: bool,
+    },
     /// Draw one view into a PNG.
     Render(Box<RenderArguments>),
     /// Write the pictures of every view and all numbers into a folder.

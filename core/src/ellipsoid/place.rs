@@ -68,18 +68,17 @@ fn signed(axis: DVec3) -> DVec3 {
 ///
 /// A solid ellipsoid's covariance is `shape shapeᵀ / 5`; scaling to the volume makes the 5 cancel.
 pub(super) fn moment_shape(component: &Component, runs: &[Run]) -> (DVec3, DMat3) {
-    // Whole numbers about a voxel near the centroid: exact sums, and nothing large to subtract.
+    // Whole numbers about a voxel near the centroid: sums are exact up to 2^53, and nothing large is
+    // subtracted.
     let middle = component.centroid_voxel.round();
-    let [mx, my, mz] = middle.to_array().map(|v| v as i128);
-    let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [0_i128; 6];
+    let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = [0.0; 6];
     for run in runs {
-        let (p, q) = (i128::from(run.first) - mx, i128::from(run.last) - mx);
-        let (y, z) = (i128::from(run.y) - my, i128::from(run.z) - mz);
-        let n = q - p + 1;
-        let squares_to = |k: i128| k * (k + 1) * (2 * k + 1) / 6;
-        // Twice the sum is n (p + q); one of the two is even.
-        let sum = n * (p + q) / 2;
-        xx += squares_to(q) - squares_to(p - 1);
+        let (p, q) = (f64::from(run.first) - middle.x, f64::from(run.last) - middle.x);
+        let (y, z) = (f64::from(run.y) - middle.y, f64::from(run.z) - middle.z);
+        let n = q - p + 1.0;
+        let sum = n * (p + q) / 2.0;
+        // p² + … + q².
+        xx += n * (2.0 * (p * p + p * q + q * q) + (q - p)) / 6.0;
         xy += sum * y;
         xz += sum * z;
         yy += n * y * y;
@@ -89,9 +88,8 @@ pub(super) fn moment_shape(component: &Component, runs: &[Run]) -> (DVec3, DMat3
     let n = component.voxels as f64;
     let d = component.centroid_voxel - middle;
     // A cube of side 1 adds 1/12 along each axis.
-    let own = |sum: i128, d: f64| sum as f64 / n - d * d + 1.0 / 12.0;
-    let with = |sum: i128, d: f64| sum as f64 / n - d;
-    let (xy, xz, yz) = (with(xy, d.x * d.y), with(xz, d.x * d.z), with(yz, d.y * d.z));
+    let own = |sum: f64, d: f64| sum / n - d * d + 1.0 / 12.0;
+    let (xy, xz, yz) = (xy / n - d.x * d.y, xz / n - d.x * d.z, yz / n - d.y * d.z);
     let covariance =
         DMat3::from_cols_array(&[own(xx, d.x), xy, xz, xy, own(yy, d.y), yz, xz, yz, own(zz, d.z)]);
     // Eigenvalues are at least 1/12, and rounding is far below that.

@@ -1,0 +1,105 @@
+//! `glioscope ellipsoids`.
+
+use glioscope_core::{
+    Connectivity,
+    ellipsoid::{EllipsoidReport, EllipsoidsReport, OfReport, Options, report},
+};
+
+use super::{CaseArguments, Failure, terminal};
+use crate::format;
+
+pub(super) fn run(
+    case: &CaseArguments,
+    connectivity: u32,
+    tolerance: f64,
+    json: bool,
+) -> Result<(), Failure> {
+    let (connectivity, options) = choices(connectivity, tolerance)?;
+    let (_, case) = case.load(false)?;
+    let found = terminal::with_progress(|progress| {
+        progress.say("ellipsoids");
+        report(&case, connectivity, &options, progress)
+    })
+    .map_err(|e| Failure(format!("ellipsoids: {e}")))?;
+    if json { terminal::print_json(&found) } else { terminal::print(&table(&found)) }
+}
+
+/// What was asked for, if it can be had.
+fn choices(connectivity: u32, tolerance: f64) -> Result<(Connectivity, Options), Failure> {
+    let connectivity = Connectivity::of_neighbors(connectivity).ok_or_else(|| {
+        Failure(format!("arguments: found connectivity {connectivity}, expected 6, 18 or 26"))
+    })?;
+    // Below 1e-12 rounding decides, and a promise can't be kept.
+    if !(1e-12..=1e3).contains(&tolerance) {
+        return Err(Failure(format!("arguments: found tolerance {tolerance}, expected 1e-12 to 1000")));
+    }
+    Ok((connectivity, Options { tolerance, ..Options::default() }))
+}
+
+/// The numbers as a text for people, largest first within each mask or region.
+fn table(report: &EllipsoidsReport) -> String {
+    let mut lines = vec![
+        report.case.clone(),
+        format!(
+            "{} components of masks and regions, {} neighbours",
+            report.components.len(),
+            report.connectivity
+        ),
+    ];
+    for of in report.components.chunk_by(|a, b| a.of == b.of && a.time == b.time) {
+        let name = match &of[0].of {
+            OfReport::Mask(id) => format!("mask {id}"),
+            OfReport::Region(ids) => format!("region {}", ids.join("+")),
+        };
+        let time = if of[0].time.is_empty() { String::new() } else { format!(", {}", of[0].time) };
+        lines.push(format!("\n{name}{time}"));
+        lines.push(format!(
+            "{:>12} {:>14} {:>26} {:>24} {:>12} {:>12}",
+            "voxels", "volume", "centre R, A, S (mm)", "semi-axes (mm)", "enclosing", "bound - 1"
+        ));
+        let mut sorted: Vec<_> = of.iter().collect();
+        sorted.sort_by_key(|c| std::cmp::Reverse(c.voxels));
+        for c in sorted {
+            let EllipsoidReport { center_mm: [r, a, s], semi_axes_mm: [x, y, z], .. } = c.enclosing;
+            lines.push(format!(
+                "{:>12} {:>14} {:>26} {:>24} {:>12} {:>12.1e}",
+                c.voxels,
+                format::ml(c.volume_ml),
+                format!("{r:.1}, {a:.1}, {s:.1}"),
+                format!("{x:.2} × {y:.2} × {z:.2}"),
+                format!("{:.2} times", c.exaggeration),
+                c.volume_bound - 1.0
+            ));
+        }
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glioscope_core::{Progress, case, sample};
+
+    #[test]
+    fn only_what_can_be_had() {
+        assert_eq!(choices(18, 1e-3).unwrap().0, Connectivity::Eighteen);
+        assert_eq!(choices(26, 1e-3).unwrap().1.tolerance, 1e-3);
+        for (connectivity, tolerance) in [(7, 1e-7), (26, 0.0), (26, -1.0), (26, f64::NAN), (26, 1e-20)] {
+            let line = choices(connectivity, tolerance).unwrap_err().to_string();
+            assert!(line.contains("found") && line.contains("expected"), "{line}");
+        }
+    }
+
+    #[test]
+    fn the_table_names_every_mask_and_region_of_the_sample() {
+        let case =
+            case::load(&sample::sample_spec(), &case::LoadOptions::default(), &Progress::new()).unwrap();
+        let found = report(&case, Connectivity::default(), &Options::default(), &Progress::new()).unwrap();
+        let text = table(&found);
+        let masks: usize = case.time_points.iter().map(|t| t.regions.mask_ids().len()).sum();
+        let regions: usize = case.time_points.iter().map(|t| t.regions.list().len()).sum();
+        assert_eq!(text.matches("\nmask ").count(), masks);
+        assert_eq!(text.matches("\nregion ").count(), regions);
+        assert_eq!(text.matches(" times ").count(), found.components.len());
+    }
+}

@@ -92,6 +92,7 @@ impl World {
             camera: doc.nav.camera,
             background: if dark { [34, 36, 40] } else { [244, 244, 242] },
             silhouette: [0, 0, 0],
+            plane: None,
         }
     }
 

@@ -8,6 +8,7 @@ pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod ellipsoids;
 pub mod frame;
 pub mod gpu;
 pub mod palette;
@@ -15,6 +16,7 @@ pub mod plan;
 pub mod reference;
 pub mod renderer;
 pub mod scene;
+pub mod slice_plane;
 pub mod slices;
 mod targets;
 #[cfg(test)]
@@ -23,9 +25,13 @@ mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
 pub use compute::TimeSource;
+pub use ellipsoids::{
+    DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan,
+};
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
 pub use palette::{MaskColors, Palette, Rgb};
 pub use plan::{PassName, Plan, Quality, plan};
 pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};
+pub use slice_plane::SlicePlane;

@@ -5,6 +5,8 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
+use crate::renderer::RenderError;
+
 /// Which adapter is asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AdapterPreference {
@@ -210,6 +212,21 @@ impl Gpu {
     /// Whether passes can be timed on the device itself.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// Bytes of the largest storage buffer.
+    pub(crate) fn storage_limit(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// The largest storage buffer's bytes, when `found` bytes of `what` fit in it.
+    ///
+    /// # Errors
+    /// [`RenderError::Buffer`].
+    pub(crate) fn check_size(&self, what: &'static str, found: u64) -> Result<u64, RenderError> {
+        let limit = self.storage_limit();
+        if found > limit { Err(RenderError::Buffer { what, found, limit }) } else { Ok(limit) }
     }
 
     /// Reads `size` bytes of `buffer` (with `COPY_SRC`) from `offset`; both multiples of 4.

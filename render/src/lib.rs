@@ -8,6 +8,7 @@ pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod ellipsoids;
 pub mod frame;
 pub mod gpu;
 pub mod palette;
@@ -16,6 +17,7 @@ pub mod reference;
 pub mod renderer;
 pub mod scene;
 mod scene_renderer;
+pub mod slice_plane;
 pub mod slices;
 mod targets;
 #[cfg(test)]
@@ -24,6 +26,9 @@ mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
 pub use compute::TimeSource;
+pub use ellipsoids::{
+    DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan,
+};
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
 pub use palette::{MaskColors, Palette, Rgb};
@@ -31,3 +36,4 @@ pub use plan::{PassName, Plan, Quality, plan};
 pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};
 pub use scene_renderer::{Picture, SceneRenderer};
+pub use slice_plane::SlicePlane;

@@ -21,12 +21,20 @@ pub enum PassName {
     OcclusionBlur,
     /// Colours, lines, ring.
     Compose,
+    /// Fragments of ellipsoids, listed and sorted at each pixel.
+    EllipsoidLists,
+    /// The ellipsoid diagram's colours, outlines, slice, ring.
+    EllipsoidCompose,
 }
 
 impl PassName {
     /// The closeup's, in order.
     pub const CLOSEUP: [Self; 5] =
         [Self::Surface, Self::Outside, Self::Occlusion, Self::OcclusionBlur, Self::Compose];
+
+    /// The ellipsoid diagram's, in order.
+    pub const ELLIPSOIDS: [Self; 4] =
+        [Self::EllipsoidLists, Self::Occlusion, Self::OcclusionBlur, Self::EllipsoidCompose];
 
     /// Its name in `--explain`, `--stats` and the diagnostics panel.
     pub fn name(self) -> &'static str {
@@ -36,6 +44,8 @@ impl PassName {
             Self::Occlusion => "occlusion",
             Self::OcclusionBlur => "occlusion_blur",
             Self::Compose => "compose",
+            Self::EllipsoidLists => "ellipsoid_lists",
+            Self::EllipsoidCompose => "ellipsoid_compose",
         }
     }
 }
@@ -145,7 +155,7 @@ pub fn plan(scene: &Scene, quality: &Quality) -> Plan {
         PassName::Surface => no_surface,
         PassName::Outside => no_outside,
         PassName::Occlusion | PassName::OcclusionBlur => no_occlusion,
-        PassName::Compose => None,
+        _ => None,
     })
 }
 

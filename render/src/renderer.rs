@@ -17,6 +17,7 @@ use crate::{
     gpu::Gpu,
     plan::{PassName, Plan, Quality, plan},
     scene::{Lens, Scene},
+    slice_plane::PlaneBuffers,
     targets::Targets,
     uniforms::{self, MANY_REGIONS, NO_SKIPPING},
 };
@@ -47,7 +48,17 @@ pub enum RenderError {
         /// Bytes that the device takes.
         limit: u64,
     },
-    /// Lens or camera is not a number, or has no size.
+    /// Something else doesn't fit on the card.
+    #[error("found {what} to need {found} bytes in one buffer, expected at most {limit} on this graphics device")]
+    Buffer {
+        /// What is too large.
+        what: &'static str,
+        /// Bytes needed.
+        found: u64,
+        /// Bytes that the device takes.
+        limit: u64,
+    },
+    /// Lens, camera or another part of the scene is not a number, or has no size.
     #[error("found {0}, expected finite numbers and sizes above 0")]
     Scene(String),
     /// The device failed.
@@ -107,6 +118,7 @@ pub struct Renderer {
     kernel: wgpu::Buffer,
     kernel_samples: u32,
     uploaded: Option<Uploaded>,
+    plane: PlaneBuffers,
     frame: Option<Frame>,
 }
 
@@ -122,6 +134,12 @@ pub(crate) fn check_view(c: &Camera, lens: Option<&Lens>) -> Result<(), RenderEr
         }
         _ => Ok(()),
     }
+}
+
+/// Pixels to draw for so many asked for.
+pub(crate) fn drawn_size(asked_px: [u32; 2], quality: &Quality) -> [u32; 2] {
+    let scale = if quality.resolution_scale > 0.0 { quality.resolution_scale.min(1.0) } else { 1.0 };
+    asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) })
 }
 
 fn byte_len(words: usize) -> u64 {
@@ -150,6 +168,7 @@ impl Renderer {
             kernel: uniform("Renderer::kernel", size_of::<[[f32; 4]; 32]>()),
             kernel_samples: 0,
             uploaded: None,
+            plane: PlaneBuffers::new(gpu),
             frame: None,
         })
     }
@@ -188,8 +207,7 @@ impl Renderer {
         self.passes.clear();
         gpu.check().map_err(RenderError::Device)?;
         check_view(&scene.camera, scene.lens.as_ref())?;
-        let scale = if quality.resolution_scale > 0.0 { quality.resolution_scale.min(1.0) } else { 1.0 };
-        let size = asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) });
+        let size = drawn_size(asked_px, quality);
         let targets = match before {
             Some(frame) if frame.targets.size == size => frame.targets,
             _ => Targets::new(gpu, size)?,
@@ -205,6 +223,8 @@ impl Renderer {
         if !skipping {
             view.flags |= NO_SKIPPING;
         }
+        let reference_mm = uniforms::reference_mm(scene);
+        self.plane.update(gpu, scene.plane.as_ref(), &scene.camera, reference_mm, &mut view)?;
         let regions = region_table(scene, &mut view);
         gpu.queue.write_buffer(&up.regions, 0, bytemuck::cast_slice(&regions));
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&view));
@@ -225,7 +245,7 @@ impl Renderer {
             tumor: scene.tumor.clone(),
             camera: scene.camera,
             lens: scene.lens,
-            reference_mm: uniforms::reference_mm(scene),
+            reference_mm,
         }))
     }
 
@@ -292,7 +312,7 @@ impl Renderer {
         let Some(up) = &self.uploaded else { return };
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
-            let entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
+            let mut entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
                 .iter()
                 .map(|&slot| {
                     let resource = match slot {
@@ -311,6 +331,9 @@ impl Renderer {
                     (slot as u32, resource)
                 })
                 .collect();
+            if pass == PassName::Compose {
+                entries.extend(self.plane.entries());
+            }
             self.passes.bind(gpu, pass, &entries, workgroups_of(targets.size));
         }
     }

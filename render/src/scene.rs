@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     camera::Camera,
     palette::{MaskColors, Rgb},
+    slice_plane::SlicePlane,
 };
 
 /// The spherical region of interest.
@@ -38,11 +39,13 @@ pub struct Scene {
     pub background: Rgb,
     /// Colour of silhouettes: black on light backgrounds; a light one where black would vanish.
     pub silhouette: Rgb,
+    /// A slice among what is seen: hidden behind the surface, blended over what is behind it.
+    pub plane: Option<SlicePlane>,
 }
 
 impl PartialEq for Scene {
     fn eq(&self, other: &Self) -> bool {
-        let Self { tumor, selection, colors, lens, camera, background, silhouette } = self;
+        let Self { tumor, selection, colors, lens, camera, background, silhouette, plane } = self;
         let same_tumor = match (tumor, &other.tumor) {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             (None, None) => true,
@@ -55,5 +58,6 @@ impl PartialEq for Scene {
             && *camera == other.camera
             && *background == other.background
             && *silhouette == other.silhouette
+            && *plane == other.plane
     }
 }

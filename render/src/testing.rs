@@ -85,6 +85,7 @@ pub fn scene_of(tumor: Arc<RegionVolume>, masks: usize, lens_fraction: Option<f6
         camera: Camera::fit(center_mm, radius_mm, Camera::orientation(35.0, 20.0), Projection::Perspective),
         background: [255, 255, 255],
         silhouette: [0, 0, 0],
+        plane: None,
     }
 }
 

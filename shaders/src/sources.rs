@@ -13,11 +13,22 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "closeup_occlusion_blur.wgsl",
     "closeup_outside.wgsl",
     "closeup_surface.wgsl",
+    "ellipsoids_compose.wgsl",
+    "ellipsoids_lists.wgsl",
+    "lib/ellipsoid.wgsl",
     "lib/march.wgsl",
+    "lib/plane.wgsl",
     "lib/ring.wgsl",
     "lib/view.wgsl",
 ];
 
 /// Names of all entry point files, without `.wgsl`.
-pub const ALL: &[&str] =
-    &["closeup_compose", "closeup_occlusion", "closeup_occlusion_blur", "closeup_outside", "closeup_surface"];
+pub const ALL: &[&str] = &[
+    "closeup_compose",
+    "closeup_occlusion",
+    "closeup_occlusion_blur",
+    "closeup_outside",
+    "closeup_surface",
+    "ellipsoids_compose",
+    "ellipsoids_lists",
+];

@@ -1,5 +1,6 @@
-// The picture: flat region colours, occlusion, contour lines, the faint outside, the lens ring.
+// The picture: flat region colours, occlusion, contour lines, the faint outside, the slice, the lens ring.
 #include lib/view.wgsl
+#include lib/plane.wgsl
 #include lib/ring.wgsl
 
 struct Outside {
@@ -54,13 +55,14 @@ fn neighbour(n: u32) -> vec2<i32> {
 struct Lines {
     black: f32,          // silhouettes: the background, or far more than a voxel behind
     grey: f32,           // steps of a voxel and more; edges between faces, fainter
+    depth: f32,          // of what is outlined, where that is nearer than what is here
 }
 
 // Two pixels of one plane have the same face (and so have two of the background): no line is
 // between them. First all such neighbours are sorted out, then the few others looked at closely.
 fn lines_at(here: vec2<i32>, front: f32) -> Lines {
     let face = surfaces[linear_index(vec2<u32>(here))].y;
-    var lines = Lines(0.0, 0.0);
+    var lines = Lines(0.0, 0.0, front);
     let reach = select(8u, 12u, view.line_scale > 1.2);
     var others = 0u;
     for (var n = 0u; n < reach; n++) {
@@ -73,6 +75,7 @@ fn lines_at(here: vec2<i32>, front: f32) -> Lines {
         let nearer = min(front, q);
         let width = width_at(nearer);
         let away = length(vec2<f32>(to)) - 0.5;
+        lines.depth = min(lines.depth, q);
         let steps = step_mm(depths[clamped(here - to)], front, q, depths[clamped(here + 2 * to)]) / view.voxel_mm;
         let border = max(front, q) >= FAR;
         let deep = select(smoothstep(3.0, 6.0, steps), 1.0, border);
@@ -119,10 +122,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = linear_index(id.xy);
     var color = view.background.rgb;
     var front = FAR;
+    let slice = plane_at(id.xy);
+    var slice_waits = slice.depth < FAR;
     let has_surface = (view.flags & HAS_SURFACE) != 0u;
+    let has_outside = (view.flags & HAS_OUTSIDE) != 0u;
     if has_surface {
         front = depths[at];
     }
+    // What the slice is behind of hides it, or is drawn over it.
+    slice_waits = slice_waits && slice.depth < front;
     if front < FAR {
         color = unpack4x8unorm(regions[surfaces[at].x]).rgb;
         if (view.flags & HAS_OCCLUSION) != 0u {
@@ -130,17 +138,32 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let dark = o.a * view.occlusion_strength;
             color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
         }
-    } else if (view.flags & HAS_OUTSIDE) != 0u {
+    } else if has_outside {
+        if slice_waits && slice.depth >= outsides[at].depth {
+            color = with_plane(color, slice);
+            slice_waits = false;
+        }
         let outer = unpack4x8unorm(outsides[at].color);
         color = outer.rgb + (1.0 - outer.a) * color;
     }
     if has_surface {
         let lines = lines_at(here, front);
+        if slice_waits && slice.depth >= lines.depth {
+            color = with_plane(color, slice);
+            slice_waits = false;
+        }
         color = mix(color, INNER, view.inner_line_strength * lines.grey);
         color = mix(color, view.silhouette.rgb, lines.black);
     }
-    if (view.flags & HAS_OUTSIDE) != 0u {
+    if has_outside {
+        if slice_waits && slice.depth >= outsides[at].depth {
+            color = with_plane(color, slice);
+            slice_waits = false;
+        }
         color = mix(color, view.silhouette.rgb, view.outer_line_strength * outer_line_at(here, front));
+    }
+    if slice_waits {
+        color = with_plane(color, slice);
     }
     color = with_ring(color, id.xy);
     textureStore(picture, here, vec4<f32>(color, 1.0));

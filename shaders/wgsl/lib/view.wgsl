@@ -1,4 +1,4 @@
-// What every pass of the closeup shares: the camera, the volume's shape, the look.
+// What every pass of a 3D view shares: the camera, the volume's shape, the look.
 //
 // Camera space: x right, y up, s = view depth in millimetres, counted from a reference plane near
 // the data, so that neither a camera far away nor a volume 1e6 mm off costs digits.
@@ -39,6 +39,7 @@ const HAS_OUTSIDE = 4u;
 const HAS_OCCLUSION = 8u;
 const NO_SKIPPING = 16u;
 const MANY_REGIONS = 32u;
+const HAS_PLANE = 64u;
 
 // Depth of a pixel where nothing was hit.
 const FAR = 1e30;

@@ -19,6 +19,7 @@ pub mod slices;
 mod targets;
 #[cfg(test)]
 mod testing;
+pub mod transfer;
 mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
@@ -29,3 +30,4 @@ pub use palette::{MaskColors, Palette, Rgb};
 pub use plan::{PassName, Plan, Quality, plan};
 pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};
+pub use transfer::{ControlPoint, GradientPoint, TransferFunction, TransferPreset};

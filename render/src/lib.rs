@@ -22,6 +22,7 @@ pub mod slices;
 mod targets;
 #[cfg(test)]
 mod testing;
+pub mod transfer;
 mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
@@ -37,3 +38,4 @@ pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};
 pub use scene_renderer::{Picture, SceneRenderer};
 pub use slice_plane::SlicePlane;
+pub use transfer::{ControlPoint, GradientPoint, TransferFunction, TransferPreset};

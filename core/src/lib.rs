@@ -10,6 +10,7 @@ pub mod components;
 pub mod distance;
 pub mod files;
 pub mod grid;
+pub mod inside_lens;
 pub mod mask;
 pub mod measure;
 pub mod phantom;

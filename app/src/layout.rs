@@ -5,11 +5,13 @@ use glioscope_render::slices::Plane;
 
 use crate::document::Pane;
 
-/// Closeup at the left, the overlap diagram with its table in the middle, three slices at the right.
+/// Closeup at the left, the overlap diagram with its table in the middle (behind it what is in the lens,
+/// and the measurements), three slices at the right.
 pub fn default_layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let closeup = tiles.insert_pane(Pane::Closeup);
-    let overlap = tiles.insert_pane(Pane::Overlap);
+    let numbers = [Pane::Overlap, Pane::Lens, Pane::Measurements].map(|pane| tiles.insert_pane(pane));
+    let overlap = tiles.insert_tab_tile(numbers.to_vec());
     let slices =
         [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(|plane| tiles.insert_pane(Pane::Slice(plane)));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));

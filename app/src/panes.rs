@@ -11,7 +11,7 @@ use crate::{
     document::Pane,
     viewport::Viewport,
     views::{
-        ViewContext, closeup, diagnostics,
+        ViewContext, closeup, diagnostics, lens_table, measurements,
         overlap::{self, OverlapInput},
         slices,
     },
@@ -77,6 +77,14 @@ impl PaneArea<'_> {
                 let input = overlap_input(&self.view);
                 let margin = egui::Frame::new().inner_margin(6);
                 margin.show(ui, |ui| overlap::show(ui, &input, self.out));
+            }
+            Pane::Lens => {
+                let (view, tumor, out) = (&self.view, self.scene.tumor.as_ref(), &mut *self.out);
+                egui::Frame::new().inner_margin(6).show(ui, |ui| lens_table::show(ui, view, tumor, out));
+            }
+            Pane::Measurements => {
+                let (view, out) = (&self.view, &mut *self.out);
+                egui::Frame::new().inner_margin(6).show(ui, |ui| measurements::show(ui, view, out));
             }
             Pane::Slice(plane) => slices::show(ui, &self.view, plane, self.out),
             Pane::Diagnostics => diagnostics::show(ui, Some(self.scene), self.viewport.as_deref_mut()),

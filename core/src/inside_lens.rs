@@ -54,7 +54,7 @@ fn count<T: Copy + Into<u32>>(ids: &[T], counts: &mut [u64]) {
 /// The whole numbers of an interval that are below `count`; `None` when there are none.
 fn whole((lo, hi): (f64, f64), count: usize) -> Option<RangeInclusive<usize>> {
     let (lo, hi) = (lo.ceil().max(0.0), hi.floor().min(count as f64 - 1.0));
-    (lo <= hi).then(|| lo as usize..=hi as usize)
+    (lo <= hi).then_some(lo as usize..=hi as usize)
 }
 
 /// A ball seen from the grid's first voxel, so that an offset of 1e6 mm costs no digit.

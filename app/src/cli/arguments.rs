@@ -179,7 +179,7 @@ pub struct RenderArguments {
     /// The case; the embedded sample without one.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// closeup, axial, coronal, sagittal, overlap or window.
+    /// closeup, axial, coronal, sagittal, overlap, lens, measurements or window.
     #[arg(long, default_value = "closeup")]
     pub view: String,
     /// Pixels: WIDTHxHEIGHT.
@@ -218,6 +218,9 @@ pub struct RenderArguments {
     /// Colours that common colour vision deficiencies tell apart.
     #[arg(long)]
     pub color_blind_safe: bool,
+    /// Colours say how many masks are active, not which.
+    #[arg(long)]
+    pub agreement: bool,
     /// The diagram selects whole masks.
     #[arg(long)]
     pub whole_masks: bool,

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, Gpu, Palette, Plan, Projection, Quality, Renderer,
+    AdapterPreference, Camera, Coloring, Gpu, Palette, Plan, Projection, Quality, Renderer,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde_json::json;
@@ -42,9 +42,12 @@ fn view(name: &str) -> Result<View, Failure> {
         "coronal" => View::Pane(Pane::Slice(Plane::Coronal)),
         "sagittal" => View::Pane(Pane::Slice(Plane::Sagittal)),
         "overlap" => View::Pane(Pane::Overlap),
+        "lens" => View::Pane(Pane::Lens),
+        "measurements" => View::Pane(Pane::Measurements),
         "window" => View::Window,
         other => {
-            return Err(wrong("view", other, "closeup, axial, coronal, sagittal, overlap or window"));
+            let expected = "closeup, axial, coronal, sagittal, overlap, lens, measurements or window";
+            return Err(wrong("view", other, expected));
         }
     })
 }
@@ -154,6 +157,9 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), Fail
     };
     if arguments.color_blind_safe {
         edit.palette = Palette::ColorBlindSafe;
+    }
+    if arguments.agreement {
+        edit.coloring = Coloring::Agreement;
     }
     if arguments.whole_masks {
         edit.overlap_mode = OverlapMode::WholeMasks;

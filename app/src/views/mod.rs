@@ -1,9 +1,14 @@
 //! One file for each view. A view reads the document and the world, draws, and writes commands.
 
+pub mod camera_drag;
 pub mod closeup;
 pub mod diagnostics;
+pub mod lens_table;
+pub mod measurements;
 pub mod orientation;
 pub mod overlap;
+pub mod ring;
+pub mod ruler;
 pub mod slices;
 
 use glioscope_core::case::{Case, TimePoint};

@@ -8,13 +8,14 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::Selection;
 use glioscope_render::{
-    AnatomicalView, Camera, ClipPlane, Palette, Projection, TransferFunction,
+    AnatomicalView, Camera, ClipPlane, Coloring, Palette, Projection, TransferFunction,
     slices::{Convention, Overlay, Plane, Window},
 };
 
 use crate::{
-    document::{self, CaseRef, Document, Pane},
+    document::{self, CaseRef, Document, Pane, Ruler},
     layout,
+    rulers::{self, RulerFormat},
     views::{
         ellipsoids::EllipsoidLook,
         overlap::{self, OverlapMode},
@@ -59,10 +60,12 @@ pub enum Command {
     OnlyMask(usize),
     SetOverlapMode(OverlapMode),
     SetPalette(Palette),
+    SetColoring(Coloring),
     // Lens and camera.
     ToggleLens,
     SetLensRadius(f64),
     SetLensCenter(DVec3),
+    DragLensCenter(DVec3),
     LensToCursor,
     FitTumor,
     FitLens,
@@ -76,6 +79,14 @@ pub enum Command {
     SetTransfer(String, Option<TransferFunction>),
     SetClips(Vec<ClipPlane>),
     SetEllipsoidLook(EllipsoidLook),
+    // Measuring.
+    ToggleRuler,
+    AddRuler(Box<Ruler>),
+    RenameRuler(usize, String),
+    DeleteRuler(usize),
+    ShowRuler(usize),
+    ExportRulers(RulerFormat),
+    ExportRulersTo(PathBuf),
     // Slices.
     SetCursor(DVec3),
     SetContext(Option<String>),
@@ -123,6 +134,11 @@ impl Command {
             Self::SetOverlapMode(OverlapMode::WholeMasks),
             Self::SetPalette(Palette::Thesis),
             Self::SetPalette(Palette::ColorBlindSafe),
+            Self::SetColoring(Coloring::Masks),
+            Self::SetColoring(Coloring::Agreement),
+            Self::ToggleRuler,
+            Self::ExportRulers(RulerFormat::Csv),
+            Self::ExportRulers(RulerFormat::Json),
             Self::ToggleLens,
             Self::LensToCursor,
             Self::FitTumor,
@@ -189,16 +205,25 @@ impl Command {
             }
             Self::SetPalette(Palette::Thesis) => "Colours: red, green, blue".into(),
             Self::SetPalette(Palette::ColorBlindSafe) => "Colours: colour-blind safe".into(),
+            Self::SetColoring(Coloring::Masks) => "Colours: which masks".into(),
+            Self::SetColoring(Coloring::Agreement) => "Colours: how many masks agree".into(),
+            Self::ToggleRuler => "Ruler on or off".into(),
+            Self::AddRuler(_) => "Keep the line measured".into(),
+            Self::RenameRuler(..) => "Name the line".into(),
+            Self::DeleteRuler(_) => "Delete the line".into(),
+            Self::ShowRuler(_) => "Show the line".into(),
+            Self::ExportRulers(format) => format!("Export lines as {}…", format.name()),
+            Self::ExportRulersTo(_) => "Write the lines".into(),
             Self::ToggleLens => "Lens on or off".into(),
             Self::SetLensRadius(_) => "Lens radius".into(),
-            Self::SetLensCenter(_) => "Move the lens".into(),
+            Self::SetLensCenter(_) | Self::DragLensCenter(_) => "Move the lens".into(),
             Self::LensToCursor => "Move the lens to the crosshair".into(),
             Self::FitTumor => "Fit the tumour".into(),
             Self::FitLens => "Fit the lens".into(),
             Self::SetCamera(_) => "Turn".into(),
             Self::Look(view) => format!("Look from {}", format!("{view:?}").to_lowercase()),
             Self::ToggleProjection => "Perspective or orthographic".into(),
-            Self::ToggleFollowPointer => "Slices follow the pointer over the closeup".into(),
+            Self::ToggleFollowPointer => "Crosshair follows the pointer".into(),
             Self::TogglePlane => "Axial slice in the 3D views".into(),
             Self::SetPaneZoom(pane, _) => format!("Zoom {}", pane.title()),
             Self::SetTransfer(_, Some(_)) => "Transfer function".into(),
@@ -237,10 +262,17 @@ impl Command {
             Self::ExportMeasurements => "Every number of the case as JSON",
             Self::ToggleLens => "Inside the lens: the selection, in full. Outside: everything, faint",
             Self::LensToCursor => "The camera turns about the lens",
+            Self::SetColoring(Coloring::Masks) => "A region has the colours of its masks, mixed",
+            Self::SetColoring(Coloring::Agreement) => {
+                "Dark blue where one mask is active, light yellow where all are"
+            }
+            Self::ToggleRuler => "Drag in the closeup from surface to surface, or in a slice",
+            Self::ExportRulers(_) => "Every line measured, in millimetres",
+            Self::ShowRuler(_) => "Crosshair and closeup go to its middle",
             Self::SetOverlapMode(_) => {
                 "Regions: each overlap apart. Whole masks: overlaps are not told apart"
             }
-            Self::ToggleFollowPointer => "Off: click the closeup to move the crosshair",
+            Self::ToggleFollowPointer => "Off: click a view to move the crosshair of all",
             Self::TogglePlane => "Semi-transparent, through the crosshair",
             Self::MaximizePane(_) => "Again brings the other panes back",
             _ => "",
@@ -271,6 +303,7 @@ impl Command {
             Self::ShowAllRegions => plain(Key::A),
             Self::ToggleLens => plain(Key::L),
             Self::LensToCursor => plain(Key::C),
+            Self::ToggleRuler => plain(Key::M),
             Self::FitTumor => plain(Key::F),
             Self::FitLens => Some(KeyboardShortcut::new(Modifiers::SHIFT, Key::F)),
             Self::ToggleProjection => plain(Key::P),
@@ -296,7 +329,8 @@ impl Command {
     pub fn gesture(&self) -> Option<&'static str> {
         match self {
             Self::SetLensRadius(_) => Some("lens radius"),
-            Self::SetLensCenter(_) => Some("lens centre"),
+            Self::SetLensCenter(_) | Self::DragLensCenter(_) => Some("lens centre"),
+            Self::RenameRuler(..) => Some("name of a line"),
             Self::SetWindow(..) => Some("window"),
             Self::SetOverlayOpacity(_) => Some("opacity"),
             Self::SetLayout(_) => Some("layout"),
@@ -336,6 +370,7 @@ impl Command {
             }
             Self::SetOverlapMode(mode) => edit.overlap_mode = *mode,
             Self::SetPalette(palette) => edit.palette = *palette,
+            Self::SetColoring(coloring) => edit.coloring = *coloring,
             Self::ToggleLens => edit.lens_on = !edit.lens_on,
             Self::SetLensRadius(radius_mm) if radius_mm.is_finite() => {
                 edit.lens.radius_mm = radius_mm.clamp(0.1, 1000.0);
@@ -344,6 +379,8 @@ impl Command {
                 edit.lens.center_mm = *center_mm;
                 nav.camera.focus_mm = *center_mm;
             }
+            // The camera waits until the drag is over: it would carry the surface off under the pointer.
+            Self::DragLensCenter(center_mm) if center_mm.is_finite() => edit.lens.center_mm = *center_mm,
             Self::LensToCursor => {
                 edit.lens.center_mm = nav.cursor_mm;
                 nav.camera.focus_mm = nav.cursor_mm;
@@ -387,6 +424,17 @@ impl Command {
             }
             Self::SetClips(clips) => edit.clips.clone_from(clips),
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
+            Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,
+            Self::AddRuler(ruler) if ruler.length_mm().is_finite() => edit.rulers.push((**ruler).clone()),
+            Self::RenameRuler(at, name) => {
+                if let Some(ruler) = edit.rulers.get_mut(*at) {
+                    ruler.name.clone_from(name);
+                }
+            }
+            Self::DeleteRuler(at) if *at < edit.rulers.len() => {
+                edit.rulers.remove(*at);
+            }
+            Self::ShowRuler(at) => rulers::look_at(doc, world, *at),
             Self::SetCursor(mm) if mm.is_finite() => nav.cursor_mm = *mm,
             Self::SetContext(id) => nav.context.clone_from(id),
             Self::NextContext => {
@@ -428,6 +476,11 @@ impl Command {
             }
             Self::SetLensRadius(_)
             | Self::SetLensCenter(_)
+            | Self::DragLensCenter(_)
+            | Self::AddRuler(_)
+            | Self::DeleteRuler(_)
+            | Self::ExportRulers(_)
+            | Self::ExportRulersTo(_)
             | Self::SetCursor(_)
             | Self::SetPaneZoom(..)
             | Self::SetPan(..)

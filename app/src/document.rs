@@ -10,7 +10,7 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{Selection, case::TimePoint};
 use glioscope_render::{
-    Camera, ClipPlane, Lens, Palette, Projection, TransferFunction,
+    Camera, ClipPlane, Coloring, Lens, Palette, Projection, TransferFunction,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde::{Deserialize, Serialize};
@@ -54,14 +54,26 @@ pub enum Pane {
     Overlap,
     /// A slice view.
     Slice(Plane),
+    /// The table of what is in the lens.
+    Lens,
+    /// The list of lines measured.
+    Measurements,
     /// Plan, pass times and adapter.
     Diagnostics,
 }
 
 impl Pane {
     /// All but the slices, in the order of menus.
-    pub const NOT_SLICES: [Self; 6] =
-        [Self::Closeup, Self::Context, Self::Ellipsoids, Self::Overlap, Self::Transfer, Self::Diagnostics];
+    pub const NOT_SLICES: [Self; 8] = [
+        Self::Closeup,
+        Self::Context,
+        Self::Ellipsoids,
+        Self::Overlap,
+        Self::Lens,
+        Self::Measurements,
+        Self::Transfer,
+        Self::Diagnostics,
+    ];
 
     /// What tabs, menus and file names call it.
     pub fn title(self) -> &'static str {
@@ -74,6 +86,8 @@ impl Pane {
             Self::Slice(Plane::Axial) => "the axial slice",
             Self::Slice(Plane::Coronal) => "the coronal slice",
             Self::Slice(Plane::Sagittal) => "the sagittal slice",
+            Self::Lens => "what is in the lens",
+            Self::Measurements => "measurements",
             Self::Diagnostics => "diagnostics",
         }
     }
@@ -89,8 +103,59 @@ impl Pane {
             Self::Slice(Plane::Axial) => "Axial",
             Self::Slice(Plane::Coronal) => "Coronal",
             Self::Slice(Plane::Sagittal) => "Sagittal",
+            Self::Lens => "In the lens",
+            Self::Measurements => "Measurements",
             Self::Diagnostics => "Diagnostics",
         }
+    }
+}
+
+/// Where a line was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RulerView {
+    /// Between first-hit points of the closeup.
+    Closeup,
+    /// In a slice.
+    Slice(Plane),
+}
+
+impl RulerView {
+    /// What lists and exports call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Closeup => "closeup",
+            Self::Slice(Plane::Axial) => "axial",
+            Self::Slice(Plane::Coronal) => "coronal",
+            Self::Slice(Plane::Sagittal) => "sagittal",
+        }
+    }
+}
+
+/// A straight line that was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ruler {
+    /// What the user calls it.
+    pub name: String,
+    /// One end, world millimetres.
+    pub from_mm: DVec3,
+    /// The other end.
+    pub to_mm: DVec3,
+    /// Where it was drawn.
+    pub view: RulerView,
+    /// The time point it was drawn on: it is shown there only.
+    pub time: usize,
+}
+
+impl Ruler {
+    /// How long it is.
+    pub fn length_mm(&self) -> f64 {
+        self.from_mm.distance(self.to_mm)
+    }
+
+    /// Its middle.
+    pub fn middle_mm(&self) -> DVec3 {
+        self.from_mm.midpoint(self.to_mm)
     }
 }
 
@@ -111,6 +176,12 @@ pub struct Edit {
     pub overlay_opacity: f32,
     /// Colour scheme.
     pub palette: Palette,
+    /// Whether a region's colour says which masks are active or how many.
+    #[serde(default)]
+    pub coloring: Coloring,
+    /// Lines measured, in the order they were drawn.
+    #[serde(default)]
+    pub rulers: Vec<Ruler>,
     /// Whether the diagram selects regions or whole masks.
     pub overlap_mode: OverlapMode,
     /// Transfer function of each context the user changed, by id.
@@ -145,7 +216,7 @@ pub struct Navigation {
     pub mm_per_point: Option<f64>,
     /// In-plane shift of each slice's middle from the image's, in picture millimetres (right, down).
     pub pan_mm: [DVec2; 3],
-    /// Whether the slices follow the pointer over the closeup.
+    /// Whether the crosshair follows the pointer over every view.
     pub follow_pointer: bool,
     /// Magnification of the context view; 1 fits.
     #[serde(default = "one")]
@@ -156,6 +227,9 @@ pub struct Navigation {
     /// Whether the axial slice is shown as a plane in closeup and ellipsoid diagram.
     #[serde(default)]
     pub show_plane: bool,
+    /// Whether dragging measures. A way to use the mouse, not worth saving.
+    #[serde(skip)]
+    pub ruler_on: bool,
 }
 
 fn one() -> f64 {
@@ -216,6 +290,8 @@ impl Document {
                 overlay: Overlay::Both,
                 overlay_opacity: 0.35,
                 palette: Palette::Thesis,
+                coloring: Coloring::Masks,
+                rulers: Vec::new(),
                 overlap_mode: OverlapMode::Regions,
                 transfers: BTreeMap::new(),
                 clips: Vec::new(),
@@ -235,8 +311,28 @@ impl Document {
                 context_zoom: 1.0,
                 ellipsoid_zoom: 1.0,
                 show_plane: false,
+                ruler_on: false,
             },
         }
+    }
+
+    /// A camera for another 3D view: it looks the way the closeup does, at its own thing and from its
+    /// own distance (thesis 7.3.3: orientation, not position, is linked). `radius_mm` is what it has to
+    /// hold about `focus_mm`.
+    pub fn linked_camera(&self, focus_mm: DVec3, radius_mm: f64) -> Camera {
+        let closeup = &self.nav.camera;
+        Camera::fit(focus_mm, radius_mm, closeup.world_from_camera, closeup.projection)
+    }
+
+    /// The lines measured on the time point shown, with their places in the list.
+    pub fn rulers_shown(&self) -> impl Iterator<Item = (usize, &Ruler)> {
+        self.edit.rulers.iter().enumerate().filter(|(_, ruler)| ruler.time == self.nav.time)
+    }
+
+    /// A name that no line has yet: `Line 3`.
+    pub fn new_ruler_name(&self) -> String {
+        let taken = |name: &str| self.edit.rulers.iter().any(|ruler| ruler.name == name);
+        (self.edit.rulers.len() + 1..).map(|n| format!("Line {n}")).find(|n| !taken(n)).unwrap_or_default()
     }
 
     /// The lens where it is on.

@@ -26,6 +26,19 @@ pub fn percent(share: f64) -> String {
     if value == 0.0 || value >= 1.0 { format!("{value:.1} %") } else { format!("{value:.2} %") }
 }
 
+/// A count with thin spaces between the thousands: `1 234 567`.
+pub fn count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::with_capacity(digits.len() * 4 / 3);
+    for (i, c) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push('\u{2009}');
+        }
+        out.push(c);
+    }
+    out
+}
+
 /// A number without needless zeros: `20`, `0.5`.
 pub fn plain(value: f64) -> String {
     format!("{value}")
@@ -56,6 +69,14 @@ mod tests {
         assert_eq!(ml(f64::NAN), "unknown");
         assert_eq!(percent(0.142), "14.2 %");
         assert_eq!(percent(0.0003), "0.03 %");
+    }
+
+    #[test]
+    fn thousands_are_set_apart() {
+        assert_eq!(
+            [0, 999, 1000, 1_234_567].map(count),
+            ["0", "999", "1\u{2009}000", "1\u{2009}234\u{2009}567"]
+        );
     }
 
     #[test]

@@ -15,6 +15,7 @@ pub struct History {
     past: Vec<Edit>,
     future: Vec<Edit>,
     gesture: Option<(&'static str, Instant)>,
+    held: bool,
 }
 
 impl History {
@@ -22,7 +23,9 @@ impl History {
     /// [`crate::commands::Command::gesture`].
     pub fn record(&mut self, before: Edit, gesture: Option<&'static str>, now: Instant) {
         let continues = match (self.gesture, gesture) {
-            (Some((last, at)), Some(this)) => last == this && now.saturating_duration_since(at) < REST,
+            (Some((last, at)), Some(this)) => {
+                last == this && (self.held || now.saturating_duration_since(at) < REST)
+            }
             _ => false,
         };
         if !continues {
@@ -33,6 +36,15 @@ impl History {
         }
         self.future.clear();
         self.gesture = gesture.map(|g| (g, now));
+    }
+
+    /// Says whether a pointer button is down. What happens between press and release is one gesture,
+    /// however long it rests; the next press begins another.
+    pub fn hold(&mut self, held: bool) {
+        if held != self.held {
+            self.gesture = None;
+            self.held = held;
+        }
     }
 
     /// Takes back the last deed; `false` when there is none.

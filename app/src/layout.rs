@@ -5,12 +5,14 @@ use glioscope_render::slices::Plane;
 
 use crate::document::Pane;
 
-/// Closeup over context at the left, ellipsoids over overlap diagram and table in the middle, three
-/// slices at the right.
+/// Closeup over context at the left, ellipsoids over the overlap diagram with its table (behind it what
+/// is in the lens, and the measurements), three slices at the right.
 pub fn default_layout() -> Tree<Pane> {
     let mut tiles = Tiles::default();
-    let views = [Pane::Closeup, Pane::Context, Pane::Ellipsoids, Pane::Overlap];
-    let [closeup, context, ellipsoids, overlap] = views.map(|pane| tiles.insert_pane(pane));
+    let views = [Pane::Closeup, Pane::Context, Pane::Ellipsoids];
+    let [closeup, context, ellipsoids] = views.map(|pane| tiles.insert_pane(pane));
+    let numbers = [Pane::Overlap, Pane::Lens, Pane::Measurements].map(|pane| tiles.insert_pane(pane));
+    let overlap = tiles.insert_tab_tile(numbers.to_vec());
     let slices =
         [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(|plane| tiles.insert_pane(Pane::Slice(plane)));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));

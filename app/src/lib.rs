@@ -19,6 +19,7 @@ pub mod offscreen;
 pub mod palette;
 pub mod panes;
 pub mod recent;
+pub mod rulers;
 pub mod run_window;
 pub mod session;
 pub mod viewport;

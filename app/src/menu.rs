@@ -2,13 +2,13 @@
 
 use egui::{Button, ComboBox, Slider, Ui};
 use glioscope_render::{
-    AnatomicalView, Palette, Projection,
+    AnatomicalView, Coloring, Palette, Projection,
     slices::{Convention, Overlay, Plane},
 };
 
 use crate::{
-    commands::Command, document::Pane, layout, recent::Recent, views::overlap::OverlapMode,
-    window::open_command, workstation::Workstation,
+    commands::Command, document::Pane, layout, recent::Recent, rulers::RulerFormat,
+    views::overlap::OverlapMode, window::open_command, workstation::Workstation,
 };
 
 /// One menu row for a command.
@@ -66,6 +66,7 @@ pub fn bar(ui: &mut Ui, work: &Workstation, recent: &Recent, out: &mut Vec<Comma
             item(ui, Command::ShowPalette, true, out);
         });
         ui.menu_button("View", |ui| view_menu(ui, work, out));
+        ui.menu_button("Tools", |ui| tools_menu(ui, work, out));
         ui.menu_button("Help", |ui| item(ui, Command::ShowAbout, true, out));
         ui.separator();
         if let Some(doc) = &work.doc {
@@ -103,6 +104,10 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
         choice(ui, doc.edit.palette == palette, Command::SetPalette(palette), out);
     }
     ui.separator();
+    for coloring in [Coloring::Masks, Coloring::Agreement] {
+        choice(ui, doc.edit.coloring == coloring, Command::SetColoring(coloring), out);
+    }
+    ui.separator();
     for mode in [OverlapMode::Regions, OverlapMode::WholeMasks] {
         choice(ui, doc.edit.overlap_mode == mode, Command::SetOverlapMode(mode), out);
     }
@@ -122,8 +127,24 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
             item(ui, Command::Look(view), true, out);
         }
     });
+    item(ui, Command::ToggleProjection, true, out);
     item(ui, Command::FitTumor, true, out);
     item(ui, Command::FitLens, true, out);
+}
+
+/// The lens and the ruler.
+fn tools_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
+    let Some(doc) = &work.doc else {
+        ui.weak("Open a case first");
+        return;
+    };
+    switch(ui, doc.edit.lens_on, Command::ToggleLens, out);
+    item(ui, Command::LensToCursor, true, out);
+    ui.separator();
+    switch(ui, doc.nav.ruler_on, Command::ToggleRuler, out);
+    for format in [RulerFormat::Csv, RulerFormat::Json] {
+        item(ui, Command::ExportRulers(format), !doc.edit.rulers.is_empty(), out);
+    }
 }
 
 fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out: &mut Vec<Command>) {
@@ -186,8 +207,12 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     let slider = Slider::new(&mut radius_mm, 1.0..=150.0).logarithmic(true).suffix(" mm").fixed_decimals(1);
     let response = ui.add_enabled(lens_on, slider);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, lens_on, "Lens radius"));
-    if response.on_hover_text("Lens radius (Alt and scroll over the closeup)").changed() {
+    if response.on_hover_text("Lens radius (drag the ring, or Alt and scroll over the closeup)").changed() {
         out.push(Command::SetLensRadius(radius_mm));
+    }
+    let ruler = ui.selectable_label(doc.nav.ruler_on, "Ruler");
+    if ruler.on_hover_text(Command::ToggleRuler.tooltip()).clicked() {
+        out.push(Command::ToggleRuler);
     }
     let perspective = doc.nav.camera.projection == Projection::Perspective;
     let text = if perspective { "Perspective" } else { "Orthographic" };

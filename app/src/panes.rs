@@ -12,7 +12,8 @@ use crate::{
     viewport::Viewport,
     views::{
         ViewContext, closeup, context, diagnostics,
-        ellipsoids::{self, View3d},
+        ellipsoids::{self, Stage},
+        lens_table, measurements,
         overlap::{self, OverlapInput},
         plane, slices, transfer,
     },
@@ -83,7 +84,7 @@ impl PaneArea<'_> {
         self.rects.insert(pane, ui.available_rect_before_wrap());
         let Self { view, scene, session, viewport, closeup, states, refine_at_once, out, .. } = self;
         let PaneStates { context, ellipsoids, transfer, plane } = &mut **states;
-        let three_d = View3d {
+        let stage = Stage {
             viewport: viewport.as_deref_mut(),
             refine_at_once: *refine_at_once,
             session: *session,
@@ -91,20 +92,25 @@ impl PaneArea<'_> {
         };
         match pane {
             Pane::Closeup => {
-                closeup::show(ui, view, scene, three_d.viewport, closeup, *refine_at_once, out);
+                closeup::show(ui, view, scene, stage.viewport, closeup, *refine_at_once, out);
             }
-            Pane::Context => context::show(ui, view, scene.tumor.as_ref(), three_d, context, out),
-            Pane::Ellipsoids => ellipsoids::show(ui, view, three_d, ellipsoids, out),
+            Pane::Context => context::show(ui, view, scene.tumor.as_ref(), stage, context, out),
+            Pane::Ellipsoids => ellipsoids::show(ui, view, stage, ellipsoids, out),
             Pane::Transfer => transfer::show(ui, view, transfer, *refine_at_once, out),
             Pane::Overlap => {
                 let input = overlap_input(view);
-                let margin = egui::Frame::new().inner_margin(6);
-                margin.show(ui, |ui| overlap::show(ui, &input, out));
+                padded(ui, |ui| overlap::show(ui, &input, out));
             }
+            Pane::Lens => padded(ui, |ui| lens_table::show(ui, view, scene.tumor.as_ref(), out)),
+            Pane::Measurements => padded(ui, |ui| measurements::show(ui, view, out)),
             Pane::Slice(plane) => slices::show(ui, view, plane, out),
-            Pane::Diagnostics => diagnostics::show(ui, three_d.viewport),
+            Pane::Diagnostics => diagnostics::show(ui, stage.viewport),
         }
     }
+}
+
+fn padded(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
+    egui::Frame::new().inner_margin(6).show(ui, show);
 }
 
 fn overlap_input<'a>(view: &ViewContext<'a>) -> OverlapInput<'a> {

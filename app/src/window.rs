@@ -20,6 +20,7 @@ use crate::{
     palette::CommandPalette,
     panes::{self, PaneArea, PaneStates},
     recent::Recent,
+    rulers::{self, RulerFormat},
     session,
     viewport::Viewport,
     views::{ViewContext, closeup::CloseupState},
@@ -37,6 +38,8 @@ pub enum DialogThen {
     Picture(Option<Pane>),
     /// Write the measurements there.
     Measurements,
+    /// Write the lines measured there.
+    Rulers(RulerFormat),
 }
 
 /// Parts of the window that are open or not; never saved.
@@ -137,8 +140,16 @@ impl GlioscopeApp {
         self.open_by_path(ui, &mut out);
         about::show(ui, &mut self.open.about, self.viewport.as_ref());
         let now = Instant::now();
+        // What a pointer does from press to release is undone together.
+        let held = ctx.input(|i| i.pointer.any_down());
+        if held {
+            self.work.history.hold(true);
+        }
         for command in out {
             self.perform(&ctx, &command, now);
+        }
+        if !held {
+            self.work.history.hold(false);
         }
         if dropped_files > 1 {
             self.work.notice = Some(format!(
@@ -234,6 +245,7 @@ impl GlioscopeApp {
                         DialogThen::SaveSession => Command::SaveSessionTo(path),
                         DialogThen::Picture(pane) => Command::ScreenshotTo(pane, path),
                         DialogThen::Measurements => Command::ExportMeasurementsTo(path),
+                        DialogThen::Rulers(format) => Command::ExportRulersTo(format.on(path)),
                     };
                     self.perform(ctx, &command, Instant::now());
                 }
@@ -266,6 +278,7 @@ impl GlioscopeApp {
             DialogThen::SaveSession => format!("case.{}", session::ENDING),
             DialogThen::Picture(_) => "glioscope.png".to_owned(),
             DialogThen::Measurements => "measurements.json".to_owned(),
+            DialogThen::Rulers(format) => format.file_name().to_owned(),
         };
         self.work.error = Some(format!(
             "{name}: found no file chooser on this desktop, expected one; start with a session file or use the \
@@ -488,6 +501,11 @@ impl GlioscopeApp {
                 self.ask(ctx, Purpose::Save { name }, DialogThen::Measurements);
             }
             Command::ExportMeasurementsTo(path) => self.export(path),
+            Command::ExportRulers(format) => {
+                let name = format.file_name().to_owned();
+                self.ask(ctx, Purpose::Save { name }, DialogThen::Rulers(*format));
+            }
+            Command::ExportRulersTo(path) => self.export_rulers(path),
             Command::ShowPalette => self.palette.open(),
             Command::ShowAbout => self.open.about = true,
             Command::ToggleDark => {
@@ -529,6 +547,16 @@ impl GlioscopeApp {
         let Some(case) = self.work.world.case() else { return };
         match files::write_json(path, &measure::report(case)) {
             Ok(()) => self.work.notice = Some("Measurements written.".into()),
+            Err(error) => self.work.error = Some(error),
+        }
+    }
+}
+
+impl GlioscopeApp {
+    fn export_rulers(&mut self, path: &Path) {
+        let (Some(case), Some(doc)) = (self.work.world.case(), &self.work.doc) else { return };
+        match rulers::write(path, case, &doc.edit.rulers) {
+            Ok(()) => self.work.notice = Some("Lines written.".into()),
             Err(error) => self.work.error = Some(error),
         }
     }

@@ -140,11 +140,17 @@ impl Workstation {
     pub fn apply(&mut self, command: &Command, now: Instant) {
         let Some(doc) = &mut self.doc else { return };
         match command {
-            Command::Undo => {
-                self.history.undo(&mut doc.edit);
-            }
-            Command::Redo => {
-                self.history.redo(&mut doc.edit);
+            Command::Undo | Command::Redo => {
+                let center_mm = doc.edit.lens.center_mm;
+                if *command == Command::Undo {
+                    self.history.undo(&mut doc.edit);
+                } else {
+                    self.history.redo(&mut doc.edit);
+                }
+                // The camera turns about the lens, wherever it goes.
+                if doc.edit.lens.center_mm != center_mm {
+                    doc.nav.camera.focus_mm = doc.edit.lens.center_mm;
+                }
             }
             _ => {
                 let before = doc.edit.clone();

@@ -82,7 +82,7 @@ impl World {
     pub fn colors(&self, doc: &Document) -> MaskColors {
         let asked: Vec<_> =
             self.time_point(doc).map(|t| t.masks.iter().map(|m| m.color).collect()).unwrap_or_default();
-        MaskColors::new(doc.edit.palette, &asked)
+        MaskColors::new(doc.edit.palette, &asked).with_coloring(doc.edit.coloring)
     }
 
     /// The regions of the current date, cropped; `None` where no voxel is active.

@@ -11,6 +11,7 @@ pub mod distance;
 pub mod ellipsoid;
 pub mod files;
 pub mod grid;
+pub mod inside_lens;
 pub mod mask;
 pub mod measure;
 pub mod phantom;

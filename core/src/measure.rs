@@ -50,6 +50,30 @@ pub fn pairs(regions: &Regions) -> Vec<Pair> {
     out
 }
 
+/// Where exactly `masks` of the case's masks are active, whichever they are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// How many masks agree: 1 to the number of masks.
+    pub masks: u32,
+    /// Voxels where exactly that many are active; may be 0.
+    pub voxels: u64,
+    /// Their volume.
+    pub volume_ml: f64,
+}
+
+/// How far all masks agree, voxel by voxel: one level for each number of masks, from 1 to all of them.
+/// The voxels of all levels add up to the union's.
+pub fn agreement(regions: &Regions) -> Vec<Agreement> {
+    let levels = 1..=regions.mask_ids().len() as u32;
+    levels
+        .map(|masks| {
+            let of_level = regions.list().iter().filter(|r| r.mask_count() == masks);
+            let (voxels, volume_ml) = of_level.fold((0, 0.0), |(n, ml), r| (n + r.voxels, ml + r.volume_ml));
+            Agreement { masks, voxels, volume_ml }
+        })
+        .collect()
+}
+
 /// Every number of a case, as `measure --json` writes it. Field names are stable.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeasureReport {
@@ -85,6 +109,8 @@ pub struct TimeReport {
     pub regions: Vec<RegionReport>,
     /// Every pair of masks; see [`pairs`] for empty ones.
     pub pairs: Vec<Pair>,
+    /// Voxels by how many masks are active, for 1 to all masks; see [`agreement`].
+    pub agreement: Vec<Agreement>,
 }
 
 /// One mask. An empty one has 0 voxels and 0 ml.
@@ -166,6 +192,7 @@ pub fn report(case: &Case) -> MeasureReport {
                 })
                 .collect(),
             pairs: pairs(regions),
+            agreement: agreement(regions),
         }
     });
     MeasureReport {
@@ -197,6 +224,27 @@ mod tests {
         let p = pair_of(&[0, 1, 2, 3], &[2, 3, 4, 5, 6, 7]);
         assert!((p.dice - 4.0 / 10.0).abs() < 1e-15);
         assert!((p.jaccard - 2.0 / 8.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn levels_of_agreement_are_counted_voxel_by_voxel() {
+        let grid = Grid::axis_aligned([4, 3, 2], DVec3::new(1.0, 2.0, 5.0), DVec3::ZERO).unwrap();
+        let on: [&[usize]; 3] = [&[0, 1, 2, 3, 9], &[2, 3, 4], &[3, 11]];
+        let masks: Vec<Mask> = on
+            .iter()
+            .enumerate()
+            .map(|(k, on)| {
+                let bits = MaskBits::from_fn([4, 3, 2], |l| on.contains(&l));
+                Mask::new(format!("m{k}"), grid.clone(), bits).unwrap()
+            })
+            .collect();
+        let index = TumorIndex::new(grid, &masks.iter().collect::<Vec<_>>()).unwrap();
+        let levels = agreement(&Regions::of(&index));
+        // 0, 1, 4, 9, 11 once, 2 twice, 3 in all.
+        assert_eq!(levels.iter().map(|l| (l.masks, l.voxels)).collect::<Vec<_>>(), [(1, 5), (2, 1), (3, 1)]);
+        for level in levels {
+            assert!((level.volume_ml - level.voxels as f64 * 0.01).abs() < 1e-15);
+        }
     }
 
     #[test]

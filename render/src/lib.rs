@@ -32,7 +32,7 @@ pub use ellipsoids::{
 };
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
-pub use palette::{MaskColors, Palette, Rgb};
+pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use plan::{PassName, Plan, Quality, plan};
 pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};

@@ -194,7 +194,8 @@ pub struct RenderArguments {
     /// The case; the embedded sample without one.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// closeup, context, ellipsoids, axial, coronal, sagittal, overlap, transfer or window.
+    /// closeup, context, ellipsoids, axial, coronal, sagittal, overlap, lens, measurements, transfer or
+    /// window.
     #[arg(long, default_value = "closeup")]
     pub view: String,
     /// Pixels: WIDTHxHEIGHT.
@@ -233,6 +234,9 @@ pub struct RenderArguments {
     /// Colours that common colour vision deficiencies tell apart.
     #[arg(long)]
     pub color_blind_safe: bool,
+    /// Colours say how many masks are active, not which.
+    #[arg(long)]
+    pub agreement: bool,
     /// The diagram selects whole masks.
     #[arg(long)]
     pub whole_masks: bool,

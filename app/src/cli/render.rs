@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, ClipPlane, Gpu, Palette, Plan, Projection, Quality, Renderer, SceneRenderer, TransferPreset,
+    AdapterPreference, Camera, ClipPlane, Coloring, Gpu, Palette, Plan, Projection, Quality, Renderer,
+    SceneRenderer, TransferPreset,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde_json::json;
@@ -44,9 +45,13 @@ fn view(name: &str) -> Result<View, Failure> {
         "context" => View::Pane(Pane::Context),
         "ellipsoids" => View::Pane(Pane::Ellipsoids),
         "transfer" => View::Pane(Pane::Transfer),
+        "lens" => View::Pane(Pane::Lens),
+        "measurements" => View::Pane(Pane::Measurements),
         "window" => View::Window,
         other => {
-            return Err(wrong("view", other, "closeup, context, ellipsoids, axial, coronal, sagittal, overlap, transfer or window"));
+            let expected = "closeup, context, ellipsoids, axial, coronal, sagittal, overlap, lens, \
+                            measurements, transfer or window";
+            return Err(wrong("view", other, expected));
         }
     })
 }
@@ -156,6 +161,9 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), Fail
     };
     if arguments.color_blind_safe {
         edit.palette = Palette::ColorBlindSafe;
+    }
+    if arguments.agreement {
+        edit.coloring = Coloring::Agreement;
     }
     if arguments.whole_masks {
         edit.overlap_mode = OverlapMode::WholeMasks;

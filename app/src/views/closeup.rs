@@ -1,19 +1,24 @@
 //! The tumour intersection closeup (thesis 7.3.3): the renderer's picture, the orientation cube, the
 //! legend, and what the mouse does.
 
-use egui::{Align2, Color32, FontId, PointerButton, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
-use glam::{DVec2, UVec2};
-use glioscope_core::Sides;
-use glioscope_render::{Camera, Pick, Projection, Scene};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use glam::UVec2;
+use glioscope_core::{Sides, measure};
+use glioscope_render::{Camera, Coloring, Pick, Projection, Scene, agreement_color};
 
-use super::{ViewContext, orientation, still::Refinement};
-use crate::{commands::Command, format, viewport::Viewport};
+use super::{
+    ViewContext,
+    camera_drag::{self, Drag, View3d},
+    orientation, ruler,
+    still::Refinement,
+};
+use crate::{commands::Command, document::RulerView, format, viewport::Viewport};
 
 /// What the view remembers between frames; never saved.
 #[derive(Default)]
 pub struct CloseupState {
     refinement: Refinement<Scene>,
-    pointer: Option<egui::Pos2>,
+    pointer: Option<Pos2>,
     /// What is under the pointer.
     pub hover: Option<Pick>,
 }
@@ -43,7 +48,24 @@ pub fn show(
         message(ui, rect, "No graphics adapter: the 3D closeup can't be drawn. Install mesa-vulkan-drivers.");
         return;
     };
-    interact(ui, view, &response, rect, out);
+    let doc = view.doc;
+    let view3d = View3d { doc, camera: doc.nav.camera, rect };
+    let outcome = camera_drag::interact(
+        ui,
+        &response,
+        &view3d,
+        &|pos| pick(viewport, rect, pos).map(|p| p.world_mm),
+        out,
+    );
+    if outcome.camera != doc.nav.camera {
+        out.push(Command::SetCamera(outcome.camera));
+    }
+    let draft = if outcome.drag == Drag::Ruler {
+        let pick_at = |pos| pick(viewport, rect, pos).map(|p| p.world_mm);
+        ruler::drag(ui, &response, doc, RulerView::Closeup, &pick_at, out)
+    } else {
+        None
+    };
 
     let (quality, just_refined) = state.refinement.quality(ui, scene, refine_at_once);
     if just_refined {
@@ -65,46 +87,41 @@ pub fn show(
             return;
         }
     }
-    hover(ui, view, &response, rect, viewport, state, out);
+    look_up(view, &response, rect, viewport, state, out);
     decorate(ui, view, rect, dark);
+    let painter = ui.painter().with_clip_rect(rect);
+    ruler::draw_3d(&painter, doc, &doc.nav.camera, rect, draft);
+    camera_drag::ring_marks(ui, &response, &view3d, &outcome);
+    if let Some(pointer) = response.hover_pos() {
+        match (&draft, &state.hover) {
+            (Some(draft), _) => ruler::beside_pointer(&painter, rect, pointer, ruler::draft_text(draft)),
+            (None, Some(pick)) if !outcome.ring => {
+                ruler::beside_pointer(&painter, rect, pointer, pick_text(view, pick));
+            }
+            _ => {}
+        }
+    }
     response.widget_info(|| {
         let under = state.hover.map_or_else(|| "nothing under the pointer".into(), |p| pick_text(view, &p));
-        WidgetInfo::labeled(Role::Canvas, true, format!("Closeup: {under}"))
+        let mut said = format!("Closeup: {under}");
+        if view.colors.coloring() == Coloring::Agreement {
+            let rows: Vec<String> = agreement_rows(view).into_iter().map(|(_, words)| words).collect();
+            said = format!("{said}\n{}", rows.join("; "));
+        }
+        WidgetInfo::labeled(Role::Canvas, true, said)
     });
 }
 
-fn interact(ui: &Ui, view: &ViewContext<'_>, response: &egui::Response, rect: Rect, out: &mut Vec<Command>) {
-    let modifiers = ui.input(|i| i.modifiers);
-    let mut camera = view.doc.nav.camera;
-    if response.dragged_by(PointerButton::Primary) && !modifiers.any() {
-        let drag = response.drag_delta() / rect.height().max(1.0);
-        camera.turn(DVec2::new(f64::from(drag.x), f64::from(drag.y)));
-    }
-    let pans = response.dragged_by(PointerButton::Middle)
-        || (response.dragged_by(PointerButton::Primary) && modifiers.shift);
-    if pans {
-        let mm_per_point = camera.height_mm / f64::from(rect.height().max(1.0));
-        let drag = response.drag_delta();
-        let [right, up, _] = camera.axes();
-        camera.focus_mm += (right * -f64::from(drag.x) + up * f64::from(drag.y)) * mm_per_point;
-    }
-    if response.hovered() {
-        let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
-        if modifiers.alt && scroll != 0.0 {
-            out.push(Command::SetLensRadius(view.doc.edit.lens.radius_mm * f64::from(scroll * 0.003).exp()));
-        } else if scroll != 0.0 || zoom != 1.0 {
-            let factor = f64::from(-scroll * 0.003).exp() / f64::from(zoom);
-            camera.height_mm = (camera.height_mm * factor).clamp(0.5, 5000.0);
-        }
-    }
-    if camera != view.doc.nav.camera {
-        out.push(Command::SetCamera(camera));
-    }
+/// What is under a place of the picture last drawn.
+fn pick(viewport: &Viewport, rect: Rect, pos: Pos2) -> Option<Pick> {
+    let (u, v) = ((pos.x - rect.left()) / rect.width(), (pos.y - rect.top()) / rect.height());
+    let inside = (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v);
+    // A device that fails says so when the next frame is drawn.
+    inside.then(|| viewport.pick(u, v).ok().flatten()).flatten()
 }
 
-/// Looks up what is under the pointer, moves the crosshair there, and says it beside the pointer.
-fn hover(
-    ui: &Ui,
+/// Looks up what is under the pointer and moves the crosshair there.
+fn look_up(
     view: &ViewContext<'_>,
     response: &egui::Response,
     rect: Rect,
@@ -114,34 +131,16 @@ fn hover(
 ) {
     let pointer = response.hover_pos();
     let dragging = response.dragged();
-    if pointer != state.pointer || response.clicked() {
-        state.pointer = pointer;
-        state.hover = pointer.filter(|_| !dragging).and_then(|p| {
-            let (u, v) = ((p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height());
-            // A device that fails says so when the next frame is drawn.
-            viewport.pick(u, v).ok().flatten()
-        });
-        if let Some(pick) = &state.hover
-            && (view.doc.nav.follow_pointer || response.clicked())
-        {
-            out.push(Command::SetCursor(pick.world_mm));
-        }
+    if pointer == state.pointer && !response.clicked() {
+        return;
     }
-    if let (Some(pointer), Some(pick)) = (pointer, &state.hover) {
-        beside_pointer(ui, rect, pointer, &pick_text(view, pick));
+    state.pointer = pointer;
+    state.hover = pointer.filter(|_| !dragging).and_then(|pos| pick(viewport, rect, pos));
+    if let Some(pick) = &state.hover
+        && (view.doc.nav.follow_pointer || response.clicked())
+    {
+        out.push(Command::SetCursor(pick.world_mm));
     }
-}
-
-/// Text on a dark plate beside the pointer, inside `rect`.
-pub fn beside_pointer(ui: &Ui, rect: Rect, pointer: egui::Pos2, text: &str) {
-    let font = FontId::proportional(13.0);
-    let galley = ui.painter().layout_no_wrap(text.to_owned(), font, Color32::WHITE);
-    let mut corner = pointer + vec2(14.0, 14.0);
-    corner.x = corner.x.min(rect.right() - galley.size().x - 10.0).max(rect.left() + 8.0);
-    corner.y = corner.y.min(rect.bottom() - galley.size().y - 8.0);
-    let back = Rect::from_min_size(corner, galley.size()).expand2(vec2(6.0, 3.0));
-    ui.painter().rect_filled(back, 4.0, Color32::from_black_alpha(190));
-    ui.painter().galley(corner, galley, Color32::WHITE);
 }
 
 /// Colour of what is behind everything in 3D views.
@@ -210,6 +209,11 @@ fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
     let ink = ink(dark);
     corner_marks(ui, view, rect, &view.doc.nav.camera, "at the lens");
     legend(&painter, view, rect, ink, &FontId::proportional(12.0));
+    if view.doc.nav.ruler_on {
+        let words = "Ruler: drag from surface to surface";
+        let at = rect.center_bottom() - vec2(0.0, 10.0);
+        painter.text(at, Align2::CENTER_BOTTOM, words, FontId::proportional(13.0), ink);
+    }
     if view.time_point.regions.union_voxels() == 0 {
         painter.text(
             rect.center(),
@@ -229,19 +233,27 @@ fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
     }
 }
 
-fn legend(painter: &egui::Painter, view: &ViewContext<'_>, rect: Rect, ink: Color32, font: &FontId) {
+/// Colours and what they stand for: masks, or how many of them are active.
+fn legend(painter: &Painter, view: &ViewContext<'_>, rect: Rect, ink: Color32, font: &FontId) {
+    let regions = &view.time_point.regions;
+    let rows: Vec<([u8; 3], String)> = match view.colors.coloring() {
+        Coloring::Masks => {
+            let ids = regions.mask_ids().iter().enumerate();
+            ids.map(|(k, id)| (view.colors.mask(k), id.clone())).collect()
+        }
+        Coloring::Agreement => agreement_rows(view).into_iter().rev().collect(),
+    };
     let mut at = rect.left_top() + vec2(10.0, 8.0);
-    let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
-    for (k, id) in view.time_point.regions.mask_ids().iter().enumerate() {
+    for ([r, g, b], words) in rows {
         let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
         painter.rect(
             swatch,
             2.0,
-            color(view.colors.mask(k)),
+            Color32::from_rgb(r, g, b),
             egui::Stroke::new(1.0, ink.gamma_multiply(0.6)),
             egui::StrokeKind::Outside,
         );
-        painter.text(at + vec2(17.0, 0.0), Align2::LEFT_TOP, id, font.clone(), ink);
+        painter.text(at + vec2(17.0, 0.0), Align2::LEFT_TOP, words, font.clone(), ink);
         at.y += 16.0;
         if at.y > rect.bottom() - 90.0 {
             break;
@@ -257,6 +269,18 @@ fn legend(painter: &egui::Painter, view: &ViewContext<'_>, rect: Rect, ink: Colo
         FontId::proportional(10.5),
         ink.gamma_multiply(0.75),
     );
+}
+
+/// Colour and words of each level of agreement, fewest masks first.
+pub fn agreement_rows(view: &ViewContext<'_>) -> Vec<([u8; 3], String)> {
+    let of = view.colors.mask_count();
+    let levels = measure::agreement(&view.time_point.regions);
+    let words = |level: &measure::Agreement| {
+        let masks = if of == 1 { "mask" } else { "masks" };
+        let ml = format::ml(level.volume_ml);
+        format!("{} of {of} {masks}: {ml}, {} voxels", level.masks, format::count(level.voxels))
+    };
+    levels.iter().map(|level| (agreement_color(level.masks, of), words(level))).collect()
 }
 
 /// A message in the middle of a view that can't be drawn.

@@ -9,11 +9,18 @@ use glioscope_render::{
     Camera, ContextPick, ContextScene, ContextVolume, TransferFunction, TransferPreset, slices::PreparedContext,
 };
 
-use super::{Handle, ViewContext, closeup, ellipsoids::View3d, linked, still::Refinement};
+use super::{
+    Handle, ViewContext, closeup,
+    ellipsoids::Stage,
+    linked::{self, Linked},
+    ruler,
+    still::Refinement,
+};
 use crate::{
     commands::Command,
     document::{self, Pane},
     jobs::{Derived, Lookup},
+    viewport::Viewport,
     window::waker,
 };
 
@@ -68,13 +75,13 @@ pub fn show(
     ui: &mut Ui,
     view: &ViewContext<'_>,
     tumor: Option<&Arc<RegionVolume>>,
-    three_d: View3d<'_>,
+    stage: Stage<'_>,
     state: &mut ContextState,
     out: &mut Vec<Command>,
 ) {
     let rect = ui.available_rect_before_wrap();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    let Some(viewport) = three_d.viewport else {
+    let Some(viewport) = stage.viewport else {
         closeup::message(ui, rect, "No graphics adapter: the context view can't be drawn.");
         return;
     };
@@ -85,7 +92,7 @@ pub fn show(
             progress.say("preparing the image");
             ContextVolume::new(&prepared).map_err(|e| e.to_string())
         };
-        match state.volume.get(Handle::of(image), three_d.refine_at_once, waker(ui.ctx()), work) {
+        match state.volume.get(Handle::of(image), stage.refine_at_once, waker(ui.ctx()), work) {
             Lookup::Ready(volume) => Some(volume.clone()),
             Lookup::Working(_) => {
                 note = Some("Preparing the image…".to_owned());
@@ -115,12 +122,16 @@ pub fn show(
         background: closeup::background(ui.visuals().dark_mode),
         silhouette: [0, 0, 0],
     };
-    linked::interact(ui, view, &response, rect, (Pane::Context, view.doc.nav.context_zoom), out);
+    let linked = Linked { pane: Pane::Context, camera: scene.camera, zoom: view.doc.nav.context_zoom, rect };
+    let outcome = {
+        let pick_at = |pos| pick(viewport, rect, pos).map(|p| p.world_mm);
+        linked.interact(ui, view, &response, &pick_at, out)
+    };
     let size = rect.size() * ui.pixels_per_point();
     if size.x < 1.0 || size.y < 1.0 {
         return;
     }
-    let (quality, just_refined) = state.refinement.quality(ui, &scene, three_d.refine_at_once);
+    let (quality, just_refined) = state.refinement.quality(ui, &scene, stage.refine_at_once);
     if just_refined {
         state.pointer = None;
     }
@@ -138,12 +149,7 @@ pub fn show(
     let pointer = response.hover_pos();
     if pointer != state.pointer {
         state.pointer = pointer;
-        state.hover = pointer.filter(|_| !response.dragged()).and_then(|p| {
-            let (u, v) = ((p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height());
-            let (frame, [x, y]) = viewport.context.pixel(u, v)?;
-            // A device that fails says so when the next frame is drawn.
-            frame.pick(&viewport.gpu, x, y).ok().flatten()
-        });
+        state.hover = pointer.filter(|_| !response.dragged()).and_then(|pos| pick(viewport, rect, pos));
         if let Some(pick) = &state.hover
             && (view.doc.nav.follow_pointer || response.clicked())
         {
@@ -151,8 +157,9 @@ pub fn show(
         }
     }
     let spoken = state.hover.map(|pick| pick_text(view, &pick));
-    if let (Some(pointer), Some(text)) = (pointer, &spoken) {
-        closeup::beside_pointer(ui, rect, pointer, text);
+    linked.marks(ui, view, &response, &outcome);
+    if let (Some(pointer), Some(text), false) = (pointer, &spoken, outcome.ring) {
+        ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
     }
     let name = view.context.map_or("no image", |(id, _)| id);
     let ink = closeup::ink(ui.visuals().dark_mode);
@@ -164,6 +171,14 @@ pub fn show(
         let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
         WidgetInfo::labeled(Role::Canvas, true, format!("Context view of {name}: {under}"))
     });
+}
+
+/// What is under a place of the picture last drawn.
+fn pick(viewport: &Viewport, rect: Rect, pos: egui::Pos2) -> Option<ContextPick> {
+    let (u, v) = linked::fraction(rect, pos)?;
+    let (frame, [x, y]) = viewport.context.pixel(u, v)?;
+    // A device that fails says so when the next frame is drawn.
+    frame.pick(&viewport.gpu, x, y).ok().flatten()
 }
 
 fn pick_text(view: &ViewContext<'_>, pick: &ContextPick) -> String {

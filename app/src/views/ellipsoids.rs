@@ -14,9 +14,11 @@ use glioscope_render::{Camera, DrawnEllipsoid, EllipsoidPick, EllipsoidScene};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Handle, ViewContext, closeup, linked,
+    Handle, ViewContext, closeup,
+    linked::{self, Linked},
     overlap::{OverlapMode, Shown, mask_shown},
     plane::PlaneState,
+    ruler,
     still::Refinement,
 };
 use crate::{
@@ -93,7 +95,7 @@ impl EllipsoidState {
 }
 
 /// What drawing a 3D view needs besides the document.
-pub struct View3d<'a> {
+pub struct Stage<'a> {
     /// The renderers.
     pub viewport: Option<&'a mut Viewport>,
     /// For pictures: no draft, and jobs are waited for.
@@ -214,23 +216,23 @@ fn compute(
 pub fn show(
     ui: &mut Ui,
     view: &ViewContext<'_>,
-    three_d: View3d<'_>,
+    stage: Stage<'_>,
     state: &mut EllipsoidState,
     out: &mut Vec<Command>,
 ) {
     ui.horizontal(|ui| controls(ui, view, out));
     let rect = ui.available_rect_before_wrap();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    let Some(viewport) = three_d.viewport else {
+    let Some(viewport) = stage.viewport else {
         closeup::message(ui, rect, "No graphics adapter: the ellipsoid diagram can't be drawn.");
         return;
     };
     let (case, time) = (view.case.clone(), view.doc.nav.time);
     let neighbors = view.doc.edit.ellipsoids.neighbors;
-    let kept_at = three_d.session.map(cache::path_beside);
+    let kept_at = stage.session.map(cache::path_beside);
     let key = Key { case: Handle::of(&case), time, neighbors };
     let work = move |progress: &Progress| compute(&case, time, neighbors, kept_at.as_deref(), progress);
-    let found = match state.found.get(key, three_d.refine_at_once, waker(ui.ctx()), work) {
+    let found = match state.found.get(key, stage.refine_at_once, waker(ui.ctx()), work) {
         Lookup::Ready(found) => found.clone(),
         Lookup::Working(progress) => {
             let text = crate::world::progress_text(progress);
@@ -264,14 +266,19 @@ pub fn show(
         camera: camera(view, &found),
         background: closeup::background(ui.visuals().dark_mode),
         silhouette: [0, 0, 0],
-        plane: view.doc.nav.show_plane.then(|| three_d.plane.get(view)).flatten(),
+        plane: view.doc.nav.show_plane.then(|| stage.plane.get(view)).flatten(),
     };
-    linked::interact(ui, view, &response, rect, (Pane::Ellipsoids, view.doc.nav.ellipsoid_zoom), out);
+    let linked =
+        Linked { pane: Pane::Ellipsoids, camera: scene.camera, zoom: view.doc.nav.ellipsoid_zoom, rect };
+    let outcome = {
+        let pick_at = |pos| pick(viewport, rect, pos).map(|p| p.world_mm);
+        linked.interact(ui, view, &response, &pick_at, out)
+    };
     let size = rect.size() * ui.pixels_per_point();
     if size.x < 1.0 || size.y < 1.0 {
         return;
     }
-    let (quality, just_refined) = state.refinement.quality(ui, &scene, three_d.refine_at_once);
+    let (quality, just_refined) = state.refinement.quality(ui, &scene, stage.refine_at_once);
     if just_refined {
         state.pointer = None;
     }
@@ -289,12 +296,7 @@ pub fn show(
     let pointer = response.hover_pos();
     if pointer != state.pointer {
         state.pointer = pointer;
-        state.hover = pointer.filter(|_| !response.dragged()).and_then(|p| {
-            let (u, v) = ((p.x - rect.left()) / rect.width(), (p.y - rect.top()) / rect.height());
-            let (frame, [x, y]) = viewport.ellipsoids.pixel(u, v)?;
-            // A device that fails says so when the next frame is drawn.
-            frame.pick(&viewport.gpu, x, y).ok().flatten()
-        });
+        state.hover = pointer.filter(|_| !response.dragged()).and_then(|pos| pick(viewport, rect, pos));
         if let Some(pick) = &state.hover
             && (view.doc.nav.follow_pointer || response.clicked())
         {
@@ -302,8 +304,9 @@ pub fn show(
         }
     }
     let spoken = state.hover.and_then(|pick| pick_text(view, &found, &pick));
-    if let (Some(pointer), Some(text)) = (pointer, &spoken) {
-        closeup::beside_pointer(ui, rect, pointer, text);
+    linked.marks(ui, view, &response, &outcome);
+    if let (Some(pointer), Some(text), false) = (pointer, &spoken, outcome.ring) {
+        ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
     }
     notes(ui, view, rect, scene.ellipsoids.len(), small, &scene.camera);
     response.widget_info(|| {
@@ -311,6 +314,14 @@ pub fn show(
         let count = scene.ellipsoids.len();
         WidgetInfo::labeled(Role::Canvas, true, format!("Ellipsoid diagram, {count} ellipsoids: {under}"))
     });
+}
+
+/// What is under a place of the picture last drawn.
+fn pick(viewport: &Viewport, rect: Rect, pos: egui::Pos2) -> Option<EllipsoidPick> {
+    let (u, v) = linked::fraction(rect, pos)?;
+    let (frame, [x, y]) = viewport.ellipsoids.pixel(u, v)?;
+    // A device that fails says so when the next frame is drawn.
+    frame.pick(&viewport.gpu, x, y).ok().flatten()
 }
 
 /// What the pointer says: whose component, its size, and by how much the ellipsoid exaggerates it.

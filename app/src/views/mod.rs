@@ -1,13 +1,17 @@
 //! One file for each view. A view reads the document and the world, draws, and writes commands.
 
+pub mod camera_drag;
 pub mod closeup;
 pub mod context;
 pub mod diagnostics;
 pub mod ellipsoids;
-pub mod linked;
+pub mod lens_table;
+pub mod measurements;
 pub mod orientation;
 pub mod overlap;
 pub mod plane;
+pub mod ring;
+pub mod ruler;
 pub mod slices;
 pub mod still;
 pub mod transfer;

@@ -22,8 +22,8 @@ use glioscope_render::{
     },
 };
 
-use super::{Handle, ViewContext};
-use crate::commands::Command;
+use super::{Handle, ViewContext, ruler};
+use crate::{commands::Command, document::RulerView};
 
 /// Width of outlines in points; at least one pixel.
 const OUTLINE_POINTS: f32 = 1.5;
@@ -87,6 +87,8 @@ pub fn show(ui: &mut Ui, view: &ViewContext<'_>, plane: Plane, out: &mut Vec<Com
     let Some(layout) = Layout::new(view, plane, rect, ui.pixels_per_point()) else { return };
     let memory = ui.scope_id().with(IdSalt::new(("slice", plane)));
     gestures::interact(ui, view, &layout, &response, memory, out);
+    let inside = |pos: Pos2| layout.rect.contains(pos).then(|| layout.world_at(pos));
+    let draft = ruler::drag(ui, &response, view.doc, RulerView::Slice(plane), &inside, out);
 
     let (texture, not_finite_pixels) = picture(ui, view, &layout, memory);
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
@@ -96,11 +98,23 @@ pub fn show(ui: &mut Ui, view: &ViewContext<'_>, plane: Plane, out: &mut Vec<Com
     let place = pointed.map_or(view.doc.nav.cursor_mm, |pos| layout.world_at(pos));
     let text = readout_text(view, place);
     marks::draw(ui, view, &layout, &text, not_finite_pixels);
+    marks::rulers(ui, view, &layout, draft);
+    if let (Some(draft), Some(pointer)) = (&draft, response.interact_pointer_pos()) {
+        ruler::beside_pointer(ui.painter(), layout.rect, pointer, ruler::draft_text(draft));
+    }
+    if view.doc.nav.ruler_on && response.hovered() {
+        ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
+    }
     response.widget_info(|| {
         let at = layout.slice.position_label(sides_known(view));
         WidgetInfo::labeled(Role::Canvas, true, format!("{} slice {at}: {text}", plane.name()))
     });
     window_menu(&response, view, out);
+}
+
+/// The grid that slices step through: the image's, else the masks'.
+fn grid_shown<'a>(view: &ViewContext<'a>) -> &'a glioscope_core::Grid {
+    view.context.map_or(&view.case.grid, |(_, image)| image.volume().grid())
 }
 
 /// Whether letters may be shown: both what is drawn and what lies over it say where they are.

@@ -26,7 +26,10 @@ pub(super) fn interact(
         out.push(Command::ResetSlices);
         return;
     }
-    crosshair(ui, view, layout, response, shift, out);
+    if !view.doc.nav.ruler_on {
+        crosshair(ui, view, layout, response, shift, out);
+    }
+    follow(ui, view, layout, response, memory, out);
     if response.dragged_by(PointerButton::Secondary) {
         drag_window(view, response, out);
     }
@@ -53,6 +56,34 @@ fn crosshair(
     }
     let Some(pos) = response.interact_pointer_pos() else { return };
     let place = layout.world_at(pos.clamp(layout.rect.min, layout.rect.max));
+    if place != view.doc.nav.cursor_mm {
+        out.push(Command::SetCursor(place));
+    }
+}
+
+/// The crosshair follows a pointer that moves over the slice, within its plane. Not while something is
+/// pressed or turned: what is dragged or scrolled would jump.
+fn follow(
+    ui: &Ui,
+    view: &ViewContext<'_>,
+    layout: &Layout,
+    response: &Response,
+    memory: Id,
+    out: &mut Vec<Command>,
+) {
+    let id = memory.with(egui::IdSalt::new("hovered"));
+    let before: Option<egui::Pos2> = ui.data(|data| data.get_temp(id)).flatten();
+    let pointer = response.hover_pos();
+    if pointer != before {
+        ui.data_mut(|data| data.insert_temp(id, pointer));
+    }
+    let busy = ui.input(|i| {
+        i.pointer.any_down() || i.smooth_scroll_delta() != egui::Vec2::ZERO || i.zoom_delta() != 1.0
+    });
+    let Some(pos) = pointer.filter(|_| pointer != before && !busy && view.doc.nav.follow_pointer) else {
+        return;
+    };
+    let place = layout.world_at(pos);
     if place != view.doc.nav.cursor_mm {
         out.push(Command::SetCursor(place));
     }

@@ -5,7 +5,13 @@ use std::sync::Arc;
 
 use egui::{Align2, Color32, FontId, Galley, Painter, Pos2, Stroke, Ui, pos2, vec2};
 
-use super::{Layout, ViewContext, sides_known, window_of};
+use glioscope_render::{Coloring, agreement_color};
+
+use super::{
+    Layout, ViewContext, grid_shown,
+    ruler::{self, Draft, Look},
+    sides_known, window_of,
+};
 use crate::format;
 
 const HALO: Color32 = Color32::from_black_alpha(200);
@@ -36,6 +42,51 @@ pub(super) fn draw(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, readout: &s
         letters(&painter, layout, title_height, readout_height);
     }
     scale_bar(&painter, layout, readout_height);
+    if view.colors.coloring() == Coloring::Agreement {
+        agreement(&painter, layout, view.colors.mask_count(), readout_height);
+    }
+}
+
+/// Lines measured: solid where both ends lie in this slice, half its thickness to either side; faint and
+/// dashed where they don't.
+pub(super) fn rulers(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, draft: Option<Draft>) {
+    let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
+    let half_mm = layout.slice.plane.step_mm(grid_shown(view)) / 2.0;
+    for (_, ruler) in view.doc.rulers_shown() {
+        let ends_mm = [ruler.from_mm, ruler.to_mm];
+        let here = ends_mm.iter().all(|&end| layout.slice.distance_mm(end).abs() <= half_mm);
+        let look = if here { Look::Solid } else { Look::Faint };
+        let text = ruler::length_text(ruler.length_mm());
+        ruler::line(&painter, ends_mm.map(|end| layout.pos_of(end)), look, &text);
+    }
+    if let Some(Draft { from_mm, to_mm: Some(to_mm) }) = draft {
+        ruler::line(&painter, [from_mm, to_mm].map(|end| layout.pos_of(end)), Look::Solid, "");
+    }
+}
+
+/// The ramp of agreement in small: a square a level, with its number of masks.
+fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f32) {
+    let mut at = layout.rect.left_bottom() + vec2(MARGIN + 1.0, -readout_height - 20.0);
+    let step = (layout.rect.width() * 0.5 / masks.max(1) as f32).min(17.0);
+    for level in 1..=masks as u32 {
+        let [r, g, b] = agreement_color(level, masks);
+        let square = egui::Rect::from_min_size(at, vec2(step - 1.0, 15.0));
+        painter.rect(
+            square,
+            1.0,
+            Color32::from_rgb(r, g, b),
+            Stroke::new(1.0, HALO),
+            egui::StrokeKind::Outside,
+        );
+        if step >= 12.0 {
+            // Dark on the light half of the ramp.
+            let ink = if g > 140 { Color32::BLACK } else { INK };
+            let font = FontId::proportional(11.0);
+            painter.text(square.center(), Align2::CENTER_CENTER, level.to_string(), font, ink);
+        }
+        at.x += step;
+    }
+    text(painter, at + vec2(4.0, 0.0), Align2::LEFT_TOP, "masks", 12.0, INK);
 }
 
 fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {

@@ -65,6 +65,8 @@ fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static,
     let nav = &mut work.doc.as_mut().unwrap().nav;
     nav.mm_per_point = Some(0.5);
     nav.convention = convention;
+    // What each test does, and nothing by the way.
+    nav.follow_pointer = false;
     nav.cursor_mm = DVec3::new(100.0, 200.0, 300.0);
     let mut harness =
         Harness::builder().with_size(vec2(300.0, 240.0)).with_step_dt(1.0 / 60.0).build_ui_state(
@@ -165,6 +167,58 @@ fn dragging_carries_the_crosshair_along() {
     let from = middle_and(&harness, 0.0, 0.0);
     drag(&mut harness, from, vec2(-30.0, 40.0), PointerButton::Primary);
     assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
+}
+
+#[test]
+fn the_crosshair_follows_the_pointer_within_the_plane_unless_something_is_pressed_or_turned() {
+    let mut harness = radiological(Plane::Coronal);
+    harness.state_mut().work.doc.as_mut().unwrap().nav.follow_pointer = true;
+    harness.hover_at(middle_and(&harness, -30.0, 40.0));
+    harness.run();
+    assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
+    // Dragging the window leaves it where it was.
+    let from = middle_and(&harness, -30.0, 40.0);
+    press(&mut harness, from, PointerButton::Secondary, true);
+    harness.hover_at(from + vec2(40.0, 0.0));
+    harness.run();
+    assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
+    press(&mut harness, from + vec2(40.0, 0.0), PointerButton::Secondary, false);
+    // So does the wheel, but for the slice it goes to.
+    harness.hover_at(from);
+    harness.run();
+    wheel(&mut harness, 2.0, Modifiers::NONE);
+    assert_near(harness.state().cursor(), [115.0, 203.0, 280.0]);
+    // And leaving the slice.
+    harness.hover_at(Pos2::new(-50.0, -50.0));
+    harness.run();
+    assert_near(harness.state().cursor(), [115.0, 203.0, 280.0]);
+}
+
+#[test]
+fn the_ruler_measures_in_the_plane_and_the_crosshair_stays() {
+    let mut harness = radiological(Plane::Sagittal);
+    harness.state_mut().work.apply(&Command::ToggleRuler, Instant::now());
+    let from = middle_and(&harness, -20.0, 12.0);
+    drag(&mut harness, from, vec2(60.0, -80.0), PointerButton::Primary);
+    let rulers = &harness.state().work.doc.as_ref().unwrap().edit.rulers;
+    assert_eq!(rulers.len(), 1);
+    // 30 mm and 40 mm at right angles, half a millimetre a point.
+    assert!((rulers[0].length_mm() - 50.0).abs() < 1e-3, "{}", rulers[0].length_mm());
+    assert_near(rulers[0].from_mm, [100.0, 210.0, 294.0]);
+    assert_near(rulers[0].to_mm, [100.0, 180.0, 334.0]);
+    assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
+    // Given up with Escape, or let go beyond the slice: nothing is kept.
+    harness.hover_at(from);
+    press(&mut harness, from, PointerButton::Primary, true);
+    harness.hover_at(from + vec2(30.0, 0.0));
+    harness.step();
+    harness.key_press(Key::Escape);
+    harness.step();
+    press(&mut harness, from + vec2(30.0, 0.0), PointerButton::Primary, false);
+    drag(&mut harness, from, vec2(1000.0, 0.0), PointerButton::Primary);
+    assert_eq!(harness.state().work.doc.as_ref().unwrap().edit.rulers.len(), 1);
+    harness.state_mut().work.apply(&Command::Undo, Instant::now());
+    assert_eq!(harness.state().work.doc.as_ref().unwrap().edit.rulers, []);
 }
 
 #[test]

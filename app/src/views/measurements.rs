@@ -1,0 +1,113 @@
+//! The list of lines measured: names, lengths, going to one, deleting, exporting.
+
+use egui::{Align, Layout, RichText, ScrollArea, TextEdit, Ui};
+use egui_extras::{Column, TableBuilder};
+
+use super::{ViewContext, ruler};
+use crate::{
+    commands::Command,
+    rulers::{self, RulerFormat},
+};
+
+const ROW: f32 = 24.0;
+
+/// Draws the list into the rest of `ui`.
+pub fn show(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
+    let doc = view.doc;
+    ui.horizontal_wrapped(|ui| {
+        let command = Command::ToggleRuler;
+        let words = if doc.nav.ruler_on { "Stop measuring" } else { "Measure" };
+        if ui.selectable_label(doc.nav.ruler_on, words).on_hover_text(command.tooltip()).clicked() {
+            out.push(command);
+        }
+        for format in [RulerFormat::Csv, RulerFormat::Json] {
+            let command = Command::ExportRulers(format);
+            let button = egui::Button::new(format!("{}…", format.name()));
+            let response = ui.add_enabled(!doc.edit.rulers.is_empty(), button);
+            response.widget_info(|| {
+                let enabled = !doc.edit.rulers.is_empty();
+                egui::WidgetInfo::labeled(egui::Role::Button, enabled, command.text())
+            });
+            if response.on_hover_text(command.tooltip()).clicked() {
+                out.push(command);
+            }
+        }
+    });
+    for doubt in rulers::doubts(view.case) {
+        ui.colored_label(ui.visuals().warn_fg_color, doubt);
+    }
+    ui.add_space(4.0);
+    if doc.edit.rulers.is_empty() {
+        let words = "No line yet. Switch the ruler on (M), then drag in the closeup from surface to surface, or in a slice.";
+        ui.add(egui::Label::new(RichText::new(words).weak()).wrap());
+        return;
+    }
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| list(ui, view, out));
+}
+
+fn list(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
+    let rulers = &view.doc.edit.rulers;
+    ui.spacing_mut().item_spacing.x = 4.0;
+    TableBuilder::new(ui)
+        .id_salt("lines")
+        .vscroll(false)
+        .striped(true)
+        .cell_layout(Layout::left_to_right(Align::Center))
+        .column(Column::remainder().at_least(70.0).clip(true))
+        .column(Column::exact(66.0))
+        .column(Column::exact(78.0).clip(true))
+        .column(Column::exact(44.0))
+        .column(Column::exact(50.0))
+        .header(ROW - 4.0, |mut row| {
+            for title in ["Line", "Length", "In", "", ""] {
+                row.col(|ui| {
+                    ui.strong(title);
+                });
+            }
+        })
+        .body(|mut body| {
+            for (at, line) in rulers.iter().enumerate() {
+                body.row(ROW, |mut row| {
+                    row.col(|ui| name(ui, at, &line.name, out));
+                    row.col(|ui| {
+                        ui.label(ruler::length_text(line.length_mm()));
+                    });
+                    row.col(|ui| {
+                        let time = view.case.time_points.get(line.time).map_or("", |t| t.label.as_str());
+                        let here = line.time == view.doc.nav.time;
+                        let words = RichText::new(line.view.name());
+                        let response = ui.label(if here { words } else { words.weak() });
+                        response.on_hover_text(if here {
+                            time.to_owned()
+                        } else {
+                            format!("measured on {time}, shown there only")
+                        });
+                    });
+                    for (words, command) in
+                        [("Show", Command::ShowRuler(at)), ("Delete", Command::DeleteRuler(at))]
+                    {
+                        row.col(|ui| {
+                            let response = ui.small_button(words);
+                            let said = format!("{words} {}", line.name);
+                            response.widget_info(|| {
+                                egui::WidgetInfo::labeled(egui::Role::Button, true, said.clone())
+                            });
+                            if response.on_hover_text(command.tooltip()).clicked() {
+                                out.push(command);
+                            }
+                        });
+                    }
+                });
+            }
+        });
+}
+
+fn name(ui: &mut Ui, at: usize, name: &str, out: &mut Vec<Command>) {
+    let mut text = name.to_owned();
+    let field = TextEdit::singleline(&mut text).desired_width(f32::INFINITY).id_salt(("name of line", at));
+    let response = ui.add(field);
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(format!("Name of line {}", at + 1)));
+    if response.changed() {
+        out.push(Command::RenameRuler(at, text));
+    }
+}

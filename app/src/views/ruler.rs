@@ -1,0 +1,157 @@
+//! Measuring with the mouse, the same in every view: a drag from one place to another, and how lines
+//! are drawn.
+
+use egui::{
+    Align2, Color32, FontId, Id, IdSalt, Key, Painter, PointerButton, Pos2, Rect, Response, Shape, Stroke,
+    Ui, vec2,
+};
+use glam::DVec3;
+use glioscope_render::Camera;
+
+use super::ring;
+use crate::{
+    commands::Command,
+    document::{Document, Ruler, RulerView},
+};
+
+/// Lines in every view: seen on black, on white and on every mask, with a dark halo.
+const INK: Color32 = Color32::from_rgb(255, 221, 51);
+const HALO: Color32 = Color32::from_black_alpha(200);
+
+/// A line that is being drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Draft {
+    /// Where it begins.
+    pub from_mm: DVec3,
+    /// Where it ends now; `None` where there is nothing to measure to.
+    pub to_mm: Option<DVec3>,
+}
+
+fn memory(response: &Response) -> Id {
+    response.id.with(IdSalt::new("ruler"))
+}
+
+/// A length as it is written everywhere: `23.4 mm`.
+pub fn length_text(length_mm: f64) -> String {
+    format!("{length_mm:.1} mm")
+}
+
+/// Draws a line with the primary button while the ruler is on; call it every frame. `pick_at` says what
+/// is under a place of the view: nothing can be measured from or to where it says `None`. Escape gives
+/// up. A finished line goes to `out`; the one being drawn is given back.
+pub fn drag(
+    ui: &Ui,
+    response: &Response,
+    doc: &Document,
+    view: RulerView,
+    pick_at: &dyn Fn(Pos2) -> Option<DVec3>,
+    out: &mut Vec<Command>,
+) -> Option<Draft> {
+    let id = memory(response);
+    let mut draft: Option<Draft> = ui.data(|data| data.get_temp(id)).flatten();
+    let (origin, pointer, moved, escape) = ui.input(|i| {
+        let moved = i.pointer.delta() != egui::Vec2::ZERO;
+        // With a key held a drag does something else.
+        let origin = i.pointer.press_origin().filter(|_| !i.modifiers.any());
+        (origin, i.pointer.interact_pos(), moved, i.key_pressed(Key::Escape))
+    });
+    if !doc.nav.ruler_on && draft.is_none() {
+        return None;
+    }
+    if response.drag_started_by(PointerButton::Primary) {
+        let from_mm = origin.and_then(pick_at);
+        draft = from_mm.map(|from_mm| Draft { from_mm, to_mm: pointer.and_then(pick_at) });
+    } else if let (Some(draft), Some(pointer), true) = (&mut draft, pointer, moved) {
+        draft.to_mm = pick_at(pointer);
+    }
+    if escape || !doc.nav.ruler_on {
+        draft = None;
+    }
+    if response.drag_stopped_by(PointerButton::Primary)
+        && let Some(Draft { from_mm, to_mm: Some(to_mm) }) = draft.take()
+        && from_mm != to_mm
+    {
+        let name = doc.new_ruler_name();
+        out.push(Command::AddRuler(Box::new(Ruler { name, from_mm, to_mm, view, time: doc.nav.time })));
+    }
+    let held = response.is_pointer_button_down_on();
+    let draft = draft.filter(|_| held);
+    ui.data_mut(|data| data.insert_temp(id, draft));
+    draft
+}
+
+/// How a line is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// As measured.
+    Solid,
+    /// Not in this plane.
+    Faint,
+}
+
+/// Draws a line between two places of the screen, with its length beside its middle.
+pub fn line(painter: &Painter, ends: [Pos2; 2], look: Look, text: &str) {
+    let [from, to] = ends;
+    match look {
+        Look::Solid => {
+            painter.line_segment(ends, Stroke::new(4.0, HALO));
+            painter.line_segment(ends, Stroke::new(2.0, INK));
+        }
+        Look::Faint => {
+            painter.extend(Shape::dashed_line(&ends, Stroke::new(2.5, HALO.gamma_multiply(0.5)), 5.0, 5.0));
+            painter.extend(Shape::dashed_line(&ends, Stroke::new(1.2, INK.gamma_multiply(0.75)), 5.0, 5.0));
+        }
+    }
+    if look == Look::Solid {
+        let across = (to - from).rot90().normalized() * 5.0;
+        for end in ends {
+            painter.line_segment([end - across, end + across], Stroke::new(4.0, HALO));
+            painter.line_segment([end - across, end + across], Stroke::new(2.0, INK));
+        }
+        if !text.is_empty() {
+            label(painter, from + (to - from) / 2.0, text);
+        }
+    }
+}
+
+fn label(painter: &Painter, at: Pos2, text: &str) {
+    let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(12.5), INK);
+    let rect = Align2::LEFT_BOTTOM.anchor_size(at + vec2(6.0, -5.0), galley.size());
+    painter.rect_filled(rect.expand2(vec2(4.0, 1.0)), 3.0, Color32::from_black_alpha(170));
+    painter.galley(rect.min, galley, INK);
+}
+
+/// Words beside the pointer, kept inside the view.
+pub fn beside_pointer(painter: &Painter, rect: Rect, pointer: Pos2, text: String) {
+    let galley = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
+    let mut corner = pointer + vec2(14.0, 14.0);
+    corner.x = corner.x.min(rect.right() - galley.size().x - 10.0).max(rect.left() + 8.0);
+    corner.y = corner.y.min(rect.bottom() - galley.size().y - 8.0);
+    let back = Rect::from_min_size(corner, galley.size()).expand2(vec2(6.0, 3.0));
+    painter.rect_filled(back, 4.0, Color32::from_black_alpha(190));
+    painter.galley(corner, galley, Color32::WHITE);
+}
+
+/// Draws the lines of the time point shown over a 3D view, and the one being drawn.
+pub fn draw_3d(painter: &Painter, doc: &Document, camera: &Camera, rect: Rect, draft: Option<Draft>) {
+    for (_, ruler) in doc.rulers_shown() {
+        let ends = [ruler.from_mm, ruler.to_mm].map(|end| ring::pos_of(camera, rect, end));
+        if let [Some(from), Some(to)] = ends {
+            line(painter, [from, to], Look::Solid, &length_text(ruler.length_mm()));
+        }
+    }
+    if let Some(Draft { from_mm, to_mm: Some(to_mm) }) = draft
+        && let (Some(from), Some(to)) =
+            (ring::pos_of(camera, rect, from_mm), ring::pos_of(camera, rect, to_mm))
+    {
+        line(painter, [from, to], Look::Solid, "");
+    }
+}
+
+/// What stands beside the pointer while a line is drawn.
+pub fn draft_text(draft: &Draft) -> String {
+    match draft.to_mm {
+        Some(to_mm) => length_text(draft.from_mm.distance(to_mm)),
+        None => "nothing to measure to here".into(),
+    }
+}

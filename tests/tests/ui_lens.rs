@@ -1,0 +1,499 @@
+//! The lens, the ruler, what is in the lens and how far masks agree, with mouse and keyboard.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
+use std::{collections::BTreeMap, time::Instant};
+
+use egui::{Event, Modifiers, Pos2, Rect, Theme, Vec2, pos2, vec2};
+use egui_kittest::{Harness, kittest::Queryable};
+use glam::DVec3;
+use glioscope::{
+    commands::Command,
+    document::{CaseRef, Document, Pane, RulerView},
+    window::GlioscopeApp,
+};
+use glioscope_core::Selection;
+use glioscope_render::{
+    AnatomicalView, Coloring, Lens, Projection, agreement_color,
+    slices::{Overlay, Plane},
+};
+use glioscope_tests::{count_color, crop, window_on};
+
+const SIZE: [f32; 2] = [1280.0, 800.0];
+
+type Window = Harness<'static, GlioscopeApp>;
+
+fn sample() -> Window {
+    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
+    harness.run_ok();
+    harness
+}
+
+fn doc(harness: &Window) -> &Document {
+    harness.state().work.doc.as_ref().unwrap()
+}
+
+fn perform(harness: &mut Window, command: &Command) {
+    let ctx = harness.ctx.clone();
+    harness.state_mut().perform(&ctx, command, Instant::now());
+    harness.run_ok();
+}
+
+fn undo(harness: &mut Window) {
+    harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::Z);
+    harness.run_ok();
+}
+
+fn rect(harness: &Window, pane: Pane) -> Rect {
+    harness.state().pane_rect(pane).unwrap()
+}
+
+/// Presses, moves in ten steps and lets go, with keys held.
+fn drag(harness: &mut Window, from: Pos2, to: Pos2, modifiers: Modifiers) {
+    harness.hover_at(from);
+    harness.run_ok();
+    harness.event(Event::ModifiersChanged(modifiers));
+    harness.drag_at(from);
+    harness.run_steps(1);
+    for step in 1..=10_u8 {
+        harness.hover_at(from + (to - from) * (f32::from(step) / 10.0));
+        harness.run_steps(1);
+    }
+    harness.drop_at(to);
+    harness.event(Event::ModifiersChanged(Modifiers::NONE));
+    harness.run_ok();
+}
+
+/// Radius of the ball about the camera's focus whose outline is `points` from the middle of the picture,
+/// in closed form.
+fn radius_mm(harness: &Window, points: f32) -> f64 {
+    let camera = doc(harness).nav.camera;
+    let off_mm = f64::from(points) * camera.height_mm / f64::from(rect(harness, Pane::Closeup).height());
+    match camera.projection {
+        Projection::Orthographic => off_mm,
+        Projection::Perspective => {
+            // The picture's plane is at the focus; its height is seen under 30°.
+            let distance_mm = camera.height_mm / 2.0 / 15_f64.to_radians().tan();
+            distance_mm * (off_mm / distance_mm).atan().sin()
+        }
+    }
+}
+
+/// How far from the middle the lens's ring is, by bisection.
+fn ring_points(harness: &Window) -> f32 {
+    let (mut inside, mut outside) = (0.0_f32, 2000.0_f32);
+    for _ in 0..50 {
+        let middle = (inside + outside) / 2.0;
+        if radius_mm(harness, middle) < doc(harness).edit.lens.radius_mm {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    inside
+}
+
+#[test]
+fn dragging_the_ring_changes_the_radius_as_geometry_says_and_one_undo_takes_it_back() {
+    for projection in [Projection::Perspective, Projection::Orthographic] {
+        let mut harness = sample();
+        if projection == Projection::Orthographic {
+            perform(&mut harness, &Command::ToggleProjection);
+        }
+        assert_eq!(doc(&harness).nav.camera.projection, projection);
+        let (before, camera) = (doc(&harness).edit.lens, doc(&harness).nav.camera);
+        let middle = rect(&harness, Pane::Closeup).center();
+        let ring = ring_points(&harness);
+        let towards = Vec2::angled(0.6);
+        harness.hover_at(middle + towards * (ring + 4.0));
+        harness.run_ok();
+        let icon = harness.output().platform_output.cursor_icon;
+        assert_eq!(icon, egui::CursorIcon::ResizeNwSe, "{projection:?}");
+        let to = ring * 0.6;
+        drag(&mut harness, middle + towards * (ring + 4.0), middle + towards * to, Modifiers::NONE);
+        let after = doc(&harness).edit.lens;
+        let expected = radius_mm(&harness, to);
+        assert!((after.radius_mm - expected).abs() < 0.01, "{} {expected}", after.radius_mm);
+        assert!(after.radius_mm < 0.7 * before.radius_mm);
+        assert_eq!(after.center_mm, before.center_mm);
+        assert_eq!(doc(&harness).nav.camera, camera, "the ring is dragged, the camera isn't");
+        undo(&mut harness);
+        assert_eq!(doc(&harness).edit.lens, before, "one drag is one undo");
+    }
+}
+
+#[test]
+fn beside_the_ring_a_drag_turns_the_camera() {
+    let mut harness = sample();
+    let before = (doc(&harness).edit.lens, doc(&harness).nav.camera);
+    let middle = rect(&harness, Pane::Closeup).center();
+    let from = middle + vec2(0.0, ring_points(&harness) - 12.0);
+    drag(&mut harness, from, from + vec2(40.0, 0.0), Modifiers::NONE);
+    assert_eq!(doc(&harness).edit.lens, before.0);
+    assert_ne!(doc(&harness).nav.camera.world_from_camera, before.1.world_from_camera);
+}
+
+#[test]
+fn a_drag_with_ctrl_moves_the_lens_onto_the_surface_and_the_camera_follows() {
+    let mut harness = sample();
+    let (before, camera) = (doc(&harness).edit.lens, doc(&harness).nav.camera);
+    let closeup = rect(&harness, Pane::Closeup);
+    let to = closeup.center() + vec2(40.0, -30.0);
+    drag(&mut harness, closeup.center() + vec2(-20.0, 10.0), to, Modifiers::COMMAND);
+    let lens = doc(&harness).edit.lens;
+    assert_eq!(lens.radius_mm, before.radius_mm);
+    assert_ne!(lens.center_mm, before.center_mm);
+    // Where the pointer was, as the picture was then; half a pixel either way.
+    let size = glam::DVec2::new(f64::from(closeup.width()), f64::from(closeup.height()));
+    let seen = camera.project(lens.center_mm, size).unwrap();
+    let pointed = glam::DVec2::new(f64::from(to.x - closeup.left()), f64::from(to.y - closeup.top()));
+    assert!(seen.distance(pointed) < 1.0, "{seen} {pointed}");
+    // On the surface: nothing before it, tissue behind it, along the line of sight.
+    let inwards = (lens.center_mm - camera.eye_mm()).try_normalize().unwrap() * 0.1;
+    let app = harness.state();
+    let index = &app.work.world.time_point(doc(&harness)).unwrap().index;
+    assert_eq!(index.at_mm(lens.center_mm - inwards), 0);
+    assert_ne!(index.at_mm(lens.center_mm + inwards), 0);
+    assert_eq!(doc(&harness).nav.camera.focus_mm, lens.center_mm, "the camera turns about the lens");
+    assert_eq!(doc(&harness).nav.camera.world_from_camera, camera.world_from_camera);
+    undo(&mut harness);
+    assert_eq!(doc(&harness).edit.lens, before);
+    assert_eq!(doc(&harness).nav.camera, camera);
+}
+
+#[test]
+fn over_the_background_the_lens_moves_in_the_plane_of_the_view() {
+    let mut harness = sample();
+    let (before, camera) = (doc(&harness).edit.lens, doc(&harness).nav.camera);
+    let closeup = rect(&harness, Pane::Closeup);
+    let corner = closeup.right_top() + vec2(-15.0, 15.0);
+    // Straight over the background: the corner is empty.
+    drag(&mut harness, corner + vec2(0.0, 12.0), corner, Modifiers::COMMAND);
+    let moved_mm = doc(&harness).edit.lens.center_mm - before.center_mm;
+    let [right, up, back] = camera.axes();
+    assert!(moved_mm.dot(back).abs() < 1e-6, "in the plane: {moved_mm}");
+    let mm_per_point = camera.height_mm / f64::from(closeup.height());
+    let from_middle = corner - closeup.center();
+    assert!((moved_mm.dot(right) / mm_per_point - f64::from(from_middle.x)).abs() < 0.1);
+    assert!((moved_mm.dot(up) / mm_per_point + f64::from(from_middle.y)).abs() < 0.1);
+}
+
+#[test]
+fn the_lens_fits_and_the_six_views_are_in_the_menu() {
+    let mut harness = sample();
+    harness.get_by_label("View").click();
+    harness.run_ok();
+    harness.get_by_label("Fit the lens").click();
+    harness.run_ok();
+    let (lens, camera) = (doc(&harness).edit.lens, doc(&harness).nav.camera);
+    assert_eq!(camera.focus_mm, lens.center_mm);
+    assert!((camera.height_mm / lens.radius_mm - 2.3).abs() < 1e-9);
+    for view in AnatomicalView::ALL {
+        perform(&mut harness, &Command::Look(view));
+        let back = doc(&harness).nav.camera.axes()[2];
+        let side = match view {
+            AnatomicalView::Anterior => DVec3::Y,
+            AnatomicalView::Posterior => DVec3::NEG_Y,
+            AnatomicalView::Left => DVec3::NEG_X,
+            AnatomicalView::Right => DVec3::X,
+            AnatomicalView::Superior => DVec3::Z,
+            AnatomicalView::Inferior => DVec3::NEG_Z,
+        };
+        assert!(back.distance(side) < 1e-12, "{view:?}");
+        // A camera that is linked looks the same way, at its own thing from its own distance.
+        let linked = doc(&harness).linked_camera(DVec3::new(1.0, 2.0, 3.0), 50.0);
+        assert_eq!(linked.world_from_camera, doc(&harness).nav.camera.world_from_camera);
+        assert_eq!((linked.focus_mm, linked.height_mm), (DVec3::new(1.0, 2.0, 3.0), 115.0));
+    }
+    perform(&mut harness, &Command::FitTumor);
+    assert!(doc(&harness).nav.camera.height_mm > camera.height_mm);
+}
+
+/// Ellipsoid of the PET mask, from truth.json.
+fn pet_truth() -> (DVec3, DVec3) {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../data-samples/truth.json");
+    let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let masks = truth["time_points"][0]["masks"].as_array().unwrap();
+    let pet = masks.iter().find(|m| m["id"] == "PET").unwrap();
+    let parts = pet["parts"].as_array().unwrap();
+    assert_eq!(parts.len(), 1);
+    let numbers = |key: &str| -> DVec3 {
+        let n: Vec<f64> = parts[0][key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+        DVec3::from_slice(&n)
+    };
+    (numbers("center_mm"), numbers("semi_axes_mm"))
+}
+
+/// Only PET, from the front, without perspective and without the lens; the ruler on.
+fn pet_from_the_front() -> Window {
+    let mut harness = sample();
+    let app = harness.state_mut();
+    let doc = app.work.doc.as_mut().unwrap();
+    let regions = &app.work.world.time_point(doc).unwrap().regions;
+    let pet = regions.mask_ids().iter().position(|id| id == "PET").unwrap();
+    let shown: Vec<u32> = regions.list().iter().map(|r| r.bits).filter(|b| b >> pet & 1 == 1).collect();
+    doc.edit.selection = Selection::only(regions, &shown);
+    doc.edit.lens_on = false;
+    doc.nav.camera.projection = Projection::Orthographic;
+    perform(&mut harness, &Command::Look(AnatomicalView::Anterior));
+    harness.key_press(egui::Key::M);
+    harness.run_ok();
+    assert!(self::doc(&harness).nav.ruler_on);
+    harness
+}
+
+fn pos_of(harness: &Window, world_mm: DVec3) -> Pos2 {
+    let closeup = rect(harness, Pane::Closeup);
+    let size = glam::DVec2::new(f64::from(closeup.width()), f64::from(closeup.height()));
+    let place = doc(harness).nav.camera.project(world_mm, size).unwrap();
+    closeup.min + vec2(place.x as f32, place.y as f32)
+}
+
+#[test]
+fn a_known_distance_over_the_phantom_s_surface_is_measured_within_half_a_voxel() {
+    let mut harness = pet_from_the_front();
+    let (center, half) = pet_truth();
+    let grid = harness.state().work.world.case().unwrap().grid.clone();
+    let half_voxel_mm = grid.spacing_mm().min_element() / 2.0;
+    // The front of the ellipsoid over a place of the picture, in closed form.
+    let front = |x: f64, z: f64| {
+        let y = (1.0 - (x / half.x).powi(2) - (z / half.z).powi(2)).sqrt() * half.y;
+        center + DVec3::new(x, y, z)
+    };
+    let lines = [
+        [front(0.3, 0.4), front(9.9, 0.4)],
+        [front(-8.2, 2.1), front(8.2, 2.1)],
+        [front(0.2, -9.3), front(2.7, 7.2)],
+        [front(-5.1, -7.1), front(6.3, 5.2)],
+    ];
+    for (n, [from, to]) in lines.into_iter().enumerate() {
+        let (a, b) = (pos_of(&harness, from), pos_of(&harness, to));
+        drag(&mut harness, a, b, Modifiers::NONE);
+        let rulers = &doc(&harness).edit.rulers;
+        assert_eq!(rulers.len(), n + 1);
+        let (found, true_mm) = (rulers[n].length_mm(), from.distance(to));
+        assert!((found - true_mm).abs() <= half_voxel_mm, "{n}: {found} {true_mm} ± {half_voxel_mm}");
+        assert_eq!(rulers[n].view, RulerView::Closeup);
+    }
+    // From the tumour to the background nothing is measured; the camera never turned.
+    let corner = rect(&harness, Pane::Closeup).right_top() + vec2(-12.0, 12.0);
+    let from = pos_of(&harness, front(0.0, 0.0));
+    drag(&mut harness, from, corner, Modifiers::NONE);
+    drag(&mut harness, corner, from, Modifiers::NONE);
+    assert_eq!(doc(&harness).edit.rulers.len(), lines.len());
+    let (azimuth, elevation) = AnatomicalView::Anterior.azimuth_elevation_deg();
+    let looks = glioscope_render::Camera::orientation(azimuth, elevation);
+    assert_eq!(doc(&harness).nav.camera.world_from_camera, looks);
+    for left in (0..lines.len()).rev() {
+        undo(&mut harness);
+        assert_eq!(doc(&harness).edit.rulers.len(), left);
+    }
+}
+
+#[test]
+fn a_line_in_a_slice_is_listed_named_exported_deleted_and_undone() {
+    let mut harness = sample();
+    perform(&mut harness, &Command::SetZoom(Some(0.5)));
+    perform(&mut harness, &Command::ToggleRuler);
+    let axial = rect(&harness, Pane::Slice(Plane::Axial));
+    let z = doc(&harness).nav.cursor_mm.z;
+    let from = axial.center() - vec2(30.0, 20.0);
+    drag(&mut harness, from, from + vec2(60.0, 80.0), Modifiers::NONE);
+    let ruler = doc(&harness).edit.rulers[0].clone();
+    // 30 mm and 40 mm at right angles.
+    assert!((ruler.length_mm() - 50.0).abs() < 1e-3, "{}", ruler.length_mm());
+    assert_eq!((ruler.from_mm.z, ruler.to_mm.z, ruler.view), (z, z, RulerView::Slice(Plane::Axial)));
+
+    perform(&mut harness, &Command::MaximizePane(Pane::Measurements));
+    assert!(harness.query_by_label_contains("50.0 mm").is_some());
+    let field = harness.get_by_label("Name of line 1");
+    assert_eq!(field.value().as_deref(), Some("Line 1"));
+    field.focus();
+    harness.run_ok();
+    harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::A);
+    harness.get_by_label("Name of line 1").type_text("cuff, \"left\"");
+    harness.run_ok();
+    assert_eq!(doc(&harness).edit.rulers[0].name, "cuff, \"left\"");
+
+    let folder = tempfile::tempdir().unwrap();
+    let (csv, json) = (folder.path().join("lines.csv"), folder.path().join("lines.json"));
+    perform(&mut harness, &Command::ExportRulersTo(csv.clone()));
+    perform(&mut harness, &Command::ExportRulersTo(json.clone()));
+    assert_eq!(harness.state().work.error, None);
+    let text = std::fs::read_to_string(csv).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 2);
+    assert!(lines[0].starts_with("name,time,view,length_mm,from_r_mm,from_a_mm,from_s_mm,to_r_mm"));
+    let numbers = lines[1].strip_prefix("\"cuff, \"\"left\"\"\",2024-01-15,axial,").unwrap();
+    let numbers: Vec<f64> = numbers.split(',').map(|n| n.parse().unwrap()).collect();
+    assert_eq!(numbers.len(), 7);
+    assert_eq!(numbers[0], ruler.length_mm());
+    assert_eq!(DVec3::from_slice(&numbers[1..]), ruler.from_mm);
+    let exported: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+    assert_eq!(exported["lines"][0]["length_mm"].as_f64(), Some(ruler.length_mm()));
+    assert_eq!(exported["lines"][0]["name"], "cuff, \"left\"");
+    assert_eq!(exported["sides"], "known");
+    perform(&mut harness, &Command::ExportRulersTo(folder.path().join("lines.txt")));
+    assert!(harness.state().work.error.as_ref().unwrap().contains("expected .csv or .json"));
+
+    harness.get_by_label("Delete cuff, \"left\"").click();
+    harness.run_ok();
+    assert_eq!(doc(&harness).edit.rulers, []);
+    undo(&mut harness);
+    assert_eq!(doc(&harness).edit.rulers[0].name, "cuff, \"left\"");
+    perform(&mut harness, &Command::SetCursor(DVec3::ZERO));
+    harness.get_by_label("Show cuff, \"left\"").click();
+    harness.run_ok();
+    assert_eq!(doc(&harness).nav.cursor_mm, ruler.middle_mm());
+    assert_eq!(doc(&harness).nav.camera.focus_mm, ruler.middle_mm());
+    assert!(doc(&harness).nav.pan_mm[0] != glam::DVec2::ZERO, "the zoomed slice goes there");
+}
+
+#[test]
+fn hovering_a_slice_moves_the_crosshair_of_all_within_its_plane() {
+    let mut harness = sample();
+    let before = doc(&harness).nav.cursor_mm;
+    let coronal = rect(&harness, Pane::Slice(Plane::Coronal));
+    harness.hover_at(coronal.center() + vec2(17.0, 11.0));
+    harness.run_ok();
+    let after = doc(&harness).nav.cursor_mm;
+    assert_eq!(after.y, before.y);
+    assert!(after.x != before.x && after.z != before.z, "{before} {after}");
+    perform(&mut harness, &Command::ToggleFollowPointer);
+    harness.hover_at(coronal.center() + vec2(-17.0, 30.0));
+    harness.run_ok();
+    assert_eq!(doc(&harness).nav.cursor_mm, after, "it doesn't follow");
+}
+
+#[test]
+fn what_is_in_the_lens_adds_up_and_follows_the_lens() {
+    let mut harness = sample();
+    perform(&mut harness, &Command::MaximizePane(Pane::Lens));
+    for radius_mm in [9.0, 17.0] {
+        let center_mm = DVec3::new(-26.0, 24.0, 26.0);
+        perform(&mut harness, &Command::SetLensCenter(center_mm));
+        perform(&mut harness, &Command::SetLensRadius(radius_mm));
+        let app = harness.state();
+        let time_point = app.work.world.time_point(doc(&harness)).unwrap();
+        let (index, grid) = (&time_point.index, time_point.index.grid());
+        let [nx, ny, nz] = grid.dims();
+        let mut inside: BTreeMap<u32, u64> = BTreeMap::new();
+        for (z, y, x) in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| (z, y, x)))) {
+            let bits = index.get(grid.linear([x, y, z]));
+            if bits != 0 && grid.center_of_voxel_mm([x, y, z]).distance(center_mm) <= radius_mm {
+                *inside.entry(bits).or_default() += 1;
+            }
+        }
+        assert!(inside.len() >= 4, "the lens holds several regions: {inside:?}");
+        let all: u64 = inside.values().sum();
+        let ml = |n: u64| glioscope::format::ml(grid.volume_ml(n));
+        harness.get_by_label_contains(&format!("in it {} of", ml(all)));
+        for (&bits, &n) in &inside {
+            let region = time_point.regions.get(bits).unwrap();
+            for words in [
+                ml(n),
+                glioscope::format::percent(n as f64 / all as f64),
+                glioscope::format::percent(n as f64 / region.voxels as f64),
+            ] {
+                let found = harness.query_all_by_label(&words).count();
+                assert!(found > 0, "{}: {words}", time_point.regions.name(bits));
+            }
+        }
+    }
+    perform(&mut harness, &Command::ToggleLens);
+    harness.get_by_label("Switch the lens on").click();
+    harness.run_ok();
+    assert!(doc(&harness).edit.lens_on);
+}
+
+#[test]
+fn the_agreement_map_has_each_level_s_area_in_a_slice_and_its_colours_in_the_closeup() {
+    let mut harness = sample();
+    let closeup = |harness: &mut Window| -> Vec<usize> {
+        // Below the legend, whose swatches have the colours too.
+        let area = rect(harness, Pane::Closeup);
+        let picture = harness.render().unwrap();
+        let picture = crop(&picture, Rect::from_min_max(area.min + vec2(0.0, 80.0), area.max));
+        (1..=3).map(|k| count_color(&picture, agreement_color(k, 3), 12)).collect()
+    };
+    let before = closeup(&mut harness);
+    perform(&mut harness, &Command::SetColoring(Coloring::Agreement));
+    let after = closeup(&mut harness);
+    assert!(before.iter().zip(&after).all(|(b, a)| *a > 500 && *b * 10 < *a), "{before:?} {after:?}");
+    let said = harness.get_by_label_contains("1 of 3 masks: ");
+    let label = said.accesskit_node().label().unwrap_or_default();
+    let regions = &harness.state().work.world.time_point(doc(&harness)).unwrap().regions;
+    for level in 1..=3 {
+        let voxels: u64 =
+            regions.list().iter().filter(|r| r.bits.count_ones() == level).map(|r| r.voxels).sum();
+        let ml = glioscope::format::ml(doc_grid(&harness).volume_ml(voxels));
+        assert!(label.contains(&format!("{level} of 3 masks: {ml}")), "{level}: {label}");
+    }
+
+    // Alone, large, opaque: pixels are square millimetres.
+    perform(&mut harness, &Command::MaximizePane(Pane::Slice(Plane::Axial)));
+    for command in [
+        Command::SetContext(None),
+        Command::SetOverlay(Overlay::Fill),
+        Command::SetOverlayOpacity(1.0),
+        Command::ToggleLens,
+        Command::SetCursor(DVec3::new(60.0, -60.0, 24.3)),
+    ] {
+        perform(&mut harness, &command);
+    }
+    perform(&mut harness, &Command::SetZoom(Some(0.4)));
+    let area = rect(&harness, Pane::Slice(Plane::Axial));
+    let picture = harness.render().unwrap();
+    let picture = crop(&picture, Rect::from_min_max(area.min, pos2(area.right(), area.bottom() - 90.0)));
+    let index = &harness.state().work.world.time_point(doc(&harness)).unwrap().index;
+    let grid = index.grid();
+    let mut expected_mm2 = [0.0; 3];
+    let step_mm = 0.5;
+    let (lo, hi) = grid.bounds_mm();
+    let steps = |axis: usize| ((hi[axis] - lo[axis]) / step_mm) as usize;
+    for (i, j) in (0..steps(0)).flat_map(|i| (0..steps(1)).map(move |j| (i, j))) {
+        let at = DVec3::new(lo.x + (i as f64 + 0.5) * step_mm, lo.y + (j as f64 + 0.5) * step_mm, 24.3);
+        let bits = index.at_mm(at);
+        if bits != 0 {
+            expected_mm2[bits.count_ones() as usize - 1] += step_mm * step_mm;
+        }
+    }
+    for level in 1..=3_u32 {
+        let pixels = count_color(&picture, agreement_color(level, 3), 2);
+        let (found, expected) = (pixels as f64 * 0.16, expected_mm2[level as usize - 1]);
+        assert!(expected > 100.0 && (found / expected - 1.0).abs() < 0.03, "{level}: {found} {expected} mm²");
+    }
+}
+
+fn doc_grid(harness: &Window) -> &glioscope_core::Grid {
+    &harness.state().work.world.case().unwrap().grid
+}
+
+#[test]
+fn a_session_of_before_the_ruler_still_opens() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("expected/session_v1.glioscope.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(!text.contains("rulers") && !text.contains("coloring") && !text.contains("ruler_on"));
+    let document = glioscope::session::load(&path).unwrap();
+    assert_eq!(document.edit.rulers, []);
+    assert_eq!(document.edit.coloring, Coloring::Masks);
+    assert_eq!(document.edit.lens, Lens { center_mm: DVec3::new(-30.0, 20.0, 25.0), radius_mm: 17.5 });
+
+    let mut harness = sample();
+    perform(&mut harness, &Command::SetZoom(Some(0.5)));
+    perform(&mut harness, &Command::ToggleRuler);
+    let axial = rect(&harness, Pane::Slice(Plane::Axial)).center();
+    drag(&mut harness, axial, axial + vec2(30.0, 10.0), Modifiers::NONE);
+    let folder = tempfile::tempdir().unwrap();
+    let saved = folder.path().join("lines.glioscope.json");
+    perform(&mut harness, &Command::SaveSessionTo(saved.clone()));
+    let loaded = glioscope::session::load(&saved).unwrap();
+    assert_eq!(loaded.edit.rulers, doc(&harness).edit.rulers);
+    assert_eq!(loaded.edit.rulers.len(), 1);
+}

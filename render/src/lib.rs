@@ -8,11 +8,13 @@ pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod context;
 pub mod frame;
 pub mod gpu;
 pub mod palette;
 pub mod plan;
 pub mod reference;
+mod region_buffers;
 pub mod renderer;
 pub mod scene;
 pub mod slices;
@@ -24,6 +26,9 @@ mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
 pub use compute::TimeSource;
+pub use context::{
+    ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, context_plan,
+};
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
 pub use palette::{MaskColors, Palette, Rgb};

@@ -13,11 +13,22 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "closeup_occlusion_blur.wgsl",
     "closeup_outside.wgsl",
     "closeup_surface.wgsl",
+    "context_compose.wgsl",
+    "context_march.wgsl",
+    "lib/context.wgsl",
+    "lib/lines.wgsl",
     "lib/march.wgsl",
     "lib/ring.wgsl",
     "lib/view.wgsl",
 ];
 
 /// Names of all entry point files, without `.wgsl`.
-pub const ALL: &[&str] =
-    &["closeup_compose", "closeup_occlusion", "closeup_occlusion_blur", "closeup_outside", "closeup_surface"];
+pub const ALL: &[&str] = &[
+    "closeup_compose",
+    "closeup_occlusion",
+    "closeup_occlusion_blur",
+    "closeup_outside",
+    "closeup_surface",
+    "context_compose",
+    "context_march",
+];

@@ -116,7 +116,10 @@ mod tests {
         };
         let wake = woken.clone();
         assert!(matches!(derived.get(2, false, move || wake.send(2).unwrap(), slow), Lookup::Working(_)));
-        assert!(matches!(derived.get(3, false, move || woken.send(3).unwrap(), |_| Ok(30)), Lookup::Working(_)));
+        assert!(matches!(
+            derived.get(3, false, move || woken.send(3).unwrap(), |_| Ok(30)),
+            Lookup::Working(_)
+        ));
         let mut who: Vec<i32> = wait.iter().collect();
         who.sort_unstable();
         assert_eq!(who, [2, 3], "both workers ended");

@@ -66,7 +66,9 @@ mod tests {
     #[test]
     fn the_default_has_every_view_and_toggling_undoes_itself() {
         let mut layout = default_layout();
-        for pane in [Pane::Closeup, Pane::Context, Pane::Ellipsoids, Pane::Overlap, Pane::Slice(Plane::Coronal)] {
+        for pane in
+            [Pane::Closeup, Pane::Context, Pane::Ellipsoids, Pane::Overlap, Pane::Slice(Plane::Coronal)]
+        {
             assert!(contains(&layout, pane));
         }
         assert!(!contains(&layout, Pane::Diagnostics));

@@ -22,6 +22,8 @@ use crate::{
 /// What the panes besides the closeup remember between frames; never saved.
 #[derive(Default)]
 pub struct PaneStates {
+    /// The image of the context view and of its editor.
+    pub volume: context::VolumeJob,
     /// The context view.
     pub context: context::ContextState,
     /// The ellipsoid diagram.
@@ -83,7 +85,7 @@ impl PaneArea<'_> {
     pub fn pane(&mut self, ui: &mut Ui, pane: Pane) {
         self.rects.insert(pane, ui.available_rect_before_wrap());
         let Self { view, scene, session, viewport, closeup, states, refine_at_once, out, .. } = self;
-        let PaneStates { context, ellipsoids, transfer, plane } = &mut **states;
+        let PaneStates { volume, context, ellipsoids, transfer, plane } = &mut **states;
         let stage = Stage {
             viewport: viewport.as_deref_mut(),
             refine_at_once: *refine_at_once,
@@ -94,12 +96,14 @@ impl PaneArea<'_> {
             Pane::Closeup => {
                 closeup::show(ui, view, scene, stage.viewport, closeup, *refine_at_once, out);
             }
-            Pane::Context => context::show(ui, view, scene.tumor.as_ref(), stage, context, out),
+            Pane::Context => context::show(ui, view, scene.tumor.as_ref(), stage, (context, volume), out),
             Pane::Ellipsoids => ellipsoids::show(ui, view, stage, ellipsoids, out),
-            Pane::Transfer => transfer::show(ui, view, transfer, *refine_at_once, out),
+            Pane::Transfer => transfer::show(ui, view, (transfer, volume), *refine_at_once, out),
             Pane::Overlap => {
                 let input = overlap_input(view);
-                padded(ui, |ui| overlap::show(ui, &input, out));
+                padded(ui, |ui| {
+                    overlap::show(ui, &input, out);
+                });
             }
             Pane::Lens => padded(ui, |ui| lens_table::show(ui, view, scene.tumor.as_ref(), out)),
             Pane::Measurements => padded(ui, |ui| measurements::show(ui, view, out)),

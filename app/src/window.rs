@@ -171,7 +171,7 @@ impl GlioscopeApp {
         let ready = self.work.job.is_none()
             && self.work.doc.is_some()
             && self.closeup.refined()
-            && (!drawn(Pane::Context) || self.states.context.refined())
+            && (!drawn(Pane::Context) || (self.states.context.refined() && !self.states.volume.working()))
             && (!drawn(Pane::Ellipsoids) || self.states.ellipsoids.refined());
         if ready && let Some(path) = self.picture_when_ready.take() {
             self.take_picture(ctx, None, &path);
@@ -186,7 +186,7 @@ impl GlioscopeApp {
             menu::welcome(ui, self.work.job.is_some(), &self.recent, out);
             return;
         }
-        self.with_panes(ui, out, |ui, area| panes::show(ui, area));
+        self.with_panes(ui, out, panes::show);
     }
 
     /// Draws one pane alone into all of `ui`: for pictures. Nothing where no case is open.

@@ -8,12 +8,14 @@ pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod context;
 pub mod ellipsoids;
 pub mod frame;
 pub mod gpu;
 pub mod palette;
 pub mod plan;
 pub mod reference;
+mod region_buffers;
 pub mod renderer;
 pub mod scene;
 mod scene_renderer;
@@ -27,6 +29,9 @@ mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
 pub use compute::TimeSource;
+pub use context::{
+    ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, context_plan,
+};
 pub use ellipsoids::{
     DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan,
 };
@@ -38,4 +43,6 @@ pub use renderer::{RenderError, Renderer};
 pub use scene::{Lens, Scene};
 pub use scene_renderer::{Picture, SceneRenderer};
 pub use slice_plane::SlicePlane;
-pub use transfer::{ControlPoint, GradientPoint, TransferFunction, TransferPreset};
+pub use transfer::{
+    ControlPoint, GradientHistogram, GradientPoint, TransferFunction, TransferPreset, ValueHistogram,
+};

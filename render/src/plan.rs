@@ -19,6 +19,10 @@ pub enum PassName {
     Occlusion,
     /// Its blur.
     OcclusionBlur,
+    /// Ray march through the context image.
+    Context,
+    /// Its opacity by gradient magnitude: a part of that pass, without a time of its own.
+    GradientOpacity,
     /// Colours, lines, ring.
     Compose,
     /// Fragments of ellipsoids, listed and sorted at each pixel.
@@ -35,6 +39,15 @@ impl PassName {
     /// The ellipsoid diagram's, in order.
     pub const ELLIPSOIDS: [Self; 4] =
         [Self::EllipsoidLists, Self::Occlusion, Self::OcclusionBlur, Self::EllipsoidCompose];
+    /// The context view's, in order.
+    pub const CONTEXT: [Self; 6] = [
+        Self::Surface,
+        Self::Occlusion,
+        Self::OcclusionBlur,
+        Self::Context,
+        Self::GradientOpacity,
+        Self::Compose,
+    ];
 
     /// Its name in `--explain`, `--stats` and the diagnostics panel.
     pub fn name(self) -> &'static str {
@@ -43,6 +56,8 @@ impl PassName {
             Self::Outside => "outside",
             Self::Occlusion => "occlusion",
             Self::OcclusionBlur => "occlusion_blur",
+            Self::Context => "context",
+            Self::GradientOpacity => "gradient_opacity",
             Self::Compose => "compose",
             Self::EllipsoidLists => "ellipsoid_lists",
             Self::EllipsoidCompose => "ellipsoid_compose",
@@ -67,6 +82,10 @@ pub struct Quality {
     pub occlusion_strength: f64,
     /// How much hidden places take on the colour of what hides them, 0 to 1.
     pub color_bleeding: f64,
+    /// Distance between samples of the context image along a ray, millimetres. Above 0; anything else
+    /// is taken for the finest step there is, as are steps that would need more than
+    /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal.
+    pub context_step_mm: f64,
     /// Pixels drawn to pixels asked for, along each side; above 0, at most 1.
     pub resolution_scale: f64,
 }
@@ -74,6 +93,8 @@ pub struct Quality {
 impl Quality {
     /// The most point pairs of ambient occlusion.
     pub const MOST_SAMPLES: u32 = 32;
+    /// The most samples of the context image along a ray.
+    pub const MOST_CONTEXT_STEPS: u32 = 8192;
 
     /// At rest, and for files.
     pub const FULL: Self = Self {
@@ -81,11 +102,19 @@ impl Quality {
         occlusion_radius_mm: 6.0,
         occlusion_strength: 0.75,
         color_bleeding: 0.35,
+        context_step_mm: 0.5,
         resolution_scale: 1.0,
     };
 
     /// While dragging: half the resolution, fewer samples.
-    pub const DRAFT: Self = Self { occlusion_samples: 6, resolution_scale: 0.5, ..Self::FULL };
+    pub const DRAFT: Self =
+        Self { occlusion_samples: 6, context_step_mm: 1.0, resolution_scale: 0.5, ..Self::FULL };
+
+    /// Pixels to draw for a place of `asked_px`; 0 stays 0.
+    pub(crate) fn drawn_px(&self, asked_px: [u32; 2]) -> [u32; 2] {
+        let scale = if self.resolution_scale > 0.0 { self.resolution_scale.min(1.0) } else { 1.0 };
+        asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) })
+    }
 }
 
 impl Default for Quality {

@@ -4,22 +4,17 @@
 //! on all cores, then one upload); targets once a size (about 40 bytes a pixel); the uniform, about 200
 //! bytes, and a small table of colours once a frame.
 
-use std::sync::Arc;
-
-use glioscope_core::RegionVolume;
-use wgpu::util::DeviceExt;
-
 use crate::{
-    bricks::Bricks,
     camera::Camera,
     compute::{PassRunner, TimeSource, workgroups_of},
     frame::Frame,
     gpu::Gpu,
     plan::{PassName, Plan, Quality, plan},
+    region_buffers::RegionBuffers,
     scene::{Lens, Scene},
     slice_plane::PlaneBuffers,
     targets::Targets,
-    uniforms::{self, MANY_REGIONS, NO_SKIPPING},
+    uniforms::{self, NO_SKIPPING},
 };
 
 /// A picture that can't be drawn.
@@ -38,9 +33,9 @@ pub enum RenderError {
         /// Most pixels that the device takes.
         pixels: u64,
     },
-    /// The regions don't fit on the card.
+    /// The regions, or the context image, don't fit on the card.
     #[error(
-        "found regions that need {found} bytes in one buffer, expected at most {limit} on this graphics device"
+        "found a volume that needs {found} bytes in one buffer, expected at most {limit} on this graphics device"
     )]
     Volume {
         /// Bytes needed.
@@ -49,7 +44,9 @@ pub enum RenderError {
         limit: u64,
     },
     /// Something else doesn't fit on the card.
-    #[error("found {what} to need {found} bytes in one buffer, expected at most {limit} on this graphics device")]
+    #[error(
+        "found {what} to need {found} bytes in one buffer, expected at most {limit} on this graphics device"
+    )]
     Buffer {
         /// What is too large.
         what: &'static str,
@@ -101,23 +98,13 @@ const SHADERS: [(PassName, &str, &[Slot]); 5] = {
     ]
 };
 
-struct Uploaded {
-    volume: Option<Arc<RegionVolume>>,
-    dims: [u32; 3],
-    brick_dims: [u32; 3],
-    log2_ids_per_word: u32,
-    table: wgpu::Buffer,
-    words: wgpu::Buffer,
-    regions: wgpu::Buffer,
-}
-
 /// Draws closeups. Not bound to a window.
 pub struct Renderer {
     passes: PassRunner,
     view: wgpu::Buffer,
     kernel: wgpu::Buffer,
     kernel_samples: u32,
-    uploaded: Option<Uploaded>,
+    regions: Option<RegionBuffers>,
     plane: PlaneBuffers,
     frame: Option<Frame>,
 }
@@ -134,16 +121,6 @@ pub(crate) fn check_view(c: &Camera, lens: Option<&Lens>) -> Result<(), RenderEr
         }
         _ => Ok(()),
     }
-}
-
-/// Pixels to draw for so many asked for.
-pub(crate) fn drawn_size(asked_px: [u32; 2], quality: &Quality) -> [u32; 2] {
-    let scale = if quality.resolution_scale > 0.0 { quality.resolution_scale.min(1.0) } else { 1.0 };
-    asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) })
-}
-
-fn byte_len(words: usize) -> u64 {
-    words as u64 * 4
 }
 
 impl Renderer {
@@ -167,7 +144,7 @@ impl Renderer {
             view: uniform("Renderer::view", size_of::<uniforms::View>()),
             kernel: uniform("Renderer::kernel", size_of::<[[f32; 4]; 32]>()),
             kernel_samples: 0,
-            uploaded: None,
+            regions: None,
             plane: PlaneBuffers::new(gpu),
             frame: None,
         })
@@ -207,26 +184,19 @@ impl Renderer {
         self.passes.clear();
         gpu.check().map_err(RenderError::Device)?;
         check_view(&scene.camera, scene.lens.as_ref())?;
-        let size = drawn_size(asked_px, quality);
+        let size = quality.drawn_px(asked_px);
         let targets = match before {
             Some(frame) if frame.targets.size == size => frame.targets,
             _ => Targets::new(gpu, size)?,
         };
-        self.upload(gpu, scene.tumor.as_ref())?;
-        let Some(up) = &self.uploaded else {
-            return Err(RenderError::Device("the regions were not uploaded".to_owned()));
-        };
+        let regions = RegionBuffers::keep(&mut self.regions, gpu, scene.tumor.as_ref())?;
         let mut view = uniforms::view(scene, quality, &plan, size);
-        view.dims = up.dims;
-        view.bricks = up.brick_dims;
-        view.log2_ids_per_word = up.log2_ids_per_word;
         if !skipping {
             view.flags |= NO_SKIPPING;
         }
         let reference_mm = uniforms::reference_mm(scene);
         self.plane.update(gpu, scene.plane.as_ref(), &scene.camera, reference_mm, &mut view)?;
-        let regions = region_table(scene, &mut view);
-        gpu.queue.write_buffer(&up.regions, 0, bytemuck::cast_slice(&regions));
+        regions.show(gpu, scene, &mut view);
         gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&view));
         if self.kernel_samples != view.occlusion_samples {
             self.kernel_samples = view.occlusion_samples;
@@ -249,67 +219,8 @@ impl Renderer {
         }))
     }
 
-    fn upload(&mut self, gpu: &Gpu, tumor: Option<&Arc<RegionVolume>>) -> Result<(), RenderError> {
-        if let Some(up) = &self.uploaded {
-            let same = match (&up.volume, tumor) {
-                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-                (None, None) => true,
-                _ => false,
-            };
-            if same {
-                return Ok(());
-            }
-        }
-        // The one before may be large: let it go first.
-        self.uploaded = None;
-        let limits = gpu.device.limits();
-        let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let (dims, bricks, region_count) = match tumor {
-            None => {
-                let none = Bricks { dims: [0; 3], table: vec![[0; 2]], words: vec![0], log2_ids_per_word: 2 };
-                ([0; 3], none, 1)
-            }
-            Some(volume) => {
-                let dims = volume.grid().dims();
-                // Counted before anything is allocated.
-                let table: usize = dims.iter().map(|d| d.div_ceil(crate::bricks::SIDE)).product();
-                let most = byte_len(2).saturating_mul(table as u64);
-                if most > limit {
-                    return Err(RenderError::Volume { found: most, limit });
-                }
-                (dims, Bricks::of(volume), volume.bits_of_id().len())
-            }
-        };
-        let needed = byte_len(bricks.words.len()).max(byte_len(region_count));
-        if needed > limit {
-            return Err(RenderError::Volume { found: needed, limit });
-        }
-        let buffer = |label, contents: &[u8]| {
-            gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-            })
-        };
-        self.uploaded = Some(Uploaded {
-            volume: tumor.cloned(),
-            dims: dims.map(|d| d as u32),
-            brick_dims: bricks.dims.map(|d| d as u32),
-            log2_ids_per_word: bricks.log2_ids_per_word,
-            table: buffer("Uploaded::table", bytemuck::cast_slice(&bricks.table)),
-            words: buffer("Uploaded::words", bytemuck::cast_slice(&bricks.words)),
-            regions: gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("Uploaded::regions"),
-                size: byte_len(region_count),
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
-        });
-        gpu.check().map_err(RenderError::Device)
-    }
-
     fn bind(&mut self, gpu: &Gpu, plan: &Plan, targets: &Targets) {
-        let Some(up) = &self.uploaded else { return };
+        let Some(up) = &self.regions else { return };
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
             let mut entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
@@ -351,32 +262,4 @@ impl Renderer {
     pub fn pass_times(&self, gpu: &Gpu) -> Result<Vec<(PassName, f64)>, RenderError> {
         if self.frame.is_some() { self.passes.times(gpu) } else { Ok(Vec::new()) }
     }
-}
-
-/// Colour and visibility of every region number; sets the bit set of the shown ones in `view`.
-fn region_table(scene: &Scene, view: &mut uniforms::View) -> Vec<u32> {
-    const SHOWN: u32 = 0x8000_0000;
-    let Some(tumor) = &scene.tumor else { return vec![0] };
-    // Number 0 is empty; 1 to 32 have a bit of the set each.
-    if tumor.bits_of_id().len() > 33 {
-        view.flags |= MANY_REGIONS;
-    }
-    tumor
-        .bits_of_id()
-        .iter()
-        .zip(0u32..)
-        .map(|(&bits, number)| {
-            if number == 0 {
-                return 0;
-            }
-            let [r, g, b] = scene.colors.region(bits).map(u32::from);
-            let rgb = r | g << 8 | b << 16;
-            if scene.selection.shows(bits) {
-                view.selected |= 1 << (number & 31);
-                rgb | SHOWN
-            } else {
-                rgb
-            }
-        })
-        .collect()
 }

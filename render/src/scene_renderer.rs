@@ -2,6 +2,8 @@
 
 use crate::{
     compute::TimeSource,
+    context::{ContextFrame, ContextRenderer, ContextScene},
+    ellipsoids::{EllipsoidFrame, EllipsoidRenderer, EllipsoidScene},
     frame::Frame,
     gpu::Gpu,
     plan::{PassName, Plan, Quality},
@@ -101,4 +103,6 @@ macro_rules! renderers {
 
 renderers! {
     Renderer: Scene => Frame,
+    ContextRenderer: ContextScene => ContextFrame,
+    EllipsoidRenderer: EllipsoidScene => EllipsoidFrame,
 }

@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// `HAS_PLANE` of lib/view.wgsl.
-pub(crate) const HAS_PLANE: u32 = 64;
+pub(crate) const HAS_PLANE: u32 = 256;
 
 /// A picture on a rectangle, blended at its depth. Two are equal when they draw the same: pictures by
 /// identity.

@@ -16,6 +16,8 @@ pub(crate) const HAS_OUTSIDE: u32 = 4;
 pub(crate) const HAS_OCCLUSION: u32 = 8;
 pub(crate) const NO_SKIPPING: u32 = 16;
 pub(crate) const MANY_REGIONS: u32 = 32;
+pub(crate) const LENS_ONLY_DRAWN: u32 = 64;
+pub(crate) const HAS_CONTEXT: u32 = 128;
 
 /// `View` of lib/view.wgsl; see there.
 #[repr(C)]
@@ -145,8 +147,18 @@ pub(crate) fn index_axes(camera: &Camera, reference_mm: f64, grid: &Grid) -> [[f
 
 /// The uniform of a scene; `size` in pixels drawn.
 pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]) -> View {
+    view_from(scene, reference_mm(scene), quality, plan, size)
+}
+
+/// As [`view`], with depths counted from a plane of the caller's.
+pub(crate) fn view_from(
+    scene: &Scene,
+    reference_mm: f64,
+    quality: &Quality,
+    plan: &Plan,
+    size: [u32; 2],
+) -> View {
     let camera = &scene.camera;
-    let reference_mm = reference_mm(scene);
     let mut out = View {
         background: rgba(scene.background),
         silhouette: rgba(scene.silhouette),
@@ -159,6 +171,7 @@ pub(crate) fn view(scene: &Scene, quality: &Quality, plan: &Plan, size: [u32; 2]
         (PassName::Surface, HAS_SURFACE),
         (PassName::Outside, HAS_OUTSIDE),
         (PassName::OcclusionBlur, HAS_OCCLUSION),
+        (PassName::Context, HAS_CONTEXT),
     ] {
         if plan.has(pass) {
             out.flags |= flag;

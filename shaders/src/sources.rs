@@ -16,6 +16,10 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "ellipsoids_compose.wgsl",
     "ellipsoids_lists.wgsl",
     "lib/ellipsoid.wgsl",
+    "context_compose.wgsl",
+    "context_march.wgsl",
+    "lib/context.wgsl",
+    "lib/lines.wgsl",
     "lib/march.wgsl",
     "lib/plane.wgsl",
     "lib/ring.wgsl",
@@ -31,4 +35,6 @@ pub const ALL: &[&str] = &[
     "closeup_surface",
     "ellipsoids_compose",
     "ellipsoids_lists",
+    "context_compose",
+    "context_march",
 ];

@@ -2,6 +2,7 @@
 #include lib/view.wgsl
 #include lib/plane.wgsl
 #include lib/ring.wgsl
+#include lib/lines.wgsl
 
 struct Outside {
     depth: f32,
@@ -11,83 +12,9 @@ struct Outside {
 }
 
 @group(0) @binding(3) var<storage, read> regions: array<u32>;
-@group(0) @binding(4) var<storage, read> depths: array<f32>;
-@group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read> outsides: array<Outside>;
 @group(0) @binding(8) var<storage, read> blurred: array<u32>;
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
-
-const INNER = vec3<f32>(0.72, 0.72, 0.72);
-
-fn clamped(at: vec2<i32>) -> u32 {
-    return linear_index(vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1)));
-}
-
-// Step in depth between p and q that no slant explains: both sides are also carried on in a
-// straight line from the pixels beyond (pp, p | q, qq), and the best explanation is taken.
-fn step_mm(pp: f32, p: f32, q: f32, qq: f32) -> f32 {
-    return min(abs(q - p), min(abs(q - 2.0 * p + pp), abs(p - 2.0 * q + qq)));
-}
-
-// How much of a pixel a line covers that is `width` pixels wide and runs `away` pixels off.
-fn coverage(width: f32, away: f32) -> f32 {
-    return clamp(0.5 * width + 0.5 - away, 0.0, min(width, 1.0));
-}
-
-// Wider where it is nearer to the viewer (thesis 7.3.1: depth-based line thickness).
-fn width_at(depth: f32) -> f32 {
-    return view.line_scale * mix(1.35, 0.65, clamp(0.5 + 0.5 * depth / view.depth_span_mm, 0.0, 1.0));
-}
-
-// The neighbours that lines are looked for towards: at 1, 1.4 and 2 pixels.
-fn neighbour(n: u32) -> vec2<i32> {
-    let side = select(1, -1, (n & 1u) == 1u);
-    switch n >> 1u {
-        case 0u: { return vec2<i32>(side, 0); }
-        case 1u: { return vec2<i32>(0, side); }
-        case 2u: { return vec2<i32>(side, side); }
-        case 3u: { return vec2<i32>(side, -side); }
-        case 4u: { return vec2<i32>(2 * side, 0); }
-        default: { return vec2<i32>(0, 2 * side); }
-    }
-}
-
-struct Lines {
-    black: f32,          // silhouettes: the background, or far more than a voxel behind
-    grey: f32,           // steps of a voxel and more; edges between faces, fainter
-    depth: f32,          // of what is outlined, where that is nearer than what is here
-}
-
-// Two pixels of one plane have the same face (and so have two of the background): no line is
-// between them. First all such neighbours are sorted out, then the few others looked at closely.
-fn lines_at(here: vec2<i32>, front: f32) -> Lines {
-    let face = surfaces[linear_index(vec2<u32>(here))].y;
-    var lines = Lines(0.0, 0.0, front);
-    let reach = select(8u, 12u, view.line_scale > 1.2);
-    var others = 0u;
-    for (var n = 0u; n < reach; n++) {
-        others |= select(0u, 1u << n, surfaces[clamped(here + neighbour(n))].y != face);
-    }
-    while others != 0u {
-        let to = neighbour(firstTrailingBit(others));
-        others &= others - 1u;
-        let q = depths[clamped(here + to)];
-        let nearer = min(front, q);
-        let width = width_at(nearer);
-        let away = length(vec2<f32>(to)) - 0.5;
-        lines.depth = min(lines.depth, q);
-        let steps = step_mm(depths[clamped(here - to)], front, q, depths[clamped(here + 2 * to)]) / view.voxel_mm;
-        let border = max(front, q) >= FAR;
-        let deep = select(smoothstep(3.0, 6.0, steps), 1.0, border);
-        lines.black = max(lines.black, deep * coverage(max(1.7 * width, 1.4), away));
-        // Bricks smaller than a few pixels would turn grey all over.
-        let brick_px = view.voxel_mm / footprint_mm(nearer);
-        let raised = smoothstep(0.3, 0.9, steps) * smoothstep(1.0, 3.5, brick_px);
-        let edge = 0.45 * smoothstep(2.0, 7.0, brick_px);
-        lines.grey = max(lines.grey, select(max(raised, edge), 0.0, border) * coverage(0.9 * width, away));
-    }
-    return lines;
-}
 
 // Silhouettes and large steps of the outer level, where it hides what the lens shows or nothing.
 fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {

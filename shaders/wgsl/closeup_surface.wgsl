@@ -16,7 +16,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     surfaces[at] = vec2<u32>(0u, NO_FACE);
     let ray = ray_of(id.xy);
     var span = box_interval(ray);
-    if (view.flags & LENS_ON) != 0u {
+    if (view.flags & (LENS_ON | LENS_ONLY_DRAWN)) == LENS_ON {
         let lens = lens_interval(id.xy);
         if lens.x > span.near {
             span.near = lens.x;

@@ -176,11 +176,15 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
     if let Some(name) = &arguments.transfer {
         let spoken = |preset: &TransferPreset| {
             let name = preset.name().to_lowercase();
-            name.trim_end_matches(" (2-d)").trim_end_matches(" tissue").trim_end_matches(" spots").replace(' ', "-")
+            name.trim_end_matches(" (2-d)")
+                .trim_end_matches(" tissue")
+                .trim_end_matches(" spots")
+                .replace(' ', "-")
         };
         let names: Vec<String> = TransferPreset::ALL.iter().map(spoken).collect();
         let preset = TransferPreset::ALL.into_iter().find(|preset| spoken(preset) == *name);
-        let preset = preset.ok_or_else(|| wrong("transfer", name, &format!("one of {}", names.join(", "))))?;
+        let preset =
+            preset.ok_or_else(|| wrong("transfer", name, &format!("one of {}", names.join(", "))))?;
         if let Some((id, image)) = world.context(doc) {
             let (id, transfer) = (id.to_owned(), preset.transfer(image.histogram()));
             doc.edit.transfers.insert(id, transfer);
@@ -199,14 +203,17 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
         edit.clips.push(ClipPlane { normal, offset_mm: mm * normal.element_sum() });
     }
     let range = |name, value: Option<f64>, (low, high): (f64, f64)| match value {
-        Some(v) if !(low..=high).contains(&v) => Err(wrong(name, &v.to_string(), &format!("{low} to {high}"))),
+        Some(v) if !(low..=high).contains(&v) => {
+            Err(wrong(name, &v.to_string(), &format!("{low} to {high}")))
+        }
         found => Ok(found),
     };
     let look = &mut edit.ellipsoids;
     if arguments.moment {
         look.kind = EllipsoidKind::Moment;
     }
-    look.opacity = range("ellipsoid-opacity", arguments.ellipsoid_opacity, (0.0, 1.0))?.unwrap_or(look.opacity);
+    look.opacity =
+        range("ellipsoid-opacity", arguments.ellipsoid_opacity, (0.0, 1.0))?.unwrap_or(look.opacity);
     look.smallest_ml = range("hide-below", arguments.hide_below, (0.0, 1e6))?.unwrap_or(look.smallest_ml);
     nav.show_plane = arguments.slice_plane;
     if let Some(zoom) = range("zoom", arguments.zoom, (0.05, 100.0))? {

@@ -192,7 +192,8 @@ pub fn corner_marks(ui: &Ui, view: &ViewContext<'_>, rect: Rect, camera: &Camera
         for end in [left, right] {
             painter.line_segment([end - vec2(0.0, 4.0), end + vec2(0.0, 4.0)], egui::Stroke::new(2.0, ink));
         }
-        let place = if camera.projection == Projection::Perspective { format!(" {at}") } else { String::new() };
+        let place =
+            if camera.projection == Projection::Perspective { format!(" {at}") } else { String::new() };
         painter.text(
             left - vec2(0.0, 6.0),
             Align2::LEFT_BOTTOM,

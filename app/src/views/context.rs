@@ -6,7 +6,8 @@ use egui::{Align2, Color32, FontId, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec
 use glam::UVec2;
 use glioscope_core::{RegionVolume, Sides};
 use glioscope_render::{
-    Camera, ContextPick, ContextScene, ContextVolume, TransferFunction, TransferPreset, slices::PreparedContext,
+    Camera, ContextPick, ContextScene, ContextVolume, TransferFunction, TransferPreset,
+    slices::PreparedContext,
 };
 
 use super::{
@@ -24,10 +25,28 @@ use crate::{
     window::waker,
 };
 
+/// The image shown, with its histograms: made when the context view or its editor is first open.
+pub type VolumeJob = Derived<Handle<PreparedContext>, ContextVolume>;
+
+/// The image shown; `None` where the slices show none.
+pub fn volume<'a>(
+    ui: &Ui,
+    view: &ViewContext<'_>,
+    wait: bool,
+    job: &'a mut VolumeJob,
+) -> Option<Lookup<'a, ContextVolume>> {
+    let (_, image) = view.context?;
+    let prepared = image.clone();
+    let work = move |progress: &glioscope_core::Progress| {
+        progress.say("preparing the image");
+        Ok(ContextVolume::of_prepared(&prepared))
+    };
+    Some(job.get(Handle::of(image), wait, waker(ui.ctx()), work))
+}
+
 /// What the view remembers between frames; never saved.
 #[derive(Default)]
 pub struct ContextState {
-    volume: Derived<Handle<PreparedContext>, ContextVolume>,
     refinement: Refinement<ContextScene>,
     transfer: Option<Arc<TransferFunction>>,
     pointer: Option<egui::Pos2>,
@@ -37,7 +56,7 @@ pub struct ContextState {
 impl ContextState {
     /// Whether the picture last drawn was in full quality.
     pub fn refined(&self) -> bool {
-        self.refinement.refined() && !self.volume.working()
+        self.refinement.refined()
     }
 
     /// The scene's transfer function; the same `Arc` as long as it is the same function, so that
@@ -76,7 +95,7 @@ pub fn show(
     view: &ViewContext<'_>,
     tumor: Option<&Arc<RegionVolume>>,
     stage: Stage<'_>,
-    state: &mut ContextState,
+    (state, job): (&mut ContextState, &mut VolumeJob),
     out: &mut Vec<Command>,
 ) {
     let rect = ui.available_rect_before_wrap();
@@ -86,25 +105,19 @@ pub fn show(
         return;
     };
     let mut note = None;
-    let volume = view.context.and_then(|(_, image)| {
-        let prepared = image.clone();
-        let work = move |progress: &glioscope_core::Progress| {
-            progress.say("preparing the image");
-            ContextVolume::new(&prepared).map_err(|e| e.to_string())
-        };
-        match state.volume.get(Handle::of(image), stage.refine_at_once, waker(ui.ctx()), work) {
-            Lookup::Ready(volume) => Some(volume.clone()),
-            Lookup::Working(_) => {
-                note = Some("Preparing the image…".to_owned());
-                ui.ctx().request_repaint_after(std::time::Duration::from_millis(100));
-                None
-            }
-            Lookup::Failed(why) => {
-                note = Some(why.to_owned());
-                None
-            }
+    let volume = match volume(ui, view, stage.refine_at_once, job) {
+        Some(Lookup::Ready(volume)) => Some(volume.clone()),
+        Some(Lookup::Working(_)) => {
+            note = Some("Preparing the image…".to_owned());
+            ui.request_repaint_after(std::time::Duration::from_millis(100));
+            None
         }
-    });
+        Some(Lookup::Failed(why)) => {
+            note = Some(why.to_owned());
+            None
+        }
+        None => None,
+    };
     let transfer = match view.context {
         Some((id, image)) => transfer_of(view, id, image),
         None => TransferFunction::transparent(),

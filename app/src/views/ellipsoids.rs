@@ -353,8 +353,16 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
     let mut new = look;
     ui.add_space(4.0);
     for (kind, text, tip) in [
-        (EllipsoidKind::Enclosing, "Enclosing", "The smallest ellipsoid that holds every voxel; exaggerates overlap"),
-        (EllipsoidKind::Moment, "Equal volume", "Centroid, axes and volume of the component; not every voxel is inside"),
+        (
+            EllipsoidKind::Enclosing,
+            "Enclosing",
+            "The smallest ellipsoid that holds every voxel; exaggerates overlap",
+        ),
+        (
+            EllipsoidKind::Moment,
+            "Equal volume",
+            "Centroid, axes and volume of the component; not every voxel is inside",
+        ),
     ] {
         if ui.selectable_label(look.kind == kind, text).on_hover_text(tip).clicked() {
             new.kind = kind;
@@ -368,9 +376,11 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
     let response = ui.add(drag.prefix("hide below "));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Hide components below, in ml"));
     response.on_hover_text("Components smaller than this are not drawn");
-    let menu = egui::ComboBox::from_id_salt("neighbours").selected_text(look.neighbors.to_string()).width(36.0);
+    let menu =
+        egui::ComboBox::from_id_salt("neighbours").selected_text(look.neighbors.to_string()).width(36.0);
     let response = menu.show_ui(ui, |ui| {
-        for (neighbors, text) in [(26, "26: face, edge or corner"), (18, "18: face or edge"), (6, "6: face")] {
+        for (neighbors, text) in [(26, "26: face, edge or corner"), (18, "18: face or edge"), (6, "6: face")]
+        {
             ui.selectable_value(&mut new.neighbors, neighbors, text);
         }
     });

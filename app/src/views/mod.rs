@@ -6,6 +6,7 @@ pub mod context;
 pub mod diagnostics;
 pub mod ellipsoids;
 pub mod lens_table;
+pub mod linked;
 pub mod measurements;
 pub mod orientation;
 pub mod overlap;
@@ -35,7 +36,7 @@ pub struct ViewContext<'a> {
     /// Colours of its masks.
     pub colors: &'a MaskColors,
     /// The image the slices show, with its id.
-    pub context: Option<(&'a str, &'a std::sync::Arc<PreparedContext>)>,
+    pub context: Option<(&'a str, &'a Arc<PreparedContext>)>,
 }
 
 /// Which volume or case it was, without keeping it alive: what results are kept under.

@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use glioscope_render::{
     SlicePlane,
-    slices::{ContextLayer, Convention, Plane, PreparedContext, SliceLayers, SliceStyle, SliceView, Window, render_slice},
+    slices::{
+        ContextLayer, Convention, Plane, PreparedContext, SliceLayers, SliceStyle, SliceView, Window,
+        render_slice,
+    },
 };
 
 use super::{Handle, ViewContext, slices};

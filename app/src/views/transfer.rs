@@ -4,15 +4,19 @@
 use std::sync::Arc;
 
 use egui::{
-    Color32, ColorImage, Pos2, Rect, Role, Sense, Stroke, TextureHandle, TextureOptions, Ui, WidgetInfo, pos2, vec2,
+    Color32, ColorImage, Pos2, Rect, Role, Sense, Stroke, TextureHandle, TextureOptions, Ui, WidgetInfo,
+    pos2, vec2,
 };
 use glam::DVec3;
 use glioscope_render::{
-    ClipPlane, ControlPoint, GradientHistogram, GradientPoint, TransferFunction, TransferPreset, ValueHistogram,
-    slices::PreparedContext,
+    ClipPlane, ContextVolume, ControlPoint, GradientHistogram, GradientPoint, TransferFunction,
+    TransferPreset, ValueHistogram, slices::PreparedContext,
 };
 
-use super::{Handle, ViewContext, context::transfer_of};
+use super::{
+    Handle, ViewContext,
+    context::{self, VolumeJob, transfer_of},
+};
 use crate::{
     commands::Command,
     jobs::{Derived, Lookup},
@@ -27,7 +31,6 @@ pub const MOST_CLIPS: usize = 6;
 /// What the editor remembers between frames; never saved.
 #[derive(Default)]
 pub struct TransferState {
-    histogram: Derived<Handle<PreparedContext>, ValueHistogram>,
     joint: Derived<Handle<PreparedContext>, GradientHistogram>,
     picture: Option<(Arc<GradientHistogram>, TransferFunction, TextureHandle)>,
     chosen: Option<usize>,
@@ -48,7 +51,7 @@ fn opacity(height: f32) -> f64 {
 pub fn show(
     ui: &mut Ui,
     view: &ViewContext<'_>,
-    state: &mut TransferState,
+    (state, job): (&mut TransferState, &mut VolumeJob),
     wait: bool,
     out: &mut Vec<Command>,
 ) {
@@ -61,22 +64,20 @@ pub fn show(
             let current = transfer_of(view, id, image);
             let mut new = current.clone();
             presets(ui, id, image, &mut new, state);
-            let prepared = image.clone();
-            let work = move |_: &glioscope_core::Progress| Ok(ValueHistogram::of(prepared.volume(), prepared.histogram()));
-            match state.histogram.get(Handle::of(image), wait, waker(ui.ctx()), work) {
-                Lookup::Ready(histogram) => {
-                    let histogram = histogram.clone();
-                    curve(ui, &histogram, &mut new, state);
-                }
-                Lookup::Working(_) => {
-                    ui.spinner();
-                }
-                Lookup::Failed(why) => {
+            let volume = match context::volume(ui, view, wait, job) {
+                Some(Lookup::Ready(volume)) => volume.clone(),
+                Some(Lookup::Failed(why)) => {
                     ui.label(why);
+                    return;
                 }
-            }
+                _ => {
+                    ui.spinner();
+                    return;
+                }
+            };
+            curve(ui, volume.histogram(), &mut new, state);
             chosen(ui, &mut new, state);
-            second_dimension(ui, image, &mut new, state, wait);
+            second_dimension(ui, (image, &volume), &mut new, state, wait);
             if new != current {
                 out.push(Command::SetTransfer(id.to_owned(), Some(new)));
             }
@@ -86,7 +87,13 @@ pub fn show(
     });
 }
 
-fn presets(ui: &mut Ui, id: &str, image: &PreparedContext, new: &mut TransferFunction, state: &mut TransferState) {
+fn presets(
+    ui: &mut Ui,
+    id: &str,
+    image: &PreparedContext,
+    new: &mut TransferFunction,
+    state: &mut TransferState,
+) {
     ui.horizontal_wrapped(|ui| {
         ui.strong(id);
         ui.menu_button("Presets", |ui| {
@@ -111,8 +118,10 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     let visuals = ui.visuals();
     painter.rect_filled(rect, 2.0, visuals.extreme_bg_color);
     let (low, high) = histogram.range();
-    let x_of = |value: f64| rect.left() + ((value - low) / (high - low)).clamp(0.0, 1.0) as f32 * rect.width();
-    let value_at = |x: f32| low + f64::from(((x - rect.left()) / rect.width()).clamp(0.0, 1.0)) * (high - low);
+    let x_of =
+        |value: f64| rect.left() + ((value - low) / (high - low)).clamp(0.0, 1.0) as f32 * rect.width();
+    let value_at =
+        |x: f32| low + f64::from(((x - rect.left()) / rect.width()).clamp(0.0, 1.0)) * (high - low);
     let y_of = |opacity: f64| rect.bottom() - height(opacity) * rect.height();
     let bars = histogram.log_heights();
     let bar = rect.width() / bars.len().max(1) as f32;
@@ -133,7 +142,10 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
         })
         .collect();
     for pair in samples.windows(2) {
-        let under = Rect::from_min_max(pos2(pair[0].0.x, pair[0].0.y.min(pair[1].0.y)), pos2(pair[1].0.x, rect.bottom()));
+        let under = Rect::from_min_max(
+            pos2(pair[0].0.x, pair[0].0.y.min(pair[1].0.y)),
+            pos2(pair[1].0.x, rect.bottom()),
+        );
         painter.rect_filled(under, 0.0, pair[0].1.gamma_multiply(0.45));
     }
     // Through the points themselves: steps are upright.
@@ -154,7 +166,8 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     if response.drag_stopped() {
         state.held = None;
     }
-    if let (Some(number), Some(at)) = (state.held, response.interact_pointer_pos().filter(|_| response.dragged()))
+    if let (Some(number), Some(at)) =
+        (state.held, response.interact_pointer_pos().filter(|_| response.dragged()))
         && let Some(point) = new.points().get(number).copied()
     {
         let per_mm = opacity((rect.bottom() - at.y) / rect.height());
@@ -166,12 +179,16 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
         state.chosen = near(at).or_else(|| {
             let number = new.add_point(value_at(at.x))?;
             let point = *new.points().get(number)?;
-            new.set_point(number, ControlPoint { opacity: opacity((rect.bottom() - at.y) / rect.height()), ..point });
+            new.set_point(
+                number,
+                ControlPoint { opacity: opacity((rect.bottom() - at.y) / rect.height()), ..point },
+            );
             Some(number)
         });
         response.request_focus();
     }
-    let deletes = |i: &egui::InputState| i.key_pressed(egui::Key::Delete) || i.key_pressed(egui::Key::Backspace);
+    let deletes =
+        |i: &egui::InputState| i.key_pressed(egui::Key::Delete) || i.key_pressed(egui::Key::Backspace);
     if response.has_focus() && ui.input(deletes) {
         remove_chosen(new, state);
     }
@@ -182,7 +199,9 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     }
     ui.horizontal(|ui| {
         ui.weak(crate::format::plain(low));
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.weak(crate::format::plain(high)));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.weak(crate::format::plain(high))
+        });
     });
 }
 
@@ -227,7 +246,7 @@ fn chosen(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferState) {
 /// The gradient magnitude as a factor of opacity, over the joint histogram.
 fn second_dimension(
     ui: &mut Ui,
-    image: &Arc<PreparedContext>,
+    (image, volume): (&Arc<PreparedContext>, &Arc<ContextVolume>),
     new: &mut TransferFunction,
     state: &mut TransferState,
     wait: bool,
@@ -243,8 +262,8 @@ fn second_dimension(
         }
         return;
     }
-    let prepared = image.clone();
-    let work = move |_: &glioscope_core::Progress| Ok(GradientHistogram::of(prepared.volume(), prepared.histogram()));
+    let volume = volume.clone();
+    let work = move |_: &glioscope_core::Progress| Ok(volume.gradient_histogram().clone());
     let joint = match state.joint.get(Handle::of(image), wait, waker(ui.ctx()), work) {
         Lookup::Ready(joint) => joint.clone(),
         Lookup::Working(_) => {
@@ -277,7 +296,8 @@ fn second_dimension(
     if response.drag_started()
         && let Some(at) = response.interact_pointer_pos()
     {
-        let by = |a: &GradientPoint, b: &GradientPoint| place(a).distance(at).total_cmp(&place(b).distance(at));
+        let by =
+            |a: &GradientPoint, b: &GradientPoint| place(a).distance(at).total_cmp(&place(b).distance(at));
         state.held_gradient = (0..points.len()).min_by(|&a, &b| by(&points[a], &points[b]));
     }
     if let (Some(number), Some(at)) = (state.held_gradient, response.interact_pointer_pos())
@@ -302,7 +322,12 @@ fn second_dimension(
 }
 
 /// Where voxels are in value and gradient magnitude, tinted as the function colours them.
-fn joint_picture(ui: &mut Ui, joint: &Arc<GradientHistogram>, transfer: &TransferFunction, state: &mut TransferState) {
+fn joint_picture(
+    ui: &mut Ui,
+    joint: &Arc<GradientHistogram>,
+    transfer: &TransferFunction,
+    state: &mut TransferState,
+) {
     let fresh = matches!(&state.picture, Some((of, with, _)) if Arc::ptr_eq(of, joint) && with == transfer);
     if !fresh {
         let bins = GradientHistogram::BINS;
@@ -326,7 +351,9 @@ fn joint_picture(ui: &mut Ui, joint: &Arc<GradientHistogram>, transfer: &Transfe
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 110.0), Sense::hover());
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
         ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
-        response.on_hover_text("Voxels by value (across) and gradient magnitude (up), tinted where they are seen");
+        response.on_hover_text(
+            "Voxels by value (across) and gradient magnitude (up), tinted where they are seen",
+        );
     }
 }
 
@@ -351,7 +378,10 @@ fn clips(ui: &mut Ui, view: &ViewContext<'_>, image: &PreparedContext, out: &mut
     let corners = image.volume().grid().corners_mm();
     let range = |normal: DVec3| {
         let along = corners.map(|c| c.dot(normal));
-        (along.iter().copied().fold(f64::INFINITY, f64::min), along.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        (
+            along.iter().copied().fold(f64::INFINITY, f64::min),
+            along.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        )
     };
     ui.horizontal_wrapped(|ui| {
         ui.strong("Cut the image open");

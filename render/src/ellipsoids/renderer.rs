@@ -14,7 +14,7 @@ use crate::{
     },
     gpu::Gpu,
     plan::{PassName, Plan, Quality},
-    renderer::{RenderError, check_view, drawn_size},
+    renderer::{RenderError, check_view},
     slice_plane::PlaneBuffers,
     targets::Targets,
     uniforms::{self, HAS_OCCLUSION, HAS_SURFACE, NO_SKIPPING, View},
@@ -84,7 +84,11 @@ impl Growing {
     fn grow(&mut self, gpu: &Gpu, bytes: u64) -> Result<(), RenderError> {
         if bytes > self.buffer.size() {
             let limit = gpu.check_size(self.label, bytes)?;
-            *self = Self::new(gpu, self.label, (bytes + bytes / 4).next_multiple_of(16).min(limit & !15).max(bytes));
+            *self = Self::new(
+                gpu,
+                self.label,
+                (bytes + bytes / 4).next_multiple_of(16).min(limit & !15).max(bytes),
+            );
         }
         Ok(())
     }
@@ -196,7 +200,7 @@ impl EllipsoidRenderer {
         if !scene.opacity.is_finite() || scene.ellipsoids.iter().any(|e| !e.opacity.is_finite()) {
             return Err(RenderError::Scene("an opacity that is not a number".to_owned()));
         }
-        let size = drawn_size(asked_px, quality);
+        let size = quality.drawn_px(asked_px);
         let targets = match before {
             Some(frame) if frame.targets.size == size => frame.targets,
             _ => Targets::new(gpu, size)?,

@@ -166,6 +166,12 @@ impl TransferFunction {
         Ok(Self { points, gradient })
     }
 
+    /// Nothing is seen: what a scene without an image has.
+    pub fn transparent() -> Self {
+        let point = |value| ControlPoint { value, color: [0; 3], opacity: 0.0 };
+        Self { points: vec![point(0.0), point(1.0)], gradient: None }
+    }
+
     /// The control points, in rising order; at least two.
     pub fn points(&self) -> &[ControlPoint] {
         &self.points
@@ -208,7 +214,7 @@ impl TransferFunction {
         if !value.is_finite() {
             return None;
         }
-        let (color, opacity) = self.at(value);
+        let (color, opacity) = self.opacity_at(value);
         let number = self.points.partition_point(|p| p.value <= value);
         let color = color.map(|c| (c * 255.0).round() as u8);
         self.points.insert(number, ControlPoint { value, color, opacity });
@@ -231,7 +237,7 @@ impl TransferFunction {
     }
 
     /// Colour (0 to 1, gamma-encoded sRGB) and opacity of 1 mm at a value, whatever the gradient.
-    fn at(&self, value: f64) -> ([f64; 3], f64) {
+    pub(crate) fn opacity_at(&self, value: f64) -> ([f64; 3], f64) {
         let (a, b, w) = place(self.points.len(), |i| self.points[i].value, value);
         let (a, b) = (&self.points[a], &self.points[b]);
         let mix = |x: f64, y: f64| x * (1.0 - w) + y * w;
@@ -255,7 +261,7 @@ impl TransferFunction {
         if !value.is_finite() {
             return ([0.0; 3], 0.0);
         }
-        let (color, opacity) = self.at(value);
+        let (color, opacity) = self.opacity_at(value);
         (color, opacity * self.gradient_factor(gradient))
     }
 
@@ -271,7 +277,7 @@ impl TransferFunction {
             .iter()
             .take_while(|p| p.value <= high)
             .map(|p| p.opacity)
-            .fold(self.at(low).1.max(self.at(high).1), f64::max)
+            .fold(self.opacity_at(low).1.max(self.opacity_at(high).1), f64::max)
     }
 
     /// Opacity of `length_mm` of a material, of which 1 mm has opacity `per_mm`:

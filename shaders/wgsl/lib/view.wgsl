@@ -39,7 +39,9 @@ const HAS_OUTSIDE = 4u;
 const HAS_OCCLUSION = 8u;
 const NO_SKIPPING = 16u;
 const MANY_REGIONS = 32u;
-const HAS_PLANE = 64u;
+const LENS_ONLY_DRAWN = 64u;     // the lens is a ring, it cuts nothing
+const HAS_CONTEXT = 128u;
+const HAS_PLANE = 256u;
 
 // Depth of a pixel where nothing was hit.
 const FAR = 1e30;

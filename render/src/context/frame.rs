@@ -1,0 +1,100 @@
+//! A drawn context view, and what is under each pixel.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use glioscope_core::RegionVolume;
+
+use super::uniforms::Marched;
+use crate::{
+    camera::Camera,
+    frame::{drawn_pixel, read_rgba, world_at},
+    gpu::Gpu,
+    plan::{PassName, Plan},
+    renderer::RenderError,
+    targets::Targets,
+    uniforms::FAR,
+};
+
+/// What is under a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContextPick {
+    /// The point that the pixel shows, RAS+ millimetres: on the voxel's face for the tumour; for the
+    /// image where half of what lies behind is hidden, to a step of the ray.
+    pub world_mm: DVec3,
+    /// Index bits of the tumour's region; `None` for tissue of the context image.
+    pub bits: Option<u32>,
+}
+
+/// A finished picture. Its textures are reused by the next picture of the same size.
+#[derive(Clone, Debug)]
+pub struct ContextFrame {
+    /// rgba8unorm, gamma-encoded sRGB, opaque. Usable as an egui texture.
+    pub color: wgpu::Texture,
+    /// Pixels drawn: the size of `color`. At most `asked_px`, see `Quality::resolution_scale`.
+    pub size_px: [u32; 2],
+    /// Pixels asked for: what [`ContextFrame::pick`] counts in.
+    pub asked_px: [u32; 2],
+    /// What ran, and what was left out.
+    pub plan: Plan,
+    /// What the picture shows less of than the scene has, in words for the user.
+    pub warning: Option<String>,
+    pub(super) targets: Targets,
+    pub(super) tumor: Option<Arc<RegionVolume>>,
+    pub(super) camera: Camera,
+    pub(super) reference_mm: f64,
+}
+
+impl ContextFrame {
+    /// All pixels, row after row from the top, 4 bytes each: `size_px[0] * size_px[1] * 4` bytes.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub fn read_rgba(&self, gpu: &Gpu) -> Result<Vec<u8>, RenderError> {
+        read_rgba(gpu, &self.color)
+    }
+
+    /// What is under pixel (`x`, `y`) of the asked size, counted from the top left. `None` over the
+    /// background, where the image hides less than half of it, and past the edge. Reads a few bytes
+    /// back: call it as often as the mouse moves.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub fn pick(&self, gpu: &Gpu, x: u32, y: u32) -> Result<Option<ContextPick>, RenderError> {
+        if x >= self.asked_px[0] || y >= self.asked_px[1] {
+            return Ok(None);
+        }
+        let pixel = drawn_pixel([x, y], self.asked_px, self.size_px);
+        let at = u64::from(pixel[1]) * u64::from(self.size_px[0]) + u64::from(pixel[0]);
+        let has_surface = self.plan.has(PassName::Surface);
+        let mut parts = Vec::new();
+        if has_surface {
+            parts.push((&self.targets.depths, at * 4, 4));
+            parts.push((&self.targets.surfaces, at * 8, 8));
+        }
+        if self.plan.has(PassName::Context) {
+            parts.push((&self.targets.outsides, at * 16, 16));
+        }
+        if parts.is_empty() {
+            return Ok(None);
+        }
+        let read = gpu.read_buffers(&parts).map_err(RenderError::Device)?;
+        let mut read = read.iter();
+        let found = |depth: f32, bits| {
+            let world_mm = world_at(&self.camera, self.reference_mm, self.size_px, pixel, depth);
+            ContextPick { world_mm, bits }
+        };
+        if has_surface && let (Some(depth), Some(surface)) = (read.next(), read.next()) {
+            let depth: f32 = bytemuck::pod_read_unaligned(depth);
+            let [number, _]: [u32; 2] = bytemuck::pod_read_unaligned(surface);
+            if depth < FAR {
+                let bits = self.tumor.as_ref().and_then(|t| t.bits_of_id().get(number as usize));
+                return Ok(bits.map(|&bits| found(depth, Some(bits))));
+            }
+        }
+        Ok(read.next().and_then(|marched| {
+            let marched: Marched = bytemuck::pod_read_unaligned(marched);
+            (marched.depth < FAR).then(|| found(marched.depth, None))
+        }))
+    }
+}

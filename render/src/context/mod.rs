@@ -1,0 +1,15 @@
+//! The context view (thesis 7.3.2): an image of the anatomy by ray casting, with the whole tumour
+//! seen in it from every side.
+
+mod frame;
+mod renderer;
+mod scene;
+#[cfg(test)]
+mod tests;
+pub(crate) mod uniforms;
+mod volume;
+
+pub use frame::{ContextFrame, ContextPick};
+pub use renderer::ContextRenderer;
+pub use scene::{ClipPlane, ContextScene, MOST_CLIP_PLANES, context_plan};
+pub use volume::ContextVolume;

@@ -1,0 +1,315 @@
+//! Runs a context view's plan.
+//!
+//! Lifetimes: pipelines are made once a [`ContextRenderer`]; an image's values once per `Arc` (4 bytes
+//! a voxel on the card); tables (40 KB, and a bit a brick) once a transfer function; the tumour's
+//! bricks once per `Arc`; targets once a size; the uniforms once a frame.
+
+use std::sync::Arc;
+
+use wgpu::util::DeviceExt;
+
+use super::{
+    frame::ContextFrame,
+    scene::{ContextScene, context_plan},
+    uniforms::{self as context_uniforms, FieldShape},
+    volume::{ContextVolume, Field, Tables},
+};
+use crate::{
+    compute::{PassRunner, TimeSource, workgroups_of},
+    gpu::Gpu,
+    plan::{PassName, Plan, Quality},
+    region_buffers::RegionBuffers,
+    renderer::RenderError,
+    targets::Targets,
+    transfer::TransferFunction,
+    uniforms::{self, LENS_ONLY_DRAWN, NO_SKIPPING},
+};
+
+/// Numbers of the bindings, as the shaders write them.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Slot {
+    View = 0,
+    Bricks = 1,
+    Voxels = 2,
+    Regions = 3,
+    Depths = 4,
+    Surfaces = 5,
+    Marched = 6,
+    Occlusion = 7,
+    Blurred = 8,
+    Kernel = 9,
+    Picture = 10,
+    Context = 11,
+    Values = 12,
+    Visible = 13,
+    Table = 14,
+    Factors = 15,
+}
+
+/// Shader file and bindings of each pass.
+const SHADERS: [(PassName, &str, &[Slot]); 5] = {
+    use Slot::*;
+    [
+        (PassName::Surface, "closeup_surface", &[View, Bricks, Voxels, Regions, Depths, Surfaces]),
+        (PassName::Occlusion, "closeup_occlusion", &[View, Regions, Depths, Surfaces, Occlusion, Kernel]),
+        (PassName::OcclusionBlur, "closeup_occlusion_blur", &[View, Depths, Occlusion, Blurred]),
+        (
+            PassName::Context,
+            "context_march",
+            &[View, Depths, Marched, Context, Values, Visible, Table, Factors],
+        ),
+        (PassName::Compose, "context_compose", &[View, Regions, Depths, Surfaces, Marched, Blurred, Picture]),
+    ]
+};
+
+/// An image on the card.
+struct Uploaded {
+    volume: Arc<ContextVolume>,
+    shape: FieldShape,
+    ranges: Vec<[f32; 2]>,
+    values: wgpu::Buffer,
+    shown: Option<Shown>,
+}
+
+/// How it is shown.
+struct Shown {
+    transfer: Arc<TransferFunction>,
+    tables: Tables,
+    visible: wgpu::Buffer,
+    table: wgpu::Buffer,
+    factors: wgpu::Buffer,
+}
+
+/// Draws context views. Not bound to a window.
+pub struct ContextRenderer {
+    passes: PassRunner,
+    view: wgpu::Buffer,
+    context: wgpu::Buffer,
+    kernel: wgpu::Buffer,
+    kernel_samples: u32,
+    regions: Option<RegionBuffers>,
+    uploaded: Option<Uploaded>,
+    frame: Option<ContextFrame>,
+}
+
+/// What tests turn off to see that it changes nothing, or only what it should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Ways {
+    pub skipping: bool,
+    pub jitter: bool,
+}
+
+impl Ways {
+    pub(super) const USUAL: Self = Self { skipping: true, jitter: true };
+}
+
+fn storage(gpu: &Gpu, label: &str, contents: &[u8]) -> wgpu::Buffer {
+    gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: Some(label),
+        contents,
+        usage: wgpu::BufferUsages::STORAGE,
+    })
+}
+
+impl ContextRenderer {
+    /// Compiles the pipelines.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] when the driver refuses a shader.
+    pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
+        let passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
+        let uniform = |label, size: usize| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: size as u64,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        gpu.check().map_err(RenderError::Device)?;
+        Ok(Self {
+            passes,
+            view: uniform("ContextRenderer::view", size_of::<uniforms::View>()),
+            context: uniform("ContextRenderer::context", size_of::<context_uniforms::Context>()),
+            kernel: uniform("ContextRenderer::kernel", size_of::<[[f32; 4]; 32]>()),
+            kernel_samples: 0,
+            regions: None,
+            uploaded: None,
+            frame: None,
+        })
+    }
+
+    /// Draws `scene` at `quality` for a place of `size_px` pixels. Returns when the work is
+    /// submitted; reading the frame waits for it.
+    ///
+    /// # Errors
+    /// [`RenderError`]; nothing is drawn then, and the frame before is gone.
+    pub fn render(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ContextScene,
+        quality: &Quality,
+        size_px: [u32; 2],
+    ) -> Result<&ContextFrame, RenderError> {
+        self.render_planned(gpu, scene, quality, size_px, context_plan(scene, quality), Ways::USUAL)
+    }
+
+    /// The last frame, if drawing it went well.
+    pub fn frame(&self) -> Option<&ContextFrame> {
+        self.frame.as_ref()
+    }
+
+    /// As [`ContextRenderer::render`] with a given plan.
+    pub(super) fn render_planned(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ContextScene,
+        quality: &Quality,
+        asked_px: [u32; 2],
+        plan: Plan,
+        ways: Ways,
+    ) -> Result<&ContextFrame, RenderError> {
+        let before = self.frame.take();
+        self.passes.clear();
+        gpu.check().map_err(RenderError::Device)?;
+        scene.check()?;
+        let size = quality.drawn_px(asked_px);
+        let targets = match before {
+            Some(frame) if frame.targets.size == size => frame.targets,
+            _ => Targets::new(gpu, size)?,
+        };
+        let regions = RegionBuffers::keep(&mut self.regions, gpu, scene.tumor.as_ref())?;
+        let tumor = scene.tumor_scene();
+        let mut view = uniforms::view_from(&tumor, scene.reference_mm(), quality, &plan, size);
+        view.flags |= LENS_ONLY_DRAWN;
+        if !ways.skipping {
+            view.flags |= NO_SKIPPING;
+        }
+        regions.show(gpu, &tumor, &mut view);
+        gpu.queue.write_buffer(&self.view, 0, bytemuck::bytes_of(&view));
+        if self.kernel_samples != view.occlusion_samples {
+            self.kernel_samples = view.occlusion_samples;
+            let kernel = uniforms::occlusion_kernel(view.occlusion_samples);
+            gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
+        }
+        let mut warning = None;
+        if let Some(volume) = scene.volume.as_ref().filter(|_| plan.has(PassName::Context)) {
+            let (shape, tables) = self.keep_image(gpu, volume, &scene.transfer)?;
+            warning = shape.warning(volume);
+            let mut context = context_uniforms::context(scene, volume, shape, tables, quality, &plan);
+            if !ways.jitter {
+                context.flags &= !context_uniforms::JITTER;
+            }
+            gpu.queue.write_buffer(&self.context, 0, bytemuck::bytes_of(&context));
+        }
+        self.bind(gpu, &plan, &targets);
+        self.passes.run(gpu);
+        gpu.check().map_err(RenderError::Device)?;
+        Ok(self.frame.insert(ContextFrame {
+            color: targets.color.clone(),
+            size_px: size,
+            asked_px,
+            plan,
+            warning,
+            targets,
+            tumor: scene.tumor.clone(),
+            camera: scene.camera,
+            reference_mm: scene.reference_mm(),
+        }))
+    }
+
+    /// Makes the image and the tables of its transfer function those on the card.
+    fn keep_image(
+        &mut self,
+        gpu: &Gpu,
+        volume: &Arc<ContextVolume>,
+        transfer: &Arc<TransferFunction>,
+    ) -> Result<(&FieldShape, &Tables), RenderError> {
+        // The one before may be large: let it go first.
+        let up = match self.uploaded.take().filter(|up| Arc::ptr_eq(&up.volume, volume)) {
+            Some(up) => up,
+            None => upload(gpu, volume)?,
+        };
+        let up = self.uploaded.insert(up);
+        let is_shown = |s: &Shown| Arc::ptr_eq(&s.transfer, transfer) || *s.transfer == **transfer;
+        let shown = match up.shown.take().filter(is_shown) {
+            Some(shown) => shown,
+            None => {
+                let tables = Tables::of(transfer, volume.scale(), &up.ranges);
+                Shown {
+                    transfer: Arc::clone(transfer),
+                    visible: storage(gpu, "Shown::visible", bytemuck::cast_slice(&tables.visible)),
+                    table: storage(gpu, "Shown::table", bytemuck::cast_slice(&tables.colors)),
+                    factors: storage(gpu, "Shown::factors", bytemuck::cast_slice(&tables.factors)),
+                    tables,
+                }
+            }
+        };
+        Ok((&up.shape, &up.shown.insert(shown).tables))
+    }
+
+    fn bind(&mut self, gpu: &Gpu, plan: &Plan, targets: &Targets) {
+        let Some(regions) = &self.regions else { return };
+        let image = self.uploaded.as_ref().and_then(|up| Some((up, up.shown.as_ref()?)));
+        let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
+        for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
+            let entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
+                .iter()
+                .filter_map(|&slot| {
+                    let resource = match slot {
+                        Slot::View => self.view.as_entire_binding(),
+                        Slot::Bricks => regions.table.as_entire_binding(),
+                        Slot::Voxels => regions.words.as_entire_binding(),
+                        Slot::Regions => regions.regions.as_entire_binding(),
+                        Slot::Depths => targets.depths.as_entire_binding(),
+                        Slot::Surfaces => targets.surfaces.as_entire_binding(),
+                        // As large as what the closeup keeps of its outer level, in its place.
+                        Slot::Marched => targets.outsides.as_entire_binding(),
+                        Slot::Occlusion => targets.occlusion.as_entire_binding(),
+                        Slot::Blurred => targets.blurred.as_entire_binding(),
+                        Slot::Kernel => self.kernel.as_entire_binding(),
+                        Slot::Picture => wgpu::BindingResource::TextureView(&picture),
+                        Slot::Context => self.context.as_entire_binding(),
+                        Slot::Values => image?.0.values.as_entire_binding(),
+                        Slot::Visible => image?.1.visible.as_entire_binding(),
+                        Slot::Table => image?.1.table.as_entire_binding(),
+                        Slot::Factors => image?.1.factors.as_entire_binding(),
+                    };
+                    Some((slot as u32, resource))
+                })
+                .collect();
+            self.passes.bind(gpu, pass, &entries, workgroups_of(targets.size));
+        }
+    }
+
+    /// Where [`ContextRenderer::pass_times`] come from on this device.
+    pub fn time_source(&self) -> TimeSource {
+        self.passes.time_source()
+    }
+
+    /// Milliseconds of each pass of the last frame, in order; empty before the first. Waits for it.
+    /// Without timestamps on the device the passes are run again, one by one.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub fn pass_times(&self, gpu: &Gpu) -> Result<Vec<(PassName, f64)>, RenderError> {
+        if self.frame.is_some() { self.passes.times(gpu) } else { Ok(Vec::new()) }
+    }
+}
+
+fn upload(gpu: &Gpu, volume: &Arc<ContextVolume>) -> Result<Uploaded, RenderError> {
+    let limits = gpu.device.limits();
+    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    let Some(field) = Field::fitting(volume, limit) else {
+        return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });
+    };
+    let values = storage(gpu, "Uploaded::values", bytemuck::cast_slice(&field.values));
+    gpu.check().map_err(RenderError::Device)?;
+    Ok(Uploaded {
+        volume: Arc::clone(volume),
+        shape: FieldShape::of(&field),
+        ranges: field.ranges(),
+        values,
+        shown: None,
+    })
+}

@@ -17,7 +17,7 @@ pub fn default_layout() -> Tree<Pane> {
         [Plane::Axial, Plane::Coronal, Plane::Sagittal].map(|plane| tiles.insert_pane(Pane::Slice(plane)));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
     let left = linear(&mut tiles, LinearDir::Vertical, &[(closeup, 1.25), (context, 1.0)]);
-    let middle = linear(&mut tiles, LinearDir::Vertical, &[(ellipsoids, 1.0), (overlap, 1.25)]);
+    let middle = linear(&mut tiles, LinearDir::Vertical, &[(ellipsoids, 1.0), (overlap, 1.55)]);
     let root = linear(&mut tiles, LinearDir::Horizontal, &[(left, 1.25), (middle, 1.0), (right, 0.85)]);
     Tree::new(egui::Id::unique("layout"), root, tiles)
 }

@@ -156,7 +156,7 @@ pub fn drawn(view: &ViewContext<'_>, found: &[ComponentEllipsoid]) -> (Vec<Drawn
     (list, small)
 }
 
-/// A camera that holds every ellipsoid, shown or not, so that a click on the diagram moves nothing.
+/// A camera that holds every ellipsoid (whose box has corners that none reaches), shown or not, so that a click on the diagram moves nothing.
 fn camera(view: &ViewContext<'_>, found: &[ComponentEllipsoid]) -> Camera {
     let look = &view.doc.edit.ellipsoids;
     let nav = &view.doc.nav;
@@ -173,7 +173,7 @@ fn camera(view: &ViewContext<'_>, found: &[ComponentEllipsoid]) -> Camera {
     } else {
         (view.doc.edit.lens.center_mm, document::tumor_radius_mm(view.time_point))
     };
-    linked::camera(&nav.camera, focus_mm, radius_mm * 0.9, nav.ellipsoid_zoom)
+    linked::camera(&nav.camera, focus_mm, radius_mm * 0.72, nav.ellipsoid_zoom)
 }
 
 /// Everything the list of drawn ellipsoids depends on besides what was found.

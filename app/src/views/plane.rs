@@ -16,6 +16,19 @@ use super::{Handle, ViewContext, slices};
 const SIDE_PX: u32 = 384;
 const OPACITY: f64 = 0.55;
 
+/// Greys below this fade out: air and what is outside the image would only hide the ellipsoids.
+const FAINTEST: f32 = 56.0;
+
+/// Gives each pixel an opacity by its brightness.
+fn clear_air(rgba: &mut [u8]) {
+    for pixel in rgba.chunks_exact_mut(4) {
+        let is_outside = pixel[..3] == SliceStyle::DARK.outside;
+        let brightest = f32::from(pixel[0].max(pixel[1]).max(pixel[2]));
+        let share = if is_outside { 0.0 } else { (brightest / FAINTEST).min(1.0) };
+        pixel[3] = (255.0 * share) as u8;
+    }
+}
+
 /// The plane last made: made again when slice, image or window changed.
 #[derive(Default)]
 pub struct PlaneState {
@@ -43,7 +56,8 @@ impl PlaneState {
             masks: None,
             style: SliceStyle::DARK,
         };
-        let picture = render_slice(&slice, &layers);
+        let mut picture = render_slice(&slice, &layers);
+        clear_air(&mut picture.rgba);
         let side_mm = slice.mm_per_pixel * f64::from(SIDE_PX);
         let (right, down) = (slice.right() * side_mm, slice.down() * side_mm);
         let plane = SlicePlane {

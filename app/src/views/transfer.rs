@@ -129,7 +129,7 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     for (i, tall) in bars.iter().enumerate() {
         let left = rect.left() + i as f32 * bar;
         let top = rect.bottom() - *tall as f32 * rect.height();
-        painter.rect_filled(Rect::from_min_max(pos2(left, top), pos2(left + bar, rect.bottom())), 0.0, ink);
+        painter.rect_filled(Rect::from_min_max(pos2(left, top), pos2(left + bar + 0.5, rect.bottom())), 0.0, ink);
     }
     let steps = 160;
     let strip = rect.width() / steps as f32;
@@ -339,6 +339,8 @@ fn joint_picture(
             let value = low + share(column) * (high - low);
             let (color, per_mm) = transfer.sample(value, share(row) * joint.highest_gradient());
             let seen = per_mm.sqrt();
+            // A few voxels are seen as well as many.
+            let tall = if *tall > 0.0 { 0.25 + 0.75 * tall } else { 0.0 };
             let mixed = color.map(|c| (255.0 * tall * (0.45 * (1.0 - seen) + c * seen)) as u8);
             // Steeper is higher.
             pixels[(bins - 1 - row) * bins + column] = Color32::from_rgb(mixed[0], mixed[1], mixed[2]);

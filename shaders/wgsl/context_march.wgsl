@@ -251,14 +251,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 let next = ceil((past - first) / step + 0.5 - 0.02);
                 k = max(k + 1u, u32(clamp(next, 0.0, f32(count))));
             }
-            if k >= count || begin >= end {
+            if k >= count || begin >= far {
                 break;
             }
             let here = dot(place.cell, stride);
             let corners = corners_at(here, to_next);
             let value = between(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
             var material = looked_up(value);
-            if value > NOT_FINITE && material.a > 0.0 {
+            // The jitter may leave the first cell no length.
+            if value > NOT_FINITE && material.a > 0.0 && begin < end {
                 var gradient = gradient_at(place, here, to_next, corners);
                 let steepness = length(gradient);
                 let unknown = !(steepness < TOO_STEEP);

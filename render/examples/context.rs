@@ -20,6 +20,13 @@ use glioscope_render::{
     MaskColors, Palette, Projection, Quality, TransferPreset,
 };
 
+/// CPU time of this process, milliseconds in steps of 10; what a busy machine leaves comparable.
+fn cpu_ms() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
+    fields.get(11..13).map_or(0.0, |t| t.iter().filter_map(|v| v.parse::<f64>().ok()).sum::<f64>() * 10.0)
+}
+
 fn median(mut v: Vec<f64>) -> f64 {
     v.sort_by(f64::total_cmp);
     v[v.len() / 2]
@@ -33,7 +40,7 @@ fn open(data: &Path, masks: &[(&str, &str)], contexts: &[(&str, &str)]) -> Case 
     load(&spec, &LoadOptions::default(), &Progress::new()).unwrap()
 }
 
-fn scene(case: &Case, context: &str, preset: TransferPreset) -> ContextScene {
+fn scene(case: &Case, context: &str, preset: TransferPreset, zoom: f64) -> ContextScene {
     let time = &case.time_points[0];
     let image = &time.contexts.iter().find(|c| c.id == context).unwrap().volume;
     let start = Instant::now();
@@ -45,7 +52,7 @@ fn scene(case: &Case, context: &str, preset: TransferPreset) -> ContextScene {
     );
     let tumor = RegionVolume::of(&time.index, &time.regions).map(Arc::new);
     let center_mm = image.grid().center_mm();
-    let radius_mm = 0.5 * image.grid().corners_mm()[0].distance(center_mm);
+    let radius_mm = zoom * image.grid().corners_mm()[0].distance(center_mm);
     ContextScene {
         transfer: Arc::new(preset.transfer(volume.statistics())),
         volume: Some(volume),
@@ -89,7 +96,7 @@ fn main() {
         &[("CT", "CT_mask.nii.gz"), ("MR", "MR_T1_mask.nii.gz"), ("PET", "PET_mask.nii.gz")],
         &[("ct", "CT_image.nii.gz"), ("mr", "MR_T1_image.nii.gz"), ("pet", "PET_image.nii.gz")],
     );
-    let surface = scene(&glioma, "t1c", TransferPreset::MrSurface);
+    let surface = scene(&glioma, "t1c", TransferPreset::MrSurface, 0.55);
     let mut cut = surface.clone();
     let tumor_mm = surface.tumor.as_ref().unwrap().grid().center_mm();
     cut.clip = vec![ClipPlane { normal: DVec3::Z, offset_mm: tumor_mm.z }];
@@ -101,20 +108,20 @@ fn main() {
         transfer: Arc::new(preset.transfer(scene.volume.as_ref().unwrap().statistics())),
         ..scene.clone()
     };
-    let skin = scene(&sarcoma, "ct", TransferPreset::CtSkin);
+    let skin = scene(&sarcoma, "ct", TransferPreset::CtSkin, 0.9);
     let scenes = [
         ("mr_tissue", with(&surface, TransferPreset::MrTissue)),
         ("mr_borders", with(&surface, TransferPreset::MrBorders)),
         ("mr_surface", surface),
         ("mr_cut", cut),
         ("mr_near", near),
-        ("flair", scene(&glioma, "fla", TransferPreset::MrSurface)),
+        ("flair", scene(&glioma, "fla", TransferPreset::MrSurface, 0.55)),
         ("ct_soft", with(&skin, TransferPreset::CtSoft)),
         ("ct_bone", with(&skin, TransferPreset::CtBone)),
         ("ct_skin", skin),
-        ("sarcoma_mr", scene(&sarcoma, "mr", TransferPreset::MrSurface)),
-        ("pet_hot", scene(&sarcoma, "pet", TransferPreset::PetHot)),
-        ("pet_body", scene(&sarcoma, "pet", TransferPreset::PetBody)),
+        ("sarcoma_mr", scene(&sarcoma, "mr", TransferPreset::MrSurface, 0.9)),
+        ("pet_hot", scene(&sarcoma, "pet", TransferPreset::PetHot, 0.9)),
+        ("pet_body", scene(&sarcoma, "pet", TransferPreset::PetBody, 0.9)),
     ];
     for (name, light) in scenes.iter().filter(|s| only.as_deref().is_none_or(|o| s.0.starts_with(o))) {
         let dark = ContextScene { background: [24, 26, 30], silhouette: [235, 235, 235], ..light.clone() };
@@ -126,20 +133,25 @@ fn main() {
             image::RgbaImage::from_raw(frame.size_px[0], frame.size_px[1], rgba).unwrap().save(path).unwrap();
         }
         for (kind, quality) in [("full", Quality::FULL), ("draft", Quality::DRAFT)] {
-            let mut whole = Vec::new();
+            let (mut whole, mut cpu) = (Vec::new(), Vec::new());
             let mut rows: Vec<Vec<f64>> = Vec::new();
             let mut names = Vec::new();
             for _ in 0..frames {
-                let start = Instant::now();
+                let (start, cpu_before) = (Instant::now(), cpu_ms());
                 renderer.render(&gpu, light, &quality, [size; 2]).unwrap();
                 gpu.wait().unwrap();
                 whole.push(start.elapsed().as_secs_f64() * 1e3);
+                cpu.push(cpu_ms() - cpu_before);
                 let times = renderer.pass_times(&gpu).unwrap();
                 names = times.iter().map(|t| t.0.name()).collect();
                 rows.push(times.iter().map(|t| t.1).collect());
             }
             if frames > 0 {
-                print!("{name:12} {size} {kind:5} whole {:7.1} ms ", median(whole));
+                print!(
+                    "{name:12} {size} {kind:5} whole {:7.1} ms, CPU {:5.0} ms ",
+                    median(whole),
+                    median(cpu)
+                );
                 for (column, pass) in names.iter().enumerate() {
                     print!(" {pass} {:6.1}", median(rows.iter().map(|r| r[column]).collect()));
                 }

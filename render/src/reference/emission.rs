@@ -126,7 +126,8 @@ fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sa
         let (color, per_mm) = scene.transfer.sample(value, gradient.length());
         let opacity = TransferFunction::opacity_over(per_mm, end - begin);
         let through = 1.0 - out[3];
-        let color = shaded(color, gradient, ray.direction, volume.half_shaded());
+        let inside = (0.5 * (begin + end) - near) / volume.cut_fade_mm();
+        let color = shaded(color, gradient, ray.direction, volume.half_shaded(), inside);
         for i in 0..3 {
             out[i] += through * opacity * color[i];
         }
@@ -139,12 +140,12 @@ fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sa
     out
 }
 
-fn shaded(color: [f64; 3], gradient: DVec3, ray: DVec3, half_shaded: f64) -> [f64; 3] {
+fn shaded(color: [f64; 3], gradient: DVec3, ray: DVec3, half_shaded: f64, inside: f64) -> [f64; 3] {
     let steepness = gradient.length();
     if !steepness.is_finite() || steepness == 0.0 {
         return color;
     }
-    let strength = steepness / (steepness + half_shaded);
+    let strength = inside.min(1.0) * steepness.powi(2) / (steepness.powi(2) + half_shaded.powi(2));
     let facing = (gradient.dot(ray) / steepness).abs();
     let light = AMBIENT + (1.0 - AMBIENT) * facing;
     color.map(|c| (c * (1.0 - strength + strength * light) + strength * SPECULAR * facing.powi(16)).min(1.0))

@@ -164,7 +164,8 @@ fn main() {
     }
 }
 
-/// Median time of the march and error against the `f64` reference at 1/16 mm, by step.
+/// Median time of the march at `size`, and error of a picture of 128x128 against the `f64` reference at
+/// 1/16 mm, by step.
 fn curve(gpu: &Gpu, renderer: &mut ContextRenderer, name: &str, scene: &ContextScene, size: u32) {
     use glioscope_render::reference::emission::{Sampling, march};
     // Without tumour, the picture is the march over the background.
@@ -184,15 +185,19 @@ fn curve(gpu: &Gpu, renderer: &mut ContextRenderer, name: &str, scene: &ContextS
                 n += 1.0;
             }
         }
-        let mut times = Vec::new();
-        for _ in 0..3 {
+        let (mut times, mut cpu) = (Vec::new(), Vec::new());
+        for _ in 0..5 {
+            let cpu_before = cpu_ms();
             renderer.render(gpu, &alone, &quality, [size; 2]).unwrap();
+            gpu.wait().unwrap();
+            cpu.push(cpu_ms() - cpu_before);
             let passes = renderer.pass_times(gpu).unwrap();
             times.extend(passes.iter().filter(|p| p.0 == glioscope_render::PassName::Context).map(|p| p.1));
         }
         println!(
-            "{name} step {step_mm} mm: march {:.1} ms, RMS {:.2}/255, worst {worst:.0}/255",
+            "{name} step {step_mm} mm: march {:.1} ms (frame CPU {:.0} ms), RMS {:.2}/255, worst {worst:.0}/255",
             median(times),
+            median(cpu),
             (square / n).sqrt()
         );
     }

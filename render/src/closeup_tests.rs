@@ -7,6 +7,7 @@ use glioscope_core::{Grid, Selection};
 
 use crate::{
     AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Renderer, Scene,
+    context::uniforms::{Context, Marched},
     plan::plan,
     reference::twins,
     testing::{balls_scene, blobs, grid, noise, scene_of, volume},
@@ -484,9 +485,17 @@ fn rust_and_wgsl_lay_structs_out_alike() {
                 occlusion_samples, occlusion_radius_mm, occlusion_strength, color_bleeding, line_scale, depth_span_mm, outside_opacity, inner_line_strength, outer_line_strength),
         ),
         ("Outside", offsets!(OutsideHit: depth, number, face, color)),
+        (
+            "Context",
+            offsets!(Context: corner, step_mm, right, table_scale, up, table_offset, forward, factor_scale, dims,
+                factor_offset, bricks, flags, half_shaded, ambient, specular, clip_count, clips, cut_fade_mm, table_last,
+                factor_last, unused),
+        ),
+        ("Marched", offsets!(Marched: red_green, blue_opacity, depth, unused)),
     ];
     let mut seen = vec![0; expected.len()];
-    for name in glioscope_shaders::ALL.iter().filter(|n| n.starts_with("closeup")) {
+    for name in glioscope_shaders::ALL.iter().filter(|n| n.starts_with("closeup") || n.starts_with("context"))
+    {
         let module = naga::front::wgsl::parse_str(&glioscope_shaders::compose(name).unwrap()).unwrap();
         for (_, global) in module.global_variables.iter() {
             let mut ty = &module.types[global.ty];

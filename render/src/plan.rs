@@ -82,7 +82,8 @@ pub struct Quality {
     pub occlusion_strength: f64,
     /// How much hidden places take on the colour of what hides them, 0 to 1.
     pub color_bleeding: f64,
-    /// Distance between samples of the context image along a ray, millimetres. Above 0; anything else
+    /// Distance between samples of the context image along a ray, millimetres; where its finest
+    /// spacing is above 1 mm, that many times as much. Above 0; anything else
     /// is taken for the finest step there is, as are steps that would need more than
     /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal.
     pub context_step_mm: f64,

@@ -17,6 +17,7 @@ pub mod progress;
 pub mod regions;
 pub mod resample;
 pub mod sample;
+pub mod skeleton;
 pub mod surface;
 pub mod tumor_index;
 pub mod volume;

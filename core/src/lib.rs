@@ -5,6 +5,7 @@
 //! those of the project's design: see ARCHITECTURE.md.
 
 pub mod case;
+pub mod change;
 pub mod check;
 pub mod components;
 pub mod distance;

@@ -4,6 +4,7 @@
 //! on stderr.
 
 mod arguments;
+mod change;
 mod info;
 mod measure;
 mod render;
@@ -60,6 +61,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Task::Open { case, window }) => open(&case, window),
         Some(Task::Info { target, json, case }) => info::run(target, &case, json),
         Some(Task::Measure { case, json }) => measure::run(&case, json),
+        Some(Task::Change(arguments)) => change::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Sample { out }) => sample::run(&out),

@@ -62,11 +62,7 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'
 ///
 /// # Panics
 /// When there is no software adapter.
-pub fn window_with(
-    work: Workstation,
-    size: [f32; 2],
-    theme: egui::Theme,
-) -> Harness<'static, GlioscopeApp> {
+pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Harness<'static, GlioscopeApp> {
     harness(work, size, theme, GlioscopeApp::refined)
 }
 

@@ -243,8 +243,7 @@ fn the_ellipsoid_diagram_covers_what_geometry_says() {
             plane: None,
         };
         let mut renderer = glioscope_render::EllipsoidRenderer::new(&gpu).unwrap();
-        let rgba =
-            renderer.render(&gpu, &scene, &Quality::FULL, SIZE).unwrap().read_rgba(&gpu).unwrap();
+        let rgba = renderer.render(&gpu, &scene, &Quality::FULL, SIZE).unwrap().read_rgba(&gpu).unwrap();
         let size = DVec2::new(f64::from(SIZE[0]), f64::from(SIZE[1]));
         let mut expected = 0;
         for y in 0..SIZE[1] {

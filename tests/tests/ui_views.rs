@@ -65,7 +65,8 @@ fn turning_one_3d_view_turns_the_others() {
         let mut harness = sample();
         let before = frames(&harness);
         let camera = doc(&harness).nav.camera;
-        let pictures = [Pane::Closeup, Pane::Context, Pane::Ellipsoids].map(|p| pane_picture(&mut harness, p));
+        let pictures =
+            [Pane::Closeup, Pane::Context, Pane::Ellipsoids].map(|p| pane_picture(&mut harness, p));
         drag(&mut harness, pane, vec2(70.0, 0.0));
         let turned = doc(&harness).nav.camera;
         assert_ne!(turned.world_from_camera, camera.world_from_camera, "{pane:?}");
@@ -226,10 +227,7 @@ fn ellipsoids_change_kind_and_the_small_are_hidden_and_counted() {
     let mut harness = sample();
     let before = pane_picture(&mut harness, Pane::Ellipsoids);
     let look = doc(&harness).edit.ellipsoids;
-    perform(
-        &mut harness,
-        &Command::SetEllipsoidLook(EllipsoidLook { kind: EllipsoidKind::Moment, ..look }),
-    );
+    perform(&mut harness, &Command::SetEllipsoidLook(EllipsoidLook { kind: EllipsoidKind::Moment, ..look }));
     assert_ne!(pane_picture(&mut harness, Pane::Ellipsoids), before);
     let count = |harness: &Harness<'_, GlioscopeApp>| {
         let state = harness.state();

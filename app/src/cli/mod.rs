@@ -4,6 +4,7 @@
 //! on stderr.
 
 mod arguments;
+mod change;
 mod ellipsoids;
 mod info;
 mod measure;
@@ -64,6 +65,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Task::Ellipsoids { case, connectivity, tolerance, json }) => {
             ellipsoids::run(&case, connectivity, tolerance, json)
         }
+        Some(Task::Change(arguments)) => change::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Sample { out }) => sample::run(&out),

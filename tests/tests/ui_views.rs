@@ -93,6 +93,7 @@ fn scrolling_zooms_one_view_alone_and_a_double_click_fits_it() {
         delta: vec2(0.0, 120.0),
         modifiers: egui::Modifiers::NONE,
         phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Unknown,
     });
     harness.run_ok();
     let after = doc(&harness).nav.clone();

@@ -1,0 +1,346 @@
+//! The change view (thesis 7.3.4): where the surface of one mask grew, shrank or stayed between two
+//! dates, as a height map or as arrows, in its anatomy.
+
+use std::sync::Arc;
+
+use egui::{Align2, Color32, ComboBox, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, pos2, vec2};
+use glam::UVec2;
+use glioscope_core::change::Flag;
+use glioscope_render::{
+    ChangeContext, ChangeLook, ChangePick, ChangeScene, ChangeStyle, MaskColors, Palette, TransferFunction,
+};
+
+use super::{
+    ViewContext, closeup,
+    context::{self, VolumeJob, transfer_of},
+    ellipsoids::Stage,
+    linked::{self, Linked},
+    ruler,
+    still::Refinement,
+};
+use crate::{
+    commands::Command,
+    comparing::{self, ChangeSetting, Compared, Comparisons},
+    document::{self, Pane},
+    jobs::Lookup,
+    viewport::Viewport,
+    window::waker,
+};
+
+/// What the view remembers between frames; never saved.
+#[derive(Default)]
+pub struct ChangeState {
+    refinement: Refinement<ChangeScene>,
+    transfer: Option<Arc<TransferFunction>>,
+    pointer: Option<egui::Pos2>,
+    hover: Option<ChangePick>,
+}
+
+impl ChangeState {
+    /// Whether the picture last drawn was in full quality.
+    pub fn refined(&self) -> bool {
+        self.refinement.refined()
+    }
+
+    /// What is under the pointer.
+    pub fn hover(&self) -> Option<&ChangePick> {
+        self.hover.as_ref()
+    }
+}
+
+/// Colours of recession and growth.
+pub fn colors_of(palette: Palette) -> ([u8; 3], [u8; 3]) {
+    match palette {
+        Palette::Thesis => (ChangeLook::THESIS.shrink, ChangeLook::THESIS.grow),
+        Palette::ColorBlindSafe => (ChangeLook::SAFE.shrink, ChangeLook::SAFE.grow),
+    }
+}
+
+/// Colours of the two dates as two masks: what is at the earlier date alone is gone, at the later
+/// alone new.
+pub fn pair_colors(palette: Palette) -> MaskColors {
+    let (shrink, grow) = colors_of(palette);
+    MaskColors::new(palette, &[Some(shrink), Some(grow)])
+}
+
+/// The change drawn opaque where the user chose none.
+fn full_mm(setting: &ChangeSetting, compared: &Compared) -> f64 {
+    let most = |l: &glioscope_core::change::Lengths| l.p95_mm.unwrap_or(0.0);
+    let report = &compared.report;
+    setting.full_mm.unwrap_or_else(|| most(&report.growth).max(most(&report.recession)).max(1.0))
+}
+
+fn look(view: &ViewContext<'_>, compared: &Compared) -> ChangeLook {
+    let setting = &view.doc.edit.change;
+    let (shrink, grow) = colors_of(view.doc.edit.palette);
+    ChangeLook {
+        style: setting.style,
+        full_mm: full_mm(setting, compared),
+        smooth_mm: setting.smooth_mm,
+        threshold_mm: setting.threshold_mm,
+        grow,
+        shrink,
+    }
+}
+
+/// Draws the view into all of `ui` and writes what the user did to `out`.
+pub fn show(
+    ui: &mut Ui,
+    view: &ViewContext<'_>,
+    stage: Stage<'_>,
+    (state, comparisons, job): (&mut ChangeState, &mut Comparisons, &mut VolumeJob),
+    out: &mut Vec<Command>,
+) {
+    let chosen = view.doc.edit.change.chosen(view.case);
+    if let Ok(chosen) = &chosen {
+        ui.horizontal_wrapped(|ui| controls(ui, view, chosen, out));
+    }
+    let rect = ui.available_rect_before_wrap();
+    let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    if let Err(why) = chosen {
+        closeup::message(ui, rect, &why);
+        return;
+    }
+    let Some(viewport) = stage.viewport else {
+        closeup::message(ui, rect, "No graphics adapter: the change view can't be drawn.");
+        return;
+    };
+    let setting = &view.doc.edit.change;
+    let compared = match comparing::get(comparisons, view.case, setting, stage.refine_at_once, waker(ui.ctx())) {
+        Some(Lookup::Ready(compared)) => compared.clone(),
+        Some(Lookup::Working(progress)) => {
+            let text = crate::world::progress_text(progress);
+            closeup::message(ui, rect, &text);
+            ui.request_repaint_after(std::time::Duration::from_millis(100));
+            return;
+        }
+        Some(Lookup::Failed(why)) => {
+            closeup::message(ui, rect, why);
+            return;
+        }
+        None => return,
+    };
+    let volume = match context::volume(ui, view, stage.refine_at_once, job) {
+        Some(Lookup::Ready(volume)) => Some(volume.clone()),
+        Some(Lookup::Working(_)) => {
+            ui.request_repaint_after(std::time::Duration::from_millis(100));
+            None
+        }
+        _ => None,
+    };
+    let transfer = match view.context {
+        Some((id, image)) => transfer_of(view, id, image),
+        None => TransferFunction::transparent(),
+    };
+    let transfer = match &state.transfer {
+        Some(have) if **have == transfer => have.clone(),
+        _ => state.transfer.insert(Arc::new(transfer)).clone(),
+    };
+    let nav = &view.doc.nav;
+    let radius_mm = document::tumor_radius_mm(view.time_point);
+    let camera = linked::camera(&nav.camera, view.doc.edit.lens.center_mm, radius_mm, nav.change_zoom);
+    let scene = ChangeScene {
+        surface: compared.surface.clone(),
+        look: look(view, &compared),
+        base: [205, 196, 184],
+        context: ChangeContext { volume, transfer, clip: view.doc.edit.clips.clone() },
+        camera,
+        background: closeup::background(ui.visuals().dark_mode),
+        silhouette: [0, 0, 0],
+    };
+    let linked = Linked { pane: Pane::Change, camera, zoom: nav.change_zoom, rect };
+    let outcome = {
+        let pick_at = |pos| pick(viewport, rect, pos).map(|p| p.world_mm);
+        linked.interact(ui, view, &response, &pick_at, out)
+    };
+    let size = rect.size() * ui.pixels_per_point();
+    if size.x < 1.0 || size.y < 1.0 {
+        return;
+    }
+    let (quality, just_refined) = state.refinement.quality(ui, &scene, stage.refine_at_once);
+    if just_refined {
+        state.pointer = None;
+    }
+    let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
+    match viewport.change.show(&viewport.gpu, &scene, &quality, size) {
+        Ok(texture) => {
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            ui.painter().image(texture, rect, whole, Color32::WHITE);
+        }
+        Err(error) => {
+            closeup::message(ui, rect, &error);
+            return;
+        }
+    }
+    let pointer = response.hover_pos();
+    if pointer != state.pointer {
+        state.pointer = pointer;
+        state.hover = pointer.filter(|_| !response.dragged()).and_then(|pos| pick(viewport, rect, pos));
+        if let Some(pick) = &state.hover
+            && (nav.follow_pointer || response.clicked())
+        {
+            out.push(Command::SetCursor(pick.world_mm));
+        }
+    }
+    let spoken = state.hover.as_ref().map(|pick| pick_text(&compared, pick));
+    partner(ui, rect, &linked, state.hover.as_ref());
+    if let (Some(pointer), Some(text), false) = (pointer, &spoken, outcome.ring) {
+        ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
+    }
+    legend(ui, view, rect, &compared, &scene.look);
+    closeup::corner_marks(ui, view, rect, &camera, "at the middle");
+    response.widget_info(|| {
+        let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
+        let [from, to] = &compared.labels;
+        let words = format!("Change of {} from {from} to {to}: {under}", compared.report.mask);
+        WidgetInfo::labeled(Role::Canvas, true, words)
+    });
+}
+
+/// What is under a place of the picture last drawn.
+fn pick(viewport: &Viewport, rect: Rect, pos: egui::Pos2) -> Option<ChangePick> {
+    let (u, v) = linked::fraction(rect, pos)?;
+    let (frame, [x, y]) = viewport.change.pixel(u, v)?;
+    // A device that fails says so when the next frame is drawn.
+    frame.pick(&viewport.gpu, x, y).ok().flatten()
+}
+
+/// The unfiltered value under the pointer, and what is special about it.
+pub fn pick_text(compared: &Compared, pick: &ChangePick) -> String {
+    let [from, to] = &compared.labels;
+    match (&pick.vector, pick.unpartnered) {
+        (Some(v), _) => {
+            let what = if v.signed_mm > 0.0 { "grew" } else { "shrank" };
+            let sure = if v.flags.within_uncertainty { ", within uncertainty" } else { "" };
+            let fallback = if v.flags.no_set { "\npartner: nearest surface" } else { "" };
+            format!(
+                "{what} {:.1} mm{sure} (± {:.1} mm)\nnearest surface {:.1} mm{fallback}",
+                v.signed_mm.abs(),
+                v.uncertainty_mm,
+                v.nearest_mm
+            )
+        }
+        (None, Some(true)) => format!("new component at {to}: no counterpart"),
+        (None, Some(false)) => format!("component of {from} that is gone: no counterpart"),
+        (None, None) => "no change here".into(),
+    }
+}
+
+/// The line from a point to its partner.
+fn partner(ui: &Ui, rect: Rect, linked: &Linked, hover: Option<&ChangePick>) {
+    let Some(v) = hover.and_then(|pick| pick.vector.as_ref()) else { return };
+    let ends = [v.from_mm, v.to_mm].map(|mm| super::ring::pos_of(&linked.camera, rect, mm));
+    if let [Some(from), Some(to)] = ends {
+        let painter = ui.painter().with_clip_rect(rect);
+        ruler::line(&painter, [from, to], ruler::Look::Solid, "");
+    }
+}
+
+fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out: &mut Vec<Command>) {
+    let setting = &view.doc.edit.change;
+    let mut new = setting.clone();
+    ui.add_space(4.0);
+    let ids = comparing::ids_at(view.case, chosen.dates);
+    let combo = ComboBox::from_id_salt("compared mask").selected_text(&chosen.id).width(70.0);
+    let response = combo.show_ui(ui, |ui| {
+        for id in ids {
+            if ui.selectable_label(chosen.id == id, id).clicked() {
+                new.of = Some(id.to_owned());
+            }
+        }
+    });
+    response.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Mask to compare"));
+    let [from, to] = chosen.dates.map(|d| view.case.time_points[d].label.as_str());
+    ui.label(format!("{from} → {to}"));
+    for (style, text, tip) in [
+        (ChangeStyle::Height, "Height map", "Colour where the surface moved, smoothed over the picture"),
+        (ChangeStyle::Arrows, "Arrows", "An arrow from where the surface was to where it is"),
+    ] {
+        if ui.selectable_label(setting.style == style, text).on_hover_text(tip).clicked() {
+            new.style = style;
+        }
+    }
+    ui.spacing_mut().slider_width = 60.0;
+    match setting.style {
+        ChangeStyle::Height => {
+            let response = ui.add(Slider::new(&mut new.smooth_mm, 0.0..=5.0).fixed_decimals(1).suffix(" mm"));
+            response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Smoothing of the height map"));
+            response.on_hover_text("Width of the Gauss filter; the pointer always tells the unfiltered value");
+        }
+        ChangeStyle::Arrows => {
+            let response =
+                ui.add(Slider::new(&mut new.threshold_mm, 0.0..=20.0).fixed_decimals(1).suffix(" mm"));
+            response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Shortest arrow"));
+            response.on_hover_text("Shorter arrows are left out");
+        }
+    }
+    let drag = egui::DragValue::new(&mut new.registration_mm).range(0.0..=20.0).speed(0.02).suffix(" mm");
+    let response = ui.add(drag.prefix("registration ± "));
+    response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Registration error"));
+    response.on_hover_text("How far off the two dates may lie from one another (standard deviation)");
+    ui.checkbox(&mut new.on_slices, "on slices").on_hover_text("Slices show both outlines and what changed");
+    if new != *setting {
+        out.push(Command::SetChange(Box::new(new)));
+    }
+}
+
+/// Colours with their numbers, and what was counted.
+fn legend(ui: &Ui, view: &ViewContext<'_>, rect: Rect, compared: &Compared, look: &ChangeLook) {
+    let ink = closeup::ink(ui.visuals().dark_mode);
+    let painter = ui.painter().with_clip_rect(rect);
+    let font = FontId::proportional(12.0);
+    let report = &compared.report;
+    let mut at = rect.left_top() + vec2(10.0, 8.0);
+    let mm = |v: Option<f64>| v.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
+    for (words, [r, g, b], lengths) in
+        [("grew", look.grow, &report.growth), ("shrank", look.shrink, &report.recession)]
+    {
+        let bar = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(46.0, 11.0));
+        let [br, bg, bb] = [205.0, 196.0, 184.0];
+        for step in 0..23_u8 {
+            let t = f32::from(step) / 22.0;
+            let mix = |from: f32, to: u8| (from + (f32::from(to) - from) * t) as u8;
+            let x = bar.left() + f32::from(step) * 2.0;
+            let piece = Rect::from_min_max(pos2(x, bar.top()), pos2(x + 2.0, bar.bottom()));
+            painter.rect_filled(piece, 0.0, Color32::from_rgb(mix(br, r), mix(bg, g), mix(bb, b)));
+        }
+        let text = format!(
+            "{words} 0 to {:.1} mm: {} voxels, median {}, 95 % {}, most {} mm",
+            look.full_mm,
+            lengths.count,
+            mm(lengths.p50_mm),
+            mm(lengths.p95_mm),
+            mm(lengths.max_mm)
+        );
+        painter.text(at + vec2(52.0, 0.0), Align2::LEFT_TOP, text, font.clone(), ink);
+        at.y += 16.0;
+    }
+    let mut notes = vec![format!("{} of {} within uncertainty", report.within_uncertainty, report.vectors)];
+    notes.extend(report.flags.iter().filter_map(|flag| flag_text(*flag)).map(str::to_owned));
+    for note in notes {
+        painter.text(at, Align2::LEFT_TOP, note, font.clone(), ink);
+        at.y += 15.0;
+    }
+    if view.doc.edit.change.style == ChangeStyle::Arrows {
+        let text = format!("arrows of {:.1} mm and more", look.threshold_mm);
+        painter.text(at, Align2::LEFT_TOP, text, font, ink);
+    }
+}
+
+/// A flag in words; `None` for one that the numbers already tell.
+fn flag_text(flag: Flag) -> Option<&'static str> {
+    Some(match flag {
+        Flag::NoChange => "no change: the masks are identical",
+        Flag::InsideOnly => "they differ inside only: no outer surface moved",
+        Flag::FromEmpty => "nothing at the earlier date",
+        Flag::ToEmpty => "nothing at the later date",
+        Flag::NoOverlap => "the two dates share no voxel: no arrows",
+        Flag::Vanished => "a component vanished: it has no arrows",
+        Flag::Appeared => "a component appeared: it has no arrows",
+        Flag::Split => "a component split",
+        Flag::Merged => "components merged",
+        Flag::Regrouped => "components regrouped",
+        Flag::TouchesBorder => "a mask touches the image's border",
+        Flag::NoSet => return None,
+    })
+}

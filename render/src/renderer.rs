@@ -49,7 +49,9 @@ pub enum RenderError {
         limit: u64,
     },
     /// Something else doesn't fit on the card.
-    #[error("found {what} to need {found} bytes in one buffer, expected at most {limit} on this graphics device")]
+    #[error(
+        "found {what} to need {found} bytes in one buffer, expected at most {limit} on this graphics device"
+    )]
     Buffer {
         /// What is too large.
         what: &'static str,

@@ -33,8 +33,10 @@ pub(super) fn in_order(scene: &EllipsoidScene) -> Vec<DrawnEllipsoid> {
     let key = |e: &DrawnEllipsoid| {
         let mut bits = [0; 16];
         let [x, y, z] = e.rotation.to_cols_array_2d();
-        let numbers =
-            [e.center_mm.to_array(), e.semi_axes_mm.to_array(), x, y, z].into_iter().flatten().chain([e.opacity]);
+        let numbers = [e.center_mm.to_array(), e.semi_axes_mm.to_array(), x, y, z]
+            .into_iter()
+            .flatten()
+            .chain([e.opacity]);
         for (bit, number) in bits.iter_mut().zip(numbers) {
             *bit = number.to_bits();
         }
@@ -64,11 +66,12 @@ pub(super) fn packed(
         .iter()
         .map(|e| {
             let square = e.rotation.transpose() * e.rotation;
-            let off = (square - DMat3::IDENTITY).to_cols_array().into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+            let off =
+                (square - DMat3::IDENTITY).to_cols_array().into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
             let unit_from_camera =
                 DMat3::from_diagonal(e.semi_axes_mm.recip()) * e.rotation.transpose() * world_from_camera;
-            let columns =
-                [unit_from_camera.x_axis, unit_from_camera.y_axis, unit_from_camera.z_axis].map(|c| c.as_vec3());
+            let columns = [unit_from_camera.x_axis, unit_from_camera.y_axis, unit_from_camera.z_axis]
+                .map(|c| c.as_vec3());
             let center = in_camera_space(&scene.camera, reference_mm, e.center_mm).as_vec3();
             let whole = off < 1e-3
                 && e.semi_axes_mm.is_finite()
@@ -177,7 +180,11 @@ impl Bins {
         }
         let words = count as u64 + 1 + sizes.iter().sum::<u64>();
         if words * 4 > limit || words > u64::from(u32::MAX) {
-            return Err(RenderError::Buffer { what: "the ellipsoids of every tile", found: words * 4, limit });
+            return Err(RenderError::Buffer {
+                what: "the ellipsoids of every tile",
+                found: words * 4,
+                limit,
+            });
         }
         let mut tiles = vec![0; words as usize];
         let mut at = count as u32 + 1;

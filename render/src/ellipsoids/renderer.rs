@@ -84,7 +84,11 @@ impl Growing {
     fn grow(&mut self, gpu: &Gpu, bytes: u64) -> Result<(), RenderError> {
         if bytes > self.buffer.size() {
             let limit = gpu.check_size(self.label, bytes)?;
-            *self = Self::new(gpu, self.label, (bytes + bytes / 4).next_multiple_of(16).min(limit & !15).max(bytes));
+            *self = Self::new(
+                gpu,
+                self.label,
+                (bytes + bytes / 4).next_multiple_of(16).min(limit & !15).max(bytes),
+            );
         }
         Ok(())
     }
@@ -335,6 +339,12 @@ impl EllipsoidRenderer {
             entries.extend(self.plane.entries());
         }
         self.passes.bind(gpu, *pass, &entries, workgroups_of(targets.size));
+    }
+
+    /// Counts fragments from so many on, instead of trusting the boxes.
+    #[cfg(test)]
+    pub(super) fn set_few_nodes(&mut self, nodes: u64) {
+        self.few_nodes = nodes;
     }
 
     /// Where [`EllipsoidRenderer::pass_times`] come from on this device.

@@ -58,7 +58,7 @@ fn random(count: u32, seed: u32, center_mm: DVec3, thin: f64) -> EllipsoidScene 
             let size = 4.0 + 21.0 * n(6);
             let shape = DVec3::new(1.0, thin + (1.0 - thin) * n(7), thin + (1.0 - thin) * n(8));
             DrawnEllipsoid {
-                id: 1000 - 3 * i,
+                id: 90_000 - 3 * i,
                 center_mm: center_mm + offset,
                 semi_axes_mm: shape * size,
                 rotation,
@@ -302,25 +302,65 @@ fn three_hundred_layers_lose_nothing() {
     assert_eq!(counted, 600 * 100 * 90);
 }
 
-#[test]
-fn fragments_past_the_device_s_limit_are_refused_by_name() {
+fn small_device(bytes: u64) -> Gpu {
     let adapter = bench().gpu.adapter.clone();
     let mut descriptor = crate::gpu::device_descriptor(&adapter);
-    descriptor.required_limits.max_storage_buffer_binding_size = 400_000;
-    descriptor.required_limits.max_buffer_size = 400_000;
+    descriptor.required_limits.max_storage_buffer_binding_size = bytes;
+    descriptor.required_limits.max_buffer_size = bytes;
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    let gpu = Gpu::from_parts(adapter, device, queue);
+    Gpu::from_parts(adapter, device, queue)
+}
+
+#[test]
+fn fragments_past_the_device_s_largest_buffer_are_drawn_all_the_same() {
+    let gpu = small_device(400_000);
+    let mut small = Bench { renderer: EllipsoidRenderer::new(&gpu).unwrap(), gpu };
+    let mut mixed = random(200, 20, DVec3::ZERO, 0.4);
+    mixed.ellipsoids = Arc::new(
+        mixed
+            .ellipsoids
+            .iter()
+            .zip(0..)
+            .map(|(e, i)| DrawnEllipsoid { opacity: if i % 40 == 0 { 1.0 } else { 0.1 }, ..*e })
+            .collect(),
+    );
+    mixed.lens = Some(Lens { center_mm: DVec3::ZERO, radius_mm: 22.0 });
+    mixed.plane = Some(plane(DVec3::splat(-20.0), DVec3::X * 40.0, DVec3::Y * 40.0, 0.5));
+    let mut shells = layers(120);
+    shells.camera.height_mm = 20.0;
+    shells.camera.focus_mm = shells.camera.axes()[2] * 20.0;
+    for scene in [shells, mixed] {
+        let draw = |bench: &mut Bench| bits(bench, &scene, &Quality::FULL, everything(), true);
+        let expected = draw(&mut bench());
+        let found = draw(&mut small);
+        let off: Vec<(usize, u8, u8)> = found
+            .iter()
+            .zip(&expected)
+            .enumerate()
+            .filter(|(_, (a, b))| a != b)
+            .map(|(i, (a, b))| (i, *a, *b))
+            .collect();
+        assert!(off.is_empty(), "{} bytes of {}: {:?}", off.len(), found.len(), &off[..off.len().min(40)]);
+        let frame = small.renderer.frame().unwrap();
+        let read = small.gpu.read_buffers(&[(&frame.targets.outsides, 0, 90 * 70 * 16)]).unwrap();
+        let heads: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
+        let without_room = heads.iter().filter(|l| l[3] == 1).count();
+        assert!(without_room > 500, "{without_room} pixels had no room");
+        assert!(frame.nodes.size() <= 400_000);
+    }
+}
+
+#[test]
+fn more_ellipsoids_than_a_buffer_holds_are_refused_by_name() {
+    let gpu = small_device(400_000);
     let mut renderer = EllipsoidRenderer::new(&gpu).unwrap();
-    let mut scene = layers(300);
-    scene.camera.height_mm = 20.0;
-    scene.camera.focus_mm = scene.camera.axes()[2] * 20.0;
-    let e = renderer.render(&gpu, &scene, &FLAT, [32, 32]).unwrap_err();
-    let found = 600 * 32 * 32 * 8;
-    assert_eq!(e, RenderError::Buffer { what: "the fragments of ellipsoids", found, limit: 400_000 });
-    assert!(e.to_string().contains(&found.to_string()) && e.to_string().contains("400000"), "{e}");
+    let e = renderer.render(&gpu, &random(7000, 1, DVec3::ZERO, 0.4), &FLAT, [8, 8]).unwrap_err();
+    assert_eq!(e, RenderError::Buffer { what: "the ellipsoids", found: 7000 * 64, limit: 400_000 });
+    assert!(e.to_string().contains("448000") && e.to_string().contains("400000"), "{e}");
     assert!(renderer.frame().is_none());
-    // 80 x 600 fragments fit.
-    assert!(renderer.render(&gpu, &scene, &FLAT, [10, 8]).is_ok());
+    let e = renderer.render(&gpu, &random(100, 1, DVec3::ZERO, 0.4), &FLAT, [0, 8]).unwrap_err();
+    assert!(matches!(e, RenderError::Size { .. }));
+    assert!(renderer.render(&gpu, &random(100, 1, DVec3::ZERO, 0.4), &FLAT, [8, 8]).is_ok());
 }
 
 #[test]

@@ -15,6 +15,8 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
+#[cfg(test)]
+pub(crate) use bins::GpuEllipsoid;
 pub use frame::{EllipsoidFrame, EllipsoidPick};
 pub use renderer::EllipsoidRenderer;
 

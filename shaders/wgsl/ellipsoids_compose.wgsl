@@ -1,5 +1,5 @@
 // The ellipsoid diagram (thesis 7.6): each pixel's fragments lit and blended front to back, grey
-// outside the lens, with outlines; the slice among them at its depth; the lens ring on top.
+// outside the ring, with outlines; the slice among them at its depth; the lens ring on top.
 #include lib/view.wgsl
 #include lib/ellipsoid.wgsl
 #include lib/plane.wgsl
@@ -26,10 +26,9 @@ const OUTLINE_PX = 1.3;         // for a picture 512 pixels high
 const OUTLINE = 3.0;            // an outline's opacity to its surface's
 
 // What a surface shows: premultiplied, with alpha.
-fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool) -> vec4<f32> {
+fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool, greyed: f32) -> vec4<f32> {
     let e = ellipsoids[node.y >> 1u];
     let face = node.y & 1u;
-    let s = bitcast<f32>(node.x);
     let p = from_middle(pixel);
     let chord = chord_of(e, p);
     let unit = chord.nearest + select(chord.half, -chord.half, face == FRONT) * chord.along;
@@ -39,12 +38,8 @@ fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool) -> vec4<f32> {
     let facing = min(abs(dot(normal, ray)) / max(length(normal) * length(ray), 1e-30), 1.0);
 
     var color = unpack4x8unorm(e.color).rgb;
-    if (view.flags & LENS_ON) != 0u {
-        let at = vec3<f32>(p * footprint_mm(s), s);
-        let beyond_px = (length(at - view.lens.xyz) - view.lens.w) * max(facing, 0.2) / footprint_mm(s);
-        let grey = vec3<f32>(0.38 + 0.4 * dot(color, vec3<f32>(0.299, 0.587, 0.114)));
-        color = mix(color, grey, clamp(0.5 + beyond_px, 0.0, 1.0));
-    }
+    let grey = vec3<f32>(0.38 + 0.4 * dot(color, vec3<f32>(0.299, 0.587, 0.114)));
+    color = mix(color, grey, greyed);
     color *= AMBIENT + (1.0 - AMBIENT) * facing;
     if face == FRONT {
         color += GLOSS * pow(max(2.0 * facing * facing - 1.0, 0.0), GLOSS_EXPONENT);
@@ -110,6 +105,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var through = 1.0;
     let slice = plane_at(id.xy);
     var slice_waits = slice.depth < FAR;
+    // Grey where the line of sight misses the lens. Enclosing ellipsoids are larger than a lens that
+    // fits the tumour: judged by depth as well, all that faces the viewer would be grey.
+    var greyed = 0.0;
+    if (view.flags & LENS_ON) != 0u {
+        greyed = clamp(0.5 + off_ring_px(id.xy), 0.0, 1.0);
+    }
     if (view.flags & HAS_SURFACE) != 0u {
         let list = lists[linear_index(id.xy)];
         let listed = list.w == 0u;
@@ -135,7 +136,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 color += through * slice.color.rgb;
                 through *= 1.0 - slice.color.a;
             }
-            let fragment = fragment_at(node, id.xy, n == 0u);
+            let fragment = fragment_at(node, id.xy, n == 0u, greyed);
             color += through * fragment.rgb;
             through *= 1.0 - fragment.a;
         }

@@ -61,6 +61,7 @@ fn cast_one(scene: &EllipsoidScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
     let along = ray.direction.dot(-scene.camera.axes()[2]);
     let line_scale = (drawn.y / 512.0).clamp(0.6, 4.0);
     let mut out = Pixel::default();
+    let mut greyed = 0.0;
     if let Some(lens) = scene.lens {
         let to = lens.center_mm - ray.origin_mm;
         let t = to.dot(ray.direction);
@@ -72,6 +73,7 @@ fn cast_one(scene: &EllipsoidScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
         };
         let off_mm = (to - ray.direction * t).length() - lens.radius_mm;
         out.on_ring = off_mm.abs() < (line_scale + 1.0) * mm_per_pixel;
+        greyed = if t > 0.0 { (0.5 + off_mm / mm_per_pixel).clamp(0.0, 1.0) } else { 1.0 };
     }
     for e in scene.ellipsoids.iter() {
         let opacity = (e.opacity * scene.opacity).clamp(0.0, 1.0);
@@ -99,18 +101,9 @@ fn cast_one(scene: &EllipsoidScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
             let off = e.rotation.transpose() * (world_mm - e.center_mm);
             let normal = e.rotation * (off / (e.semi_axes_mm * e.semi_axes_mm));
             let facing = normal.dot(ray.direction).abs() / normal.length();
-            let mm_per_pixel = {
-                let aside = ray_at(middle + DVec2::X);
-                let to = aside.direction * (t * along / aside.direction.dot(-scene.camera.axes()[2]));
-                (aside.origin_mm + to).distance(world_mm)
-            };
             let mut color = DVec3::from_array(e.color.map(|c| f64::from(c) / 255.0));
-            if let Some(lens) = scene.lens {
-                let grey = 0.38 + 0.4 * color.dot(DVec3::new(0.299, 0.587, 0.114));
-                let beyond =
-                    (world_mm.distance(lens.center_mm) - lens.radius_mm) * facing.max(0.2) / mm_per_pixel;
-                color = color.lerp(DVec3::splat(grey), (beyond + 0.5).clamp(0.0, 1.0));
-            }
+            let grey = 0.38 + 0.4 * color.dot(DVec3::new(0.299, 0.587, 0.114));
+            color = color.lerp(DVec3::splat(grey), greyed);
             color *= 0.42 + 0.58 * facing;
             if !back {
                 color += 0.28 * (2.0 * facing * facing - 1.0).max(0.0).powf(24.0);

@@ -1,10 +1,16 @@
 //! REX: exchange of weight between pairs of points (Harman, Filová, Richtárik 2020), here in a fixed
 //! order instead of a random one, so that the answer is the same every time.
 
-use super::solve::{Allowance, N, State};
+use super::{
+    newton,
+    solve::{Allowance, N, State},
+};
 
 /// Points with the largest g that may gain weight in one sweep: 4 n.
 const LEADING: usize = 16;
+
+/// Sweeps between two steps of all weights at once.
+const NEWTON_EVERY: usize = 10;
 
 type Matrix = [[f64; 4]; 4];
 
@@ -14,7 +20,7 @@ const IDENTITY: Matrix =
 /// Sweeps until the allowance is reached. `None` when the weights lose a dimension, which exact
 /// arithmetic rules out.
 pub(super) fn run(state: &mut State, allowed: &mut Allowance) -> Option<()> {
-    let mut seed = 1;
+    let (mut seed, mut sweeps) = (1, 0);
     loop {
         let s = state.refresh()?;
         if s <= allowed.target || allowed.left == 0 {
@@ -23,6 +29,11 @@ pub(super) fn run(state: &mut State, allowed: &mut Allowance) -> Option<()> {
         allowed.left -= 1;
         state.delete(s);
         sweep(state, &mut seed);
+        sweeps += 1;
+        // Where neighbouring points share weight, pairs alone zigzag for thousands of sweeps.
+        if sweeps % NEWTON_EVERY == 0 {
+            newton::step(state)?;
+        }
     }
 }
 

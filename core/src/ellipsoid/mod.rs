@@ -20,6 +20,7 @@ use crate::{
 
 pub mod cache;
 mod exchange;
+mod newton;
 mod place;
 mod points;
 mod report;

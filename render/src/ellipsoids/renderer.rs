@@ -3,7 +3,8 @@
 //! Lifetimes: pipelines once an [`EllipsoidRenderer`]; targets once a size; the ellipsoids (64 bytes
 //! each) and the tiles' lists once a frame. The nodes of the A-buffer grow and are kept: where the
 //! boxes around the ellipsoids tell beforehand that all fragments will have room, nothing is read back.
-//! Else they are counted first, the buffer grows, and the frame is drawn again; none is ever dropped.
+//! Else they are counted first, the buffer grows, and the frame is drawn again. Past the largest buffer
+//! the pixels left over find their fragments again in batches: slower, the same picture. None is dropped.
 
 use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
@@ -24,6 +25,8 @@ use crate::{
 const NODE: u64 = 8;
 /// Up to so many fragments room is made for what the boxes could hold, without counting (32 MiB).
 const FEW_NODES: u64 = 1 << 22;
+/// Bytes that the nodes may grow to, where the device allows it.
+const MOST_BYTES: u64 = 1 << 29;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Slot {
@@ -58,7 +61,7 @@ const SHADERS: [Step; 4] = {
         (
             PassName::EllipsoidCompose,
             "ellipsoids_compose",
-            &[View, Ellipsoids, Lists, Blurred, Picture, Nodes, Counters],
+            &[View, Ellipsoids, Tiles, Lists, Blurred, Picture, Nodes, Counters],
         ),
     ]
 };
@@ -285,12 +288,16 @@ impl EllipsoidRenderer {
         if bins.most_fragments <= room {
             return Ok(());
         }
-        if bins.most_fragments <= self.few_nodes && bins.most_fragments * NODE <= gpu.storage_limit() {
+        let most = gpu.storage_limit().min(MOST_BYTES) & !15;
+        if bins.most_fragments <= self.few_nodes && bins.most_fragments * NODE <= most {
             return self.nodes.grow(gpu, bins.most_fragments * NODE);
+        }
+        if room * NODE >= most {
+            return Ok(());
         }
         let asked = self.count(gpu, targets)?;
         if asked > room {
-            self.nodes.grow(gpu, asked.saturating_mul(NODE))?;
+            self.nodes.grow(gpu, asked.saturating_mul(NODE).min(most))?;
             #[cfg(test)]
             {
                 self.grown += 1;
@@ -339,6 +346,12 @@ impl EllipsoidRenderer {
             entries.extend(self.plane.entries());
         }
         self.passes.bind(gpu, *pass, &entries, workgroups_of(targets.size));
+    }
+
+    /// Counts fragments from so many on, instead of trusting the boxes.
+    #[cfg(test)]
+    pub(super) fn set_few_nodes(&mut self, nodes: u64) {
+        self.few_nodes = nodes;
     }
 
     /// Where [`EllipsoidRenderer::pass_times`] come from on this device.

@@ -13,6 +13,7 @@ use glioscope_render::{
 };
 
 use crate::{
+    comparing::ChangeSetting,
     document::{self, CaseRef, Document, Pane, Ruler},
     layout,
     rulers::{self, RulerFormat},
@@ -79,6 +80,7 @@ pub enum Command {
     SetTransfer(String, Option<TransferFunction>),
     SetClips(Vec<ClipPlane>),
     SetEllipsoidLook(EllipsoidLook),
+    SetChange(Box<ChangeSetting>),
     // Measuring.
     ToggleRuler,
     AddRuler(Box<Ruler>),
@@ -125,6 +127,7 @@ impl Command {
             Self::ScreenshotPane(Pane::Closeup),
             Self::ScreenshotPane(Pane::Context),
             Self::ScreenshotPane(Pane::Ellipsoids),
+            Self::ScreenshotPane(Pane::Change),
             Self::ScreenshotPane(Pane::Overlap),
             Self::Undo,
             Self::Redo,
@@ -230,6 +233,7 @@ impl Command {
             Self::SetTransfer(_, None) => "Transfer function to begin with".into(),
             Self::SetClips(_) => "Cut the image open".into(),
             Self::SetEllipsoidLook(_) => "Look of the ellipsoid diagram".into(),
+            Self::SetChange(_) => "Compare dates".into(),
             Self::SetCursor(_) => "Move the crosshair".into(),
             Self::SetContext(_) => "Show this image".into(),
             Self::NextContext => "Next image on the slices".into(),
@@ -337,6 +341,7 @@ impl Command {
             Self::SetTransfer(..) => Some("transfer"),
             Self::SetClips(_) => Some("clips"),
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
+            Self::SetChange(_) => Some("change"),
             _ => None,
         }
     }
@@ -424,6 +429,8 @@ impl Command {
             }
             Self::SetClips(clips) => edit.clips.clone_from(clips),
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
+            Self::SetChange(setting) => edit.change.clone_from(setting),
+            Self::SetPaneZoom(Pane::Change, zoom) if zoom.is_finite() => nav.change_zoom = *zoom,
             Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,
             Self::AddRuler(ruler) if ruler.length_mm().is_finite() => edit.rulers.push((**ruler).clone()),
             Self::RenameRuler(at, name) => {
@@ -471,7 +478,7 @@ impl Command {
                 edit.maximized = (edit.maximized != Some(*pane)).then_some(*pane);
             }
             Self::ResetLayout => {
-                edit.layout = layout::default_layout();
+                edit.layout = layout::default_layout(world.time_point_count());
                 edit.maximized = None;
             }
             Self::SetLensRadius(_)

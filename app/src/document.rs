@@ -16,6 +16,7 @@ use glioscope_render::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    comparing::ChangeSetting,
     layout,
     views::{ellipsoids::EllipsoidLook, overlap::OverlapMode},
 };
@@ -48,6 +49,10 @@ pub enum Pane {
     Context,
     /// The ellipsoid diagram.
     Ellipsoids,
+    /// The surface change between two dates.
+    Change,
+    /// All dates, and volumes over time.
+    Dates,
     /// The transfer function of the context view.
     Transfer,
     /// The overlap diagram with its bar and the table of regions.
@@ -64,10 +69,12 @@ pub enum Pane {
 
 impl Pane {
     /// All but the slices, in the order of menus.
-    pub const NOT_SLICES: [Self; 8] = [
+    pub const NOT_SLICES: [Self; 10] = [
         Self::Closeup,
         Self::Context,
         Self::Ellipsoids,
+        Self::Change,
+        Self::Dates,
         Self::Overlap,
         Self::Lens,
         Self::Measurements,
@@ -81,6 +88,8 @@ impl Pane {
             Self::Closeup => "the closeup",
             Self::Context => "the context view",
             Self::Ellipsoids => "the ellipsoid diagram",
+            Self::Change => "the change view",
+            Self::Dates => "the dates",
             Self::Transfer => "the transfer function",
             Self::Overlap => "the overlap diagram",
             Self::Slice(Plane::Axial) => "the axial slice",
@@ -98,6 +107,8 @@ impl Pane {
             Self::Closeup => "Closeup",
             Self::Context => "Context",
             Self::Ellipsoids => "Ellipsoids",
+            Self::Change => "Change",
+            Self::Dates => "Dates",
             Self::Transfer => "Transfer",
             Self::Overlap => "Overlap",
             Self::Slice(Plane::Axial) => "Axial",
@@ -193,6 +204,9 @@ pub struct Edit {
     /// How the ellipsoid diagram is drawn.
     #[serde(default)]
     pub ellipsoids: EllipsoidLook,
+    /// Which dates are compared, and how that is drawn.
+    #[serde(default)]
+    pub change: ChangeSetting,
     /// Where panes are.
     pub layout: Tree<Pane>,
     /// The pane that fills the window, if one does.
@@ -224,6 +238,9 @@ pub struct Navigation {
     /// Magnification of the ellipsoid diagram; 1 fits.
     #[serde(default = "one")]
     pub ellipsoid_zoom: f64,
+    /// Magnification of the change view; 1 fits.
+    #[serde(default = "one")]
+    pub change_zoom: f64,
     /// Whether the axial slice is shown as a plane in closeup and ellipsoid diagram.
     #[serde(default)]
     pub show_plane: bool,
@@ -272,7 +289,7 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
 impl Document {
     /// How a freshly opened case looks: everything shown, the lens on the tumour, seen from the
     /// front, a little from the left and above.
-    pub fn new(case: CaseRef, time_point: &TimePoint) -> Self {
+    pub fn new(case: CaseRef, time_point: &TimePoint, dates: usize) -> Self {
         let lens = default_lens(time_point);
         let camera = Camera::fit(
             lens.center_mm,
@@ -296,7 +313,8 @@ impl Document {
                 transfers: BTreeMap::new(),
                 clips: Vec::new(),
                 ellipsoids: EllipsoidLook::default(),
-                layout: layout::default_layout(),
+                change: ChangeSetting::default(),
+                layout: layout::default_layout(dates),
                 maximized: None,
             },
             nav: Navigation {
@@ -310,6 +328,7 @@ impl Document {
                 follow_pointer: true,
                 context_zoom: 1.0,
                 ellipsoid_zoom: 1.0,
+                change_zoom: 1.0,
                 show_plane: false,
                 ruler_on: false,
             },

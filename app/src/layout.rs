@@ -6,11 +6,19 @@ use glioscope_render::slices::Plane;
 use crate::document::Pane;
 
 /// Closeup over context at the left, ellipsoids over the overlap diagram with its table (behind it what
-/// is in the lens, and the measurements), three slices at the right.
-pub fn default_layout() -> Tree<Pane> {
+/// is in the lens, and the measurements), three slices at the right. With several dates the change view
+/// is behind the closeup, and the dates behind the context view.
+pub fn default_layout(dates: usize) -> Tree<Pane> {
     let mut tiles = Tiles::default();
     let views = [Pane::Closeup, Pane::Context, Pane::Ellipsoids];
     let [closeup, context, ellipsoids] = views.map(|pane| tiles.insert_pane(pane));
+    let (closeup, context) = match dates {
+        0 | 1 => (closeup, context),
+        _ => {
+            let others = [Pane::Change, Pane::Dates].map(|pane| tiles.insert_pane(pane));
+            (tiles.insert_tab_tile(vec![closeup, others[0]]), tiles.insert_tab_tile(vec![context, others[1]]))
+        }
+    };
     let numbers = [Pane::Overlap, Pane::Lens, Pane::Measurements].map(|pane| tiles.insert_pane(pane));
     let overlap = tiles.insert_tab_tile(numbers.to_vec());
     let slices =
@@ -65,7 +73,7 @@ mod tests {
 
     #[test]
     fn the_default_has_every_view_and_toggling_undoes_itself() {
-        let mut layout = default_layout();
+        let mut layout = default_layout(1);
         for pane in
             [Pane::Closeup, Pane::Context, Pane::Ellipsoids, Pane::Overlap, Pane::Slice(Plane::Coronal)]
         {

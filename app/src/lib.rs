@@ -7,6 +7,7 @@
 pub mod about;
 pub mod cli;
 pub mod commands;
+pub mod comparing;
 pub mod dialogs;
 pub mod document;
 pub mod files;

@@ -8,10 +8,11 @@ use glioscope_render::Scene;
 
 use crate::{
     commands::Command,
+    comparing::Comparisons,
     document::Pane,
     viewport::Viewport,
     views::{
-        ViewContext, closeup, context, diagnostics,
+        ViewContext, change, closeup, context, dates, diagnostics,
         ellipsoids::{self, Stage},
         lens_table, measurements,
         overlap::{self, OverlapInput},
@@ -28,6 +29,12 @@ pub struct PaneStates {
     pub context: context::ContextState,
     /// The ellipsoid diagram.
     pub ellipsoids: ellipsoids::EllipsoidState,
+    /// The change view.
+    pub change: change::ChangeState,
+    /// The comparison of two dates.
+    pub comparisons: Comparisons,
+    /// The dates pane.
+    pub dates: dates::DatesState,
     /// The transfer-function editor.
     pub transfer: transfer::TransferState,
     /// The axial slice in 3D.
@@ -85,7 +92,7 @@ impl PaneArea<'_> {
     pub fn pane(&mut self, ui: &mut Ui, pane: Pane) {
         self.rects.insert(pane, ui.available_rect_before_wrap());
         let Self { view, scene, session, viewport, closeup, states, refine_at_once, out, .. } = self;
-        let PaneStates { volume, context, ellipsoids, transfer, plane } = &mut **states;
+        let PaneStates { volume, context, ellipsoids, change, comparisons, dates, transfer, plane } = &mut **states;
         let stage = Stage {
             viewport: viewport.as_deref_mut(),
             refine_at_once: *refine_at_once,
@@ -98,6 +105,10 @@ impl PaneArea<'_> {
             }
             Pane::Context => context::show(ui, view, scene.tumor.as_ref(), stage, (context, volume), out),
             Pane::Ellipsoids => ellipsoids::show(ui, view, stage, ellipsoids, out),
+            Pane::Change => change::show(ui, view, stage, (change, comparisons, volume), out),
+            Pane::Dates => padded(ui, |ui| {
+                dates::show(ui, view, (dates, comparisons), *refine_at_once, out);
+            }),
             Pane::Transfer => transfer::show(ui, view, (transfer, volume), *refine_at_once, out),
             Pane::Overlap => {
                 let input = overlap_input(view);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
 use glioscope_render::{
-    ContextRenderer, EllipsoidRenderer, Frame, Gpu, PassName, Pick, Picture, Plan, Quality, RenderError,
+    ChangeRenderer, ContextRenderer, EllipsoidRenderer, Frame, Gpu, PassName, Pick, Picture, Plan, Quality, RenderError,
     Renderer, Scene, SceneRenderer,
 };
 
@@ -19,6 +19,8 @@ pub struct Viewport {
     pub context: Screen<ContextRenderer>,
     /// The ellipsoid diagram.
     pub ellipsoids: Screen<EllipsoidRenderer>,
+    /// The change view.
+    pub change: Screen<ChangeRenderer>,
 }
 
 /// How long each pass of a frame took.
@@ -144,7 +146,8 @@ impl Viewport {
         let renderer = Renderer::new(&gpu).map_err(|e| e.to_string())?;
         let closeup = Screen { renderer: Some(renderer), ..Screen::new(egui_renderer.clone()) };
         let context = Screen::new(egui_renderer.clone());
-        Ok(Self { gpu, closeup, context, ellipsoids: Screen::new(egui_renderer) })
+        let ellipsoids = Screen::new(egui_renderer.clone());
+        Ok(Self { gpu, closeup, context, ellipsoids, change: Screen::new(egui_renderer) })
     }
 
     /// The closeup as a texture, see [`Screen::show`].

@@ -14,6 +14,7 @@ use glioscope_core::{Severity, measure};
 use crate::{
     about,
     commands::Command,
+    comparing,
     dialogs::{Answer, Dialog, Purpose},
     document::{CaseRef, Pane},
     files, menu,
@@ -172,7 +173,8 @@ impl GlioscopeApp {
             && self.work.doc.is_some()
             && self.closeup.refined()
             && (!drawn(Pane::Context) || (self.states.context.refined() && !self.states.volume.working()))
-            && (!drawn(Pane::Ellipsoids) || self.states.ellipsoids.refined());
+            && (!drawn(Pane::Ellipsoids) || self.states.ellipsoids.refined())
+            && (!drawn(Pane::Change) || (self.states.change.refined() && !self.states.comparisons.working()));
         if ready && let Some(path) = self.picture_when_ready.take() {
             self.take_picture(ctx, None, &path);
         } else {
@@ -203,7 +205,16 @@ impl GlioscopeApp {
         let Workstation { doc: Some(doc), world, session_path, .. } = &self.work else { return };
         let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
         let colors = world.colors(doc);
-        let view = ViewContext { doc, case, time_point, colors: &colors, context: world.context(doc) };
+        let setting = &doc.edit.change;
+        if setting.on_slices {
+            // The change view asks for it too, but it need not be open.
+            let comparisons = &mut self.states.comparisons;
+            comparing::get(comparisons, case, setting, self.refine_at_once, waker(ui.ctx()));
+        }
+        let compared = comparing::here(&self.states.comparisons, case, setting).cloned();
+        let context = world.context(doc);
+        let compared = compared.as_ref();
+        let view = ViewContext { doc, case, time_point, colors: &colors, context, compared };
         let mut scene = world.closeup(doc, ui.visuals().dark_mode);
         if doc.nav.show_plane {
             scene.plane = self.states.plane.get(&view);

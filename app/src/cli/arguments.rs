@@ -196,7 +196,7 @@ pub struct RenderArguments {
     /// The case; the embedded sample without one.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// closeup, context, ellipsoids, axial, coronal, sagittal, overlap, lens, measurements, transfer or
+    /// closeup, context, ellipsoids, change, dates, axial, coronal, sagittal, overlap, lens, measurements, transfer or
     /// window.
     #[arg(long, default_value = "closeup")]
     pub view: String,
@@ -259,6 +259,24 @@ pub struct RenderArguments {
     /// Components below this volume have no ellipsoid.
     #[arg(long, value_name = "ML")]
     pub hide_below: Option<f64>,
+    /// Change view: height or arrows.
+    #[arg(long, value_name = "STYLE")]
+    pub style: Option<String>,
+    /// Change view and dates: the mask compared, by id.
+    #[arg(long, value_name = "ID")]
+    pub of: Option<String>,
+    /// Change view and dates: the earlier date, by its label.
+    #[arg(long, value_name = "LABEL")]
+    pub from: Option<String>,
+    /// Change view and dates: the later date, by its label.
+    #[arg(long, value_name = "LABEL")]
+    pub to: Option<String>,
+    /// Change view: the shortest arrow.
+    #[arg(long, value_name = "MM")]
+    pub threshold: Option<f64>,
+    /// Slices: outlines of both dates and what changed.
+    #[arg(long)]
+    pub changed_rim: bool,
     /// Show the axial slice as a plane in closeup and ellipsoid diagram.
     #[arg(long)]
     pub slice_plane: bool,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, ClipPlane, Coloring, Gpu, Palette, Plan, Projection, Quality, Renderer,
+    AdapterPreference, Camera, ChangeStyle, ClipPlane, Coloring, Gpu, Palette, Plan, Projection, Quality, Renderer,
     SceneRenderer, TransferPreset,
     slices::{Convention, Overlay, Plane, Window},
 };
@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::{Failure, arguments::RenderArguments, terminal};
 use crate::{
+    comparing::{self, ChangeSetting},
     document::{Document, Pane},
     files,
     offscreen::Offscreen,
@@ -44,12 +45,14 @@ fn view(name: &str) -> Result<View, Failure> {
         "overlap" => View::Pane(Pane::Overlap),
         "context" => View::Pane(Pane::Context),
         "ellipsoids" => View::Pane(Pane::Ellipsoids),
+        "change" => View::Pane(Pane::Change),
+        "dates" => View::Pane(Pane::Dates),
         "transfer" => View::Pane(Pane::Transfer),
         "lens" => View::Pane(Pane::Lens),
         "measurements" => View::Pane(Pane::Measurements),
         "window" => View::Window,
         other => {
-            let expected = "closeup, context, ellipsoids, axial, coronal, sagittal, overlap, lens, \
+            let expected = "closeup, context, ellipsoids, change, dates, axial, coronal, sagittal, overlap, lens, \
                             measurements, transfer or window";
             return Err(wrong("view", other, expected));
         }
@@ -216,9 +219,57 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
         range("ellipsoid-opacity", arguments.ellipsoid_opacity, (0.0, 1.0))?.unwrap_or(look.opacity);
     look.smallest_ml = range("hide-below", arguments.hide_below, (0.0, 1e6))?.unwrap_or(look.smallest_ml);
     nav.show_plane = arguments.slice_plane;
+    apply_change(arguments, &mut edit.change, world)?;
     if let Some(zoom) = range("zoom", arguments.zoom, (0.05, 100.0))? {
-        (nav.context_zoom, nav.ellipsoid_zoom) = (zoom, zoom);
+        (nav.context_zoom, nav.ellipsoid_zoom, nav.change_zoom) = (zoom, zoom, zoom);
         nav.camera.height_mm /= zoom;
+    }
+    Ok(())
+}
+
+/// What was typed about two dates.
+fn apply_change(
+    arguments: &RenderArguments,
+    setting: &mut ChangeSetting,
+    world: &World,
+) -> Result<(), Failure> {
+    setting.style = match arguments.style.as_deref() {
+        None => setting.style,
+        Some("height") => ChangeStyle::Height,
+        Some("arrows") => ChangeStyle::Arrows,
+        Some(other) => return Err(wrong("style", other, "height or arrows")),
+    };
+    if let Some(mm) = arguments.threshold {
+        if !(0.0..=1000.0).contains(&mm) {
+            return Err(wrong("threshold", &mm.to_string(), "0 to 1000"));
+        }
+        setting.threshold_mm = mm;
+    }
+    setting.on_slices = arguments.changed_rim;
+    let Some(case) = world.case() else { return Ok(()) };
+    let labels: Vec<&str> = case.time_points.iter().map(|t| t.label.as_str()).collect();
+    let at = |option: &str, label: &Option<String>, other: usize| match label {
+        None => Ok(other),
+        Some(label) => labels
+            .iter()
+            .position(|l| l == label)
+            .ok_or_else(|| wrong(option, label, &format!("one of {}", labels.join(", ")))),
+    };
+    if arguments.from.is_some() || arguments.to.is_some() {
+        let dates = [at("from", &arguments.from, 0)?, at("to", &arguments.to, labels.len().saturating_sub(1))?];
+        if dates[0] >= dates[1] {
+            let found = format!("{} to {}", labels[dates[0]], labels[dates[1]]);
+            return Err(wrong("from", &found, "an earlier and a later date"));
+        }
+        setting.dates = Some(dates);
+    }
+    if let Some(id) = &arguments.of {
+        let dates = setting.dates.unwrap_or([0, labels.len().saturating_sub(1)]);
+        let ids = comparing::ids_at(case, dates);
+        if !ids.contains(&id.as_str()) {
+            return Err(wrong("of", id, &format!("a mask of both dates: {}", ids.join(", "))));
+        }
+        setting.of = Some(id.clone());
     }
     Ok(())
 }
@@ -250,7 +301,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         drawn.plan = Some(glioscope_render::plan(scene, &Quality::FULL));
     }
     // The other 3D views' scenes hold results: they are planned when they are drawn.
-    let draws = draws || matches!(view, View::Pane(Pane::Context | Pane::Ellipsoids));
+    let draws = draws || matches!(view, View::Pane(Pane::Context | Pane::Ellipsoids | Pane::Change));
     let mut adapter = String::new();
     if draws {
         let gpu = gpu(arguments.software)?;
@@ -337,11 +388,12 @@ impl Studio {
     /// Plan and pass times of the 3D view that `pane` drew; nothing of other panes.
     fn say_drawn(&mut self, pane: Pane, timed: bool, drawn: &mut Drawn) {
         let Some(viewport) = self.app.viewport.as_mut() else { return };
-        let Viewport { gpu, closeup, context, ellipsoids } = viewport;
+        let Viewport { gpu, closeup, context, ellipsoids, change } = viewport;
         match pane {
             Pane::Closeup => say_screen(closeup, gpu, timed, drawn),
             Pane::Context => say_screen(context, gpu, timed, drawn),
             Pane::Ellipsoids => say_screen(ellipsoids, gpu, timed, drawn),
+            Pane::Change => say_screen(change, gpu, timed, drawn),
             _ => {}
         }
     }

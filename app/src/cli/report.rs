@@ -19,15 +19,21 @@ const VIEWS: [(&str, Option<Pane>, [u32; 2]); 8] = [
     ("overlap", Some(Pane::Overlap), [700, 900]),
 ];
 
+const DATES: [(&str, Option<Pane>, [u32; 2]); 2] =
+    [("change", Some(Pane::Change), [900, 900]), ("dates", Some(Pane::Dates), [700, 900])];
+
 pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), Failure> {
     let (reference, case) = case.load(true)?;
     std::fs::create_dir_all(out).map_err(|e| {
         Failure::from(format!("{}: found {e}, expected a folder that can be made", out.display()))
     })?;
     files::write_json(&out.join("measure.json"), &measure::report(&case))?;
+    let dates = case.time_points.len();
     let gpu = render::gpu(software)?;
     let mut studio = render::Studio::new(Workstation::with_case(reference, Loaded::new(case)), &gpu, false)?;
-    for (name, pane, size) in VIEWS {
+    // One date has nothing to compare.
+    let of_dates: &[_] = if dates > 1 { &DATES } else { &[] };
+    for &(name, pane, size) in VIEWS.iter().chain(of_dates) {
         let rgba = studio.pane(pane, size, 1.0)?;
         files::write_png(&out.join(format!("{name}.png")), size, &rgba)?;
     }

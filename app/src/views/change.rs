@@ -50,10 +50,8 @@ impl ChangeState {
 
 /// Colours of recession and growth.
 pub fn colors_of(palette: Palette) -> ([u8; 3], [u8; 3]) {
-    match palette {
-        Palette::Thesis => (ChangeLook::THESIS.shrink, ChangeLook::THESIS.grow),
-        Palette::ColorBlindSafe => (ChangeLook::SAFE.shrink, ChangeLook::SAFE.grow),
-    }
+    let [grow, shrink] = ChangeLook::pair(palette);
+    (shrink, grow)
 }
 
 /// Colours of the two dates as two masks: what is at the earlier date alone is gone, at the later
@@ -142,7 +140,7 @@ pub fn show(
     let scene = ChangeScene {
         surface: compared.surface.clone(),
         look: look(view, &compared),
-        base: [205, 196, 184],
+        base: ChangeLook::BASE,
         context: ChangeContext { volume, transfer, clip: view.doc.edit.clips.clone() },
         camera,
         background: closeup::background(ui.visuals().dark_mode),
@@ -296,7 +294,7 @@ fn legend(ui: &Ui, view: &ViewContext<'_>, rect: Rect, compared: &Compared, look
         [("grew", look.grow, &report.growth), ("shrank", look.shrink, &report.recession)]
     {
         let bar = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(46.0, 11.0));
-        let [br, bg, bb] = [205.0, 196.0, 184.0];
+        let [br, bg, bb] = ChangeLook::BASE.map(f32::from);
         for step in 0..23_u8 {
             let t = f32::from(step) / 22.0;
             let mix = |from: f32, to: u8| (from + (f32::from(to) - from) * t) as u8;

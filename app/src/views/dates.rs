@@ -8,7 +8,13 @@ use super::{
     ViewContext,
     overlap::{self, OverlapInput, OverlapMode},
 };
-use crate::{commands::Command, comparing::Chosen, format};
+use crate::{
+    commands::Command,
+    comparing::{self, Chosen, Compared, Comparisons},
+    format,
+    jobs::Lookup,
+    window::waker,
+};
 
 /// Seconds that a date is shown while dates are played.
 const SECONDS_A_DATE: f64 = 0.9;
@@ -48,7 +54,13 @@ pub fn positions(labels: &[&str]) -> (Vec<f64>, &'static str) {
 }
 
 /// Draws the pane.
-pub fn show(ui: &mut Ui, view: &ViewContext<'_>, state: &mut DatesState, out: &mut Vec<Command>) {
+pub fn show(
+    ui: &mut Ui,
+    view: &ViewContext<'_>,
+    (state, comparisons): (&mut DatesState, &mut Comparisons),
+    wait: bool,
+    out: &mut Vec<Command>,
+) {
     let labels: Vec<&str> = view.case.time_points.iter().map(|t| t.label.as_str()).collect();
     play(ui, view, state, out);
     ui.horizontal_wrapped(|ui| {
@@ -81,14 +93,19 @@ pub fn show(ui: &mut Ui, view: &ViewContext<'_>, state: &mut DatesState, out: &m
     });
     let height = (ui.available_height() * 0.55).clamp(120.0, 320.0);
     chart(ui, view, &labels, state.regions, chosen.as_ref().ok(), height, out);
-    match (&chosen, view.compared) {
-        (Err(why), _) => {
+    if let Err(why) = &chosen {
+        ui.weak(why);
+        return;
+    }
+    match comparing::get(comparisons, view.case, &view.doc.edit.change, wait, waker(ui.ctx())) {
+        Some(Lookup::Ready(compared)) => volumes(ui, view, compared),
+        Some(Lookup::Working(progress)) => {
+            ui.weak(crate::world::progress_text(progress));
+        }
+        Some(Lookup::Failed(why)) => {
             ui.weak(why);
         }
-        (Ok(_), Some(compared)) => volumes(ui, view, compared),
-        (Ok(_), None) => {
-            ui.weak("Open the change view to compare the two dates.");
-        }
+        None => {}
     }
 }
 
@@ -248,7 +265,7 @@ fn region_lines(view: &ViewContext<'_>) -> Vec<ChartLine> {
 }
 
 /// What was kept, went and came, as numbers and as an overlap diagram of the mask with itself.
-fn volumes(ui: &mut Ui, view: &ViewContext<'_>, compared: &crate::comparing::Compared) {
+fn volumes(ui: &mut Ui, view: &ViewContext<'_>, compared: &Compared) {
     let report = &compared.report;
     ui.horizontal_wrapped(|ui| {
         ui.strong(&report.mask);

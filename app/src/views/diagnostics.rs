@@ -14,10 +14,11 @@ pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>) {
         };
         ui.label(RichText::new("Adapter").strong());
         ui.label(viewport.gpu.describe());
-        let Viewport { gpu, closeup, context, ellipsoids } = viewport;
+        let Viewport { gpu, closeup, context, ellipsoids, change } = viewport;
         screen(ui, "Closeup", gpu, closeup);
         screen(ui, "Context view", gpu, context);
         screen(ui, "Ellipsoid diagram", gpu, ellipsoids);
+        screen(ui, "Change view", gpu, change);
     });
 }
 

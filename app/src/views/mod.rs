@@ -1,8 +1,10 @@
 //! One file for each view. A view reads the document and the world, draws, and writes commands.
 
 pub mod camera_drag;
+pub mod change;
 pub mod closeup;
 pub mod context;
+pub mod dates;
 pub mod diagnostics;
 pub mod ellipsoids;
 pub mod lens_table;
@@ -22,7 +24,7 @@ use std::sync::{Arc, Weak};
 use glioscope_core::case::{Case, TimePoint};
 use glioscope_render::{MaskColors, slices::PreparedContext};
 
-use crate::document::Document;
+use crate::{comparing::Compared, document::Document};
 
 /// What a view may read.
 #[derive(Clone, Copy)]
@@ -37,6 +39,8 @@ pub struct ViewContext<'a> {
     pub colors: &'a MaskColors,
     /// The image the slices show, with its id.
     pub context: Option<(&'a str, &'a Arc<PreparedContext>)>,
+    /// The comparison of two dates that the document asks for, where it has been computed.
+    pub compared: Option<&'a Arc<Compared>>,
 }
 
 /// Which volume or case it was, without keeping it alive: what results are kept under.

@@ -22,7 +22,7 @@ use glioscope_render::{
     },
 };
 
-use super::{Handle, ViewContext, ruler};
+use super::{Handle, ViewContext, change, ruler};
 use crate::{commands::Command, document::RulerView};
 
 /// Width of outlines in points; at least one pixel.
@@ -189,11 +189,40 @@ struct Drawn {
     draws: u64,
 }
 
+/// The masks that slices show: those of the date shown, or one mask at the two dates compared, with
+/// what changed filled.
+struct Masks {
+    index: Arc<TumorIndex>,
+    colors: MaskColors,
+    selection: Selection,
+    unfilled: Option<u32>,
+}
+
+fn masks_of(view: &ViewContext<'_>) -> Masks {
+    let edit = &view.doc.edit;
+    match view.compared.filter(|_| edit.change.on_slices) {
+        Some(compared) => Masks {
+            index: compared.index.clone(),
+            colors: change::pair_colors(edit.palette),
+            selection: Selection::all(),
+            // Both dates have it: nothing changed.
+            unfilled: Some(0b11),
+        },
+        None => Masks {
+            index: view.time_point.index.clone(),
+            colors: view.colors.clone(),
+            selection: edit.selection.clone(),
+            unfilled: None,
+        },
+    }
+}
+
 /// The slice as a texture, drawn only when something it depends on changed, and how many of its
 /// pixels are NaN or infinite.
 fn picture(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id) -> (TextureHandle, u64) {
     let edit = &view.doc.edit;
-    let index = &view.time_point.index;
+    let masks = masks_of(view);
+    let (index, colors, selection) = (&masks.index, &masks.colors, &masks.selection);
     // Dark in both themes: greys are judged against black, and the marks are white.
     let style = SliceStyle::DARK;
     let outline_px = (OUTLINE_POINTS * layout.pixels_per_point).round().max(1.0) as u32;
@@ -202,8 +231,8 @@ fn picture(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id) -> (Tex
         slice: layout.slice,
         image: image.map(|(image, window)| (Handle::of(image), window)),
         index: Handle::of(index),
-        colors: view.colors.clone(),
-        selection: edit.selection.clone(),
+        colors: colors.clone(),
+        selection: selection.clone(),
         overlay: edit.overlay,
         opacity: edit.overlay_opacity,
         outline_px,
@@ -219,11 +248,12 @@ fn picture(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id) -> (Tex
         context: image.map(|(image, window)| ContextLayer { image, window }),
         masks: Some(MaskLayer {
             index,
-            colors: view.colors,
-            selection: &edit.selection,
+            colors,
+            selection,
             overlay: edit.overlay,
             opacity: edit.overlay_opacity,
             outline_px,
+            unfilled: masks.unfilled,
         }),
         style,
     };

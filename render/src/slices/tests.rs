@@ -418,6 +418,7 @@ fn a_slice_takes_milliseconds() {
         let context = Some(ContextLayer { image: &image, window: Window { low: 0.0, high: 1000.0 } });
         let masks = Some(MaskLayer {
             outline_px: 2,
+            unfilled: None,
             opacity: 0.4,
             ..mask_layer(&index, &colors, &selection, Overlay::Both)
         });

@@ -33,7 +33,7 @@ fn mask_layer<'a>(
     selection: &'a Selection,
     overlay: Overlay,
 ) -> MaskLayer<'a> {
-    MaskLayer { index, colors, selection, overlay, opacity: 1.0, outline_px: 1 }
+    MaskLayer { index, colors, selection, overlay, opacity: 1.0, outline_px: 1, unfilled: None }
 }
 
 fn masks_only(view: &SliceView, masks: MaskLayer<'_>) -> SliceImage {

@@ -15,7 +15,9 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "closeup_surface.wgsl",
     "ellipsoids_compose.wgsl",
     "ellipsoids_lists.wgsl",
+    "ellipsoids_rest.wgsl",
     "lib/ellipsoid.wgsl",
+    "lib/fragment.wgsl",
     "lib/march.wgsl",
     "lib/plane.wgsl",
     "lib/ring.wgsl",
@@ -31,4 +33,5 @@ pub const ALL: &[&str] = &[
     "closeup_surface",
     "ellipsoids_compose",
     "ellipsoids_lists",
+    "ellipsoids_rest",
 ];

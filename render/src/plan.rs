@@ -29,6 +29,9 @@ pub enum PassName {
     EllipsoidLists,
     /// The ellipsoid diagram's colours, outlines, slice, ring.
     EllipsoidCompose,
+    /// Its pixels whose fragments have no room on the card. Only drawing tells whether there are any:
+    /// the frame's plan names it, the scene's doesn't.
+    EllipsoidRest,
 }
 
 impl PassName {
@@ -61,6 +64,7 @@ impl PassName {
             Self::Compose => "compose",
             Self::EllipsoidLists => "ellipsoid_lists",
             Self::EllipsoidCompose => "ellipsoid_compose",
+            Self::EllipsoidRest => "ellipsoid_rest",
         }
     }
 }

@@ -283,3 +283,25 @@ fn hovering_a_3d_view_moves_the_crosshair() {
         assert!(after.distance(lens_mm) < 150.0, "{pane:?}: on the head or the tumour");
     }
 }
+
+#[test]
+fn ellipsoids_are_kept_beside_the_session() {
+    use glioscope_core::ellipsoid::cache;
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("visit.glioscope.json");
+    let mut harness = sample();
+    perform(&mut harness, &Command::SaveSessionTo(session.clone()));
+    let kept = cache::load(&cache::path_beside(&session));
+    let computed = harness.state().states.ellipsoids.found().unwrap().to_vec();
+    assert_eq!(kept.values().collect::<Vec<_>>(), [&computed], "to the last bit");
+
+    // What the file says is what is shown: a made-up list under the right key is taken as it is.
+    let (key, mut list) = kept.into_iter().next().unwrap();
+    list.truncate(1);
+    cache::save(&cache::path_beside(&session), &cache::Entries::from([(key, list.clone())])).unwrap();
+    let work = glioscope_tests::workstation(CaseRef::Sample);
+    let work = glioscope::workstation::Workstation { session_path: Some(session), ..work };
+    let mut again = glioscope_tests::window_with(work, SIZE, Theme::Light);
+    again.run_ok();
+    assert_eq!(again.state().states.ellipsoids.found().unwrap().to_vec(), list);
+}

@@ -359,14 +359,22 @@ fn the_whole_tumour_is_seen_from_every_side() {
     let Bench { gpu, renderer } = &mut *bench;
     let frame = renderer.render(gpu, &with, &FLAT, size).unwrap().clone();
     let depths = frame.read_depths(gpu);
-    for (i, depth) in depths.iter().enumerate().step_by(37) {
+    let mut found = [0, 0];
+    for (i, depth) in depths.iter().enumerate().step_by(7) {
         let pick = frame.pick(gpu, i as u32 % 80, i as u32 / 80).unwrap();
         let bits = pick.and_then(|p| p.bits);
         assert_eq!(bits.is_some(), *depth < FAR);
         if let (Some(pick), Some(bits)) = (pick, bits) {
-            assert!((1..4).contains(&bits) && tumor.voxel_at(pick.world_mm).is_some() || bits > 0);
+            // Just behind the face is a voxel of that region, but for rays that cross its very edge.
+            let regions = with.tumor.as_ref().unwrap();
+            let center = DVec2::new((i % 80) as f64 + 0.5, (i / 80) as f64 + 0.5);
+            let behind = pick.world_mm + with.camera.ray(center, DVec2::splat(80.0)).direction * 2e-3;
+            let cell = regions.grid().voxel_at(behind).unwrap();
+            let there = regions.bits_of_id()[regions.id(regions.grid().linear(cell)) as usize];
+            found[usize::from(there == bits)] += 1;
         }
     }
+    assert!(found[1] > 10 && found[0] * 10 <= found[1], "{found:?}");
 }
 
 #[test]

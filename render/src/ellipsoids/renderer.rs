@@ -48,7 +48,7 @@ enum Slot {
 /// Shader file and bindings of a pass.
 type Step = (PassName, &'static str, &'static [Slot]);
 
-const SHADERS: [Step; 4] = {
+const SHADERS: [Step; 5] = {
     use Slot::*;
     [
         (
@@ -61,8 +61,9 @@ const SHADERS: [Step; 4] = {
         (
             PassName::EllipsoidCompose,
             "ellipsoids_compose",
-            &[View, Ellipsoids, Tiles, Lists, Blurred, Picture, Nodes, Counters],
+            &[View, Ellipsoids, Lists, Blurred, Picture, Nodes, Counters],
         ),
+        (PassName::EllipsoidRest, "ellipsoids_rest", &[View, Ellipsoids, Tiles, Lists, Blurred, Picture]),
     ]
 };
 
@@ -193,7 +194,7 @@ impl EllipsoidRenderer {
         scene: &EllipsoidScene,
         quality: &Quality,
         asked_px: [u32; 2],
-        plan: Plan,
+        mut plan: Plan,
         skipping: bool,
     ) -> Result<&EllipsoidFrame, RenderError> {
         let before = self.frame.take();
@@ -223,7 +224,11 @@ impl EllipsoidRenderer {
             gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
         }
         if plan.has(PassName::EllipsoidLists) {
-            self.upload(gpu, scene, &drawn, &packed, &targets)?;
+            if self.upload(gpu, scene, &drawn, &packed, &targets)? {
+                plan.omitted.push((PassName::EllipsoidRest, "every fragment has room"));
+            } else {
+                plan.passes.push(PassName::EllipsoidRest);
+            }
         }
         gpu.queue.write_buffer(&self.counters, 0, &[0; 16]);
         for step in SHADERS.iter().filter(|(pass, ..)| plan.has(*pass)) {
@@ -267,7 +272,7 @@ impl EllipsoidRenderer {
         view
     }
 
-    /// Ellipsoids, tiles, and room for every fragment.
+    /// Ellipsoids, tiles, and room for every fragment; false where there may be too little.
     fn upload(
         &mut self,
         gpu: &Gpu,
@@ -275,7 +280,7 @@ impl EllipsoidRenderer {
         drawn: &[DrawnEllipsoid],
         packed: &[GpuEllipsoid],
         targets: &Targets,
-    ) -> Result<(), RenderError> {
+    ) -> Result<bool, RenderError> {
         let boxes: Vec<_> = drawn.iter().map(|e| bins::pixel_box(scene, e, targets.size)).collect();
         let bins = Bins::of(&boxes, targets.size, gpu.storage_limit())?;
         let colors: Vec<u32> = packed.iter().map(|e| e.color).collect();
@@ -286,14 +291,15 @@ impl EllipsoidRenderer {
         self.tiles.write(gpu, bytemuck::cast_slice(&bins.tiles))?;
         let room = self.nodes.buffer.size() / NODE;
         if bins.most_fragments <= room {
-            return Ok(());
+            return Ok(true);
         }
         let most = gpu.storage_limit().min(MOST_BYTES) & !15;
         if bins.most_fragments <= self.few_nodes && bins.most_fragments * NODE <= most {
-            return self.nodes.grow(gpu, bins.most_fragments * NODE);
+            self.nodes.grow(gpu, bins.most_fragments * NODE)?;
+            return Ok(true);
         }
         if room * NODE >= most {
-            return Ok(());
+            return Ok(false);
         }
         let asked = self.count(gpu, targets)?;
         if asked > room {
@@ -303,7 +309,7 @@ impl EllipsoidRenderer {
                 self.grown += 1;
             }
         }
-        Ok(())
+        Ok(asked <= self.nodes.buffer.size() / NODE)
     }
 
     /// How many nodes the frame asks for: its lists made once, with whatever room there is.
@@ -342,7 +348,7 @@ impl EllipsoidRenderer {
                 (slot as u32, resource)
             })
             .collect();
-        if *pass == PassName::EllipsoidCompose {
+        if matches!(pass, PassName::EllipsoidCompose | PassName::EllipsoidRest) {
             entries.extend(self.plane.entries());
         }
         self.passes.bind(gpu, *pass, &entries, workgroups_of(targets.size));

@@ -5,6 +5,7 @@
 //! those of the project's design: see ARCHITECTURE.md.
 
 pub mod case;
+pub mod change;
 pub mod check;
 pub mod components;
 pub mod distance;
@@ -19,6 +20,7 @@ pub mod progress;
 pub mod regions;
 pub mod resample;
 pub mod sample;
+pub mod skeleton;
 pub mod surface;
 pub mod tumor_index;
 pub mod volume;

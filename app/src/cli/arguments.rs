@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glioscope_core::case::{Case, CaseGridChoice, LoadOptions};
 
-use super::{Failure, terminal};
+use super::{Failure, change::ChangeArguments, terminal};
 use crate::{document::CaseRef, run_window::case_of_path, world};
 
 /// Compares tumour segmentations. Without a subcommand it opens the window.
@@ -81,6 +81,8 @@ pub enum Task {
         #[arg(long)]
         json: bool,
     },
+    /// Say how the surface of a mask moved between two dates.
+    Change(Box<ChangeArguments>),
     /// Draw one view into a PNG.
     Render(Box<RenderArguments>),
     /// Write the pictures of every view and all numbers into a folder.

@@ -5,6 +5,7 @@
 
 mod arguments;
 mod ellipsoids;
+mod change;
 mod info;
 mod measure;
 mod render;
@@ -64,6 +65,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Task::Ellipsoids { case, connectivity, tolerance, json }) => {
             ellipsoids::run(&case, connectivity, tolerance, json)
         }
+        Some(Task::Change(arguments)) => change::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Sample { out }) => sample::run(&out),

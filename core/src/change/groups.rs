@@ -1,0 +1,152 @@
+//! Which component of one date became which of the other.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use crate::{Component, Components, Connectivity, Grid, MaskBits, components::TooLarge};
+
+/// What became of the components of a group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fate {
+    /// One component overlaps one of the other date.
+    Matched,
+    /// One of the earlier date overlaps none of the later.
+    Vanished,
+    /// One of the later date overlaps none of the earlier.
+    Appeared,
+    /// One of the earlier date overlaps several of the later.
+    Split,
+    /// Several of the earlier date overlap one of the later.
+    Merged,
+    /// Several overlap several.
+    Regrouped,
+}
+
+/// One component of one date.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// Voxels.
+    pub voxels: u64,
+    /// Their volume.
+    pub volume_ml: f64,
+    /// Mean of the voxel centres, world millimetres.
+    pub centroid_mm: DVec3,
+}
+
+/// Components of two dates that overlap one another, directly or through others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// What became of them.
+    pub fate: Fate,
+    /// Components of the earlier date, in raster order.
+    pub before: Vec<Part>,
+    /// Components of the later date, in raster order.
+    pub after: Vec<Part>,
+    /// Voxels active at both dates.
+    pub kept_voxels: u64,
+}
+
+/// The groups of two masks of one size, and the group of every voxel.
+pub(super) struct Groups {
+    pub list: Vec<Group>,
+    /// Group of each component's label; `[0]` is no component.
+    of_before: Vec<u32>,
+    of_after: Vec<u32>,
+    labels_before: Vec<u32>,
+    labels_after: Vec<u32>,
+}
+
+impl Groups {
+    /// `grid` is the masks' own.
+    pub fn new(before: &MaskBits, after: &MaskBits, grid: &Grid) -> Result<Self, TooLarge> {
+        let dims = before.dims();
+        let parts = [before, after].map(|m| Components::of_mask(m, Connectivity::TwentySix));
+        let [a, b] = parts;
+        let (a, b) = (a?, b?);
+        let (labels_before, labels_after) = (a.labels(dims), b.labels(dims));
+        let mut overlaps: BTreeMap<(u32, u32), u64> = BTreeMap::new();
+        let mut run = ((0, 0), 0);
+        for pair in labels_before.iter().copied().zip(labels_after.iter().copied()) {
+            if pair != run.0 {
+                if run.0.0 > 0 && run.0.1 > 0 {
+                    *overlaps.entry(run.0).or_default() += run.1;
+                }
+                run = (pair, 0);
+            }
+            run.1 += 1;
+        }
+        if run.0.0 > 0 && run.0.1 > 0 {
+            *overlaps.entry(run.0).or_default() += run.1;
+        }
+        // Forest over both lists: the later date's labels follow the earlier's.
+        let (na, nb) = (a.list().len(), b.list().len());
+        let mut root: Vec<usize> = (0..na + nb).collect();
+        fn find(root: &mut [usize], mut i: usize) -> usize {
+            while root[i] != i {
+                root[i] = root[root[i]];
+                i = root[i];
+            }
+            i
+        }
+        for &(x, y) in overlaps.keys() {
+            let (x, y) = (find(&mut root, x as usize - 1), find(&mut root, na + y as usize - 1));
+            root[x.max(y)] = x.min(y);
+        }
+        let mut list: Vec<Group> = Vec::new();
+        let mut number: Vec<u32> = Vec::with_capacity(na + nb);
+        let part = |c: &Component| Part {
+            voxels: c.voxels,
+            volume_ml: grid.volume_ml(c.voxels),
+            centroid_mm: grid.world_from_voxel().transform_point3(c.centroid_voxel),
+        };
+        for i in 0..na + nb {
+            let r = find(&mut root, i);
+            let group = if r == i {
+                list.push(Group { fate: Fate::Matched, before: vec![], after: vec![], kept_voxels: 0 });
+                list.len() as u32 - 1
+            } else {
+                number[r]
+            };
+            number.push(group);
+            let into = &mut list[group as usize];
+            match i.checked_sub(na) {
+                None => into.before.push(part(&a.list()[i])),
+                Some(i) => into.after.push(part(&b.list()[i])),
+            }
+        }
+        for (&(x, _), &voxels) in &overlaps {
+            list[number[x as usize - 1] as usize].kept_voxels += voxels;
+        }
+        for group in &mut list {
+            group.fate = match (group.before.len(), group.after.len()) {
+                (1, 1) => Fate::Matched,
+                (_, 0) => Fate::Vanished,
+                (0, _) => Fate::Appeared,
+                (1, _) => Fate::Split,
+                (_, 1) => Fate::Merged,
+                _ => Fate::Regrouped,
+            };
+        }
+        let with_none = |part: &[u32]| std::iter::once(u32::MAX).chain(part.iter().copied()).collect();
+        Ok(Self {
+            list,
+            of_before: with_none(&number[..na]),
+            of_after: with_none(&number[na..]),
+            labels_before,
+            labels_after,
+        })
+    }
+
+    /// Group of the voxel at `linear`; `None` where both masks are inactive.
+    pub fn at(&self, linear: usize) -> Option<u32> {
+        let (a, b) = (self.labels_before[linear], self.labels_after[linear]);
+        match (a, b) {
+            (0, 0) => None,
+            (0, b) => Some(self.of_after[b as usize]),
+            (a, _) => Some(self.of_before[a as usize]),
+        }
+    }
+}

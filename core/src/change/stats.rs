@@ -1,0 +1,106 @@
+//! Lengths in short: mean, percentiles, histogram, uncertainty.
+
+use glam::{DMat3, DVec3};
+use serde::Serialize;
+
+/// Coverage factor: 95 % of a normal distribution.
+pub const COVERAGE: f64 = 1.96;
+
+/// Bins a histogram has at most, about.
+const BINS: f64 = 40.0;
+
+/// Lengths of one kind. All but the count are `None` when there is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Lengths {
+    /// Vectors.
+    pub count: usize,
+    /// Mean length.
+    pub mean_mm: Option<f64>,
+    /// Median, interpolated linearly between neighbours, as the other percentile.
+    pub p50_mm: Option<f64>,
+    /// 95th percentile.
+    pub p95_mm: Option<f64>,
+    /// Longest.
+    pub max_mm: Option<f64>,
+}
+
+impl Lengths {
+    /// Of lengths in any order.
+    pub fn of(mut lengths: Vec<f64>) -> Self {
+        lengths.sort_unstable_by(f64::total_cmp);
+        let count = lengths.len();
+        let percentile = |p: f64| {
+            let at = p * count.saturating_sub(1) as f64;
+            let (below, above) = (lengths.get(at.floor() as usize)?, lengths.get(at.ceil() as usize)?);
+            Some(below + (above - below) * at.fract())
+        };
+        Self {
+            count,
+            mean_mm: (count > 0).then(|| lengths.iter().sum::<f64>() / count as f64),
+            p50_mm: percentile(0.5),
+            p95_mm: percentile(0.95),
+            max_mm: lengths.last().copied(),
+        }
+    }
+}
+
+/// Signed lengths in bins of equal width.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Histogram {
+    /// Width of a bin.
+    pub bin_mm: f64,
+    /// Lower edge of the first bin; a bin holds its lower edge.
+    pub first_mm: f64,
+    /// Vectors in each bin, from the first that has any to the last.
+    pub counts: Vec<u64>,
+}
+
+impl Histogram {
+    /// `None` without a value. Widths are 1, 2 or 5 times a power of ten, zero is an edge.
+    pub fn of(signed_mm: impl Iterator<Item = f64> + Clone) -> Option<Self> {
+        let (lo, hi) =
+            signed_mm.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
+        let range = hi.max(0.0) - lo.min(0.0);
+        if !(range.is_finite() && range > 0.0) {
+            return None;
+        }
+        let raw = range / BINS;
+        let decade = 10_f64.powf(raw.log10().floor());
+        let bin_mm =
+            [1.0, 2.0, 5.0].map(|f| f * decade).into_iter().find(|w| *w >= raw).unwrap_or(10.0 * decade);
+        let first = (lo / bin_mm).floor();
+        let mut counts = vec![0; ((hi / bin_mm).floor() - first) as usize + 1];
+        let last = counts.len() - 1;
+        for v in signed_mm {
+            counts[(((v / bin_mm).floor() - first).max(0.0) as usize).min(last)] += 1;
+        }
+        Some(Self { bin_mm, first_mm: first * bin_mm, counts })
+    }
+}
+
+/// How small a change can't be told from none.
+///
+/// Along the unit vector d, with s(d) the voxel's size there and r the registration error (standard
+/// deviation): `u(d) = 1.96·√(s(d)²/6 + r²)`. Each of the two surfaces lies anywhere within one
+/// voxel, which has variance s²/12. `s(d) = 1/‖V⁻¹d‖`, V the voxel's edges as columns: the spacing
+/// itself along an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Registration error between the dates.
+    pub registration_mm: f64,
+    voxel_from_mm: DMat3,
+}
+
+impl Uncertainty {
+    /// For voxels whose edges are the columns of `mm_from_voxel`.
+    pub fn new(mm_from_voxel: DMat3, registration_mm: f64) -> Self {
+        Self { registration_mm, voxel_from_mm: mm_from_voxel.inverse() }
+    }
+
+    /// u along `vector_mm`, of any length but 0.
+    pub fn along(&self, vector_mm: DVec3) -> f64 {
+        let direction = vector_mm.normalize_or_zero();
+        let voxel_mm = 1.0 / (self.voxel_from_mm * direction).length();
+        COVERAGE * (voxel_mm * voxel_mm / 6.0 + self.registration_mm * self.registration_mm).sqrt()
+    }
+}

@@ -1,0 +1,339 @@
+use super::*;
+use glam::{DAffine3, DMat3};
+
+use crate::{Sides, phantom};
+
+/// The masks of shapes given by their insides, on a grid around the origin.
+fn masks(
+    half_mm: f64,
+    spacing: DVec3,
+    before: impl Fn(DVec3) -> bool,
+    after: impl Fn(DVec3) -> bool,
+) -> (MaskBits, MaskBits, Grid) {
+    let dims: [usize; 3] = spacing.to_array().map(|s| 2 * (half_mm / s).ceil() as usize + 3);
+    let shift = DVec3::new(0.17, -0.31, 0.23) * spacing;
+    let origin = DVec3::from_array(dims.map(|n| -((n - 1) as f64) / 2.0)) * spacing + shift;
+    let grid = Grid::axis_aligned(dims, spacing, origin).unwrap();
+    let bits = |inside: &dyn Fn(DVec3) -> bool| {
+        MaskBits::from_fn(dims, |l| {
+            let v = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
+            inside(grid.center_of_voxel_mm(v))
+        })
+    };
+    (bits(&before), bits(&after), grid)
+}
+
+fn of(case: &(MaskBits, MaskBits, Grid)) -> Change {
+    let change = change(&case.0, &case.1, &case.2, &ChangeOptions::default(), &Progress::new()).unwrap();
+    consistent(&change, case);
+    change
+}
+
+/// What must hold of any change.
+fn consistent(c: &Change, (before, after, grid): &(MaskBits, MaskBits, Grid)) {
+    let surfaces = [before, after].map(crate::surface::surface_of);
+    for v in &c.vectors {
+        let [here, other] = if v.signed_mm > 0.0 { [after, before] } else { [before, after] };
+        assert!(here.get(v.voxel) && !other.get(v.voxel));
+        let length = v.from_mm.distance(v.to_mm);
+        assert!((length - v.signed_mm.abs()).abs() <= 1e-9 * (1.0 + v.from_mm.length()), "{v:?}");
+        assert!(v.nearest_mm <= v.signed_mm.abs() + 1e-9, "{v:?}");
+        for (place, surface) in [(v.from_mm, &surfaces[0]), (v.to_mm, &surfaces[1])] {
+            assert!(grid.voxel_at(place).is_some_and(|p| surface.get(p)), "{v:?}");
+        }
+    }
+    let outer = |mine: usize, other: &MaskBits| {
+        let mut n = 0;
+        let [nx, ny, _] = other.dims();
+        surfaces[mine].for_each(|l| n += usize::from(!other.get([l % nx, l / nx % ny, l / (nx * ny)])));
+        n
+    };
+    assert_eq!(c.vectors.len() + c.unpartnered.len(), outer(0, after) + outer(1, before));
+}
+
+const SPACINGS: [DVec3; 2] = [DVec3::ONE, DVec3::new(0.5, 0.5, 5.0)];
+
+fn ball(center: DVec3, radius: f64) -> impl Fn(DVec3) -> bool {
+    move |p| p.distance(center) <= radius
+}
+
+#[test]
+fn concentric_balls_change_by_the_difference_of_their_radii() {
+    for spacing in SPACINGS {
+        for (r0, r1) in [(12.0, 18.0), (18.0, 12.0), (15.0, 17.5)] {
+            let c = of(&masks(20.0, spacing, ball(DVec3::ZERO, r0), ball(DVec3::ZERO, r1)));
+            let error = c.vectors.iter().map(|v| (v.signed_mm - (r1 - r0)).abs()).sum::<f64>()
+                / c.vectors.len() as f64;
+            println!("ball {r0} to {r1} at {spacing}: {} vectors, mean error {error:.3} mm", c.vectors.len());
+            assert!(error <= spacing.length() / 2.0, "{r0} {r1} {spacing}: {error}");
+            assert!(c.vectors.len() > 100 && c.unpartnered.is_empty());
+            assert!(c.vectors.iter().all(|v| (v.signed_mm > 0.0) == (r1 > r0)));
+        }
+    }
+}
+
+/// Distance from `p` to the ellipsoid with semi-axes `a` about the origin, along the way to the
+/// nearest point (Newton on the Lagrange multiplier).
+fn to_ellipsoid(p: DVec3, a: DVec3) -> f64 {
+    let f = |t: f64| -> f64 { (0..3).map(|i| (a[i] * p[i] / (t + a[i] * a[i])).powi(2)).sum::<f64>() - 1.0 };
+    let (mut lo, mut hi) = (-a.min_element().powi(2) + 1e-9, 1e6);
+    for _ in 0..200 {
+        let middle = (lo + hi) / 2.0;
+        if f(middle) > 0.0 { lo = middle } else { hi = middle }
+    }
+    let q = DVec3::from_array(std::array::from_fn(|i| a[i] * a[i] * p[i] / (lo + a[i] * a[i])));
+    p.distance(q)
+}
+
+#[test]
+fn an_ellipsoid_scaled_along_one_axis_grows_there_and_nowhere_else() {
+    for spacing in SPACINGS {
+        let (a, b) = (DVec3::new(12.0, 14.0, 13.0), DVec3::new(20.0, 14.0, 13.0));
+        let inside = |s: DVec3| move |p: DVec3| (p / s).length() <= 1.0;
+        let c = of(&masks(22.0, spacing, inside(a), inside(b)));
+        assert!(c.vectors.iter().all(|v| v.signed_mm > 0.0));
+        // The truth on the axis: the tip moved by 8 mm.
+        let tip = c.vectors.iter().filter(|v| {
+            let p = v.to_mm;
+            p.x.abs() > 19.0 && p.y.hypot(p.z) < 5.0
+        });
+        let (n, mean) = tip.fold((0, 0.0), |(n, sum), v| (n + 1, sum + v.signed_mm));
+        let mean = mean / f64::from(n);
+        assert!(n > 0 && (mean - 8.0).abs() <= spacing.length() / 2.0, "{spacing}: {mean} of {n}");
+        // Nowhere shorter than the true distance between the surfaces, but for the voxels' size.
+        for v in &c.vectors {
+            let true_mm = to_ellipsoid(v.to_mm, a);
+            assert!(v.signed_mm >= true_mm - spacing.length(), "{v:?} {true_mm}");
+        }
+    }
+}
+
+#[test]
+fn a_ball_that_moves_grows_ahead_and_recedes_behind() {
+    for spacing in SPACINGS {
+        let step = DVec3::new(8.0, 6.0, 0.0);
+        let c = of(&masks(26.0, spacing, ball(DVec3::ZERO, 14.0), ball(step, 14.0)));
+        // Outward normal of the nearer surface against the way: the side that decides the sign.
+        let (mut right, mut all) = (0, 0);
+        for v in &c.vectors {
+            let p = if v.signed_mm > 0.0 { v.to_mm } else { v.from_mm };
+            let truth = p.length() - p.distance(step);
+            if truth.abs() > spacing.length() {
+                all += 1;
+                right += usize::from((truth > 0.0) == (v.signed_mm > 0.0));
+            }
+        }
+        assert!(all > 50 && right as f64 >= 0.999 * all as f64, "{spacing}: {right} of {all}");
+        let along = step.normalize_or_zero();
+        let ahead: Vec<f64> = (c.vectors.iter())
+            .filter(|v| v.signed_mm > 0.0 && (v.to_mm - step).normalize_or_zero().dot(along) > 0.98)
+            .map(|v| v.signed_mm)
+            .collect();
+        let mean = ahead.iter().sum::<f64>() / ahead.len() as f64;
+        assert!((mean - 10.0).abs() <= spacing.length() / 2.0, "{spacing}: {mean}");
+    }
+}
+
+#[test]
+fn a_lobe_grown_on_one_side_changes_that_side_only() {
+    for spacing in SPACINGS {
+        let old = ball(DVec3::ZERO, 14.0);
+        let lobe = ball(DVec3::new(14.0, 0.0, 0.0), 7.0);
+        let c = of(&masks(24.0, spacing, &old, |p| old(p) || lobe(p)));
+        assert!(c.vectors.iter().all(|v| v.signed_mm > 0.0 && v.to_mm.x > 5.0));
+        let longest = c.vectors.iter().map(|v| v.signed_mm).fold(0.0, f64::max);
+        assert!((longest - 7.0).abs() <= spacing.length() / 2.0 + 1.0, "{spacing}: {longest}");
+    }
+}
+
+#[test]
+fn components_that_split_merge_vanish_and_appear_are_told_and_get_no_made_up_arrow() {
+    let (left, right) = (DVec3::new(-12.0, 0.0, 0.0), DVec3::new(12.0, 0.0, 0.0));
+    let bar = |p: DVec3| p.x.abs() <= 12.0 && p.y.hypot(p.z) <= 4.0;
+    let dumbbell = move |p: DVec3| ball(left, 7.0)(p) || ball(right, 7.0)(p) || bar(p);
+    let parts = move |p: DVec3| ball(left, 7.0)(p) || ball(right, 7.0)(p);
+    let speck = ball(DVec3::new(0.0, 18.0, 0.0), 3.0);
+    for spacing in SPACINGS {
+        let split = of(&masks(24.0, spacing, |p| dumbbell(p) || speck(p), parts));
+        assert!(split.flags.contains(&Flag::Split) && split.flags.contains(&Flag::Vanished));
+        let fates: Vec<Fate> = split.groups.iter().map(|g| g.fate).collect();
+        assert!(fates.contains(&Fate::Split) && fates.contains(&Fate::Vanished) && fates.len() == 2);
+        assert!(split.vectors.iter().all(|v| v.signed_mm < 0.0));
+        // The vanished speck has no arrow, all of it is listed.
+        assert!(split.vectors.iter().all(|v| v.from_mm.y < 14.0));
+        assert!(!split.unpartnered.is_empty());
+        assert!(
+            split.unpartnered.iter().all(|v| !v.appeared && v.position_mm.y > 14.0 && v.nearest_mm.is_some())
+        );
+        let merged = of(&masks(24.0, spacing, parts, |p| dumbbell(p) || speck(p)));
+        assert!(merged.flags.contains(&Flag::Merged) && merged.flags.contains(&Flag::Appeared));
+        assert_eq!(merged.counts.appeared_voxels, split.counts.vanished_voxels);
+    }
+    let apart = of(&masks(24.0, DVec3::ONE, ball(left, 7.0), ball(right, 7.0)));
+    assert!(apart.flags.contains(&Flag::NoOverlap) && apart.vectors.is_empty());
+    assert_eq!(apart.skeleton, Skeleton::default());
+    assert!(apart.counts.vanished_voxels > 0 && apart.counts.appeared_voxels > 0);
+}
+
+#[test]
+fn identical_masks_follow_no_streamline() {
+    let same = |p: DVec3| (p / DVec3::new(15.0, 9.0, 7.0)).length() <= 1.0;
+    let c = of(&masks(18.0, DVec3::ONE, same, same));
+    assert_eq!(c.flags, [Flag::NoChange]);
+    assert_eq!(c.skeleton.counts, crate::skeleton::SkeletonCounts::default());
+    assert!(c.vectors.is_empty() && c.kept_voxels > 1000 && c.gone_voxels + c.new_voxels == 0);
+    // A counter that can count: with a change, streamlines are followed.
+    let grown = |p: DVec3| (p / DVec3::new(15.0, 11.0, 7.0)).length() <= 1.0;
+    let c = of(&masks(18.0, DVec3::new(1.0, 1.0, 1.0), same, grown));
+    assert!(c.skeleton.counts.samples > 0 && c.skeleton_voxels > 0);
+    // A cavity that filled is a change without an outer surface.
+    let hollow = move |p: DVec3| same(p) && p.length() > 3.0;
+    let c = of(&masks(18.0, DVec3::ONE, hollow, same));
+    assert_eq!(c.flags, [Flag::InsideOnly]);
+    assert!(c.new_voxels > 50 && c.vectors.is_empty());
+}
+
+#[test]
+fn uncertainty_in_closed_form() {
+    let u = Uncertainty::new(DMat3::from_diagonal(DVec3::new(0.5, 0.5, 6.0)), 0.8);
+    assert!((u.along(DVec3::X * 3.0) - 1.96 * (0.25_f64 / 6.0 + 0.64).sqrt()).abs() < 1e-12);
+    assert!((u.along(-DVec3::Z) - 1.96 * (6.0_f64 + 0.64).sqrt()).abs() < 1e-12);
+    let turned = Uncertainty::new(DMat3::from_rotation_x(0.7), 0.0);
+    assert!((turned.along(DVec3::new(1.0, 2.0, 3.0)) - 1.96 / 6.0_f64.sqrt()).abs() < 1e-12);
+    let l = Lengths::of(vec![4.0, 1.0, 3.0, 2.0]);
+    assert_eq!((l.p50_mm, l.max_mm, l.mean_mm, l.count), (Some(2.5), Some(4.0), Some(2.5), 4));
+    assert_eq!(Lengths::of(vec![]).p95_mm, None);
+    let h = Histogram::of([-1.5, -0.2, 0.1, 0.2, 3.0].into_iter()).unwrap();
+    assert_eq!((h.bin_mm, h.first_mm, h.counts.iter().sum::<u64>()), (0.2, -1.6, 5));
+    assert_eq!(Histogram::of(std::iter::empty()), None);
+}
+
+/// Signed distance to a union of the phantom's ellipsoids, by its level (first order).
+fn outside_mm(parts: &[phantom::Ellipsoid], p: DVec3) -> f64 {
+    let one = |e: &phantom::Ellipsoid| {
+        let q = (p - e.center_mm) / e.semi_axes_mm;
+        let slope = (q / e.semi_axes_mm).length();
+        (q.length() - 1.0) * q.length() / slope
+    };
+    parts.iter().map(one).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn the_sample_changes_as_its_shapes_do() {
+    let spec = crate::sample::sample_spec();
+    let case = crate::case::load(&spec, &Default::default(), &Progress::new()).unwrap();
+    let truth = phantom::truth();
+    for id in ["T1", "T2", "PET"] {
+        let options = ChangeOptions::default();
+        let (report, change) = between(&case, Some(id), None, None, &options, &Progress::new()).unwrap();
+        let parts = |time: usize| &truth.time_points[time].masks.iter().find(|m| m.id == id).unwrap().parts;
+        let voxel = case.grid.spacing_mm().length();
+        let (mut right, mut all) = (0, 0);
+        for v in &change.vectors {
+            // How far the surface that the voxel is on lies outside (inside) the other date's shape.
+            let (place, other) = if v.signed_mm > 0.0 { (v.to_mm, 0) } else { (v.from_mm, 1) };
+            let true_mm = outside_mm(parts(other), place) * v.signed_mm.signum();
+            if true_mm.abs() > voxel {
+                all += 1;
+                right += usize::from((true_mm > 0.0) == (v.signed_mm > 0.0));
+            }
+            assert!(v.signed_mm.abs() >= true_mm.abs() - 1.5 * voxel, "{id} {v:?} {true_mm}");
+        }
+        println!("{id}: {right} of {all}, {:?} {:?}", report.growth, report.recession);
+        assert!(all > 100 && right as f64 >= 0.999 * all as f64, "{id}: {right} of {all}");
+        assert!((report.kept_ml + report.gone_ml - report.from_ml).abs() < 1e-9);
+        assert!(
+            (report.to_ml - truth.time_points[1].masks.iter().find(|m| m.id == id).unwrap().volume_ml).abs()
+                < 0.5
+        );
+        // The faces of the main body moved by known ways.
+        let growth = truth.growth.iter().find(|g| g.id == id).unwrap();
+        let most = growth.left_posterior_inferior_mm.max(growth.right_anterior_superior_mm).max_element();
+        assert!(report.growth.p95_mm.unwrap() <= most.max(9.0) + 2.0 * voxel, "{id} {:?}", report.growth);
+    }
+    // T1 has a new satellite.
+    let (report, change) =
+        between(&case, Some("T1"), None, None, &ChangeOptions::default(), &Progress::new()).unwrap();
+    assert!(report.flags.contains(&Flag::Appeared));
+    let satellite = DVec3::new(-16.0, 56.0, -4.0);
+    assert!(change.unpartnered.iter().all(|v| v.appeared && v.position_mm.distance(satellite) < 6.5));
+    let lines = csv(&change).lines().count();
+    assert_eq!(lines, 1 + change.vectors.len() + change.unpartnered.len());
+    // Wrong questions.
+    for (of, from, to) in [(None, None, None), (Some("T9"), None, None), (Some("T1"), Some("2020"), None)] {
+        let wrong = between(&case, of, from, to, &ChangeOptions::default(), &Progress::new());
+        assert!(matches!(wrong, Err(ChangeError::Choice { .. })), "{of:?}");
+    }
+}
+
+#[test]
+fn stability() {
+    let small = |dims: [usize; 3], affine: DAffine3, seed: u64, per_mille: u64| {
+        let grid = Grid::new(dims, affine, Sides::Known).unwrap();
+        let mask = |mut state: u64| {
+            MaskBits::from_fn(dims, |_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 33) % 1000 < per_mille
+            })
+        };
+        (mask(seed), mask(seed + 77), grid)
+    };
+    let id = DAffine3::IDENTITY;
+    let dims = [12, 11, 10];
+    let (empty, full) = (MaskBits::empty(dims), MaskBits::full(dims));
+    let one = MaskBits::from_fn(dims, |l| l == 700);
+    let slice = MaskBits::from_fn(dims, |l| l / 132 == 4);
+    let plain = || Grid::new(dims, id, Sides::Known).unwrap();
+    let all = [("empty", &empty), ("full", &full), ("one voxel", &one), ("one slice", &slice)];
+    for (name, a) in all {
+        for (other, b) in all {
+            let c = of(&(a.clone(), b.clone(), plain()));
+            assert_eq!(c.flags.contains(&Flag::NoChange), name == other, "{name} {other} {:?}", c.flags);
+            let none = a.count() == 0 || b.count() == 0;
+            assert!(!none || c.vectors.is_empty(), "{name} {other}");
+        }
+    }
+    // 31,000 specks.
+    let specks = small([128, 128, 128], id, 5, 20);
+    let c = of(&specks);
+    assert!(c.groups.len() > 31_000, "{}", c.groups.len());
+    // The world around a mask changes no length: far away, mirrored, turned; flat and sheared
+    // voxels, and the worst matrix that a grid takes, have finite answers.
+    let lobes = |p: DVec3| ball(DVec3::ZERO, 6.0)(p) || ball(DVec3::new(6.0, 2.0, 1.0), 4.0)(p);
+    let (a, b, _) = masks(12.0, DVec3::ONE, lobes, |p| lobes(p) && p.x < 5.0 || ball(DVec3::Y * 5.0, 4.0)(p));
+    let with = |m: DMat3, t: f64| {
+        let affine = DAffine3 { matrix3: m, translation: DVec3::splat(t) };
+        of(&(a.clone(), b.clone(), Grid::new(a.dims(), affine, Sides::Known).unwrap()))
+    };
+    let here = with(DMat3::IDENTITY, 0.0);
+    let far = with(DMat3::IDENTITY, 1e6);
+    let lengths = |c: &Change| c.vectors.iter().map(|v| v.signed_mm).collect::<Vec<_>>();
+    assert_eq!(lengths(&here), lengths(&far));
+    let mirrored = with(DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)), 0.0);
+    assert_eq!(mirrored.vectors.len(), here.vectors.len());
+    for m in [
+        DMat3::from_diagonal(DVec3::new(0.5, 0.5, 6.0)),
+        DMat3::from_cols(DVec3::X, DVec3::new(0.4, 1.0, 0.0), DVec3::new(0.0, 0.3, 2.0)),
+        DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.99e8)),
+        DMat3::from_diagonal(DVec3::splat(1e-30)),
+        DMat3::from_cols(DVec3::X, DVec3::new(1.0, 2.5e-8, 0.0), DVec3::Z),
+    ] {
+        let c = with(m, 0.0);
+        assert_eq!(c.vectors.len(), here.vectors.len(), "{m:?}");
+        assert!(c.vectors.iter().all(|v| v.signed_mm.is_finite() && v.signed_mm != 0.0), "{m:?} finite");
+        assert!(!c.skeleton.points.is_empty(), "{m:?}");
+        // Voxels 1e8 steps long are the one case for the limit on steps.
+        let limited = m.z_axis.z > 1e6;
+        assert!(limited || c.skeleton.counts.stopped == 0, "{m:?} {:?}", c.skeleton.counts);
+    }
+    let wrong = change(&a, &b, &plain(), &ChangeOptions::default(), &Progress::new());
+    assert!(matches!(wrong, Err(ChangeError::Dims { .. })));
+    let nan = ChangeOptions { registration_mm: f64::NAN, ..ChangeOptions::default() };
+    assert!(matches!(
+        change(&full, &one, &plain(), &nan, &Progress::new()),
+        Err(ChangeError::Registration(_))
+    ));
+    let stop = Progress::new();
+    stop.cancel();
+    assert!(change(&full, &one, &plain(), &ChangeOptions::default(), &stop).is_err());
+}

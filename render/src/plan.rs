@@ -29,6 +29,14 @@ pub enum PassName {
     EllipsoidLists,
     /// The ellipsoid diagram's colours, outlines, slice, ring.
     EllipsoidCompose,
+    /// Lengths of surface change at each pixel's voxel.
+    Heights,
+    /// Their filter along rows.
+    HeightFilterAcross,
+    /// Their filter along columns.
+    HeightFilterDown,
+    /// Arrows of surface change.
+    Arrows,
 }
 
 impl PassName {
@@ -49,6 +57,21 @@ impl PassName {
         Self::Compose,
     ];
 
+    /// The change view's, in order.
+    pub const CHANGE: [Self; 11] = [
+        Self::Surface,
+        Self::Outside,
+        Self::Occlusion,
+        Self::OcclusionBlur,
+        Self::Context,
+        Self::GradientOpacity,
+        Self::Heights,
+        Self::HeightFilterAcross,
+        Self::HeightFilterDown,
+        Self::Arrows,
+        Self::Compose,
+    ];
+
     /// Its name in `--explain`, `--stats` and the diagnostics panel.
     pub fn name(self) -> &'static str {
         match self {
@@ -61,6 +84,10 @@ impl PassName {
             Self::Compose => "compose",
             Self::EllipsoidLists => "ellipsoid_lists",
             Self::EllipsoidCompose => "ellipsoid_compose",
+            Self::Heights => "heights",
+            Self::HeightFilterAcross => "height_filter_across",
+            Self::HeightFilterDown => "height_filter_down",
+            Self::Arrows => "arrows",
         }
     }
 }

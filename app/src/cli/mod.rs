@@ -4,8 +4,8 @@
 //! on stderr.
 
 mod arguments;
-mod ellipsoids;
 mod change;
+mod ellipsoids;
 mod info;
 mod measure;
 mod render;

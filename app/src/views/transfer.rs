@@ -129,7 +129,11 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     for (i, tall) in bars.iter().enumerate() {
         let left = rect.left() + i as f32 * bar;
         let top = rect.bottom() - *tall as f32 * rect.height();
-        painter.rect_filled(Rect::from_min_max(pos2(left, top), pos2(left + bar + 0.5, rect.bottom())), 0.0, ink);
+        painter.rect_filled(
+            Rect::from_min_max(pos2(left, top), pos2(left + bar + 0.5, rect.bottom())),
+            0.0,
+            ink,
+        );
     }
     let steps = 160;
     let strip = rect.width() / steps as f32;

@@ -1,5 +1,5 @@
-//! Compute passes: their pipelines, what each is bound to this frame, and how long each took. Made
-//! once a renderer; bindings live for one frame.
+//! Passes: their pipelines, what each is bound to this frame, and how long each took. Made once a
+//! renderer; bindings live for one frame. All compute but those that a renderer adds as rasterising.
 
 use std::time::Instant;
 
@@ -30,15 +30,38 @@ struct Timer {
     staging: wgpu::Buffer,
 }
 
+/// What a rasterising pass draws, and onto what. Both are cleared first: the picture to 0, the depths
+/// to 1.
+#[derive(Clone, Debug)]
+pub(crate) struct Drawing {
+    pub picture: wgpu::TextureView,
+    pub depths: wgpu::TextureView,
+    /// Corners of triangles, 16 bits each.
+    pub indices: wgpu::Buffer,
+    pub index_count: u32,
+    pub instances: u32,
+}
+
+#[derive(Clone, Debug)]
+enum Pipeline {
+    Compute(wgpu::ComputePipeline),
+    Raster(wgpu::RenderPipeline),
+}
+
+enum Work {
+    Compute { pipeline: wgpu::ComputePipeline, workgroups: [u32; 3] },
+    Raster { pipeline: wgpu::RenderPipeline, drawing: Drawing },
+}
+
 struct Bound {
     pass: PassName,
     group: wgpu::BindGroup,
-    workgroups: [u32; 3],
+    work: Work,
 }
 
 /// Pipelines of a renderer's passes, and the passes bound for this frame in the order they run.
 pub(crate) struct PassRunner {
-    pipelines: Vec<(PassName, wgpu::ComputePipeline)>,
+    pipelines: Vec<(PassName, Pipeline)>,
     bound: Vec<Bound>,
     timer: Option<Timer>,
 }
@@ -46,6 +69,23 @@ pub(crate) struct PassRunner {
 /// Workgroups of 8x8 threads, one thread a pixel.
 pub(crate) fn workgroups_of(size: [u32; 2]) -> [u32; 3] {
     [size[0].div_ceil(8), size[1].div_ceil(8), 1]
+}
+
+fn group_of(
+    gpu: &Gpu,
+    pass: PassName,
+    layout: &wgpu::BindGroupLayout,
+    entries: &[(u32, wgpu::BindingResource<'_>)],
+) -> wgpu::BindGroup {
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = entries
+        .iter()
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
+        .collect();
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(pass.name()),
+        layout,
+        entries: &entries,
+    })
 }
 
 impl PassRunner {
@@ -73,11 +113,12 @@ impl PassRunner {
                 },
                 cache: None,
             });
-            pipelines.push((pass, pipeline));
+            pipelines.push((pass, Pipeline::Compute(pipeline)));
         }
         // Mesa's software Vulkan writes timestamps when commands are read, not when they are done.
         let timer = (gpu.has_timestamps() && !gpu.is_software()).then(|| {
-            let count = 2 * shaders.len() as u32;
+            // One more: a renderer may add a pass that rasterises.
+            let count = 2 * (shaders.len() as u32 + 1);
             let buffer = |label, usage| {
                 gpu.device.create_buffer(&wgpu::BufferDescriptor {
                     label: Some(label),
@@ -110,8 +151,13 @@ impl PassRunner {
         self.bound.clear();
     }
 
+    /// Adds the one pass that rasterises, if there is any.
+    pub fn add_raster(&mut self, pass: PassName, pipeline: wgpu::RenderPipeline) {
+        self.pipelines.push((pass, Pipeline::Raster(pipeline)));
+    }
+
     /// Binds `entries` to `pass`, which runs after those bound before it. Does nothing for a pass
-    /// that this runner has no pipeline of.
+    /// that this runner has no compute pipeline of.
     pub fn bind(
         &mut self,
         gpu: &Gpu,
@@ -119,40 +165,83 @@ impl PassRunner {
         entries: &[(u32, wgpu::BindingResource<'_>)],
         workgroups: [u32; 3],
     ) {
-        let Some((_, pipeline)) = self.pipelines.iter().find(|(name, _)| *name == pass) else { return };
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = entries
-            .iter()
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
-            .collect();
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(pass.name()),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        self.bound.push(Bound { pass, group, workgroups });
+        if let Some(Pipeline::Compute(pipeline)) = self.pipeline(pass) {
+            let group = group_of(gpu, pass, &pipeline.get_bind_group_layout(0), entries);
+            self.bound.push(Bound { pass, group, work: Work::Compute { pipeline, workgroups } });
+        }
+    }
+
+    /// As [`PassRunner::bind`] for the pass that rasterises.
+    pub fn bind_raster(
+        &mut self,
+        gpu: &Gpu,
+        pass: PassName,
+        entries: &[(u32, wgpu::BindingResource<'_>)],
+        drawing: Drawing,
+    ) {
+        if let Some(Pipeline::Raster(pipeline)) = self.pipeline(pass) {
+            let group = group_of(gpu, pass, &pipeline.get_bind_group_layout(0), entries);
+            self.bound.push(Bound { pass, group, work: Work::Raster { pipeline, drawing } });
+        }
+    }
+
+    fn pipeline(&self, pass: PassName) -> Option<Pipeline> {
+        self.pipelines.iter().find(|(name, _)| *name == pass).map(|(_, pipeline)| pipeline.clone())
     }
 
     fn encode(&self, encoder: &mut wgpu::CommandEncoder, number: usize, timed: bool) {
-        let Some(Bound { pass, group, workgroups }) = self.bound.get(number) else { return };
-        let Some((_, pipeline)) = self.pipelines.iter().find(|(name, _)| name == pass) else { return };
-        let timestamp_writes = match &self.timer {
-            Some(timer) if timed => Some(wgpu::ComputePassTimestampWrites {
-                query_set: &timer.queries,
-                beginning_of_pass_write_index: Some(2 * number as u32),
-                end_of_pass_write_index: Some(2 * number as u32 + 1),
-            }),
-            _ => None,
-        };
+        let Some(Bound { pass, group, work }) = self.bound.get(number) else { return };
+        let timer = self.timer.as_ref().filter(|_| timed);
+        let (first, last) = (Some(2 * number as u32), Some(2 * number as u32 + 1));
         encoder.push_debug_group(pass.name());
-        {
-            let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(pass.name()),
-                timestamp_writes,
-            });
-            compute.set_pipeline(pipeline);
-            compute.set_bind_group(0, group, &[]);
-            let [x, y, z] = *workgroups;
-            compute.dispatch_workgroups(x, y, z);
+        match work {
+            Work::Compute { pipeline, workgroups } => {
+                let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some(pass.name()),
+                    timestamp_writes: timer.map(|timer| wgpu::ComputePassTimestampWrites {
+                        query_set: &timer.queries,
+                        beginning_of_pass_write_index: first,
+                        end_of_pass_write_index: last,
+                    }),
+                });
+                compute.set_pipeline(pipeline);
+                compute.set_bind_group(0, group, &[]);
+                let [x, y, z] = *workgroups;
+                compute.dispatch_workgroups(x, y, z);
+            }
+            Work::Raster { pipeline, drawing } => {
+                let mut raster = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some(pass.name()),
+                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                        view: &drawing.picture,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })],
+                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                        view: &drawing.depths,
+                        depth_ops: Some(wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(1.0),
+                            store: wgpu::StoreOp::Discard,
+                        }),
+                        stencil_ops: None,
+                    }),
+                    timestamp_writes: timer.map(|timer| wgpu::RenderPassTimestampWrites {
+                        query_set: &timer.queries,
+                        beginning_of_pass_write_index: first,
+                        end_of_pass_write_index: last,
+                    }),
+                    occlusion_query_set: None,
+                    multiview_mask: None,
+                });
+                raster.set_pipeline(pipeline);
+                raster.set_bind_group(0, group, &[]);
+                raster.set_index_buffer(drawing.indices.slice(..), wgpu::IndexFormat::Uint16);
+                raster.draw_indexed(0..drawing.index_count, 0, 0..drawing.instances);
+            }
         }
         encoder.pop_debug_group();
     }

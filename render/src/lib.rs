@@ -5,6 +5,7 @@
 
 mod bricks;
 pub mod camera;
+pub mod change;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
@@ -28,6 +29,10 @@ pub mod transfer;
 mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
+pub use change::{
+    ChangeContext, ChangeFrame, ChangeLook, ChangePick, ChangeRenderer, ChangeScene, ChangeStyle,
+    ChangeSurface, change_plan,
+};
 pub use compute::TimeSource;
 pub use context::{
     ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, context_plan,

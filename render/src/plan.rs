@@ -32,6 +32,14 @@ pub enum PassName {
     /// Its pixels whose fragments have no room on the card. Only drawing tells whether there are any:
     /// the frame's plan names it, the scene's doesn't.
     EllipsoidRest,
+    /// Lengths of surface change at each pixel's voxel.
+    Heights,
+    /// Their filter along rows.
+    HeightFilterAcross,
+    /// Their filter along columns.
+    HeightFilterDown,
+    /// Arrows of surface change.
+    Arrows,
 }
 
 impl PassName {
@@ -52,6 +60,21 @@ impl PassName {
         Self::Compose,
     ];
 
+    /// The change view's, in order.
+    pub const CHANGE: [Self; 11] = [
+        Self::Surface,
+        Self::Outside,
+        Self::Occlusion,
+        Self::OcclusionBlur,
+        Self::Context,
+        Self::GradientOpacity,
+        Self::Heights,
+        Self::HeightFilterAcross,
+        Self::HeightFilterDown,
+        Self::Arrows,
+        Self::Compose,
+    ];
+
     /// Its name in `--explain`, `--stats` and the diagnostics panel.
     pub fn name(self) -> &'static str {
         match self {
@@ -65,6 +88,10 @@ impl PassName {
             Self::EllipsoidLists => "ellipsoid_lists",
             Self::EllipsoidCompose => "ellipsoid_compose",
             Self::EllipsoidRest => "ellipsoid_rest",
+            Self::Heights => "heights",
+            Self::HeightFilterAcross => "height_filter_across",
+            Self::HeightFilterDown => "height_filter_down",
+            Self::Arrows => "arrows",
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What a window or a file writer needs to know of a renderer, whichever view it draws.
 
 use crate::{
+    change::{ChangeFrame, ChangeRenderer, ChangeScene},
     compute::TimeSource,
     context::{ContextFrame, ContextRenderer, ContextScene},
     ellipsoids::{EllipsoidFrame, EllipsoidRenderer, EllipsoidScene},
@@ -104,5 +105,6 @@ macro_rules! renderers {
 renderers! {
     Renderer: Scene => Frame,
     ContextRenderer: ContextScene => ContextFrame,
+    ChangeRenderer: ChangeScene => ChangeFrame,
     EllipsoidRenderer: EllipsoidScene => EllipsoidFrame,
 }

@@ -8,6 +8,15 @@ macro_rules! files {
 
 /// Path below `wgsl/` and text of every file.
 pub(crate) const FILES: &[(&str, &str)] = files![
+    "change_arrows.wgsl",
+    "change_compose.wgsl",
+    "change_filter_across.wgsl",
+    "change_filter_down.wgsl",
+    "change_heights.wgsl",
+    "change_surface.wgsl",
+    "lib/change.wgsl",
+    "lib/change_filter.wgsl",
+    "lib/first_hit.wgsl",
     "closeup_compose.wgsl",
     "closeup_occlusion.wgsl",
     "closeup_occlusion_blur.wgsl",
@@ -30,6 +39,12 @@ pub(crate) const FILES: &[(&str, &str)] = files![
 
 /// Names of all entry point files, without `.wgsl`.
 pub const ALL: &[&str] = &[
+    "change_arrows",
+    "change_compose",
+    "change_filter_across",
+    "change_filter_down",
+    "change_heights",
+    "change_surface",
     "closeup_compose",
     "closeup_occlusion",
     "closeup_occlusion_blur",

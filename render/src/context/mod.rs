@@ -2,6 +2,7 @@
 //! seen in it from every side.
 
 mod frame;
+pub(crate) mod image;
 mod renderer;
 mod scene;
 #[cfg(test)]

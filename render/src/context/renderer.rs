@@ -4,15 +4,11 @@
 //! a voxel on the card); tables (40 KB, and a bit a brick) once a transfer function; the tumour's
 //! bricks once per `Arc`; targets once a size; the uniforms once a frame.
 
-use std::sync::Arc;
-
-use wgpu::util::DeviceExt;
-
 use super::{
     frame::ContextFrame,
+    image::ImageBuffers,
     scene::{ContextScene, context_plan},
-    uniforms::{self as context_uniforms, FieldShape},
-    volume::{ContextVolume, Field, Tables},
+    uniforms as context_uniforms,
 };
 use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
@@ -21,7 +17,6 @@ use crate::{
     region_buffers::RegionBuffers,
     renderer::RenderError,
     targets::Targets,
-    transfer::TransferFunction,
     uniforms::{self, LENS_ONLY_DRAWN, NO_SKIPPING},
 };
 
@@ -62,24 +57,6 @@ const SHADERS: [(PassName, &str, &[Slot]); 5] = {
     ]
 };
 
-/// An image on the card.
-struct Uploaded {
-    volume: Arc<ContextVolume>,
-    shape: FieldShape,
-    ranges: Vec<[f32; 2]>,
-    values: wgpu::Buffer,
-    shown: Option<Shown>,
-}
-
-/// How it is shown.
-struct Shown {
-    transfer: Arc<TransferFunction>,
-    tables: Tables,
-    visible: wgpu::Buffer,
-    table: wgpu::Buffer,
-    factors: wgpu::Buffer,
-}
-
 /// Draws context views. Not bound to a window.
 pub struct ContextRenderer {
     passes: PassRunner,
@@ -88,7 +65,7 @@ pub struct ContextRenderer {
     kernel: wgpu::Buffer,
     kernel_samples: u32,
     regions: Option<RegionBuffers>,
-    uploaded: Option<Uploaded>,
+    image: Option<ImageBuffers>,
     frame: Option<ContextFrame>,
 }
 
@@ -101,14 +78,6 @@ pub(super) struct Ways {
 
 impl Ways {
     pub(super) const USUAL: Self = Self { skipping: true, jitter: true };
-}
-
-fn storage(gpu: &Gpu, label: &str, contents: &[u8]) -> wgpu::Buffer {
-    gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents,
-        usage: wgpu::BufferUsages::STORAGE,
-    })
 }
 
 impl ContextRenderer {
@@ -134,7 +103,7 @@ impl ContextRenderer {
             kernel: uniform("ContextRenderer::kernel", size_of::<[[f32; 4]; 32]>()),
             kernel_samples: 0,
             regions: None,
-            uploaded: None,
+            image: None,
             frame: None,
         })
     }
@@ -194,9 +163,9 @@ impl ContextRenderer {
         }
         let mut warning = None;
         if let Some(volume) = scene.volume.as_ref().filter(|_| plan.has(PassName::Context)) {
-            let (shape, tables) = self.keep_image(gpu, volume, &scene.transfer)?;
-            warning = shape.warning(volume);
-            let mut context = context_uniforms::context(scene, volume, shape, tables, quality, &plan);
+            let image = ImageBuffers::keep(&mut self.image, gpu, volume, &scene.transfer)?;
+            warning = image.warning();
+            let mut context = image.uniform(scene, quality, &plan);
             if !ways.jitter {
                 context.flags &= !context_uniforms::JITTER;
             }
@@ -218,39 +187,9 @@ impl ContextRenderer {
         }))
     }
 
-    /// Makes the image and the tables of its transfer function those on the card.
-    fn keep_image(
-        &mut self,
-        gpu: &Gpu,
-        volume: &Arc<ContextVolume>,
-        transfer: &Arc<TransferFunction>,
-    ) -> Result<(&FieldShape, &Tables), RenderError> {
-        // The one before may be large: let it go first.
-        let up = match self.uploaded.take().filter(|up| Arc::ptr_eq(&up.volume, volume)) {
-            Some(up) => up,
-            None => upload(gpu, volume)?,
-        };
-        let up = self.uploaded.insert(up);
-        let is_shown = |s: &Shown| Arc::ptr_eq(&s.transfer, transfer) || *s.transfer == **transfer;
-        let shown = match up.shown.take().filter(is_shown) {
-            Some(shown) => shown,
-            None => {
-                let tables = Tables::of(transfer, volume.scale(), &up.ranges);
-                Shown {
-                    transfer: Arc::clone(transfer),
-                    visible: storage(gpu, "Shown::visible", bytemuck::cast_slice(&tables.visible)),
-                    table: storage(gpu, "Shown::table", bytemuck::cast_slice(&tables.colors)),
-                    factors: storage(gpu, "Shown::factors", bytemuck::cast_slice(&tables.factors)),
-                    tables,
-                }
-            }
-        };
-        Ok((&up.shape, &up.shown.insert(shown).tables))
-    }
-
     fn bind(&mut self, gpu: &Gpu, plan: &Plan, targets: &Targets) {
         let Some(regions) = &self.regions else { return };
-        let image = self.uploaded.as_ref().and_then(|up| Some((up, up.shown.as_ref()?)));
+        let image = self.image.as_ref();
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
             let entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
@@ -270,10 +209,10 @@ impl ContextRenderer {
                         Slot::Kernel => self.kernel.as_entire_binding(),
                         Slot::Picture => wgpu::BindingResource::TextureView(&picture),
                         Slot::Context => self.context.as_entire_binding(),
-                        Slot::Values => image?.0.values.as_entire_binding(),
-                        Slot::Visible => image?.1.visible.as_entire_binding(),
-                        Slot::Table => image?.1.table.as_entire_binding(),
-                        Slot::Factors => image?.1.factors.as_entire_binding(),
+                        Slot::Values => image?.values().as_entire_binding(),
+                        Slot::Visible => image?.visible().as_entire_binding(),
+                        Slot::Table => image?.table().as_entire_binding(),
+                        Slot::Factors => image?.factors().as_entire_binding(),
                     };
                     Some((slot as u32, resource))
                 })
@@ -295,21 +234,4 @@ impl ContextRenderer {
     pub fn pass_times(&self, gpu: &Gpu) -> Result<Vec<(PassName, f64)>, RenderError> {
         if self.frame.is_some() { self.passes.times(gpu) } else { Ok(Vec::new()) }
     }
-}
-
-fn upload(gpu: &Gpu, volume: &Arc<ContextVolume>) -> Result<Uploaded, RenderError> {
-    let limits = gpu.device.limits();
-    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    let Some(field) = Field::fitting(volume, limit) else {
-        return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });
-    };
-    let values = storage(gpu, "Uploaded::values", bytemuck::cast_slice(&field.values));
-    gpu.check().map_err(RenderError::Device)?;
-    Ok(Uploaded {
-        volume: Arc::clone(volume),
-        shape: FieldShape::of(&field),
-        ranges: field.ranges(),
-        values,
-        shown: None,
-    })
 }

@@ -1,0 +1,156 @@
+//! Arrows on the card: instances once a surface and threshold, never once a frame.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use wgpu::util::DeviceExt;
+
+use super::{
+    surface::ChangeSurface,
+    targets::{ARROW_FORMAT, DEPTH_FORMAT},
+};
+use crate::{gpu::Gpu, renderer::RenderError};
+
+/// In `what`, as in change_compose.wgsl: the low bits are the number from 1.
+const GROWS: u32 = 0x100_0000;
+const FAINT: u32 = 0x200_0000;
+const MOST: usize = 0xff_ffff;
+
+/// `Arrow` of change_arrows.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct GpuArrow {
+    pub start: [f32; 3],
+    pub what: u32,
+    pub along: [f32; 3],
+    pub unused: u32,
+}
+
+/// Instances of the arrows that are drawn.
+pub(super) struct ArrowBuffers {
+    surface: Arc<ChangeSurface>,
+    threshold_mm: f64,
+    pub instances: wgpu::Buffer,
+    /// Which of the change's vectors each instance is.
+    pub vectors: Arc<Vec<u32>>,
+}
+
+impl ArrowBuffers {
+    /// The instances of `surface` at `threshold_mm`: those held, when they are its own, else new ones.
+    ///
+    /// # Errors
+    /// [`RenderError::Buffer`] past the device's limits; [`RenderError::Scene`] past 16,777,215 arrows;
+    /// nothing is held then.
+    pub fn keep<'a>(
+        held: &'a mut Option<Self>,
+        gpu: &Gpu,
+        surface: &Arc<ChangeSurface>,
+        threshold_mm: f64,
+    ) -> Result<&'a Self, RenderError> {
+        let own = |b: &Self| Arc::ptr_eq(&b.surface, surface) && b.threshold_mm == threshold_mm;
+        let made = match held.take().filter(own) {
+            Some(buffers) => buffers,
+            None => Self::new(gpu, surface, threshold_mm)?,
+        };
+        Ok(held.insert(made))
+    }
+
+    fn new(gpu: &Gpu, surface: &Arc<ChangeSurface>, threshold_mm: f64) -> Result<Self, RenderError> {
+        let vectors: Vec<u32> = surface.arrows(threshold_mm).map(|i| i as u32).collect();
+        if vectors.len() > MOST {
+            return Err(RenderError::Scene(format!("{} arrows (at most {MOST})", vectors.len())));
+        }
+        gpu.check_size("the arrows", (vectors.len() * size_of::<GpuArrow>()) as u64)?;
+        let middle_mm = surface.middle_mm();
+        let list = &surface.change().vectors;
+        let mut packed: Vec<GpuArrow> = vectors
+            .iter()
+            .zip(1u32..)
+            .filter_map(|(&i, number)| {
+                let v = list.get(i as usize)?;
+                let grows = if v.signed_mm > 0.0 { GROWS } else { 0 };
+                let faint = if v.flags.within_uncertainty { FAINT } else { 0 };
+                Some(GpuArrow {
+                    // Differences in f64: an offset of 1e6 mm costs no digit then.
+                    start: (v.from_mm - middle_mm).as_vec3().to_array(),
+                    what: number | grows | faint,
+                    along: (v.to_mm - v.from_mm).as_vec3().to_array(),
+                    unused: 0,
+                })
+            })
+            .collect();
+        if packed.is_empty() {
+            packed.push(GpuArrow::default());
+        }
+        Ok(Self {
+            surface: Arc::clone(surface),
+            threshold_mm,
+            instances: gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("ArrowBuffers::instances"),
+                contents: bytemuck::cast_slice(&packed),
+                usage: wgpu::BufferUsages::STORAGE,
+            }),
+            vectors: Arc::new(vectors),
+        })
+    }
+}
+
+/// Sides of shaft and head, `SIDES` of change_arrows.wgsl.
+const SIDES: u16 = 6;
+
+/// Triangles over the corners that change_arrows.wgsl makes.
+pub(super) fn triangles() -> Vec<u16> {
+    let mut out = Vec::new();
+    let next = |i: u16| (i + 1) % SIDES;
+    for i in 0..SIDES {
+        let j = next(i);
+        let [start, end, rim, point] = [0, SIDES, 2 * SIDES, 3 * SIDES];
+        out.extend([start + i, start + j, end + i, end + i, start + j, end + j]);
+        out.extend([end + i, end + j, rim + i, rim + i, end + j, rim + j]);
+        out.extend([rim + i, rim + j, point]);
+        if (1..SIDES - 1).contains(&i) {
+            out.extend([start, start + i, start + j]);
+        }
+    }
+    out
+}
+
+/// The pipeline that draws them. Faces are not culled: all are seen from outside, and the nearest wins.
+///
+/// # Errors
+/// [`RenderError::Shader`].
+pub(super) fn pipeline(gpu: &Gpu) -> Result<wgpu::RenderPipeline, RenderError> {
+    let name = "change_arrows";
+    let source = glioscope_shaders::compose(name)?;
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(name),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Less),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("shade"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(ARROW_FORMAT.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    }))
+}

@@ -1,0 +1,182 @@
+//! Two masks and how the surface moved between them, as the shaders read it.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use glioscope_core::{
+    Grid, Mask, MaskBits, RegionVolume, Regions, TumorIndex,
+    change::{Change, SurfaceChange, Unpartnered},
+};
+
+/// Index bit of the earlier mask, as in lib/change.wgsl.
+pub(crate) const BEFORE: u32 = 1;
+/// Of the later mask.
+pub(crate) const AFTER: u32 = 2;
+/// Of components without a counterpart, beside that of their date.
+#[cfg(test)]
+pub(crate) const ALONE: u32 = 4;
+
+/// How sure a length within its uncertainty is: the opacity that is left of its colour.
+pub(crate) const FAINT: f32 = 0.35;
+
+/// The union of the masks of two dates, cut into what is active before, after and in both, with the
+/// change of its surface. Made once a pair of dates.
+#[derive(Debug)]
+pub struct ChangeSurface {
+    volume: Arc<RegionVolume>,
+    /// First voxel of the volume on the case grid.
+    start: [usize; 3],
+    change: Arc<Change>,
+}
+
+/// `Length` of change_heights.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Length {
+    pub key: u32,
+    pub signed_mm: f32,
+    pub sure: f32,
+}
+
+/// Of a table that has `2^log2_slots` slots, as change_heights.wgsl.
+fn first_slot(key: u32, log2_slots: u32) -> usize {
+    (key.wrapping_mul(0x9e37_79b1) >> (32 - log2_slots)) as usize
+}
+
+/// Marks the components of `mask` that the voxels of `seeds` are in.
+fn flood(mask: &MaskBits, seeds: impl Iterator<Item = [usize; 3]>, marked: &mut MaskBits) {
+    let dims = mask.dims();
+    let mut open: Vec<[usize; 3]> = Vec::new();
+    let visit = |v: [usize; 3], marked: &mut MaskBits, open: &mut Vec<[usize; 3]>| {
+        if mask.get(v) && !marked.get(v) {
+            marked.set(v);
+            open.push(v);
+        }
+    };
+    for seed in seeds {
+        visit(seed, marked, &mut open);
+        while let Some(v) = open.pop() {
+            for n in 0..27 {
+                let to = [n % 3, n / 3 % 3, n / 9];
+                let to: [usize; 3] = std::array::from_fn(|a| (v[a] + to[a]).wrapping_sub(1));
+                if (0..3).all(|a| to[a] < dims[a]) {
+                    visit(to, marked, &mut open);
+                }
+            }
+        }
+    }
+}
+
+impl ChangeSurface {
+    /// Of two masks on `grid` and what `glioscope_core::change::change` found between them. `None`
+    /// when both masks are empty, or not of the grid's size.
+    pub fn new(before: &MaskBits, after: &MaskBits, grid: &Grid, change: Arc<Change>) -> Option<Self> {
+        if before.dims() != grid.dims() || after.dims() != grid.dims() {
+            return None;
+        }
+        let mut bounds: Option<([usize; 3], [usize; 3])> = None;
+        for (start, dims) in [before, after].into_iter().filter_map(MaskBits::bounds) {
+            let end: [usize; 3] = std::array::from_fn(|a| start[a] + dims[a]);
+            bounds = Some(bounds.map_or((start, end), |(s, e)| {
+                (std::array::from_fn(|a| s[a].min(start[a])), std::array::from_fn(|a| e[a].max(end[a])))
+            }));
+        }
+        let (start, end) = bounds?;
+        let dims: [usize; 3] = std::array::from_fn(|a| end[a] - start[a]);
+        let local_grid = grid.crop(start, dims).ok()?;
+        let cropped = |mask: &MaskBits| {
+            let mut out = MaskBits::empty(dims);
+            let [nx, ny, _] = grid.dims();
+            mask.for_each(|l| {
+                let v = [l % nx, l / nx % ny, l / (nx * ny)];
+                out.set(std::array::from_fn(|a| v[a] - start[a]));
+            });
+            out
+        };
+        let masks = [cropped(before), cropped(after)];
+        let mut alone = MaskBits::empty(dims);
+        for (date, mask) in masks.iter().enumerate() {
+            let of_date = change.unpartnered.iter().filter(|u| u.appeared == (date == 1));
+            flood(mask, of_date.filter_map(|u| local(u.voxel, start, dims)), &mut alone);
+        }
+        let [before, after] = masks;
+        let named = |id: &str, bits| Mask::new(id, local_grid.clone(), bits);
+        let masks = [named("before", before)?, named("after", after)?, named("alone", alone)?];
+        let index = TumorIndex::new(local_grid, &masks.iter().collect::<Vec<_>>()).ok()?;
+        let volume = Arc::new(RegionVolume::of(&index, &Regions::of(&index))?);
+        Some(Self { volume, start, change })
+    }
+
+    /// Where the union is, and what each voxel of it is: index bit 0 the earlier mask, bit 1 the
+    /// later, bit 2 components without a counterpart.
+    pub fn volume(&self) -> &Arc<RegionVolume> {
+        &self.volume
+    }
+
+    /// What was found between the dates.
+    pub fn change(&self) -> &Arc<Change> {
+        &self.change
+    }
+
+    /// The vector of a voxel of the case grid, if it has one.
+    pub fn vector(&self, voxel: [usize; 3]) -> Option<&SurfaceChange> {
+        let list = &self.change.vectors;
+        let key = |v: [usize; 3]| [v[2], v[1], v[0]];
+        list.get(list.binary_search_by_key(&key(voxel), |s| key(s.voxel)).ok()?)
+    }
+
+    /// An outer surface voxel without a partner.
+    pub fn unpartnered(&self, voxel: [usize; 3]) -> Option<&Unpartnered> {
+        let list = &self.change.unpartnered;
+        let key = |v: [usize; 3]| [v[2], v[1], v[0]];
+        list.get(list.binary_search_by_key(&key(voxel), |s| key(s.voxel)).ok()?)
+    }
+
+    /// Numbers, among the change's vectors, of those that are no shorter than `threshold_mm`.
+    pub fn arrows(&self, threshold_mm: f64) -> impl Iterator<Item = usize> + '_ {
+        let long = move |v: &SurfaceChange| v.signed_mm.abs() >= threshold_mm;
+        self.change.vectors.iter().enumerate().filter(move |(_, v)| long(v)).map(|(i, _)| i)
+    }
+
+    /// The point that arrows are counted from.
+    pub(crate) fn middle_mm(&self) -> DVec3 {
+        self.volume.grid().center_mm()
+    }
+
+    /// The voxel of the case grid with number `linear` in the volume.
+    pub(crate) fn voxel(&self, linear: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.volume.grid().dims();
+        let v = [linear % nx, linear / nx % ny, linear / (nx * ny)];
+        std::array::from_fn(|a| self.start[a] + v[a])
+    }
+
+    /// The table of lengths by voxel, at most half full, and the logarithm of its size. `None` when
+    /// 32 bits don't count the voxels.
+    pub(crate) fn lengths(&self) -> Option<(Vec<Length>, u32)> {
+        let grid = self.volume.grid();
+        if grid.voxel_count() >= u32::MAX as usize {
+            return None;
+        }
+        let slots = (2 * self.change.vectors.len()).next_power_of_two().max(2);
+        let log2_slots = slots.trailing_zeros();
+        let mut table = vec![Length::default(); slots];
+        for vector in &self.change.vectors {
+            let Some(v) = local(vector.voxel, self.start, grid.dims()) else { continue };
+            let key = grid.linear(v) as u32 + 1;
+            let mut slot = first_slot(key, log2_slots);
+            while table[slot].key != 0 {
+                slot = (slot + 1) % slots;
+            }
+            let sure = if vector.flags.within_uncertainty { FAINT } else { 1.0 };
+            table[slot] = Length { key, signed_mm: vector.signed_mm as f32, sure };
+        }
+        Some((table, log2_slots))
+    }
+}
+
+/// A voxel of the case grid in a box of it.
+fn local(voxel: [usize; 3], start: [usize; 3], dims: [usize; 3]) -> Option<[usize; 3]> {
+    let v: [usize; 3] = std::array::from_fn(|a| voxel[a].wrapping_sub(start[a]));
+    (0..3).all(|a| v[a] < dims[a]).then_some(v)
+}

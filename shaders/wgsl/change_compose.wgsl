@@ -1,0 +1,142 @@
+// The change view's picture: the surface with the height map over it, or the part that both dates
+// share with arrows around it and the rest as a veil; the context image around and behind.
+#include lib/view.wgsl
+#include lib/lines.wgsl
+#include lib/context.wgsl
+#include lib/change.wgsl
+
+@group(0) @binding(6) var<storage, read> marched: array<Marched>;
+@group(0) @binding(8) var<storage, read> blurred: array<u32>;
+@group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
+@group(0) @binding(19) var<storage, read> heights: array<vec2<f32>>;
+@group(0) @binding(21) var<storage, read> hull_depths: array<f32>;
+@group(0) @binding(22) var<storage, read> hull_surfaces: array<vec2<u32>>;
+@group(0) @binding(23) var<storage, read_write> tops: array<vec2<u32>>;    // arrow number from 1, depth
+@group(0) @binding(25) var arrow_picture: texture_2d<u32>;
+
+const NUMBER = 0xffffffu;
+const GROWS = 0x1000000u;
+const FAINT = 0x2000000u;
+const VEIL = 0.13;
+
+fn tone_of(grows: bool) -> vec3<f32> {
+    return select(change.shrink, change.grow, grows);
+}
+
+// Stripes where there is no length to tell: a component came or went.
+fn hatched(color: vec3<f32>, kind: u32, pixel: vec2<u32>) -> vec3<f32> {
+    let place = f32(pixel.x + pixel.y) / (8.0 * view.line_scale);
+    let stripe = smoothstep(0.15, 0.3, abs(fract(place) - 0.5));
+    return mix(color, tone_of((kind & AFTER) != 0u), mix(0.15, 0.75, stripe));
+}
+
+struct ArrowSample {
+    what: u32,
+    depth: f32,          // FAR where there is no arrow
+    color: vec3<f32>,
+}
+
+fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
+    let sample = pixel * change.samples + vec2<u32>(n % change.samples, n / change.samples);
+    let found = textureLoad(arrow_picture, sample, 0).xy;
+    if found.x == 0u {
+        return ArrowSample(0u, FAR, vec3<f32>(0.0));
+    }
+    let tone = tone_of((found.x & GROWS) != 0u);
+    let pale = mix(tone, change.base, select(0.0, 0.6, (found.x & FAINT) != 0u));
+    return ArrowSample(found.x, bitcast<f32>(found.y), pale * (f32(found.x >> 26u) / 63.0));
+}
+
+// Outlines of the veil, where it hides something or nothing.
+fn veil_line_at(here: vec2<i32>, depth: f32, face: u32) -> f32 {
+    var line = 0.0;
+    for (var n = 0u; n < 8u; n++) {
+        let to = neighbour(n);
+        let there = clamped(here + to);
+        if hull_surfaces[there].y == face {
+            continue;
+        }
+        let q = hull_depths[there];
+        let steps =
+            step_mm(hull_depths[clamped(here - to)], depth, q, hull_depths[clamped(here + 2 * to)]) / view.voxel_mm;
+        let drawn = smoothstep(2.0, 5.0, steps) * coverage(1.3 * width_at(depth), length(vec2<f32>(to)) - 0.5);
+        line = max(line, select(0.0, drawn, q >= depth));
+    }
+    return line;
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= view.size) {
+        return;
+    }
+    let here = vec2<i32>(id.xy);
+    let at = linear_index(id.xy);
+    var color = view.background.rgb;
+    var front = FAR;
+    let has_surface = (view.flags & HAS_SURFACE) != 0u;
+    if has_surface {
+        front = depths[at];
+    }
+    if front < FAR {
+        color = change.base;
+        let kind = kind_of(surfaces[at].x);
+        if (kind & ALONE) != 0u {
+            color = hatched(color, kind, id.xy);
+        } else if (change.flags & HAS_HEIGHTS) != 0u {
+            let height = heights[at];
+            let opacity = clamp(abs(height.x) / change.full_mm, 0.0, 1.0) * clamp(height.y, 0.0, 1.0);
+            color = mix(color, tone_of(height.x > 0.0), opacity);
+        }
+        if (view.flags & HAS_OCCLUSION) != 0u {
+            let o = unpack4x8unorm(blurred[at]);
+            let dark = o.a * view.occlusion_strength;
+            color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
+        }
+    } else if (view.flags & HAS_CONTEXT) != 0u {
+        let m = marched[at];
+        let blue_opacity = unpack2x16unorm(m.blue_opacity);
+        color = vec3<f32>(unpack2x16unorm(m.red_green), blue_opacity.x) + (1.0 - blue_opacity.y) * color;
+    }
+    var lines = Lines(0.0, 0.0, FAR);
+    if has_surface {
+        lines = lines_at(here, front);
+    }
+    var top = ArrowSample(0u, FAR, vec3<f32>(0.0));
+    var plain = color;
+    plain = mix(plain, INNER, view.inner_line_strength * lines.grey);
+    plain = mix(plain, view.silhouette.rgb, lines.black);
+    if (change.flags & HAS_ARROWS) != 0u {
+        // What is before the surface hides its lines; what is behind their edge is under them.
+        var sum = vec3<f32>(0.0);
+        let count = change.samples * change.samples;
+        for (var n = 0u; n < count; n++) {
+            let arrow = arrow_at(id.xy, n);
+            var one = plain;
+            if arrow.depth < front {
+                one = arrow.color;
+                if arrow.depth >= lines.depth {
+                    one = mix(one, INNER, view.inner_line_strength * lines.grey);
+                    one = mix(one, view.silhouette.rgb, lines.black);
+                }
+                if arrow.depth < top.depth {
+                    top = arrow;
+                }
+            }
+            sum += one;
+        }
+        plain = sum / f32(count);
+    }
+    color = plain;
+    if (change.flags & HAS_HULL) != 0u {
+        let hull = hull_depths[at];
+        let kind = kind_of(hull_surfaces[at].x);
+        if hull < front && (kind & ALONE) == 0u && kind != (BEFORE | AFTER) {
+            color = mix(color, tone_of(kind == AFTER), VEIL);
+            let line = veil_line_at(here, hull, hull_surfaces[at].y);
+            color = mix(color, view.silhouette.rgb, view.outer_line_strength * line);
+        }
+    }
+    tops[at] = vec2<u32>(top.what & NUMBER, bitcast<u32>(top.depth));
+    textureStore(picture, here, vec4<f32>(color, 1.0));
+}

@@ -1,0 +1,11 @@
+// The height filter along the picture's columns.
+#include lib/view.wgsl
+#include lib/change.wgsl
+#include lib/change_filter.wgsl
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if all(id.xy < view.size) {
+        filter_along(id.xy, vec2<i32>(0, 1));
+    }
+}

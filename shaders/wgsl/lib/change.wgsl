@@ -1,0 +1,40 @@
+// What the passes of the change view share (thesis 7.3.4).
+
+struct Change {
+    right: vec3<f32>,           // camera axes in world directions: what arrows are turned by
+    full_mm: f32,               // length drawn opaque
+    up: vec3<f32>,
+    smooth_mm: f32,             // standard deviation of the filter, in the picture plane
+    away: vec3<f32>,
+    gap_mm: f32,                // step in depth that the filter does not cross
+    origin: vec3<f32>,          // camera space, of the point that arrows are counted from
+    radius_mm: f32,             // of an arrow's shaft
+    base: vec3<f32>,            // colour of a surface that did not change
+    head_radius_mm: f32,
+    grow: vec3<f32>,
+    head_length_mm: f32,
+    shrink: vec3<f32>,
+    log2_slots: u32,            // of the table of lengths
+    clip_offset: f32,           // clip depth of depth 0
+    clip_scale: f32,            // clip depth of a millimetre
+    samples: u32,               // of the arrows' picture along each side of a pixel
+    flags: u32,
+    kinds: array<vec4<u32>, 2>, // of region numbers 0 to 7
+}
+
+const STYLE_HEIGHT = 1u;
+const STYLE_ARROWS = 2u;
+const HAS_HEIGHTS = 4u;
+const HAS_ARROWS = 8u;
+const HAS_HULL = 16u;
+
+// Index bits of the regions: active before, after, in a component without a counterpart.
+const BEFORE = 1u;
+const AFTER = 2u;
+const ALONE = 4u;
+
+@group(0) @binding(16) var<uniform> change: Change;
+
+fn kind_of(number: u32) -> u32 {
+    return change.kinds[(number >> 2u) & 1u][number & 3u];
+}

@@ -1,0 +1,45 @@
+// One direction of the Gauss filter over the heights. It walks from each pixel to both sides, and
+// ends where the surface does: at the background, at a step in depth that is a silhouette, at a
+// surface that has no height.
+
+@group(0) @binding(4) var<storage, read> depths: array<f32>;
+@group(0) @binding(19) var<storage, read> unfiltered: array<vec2<f32>>;
+@group(0) @binding(20) var<storage, read_write> filtered: array<vec2<f32>>;
+
+// Pixels that the filter looks at to either side at most.
+const MOST_REACH = 96.0;
+
+fn filter_along(pixel: vec2<u32>, direction: vec2<i32>) {
+    let at = linear_index(pixel);
+    let own = unfiltered[at];
+    if own.y < 0.0 {
+        filtered[at] = own;
+        return;
+    }
+    let depth = depths[at];
+    let sigma_px = change.smooth_mm / footprint_mm(depth);
+    let reach = i32(min(ceil(3.0 * sigma_px), MOST_REACH));
+    let fall = -0.5 / (sigma_px * sigma_px);
+    var sum = own;
+    var weight = 1.0;
+    for (var side = -1; side <= 1; side += 2) {
+        var last = depth;
+        for (var k = 1; k <= reach; k++) {
+            let to = vec2<i32>(pixel) + side * k * direction;
+            if any(to < vec2<i32>(0)) || any(to >= vec2<i32>(view.size)) {
+                break;
+            }
+            let there = linear_index(vec2<u32>(to));
+            let height = unfiltered[there];
+            let next = depths[there];
+            if height.y < 0.0 || abs(next - last) > change.gap_mm {
+                break;
+            }
+            last = next;
+            let w = exp(fall * f32(k * k));
+            sum += w * height;
+            weight += w;
+        }
+    }
+    filtered[at] = sum / weight;
+}

@@ -229,3 +229,40 @@ pub fn skeleton(
         .collect();
     Ok(Skeleton { points, lines: sketch.lines, counts })
 }
+
+/// The boundary's force where the skeleton samples it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ForceField {
+    /// Fractional voxel indices of the grid, in memory order.
+    pub voxels: Vec<DVec3>,
+    /// The force there times the m-th power of the distance to the nearest charge: its direction and
+    /// zeros are the force's, its size has no unit.
+    pub forces: Vec<DVec3>,
+}
+
+/// The force that [`skeleton`] follows, for pictures and for measuring what θ costs. Empty for an
+/// empty mask.
+///
+/// # Errors
+/// As [`skeleton`].
+pub fn force_field(
+    mask: &MaskBits,
+    grid: &Grid,
+    options: &SkeletonOptions,
+    progress: &Progress,
+) -> Result<ForceField, SkeletonError> {
+    if mask.dims() != grid.dims() {
+        return Err(SkeletonError::Dims { mask: mask.dims(), grid: grid.dims() });
+    }
+    let Some(solid) = Solid::new(mask, grid)? else { return Ok(ForceField::default()) };
+    let charges = Charges::new(force::boundary_charges(&solid));
+    let lattice = Lattice::new(&solid, options.coarse);
+    let forces = lattice.forces(&charges, Law::new(options.exponent), options.opening, progress)?;
+    let [nx, ny, _] = lattice.nodes.dims();
+    let mut voxels = Vec::with_capacity(forces.len());
+    lattice.nodes.for_each(|l| {
+        let node = DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64);
+        voxels.push(solid.grid_voxel(lattice.unit(node)));
+    });
+    Ok(ForceField { voxels, forces })
+}

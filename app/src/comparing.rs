@@ -174,15 +174,9 @@ fn compute(
     let (earlier, later) = (time(from)?, time(to)?);
     let labels = [earlier.label.clone(), later.label.clone()];
     let options = ChangeOptions { registration_mm, ..ChangeOptions::default() };
-    let (report, found) = change::between(
-        case,
-        Some(&chosen.id),
-        Some(&labels[0]),
-        Some(&labels[1]),
-        &options,
-        progress,
-    )
-    .map_err(|e| e.to_string())?;
+    let (report, found) =
+        change::between(case, Some(&chosen.id), Some(&labels[0]), Some(&labels[1]), &options, progress)
+            .map_err(|e| e.to_string())?;
     let mask = |time: &TimePoint, label: &str| {
         let found = time.masks.iter().find(|m| m.mask.id() == chosen.id);
         found.and_then(|m| Mask::new(label, case.grid.clone(), m.mask.bits().clone()))
@@ -232,7 +226,8 @@ mod tests {
         let Some(Lookup::Ready(found)) = get(&mut comparisons, &case, &setting, true, || {}) else {
             panic!("not compared")
         };
-        let (gone, new) = (found.regions.get(1).map_or(0, |r| r.voxels), found.regions.get(2).map_or(0, |r| r.voxels));
+        let (gone, new) =
+            (found.regions.get(1).map_or(0, |r| r.voxels), found.regions.get(2).map_or(0, |r| r.voxels));
         assert_eq!((gone, new), (found.change.gone_voxels, found.change.new_voxels));
         assert!(here(&comparisons, &case, &setting).is_some());
     }

@@ -92,7 +92,8 @@ impl PaneArea<'_> {
     pub fn pane(&mut self, ui: &mut Ui, pane: Pane) {
         self.rects.insert(pane, ui.available_rect_before_wrap());
         let Self { view, scene, session, viewport, closeup, states, refine_at_once, out, .. } = self;
-        let PaneStates { volume, context, ellipsoids, change, comparisons, dates, transfer, plane } = &mut **states;
+        let PaneStates { volume, context, ellipsoids, change, comparisons, dates, transfer, plane } =
+            &mut **states;
         let stage = Stage {
             viewport: viewport.as_deref_mut(),
             refine_at_once: *refine_at_once,

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
 use glioscope_render::{
-    ChangeRenderer, ContextRenderer, EllipsoidRenderer, Frame, Gpu, PassName, Pick, Picture, Plan, Quality, RenderError,
-    Renderer, Scene, SceneRenderer,
+    ChangeRenderer, ContextRenderer, EllipsoidRenderer, Frame, Gpu, PassName, Pick, Picture, Plan, Quality,
+    RenderError, Renderer, Scene, SceneRenderer,
 };
 
 /// Draws scenes on egui's device and hands egui the pictures. One for each program.

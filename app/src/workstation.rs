@@ -63,7 +63,9 @@ impl Workstation {
         self.world = World::new(loaded);
         self.history = History::default();
         let first = self.world.case().and_then(|c| c.time_points.first());
-        self.doc = document.or_else(|| first.map(|time_point| Document::new(case, time_point, self.world.time_point_count())));
+        self.doc = document.or_else(|| {
+            first.map(|time_point| Document::new(case, time_point, self.world.time_point_count()))
+        });
         if let Some(doc) = &mut self.doc {
             doc.nav.time = doc.nav.time.min(self.world.time_point_count().saturating_sub(1));
         }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, ChangeStyle, ClipPlane, Coloring, Gpu, Palette, Plan, Projection, Quality, Renderer,
-    SceneRenderer, TransferPreset,
+    AdapterPreference, Camera, ChangeStyle, ClipPlane, Coloring, Gpu, Palette, Plan, Projection, Quality,
+    Renderer, SceneRenderer, TransferPreset,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde_json::json;
@@ -256,7 +256,8 @@ fn apply_change(
             .ok_or_else(|| wrong(option, label, &format!("one of {}", labels.join(", ")))),
     };
     if arguments.from.is_some() || arguments.to.is_some() {
-        let dates = [at("from", &arguments.from, 0)?, at("to", &arguments.to, labels.len().saturating_sub(1))?];
+        let dates =
+            [at("from", &arguments.from, 0)?, at("to", &arguments.to, labels.len().saturating_sub(1))?];
         if dates[0] >= dates[1] {
             let found = format!("{} to {}", labels[dates[0]], labels[dates[1]]);
             return Err(wrong("from", &found, "an earlier and a later date"));

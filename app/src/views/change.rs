@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use egui::{Align2, Color32, ComboBox, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, pos2, vec2};
+use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, pos2, vec2};
 use glam::UVec2;
 use glioscope_core::change::Flag;
 use glioscope_render::{
@@ -26,6 +26,9 @@ use crate::{
     viewport::Viewport,
     window::waker,
 };
+
+/// From line to line of the legend.
+const LINE_POINTS: f32 = 16.0;
 
 /// What the view remembers between frames; never saved.
 #[derive(Default)]
@@ -104,20 +107,21 @@ pub fn show(
         return;
     };
     let setting = &view.doc.edit.change;
-    let compared = match comparing::get(comparisons, view.case, setting, stage.refine_at_once, waker(ui.ctx())) {
-        Some(Lookup::Ready(compared)) => compared.clone(),
-        Some(Lookup::Working(progress)) => {
-            let text = crate::world::progress_text(progress);
-            closeup::message(ui, rect, &text);
-            ui.request_repaint_after(std::time::Duration::from_millis(100));
-            return;
-        }
-        Some(Lookup::Failed(why)) => {
-            closeup::message(ui, rect, why);
-            return;
-        }
-        None => return,
-    };
+    let compared =
+        match comparing::get(comparisons, view.case, setting, stage.refine_at_once, waker(ui.ctx())) {
+            Some(Lookup::Ready(compared)) => compared.clone(),
+            Some(Lookup::Working(progress)) => {
+                let text = crate::world::progress_text(progress);
+                closeup::message(ui, rect, &text);
+                ui.request_repaint_after(std::time::Duration::from_millis(100));
+                return;
+            }
+            Some(Lookup::Failed(why)) => {
+                closeup::message(ui, rect, why);
+                return;
+            }
+            None => return,
+        };
     let volume = match context::volume(ui, view, stage.refine_at_once, job) {
         Some(Lookup::Ready(volume)) => Some(volume.clone()),
         Some(Lookup::Working(_)) => {
@@ -186,7 +190,7 @@ pub fn show(
         ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
     }
     legend(ui, view, rect, &compared, &scene.look);
-    closeup::corner_marks(ui, view, rect, &camera, "at the middle");
+    closeup::corner_marks(ui, view, rect, (&camera, "at the middle"), true);
     response.widget_info(|| {
         let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
         let [from, to] = &compared.labels;
@@ -249,7 +253,7 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out
     });
     response.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Mask to compare"));
     let [from, to] = chosen.dates.map(|d| view.case.time_points[d].label.as_str());
-    ui.label(format!("{from} → {to}"));
+    ui.label(format!("{from} to {to}"));
     for (style, text, tip) in [
         (ChangeStyle::Height, "Height map", "Colour where the surface moved, smoothed over the picture"),
         (ChangeStyle::Arrows, "Arrows", "An arrow from where the surface was to where it is"),
@@ -263,7 +267,8 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out
         ChangeStyle::Height => {
             let response = ui.add(Slider::new(&mut new.smooth_mm, 0.0..=5.0).fixed_decimals(1).suffix(" mm"));
             response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Smoothing of the height map"));
-            response.on_hover_text("Width of the Gauss filter; the pointer always tells the unfiltered value");
+            response
+                .on_hover_text("Width of the Gauss filter; the pointer always tells the unfiltered value");
         }
         ChangeStyle::Arrows => {
             let response =
@@ -284,44 +289,60 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out
 
 /// Colours with their numbers, and what was counted.
 fn legend(ui: &Ui, view: &ViewContext<'_>, rect: Rect, compared: &Compared, look: &ChangeLook) {
-    let ink = closeup::ink(ui.visuals().dark_mode);
+    let dark = ui.visuals().dark_mode;
+    let ink = closeup::ink(dark);
     let painter = ui.painter().with_clip_rect(rect);
-    let font = FontId::proportional(12.0);
     let report = &compared.report;
-    let mut at = rect.left_top() + vec2(10.0, 8.0);
     let mm = |v: Option<f64>| v.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
-    for (words, [r, g, b], lengths) in
-        [("grew", look.grow, &report.growth), ("shrank", look.shrink, &report.recession)]
-    {
-        let bar = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(46.0, 11.0));
-        let [br, bg, bb] = ChangeLook::BASE.map(f32::from);
-        for step in 0..23_u8 {
-            let t = f32::from(step) / 22.0;
-            let mix = |from: f32, to: u8| (from + (f32::from(to) - from) * t) as u8;
-            let x = bar.left() + f32::from(step) * 2.0;
-            let piece = Rect::from_min_max(pos2(x, bar.top()), pos2(x + 2.0, bar.bottom()));
-            painter.rect_filled(piece, 0.0, Color32::from_rgb(mix(br, r), mix(bg, g), mix(bb, b)));
-        }
-        let text = format!(
-            "{words} 0 to {:.1} mm: {} voxels, median {}, 95 % {}, most {} mm",
-            look.full_mm,
-            lengths.count,
-            mm(lengths.p50_mm),
-            mm(lengths.p95_mm),
-            mm(lengths.max_mm)
-        );
-        painter.text(at + vec2(52.0, 0.0), Align2::LEFT_TOP, text, font.clone(), ink);
-        at.y += 16.0;
-    }
-    let mut notes = vec![format!("{} of {} within uncertainty", report.within_uncertainty, report.vectors)];
-    notes.extend(report.flags.iter().filter_map(|flag| flag_text(*flag)).map(str::to_owned));
-    for note in notes {
-        painter.text(at, Align2::LEFT_TOP, note, font.clone(), ink);
-        at.y += 15.0;
-    }
+    let both = [("grew", look.grow, &report.growth), ("shrank", look.shrink, &report.recession)];
+    let mut lines: Vec<(Option<[u8; 3]>, String)> = both
+        .into_iter()
+        .map(|(words, color, lengths)| {
+            let text = format!(
+                "{words} 0 to {:.1} mm: {} voxels, median {}, 95 % {}, most {} mm",
+                look.full_mm,
+                lengths.count,
+                mm(lengths.p50_mm),
+                mm(lengths.p95_mm),
+                mm(lengths.max_mm)
+            );
+            (Some(color), text)
+        })
+        .collect();
+    let sure =
+        format!("{} of {} within uncertainty (drawn faint)", report.within_uncertainty, report.vectors);
+    lines.push((None, sure));
+    lines.extend(report.flags.iter().filter_map(|flag| Some((None, flag_text(*flag)?.to_owned()))));
     if view.doc.edit.change.style == ChangeStyle::Arrows {
-        let text = format!("arrows of {:.1} mm and more", look.threshold_mm);
-        painter.text(at, Align2::LEFT_TOP, text, font, ink);
+        lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
+    }
+    let font = FontId::proportional(12.0);
+    let galleys: Vec<_> = lines
+        .into_iter()
+        .map(|(color, text)| (color, painter.layout_no_wrap(text, font.clone(), ink)))
+        .collect();
+    let inset = |color: Option<[u8; 3]>| if color.is_some() { 52.0 } else { 0.0 };
+    let width = galleys.iter().map(|(color, g)| g.size().x + inset(*color)).fold(0.0, f32::max);
+    let corner = rect.left_top() + vec2(10.0, 8.0);
+    let height = galleys.len() as f32 * LINE_POINTS;
+    closeup::plate(&painter, Rect::from_min_size(corner, vec2(width, height)), dark);
+    for (row, (color, galley)) in galleys.into_iter().enumerate() {
+        let at = corner + vec2(0.0, row as f32 * LINE_POINTS);
+        if let Some(color) = color {
+            ramp(&painter, at + vec2(0.0, 2.0), color);
+        }
+        painter.galley(at + vec2(inset(color), 0.0), galley, ink);
+    }
+}
+
+/// From the unchanged surface's colour to the full one.
+fn ramp(painter: &egui::Painter, at: egui::Pos2, [r, g, b]: [u8; 3]) {
+    let [from_r, from_g, from_b] = ChangeLook::BASE.map(f32::from);
+    for step in 0..23_u8 {
+        let share = f32::from(step) / 22.0;
+        let mix = |from: f32, to: u8| (from + (f32::from(to) - from) * share) as u8;
+        let piece = Rect::from_min_size(at + vec2(f32::from(step) * 2.0, 0.0), vec2(2.0, 11.0));
+        painter.rect_filled(piece, 0.0, Color32::from_rgb(mix(from_r, r), mix(from_g, g), mix(from_b, b)));
     }
 }
 

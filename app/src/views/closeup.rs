@@ -163,9 +163,21 @@ pub fn pick_text(view: &ViewContext<'_>, pick: &Pick) -> String {
     format!("{} {ml}{side}\n{place}", regions.name(pick.bits))
 }
 
+/// A patch of the background under words that stand over an image.
+pub fn plate(painter: &Painter, rect: Rect, dark: bool) {
+    let [r, g, b] = background(dark);
+    painter.rect_filled(rect.expand2(vec2(4.0, 2.0)), 3.0, Color32::from_rgba_unmultiplied(r, g, b, 190));
+}
+
 /// Cube, or that sides are unknown, and the scale bar: in every 3D view. `at` says where the scale
 /// holds in perspective.
-pub fn corner_marks(ui: &Ui, view: &ViewContext<'_>, rect: Rect, camera: &Camera, at: &str) {
+pub fn corner_marks(
+    ui: &Ui,
+    view: &ViewContext<'_>,
+    rect: Rect,
+    (camera, at): (&Camera, &str),
+    is_over_image: bool,
+) {
     let painter = ui.painter().with_clip_rect(rect);
     let dark = ui.visuals().dark_mode;
     let ink = ink(dark);
@@ -194,13 +206,12 @@ pub fn corner_marks(ui: &Ui, view: &ViewContext<'_>, rect: Rect, camera: &Camera
         }
         let place =
             if camera.projection == Projection::Perspective { format!(" {at}") } else { String::new() };
-        painter.text(
-            left - vec2(0.0, 6.0),
-            Align2::LEFT_BOTTOM,
-            format!("{} mm{place}", format::plain(mm)),
-            small,
-            ink,
-        );
+        let text = painter.layout_no_wrap(format!("{} mm{place}", format::plain(mm)), small, ink);
+        let words = Align2::LEFT_BOTTOM.anchor_size(left - vec2(0.0, 6.0), text.size());
+        if is_over_image {
+            plate(&painter, words, dark);
+        }
+        painter.galley(words.min, text, ink);
     }
 }
 
@@ -208,7 +219,7 @@ pub fn corner_marks(ui: &Ui, view: &ViewContext<'_>, rect: Rect, camera: &Camera
 fn decorate(ui: &Ui, view: &ViewContext<'_>, rect: Rect, dark: bool) {
     let painter = ui.painter().with_clip_rect(rect);
     let ink = ink(dark);
-    corner_marks(ui, view, rect, &view.doc.nav.camera, "at the lens");
+    corner_marks(ui, view, rect, (&view.doc.nav.camera, "at the lens"), false);
     legend(&painter, view, rect, ink, &FontId::proportional(12.0));
     if view.doc.nav.ruler_on {
         let words = "Ruler: drag from surface to surface";

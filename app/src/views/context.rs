@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{Align2, Color32, FontId, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use egui::{Color32, FontId, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glam::UVec2;
 use glioscope_core::{RegionVolume, Sides};
 use glioscope_render::{
@@ -178,8 +178,11 @@ pub fn show(
     let ink = closeup::ink(ui.visuals().dark_mode);
     let painter = ui.painter().with_clip_rect(rect);
     let text = note.unwrap_or_else(|| name.to_owned());
-    painter.text(rect.left_top() + vec2(10.0, 8.0), Align2::LEFT_TOP, text, FontId::proportional(12.0), ink);
-    closeup::corner_marks(ui, view, rect, &scene.camera, "at the middle");
+    let text = painter.layout_no_wrap(text, FontId::proportional(12.0), ink);
+    let words = Rect::from_min_size(rect.left_top() + vec2(10.0, 8.0), text.size());
+    closeup::plate(&painter, words, ui.visuals().dark_mode);
+    painter.galley(words.min, text, ink);
+    closeup::corner_marks(ui, view, rect, (&scene.camera, "at the middle"), true);
     response.widget_info(|| {
         let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
         WidgetInfo::labeled(Role::Canvas, true, format!("Context view of {name}: {under}"))

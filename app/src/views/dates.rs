@@ -68,7 +68,12 @@ pub fn show(
         for (at, label) in labels.iter().enumerate() {
             let response = ui.selectable_label(view.doc.nav.time == at, name_of(label));
             response.widget_info(|| {
-                WidgetInfo::selected(Role::Button, true, view.doc.nav.time == at, format!("Show {}", name_of(label)))
+                WidgetInfo::selected(
+                    Role::Button,
+                    true,
+                    view.doc.nav.time == at,
+                    format!("Show {}", name_of(label)),
+                )
             });
             if response.clicked() {
                 out.push(Command::SetTime(at));
@@ -134,7 +139,13 @@ fn choose(view: &ViewContext<'_>, date: usize, as_earlier: bool, out: &mut Vec<C
     }
 }
 
-fn pair(ui: &mut Ui, view: &ViewContext<'_>, labels: &[&str], chosen: Option<&Chosen>, out: &mut Vec<Command>) {
+fn pair(
+    ui: &mut Ui,
+    view: &ViewContext<'_>,
+    labels: &[&str],
+    chosen: Option<&Chosen>,
+    out: &mut Vec<Command>,
+) {
     let Some(chosen) = chosen else { return };
     for (end, words) in ["Compare from", "Compare to"].into_iter().enumerate() {
         ui.horizontal_wrapped(|ui| {
@@ -189,9 +200,10 @@ fn chart(
                     .radius(4.0),
             );
         }
-        for (end, words) in ["from", "to"].into_iter().enumerate() {
-            if let Some(&x) = chosen.and_then(|c| at.get(c.dates[end])) {
-                plot.vline(VLine::new(words, x).color(Color32::GRAY).width(1.0));
+        for date in chosen.into_iter().flat_map(|c| c.dates) {
+            if let Some(&x) = at.get(date) {
+                // Without a name it has no place in the legend.
+                plot.vline(VLine::new("", x).color(Color32::GRAY).width(1.0));
             }
         }
         plot.pointer_coordinate()
@@ -208,9 +220,8 @@ fn chart(
         WidgetInfo::labeled(Role::Canvas, true, format!("Volumes over time. {}", words.join("; ")))
     });
     if let (true, Some(pointer)) = (shown.response.clicked(), shown.inner) {
-        let nearest = (0..at.len()).min_by(|&a, &b| {
-            (at[a] - pointer.x).abs().total_cmp(&(at[b] - pointer.x).abs())
-        });
+        let nearest =
+            (0..at.len()).min_by(|&a, &b| (at[a] - pointer.x).abs().total_cmp(&(at[b] - pointer.x).abs()));
         if let Some(date) = nearest {
             choose(view, date, ui.input(|i| i.modifiers.shift), out);
         }
@@ -248,7 +259,12 @@ fn region_lines(view: &ViewContext<'_>) -> Vec<ChartLine> {
         for region in time_point.regions.list() {
             let name = time_point.regions.name(region.bits);
             if !names.iter().any(|(have, _)| *have == name) {
-                let same = view.time_point.regions.list().iter().find(|r| view.time_point.regions.name(r.bits) == name);
+                let same = view
+                    .time_point
+                    .regions
+                    .list()
+                    .iter()
+                    .find(|r| view.time_point.regions.name(r.bits) == name);
                 let color = same.map_or([128, 128, 128], |r| view.colors.region(r.bits));
                 names.push((name, color));
             }
@@ -261,7 +277,13 @@ fn region_lines(view: &ViewContext<'_>) -> Vec<ChartLine> {
         };
         view.case.time_points.iter().map(of).collect()
     };
-    names.into_iter().map(|(name, color)| { let v = volumes(&name); (name, color, v) }).collect()
+    names
+        .into_iter()
+        .map(|(name, color)| {
+            let v = volumes(&name);
+            (name, color, v)
+        })
+        .collect()
 }
 
 /// What was kept, went and came, as numbers and as an overlap diagram of the mask with itself.

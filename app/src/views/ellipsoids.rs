@@ -422,5 +422,5 @@ fn notes(ui: &Ui, view: &ViewContext<'_>, rect: Rect, count: usize, small: usize
         text = "Nothing is selected".into();
     }
     painter.text(rect.left_top() + vec2(10.0, 8.0), Align2::LEFT_TOP, text, FontId::proportional(12.0), ink);
-    closeup::corner_marks(ui, view, rect, camera, "at the middle");
+    closeup::corner_marks(ui, view, rect, (camera, "at the middle"), false);
 }

@@ -181,7 +181,9 @@ fn draw_masks(view: &SliceView, masks: &MaskLayer<'_>, rgba: &mut [u8]) {
     if masks.overlay != Overlay::Outline {
         let opacity = f64::from(masks.opacity.clamp(0.0, 1.0));
         rows_of(rgba, view).zip(bits.par_chunks_exact(width)).for_each(|((_, line), bits)| {
-            for (pixel, &bits) in line.chunks_exact_mut(4).zip(bits).filter(|(_, b)| **b != 0 && Some(**b) != masks.unfilled) {
+            for (pixel, &bits) in
+                line.chunks_exact_mut(4).zip(bits).filter(|(_, b)| **b != 0 && Some(**b) != masks.unfilled)
+            {
                 let color = fills.iter().find(|f| f.0 == bits).map_or([0; 3], |f| f.1);
                 for (channel, fill) in pixel.iter_mut().zip(color) {
                     let under = f64::from(*channel);

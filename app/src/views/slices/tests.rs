@@ -81,6 +81,7 @@ fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static,
                     time_point: &case.time_points[0],
                     colors: &bench.work.world.colors(doc),
                     context: bench.work.world.context(doc),
+                    compared: None,
                 };
                 show(ui, &view, plane, &mut out);
                 for command in out {

@@ -1,0 +1,197 @@
+//! Two dates in the window: choosing them, the change view, the slices' changed rim.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
+use egui::{Theme, vec2};
+use egui_kittest::{Harness, kittest::Queryable};
+use glam::{DVec2, DVec3};
+use glioscope::{
+    commands::Command,
+    comparing::ChangeSetting,
+    document::{CaseRef, Document, Pane},
+    window::GlioscopeApp,
+};
+use glioscope_render::{Camera, ChangeStyle, slices::Plane};
+use glioscope_tests::{crop, maximized, window_on, window_with, workstation};
+
+const SIZE: [f32; 2] = [1000.0, 800.0];
+
+fn sample() -> Harness<'static, GlioscopeApp> {
+    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
+    harness.run_ok();
+    harness
+}
+
+fn doc<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a Document {
+    harness.state().work.doc.as_ref().unwrap()
+}
+
+fn perform(harness: &mut Harness<'_, GlioscopeApp>, command: &Command) {
+    let ctx = harness.ctx.clone();
+    harness.state_mut().perform(&ctx, command, std::time::Instant::now());
+    harness.run_ok();
+}
+
+fn set(harness: &mut Harness<'_, GlioscopeApp>, change: impl FnOnce(&mut ChangeSetting)) {
+    let mut setting = doc(harness).edit.change.clone();
+    change(&mut setting);
+    perform(harness, &Command::SetChange(Box::new(setting)));
+}
+
+/// The change view from the front, without perspective.
+fn from_the_front(harness: &mut Harness<'_, GlioscopeApp>) -> (egui::Rect, Camera) {
+    let rect = maximized(harness, Pane::Change);
+    let mut camera = doc(harness).nav.camera;
+    camera.world_from_camera = Camera::orientation(0.0, 0.0);
+    camera.projection = glioscope_render::Projection::Orthographic;
+    perform(harness, &Command::SetCamera(camera));
+    let canvas = harness.get_by_label_contains("Change of ").rect();
+    assert!(rect.contains_rect(canvas));
+    let doc = doc(harness);
+    let app = harness.state();
+    let time_point = app.work.world.time_point(doc).unwrap();
+    let radius_mm = glioscope::document::tumor_radius_mm(time_point);
+    let camera =
+        glioscope::views::linked::camera(&camera, doc.edit.lens.center_mm, radius_mm, doc.nav.change_zoom);
+    (canvas, camera)
+}
+
+fn pos_of(rect: egui::Rect, camera: &Camera, world_mm: DVec3) -> egui::Pos2 {
+    let size = DVec2::new(f64::from(rect.width()), f64::from(rect.height()));
+    let at = camera.project(world_mm, size).unwrap();
+    rect.min + vec2(at.x as f32, at.y as f32)
+}
+
+/// The sample's T1 grew 5 mm forwards (truth.json): its foremost point moved from A 52 to A 57.
+#[test]
+fn a_known_growth_is_read_under_the_pointer() {
+    let mut harness = sample();
+    let (rect, camera) = from_the_front(&mut harness);
+    let foremost_mm = DVec3::new(-31.5, 57.0, 20.0);
+    harness.hover_at(pos_of(rect, &camera, foremost_mm));
+    harness.run_ok();
+    let pick = harness.state().states.change.hover().expect("the tumour is under the pointer").clone();
+    let vector = pick.vector.expect("it grew there");
+    let half_voxel_mm = 0.5;
+    assert!((pick.world_mm.y - 57.0).abs() <= 2.0 * half_voxel_mm, "{}", pick.world_mm);
+    assert!(
+        (vector.signed_mm - 5.0).abs() <= 1.5,
+        "5 mm forwards, by way of the skeleton's points: {} mm",
+        vector.signed_mm
+    );
+    assert!(
+        (vector.nearest_mm - 5.0).abs() <= 1.0,
+        "the nearest surface is 5 mm away: {}",
+        vector.nearest_mm
+    );
+    let said = format!("grew {:.1} mm", vector.signed_mm);
+    assert!(harness.query_by_label_contains(&said).is_some(), "{said}");
+    // What is told is the stored value, not the smoothed one.
+    let kept = harness.state().states.comparisons.last().unwrap().clone();
+    assert!(kept.change.vectors.contains(&vector));
+}
+
+#[test]
+fn arrows_are_thinned_and_undone() {
+    let mut harness = sample();
+    from_the_front(&mut harness);
+    let rect = harness.get_by_label_contains("Change of ").rect();
+    set(&mut harness, |s| s.style = ChangeStyle::Arrows);
+    let picture = |harness: &mut Harness<'_, GlioscopeApp>| crop(&harness.render().unwrap(), rect);
+    let all = picture(&mut harness);
+    // Another gesture: undone by itself.
+    std::thread::sleep(std::time::Duration::from_millis(900));
+    set(&mut harness, |s| s.threshold_mm = 4.0);
+    let thinned = picture(&mut harness);
+    // Arrows are darker than the surface they stand on.
+    let red = |p: &image::RgbaImage| {
+        p.pixels().filter(|p| i32::from(p.0[0]) > i32::from(p.0[1]) + 80 && p.0[1] < 120).count()
+    };
+    assert!(red(&thinned) < red(&all), "{} of {} pixels", red(&thinned), red(&all));
+    assert!(red(&thinned) > 0, "arrows of 4 mm and more are left");
+    perform(&mut harness, &Command::Undo);
+    assert_eq!(picture(&mut harness), all);
+    perform(&mut harness, &Command::Undo);
+    assert_eq!(doc(&harness).edit.change.style, ChangeStyle::Height);
+}
+
+/// Three dates made of the sample's two: the pair is chosen on the chart and with the buttons.
+#[test]
+fn two_of_three_dates_are_chosen_on_the_chart() {
+    let folder = tempfile::tempdir().unwrap();
+    glioscope_core::sample::write_sample(folder.path()).unwrap();
+    let manifest = folder.path().join("case.toml");
+    let mut text = std::fs::read_to_string(&manifest).unwrap();
+    text.push_str("\n[[mask]]\nid = \"T1\"\nfile = \"t1-mask-2024-01-15.nii.gz\"\ntime = \"2024-09-01\"\n");
+    std::fs::write(&manifest, text).unwrap();
+    let mut harness = window_on(CaseRef::Path(manifest), SIZE, Theme::Light);
+    harness.run_ok();
+    maximized(&mut harness, Pane::Dates);
+    let pair = |harness: &Harness<'_, GlioscopeApp>| {
+        let case = harness.state().work.world.case().unwrap().clone();
+        doc(harness).edit.change.chosen(&case).unwrap().dates
+    };
+    assert_eq!(pair(&harness), [0, 2], "the first and the last to begin with");
+    let chart = harness.get_by_label_contains("Volumes over time").rect();
+    // Labels of the axis stand at the left, so days are counted from a little inside.
+    let at = chart.left_top() + vec2(chart.width() * 0.44, chart.height() * 0.5);
+    harness.hover_at(at);
+    harness.drag_at(at);
+    harness.drop_at(at);
+    harness.run_ok();
+    assert_eq!(pair(&harness), [0, 1], "a click in the middle compares with the second date");
+    harness.get_by_label("Compare to 2024-09-01").click();
+    harness.run_ok();
+    harness.get_by_label("Compare from 2024-04-15").click();
+    harness.run_ok();
+    assert_eq!(pair(&harness), [1, 2]);
+    let kept = harness.state().states.comparisons.last().unwrap().clone();
+    assert_eq!(kept.labels, ["2024-04-15", "2024-09-01"]);
+    perform(&mut harness, &Command::Undo);
+    assert_eq!(doc(&harness).edit.change.dates, None, "one run of clicks is undone as one");
+}
+
+/// One date: no skeleton, no change view's passes; and nothing is compared until a view shows it.
+#[test]
+fn nothing_is_compared_that_no_view_shows() {
+    let harness = sample();
+    let state = harness.state();
+    assert!(state.states.comparisons.last().is_none(), "the change view is behind the closeup");
+    assert!(state.viewport.as_ref().unwrap().change.frame().is_none());
+
+    let folder = tempfile::tempdir().unwrap();
+    glioscope_core::sample::write_sample(folder.path()).unwrap();
+    let file = folder.path().join("t1-mask-2024-01-15.nii.gz");
+    let case = CaseRef::Arguments { masks: vec![format!("T1={}", file.display())], contexts: vec![] };
+    let mut harness = window_with(workstation(case), SIZE, Theme::Dark);
+    harness.run_ok();
+    maximized(&mut harness, Pane::Change);
+    let state = harness.state();
+    assert!(state.states.comparisons.last().is_none());
+    assert!(state.viewport.as_ref().unwrap().change.frame().is_none());
+}
+
+#[test]
+fn slices_show_the_changed_rim() {
+    let mut harness = sample();
+    let rect = maximized(&mut harness, Pane::Slice(Plane::Axial));
+    let before = crop(&harness.render().unwrap(), rect);
+    set(&mut harness, |s| s.on_slices = true);
+    let rim = crop(&harness.render().unwrap(), rect);
+    assert_ne!(rim, before);
+    let colors = glioscope::views::change::pair_colors(doc(&harness).edit.palette);
+    for (k, what) in [(0, "the earlier date's outline"), (1, "the later date's outline")] {
+        let [r, g, b] = colors.mask(k);
+        let near =
+            |p: &&image::Rgba<u8>| p.0[0].abs_diff(r) < 6 && p.0[1].abs_diff(g) < 6 && p.0[2].abs_diff(b) < 6;
+        assert!(rim.pixels().filter(near).count() > 100, "{what}");
+    }
+    perform(&mut harness, &Command::Undo);
+    assert_eq!(crop(&harness.render().unwrap(), rect), before);
+}

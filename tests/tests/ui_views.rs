@@ -135,7 +135,7 @@ fn the_selection_reaches_every_view() {
         let plan = state.viewport.as_ref().unwrap().ellipsoids.plan().unwrap().0.clone();
         plan.omitted.iter().map(|(pass, why)| format!("{pass}: {why}")).collect::<Vec<_>>()
     };
-    assert!(ids(&harness).is_empty(), "{:?}", ids(&harness));
+    assert_eq!(ids(&harness), ["ellipsoid_rest: every fragment has room"]);
     let before = pane_picture(&mut harness, Pane::Context);
     let regions = {
         let state = harness.state();
@@ -145,7 +145,10 @@ fn the_selection_reaches_every_view() {
         perform(&mut harness, &Command::SetRegion(region.bits, false));
     }
     let omitted = ids(&harness);
-    assert!(!omitted.is_empty(), "nothing is selected, so work is left out: {omitted:?}");
+    assert!(
+        omitted.iter().any(|why| why.starts_with("ellipsoid_lists")),
+        "nothing is selected, so work is left out: {omitted:?}"
+    );
     assert_ne!(pane_picture(&mut harness, Pane::Context), before, "the context view shows no tumour");
     let viewport = harness.state().viewport.as_ref().unwrap();
     let context = viewport.context.plan().unwrap().0;

@@ -97,10 +97,10 @@ impl ContextScene {
         }
     }
 
-    /// View depth of the plane that depths are counted from: through the middle of the image, or of
-    /// the tumour without one.
+    /// View depth of the plane that depths are counted from: through the middle of the tumour, or of
+    /// the image without one.
     pub(crate) fn reference_mm(&self) -> f64 {
-        let grid = self.volume.as_ref().map(|v| v.grid()).or(self.tumor.as_ref().map(|t| t.grid()));
+        let grid = self.tumor.as_ref().map(|t| t.grid()).or(self.volume.as_ref().map(|v| v.grid()));
         reference_to(&self.camera, grid.map_or(self.camera.focus_mm, |g| g.center_mm()))
     }
 

@@ -73,3 +73,45 @@ impl History {
         !self.future.is_empty()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        commands::Command,
+        document::CaseRef,
+        workstation::Workstation,
+        world::{self, Loaded},
+    };
+    use glioscope_core::{
+        Progress,
+        case::{self, LoadOptions},
+    };
+
+    fn sample() -> Workstation {
+        let (options, progress) = (LoadOptions::default(), Progress::new());
+        let spec = world::spec_of(&CaseRef::Sample, &options, &progress).unwrap();
+        Workstation::with_case(CaseRef::Sample, Loaded::new(case::load(&spec, &options, &progress).unwrap()))
+    }
+
+    #[test]
+    fn what_is_held_is_one_gesture_however_long_it_rests() {
+        let mut work = sample();
+        let start = Instant::now();
+        let radius = |work: &Workstation| work.doc.as_ref().unwrap().edit.lens.radius_mm;
+        let first = radius(&work);
+        work.history.hold(true);
+        work.apply(&Command::SetLensRadius(20.0), start);
+        work.apply(&Command::SetLensRadius(21.0), start + REST * 5);
+        work.history.hold(false);
+        // Another press soon after: another gesture.
+        work.history.hold(true);
+        work.apply(&Command::SetLensRadius(22.0), start + REST * 5);
+        work.history.hold(false);
+        work.apply(&Command::Undo, start + REST * 5);
+        assert_eq!(radius(&work), 21.0);
+        work.apply(&Command::Undo, start + REST * 5);
+        assert_eq!(radius(&work), first);
+        assert!(!work.history.can_undo());
+    }
+}

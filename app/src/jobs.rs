@@ -74,6 +74,11 @@ impl<K: PartialEq, V: Send + 'static> Derived<K, V> {
         }
     }
 
+    /// The result for `key`, if it is here: nothing is begun.
+    pub fn kept(&self, key: &K) -> Option<&Arc<V>> {
+        self.kept.as_ref().filter(|(have, _)| have == key)?.1.as_ref().ok()
+    }
+
     /// The result last computed, whether or not it is current.
     pub fn last(&self) -> Option<&Arc<V>> {
         self.kept.as_ref()?.1.as_ref().ok()

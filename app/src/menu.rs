@@ -100,25 +100,29 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
     }
     item(ui, Command::ResetLayout, true, out);
     ui.separator();
-    for palette in [Palette::Thesis, Palette::ColorBlindSafe] {
-        choice(ui, doc.edit.palette == palette, Command::SetPalette(palette), out);
-    }
-    ui.separator();
-    for coloring in [Coloring::Masks, Coloring::Agreement] {
-        choice(ui, doc.edit.coloring == coloring, Command::SetColoring(coloring), out);
-    }
-    ui.separator();
+    ui.menu_button("Colours", |ui| {
+        for palette in [Palette::Thesis, Palette::ColorBlindSafe] {
+            choice(ui, doc.edit.palette == palette, Command::SetPalette(palette), out);
+        }
+        ui.separator();
+        for coloring in [Coloring::Masks, Coloring::Agreement] {
+            choice(ui, doc.edit.coloring == coloring, Command::SetColoring(coloring), out);
+        }
+    });
+    ui.menu_button("Slices", |ui| {
+        for convention in [Convention::Radiological, Convention::Neurological] {
+            choice(ui, doc.nav.convention == convention, Command::SetConvention(convention), out);
+        }
+        ui.separator();
+        for overlay in [Overlay::Fill, Overlay::Outline, Overlay::Both] {
+            choice(ui, doc.edit.overlay == overlay, Command::SetOverlay(overlay), out);
+        }
+        ui.separator();
+        item(ui, Command::ResetSlices, true, out);
+    });
     for mode in [OverlapMode::Regions, OverlapMode::WholeMasks] {
         choice(ui, doc.edit.overlap_mode == mode, Command::SetOverlapMode(mode), out);
     }
-    ui.separator();
-    for convention in [Convention::Radiological, Convention::Neurological] {
-        choice(ui, doc.nav.convention == convention, Command::SetConvention(convention), out);
-    }
-    for overlay in [Overlay::Fill, Overlay::Outline, Overlay::Both] {
-        choice(ui, doc.edit.overlay == overlay, Command::SetOverlay(overlay), out);
-    }
-    item(ui, Command::ResetSlices, true, out);
     switch(ui, doc.nav.follow_pointer, Command::ToggleFollowPointer, out);
     switch(ui, doc.nav.show_plane, Command::TogglePlane, out);
     ui.separator();
@@ -204,7 +208,12 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
         out.push(Command::ToggleLens);
     }
     let mut radius_mm = doc.edit.lens.radius_mm;
-    let slider = Slider::new(&mut radius_mm, 1.0..=150.0).logarithmic(true).suffix(" mm").fixed_decimals(1);
+    // Fixed decimals or a clamp would change a radius that only is shown.
+    let slider = Slider::new(&mut radius_mm, 1.0..=150.0)
+        .logarithmic(true)
+        .suffix(" mm")
+        .clamping(egui::SliderClamping::Edits)
+        .custom_formatter(|mm, _| format!("{mm:.1}"));
     let response = ui.add_enabled(lens_on, slider);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, lens_on, "Lens radius"));
     if response.on_hover_text("Lens radius (drag the ring, or Alt and scroll over the closeup)").changed() {

@@ -475,7 +475,10 @@ impl GlioscopeApp {
             }
             Command::ClearRecent => self.recent.clear(),
             Command::SaveSession => match self.work.session_path.clone() {
-                Some(path) => self.work.save(path),
+                Some(path) => {
+                    self.work.save(path.clone());
+                    self.keep_results(&path);
+                }
                 None => self.perform(ctx, &Command::SaveSessionAs, now),
             },
             Command::SaveSessionAs => {
@@ -485,6 +488,7 @@ impl GlioscopeApp {
             Command::SaveSessionTo(path) => {
                 self.work.save(path.clone());
                 self.recent.add(path);
+                self.keep_results(path);
             }
             Command::AcceptGuess(true) => self.work.accept_guess(waker(ctx)),
             Command::AcceptGuess(false) => self.work.guess = None,
@@ -515,6 +519,13 @@ impl GlioscopeApp {
             }
             Command::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
             _ => self.work.apply(command, now),
+        }
+    }
+
+    /// Results that took time are kept beside a saved session.
+    fn keep_results(&self, session: &Path) {
+        if let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case()) {
+            self.states.ellipsoids.keep(session, case, doc.nav.time, doc.edit.ellipsoids.neighbors);
         }
     }
 

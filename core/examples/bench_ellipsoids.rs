@@ -26,6 +26,8 @@ use glioscope_core::{
 use rayon::ThreadPool;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
+/// Something timed on an index; how many it found.
+type Job = fn(&TumorIndex) -> usize;
 
 fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -167,7 +169,7 @@ fn serve(index: &TumorIndex) -> Outcome<()> {
     for line in std::io::stdin().lock().lines() {
         let line = line?;
         let words: Vec<&str> = line.split_whitespace().collect();
-        let job: fn(&TumorIndex) -> usize = match words[..] {
+        let job: Job = match words[..] {
             ["components", _] => components,
             ["labels", _] => labels,
             ["ellipsoids", _] => ellipsoids,
@@ -195,7 +197,7 @@ fn table(data: &Path, runs: usize) -> Outcome<()> {
     say("|---|---|---:|---:|---:|---:|---:|")?;
     for name in ["glioma", "synthetic"] {
         let index = index_of(name, data)?;
-        let jobs: [(&str, fn(&TumorIndex) -> usize); 3] = [
+        let jobs: [(&str, Job); 3] = [
             ("components of the index", components),
             ("the same, with a label volume", labels),
             ("all ellipsoids", ellipsoids),

@@ -149,7 +149,7 @@ impl Components {
                 runs_of_values(&v[l * dims[0]..][..dims[0]], bit as u16, &mut |a, b, _| emit(a, b, 1));
             }),
             IndexData::U32(v) => label(dims, connectivity, |l, emit| {
-                runs_of_values(&v[l * dims[0]..][..dims[0]], bit as u32, &mut |a, b, _| emit(a, b, 1));
+                runs_of_values(&v[l * dims[0]..][..dims[0]], bit, &mut |a, b, _| emit(a, b, 1));
             }),
         }
     }

@@ -7,8 +7,12 @@ use glioscope_core::{Grid, Selection};
 
 use crate::{
     AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Renderer, Scene,
+    SlicePlane,
+    context::uniforms::{Context, Marched},
+    ellipsoids::GpuEllipsoid,
     plan::plan,
     reference::twins,
+    slice_plane::PlaneUniform,
     testing::{balls_scene, blobs, grid, noise, scene_of, volume},
     uniforms::{FAR, OutsideHit, View, reference_mm},
 };
@@ -484,9 +488,22 @@ fn rust_and_wgsl_lay_structs_out_alike() {
                 occlusion_samples, occlusion_radius_mm, occlusion_strength, color_bleeding, line_scale, depth_span_mm, outside_opacity, inner_line_strength, outer_line_strength),
         ),
         ("Outside", offsets!(OutsideHit: depth, number, face, color)),
+        (
+            "Context",
+            offsets!(Context: corner, step_mm, right, table_scale, up, table_offset, forward, factor_scale, dims,
+                factor_offset, bricks, flags, half_shaded, ambient, specular, clip_count, clips, cut_fade_mm, table_last,
+                factor_last, unused),
+        ),
+        ("Marched", offsets!(Marched: red_green, blue_opacity, depth, unused)),
+        ("Plane", offsets!(PlaneUniform: corner, opacity, to_u, width, to_v, height, normal, unused)),
+        (
+            "Ellipsoid",
+            offsets!(GpuEllipsoid: center, opacity, unit_from_x, color, unit_from_y, id, unit_from_z, unused),
+        ),
+        ("Counters", (16, vec![("nodes", 0), ("wraps", 4), ("last_nodes", 8), ("last_wraps", 12)])),
     ];
     let mut seen = vec![0; expected.len()];
-    for name in glioscope_shaders::ALL.iter().filter(|n| n.starts_with("closeup")) {
+    for name in glioscope_shaders::ALL {
         let module = naga::front::wgsl::parse_str(&glioscope_shaders::compose(name).unwrap()).unwrap();
         for (_, global) in module.global_variables.iter() {
             let mut ty = &module.types[global.ty];
@@ -553,4 +570,105 @@ fn the_adapter_is_named_and_a_missing_one_says_what_to_install() {
     assert!(crate::gpu::choose_adapter(&[], AdapterPreference::RealFirst).is_none());
     let e = crate::GpuError::NoAdapter("no driver at all".to_owned()).to_string();
     assert!(e.contains("mesa-vulkan-drivers") && e.contains("libvulkan1"), "{e}");
+}
+
+/// A slice of one colour across the whole picture, `towards_mm` nearer to the viewer than the focus.
+fn curtain(camera: &Camera, towards_mm: f64) -> SlicePlane {
+    let [right, up, back] = camera.axes();
+    let reach = camera.height_mm * 2.0;
+    SlicePlane {
+        rgba: Arc::new(vec![10, 110, 210, 255]),
+        size_px: [1, 1],
+        corner_mm: camera.focus_mm + back * towards_mm + (up - right) * reach,
+        right_mm: right * (2.0 * reach),
+        down_mm: up * (-2.0 * reach),
+        opacity: 0.4,
+    }
+}
+
+#[test]
+fn a_slice_hides_what_is_behind_it_and_is_hidden_by_the_surface() {
+    let mut bench = bench();
+    let Bench { gpu, renderer } = &mut *bench;
+    let size = [96, 96];
+    let mut draw = |scene: &Scene| {
+        let frame = renderer.render(gpu, scene, &Quality::FULL, size).unwrap();
+        let outsides = if scene.lens.is_some() { frame.read_outside(gpu) } else { Vec::new() };
+        (frame.read_rgba(gpu).unwrap(), frame.read_surface(gpu).0, outsides, frame.reference_mm)
+    };
+    let over = |below: &[u8]| -> [f64; 3] {
+        std::array::from_fn(|c| 0.4 * [10.0, 110.0, 210.0][c] + 0.6 * f64::from(below[c]))
+    };
+    let close = |a: &[u8], b: [f64; 3], by: f64| (0..3).all(|c| (f64::from(a[c]) - b[c]).abs() <= by);
+    for projection in [Projection::Perspective, Projection::Orthographic] {
+        let mut scene = balls_scene();
+        scene.selection.set(0b010, false);
+        scene.camera.projection = projection;
+        let (plain, depths, outsides, reference) = draw(&scene);
+        let at_focus = scene.camera.distance_mm();
+
+        // Before everything: over every pixel but the ring.
+        scene.plane = Some(curtain(&scene.camera, 0.7 * at_focus));
+        let (before, ..) = draw(&scene);
+        let is_ring = |p: &[u8]| p[0] > p[1] + 60 && p[2] < 90 && p[1] < 90;
+        let ring = plain.chunks(4).zip(before.chunks(4)).filter(|(a, b)| a == b && is_ring(a)).count();
+        let rest = plain.chunks(4).zip(before.chunks(4)).filter(|(a, b)| close(b, over(a), 1.01)).count();
+        assert!(ring >= 8, "{ring} pixels wholly of ring");
+        assert!(ring + rest > 96 * 96 - 500, "{ring} + {rest}: the rest is the ring's soft edge");
+
+        // Behind everything: nothing shows through the surface; the faint outer level lies over it.
+        scene.plane = Some(curtain(&scene.camera, -60.0));
+        let (behind, ..) = draw(&scene);
+        let mut seen = [0; 3];
+        for i in 0..96 * 96 {
+            let (a, b) = (&plain[4 * i..4 * i + 4], &behind[4 * i..4 * i + 4]);
+            if depths[i] < FAR {
+                seen[0] += 1;
+                assert_eq!(a, b, "hidden at {i}");
+                continue;
+            }
+            let outer = outsides[i].color.to_le_bytes().map(|v| f64::from(v) / 255.0);
+            let with =
+                |below: [f64; 3]| std::array::from_fn(|c| 255.0 * outer[c] + (1.0 - outer[3]) * below[c]);
+            if !close(a, with([255.0; 3]), 1.01) {
+                continue; // a line
+            }
+            seen[if outsides[i].depth < FAR { 1 } else { 2 }] += 1;
+            // Blended by the card in floats, here from pixels and alphas of 8 bits.
+            assert!(close(b, with(over(&[255; 3])), 2.0), "{i}: {a:?} {b:?}");
+        }
+        assert!(seen.iter().all(|&n| n > 300), "{seen:?}");
+
+        // Through the middle, the lens off.
+        scene.lens = None;
+        scene.plane = None;
+        let (plain, depths, ..) = draw(&scene);
+        scene.plane = Some(curtain(&scene.camera, 4.0));
+        let (middle, ..) = draw(&scene);
+        let wall = at_focus - 4.0 - reference;
+        let mut seen = [0; 2];
+        for (i, depth) in depths.iter().enumerate() {
+            // Lines are drawn at the depth of what they outline, which may be a neighbour.
+            let [x, y] = [i % 96, i / 96].map(|v| v.clamp(2, 93));
+            let nearest = (0..25).map(|n| depths[(y + n / 5 - 2) * 96 + x + n % 5 - 2]).fold(FAR, f32::min);
+            let (a, b) = (&plain[4 * i..4 * i + 4], &middle[4 * i..4 * i + 4]);
+            if f64::from(*depth) < wall - 0.01 {
+                seen[0] += 1;
+                assert_eq!(a, b);
+            } else if f64::from(nearest) > wall + 0.01 {
+                seen[1] += 1;
+                assert!(close(b, over(a), 1.01), "{i}: {a:?} {b:?}");
+            }
+        }
+        assert!(seen.iter().all(|&n| n > 300), "{seen:?}");
+    }
+    // One that isn't seen is as good as none.
+    let mut scene = balls_scene();
+    let none = draw(&scene).0;
+    scene.plane = Some(SlicePlane { opacity: 0.0, ..curtain(&scene.camera, 0.0) });
+    assert!(draw(&scene).0 == none);
+    scene.plane = Some(curtain(&scene.camera, -1e3));
+    assert!(draw(&scene).0 != none);
+    scene.plane = Some(curtain(&scene.camera, 1e3));
+    assert!(draw(&scene).0 == none, "behind the eye");
 }

@@ -37,7 +37,10 @@ pub enum Coloring {
 /// The ramp's ends in Oklab (lightness, green to red, blue to yellow): a deep blue, legible on dark
 /// grey, and a light yellow, legible on near white. Blue to yellow with rising lightness is told apart
 /// with every common colour vision deficiency.
+/// Half-way it leans to green, away from the greys of tissue outside the lens.
 const RAMP: [[f64; 3]; 2] = [[0.42, -0.005, -0.145], [0.92, -0.03, 0.15]];
+
+const RAMP_BEND: f64 = -0.075;
 
 const OKABE_ITO_REGIONS: [Rgb; 8] = [
     [0, 0, 0],
@@ -90,7 +93,8 @@ fn encoded(linear: f64) -> u8 {
 pub fn agreement_color(masks: u32, of: usize) -> Rgb {
     let last = of.max(1) as f64 - 1.0;
     let t = if last > 0.0 { ((f64::from(masks) - 1.0) / last).clamp(0.0, 1.0) } else { 1.0 };
-    let [lightness, a, b] = std::array::from_fn(|i| RAMP[0][i] + (RAMP[1][i] - RAMP[0][i]) * t);
+    let [lightness, a, b]: [f64; 3] = std::array::from_fn(|i| RAMP[0][i] + (RAMP[1][i] - RAMP[0][i]) * t);
+    let a = a + RAMP_BEND * 4.0 * t * (1.0 - t);
     let l = (lightness + 0.3963377774 * a + 0.2158037573 * b).powi(3);
     let m = (lightness - 0.1055613458 * a - 0.0638541728 * b).powi(3);
     let s = (lightness - 0.0894841775 * a - 1.2914855480 * b).powi(3);
@@ -258,7 +262,7 @@ mod tests {
                 (1..=masks).map(|k| lightness_for_each_viewer(colors.region((1 << k) - 1))).collect();
             for pair in ramp.windows(2) {
                 for (less, more) in pair[0].iter().zip(pair[1]) {
-                    // 50 units of lightness in equal steps, but for a quarter of a step.
+                    // 50 units of lightness in equal steps, but for a quarter of one.
                     assert!(more - less > 0.75 * 50.0 / (masks - 1) as f64, "{masks} {pair:?}");
                 }
             }

@@ -29,6 +29,9 @@ pub enum PassName {
     EllipsoidLists,
     /// The ellipsoid diagram's colours, outlines, slice, ring.
     EllipsoidCompose,
+    /// Its pixels whose fragments have no room on the card. Only drawing tells whether there are any:
+    /// the frame's plan names it, the scene's doesn't.
+    EllipsoidRest,
     /// Lengths of surface change at each pixel's voxel.
     Heights,
     /// Their filter along rows.
@@ -84,6 +87,7 @@ impl PassName {
             Self::Compose => "compose",
             Self::EllipsoidLists => "ellipsoid_lists",
             Self::EllipsoidCompose => "ellipsoid_compose",
+            Self::EllipsoidRest => "ellipsoid_rest",
             Self::Heights => "heights",
             Self::HeightFilterAcross => "height_filter_across",
             Self::HeightFilterDown => "height_filter_down",
@@ -109,7 +113,8 @@ pub struct Quality {
     pub occlusion_strength: f64,
     /// How much hidden places take on the colour of what hides them, 0 to 1.
     pub color_bleeding: f64,
-    /// Distance between samples of the context image along a ray, millimetres. Above 0; anything else
+    /// Distance between samples of the context image along a ray, millimetres; where its finest
+    /// spacing is above 1 mm, that many times as much. Above 0; anything else
     /// is taken for the finest step there is, as are steps that would need more than
     /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal.
     pub context_step_mm: f64,

@@ -48,11 +48,14 @@ fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
     }
     let depth = bitcast<f32>(found.y);
     let last = vec2<i32>(view.size * change.samples) - 1;
+    // Arrows of few pixels would be edge all over.
+    let size_px = change.head_radius_mm / footprint_mm(depth);
+    let dark = mix(1.0, EDGE, smoothstep(0.7, 3.5, size_px));
     var edge = 1.0;
     for (var k = 0u; k < 4u; k++) {
         let there = textureLoad(arrow_picture, clamp(sample + neighbour(k), vec2<i32>(0), last), 0).xy;
         let hides = there.x == 0u || bitcast<f32>(there.y) > depth;
-        edge = select(edge, EDGE, ((there.x ^ found.x) & NUMBER) != 0u && hides);
+        edge = select(edge, dark, ((there.x ^ found.x) & NUMBER) != 0u && hides);
     }
     let tone = tone_of((found.x & GROWS) != 0u);
     let pale = mix(tone, change.base, select(0.0, 0.6, (found.x & FAINT) != 0u));

@@ -27,9 +27,10 @@ struct Context {
     specular: f32,
     clip_count: u32,
     clips: array<vec4<f32>, 6>,  // camera space: what has dot(xyz, p) <= w is kept
+    cut_fade_mm: f32,            // depth below a cut at which shading has all its strength
     table_last: u32,             // number of the table's last entry
     factor_last: u32,
-    unused: vec2<u32>,
+    unused: u32,
 }
 
 const JITTER = 1u;
@@ -148,10 +149,13 @@ fn opacity_over(per_mm: f32, length_mm: f32) -> f32 {
     return select(1.0 - exp2(length_mm * log2(max(1.0 - per_mm, 1e-30))), 1.0, per_mm >= 1.0);
 }
 
-// Headlight. Where the image is flat, a gradient is noise: shading fades out there.
-fn shaded(color: vec3<f32>, gradient: vec3<f32>, ray: vec3<f32>) -> vec3<f32> {
+// Headlight. Where the image is flat, a gradient is noise: shading fades out there. `inside` is how
+// far from where the ray was let in: on a cut through tissue one wants to read the image, not a relief
+// of its noise.
+fn shaded(color: vec3<f32>, gradient: vec3<f32>, ray: vec3<f32>, inside_mm: f32) -> vec3<f32> {
     let steepness = length(gradient);
-    let strength = steepness / (steepness + context.half_shaded);
+    let relative = steepness / context.half_shaded;
+    let strength = clamp(inside_mm / context.cut_fade_mm, 0.0, 1.0) * (1.0 - 1.0 / (1.0 + relative * relative));
     let facing = abs(dot(gradient, ray)) / max(steepness, 1e-20);
     let light = context.ambient + (1.0 - context.ambient) * facing;
     let facing4 = facing * facing * facing * facing;
@@ -251,14 +255,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 let next = ceil((past - first) / step + 0.5 - 0.02);
                 k = max(k + 1u, u32(clamp(next, 0.0, f32(count))));
             }
-            if k >= count || begin >= end {
+            if k >= count || begin >= far {
                 break;
             }
             let here = dot(place.cell, stride);
             let corners = corners_at(here, to_next);
             let value = between(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
             var material = looked_up(value);
-            if value > NOT_FINITE && material.a > 0.0 {
+            // The jitter may leave the first cell no length.
+            if value > NOT_FINITE && material.a > 0.0 && begin < end {
                 var gradient = gradient_at(place, here, to_next, corners);
                 let steepness = length(gradient);
                 let unknown = !(steepness < TOO_STEEP);
@@ -269,9 +274,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                     material.a *= select(factor_of(steepness), 0.0, unknown);
                 }
                 let length_mm = (end - begin) * mm_per_depth;
+                let inside_mm = (0.5 * (begin + end) - near) * mm_per_depth;
                 let whole = k > 0u && end < far;
                 let opacity = opacity_over(material.a, select(length_mm, context.step_mm, whole));
-                color += through * opacity * shaded(material.rgb, gradient, sight);
+                color += through * opacity * shaded(material.rgb, gradient, sight, inside_mm);
                 let left = through * (1.0 - opacity);
                 if through > 0.5 && left <= 0.5 {
                     out.depth = 0.5 * (begin + end);

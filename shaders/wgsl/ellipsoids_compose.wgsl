@@ -1,9 +1,10 @@
 // The ellipsoid diagram (thesis 7.6): each pixel's fragments lit and blended front to back, grey
-// outside the lens, with outlines; the slice among them at its depth; the lens ring on top.
+// outside the ring, with outlines; the slice among them at its depth; the lens ring on top.
 #include lib/view.wgsl
 #include lib/ellipsoid.wgsl
 #include lib/plane.wgsl
 #include lib/ring.wgsl
+#include lib/fragment.wgsl
 
 struct Counters {
     nodes: u32,
@@ -12,55 +13,8 @@ struct Counters {
     last_wraps: u32,
 }
 
-@group(0) @binding(6) var<storage, read> lists: array<vec4<u32>>;
-@group(0) @binding(8) var<storage, read> blurred: array<u32>;
-@group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
 @group(0) @binding(11) var<storage, read> nodes: array<vec2<u32>>;
 @group(0) @binding(12) var<storage, read_write> counters: Counters;
-
-const AMBIENT = 0.42;           // of the colour, where the surface is seen edge on
-const GLOSS = 0.28;             // of white, on front faces
-const GLOSS_EXPONENT = 24.0;
-const THICKEST = 2.5;           // a shell seen on edge is looked through so many times
-const OUTLINE_PX = 1.3;         // for a picture 512 pixels high
-const OUTLINE = 3.0;            // an outline's opacity to its surface's
-
-// What a surface shows: premultiplied, with alpha.
-fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool) -> vec4<f32> {
-    let e = ellipsoids[node.y >> 1u];
-    let face = node.y & 1u;
-    let s = bitcast<f32>(node.x);
-    let p = from_middle(pixel);
-    let chord = chord_of(e, p);
-    let unit = chord.nearest + select(chord.half, -chord.half, face == FRONT) * chord.along;
-    let normal = vec3<f32>(dot(unit, e.unit_from_x), dot(unit, e.unit_from_y), dot(unit, e.unit_from_z));
-    let ray = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
-    // The light is at the eye: light, viewer and half way between are one direction.
-    let facing = min(abs(dot(normal, ray)) / max(length(normal) * length(ray), 1e-30), 1.0);
-
-    var color = unpack4x8unorm(e.color).rgb;
-    if (view.flags & LENS_ON) != 0u {
-        let at = vec3<f32>(p * footprint_mm(s), s);
-        let beyond_px = (length(at - view.lens.xyz) - view.lens.w) * max(facing, 0.2) / footprint_mm(s);
-        let grey = vec3<f32>(0.38 + 0.4 * dot(color, vec3<f32>(0.299, 0.587, 0.114)));
-        color = mix(color, grey, clamp(0.5 + beyond_px, 0.0, 1.0));
-    }
-    color *= AMBIENT + (1.0 - AMBIENT) * facing;
-    if face == FRONT {
-        color += GLOSS * pow(max(2.0 * facing * facing - 1.0, 0.0), GLOSS_EXPONENT);
-    }
-    if nearest && (view.flags & HAS_OCCLUSION) != 0u {
-        let o = unpack4x8unorm(blurred[linear_index(pixel)]);
-        let dark = o.a * view.occlusion_strength;
-        color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
-    }
-    color = min(color, vec3<f32>(1.0));
-    let shell = 1.0 - pow(1.0 - e.opacity, min(1.0 / max(facing, 1e-3), THICKEST));
-    let outline = clamp(OUTLINE_PX * view.line_scale + 1.0 - chord.inset_px, 0.0, 1.0);
-    color = mix(color, view.silhouette.rgb, outline);
-    let alpha = mix(shell, min(OUTLINE * e.opacity, 1.0), outline) * coverage_of(chord.inset_px);
-    return vec4<f32>(alpha * color, alpha);
-}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -74,28 +28,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= view.size) {
         return;
     }
-    var color = vec3<f32>(0.0);
-    var through = 1.0;
-    let slice = plane_at(id.xy);
-    var slice_waits = slice.depth < FAR;
+    var blend = start_blend(id.xy);
     if (view.flags & HAS_SURFACE) != 0u {
         let list = lists[linear_index(id.xy)];
-        for (var n = 0u; n < list.y && through > 0.0; n++) {
-            let node = nodes[list.x + n];
-            if slice_waits && slice.depth <= bitcast<f32>(node.x) {
-                slice_waits = false;
-                color += through * slice.color.rgb;
-                through *= 1.0 - slice.color.a;
-            }
-            let fragment = fragment_at(node, id.xy, n == 0u);
-            color += through * fragment.rgb;
-            through *= 1.0 - fragment.a;
+        if list.w != 0u {
+            return; // without room: the next pass draws it
+        }
+        for (var n = 0u; n < list.y && blend.through > 0.0; n++) {
+            add_fragment(&blend, nodes[list.x + n], id.xy, n == 0u);
         }
     }
-    if slice_waits {
-        color += through * slice.color.rgb;
-        through *= 1.0 - slice.color.a;
-    }
-    color = with_ring(color + through * view.background.rgb, id.xy);
-    textureStore(picture, vec2<i32>(id.xy), vec4<f32>(color, 1.0));
+    finish(&blend, id.xy);
 }

@@ -1,7 +1,6 @@
 // The A-buffer (Carpenter 1984; thesis 7.6): each pixel's fragments, nearest first. One thread owns a
 // pixel, so its list is one run of nodes: room for it is counted, taken from one counter, filled and
-// sorted. Order is by depth, then by number of the ellipsoid (which follows its id), then front before
-// back: equal depths have an order too, whatever order the scene lists its ellipsoids in.
+// sorted. Where the nodes have no room left the list says so, and only its nearest fragment is noted.
 #include lib/view.wgsl
 #include lib/ellipsoid.wgsl
 
@@ -12,18 +11,11 @@ struct Counters {
     last_wraps: u32,
 }
 
-@group(0) @binding(2) var<storage, read> tiles: array<u32>;                 // where each tile's numbers start; the numbers
 @group(0) @binding(4) var<storage, read_write> depths: array<f32>;          // of the nearest fragment
 @group(0) @binding(5) var<storage, read_write> surfaces: array<vec2<u32>>;  // its ellipsoid, its face
-@group(0) @binding(6) var<storage, read_write> lists: array<vec4<u32>>;     // first node, fragments, room taken
+@group(0) @binding(6) var<storage, read_write> lists: array<vec4<u32>>;     // first node, fragments, room taken, 1: no room
 @group(0) @binding(11) var<storage, read_write> nodes: array<vec2<u32>>;    // depth, twice the ellipsoid plus the face
 @group(0) @binding(12) var<storage, read_write> counters: Counters;
-
-fn is_behind(a: vec2<u32>, b: vec2<u32>) -> bool {
-    let s = bitcast<f32>(a.x);
-    let t = bitcast<f32>(b.x);
-    return s > t || (s == t && a.y > b.y);
-}
 
 // Shell's sort with Knuth's gaps: in place, short, and near to n^1.3 steps for hundreds of layers.
 fn sort(first: u32, count: u32) {
@@ -56,9 +48,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let at = linear_index(id.xy);
     let p = from_middle(id.xy);
-    let tile = (id.y / TILE) * ((view.size.x + TILE - 1u) / TILE) + id.x / TILE;
+    let tile = tile_of(id.xy);
     // What is behind an opaque fragment is not seen and not listed.
-    var cut = vec2<u32>(bitcast<u32>(FAR), NO_FACE);
+    let none = vec2<u32>(bitcast<u32>(FAR), NO_FACE);
+    var cut = none;
+    var nearest = none;
     let cutting = (view.flags & NO_SKIPPING) == 0u;
     var first = 0u;
     var room = 0u;
@@ -73,7 +67,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             if !chord.meets {
                 continue;
             }
-            let opaque = cutting && e.opacity >= 1.0 && coverage_of(chord.inset_px) >= 1.0;
+            let opaque = cutting && e.opacity >= 1.0 && coverage_of(inset_px(e, chord)) >= 1.0;
             for (var face = FRONT; face <= BACK; face++) {
                 let s = chord.s[face];
                 let node = vec2<u32>(bitcast<u32>(s), 2u * number + face);
@@ -85,6 +79,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                     if opaque {
                         cut = node;
                     }
+                    if is_behind(nearest, node) {
+                        nearest = node;
+                    }
                 } else if count < room {
                     nodes[first + count] = node;
                     count += 1u;
@@ -93,23 +90,17 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         if filling == 0u {
             first = atomicAdd(&counters.nodes, room);
-            if first + room < first {
+            let wrapped = first + room < first;
+            if wrapped {
                 atomicAdd(&counters.wraps, 1u);
             }
-            // Too many: the frame is drawn again with more room.
-            if room == 0u || first + room < first || first + room > arrayLength(&nodes) {
+            if room == 0u || wrapped || first + room > arrayLength(&nodes) {
                 break;
             }
         }
     }
-    lists[at] = vec4<u32>(first, count, room, 0u);
-    if count == 0u {
-        depths[at] = FAR;
-        surfaces[at] = vec2<u32>(0u, NO_FACE);
-        return;
-    }
+    lists[at] = vec4<u32>(first, count, room, select(0u, 1u, count == 0u && room > 0u));
     sort(first, count);
-    let nearest = nodes[first];
     depths[at] = bitcast<f32>(nearest.x);
-    surfaces[at] = vec2<u32>(nearest.y >> 1u, nearest.y & 1u);
+    surfaces[at] = select(vec2<u32>(nearest.y >> 1u, nearest.y & 1u), vec2<u32>(0u, NO_FACE), room == 0u);
 }

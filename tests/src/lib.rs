@@ -5,12 +5,13 @@ use std::{
     path::{Path, PathBuf},
     process::{Command, Output},
     sync::Arc,
+    time::Instant,
 };
 
 use egui_kittest::{Harness, HarnessBuilder};
 use egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use glioscope::{
-    document::CaseRef,
+    document::{CaseRef, Pane},
     recent::Recent,
     run_window::adapter_selector,
     viewport::Viewport,
@@ -54,7 +55,15 @@ pub fn workstation(case: CaseRef) -> Workstation {
 /// # Panics
 /// When there is no software adapter.
 pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'static, GlioscopeApp> {
-    harness(case, size, theme, GlioscopeApp::refined)
+    window_with(workstation(case), size, theme)
+}
+
+/// The whole window on a workstation.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Harness<'static, GlioscopeApp> {
+    harness(work, size, theme, GlioscopeApp::refined)
 }
 
 /// As [`window_on`], but 3D views are drawn as drafts while something moves, as for a user.
@@ -62,16 +71,15 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'
 /// # Panics
 /// When there is no software adapter.
 pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Harness<'static, GlioscopeApp> {
-    harness(case, size, egui::Theme::Light, |app| app)
+    harness(workstation(case), size, egui::Theme::Light, |app| app)
 }
 
 fn harness(
-    case: CaseRef,
+    work: Workstation,
     size: [f32; 2],
     theme: egui::Theme,
     finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
 ) -> Harness<'static, GlioscopeApp> {
-    let work = workstation(case);
     HarnessBuilder::default()
         .with_size(size)
         .with_theme(theme)
@@ -85,6 +93,31 @@ fn harness(
                 Err(error) => fail(&error),
             }
         })
+}
+
+/// The software adapter, for renderers without a window.
+///
+/// # Panics
+/// When there is none.
+pub fn software_gpu() -> Gpu {
+    match Gpu::headless(AdapterPreference::SoftwareOnly) {
+        Ok(gpu) => gpu,
+        Err(error) => fail(&error.to_string()),
+    }
+}
+
+/// Lets `pane` fill the window; where it is then.
+///
+/// # Panics
+/// When it isn't drawn.
+pub fn maximized(harness: &mut Harness<'_, GlioscopeApp>, pane: Pane) -> egui::Rect {
+    let ctx = harness.ctx.clone();
+    harness.state_mut().perform(&ctx, &glioscope::commands::Command::MaximizePane(pane), Instant::now());
+    harness.run_ok();
+    match harness.state().pane_rect(pane) {
+        Some(rect) => rect,
+        None => fail(&format!("{} is not drawn", pane.title())),
+    }
 }
 
 /// Runs the program.

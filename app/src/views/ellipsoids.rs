@@ -7,7 +7,7 @@ use egui::{Align2, Color32, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, p
 use glam::{DVec3, UVec2};
 use glioscope_core::{
     Connectivity, Progress,
-    case::Case,
+    case::{Case, TimePoint},
     ellipsoid::{self, ComponentEllipsoid, Ellipsoid, Of, cache},
 };
 use glioscope_render::{Camera, DrawnEllipsoid, EllipsoidPick, EllipsoidScene};
@@ -86,6 +86,14 @@ impl EllipsoidState {
     /// The ellipsoids last computed: none while the view has never been open.
     pub fn found(&self) -> Option<&Arc<Vec<ComponentEllipsoid>>> {
         self.found.last()
+    }
+
+    /// Keeps what was computed of `time` beside a session that was just saved.
+    pub fn keep(&self, session: &std::path::Path, case: &Arc<Case>, time: usize, neighbors: u32) {
+        let key = Key { case: Handle::of(case), time, neighbors };
+        if let (Some(found), Some(time_point)) = (self.found.kept(&key), case.time_points.get(time)) {
+            save(&cache::path_beside(session), &cache_key(time_point, neighbors), found);
+        }
     }
 
     /// What is under the pointer.
@@ -194,22 +202,32 @@ fn compute(
     progress: &Progress,
 ) -> Result<Vec<ComponentEllipsoid>, String> {
     let time_point = case.time_points.get(time).ok_or("no such date")?;
-    let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
-    let options = ellipsoid::Options::default();
-    let key = cache::Key::of(&time_point.index, connectivity, &options);
-    let mut entries = kept_at.map(cache::load).unwrap_or_default();
-    if let Some(kept) = entries.remove(&key) {
+    let key = cache_key(time_point, neighbors);
+    if let Some(kept) = kept_at.and_then(|path| cache::load(path).remove(&key)) {
         return Ok(kept);
     }
+    let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
+    let options = ellipsoid::Options::default();
     progress.say("enclosing components in ellipsoids");
     let found = ellipsoid::ellipsoids_of(&time_point.index, connectivity, &options, progress)
         .map_err(|e| e.to_string())?;
     if let Some(path) = kept_at {
-        entries.insert(key, found.clone());
-        // Without it they are computed again next time: nothing is lost.
-        let _ = cache::save(path, &entries);
+        save(path, &key, &found);
     }
     Ok(found)
+}
+
+fn cache_key(time_point: &TimePoint, neighbors: u32) -> cache::Key {
+    let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
+    cache::Key::of(&time_point.index, connectivity, &ellipsoid::Options::default())
+}
+
+/// Adds to the file beside the session. Without it they are computed again next time: nothing is lost,
+/// so a folder that can't be written is no error.
+fn save(path: &std::path::Path, key: &cache::Key, found: &[ComponentEllipsoid]) {
+    let mut entries = cache::load(path);
+    entries.insert(*key, found.to_vec());
+    let _ = cache::save(path, &entries);
 }
 
 /// Draws the diagram into all of `ui` and writes what the user did to `out`.

@@ -161,3 +161,34 @@ fn name(ui: &mut Ui, view: &ViewContext<'_>, line: &Row) {
     let label = egui::Label::new(if hidden { words.weak() } else { words }).truncate();
     ui.add(label).on_hover_text(format!("{}: {} in the lens", line.name, line.cells[0]));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use glioscope_core::{Grid, Mask, MaskBits, Regions, TumorIndex};
+
+    #[test]
+    fn a_lens_that_rests_is_counted_once() {
+        let grid = Grid::axis_aligned([8, 8, 8], DVec3::ONE, DVec3::ZERO).unwrap();
+        let mask = Mask::new("a", grid.clone(), MaskBits::from_fn([8, 8, 8], |_| true)).unwrap();
+        let index = TumorIndex::new(grid, &[&mask]).unwrap();
+        let volume = || Arc::new(RegionVolume::of(&index, &Regions::of(&index)).unwrap());
+        let (tumor, other) = (volume(), volume());
+        let small = Lens { center_mm: DVec3::splat(3.0), radius_mm: 1.0 };
+        let large = Lens { radius_mm: 1.5, ..small };
+        let ctx = egui::Context::default();
+        let steps =
+            [(&tumor, small, 7, 1), (&tumor, small, 7, 1), (&tumor, large, 19, 2), (&other, large, 19, 3)];
+        for (tumor, lens, voxels, counts) in steps {
+            let mut output = ctx.run_ui(egui::RawInput::default(), |ui| {
+                let memory = Id::unique("test");
+                assert_eq!(*counted(ui, memory, tumor, lens), [(1, voxels)]);
+                let remembered = ui.data(|data| data.get_temp::<Counted>(memory)).unwrap();
+                assert_eq!(remembered.counts, counts);
+            });
+            // There is no screen to bring textures to.
+            output.textures_delta.clear();
+        }
+    }
+}

@@ -56,8 +56,8 @@ fn list(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
         .column(Column::remainder().at_least(70.0).clip(true))
         .column(Column::exact(66.0))
         .column(Column::exact(78.0).clip(true))
-        .column(Column::exact(44.0))
-        .column(Column::exact(50.0))
+        .column(Column::exact(54.0))
+        .column(Column::exact(62.0))
         .header(ROW - 4.0, |mut row| {
             for title in ["Line", "Length", "In", "", ""] {
                 row.col(|ui| {

@@ -43,9 +43,9 @@ impl Key {
         index.grid().world_from_voxel().to_cols_array().iter().for_each(|v| digest.add(v.to_bits()));
         let slice = dims[0] * dims[1];
         let slices: Vec<Self> = match index.data() {
-            IndexData::U8(v) => v.par_chunks(slice).map(|s| of_slice(s)).collect(),
-            IndexData::U16(v) => v.par_chunks(slice).map(|s| of_slice(s)).collect(),
-            IndexData::U32(v) => v.par_chunks(slice).map(|s| of_slice(s)).collect(),
+            IndexData::U8(v) => v.par_chunks(slice).map(of_slice).collect(),
+            IndexData::U16(v) => v.par_chunks(slice).map(of_slice).collect(),
+            IndexData::U32(v) => v.par_chunks(slice).map(of_slice).collect(),
         };
         for Self([a, b]) in slices {
             digest.add(a);

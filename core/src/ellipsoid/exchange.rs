@@ -1,10 +1,16 @@
 //! REX: exchange of weight between pairs of points (Harman, Filová, Richtárik 2020), here in a fixed
 //! order instead of a random one, so that the answer is the same every time.
 
-use super::solve::{Allowance, N, State};
+use super::{
+    newton,
+    solve::{Allowance, N, State},
+};
 
 /// Points with the largest g that may gain weight in one sweep: 4 n.
 const LEADING: usize = 16;
+
+/// Sweeps between two steps of all weights at once.
+const NEWTON_EVERY: usize = 10;
 
 type Matrix = [[f64; 4]; 4];
 
@@ -14,6 +20,7 @@ const IDENTITY: Matrix =
 /// Sweeps until the allowance is reached. `None` when the weights lose a dimension, which exact
 /// arithmetic rules out.
 pub(super) fn run(state: &mut State, allowed: &mut Allowance) -> Option<()> {
+    let (mut seed, mut sweeps) = (1, 0);
     loop {
         let s = state.refresh()?;
         if s <= allowed.target || allowed.left == 0 {
@@ -21,12 +28,17 @@ pub(super) fn run(state: &mut State, allowed: &mut Allowance) -> Option<()> {
         }
         allowed.left -= 1;
         state.delete(s);
-        sweep(state);
+        sweep(state, &mut seed);
+        sweeps += 1;
+        // Where neighbouring points share weight, pairs alone zigzag for thousands of sweeps.
+        if sweeps % NEWTON_EVERY == 0 {
+            newton::step(state)?;
+        }
     }
 }
 
 /// Exchanges between every leading point and every point that carries weight.
-fn sweep(state: &mut State) {
+fn sweep(state: &mut State, seed: &mut u64) {
     let points = &mut state.points;
     let mut leading: Vec<usize> = Vec::with_capacity(LEADING + 1);
     for i in 0..points.len() {
@@ -39,8 +51,8 @@ fn sweep(state: &mut State) {
         leading.truncate(LEADING);
     }
     let mut carrying: Vec<usize> = (0..points.len()).filter(|&i| points[i].weight > 0.0).collect();
-    // Those that should carry least give first.
-    carrying.sort_by(|&a, &b| points[a].g.total_cmp(&points[b].g).then(a.cmp(&b)));
+    shuffle(&mut leading, seed);
+    shuffle(&mut carrying, seed);
 
     let mut inverse = IDENTITY;
     for &j in &leading {
@@ -89,4 +101,12 @@ pub(super) fn times(m: &Matrix, v: &[f64; 4]) -> [f64; 4] {
 
 pub(super) fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+}
+
+/// Puts `list` into an order that follows from `seed` alone (Fisher, Yates).
+fn shuffle(list: &mut [usize], seed: &mut u64) {
+    for i in (1..list.len()).rev() {
+        *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        list.swap(i, (*seed >> 33) as usize % (i + 1));
+    }
 }

@@ -20,6 +20,7 @@ use crate::{
 
 pub mod cache;
 mod exchange;
+mod newton;
 mod place;
 mod points;
 mod report;
@@ -37,7 +38,8 @@ pub use solve::{Enclosing, enclose};
 /// How the minimum is looked for. All end with the same certificate; they differ in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// Exchange of weight between pairs of points, each by an exact line search: REX.
+    /// Exchange of weight between pairs of points, each by an exact line search (REX), with a Newton step on
+    /// all weights every ten sweeps.
     #[default]
     Exchange,
     /// Wolfe and Atwood: steps towards the farthest point or away from the nearest.

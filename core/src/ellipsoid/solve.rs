@@ -138,7 +138,7 @@ impl State {
         }
     }
 
-    fn factor(&self) -> Option<(DVec3, DMat3)> {
+    pub fn factor(&self) -> Option<(DVec3, DMat3)> {
         factor(self.points.iter().filter(|p| p.weight > 0.0).map(|p| (p.place, p.weight)))
     }
 

@@ -97,4 +97,18 @@ impl ContextFrame {
             (marched.depth < FAR).then(|| found(marched.depth, None))
         }))
     }
+
+    /// What the march left for each pixel: premultiplied colour, opacity, depth.
+    #[cfg(test)]
+    pub(crate) fn read_marched(&self, gpu: &Gpu) -> Vec<Marched> {
+        let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
+        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(&self.targets.outsides, 0, n * 16)]).unwrap()[0])
+    }
+
+    /// Depths of the tumour's surface, [`FAR`] where there is none.
+    #[cfg(test)]
+    pub(crate) fn read_depths(&self, gpu: &Gpu) -> Vec<f32> {
+        let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
+        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(&self.targets.depths, 0, n * 4)]).unwrap()[0])
+    }
 }

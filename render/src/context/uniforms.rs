@@ -16,7 +16,7 @@ pub(crate) const JITTER: u32 = 1;
 pub(crate) const TWO_D: u32 = 2;
 
 /// Light that a face gets that is seen edge-on, of 1.
-pub(crate) const AMBIENT: f64 = 0.3;
+pub(crate) const AMBIENT: f64 = 0.35;
 /// What is added where a face is seen straight on.
 pub(crate) const SPECULAR: f64 = 0.12;
 
@@ -41,9 +41,10 @@ pub(crate) struct Context {
     pub specular: f32,
     pub clip_count: u32,
     pub clips: [[f32; 4]; MOST_CLIP_PLANES],
+    pub cut_fade_mm: f32,
     pub table_last: u32,
     pub factor_last: u32,
-    pub unused: [u32; 2],
+    pub unused: u32,
 }
 
 /// See lib/context.wgsl.
@@ -61,8 +62,10 @@ pub(crate) fn step_mm(volume: &ContextVolume, quality: &Quality) -> f64 {
     let corners = volume.grid().corners_mm();
     let diagonal = corners[0].distance(corners[7]).max(corners[1].distance(corners[6]));
     let least = diagonal / f64::from(Quality::MOST_CONTEXT_STEPS);
+    // Voxels of more than a millimetre are sampled as often as those of one.
+    let wanted = quality.context_step_mm * volume.grid().spacing_mm().min_element().max(1.0);
     // NaN is no step.
-    if quality.context_step_mm > least { quality.context_step_mm.min(1e6) } else { least }
+    if wanted > least { wanted.min(1e6) } else { least }
 }
 
 /// The uniform of a scene with `volume`, whose values are `field` on the card.
@@ -107,9 +110,10 @@ pub(crate) fn context(
         specular: SPECULAR as f32,
         clips,
         clip_count: scene.clip.len() as u32,
+        cut_fade_mm: volume.cut_fade_mm() as f32,
         table_last: tables.colors.len() as u32 - 1,
         factor_last: tables.factors.len() as u32 - 1,
-        unused: [0; 2],
+        unused: 0,
     }
 }
 
@@ -144,4 +148,14 @@ pub(crate) fn jitter(pixel: [u32; 2]) -> f64 {
     h = (h ^ h >> 16).wrapping_mul(0x7feb_352d);
     h = (h ^ h >> 15).wrapping_mul(0x846c_a68b);
     f64::from((h ^ h >> 16) >> 8) / 16_777_216.0
+}
+
+impl Marched {
+    /// Premultiplied red, green, blue, and opacity.
+    #[cfg(test)]
+    pub fn rgba(&self) -> [f64; 4] {
+        let halves = |word: u32| [word & 0xffff, word >> 16].map(|h| f64::from(h) / 65535.0);
+        let ([r, g], [b, a]) = (halves(self.red_green), halves(self.blue_opacity));
+        [r, g, b, a]
+    }
 }

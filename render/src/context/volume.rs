@@ -78,11 +78,16 @@ impl ContextVolume {
         }
     }
 
-    /// Gradient magnitude (image units per mm) at which shading has half its strength: 2 % of the
-    /// range between the percentiles.
+    /// Depth below a cut at which shading has all its strength.
+    pub(crate) fn cut_fade_mm(&self) -> f64 {
+        3.0 * self.grid().spacing_mm().min_element()
+    }
+
+    /// Gradient magnitude (image units per mm) at which shading has half its strength: 8 % of the
+    /// range between the percentiles per voxel.
     pub(crate) fn half_shaded(&self) -> f64 {
         let width = self.statistics.p01_p99().map_or(0.0, |(low, high)| high - low);
-        if width > 0.0 { 0.02 * width } else { 1.0 }
+        if width > 0.0 { 0.08 * width / self.grid().spacing_mm().min_element() } else { 1.0 }
     }
 }
 

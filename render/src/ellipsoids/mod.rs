@@ -15,6 +15,8 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
+#[cfg(test)]
+pub(crate) use bins::GpuEllipsoid;
 pub use frame::{EllipsoidFrame, EllipsoidPick};
 pub use renderer::EllipsoidRenderer;
 
@@ -52,7 +54,7 @@ pub struct EllipsoidScene {
     pub ellipsoids: Arc<Vec<DrawnEllipsoid>>,
     /// Multiplies the opacity of each, 0 to 1.
     pub opacity: f64,
-    /// The lens: what lies outside is grey. `None` when it is off.
+    /// The lens: what lies outside its ring is grey. `None` when it is off.
     pub lens: Option<Lens>,
     /// Where it is seen from.
     pub camera: Camera,

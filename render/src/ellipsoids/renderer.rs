@@ -3,7 +3,8 @@
 //! Lifetimes: pipelines once an [`EllipsoidRenderer`]; targets once a size; the ellipsoids (64 bytes
 //! each) and the tiles' lists once a frame. The nodes of the A-buffer grow and are kept: where the
 //! boxes around the ellipsoids tell beforehand that all fragments will have room, nothing is read back.
-//! Else they are counted first, the buffer grows, and the frame is drawn again; none is ever dropped.
+//! Else they are counted first, the buffer grows, and the frame is drawn again. Past the largest buffer
+//! the pixels left over find their fragments again in batches: slower, the same picture. None is dropped.
 
 use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
@@ -24,6 +25,8 @@ use crate::{
 const NODE: u64 = 8;
 /// Up to so many fragments room is made for what the boxes could hold, without counting (32 MiB).
 const FEW_NODES: u64 = 1 << 22;
+/// Bytes that the nodes may grow to, where the device allows it.
+const MOST_BYTES: u64 = 1 << 29;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Slot {
@@ -45,7 +48,7 @@ enum Slot {
 /// Shader file and bindings of a pass.
 type Step = (PassName, &'static str, &'static [Slot]);
 
-const SHADERS: [Step; 4] = {
+const SHADERS: [Step; 5] = {
     use Slot::*;
     [
         (
@@ -60,6 +63,7 @@ const SHADERS: [Step; 4] = {
             "ellipsoids_compose",
             &[View, Ellipsoids, Lists, Blurred, Picture, Nodes, Counters],
         ),
+        (PassName::EllipsoidRest, "ellipsoids_rest", &[View, Ellipsoids, Tiles, Lists, Blurred, Picture]),
     ]
 };
 
@@ -190,7 +194,7 @@ impl EllipsoidRenderer {
         scene: &EllipsoidScene,
         quality: &Quality,
         asked_px: [u32; 2],
-        plan: Plan,
+        mut plan: Plan,
         skipping: bool,
     ) -> Result<&EllipsoidFrame, RenderError> {
         let before = self.frame.take();
@@ -220,7 +224,11 @@ impl EllipsoidRenderer {
             gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
         }
         if plan.has(PassName::EllipsoidLists) {
-            self.upload(gpu, scene, &drawn, &packed, &targets)?;
+            if self.upload(gpu, scene, &drawn, &packed, &targets)? {
+                plan.omitted.push((PassName::EllipsoidRest, "every fragment has room"));
+            } else {
+                plan.passes.push(PassName::EllipsoidRest);
+            }
         }
         gpu.queue.write_buffer(&self.counters, 0, &[0; 16]);
         for step in SHADERS.iter().filter(|(pass, ..)| plan.has(*pass)) {
@@ -264,7 +272,7 @@ impl EllipsoidRenderer {
         view
     }
 
-    /// Ellipsoids, tiles, and room for every fragment.
+    /// Ellipsoids, tiles, and room for every fragment; false where there may be too little.
     fn upload(
         &mut self,
         gpu: &Gpu,
@@ -272,7 +280,7 @@ impl EllipsoidRenderer {
         drawn: &[DrawnEllipsoid],
         packed: &[GpuEllipsoid],
         targets: &Targets,
-    ) -> Result<(), RenderError> {
+    ) -> Result<bool, RenderError> {
         let boxes: Vec<_> = drawn.iter().map(|e| bins::pixel_box(scene, e, targets.size)).collect();
         let bins = Bins::of(&boxes, targets.size, gpu.storage_limit())?;
         let colors: Vec<u32> = packed.iter().map(|e| e.color).collect();
@@ -283,20 +291,25 @@ impl EllipsoidRenderer {
         self.tiles.write(gpu, bytemuck::cast_slice(&bins.tiles))?;
         let room = self.nodes.buffer.size() / NODE;
         if bins.most_fragments <= room {
-            return Ok(());
+            return Ok(true);
         }
-        if bins.most_fragments <= self.few_nodes && bins.most_fragments * NODE <= gpu.storage_limit() {
-            return self.nodes.grow(gpu, bins.most_fragments * NODE);
+        let most = gpu.storage_limit().min(MOST_BYTES) & !15;
+        if bins.most_fragments <= self.few_nodes && bins.most_fragments * NODE <= most {
+            self.nodes.grow(gpu, bins.most_fragments * NODE)?;
+            return Ok(true);
+        }
+        if room * NODE >= most {
+            return Ok(false);
         }
         let asked = self.count(gpu, targets)?;
         if asked > room {
-            self.nodes.grow(gpu, asked.saturating_mul(NODE))?;
+            self.nodes.grow(gpu, asked.saturating_mul(NODE).min(most))?;
             #[cfg(test)]
             {
                 self.grown += 1;
             }
         }
-        Ok(())
+        Ok(asked <= self.nodes.buffer.size() / NODE)
     }
 
     /// How many nodes the frame asks for: its lists made once, with whatever room there is.
@@ -335,10 +348,16 @@ impl EllipsoidRenderer {
                 (slot as u32, resource)
             })
             .collect();
-        if *pass == PassName::EllipsoidCompose {
+        if matches!(pass, PassName::EllipsoidCompose | PassName::EllipsoidRest) {
             entries.extend(self.plane.entries());
         }
         self.passes.bind(gpu, *pass, &entries, workgroups_of(targets.size));
+    }
+
+    /// Counts fragments from so many on, instead of trusting the boxes.
+    #[cfg(test)]
+    pub(super) fn set_few_nodes(&mut self, nodes: u64) {
+        self.few_nodes = nodes;
     }
 
     /// Where [`EllipsoidRenderer::pass_times`] come from on this device.

@@ -12,6 +12,7 @@ struct Ellipsoid {
 }
 
 @group(0) @binding(1) var<storage, read> ellipsoids: array<Ellipsoid>;
+@group(0) @binding(2) var<storage, read> tiles: array<u32>; // where each tile's numbers start; the numbers
 
 // Ellipsoids are listed by tiles of so many pixels along each side.
 const TILE = 16u;
@@ -19,13 +20,25 @@ const TILE = 16u;
 const FRONT = 0u;
 const BACK = 1u;
 
+// A fragment is its depth and twice its ellipsoid's number plus the face. Order is by depth, then by
+// number (which follows the id), then front before back: equal depths have an order too, whatever order
+// the scene lists its ellipsoids in.
+fn is_behind(a: vec2<u32>, b: vec2<u32>) -> bool {
+    let s = bitcast<f32>(a.x);
+    let t = bitcast<f32>(b.x);
+    return s > t || (s == t && a.y > b.y);
+}
+
+fn tile_of(pixel: vec2<u32>) -> u32 {
+    return (pixel.y / TILE) * ((view.size.x + TILE - 1u) / TILE) + pixel.x / TILE;
+}
+
 struct Chord {
     meets: bool,
     s: vec2<f32>,               // depths of the front and the back face
     nearest: vec3<f32>,         // unit space: the ray's closest approach to the centre
     half: f32,                  // from there to either face, in depth
     along: vec3<f32>,           // unit space, per millimetre of depth
-    inset_px: f32,              // from the outline inwards, to first order
 }
 
 // Depths count from the plane through the centre, and the discriminant is what the closest approach
@@ -45,14 +58,19 @@ fn chord_of(e: Ellipsoid, p: vec2<f32>) -> Chord {
     c.half = sqrt(max(left, 0.0) / length2);
     let middle = e.center.z + to;
     c.s = vec2<f32>(middle - c.half, middle + c.half);
-    // Of the approach's length only the sideways motion of the ray counts: it is least along the ray.
-    let growth = vec2<f32>(dot(c.nearest, e.unit_from_x), dot(c.nearest, e.unit_from_y));
-    let per_pixel = footprint_mm(middle) * length(growth) / max(off, 1e-6);
-    c.inset_px = max(1.0 - off, 0.0) / max(per_pixel, 1e-9);
     return c;
 }
 
+// How far a ray is inside the outline, in pixels, to first order: of the closest approach only the ray's
+// motion sideways counts, as it is least along the ray.
+fn inset_px(e: Ellipsoid, c: Chord) -> f32 {
+    let off = length(c.nearest);
+    let growth = vec2<f32>(dot(c.nearest, e.unit_from_x), dot(c.nearest, e.unit_from_y));
+    let per_pixel = footprint_mm(0.5 * (c.s.x + c.s.y)) * length(growth) / max(off, 1e-6);
+    return max(1.0 - off, 0.0) / max(per_pixel, 1e-9);
+}
+
 // How much of a pixel an ellipsoid covers that begins so far out.
-fn coverage_of(inset_px: f32) -> f32 {
-    return clamp(inset_px, 0.0, 1.0);
+fn coverage_of(inset: f32) -> f32 {
+    return clamp(inset, 0.0, 1.0);
 }

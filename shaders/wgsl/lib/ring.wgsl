@@ -2,16 +2,20 @@
 
 const RING = vec3<f32>(0.86, 0.08, 0.08);
 
-// The ball's outline: where rays pass its centre at its radius.
-fn with_ring(color: vec3<f32>, pixel: vec2<u32>) -> vec3<f32> {
-    if (view.flags & LENS_ON) == 0u {
-        return color;
-    }
+// How far outside the ball's outline a pixel is, in pixels: where its ray passes the centre, less the
+// radius. FAR where the ball is behind the eye.
+fn off_ring_px(pixel: vec2<u32>) -> f32 {
     let p = from_middle(pixel);
     let direction = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
     let start = vec3<f32>(p * view.mm_per_pixel, 0.0) - view.lens.xyz;
     let nearest = -dot(start, direction) / dot(direction, direction);
     let off_px = (length(start + nearest * direction) - view.lens.w) / footprint_mm(nearest);
-    let drawn = select(0.0, clamp(0.5 + view.line_scale - abs(off_px), 0.0, 1.0), nearest > view.nearest_mm);
-    return mix(color, RING, drawn);
+    return select(FAR, off_px, nearest > view.nearest_mm);
+}
+
+fn with_ring(color: vec3<f32>, pixel: vec2<u32>) -> vec3<f32> {
+    if (view.flags & LENS_ON) == 0u {
+        return color;
+    }
+    return mix(color, RING, clamp(0.5 + view.line_scale - abs(off_ring_px(pixel)), 0.0, 1.0));
 }

@@ -1,0 +1,137 @@
+"""Connected components of a tumour index: this program beside cc3d and SciPy, in turns, on the same voxels.
+
+  python bench/peer_components.py PROGRAM [--data FOLDER] [--runs N]
+
+PROGRAM is target/release/examples/bench_ellipsoids, which also makes the two indices (a glioma of three masks,
+240x240x155; three synthetic masks, 512x512x512) and hands them over as bytes. Partitions are compared before
+anything is timed: equal up to the numbers of the labels, or the benchmark ends.
+
+cc3d labels all values in one pass (26-connected, one thread), as the program does. SciPy has no such pass: one
+pass for each value. Both give a label volume; the program's components are runs with counts, boxes and centroids,
+and a label volume only where asked for, so both are timed. Median wall time and, steadier under load, CPU time.
+
+Needs: pip install connected-components-3d scipy numpy
+"""
+
+import argparse
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+import cc3d
+import numpy as np
+import scipy
+import scipy.ndimage
+
+
+class Program:
+    """The example as a server: a line in, a line out."""
+
+    def __init__(self, command):
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.dims = [int(word) for word in self.answer().split()]
+
+    def answer(self):
+        line = self.process.stdout.readline()
+        if not line:
+            sys.exit("the program ended early")
+        return line
+
+    def ask(self, line):
+        print(line, file=self.process.stdin, flush=True)
+        return self.answer()
+
+    def time(self, line):
+        wall, cpu, _ = (float(word) for word in self.ask(line).split())
+        return wall, cpu
+
+
+def timed(job):
+    cpu, wall = time.process_time(), time.perf_counter()
+    job()
+    return time.perf_counter() - wall, time.process_time() - cpu
+
+
+def with_cc3d(index):
+    return cc3d.connected_components(index, connectivity=26)
+
+
+def with_scipy(index):
+    structure = np.ones((3, 3, 3), bool)
+    labels, count = np.zeros(index.shape, np.uint32), 0
+    for value in np.flatnonzero(np.bincount(index.ravel())):
+        if value:
+            of_value, found = scipy.ndimage.label(index == value, structure)
+            labels[of_value > 0] = of_value[of_value > 0] + count
+            count += found
+    return labels
+
+
+def same_partition(ours, theirs):
+    """Whether two label volumes part the voxels alike: as many pairs of labels as labels."""
+    pairs = np.unique(ours.astype(np.uint64).ravel() << np.uint64(32) | theirs.ravel().astype(np.uint64))
+    # Background with background is a pair as well.
+    return len(pairs) == len(np.unique(ours)) == len(np.unique(theirs))
+
+
+def bench(name, program, runs, scratch):
+    program.ask(f"write {scratch / 'index'} {scratch / 'labels'}")
+    nx, ny, nz = program.dims
+    index = np.fromfile(scratch / "index", np.uint8).reshape(nz, ny, nx)
+    ours = np.fromfile(scratch / "labels", np.uint32).reshape(nz, ny, nx)
+    for peer, labels in [("cc3d", with_cc3d(index)), ("SciPy", with_scipy(index))]:
+        if not same_partition(ours, labels):
+            sys.exit(f"{name}: {peer} parts the index otherwise")
+    print(f"\n{name}, {nx}x{ny}x{nz}: {ours.max()} components; cc3d and SciPy part the index alike.\n")
+    del ours
+
+    jobs = {
+        "cc3d": lambda: timed(lambda: with_cc3d(index)),
+        "SciPy, a pass for each value": lambda: timed(lambda: with_scipy(index)),
+    }
+    for threads in (1, 2):
+        word = f"{threads} thread{'s' if threads > 1 else ''}"
+        jobs[f"glioscope, {word}"] = lambda t=threads: program.time(f"components {t}")
+        jobs[f"glioscope with a label volume, {word}"] = lambda t=threads: program.time(f"labels {t}")
+    taken = {job: [] for job in jobs}
+    for turn in range(runs + 1):
+        for job, run in jobs.items():
+            if job.startswith("SciPy") and turn > 5:
+                continue
+            sample = run()
+            # The first turn warms up.
+            if turn:
+                taken[job].append(sample)
+    print("| program | median wall (ms) | fastest to slowest (ms) | median CPU (ms) | wall / cc3d | CPU / cc3d |")
+    print("|---|---:|---:|---:|---:|---:|")
+    middle = {job: [statistics.median(s[k] for s in samples) * 1e3 for k in (0, 1)] for job, samples in taken.items()}
+    for job, (wall, cpu) in middle.items():
+        walls = [s[0] * 1e3 for s in taken[job]]
+        print(
+            f"| {job} | {wall:.1f} | {min(walls):.1f} to {max(walls):.1f} | {cpu:.1f} "
+            f"| {wall / middle['cc3d'][0]:.2f} | {cpu / middle['cc3d'][1]:.2f} |"
+        )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("program")
+    parser.add_argument("--data", default="../shared/data")
+    parser.add_argument("--runs", type=int, default=15)
+    args = parser.parse_args()
+    if args.runs < 1:
+        parser.error("--runs: at least 1")
+    print(f"cc3d {cc3d.__version__}, SciPy {scipy.__version__}, NumPy {np.__version__}; {args.runs} turns (SciPy 5)")
+    for name in ("glioma", "synthetic"):
+        with tempfile.TemporaryDirectory() as scratch:
+            program = Program([args.program, "serve", name, args.data])
+            bench(name, program, args.runs, pathlib.Path(scratch))
+            program.process.stdin.close()
+            program.process.wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -39,8 +39,8 @@ fn whole_scene(data: &Path) -> ChangeScene {
     let spec = CaseSpec::from_arguments(&masks, &[format!("t1c={}", file("t1c"))]).unwrap();
     let case = load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
     let time = &case.time_points[0];
-    let [before, after] = [0, 1].map(|k| time.masks[k].bits());
-    let grid = time.masks[0].grid();
+    let [before, after] = [0, 1].map(|k| time.masks[k].mask.bits());
+    let grid = time.masks[0].mask.grid();
     let start = Instant::now();
     let found = change(before, after, grid, &ChangeOptions::default(), &Progress::new()).unwrap();
     println!(

@@ -13,7 +13,7 @@ struct Arrow {
 @group(0) @binding(24) var<storage, read> arrows: array<Arrow>;
 
 const SIDES = 6u;
-const AMBIENT = 0.35;
+const AMBIENT = 0.45;
 
 struct Corner {
     @builtin(position) clip: vec4<f32>,

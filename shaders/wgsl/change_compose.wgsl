@@ -17,7 +17,10 @@
 const NUMBER = 0xffffffu;
 const GROWS = 0x1000000u;
 const FAINT = 0x2000000u;
-const VEIL = 0.13;
+// Opacity of the veil, where it is three voxels thick and more.
+const VEIL = 0.14;
+// Light that is left along an arrow's edge.
+const EDGE = 0.45;
 
 fn tone_of(grows: bool) -> vec3<f32> {
     return select(change.shrink, change.grow, grows);
@@ -36,15 +39,27 @@ struct ArrowSample {
     color: vec3<f32>,
 }
 
+// Darker along the edge where it hides another arrow, or all that is behind.
 fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
-    let sample = pixel * change.samples + vec2<u32>(n % change.samples, n / change.samples);
+    let sample = vec2<i32>(pixel * change.samples + vec2<u32>(n % change.samples, n / change.samples));
     let found = textureLoad(arrow_picture, sample, 0).xy;
     if found.x == 0u {
         return ArrowSample(0u, FAR, vec3<f32>(0.0));
     }
+    let depth = bitcast<f32>(found.y);
+    let last = vec2<i32>(view.size * change.samples) - 1;
+    // Arrows of few pixels would be edge all over.
+    let size_px = change.head_radius_mm / footprint_mm(depth);
+    let dark = mix(1.0, EDGE, smoothstep(0.7, 3.5, size_px));
+    var edge = 1.0;
+    for (var k = 0u; k < 4u; k++) {
+        let there = textureLoad(arrow_picture, clamp(sample + neighbour(k), vec2<i32>(0), last), 0).xy;
+        let hides = there.x == 0u || bitcast<f32>(there.y) > depth;
+        edge = select(edge, dark, ((there.x ^ found.x) & NUMBER) != 0u && hides);
+    }
     let tone = tone_of((found.x & GROWS) != 0u);
     let pale = mix(tone, change.base, select(0.0, 0.6, (found.x & FAINT) != 0u));
-    return ArrowSample(found.x, bitcast<f32>(found.y), pale * (f32(found.x >> 26u) / 63.0));
+    return ArrowSample(found.x, depth, pale * (edge * f32(found.x >> 26u) / 63.0));
 }
 
 // Outlines of the veil, where it hides something or nothing.
@@ -132,7 +147,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let hull = hull_depths[at];
         let kind = kind_of(hull_surfaces[at].x);
         if hull < front && (kind & ALONE) == 0u && kind != (BEFORE | AFTER) {
-            color = mix(color, tone_of(kind == AFTER), VEIL);
+            let thickness = clamp((front - hull) / (3.0 * view.voxel_mm), 0.0, 1.0);
+            color = mix(color, tone_of(kind == AFTER), VEIL * thickness);
             let line = veil_line_at(here, hull, hull_surfaces[at].y);
             color = mix(color, view.silhouette.rgb, view.outer_line_strength * line);
         }

@@ -180,7 +180,7 @@ pub struct ChangeRenderer {
     regions: Option<RegionBuffers>,
     image: Option<ImageBuffers>,
     lengths: Option<LengthBuffers>,
-    arrows: Option<ArrowBuffers>,
+    pub(super) arrows: Option<ArrowBuffers>,
     arrow_targets: Option<ArrowTargets>,
     frame: Option<ChangeFrame>,
 }

@@ -207,7 +207,7 @@ fn lookup_and_filter_agree_with_their_twin() {
         ("1:10", grid([60, 56, 9], DMat3::from_diagonal(DVec3::new(0.5, 0.5, 5.0)), DVec3::ZERO)),
         ("sheared, negative, at 1e6 mm", grid([34, 30, 22], shear, DVec3::new(1e6, -1e6, 1e6))),
     ];
-    let size = [72, 60];
+    let size = [112, 96];
     let mut bench = bench();
     for (name, grid) in cases {
         let mut s = scene(frayed(&grid));
@@ -325,7 +325,7 @@ fn the_filter_does_not_leak_across_silhouettes() {
             of_far += 1;
         }
     }
-    assert!(of_near > 300 && of_far > 1500, "{of_near} {of_far}");
+    assert!(of_near > 300 && of_far > 1000, "{of_near} {of_far}");
     // Both are side by side in the picture: without the test in depth they would mix.
     let side_by_side = found.cells.windows(2).zip(found.depths.windows(2)).any(|(c, d)| {
         let y = |c: u32| s.surface.as_ref().unwrap().voxel(c as usize)[1];
@@ -451,6 +451,7 @@ fn a_known_arrow_is_picked_with_its_unfiltered_length() {
         let known = made.change().vectors[0];
         let mut s = scene(made);
         s.look = ChangeLook { style: ChangeStyle::Arrows, smooth_mm: 5.0, ..s.look };
+        s.camera.height_mm *= 0.5;
         for (azimuth, projection) in [(0.0, Projection::Perspective), (70.0, Projection::Orthographic)] {
             s.camera.world_from_camera = Camera::orientation(azimuth, 0.0);
             s.camera.projection = projection;
@@ -493,8 +494,8 @@ fn the_height_map_picks_the_unfiltered_length() {
     let frame = renderer.render(gpu, &s, &FLAT, [80, 80]).unwrap().clone();
     let found = read(gpu, &frame);
     let (mut vectors, mut partnerless) = (0, 0);
-    for y in (0..80).step_by(3) {
-        for x in (0..80).step_by(3) {
+    for y in (0..80).step_by(2) {
+        for x in (0..80).step_by(2) {
             let at = (y * 80 + x) as usize;
             let Some(pick) = frame.pick(gpu, x, y).unwrap() else {
                 assert!(found.depths[at] >= FAR);

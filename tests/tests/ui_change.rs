@@ -76,7 +76,7 @@ fn a_known_growth_is_read_under_the_pointer() {
     let foremost_mm = DVec3::new(-31.5, 57.0, 20.0);
     harness.hover_at(pos_of(rect, &camera, foremost_mm));
     harness.run_ok();
-    let pick = harness.state().states.change.hover().expect("the tumour is under the pointer").clone();
+    let pick = *harness.state().states.change.hover().expect("the tumour is under the pointer");
     let vector = pick.vector.expect("it grew there");
     let half_voxel_mm = 0.5;
     assert!((pick.world_mm.y - 57.0).abs() <= 2.0 * half_voxel_mm, "{}", pick.world_mm);

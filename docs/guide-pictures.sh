@@ -9,4 +9,5 @@ picture window --view window --size 1500x940
 picture guide-overlap --view overlap --size 620x560
 picture guide-select --view closeup --size 700x520 --select T1,PET,T1+T2,T1+PET,T2+PET,T1+T2+PET
 picture guide-context --view context --size 700x560 --clip top=30 --camera 35,42
+picture guide-change --view change --size 760x560 --camera 20,10
 picture guide-ellipsoids --view ellipsoids --size 700x520 --slice-plane

@@ -13,7 +13,7 @@ use glioscope_core::{
     case::{self, CaseSpec, LoadOptions},
     change::{ChangeOptions, change},
     distance::{Crop, FeatureTransform, KdTree},
-    skeleton::{SkeletonOptions, force_field, skeleton},
+    skeleton::{PointKind, SkeletonOptions, force_field, skeleton},
     surface::{surface_of, surface_voxels},
 };
 
@@ -71,16 +71,23 @@ fn pipeline(name: &str, runs: usize, before: &MaskBits, after: &MaskBits, grid: 
 fn knob(name: &str, mask: &MaskBits, grid: &Grid) -> Fallible<()> {
     say(
         "knob,mask,opening,coarse,field_s,skeleton_s,direction_p50_deg,direction_p95_deg,direction_max_deg,\
-         weak_p95_deg,skeleton_mean_mm,skeleton_p95_mm",
+         critical_p95_deg,skeleton_mean_mm,skeleton_p95_mm",
     )?;
     let exact = SkeletonOptions { opening: 0.0, ..SkeletonOptions::default() };
     let reference = force_field(mask, grid, &exact, &Progress::new())?;
     let true_skeleton = skeleton(mask, grid, &exact, &Progress::new())?;
     let places: Vec<DVec3> = true_skeleton.points.iter().map(|p| p.position_mm).collect();
     let tree = KdTree::new(&places)?.ok_or("an empty mask")?;
-    let mut strengths: Vec<f64> = reference.forces.iter().map(|f| f.length()).collect();
-    strengths.sort_by(f64::total_cmp);
-    let weak = at(&strengths, 0.02);
+    // Where forces cancel, an error turns them most.
+    let zeros: Vec<DVec3> = (true_skeleton.points.iter())
+        .filter(|p| matches!(p.kind, PointKind::Attracting | PointKind::Saddle))
+        .map(|p| p.position_mm)
+        .collect();
+    let zeros = KdTree::new(&zeros)?.ok_or("no critical point")?;
+    let near_zero = |voxel: DVec3| {
+        let found = zeros.nearest(grid.world_from_voxel().transform_point3(voxel));
+        found.is_some_and(|(_, d)| d <= 2.0 * grid.spacing_mm().max_element())
+    };
     for (opening, coarse) in [
         (0.0, 1),
         (0.1, 1),
@@ -97,18 +104,18 @@ fn knob(name: &str, mask: &MaskBits, grid: &Grid) -> Fallible<()> {
         let runs = if opening == 0.0 { 1 } else { 5 };
         let (field_s, field) = timed(runs, || force_field(mask, grid, &options, &Progress::new()))?;
         let (skeleton_s, made) = timed(runs, || skeleton(mask, grid, &options, &Progress::new()))?;
-        let (mut angles, mut weak_angles) = (Vec::new(), Vec::new());
+        let (mut angles, mut critical_angles) = (Vec::new(), Vec::new());
         if coarse == 1 {
-            for (f, g) in reference.forces.iter().zip(&field.forces) {
+            for ((f, g), voxel) in reference.forces.iter().zip(&field.forces).zip(&reference.voxels) {
                 let angle = f.angle_between(*g).to_degrees();
                 angles.push(angle);
-                if f.length() <= weak {
-                    weak_angles.push(angle);
+                if near_zero(*voxel) {
+                    critical_angles.push(angle);
                 }
             }
         }
         angles.sort_by(f64::total_cmp);
-        weak_angles.sort_by(f64::total_cmp);
+        critical_angles.sort_by(f64::total_cmp);
         let mut away: Vec<f64> =
             made.points.iter().filter_map(|p| tree.nearest(p.position_mm)).map(|(_, d)| d).collect();
         away.sort_by(f64::total_cmp);
@@ -118,7 +125,7 @@ fn knob(name: &str, mask: &MaskBits, grid: &Grid) -> Fallible<()> {
             at(&angles, 0.5),
             at(&angles, 0.95),
             at(&angles, 1.0),
-            at(&weak_angles, 0.95),
+            at(&critical_angles, 0.95),
             at(&away, 0.95)
         ))?;
     }

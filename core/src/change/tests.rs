@@ -123,7 +123,7 @@ fn a_ball_that_moves_grows_ahead_and_recedes_behind() {
                 right += usize::from((truth > 0.0) == (v.signed_mm > 0.0));
             }
         }
-        assert!(all > 50 && right as f64 >= 0.999 * all as f64, "{spacing}: {right} of {all}");
+        assert!(all > 50 && right as f64 >= 0.999 * f64::from(all), "{spacing}: {right} of {all}");
         let along = step.normalize_or_zero();
         let ahead: Vec<f64> = (c.vectors.iter())
             .filter(|v| v.signed_mm > 0.0 && (v.to_mm - step).normalize_or_zero().dot(along) > 0.98)
@@ -240,7 +240,7 @@ fn the_sample_changes_as_its_shapes_do() {
             assert!(v.signed_mm.abs() >= true_mm.abs() - 1.5 * voxel, "{id} {v:?} {true_mm}");
         }
         println!("{id}: {right} of {all}, {:?} {:?}", report.growth, report.recession);
-        assert!(all > 100 && right as f64 >= 0.999 * all as f64, "{id}: {right} of {all}");
+        assert!(all > 100 && right as f64 >= 0.999 * f64::from(all), "{id}: {right} of {all}");
         assert!((report.kept_ml + report.gone_ml - report.from_ml).abs() < 1e-9);
         assert!(
             (report.to_ml - truth.time_points[1].masks.iter().find(|m| m.id == id).unwrap().volume_ml).abs()

@@ -138,7 +138,6 @@ struct Reached {
 
 /// Lets fronts grow from all pieces at once (Dijkstra 1959) and joins two pieces where theirs meet,
 /// until `open` joints are made.
-#[expect(clippy::too_many_arguments, reason = "the second half of one function")]
 fn join(
     solid: &Solid,
     depth: &FeatureTransform,

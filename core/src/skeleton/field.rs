@@ -140,7 +140,6 @@ impl Lattice {
         Ok(forces)
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one inner loop taken out of another")]
     fn slab(
         &self,
         charges: &Charges,

@@ -200,7 +200,7 @@ pub fn skeleton(
     let mut sketch = Sketch::default();
     if cells.bounds().is_some() {
         let forces = lattice.forces(&charges, law, options.opening, progress)?;
-        let critical = trace::distinct(critical::critical_points(&lattice, &cells, &forces));
+        let critical = trace::distinct(&critical::critical_points(&lattice, &cells, &forces));
         let mut tracer = Tracer::new(&solid, &charges, law, options.opening, progress);
         tracer.core(&critical, &mut sketch, &mut counts)?;
         if options.level >= Level::Divergence {

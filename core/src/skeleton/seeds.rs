@@ -49,7 +49,8 @@ pub(super) fn low_divergence(lattice: &Lattice, forces: &[DVec3], part: f64) -> 
         mine <= most
             && neighbours(n).all(|m| {
                 let inside = (0..3).all(|a| m[a] < dims[a]) && nodes.get(m);
-                !inside || !(divergence[lattice.rank(m)] < mine)
+                // Unknown ones are no lower.
+                !inside || divergence[lattice.rank(m)].is_nan() || divergence[lattice.rank(m)] >= mine
             })
     };
     inner

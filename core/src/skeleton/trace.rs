@@ -82,7 +82,7 @@ impl Sketch {
 }
 
 /// The critical points without those found twice, and without those on one spot.
-pub(super) fn distinct(points: Vec<CriticalPoint>) -> Vec<CriticalPoint> {
+pub(super) fn distinct(points: &[CriticalPoint]) -> Vec<CriticalPoint> {
     let mut sketch = Sketch::default();
     // Attracting ones first: they stay whatever lies beside them.
     let order = |kind: Kind| move |p: &CriticalPoint| (p.kind == kind).then(|| p.clone());

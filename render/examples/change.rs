@@ -55,7 +55,7 @@ fn whole_scene(data: &Path) -> ChangeScene {
     println!("surface {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
     let volume = Arc::new(ContextVolume::new(Arc::clone(&time.contexts[0].volume)));
     let center_mm = surface.volume().grid().center_mm();
-    let radius_mm = 1.3 * surface.volume().grid().corners_mm()[0].distance(center_mm);
+    let radius_mm = 0.9 * surface.volume().grid().corners_mm()[0].distance(center_mm);
     ChangeScene {
         surface: Some(surface),
         look: ChangeLook::default(),

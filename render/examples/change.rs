@@ -1,5 +1,6 @@
 //! Change views of two algorithms' masks that stand in for two dates: pictures and times.
-//! `change DATA_FOLDER OUT_FOLDER [size=512] [frames=5] [real] [only=NAME]`.
+//! `change DATA_FOLDER OUT_FOLDER [size=512] [frames=5] [real] [only=NAME] [large=VOXELS]`; `large`: balls on a
+//! grid of so many voxels along each side, without an image, in place of the case.
 
 #![allow(
     clippy::unwrap_used,
@@ -12,7 +13,7 @@ use std::{path::Path, sync::Arc, time::Instant};
 
 use glam::DVec3;
 use glioscope_core::{
-    Progress,
+    Grid, MaskBits, Progress,
     case::{CaseSpec, LoadOptions, load},
     change::{ChangeOptions, change},
 };
@@ -33,14 +34,31 @@ fn median(mut v: Vec<f64>) -> f64 {
     v[v.len() / 2]
 }
 
-fn whole_scene(data: &Path) -> ChangeScene {
-    let file = |name: &str| format!("{}/glioma-5-algorithms/{name}.nii.gz", data.display());
-    let masks = [format!("before={}", file("hnfnetv1-20")), format!("after={}", file("isen-20"))];
-    let spec = CaseSpec::from_arguments(&masks, &[format!("t1c={}", file("t1c"))]).unwrap();
-    let case = load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
-    let time = &case.time_points[0];
-    let [before, after] = [0, 1].map(|k| time.masks[k].mask.bits());
-    let grid = time.masks[0].mask.grid();
+/// A ball that grew on one side and shrank on the other.
+fn large_scene(n: usize, like: &ChangeScene) -> ChangeScene {
+    let grid = Grid::axis_aligned([n; 3], DVec3::ONE, DVec3::ZERO).unwrap();
+    let ball = |shift: f64| {
+        MaskBits::from_fn([n; 3], |l| {
+            let v = DVec3::new((l % n) as f64, (l / n % n) as f64, (l / n / n) as f64) / n as f64;
+            v.distance(DVec3::new(0.5 + shift, 0.5, 0.5)) < 0.4
+        })
+    };
+    let surface = surface_of(&ball(-0.03), &ball(0.03), &grid);
+    let center_mm = grid.center_mm();
+    ChangeScene {
+        surface: Some(surface),
+        context: ChangeContext { volume: None, ..like.context.clone() },
+        camera: Camera::fit(
+            center_mm,
+            0.5 * n as f64,
+            Camera::orientation(50.0, 20.0),
+            Projection::Perspective,
+        ),
+        ..like.clone()
+    }
+}
+
+fn surface_of(before: &MaskBits, after: &MaskBits, grid: &Grid) -> Arc<ChangeSurface> {
     let start = Instant::now();
     let found = change(before, after, grid, &ChangeOptions::default(), &Progress::new()).unwrap();
     println!(
@@ -53,9 +71,21 @@ fn whole_scene(data: &Path) -> ChangeScene {
     let start = Instant::now();
     let surface = Arc::new(ChangeSurface::new(before, after, grid, Arc::new(found)).unwrap());
     println!("surface {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
+    surface
+}
+
+fn whole_scene(data: &Path) -> ChangeScene {
+    let file = |name: &str| format!("{}/glioma-5-algorithms/{name}.nii.gz", data.display());
+    let masks = [format!("before={}", file("hnfnetv1-20")), format!("after={}", file("isen-20"))];
+    let spec = CaseSpec::from_arguments(&masks, &[format!("t1c={}", file("t1c"))]).unwrap();
+    let case = load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
+    let time = &case.time_points[0];
+    let [before, after] = [0, 1].map(|k| time.masks[k].mask.bits());
+    let grid = time.masks[0].mask.grid();
+    let surface = surface_of(before, after, grid);
     let volume = Arc::new(ContextVolume::new(Arc::clone(&time.contexts[0].volume)));
     let center_mm = surface.volume().grid().center_mm();
-    let radius_mm = 1.3 * surface.volume().grid().corners_mm()[0].distance(center_mm);
+    let radius_mm = 0.9 * surface.volume().grid().corners_mm()[0].distance(center_mm);
     ChangeScene {
         surface: Some(surface),
         look: ChangeLook::default(),
@@ -84,7 +114,10 @@ fn main() {
             .unwrap();
     let mut renderer = ChangeRenderer::new(&gpu).unwrap();
     println!("{}; times from {}", gpu.describe(), renderer.time_source().describe());
-    let height = whole_scene(data);
+    let mut height = whole_scene(data);
+    if let Some(n) = value("large=") {
+        height = large_scene(n.parse().unwrap(), &height);
+    }
     let mut arrows = height.clone();
     arrows.look.style = ChangeStyle::Arrows;
     let mut safe = height.clone();

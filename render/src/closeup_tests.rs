@@ -8,6 +8,7 @@ use glioscope_core::{Grid, Selection};
 use crate::{
     AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Renderer, Scene,
     SlicePlane,
+    change::{GpuArrow, Length, uniforms::Change},
     context::uniforms::{Context, Marched},
     ellipsoids::GpuEllipsoid,
     plan::plan,
@@ -500,6 +501,13 @@ fn rust_and_wgsl_lay_structs_out_alike() {
             "Ellipsoid",
             offsets!(GpuEllipsoid: center, opacity, unit_from_x, color, unit_from_y, id, unit_from_z, unused),
         ),
+        (
+            "Change",
+            offsets!(Change: right, full_mm, up, smooth_mm, away, gap_mm, origin, radius_mm, base, head_radius_mm,
+                grow, head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds),
+        ),
+        ("Length", offsets!(Length: key, signed_mm, sure)),
+        ("Arrow", offsets!(GpuArrow: start, what, along, unused)),
         ("Counters", (16, vec![("nodes", 0), ("wraps", 4), ("last_nodes", 8), ("last_wraps", 12)])),
     ];
     let mut seen = vec![0; expected.len()];

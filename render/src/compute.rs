@@ -50,7 +50,7 @@ enum Pipeline {
 
 enum Work {
     Compute { pipeline: wgpu::ComputePipeline, workgroups: [u32; 3] },
-    Raster { pipeline: wgpu::RenderPipeline, drawing: Drawing },
+    Raster { pipeline: wgpu::RenderPipeline, drawing: Box<Drawing> },
 }
 
 struct Bound {
@@ -181,7 +181,11 @@ impl PassRunner {
     ) {
         if let Some(Pipeline::Raster(pipeline)) = self.pipeline(pass) {
             let group = group_of(gpu, pass, &pipeline.get_bind_group_layout(0), entries);
-            self.bound.push(Bound { pass, group, work: Work::Raster { pipeline, drawing } });
+            self.bound.push(Bound {
+                pass,
+                group,
+                work: Work::Raster { pipeline, drawing: Box::new(drawing) },
+            });
         }
     }
 

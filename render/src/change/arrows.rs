@@ -98,7 +98,7 @@ impl ArrowBuffers {
 /// Sides of shaft and head, `SIDES` of change_arrows.wgsl.
 const SIDES: u16 = 6;
 
-/// Triangles over the corners that change_arrows.wgsl makes.
+/// Triangles over the corners that change_arrows.wgsl makes, clockwise as seen from outside.
 pub(super) fn triangles() -> Vec<u16> {
     let mut out = Vec::new();
     let next = |i: u16| (i + 1) % SIDES;
@@ -109,13 +109,13 @@ pub(super) fn triangles() -> Vec<u16> {
         out.extend([end + i, end + j, rim + i, rim + i, end + j, rim + j]);
         out.extend([rim + i, rim + j, point]);
         if (1..SIDES - 1).contains(&i) {
-            out.extend([start, start + i, start + j]);
+            out.extend([start, start + j, start + i]);
         }
     }
     out
 }
 
-/// The pipeline that draws them. Faces are not culled: all are seen from outside, and the nearest wins.
+/// The pipeline that draws them.
 ///
 /// # Errors
 /// [`RenderError::Shader`].
@@ -135,7 +135,11 @@ pub(super) fn pipeline(gpu: &Gpu) -> Result<wgpu::RenderPipeline, RenderError> {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers: &[],
         },
-        primitive: wgpu::PrimitiveState::default(),
+        primitive: wgpu::PrimitiveState {
+            front_face: wgpu::FrontFace::Cw,
+            cull_mode: Some(wgpu::Face::Back),
+            ..Default::default()
+        },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(true),

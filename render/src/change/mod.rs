@@ -33,6 +33,8 @@ use crate::{
 pub use frame::{ChangeFrame, ChangePick};
 pub use renderer::ChangeRenderer;
 pub use surface::ChangeSurface;
+#[cfg(test)]
+pub(crate) use {arrows::GpuArrow, surface::Length};
 
 /// How change is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]

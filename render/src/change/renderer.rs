@@ -2,7 +2,7 @@
 //!
 //! Lifetimes: pipelines are made once a [`ChangeRenderer`]; the union's bricks and the table of
 //! lengths once a surface; arrows once a surface and threshold; the image as in the context view;
-//! targets once a size (about 84 bytes a pixel, with arrows 48 more); the uniforms once a frame.
+//! targets once a size (about 88 bytes a pixel, with arrows 48 more); the uniforms once a frame.
 
 use std::sync::Arc;
 

@@ -15,14 +15,13 @@ use super::{
     arrows::GpuArrow,
     change_plan,
     surface::{AFTER, ALONE, BEFORE, Length},
-    twin, uniforms as change_uniforms,
+    twin,
 };
 use crate::{
     AdapterPreference, Camera, ClipPlane, ContextVolume, ControlPoint, Gpu, PassName, Plan, Projection,
     Quality, RenderError, TransferFunction,
-    context::uniforms::Marched,
     testing::{grid, noise},
-    uniforms::{FAR, View},
+    uniforms::FAR,
 };
 
 const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };
@@ -457,7 +456,7 @@ fn a_known_arrow_is_picked_with_its_unfiltered_length() {
             s.camera.projection = projection;
             let Bench { gpu, renderer } = &mut *bench;
             let frame = renderer.render(gpu, &s, &FLAT, [160, 160]).unwrap().clone();
-            for part in [0.3, 0.5, 0.9] {
+            for part in [0.25, 0.5, 0.75] {
                 let on = known.from_mm + part * (known.to_mm - known.from_mm);
                 let at = s.camera.project(on, DVec2::splat(160.0)).unwrap();
                 let pick = frame.pick(gpu, at.x as u32, at.y as u32).unwrap().unwrap();

@@ -28,7 +28,8 @@ fn each_reason_leaves_out_its_passes_and_changes_no_pixel() {
     const FILTER: [PassName; 2] = [HeightFilterAcross, HeightFilterDown];
     const HEIGHTS: [PassName; 3] = [Heights, HeightFilterAcross, HeightFilterDown];
     const IMAGE: [PassName; 2] = [Context, GradientOpacity];
-    let cases: Vec<(&str, ChangeScene, Vec<(&[PassName], &str)>)> = vec![
+    type Omitted<'a> = Vec<(&'a [PassName], &'a str)>;
+    let cases: Vec<(&str, ChangeScene, Omitted<'_>)> = vec![
         (
             "height",
             look(&full, smooth),
@@ -122,7 +123,7 @@ fn each_reason_leaves_out_its_passes_and_changes_no_pixel() {
         assert!(found.chunks_exact(4).any(|p| p[..3] != [255; 3]), "{name}");
     }
     // Nothing at all: a picture of the background.
-    let empty = ChangeScene { surface: None, ..plain.clone() };
+    let empty = ChangeScene { surface: None, ..plain };
     let plan = change_plan(&empty, &FLAT);
     assert_eq!(plan.passes, [Compose]);
     assert!(plan.omitted.contains(&(Surface, "no mask is active")));
@@ -152,6 +153,59 @@ fn the_image_is_around_the_surface_and_can_be_cut() {
     cut.context.clip = vec![ClipPlane { normal: DVec3::Z, offset_mm: -1e4 }];
     assert!(draw(&mut bench, &cut, [80, 80]).rgba == expected.rgba);
     assert!(with != alone && with != cut && with == with.clone());
+}
+
+/// Rays that pass an arrow's axis closely meet it, or something nearer.
+#[test]
+fn arrows_hide_what_is_behind_them_and_are_hidden_by_the_surface() {
+    let grid = cubic(34);
+    let center = DVec3::splat(16.0);
+    let mut s = scene(surface(&grid, ball(center, 7.0), ball(center, 12.0)));
+    s.look = ChangeLook { style: ChangeStyle::Arrows, threshold_mm: 0.0, ..s.look };
+    s.camera.focus_mm = center + s.camera.axes()[2] * 6.0 + s.camera.axes()[0] * 6.0;
+    s.camera.height_mm = 14.0;
+    let mut bench = bench();
+    let Bench { gpu, renderer } = &mut *bench;
+    let size = 128;
+    for projection in [Projection::Perspective, Projection::Orthographic] {
+        s.camera.projection = projection;
+        let frame = renderer.render(gpu, &s, &FLAT, [size; 2]).unwrap().clone();
+        let found = read(gpu, &frame);
+        let vectors = &s.surface.as_ref().unwrap().change().vectors;
+        let (mut seen, mut hidden) = (0, 0);
+        for y in (0..size).step_by(5) {
+            for x in (0..size).step_by(5) {
+                let middle = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                let ray = s.camera.ray(middle, DVec2::splat(f64::from(size)));
+                let along_ray = |p: DVec3| (p - ray.origin_mm).dot(ray.direction);
+                let nearest = vectors
+                    .iter()
+                    .filter_map(|v| {
+                        // Closest approach of the ray and the arrow's axis.
+                        let axis = v.to_mm - v.from_mm;
+                        let off = v.from_mm - ray.origin_mm;
+                        let across = axis - axis.dot(ray.direction) * ray.direction;
+                        let aside = off - off.dot(ray.direction) * ray.direction;
+                        let t = (-aside.dot(across) / across.length_squared().max(1e-12)).clamp(0.0, 1.0);
+                        // The point itself has no width.
+                        let close = t < 0.9 && (aside + t * across).length() < 0.04;
+                        close.then(|| along_ray(v.from_mm + t * axis))
+                    })
+                    .filter(|d| *d > 0.0)
+                    .fold(f64::INFINITY, f64::min);
+                let pick = frame.pick(gpu, x, y).unwrap();
+                let met = pick.map_or(f64::INFINITY, |p| along_ray(p.world_mm));
+                assert!(met <= nearest + 0.02, "{x} {y}: met {met}, an arrow is at {nearest}");
+                if found.depths[(y * size + x) as usize] < FAR && nearest.is_finite() {
+                    let is_arrow = pick.is_some_and(|p| p.vector.is_some());
+                    seen += usize::from(is_arrow);
+                    hidden += usize::from(!is_arrow);
+                }
+            }
+        }
+        println!("{projection:?}: {seen} seen, {hidden} hidden");
+        assert!(seen > 20 && hidden > 5, "{seen} {hidden}");
+    }
 }
 
 #[test]
@@ -193,49 +247,4 @@ fn every_camera_gives_a_picture() {
             }
         }
     }
-}
-
-/// Offsets and sizes of every struct that Rust fills, from naga's reflection.
-#[test]
-fn rust_and_wgsl_lay_structs_out_alike() {
-    macro_rules! offsets {
-        ($type:ty: $($field:ident),* $(,)?) => {
-            (size_of::<$type>() as u32, vec![$((stringify!($field), std::mem::offset_of!($type, $field) as u32)),*])
-        };
-    }
-    use change_uniforms::Change as Uniform;
-    let expected = [
-        (
-            "Change",
-            offsets!(Uniform: right, full_mm, up, smooth_mm, away, gap_mm, origin, radius_mm, base, head_radius_mm,
-                grow, head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds),
-        ),
-        (
-            "View",
-            offsets!(View: corner, mm_per_pixel, right, mm_per_pixel_per_mm, up, nearest_mm, forward, voxel_mm,
-                dims, log2_ids_per_word, bricks, selected, lens, background, silhouette, size, flags,
-                occlusion_samples, occlusion_radius_mm, occlusion_strength, color_bleeding, line_scale, depth_span_mm, outside_opacity, inner_line_strength, outer_line_strength),
-        ),
-        ("Length", offsets!(Length: key, signed_mm, sure)),
-        ("Arrow", offsets!(GpuArrow: start, what, along, unused)),
-        ("Marched", offsets!(Marched: red_green, blue_opacity, depth, unused)),
-    ];
-    let mut seen = vec![0; expected.len()];
-    for name in glioscope_shaders::ALL.iter().filter(|n| n.starts_with("change")) {
-        let module = naga::front::wgsl::parse_str(&glioscope_shaders::compose(name).unwrap()).unwrap();
-        for (_, global) in module.global_variables.iter() {
-            let mut ty = &module.types[global.ty];
-            if let naga::TypeInner::Array { base, .. } = ty.inner {
-                ty = &module.types[base];
-            }
-            let naga::TypeInner::Struct { members, span } = &ty.inner else { continue };
-            let at = expected.iter().position(|(n, _)| Some(*n) == ty.name.as_deref());
-            let at = at.unwrap_or_else(|| panic!("{name}: {:?} is bound but not compared", ty.name));
-            let found: Vec<(&str, u32)> =
-                members.iter().map(|m| (m.name.as_deref().unwrap_or(""), m.offset)).collect();
-            assert_eq!((*span, found), expected[at].1, "{name}: {:?}", ty.name);
-            seen[at] += 1;
-        }
-    }
-    assert!(seen.iter().all(|&n| n > 0), "{seen:?}");
 }

@@ -62,11 +62,9 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), Failure> {
         skeleton: SkeletonOptions { level, ..SkeletonOptions::default() },
         registration_mm: arguments.registration_mm,
     };
-    let text = |s: &Option<String>| s.clone();
-    let (of, from, to) = (text(&arguments.of), text(&arguments.from), text(&arguments.to));
-    let (report, found) = terminal::with_progress(|progress| {
-        change::between(&case, of.as_deref(), from.as_deref(), to.as_deref(), &options, progress)
-    })?;
+    let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());
+    let (report, found) =
+        terminal::with_progress(|progress| change::between(&case, of, from, to, &options, progress))?;
     if let Some(path) = &arguments.csv {
         write_whole(path, change::csv(&found).as_bytes())?;
     }

@@ -18,7 +18,7 @@ use crate::{
     layout,
     rulers::{self, RulerFormat},
     views::{
-        ellipsoids::EllipsoidLook,
+        ellipsoids::{EllipsoidLook, OwnOpacity},
         overlap::{self, OverlapMode},
     },
     world::World,
@@ -80,6 +80,7 @@ pub enum Command {
     SetTransfer(String, Option<TransferFunction>),
     SetClips(Vec<ClipPlane>),
     SetEllipsoidLook(EllipsoidLook),
+    SetEllipsoidOpacities(Vec<OwnOpacity>),
     SetChange(Box<ChangeSetting>),
     // Measuring.
     ToggleRuler,
@@ -233,6 +234,7 @@ impl Command {
             Self::SetTransfer(_, None) => "Transfer function to begin with".into(),
             Self::SetClips(_) => "Cut the image open".into(),
             Self::SetEllipsoidLook(_) => "Look of the ellipsoid diagram".into(),
+            Self::SetEllipsoidOpacities(_) => "Opacity of an ellipsoid".into(),
             Self::SetChange(_) => "Compare dates".into(),
             Self::SetCursor(_) => "Move the crosshair".into(),
             Self::SetContext(_) => "Show this image".into(),
@@ -341,6 +343,7 @@ impl Command {
             Self::SetTransfer(..) => Some("transfer"),
             Self::SetClips(_) => Some("clips"),
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
+            Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
             _ => None,
         }
@@ -429,6 +432,7 @@ impl Command {
             }
             Self::SetClips(clips) => edit.clips.clone_from(clips),
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
+            Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
             Self::SetChange(setting) => edit.change.clone_from(setting),
             Self::SetPaneZoom(Pane::Change, zoom) if zoom.is_finite() => nav.change_zoom = *zoom,
             Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,

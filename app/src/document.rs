@@ -18,7 +18,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     comparing::ChangeSetting,
     layout,
-    views::{ellipsoids::EllipsoidLook, overlap::OverlapMode},
+    views::{
+        ellipsoids::{EllipsoidLook, OwnOpacity},
+        overlap::OverlapMode,
+    },
 };
 
 /// How to open the case again.
@@ -204,6 +207,9 @@ pub struct Edit {
     /// How the ellipsoid diagram is drawn.
     #[serde(default)]
     pub ellipsoids: EllipsoidLook,
+    /// Ellipsoids with an opacity of their own.
+    #[serde(default)]
+    pub ellipsoid_opacities: Vec<OwnOpacity>,
     /// Which dates are compared, and how that is drawn.
     #[serde(default)]
     pub change: ChangeSetting,
@@ -313,6 +319,7 @@ impl Document {
                 transfers: BTreeMap::new(),
                 clips: Vec::new(),
                 ellipsoids: EllipsoidLook::default(),
+                ellipsoid_opacities: Vec::new(),
                 change: ChangeSetting::default(),
                 layout: layout::default_layout(dates),
                 maximized: None,

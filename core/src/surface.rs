@@ -1,6 +1,8 @@
 //! Which voxels of a mask are its surface.
 
-use crate::MaskBits;
+use glam::DVec3;
+
+use crate::{Grid, MaskBits};
 
 /// The surface of `mask`: its active voxels with at least one inactive neighbour across a face
 /// (6-neighbourhood). What lies outside the image counts as inactive, so a mask that touches the
@@ -50,6 +52,52 @@ pub fn surface_voxels(mask: &MaskBits) -> Vec<[usize; 3]> {
     let mut voxels = Vec::new();
     surface_of(mask).for_each(|l| voxels.push([l % nx, l / nx % ny, l / (nx * ny)]));
     voxels
+}
+
+/// A piece of a mask's surface: one voxel face between an active and an inactive voxel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceElement {
+    /// The active voxel.
+    pub voxel: [usize; 3],
+    /// Middle of the face, world millimetres.
+    pub center_mm: DVec3,
+    /// Outward, as long as the face's area in mm².
+    pub area_mm2: DVec3,
+}
+
+/// The faces of `mask` towards inactive voxels or out of the image, in memory order of their voxels,
+/// lower x face first. Exact on any grid: on a sheared one faces are parallelograms. Their area vectors
+/// add up to nothing, as those of every closed surface do. Nothing for an empty mask.
+///
+/// A staircase: the sum of areas is that of the voxels' faces, up to half again the area of the smooth
+/// surface they stand for.
+pub fn surface_elements(mask: &MaskBits, grid: &Grid) -> Vec<SurfaceElement> {
+    let dims = mask.dims();
+    let world_from_voxel = grid.world_from_voxel();
+    let m = world_from_voxel.matrix3;
+    let columns = [m.x_axis, m.y_axis, m.z_axis];
+    // A mirrored grid turns the cross products inwards.
+    let sign = m.determinant().signum();
+    let upper = [0, 1, 2].map(|a| sign * columns[(a + 1) % 3].cross(columns[(a + 2) % 3]));
+    let mut elements = Vec::new();
+    for voxel in surface_voxels(mask) {
+        let center = DVec3::new(voxel[0] as f64, voxel[1] as f64, voxel[2] as f64);
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let mut beside = voxel;
+                let inside = if side < 0.0 { voxel[axis] > 0 } else { voxel[axis] + 1 < dims[axis] };
+                if inside {
+                    beside[axis] = if side < 0.0 { voxel[axis] - 1 } else { voxel[axis] + 1 };
+                    if mask.get(beside) {
+                        continue;
+                    }
+                }
+                let middle = world_from_voxel.transform_point3(center) + columns[axis] * (0.5 * side);
+                elements.push(SurfaceElement { voxel, center_mm: middle, area_mm2: upper[axis] * side });
+            }
+        }
+    }
+    elements
 }
 
 #[cfg(test)]
@@ -105,5 +153,50 @@ mod tests {
         assert_eq!(surface_of(&MaskBits::full([70, 5, 4])).count(), 70 * 5 * 4 - 68 * 3 * 2);
         assert_eq!(surface_of(&MaskBits::empty(dims)), MaskBits::empty(dims));
         assert!(surface_voxels(&MaskBits::empty(dims)).is_empty());
+    }
+
+    #[test]
+    fn elements_have_the_area_of_the_box_and_close_on_any_grid() {
+        use crate::Sides;
+        use glam::{DAffine3, DMat3};
+        let dims = [9, 8, 7];
+        let inside = |v: usize, lo: usize, n: usize| (lo..lo + n).contains(&v);
+        let mask = MaskBits::from_fn(dims, |l| {
+            inside(l % 9, 2, 4) && inside(l / 9 % 8, 0, 3) && inside(l / 72, 5, 2)
+        });
+        for matrix in [
+            DMat3::from_diagonal(DVec3::new(0.5, 0.7, 3.0)),
+            DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 2.0)),
+            DMat3::from_cols(
+                DVec3::new(1.0, 0.1, 0.0),
+                DVec3::new(0.3, 0.9, 0.2),
+                DVec3::new(0.0, -0.4, 2.5),
+            ),
+        ] {
+            let offset = DVec3::new(1e6, -3.0, 8.0);
+            let placed = DAffine3 { matrix3: matrix, translation: offset };
+            let grid = Grid::new(dims, placed, Sides::Known).unwrap();
+            let elements = surface_elements(&mask, &grid);
+            assert_eq!(elements.len(), 2 * (4 * 3 + 3 * 2 + 2 * 4));
+            let [x, y, z] = [matrix.x_axis * 4.0, matrix.y_axis * 3.0, matrix.z_axis * 2.0];
+            let expected = 2.0 * (x.cross(y).length() + y.cross(z).length() + z.cross(x).length());
+            let area: f64 = elements.iter().map(|e| e.area_mm2.length()).sum();
+            assert!((area - expected).abs() < 1e-9 * expected, "{area} of {expected}");
+            let sum: DVec3 = elements.iter().map(|e| e.area_mm2).sum();
+            assert!(sum.length() < 1e-9 * expected, "a closed surface");
+            // Gauss: outward areas span the volume (relative to the box, so that 1e6 mm cost nothing).
+            let middle = elements.iter().map(|e| e.center_mm - offset).sum::<DVec3>() / elements.len() as f64;
+            let volume: f64 =
+                elements.iter().map(|e| (e.center_mm - offset - middle).dot(e.area_mm2)).sum::<f64>() / 3.0;
+            let voxels = matrix.determinant().abs() * 24.0;
+            assert!((volume - voxels).abs() < 1e-6 * voxels, "{volume} of {voxels}");
+        }
+        assert!(
+            surface_elements(
+                &MaskBits::empty(dims),
+                &Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap()
+            )
+            .is_empty()
+        );
     }
 }

@@ -158,3 +158,77 @@ fn the_glioma_case_counts_what_numpy_counts() {
         assert!((found - numpy).abs() < 1e-9, "{found} {numpy}");
     }
 }
+
+#[test]
+fn ellipsoids_have_the_documented_keys_and_hold_what_they_say() {
+    let report = json(&["ellipsoids", "--sample", "--json"]);
+    let measured = json(&["measure", "--sample", "--json"]);
+    let components = report["components"].as_array().unwrap();
+    for key in ["of", "time", "voxels", "volume_ml", "center_mm", "semi_axes_mm", "rotation", "volume_bound"]
+    {
+        assert!(components.iter().all(|c| c.get(key).is_some()), "{key}");
+    }
+    for time in measured["time_points"].as_array().unwrap() {
+        for mask in time["masks"].as_array().unwrap() {
+            let voxels: u64 = components
+                .iter()
+                .filter(|c| c["of"]["mask"] == mask["id"] && c["time"] == time["time"])
+                .map(|c| c["voxels"].as_u64().unwrap())
+                .sum();
+            assert_eq!(voxels, mask["voxels"].as_u64().unwrap(), "{} {}", mask["id"], time["time"]);
+        }
+        for region in time["regions"].as_array().unwrap() {
+            let voxels: u64 = components
+                .iter()
+                .filter(|c| c["of"]["region"] == region["masks"] && c["time"] == time["time"])
+                .map(|c| c["voxels"].as_u64().unwrap())
+                .sum();
+            assert_eq!(voxels, region["voxels"].as_u64().unwrap(), "{} {}", region["masks"], time["time"]);
+        }
+    }
+    for c in components {
+        let axes: Vec<f64> =
+            c["semi_axes_mm"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+        let ml = 4.0 / 3.0 * std::f64::consts::PI * axes.iter().product::<f64>() / 1000.0;
+        let ratio = ml / c["volume_ml"].as_f64().unwrap();
+        assert!((ratio / c["exaggeration"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+        assert!(ratio > 1.0 && c["volume_bound"].as_f64().unwrap() <= 1.0 + 1e-7);
+    }
+    refused(&["ellipsoids", "--sample", "--connectivity", "7"], &["7", "26"]);
+}
+
+#[test]
+fn change_has_the_documented_keys_and_wrong_dates_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("vectors.csv");
+    let report = json(&["change", "--sample", "--of", "T1", "--json", "--csv", csv.to_str().unwrap()]);
+    for key in [
+        "mask",
+        "from",
+        "to",
+        "kept_ml",
+        "gone_ml",
+        "new_ml",
+        "flags",
+        "vectors",
+        "growth",
+        "recession",
+        "within_uncertainty",
+        "skeleton_points",
+    ] {
+        assert!(report.get(key).is_some(), "{key}");
+    }
+    let counted = |way: &str| report[way]["count"].as_u64().unwrap();
+    assert_eq!(counted("growth") + counted("recession"), report["vectors"].as_u64().unwrap());
+    let lines = std::fs::read_to_string(&csv).unwrap().lines().count() as u64;
+    assert!(lines > report["vectors"].as_u64().unwrap(), "a head line and a line a vector: {lines}");
+    // What was kept, went and came is what counting the masks gives.
+    let measured = json(&["measure", "--sample", "--json"]);
+    let ml = |time: usize| measured["time_points"][time]["masks"][0]["volume_ml"].as_f64().unwrap();
+    let of = |key: &str| report[key].as_f64().unwrap();
+    assert!((of("kept_ml") + of("gone_ml") - ml(0)).abs() < 1e-9);
+    assert!((of("kept_ml") + of("new_ml") - ml(1)).abs() < 1e-9);
+    refused(&["change", "--sample", "--of", "T1", "--to", "2031-01-01"], &["2031-01-01", "2024-04-15"]);
+    refused(&["change", "--sample", "--of", "T9"], &["T9"]);
+    refused(&["change", "--sample"], &["T1, T2, PET"]);
+}

@@ -308,3 +308,43 @@ fn ellipsoids_are_kept_beside_the_session() {
     again.run_ok();
     assert_eq!(again.state().states.ellipsoids.found().unwrap().to_vec(), list);
 }
+
+#[test]
+fn one_ellipsoid_alone_is_made_transparent_and_undone() {
+    let mut harness = sample();
+    let before = pane_picture(&mut harness, Pane::Ellipsoids);
+    let rect = harness.state().pane_rect(Pane::Ellipsoids).unwrap();
+    let at = rect.center() + vec2(4.0, 6.0);
+    harness.hover_at(at);
+    harness.run_ok();
+    let picked = harness.state().states.ellipsoids.hover().expect("an ellipsoid is in the middle");
+    for pressed in [true, false] {
+        harness.event(egui::Event::PointerButton {
+            pos: at,
+            button: egui::PointerButton::Secondary,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        });
+        harness.run_ok();
+    }
+    assert!(harness.query_by_label("Opacity of this ellipsoid").is_some(), "its menu is open");
+    let own = glioscope::views::ellipsoids::OwnOpacity {
+        time: 0,
+        neighbors: doc(&harness).edit.ellipsoids.neighbors,
+        id: picked.id,
+        opacity: 0.0,
+    };
+    harness.key_press(egui::Key::Escape);
+    harness.run_ok();
+    perform(&mut harness, &Command::SetEllipsoidOpacities(vec![own]));
+    harness.hover_at(rect.left_top() + vec2(3.0, rect.height() - 3.0));
+    harness.run_ok();
+    let without = pane_picture(&mut harness, Pane::Ellipsoids);
+    assert_ne!(without, before);
+    harness.hover_at(at);
+    harness.run_ok();
+    let now = harness.state().states.ellipsoids.hover();
+    assert_ne!(now.map(|p| p.id), Some(picked.id), "what can't be seen can't be picked");
+    perform(&mut harness, &Command::Undo);
+    assert!(doc(&harness).edit.ellipsoid_opacities.is_empty());
+}

@@ -54,6 +54,19 @@ pub struct EllipsoidLook {
     pub neighbors: u32,
 }
 
+/// The opacity of one ellipsoid, where the user gave it one of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OwnOpacity {
+    /// The date it is of.
+    pub time: usize,
+    /// The neighbourhood that made its component.
+    pub neighbors: u32,
+    /// Its number among the components of that date.
+    pub id: u32,
+    /// 0 to 1, before the opacity of all.
+    pub opacity: f64,
+}
+
 impl Default for EllipsoidLook {
     fn default() -> Self {
         Self { kind: EllipsoidKind::Enclosing, opacity: 0.45, smallest_ml: 0.1, neighbors: 26 }
@@ -75,6 +88,8 @@ pub struct EllipsoidState {
     drawn: Option<(DrawnKey, Arc<Vec<DrawnEllipsoid>>)>,
     pointer: Option<egui::Pos2>,
     hover: Option<EllipsoidPick>,
+    /// What the context menu is about.
+    clicked: Option<EllipsoidPick>,
 }
 
 impl EllipsoidState {
@@ -139,6 +154,11 @@ pub fn drawn(view: &ViewContext<'_>, found: &[ComponentEllipsoid]) -> (Vec<Drawn
     let look = &view.doc.edit.ellipsoids;
     let mut small = 0;
     let mut list = Vec::new();
+    let (time, neighbors) = (view.doc.nav.time, look.neighbors);
+    let own = |id| {
+        let of_this = |o: &&OwnOpacity| o.time == time && o.neighbors == neighbors && o.id == id;
+        view.doc.edit.ellipsoid_opacities.iter().find(of_this).map_or(1.0, |o| o.opacity)
+    };
     for (component, id) in found.iter().zip(0_u32..) {
         if !is_selected(view, component.of) {
             continue;
@@ -158,7 +178,7 @@ pub fn drawn(view: &ViewContext<'_>, found: &[ComponentEllipsoid]) -> (Vec<Drawn
             semi_axes_mm: ellipsoid.semi_axes_mm,
             rotation: ellipsoid.rotation,
             color,
-            opacity: 1.0,
+            opacity: own(id),
         });
     }
     (list, small)
@@ -191,6 +211,8 @@ struct DrawnKey {
     mode: OverlapMode,
     selection: glioscope_core::Selection,
     colors: glioscope_render::MaskColors,
+    opacities: Vec<OwnOpacity>,
+    time: usize,
     found: usize,
 }
 
@@ -269,6 +291,8 @@ pub fn show(
         mode: edit.overlap_mode,
         selection: edit.selection.clone(),
         colors: view.colors.clone(),
+        opacities: edit.ellipsoid_opacities.clone(),
+        time,
         found: Arc::as_ptr(&found) as usize,
     };
     let (list, small) = drawn(view, &found);
@@ -322,6 +346,7 @@ pub fn show(
         }
     }
     let spoken = state.hover.and_then(|pick| pick_text(view, &found, &pick));
+    own_opacity(&response, view, state, &found, out);
     linked.marks(ui, view, &response, &outcome);
     if let (Some(pointer), Some(text), false) = (pointer, &spoken, outcome.ring) {
         ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
@@ -332,6 +357,54 @@ pub fn show(
         let count = scene.ellipsoids.len();
         WidgetInfo::labeled(Role::Canvas, true, format!("Ellipsoid diagram, {count} ellipsoids: {under}"))
     });
+}
+
+/// The opacity of the ellipsoid under a right click, and all of them as they were.
+fn own_opacity(
+    response: &egui::Response,
+    view: &ViewContext<'_>,
+    state: &mut EllipsoidState,
+    found: &[ComponentEllipsoid],
+    out: &mut Vec<Command>,
+) {
+    if response.secondary_clicked() {
+        state.clicked = state.hover;
+    }
+    let all = &view.doc.edit.ellipsoid_opacities;
+    response.context_menu(|ui| {
+        let mut new = all.clone();
+        if let Some((pick, component)) = state.clicked.and_then(|p| Some((p, found.get(p.id as usize)?))) {
+            let (time, neighbors) = (view.doc.nav.time, view.doc.edit.ellipsoids.neighbors);
+            let is_this = |o: &OwnOpacity| o.time == time && o.neighbors == neighbors && o.id == pick.id;
+            let before = all.iter().find(|o| is_this(o)).map_or(1.0, |o| o.opacity);
+            let mut opacity = before;
+            ui.label(format!("{} {}", name_of(view, component.of), format::ml(component.volume_ml)));
+            let response = ui.add(Slider::new(&mut opacity, 0.0..=1.0).fixed_decimals(2).text("opacity"));
+            response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Opacity of this ellipsoid"));
+            if opacity != before {
+                new.retain(|o| !is_this(o));
+                new.push(OwnOpacity { time, neighbors, id: pick.id, opacity });
+            }
+        } else {
+            ui.weak("No ellipsoid here");
+        }
+        if ui.add_enabled(!all.is_empty(), egui::Button::new("All as they were")).clicked() {
+            new.clear();
+            ui.close();
+        }
+        if new != *all {
+            out.push(Command::SetEllipsoidOpacities(new));
+        }
+    });
+}
+
+/// What a component is of.
+fn name_of(view: &ViewContext<'_>, of: Of) -> String {
+    let regions = &view.time_point.regions;
+    match of {
+        Of::Mask(k) => regions.mask_ids().get(k).cloned().unwrap_or_default(),
+        Of::Region(bits) => regions.name(bits),
+    }
 }
 
 /// What is under a place of the picture last drawn.
@@ -345,11 +418,7 @@ fn pick(viewport: &Viewport, rect: Rect, pos: egui::Pos2) -> Option<EllipsoidPic
 /// What the pointer says: whose component, its size, and by how much the ellipsoid exaggerates it.
 fn pick_text(view: &ViewContext<'_>, found: &[ComponentEllipsoid], pick: &EllipsoidPick) -> Option<String> {
     let component = found.get(pick.id as usize)?;
-    let regions = &view.time_point.regions;
-    let name = match component.of {
-        Of::Mask(k) => regions.mask_ids().get(k).cloned().unwrap_or_default(),
-        Of::Region(bits) => regions.name(bits),
-    };
+    let name = name_of(view, component.of);
     let look = &view.doc.edit.ellipsoids;
     let axes = of_kind(component, look.kind).semi_axes_mm * 2.0;
     let ratio = match look.kind {

@@ -135,3 +135,21 @@ fn overlap_diagram() {
     golden("overlap_ring", &picture(&["--view", "overlap", "--select", "all"]));
     golden("overlap_whole_masks", &picture(&["--view", "overlap", "--whole-masks", "--dark"]));
 }
+
+/// The sample's T1 grew forwards and has a new component: red where it grew, hatched where it is new.
+#[test]
+fn change_between_two_dates() {
+    let height = picture(&["--view", "change", "--camera", "20,10"]);
+    let reddish = |p: &RgbaImage| {
+        let is = |p: &&image::Rgba<u8>| i32::from(p.0[0]) - i32::from(p.0[1].max(p.0[2])) > 60;
+        p.pixels().filter(is).count()
+    };
+    let unchanged = picture(&["--view", "change", "--camera", "20,10", "--of", "T2"]);
+    assert!(reddish(&height) > 3000, "growth of 5 mm faces the viewer: {} pixels", reddish(&height));
+    assert_ne!(height, unchanged);
+    golden("change_height", &height);
+    let arrows = picture(&["--view", "change", "--camera", "20,10", "--style", "arrows", "--dark"]);
+    golden("change_arrows", &arrows);
+    golden("change_rim", &picture(&["--view", "axial", "--changed-rim"]));
+    golden("dates", &picture(&["--view", "dates"]));
+}

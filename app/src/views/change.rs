@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, pos2, vec2};
+use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glam::UVec2;
 use glioscope_core::change::Flag;
 use glioscope_render::{
@@ -262,21 +262,22 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out
             new.style = style;
         }
     }
-    ui.spacing_mut().slider_width = 60.0;
-    match setting.style {
-        ChangeStyle::Height => {
-            let response = ui.add(Slider::new(&mut new.smooth_mm, 0.0..=5.0).fixed_decimals(1).suffix(" mm"));
-            response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Smoothing of the height map"));
-            response
-                .on_hover_text("Width of the Gauss filter; the pointer always tells the unfiltered value");
-        }
+    let (value, prefix, name, tip, most) = match setting.style {
+        ChangeStyle::Height => (
+            &mut new.smooth_mm,
+            "smooth ",
+            "Smoothing of the height map",
+            "Width of the Gauss filter; the pointer always tells the unfiltered value",
+            5.0,
+        ),
         ChangeStyle::Arrows => {
-            let response =
-                ui.add(Slider::new(&mut new.threshold_mm, 0.0..=20.0).fixed_decimals(1).suffix(" mm"));
-            response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Shortest arrow"));
-            response.on_hover_text("Shorter arrows are left out");
+            (&mut new.threshold_mm, "from ", "Shortest arrow", "Shorter arrows are left out", 50.0)
         }
-    }
+    };
+    let drag = egui::DragValue::new(value).range(0.0..=most).speed(0.05).fixed_decimals(1).suffix(" mm");
+    let response = ui.add(drag.prefix(prefix));
+    response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, name));
+    response.on_hover_text(tip);
     let drag = egui::DragValue::new(&mut new.registration_mm).range(0.0..=20.0).speed(0.02).suffix(" mm");
     let response = ui.add(drag.prefix("registration ± "));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Registration error"));

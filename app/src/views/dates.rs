@@ -91,7 +91,7 @@ pub fn show(
     });
     let chosen = view.doc.edit.change.chosen(view.case);
     pair(ui, view, &labels, chosen.as_ref().ok(), out);
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.selectable_value(&mut state.regions, false, "Masks");
         ui.selectable_value(&mut state.regions, true, "Regions");
         ui.weak("ml over time; click a date to compare with it, Shift-click for the earlier one");

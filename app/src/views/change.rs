@@ -3,27 +3,26 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
-use glam::UVec2;
+use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use glam::DVec3;
 use glioscope_core::change::Flag;
 use glioscope_render::{
-    ChangeContext, ChangeLook, ChangePick, ChangeScene, ChangeStyle, MaskColors, Palette, TransferFunction,
+    ChangeContext, ChangeFrame, ChangeLook, ChangePick, ChangeScene, ChangeStyle, Gpu, MaskColors, Palette,
+    TransferFunction,
 };
 
 use super::{
     ViewContext, closeup,
     context::{self, VolumeJob, transfer_of},
     ellipsoids::Stage,
-    linked::{self, Linked},
+    linked::{self, Drawing, Linked, LinkedView, Picked},
     ruler,
-    still::Refinement,
 };
 use crate::{
     commands::Command,
     comparing::{self, ChangeSetting, Compared, Comparisons},
     document::{self, Pane},
     jobs::Lookup,
-    viewport::Viewport,
     window::waker,
 };
 
@@ -33,21 +32,19 @@ const LINE_POINTS: f32 = 16.0;
 /// What the view remembers between frames; never saved.
 #[derive(Default)]
 pub struct ChangeState {
-    refinement: Refinement<ChangeScene>,
+    picture: LinkedView<ChangeScene, ChangePick>,
     transfer: Option<Arc<TransferFunction>>,
-    pointer: Option<egui::Pos2>,
-    hover: Option<ChangePick>,
 }
 
 impl ChangeState {
     /// Whether the picture last drawn was in full quality.
     pub fn refined(&self) -> bool {
-        self.refinement.refined()
+        self.picture.refined()
     }
 
     /// What is under the pointer.
     pub fn hover(&self) -> Option<&ChangePick> {
-        self.hover.as_ref()
+        self.picture.hover()
     }
 }
 
@@ -151,44 +148,17 @@ pub fn show(
         silhouette: [0, 0, 0],
     };
     let linked = Linked { pane: Pane::Change, camera, zoom: nav.change_zoom, rect };
-    let outcome = {
-        let pick_at = |pos| pick(viewport, rect, pos).map(|p| p.world_mm);
-        linked.interact(ui, view, &response, &pick_at, out)
+    let drawing = Drawing {
+        gpu: &viewport.gpu,
+        screen: &mut viewport.change,
+        scene: &scene,
+        refine_at_once: stage.refine_at_once,
+        pick: |frame: &ChangeFrame, gpu: &Gpu, [x, y]: [u32; 2]| frame.pick(gpu, x, y),
     };
-    let size = rect.size() * ui.pixels_per_point();
-    if size.x < 1.0 || size.y < 1.0 {
-        return;
-    }
-    let (quality, just_refined) = state.refinement.quality(ui, &scene, stage.refine_at_once);
-    if just_refined {
-        state.pointer = None;
-    }
-    let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
-    match viewport.change.show(&viewport.gpu, &scene, &quality, size) {
-        Ok(texture) => {
-            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            ui.painter().image(texture, rect, whole, Color32::WHITE);
-        }
-        Err(error) => {
-            closeup::message(ui, rect, &error);
-            return;
-        }
-    }
-    let pointer = response.hover_pos();
-    if pointer != state.pointer {
-        state.pointer = pointer;
-        state.hover = pointer.filter(|_| !response.dragged()).and_then(|pos| pick(viewport, rect, pos));
-        if let Some(pick) = &state.hover
-            && (nav.follow_pointer || response.clicked())
-        {
-            out.push(Command::SetCursor(pick.world_mm));
-        }
-    }
-    let spoken = state.hover.as_ref().map(|pick| pick_text(&compared, pick));
-    partner(ui, rect, &linked, state.hover.as_ref());
-    if let (Some(pointer), Some(text), false) = (pointer, &spoken, outcome.ring) {
-        ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
-    }
+    let Some(outcome) = state.picture.draw(ui, view, &linked, &response, drawing, out) else { return };
+    let spoken = state.hover().map(|pick| pick_text(&compared, pick));
+    partner(ui, rect, &linked, state.hover());
+    linked.say(ui, view, &response, &outcome, spoken.as_deref());
     legend(ui, view, rect, &compared, &scene.look);
     closeup::corner_marks(ui, view, rect, (&camera, "at the middle"), true);
     response.widget_info(|| {
@@ -199,12 +169,10 @@ pub fn show(
     });
 }
 
-/// What is under a place of the picture last drawn.
-fn pick(viewport: &Viewport, rect: Rect, pos: egui::Pos2) -> Option<ChangePick> {
-    let (u, v) = linked::fraction(rect, pos)?;
-    let (frame, [x, y]) = viewport.change.pixel(u, v)?;
-    // A device that fails says so when the next frame is drawn.
-    frame.pick(&viewport.gpu, x, y).ok().flatten()
+impl Picked for ChangePick {
+    fn world_mm(&self) -> DVec3 {
+        self.world_mm
+    }
 }
 
 /// The unfiltered value under the pointer, and what is special about it.

@@ -2,26 +2,23 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, FontId, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
-use glam::UVec2;
+use egui::{FontId, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use glam::DVec3;
 use glioscope_core::{RegionVolume, Sides};
 use glioscope_render::{
-    Camera, ContextPick, ContextScene, ContextVolume, TransferFunction, TransferPreset,
+    Camera, ContextFrame, ContextPick, ContextScene, ContextVolume, Gpu, TransferFunction, TransferPreset,
     slices::PreparedContext,
 };
 
 use super::{
     Handle, ViewContext, closeup,
     ellipsoids::Stage,
-    linked::{self, Linked},
-    ruler,
-    still::Refinement,
+    linked::{self, Drawing, Linked, LinkedView, Picked},
 };
 use crate::{
     commands::Command,
     document::{self, Pane},
     jobs::{Derived, Lookup},
-    viewport::Viewport,
     window::waker,
 };
 
@@ -47,16 +44,14 @@ pub fn volume<'a>(
 /// What the view remembers between frames; never saved.
 #[derive(Default)]
 pub struct ContextState {
-    refinement: Refinement<ContextScene>,
+    picture: LinkedView<ContextScene, ContextPick>,
     transfer: Option<Arc<TransferFunction>>,
-    pointer: Option<egui::Pos2>,
-    hover: Option<ContextPick>,
 }
 
 impl ContextState {
     /// Whether the picture last drawn was in full quality.
     pub fn refined(&self) -> bool {
-        self.refinement.refined()
+        self.picture.refined()
     }
 
     /// The scene's transfer function; the same `Arc` as long as it is the same function, so that
@@ -136,44 +131,16 @@ pub fn show(
         silhouette: [0, 0, 0],
     };
     let linked = Linked { pane: Pane::Context, camera: scene.camera, zoom: view.doc.nav.context_zoom, rect };
-    let outcome = {
-        let pick_at = |pos| pick(viewport, rect, pos).map(|p| p.world_mm);
-        linked.interact(ui, view, &response, &pick_at, out)
+    let drawing = Drawing {
+        gpu: &viewport.gpu,
+        screen: &mut viewport.context,
+        scene: &scene,
+        refine_at_once: stage.refine_at_once,
+        pick: |frame: &ContextFrame, gpu: &Gpu, [x, y]: [u32; 2]| frame.pick(gpu, x, y),
     };
-    let size = rect.size() * ui.pixels_per_point();
-    if size.x < 1.0 || size.y < 1.0 {
-        return;
-    }
-    let (quality, just_refined) = state.refinement.quality(ui, &scene, stage.refine_at_once);
-    if just_refined {
-        state.pointer = None;
-    }
-    let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
-    match viewport.context.show(&viewport.gpu, &scene, &quality, size) {
-        Ok(texture) => {
-            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            ui.painter().image(texture, rect, whole, Color32::WHITE);
-        }
-        Err(error) => {
-            closeup::message(ui, rect, &error);
-            return;
-        }
-    }
-    let pointer = response.hover_pos();
-    if pointer != state.pointer {
-        state.pointer = pointer;
-        state.hover = pointer.filter(|_| !response.dragged()).and_then(|pos| pick(viewport, rect, pos));
-        if let Some(pick) = &state.hover
-            && (view.doc.nav.follow_pointer || response.clicked())
-        {
-            out.push(Command::SetCursor(pick.world_mm));
-        }
-    }
-    let spoken = state.hover.map(|pick| pick_text(view, &pick));
-    linked.marks(ui, view, &response, &outcome);
-    if let (Some(pointer), Some(text), false) = (pointer, &spoken, outcome.ring) {
-        ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
-    }
+    let Some(outcome) = state.picture.draw(ui, view, &linked, &response, drawing, out) else { return };
+    let spoken = state.picture.hover().map(|pick| pick_text(view, pick));
+    linked.say(ui, view, &response, &outcome, spoken.as_deref());
     let name = view.context.map_or("no image", |(id, _)| id);
     let ink = closeup::ink(ui.visuals().dark_mode);
     let painter = ui.painter().with_clip_rect(rect);
@@ -189,12 +156,10 @@ pub fn show(
     });
 }
 
-/// What is under a place of the picture last drawn.
-fn pick(viewport: &Viewport, rect: Rect, pos: egui::Pos2) -> Option<ContextPick> {
-    let (u, v) = linked::fraction(rect, pos)?;
-    let (frame, [x, y]) = viewport.context.pixel(u, v)?;
-    // A device that fails says so when the next frame is drawn.
-    frame.pick(&viewport.gpu, x, y).ok().flatten()
+impl Picked for ContextPick {
+    fn world_mm(&self) -> DVec3 {
+        self.world_mm
+    }
 }
 
 fn pick_text(view: &ViewContext<'_>, pick: &ContextPick) -> String {

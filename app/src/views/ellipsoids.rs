@@ -3,23 +3,21 @@
 
 use std::sync::Arc;
 
-use egui::{Align2, Color32, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, pos2, vec2};
-use glam::{DVec3, UVec2};
+use egui::{Align2, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, vec2};
+use glam::DVec3;
 use glioscope_core::{
     Connectivity, Progress,
     case::{Case, TimePoint},
     ellipsoid::{self, ComponentEllipsoid, Ellipsoid, Of, cache},
 };
-use glioscope_render::{Camera, DrawnEllipsoid, EllipsoidPick, EllipsoidScene};
+use glioscope_render::{Camera, DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidScene, Gpu};
 use serde::{Deserialize, Serialize};
 
 use super::{
     Handle, ViewContext, closeup,
-    linked::{self, Linked},
+    linked::{self, Drawing, Linked, LinkedView, Picked},
     overlap::{OverlapMode, Shown, mask_shown},
     plane::PlaneState,
-    ruler,
-    still::Refinement,
 };
 use crate::{
     commands::Command,
@@ -84,10 +82,8 @@ struct Key {
 #[derive(Default)]
 pub struct EllipsoidState {
     found: Derived<Key, Vec<ComponentEllipsoid>>,
-    refinement: Refinement<EllipsoidScene>,
+    picture: LinkedView<EllipsoidScene, EllipsoidPick>,
     drawn: Option<(DrawnKey, Arc<Vec<DrawnEllipsoid>>)>,
-    pointer: Option<egui::Pos2>,
-    hover: Option<EllipsoidPick>,
     /// What the context menu is about.
     clicked: Option<EllipsoidPick>,
 }
@@ -95,7 +91,7 @@ pub struct EllipsoidState {
 impl EllipsoidState {
     /// Whether the picture last drawn was in full quality.
     pub fn refined(&self) -> bool {
-        self.refinement.refined() && !self.found.working()
+        self.picture.refined() && !self.found.working()
     }
 
     /// The ellipsoids last computed: none while the view has never been open.
@@ -113,7 +109,7 @@ impl EllipsoidState {
 
     /// What is under the pointer.
     pub fn hover(&self) -> Option<EllipsoidPick> {
-        self.hover
+        self.picture.hover().copied()
     }
 }
 
@@ -312,45 +308,17 @@ pub fn show(
     };
     let linked =
         Linked { pane: Pane::Ellipsoids, camera: scene.camera, zoom: view.doc.nav.ellipsoid_zoom, rect };
-    let outcome = {
-        let pick_at = |pos| pick(viewport, rect, pos).map(|p| p.world_mm);
-        linked.interact(ui, view, &response, &pick_at, out)
+    let drawing = Drawing {
+        gpu: &viewport.gpu,
+        screen: &mut viewport.ellipsoids,
+        scene: &scene,
+        refine_at_once: stage.refine_at_once,
+        pick: |frame: &EllipsoidFrame, gpu: &Gpu, [x, y]: [u32; 2]| frame.pick(gpu, x, y),
     };
-    let size = rect.size() * ui.pixels_per_point();
-    if size.x < 1.0 || size.y < 1.0 {
-        return;
-    }
-    let (quality, just_refined) = state.refinement.quality(ui, &scene, stage.refine_at_once);
-    if just_refined {
-        state.pointer = None;
-    }
-    let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
-    match viewport.ellipsoids.show(&viewport.gpu, &scene, &quality, size) {
-        Ok(texture) => {
-            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            ui.painter().image(texture, rect, whole, Color32::WHITE);
-        }
-        Err(error) => {
-            closeup::message(ui, rect, &error);
-            return;
-        }
-    }
-    let pointer = response.hover_pos();
-    if pointer != state.pointer {
-        state.pointer = pointer;
-        state.hover = pointer.filter(|_| !response.dragged()).and_then(|pos| pick(viewport, rect, pos));
-        if let Some(pick) = &state.hover
-            && (view.doc.nav.follow_pointer || response.clicked())
-        {
-            out.push(Command::SetCursor(pick.world_mm));
-        }
-    }
-    let spoken = state.hover.and_then(|pick| pick_text(view, &found, &pick));
+    let Some(outcome) = state.picture.draw(ui, view, &linked, &response, drawing, out) else { return };
+    let spoken = state.hover().and_then(|pick| pick_text(view, &found, &pick));
     own_opacity(&response, view, state, &found, out);
-    linked.marks(ui, view, &response, &outcome);
-    if let (Some(pointer), Some(text), false) = (pointer, &spoken, outcome.ring) {
-        ruler::beside_pointer(&ui.painter().with_clip_rect(rect), rect, pointer, text.clone());
-    }
+    linked.say(ui, view, &response, &outcome, spoken.as_deref());
     notes(ui, view, rect, scene.ellipsoids.len(), small, &scene.camera);
     response.widget_info(|| {
         let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
@@ -368,7 +336,7 @@ fn own_opacity(
     out: &mut Vec<Command>,
 ) {
     if response.secondary_clicked() {
-        state.clicked = state.hover;
+        state.clicked = state.hover();
     }
     let all = &view.doc.edit.ellipsoid_opacities;
     response.context_menu(|ui| {
@@ -407,12 +375,10 @@ fn name_of(view: &ViewContext<'_>, of: Of) -> String {
     }
 }
 
-/// What is under a place of the picture last drawn.
-fn pick(viewport: &Viewport, rect: Rect, pos: egui::Pos2) -> Option<EllipsoidPick> {
-    let (u, v) = linked::fraction(rect, pos)?;
-    let (frame, [x, y]) = viewport.ellipsoids.pixel(u, v)?;
-    // A device that fails says so when the next frame is drawn.
-    frame.pick(&viewport.gpu, x, y).ok().flatten()
+impl Picked for EllipsoidPick {
+    fn world_mm(&self) -> DVec3 {
+        self.world_mm
+    }
 }
 
 /// What the pointer says: whose component, its size, and by how much the ellipsoid exaggerates it.

@@ -232,3 +232,18 @@ fn change_has_the_documented_keys_and_wrong_dates_are_named() {
     refused(&["change", "--sample", "--of", "T9"], &["T9"]);
     refused(&["change", "--sample"], &["T1, T2, PET"]);
 }
+
+#[test]
+fn options_of_the_3d_views_are_checked() {
+    let render = |more: &[&str], words: &[&str]| {
+        let all = [&["render", "--sample", "--out", "/dev/null/never.png"], more].concat();
+        refused(&all, words);
+    };
+    render(&["--transfer", "mr"], &["mr-tissue", "ct-soft", "pet-hot"]);
+    render(&["--clip", "sideways=3"], &["sideways=3", "right"]);
+    render(&["--style", "dots"], &["dots", "height"]);
+    render(&["--from", "2024-04-15", "--to", "2024-01-15"], &["earlier"]);
+    render(&["--of", "T9"], &["T9", "T1"]);
+    render(&["--zoom", "0"], &["zoom"]);
+    render(&["--view", "sideways"], &["sideways", "ellipsoids"]);
+}

@@ -177,12 +177,10 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), Fail
 /// What was typed about the context view and the ellipsoid diagram.
 fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> Result<(), Failure> {
     if let Some(name) = &arguments.transfer {
+        // As sessions write it, with hyphens.
         let spoken = |preset: &TransferPreset| {
-            let name = preset.name().to_lowercase();
-            name.trim_end_matches(" (2-d)")
-                .trim_end_matches(" tissue")
-                .trim_end_matches(" spots")
-                .replace(' ', "-")
+            let written = serde_json::to_value(preset).ok();
+            written.as_ref().and_then(|v| v.as_str()).unwrap_or_default().replace('_', "-")
         };
         let names: Vec<String> = TransferPreset::ALL.iter().map(spoken).collect();
         let preset = TransferPreset::ALL.into_iter().find(|preset| spoken(preset) == *name);

@@ -96,6 +96,13 @@ echo "The second frame of a process (the first one compiles and uploads), withou
 timing passes --runs "$runs" "$(render --view closeup --plain --stats --size 512x512)" \
     "$(render --view closeup --plain --stats --size 1024x1024)"
 
+echo
+echo "### Context view and ellipsoid diagram, per pass"
+echo
+echo "As panes of 512x512 points with their controls: the pictures are a little smaller."
+timing passes --runs "$runs" "$(render --view context --stats --size 512x512 "${contexts[@]}")" \
+    "$(render --view ellipsoids --stats --size 512x512)"
+
 if [[ -n $vtk ]]; then
     echo
     echo "### VTK on the same masks"

@@ -77,9 +77,9 @@ pub(super) fn nearest_sites(sites: &MaskBits, crop: Crop, weights: [i32; 3]) -> 
                     let (mut height, mut site) = ([0; TILE], [0; TILE]);
                     let raised = weights[1] * y * y;
                     for (c, &x) in row[first..first + width].iter().enumerate() {
-                        let d = (first + c) as i32 - i32::from(x);
+                        let d = (first + c) as i32 - x as i32;
                         height[c] = weights[0] * d * d + raised;
-                        site[c] = u32::from(x) | (y as u32) << 16;
+                        site[c] = x | (y as u32) << 16;
                     }
                     tile.heights.push(height);
                     tile.sites.push(site);
@@ -125,7 +125,7 @@ pub(super) fn nearest_sites(sites: &MaskBits, crop: Crop, weights: [i32; 3]) -> 
 
 /// Appends each voxel's nearest site's x in the row, the smaller of two equally near. Nothing and
 /// `false` where the row has none.
-fn scan_row(sites: &MaskBits, start: [usize; 3], nx: usize, nearest: &mut Vec<u16>) -> bool {
+pub(super) fn scan_row(sites: &MaskBits, start: [usize; 3], nx: usize, nearest: &mut Vec<u32>) -> bool {
     let per_line = sites.words_per_line();
     let line = (start[2] * sites.dims()[1] + start[1]) * per_line;
     let begin = nearest.len();
@@ -138,14 +138,14 @@ fn scan_row(sites: &MaskBits, start: [usize; 3], nx: usize, nearest: &mut Vec<u1
             // Up to halfway, the middle included, the one before is nearest.
             let middle = last.map_or(0, |before| (before + x) / 2 + 1);
             if let Some(before) = last {
-                nearest.resize(begin + middle, before as u16);
+                nearest.resize(begin + middle, before as u32);
             }
-            nearest.resize(begin + x + 1, x as u16);
+            nearest.resize(begin + x + 1, x as u32);
             last = Some(x);
         }
     }
     let Some(last) = last else { return false };
-    nearest.resize(begin + nx, last as u16);
+    nearest.resize(begin + nx, last as u32);
     true
 }
 
@@ -186,7 +186,7 @@ struct Arc {
 
 #[derive(Default)]
 struct Tile {
-    nearest_x: Vec<u16>,
+    nearest_x: Vec<u32>,
     /// Rows that have parabolas, ascending.
     rows: Vec<i32>,
     /// By row: height of each column's parabola, seen from voxel 0, and its site.

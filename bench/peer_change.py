@@ -6,9 +6,11 @@ Run:  python bench/peer_change.py BENCH FILE_A FILE_B LABELS [--threads 1,2] [--
 BENCH is target/release/examples/bench_change; FILE_A and FILE_B are label maps on one grid, LABELS
 as 1,2,4. Needs numpy, nibabel, scipy, edt, SimpleITK, scikit-image and kimimaro (PyPI).
 
-Rows: distance transforms on the same crop (both masks' box and one voxel), and curve skeletons of
+Rows: distance transforms (the crop is both masks' box and one voxel), and curve skeletons of
 the first mask. Skeletons differ in kind: counts and times stand beside each other as figures, none
-is the truth. Times are medians; the machine's load is printed, since ratios under load drift.
+is the truth. The cases: files (the crop, at the files' spacing), whole (the whole image), odd (the
+crop at 1 x 1 x 1.2 mm, whose squares are not exact), ball (256 cubed, radius 50). Times are medians
+and the least, since the machine's load (printed) moves medians.
 """
 import argparse, os, statistics, subprocess, time
 
@@ -17,14 +19,15 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import nibabel, numpy as np
 
 
-def median(job, reps):
+def times(job, reps):
+    """Median and least seconds, and the last value."""
     job()
-    times = []
+    taken = []
     for _ in range(reps):
         start = time.perf_counter()
         value = job()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times), value
+        taken.append(time.perf_counter() - start)
+    return statistics.median(taken), min(taken), value
 
 
 def main():
@@ -32,7 +35,7 @@ def main():
     for name in ("bench", "file_a", "file_b", "labels"):
         parser.add_argument(name)
     parser.add_argument("--threads", default="1,2")
-    parser.add_argument("--reps", type=int, default=11)
+    parser.add_argument("--reps", type=int, default=101)
     options = parser.parse_args()
     labels = [int(v) for v in options.labels.split(",")]
     image = nibabel.load(options.file_a)
@@ -40,46 +43,59 @@ def main():
     spacing = [float(v) for v in image.header.get_zooms()[:3]]
     where = np.argwhere(a | b)
     box = tuple(slice(max(lo - 1, 0), hi + 2) for lo, hi in zip(where.min(0), where.max(0)))
-    inside = np.ascontiguousarray(a[box].T)  # z, y, x: x runs fastest, as in the files
+    # z, y, x: x runs fastest, as in the files
+    inside, whole = np.ascontiguousarray(a[box].T), np.ascontiguousarray(a.T)
     sampling = spacing[::-1]
-    print(f"# load {os.getloadavg()[0]:.1f}, crop {inside.shape[::-1]}, voxels {int(inside.sum())}")
-    print("kernel,peer,threads,seconds,answer")
-    own = subprocess.run(
-        [options.bench, f"{options.file_a}:{options.labels}", f"{options.file_b}:{options.labels}", "short"],
-        check=True, capture_output=True, text=True).stdout.splitlines()
-    for line in own:
-        cells = line.split(",")
-        if line.startswith("distance,files"):
-            print(f"distance,glioscope feature transform,{cells[5]},{cells[6]},sites and distances")
-        if line.startswith("pipeline,files"):
-            print(f"change,glioscope whole pipeline,2,{cells[6]},{cells[4]} vectors")
-            print(f"skeleton,glioscope of the intersection,2,{cells[7]},{cells[5]} voxels")
+    z, y, x = np.ogrid[:256, :256, :256]
+    ball = (x - 140) ** 2 + (y - 100) ** 2 + (z - 120) ** 2 < 2500
+    print(f"# crop {inside.shape[::-1]}, voxels {int(inside.sum())}")
+    print("kernel,case,peer,threads,median_ms,least_ms,answer")
 
-    import scipy.ndimage
-    outside = ~inside  # distance of every voxel to the nearest active one: zeros are the sites
-    for threads in [int(t) for t in options.threads.split(",")]:
-        import edt
-        seconds, value = median(
-            lambda: edt.edt(outside.astype(np.uint8), anisotropy=sampling, parallel=threads), options.reps)
-        print(f"distance,edt,{threads},{seconds:.5f},{float(value.max()):.6f} mm farthest")
-        import SimpleITK
-        SimpleITK.ProcessObject.SetGlobalDefaultNumberOfThreads(threads)
-        itk = SimpleITK.GetImageFromArray(inside.astype(np.uint8))
-        itk.SetSpacing(spacing)
-        seconds, value = median(
-            lambda: SimpleITK.SignedMaurerDistanceMap(itk, squaredDistance=False, useImageSpacing=True), options.reps)
-        print(f"distance,SimpleITK Maurer,{threads},{seconds:.5f},signed")
-    seconds, value = median(
-        lambda: scipy.ndimage.distance_transform_edt(outside, sampling=sampling, return_indices=True), options.reps)
-    print(f"distance,SciPy with indices,1,{seconds:.5f},{float(value[0].max()):.6f} mm farthest")
+    def own():
+        """Ours, before the peers and again after them: the load drifts."""
+        print(f"# load {os.getloadavg()[0]:.1f}")
+        lines = subprocess.run(
+            [options.bench, f"{options.file_a}:{options.labels}", f"{options.file_b}:{options.labels}", "short"],
+            check=True, capture_output=True, text=True).stdout.splitlines()
+        for line in lines:
+            cells = line.split(",")
+            if line.startswith("distance,") and cells[3].isdigit():
+                print(f"distance,{cells[1]},glioscope sites,{cells[3]},{cells[4]},{cells[5]},")
+                print(f"distance,{cells[1]},glioscope sites and distances,{cells[3]},{cells[6]},{cells[7]},")
+            if line.startswith("pipeline,files"):
+                print(f"change,files,glioscope whole pipeline,2,{1e3 * float(cells[6]):.0f},,{cells[4]} vectors")
+                print(f"skeleton,files,glioscope of the intersection,2,{1e3 * float(cells[7]):.0f},,{cells[5]} voxels")
+
+    def report(kernel, case, peer, threads, timed, answer):
+        middle, least, value = timed
+        print(f"{kernel},{case},{peer},{threads},{1e3 * middle:.3f},{1e3 * least:.3f},{answer(value)}", flush=True)
+
+    own()
+    import edt, scipy.ndimage, SimpleITK
+    farthest = lambda value: f"{float(value.max()):.6f} mm farthest"
+    # Distance of every voxel to the nearest active one: zeros are the sites.
+    for case, mask, steps, reps in (("files", inside, sampling, options.reps), ("whole", whole, sampling, 15),
+                                    ("odd", inside, [1.2, 1.0, 1.0], options.reps), ("ball", ball, [1.0] * 3, 9)):
+        outside = (~mask).astype(np.uint8)
+        itk = SimpleITK.GetImageFromArray(mask.astype(np.uint8))
+        itk.SetSpacing(steps[::-1])
+        for threads in [int(t) for t in options.threads.split(",")]:
+            report("distance", case, "edt", threads,
+                   times(lambda: edt.edt(outside, anisotropy=steps, parallel=threads), reps), farthest)
+            SimpleITK.ProcessObject.SetGlobalDefaultNumberOfThreads(threads)
+            report("distance", case, "SimpleITK Maurer", threads, times(lambda: SimpleITK.SignedMaurerDistanceMap(
+                itk, squaredDistance=False, useImageSpacing=True), min(reps, 11)), lambda _: "signed")
+        report("distance", case, "SciPy with indices", 1, times(lambda: scipy.ndimage.distance_transform_edt(
+            outside, sampling=steps, return_indices=True), min(reps, 11 if mask is inside else 1)), lambda v: farthest(v[0]))
+    own()
 
     import kimimaro, skimage.morphology
-    seconds, value = median(lambda: skimage.morphology.skeletonize(inside), 3)
-    print(f"skeleton,scikit-image Lee,1,{seconds:.4f},{int(value.sum())} voxels")
-    seconds, value = median(
+    report("skeleton", "files", "scikit-image Lee", 1, times(lambda: skimage.morphology.skeletonize(inside), 3),
+           lambda value: f"{int(value.sum())} voxels")
+    report("skeleton", "files", "kimimaro TEASAR", 1, times(
         lambda: kimimaro.skeletonize(inside.astype(np.uint8), anisotropy=tuple(sampling), progress=False, parallel=1,
-                                     dust_threshold=0), 3)
-    print(f"skeleton,kimimaro TEASAR,1,{seconds:.4f},{sum(len(s.vertices) for s in value.values())} vertices")
+                                     dust_threshold=0), 3),
+           lambda value: f"{sum(len(s.vertices) for s in value.values())} vertices")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ use glioscope_core::{
     change::{ChangeOptions, change},
     distance::{Crop, FeatureTransform, KdTree},
     skeleton::{PointKind, SkeletonOptions, force_field, skeleton},
-    surface::{surface_of, surface_voxels},
+    surface::surface_voxels,
 };
 
 type Fallible<T> = Result<T, Box<dyn Error + Send + Sync>>;
@@ -132,28 +132,46 @@ fn knob(name: &str, mask: &MaskBits, grid: &Grid) -> Fallible<()> {
     Ok(())
 }
 
-fn distances(name: &str, before: &MaskBits, after: &MaskBits, grid: &Grid) -> Fallible<()> {
-    let crop = Crop::around(&[before, after], 1).ok_or("empty masks")?;
+/// Median and least milliseconds of the sites alone, and of sites and all distances.
+fn distances(name: &str, runs: usize, mask: &MaskBits, grid: &Grid, crop: Crop) -> Fallible<()> {
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-        let (edt_s, _) = pool.install(|| timed(11, || FeatureTransform::of(before, grid, crop)))?;
-        let (surface_s, _) =
-            pool.install(|| timed(11, || FeatureTransform::of(&surface_of(before), grid, crop)))?;
-        let tree = || {
-            let place = |v: &[usize; 3]| grid.center_of_voxel_mm(*v);
-            let from: Vec<DVec3> = surface_voxels(before).iter().map(place).collect();
-            let tree = KdTree::new(&from)?;
-            let sum: f64 = surface_voxels(after)
-                .iter()
-                .filter_map(|v| tree.as_ref().and_then(|t| t.nearest(place(v))))
-                .map(|(_, d)| d)
-                .sum();
-            Ok::<f64, glioscope_core::distance::DistanceError>(sum)
-        };
-        let (tree_s, _) = pool.install(|| timed(11, tree))?;
-        say(&format!("distance,{name},{:?},{threads},{edt_s:.5},{surface_s:.5},{tree_s:.5}", crop.dims))?;
+        let mut line = format!("distance,{name},{},{threads}", crop.dims.map(|n| n.to_string()).join("x"));
+        for with_distances in [false, true] {
+            let mut times = Vec::new();
+            for _ in 0..runs {
+                times.push(pool.install(|| -> Fallible<f64> {
+                    let start = Instant::now();
+                    let found = FeatureTransform::of(mask, grid, crop)?.ok_or("an empty mask")?;
+                    if with_distances {
+                        std::hint::black_box(found.distances_mm());
+                    }
+                    Ok(start.elapsed().as_secs_f64() * 1e3)
+                })?);
+            }
+            times.sort_by(f64::total_cmp);
+            line += &format!(",{:.3},{:.3}", at(&times, 0.5), at(&times, 0.0));
+        }
+        say(&line)?;
     }
     Ok(())
+}
+
+/// Sum of the distances from one surface to the other, by a k-d tree.
+fn between_surfaces(name: &str, before: &MaskBits, after: &MaskBits, grid: &Grid) -> Fallible<()> {
+    let tree = || {
+        let place = |v: &[usize; 3]| grid.center_of_voxel_mm(*v);
+        let from: Vec<DVec3> = surface_voxels(before).iter().map(place).collect();
+        let tree = KdTree::new(&from)?;
+        let sum: f64 = surface_voxels(after)
+            .iter()
+            .filter_map(|v| tree.as_ref().and_then(|t| t.nearest(place(v))))
+            .map(|(_, d)| d)
+            .sum();
+        Ok::<f64, glioscope_core::distance::DistanceError>(sum)
+    };
+    let (seconds, _) = timed(11, tree)?;
+    say(&format!("surfaces_tree,{name},{seconds:.5}"))
 }
 
 /// A lobed body of about 3.6 million voxels in 512³.
@@ -185,8 +203,19 @@ fn main() -> Fallible<()> {
         "pipeline,mask,voxels_a,voxels_b,vectors,skeleton_voxels,change_s,skeleton_s,field_s,counts,skeleton",
     )?;
     pipeline("files", 7, before, after, &case.grid)?;
-    say("distance,mask,crop,threads,transform_s,of_surface_s,surface_to_surface_tree_s")?;
-    distances("files", before, after, &case.grid)?;
+    between_surfaces("files", before, after, &case.grid)?;
+    say("distance,mask,crop,threads,sites_ms,sites_least_ms,with_distances_ms,with_distances_least_ms")?;
+    let crop = Crop::around(&[before, after], 1).ok_or("empty masks")?;
+    distances("files", 101, before, &case.grid, crop)?;
+    distances("whole", 15, before, &case.grid, Crop::whole(&case.grid))?;
+    let odd = Grid::axis_aligned(case.grid.dims(), DVec3::new(1.0, 1.0, 1.2), DVec3::ZERO)?;
+    distances("odd", 101, before, &odd, crop)?;
+    let ball = MaskBits::from_fn([256; 3], |l| {
+        let p = [l % 256, l / 256 % 256, l / 65_536];
+        (0..3).map(|a| (p[a] as i64 - [140, 100, 120][a]).pow(2)).sum::<i64>() < 2500
+    });
+    let grid = Grid::axis_aligned([256; 3], DVec3::ONE, DVec3::ZERO)?;
+    distances("ball", 9, &ball, &grid, Crop::whole(&grid))?;
     if rest.iter().any(|r| r == "large") {
         let ((one, grid), (two, _)) = (large(0.0)?, large(9.0)?);
         pipeline("512", 1, &one, &two, &grid)?;

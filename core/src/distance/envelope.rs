@@ -9,37 +9,52 @@
 
 use rayon::prelude::*;
 
-use super::Crop;
+use super::{Crop, integers::scan_row};
 use crate::MaskBits;
 
 /// No site on this line or in this plane.
 const NONE: u32 = u32::MAX;
+
+/// Columns worked on together: strided reads and writes then move whole cache lines.
+const TILE: usize = 16;
 
 /// Nearest site of each voxel of the crop, as a position `(k·ny + j)·nx + i` in the crop, stored
 /// at `(j·nz + k)·nx + i`. `weights` are the squared spacings. The crop holds a site.
 pub(super) fn nearest_sites(sites: &MaskBits, crop: Crop, weights: [f64; 3]) -> Vec<u32> {
     let [nx, ny, nz] = crop.dims;
     let mut by_slice = vec![NONE; nx * ny * nz];
-    by_slice.par_chunks_mut(nx * ny).enumerate().for_each_init(Line::default, |line, (z, slab)| {
-        for (y, row) in slab.chunks_exact_mut(nx).enumerate() {
-            scan_row(sites, [crop.start[0], crop.start[1] + y, crop.start[2] + z], row);
-        }
-        along_rows(slab, nx, nx as u32, weights[1], line, |x, site| square(weights[0], x, site as usize));
-    });
-    // Third pass on planes of constant y: a copy in that order needs no strided writes.
+    by_slice.par_chunks_mut(nx * ny).enumerate().for_each_init(
+        || (Vec::new(), tile()),
+        |(scanned, tile), (z, slab)| {
+            scanned.clear();
+            for y in 0..ny {
+                let start = [crop.start[0], crop.start[1] + y, crop.start[2] + z];
+                if !scan_row(sites, start, nx, scanned) {
+                    scanned.resize((y + 1) * nx, NONE);
+                }
+            }
+            let row = |y: usize| &scanned[y * nx..][..nx];
+            let partial = |x, site| square(weights[0], x, site as usize);
+            along_rows(slab, nx, nx as u32, weights[1], tile, row, partial);
+        },
+    );
     let mut by_row = vec![NONE; nx * ny * nz];
-    by_row.par_chunks_mut(nx * nz).enumerate().for_each_init(Line::default, |line, (y, plane)| {
-        for (z, row) in plane.chunks_exact_mut(nx).enumerate() {
-            let from = (z * ny + y) * nx;
-            row.copy_from_slice(&by_slice[from..from + nx]);
-        }
+    let inverse = 1.0 / nx as f64;
+    by_row.par_chunks_mut(nx * nz).enumerate().for_each_init(tile, |tile, (y, plane)| {
+        let row = |z: usize| &by_slice[(z * ny + y) * nx..][..nx];
         let stride = (nx * ny) as u32;
-        along_rows(plane, nx, stride, weights[2], line, |x, site| {
-            let (site_x, site_y) = (site % nx as u32, site / nx as u32);
+        along_rows(plane, nx, stride, weights[2], tile, row, |x, site| {
+            // The quotient lies half a unit of its numerator or more off whole numbers.
+            let site_y = ((f64::from(site) + 0.5) * inverse) as u32;
+            let site_x = site - site_y * nx as u32;
             square(weights[0], x, site_x as usize) + square(weights[1], y, site_y as usize)
         });
     });
     by_row
+}
+
+fn tile() -> [Line; TILE] {
+    std::array::from_fn(|_| Line::default())
 }
 
 /// `weight·(a − b)²`; the square itself is exact.
@@ -49,48 +64,45 @@ fn square(weight: f64, a: usize, b: usize) -> f64 {
     weight * (d * d)
 }
 
-/// Writes the nearest site's x, the smaller of two equally near, to each voxel of `row`.
-fn scan_row(sites: &MaskBits, start: [usize; 3], row: &mut [u32]) {
-    let mut before = NONE;
-    for (x, nearest) in row.iter_mut().enumerate() {
-        if sites.get([start[0] + x, start[1], start[2]]) {
-            before = x as u32;
-        }
-        *nearest = before;
-    }
-    let mut after = NONE;
-    for (x, nearest) in row.iter_mut().enumerate().rev() {
-        let x = x as u32;
-        if *nearest == x {
-            after = x;
-        } else if after != NONE && (*nearest == NONE || after - x < x - *nearest) {
-            *nearest = after;
-        }
-    }
-}
-
-/// Replaces each site in `plane` (rows of `nx`) by the nearest among its column's, plus `stride`
-/// times the row that one came from. `partial(x, site)` is the square of the distance within a row.
-fn along_rows(
+/// Writes to each voxel of `plane` (rows of `nx`) the nearest of its column's sites in `row(0)`,
+/// `row(1)` and so on, plus `stride` times the row it came from. `partial(x, site)` is the square
+/// of the distance within a row. A plane without sites is left as it is.
+fn along_rows<'a>(
     plane: &mut [u32],
     nx: usize,
     stride: u32,
     weight: f64,
-    line: &mut Line,
+    tile: &mut [Line; TILE],
+    row: impl Fn(usize) -> &'a [u32],
     partial: impl Fn(usize, u32) -> f64,
 ) {
-    for x in 0..nx {
-        let column = plane[x..].iter().step_by(nx).copied();
-        line.sites.clear();
-        line.sites.extend(column);
-        line.partial.clear();
-        line.partial
-            .extend(line.sites.iter().map(|&s| if s == NONE { f64::INFINITY } else { partial(x, s) }));
-        if !line.nearest_rows(weight) {
-            continue;
+    let n = plane.len() / nx;
+    let mut nearest = vec![[NONE; TILE]; n];
+    for first in (0..nx).step_by(TILE) {
+        let tile = &mut tile[..TILE.min(nx - first)];
+        for line in tile.iter_mut() {
+            line.sites.resize(n, NONE);
+            line.partial.resize(n, f64::INFINITY);
         }
-        for (voxel, &row) in plane[x..].iter_mut().step_by(nx).zip(&line.best) {
-            *voxel = line.sites[row] + stride * row as u32;
+        for r in 0..n {
+            let row = &row(r)[first..];
+            let none = row[0] == NONE;
+            for (c, (line, &site)) in tile.iter_mut().zip(row).enumerate() {
+                line.sites[r] = if none { NONE } else { site + stride * r as u32 };
+                line.partial[r] = if none { f64::INFINITY } else { partial(first + c, site) };
+            }
+        }
+        for (c, line) in tile.iter_mut().enumerate() {
+            // A row with a site has one for every column.
+            if !line.nearest_rows(weight) {
+                return;
+            }
+            for (nearest, &row) in nearest.iter_mut().zip(&line.best) {
+                nearest[c] = line.sites[row];
+            }
+        }
+        for (voxels, nearest) in plane.chunks_exact_mut(nx).zip(&nearest) {
+            voxels[first..first + tile.len()].copy_from_slice(&nearest[..tile.len()]);
         }
     }
 }
@@ -102,75 +114,98 @@ struct Line {
     /// Height of each row's parabola, infinite where the row has none.
     partial: Vec<f64>,
     /// Rows on the envelope and where each begins to be lowest.
-    rows: Vec<usize>,
-    begins: Vec<f64>,
-    /// `(voxel, row)`: rows taken off the envelope that rounding may yet make lowest there.
+    arcs: Vec<(usize, f64)>,
+    /// `(voxel, row)`: rows that rounding may make lowest there.
     near: Vec<(usize, usize)>,
     /// Row of the lowest parabola at each voxel.
     best: Vec<usize>,
+    /// `1 / (2·weight·d)` for each difference of rows, and that weight.
+    inverse: Vec<f64>,
+    inverse_of: f64,
 }
 
 impl Line {
     /// Fills `best` with the row of the smallest `partial[row] + weight·(voxel − row)²` in `f64`,
     /// of equal ones the smallest row. `false` when the line has no parabola.
     fn nearest_rows(&mut self, weight: f64) -> bool {
-        let Self { partial, rows, begins, near, best, .. } = self;
-        let n = partial.len();
-        let highest = partial.iter().filter(|f| f.is_finite()).fold(0.0_f64, |a, &f| a.max(f));
+        let n = self.partial.len();
+        if self.inverse_of != weight || self.inverse.len() < n {
+            self.inverse_of = weight;
+            self.inverse.clear();
+            self.inverse.extend((0..n).map(|d| 0.5 / (weight * d as f64)));
+        }
+        let Self { partial, arcs, near, best, inverse, .. } = self;
+        let mut highest = [0.0_f64; 8];
+        for heights in partial.chunks(8) {
+            for (highest, &f) in highest.iter_mut().zip(heights) {
+                *highest = if f > *highest && f < f64::INFINITY { f } else { *highest };
+            }
+        }
+        let highest = highest.into_iter().fold(0.0, f64::max);
         // Both parabolas' values and their crossing are each wrong by a few units of roundoff of
         // at most highest + weight·n²; neighbours differ by at least 2·weight a voxel.
         let slack = 16.0 * f64::EPSILON * (highest / weight + (n * n) as f64);
-        rows.clear();
-        begins.clear();
+        // Voxels within the slack of a crossing, or of the stretch between two.
+        let between = |from: f64, to: f64| {
+            let (from, to) = ((from - slack).ceil().max(0.0), (to + slack).floor());
+            if from <= to { from as usize..(to as usize).min(n - 1) + 1 } else { 0..0 }
+        };
+        arcs.clear();
         near.clear();
         best.clear();
-        for q in (0..n).filter(|&q| partial[q].is_finite()) {
-            let mut begin = f64::NEG_INFINITY;
-            while let (Some(&v), Some(&v_begin)) = (rows.last(), begins.last()) {
-                begin = 0.5 * ((partial[q] - partial[v]) / (weight * (q - v) as f64) + (q + v) as f64);
+        let reach = (n - 1) as f64 + slack;
+        let mut parabolas = (0..n).zip(partial.iter().copied()).filter(|(_, f)| f.is_finite());
+        let Some((row, height)) = parabolas.next() else { return false };
+        let mut top = (row, height, f64::NEG_INFINITY);
+        for (q, height) in parabolas {
+            let mut begin;
+            loop {
+                let (v, v_height, v_begin) = top;
+                begin = (height - v_height) * inverse[q - v] + 0.5 * (q + v) as f64;
                 if begin > v_begin {
                     break;
                 }
                 // v is lowest nowhere, but within the rounding from v_begin back to begin.
-                let (from, to) = ((v_begin - slack).ceil().max(0.0), (begin + slack).floor());
-                if from <= to {
-                    near.extend((from as usize..=(to as usize).min(n - 1)).map(|p| (p, v)));
+                if v_begin - begin <= 2.0 * slack {
+                    near.extend(between(v_begin, begin).map(|p| (p, v)));
                 }
-                rows.pop();
-                begins.pop();
+                // The first one begins at −∞ and is never taken off.
+                let Some((v, v_begin)) = arcs.pop() else { break };
+                top = (v, partial[v], v_begin);
             }
-            rows.push(q);
-            begins.push(begin);
+            // Past the last voxel it is lowest nowhere.
+            if begin <= reach {
+                arcs.push((top.0, top.2));
+                top = (q, height, begin);
+            }
         }
-        if rows.is_empty() {
-            return false;
+        arcs.push((top.0, top.2));
+        best.resize(n, 0);
+        best[0] = arcs[0].0;
+        // Adding and taking away 1.5·2⁵² leaves the whole number nearest to a crossing.
+        const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
+        for pair in arcs.windows(2) {
+            let [(before, _), (row, begin)] = [pair[0], pair[1]];
+            let first = if begin < 0.0 { 0 } else { (begin as usize).saturating_add(1) };
+            if let Some(best) = best.get_mut(first) {
+                *best = row;
+            }
+            if (begin - ((begin + ROUND) - ROUND)).abs() <= slack {
+                near.extend(between(begin, begin).flat_map(|p| [(p, before), (p, row)]));
+            }
+        }
+        // Rows ascend along the envelope: the one in force is the largest so far.
+        let mut lowest = 0;
+        for row in best.iter_mut() {
+            lowest = lowest.max(*row);
+            *row = lowest;
         }
         let value = |p: usize, q: usize| partial[q] + square(weight, p, q);
-        let lower = |p: usize, a: usize, b: usize| {
-            let (va, vb) = (value(p, a), value(p, b));
-            if va < vb || (va == vb && a < b) { a } else { b }
-        };
-        let mut k = 0;
-        for p in 0..n {
-            let at = p as f64;
-            while k + 1 < rows.len() && begins[k + 1] < at {
-                k += 1;
-            }
-            let mut lowest = rows[k];
-            let mut left = k;
-            while left > 0 && at - begins[left] <= slack {
-                left -= 1;
-                lowest = lower(p, rows[left], lowest);
-            }
-            let mut right = k + 1;
-            while right < rows.len() && begins[right] - at <= slack {
-                lowest = lower(p, lowest, rows[right]);
-                right += 1;
-            }
-            best.push(lowest);
-        }
         for &(p, q) in near.iter() {
-            best[p] = lower(p, q, best[p]);
+            let (new, old) = (value(p, q), value(p, best[p]));
+            if new < old || (new == old && q < best[p]) {
+                best[p] = q;
+            }
         }
         true
     }

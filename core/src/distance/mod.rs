@@ -2,6 +2,7 @@
 //! [`KdTree`] for single points.
 
 mod envelope;
+mod integers;
 mod kd_tree;
 #[cfg(test)]
 mod tests;
@@ -167,13 +168,30 @@ impl FeatureTransform {
             return Err(DistanceError::SitesOutside(crop));
         }
         let sites = match metric {
-            Metric::Spacing(weights) => envelope::nearest_sites(sites, crop, weights),
+            Metric::Spacing(weights) => match integers::whole_weights(crop, weights) {
+                Some(whole) => integers::nearest_sites(sites, crop, whole),
+                None => envelope::nearest_sites(sites, crop, weights),
+            },
             Metric::Sheared(mm) => match nearest_by_tree(sites, crop, mm)? {
                 Some(sites) => sites,
                 None => return Ok(None),
             },
         };
         Ok(Some(Self { crop, metric, sites }))
+    }
+
+    /// [`FeatureTransform::distance_mm`] of every voxel of the crop, x fastest, rounded to `f32`.
+    pub fn distances_mm(&self) -> Vec<f32> {
+        let [nx, ny, nz] = self.crop.dims;
+        let mut all = vec![0.0; nx * ny * nz];
+        all.par_chunks_mut(nx).with_min_len(64).enumerate().for_each(|(row, distances)| {
+            let (j, k) = (row % ny, row / ny);
+            let sites = &self.sites[(j * nz + k) * nx..][..nx];
+            for (i, (distance, &site)) in distances.iter_mut().zip(sites).enumerate() {
+                *distance = self.between_mm([i, j, k], self.place(site)) as f32;
+            }
+        });
+        all
     }
 
     /// Where answers are known.
@@ -198,8 +216,11 @@ impl FeatureTransform {
     /// two centres, counted from the crop's first voxel.
     pub fn distance_mm(&self, ijk: [usize; 3]) -> Option<f64> {
         let local = self.crop.local(ijk)?;
-        let site = self.local_site(local);
-        Some(match self.metric {
+        Some(self.between_mm(local, self.local_site(local)))
+    }
+
+    fn between_mm(&self, local: [usize; 3], site: [usize; 3]) -> f64 {
+        match self.metric {
             Metric::Spacing(w) => {
                 let square = |a: usize| {
                     let d = local[a] as f64 - site[a] as f64;
@@ -211,13 +232,18 @@ impl FeatureTransform {
                 let d = place_mm(mm, site) - place_mm(mm, local);
                 ((d.x * d.x + d.y * d.y) + d.z * d.z).sqrt()
             }
-        })
+        }
     }
 
     fn local_site(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
-        let [nx, ny, nz] = self.crop.dims;
-        let site = self.sites[(j * nz + k) * nx + i] as usize;
-        [site % nx, site / nx % ny, site / (nx * ny)]
+        let [nx, _, nz] = self.crop.dims;
+        self.place(self.sites[(j * nz + k) * nx + i])
+    }
+
+    /// A site's position as voxels along the crop's axes. Axes fit 32 bits, whose division is faster.
+    fn place(&self, site: u32) -> [usize; 3] {
+        let [nx, ny, _] = self.crop.dims.map(|n| n as u32);
+        [site % nx, site / nx % ny, site / nx / ny].map(|v| v as usize)
     }
 }
 

@@ -90,6 +90,83 @@ fn random_masks_equal_brute_force_bit_for_bit() {
 }
 
 #[test]
+fn all_sizes_spacings_and_threads_equal_brute_force() {
+    let mut random = Random(29);
+    // Widths about a tile of columns and a word of the mask; whole, nearly whole and odd spacings.
+    let spacings = [
+        ([0.7; 3], false),
+        ([1.0, 1.0, 1.2], false),
+        ([0.488_281_25, 0.488_281_25, 5.0], true),
+        ([3.0, 2.0, 1.0], true),
+        ([1e-3, 1e-3, 1.0], false),
+        ([1.0, 4096.0, 1.0], true),
+        ([1e80; 3], false),
+        ([0.699_999_988_079_071; 3], false),
+    ];
+    for trial in 0..160 {
+        let (spacing, exact) = if trial % 2 == 0 { spacings[trial / 2 % 8] } else { SPACINGS[trial / 2 % 8] };
+        let longest = [3, 18, 12, 70][trial / 16 % 4];
+        let mut dims: [usize; 3] = std::array::from_fn(|_| 1 + random.below(12) as usize);
+        dims[trial % 3] = 1 + random.below(longest) as usize;
+        let mut mask = random.mask(dims, [0, 8, 60, 500, 900][trial % 5]);
+        mask.set(dims.map(|n| random.below(n as u64) as usize));
+        let grid = grid(dims, spacing);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1 + trial % 3).build().unwrap();
+        pool.install(|| equals_brute_force(&mask, &grid, Crop::whole(&grid), exact));
+    }
+}
+
+#[test]
+fn whole_weights_are_found_and_refused() {
+    let found = |dims: [usize; 3], spacing: [f64; 3]| {
+        integers::whole_weights(Crop { start: [0; 3], dims }, spacing.map(|s| s * s))
+    };
+    assert_eq!(found([9; 3], [1.0; 3]), Some([1; 3]));
+    assert_eq!(found([9; 3], [0.9375; 3]), Some([1; 3]));
+    assert_eq!(found([240, 240, 155], [0.5, 0.5, 6.0]), Some([1, 1, 144]));
+    assert_eq!(found([9; 3], [1.0, 1.5, 2.0]), Some([4, 9, 16]));
+    assert_eq!(found([9; 3], [2_f64.powi(-300), 2_f64.powi(-300), 2_f64.powi(-299)]), Some([1, 1, 4]));
+    // Squares that `f64` rounds; sums that would leave `i32`.
+    assert_eq!(found([9; 3], [0.7; 3]), None);
+    assert_eq!(found([9; 3], [1e-100, 1e100, 1.0]), None);
+    assert_eq!(found([23_169, 100, 1], [1.0; 3]), Some([1; 3]));
+    assert_eq!(found([23_171, 1, 1], [1.0; 3]), None);
+}
+
+#[test]
+fn long_lines_past_the_reach_of_integers_answer() {
+    for n in [23_000, 70_000] {
+        for axis in 0..3 {
+            let mut dims = [1; 3];
+            dims[axis] = n;
+            let mut mask = MaskBits::empty(dims);
+            let at = |v: usize| std::array::from_fn(|a| if a == axis { v } else { 0 });
+            for v in [7, n / 2, n - 1] {
+                mask.set(at(v));
+            }
+            let grid = grid(dims, [1.0; 3]);
+            equals_brute_force(&mask, &grid, Crop::whole(&grid), true);
+        }
+    }
+}
+
+#[test]
+fn all_distances_at_once_are_the_single_ones() {
+    let dims = [33, 21, 14];
+    let mut mask = MaskBits::empty(dims);
+    let mut random = Random(31);
+    for _ in 0..12 {
+        mask.set([9, 6, 3].map(|lo| lo + random.below(7) as usize));
+    }
+    let grid = grid(dims, [0.7, 0.8, 2.5]);
+    let transform = FeatureTransform::of(&mask, &grid, Crop::around(&[&mask], 5).unwrap()).unwrap().unwrap();
+    let all = transform.distances_mm();
+    let single: Vec<f32> =
+        voxels(transform.crop()).map(|ijk| transform.distance_mm(ijk).unwrap() as f32).collect();
+    assert_eq!(all, single);
+}
+
+#[test]
 fn sites_on_a_sphere_tie_and_equal_brute_force() {
     // Sites near one distance from the middle: the envelope's worst case.
     let dims = [19, 19, 19];

@@ -184,14 +184,38 @@ impl FeatureTransform {
     pub fn distances_mm(&self) -> Vec<f32> {
         let [nx, ny, nz] = self.crop.dims;
         let mut all = vec![0.0; nx * ny * nz];
+        match self.metric {
+            Metric::Spacing(w) => self.fill_rows(&mut all, |[x, y, z], [i, j, k]| {
+                let square = |a: f64, b: f64, w: f64| w * ((a - b) * (a - b));
+                ((square(i, x, w[0]) + square(j, y, w[1])) + square(k, z, w[2])).sqrt()
+            }),
+            Metric::Sheared(mm) => self.fill_rows(&mut all, |site, local| {
+                let place = |p: [f64; 3]| mm.x_axis * p[0] + mm.y_axis * p[1] + mm.z_axis * p[2];
+                let d = place(site) - place(local);
+                ((d.x * d.x + d.y * d.y) + d.z * d.z).sqrt()
+            }),
+        }
+        all
+    }
+
+    /// `distance(site, voxel)` of every voxel, as voxels along the crop's axes.
+    fn fill_rows(&self, all: &mut [f32], distance: impl Fn([f64; 3], [f64; 3]) -> f64 + Sync) {
+        let [nx, ny, nz] = self.crop.dims;
+        let [width, height] = [nx, ny].map(|n| n as f64);
+        let (over_width, over_height) = (1.0 / width, 1.0 / height);
         all.par_chunks_mut(nx).with_min_len(64).enumerate().for_each(|(row, distances)| {
             let (j, k) = (row % ny, row / ny);
             let sites = &self.sites[(j * nz + k) * nx..][..nx];
-            for (i, (distance, &site)) in distances.iter_mut().zip(sites).enumerate() {
-                *distance = self.between_mm([i, j, k], self.place(site)) as f32;
+            for (i, (out, &site)) in distances.iter_mut().zip(sites).enumerate() {
+                // Divisions by reciprocals: half a unit from every whole number, so the floor is
+                // exact for all 32 bits.
+                let site = f64::from(site);
+                let line = ((site + 0.5) * over_width).floor();
+                let z = ((line + 0.5) * over_height).floor();
+                let place = [site - line * width, line - z * height, z];
+                *out = distance(place, [i as f64, j as f64, k as f64]) as f32;
             }
         });
-        all
     }
 
     /// Where answers are known.

@@ -6,8 +6,9 @@ use glioscope_core::{
     Mask, Progress, Regions, TumorIndex,
     case::{Case, TimePoint},
     change::{self, Change, ChangeOptions, ChangeReport},
+    skeleton::ForceSource,
 };
-use glioscope_render::{ChangeStyle, ChangeSurface};
+use glioscope_render::{ChangeStyle, ChangeSurface, ForceField, Gpu};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -131,7 +132,45 @@ pub struct Key {
 }
 
 /// Comparisons, the one last asked for.
-pub type Comparisons = Derived<Key, Compared>;
+#[derive(Default)]
+pub struct Comparisons {
+    kept: Derived<Key, Compared>,
+    /// May sum the skeleton's force; `None`: the tree does.
+    pub gpu: Option<Gpu>,
+}
+
+impl Comparisons {
+    /// The comparison last computed, whether or not it is current.
+    pub fn last(&self) -> Option<&Arc<Compared>> {
+        self.kept.last()
+    }
+
+    /// Whether a worker is at it.
+    pub fn working(&self) -> bool {
+        self.kept.working()
+    }
+
+    /// What sums the skeleton's force, and why, for the diagnostics.
+    pub fn force(&self) -> String {
+        let choice = match &self.gpu {
+            None => "Skeleton's force: tree, as there is no graphics adapter.",
+            Some(gpu) if gpu.is_software() => {
+                "Skeleton's force: tree, as it is faster than an exact sum on a software adapter."
+            }
+            Some(_) => "Skeleton's force: exact sum on the graphics device, where it fits.",
+        };
+        match self.last() {
+            Some(last) => format!("{choice} Last: {}.", last.report.counters.force),
+            None => choice.to_owned(),
+        }
+    }
+}
+
+/// The exact sum on a real graphics device; on a software one the tree is faster.
+fn force_source(gpu: Option<&Gpu>) -> Option<ForceField> {
+    // Without its shader the tree does it.
+    gpu.filter(|gpu| !gpu.is_software()).and_then(|gpu| ForceField::new(gpu).ok())
+}
 
 fn key(case: &Arc<Case>, setting: &ChangeSetting) -> Option<Key> {
     let chosen = setting.chosen(case).ok()?;
@@ -149,8 +188,13 @@ pub fn get<'a>(
 ) -> Option<Lookup<'a, Compared>> {
     let key = key(case, setting)?;
     let (case, chosen, registration_mm) = (case.clone(), key.chosen.clone(), key.registration_mm);
-    let work = move |progress: &Progress| compute(&case, chosen, registration_mm, progress);
-    Some(comparisons.get(key, wait, wake, work))
+    let gpu = comparisons.gpu.clone();
+    let work = move |progress: &Progress| {
+        let source = force_source(gpu.as_ref());
+        let source = source.as_ref().map(|s| s as &dyn ForceSource);
+        compute(&case, chosen, registration_mm, source, progress)
+    };
+    Some(comparisons.kept.get(key, wait, wake, work))
 }
 
 /// The comparison that `setting` asks for, if it is here: nothing is begun.
@@ -159,13 +203,14 @@ pub fn here<'a>(
     case: &Arc<Case>,
     setting: &ChangeSetting,
 ) -> Option<&'a Arc<Compared>> {
-    comparisons.kept(&key(case, setting)?)
+    comparisons.kept.kept(&key(case, setting)?)
 }
 
 fn compute(
     case: &Case,
     chosen: Chosen,
     registration_mm: f64,
+    source: Option<&dyn ForceSource>,
     progress: &Progress,
 ) -> Result<Compared, String> {
     progress.say("comparing the dates");
@@ -174,9 +219,9 @@ fn compute(
     let (earlier, later) = (time(from)?, time(to)?);
     let labels = [earlier.label.clone(), later.label.clone()];
     let options = ChangeOptions { registration_mm, ..ChangeOptions::default() };
+    let what = (Some(chosen.id.as_str()), Some(labels[0].as_str()), Some(labels[1].as_str()));
     let (report, found) =
-        change::between(case, Some(&chosen.id), Some(&labels[0]), Some(&labels[1]), &options, progress)
-            .map_err(|e| e.to_string())?;
+        change::between_with(case, what, &options, source, progress).map_err(|e| e.to_string())?;
     let mask = |time: &TimePoint, label: &str| {
         let found = time.masks.iter().find(|m| m.mask.id() == chosen.id);
         found.and_then(|m| Mask::new(label, case.grid.clone(), m.mask.bits().clone()))
@@ -194,6 +239,7 @@ fn compute(
 mod tests {
     use super::*;
     use glioscope_core::{case::LoadOptions, sample};
+    use glioscope_render::AdapterPreference;
 
     fn case() -> Arc<Case> {
         let spec = sample::sample_spec();
@@ -229,6 +275,21 @@ mod tests {
         let (gone, new) =
             (found.regions.get(1).map_or(0, |r| r.voxels), found.regions.get(2).map_or(0, |r| r.voxels));
         assert_eq!((gone, new), (found.change.gone_voxels, found.change.new_voxels));
+        assert_eq!(found.report.counters.force, "tree, θ 0.25");
         assert!(here(&comparisons, &case, &setting).is_some());
+        assert!(comparisons.force().ends_with("no graphics adapter. Last: tree, θ 0.25."));
+    }
+
+    #[test]
+    fn a_software_adapter_leaves_the_force_to_the_tree_and_the_diagnostics_say_so() {
+        let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).unwrap();
+        assert!(force_source(Some(&gpu)).is_none());
+        let mut comparisons = Comparisons { gpu: Some(gpu), ..Comparisons::default() };
+        assert!(comparisons.force().contains("software adapter"), "{}", comparisons.force());
+        let (case, setting) = (case(), ChangeSetting::default());
+        let Some(Lookup::Ready(found)) = get(&mut comparisons, &case, &setting, true, || {}) else {
+            panic!("not compared")
+        };
+        assert_eq!(found.report.counters.force, "tree, θ 0.25");
     }
 }

@@ -120,7 +120,7 @@ impl PaneArea<'_> {
             Pane::Lens => padded(ui, |ui| lens_table::show(ui, view, scene.tumor.as_ref(), out)),
             Pane::Measurements => padded(ui, |ui| measurements::show(ui, view, out)),
             Pane::Slice(plane) => slices::show(ui, view, plane, out),
-            Pane::Diagnostics => diagnostics::show(ui, stage.viewport),
+            Pane::Diagnostics => diagnostics::show(ui, stage.viewport, comparisons),
         }
     }
 }

@@ -87,11 +87,13 @@ struct Picture {
 impl GlioscopeApp {
     /// A window on a workstation.
     pub fn new(work: Workstation, viewport: Option<Viewport>, recent: Recent) -> Self {
+        let mut states = PaneStates::default();
+        states.comparisons.gpu = viewport.as_ref().map(|viewport| viewport.gpu.clone());
         Self {
             work,
             viewport,
             closeup: CloseupState::default(),
-            states: PaneStates::default(),
+            states,
             open: Open::default(),
             palette: CommandPalette::default(),
             recent,

@@ -11,6 +11,7 @@ use crate::{
     change::{GpuArrow, Length, uniforms::Change},
     context::uniforms::{Context, Marched},
     ellipsoids::GpuEllipsoid,
+    force_field::{ForceWork, Point},
     plan::plan,
     reference::twins,
     slice_plane::PlaneUniform,
@@ -508,6 +509,11 @@ fn rust_and_wgsl_lay_structs_out_alike() {
         ),
         ("Length", offsets!(Length: key, signed_mm, sure)),
         ("Arrow", offsets!(GpuArrow: start, what, along, unused)),
+        (
+            "ForceWork",
+            offsets!(ForceWork: first_charge, end_charge, places, is_first, length_of_unit, unused_a, unused_b, unused_c),
+        ),
+        ("Point", offsets!(Point: at, weight)),
         ("Counters", (16, vec![("nodes", 0), ("wraps", 4), ("last_nodes", 8), ("last_wraps", 12)])),
     ];
     let mut seen = vec![0; expected.len()];

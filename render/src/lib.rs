@@ -11,6 +11,9 @@ mod closeup_tests;
 mod compute;
 pub mod context;
 pub mod ellipsoids;
+mod force_field;
+#[cfg(test)]
+mod force_field_tests;
 pub mod frame;
 pub mod gpu;
 pub mod palette;
@@ -40,6 +43,7 @@ pub use context::{
 pub use ellipsoids::{
     DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan,
 };
+pub use force_field::ForceField;
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
 pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};

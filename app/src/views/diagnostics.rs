@@ -3,13 +3,17 @@
 use egui::{Grid, RichText, ScrollArea, Ui};
 use glioscope_render::{Gpu, SceneRenderer};
 
-use crate::viewport::{Screen, Viewport};
+use crate::{
+    comparing::Comparisons,
+    viewport::{Screen, Viewport},
+};
 
 /// Draws the panel.
-pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>) {
+pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>, comparisons: &Comparisons) {
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let Some(viewport) = viewport else {
             ui.label("No graphics adapter.");
+            ui.label(comparisons.force());
             return;
         };
         ui.label(RichText::new("Adapter").strong());
@@ -19,6 +23,7 @@ pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>) {
         screen(ui, "Context view", gpu, context);
         screen(ui, "Ellipsoid diagram", gpu, ellipsoids);
         screen(ui, "Change view", gpu, change);
+        ui.label(comparisons.force());
     });
 }
 

@@ -20,12 +20,13 @@ use crate::{
     Cancelled, Grid, GridError, MaskBits, Progress,
     components::TooLarge,
     distance::{Crop, DistanceError},
-    skeleton::{Skeleton, SkeletonError, SkeletonOptions, skeleton},
+    skeleton::{ForceSource, Skeleton, SkeletonError, SkeletonOptions, skeleton_with},
 };
 
 pub use groups::{Fate, Group, Part};
 pub use report::{
-    ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, csv, report,
+    ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, between_with,
+    csv, report,
 };
 pub use stats::{COVERAGE, Histogram, Lengths, Uncertainty};
 use vectors::{Place, Site, Surfaces};
@@ -244,6 +245,21 @@ pub fn change(
     options: &ChangeOptions,
     progress: &Progress,
 ) -> Result<Change, ChangeError> {
+    change_with(before, after, grid, options, None, progress)
+}
+
+/// As [`change`], with the skeleton's force from `source` where there is one and it can.
+///
+/// # Errors
+/// As [`change`].
+pub fn change_with(
+    before: &MaskBits,
+    after: &MaskBits,
+    grid: &Grid,
+    options: &ChangeOptions,
+    source: Option<&dyn ForceSource>,
+    progress: &Progress,
+) -> Result<Change, ChangeError> {
     if before.dims() != grid.dims() || after.dims() != grid.dims() {
         return Err(ChangeError::Dims { before: before.dims(), after: after.dims(), grid: grid.dims() });
     }
@@ -303,7 +319,7 @@ pub fn change(
     let mut points = Vec::new();
     // A component without a counterpart asks nothing of the skeleton.
     if outer().any(|s| groups.list[s.group as usize].kept_voxels > 0) {
-        out.skeleton = skeleton(&both, grid, &options.skeleton, progress)?;
+        out.skeleton = skeleton_with(&both, grid, &options.skeleton, source, progress)?;
         let shared: Vec<Site> = surfaces.all[0]
             .iter()
             .filter(|s| groups.list[s.group as usize].kept_voxels > 0)

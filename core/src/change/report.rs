@@ -7,12 +7,12 @@ use serde::Serialize;
 
 use super::{
     COVERAGE, Change, ChangeCounts, ChangeError, ChangeOptions, Fate, Flag, Histogram, Lengths, Part,
-    SurfaceChange, change,
+    SurfaceChange, change_with,
 };
 use crate::{
     Grid, Progress,
     case::{Case, TimePoint},
-    skeleton::SkeletonCounts,
+    skeleton::{ForceSource, SkeletonCounts},
 };
 
 /// Every number of a change. Field names are stable.
@@ -81,12 +81,14 @@ pub struct UncertaintyReport {
 }
 
 /// Counters of the kernels.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Counters {
     /// Of the surfaces.
     pub surface: ChangeCounts,
     /// Of the skeleton.
     pub skeleton: SkeletonCounts,
+    /// What summed the skeleton's force, and why not another.
+    pub force: String,
 }
 
 /// One group of components.
@@ -176,7 +178,11 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
         histogram: Histogram::of(change.vectors.iter().map(|v| v.signed_mm)),
         nearest: NearestReport { growth: nearest.0, recession: nearest.1 },
         components: components.collect(),
-        counters: Counters { surface: change.counts, skeleton: change.skeleton.counts },
+        counters: Counters {
+            surface: change.counts,
+            skeleton: change.skeleton.counts,
+            force: change.skeleton.force.to_string(),
+        },
     }
 }
 
@@ -237,6 +243,21 @@ pub fn between(
     options: &ChangeOptions,
     progress: &Progress,
 ) -> Result<(ChangeReport, Change), ChangeError> {
+    between_with(case, (of, from, to), options, None, progress)
+}
+
+/// As [`between`], for mask and dates `(of, from, to)`, with the skeleton's force from `source` where
+/// there is one and it can.
+///
+/// # Errors
+/// As [`between`].
+pub fn between_with(
+    case: &Case,
+    (of, from, to): (Option<&str>, Option<&str>, Option<&str>),
+    options: &ChangeOptions,
+    source: Option<&dyn ForceSource>,
+    progress: &Progress,
+) -> Result<(ChangeReport, Change), ChangeError> {
     let wrong =
         |found: String, expected: String| ChangeError::Choice { case: case.name.clone(), found, expected };
     let labels = || case.time_points.iter().map(|t| t.label.as_str()).collect::<Vec<_>>().join(", ");
@@ -277,6 +298,6 @@ pub fn between(
         })
     };
     let (before, after) = (&earlier.masks[mask(earlier)?].mask, &later.masks[mask(later)?].mask);
-    let found = change(before.bits(), after.bits(), &case.grid, options, progress)?;
+    let found = change_with(before.bits(), after.bits(), &case.grid, options, source, progress)?;
     Ok((report(&found, &case.grid, id, &earlier.label, &later.label), found))
 }

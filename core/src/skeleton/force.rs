@@ -13,8 +13,10 @@ const MAX_SPLIT: f64 = 12.0;
 
 /// One charge, or several seen from afar.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Charge {
+pub struct Charge {
+    /// Where, in units of the finest voxel spacing.
     pub at: DVec3,
+    /// The area of boundary that it stands for, in square units.
     pub weight: f64,
 }
 
@@ -118,6 +120,11 @@ impl Charges {
     /// Number of charges.
     pub fn len(&self) -> usize {
         self.charges.len()
+    }
+
+    /// All of them, neighbours near one another.
+    pub fn all(&self) -> &[Charge] {
+        &self.charges
     }
 
     /// What acts on places up to `reach` from `center`, with opening bound `opening`.
@@ -252,6 +259,11 @@ pub(super) struct Law {
 impl Law {
     pub fn new(m: u32) -> Self {
         Self { m: m.clamp(4, 9) }
+    }
+
+    /// m.
+    pub fn exponent(self) -> u32 {
+        self.m
     }
 
     pub fn felt(self, list: &[Charge], at: DVec3) -> Felt {

@@ -12,6 +12,7 @@ mod field;
 mod force;
 mod seeds;
 mod solid;
+mod source;
 #[cfg(test)]
 mod tests;
 mod trace;
@@ -20,8 +21,10 @@ use glam::DVec3;
 
 use crate::{Cancelled, Grid, GridError, MaskBits, Progress, components::TooLarge, distance::DistanceError};
 use field::Lattice;
+pub use force::Charge;
 use force::{Charges, Law};
 use solid::Solid;
+pub use source::{ForceSource, ForceTask, ForceUsed, Refused};
 use trace::{Sketch, Tracer};
 
 /// Steps inside the mask within which a part without an inside is a mere bump.
@@ -168,6 +171,8 @@ pub struct Skeleton {
     pub lines: Vec<Vec<u32>>,
     /// What was found and done.
     pub counts: SkeletonCounts,
+    /// What summed the force.
+    pub force: ForceUsed,
 }
 
 /// The curve skeleton of `mask`, which lies on `grid`. Cavities count as inside. Empty for an empty
@@ -184,6 +189,21 @@ pub fn skeleton(
     options: &SkeletonOptions,
     progress: &Progress,
 ) -> Result<Skeleton, SkeletonError> {
+    skeleton_with(mask, grid, options, None, progress)
+}
+
+/// As [`skeleton`], with the force at the lattice's places from `source` where there is one and it
+/// can; [`Skeleton::force`] tells.
+///
+/// # Errors
+/// As [`skeleton`]: a source that refuses is none.
+pub fn skeleton_with(
+    mask: &MaskBits,
+    grid: &Grid,
+    options: &SkeletonOptions,
+    source: Option<&dyn ForceSource>,
+    progress: &Progress,
+) -> Result<Skeleton, SkeletonError> {
     if mask.dims() != grid.dims() {
         return Err(SkeletonError::Dims { mask: mask.dims(), grid: grid.dims() });
     }
@@ -198,8 +218,11 @@ pub fn skeleton(
     counts.samples = lattice.nodes.count();
     let cells = lattice.cells();
     let mut sketch = Sketch::default();
+    let mut force = ForceUsed::Nothing;
     if cells.bounds().is_some() {
-        let forces = lattice.forces(&charges, law, options.opening, progress)?;
+        let (forces, used) =
+            lattice.forces_from(source, &charges, options.exponent, options.opening, progress)?;
+        force = used;
         let critical = trace::distinct(&critical::critical_points(&lattice, &cells, &forces));
         let mut tracer = Tracer::new(&solid, &charges, law, options.opening, progress);
         tracer.core(&critical, &mut sketch, &mut counts)?;
@@ -227,7 +250,7 @@ pub fn skeleton(
             SkeletonPoint { position_mm: world_from_voxel.transform_point3(voxel), voxel, kind }
         })
         .collect();
-    Ok(Skeleton { points, lines: sketch.lines, counts })
+    Ok(Skeleton { points, lines: sketch.lines, counts, force })
 }
 
 /// The boundary's force where the skeleton samples it.
@@ -238,6 +261,8 @@ pub struct ForceField {
     /// The force there times the m-th power of the distance to the nearest charge: its direction and
     /// zeros are the force's, its size has no unit.
     pub forces: Vec<DVec3>,
+    /// What summed it.
+    pub used: ForceUsed,
 }
 
 /// The force that [`skeleton`] follows, for pictures and for measuring what θ costs. Empty for an
@@ -251,18 +276,33 @@ pub fn force_field(
     options: &SkeletonOptions,
     progress: &Progress,
 ) -> Result<ForceField, SkeletonError> {
+    force_field_with(mask, grid, options, None, progress)
+}
+
+/// As [`force_field`], from `source` where there is one and it can.
+///
+/// # Errors
+/// As [`skeleton`].
+pub fn force_field_with(
+    mask: &MaskBits,
+    grid: &Grid,
+    options: &SkeletonOptions,
+    source: Option<&dyn ForceSource>,
+    progress: &Progress,
+) -> Result<ForceField, SkeletonError> {
     if mask.dims() != grid.dims() {
         return Err(SkeletonError::Dims { mask: mask.dims(), grid: grid.dims() });
     }
     let Some(solid) = Solid::new(mask, grid)? else { return Ok(ForceField::default()) };
     let charges = Charges::new(force::boundary_charges(&solid));
     let lattice = Lattice::new(&solid, options.coarse);
-    let forces = lattice.forces(&charges, Law::new(options.exponent), options.opening, progress)?;
+    let (forces, used) =
+        lattice.forces_from(source, &charges, options.exponent, options.opening, progress)?;
     let [nx, ny, _] = lattice.nodes.dims();
     let mut voxels = Vec::with_capacity(forces.len());
     lattice.nodes.for_each(|l| {
         let node = DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64);
         voxels.push(solid.grid_voxel(lattice.unit(node)));
     });
-    Ok(ForceField { voxels, forces })
+    Ok(ForceField { voxels, forces, used })
 }

@@ -1,0 +1,205 @@
+//! Where the lattice's forces come from: the tree of this crate, or a source that the caller brings.
+
+use std::fmt;
+
+use glam::DVec3;
+
+use super::{
+    field::Lattice,
+    force::{Charge, Charges, Law},
+};
+use crate::{Cancelled, Progress};
+
+/// What a [`ForceSource`] sums. Lengths are in units of the finest voxel spacing, from the centre of
+/// the mask's box's first voxel: numbers of moderate size, wherever the image lies.
+#[derive(Clone, Copy, Debug)]
+pub struct ForceTask<'a> {
+    /// The boundary's charges, at least one; neighbours in the list are near one another.
+    pub charges: &'a [Charge],
+    /// Where the force is asked for, inside the mask.
+    pub places: &'a [DVec3],
+    /// m: the force falls with this power of the distance, 4 to 9.
+    pub exponent: u32,
+}
+
+/// Why a [`ForceSource`] gave no forces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Refused {
+    /// The user asked to stop.
+    Cancelled(Cancelled),
+    /// It can't, or should not: one line in words. The tree is asked then.
+    Because(String),
+}
+
+/// Sums the boundary's force in another way than this crate's tree.
+pub trait ForceSource: Sync {
+    /// What it is, for the report: a few words.
+    fn describe(&self) -> String;
+
+    /// At each place x, with charges of weight w at b: `Σ w·(x−b)/‖x−b‖^(m+1)`, times the m-th power
+    /// of the distance to the nearest charge. It tells `progress` how far it is.
+    ///
+    /// # Errors
+    /// [`Refused`]: cancelled, or why the tree should do it.
+    fn forces(&self, task: &ForceTask<'_>, progress: &Progress) -> Result<Vec<DVec3>, Refused>;
+}
+
+/// What summed the force at the lattice's places. Streamlines between them always follow the tree.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum ForceUsed {
+    /// No place asked for it.
+    #[default]
+    Nothing,
+    /// The tree, with its opening bound; 0 is the exact sum.
+    Tree {
+        /// θ.
+        opening: f64,
+        /// Why a source that was there was not used.
+        refused: Option<String>,
+    },
+    /// A source, by what it calls itself.
+    Source(String),
+}
+
+impl fmt::Display for ForceUsed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => f.write_str("nothing to sum"),
+            Self::Tree { opening, refused } => {
+                write!(f, "tree, θ {opening}")?;
+                refused.as_ref().map_or(Ok(()), |why| write!(f, " ({why})"))
+            }
+            Self::Source(name) => f.write_str(name),
+        }
+    }
+}
+
+impl Lattice {
+    /// The scaled force at every inside place, by rank: from `source` where there is one and it can,
+    /// else from the tree.
+    pub(super) fn forces_from(
+        &self,
+        source: Option<&dyn ForceSource>,
+        charges: &Charges,
+        exponent: u32,
+        opening: f64,
+        progress: &Progress,
+    ) -> Result<(Vec<DVec3>, ForceUsed), Cancelled> {
+        let law = Law::new(exponent);
+        let mut refused = None;
+        if let Some(source) = source {
+            let places = self.places();
+            let task = ForceTask { charges: charges.all(), places: &places, exponent: law.exponent() };
+            match source.forces(&task, progress) {
+                Ok(forces) if forces.len() == places.len() && forces.iter().all(|f| f.is_finite()) => {
+                    return Ok((forces, ForceUsed::Source(source.describe())));
+                }
+                Ok(_) => {
+                    let name = source.describe();
+                    refused = Some(format!("{name}: found places without a force, expected one for each"));
+                }
+                Err(Refused::Cancelled(cancelled)) => return Err(cancelled),
+                Err(Refused::Because(why)) => refused = Some(why),
+            }
+        }
+        let forces = self.forces(charges, law, opening, progress)?;
+        Ok((forces, ForceUsed::Tree { opening, refused }))
+    }
+
+    /// Inside places by rank.
+    fn places(&self) -> Vec<DVec3> {
+        let [nx, ny, _] = self.nodes.dims();
+        let mut places = Vec::new();
+        self.nodes.for_each(|l| {
+            places.push(self.unit(DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64)));
+        });
+        places
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        Grid, MaskBits,
+        skeleton::{
+            Level, SkeletonError, SkeletonOptions, force_field, force_field_with, skeleton, skeleton_with,
+        },
+    };
+
+    /// Sums one charge after the other, or refuses.
+    struct Plain(Option<Refused>, usize);
+
+    impl ForceSource for Plain {
+        fn describe(&self) -> String {
+            "plain sum".into()
+        }
+
+        fn forces(&self, task: &ForceTask<'_>, _: &Progress) -> Result<Vec<DVec3>, Refused> {
+            if let Some(refused) = &self.0 {
+                return Err(refused.clone());
+            }
+            let m = task.exponent as i32;
+            let one = |x: &DVec3| {
+                let sum: DVec3 = (task.charges.iter())
+                    .map(|c| (*x - c.at) * c.weight / x.distance(c.at).powi(m + 1))
+                    .sum();
+                let nearest = task.charges.iter().map(|c| x.distance(c.at)).fold(f64::INFINITY, f64::min);
+                sum * nearest.powi(m)
+            };
+            Ok(task.places.iter().skip(self.1).map(one).collect())
+        }
+    }
+
+    fn capsule() -> (MaskBits, Grid) {
+        let grid = Grid::axis_aligned([24, 13, 6], DVec3::new(1.0, 1.0, 3.0), DVec3::splat(40.0)).unwrap();
+        let bits = MaskBits::from_fn(grid.dims(), |l| {
+            let p = DVec3::new((l % 24) as f64, (l / 24 % 13) as f64, (l / (24 * 13)) as f64 * 3.0);
+            let axis = DVec3::new(p.x.clamp(7.0, 16.0), 6.0, 7.5);
+            p.distance(axis) <= 5.2
+        });
+        (bits, grid)
+    }
+
+    #[test]
+    fn a_source_is_used_at_every_place_and_said_to_be() {
+        let (bits, grid) = capsule();
+        let exact = SkeletonOptions {
+            level: Level::Divergence,
+            opening: 0.0,
+            exponent: 6,
+            ..SkeletonOptions::default()
+        };
+        let own = force_field(&bits, &grid, &exact, &Progress::new()).unwrap();
+        let other = force_field_with(&bits, &grid, &exact, Some(&Plain(None, 0)), &Progress::new()).unwrap();
+        assert_eq!(own.voxels, other.voxels);
+        for (a, b) in own.forces.iter().zip(&other.forces) {
+            assert!(a.distance(*b) <= 1e-9 * (1.0 + a.length()), "{a} {b}");
+        }
+        let made = skeleton_with(&bits, &grid, &exact, Some(&Plain(None, 0)), &Progress::new()).unwrap();
+        assert_eq!(made.force.to_string(), "plain sum");
+        let own = skeleton(&bits, &grid, &exact, &Progress::new()).unwrap();
+        assert_eq!(own.force.to_string(), "tree, θ 0");
+        assert_eq!(own.points.len(), made.points.len());
+        assert!(made.points.len() > 1);
+        for (a, b) in own.points.iter().zip(&made.points) {
+            assert!(a.position_mm.distance(b.position_mm) < 1e-6, "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn a_source_that_refuses_leaves_the_tree_s_skeleton_and_its_reason() {
+        let (bits, grid) = capsule();
+        let options = SkeletonOptions::default();
+        let with = |source: &Plain| skeleton_with(&bits, &grid, &options, Some(source), &Progress::new());
+        let own = skeleton(&bits, &grid, &options, &Progress::new()).unwrap();
+        let refused = with(&Plain(Some(Refused::Because("too much".into())), 0)).unwrap();
+        assert_eq!((&refused.points, &refused.lines), (&own.points, &own.lines));
+        assert_eq!(refused.force.to_string(), "tree, θ 0.25 (too much)");
+        let short = with(&Plain(None, 1)).unwrap();
+        assert_eq!(short.points, own.points);
+        assert!(short.force.to_string().contains("without a force"), "{}", short.force);
+        let stopped = with(&Plain(Some(Refused::Cancelled(Cancelled)), 0));
+        assert_eq!(stopped, Err(SkeletonError::Cancelled(Cancelled)));
+    }
+}

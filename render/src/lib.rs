@@ -8,8 +8,10 @@ pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod dos;
 pub mod frame;
 pub mod gpu;
+pub mod occlusion;
 pub mod palette;
 pub mod plan;
 pub mod reference;

@@ -8,6 +8,7 @@ pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod cones;
 pub mod dos;
 pub mod frame;
 pub mod gpu;

@@ -60,8 +60,10 @@ impl Pyramid {
 fn halved(level: &Level, spacing_mm: DVec3) -> Level {
     let cell: [f64; 3] = std::array::from_fn(|a| spacing_mm[a] * f64::from(level.voxels[a]));
     let joins = cell.map(|c| c < 1.5 * level.cell_mm);
-    let dims: [usize; 3] = std::array::from_fn(|a| if joins[a] { level.dims[a].div_ceil(2) } else { level.dims[a] });
-    let voxels: [u32; 3] = std::array::from_fn(|a| if joins[a] { 2 * level.voxels[a] } else { level.voxels[a] });
+    let dims: [usize; 3] =
+        std::array::from_fn(|a| if joins[a] { level.dims[a].div_ceil(2) } else { level.dims[a] });
+    let voxels: [u32; 3] =
+        std::array::from_fn(|a| if joins[a] { 2 * level.voxels[a] } else { level.voxels[a] });
     let at = |cell: [usize; 3]| {
         let inside = (0..3).all(|a| cell[a] < level.dims[a]);
         let l = (cell[2] * level.dims[1] + cell[1]) * level.dims[0] + cell[0];

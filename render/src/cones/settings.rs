@@ -60,6 +60,17 @@ impl ConeSettings {
         ConesUsed { settings, notes }
     }
 
+    /// Samples along a sub-cone of this length, at most.
+    pub(crate) fn samples(&self, length_mm: f64, voxel_mm: f64, coarsest: u32) -> u32 {
+        let widest = voxel_mm * f64::from(coarsest).exp2();
+        let (mut t, mut n) = (0.0, 0);
+        while t < length_mm && n < 1_000_000 {
+            t += self.cone_step * (2.0 * t * self.sub_tangent()).clamp(voxel_mm, widest);
+            n += 1;
+        }
+        n.max(1)
+    }
+
     /// Tangent of a sub-cone's own half opening: equal shares of the solid angle.
     pub(crate) fn sub_tangent(&self) -> f64 {
         let cos = 1.0 - (1.0 - self.aperture_deg.to_radians().cos()) / f64::from(self.sub_cones);

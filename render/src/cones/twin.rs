@@ -10,7 +10,10 @@ use super::{
 use crate::{
     camera::Ray,
     dos::twin::Eye,
-    occlusion::{Filter, OpticalVolume, Sight, cone::{decay_rates, through_slice}},
+    occlusion::{
+        Filter, OpticalVolume, Sight,
+        cone::{decay_rates, through_slice},
+    },
     reference::medium::{Medium, box_interval},
 };
 
@@ -102,11 +105,8 @@ impl Tracer<'_> {
     fn light(&self, at_mm: DVec3, frame: [DVec3; 3]) -> f64 {
         let tangent = self.settings.sub_tangent();
         let [u, v, axis] = frame;
-        let sum: f64 = self
-            .axes
-            .iter()
-            .map(|a| self.through(at_mm, u * a[0] + v * a[1] + axis * a[2], tangent))
-            .sum();
+        let sum: f64 =
+            self.axes.iter().map(|a| self.through(at_mm, u * a[0] + v * a[1] + axis * a[2], tangent)).sum();
         sum / self.axes.len() as f64
     }
 
@@ -135,11 +135,12 @@ impl Tracer<'_> {
                 eye.transmittance *= (-thickness).exp();
             } else {
                 let light = self.light(front + direction * (from - SLIP_VOXELS * voxel), frame);
-                // What is opaque is a surface; else light falls within the step as in a slab.
+                // What is opaque is a surface; else light falls within the step as in a slab lit from all
+                // of the cone.
                 let gathered = if thickness.is_infinite() {
                     light
                 } else {
-                    through_slice(&self.rates, light, thickness).0
+                    light * through_slice(&self.rates, 1.0, thickness).0
                 };
                 eye.radiance += optics.color * (gathered * eye.transmittance);
                 eye.transmittance *= (-thickness).exp();
@@ -157,8 +158,5 @@ pub fn render(volume: &OpticalVolume, pyramid: &Pyramid, sight: &Sight, settings
     let rates = decay_rates(settings.aperture_deg);
     let tracer = Tracer { volume, pyramid, settings, axes, rates };
     let width = sight.size[0];
-    (0..width * sight.size[1])
-        .into_par_iter()
-        .map(|i| tracer.pixel(sight, [i % width, i / width]))
-        .collect()
+    (0..width * sight.size[1]).into_par_iter().map(|i| tracer.pixel(sight, [i % width, i / width])).collect()
 }

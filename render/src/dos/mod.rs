@@ -4,7 +4,7 @@
 mod plan;
 mod renderer;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 pub mod twin;
 pub(crate) mod uniforms;
 

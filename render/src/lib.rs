@@ -8,10 +8,13 @@ pub mod camera;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod cones;
 pub mod context;
+pub mod dos;
 pub mod ellipsoids;
 pub mod frame;
 pub mod gpu;
+pub mod occlusion;
 pub mod palette;
 pub mod plan;
 pub mod reference;

@@ -3,6 +3,7 @@
 //! Knows no window and no egui. `Gpu` is made once a program, `Renderer` (pipelines) once a device,
 //! a scene's buffers once an input, targets once a size.
 
+pub mod accuracy;
 mod bricks;
 pub mod camera;
 #[cfg(test)]

@@ -127,7 +127,7 @@ impl Frame {
         let [depths, blurred] = &read[..] else { return Ok(Occluded::default()) };
         // The last of four 8-bit channels; the others are the colour that bleeds.
         let dark = |bytes: &[u8]| bytes.chunks_exact(4).map(|p| f64::from(p[3]) / 255.0).collect();
-        Ok(Occluded { depths: bytemuck::pod_collect_to_vec(depths), raw: dark(raw), blurred: dark(blurred) })
+        Ok(Occluded { depths: bytemuck::pod_collect_to_vec(depths), blurred: dark(blurred) })
     }
 
     /// Depths (from the reference plane, [`FAR`] where nothing is) and region numbers of all pixels.

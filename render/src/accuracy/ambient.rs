@@ -13,7 +13,7 @@ use super::{
     scenes,
 };
 use crate::{
-    MaskColors, Palette, PassName, Quality, Renderer, Scene,
+    MaskColors, Palette, Quality, Renderer, Scene,
     camera::FIELD_OF_VIEW_DEG,
     reference::{
         hemisphere::{DepthScene, Weight, openness},
@@ -178,12 +178,10 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     for &samples_asked in counts {
         bench.begin("ambient occlusion: samples", &samples_asked.to_string())?;
         let quality = Quality { occlusion_samples: samples_asked, ..Quality::FULL };
-        let (time, peak_bytes) = timed(repeats, || {
+        let measured = timed(repeats, || {
             renderer.render(bench.gpu, &scene, &quality, size)?;
             bench.wait()?;
-            let times = renderer.pass_times(bench.gpu)?;
-            let of = |p: &(PassName, f64)| matches!(p.0, PassName::Occlusion | PassName::OcclusionBlur);
-            Ok::<_, AccuracyError>(Some(times.iter().filter(|p| of(p)).map(|p| p.1).sum()))
+            Ok::<_, AccuracyError>(())
         })?;
         let Some(frame) = renderer.frame() else { continue };
         let found = frame.occlusion(bench.gpu)?;
@@ -209,8 +207,9 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                 n => format!("{n} pairs"),
             },
             value: f64::from(samples_asked),
-            time,
-            peak_bytes,
+            time: measured.time,
+            cpu: bench.cpu(measured.cpu),
+            peak_bytes: measured.peak_bytes,
             error_rms: errors.rms(),
             error_max: errors.max(),
             delta_e: None,

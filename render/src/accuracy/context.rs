@@ -11,7 +11,7 @@ use super::{
     scenes,
 };
 use crate::{
-    ContextRenderer, ContextScene, ContextVolume, MaskColors, Palette, PassName, Quality, TransferPreset,
+    ContextRenderer, ContextScene, ContextVolume, MaskColors, Palette, Quality, TransferPreset,
     reference::emission::{Sampling, march},
 };
 
@@ -79,11 +79,10 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         for &step_mm in steps {
             bench.begin("context: step", &format!("{step_mm} mm"))?;
             let quality = Quality { context_step_mm: step_mm, ..Quality::FULL };
-            let (time, peak_bytes) = timed(repeats, || {
+            let measured = timed(repeats, || {
                 renderer.render(bench.gpu, &scene, &quality, size)?;
                 bench.wait()?;
-                let times = renderer.pass_times(bench.gpu)?;
-                Ok::<_, AccuracyError>(times.iter().find(|t| t.0 == PassName::Context).map(|t| t.1))
+                Ok::<_, AccuracyError>(())
             })?;
             let marched = renderer.frame().map(|f| f.marched(bench.gpu)).transpose()?.unwrap_or_default();
             let found: Vec<[f64; 4]> = marched.iter().map(|m| m.rgba()).collect();
@@ -91,8 +90,9 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
             points.push(Point {
                 setting: format!("{step_mm} mm"),
                 value: step_mm,
-                time,
-                peak_bytes,
+                time: measured.time,
+                cpu: bench.cpu(measured.cpu),
+                peak_bytes: measured.peak_bytes,
                 error_rms: errors.rms(),
                 error_max: errors.max(),
                 delta_e: Some(delta_e),

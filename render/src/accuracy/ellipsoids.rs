@@ -63,9 +63,9 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
             bench.begin(method.name(), &format!("{tolerance:e}"))?;
             let options = Options { method, tolerance, ..Options::default() };
             let mut found = Vec::new();
-            let (time, peak_bytes) = timed(repeats, || {
+            let measured = timed(repeats, || {
                 found = volumes(&options);
-                Ok::<_, AccuracyError>(None)
+                Ok::<_, AccuracyError>(())
             })?;
             let mut errors = Errors::default();
             for (f, t) in found.iter().zip(&truth) {
@@ -74,8 +74,9 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
             points.push(Point {
                 setting: format!("{tolerance:e}"),
                 value: tolerance,
-                time,
-                peak_bytes,
+                time: measured.time,
+                cpu: measured.cpu,
+                peak_bytes: measured.peak_bytes,
                 error_rms: errors.rms(),
                 error_max: errors.max(),
                 delta_e: None,

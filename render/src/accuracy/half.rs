@@ -50,6 +50,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                 setting: format!("{slices} slices, {bytes_a_pixel} bytes a pixel"),
                 value: f64::from(slices),
                 time: None,
+                cpu: None,
                 peak_bytes: None,
                 error_rms: errors.rms(),
                 error_max: errors.max(),

@@ -10,6 +10,18 @@ use serde::Serialize;
 
 use super::{Axis, Curve, Point};
 
+/// Milliseconds of processor time that this process's threads have had; nothing on other systems than
+/// Linux.
+fn cpu_ms() -> Option<f64> {
+    let tasks = std::fs::read_dir("/proc/self/task").ok()?;
+    let one = |task: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
+        let line = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
+        line.split_whitespace().next()?.parse().ok()
+    };
+    // A thread that ends while it is asked is one that had nothing to do.
+    Some(tasks.filter_map(one).sum::<f64>() * 1e-6)
+}
+
 /// Quartiles of several runs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Timing {
@@ -43,34 +55,38 @@ pub(super) struct Repeats {
     pub patience: Duration,
 }
 
-/// Runs `job` once unmeasured (what is made once is made then), then up to `repeats`; `job` returns
-/// the milliseconds it took, or none where the whole of it counts. Where the first run has used up
-/// all patience, it is the measurement.
-pub(super) fn timed<E>(
-    repeats: Repeats,
-    mut job: impl FnMut() -> Result<Option<f64>, E>,
-) -> Result<(Option<Timing>, Option<u64>), E> {
+/// What running something took.
+pub(super) struct Measured {
+    pub time: Option<Timing>,
+    pub cpu: Option<Timing>,
+    pub peak_bytes: Option<u64>,
+}
+
+/// Runs `job` once unmeasured (what is made once is made then), then up to `repeats`. Where the first
+/// run has used up all patience, it is the measurement.
+pub(super) fn timed<E>(repeats: Repeats, mut job: impl FnMut() -> Result<(), E>) -> Result<Measured, E> {
     reset_peak();
     let begin = Instant::now();
     let mut run = || {
-        let start = Instant::now();
-        let own = job()?;
-        Ok::<f64, E>(own.unwrap_or(start.elapsed().as_secs_f64() * 1e3))
+        let (start, cpu) = (Instant::now(), cpu_ms());
+        job()?;
+        let wall = start.elapsed().as_secs_f64() * 1e3;
+        Ok::<_, E>((wall, cpu.and_then(|before| Some(cpu_ms()? - before))))
     };
-    let mut times = vec![run()?];
+    let mut runs = vec![run()?];
     if begin.elapsed() < repeats.patience {
-        times.clear();
+        runs.clear();
     }
-    while times.is_empty() || (times.len() < repeats.most && begin.elapsed() < repeats.patience) {
-        times.push(run()?);
+    while runs.is_empty() || (runs.len() < repeats.most && begin.elapsed() < repeats.patience) {
+        runs.push(run()?);
     }
-    let timing = quartiles(&times).map(|[q1_ms, median_ms, q3_ms]| Timing {
-        median_ms,
-        q1_ms,
-        q3_ms,
-        runs: times.len(),
-    });
-    Ok((timing, peak_bytes()))
+    let timing = |times: &[f64]| {
+        let [q1_ms, median_ms, q3_ms] = quartiles(times)?;
+        Some(Timing { median_ms, q1_ms, q3_ms, runs: times.len() })
+    };
+    let walls: Vec<f64> = runs.iter().map(|r| r.0).collect();
+    let cpus: Vec<f64> = runs.iter().filter_map(|r| r.1).collect();
+    Ok(Measured { time: timing(&walls), cpu: timing(&cpus), peak_bytes: peak_bytes() })
 }
 
 /// Sets the peak back to what is resident now; does nothing where the system has no such file.
@@ -167,7 +183,7 @@ pub(super) fn delta_e_of(pairs: impl Iterator<Item = ([f64; 3], [f64; 3])>) -> [
 /// Marks the points that no other of the same family and scene is better than, where error stands
 /// against time.
 pub fn mark_pareto(curves: &mut [Curve]) {
-    let cost = |p: &Point| p.time.map(|t| (t.median_ms, p.error_rms)).filter(|c| !c.1.is_nan());
+    let cost = |p: &Point| p.cost().map(|t| (t.median_ms, p.error_rms)).filter(|c| !c.1.is_nan());
     for number in 0..curves.len() {
         let Some(own) = curves.get(number).filter(|c| c.axis == Axis::Time) else { continue };
         let beside = |c: &&Curve| c.family == own.family && c.scene == own.scene;

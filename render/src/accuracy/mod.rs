@@ -122,8 +122,11 @@ pub struct Point {
     pub setting: String,
     /// The knob's value.
     pub value: f64,
-    /// Time; nothing where none can be told.
+    /// Time from begin to done; nothing where none can be told.
     pub time: Option<Timing>,
+    /// Processor time of all threads, where the kernel runs on the processor (a software adapter's do)
+    /// and the system says: unlike time it hardly depends on what else the machine does.
+    pub cpu: Option<Timing>,
     /// Most memory that the whole process had resident while the setting ran (VmHWM, reset before),
     /// the software adapter's buffers with it; nothing where the system doesn't say.
     pub peak_bytes: Option<u64>,
@@ -136,9 +139,16 @@ pub struct Point {
     pub delta_e: Option<[f64; 2]>,
     /// Whether it is what the program does when nobody says otherwise.
     pub is_default: bool,
-    /// Whether no other point of the family on this scene is both at least as fast and at least as
+    /// Whether no other point of the family on this scene costs at most as much ([`Point::cost`]) and is at least as
     /// right, and one of them more.
     pub is_pareto: bool,
+}
+
+impl Point {
+    /// What the front counts and plots show: processor time where there is some, else time.
+    pub fn cost(&self) -> Option<Timing> {
+        self.cpu.or(self.time)
+    }
 }
 
 /// A kernel's knob swept on a scene.
@@ -197,6 +207,11 @@ impl Bench<'_> {
     fn begin(&self, what: &str, setting: &str) -> Result<(), Cancelled> {
         self.progress.say(format!("{what}: {setting}"));
         self.progress.advance(1)
+    }
+
+    /// Processor time of what the device does: none on a graphics card.
+    fn cpu(&self, of: Option<Timing>) -> Option<Timing> {
+        of.filter(|_| self.gpu.is_software())
     }
 
     fn wait(&self) -> Result<(), RenderError> {

@@ -51,9 +51,9 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         let volume = Volume::new(source, Samples::F32(values), Scaling::NONE)
             .ok_or_else(|| AccuracyError::Scene("values that don't fit their grid".to_owned()))?;
         let mut found = None;
-        let (time, peak_bytes) = timed(repeats, || {
+        let measured = timed(repeats, || {
             found = Some(image_onto(&volume, &target, &Progress::new())?);
-            Ok::<_, AccuracyError>(None)
+            Ok::<_, AccuracyError>(())
         })?;
         let mut errors = Errors::default();
         for (f, t) in found.iter().flat_map(|f| &f.values).zip(&truth) {
@@ -62,8 +62,9 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         points.push(Point {
             setting: format!("{spacing} mm"),
             value: spacing,
-            time,
-            peak_bytes,
+            time: measured.time,
+            cpu: measured.cpu,
+            peak_bytes: measured.peak_bytes,
             error_rms: errors.rms(),
             error_max: errors.max(),
             delta_e: None,

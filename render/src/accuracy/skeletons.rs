@@ -72,16 +72,17 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     for &opening in openings {
         bench.begin("skeleton: opening", &opening.to_string())?;
         let mut found = Skeleton::default();
-        let (time, peak_bytes) = timed(repeats, || {
+        let measured = timed(repeats, || {
             found = run(opening)?;
-            Ok::<_, AccuracyError>(None)
+            Ok::<_, AccuracyError>(())
         })?;
         let errors = apart(&found, &truth)?;
         points.push(Point {
             setting: format!("θ = {opening}"),
             value: opening,
-            time,
-            peak_bytes,
+            time: measured.time,
+            cpu: measured.cpu,
+            peak_bytes: measured.peak_bytes,
             error_rms: errors.rms(),
             error_max: errors.max(),
             delta_e: None,

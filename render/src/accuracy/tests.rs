@@ -15,6 +15,7 @@ fn point(median_ms: f64, error_rms: f64) -> Point {
         setting: String::new(),
         value: 1.0,
         time: Some(Timing { median_ms, q1_ms: median_ms, q3_ms: median_ms, runs: 1 }),
+        cpu: None,
         peak_bytes: None,
         error_rms,
         error_max: error_rms,
@@ -51,6 +52,12 @@ fn the_front_is_what_nothing_beats() {
         curves.iter().map(|c| c.points.iter().map(|p| p.is_pareto).collect()).collect();
     // Two equal points don't beat each other.
     assert_eq!(marks, [vec![true, true, false, true], vec![true, true, false], vec![true]]);
+    // Processor time decides where there is some.
+    let mut slow = point(9.0, 9.0);
+    slow.cpu = Some(Timing { median_ms: 0.5, q1_ms: 0.5, q3_ms: 0.5, runs: 1 });
+    let mut both = vec![curve("a", vec![slow, point(1.0, 9.0)])];
+    mark_pareto(&mut both);
+    assert!(both[0].points[0].is_pareto && !both[0].points[1].is_pareto);
     let mut knob = curve("a", vec![point(1.0, 1.0)]);
     knob.axis = Axis::Knob;
     let mut alone = vec![knob];

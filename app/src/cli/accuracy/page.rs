@@ -7,7 +7,7 @@ use std::{
 
 use glioscope_render::{
     Gpu,
-    accuracy::{Axis, Curve, Family, Point, load_average},
+    accuracy::{Axis, Curve, Family, Point, Timing, load_average},
 };
 
 use super::plot::Plot;
@@ -29,7 +29,7 @@ impl Begun {
 
 /// The day so many days after 1970-01-01, as an ISO date.
 fn date(mut days: u64) -> String {
-    let is_leap = |y: u64| (y % 4 == 0 && y % 100 != 0) || y % 400 == 0;
+    let is_leap = |y: u64| (y.is_multiple_of(4) && !y.is_multiple_of(100)) || y.is_multiple_of(400);
     let mut year = 1970;
     while days >= 365 + u64::from(is_leap(year)) {
         days -= 365 + u64::from(is_leap(year));
@@ -72,12 +72,13 @@ fn cell(value: Option<f64>) -> String {
 
 /// A row a point.
 pub(super) fn csv(curves: &[Curve]) -> String {
-    let mut out = "family,kernel,scene,knob,setting,value,median_ms,q1_ms,q3_ms,runs,peak_bytes,error_rms,\
+    let mut out = "family,kernel,scene,knob,setting,value,median_ms,q1_ms,q3_ms,cpu_median_ms,cpu_q1_ms,cpu_q3_ms,runs,peak_bytes,error_rms,\
                    error_max,unit,delta_e_rms,delta_e_max,truth,truth_error,default,pareto\n"
         .to_owned();
     for c in curves {
         for p in &c.points {
-            let time = |of: fn(&glioscope_render::accuracy::Timing) -> f64| cell(p.time.as_ref().map(of));
+            let time = |of: fn(&Timing) -> f64| cell(p.time.as_ref().map(of));
+            let cpu = |of: fn(&Timing) -> f64| cell(p.cpu.as_ref().map(of));
             let fields = [
                 c.family.name().to_owned(),
                 quoted(&c.kernel),
@@ -88,6 +89,9 @@ pub(super) fn csv(curves: &[Curve]) -> String {
                 time(|t| t.median_ms),
                 time(|t| t.q1_ms),
                 time(|t| t.q3_ms),
+                cpu(|t| t.median_ms),
+                cpu(|t| t.q1_ms),
+                cpu(|t| t.q3_ms),
                 p.time.map(|t| t.runs.to_string()).unwrap_or_default(),
                 p.peak_bytes.map(|b| b.to_string()).unwrap_or_default(),
                 cell(Some(p.error_rms)),
@@ -121,7 +125,7 @@ fn about(family: Family) -> &'static str {
             "Two truths. The hemisphere is what the pass stands for: what it lacks against it no number of \
              samples brings, because the pass knows no normals and counts half of the ball as light. Its own \
              integral is what its samples come to. The default, 12 pairs, is where the second error has fallen \
-             below what the first leaves in any case; the time is that of the pass and its blur."
+             below what the first leaves in any case; the time is that of the whole frame."
         }
         Family::Occlusion => {
             "Slices after the paper drift with the number of slices (their penumbra depends on it), so more \
@@ -164,9 +168,9 @@ fn number(value: f64) -> String {
     }
 }
 
-fn milliseconds(p: &Point) -> String {
+fn milliseconds(timing: Option<Timing>) -> String {
     let digits = |v: f64| if v < 10.0 { format!("{v:.2}") } else { format!("{v:.0}") };
-    p.time.map_or("–".to_owned(), |t| {
+    timing.map_or("–".to_owned(), |t| {
         format!("{} ({} to {})", digits(t.median_ms), digits(t.q1_ms), digits(t.q3_ms))
     })
 }
@@ -177,11 +181,11 @@ fn verdict(curves: &[&Curve], own: &Point) -> String {
     if own.is_pareto {
         return format!("The default ({name}) lies on the measured front.");
     }
-    let Some(time) = own.time else { return format!("The default ({name}) has no time.") };
+    let Some(cost) = own.cost() else { return format!("The default ({name}) has no time.") };
     // The point that beats it by the largest product of both ratios.
     let rivals = curves.iter().flat_map(|c| c.points.iter().map(move |p| (&c.kernel, p)));
     let gain = |p: &Point| -> Option<(f64, f64)> {
-        Some((time.median_ms / p.time?.median_ms, own.error_rms / p.error_rms))
+        Some((cost.median_ms / p.cost()?.median_ms, own.error_rms / p.error_rms))
     };
     let best = rivals
         .filter_map(|(kernel, p)| gain(p).filter(|(t, e)| *t >= 1.0 && *e >= 1.0).map(|g| (kernel, p, g)))
@@ -218,14 +222,16 @@ fn write_page(out: &mut String, curves: &[Curve], plots: &[Plot], begun: &Begun)
         "# Accuracy: error against run time\n\n\
          Made by `glioscope accuracy` (`./x accuracy`); don't edit, run it again. {date}, `glioscope {command}`, \
          {build}.\n\n\
-         - Machine: {machine}; load of the last minute {before} at the beginning, {after} at the end. Times are \
-         medians beside whatever else ran then; compare points of one run, not of two.\n\
+         - Machine: {machine}; load of the last minute {before} at the beginning, {after} at the end. Times \
+         (submitted to done) are medians beside whatever else ran then. CPU times are those of all threads of \
+         the program, software adapter included, and hardly depend on that: front and plots go by them where \
+         they are known. Compare points of one run, not of two.\n\
          - Graphics: {adapter}.\n\
          - Memory: the most that the whole process had resident while a setting ran (VmHWM, reset before each; \
          on a software adapter with its buffers, on a graphics card without).\n\
          - Errors: root mean square and largest, over what is not empty; ΔE is CIE76 in CIELAB (D65) of the \
          displayed picture, RMS and largest.\n\
-         - Pareto points, filled in the plots, are those that no other point of the same plot beats in time \
+         - Pareto points, filled in the plots, are those that no other point of the same plot beats in cost \
          and RMS error. Tables hold them and the defaults; all points are in accuracy.csv.",
         date = begun.date,
         command = command.join(" "),
@@ -263,8 +269,8 @@ fn section(out: &mut String, plot: &Plot, curves: &[&Curve], first: &Curve) -> s
     }
     writeln!(
         out,
-        "| Kernel | Setting | ms, median (quartiles) | MiB | Error RMS | Error max | ΔE RMS, max | |\n\
-         |---|---|--:|--:|--:|--:|--:|---|"
+        "| Kernel | Setting | CPU ms, median (quartiles) | ms | MiB | Error RMS | Error max | ΔE RMS, max | |\n\
+         |---|---|--:|--:|--:|--:|--:|--:|---|"
     )?;
     let shown = |p: &&Point| p.is_pareto || p.is_default || first.axis == Axis::Knob;
     for (c, p) in curves.iter().flat_map(|c| c.points.iter().filter(shown).map(move |p| (c, p))) {
@@ -278,10 +284,11 @@ fn section(out: &mut String, plot: &Plot, curves: &[&Curve], first: &Curve) -> s
         };
         writeln!(
             out,
-            "| {} | {} | {} | {mib} | {} | {} | {delta_e} | {marks} |",
+            "| {} | {} | {} | {} | {mib} | {} | {} | {delta_e} | {marks} |",
             c.kernel,
             p.setting,
-            milliseconds(p),
+            milliseconds(p.cpu),
+            milliseconds(p.time),
             number(p.error_rms),
             number(p.error_max)
         )?;

@@ -150,7 +150,7 @@ fn text(at: [f32; 2], anchor: Anchor, size: f32, color: [u8; 3], text: impl Into
 fn marks(curves: &[&Curve]) -> Vec<Mark> {
     let Some(first) = curves.first() else { return Vec::new() };
     let along = |p: &Point| match first.axis {
-        Axis::Time => p.time.map(|t| t.median_ms),
+        Axis::Time => p.cost().map(|t| t.median_ms),
         Axis::Knob => Some(p.value),
     };
     let points = || curves.iter().flat_map(|c| &c.points);
@@ -162,6 +162,9 @@ fn marks(curves: &[&Curve]) -> Vec<Mark> {
     out.push(text([12.0, 38.0], Anchor::Start, 12.0, GREY, first.scene.clone()));
     out.push(text([12.0, 62.0], Anchor::Start, 12.0, INK, format!("error (RMS), {}", first.unit)));
     let horizontal = match first.axis {
+        Axis::Time if points().any(|p| p.cpu.is_some()) => {
+            "median processor time of all threads, ms; bars from first to third quartile".to_owned()
+        }
         Axis::Time => "median time, ms; bars from first to third quartile".to_owned(),
         Axis::Knob => first.knob.to_owned(),
     };
@@ -196,7 +199,7 @@ fn marks(curves: &[&Curve]) -> Vec<Mark> {
         }
         for (point, at) in curve.points.iter().zip(places) {
             let Some(at) = at else { continue };
-            if let Some(t) = point.time.filter(|_| first.axis == Axis::Time) {
+            if let Some(t) = point.cost().filter(|_| first.axis == Axis::Time) {
                 out.push(line([x.at(t.q1_ms), at[1]], [x.at(t.q3_ms), at[1]], color, 1.0, false));
             }
             let filled = point.is_pareto || first.axis == Axis::Knob;

@@ -120,7 +120,11 @@ impl Scale {
     /// Round values in it: powers of ten, with 2 and 5 between where there are few.
     fn ticks(&self) -> Vec<f64> {
         let decades = (self.high / self.low).log10();
-        let steps: &[f64] = if decades > 2.5 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        let steps: &[f64] = match decades {
+            d if d > 2.5 => &[1.0],
+            d if d > 0.7 => &[1.0, 2.0, 5.0],
+            _ => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0],
+        };
         let apart = (decades / 9.0).ceil().max(1.0) as usize;
         let first = self.low.log10().floor() as i32;
         (first..=self.high.log10().ceil() as i32)
@@ -156,7 +160,9 @@ fn marks(curves: &[&Curve]) -> Vec<Mark> {
     let points = || curves.iter().flat_map(|c| &c.points);
     let x = Scale::of(points().filter_map(along), LEFT, RIGHT);
     let truth_errors = || curves.iter().filter_map(|c| c.truth_error);
-    let y = Scale::of(points().map(|p| p.error_rms).chain(truth_errors()), BOTTOM, TOP);
+    // Room for the legend: no point lies under it.
+    let top = TOP + 17.0 * (curves.len() + 1) as f32;
+    let y = Scale::of(points().map(|p| p.error_rms).chain(truth_errors()), BOTTOM, top);
     let mut out = Vec::new();
     out.push(text([12.0, 18.0], Anchor::Start, 16.0, INK, first.family.title()));
     out.push(text([12.0, 38.0], Anchor::Start, 12.0, GREY, first.scene.clone()));

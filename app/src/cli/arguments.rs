@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glioscope_core::case::{Case, CaseGridChoice, LoadOptions};
 
-use super::{Failure, change::ChangeArguments, terminal};
+use super::{Failure, accuracy::AccuracyArguments, change::ChangeArguments, terminal};
 use crate::{document::CaseRef, run_window::case_of_path, world};
 
 /// Compares tumour segmentations. Without a subcommand it opens the window.
@@ -97,6 +97,8 @@ pub enum Task {
         #[arg(long)]
         software: bool,
     },
+    /// Measure the error of every approximate kernel against its run time.
+    Accuracy(AccuracyArguments),
     /// Write the embedded sample case as files.
     Sample {
         /// The folder.

@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 the answer is "not so" where a command asks, 2 wrong input, with one line
 //! on stderr.
 
+mod accuracy;
 mod arguments;
 mod change;
 mod ellipsoids;
@@ -66,6 +67,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
             ellipsoids::run(&case, connectivity, tolerance, json)
         }
         Some(Task::Change(arguments)) => change::run(&arguments),
+        Some(Task::Accuracy(arguments)) => accuracy::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Sample { out }) => sample::run(&out),

@@ -32,8 +32,8 @@ fn points() -> Vec<[f32; 3]> {
 }
 
 fn tck(points: &[[f32; 3]]) -> Vec<u8> {
-    let mut out = b"mrtrix tracks\ncount: 100000\ndatatype: Float32LE\nfile: . 0064\nEND\n".to_vec();
-    out.resize(64.max(out.len()), b' ');
+    let mut out = b"mrtrix tracks\ncount: 100000\ndatatype: Float32LE\nfile: . 0128\nEND\n".to_vec();
+    out.resize(128.max(out.len()), b' ');
     for fiber in points.chunks(POINTS) {
         fiber.iter().flatten().for_each(|v| out.extend(v.to_le_bytes()));
         (0..3).for_each(|_| out.extend(f32::NAN.to_le_bytes()));

@@ -13,6 +13,7 @@ mod render;
 mod report;
 mod sample;
 mod terminal;
+mod tracts;
 
 use std::process::ExitCode;
 
@@ -66,6 +67,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Task::Ellipsoids { case, connectivity, tolerance, json }) => {
             ellipsoids::run(&case, connectivity, tolerance, json)
         }
+        Some(Task::Tracts(arguments)) => tracts::run(&arguments),
         Some(Task::Change(arguments)) => change::run(&arguments),
         Some(Task::Accuracy(arguments)) => accuracy::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
@@ -75,6 +77,10 @@ fn run(cli: Cli) -> Result<(), Failure> {
 }
 
 fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), Failure> {
+    if !case.tracts.is_empty() {
+        let found = "arguments: found --tracts for the window, expected them in the case's manifest";
+        return Err(Failure(found.into()));
+    }
     let WindowArguments { software, picture } = window;
     let start = Start { case: case.reference()?, options: case.options(), software, picture };
     run_window::run(start).map_err(Failure)

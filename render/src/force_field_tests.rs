@@ -4,20 +4,15 @@ use glam::{DMat3, DVec3};
 use glioscope_core::{
     Grid, MaskBits, Progress,
     skeleton::{
-        Charge, ForceSource, ForceTask, Refused, Skeleton, SkeletonOptions, force_field, force_field_with,
-        skeleton, skeleton_with,
+        Charge, ForceSource, ForceTask, Level, Refused, Skeleton, SkeletonOptions, force_field,
+        force_field_with, skeleton, skeleton_with,
     },
 };
 
 use crate::{AdapterPreference, ForceField, Gpu};
 
-const EXACT: SkeletonOptions = SkeletonOptions {
-    level: glioscope_core::skeleton::Level::Core,
-    exponent: 5,
-    opening: 0.0,
-    coarse: 1,
-    divergence_part: 0.3,
-};
+const EXACT: SkeletonOptions =
+    SkeletonOptions { level: Level::Core, exponent: 5, opening: 0.0, coarse: 1, divergence_part: 0.3 };
 
 fn device() -> ForceField {
     let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
@@ -98,7 +93,7 @@ fn the_device_s_force_is_the_exact_sum() {
                 at(100)
             );
             assert!(angles.len() > 1000, "{name}: {} places", angles.len());
-            assert!(at(95) < 0.001 && at(100) < 0.05 && worst < 1e-5, "{name}, m = {exponent}");
+            assert!(at(95) < 1e-4 && at(100) < 5e-3 && worst < 1e-5, "{name}, m = {exponent}");
         }
     }
 }
@@ -113,8 +108,10 @@ fn farthest(from: &Skeleton, to: &Skeleton) -> f64 {
 fn the_skeleton_is_that_of_the_exact_sum() {
     let device = device();
     for (name, bits, grid) in shapes() {
-        let exact = skeleton(&bits, &grid, &EXACT, &Progress::new()).unwrap();
-        let found = skeleton_with(&bits, &grid, &EXACT, Some(&device), &Progress::new()).unwrap();
+        // Lines too, not only middles.
+        let options = SkeletonOptions { level: Level::Divergence, ..EXACT };
+        let exact = skeleton(&bits, &grid, &options, &Progress::new()).unwrap();
+        let found = skeleton_with(&bits, &grid, &options, Some(&device), &Progress::new()).unwrap();
         let off = farthest(&found, &exact).max(farthest(&exact, &found));
         println!("{name}: {} and {} points, {off:.4} mm", exact.points.len(), found.points.len());
         assert!(off <= 0.5 * grid.spacing_mm().min_element(), "{name}: {off} mm");
@@ -159,7 +156,7 @@ fn what_does_not_fit_is_left_to_the_tree_with_a_reason() {
     let deep = why(&[charge(DVec3::ZERO)], &[DVec3::splat(4000.0)], 9);
     assert!(deep.contains("deep") && deep.contains("exponent 9"), "{deep}");
     let bad = why(&[charge(DVec3::ZERO)], &[DVec3::splat(f64::NAN); 2], 5);
-    assert!(bad.contains("no numbers") || bad.contains("without"), "{bad}");
+    assert!(bad.contains("no numbers"), "{bad}");
     let none = why(&[charge(DVec3::ZERO)], &[], 5);
     assert!(none.contains("no place"), "{none}");
     let progress = Progress::new();

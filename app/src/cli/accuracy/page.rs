@@ -129,8 +129,8 @@ fn about(family: Family) -> &'static str {
         }
         Family::Occlusion => {
             "Slices after the paper drift with the number of slices (their penumbra depends on it), so more \
-             slices are no better there; the mended ones converge, to a limit whose bias against Monte Carlo is \
-             the last column's floor; cones fall to the standard error of Monte Carlo itself. Time is a whole \
+             slices are no better there; the mended ones converge, to a limit with a bias against Monte \
+             Carlo, where its error stops falling; cones fall to the standard error of Monte Carlo itself. Time is a whole \
              picture, submitted to done. Aperture 60°, both backends' default; footprints of slices and steps \
              as their settings say."
         }
@@ -155,7 +155,7 @@ fn about(family: Family) -> &'static str {
             "Transmittance and colour of a slab, put together from slices front to back, each stored value \
              rounded. Half floats are emulated, so there is no time. They would halve the picture's buffers (20 \
              to 10 bytes a pixel), and lose the light of thin slices: an opacity below 2⁻¹¹ no longer changes a \
-             transmittance of 1. The program keeps 32 bits everywhere."
+             transmittance of 1. The program adds up in 32 bits everywhere; only finished pixels are packed."
         }
     }
 }

@@ -59,8 +59,8 @@ fn device_and_twin_agree() {
 fn errors(found: &[[f32; 4]], truth: &[Estimate]) -> (f64, f64) {
     let (mut error, mut se, mut n) = (0.0, 0.0, 0.0);
     for (f, e) in found.iter().zip(truth).filter(|(f, _)| f[3] < 0.99) {
-        for c in 0..3 {
-            error += (f64::from(f[c]) - e.mean[c]).powi(2);
+        for (c, value) in f.iter().enumerate().take(3) {
+            error += (f64::from(*value) - e.mean[c]).powi(2);
             se += e.standard_error[c].powi(2);
             n += 1.0;
         }

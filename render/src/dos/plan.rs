@@ -92,7 +92,7 @@ impl Kernel {
         if grid <= 1 || variance_px2.is_nan() || variance_px2 <= 0.0 {
             return Self::Lattice { side: 1, stride_px: 1, center: 0.0 };
         }
-        let even = grid % 2 == 0;
+        let even = grid.is_multiple_of(2);
         let unit = if even { 2.0 } else { 1.0 };
         let spread = |side: u32| (f64::from(side).powi(2) - 1.0) / 12.0 * unit * unit;
         let least = if even { 2 } else { 3 };

@@ -55,8 +55,8 @@ fn timed(runs: usize, mut run: impl FnMut()) -> [f64; 3] {
 fn errors(found: &[[f32; 4]], truth: &[Estimate]) -> [f64; 3] {
     let (mut sum, mut most, mut se, mut n) = (0.0, 0.0f64, 0.0, 0.0);
     for (f, t) in found.iter().zip(truth).filter(|(f, _)| f[3] < 0.99) {
-        for c in 0..3 {
-            let off = f64::from(f[c]) - t.mean[c];
+        for (c, value) in f.iter().enumerate().take(3) {
+            let off = f64::from(*value) - t.mean[c];
             sum += off * off;
             most = most.max(off.abs());
             se += t.standard_error[c].powi(2);

@@ -4,7 +4,7 @@
 //! itself; at level 0 a sub-cone is an exact ray.
 
 mod pyramid;
-mod renderer;
+pub(crate) mod renderer;
 mod settings;
 #[cfg(test)]
 mod tests;

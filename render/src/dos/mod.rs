@@ -4,6 +4,8 @@
 mod plan;
 mod renderer;
 #[cfg(test)]
+mod stability_tests;
+#[cfg(test)]
 pub(crate) mod tests;
 pub mod twin;
 pub(crate) mod uniforms;

@@ -100,7 +100,7 @@ fn against_twin(
         .fold(0.0, f64::max)
 }
 
-const SIZE: [u32; 2] = [44, 40];
+const SIZE: [u32; 2] = [26, 24];
 
 #[test]
 fn device_and_twin_agree() {
@@ -241,4 +241,53 @@ fn the_paper_s_penumbra_drifts_and_the_mended_one_rests() {
     for m in &mended {
         assert!((m / truth - 1.0).abs() < 0.06, "{mended:?} {truth}");
     }
+}
+
+/// Offsets and sizes of every struct of the uniforms, from naga's reflection.
+#[test]
+fn uniforms_are_laid_out_as_the_shaders_read_them() {
+    use crate::{cones, occlusion::upload::Optical};
+    use std::mem::offset_of;
+    macro_rules! offsets {
+        ($t:ty: $($field:ident),*) => {
+            (size_of::<$t>(), vec![$((stringify!($field), offset_of!($t, $field))),*])
+        };
+    }
+    let known = [
+        (
+            "Optical",
+            offsets!(Optical: corner, pixel_mm, right, pixel_mm_per_mm, up, table_scale, forward, table_offset,
+                plane, dims, table_last, bricks, nearest, size, skipping, pad),
+        ),
+        ("Dos", offsets!(super::uniforms::Dos: slice_mm, variant, tiles, rates)),
+        (
+            "Step",
+            offsets!(super::uniforms::DosStep: depth, slices, side, stride, center, radius, radius_mm, share,
+                is_empty, states, stops, pad),
+        ),
+        ("Level", offsets!(cones::renderer::LevelInfo: dims, start, scale, pad)),
+        (
+            "Cones",
+            offsets!(cones::renderer::Cones: tangent, ray_step, cone_step, coarsest, voxel_mm, count, dark, pad,
+                levels, rates),
+        ),
+        ("Share", offsets!(cones::renderer::Share: begin, end, first_axis, end_axis, advances)),
+    ];
+    let mut seen = 0;
+    for name in ["dos_step", "dos_eye", "dos_occlusion", "cones_trace"] {
+        let module = naga::front::wgsl::parse_str(&glioscope_shaders::compose(name).unwrap()).unwrap();
+        for (_, ty) in module.types.iter() {
+            let naga::TypeInner::Struct { members, span } = &ty.inner else { continue };
+            let Some((_, (size, fields))) = known.iter().find(|k| Some(k.0) == ty.name.as_deref()) else {
+                continue;
+            };
+            seen += 1;
+            assert_eq!(*span as usize, *size, "{name}: {:?}", ty.name);
+            for (field, offset) in fields {
+                let member = members.iter().find(|m| m.name.as_deref() == Some(*field));
+                assert_eq!(member.map(|m| m.offset as usize), Some(*offset), "{name}: {:?}.{field}", ty.name);
+            }
+        }
+    }
+    assert_eq!(seen, 3 * 3 + 4);
 }

@@ -68,9 +68,8 @@ impl Table {
     pub(crate) fn has_extinction(&self, least: f32, greatest: f32) -> bool {
         let [scale, offset] = self.scale_offset();
         let last = (self.entries.len() - 1) as f32;
-        // A place on either side for rounding.
-        let low = (least * scale + offset - 0.01).clamp(0.0, last).floor() as usize;
-        let high = (greatest * scale + offset + 0.01).clamp(0.0, last).ceil() as usize;
+        let low = (least * scale + offset).clamp(0.0, last).floor() as usize;
+        let high = (greatest * scale + offset).clamp(0.0, last).ceil() as usize;
         self.entries.get(low..=high).is_some_and(|entries| entries.iter().any(|e| e[3] > 0.0))
     }
 

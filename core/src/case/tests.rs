@@ -117,9 +117,9 @@ fn tracts_are_read_with_the_case_and_their_checks_named() {
     for v in [1.0, 2.0, 3.0, f32::NAN, f32::NAN, f32::NAN].into_iter().chain([f32::INFINITY; 3]) {
         bytes.extend(v.to_le_bytes());
     }
-    crate::files::write_whole(&path, &bytes).unwrap();
+    files::write_whole(&path, &bytes).unwrap();
     let mut spec = case_of(vec![], vec![mask("A", "a", None)]);
-    spec.add_tracts(&[path.clone(), path.clone()]);
+    spec.add_tracts(&[path.clone(), path]);
     let case = load_plain(&spec, &[]);
     let ids: Vec<&str> = case.tracts.iter().map(|t| t.id.as_str()).collect();
     assert_eq!(ids, ["cst", "cst 2"]);

@@ -136,7 +136,7 @@ fn the_two_methods_for_a_segment_and_a_box_agree() {
             (a, b) = ((a * 2.0).round() / 2.0, (b * 2.0).round() / 2.0);
         }
         let lo = random.vec(2.0).round() - 0.5;
-        let cells = CellBox { lo, hi: lo + DVec3::new(1.0 + (n % 4) as f64, 1.0, 1.0) };
+        let cells = CellBox { lo, hi: lo + DVec3::new(1.0 + f64::from(n % 4), 1.0, 1.0) };
         let one = segment::along_axes(a, b, &cells, &metric);
         let other = segment::any_axes(a, b, &cells, &metric);
         let (d1, d2) = (one.squared_mm2.sqrt(), other.squared_mm2.sqrt());

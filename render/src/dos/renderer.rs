@@ -65,7 +65,7 @@ impl Picture {
                 buffer("Picture::occlusion 1", 4 * pixels),
             ],
             eye: buffer("Picture::eye", 16 * pixels),
-            states: buffer("Picture::states", 8 * tiles),
+            states: buffer("Picture::states", 12 * tiles),
         })
     }
 }
@@ -170,7 +170,10 @@ impl DosRenderer {
         gpu.queue.write_buffer(&picture.occlusion[0], 0, bytemuck::cast_slice(&vec![1.0f32; pixels]));
         let fresh = vec![[0.0f32, 0.0, 0.0, 1.0]; pixels];
         gpu.queue.write_buffer(&picture.eye, 0, bytemuck::cast_slice(&fresh));
-        gpu.queue.write_buffer(&picture.states, 0, &vec![0u8; picture.states.size() as usize]);
+        // The third that is read first holds full transmittance, the others nothing.
+        let tiles = picture.states.size() as usize / 12;
+        let states: Vec<f32> = (0..3 * tiles).map(|i| if i < tiles { 1.0 } else { 0.0 }).collect();
+        gpu.queue.write_buffer(&picture.states, 0, bytemuck::cast_slice(&states));
         if !plan.steps.is_empty() {
             let two = form == Form::TwoPasses && plan.variant != Variant::Mended;
             self.submit(gpu, up, picture, &plan, front_mm, two, skipping);

@@ -64,7 +64,7 @@ pub(crate) fn step(step: &Step, number: usize, front_mm: f64, skipping: bool) ->
         stride: 1,
         share: 1.0,
         is_empty: u32::from(step.empty && skipping),
-        states: (number % 2) as u32,
+        states: (number % 3) as u32,
         stops: u32::from(skipping && step.kernel.reach_px() <= TILE),
         ..DosStep::default()
     };

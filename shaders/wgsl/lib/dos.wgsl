@@ -19,7 +19,7 @@ struct Step {
     radius_mm: f32,
     share: f32,                     // weight of one point
     is_empty: u32,
-    states: u32,                    // which half of the tiles' states is read
+    states: u32,                    // which third of the tiles' states is read
     stops: u32,                     // 1: saturated tiles may stop
     pad: u32,
 }

@@ -6,6 +6,9 @@
 // Bits of the most that comes through a tile, in thirds that take turns: one is read, one written, one
 // cleared for the next step. So no thread waits for another: barriers cost Mesa's software driver more
 // than all the rest of a step.
+// Whether saturated tiles may stop at all.
+override stopping: bool = false;
+
 @group(0) @binding(9) var<storage, read_write> states: array<atomic<u32>>;
 
 fn place_of(turn: u32, tile: vec2<u32>) -> u32 {
@@ -25,13 +28,13 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    if local == 0u {
+    if stopping && local == 0u {
         atomicStore(&states[place_of(2u, group.xy)], 0u);
     }
     let pixel = id.xy;
     if all(pixel < optical.size) {
         let at = pixel.y * optical.size.x + pixel.x;
-        var stopped = part.stops == 1u;
+        var stopped = stopping && part.stops == 1u;
         if stopped {
             for (var j = -1; j <= 1; j++) {
                 for (var i = -1; i <= 1; i++) {
@@ -42,7 +45,7 @@ fn main(
         var through = 0.0;
         if stopped {
             after[at] = before[at];
-        } else if dos.variant == MENDED {
+        } else if variant == MENDED {
             let light = lattice(pixel);
             if part.is_empty == 1u {
                 after[at] = light;
@@ -63,11 +66,13 @@ fn main(
             after[at] = disc(pixel, optics.w);
             through = next.w;
         }
-        // Bits of what isn't negative are in the order of the numbers. Most threads find them there.
-        let bits = bitcast<u32>(max(through, 0.0));
-        let state = place_of(1u, group.xy);
-        if atomicLoad(&states[state]) < bits {
-            atomicMax(&states[state], bits);
+        if stopping {
+            // Bits of what isn't negative are in the order of the numbers. Most threads find them there.
+            let bits = bitcast<u32>(max(through, 0.0));
+            let state = place_of(1u, group.xy);
+            if atomicLoad(&states[state]) < bits {
+                atomicMax(&states[state], bits);
+            }
         }
     }
 }

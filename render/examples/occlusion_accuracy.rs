@@ -1,4 +1,4 @@
-//! Error against run time of the occlusion backends: `occlusion_accuracy [OUT.csv] [quick] [real]`.
+//! Error against run time of the occlusion backends: `occlusion_accuracy [OUT.csv] [quick] [real] [passes]`.
 //! Sweeps slices, grid, sub-cones and levels on a synthetic volume; truth is Monte Carlo, its standard
 //! error beside it. Then one pass a slice against the paper's two, in one run.
 
@@ -99,7 +99,8 @@ fn main() {
         knobs.extend([1, 2, 3, 7, 13].map(|grid| DosSettings { variant, grid, ..base }));
     }
     knobs.extend([1.0, 2.5, 5.0, 20.0, 40.0].map(|reference_mm| DosSettings { reference_mm, ..base }));
-    for s in knobs {
+    let passes_only = has("passes");
+    for s in knobs.into_iter().filter(|_| !passes_only) {
         let ms = timed(runs, || {
             dos.render(&gpu, &volume, &camera, size, &s, Form::OnePass, true).unwrap();
             gpu.wait().unwrap();
@@ -122,7 +123,10 @@ fn main() {
         (32, 1, 1.0),
         (most, 8, 0.5),
         (most, 0, 0.5),
-    ] {
+    ]
+    .into_iter()
+    .filter(|_| !passes_only)
+    {
         let s = ConeSettings { sub_cones, coarsest_level, ray_step: step, cone_step: step, ..base };
         let ms = timed(if sub_cones > 32 { 1 } else { runs }, || {
             cones.render(&gpu, &volume, &camera, size, &s, true).unwrap();

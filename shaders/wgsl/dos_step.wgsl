@@ -3,16 +3,23 @@
 
 #include lib/dos.wgsl
 
-@group(0) @binding(9) var<storage, read_write> states: array<u32>; // 1: saturated; two halves
+// Bits of the most that comes through a tile, in thirds that take turns: one is read, one written, one
+// cleared for the next step. So no thread waits for another: barriers cost Mesa's software driver more
+// than all the rest of a step.
+// Whether saturated tiles may stop at all.
+override stopping: bool = false;
 
-var<workgroup> most: atomic<u32>;
+@group(0) @binding(9) var<storage, read_write> states: array<atomic<u32>>;
+
+fn place_of(turn: u32, tile: vec2<u32>) -> u32 {
+    return ((part.states + turn) % 3u * dos.tiles.y + tile.y) * dos.tiles.x + tile.x;
+}
 
 fn is_saturated(tile: vec2<i32>) -> bool {
-    let tiles = vec2<i32>(dos.tiles);
-    if any(tile < vec2<i32>(0)) || any(tile >= tiles) {
+    if any(tile < vec2<i32>(0)) || any(tile >= vec2<i32>(dos.tiles)) {
         return true;
     }
-    return states[part.states * dos.tiles.x * dos.tiles.y + u32(tile.y * tiles.x + tile.x)] == 1u;
+    return bitcast<f32>(atomicLoad(&states[place_of(0u, vec2<u32>(tile))])) < 1.0 / 255.0;
 }
 
 @compute @workgroup_size(16, 16)
@@ -21,14 +28,13 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    if local == 0u {
-        atomicStore(&most, 0u);
+    if stopping && local == 0u {
+        atomicStore(&states[place_of(2u, group.xy)], 0u);
     }
-    workgroupBarrier();
     let pixel = id.xy;
     if all(pixel < optical.size) {
         let at = pixel.y * optical.size.x + pixel.x;
-        var stopped = part.stops == 1u;
+        var stopped = stopping && part.stops == 1u;
         if stopped {
             for (var j = -1; j <= 1; j++) {
                 for (var i = -1; i <= 1; i++) {
@@ -39,7 +45,7 @@ fn main(
         var through = 0.0;
         if stopped {
             after[at] = before[at];
-        } else if dos.variant == MENDED {
+        } else if variant == MENDED {
             let light = lattice(pixel);
             if part.is_empty == 1u {
                 after[at] = light;
@@ -60,13 +66,13 @@ fn main(
             after[at] = disc(pixel, optics.w);
             through = next.w;
         }
-        // Bits of what isn't negative are in the order of the numbers.
-        atomicMax(&most, bitcast<u32>(max(through, 0.0)));
-    }
-    workgroupBarrier();
-    if local == 0u {
-        let saturated = bitcast<f32>(atomicLoad(&most)) < 1.0 / 255.0;
-        let other = (1u - part.states) * dos.tiles.x * dos.tiles.y;
-        states[other + group.y * dos.tiles.x + group.x] = select(0u, 1u, saturated);
+        if stopping {
+            // Bits of what isn't negative are in the order of the numbers. Most threads find them there.
+            let bits = bitcast<u32>(max(through, 0.0));
+            let state = place_of(1u, group.xy);
+            if atomicLoad(&states[state]) < bits {
+                atomicMax(&states[state], bits);
+            }
+        }
     }
 }

@@ -176,7 +176,7 @@ impl ConeRenderer {
         };
         let uniform = wgpu::BufferUsages::UNIFORM;
         let out = Self {
-            pipeline: pipeline(gpu, "cones_trace", &layout)?,
+            pipeline: pipeline(gpu, "cones_trace", &layout, &[])?,
             layout,
             optical: buffer("ConeRenderer::optical", size_of::<Optical>(), uniform),
             cones: buffer("ConeRenderer::cones", size_of::<Cones>(), uniform),

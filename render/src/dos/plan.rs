@@ -23,7 +23,9 @@ pub enum Variant {
     /// The paper's Algorithm 3: footprint d·tan θ, samples attenuated over the slice distance.
     PaperApproximate,
     /// Footprint tan θ·√(d·d_ref) with the variance of solid-angle-uniform directions, exact on any
-    /// stack of layers.
+    /// stack of layers. For soft media: its footprint is wider than the cone near by, so that a tilted
+    /// opaque surface darkens itself, the more the finer the slices (measured; opaque labels are for the
+    /// cones).
     Mended,
 }
 

@@ -65,17 +65,19 @@ impl Picture {
                 buffer("Picture::occlusion 1", 4 * pixels),
             ],
             eye: buffer("Picture::eye", 16 * pixels),
-            states: buffer("Picture::states", 8 * tiles),
+            states: buffer("Picture::states", 12 * tiles),
         })
     }
 }
 
+/// A shader, its variant, and whether saturated tiles stop.
+type Wanted = (&'static str, Variant, bool);
+
 /// Draws directional occlusion by slices.
 pub struct DosRenderer {
     layout: wgpu::BindGroupLayout,
-    one_pass: wgpu::ComputePipeline,
-    eye_pass: wgpu::ComputePipeline,
-    occlusion_pass: wgpu::ComputePipeline,
+    /// Made when first needed.
+    pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
     optical: wgpu::Buffer,
     dos: wgpu::Buffer,
     uploaded: Option<OnDevice>,
@@ -84,7 +86,7 @@ pub struct DosRenderer {
 }
 
 impl DosRenderer {
-    /// Compiles the pipelines.
+    /// Without pipelines yet: they are compiled when a variant is first drawn.
     ///
     /// # Errors
     /// [`RenderError::Device`] when the driver refuses a shader.
@@ -102,9 +104,7 @@ impl DosRenderer {
             })
         };
         let out = Self {
-            one_pass: pipeline(gpu, "dos_step", &layout)?,
-            eye_pass: pipeline(gpu, "dos_eye", &layout)?,
-            occlusion_pass: pipeline(gpu, "dos_occlusion", &layout)?,
+            pipelines: Vec::new(),
             layout,
             optical: uniform("DosRenderer::optical", size_of::<crate::occlusion::upload::Optical>()),
             dos: uniform("DosRenderer::dos", size_of::<uniforms::Dos>()),
@@ -157,6 +157,15 @@ impl DosRenderer {
             self.uploaded = None;
             self.uploaded = Some(OnDevice::new(gpu, volume)?);
         }
+        let two = form == Form::TwoPasses && settings.variant != Variant::Mended;
+        let passes: Vec<Wanted> = if two {
+            vec![("dos_eye", settings.variant, false), ("dos_occlusion", settings.variant, false)]
+        } else {
+            vec![("dos_step", settings.variant, skipping)]
+        };
+        for wanted in &passes {
+            self.make(gpu, *wanted)?;
+        }
         let (Some(up), Some(picture)) = (&self.uploaded, &self.picture) else {
             return Err(RenderError::Device("the volume was not uploaded".to_owned()));
         };
@@ -170,14 +179,38 @@ impl DosRenderer {
         gpu.queue.write_buffer(&picture.occlusion[0], 0, bytemuck::cast_slice(&vec![1.0f32; pixels]));
         let fresh = vec![[0.0f32, 0.0, 0.0, 1.0]; pixels];
         gpu.queue.write_buffer(&picture.eye, 0, bytemuck::cast_slice(&fresh));
-        gpu.queue.write_buffer(&picture.states, 0, &vec![0u8; picture.states.size() as usize]);
+        // The third that is read first holds full transmittance, the others nothing.
+        let tiles = picture.states.size() as usize / 12;
+        let states: Vec<f32> = (0..3 * tiles).map(|i| if i < tiles { 1.0 } else { 0.0 }).collect();
+        gpu.queue.write_buffer(&picture.states, 0, bytemuck::cast_slice(&states));
         if !plan.steps.is_empty() {
-            let two = form == Form::TwoPasses && plan.variant != Variant::Mended;
-            self.submit(gpu, up, picture, &plan, front_mm, two, skipping);
+            self.submit(gpu, up, picture, &plan, front_mm, &passes, skipping);
         }
         gpu.check().map_err(RenderError::Device)?;
         self.drawn = true;
         Ok(plan)
+    }
+
+    fn make(&mut self, gpu: &Gpu, wanted: Wanted) -> Result<(), RenderError> {
+        if self.pipelines.iter().all(|(made, _)| *made != wanted) {
+            let (shader, variant, stopping) = wanted;
+            let variant = match variant {
+                Variant::PaperExact => 0.0,
+                Variant::PaperApproximate => 1.0,
+                Variant::Mended => 2.0,
+            };
+            let constants = [("variant", variant), ("stopping", f64::from(u8::from(stopping)))];
+            // Only the one-pass shader knows how to stop; the eye's pass has no variant.
+            let known = match shader {
+                "dos_step" => &constants[..],
+                "dos_occlusion" => &constants[..1],
+                _ => &[],
+            };
+            let made = pipeline(gpu, shader, &self.layout, known)?;
+            gpu.check().map_err(RenderError::Device)?;
+            self.pipelines.push((wanted, made));
+        }
+        Ok(())
     }
 
     #[allow(clippy::too_many_arguments, reason = "one caller; splits its body")]
@@ -188,7 +221,7 @@ impl DosRenderer {
         picture: &Picture,
         plan: &DosPlan,
         front_mm: f64,
-        two: bool,
+        passes: &[Wanted],
         skipping: bool,
     ) {
         let mut bytes = vec![0u8; plan.steps.len() * STRIDE as usize];
@@ -235,6 +268,10 @@ impl DosRenderer {
             })
         });
         let [x, y] = picture.size.map(|s| s.div_ceil(TILE));
+        let pipelines: Vec<&wgpu::ComputePipeline> = passes
+            .iter()
+            .filter_map(|wanted| self.pipelines.iter().find(|(made, _)| made == wanted).map(|(_, p)| p))
+            .collect();
         let numbers: Vec<usize> = (0..plan.steps.len()).collect();
         for part in numbers.chunks(STEPS_AT_ONCE) {
             let mut encoder = gpu
@@ -247,14 +284,10 @@ impl DosRenderer {
                 });
                 for &number in part {
                     pass.set_bind_group(0, &groups[number % 2], &[(number as u64 * STRIDE) as u32]);
-                    if two {
-                        pass.set_pipeline(&self.eye_pass);
+                    for pipeline in &pipelines {
+                        pass.set_pipeline(pipeline);
                         pass.dispatch_workgroups(x, y, 1);
-                        pass.set_pipeline(&self.occlusion_pass);
-                    } else {
-                        pass.set_pipeline(&self.one_pass);
                     }
-                    pass.dispatch_workgroups(x, y, 1);
                 }
             }
             gpu.queue.submit([encoder.finish()]);

@@ -58,10 +58,8 @@ fn the_mended_picture_converges_and_its_bias_is_told() {
     let c = camera(DVec3::ZERO, 26.0, Projection::Perspective);
     let phase = Phase::Cone { aperture_deg: 70.0 };
     let mut renderer = DosRenderer::new(&GPU).unwrap();
-    for (name, volume) in [
-        ("soft", soft(48, DVec3::ZERO, None)),
-        ("opaque", labels(48, DVec3::ONE, DVec3::ZERO, f32::INFINITY)),
-    ] {
+    // Not opaque labels: there the limit is dark, see `Variant::Mended`.
+    for (name, volume) in [("soft", soft(48, DVec3::ZERO, None))] {
         let volume = Arc::new(volume);
         let estimates = picture(&*volume, &c, size, phase, DVec3::ZERO, 512, 5);
         let truth: Vec<[f64; 3]> = estimates.iter().map(|e| e.mean.to_array()).collect();
@@ -83,10 +81,8 @@ fn the_mended_picture_converges_and_its_bias_is_told() {
         let (paper, _) = series(Variant::PaperApproximate, 10.0);
         for reference_mm in [5.0, 10.0, 20.0] {
             let (errors, changes) = series(Variant::Mended, reference_mm);
-            if name == "soft" {
-                // Not at every halving: where the footprint takes another lattice there is a jolt.
-                assert!(changes[3] < 0.3 * changes[0] && changes[2] < 0.5 * changes[0], "{changes:?}");
-            }
+            // Not at every halving: where the footprint takes another lattice there is a jolt.
+            assert!(changes[3] < 0.3 * changes[0] && changes[2] < 0.5 * changes[0], "{changes:?}");
             assert!(errors[4] < paper[4], "{errors:?} {paper:?}");
         }
     }

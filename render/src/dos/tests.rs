@@ -259,7 +259,7 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
             offsets!(Optical: corner, pixel_mm, right, pixel_mm_per_mm, up, table_scale, forward, table_offset,
                 plane, dims, table_last, bricks, nearest, size, skipping, pad),
         ),
-        ("Dos", offsets!(super::uniforms::Dos: slice_mm, variant, tiles, rates)),
+        ("Dos", offsets!(super::uniforms::Dos: slice_mm, pad, tiles, rates)),
         (
             "Step",
             offsets!(super::uniforms::DosStep: depth, slices, side, stride, center, radius, radius_mm, share,

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::plan::{DosPlan, Kernel, Step, Variant, disc_points};
+use super::plan::{DosPlan, Kernel, Step, disc_points};
 use crate::occlusion::cone::RATE_INTERVALS;
 
 /// `Dos` of lib/dos.wgsl.
@@ -10,7 +10,7 @@ use crate::occlusion::cone::RATE_INTERVALS;
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct Dos {
     pub slice_mm: f32,
-    pub variant: u32,
+    pub pad: u32,
     pub tiles: [u32; 2],
     pub rates: [[f32; 4]; 65],
 }
@@ -43,16 +43,7 @@ pub(crate) fn dos(plan: &DosPlan, size: [u32; 2]) -> Dos {
             group[i % 4] = *rate as f32;
         }
     }
-    Dos {
-        slice_mm: plan.slice_mm as f32,
-        variant: match plan.variant {
-            Variant::PaperExact => 0,
-            Variant::PaperApproximate => 1,
-            Variant::Mended => 2,
-        },
-        tiles: size.map(|s| s.div_ceil(TILE)),
-        rates,
-    }
+    Dos { slice_mm: plan.slice_mm as f32, pad: 0, tiles: size.map(|s| s.div_ceil(TILE)), rates }
 }
 
 /// `number` counts the steps; `skipping` lets empty slices and saturated tiles be left out.
@@ -64,7 +55,7 @@ pub(crate) fn step(step: &Step, number: usize, front_mm: f64, skipping: bool) ->
         stride: 1,
         share: 1.0,
         is_empty: u32::from(step.empty && skipping),
-        states: (number % 2) as u32,
+        states: (number % 3) as u32,
         stops: u32::from(skipping && step.kernel.reach_px() <= TILE),
         ..DosStep::default()
     };

@@ -113,6 +113,7 @@ pub(crate) fn pipeline(
     gpu: &Gpu,
     name: &'static str,
     layout: &wgpu::BindGroupLayout,
+    constants: &[(&str, f64)],
 ) -> Result<wgpu::ComputePipeline, RenderError> {
     let source = glioscope_shaders::compose(name)?;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -130,8 +131,8 @@ pub(crate) fn pipeline(
         module: &module,
         entry_point: Some("main"),
         compilation_options: wgpu::PipelineCompilationOptions {
+            constants,
             zero_initialize_workgroup_memory: false,
-            ..Default::default()
         },
         cache: None,
     }))

@@ -4,7 +4,7 @@
 
 struct Dos {
     slice_mm: f32,
-    variant: u32,
+    pad: u32,
     tiles: vec2<u32>,
     rates: array<vec4<f32>, 65>,    // 257 decay rates of visibilities 0 to 1
 }
@@ -19,10 +19,14 @@ struct Step {
     radius_mm: f32,
     share: f32,                     // weight of one point
     is_empty: u32,
-    states: u32,                    // which half of the tiles' states is read
+    states: u32,                    // which third of the tiles' states is read
     stops: u32,                     // 1: saturated tiles may stop
     pad: u32,
 }
+
+// Set when the pipeline is made: software drivers run both sides of a branch, so that one shader for
+// all variants would sample the volume for each of them.
+override variant: u32 = 0u;
 
 const PAPER_EXACT = 0u;
 const PAPER_APPROXIMATE = 1u;
@@ -74,7 +78,7 @@ fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
                 continue;
             }
             var through = approximate;
-            if dos.variant == PAPER_EXACT {
+            if variant == PAPER_EXACT {
                 through = attenuation(extinction, sqrt(d * d + off2 * part.radius_mm * part.radius_mm));
             }
             sum += between(center + p * part.radius) * through;

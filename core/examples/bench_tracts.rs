@@ -1,5 +1,7 @@
 //! How long 100,000 streamlines of 50 points take to read and to measure against a ball of voxels.
 
+#![allow(clippy::print_stdout, reason = "its answer is what it prints")]
+
 use std::error::Error;
 use std::time::Instant;
 

@@ -209,7 +209,7 @@ fn each_mistake_has_one_line_that_names_it() {
     refused(&claims, &["found 2147483647 points in fibre 0"]);
     claims[1000..1004].copy_from_slice(&(-1_i32).to_le_bytes());
     refused(&claims, &["found -1 points in fibre 0"]);
-    trk(Trk { fibers: vec![vec![[f32::NAN; 3]]], ..base.clone() }, &["found a point at NaN"]);
+    trk(Trk { fibers: vec![vec![[f32::NAN; 3]]], ..base }, &["found a point at NaN"]);
 
     let options = TractOptions { max_bytes: 1000 };
     let line = read_tract_bytes("made", &base.bytes(), &options, &Progress::new()).unwrap_err().to_string();

@@ -22,6 +22,8 @@ pub mod resample;
 pub mod sample;
 pub mod skeleton;
 pub mod surface;
+pub mod tract_distance;
+pub mod tracts;
 pub mod tumor_index;
 pub mod volume;
 
@@ -31,5 +33,6 @@ pub use grid::{Grid, GridError, Sides};
 pub use mask::{Mask, MaskBits};
 pub use progress::{Cancelled, Progress};
 pub use regions::{Region, RegionVolume, Regions, Selection};
+pub use tracts::Tracts;
 pub use tumor_index::{IndexData, TumorIndex};
 pub use volume::{Samples, Scaling, Volume};

@@ -9,11 +9,16 @@
 )]
 
 mod common;
+#[path = "common/tracts.rs"]
+mod tracts;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
+
+use glioscope_core::Progress;
+use glioscope_core::files::{Source, TractOptions, read_tracts};
 
 use common::{Made, files_below, gzip, real_data};
 
@@ -22,7 +27,14 @@ use common::{Made, files_below, gzip, real_data};
 #[ignore = "run in a child process by the tests of this file"]
 fn child_reads_one_file() {
     let path = PathBuf::from(std::env::var_os("GLIOSCOPE_CHILD_FILE").expect("started by the parent"));
-    let outcome = common::read(&path).map(|_| "loaded".to_owned()).unwrap_or_else(|e| e.to_string());
+    let tracts = path.extension().is_some_and(|e| e == "tck" || e == "trk");
+    let read = || match tracts {
+        true => {
+            read_tracts(&Source::File(path.clone()), &TractOptions::default(), &Progress::new()).map(drop)
+        }
+        false => common::read(&path).map(drop),
+    };
+    let outcome = read().map(|()| "loaded".to_owned()).unwrap_or_else(|e| e.to_string());
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let peak = status.lines().find(|l| l.starts_with("VmHWM:")).unwrap();
     println!("\nOUTCOME {outcome}\nPEAK {}", peak.split_whitespace().nth(1).unwrap());
@@ -87,6 +99,35 @@ fn made_bombs_are_refused_within_bounds() {
     offset.f32s(108, &[60e6]);
     put("offset.nii", &offset.bytes);
     put("offset.nii.gz", &gzip(&offset.bytes));
+}
+
+#[test]
+fn tracts_that_claim_much_are_refused_within_bounds() {
+    if !linux() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    // Sparse files of 2 GiB behind a header: claims of what is not there, and zeros without an end.
+    let put = |name: &str, head: &[u8], length: u64| {
+        let path = folder.path().join(name);
+        glioscope_core::files::write_whole(&path, head).unwrap();
+        let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_len(length.max(head.len() as u64)).unwrap();
+        refused_within_bounds(&path);
+    };
+    let head = b"mrtrix tracks\ncount: 4000000000\ndatatype: Float32LE\nfile: . 68\nEND\n";
+    let nan = [f32::NAN, 1.0, 1.0].map(f32::to_le_bytes).concat();
+    put("claims.tck", head, 0);
+    put("damaged.tck", &[&head[..], b" ", &nan].concat(), 2 << 30);
+    put("too-large.tck", head, 5 << 30);
+    put("no-end.tck", b"mrtrix tracks\n", 2 << 30);
+    let mut trk = tracts::Trk { count: i32::MAX, ..tracts::Trk::new() }.bytes();
+    trk[1000..1004].copy_from_slice(&i32::MAX.to_le_bytes());
+    put("claims.trk", &trk, 0);
+    put("claims-more.trk", &trk, 2 << 30);
+    trk[1000..1016]
+        .copy_from_slice(&[1_000_000_i32.to_le_bytes(), f32::NAN.to_le_bytes(), [0; 4], [0; 4]].concat());
+    put("damaged.trk", &trk, 2 << 30);
 }
 
 #[test]

@@ -45,6 +45,13 @@ pub struct Frame {
     pub(crate) reference_mm: f64,
 }
 
+/// What [`Frame::occlusion`] reads.
+#[derive(Debug, Default)]
+pub(crate) struct Occluded {
+    pub depths: Vec<f32>,
+    pub blurred: Vec<f64>,
+}
+
 impl Frame {
     /// All pixels, row after row from the top, 4 bytes each: `size_px[0] * size_px[1] * 4` bytes.
     ///
@@ -104,6 +111,23 @@ impl Frame {
             world_mm: world_at(&self.camera, self.reference_mm, self.size_px, pixel, depth),
             inside_lens,
         })
+    }
+
+    /// Depths (from the reference plane, [`FAR`] where nothing is), and share of light that ambient
+    /// occlusion takes from each pixel, blurred.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub(crate) fn occlusion(&self, gpu: &Gpu) -> Result<Occluded, RenderError> {
+        let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
+        let t = &self.targets;
+        let read = gpu
+            .read_buffers(&[(&t.depths, 0, n * 4), (&t.blurred, 0, n * 4)])
+            .map_err(RenderError::Device)?;
+        let [depths, blurred] = &read[..] else { return Ok(Occluded::default()) };
+        // The last of four 8-bit channels; the others are the colour that bleeds.
+        let dark = |bytes: &[u8]| bytes.chunks_exact(4).map(|p| f64::from(p[3]) / 255.0).collect();
+        Ok(Occluded { depths: bytemuck::pod_collect_to_vec(depths), blurred: dark(blurred) })
     }
 
     /// Depths (from the reference plane, [`FAR`] where nothing is) and region numbers of all pixels.

@@ -7,6 +7,9 @@ use std::{
 
 use crate::renderer::RenderError;
 
+/// How long an answer may take once the device has done its work.
+const ANSWER: std::time::Duration = std::time::Duration::from_secs(30);
+
 /// Which adapter is asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AdapterPreference {
@@ -268,7 +271,8 @@ impl Gpu {
             let _ = tell.send(result);
         });
         self.wait()?;
-        match told.try_recv() {
+        // Where several threads wait for the device, another one may be about to answer for this one.
+        match told.recv_timeout(ANSWER) {
             Ok(Ok(())) => {
                 let bytes =
                     staging.slice(..).get_mapped_range().map(|view| view.to_vec()).map_err(|e| e.to_string());

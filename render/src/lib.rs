@@ -3,19 +3,23 @@
 //! Knows no window and no egui. `Gpu` is made once a program, `Renderer` (pipelines) once a device,
 //! a scene's buffers once an input, targets once a size.
 
+pub mod accuracy;
 mod bricks;
 pub mod camera;
 pub mod change;
 #[cfg(test)]
 mod closeup_tests;
 mod compute;
+pub mod cones;
 pub mod context;
+pub mod dos;
 pub mod ellipsoids;
 mod force_field;
 #[cfg(test)]
 mod force_field_tests;
 pub mod frame;
 pub mod gpu;
+pub mod occlusion;
 pub mod palette;
 pub mod plan;
 pub mod reference;

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glioscope_core::case::{Case, CaseGridChoice, LoadOptions};
 
-use super::{Failure, change::ChangeArguments, terminal};
+use super::{
+    Failure, accuracy::AccuracyArguments, change::ChangeArguments, terminal, tracts::TractArguments,
+};
 use crate::{document::CaseRef, run_window::case_of_path, world};
 
 /// Compares tumour segmentations. Without a subcommand it opens the window.
@@ -81,6 +83,8 @@ pub enum Task {
         #[arg(long)]
         json: bool,
     },
+    /// Say how near fibre tracts run to the masks.
+    Tracts(TractArguments),
     /// Say how the surface of a mask moved between two dates.
     Change(Box<ChangeArguments>),
     /// Draw one view into a PNG.
@@ -97,6 +101,8 @@ pub enum Task {
         #[arg(long)]
         software: bool,
     },
+    /// Measure the error of every approximate kernel against its run time.
+    Accuracy(AccuracyArguments),
     /// Write the embedded sample case as files.
     Sample {
         /// The folder.
@@ -133,6 +139,9 @@ pub struct CaseArguments {
     /// The case in parts.
     #[command(flatten)]
     pub parts: MaskArguments,
+    /// Fibre tracts beside those of the case: a .tck or .trk file. Repeat for more.
+    #[arg(long = "tracts", value_name = "FILE")]
+    pub tracts: Vec<PathBuf>,
 }
 
 impl CaseArguments {
@@ -181,7 +190,8 @@ impl CaseArguments {
         };
         let options = self.options();
         let (spec, case) = terminal::with_progress(|progress| {
-            let spec = world::spec_of(&reference, &options, progress)?;
+            let mut spec = world::spec_of(&reference, &options, progress)?;
+            spec.add_tracts(&self.tracts);
             glioscope_core::case::load(&spec, &options, progress).map(|case| (spec, case))
         })?;
         terminal::guess(&spec);

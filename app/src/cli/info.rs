@@ -19,7 +19,7 @@ pub(super) fn run(target: Option<PathBuf>, parts: &MaskArguments, as_json: bool)
         let info = files::info(&Source::File(path.clone()))?;
         return if as_json { terminal::print_json(&info) } else { terminal::print(&header_text(&info)) };
     }
-    let case = CaseArguments { path: target, parts: parts.clone() };
+    let case = CaseArguments { path: target, parts: parts.clone(), tracts: Vec::new() };
     let reference = case.reference()?.unwrap_or(CaseRef::Sample);
     let spec = world::spec_of(&reference, &case.options(), &Progress::new())?;
     if as_json {

@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 the answer is "not so" where a command asks, 2 wrong input, with one line
 //! on stderr.
 
+mod accuracy;
 mod arguments;
 mod change;
 mod ellipsoids;
@@ -12,6 +13,7 @@ mod render;
 mod report;
 mod sample;
 mod terminal;
+mod tracts;
 
 use std::process::ExitCode;
 
@@ -65,7 +67,9 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Task::Ellipsoids { case, connectivity, tolerance, json }) => {
             ellipsoids::run(&case, connectivity, tolerance, json)
         }
+        Some(Task::Tracts(arguments)) => tracts::run(&arguments),
         Some(Task::Change(arguments)) => change::run(&arguments),
+        Some(Task::Accuracy(arguments)) => accuracy::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Sample { out }) => sample::run(&out),
@@ -73,6 +77,10 @@ fn run(cli: Cli) -> Result<(), Failure> {
 }
 
 fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), Failure> {
+    if !case.tracts.is_empty() {
+        let found = "arguments: found --tracts for the window, expected them in the case's manifest";
+        return Err(Failure(found.into()));
+    }
     let WindowArguments { software, picture } = window;
     let start = Start { case: case.reference()?, options: case.options(), software, picture };
     run_window::run(start).map_err(Failure)

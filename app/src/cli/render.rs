@@ -81,7 +81,7 @@ fn numbers<const N: usize>(option: &str, text: &str, expected: &str) -> Result<[
 }
 
 /// The selection that `--select` names.
-fn selection(text: &str, regions: &Regions) -> Result<Selection, Failure> {
+pub(super) fn selection(text: &str, regions: &Regions) -> Result<Selection, Failure> {
     match text {
         "all" => return Ok(Selection::all()),
         "none" => return Ok(Selection::only(regions, &[])),

@@ -6,12 +6,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::{
-    Case, CaseError, CaseGridChoice, CaseMask, CaseSpec, Context, LoadOptions, TimePoint, check,
+    Case, CaseError, CaseGridChoice, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, TimePoint,
+    TractsSpec, check,
     select::{self, Selected},
 };
 use crate::{
     Check, Grid, Mask, Progress, Regions, Sides, TumorIndex, Volume,
-    files::{FileError, Loaded, Source},
+    files::{FileError, Loaded, Source, TractOptions, read_tracts},
     resample,
     tumor_index::MAX_MASKS,
 };
@@ -84,6 +85,11 @@ fn check_names(spec: &CaseSpec) -> Result<(), CaseError> {
                 let expected = format!("each {kind} id once at each time");
                 return Err(wrong(&spec.name, format!("{kind} {label} twice"), expected));
             }
+        }
+    }
+    for (n, tracts) in spec.tracts.iter().enumerate() {
+        if spec.tracts[..n].iter().any(|t| t.id == tracts.id) {
+            return Err(wrong(&spec.name, format!("tracts {} twice", tracts.id), "each tracts id once"));
         }
     }
     for mask in &spec.masks {
@@ -234,7 +240,26 @@ fn case_grid(
     Ok((grid, id))
 }
 
-/// As [`super::load`], with the files given by `read`: for cases that are already in memory, and
+/// Reads every file of tracts; what was noticed goes to `checks`.
+fn load_tracts(
+    spec: &CaseSpec,
+    options: &LoadOptions,
+    progress: &Progress,
+    checks: &mut Vec<Check>,
+) -> Result<Vec<CaseTracts>, CaseError> {
+    let limit = TractOptions { max_bytes: options.max_bytes };
+    let mut all = Vec::new();
+    for TractsSpec { id, source } in &spec.tracts {
+        progress.say(format!("Reading {id}"));
+        let loaded = read_tracts(source, &limit, progress)?;
+        let named = |c: Check| Check { message: format!("{id}: {}", c.message), ..c };
+        checks.extend(loaded.checks.into_iter().map(named));
+        all.push(CaseTracts { id: id.clone(), tracts: Arc::new(loaded.tracts) });
+    }
+    Ok(all)
+}
+
+/// As [`super::load`], with the images and masks given by `read`: for cases that are already in memory, and
 /// for tests.
 ///
 /// # Errors
@@ -270,6 +295,7 @@ pub fn load_with(
             }
         }
     }
+    let tracts = load_tracts(spec, options, progress, &mut checks)?;
     images.sort_by_key(|c| c.spec);
     // One id is one mask over time, so it takes its bit in the order ids are first met.
     let rank = |m: &NativeMask| spec.masks.iter().position(|s| s.id == spec.masks[m.spec].id);
@@ -333,5 +359,5 @@ pub fn load_with(
     // Most severe first, else in the order found.
     checks.sort_by_key(|c| std::cmp::Reverse(c.severity));
     checks.dedup();
-    Ok(Case { name: spec.name.clone(), grid, time_points, checks })
+    Ok(Case { name: spec.name.clone(), grid, time_points, tracts, checks })
 }

@@ -13,6 +13,9 @@
 //! labels = [1, 4]          # optional; else every voxel above 0.5
 //! time = "2024-03-02"
 //! color = "#d62728"        # optional
+//! [[tracts]]               # fibre tracts: .tck or .trk
+//! id = "CST left"
+//! file = "cst-left.tck"
 //! ```
 //! Unknown keys are errors: a misspelt `label` must not silently mean "every voxel".
 
@@ -21,7 +24,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{CaseError, CaseSpec, ContextSpec, MaskSpec};
+use super::{CaseError, CaseSpec, ContextSpec, MaskSpec, TractsSpec};
 use crate::files::Source;
 
 /// The version written, and the only one read.
@@ -39,6 +42,15 @@ struct Manifest {
     context: Vec<Spanned<ContextEntry>>,
     #[serde(default)]
     mask: Vec<Spanned<MaskEntry>>,
+    #[serde(default)]
+    tracts: Vec<Spanned<TractsEntry>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TractsEntry {
+    id: Spanned<String>,
+    file: Spanned<String>,
 }
 
 #[derive(Deserialize)]
@@ -196,6 +208,14 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         };
         spec.masks.push(MaskSpec { id, source, labels, time, color });
     }
+    for entry in &manifest.tracts {
+        let (at, entry) = (entry.span().start, entry.get_ref());
+        let (id, source) = (text_of(&entry.id, "id")?, source_of(&entry.file)?);
+        if spec.tracts.iter().any(|t| t.id == id) {
+            return Err(place.wrong(Some(at), format!("tracts {id} twice"), "each id once"));
+        }
+        spec.tracts.push(TractsSpec { id, source });
+    }
     if spec.contexts.is_empty() && spec.masks.is_empty() {
         return Err(place.wrong(None, "no [[context]] and no [[mask]]", "at least one"));
     }
@@ -218,6 +238,14 @@ struct Written<'a> {
     context: Vec<WrittenContext<'a>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     mask: Vec<WrittenMask<'a>>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    tracts: Vec<WrittenTracts<'a>>,
+}
+
+#[derive(Serialize)]
+struct WrittenTracts<'a> {
+    id: &'a str,
+    file: String,
 }
 
 #[derive(Serialize)]
@@ -272,11 +300,13 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
             color: m.color.map(|[r, g, b]| format!("#{r:02x}{g:02x}{b:02x}")),
         })
     });
+    let tracts = spec.tracts.iter().map(|t| Ok(WrittenTracts { id: &t.id, file: file(&t.source)? }));
     let written = Written {
         glioscope: VERSION,
         name: &spec.name,
         context: context.collect::<Result<_, CaseError>>()?,
         mask: mask.collect::<Result<_, CaseError>>()?,
+        tracts: tracts.collect::<Result<_, CaseError>>()?,
     };
     toml::to_string(&written).map_err(|e| wrong(e.to_string(), "a case that TOML can hold"))
 }
@@ -297,6 +327,9 @@ file = "sub/seg.nii.gz"
 labels = [1, 4]
 time = "2024-03-02"
 color = "#d62728"
+[[tracts]]
+id = "CST"
+file = "dwi/cst.tck"
 "##;
 
     fn parse(text: &str) -> Result<CaseSpec, CaseError> {
@@ -313,6 +346,9 @@ color = "#d62728"
         assert_eq!(mask.source, Source::File("/cases/one/sub/seg.nii.gz".into()));
         assert_eq!((mask.labels.as_deref(), mask.color), (Some(&[1, 4][..]), Some([0xd6, 0x27, 0x28])));
         assert_eq!(mask.time, spec.contexts[0].time);
+        assert_eq!(spec.tracts.len(), 1);
+        assert_eq!(spec.tracts[0].id, "CST");
+        assert_eq!(spec.tracts[0].source, Source::File("/cases/one/dwi/cst.tck".into()));
     }
 
     #[test]
@@ -348,7 +384,15 @@ color = "#d62728"
             (replaced("id = \"T1c\"", "id = \"T1c"), "line 4: found "),
             (
                 format!("{GOOD}[[mask]]\nid = \"T1\"\nfile = \"b.nii\"\ntime = \"2024-03-02\"\n"),
-                "line 13: found mask T1 twice",
+                "line 16: found mask T1 twice",
+            ),
+            (
+                format!("{GOOD}[[tracts]]\nid = \"CST\"\nfile = \"b.tck\"\n"),
+                "line 16: found tracts CST twice",
+            ),
+            (
+                format!("{GOOD}time = \"2024-03-02\"\n"),
+                "line 16: found unknown key `time`, expected `id` or `file`",
             ),
             ("glioscope = 1\n".into(), "found no [[context]] and no [[mask]]"),
             ("<!DOCTYPE html>".into(), "line 1: found "),

@@ -8,10 +8,13 @@ mod manifest;
 mod names;
 mod select;
 
-use std::{path::Path, sync::Arc};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use crate::{
-    Cancelled, Check, Grid, Mask, Progress, Regions, TumorIndex, Volume,
+    Cancelled, Check, Grid, Mask, Progress, Regions, Tracts, TumorIndex, Volume,
     files::{self, FileError, ReadOptions, Source},
 };
 
@@ -45,6 +48,16 @@ pub struct MaskSpec {
     pub color: Option<[u8; 3]>,
 }
 
+/// One file of fibre tracts that a case names, before it is read. Tracts belong to the case, not to
+/// a time point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TractsSpec {
+    /// Its name in the case.
+    pub id: String,
+    /// Its file.
+    pub source: Source,
+}
+
 /// A case before it is read: from a manifest, a folder's names, or the command line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CaseSpec {
@@ -54,6 +67,8 @@ pub struct CaseSpec {
     pub contexts: Vec<ContextSpec>,
     /// Masks.
     pub masks: Vec<MaskSpec>,
+    /// Fibre tracts.
+    pub tracts: Vec<TractsSpec>,
     /// What was guessed or noticed while it was put together.
     pub notes: Vec<Check>,
 }
@@ -81,6 +96,23 @@ impl CaseSpec {
     pub fn from_arguments(masks: &[String], contexts: &[String]) -> Result<Self, CaseError> {
         arguments::parse_all(masks, contexts)
     }
+
+    /// Adds the values of repeated `--tracts FILE`, each named by its file without its ending, and by
+    /// a number behind it where that name is taken.
+    pub fn add_tracts(&mut self, files: &[PathBuf]) {
+        for file in files {
+            let stem = file.file_stem().map_or_else(|| "tracts".into(), |s| s.to_string_lossy());
+            let taken = |id: &str| self.tracts.iter().any(|t| t.id == id);
+            let mut id = stem.to_string();
+            for number in 2.. {
+                if !taken(&id) {
+                    break;
+                }
+                id = format!("{stem} {number}");
+            }
+            self.tracts.push(TractsSpec { id, source: Source::File(file.clone()) });
+        }
+    }
 }
 
 /// Which grid the tumour index is on.
@@ -97,7 +129,7 @@ pub enum CaseGridChoice {
 /// Limits and choices of loading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// Most bytes of voxels a file may declare.
+    /// Most bytes of voxels a file may declare, and most bytes of a file of tracts.
     pub max_bytes: u64,
     /// The case grid.
     pub case_grid: CaseGridChoice,
@@ -131,6 +163,15 @@ pub struct CaseMask {
     pub color: Option<[u8; 3]>,
 }
 
+/// Fibre tracts of a case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaseTracts {
+    /// Its name in the case.
+    pub id: String,
+    /// Its fibres.
+    pub tracts: Arc<Tracts>,
+}
+
 /// The images and masks of one date.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimePoint {
@@ -155,6 +196,8 @@ pub struct Case {
     pub grid: Grid,
     /// In the order first met.
     pub time_points: Vec<TimePoint>,
+    /// Fibre tracts, in the order the case names them.
+    pub tracts: Vec<CaseTracts>,
     /// Everything noticed on the way, most severe first.
     pub checks: Vec<Check>,
 }

@@ -33,7 +33,7 @@ fn image(id: &str, file: &str, time: Option<&str>) -> ContextSpec {
 }
 
 fn case_of(contexts: Vec<ContextSpec>, masks: Vec<MaskSpec>) -> CaseSpec {
-    CaseSpec { name: "made".into(), contexts, masks, notes: Vec::new() }
+    CaseSpec { name: "made".into(), contexts, masks, ..CaseSpec::default() }
 }
 
 fn load_from(spec: &CaseSpec, options: &LoadOptions, files: &[(&str, Volume)]) -> Result<Case, CaseError> {
@@ -105,6 +105,36 @@ fn masks_only_and_images_only_both_load() {
     assert!(images.grid.same_place(&grid(3.0, 0.0), 1e-9), "the first image's");
     assert!(images.time_points[0].regions.list().is_empty());
     assert!(measure::report(&images).time_points[0].pairs.is_empty());
+}
+
+#[test]
+fn tracts_are_read_with_the_case_and_their_checks_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cst.tck");
+    let head = "mrtrix tracks\ncount: 2\ndatatype: Float32LE\nfile: . 64\nEND\n";
+    let mut bytes = head.as_bytes().to_vec();
+    bytes.resize(64, b' ');
+    for v in [1.0, 2.0, 3.0, f32::NAN, f32::NAN, f32::NAN].into_iter().chain([f32::INFINITY; 3]) {
+        bytes.extend(v.to_le_bytes());
+    }
+    files::write_whole(&path, &bytes).unwrap();
+    let mut spec = case_of(vec![], vec![mask("A", "a", None)]);
+    spec.add_tracts(&[path.clone(), path]);
+    let case = load_plain(&spec, &[]);
+    let ids: Vec<&str> = case.tracts.iter().map(|t| t.id.as_str()).collect();
+    assert_eq!(ids, ["cst", "cst 2"]);
+    assert_eq!(case.tracts[1].tracts.fiber(0), [[1.0, 2.0, 3.0]]);
+    let found: Vec<&Check> = case.checks.iter().filter(|c| c.code == "tracts-count").collect();
+    assert!(found[0].message.starts_with("cst: cst.tck: found 1 fibres"), "{found:?}");
+
+    let small = LoadOptions { max_bytes: 50, ..LoadOptions::default() };
+    assert!(load_from(&spec, &small, &[]).unwrap_err().to_string().contains("at most 50"));
+    spec.tracts[1].id = "cst".into();
+    assert!(error(&spec).contains("found tracts cst twice"));
+    spec.tracts.truncate(1);
+    spec.tracts[0].source = source("nowhere.tck");
+    let line = load_from(&spec, &LoadOptions::default(), &[]).unwrap_err().to_string();
+    assert!(line.starts_with("nowhere.tck: found no such file"), "{line}");
 }
 
 #[test]

@@ -79,7 +79,7 @@ impl<'a> Stream<'a> {
         let meta = std::fs::metadata(path).map_err(|e| fail(&e))?;
         if !meta.is_file() {
             let found = if meta.is_dir() { "a folder" } else { "a pipe or device" };
-            return Err(FileError::wrong(file, found, "a NIfTI file"));
+            return Err(FileError::wrong(file, found, "a file"));
         }
         let inner = File::open(path).map_err(|e| fail(&e))?;
         Self::new(file, Box::new(BufReader::with_capacity(CHUNK_BYTES, inner)), meta.len(), progress)
@@ -117,6 +117,16 @@ impl<'a> Stream<'a> {
     /// Content bytes read or skipped so far.
     pub(crate) fn at(&self) -> u64 {
         self.at
+    }
+
+    /// Bytes behind those read so far; of a gzip, an idea only: its stored bytes.
+    pub(crate) fn left(&self) -> u64 {
+        self.stored_bytes.saturating_sub(self.at)
+    }
+
+    /// Says that the last `bytes` read were not used: they count as left over.
+    pub(crate) fn unread(&mut self, bytes: u64) {
+        self.at = self.at.saturating_sub(bytes);
     }
 
     /// Refuses a claim of `declared` content bytes that the file's length rules out: a plain file

@@ -9,9 +9,13 @@ mod nifti;
 pub mod nifti_header;
 pub mod nifti_space;
 mod nifti_write;
+mod tracts;
+mod tracts_tck;
+mod tracts_trk;
 
 pub use nifti::{HeaderInfo, info, info_with, nifti_stem, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
+pub use tracts::{LoadedTracts, TractOptions, read_tract_bytes, read_tracts};
 
 /// Where a file's bytes come from.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -98,11 +98,19 @@ impl ContextFrame {
         }))
     }
 
-    /// What the march left for each pixel: premultiplied colour, opacity, depth.
     #[cfg(test)]
     pub(crate) fn read_marched(&self, gpu: &Gpu) -> Vec<Marched> {
+        self.marched(gpu).unwrap()
+    }
+
+    /// What the march left for each pixel: premultiplied colour, opacity, depth.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub(crate) fn marched(&self, gpu: &Gpu) -> Result<Vec<Marched>, RenderError> {
         let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
-        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(&self.targets.outsides, 0, n * 16)]).unwrap()[0])
+        let read = gpu.read_buffers(&[(&self.targets.outsides, 0, n * 16)]).map_err(RenderError::Device)?;
+        Ok(read.first().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap_or_default())
     }
 
     /// Depths of the tumour's surface, [`FAR`] where there is none.

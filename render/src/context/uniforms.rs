@@ -152,7 +152,6 @@ pub(crate) fn jitter(pixel: [u32; 2]) -> f64 {
 
 impl Marched {
     /// Premultiplied red, green, blue, and opacity.
-    #[cfg(test)]
     pub fn rgba(&self) -> [f64; 4] {
         let halves = |word: u32| [word & 0xffff, word >> 16].map(|h| f64::from(h) / 65535.0);
         let ([r, g], [b, a]) = (halves(self.red_green), halves(self.blue_opacity));

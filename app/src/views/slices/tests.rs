@@ -41,7 +41,7 @@ fn case(sides: Sides) -> Case {
         .to_vec();
     let contexts = vec![Context { id: "T1c".into(), volume }];
     let time_point = TimePoint { label: String::new(), contexts, masks, index: Arc::new(index), regions };
-    Case { name: "test".into(), grid, time_points: vec![time_point], checks: Vec::new() }
+    Case { name: "test".into(), grid, time_points: vec![time_point], tracts: Vec::new(), checks: Vec::new() }
 }
 
 struct Bench {

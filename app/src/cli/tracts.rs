@@ -1,0 +1,227 @@
+//! `glioscope tracts`.
+
+use clap::Args;
+use glioscope_core::{
+    MaskBits, Progress, Selection, Sides,
+    case::{Case, CaseTracts, TimePoint},
+    tract_distance::{Nearness, SelectedCells},
+};
+use serde::Serialize;
+
+use super::{CaseArguments, Failure, render, terminal};
+use crate::format;
+
+/// What `tracts` can be told.
+#[derive(Debug, Args)]
+pub struct TractArguments {
+    /// The case.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// Regions to measure from: T1,T1+PET. Without it, all.
+    #[arg(long, value_name = "REGION,...", default_value = "all")]
+    pub select: String,
+    /// Also count the fibres at most this far away.
+    #[arg(long, value_name = "MM", default_value_t = 10.0, allow_hyphen_values = true)]
+    pub within: f64,
+    /// The date of the masks, by its label; may be left out where there is one.
+    #[arg(long, value_name = "LABEL")]
+    pub time: Option<String>,
+    /// As JSON: see docs/json.md.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How near every file of tracts runs to the selection.
+#[derive(Debug, PartialEq, Serialize)]
+struct TractsReport {
+    case: String,
+    time: String,
+    /// Names of the selected regions.
+    selected: Vec<String>,
+    selected_voxels: u64,
+    selected_ml: f64,
+    within_mm: f64,
+    tracts: Vec<TractReport>,
+}
+
+/// One file of tracts. Distances are from the voxels' cells, not their centres.
+#[derive(Debug, PartialEq, Serialize)]
+struct TractReport {
+    id: String,
+    fibers: usize,
+    points: usize,
+    /// Whether the file says where the fibres are in the patient; if not, nothing else is told.
+    placed: bool,
+    /// Distance of the nearest fibre; null without fibres, without a selection, or without a place.
+    nearest_mm: Option<f64>,
+    /// Its number in the file, from 0.
+    nearest_fiber: Option<usize>,
+    /// Where on it, R, A and S.
+    place_mm: Option<[f64; 3]>,
+    /// The place of the selection nearest to that.
+    selection_mm: Option<[f64; 3]>,
+    /// Fibres that enter the selection.
+    through: Option<usize>,
+    /// Fibres at most `within_mm` away, those through the selection included.
+    within: Option<usize>,
+}
+
+pub(super) fn run(arguments: &TractArguments) -> Result<(), Failure> {
+    // Also false for NaN.
+    if !(0.0..=1e6).contains(&arguments.within) {
+        return Err(Failure(format!("--within: found {}, expected 0 to 1000000 mm", arguments.within)));
+    }
+    let (_, case) = arguments.case.load(false)?;
+    if case.tracts.is_empty() {
+        return Err(Failure(
+            "arguments: found no tracts, expected --tracts FILE or [[tracts]] in the manifest".into(),
+        ));
+    }
+    let time_point = time_point(&case, arguments.time.as_deref())?;
+    let selection = render::selection(&arguments.select, &time_point.regions)?;
+    let found = terminal::with_progress(|progress| {
+        progress.say("distances of fibres");
+        report(&case, time_point, &selection, arguments.within, progress)
+    })?;
+    if arguments.json { terminal::print_json(&found) } else { terminal::print(&table(&found)) }
+}
+
+fn time_point<'a>(case: &'a Case, label: Option<&str>) -> Result<&'a TimePoint, Failure> {
+    let labels: Vec<&str> = case.time_points.iter().map(|t| t.label.as_str()).collect();
+    let wrong =
+        |found: String| Failure(format!("--time: found {found}, expected one of {}", labels.join(", ")));
+    match (label, case.time_points.as_slice()) {
+        (None, [only]) => Ok(only),
+        (None, several) => Err(wrong(format!("no date beside {} dates", several.len()))),
+        (Some(label), all) => {
+            all.iter().find(|t| t.label == label).ok_or_else(|| wrong(format!("{label:?}")))
+        }
+    }
+}
+
+fn report(
+    case: &Case,
+    time_point: &TimePoint,
+    selection: &Selection,
+    within_mm: f64,
+    progress: &Progress,
+) -> Result<TractsReport, Failure> {
+    let (index, regions) = (&time_point.index, &time_point.regions);
+    let shown: Vec<_> = regions.list().iter().filter(|r| selection.shows(r.bits)).collect();
+    let bits = MaskBits::from_fn(index.grid().dims(), |linear| selection.shows(index.get(linear)));
+    let cells = SelectedCells::new(index.grid(), &bits);
+    let voxels = bits.count();
+    let mut tracts = Vec::new();
+    for CaseTracts { id, tracts: fibers } in &case.tracts {
+        let placed = fibers.sides() == Sides::Known && index.grid().sides() == Sides::Known;
+        let near = match cells.as_ref().filter(|_| placed) {
+            Some(cells) => {
+                let all = cells.nearest_of_all(fibers, progress).map_err(|e| Failure(e.to_string()))?;
+                Some(Nearness::of(&all, within_mm))
+            }
+            None => None,
+        };
+        let nearest = near.and_then(|n| n.nearest);
+        tracts.push(TractReport {
+            id: id.clone(),
+            fibers: fibers.fiber_count(),
+            points: fibers.points_mm().len(),
+            placed,
+            nearest_mm: nearest.map(|(_, a)| a.distance_mm),
+            nearest_fiber: nearest.map(|(fiber, _)| fiber),
+            place_mm: nearest.map(|(_, a)| a.fiber_mm.to_array()),
+            selection_mm: nearest.map(|(_, a)| a.selection_mm.to_array()),
+            through: near.map(|n| n.through),
+            within: near.map(|n| n.within),
+        });
+    }
+    Ok(TractsReport {
+        case: case.name.clone(),
+        time: time_point.label.clone(),
+        selected: shown.iter().map(|r| regions.name(r.bits)).collect(),
+        selected_voxels: voxels,
+        selected_ml: index.grid().volume_ml(voxels),
+        within_mm,
+        tracts,
+    })
+}
+
+/// The numbers as a text for people.
+fn table(report: &TractsReport) -> String {
+    let within = format!("within {} mm", report.within_mm);
+    let selected = if report.selected.is_empty() { "nothing".into() } else { report.selected.join(", ") };
+    let mut lines = vec![
+        report.case.clone(),
+        format!("from {selected}: {}", format::ml(report.selected_ml)),
+        format!(
+            "{:24} {:>9} {:>9} {:>11} {:>9} {:>9} {within:>14}  nearest place R, A, S (mm)",
+            "tracts", "fibres", "points", "nearest", "fibre", "through"
+        ),
+    ];
+    let count = |n: Option<usize>| n.map_or("–".to_owned(), |n| n.to_string());
+    for t in &report.tracts {
+        let place = match t.place_mm {
+            Some([r, a, s]) => format!("{r:.1}, {a:.1}, {s:.1}"),
+            None if t.placed => "–".into(),
+            None => "unknown: no place in the patient".into(),
+        };
+        lines.push(format!(
+            "{:24} {:>9} {:>9} {:>11} {:>9} {:>9} {:>14}  {place}",
+            t.id,
+            t.fibers,
+            t.points,
+            t.nearest_mm.map_or("–".to_owned(), |mm| format!("{mm:.2} mm")),
+            count(t.nearest_fiber),
+            count(t.through),
+            count(t.within)
+        ));
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use glioscope_core::{Tracts, case, sample};
+
+    /// The sample with straight fibres along R past its first region's middle.
+    fn with_tracts(sides: Sides) -> Case {
+        let mut case =
+            case::load(&sample::sample_spec(), &case::LoadOptions::default(), &Progress::new()).unwrap();
+        let (low, high) = case.grid.bounds_mm();
+        let middle = case.time_points[0].regions.centroid_mm().unwrap();
+        let line = |z: f64| [[low.x, middle.y, z], [high.x, middle.y, z]].map(|p| p.map(|v| v as f32));
+        let points = [line(high.z + 100.0), line(middle.z)].concat();
+        let tracts = Arc::new(Tracts::new(points, vec![0, 2, 4], sides).unwrap());
+        case.tracts = vec![CaseTracts { id: "CST".into(), tracts }];
+        case
+    }
+
+    #[test]
+    fn the_numbers_are_those_of_the_fibers() {
+        let case = with_tracts(Sides::Known);
+        let time_point = &case.time_points[0];
+        let found = report(&case, time_point, &Selection::all(), 10.0, &Progress::new()).unwrap();
+        let cst = &found.tracts[0];
+        assert_eq!((cst.fibers, cst.points, cst.nearest_fiber), (2, 4, Some(1)));
+        assert_eq!((cst.nearest_mm, cst.through, cst.within), (Some(0.0), Some(1), Some(1)));
+        assert_eq!(found.selected_voxels, time_point.regions.union_voxels());
+        let text = table(&found);
+        assert!(text.contains("0.00 mm") && text.contains("within 10 mm"), "{text}");
+
+        let nothing = Selection::only(&time_point.regions, &[]);
+        let found = report(&case, time_point, &nothing, 10.0, &Progress::new()).unwrap();
+        assert_eq!((found.tracts[0].nearest_mm, found.tracts[0].through), (None, None));
+        assert!(table(&found).contains("from nothing"));
+    }
+
+    #[test]
+    fn no_distance_is_told_of_fibers_without_a_place() {
+        let case = with_tracts(Sides::Unknown);
+        let found = report(&case, &case.time_points[0], &Selection::all(), 10.0, &Progress::new()).unwrap();
+        assert_eq!((found.tracts[0].nearest_mm, found.tracts[0].within), (None, None));
+        assert!(table(&found).contains("no place in the patient"));
+    }
+}

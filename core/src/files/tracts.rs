@@ -1,0 +1,175 @@
+//! Reading fibre tracts: MRtrix `.tck` and TrackVis `.trk`, told apart by content.
+
+use super::bounded_gzip::Stream;
+use super::nifti_header::ByteOrder;
+use super::{FileError, Source, tracts_tck, tracts_trk};
+use crate::{Check, Progress, Sides, Tracts};
+
+/// Coordinates past this (10 km, as for images) are damage, not anatomy.
+const MAX_COORDINATE_MM: f64 = 1e7;
+
+/// Limits on reading tracts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TractOptions {
+    /// Most bytes that a file may have. Points take at most as much memory as the file has bytes,
+    /// and a third of it for fibres of one point.
+    pub max_bytes: u64,
+}
+
+impl Default for TractOptions {
+    fn default() -> Self {
+        Self { max_bytes: 4 << 30 }
+    }
+}
+
+/// A file of tracts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadedTracts {
+    /// Its fibres.
+    pub tracts: Tracts,
+    /// What was noticed.
+    pub checks: Vec<Check>,
+}
+
+/// Reads a `.tck` or `.trk` file.
+///
+/// A gzip is refused: neither format says how many bytes follow, so nothing would bound what it
+/// inflates to.
+///
+/// # Errors
+/// [`FileError::Wrong`] for whatever is wrong with the file; memory is bounded by its length, which
+/// is compared with `options.max_bytes` before anything is allocated. [`FileError::Cancelled`] when
+/// `progress` says so.
+pub fn read_tracts(
+    source: &Source,
+    options: &TractOptions,
+    progress: &Progress,
+) -> Result<LoadedTracts, FileError> {
+    match source {
+        Source::File(path) => read_stream(Stream::open(path, progress)?, options),
+        Source::Embedded { name, bytes } => read_tract_bytes(name, bytes, options, progress),
+    }
+}
+
+/// As [`read_tracts`], from memory; `name` stands in messages.
+///
+/// # Errors
+/// As [`read_tracts`].
+pub fn read_tract_bytes(
+    name: &str,
+    bytes: &[u8],
+    options: &TractOptions,
+    progress: &Progress,
+) -> Result<LoadedTracts, FileError> {
+    read_stream(Stream::of_bytes(name, bytes, progress)?, options)
+}
+
+fn read_stream(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
+    const EXPECTED: &str =
+        "tracts: a .tck that begins with \"mrtrix tracks\" or a .trk that begins with \"TRACK\"";
+    let wrong =
+        |stream: &Stream<'_>, found: &str, expected: &str| FileError::wrong(stream.file(), found, expected);
+    if stream.is_gzip() {
+        return Err(wrong(&stream, "a gzip", "a plain .tck or .trk (unpack it first)"));
+    }
+    if stream.left() > options.max_bytes {
+        let expected = format!("at most {} (the limit, which can be raised)", options.max_bytes);
+        return Err(wrong(&stream, &format!("{} bytes of tracts", stream.left()), &expected));
+    }
+    let mut begin = [0; tracts_tck::MAGIC.len()];
+    let have = stream.fill(&mut begin)?;
+    if have == 0 {
+        return Err(stream.ends_early(EXPECTED));
+    }
+    if &begin == tracts_tck::MAGIC {
+        tracts_tck::read(stream)
+    } else if begin[..have].starts_with(tracts_trk::MAGIC) {
+        tracts_trk::read(stream, &begin[..have])
+    } else {
+        Err(wrong(&stream, "other content", EXPECTED))
+    }
+}
+
+/// Fibres on their way from a file.
+pub(super) struct Gathered {
+    points_mm: Vec<[f32; 3]>,
+    offsets: Vec<u32>,
+}
+
+impl Gathered {
+    /// Room for `points` points: no more than the file's bytes can hold.
+    pub(super) fn with_room(points: u64, file: &str) -> Result<Self, FileError> {
+        let wrong = |found: String| FileError::wrong(file, found, "points that memory can hold");
+        let mut points_mm = Vec::new();
+        usize::try_from(points)
+            .ok()
+            .filter(|&n| n < u32::MAX as usize && points_mm.try_reserve_exact(n).is_ok())
+            .ok_or_else(|| wrong(format!("room for {points} points")))?;
+        Ok(Self { points_mm, offsets: vec![0] })
+    }
+
+    /// Fibres that are complete.
+    pub(super) fn fibers(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Whether the last fibre has no end yet.
+    pub(super) fn is_open(&self) -> bool {
+        self.offsets.last().is_some_and(|&end| (end as usize) < self.points_mm.len())
+    }
+
+    /// Another point of the fibre that is open.
+    pub(super) fn push(&mut self, point_mm: [f64; 3], file: &str) -> Result<(), FileError> {
+        // Also false for NaN.
+        if !point_mm.iter().all(|v| v.abs() <= MAX_COORDINATE_MM) {
+            let [x, y, z] = point_mm;
+            let found = format!("a point at {x}, {y}, {z} mm in fibre {}", self.fibers());
+            return Err(FileError::wrong(file, found, "finite coordinates within 10 km"));
+        }
+        self.points_mm.push(point_mm.map(|v| v as f32));
+        Ok(())
+    }
+
+    /// The end of a fibre.
+    pub(super) fn end_fiber(&mut self) {
+        // Fewer than 2^32 points: see `with_room`, which callers keep to.
+        self.offsets.push(u32::try_from(self.points_mm.len()).unwrap_or(u32::MAX));
+    }
+
+    /// All fibres, checked.
+    pub(super) fn finish(self, sides: Sides, file: &str) -> Result<Tracts, FileError> {
+        Tracts::new(self.points_mm, self.offsets, sides)
+            .ok_or_else(|| FileError::wrong(file, "fibres that don't fit their points", "a whole table"))
+    }
+}
+
+/// The number at `at`; 0 where `bytes` end before.
+pub(super) fn float(bytes: &[u8], at: usize, order: ByteOrder) -> f64 {
+    let four = bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
+    f64::from(match order {
+        ByteOrder::Little => f32::from_le_bytes(four),
+        ByteOrder::Big => f32::from_be_bytes(four),
+    })
+}
+
+/// The check of a count that a header declares.
+pub(super) fn count_check(name: &str, declared: u64, fibers: u64) -> Check {
+    Check::warning("tracts-count", format!("{name}: found {fibers} fibres, expected the header's {declared}"))
+}
+
+/// What is left behind the last fibre, if anything.
+pub(super) fn trailing(stream: Stream<'_>, name: &str, checks: &mut Vec<Check>) -> Result<(), FileError> {
+    let left = stream.finish()?;
+    if left > 0 {
+        checks.push(Check::warning(
+            "tracts-trailing-bytes",
+            format!("{name}: found {left} bytes behind the last fibre, expected the file's end; not read"),
+        ));
+    }
+    Ok(())
+}
+
+/// `folder/name.tck` as `name.tck`.
+pub(super) fn own_name(file: &str) -> String {
+    file.rsplit(['/', '\\']).next().unwrap_or(file).to_owned()
+}

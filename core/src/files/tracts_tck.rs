@@ -1,0 +1,161 @@
+//! MRtrix `.tck`: a text header, then triples of numbers in RAS+ millimetres; three NaNs end a
+//! fibre, three infinities the file. After MRtrix3's documentation ("Tracks file format").
+
+use super::bounded_gzip::{CHUNK_BYTES, Stream};
+use super::nifti_header::ByteOrder;
+use super::tracts::{Gathered, LoadedTracts, count_check, float, own_name, trailing};
+use super::{FileError, printable};
+use crate::Sides;
+
+/// How a file begins.
+pub(super) const MAGIC: &[u8; 13] = b"mrtrix tracks";
+
+/// Most bytes of a header: real ones keep the commands that made them, some kilobytes.
+const MAX_HEADER_BYTES: usize = 1 << 20;
+
+/// How triples are stored.
+#[derive(Clone, Copy)]
+struct Numbers {
+    order: ByteOrder,
+    bytes: usize,
+}
+
+struct Header {
+    numbers: Numbers,
+    count: Option<u64>,
+    offset: u64,
+}
+
+/// Reads on behind [`MAGIC`].
+pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
+    let file = stream.file().to_owned();
+    let header = header(&mut stream, &file)?;
+    stream.skip(header.offset - stream.at(), "fibres where the header's \"file\" says")?;
+    let (gathered, unread) = fibers(&mut stream, header.numbers, &file)?;
+
+    let name = own_name(&file);
+    let mut checks = Vec::new();
+    let total = gathered.fibers() as u64;
+    let tracts = gathered.finish(Sides::Known, &file)?;
+    let empty = tracts.offsets().windows(2).filter(|o| o[0] == o[1]).count() as u64;
+    // Some writers count fibres without points, others don't.
+    if let Some(count) = header.count.filter(|&c| c != total && c != total - empty) {
+        checks.push(count_check(&name, count, total));
+    }
+    stream.unread(unread);
+    trailing(stream, &name, &mut checks)?;
+    Ok(LoadedTracts { tracts, checks })
+}
+
+/// Every triple up to the end marker; the bytes that were read behind it.
+fn fibers(stream: &mut Stream<'_>, numbers: Numbers, file: &str) -> Result<(Gathered, u64), FileError> {
+    let triple = 3 * numbers.bytes;
+    let mut gathered = Gathered::with_room(stream.left() / triple as u64, file)?;
+    let mut buffer = vec![0; CHUNK_BYTES / triple * triple];
+    loop {
+        let have = stream.fill(&mut buffer)?;
+        let whole = have / triple * triple;
+        for (at, bytes) in buffer[..whole].chunks_exact(triple).enumerate() {
+            let point = [0, 1, 2].map(|axis| numbers.get(bytes, axis));
+            if point.iter().all(|v| v.is_nan()) {
+                gathered.end_fiber();
+            } else if point.iter().all(|v| v.is_infinite()) {
+                if gathered.is_open() {
+                    let found = format!("the end marker inside fibre {}", gathered.fibers());
+                    return Err(FileError::wrong(file, found, "three NaNs at the end of every fibre"));
+                }
+                return Ok((gathered, (have - (at + 1) * triple) as u64));
+            } else {
+                gathered.push(point, file)?;
+            }
+        }
+        if have < buffer.len() {
+            return Err(stream.ends_early("three infinities, which end a .tck"));
+        }
+    }
+}
+
+impl Numbers {
+    fn get(self, triple: &[u8], axis: usize) -> f64 {
+        if self.bytes == 4 {
+            return float(triple, 4 * axis, self.order);
+        }
+        let eight = triple.get(8 * axis..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
+        match self.order {
+            ByteOrder::Little => f64::from_le_bytes(eight),
+            ByteOrder::Big => f64::from_be_bytes(eight),
+        }
+    }
+}
+
+/// The header's bytes behind the magic, up to and with the line `END`.
+fn header_text(stream: &mut Stream<'_>, file: &str) -> Result<String, FileError> {
+    const END: &[u8] = b"\nEND";
+    let mut text = Vec::new();
+    let mut byte = [0];
+    loop {
+        stream.fill_all(&mut byte, "a line END, which ends the header")?;
+        let [b] = byte;
+        let line_ends = b == b'\n' && (text.ends_with(END) || text.ends_with(b"\nEND\r"));
+        if line_ends {
+            return Ok(String::from_utf8_lossy(&text).into_owned());
+        }
+        if text.len() == MAX_HEADER_BYTES {
+            let found = format!("no line END within {MAX_HEADER_BYTES} bytes");
+            return Err(FileError::wrong(file, found, "the end of a .tck's header"));
+        }
+        text.push(b);
+    }
+}
+
+/// `text` for a message: one line, not too long.
+fn shown(text: &str) -> String {
+    printable(&text.chars().take(60).collect::<String>())
+}
+
+fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
+    let text = header_text(stream, file)?;
+    let behind_header = stream.at();
+    let value = |key: &str, form: &str| {
+        let mut values =
+            text.lines().filter_map(|l| l.split_once(':')).filter(|(k, _)| k.trim() == key).map(|(_, v)| v);
+        match (values.next(), values.next()) {
+            (Some(value), None) => Ok(Some(value.trim())),
+            (None, _) => Ok(None),
+            (Some(_), Some(_)) => Err(FileError::wrong(
+                file,
+                format!("{key} twice in the header"),
+                format!("one {key}: {form}"),
+            )),
+        }
+    };
+    let needed = |key: &str, form: &str| {
+        value(key, form)?.ok_or_else(|| {
+            FileError::wrong(file, format!("no {key} in the header"), format!("{key}: {form}"))
+        })
+    };
+
+    let form = "Float32LE, Float32BE, Float64LE or Float64BE";
+    let numbers = match needed("datatype", form)? {
+        "Float32LE" => Numbers { order: ByteOrder::Little, bytes: 4 },
+        "Float32BE" => Numbers { order: ByteOrder::Big, bytes: 4 },
+        "Float64LE" => Numbers { order: ByteOrder::Little, bytes: 8 },
+        "Float64BE" => Numbers { order: ByteOrder::Big, bytes: 8 },
+        other => return Err(FileError::wrong(file, format!("datatype {}", shown(other)), form)),
+    };
+    let form = ". OFFSET, with fibres in this file behind the header";
+    let place = needed("file", form)?;
+    let offset = place
+        .strip_prefix('.')
+        .and_then(|offset| offset.trim().parse().ok())
+        .filter(|&offset: &u64| offset >= behind_header)
+        .ok_or_else(|| FileError::wrong(file, format!("file: {}", shown(place)), form))?;
+    let form = "a whole number of fibres";
+    let count = match value("count", form)? {
+        None => None,
+        Some(count) => Some(
+            count.parse().map_err(|_| FileError::wrong(file, format!("count: {}", shown(count)), form))?,
+        ),
+    };
+    Ok(Header { numbers, count, offset })
+}

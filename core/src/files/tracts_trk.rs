@@ -1,0 +1,254 @@
+//! TrackVis `.trk`, versions 1 and 2: a header of 1000 bytes, then for each fibre its number of
+//! points, the points with their scalars, and its properties. After trackvis.org's "Track File
+//! Format"; what that leaves open is done as nibabel 5.4 does it (`nibabel/streamlines/trk.py`).
+//!
+//! Points are in "voxelmm": voxel size times voxels, from the *corner* of the first voxel, along
+//! the axes that `voxel_order` names. So a point p is voxel `p / voxel_size - 1/2` (centres at whole
+//! numbers) in that order. `vox_to_ras` maps voxels in its own order to RAS+: axes that it runs
+//! through otherwise are swapped and turned first. Scalars and properties are passed over.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::FileError;
+use super::bounded_gzip::{CHUNK_BYTES, Stream};
+use super::nifti_header::ByteOrder;
+use super::tracts::{Gathered, LoadedTracts, count_check, float, own_name, trailing};
+use crate::{Check, Grid, Sides};
+
+/// How a file begins.
+pub(super) const MAGIC: &[u8; 5] = b"TRACK";
+
+const HEADER_BYTES: usize = 1000;
+
+struct Header {
+    order: ByteOrder,
+    scalars: usize,
+    properties: usize,
+    /// 0: not declared.
+    count: u64,
+    ras_from_voxelmm: DAffine3,
+    sides: Sides,
+    checks: Vec<Check>,
+}
+
+/// Reads on behind `begin`, the file's first bytes.
+pub(super) fn read(mut stream: Stream<'_>, begin: &[u8]) -> Result<LoadedTracts, FileError> {
+    let file = stream.file().to_owned();
+    let mut bytes = [0; HEADER_BYTES];
+    let (first, rest) = bytes.split_at_mut(begin.len());
+    first.copy_from_slice(begin);
+    stream.fill_all(rest, "the 1000 bytes of a .trk's header")?;
+    let Header { order, scalars, properties, count, ras_from_voxelmm, sides, mut checks } =
+        header(&bytes, &file)?;
+
+    let record = 4 * (3 + scalars);
+    let mut gathered = Gathered::with_room(stream.left() / record as u64, &file)?;
+    let mut buffer = vec![0; CHUNK_BYTES / record * record];
+    let mut extra = vec![0; 4 * properties];
+    while stream.left() > 0 && (count == 0 || (gathered.fibers() as u64) < count) {
+        let fiber = gathered.fibers();
+        let mut four = [0; 4];
+        stream.fill_all(&mut four, "the number of points of a fibre")?;
+        let points = int(&four, 0, order);
+        let needs =
+            u64::try_from(points).ok().map(|n| (n * record as u64, n * record as u64 + extra.len() as u64));
+        let Some((mut bytes, _)) = needs.filter(|&(_, all)| all <= stream.left()) else {
+            let found = format!("{points} points in fibre {fiber}, with {} bytes left", stream.left());
+            let expected = format!("points of {record} bytes and {} bytes of properties", extra.len());
+            return Err(FileError::wrong(file, found, expected));
+        };
+        while bytes > 0 {
+            let part = usize::try_from(bytes).map_or(buffer.len(), |b| b.min(buffer.len()));
+            stream.fill_all(&mut buffer[..part], "the points of a fibre")?;
+            for point in buffer[..part].chunks_exact(record) {
+                let p = DVec3::from_array([0, 4, 8].map(|at| float(point, at, order)));
+                gathered.push(ras_from_voxelmm.transform_point3(p).to_array(), &file)?;
+            }
+            bytes -= part as u64;
+        }
+        stream.fill_all(&mut extra, "the properties of a fibre")?;
+        gathered.end_fiber();
+    }
+
+    let name = own_name(&file);
+    let fibers = gathered.fibers() as u64;
+    if count > fibers {
+        checks.push(count_check(&name, count, fibers));
+    }
+    let tracts = gathered.finish(sides, &file)?;
+    trailing(stream, &name, &mut checks)?;
+    Ok(LoadedTracts { tracts, checks })
+}
+
+fn int(bytes: &[u8], at: usize, order: ByteOrder) -> i32 {
+    let four = bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
+    match order {
+        ByteOrder::Little => i32::from_le_bytes(four),
+        ByteOrder::Big => i32::from_be_bytes(four),
+    }
+}
+
+fn short(bytes: &[u8], at: usize, order: ByteOrder) -> i16 {
+    let two = bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
+    match order {
+        ByteOrder::Little => i16::from_le_bytes(two),
+        ByteOrder::Big => i16::from_be_bytes(two),
+    }
+}
+
+fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
+    let wrong = |found: String, expected: &str| FileError::wrong(file, found, expected);
+    let order = match (int(bytes, 996, ByteOrder::Little), int(bytes, 996, ByteOrder::Big)) {
+        (1000, _) => ByteOrder::Little,
+        (_, 1000) => ByteOrder::Big,
+        (other, _) => {
+            return Err(wrong(format!("header size {other}"), "1000, in either byte order"));
+        }
+    };
+    let version = int(bytes, 992, order);
+    if !(1..=2).contains(&version) {
+        return Err(wrong(format!("version {version} of .trk"), "version 1 or 2"));
+    }
+    let counted = |at: usize, what: &str| {
+        let n = short(bytes, at, order);
+        usize::try_from(n).map_err(|_| wrong(format!("{n} {what}"), "0 or more"))
+    };
+    let (scalars, properties) = (counted(36, "scalars a point")?, counted(238, "properties a fibre")?);
+    let count = int(bytes, 988, order);
+    let count = u64::try_from(count).map_err(|_| wrong(format!("{count} fibres"), "0 or more"))?;
+    let sizes = DVec3::from_array([12, 16, 20].map(|at| float(bytes, at, order)));
+    if !(sizes.is_finite() && sizes.min_element() > 0.0) {
+        let found = format!("voxels of {} × {} × {} mm", sizes.x, sizes.y, sizes.z);
+        return Err(wrong(found, "finite sizes above 0"));
+    }
+    let dims = [6, 8, 10].map(|at| short(bytes, at, order));
+
+    let name = own_name(file);
+    let mut checks = Vec::new();
+    let own_order = voxel_order(&bytes[948..952], &name, &mut checks).ok_or_else(|| {
+        let found = String::from_utf8_lossy(&bytes[948..952]).escape_debug().to_string();
+        wrong(format!("voxel_order {found}"), "one of each of L or R, A or P, I or S")
+    })?;
+    let place = placed(bytes, order, version, file)?;
+    if place.is_none() {
+        checks.push(Check::warning(
+            "tracts-place-unknown",
+            format!(
+                "{name}: found no vox_to_ras (version {version}), expected a place in the patient; the points \
+                 are millimetres from the first voxel, and no distance to a mask is told"
+            ),
+        ));
+    }
+    let sides = if place.is_some() { Sides::Known } else { Sides::Unknown };
+    let (ras_from_voxel, matrix_order) =
+        place.unwrap_or_else(|| (DAffine3::from_scale(spread(sizes, own_order)), RAS));
+    if sides == Sides::Known && own_order != matrix_order {
+        let letters = |o: [Axis; 3]| -> String { o.iter().map(|a| a.letter()).collect() };
+        checks.push(Check::note(
+            "tracts-order-differs",
+            format!(
+                "{name}: found voxel order {} beside a vox_to_ras of {}; axes are swapped and turned, as \
+                 nibabel does",
+                letters(own_order),
+                letters(matrix_order)
+            ),
+        ));
+    }
+    let turned = turn(own_order, matrix_order, dims)
+        .ok_or_else(|| wrong(format!("dimensions {dims:?}"), "sizes of at least 1, to turn an axis"))?;
+    let voxel_from_voxelmm =
+        DAffine3 { matrix3: DMat3::from_diagonal(sizes.recip()), translation: DVec3::splat(-0.5) };
+    let ras_from_voxelmm = ras_from_voxel * turned * voxel_from_voxelmm;
+    Ok(Header { order, scalars, properties, count, ras_from_voxelmm, sides, checks })
+}
+
+/// An anatomical axis (0 R–L, 1 A–P, 2 S–I) and whether it runs towards R, A or S.
+#[derive(Clone, Copy, PartialEq)]
+struct Axis {
+    line: usize,
+    forward: bool,
+}
+
+const RAS: [Axis; 3] =
+    [Axis { line: 0, forward: true }, Axis { line: 1, forward: true }, Axis { line: 2, forward: true }];
+
+impl Axis {
+    fn of(letter: char) -> Option<Self> {
+        "LPIRAS".find(letter).map(|at| Self { line: at % 3, forward: at >= 3 })
+    }
+
+    fn letter(self) -> char {
+        [['L', 'R'], ['P', 'A'], ['I', 'S']][self.line][usize::from(self.forward)]
+    }
+}
+
+/// The header's `voxel_order`; `None` when it names no order. Empty is LPS, TrackVis' own.
+fn voxel_order(field: &[u8], name: &str, checks: &mut Vec<Check>) -> Option<[Axis; 3]> {
+    let letters: Vec<char> = field.iter().take_while(|&&b| b != 0).map(|&b| char::from(b)).collect();
+    let text = letters.iter().collect::<String>().trim().to_ascii_uppercase();
+    let text = if text.is_empty() {
+        checks.push(Check::warning(
+            "tracts-voxel-order",
+            format!("{name}: found no voxel_order, expected one; taken as LPS, as TrackVis and nibabel do"),
+        ));
+        "LPS".into()
+    } else {
+        text
+    };
+    let axes: Vec<Axis> = text.chars().map(Axis::of).collect::<Option<_>>()?;
+    let axes: [Axis; 3] = axes.try_into().ok()?;
+    (0..3).all(|line| axes.iter().any(|a| a.line == line)).then_some(axes)
+}
+
+/// `sizes` along `order`'s axes as sizes along R, A and S.
+fn spread(sizes: DVec3, order: [Axis; 3]) -> DVec3 {
+    let mut out = DVec3::ONE;
+    for (axis, size) in order.into_iter().zip(sizes.to_array()) {
+        out[axis.line] = size;
+    }
+    out
+}
+
+/// `vox_to_ras` and the order of its voxels; `None` where the file has none: before version 2, or
+/// with 0 as the last entry.
+fn placed(
+    bytes: &[u8],
+    order: ByteOrder,
+    version: i32,
+    file: &str,
+) -> Result<Option<(DAffine3, [Axis; 3])>, FileError> {
+    let at = |row: usize, column: usize| float(bytes, 440 + 4 * (4 * row + column), order);
+    if version < 2 || at(3, 3) == 0.0 {
+        return Ok(None);
+    }
+    let column = |c: usize| DVec3::new(at(0, c), at(1, c), at(2, c));
+    let matrix =
+        DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) };
+    let wrong = |found: String| FileError::wrong(file, found, "a vox_to_ras that maps voxels to millimetres");
+    if [at(3, 0), at(3, 1), at(3, 2), at(3, 3)] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(wrong("a vox_to_ras whose last row is not 0 0 0 1".into()));
+    }
+    let grid = Grid::new([1; 3], matrix, Sides::Known).map_err(|e| wrong(format!("vox_to_ras: {e}")))?;
+    let axes = grid.axis_codes().map(|letter| Axis::of(letter).unwrap_or(RAS[0]));
+    Ok(Some((matrix, axes)))
+}
+
+/// Voxels in the order `to` from voxels in the order `from`, of an image of `dims` voxels in the
+/// latter. `None` when an axis of no voxels is to be turned.
+fn turn(from: [Axis; 3], to: [Axis; 3], dims: [i16; 3]) -> Option<DAffine3> {
+    let (mut columns, mut translation) = ([DVec3::ZERO; 3], DVec3::ZERO);
+    for (source, axis) in from.into_iter().enumerate() {
+        let target = to.iter().position(|t| t.line == axis.line)?;
+        if to[target].forward == axis.forward {
+            columns[source][target] = 1.0;
+        } else {
+            if dims[source] < 1 {
+                return None;
+            }
+            columns[source][target] = -1.0;
+            translation[target] = f64::from(dims[source]) - 1.0;
+        }
+    }
+    let [x, y, z] = columns;
+    Some(DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation })
+}

@@ -1,0 +1,292 @@
+//! Tracts read as nibabel reads them, and whatever is wrong with a file named in one line.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a failed unwrap here is a failed test"
+)]
+
+#[path = "common/tracts.rs"]
+mod made;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use glioscope_core::files::{
+    FileError, LoadedTracts, Source, TractOptions, read_tract_bytes, read_tracts, write_whole,
+};
+use glioscope_core::{Progress, Sides, Tracts};
+use made::{Order, Trk, asked, fibers, tck, tck_of};
+
+fn read(bytes: &[u8]) -> Result<LoadedTracts, FileError> {
+    read_tract_bytes("made", bytes, &TractOptions::default(), &Progress::new())
+}
+
+fn codes(loaded: &LoadedTracts) -> Vec<&'static str> {
+    loaded.checks.iter().map(|c| c.code).collect()
+}
+
+fn refused(bytes: &[u8], parts: &[&str]) {
+    let line = read(bytes).expect_err(&parts.join(" ")).to_string();
+    assert!(
+        line.starts_with("made: found ") && line.contains(", expected ") && !line.contains('\n'),
+        "{line}"
+    );
+    for part in parts {
+        assert!(line.contains(part), "{line}\n  expected {part}");
+    }
+}
+
+fn fibers_of(tracts: &Tracts) -> Vec<Vec<[f32; 3]>> {
+    (0..tracts.fiber_count()).map(|n| tracts.fiber(n).to_vec()).collect()
+}
+
+/// Not a test: writes the files that `tracts_nibabel.py` shows to nibabel.
+#[test]
+#[ignore = "writes files for tracts_nibabel.py; needs GLIOSCOPE_TRACTS_OUT"]
+fn write_the_asked_files() {
+    let out = std::env::var_os("GLIOSCOPE_TRACTS_OUT").expect("the folder to write to");
+    for (name, bytes) in asked() {
+        write_whole(&Path::new(&out).join(name), &bytes).unwrap();
+    }
+}
+
+#[test]
+fn places_are_those_of_nibabel() {
+    let text = include_str!("tracts_nibabel.json");
+    let seen: BTreeMap<String, Vec<Vec<[f64; 3]>>> = serde_json::from_str(text).unwrap();
+    let asked = asked();
+    assert_eq!(seen.len(), asked.len());
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in asked {
+        let path = folder.path().join(name);
+        write_whole(&path, &bytes).unwrap();
+        let loaded = read_tracts(&Source::File(path), &TractOptions::default(), &Progress::new()).unwrap();
+        let (ours, theirs) = (fibers_of(&loaded.tracts), &seen[name]);
+        assert_eq!(
+            ours.iter().map(Vec::len).collect::<Vec<_>>(),
+            theirs.iter().map(Vec::len).collect::<Vec<_>>()
+        );
+        for (a, b) in ours.iter().flatten().zip(theirs.iter().flatten()) {
+            // nibabel rounds its matrix and its points to f32: two units in the last place of 100 mm.
+            let far = (0..3).any(|axis| (f64::from(a[axis]) - b[axis]).abs() > 2e-5);
+            assert!(!far, "{name}: {a:?}, nibabel {b:?}");
+        }
+    }
+}
+
+/// TrackVis' definition by hand: the corner of the first voxel is the origin.
+#[test]
+fn the_middle_of_a_voxel_lands_on_its_center() {
+    // Voxel (3, 4, 5) in the order P, S, L of an image of 32 × 24 × 16; the matrix runs R, A, S.
+    let matrix = [[2.0, 0.0, 0.0, 100.0], [0.0, 3.0, 0.0, -7.0], [0.0, 0.0, 4.0, 50.0], [0.0, 0.0, 0.0, 1.0]];
+    let trk = Trk {
+        voxel_order: "PSL",
+        sizes: [3.0, 4.0, 2.0],
+        vox_to_ras: matrix,
+        fibers: vec![vec![[3.5 * 3.0, 4.5 * 4.0, 5.5 * 2.0]]],
+        count: 1,
+        ..Trk::new()
+    };
+    let loaded = read(&trk.bytes()).unwrap();
+    // R is 16 - 1 - 5 = 10 voxels from the first, A is 32 - 1 - 3 = 28, S is 4.
+    assert_eq!(loaded.tracts.fiber(0), [[100.0 + 2.0 * 10.0, -7.0 + 3.0 * 28.0, 50.0 + 4.0 * 4.0]]);
+    assert_eq!(codes(&loaded), ["tracts-order-differs"]);
+}
+
+#[test]
+fn every_datatype_of_tck_gives_the_same_points() {
+    for order in [Order::Little, Order::Big] {
+        for double in [false, true] {
+            let loaded = read(&tck(&fibers(), order, double, "")).unwrap();
+            assert_eq!(fibers_of(&loaded.tracts), fibers());
+            assert_eq!((loaded.tracts.sides(), loaded.checks), (Sides::Known, vec![]));
+        }
+    }
+}
+
+#[test]
+fn fibers_longer_than_a_chunk_and_fibers_without_points_stay_whole() {
+    let long: Vec<[f32; 3]> = (0..60_000).map(|i| [i as f32 * 0.01, -(i as f32) * 0.02, 3.0]).collect();
+    let all = vec![vec![], long.clone(), vec![[1.0; 3]], vec![], long];
+    let loaded = read(&tck(&all, Order::Big, false, "count: 5\n")).unwrap();
+    assert_eq!((fibers_of(&loaded.tracts), codes(&loaded)), (all.clone(), vec![]));
+    // The writers that leave out empty fibres count three.
+    assert!(read(&tck(&all, Order::Big, false, "count: 3\n")).unwrap().checks.is_empty());
+    let identity = std::array::from_fn(|r| std::array::from_fn(|c| f32::from(u8::from(r == c))));
+    let trk = Trk {
+        sizes: [1.0; 3],
+        vox_to_ras: identity,
+        scalars: 7,
+        fibers: all.clone(),
+        count: 5,
+        ..Trk::new()
+    };
+    let loaded = read(&trk.bytes()).unwrap();
+    let shifted: Vec<Vec<_>> =
+        all.iter().map(|f| f.iter().map(|p| p.map(|v| (f64::from(v) - 0.5) as f32)).collect()).collect();
+    assert_eq!((fibers_of(&loaded.tracts), codes(&loaded)), (shifted, vec![]));
+}
+
+#[test]
+fn what_is_noticed() {
+    let little = Order::Little;
+    let noticed = |bytes: &[u8]| codes(&read(bytes).unwrap());
+    assert_eq!(noticed(&tck(&fibers(), little, false, "count: 4\n")), ["tracts-count"]);
+    let mut longer = tck(&fibers(), little, false, "");
+    longer.extend([0; 30]);
+    assert_eq!(noticed(&longer), ["tracts-trailing-bytes"]);
+    let message = &read(&longer).unwrap().checks[0].message;
+    assert!(message.contains("found 30 bytes"), "{message}");
+    let base = Trk::new();
+    assert_eq!(noticed(&Trk { count: 9, ..base.clone() }.bytes()), ["tracts-count"]);
+    assert_eq!(noticed(&Trk { count: 2, ..base.clone() }.bytes()), ["tracts-trailing-bytes"]);
+    assert_eq!(
+        noticed(&Trk { voxel_order: "", ..base.clone() }.bytes()),
+        ["tracts-voxel-order", "tracts-order-differs"]
+    );
+    for unplaced in [Trk { version: 1, ..base.clone() }, Trk { vox_to_ras: [[0.0; 4]; 4], ..base.clone() }] {
+        let loaded = read(&unplaced.bytes()).unwrap();
+        assert_eq!((codes(&loaded), loaded.tracts.sides()), (vec!["tracts-place-unknown"], Sides::Unknown));
+        // Millimetres from the first voxel's centre.
+        let [x, y, z] = fibers()[0][0];
+        assert_eq!(loaded.tracts.fiber(0)[0], [x - 0.5, y - 1.0, z - 1.5]);
+    }
+    let none = Trk { fibers: vec![], count: 0, ..base };
+    assert_eq!(read(&none.bytes()).unwrap().tracts.fiber_count(), 0);
+}
+
+#[test]
+fn each_mistake_has_one_line_that_names_it() {
+    let (little, all) = (Order::Little, fibers());
+    refused(b"", &["found an empty file"]);
+    refused(b"TRAC", &["found other content", "mrtrix tracks"]);
+    refused(b"<!DOCTYPE html> some page", &["found other content"]);
+    refused(&[0x1f, 0x8b, 8, 0, 0, 0, 0, 0], &["found a gzip", "unpack"]);
+    refused(b"mrtrix tracks\ndatatype: Float32LE\n", &["end of the file", "a line END"]);
+    refused(&[b"mrtrix tracks\n".to_vec(), vec![b'x'; 2 << 20]].concat(), &["no line END within 1048576"]);
+    refused(&tck_of(&all, little, false, ""), &["found no datatype", "Float64BE"]);
+    refused(&tck_of(&all, little, false, "datatype: Int16\n"), &["found datatype Int16"]);
+    refused(&tck(&all, little, false, "datatype: Float32LE\n"), &["found datatype twice"]);
+    refused(&tck(&all, little, false, "count: many\n"), &["found count: many"]);
+    refused(b"mrtrix tracks\ndatatype: Float32LE\nEND\n", &["found no file"]);
+    for bad in ["other.dat 0", ". 5", ". -1", ".", ". 99999999999999999999"] {
+        let text = format!("mrtrix tracks\ndatatype: Float32LE\nfile: {bad}\nEND\n");
+        refused(text.as_bytes(), &[&format!("found file: {bad}")]);
+    }
+    refused(b"mrtrix tracks\ndatatype: Float32LE\nfile: . 999\nEND\n", &["end of the file"]);
+    let broken = |point: [f32; 3]| tck(&[vec![[0.0; 3], point]], little, false, "");
+    refused(&broken([1.0, f32::NAN, 2.0]), &["found a point at 1, NaN, 2 mm in fibre 0"]);
+    refused(&broken([f32::NAN, f32::NAN, f32::INFINITY]), &["NaN, NaN, inf"]);
+    refused(&broken([f32::INFINITY; 3]), &["found the end marker inside fibre 0"]);
+    refused(&broken([2e7, 0.0, 0.0]), &["expected finite coordinates within 10 km"]);
+
+    let base = Trk::new();
+    let trk = |trk: Trk, parts: &[&str]| refused(&trk.bytes(), parts);
+    refused(&base.bytes()[..999], &["found the end of the file after 999 bytes"]);
+    let mut size = base.bytes();
+    size[996..].iter_mut().take(4).for_each(|b| *b = 7);
+    refused(&size, &["found header size"]);
+    trk(Trk { version: 3, ..base.clone() }, &["found version 3"]);
+    trk(Trk { version: 0, ..base.clone() }, &["found version 0"]);
+    trk(Trk { scalars: -1, ..base.clone() }, &["found -1 scalars"]);
+    trk(Trk { properties: -2, ..base.clone() }, &["found -2 properties"]);
+    trk(Trk { count: -3, ..base.clone() }, &["found -3 fibres"]);
+    trk(Trk { sizes: [1.0, 0.0, 1.0], ..base.clone() }, &["found voxels of 1 × 0 × 1 mm"]);
+    trk(Trk { sizes: [1.0, f32::NAN, 1.0], ..base.clone() }, &["found voxels of 1 × NaN"]);
+    trk(Trk { voxel_order: "RLS", ..base.clone() }, &["found voxel_order RLS"]);
+    trk(Trk { voxel_order: "RA", ..base.clone() }, &["found voxel_order RA"]);
+    trk(Trk { voxel_order: "LAS", dims: [0, 1, 1], ..base.clone() }, &["found dimensions [0, 1, 1]"]);
+    let mut flat = base.vox_to_ras;
+    flat[2] = flat[1];
+    trk(Trk { vox_to_ras: flat, ..base.clone() }, &["found vox_to_ras: ", "condition"]);
+    let mut projective = base.vox_to_ras;
+    projective[3][0] = 0.5;
+    trk(Trk { vox_to_ras: projective, ..base.clone() }, &["last row"]);
+    let mut claims = base.bytes();
+    claims[1000..1004].copy_from_slice(&i32::MAX.to_le_bytes());
+    refused(&claims, &["found 2147483647 points in fibre 0"]);
+    claims[1000..1004].copy_from_slice(&(-1_i32).to_le_bytes());
+    refused(&claims, &["found -1 points in fibre 0"]);
+    trk(Trk { fibers: vec![vec![[f32::NAN; 3]]], ..base }, &["found a point at NaN"]);
+
+    let options = TractOptions { max_bytes: 1000 };
+    let line = read_tract_bytes("made", &base.bytes(), &options, &Progress::new()).unwrap_err().to_string();
+    assert!(line.contains("at most 1000"), "{line}");
+    let stopped = Progress::new();
+    stopped.cancel();
+    let outcome = read_tract_bytes("made", &base.bytes(), &TractOptions::default(), &stopped);
+    assert!(matches!(outcome, Err(FileError::Cancelled(_))));
+}
+
+/// Cut at any byte: an error, or (a `.trk` cut between two fibres) fewer fibres and a check.
+#[test]
+fn every_truncation_is_noticed() {
+    let whole = tck(&fibers(), Order::Big, false, "count: 3\n");
+    for end in 0..whole.len() {
+        refused(&whole[..end], &[]);
+    }
+    for scalars in [0, 2] {
+        let whole = Trk { scalars, properties: 1, ..Trk::new() }.bytes();
+        let mut read_short = 0;
+        for end in 0..whole.len() {
+            match read(&whole[..end]) {
+                Ok(loaded) => {
+                    read_short += 1;
+                    assert_eq!(codes(&loaded), ["tracts-count"], "{end}");
+                }
+                Err(_) => refused(&whole[..end], &[]),
+            }
+        }
+        assert_eq!(read_short, 3, "before each of the three fibres");
+    }
+}
+
+/// Damage anywhere: an error of one line, or tracts that hold together.
+#[test]
+fn damaged_bytes_never_end_in_more_than_an_error() {
+    let files = [
+        tck(&fibers(), Order::Little, false, "count: 3\n"),
+        tck(&fibers(), Order::Big, true, ""),
+        Trk::new().bytes(),
+        Trk { order: Order::Big, scalars: 2, properties: 2, count: 0, voxel_order: "LPS", ..Trk::new() }
+            .bytes(),
+    ];
+    let mut state = 7_u64;
+    let mut random = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize
+    };
+    let (mut good, mut bad) = (0, 0);
+    let mut judge = |bytes: &[u8]| match read(bytes) {
+        Ok(loaded) => {
+            good += 1;
+            let t = loaded.tracts;
+            assert!(Tracts::new(t.points_mm().to_vec(), t.offsets().to_vec(), t.sides()).is_some());
+            assert!(t.points_mm().len() * 12 <= bytes.len());
+        }
+        Err(error) => {
+            bad += 1;
+            assert!(!error.to_string().contains('\n'), "{error}");
+        }
+    };
+    for file in &files {
+        // Every bit once, then several bytes at a time.
+        for bit in 0..8 * file.len() {
+            let mut damaged = file.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            judge(&damaged);
+        }
+        for _ in 0..5_000 {
+            let mut damaged = file.clone();
+            for _ in 0..1 + random() % 8 {
+                let at = random() % damaged.len();
+                damaged[at] = random() as u8;
+            }
+            damaged.truncate(damaged.len() - random() % 40);
+            judge(&damaged);
+        }
+    }
+    assert!(good > 1_000 && bad > 1_000, "{good} read, {bad} refused");
+}

@@ -1,0 +1,252 @@
+//! Directional occlusion, by slices and by cones, against Monte Carlo of the same integral.
+
+use std::{sync::Arc, time::Duration};
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::{
+    AccuracyError, Axis, Bench, Curve, Family, Point,
+    measure::{Errors, Repeats, delta_e_of, displayed, timed},
+    scenes,
+};
+use crate::{
+    camera::Camera,
+    cones::{ConeRenderer, ConeSettings},
+    dos::{DosRenderer, DosSettings, Form, Variant},
+    occlusion::OpticalVolume,
+    reference::{
+        monte_carlo::{Estimate, Phase, radiance},
+        random::Random,
+    },
+};
+
+/// Both backends' default.
+const APERTURE_DEG: f64 = 60.0;
+
+/// A picture's every `stride`-th pixel by Monte Carlo: those that something is in.
+struct Truth {
+    pixels: Vec<(usize, Estimate)>,
+}
+
+impl Truth {
+    fn of(volume: &OpticalVolume, camera: &Camera, size: [u32; 2], stride: u32, samples: u32) -> Self {
+        let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
+        let middle = stride / 2;
+        let places: Vec<[u32; 2]> = (middle..size[1])
+            .step_by(stride as usize)
+            .flat_map(|y| (middle..size[0]).step_by(stride as usize).map(move |x| [x, y]))
+            .collect();
+        let phase = Phase::Cone { aperture_deg: APERTURE_DEG };
+        let pixels = places
+            .into_par_iter()
+            .map(|[x, y]| {
+                let ray = camera.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5, size_px);
+                let number = y as usize * size[0] as usize + x as usize;
+                let mut random = Random::new(1, number as u64);
+                (number, radiance(volume, &ray, phase, DVec3::ZERO, samples, &mut random))
+            })
+            // Empty rays have no error in either.
+            .filter(|(_, e)| e.mean != DVec3::ZERO || e.standard_error != DVec3::ZERO)
+            .collect();
+        Self { pixels }
+    }
+
+    fn standard_error(&self) -> f64 {
+        let mut errors = Errors::default();
+        self.pixels.iter().for_each(|(_, e)| e.standard_error.to_array().iter().for_each(|s| errors.add(*s)));
+        errors.rms()
+    }
+
+    fn against(&self, found: &[[f32; 4]]) -> (Errors, [f64; 2]) {
+        let mut errors = Errors::default();
+        let pairs = || {
+            self.pixels.iter().filter_map(|(number, e)| {
+                let f = found.get(*number)?;
+                Some((DVec3::new(f64::from(f[0]), f64::from(f[1]), f64::from(f[2])), e.mean))
+            })
+        };
+        pairs().for_each(|(f, t)| (f - t).to_array().iter().for_each(|e| errors.add(*e)));
+        (errors, delta_e_of(pairs().map(|(f, t)| (displayed(f), displayed(t)))))
+    }
+}
+
+struct Stage<'a> {
+    bench: &'a Bench<'a>,
+    volume: Arc<OpticalVolume>,
+    camera: Camera,
+    size: [u32; 2],
+    truth: Truth,
+    repeats: Repeats,
+    scene: String,
+    truth_name: String,
+}
+
+impl Stage<'_> {
+    fn curve(&self, kernel: &str, knob: &'static str, points: Vec<Point>) -> Curve {
+        Curve {
+            family: Family::Occlusion,
+            kernel: kernel.to_owned(),
+            scene: self.scene.clone(),
+            knob,
+            truth: self.truth_name.clone(),
+            truth_error: Some(self.truth.standard_error()),
+            unit: "linear radiance, 0 to 1",
+            axis: Axis::Time,
+            points,
+        }
+    }
+
+    fn slices(
+        &self,
+        renderer: &mut DosRenderer,
+        variant: Variant,
+        settings: &[(f64, u32)],
+    ) -> Result<Curve, AccuracyError> {
+        let gpu = self.bench.gpu;
+        let mut points = Vec::new();
+        for &(slice_mm, grid) in settings {
+            let asked =
+                DosSettings { variant, aperture_deg: APERTURE_DEG, grid, slice_mm, ..DosSettings::default() };
+            self.bench.begin(variant.name(), &format!("{slice_mm} mm, {grid}x{grid}"))?;
+            let mut slices = 0;
+            let measured = timed(self.repeats, || {
+                let (volume, size) = (&self.volume, self.size);
+                slices =
+                    renderer.render(gpu, volume, &self.camera, size, &asked, Form::OnePass, true)?.slices();
+                self.bench.wait()?;
+                Ok::<_, AccuracyError>(())
+            })?;
+            let (errors, delta_e) = self.truth.against(&renderer.read(gpu)?);
+            points.push(Point {
+                setting: format!("{slices} slices of {slice_mm} mm, {grid}x{grid}"),
+                value: slice_mm,
+                time: measured.time,
+                cpu: self.bench.cpu(measured.cpu),
+                peak_bytes: measured.peak_bytes,
+                error_rms: errors.rms(),
+                error_max: errors.max(),
+                delta_e: Some(delta_e),
+                is_default: asked == DosSettings::default(),
+                is_pareto: false,
+            });
+        }
+        Ok(self.curve(&format!("slices, {}", variant.name()), "DosSettings::slice_mm and grid", points))
+    }
+
+    fn cones(&self, settings: &[ConeSettings]) -> Result<Curve, AccuracyError> {
+        let gpu = self.bench.gpu;
+        let mut renderer = ConeRenderer::new(gpu)?;
+        let mut points = Vec::new();
+        for asked in settings {
+            let level = match asked.coarsest_level {
+                0 => "the volume itself".to_owned(),
+                n => format!("levels to {n}"),
+            };
+            let setting = format!("{} sub-cones, {level}, steps of {}", asked.sub_cones, asked.cone_step);
+            self.bench.begin("cones", &setting)?;
+            let measured = timed(self.repeats, || {
+                renderer.render(gpu, &self.volume, &self.camera, self.size, asked, true)?;
+                self.bench.wait()?;
+                Ok::<_, AccuracyError>(())
+            })?;
+            let (errors, delta_e) = self.truth.against(&renderer.read(gpu)?);
+            points.push(Point {
+                setting,
+                value: f64::from(asked.sub_cones),
+                time: measured.time,
+                cpu: self.bench.cpu(measured.cpu),
+                peak_bytes: measured.peak_bytes,
+                error_rms: errors.rms(),
+                error_max: errors.max(),
+                delta_e: Some(delta_e),
+                is_default: *asked == ConeSettings::default(),
+                is_pareto: false,
+            });
+        }
+        Ok(self.curve("cones", "ConeSettings::sub_cones, coarsest_level and steps", points))
+    }
+}
+
+/// Slice distances by grids.
+fn product(distances: &[f64], grids: &[u32]) -> Vec<(f64, u32)> {
+    grids.iter().flat_map(|g| distances.iter().map(|d| (*d, *g))).collect()
+}
+
+fn cone_settings(bench: &Bench<'_>) -> Vec<ConeSettings> {
+    let base = ConeSettings { aperture_deg: APERTURE_DEG, ..ConeSettings::default() };
+    let with = |sub_cones, coarsest_level, step: f64| ConeSettings {
+        sub_cones,
+        coarsest_level,
+        ray_step: step,
+        cone_step: step,
+        ..base
+    };
+    let coarsest = base.coarsest_level;
+    match bench.effort {
+        super::Effort::Tiny => vec![with(1, coarsest, 1.0), with(32, 0, 0.5)],
+        super::Effort::Quick => {
+            vec![
+                with(1, coarsest, 1.0),
+                with(4, coarsest, 1.0),
+                with(8, coarsest, 1.0),
+                with(8, 1, 1.0),
+                with(16, 0, 1.0),
+            ]
+        }
+        super::Effort::Whole => {
+            let mut all = Vec::new();
+            for n in [1, 2, 4, 8, 16, 32] {
+                all.extend([with(n, coarsest, 1.0), with(n, 2, 1.0), with(n, 1, 1.0), with(n, 0, 1.0)]);
+            }
+            all.extend([with(4, coarsest, 2.0), with(8, coarsest, 2.0), with(8, coarsest, 0.5)]);
+            all.extend([with(16, 0, 0.5), with(32, 0, 0.5)]);
+            all
+        }
+    }
+}
+
+pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
+    let size = bench.effort.of([24, 22], [80, 72], [128, 112]);
+    let stride = bench.effort.of(2, 4, 4);
+    let samples = bench.effort.of(256, 1024, 4096);
+    let n = bench.effort.of(24, 48, 48);
+    let all = [Variant::PaperExact, Variant::PaperApproximate, Variant::Mended];
+    let mut out = Vec::new();
+    let mut slices = DosRenderer::new(bench.gpu)?;
+    for (name, volume) in [("soft balls", scenes::soft(n)?), ("labels", scenes::labels(n)?)] {
+        if bench.effort < super::Effort::Whole && name == "labels" {
+            continue;
+        }
+        bench.begin("occlusion: Monte Carlo of", name)?;
+        let camera = scenes::camera(DVec3::ZERO, 0.54 * n as f64);
+        let truth = Truth::of(&volume, &camera, size, stride, samples);
+        let stage = Stage {
+            bench,
+            scene: format!("{name}, {n}³ voxels of 1 mm, {}x{} pixels", size[0], size[1]),
+            truth_name: format!(
+                "Monte Carlo of equation 7, cone of {APERTURE_DEG}°, {samples} samples in each of {} pixels",
+                truth.pixels.len()
+            ),
+            volume,
+            camera,
+            size,
+            truth,
+            repeats: Repeats { most: bench.effort.of(1, 3, 5), patience: Duration::from_millis(1500) },
+        };
+        for variant in all {
+            let settings = match (bench.effort, variant) {
+                (super::Effort::Tiny, Variant::PaperExact) => continue,
+                (super::Effort::Tiny, _) => product(&[4.0, 1.0], &[5]),
+                (super::Effort::Quick, Variant::PaperExact) => product(&[1.0], &[5]),
+                (super::Effort::Quick, _) => product(&[2.0, 1.0, 0.5], &[3, 5]),
+                (_, Variant::PaperExact) => product(&[4.0, 2.0, 1.0, 0.5, 0.25], &[5]),
+                (_, Variant::PaperApproximate) => product(&[4.0, 2.0, 1.0, 0.5, 0.25, 0.125], &[2, 5, 9, 13]),
+                (_, Variant::Mended) => product(&[4.0, 2.0, 1.0, 0.5, 0.25, 0.125], &[2, 3, 5, 9, 13]),
+            };
+            out.push(stage.slices(&mut slices, variant, &settings)?);
+        }
+        out.push(stage.cones(&cone_settings(bench))?);
+    }
+    Ok(out)
+}

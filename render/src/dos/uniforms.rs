@@ -1,0 +1,77 @@
+//! What the slices' shaders read, laid out as they read it. A test compares every offset with naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::plan::{DosPlan, Kernel, Step, disc_points};
+use crate::occlusion::cone::RATE_INTERVALS;
+
+/// `Dos` of lib/dos.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct Dos {
+    pub slice_mm: f32,
+    pub pad: u32,
+    pub tiles: [u32; 2],
+    pub rates: [[f32; 4]; 65],
+}
+
+/// `Step` of lib/dos.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct DosStep {
+    pub depth: f32,
+    pub slices: u32,
+    pub side: u32,
+    pub stride: i32,
+    pub center: f32,
+    pub radius: f32,
+    pub radius_mm: f32,
+    pub share: f32,
+    pub is_empty: u32,
+    pub states: u32,
+    pub stops: u32,
+    pub pad: u32,
+}
+
+/// Pixels along a tile's side.
+pub(crate) const TILE: u32 = 16;
+
+pub(crate) fn dos(plan: &DosPlan, size: [u32; 2]) -> Dos {
+    let mut rates = [[1.0; 4]; 65];
+    for (i, rate) in plan.rates.iter().enumerate().take(RATE_INTERVALS + 1) {
+        if let Some(group) = rates.get_mut(i / 4) {
+            group[i % 4] = *rate as f32;
+        }
+    }
+    Dos { slice_mm: plan.slice_mm as f32, pad: 0, tiles: size.map(|s| s.div_ceil(TILE)), rates }
+}
+
+/// `number` counts the steps; `skipping` lets empty slices and saturated tiles be left out.
+pub(crate) fn step(step: &Step, number: usize, front_mm: f64, skipping: bool) -> DosStep {
+    let mut out = DosStep {
+        depth: (step.depth_mm - front_mm) as f32,
+        slices: step.slices,
+        side: 1,
+        stride: 1,
+        share: 1.0,
+        is_empty: u32::from(step.empty && skipping),
+        states: (number % 3) as u32,
+        stops: u32::from(skipping && step.kernel.reach_px() <= TILE),
+        ..DosStep::default()
+    };
+    match step.kernel {
+        Kernel::Disc { grid, radius_px, radius_mm } => {
+            out.side = grid;
+            out.radius = radius_px as f32;
+            out.radius_mm = radius_mm as f32;
+            out.share = 1.0 / disc_points(grid).len() as f32;
+        }
+        Kernel::Lattice { side, stride_px, center } => {
+            out.side = side;
+            out.stride = stride_px as i32;
+            out.center = center as f32;
+            out.share = 1.0 / (side * side) as f32;
+        }
+    }
+    out
+}

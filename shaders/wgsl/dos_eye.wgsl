@@ -1,0 +1,17 @@
+// The first of the paper's two passes a slice (Algorithm 1): the slice is blended into the eye buffer.
+
+#include lib/dos.wgsl
+
+@compute @workgroup_size(16, 16)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= optical.size) {
+        return;
+    }
+    let at = pixel.y * optical.size.x + pixel.x;
+    var optics = vec4<f32>(0.0);
+    if part.is_empty == 0u {
+        optics = optics_at(place(from_middle(pixel), part.depth + 0.5 * dos.slice_mm));
+    }
+    eye[at] = blend(eye[at], optics, before[at]);
+}

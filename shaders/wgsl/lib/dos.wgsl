@@ -1,0 +1,138 @@
+// Slices of directional occlusion shading (Schott et al. 2009); see render/src/dos.
+
+#include lib/optics.wgsl
+
+struct Dos {
+    slice_mm: f32,
+    pad: u32,
+    tiles: vec2<u32>,
+    rates: array<vec4<f32>, 65>,    // 257 decay rates of visibilities 0 to 1
+}
+
+struct Step {
+    depth: f32,                     // front of the first slice
+    slices: u32,
+    side: u32,                      // points along a side of the footprint
+    stride: i32,                    // lattice: pixels between them
+    center: f32,                    // lattice: weight of the pixel itself
+    radius: f32,                    // disc: pixels
+    radius_mm: f32,
+    share: f32,                     // weight of one point
+    is_empty: u32,
+    states: u32,                    // which third of the tiles' states is read
+    stops: u32,                     // 1: saturated tiles may stop
+    pad: u32,
+}
+
+// Set when the pipeline is made: software drivers run both sides of a branch, so that one shader for
+// all variants would sample the volume for each of them.
+override variant: u32 = 0u;
+
+const PAPER_EXACT = 0u;
+const PAPER_APPROXIMATE = 1u;
+const MENDED = 2u;
+
+@group(0) @binding(4) var<uniform> dos: Dos;
+@group(0) @binding(5) var<uniform> part: Step;
+@group(0) @binding(6) var<storage, read> before: array<f32>;
+@group(0) @binding(7) var<storage, read_write> after: array<f32>;
+@group(0) @binding(8) var<storage, read_write> eye: array<vec4<f32>>; // radiance, transmittance
+
+fn rate_entry(i: u32) -> f32 {
+    return dos.rates[i / 4u][i % 4u];
+}
+
+#include lib/decay.wgsl
+
+// The edge of the picture goes on.
+fn texel(at: vec2<i32>) -> f32 {
+    let p = clamp(at, vec2<i32>(0), vec2<i32>(optical.size) - 1);
+    return before[p.y * i32(optical.size.x) + p.x];
+}
+
+// Bilinear, from a pixel's corner on.
+fn between(at: vec2<f32>) -> f32 {
+    let low = floor(at - 0.5);
+    let f = at - 0.5 - low;
+    let i = vec2<i32>(low);
+    let a = mix(texel(i), texel(i + vec2<i32>(1, 0)), f.x);
+    let b = mix(texel(i + vec2<i32>(0, 1)), texel(i + vec2<i32>(1, 1)), f.x);
+    return mix(a, b, f.y);
+}
+
+fn attenuation(extinction: f32, length: f32) -> f32 {
+    return exp(-extinction * length);
+}
+
+// Algorithms 2 and 3 of the paper.
+fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
+    let center = vec2<f32>(pixel) + 0.5;
+    let d = dos.slice_mm;
+    let approximate = attenuation(extinction, d);
+    var sum = 0.0;
+    for (var j = 0u; j < part.side; j++) {
+        for (var i = 0u; i < part.side; i++) {
+            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(part.side) * 2.0 - 1.0;
+            let off2 = dot(p, p);
+            if off2 > 1.000001 {
+                continue;
+            }
+            var through = approximate;
+            if variant == PAPER_EXACT {
+                through = attenuation(extinction, sqrt(d * d + off2 * part.radius_mm * part.radius_mm));
+            }
+            sum += between(center + p * part.radius) * through;
+        }
+    }
+    return sum * part.share;
+}
+
+fn lattice(pixel: vec2<u32>) -> f32 {
+    let center = vec2<i32>(pixel);
+    let own = texel(center);
+    if part.side == 1u {
+        return own;
+    }
+    let first = center - (i32(part.side) - 1) * part.stride / 2;
+    var sum = 0.0;
+    for (var j = 0; j < i32(part.side); j++) {
+        for (var i = 0; i < i32(part.side); i++) {
+            sum += texel(first + vec2<i32>(i, j) * part.stride);
+        }
+    }
+    return mix(sum * part.share, own, part.center);
+}
+
+// The paper's blending of one slice into the eye buffer.
+fn blend(state: vec4<f32>, optics: vec4<f32>, occlusion: f32) -> vec4<f32> {
+    let alpha = absorbed(optics.w * dos.slice_mm);
+    return vec4<f32>(state.rgb + optics.rgb * (occlusion * alpha * state.w), state.w * (1.0 - alpha));
+}
+
+struct Advanced {
+    eye: vec4<f32>,
+    light: f32,
+}
+
+// The mended variant through the slices of a part.
+fn advance(state: vec4<f32>, occlusion: f32, middle: vec2<f32>) -> Advanced {
+    var now = state;
+    var light = occlusion;
+    let length = dos.slice_mm * slant_of(middle);
+    for (var i = 0u; i < part.slices; i++) {
+        let optics = optics_at(place(middle, part.depth + (f32(i) + 0.5) * dos.slice_mm));
+        if optics.w <= 0.0 {
+            continue;
+        }
+        if optics.w >= OPAQUE_FROM {
+            now = vec4<f32>(now.rgb + optics.rgb * (light * now.w), 0.0);
+            light = 0.0;
+            continue;
+        }
+        let thickness = optics.w * length;
+        let slice = through_slice(light, thickness);
+        now = vec4<f32>(now.rgb + optics.rgb * (slice.x * now.w), now.w * exp(-thickness));
+        light = slice.y;
+    }
+    return Advanced(now, light);
+}

@@ -1,0 +1,94 @@
+// A sampled volume as a participating medium, and where pixels are at view depths. Shared by every
+// occlusion backend; see render/src/occlusion.
+//
+// Index space: voxel (i, j, k) fills [i, i+1) x [j, j+1) x [k, k+1). Depths are millimetres of view
+// depth from a plane at the volume's front.
+
+struct Optical {
+    corner: vec3<f32>,              // index space, where the view axis meets the plane of depth 0
+    pixel_mm: f32,                  // on that plane
+    right: vec3<f32>,               // index space, one millimetre to the right
+    pixel_mm_per_mm: f32,           // growth with depth; 0 for the orthographic camera
+    up: vec3<f32>,
+    table_scale: f32,               // value * scale + offset is its place in the table
+    forward: vec3<f32>,
+    table_offset: f32,
+    plane: vec4<f32>,               // index space; kept where dot(xyz, place) <= w
+    dims: vec3<u32>,
+    table_last: u32,
+    bricks: vec3<u32>,
+    nearest: u32,                   // 1: labels, 0: trilinear
+    size: vec2<u32>,
+    skipping: u32,                  // 1: empty bricks are not sampled
+    pad: u32,
+}
+
+@group(0) @binding(0) var<uniform> optical: Optical;
+@group(0) @binding(1) var<storage, read> values: array<f32>;
+@group(0) @binding(2) var<storage, read> table: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> occupied: array<u32>;
+
+// From here on an extinction is infinite.
+const OPAQUE_FROM = 1e20;
+
+// Pixel centre in pixels from the middle of the picture, y up.
+fn from_middle(pixel: vec2<u32>) -> vec2<f32> {
+    let at = vec2<f32>(pixel) + 0.5 - 0.5 * vec2<f32>(optical.size);
+    return vec2<f32>(at.x, -at.y);
+}
+
+fn place(middle: vec2<f32>, depth: f32) -> vec3<f32> {
+    let mm = middle * (optical.pixel_mm + optical.pixel_mm_per_mm * depth);
+    return optical.corner + mm.x * optical.right + mm.y * optical.up + depth * optical.forward;
+}
+
+// Millimetres of the line of sight a millimetre of view depth.
+fn slant_of(middle: vec2<f32>) -> f32 {
+    let off = middle * optical.pixel_mm_per_mm;
+    return sqrt(1.0 + dot(off, off));
+}
+
+fn value_at(cell: vec3<u32>) -> f32 {
+    return values[(cell.z * optical.dims.y + cell.y) * optical.dims.x + cell.x];
+}
+
+fn classify(value: f32) -> vec4<f32> {
+    let last = f32(optical.table_last);
+    let x = clamp(value * optical.table_scale + optical.table_offset, 0.0, last);
+    let low = min(floor(x), last - 1.0);
+    return mix(table[u32(low)], table[u32(low) + 1u], x - low);
+}
+
+// Colour, and extinction per millimetre, at a place of index space.
+fn optics_at(p: vec3<f32>) -> vec4<f32> {
+    let size = vec3<f32>(optical.dims);
+    let outside = any(p < vec3<f32>(0.0)) || any(p > size);
+    if outside || dot(optical.plane.xyz, p) > optical.plane.w {
+        return vec4<f32>(0.0);
+    }
+    let cell = min(vec3<u32>(p), optical.dims - 1u);
+    if optical.skipping == 1u {
+        let brick = cell / 8u;
+        let i = (brick.z * optical.bricks.y + brick.y) * optical.bricks.x + brick.x;
+        if (occupied[i / 32u] >> (i % 32u) & 1u) == 0u {
+            return vec4<f32>(0.0);
+        }
+    }
+    if optical.nearest == 1u {
+        return classify(value_at(cell));
+    }
+    let at = clamp(p - 0.5, vec3<f32>(0.0), size - 1.0);
+    let low = min(vec3<u32>(at), max(optical.dims, vec3<u32>(2u)) - 2u);
+    let high = min(low + 1u, optical.dims - 1u);
+    let f = at - vec3<f32>(low);
+    let a = mix(value_at(low), value_at(vec3<u32>(high.x, low.yz)), f.x);
+    let b = mix(value_at(vec3<u32>(low.x, high.y, low.z)), value_at(vec3<u32>(high.xy, low.z)), f.x);
+    let c = mix(value_at(vec3<u32>(low.xy, high.z)), value_at(vec3<u32>(high.x, low.y, high.z)), f.x);
+    let d = mix(value_at(vec3<u32>(low.x, high.yz)), value_at(high), f.x);
+    return classify(mix(mix(a, b, f.y), mix(c, d, f.y), f.z));
+}
+
+// 1 - e^-x, to the last digits of small ones too.
+fn absorbed(x: f32) -> f32 {
+    return select(1.0 - exp(-x), x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x))), x < 0.05);
+}

@@ -234,7 +234,7 @@ pub fn csv(change: &Change) -> String {
 /// be left out where all masks have one id, the dates where there are two.
 ///
 /// # Errors
-/// [`ChangeError::Choice`] for what the case doesn't have; else as [`change`].
+/// [`ChangeError::Choice`] for what the case doesn't have; else as [`super::change`].
 pub fn between(
     case: &Case,
     of: Option<&str>,

@@ -9,3 +9,4 @@ pub mod random;
 #[cfg(test)]
 mod tests;
 pub mod twins;
+pub mod vicinity;

@@ -50,6 +50,8 @@ enum Pipeline {
 
 enum Work {
     Compute { pipeline: wgpu::ComputePipeline, workgroups: [u32; 3] },
+    /// One after the other, each with a dynamic offset of its own.
+    Steps { pipeline: wgpu::ComputePipeline, offsets: Vec<u32>, workgroups: [u32; 3] },
     Raster { pipeline: wgpu::RenderPipeline, drawing: Box<Drawing> },
 }
 
@@ -61,7 +63,8 @@ struct Bound {
 
 /// Pipelines of a renderer's passes, and the passes bound for this frame in the order they run.
 pub(crate) struct PassRunner {
-    pipelines: Vec<(PassName, Pipeline)>,
+    /// With the shader file of each.
+    pipelines: Vec<(PassName, &'static str, Pipeline)>,
     bound: Vec<Bound>,
     timer: Option<Timer>,
 }
@@ -88,37 +91,42 @@ fn group_of(
     })
 }
 
+fn compiled(gpu: &Gpu, name: &'static str) -> Result<wgpu::ComputePipeline, RenderError> {
+    let source = glioscope_shaders::compose(name)?;
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    Ok(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(name),
+        layout: None,
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            // No workgroup memory is used.
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
+        cache: None,
+    }))
+}
+
+/// The most passes of a frame that are timed.
+const MOST_PASSES: u32 = 32;
+
 impl PassRunner {
     /// Compiles the entry point `main` of each pass's shader file.
     ///
     /// # Errors
     /// [`RenderError::Shader`] for a file that doesn't compose.
-    pub fn new(gpu: &Gpu, shaders: &[(PassName, &str)]) -> Result<Self, RenderError> {
+    pub fn new(gpu: &Gpu, shaders: &[(PassName, &'static str)]) -> Result<Self, RenderError> {
         let mut pipelines = Vec::new();
         for &(pass, name) in shaders {
-            let source = glioscope_shaders::compose(name)?;
-            let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(name),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
-            });
-            let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(name),
-                layout: None,
-                module: &module,
-                entry_point: Some("main"),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    // No workgroup memory is used.
-                    zero_initialize_workgroup_memory: false,
-                    ..Default::default()
-                },
-                cache: None,
-            });
-            pipelines.push((pass, Pipeline::Compute(pipeline)));
+            pipelines.push((pass, name, Pipeline::Compute(compiled(gpu, name)?)));
         }
         // Mesa's software Vulkan writes timestamps when commands are read, not when they are done.
         let timer = (gpu.has_timestamps() && !gpu.is_software()).then(|| {
-            // One more: a renderer may add a pass that rasterises.
-            let count = 2 * (shaders.len() as u32 + 1);
+            let count = 2 * MOST_PASSES;
             let buffer = |label, usage| {
                 gpu.device.create_buffer(&wgpu::BufferDescriptor {
                     label: Some(label),
@@ -153,7 +161,7 @@ impl PassRunner {
 
     /// Adds the one pass that rasterises, if there is any.
     pub fn add_raster(&mut self, pass: PassName, pipeline: wgpu::RenderPipeline) {
-        self.pipelines.push((pass, Pipeline::Raster(pipeline)));
+        self.pipelines.push((pass, "", Pipeline::Raster(pipeline)));
     }
 
     /// Binds `entries` to `pass`, which runs after those bound before it. Does nothing for a pass
@@ -169,6 +177,35 @@ impl PassRunner {
             let group = group_of(gpu, pass, &pipeline.get_bind_group_layout(0), entries);
             self.bound.push(Bound { pass, group, work: Work::Compute { pipeline, workgroups } });
         }
+    }
+
+    /// As [`PassRunner::bind`] with a shader file that not every scene needs: compiled when first bound.
+    ///
+    /// # Errors
+    /// [`RenderError::Shader`] for a file that doesn't compose.
+    pub fn bind_shader(
+        &mut self,
+        gpu: &Gpu,
+        pass: PassName,
+        shader: &'static str,
+        entries: &[(u32, wgpu::BindingResource<'_>)],
+        workgroups: [u32; 3],
+    ) -> Result<(), RenderError> {
+        let held = self.pipelines.iter().find_map(|(name, file, pipeline)| match pipeline {
+            Pipeline::Compute(pipeline) if *name == pass && *file == shader => Some(pipeline.clone()),
+            _ => None,
+        });
+        let pipeline = match held {
+            Some(pipeline) => pipeline,
+            None => {
+                let made = compiled(gpu, shader)?;
+                self.pipelines.push((pass, shader, Pipeline::Compute(made.clone())));
+                made
+            }
+        };
+        let group = group_of(gpu, pass, &pipeline.get_bind_group_layout(0), entries);
+        self.bound.push(Bound { pass, group, work: Work::Compute { pipeline, workgroups } });
+        Ok(())
     }
 
     /// As [`PassRunner::bind`] for the pass that rasterises.
@@ -189,8 +226,25 @@ impl PassRunner {
         }
     }
 
+    /// As [`PassRunner::bind`] for a pass of many steps with a pipeline of the caller's: one dispatch for
+    /// each of `offsets` into the one binding of `layout` that has a dynamic offset.
+    #[allow(clippy::too_many_arguments, reason = "the parts of a dispatch")]
+    pub fn bind_steps(
+        &mut self,
+        gpu: &Gpu,
+        pass: PassName,
+        pipeline: wgpu::ComputePipeline,
+        layout: &wgpu::BindGroupLayout,
+        entries: &[(u32, wgpu::BindingResource<'_>)],
+        offsets: Vec<u32>,
+        workgroups: [u32; 3],
+    ) {
+        let group = group_of(gpu, pass, layout, entries);
+        self.bound.push(Bound { pass, group, work: Work::Steps { pipeline, offsets, workgroups } });
+    }
+
     fn pipeline(&self, pass: PassName) -> Option<Pipeline> {
-        self.pipelines.iter().find(|(name, _)| *name == pass).map(|(_, pipeline)| pipeline.clone())
+        self.pipelines.iter().find(|(name, ..)| *name == pass).map(|(.., pipeline)| pipeline.clone())
     }
 
     fn encode(&self, encoder: &mut wgpu::CommandEncoder, number: usize, timed: bool) {
@@ -199,7 +253,7 @@ impl PassRunner {
         let (first, last) = (Some(2 * number as u32), Some(2 * number as u32 + 1));
         encoder.push_debug_group(pass.name());
         match work {
-            Work::Compute { pipeline, workgroups } => {
+            Work::Compute { pipeline, workgroups } | Work::Steps { pipeline, workgroups, .. } => {
                 let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                     label: Some(pass.name()),
                     timestamp_writes: timer.map(|timer| wgpu::ComputePassTimestampWrites {
@@ -209,9 +263,16 @@ impl PassRunner {
                     }),
                 });
                 compute.set_pipeline(pipeline);
-                compute.set_bind_group(0, group, &[]);
                 let [x, y, z] = *workgroups;
-                compute.dispatch_workgroups(x, y, z);
+                if let Work::Steps { offsets, .. } = work {
+                    for offset in offsets {
+                        compute.set_bind_group(0, group, &[*offset]);
+                        compute.dispatch_workgroups(x, y, z);
+                    }
+                } else {
+                    compute.set_bind_group(0, group, &[]);
+                    compute.dispatch_workgroups(x, y, z);
+                }
             }
             Work::Raster { pipeline, drawing } => {
                 let mut raster = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

@@ -5,7 +5,10 @@ use std::fmt;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::scene::{Lens, Scene};
+use crate::{
+    lighting::{self, Lighting},
+    scene::{Lens, Scene},
+};
 
 /// The passes of every view, each view's in the order they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -19,6 +22,16 @@ pub enum PassName {
     Occlusion,
     /// Its blur.
     OcclusionBlur,
+    /// Light that reaches cells of the context image, by cones.
+    LightGrid,
+    /// The context image by slices, with directional occlusion.
+    Slices,
+    /// Hands the slices' picture on.
+    SlicesFinish,
+    /// Light that reaches solid surfaces, by cones.
+    SolidCones,
+    /// Light that reaches solid surfaces, by vicinity occlusion and what slices let through.
+    Vicinity,
     /// Ray march through the context image.
     Context,
     /// Its opacity by gradient magnitude: a part of that pass, without a time of its own.
@@ -44,17 +57,30 @@ pub enum PassName {
 
 impl PassName {
     /// The closeup's, in order.
-    pub const CLOSEUP: [Self; 5] =
-        [Self::Surface, Self::Outside, Self::Occlusion, Self::OcclusionBlur, Self::Compose];
+    pub const CLOSEUP: [Self; 8] = [
+        Self::Surface,
+        Self::Outside,
+        Self::Occlusion,
+        Self::OcclusionBlur,
+        Self::Slices,
+        Self::SolidCones,
+        Self::Vicinity,
+        Self::Compose,
+    ];
 
     /// The ellipsoid diagram's, in order.
     pub const ELLIPSOIDS: [Self; 4] =
         [Self::EllipsoidLists, Self::Occlusion, Self::OcclusionBlur, Self::EllipsoidCompose];
     /// The context view's, in order.
-    pub const CONTEXT: [Self; 6] = [
+    pub const CONTEXT: [Self; 11] = [
         Self::Surface,
         Self::Occlusion,
         Self::OcclusionBlur,
+        Self::LightGrid,
+        Self::Slices,
+        Self::SlicesFinish,
+        Self::SolidCones,
+        Self::Vicinity,
         Self::Context,
         Self::GradientOpacity,
         Self::Compose,
@@ -82,6 +108,11 @@ impl PassName {
             Self::Outside => "outside",
             Self::Occlusion => "occlusion",
             Self::OcclusionBlur => "occlusion_blur",
+            Self::LightGrid => "light_grid",
+            Self::Slices => "slices",
+            Self::SlicesFinish => "slices_finish",
+            Self::SolidCones => "solid_cones",
+            Self::Vicinity => "vicinity",
             Self::Context => "context",
             Self::GradientOpacity => "gradient_opacity",
             Self::Compose => "compose",
@@ -120,6 +151,8 @@ pub struct Quality {
     pub context_step_mm: f64,
     /// Pixels drawn to pixels asked for, along each side; above 0, at most 1.
     pub resolution_scale: f64,
+    /// Which way light is found, and how well.
+    pub lighting: Lighting,
 }
 
 impl Quality {
@@ -136,6 +169,7 @@ impl Quality {
         color_bleeding: 0.35,
         context_step_mm: 0.5,
         resolution_scale: 1.0,
+        lighting: Lighting::DEFAULT,
     };
 
     /// While dragging: half the resolution, fewer samples.
@@ -177,9 +211,13 @@ impl Plan {
         plan
     }
 
-    /// Every pass of the closeup: what tests compare a plan with.
-    pub fn everything() -> Self {
-        Self { passes: PassName::CLOSEUP.to_vec(), omitted: Vec::new() }
+    /// Every pass of the closeup with screen-space light: what tests compare a plan with.
+    #[cfg(test)]
+    pub(crate) fn everything() -> Self {
+        use PassName::{Slices, SolidCones, Vicinity};
+        Self::of(&PassName::CLOSEUP, |pass| {
+            [Slices, SolidCones, Vicinity].contains(&pass).then_some("light is screen-space")
+        })
     }
 
     /// Whether `pass` runs.
@@ -211,12 +249,10 @@ pub fn plan(scene: &Scene, quality: &Quality) -> Plan {
         }
         _ => None,
     };
-    let no_occlusion = no_surface.or_else(|| no_occlusion(quality));
     Plan::of(&PassName::CLOSEUP, |pass| match pass {
         PassName::Surface => no_surface,
         PassName::Outside => no_outside,
-        PassName::Occlusion | PassName::OcclusionBlur => no_occlusion,
-        _ => None,
+        _ => lighting::left_out(pass, quality, no_surface, Some(lighting::NO_IMAGE)),
     })
 }
 

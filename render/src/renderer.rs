@@ -9,6 +9,7 @@ use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
     frame::Frame,
     gpu::Gpu,
+    lighting::{Lights, LitScene},
     plan::{PassName, Plan, Quality, plan},
     region_buffers::RegionBuffers,
     scene::{Lens, Scene},
@@ -106,6 +107,7 @@ pub struct Renderer {
     kernel_samples: u32,
     regions: Option<RegionBuffers>,
     plane: PlaneBuffers,
+    lights: Lights,
     frame: Option<Frame>,
 }
 
@@ -146,6 +148,7 @@ impl Renderer {
             kernel_samples: 0,
             regions: None,
             plane: PlaneBuffers::new(gpu),
+            lights: Lights::default(),
             frame: None,
         })
     }
@@ -203,7 +206,7 @@ impl Renderer {
             let kernel = uniforms::occlusion_kernel(view.occlusion_samples);
             gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
         }
-        self.bind(gpu, &plan, &targets);
+        self.bind(gpu, &plan, &targets, scene, quality)?;
         self.passes.run(gpu);
         gpu.check().map_err(RenderError::Device)?;
         Ok(self.frame.insert(Frame {
@@ -219,10 +222,33 @@ impl Renderer {
         }))
     }
 
-    fn bind(&mut self, gpu: &Gpu, plan: &Plan, targets: &Targets) {
-        let Some(up) = &self.regions else { return };
+    fn bind(
+        &mut self,
+        gpu: &Gpu,
+        plan: &Plan,
+        targets: &Targets,
+        scene: &Scene,
+        quality: &Quality,
+    ) -> Result<(), RenderError> {
+        let Some(up) = &self.regions else { return Ok(()) };
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
+            if pass == PassName::Compose {
+                let lit = LitScene {
+                    image: None,
+                    tumor: scene.tumor.as_ref(),
+                    selection: &scene.selection,
+                    camera: &scene.camera,
+                    reference_mm: uniforms::reference_mm(scene),
+                    size: targets.size,
+                    view: &self.view,
+                    depths: &targets.depths,
+                    marched: &targets.outsides,
+                    blurred: &targets.blurred,
+                    regions: [&up.table, &up.words, &up.regions],
+                };
+                self.lights.bind(gpu, &mut self.passes, plan, &lit, &quality.lighting)?;
+            }
             let mut entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
                 .iter()
                 .map(|&slot| {
@@ -247,6 +273,7 @@ impl Renderer {
             }
             self.passes.bind(gpu, pass, &entries, workgroups_of(targets.size));
         }
+        Ok(())
     }
 
     /// Where [`Renderer::pass_times`] come from on this device.

@@ -18,6 +18,7 @@ pub(crate) const NO_SKIPPING: u32 = 16;
 pub(crate) const MANY_REGIONS: u32 = 32;
 pub(crate) const LENS_ONLY_DRAWN: u32 = 64;
 pub(crate) const HAS_CONTEXT: u32 = 128;
+pub(crate) const LINEAR_LIGHT: u32 = 512;
 
 /// `View` of lib/view.wgsl; see there.
 #[repr(C)]
@@ -171,7 +172,11 @@ pub(crate) fn view_from(
         (PassName::Surface, HAS_SURFACE),
         (PassName::Outside, HAS_OUTSIDE),
         (PassName::OcclusionBlur, HAS_OCCLUSION),
+        (PassName::SolidCones, HAS_OCCLUSION),
+        (PassName::Vicinity, HAS_OCCLUSION),
         (PassName::Context, HAS_CONTEXT),
+        (PassName::Slices, HAS_CONTEXT | LINEAR_LIGHT),
+        (PassName::LightGrid, LINEAR_LIGHT),
     ] {
         if plan.has(pass) {
             out.flags |= flag;

@@ -31,9 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
         }
     } else if (view.flags & HAS_CONTEXT) != 0u {
-        let m = marched[at];
-        let blue_opacity = unpack2x16unorm(m.blue_opacity);
-        color = vec3<f32>(unpack2x16unorm(m.red_green), blue_opacity.x) + (1.0 - blue_opacity.y) * color;
+        color = image_over(marched[at], color);
     }
     if has_surface {
         let lines = lines_at(here, front);

@@ -48,27 +48,59 @@ impl Pyramid {
                 volume.optics_of_voxel(cell).extinction_per_mm.min(DARK / finest) as f32
             })
             .collect();
-        let mut levels = vec![Level { dims, voxels: [1; 3], cell_mm: finest, extinction }];
-        while let Some(last) = levels.last().filter(|l| l.dims.iter().any(|d| *d > 1)) {
-            let next = halved(last, spacing_mm);
-            levels.push(next);
-        }
-        Self { levels }
+        let finest = Level { dims, voxels: [1; 3], cell_mm: finest, extinction };
+        let coarser = coarser(finest.halved(spacing_mm), spacing_mm);
+        Self { levels: std::iter::once(finest).chain(coarser).collect() }
+    }
+
+    /// The levels above the voxels themselves, whose extinction per millimetre (finite) `extinction`
+    /// tells: no copy of them is made.
+    pub(crate) fn coarser(
+        dims: [usize; 3],
+        spacing_mm: DVec3,
+        extinction: impl Fn([usize; 3]) -> f64 + Sync,
+    ) -> Vec<Level> {
+        let shape = Shape { dims, voxels: [1; 3], cell_mm: spacing_mm.min_element() };
+        coarser(shape.halved(spacing_mm, extinction), spacing_mm)
     }
 }
 
-fn halved(level: &Level, spacing_mm: DVec3) -> Level {
+fn coarser(first: Option<Level>, spacing_mm: DVec3) -> Vec<Level> {
+    std::iter::successors(first, |level| level.halved(spacing_mm)).collect()
+}
+
+impl Level {
+    fn halved(&self, spacing_mm: DVec3) -> Option<Self> {
+        let shape = Shape { dims: self.dims, voxels: self.voxels, cell_mm: self.cell_mm };
+        let [x, y, _] = self.dims;
+        shape.halved(spacing_mm, |cell| {
+            self.extinction.get((cell[2] * y + cell[1]) * x + cell[0]).copied().map_or(0.0, f64::from)
+        })
+    }
+}
+
+/// A level without its cells.
+struct Shape {
+    dims: [usize; 3],
+    voxels: [u32; 3],
+    cell_mm: f64,
+}
+
+impl Shape {
+    /// The next level, `None` above a single cell.
+    fn halved(&self, spacing_mm: DVec3, inside: impl Fn([usize; 3]) -> f64 + Sync) -> Option<Level> {
+        self.dims.iter().any(|d| *d > 1).then(|| halved(self, spacing_mm, inside))
+    }
+}
+
+fn halved(level: &Shape, spacing_mm: DVec3, inside: impl Fn([usize; 3]) -> f64 + Sync) -> Level {
     let cell: [f64; 3] = std::array::from_fn(|a| spacing_mm[a] * f64::from(level.voxels[a]));
     let joins = cell.map(|c| c < 1.5 * level.cell_mm);
     let dims: [usize; 3] =
         std::array::from_fn(|a| if joins[a] { level.dims[a].div_ceil(2) } else { level.dims[a] });
     let voxels: [u32; 3] =
         std::array::from_fn(|a| if joins[a] { 2 * level.voxels[a] } else { level.voxels[a] });
-    let at = |cell: [usize; 3]| {
-        let inside = (0..3).all(|a| cell[a] < level.dims[a]);
-        let l = (cell[2] * level.dims[1] + cell[1]) * level.dims[0] + cell[0];
-        if inside { level.extinction.get(l).copied().map_or(0.0, f64::from) } else { 0.0 }
-    };
+    let at = |cell: [usize; 3]| if (0..3).all(|a| cell[a] < level.dims[a]) { inside(cell) } else { 0.0 };
     let extinction = (0..dims.iter().product::<usize>())
         .into_par_iter()
         .map(|l| {
@@ -78,6 +110,10 @@ fn halved(level: &Level, spacing_mm: DVec3) -> Level {
                 at(std::array::from_fn(|a| if joins[a] { 2 * to[a] + shift[a] } else { to[a] }))
             };
             let children: [f64; 8] = std::array::from_fn(child);
+            // Most cells are in the air.
+            if children == [0.0; 8] {
+                return 0.0;
+            }
             let along = |axis: usize| {
                 let length = if joins[axis] { 2.0 * cell[axis] } else { cell[axis] };
                 let through: f64 = (0..8)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use glioscope_core::RegionVolume;
 
-use super::uniforms::Marched;
+use super::{renderer::shows_image, uniforms::Marched};
 use crate::{
     camera::Camera,
     frame::{drawn_pixel, read_rgba, world_at},
@@ -39,6 +39,8 @@ pub struct ContextFrame {
     pub plan: Plan,
     /// What the picture shows less of than the scene has, in words for the user.
     pub warning: Option<String>,
+    /// What of the light is other than asked for, in words.
+    pub notes: Vec<String>,
     pub(super) targets: Targets,
     pub(super) tumor: Option<Arc<RegionVolume>>,
     pub(super) camera: Camera,
@@ -72,7 +74,7 @@ impl ContextFrame {
             parts.push((&self.targets.depths, at * 4, 4));
             parts.push((&self.targets.surfaces, at * 8, 8));
         }
-        if self.plan.has(PassName::Context) {
+        if shows_image(&self.plan) {
             parts.push((&self.targets.outsides, at * 16, 16));
         }
         if parts.is_empty() {
@@ -111,6 +113,12 @@ impl ContextFrame {
         let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
         let read = gpu.read_buffers(&[(&self.targets.outsides, 0, n * 16)]).map_err(RenderError::Device)?;
         Ok(read.first().map(|bytes| bytemuck::pod_collect_to_vec(bytes)).unwrap_or_default())
+    }
+
+    #[cfg(test)]
+    pub(crate) fn read_blurred(&self, gpu: &Gpu) -> Vec<u32> {
+        let buffer = &self.targets.blurred;
+        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(buffer, 0, buffer.size())]).unwrap()[0])
     }
 
     /// Depths of the tumour's surface, [`FAR`] where there is none.

@@ -2,15 +2,17 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use wgpu::util::DeviceExt;
 
 use super::{
     scene::ContextScene,
     uniforms::{self, Context, FieldShape},
-    volume::{ContextVolume, Field, Tables},
+    volume::{BRICK, ContextVolume, Field, Tables},
 };
 use crate::{
     gpu::Gpu,
+    occlusion::{Sight, joined},
     plan::{Plan, Quality},
     renderer::RenderError,
     transfer::TransferFunction,
@@ -74,6 +76,40 @@ impl ImageBuffers {
             tables,
             up,
         }
+    }
+
+    /// Grid and bricks of the values.
+    pub fn shape(&self) -> &FieldShape {
+        &self.up.shape
+    }
+
+    /// The transfer function as tables.
+    pub fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    /// A bit a brick: whether anything shows in it.
+    pub fn visible_bits(&self) -> &[u32] {
+        &self.tables.visible
+    }
+
+    /// Ranges of view depth (from the eye) that visible bricks reach, in order, none touching the next.
+    pub fn depths_mm(&self, sight: &Sight) -> Vec<(f64, f64)> {
+        let FieldShape { grid, brick_dims, .. } = &self.up.shape;
+        let world = grid.world_from_voxel();
+        let depths = |brick: [usize; 3]| {
+            // From voxel centre to voxel centre, and half a voxel more at the image's edge.
+            let first = DVec3::from_array(brick.map(|b| (b * BRICK) as f64 - 0.5));
+            let middle = sight.depth_mm(world.transform_point3(first + (0.5 * BRICK as f64 + 0.5)));
+            let reach: f64 = (0..3).map(|a| world.matrix3.col(a).dot(sight.forward).abs()).sum();
+            let reach = reach * (0.5 * BRICK as f64 + 0.5);
+            (middle + reach > 0.0).then_some(((middle - reach).max(0.0), middle + reach))
+        };
+        let [x, y, z] = *brick_dims;
+        let is_visible =
+            |b: usize| self.tables.visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1);
+        let seen = (0..x * y * z).filter(|b| is_visible(*b));
+        joined(seen.filter_map(|b| depths([b % x, b / x % y, b / x / y])).collect())
     }
 
     /// What the picture lacks of the image, if anything.

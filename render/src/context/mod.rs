@@ -14,3 +14,4 @@ pub use frame::{ContextFrame, ContextPick};
 pub use renderer::ContextRenderer;
 pub use scene::{ClipPlane, ContextScene, MOST_CLIP_PLANES, context_plan};
 pub use volume::ContextVolume;
+pub(crate) use volume::{BRICK, Field};

@@ -13,6 +13,7 @@ use super::{
 use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
     gpu::Gpu,
+    lighting::{Lights, LitImage, LitScene},
     plan::{PassName, Plan, Quality},
     region_buffers::RegionBuffers,
     renderer::RenderError,
@@ -39,6 +40,8 @@ enum Slot {
     Visible = 13,
     Table = 14,
     Factors = 15,
+    LightGrid = 28,
+    LightShape = 29,
 }
 
 /// Shader file and bindings of each pass.
@@ -57,6 +60,17 @@ const SHADERS: [(PassName, &str, &[Slot]); 5] = {
     ]
 };
 
+/// The march lit by cones, in the place of the other one.
+const LIT: (&str, [Slot; 10]) = {
+    use Slot::*;
+    ("context_lit", [View, Depths, Marched, Context, Values, Visible, Table, Factors, LightGrid, LightShape])
+};
+
+/// Whether the plan shows the image, whichever way.
+pub(crate) fn shows_image(plan: &Plan) -> bool {
+    plan.has(PassName::Context) || plan.has(PassName::Slices)
+}
+
 /// Draws context views. Not bound to a window.
 pub struct ContextRenderer {
     passes: PassRunner,
@@ -66,6 +80,7 @@ pub struct ContextRenderer {
     kernel_samples: u32,
     regions: Option<RegionBuffers>,
     image: Option<ImageBuffers>,
+    lights: Lights,
     frame: Option<ContextFrame>,
 }
 
@@ -104,6 +119,7 @@ impl ContextRenderer {
             kernel_samples: 0,
             regions: None,
             image: None,
+            lights: Lights::default(),
             frame: None,
         })
     }
@@ -121,6 +137,11 @@ impl ContextRenderer {
         size_px: [u32; 2],
     ) -> Result<&ContextFrame, RenderError> {
         self.render_planned(gpu, scene, quality, size_px, context_plan(scene, quality), Ways::USUAL)
+    }
+
+    #[cfg(test)]
+    pub(crate) fn lights(&self) -> &Lights {
+        &self.lights
     }
 
     /// The last frame, if drawing it went well.
@@ -162,7 +183,7 @@ impl ContextRenderer {
             gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
         }
         let mut warning = None;
-        if let Some(volume) = scene.volume.as_ref().filter(|_| plan.has(PassName::Context)) {
+        if let Some(volume) = scene.volume.as_ref().filter(|_| shows_image(&plan)) {
             let image = ImageBuffers::keep(&mut self.image, gpu, volume, &scene.transfer)?;
             warning = image.warning();
             let mut context = image.uniform(scene, quality, &plan);
@@ -171,7 +192,7 @@ impl ContextRenderer {
             }
             gpu.queue.write_buffer(&self.context, 0, bytemuck::bytes_of(&context));
         }
-        self.bind(gpu, &plan, &targets);
+        let notes = self.bind(gpu, &plan, &targets, scene, quality)?;
         self.passes.run(gpu);
         gpu.check().map_err(RenderError::Device)?;
         Ok(self.frame.insert(ContextFrame {
@@ -180,6 +201,7 @@ impl ContextRenderer {
             asked_px,
             plan,
             warning,
+            notes,
             targets,
             tumor: scene.tumor.clone(),
             camera: scene.camera,
@@ -187,11 +209,46 @@ impl ContextRenderer {
         }))
     }
 
-    fn bind(&mut self, gpu: &Gpu, plan: &Plan, targets: &Targets) {
-        let Some(regions) = &self.regions else { return };
+    /// Binds the passes of `plan`; returns what is other than asked for, in words.
+    fn bind(
+        &mut self,
+        gpu: &Gpu,
+        plan: &Plan,
+        targets: &Targets,
+        scene: &ContextScene,
+        quality: &Quality,
+    ) -> Result<Vec<String>, RenderError> {
+        let Some(regions) = &self.regions else { return Ok(Vec::new()) };
         let image = self.image.as_ref();
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
+        let mut lights = std::mem::take(&mut self.lights);
+        let mut notes = Vec::new();
+        let mut lit = false;
         for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
+            if !lit && matches!(pass, PassName::Context | PassName::Compose) {
+                lit = true;
+                let buffers = image.zip(scene.volume.as_ref()).filter(|_| shows_image(plan));
+                let lit_scene = LitScene {
+                    image: buffers.map(|(buffers, volume)| LitImage {
+                        buffers,
+                        volume,
+                        transfer: &scene.transfer,
+                        context: &self.context,
+                    }),
+                    tumor: scene.tumor.as_ref(),
+                    selection: &scene.selection,
+                    camera: &scene.camera,
+                    reference_mm: scene.reference_mm(),
+                    size: targets.size,
+                    view: &self.view,
+                    depths: &targets.depths,
+                    marched: &targets.outsides,
+                    blurred: &targets.blurred,
+                    regions: [&regions.table, &regions.words, &regions.regions],
+                };
+                notes = lights.bind(gpu, &mut self.passes, plan, &lit_scene, &quality.lighting)?;
+            }
+            let slots = if pass == PassName::Context && plan.has(PassName::LightGrid) { &LIT.1[..] } else { slots };
             let entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
                 .iter()
                 .filter_map(|&slot| {
@@ -213,12 +270,21 @@ impl ContextRenderer {
                         Slot::Visible => image?.visible().as_entire_binding(),
                         Slot::Table => image?.table().as_entire_binding(),
                         Slot::Factors => image?.factors().as_entire_binding(),
+                        Slot::LightGrid => lights.grid()?[0].as_entire_binding(),
+                        Slot::LightShape => lights.grid()?[1].as_entire_binding(),
                     };
                     Some((slot as u32, resource))
                 })
                 .collect();
-            self.passes.bind(gpu, pass, &entries, workgroups_of(targets.size));
+            let workgroups = workgroups_of(targets.size);
+            if slots.len() == LIT.1.len() {
+                self.passes.bind_shader(gpu, pass, LIT.0, &entries, workgroups)?;
+            } else {
+                self.passes.bind(gpu, pass, &entries, workgroups);
+            }
         }
+        self.lights = lights;
+        Ok(notes)
     }
 
     /// Where [`ContextRenderer::pass_times`] come from on this device.

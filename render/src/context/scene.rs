@@ -10,7 +10,8 @@ use super::volume::ContextVolume;
 use crate::{
     camera::Camera,
     palette::{MaskColors, Rgb},
-    plan::{PassName, Plan, Quality, no_occlusion},
+    lighting::left_out,
+    plan::{PassName, Plan, Quality},
     renderer::{RenderError, check_view},
     scene::{Lens, Scene},
     transfer::TransferFunction,
@@ -131,7 +132,6 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
         }
         Some(_) => None,
     };
-    let no_occlusion = no_surface.or_else(|| no_occlusion(quality));
     let no_context = if scene.volume.is_none() {
         Some("no context image")
     } else if scene.transfer.is_transparent() {
@@ -142,10 +142,7 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
     let is_1d = scene.transfer.gradient().is_none().then_some("transfer function is 1-D");
     Plan::of(&PassName::CONTEXT, |pass| match pass {
         PassName::Surface => no_surface,
-        PassName::Occlusion | PassName::OcclusionBlur => no_occlusion,
-        PassName::Context => no_context,
         PassName::GradientOpacity => no_context.or(is_1d),
-        // Not among the context view's passes, or always needed.
-        _ => None,
+        _ => left_out(pass, quality, no_surface, no_context),
     })
 }

@@ -10,5 +10,5 @@ pub(crate) mod tests;
 pub mod twin;
 pub(crate) mod uniforms;
 
-pub use plan::{DosPlan, DosSettings, Kernel, MOST_SLICES, Step, Variant};
+pub use plan::{DosPlan, DosSettings, Kernel, MOST_SLICES, Step, Variant, disc_points};
 pub use renderer::{DosRenderer, Form};

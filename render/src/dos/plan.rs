@@ -1,5 +1,7 @@
 //! Which slices, in which steps, with which footprint. Pure: no device is touched.
 
+use serde::{Deserialize, Serialize};
+
 use crate::occlusion::{
     Sight,
     cone::{clamped_aperture, decay_rates, tangent_variance},
@@ -16,7 +18,8 @@ const BLUR_OF_A_STEP: f64 = 0.25;
 const FARTHEST_PX: f64 = 64.0;
 
 /// Which way occlusion is carried from slice to slice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Variant {
     /// The paper's Algorithm 2: footprint d·tan θ, each sample attenuated over its own distance.
     PaperExact,

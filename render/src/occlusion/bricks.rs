@@ -7,6 +7,19 @@ use super::{Filter, OpticalVolume, Sight};
 /// Voxels along a brick's side.
 pub(crate) const SIDE: usize = 8;
 
+/// Ranges in order, those that touch as one.
+pub(crate) fn joined(mut all: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut out: Vec<(f64, f64)> = Vec::new();
+    for (near, far) in all {
+        match out.last_mut() {
+            Some(last) if near <= last.1 => last.1 = last.1.max(far),
+            _ => out.push((near, far)),
+        }
+    }
+    out
+}
+
 /// Bricks of 8x8x8 voxels in which some place may have an extinction above 0.
 #[derive(Clone, Debug)]
 pub(crate) struct Occupied {
@@ -60,16 +73,7 @@ impl Occupied {
 
     /// Ranges of view depth that occupied bricks reach, in order, none touching the next.
     pub fn depths_mm(&self, sight: &Sight) -> Vec<(f64, f64)> {
-        let mut all: Vec<(f64, f64)> = self.corners_mm.iter().filter_map(|c| sight.depths_mm(c)).collect();
-        all.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut out: Vec<(f64, f64)> = Vec::new();
-        for (near, far) in all {
-            match out.last_mut() {
-                Some(last) if near <= last.1 => last.1 = last.1.max(far),
-                _ => out.push((near, far)),
-            }
-        }
-        out
+        joined(self.corners_mm.iter().filter_map(|c| sight.depths_mm(c)).collect())
     }
 
     /// One bit a brick, 32 a word; never empty.

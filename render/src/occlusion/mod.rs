@@ -4,11 +4,11 @@
 mod bricks;
 pub mod cone;
 mod geometry;
-mod poisson;
+pub(crate) mod poisson;
 pub(crate) mod upload;
 mod volume;
 
-pub(crate) use bricks::Occupied;
+pub(crate) use bricks::{Occupied, joined};
 pub use geometry::Sight;
 pub use poisson::{MOST_POINTS, poisson_disc};
 pub use volume::{Filter, OPAQUE, OpticalVolume, Plane, Table};

@@ -150,11 +150,16 @@ pub(crate) enum Kind {
 
 /// Bindings 0, 1, … of these kinds.
 pub(crate) fn layout(gpu: &Gpu, label: &'static str, kinds: &[Kind]) -> wgpu::BindGroupLayout {
+    let numbered: Vec<(u32, Kind)> = (0u32..).zip(kinds.iter().copied()).collect();
+    layout_of(gpu, label, &numbered)
+}
+
+/// Bindings of these numbers and kinds.
+pub(crate) fn layout_of(gpu: &Gpu, label: &'static str, kinds: &[(u32, Kind)]) -> wgpu::BindGroupLayout {
     let entries: Vec<wgpu::BindGroupLayoutEntry> = kinds
         .iter()
-        .zip(0u32..)
-        .map(|(kind, binding)| wgpu::BindGroupLayoutEntry {
-            binding,
+        .map(|(binding, kind)| wgpu::BindGroupLayoutEntry {
+            binding: *binding,
             visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::Buffer {
                 ty: match kind {

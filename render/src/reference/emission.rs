@@ -50,7 +50,7 @@ fn box_interval(grid: &Grid, ray: &Ray) -> (f64, f64) {
 }
 
 /// Origin and direction with voxel centres at whole numbers.
-fn in_index_space(grid: &Grid, ray: &Ray) -> (DVec3, DVec3) {
+pub(crate) fn in_index_space(grid: &Grid, ray: &Ray) -> (DVec3, DVec3) {
     let world = grid.world_from_voxel();
     let inverse: DMat3 = world.matrix3.inverse();
     (inverse * (ray.origin_mm - world.translation), inverse * ray.direction)
@@ -88,12 +88,10 @@ fn gradient_at(image: &Volume, q: DVec3) -> DVec3 {
     image.grid().world_from_voxel().matrix3.inverse().transpose() * per_voxel
 }
 
-fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sampling) -> [f64; 4] {
-    let Some(volume) = &scene.volume else { return [0.0; 4] };
-    let image = volume.image();
-    let center = DVec2::new(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
-    let ray = scene.camera.ray(center, DVec2::new(f64::from(size[0]), f64::from(size[1])));
-    let (near, mut far) = box_interval(image.grid(), &ray);
+/// Where the image is seen along a ray, millimetres: in its box, not cut away, not in the box of the
+/// masks and not before that. `None` where it is not at all.
+pub(crate) fn seen(scene: &ContextScene, ray: &Ray) -> Option<(f64, f64)> {
+    let (near, mut far) = box_interval(scene.volume.as_ref()?.grid(), ray);
     let mut near = near.max(0.0);
     for plane in &scene.clip {
         let room = plane.offset_mm - plane.normal.dot(ray.origin_mm);
@@ -103,15 +101,33 @@ fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sa
         } else if rate < 0.0 {
             near = near.max(room / rate);
         } else if room < 0.0 {
-            return [0.0; 4];
+            return None;
         }
     }
     if let Some(tumor) = &scene.tumor {
-        let (enter, leave) = box_interval(tumor.grid(), &ray);
+        let (enter, leave) = box_interval(tumor.grid(), ray);
         if enter.max(0.0) < leave {
             near = near.max(leave);
         }
     }
+    (near < far).then_some((near, far))
+}
+
+/// Encoded colour and opacity of 1 mm at a place among voxel centres; nothing where the image isn't
+/// finite, or there is none.
+pub(crate) fn sample(scene: &ContextScene, q: DVec3) -> ([f64; 3], f64) {
+    let Some(volume) = &scene.volume else { return ([0.0; 3], 0.0) };
+    let value = value_at(volume.image(), q);
+    let steepness = if scene.transfer.gradient().is_some() { gradient_at(volume.image(), q).length() } else { 0.0 };
+    scene.transfer.sample(value, steepness)
+}
+
+fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sampling) -> [f64; 4] {
+    let Some(volume) = &scene.volume else { return [0.0; 4] };
+    let image = volume.image();
+    let center = DVec2::new(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
+    let ray = scene.camera.ray(center, DVec2::new(f64::from(size[0]), f64::from(size[1])));
+    let Some((near, far)) = seen(scene, &ray) else { return [0.0; 4] };
     let (o, d) = in_index_space(image.grid(), &ray);
     let mut out = [0.0; 4];
     let mut begin = near;

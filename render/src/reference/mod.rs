@@ -1,5 +1,6 @@
 //! Slow, exact answers that the fast ones are held against.
 
+pub mod combined;
 pub mod emission;
 pub mod hemisphere;
 pub mod march;

@@ -1,8 +1,21 @@
 // What the march leaves for a pixel of the context view.
 
+#include lib/linear.wgsl
+
 struct Marched {
     red_green: u32,      // premultiplied, 16 bits each
     blue_opacity: u32,
     depth: f32,          // where half of what is behind is hidden; FAR where that never is
     unused: u32,
+}
+
+// The march's pixel over what is behind it.
+fn image_over(m: Marched, behind: vec3<f32>) -> vec3<f32> {
+    let blue_opacity = unpack2x16unorm(m.blue_opacity);
+    let color = vec3<f32>(unpack2x16unorm(m.red_green), blue_opacity.x);
+    let left = 1.0 - blue_opacity.y;
+    if (view.flags & LINEAR_LIGHT) != 0u {
+        return encoded(color + left * decoded(behind));
+    }
+    return color + left * behind;
 }

@@ -28,7 +28,11 @@ struct Interval {
 }
 
 fn ray_of(pixel: vec2<u32>) -> Ray {
-    let p = from_middle(pixel);
+    return ray_through(from_middle(pixel));
+}
+
+// Through a place of the picture, in pixels from its middle.
+fn ray_through(p: vec2<f32>) -> Ray {
     let across = p.x * view.right + p.y * view.up;
     var ray: Ray;
     ray.o = view.corner + view.mm_per_pixel * across;

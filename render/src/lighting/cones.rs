@@ -1,0 +1,358 @@
+//! Cones of a view on the graphics device: a grid of light about the image, and light on the masks.
+//!
+//! Lifetimes: prefiltered extinction of the image once an image and transfer function, that of the masks
+//! once a selection; the grid once these and a side of its cells; uniforms once a frame.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use glioscope_core::{Grid, RegionVolume, Selection};
+use wgpu::util::DeviceExt;
+
+use super::{
+    Lighting, LitImage, LitScene,
+    grid::Cells,
+    uniforms::{LEVELS, Level, Light, LightGrid},
+};
+use crate::{
+    camera::Camera,
+    compute::{PassRunner, workgroups_of},
+    cones::{ConeSettings, Pyramid, sub_cones},
+    context::{BRICK, ContextVolume, Field, image::ImageBuffers},
+    gpu::Gpu,
+    plan::{PassName, Plan},
+    renderer::RenderError,
+    transfer::TransferFunction,
+    uniforms::{in_camera_space, index_axes},
+};
+
+/// Optical thickness of a voxel past which nothing comes through.
+const DARK: f64 = 40.0;
+
+/// Prefiltered extinction on the card.
+struct Medium {
+    grid: Grid,
+    cells: wgpu::Buffer,
+    levels: [Level; LEVELS],
+    count: usize,
+}
+
+impl Medium {
+    /// `extinction` is that of a voxel, per millimetre.
+    fn new(
+        gpu: &Gpu,
+        grid: &Grid,
+        extinction: impl Fn([usize; 3]) -> f64 + Sync,
+    ) -> Result<Self, RenderError> {
+        let coarser = Pyramid::coarser(grid.dims(), grid.spacing_mm(), extinction);
+        let mut levels = [Level::default(); LEVELS];
+        let mut cells: Vec<f32> = Vec::new();
+        let count = (coarser.len() + 1).min(LEVELS);
+        // Level 0 is the medium itself.
+        for (info, level) in levels.iter_mut().skip(1).zip(&coarser) {
+            *info = Level {
+                dims: level.dims.map(|d| d as u32),
+                start: cells.len() as u32,
+                scale: level.voxels.map(|v| 1.0 / v as f32),
+                pad: 0,
+            };
+            cells.extend_from_slice(&level.extinction);
+        }
+        if cells.is_empty() {
+            cells.push(0.0);
+        }
+        gpu.check_size("prefiltered extinction", 4 * cells.len() as u64)?;
+        let cells = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("Medium::cells"),
+            contents: bytemuck::cast_slice(&cells),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        gpu.check().map_err(RenderError::Device)?;
+        Ok(Self { grid: grid.clone(), cells, levels, count })
+    }
+
+    fn light(&self, camera: &Camera, reference_mm: f64, lighting: &Lighting) -> Light {
+        let settings = ConeSettings {
+            aperture_deg: lighting.aperture_deg,
+            sub_cones: lighting.sub_cones.clamp(1, Lighting::MOST_SUB_CONES),
+            coarsest_level: lighting.coarsest_level.min(self.count as u32 - 1),
+            cone_step: lighting.cone_step,
+            ..ConeSettings::default()
+        };
+        let settings = settings.used().settings;
+        let mut axes = [[0.0; 4]; 128];
+        for (to, axis) in axes.iter_mut().zip(sub_cones(&settings)) {
+            *to = [axis[0] as f32, axis[1] as f32, axis[2] as f32, 0.0];
+        }
+        let [corner, right, up, forward] = index_axes(camera, reference_mm, &self.grid);
+        let voxel_mm = self.grid.spacing_mm().min_element();
+        Light {
+            right,
+            up,
+            forward,
+            corner,
+            tangent: settings.sub_tangent() as f32,
+            cone_step: settings.cone_step as f32,
+            coarsest: settings.coarsest_level as f32,
+            voxel_mm: voxel_mm as f32,
+            dims: self.grid.dims().map(|d| d as u32),
+            count: settings.sub_cones,
+            dark: (DARK / voxel_mm) as f32,
+            pad: [0; 3],
+            levels: self.levels,
+            axes,
+        }
+    }
+}
+
+struct ImageLight {
+    volume: Arc<ContextVolume>,
+    transfer: Arc<TransferFunction>,
+    tumor: Option<Arc<RegionVolume>>,
+    medium: Medium,
+    side_mm: f64,
+    cells: Cells,
+    needed: wgpu::Buffer,
+    needed_count: u32,
+    light: wgpu::Buffer,
+}
+
+struct MaskLight {
+    tumor: Arc<RegionVolume>,
+    selection: Selection,
+    medium: Medium,
+}
+
+/// Finds light by cones.
+pub(crate) struct ConeLight {
+    image_uniform: wgpu::Buffer,
+    mask_uniform: wgpu::Buffer,
+    grid_uniform: wgpu::Buffer,
+    nothing: wgpu::Buffer,
+    image: Option<ImageLight>,
+    masks: Option<MaskLight>,
+}
+
+fn is_same<T>(a: Option<&Arc<T>>, b: Option<&Arc<T>>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        (None, None) => true,
+        _ => false,
+    }
+}
+
+impl ConeLight {
+    pub fn new(gpu: &Gpu) -> Self {
+        let buffer = |label, size: usize, usage| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: size as u64,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        Self {
+            image_uniform: buffer("ConeLight::image_uniform", size_of::<Light>(), uniform),
+            mask_uniform: buffer("ConeLight::mask_uniform", size_of::<Light>(), uniform),
+            grid_uniform: buffer("ConeLight::grid_uniform", size_of::<LightGrid>(), uniform),
+            nothing: buffer("ConeLight::nothing", 16, wgpu::BufferUsages::STORAGE),
+            image: None,
+            masks: None,
+        }
+    }
+
+    /// The grid of light about the image, and its uniform; bound by the march that is lit by it.
+    pub fn grid(&self) -> Option<[&wgpu::Buffer; 2]> {
+        self.image.as_ref().map(|image| [&image.light, &self.grid_uniform])
+    }
+
+    /// Prepares what `plan` needs and binds [`PassName::LightGrid`] and [`PassName::SolidCones`].
+    ///
+    /// # Errors
+    /// [`RenderError`] for a medium that doesn't fit on the card.
+    pub fn bind(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        plan: &Plan,
+        scene: &LitScene<'_>,
+        lighting: &Lighting,
+    ) -> Result<(), RenderError> {
+        if plan.has(PassName::LightGrid) {
+            self.bind_image(gpu, passes, scene, lighting)?;
+        } else {
+            self.image = None;
+        }
+        match scene.tumor.filter(|_| plan.has(PassName::SolidCones)) {
+            Some(tumor) => self.bind_masks(gpu, passes, plan, scene, tumor, lighting)?,
+            None => self.masks = None,
+        }
+        Ok(())
+    }
+
+    fn bind_image(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        scene: &LitScene<'_>,
+        lighting: &Lighting,
+    ) -> Result<(), RenderError> {
+        let Some(LitImage { buffers, volume, transfer, context }) = scene.image else { return Ok(()) };
+        let kept = self.image.take().filter(|held| {
+            Arc::ptr_eq(&held.volume, volume)
+                && (Arc::ptr_eq(&held.transfer, transfer) || held.transfer == *transfer)
+        });
+        let held = match kept {
+            Some(held) if held.side_mm == lighting.cell_mm && is_same(held.tumor.as_ref(), scene.tumor) => held,
+            kept => {
+                let medium = match kept {
+                    Some(held) => held.medium,
+                    None => image_medium(gpu, buffers, volume)?,
+                };
+                let cells = Cells::new(&medium.grid, lighting.cell_mm);
+                let shape = buffers.shape();
+                let needed = cells.needed(
+                    &medium.grid,
+                    BRICK,
+                    shape.brick_dims,
+                    buffers.visible_bits(),
+                    scene.tumor.map(|t| &**t),
+                );
+                let needed_count = needed.len() as u32;
+                let listed = if needed.is_empty() { vec![0] } else { needed };
+                gpu.check_size("cells of light", 4 * cells.count() as u64)?;
+                let light = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("ImageLight::light"),
+                    size: 4 * cells.count() as u64,
+                    usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+                    mapped_at_creation: false,
+                });
+                ImageLight {
+                    volume: Arc::clone(volume),
+                    transfer: Arc::clone(transfer),
+                    tumor: scene.tumor.cloned(),
+                    medium,
+                    side_mm: lighting.cell_mm,
+                    cells,
+                    needed: gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                        label: Some("ImageLight::needed"),
+                        contents: bytemuck::cast_slice(&listed),
+                        usage: wgpu::BufferUsages::STORAGE,
+                    }),
+                    needed_count,
+                    light,
+                }
+            }
+        };
+        let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
+        gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&light));
+        let grid = grid_uniform(&held, scene.camera, scene.reference_mm);
+        gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
+        let entries = [
+            (0, scene.view.as_entire_binding()),
+            (4, scene.depths.as_entire_binding()),
+            (11, context.as_entire_binding()),
+            (12, buffers.values().as_entire_binding()),
+            (13, buffers.visible().as_entire_binding()),
+            (14, buffers.table().as_entire_binding()),
+            (15, buffers.factors().as_entire_binding()),
+            (26, self.image_uniform.as_entire_binding()),
+            (27, held.medium.cells.as_entire_binding()),
+            (28, held.light.as_entire_binding()),
+            (29, self.grid_uniform.as_entire_binding()),
+            (30, held.needed.as_entire_binding()),
+        ];
+        let groups = held.needed_count.div_ceil(64);
+        let across = groups.clamp(1, 4096);
+        let workgroups = [across, groups.div_ceil(across).max(1), 1];
+        passes.bind_shader(gpu, PassName::LightGrid, "context_light", &entries, workgroups)?;
+        self.image = Some(held);
+        Ok(())
+    }
+
+    fn bind_masks(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        plan: &Plan,
+        scene: &LitScene<'_>,
+        tumor: &Arc<RegionVolume>,
+        lighting: &Lighting,
+    ) -> Result<(), RenderError> {
+        let held = self.masks.take().filter(|held| {
+            Arc::ptr_eq(&held.tumor, tumor) && held.selection == *scene.selection
+        });
+        let held = match held {
+            Some(held) => held,
+            None => {
+                let grid = tumor.grid();
+                let shown: Vec<bool> =
+                    tumor.bits_of_id().iter().map(|&bits| scene.selection.shows(bits)).collect();
+                let dark = DARK / grid.spacing_mm().min_element();
+                let medium = Medium::new(gpu, grid, |cell| {
+                    let id = tumor.id(grid.linear(cell)) as usize;
+                    if shown.get(id).copied().unwrap_or(false) { dark } else { 0.0 }
+                })?;
+                MaskLight { tumor: Arc::clone(tumor), selection: scene.selection.clone(), medium }
+            }
+        };
+        let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
+        gpu.queue.write_buffer(&self.mask_uniform, 0, bytemuck::bytes_of(&light));
+        let lit = self.image.as_ref().filter(|_| plan.has(PassName::LightGrid));
+        let [bricks, words, regions] = scene.regions;
+        let entries = [
+            (0, scene.view.as_entire_binding()),
+            (1, bricks.as_entire_binding()),
+            (2, words.as_entire_binding()),
+            (3, regions.as_entire_binding()),
+            (4, scene.depths.as_entire_binding()),
+            (8, scene.blurred.as_entire_binding()),
+            (26, self.mask_uniform.as_entire_binding()),
+            (27, held.medium.cells.as_entire_binding()),
+            (28, lit.map_or(&self.nothing, |image| &image.light).as_entire_binding()),
+            (29, self.grid_uniform.as_entire_binding()),
+        ];
+        passes.bind_shader(gpu, PassName::SolidCones, "solid_cones", &entries, workgroups_of(scene.size))?;
+        self.masks = Some(held);
+        Ok(())
+    }
+}
+
+fn image_medium(
+    gpu: &Gpu,
+    buffers: &ImageBuffers,
+    volume: &ContextVolume,
+) -> Result<Medium, RenderError> {
+    let limits = gpu.device.limits();
+    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    let Some(field) = Field::fitting(volume, limit) else {
+        return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });
+    };
+    let tables = buffers.tables();
+    Medium::new(gpu, &field.grid, |cell| tables.extinction_at(&field, cell))
+}
+
+fn grid_uniform(held: &ImageLight, camera: &Camera, reference_mm: f64) -> LightGrid {
+    let grid = &held.medium.grid;
+    let [corner, right, up, forward] = index_axes(camera, reference_mm, grid);
+    // Camera space of index space (0, 0, 0), and of one voxel along each axis.
+    let world = grid.world_from_voxel();
+    let place = |index: DVec3| in_camera_space(camera, reference_mm, world.transform_point3(index - 0.5));
+    let zero = place(DVec3::ZERO);
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| place(axis) - zero);
+    let row = |n: usize| [axes[0][n] as f32, axes[1][n] as f32, axes[2][n] as f32, zero[n] as f32];
+    LightGrid {
+        cells: held.cells.dims.map(|d| d as u32),
+        needed: held.needed_count,
+        scale: held.cells.voxels.map(|v| 1.0 / v as f32),
+        corner,
+        right,
+        up,
+        forward,
+        right_from_index: row(0),
+        up_from_index: row(1),
+        depth_from_index: row(2),
+        ..LightGrid::default()
+    }
+}

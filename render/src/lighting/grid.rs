@@ -1,0 +1,87 @@
+//! Cells of light about a context image: which there are, and which of them a picture can look up.
+
+use glam::DVec3;
+use glioscope_core::{Grid, RegionVolume};
+
+/// The most cells.
+const MOST_CELLS: usize = 1 << 26;
+
+/// The shape of a grid of light.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Cells {
+    /// Cells along each axis.
+    pub dims: [usize; 3],
+    /// Voxels along a cell's sides.
+    pub voxels: [usize; 3],
+}
+
+impl Cells {
+    /// Cells about `side_mm` long, of whole voxels: one at least, and no more cells than fit.
+    pub fn new(grid: &Grid, side_mm: f64) -> Self {
+        let spacing = grid.spacing_mm();
+        let dims = grid.dims();
+        let mut side_mm = if side_mm.is_finite() { side_mm.max(0.0) } else { 0.0 };
+        loop {
+            let voxels: [usize; 3] =
+                std::array::from_fn(|a| ((side_mm / spacing[a]).round() as usize).clamp(1, dims[a].max(1)));
+            let cells = std::array::from_fn(|a| dims[a].div_ceil(voxels[a]));
+            if cells.iter().product::<usize>() <= MOST_CELLS || voxels == dims {
+                return Self { dims: cells, voxels };
+            }
+            side_mm = (1.3 * side_mm).max(spacing.min_element());
+        }
+    }
+
+    /// Cells in all.
+    pub fn count(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// Numbers of the cells that are read somewhere between these voxels (first and last centre along
+    /// each axis, which may lie outside the image).
+    fn mark(&self, marks: &mut [bool], first: [f64; 3], last: [f64; 3]) {
+        let span = |a: usize| {
+            // Light is read between the middles of two cells.
+            let at = |voxel: f64| (voxel + 0.5) / self.voxels[a] as f64 - 0.5;
+            let most = self.dims[a] as f64 - 1.0;
+            (at(first[a]).floor().clamp(0.0, most) as usize)..=(at(last[a]).ceil().clamp(0.0, most) as usize)
+        };
+        for z in span(2) {
+            for y in span(1) {
+                for x in span(0) {
+                    if let Some(mark) = marks.get_mut((z * self.dims[1] + y) * self.dims[0] + x) {
+                        *mark = true;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Numbers of the cells that a picture can look up: about the bricks (of `brick` voxels, cells between
+    /// voxel centres) in which anything shows, and about the masks.
+    pub fn needed(
+        &self,
+        grid: &Grid,
+        brick: usize,
+        brick_dims: [usize; 3],
+        visible: &[u32],
+        tumor: Option<&RegionVolume>,
+    ) -> Vec<u32> {
+        let mut marks = vec![false; self.count()];
+        for b in 0..brick_dims.iter().product::<usize>() {
+            if visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1) {
+                let at = [b % brick_dims[0], b / brick_dims[0] % brick_dims[1], b / brick_dims[0] / brick_dims[1]];
+                // Half a voxel more at the image's edge.
+                let first = at.map(|a| (a * brick) as f64 - 0.5);
+                self.mark(&mut marks, first, first.map(|f| f + brick as f64 + 1.0));
+            }
+        }
+        if let Some(tumor) = tumor {
+            let corners = tumor.grid().corners_mm().map(|c| grid.voxel_from_world().transform_point3(c));
+            let low = corners.iter().fold(DVec3::INFINITY, |a, c| a.min(*c));
+            let high = corners.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(*c));
+            self.mark(&mut marks, low.to_array(), high.to_array());
+        }
+        (0..).zip(marks).filter_map(|(number, on)| on.then_some(number)).collect()
+    }
+}

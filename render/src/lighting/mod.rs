@@ -1,0 +1,276 @@
+//! How the 3D views find light: by screen-space ambient occlusion and a headlight, by slices
+//! (directional occlusion and its combination with solid surfaces, Schott et al. 2009 and 2012), or by
+//! cones traced through prefiltered extinction. All three fill the same buffers, so that the composing
+//! passes don't know which it was.
+
+mod cones;
+mod grid;
+mod slices;
+#[cfg(test)]
+mod tests;
+pub(crate) mod uniforms;
+mod vicinity;
+
+use serde::{Deserialize, Serialize};
+
+use std::sync::Arc;
+
+use glioscope_core::{RegionVolume, Selection};
+
+use self::{cones::ConeLight, slices::SliceLight, vicinity::VicinityLight};
+use crate::{
+    camera::Camera,
+    compute::PassRunner,
+    context::{ContextVolume, image::ImageBuffers},
+    dos::Variant,
+    gpu::Gpu,
+    plan::{PassName, Plan, Quality, no_occlusion},
+    renderer::RenderError,
+    transfer::TransferFunction,
+};
+
+/// Which way light is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shading {
+    /// Ambient occlusion from depths, and a headlight on the gradients of the image.
+    #[default]
+    ScreenSpace,
+    /// Directional occlusion by slices; vicinity occlusion of what is solid.
+    Slices,
+    /// Cones traced through the image and the masks.
+    Cones,
+}
+
+impl Shading {
+    /// In the order of menus.
+    pub const ALL: [Self; 3] = [Self::ScreenSpace, Self::Slices, Self::Cones];
+
+    /// What the command line calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ScreenSpace => "screen-space",
+            Self::Slices => "slices",
+            Self::Cones => "cones",
+        }
+    }
+
+    /// What menus call it.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::ScreenSpace => "Headlight and ambient occlusion",
+            Self::Slices => "Directional occlusion (slices)",
+            Self::Cones => "Directional occlusion (cones)",
+        }
+    }
+}
+
+/// Which of image and solid surfaces may darken which (Schott et al. 2012, figure 2). Of the slices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mutual {
+    /// The image itself.
+    pub image_on_image: bool,
+    /// Solid surfaces the image.
+    pub solid_on_image: bool,
+    /// The image solid surfaces.
+    pub image_on_solid: bool,
+    /// Solid surfaces each other: vicinity occlusion.
+    pub solid_on_solid: bool,
+}
+
+impl Mutual {
+    /// Everything darkens everything.
+    pub const ALL: Self =
+        Self { image_on_image: true, solid_on_image: true, image_on_solid: true, solid_on_solid: true };
+}
+
+/// The knobs of light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lighting {
+    /// Which way.
+    pub shading: Shading,
+    /// Half the opening of the cone that light comes from, about the way to the eye; degrees, 0 to 85.
+    pub aperture_deg: f64,
+    /// How the slices carry occlusion.
+    pub variant: Variant,
+    /// The slices' points along a side of the footprint, 1 to 13.
+    pub slice_grid: u32,
+    /// Distance of slices.
+    pub slice_mm: f64,
+    /// Distance of an occluder whose penumbra is the true cone's, of the mended slices.
+    pub reference_mm: f64,
+    /// Sub-cones, 1 to [`Lighting::MOST_SUB_CONES`].
+    pub sub_cones: u32,
+    /// Coarsest level of prefiltered extinction that cones read.
+    pub coarsest_level: u32,
+    /// Steps along a sub-cone, in cells of the level read.
+    pub cone_step: f64,
+    /// Side of the image's cells of light; those of one voxel are the finest.
+    pub cell_mm: f64,
+    /// Points of vicinity occlusion, 1 to [`Lighting::MOST_VICINITY`].
+    pub vicinity_samples: u32,
+    /// Its virtual slice distance: it reaches tan(aperture) times as far.
+    pub vicinity_mm: f64,
+    /// What darkens what.
+    pub mutual: Mutual,
+}
+
+impl Lighting {
+    /// The most sub-cones of a view.
+    pub const MOST_SUB_CONES: u32 = 128;
+    /// The most points of vicinity occlusion, as many as the paper takes.
+    pub const MOST_VICINITY: u32 = 118;
+
+    /// What presets start from.
+    pub const DEFAULT: Self = Self {
+        shading: Shading::ScreenSpace,
+        aperture_deg: 60.0,
+        variant: Variant::Mended,
+        slice_grid: 5,
+        slice_mm: 2.0,
+        reference_mm: 5.0,
+        sub_cones: 8,
+        coarsest_level: 3,
+        cone_step: 1.0,
+        cell_mm: 4.0,
+        vicinity_samples: 64,
+        vicinity_mm: 3.0,
+        mutual: Mutual::ALL,
+    };
+
+    /// How far vicinity occlusion reaches.
+    pub(crate) fn vicinity_radius_mm(&self) -> f64 {
+        let (aperture, _) = crate::occlusion::cone::clamped_aperture(self.aperture_deg);
+        let reach = self.vicinity_mm * aperture.to_radians().tan();
+        if reach.is_finite() { reach.clamp(0.0, 1e6) } else { 0.0 }
+    }
+}
+
+/// Why one of the passes of light is left out, where `no_solid` and `no_image` say why there is nothing
+/// solid or no image; `None` for those that run, and for all other passes.
+pub(crate) fn left_out(
+    pass: PassName,
+    quality: &Quality,
+    no_solid: Option<&'static str>,
+    no_image: Option<&'static str>,
+) -> Option<&'static str> {
+    use PassName::*;
+    let light = &quality.lighting;
+    let other = match light.shading {
+        Shading::ScreenSpace => "light is screen-space",
+        Shading::Slices => "light is by slices",
+        Shading::Cones => "light is by cones",
+    };
+    let by = |shading| (light.shading != shading).then_some(other);
+    let dark = |x: f64| x.is_nan() || x <= 0.0;
+    let no_strength = dark(quality.occlusion_strength).then_some("occlusion strength is 0");
+    match pass {
+        Occlusion | OcclusionBlur => {
+            no_solid.or(by(Shading::ScreenSpace)).or_else(|| no_occlusion(quality))
+        }
+        SolidCones => no_solid.or(by(Shading::Cones)).or(no_strength),
+        Vicinity => {
+            let lit = light.mutual.image_on_solid && no_image.is_none();
+            let none = !light.mutual.solid_on_solid || dark(light.vicinity_radius_mm());
+            let none = (none && !lit).then_some("nothing darkens what is solid");
+            no_solid.or(by(Shading::Slices)).or(no_strength).or(none)
+        }
+        LightGrid => by(Shading::Cones).or(no_image),
+        Slices | SlicesFinish => by(Shading::Slices).or(no_image),
+        Context => no_image.or((light.shading == Shading::Slices).then_some("slices draw the image")),
+        _ => None,
+    }
+}
+
+/// The image of a frame and how it looks.
+#[derive(Clone, Copy)]
+pub(crate) struct LitImage<'a> {
+    pub buffers: &'a ImageBuffers,
+    pub volume: &'a Arc<ContextVolume>,
+    pub transfer: &'a Arc<TransferFunction>,
+    /// Its uniform, `Context` of lib/image.wgsl.
+    pub context: &'a wgpu::Buffer,
+}
+
+/// What of a frame the passes of light read and write.
+pub(crate) struct LitScene<'a> {
+    /// Where the plan shows one.
+    pub image: Option<LitImage<'a>>,
+    pub tumor: Option<&'a Arc<RegionVolume>>,
+    pub selection: &'a Selection,
+    pub camera: &'a Camera,
+    pub reference_mm: f64,
+    pub size: [u32; 2],
+    pub view: &'a wgpu::Buffer,
+    pub depths: &'a wgpu::Buffer,
+    pub marched: &'a wgpu::Buffer,
+    pub blurred: &'a wgpu::Buffer,
+    /// Bricks, words and regions of the masks.
+    pub regions: [&'a wgpu::Buffer; 3],
+}
+
+/// The passes of light that are none of screen space. Each part is made when a frame first needs it.
+#[derive(Default)]
+pub(crate) struct Lights {
+    slices: Option<SliceLight>,
+    cones: Option<ConeLight>,
+    vicinity: Option<VicinityLight>,
+}
+
+impl Lights {
+    /// Binds what `plan` has of [`PassName::LightGrid`], [`PassName::Slices`], [`PassName::SlicesFinish`],
+    /// [`PassName::SolidCones`] and [`PassName::Vicinity`]: behind what finds depths, before what composes.
+    /// Returns what is other than asked for, in words.
+    ///
+    /// # Errors
+    /// [`RenderError`]: something doesn't fit on the card, or the driver refuses a shader.
+    pub fn bind(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        plan: &Plan,
+        scene: &LitScene<'_>,
+        lighting: &Lighting,
+    ) -> Result<Vec<String>, RenderError> {
+        let mut notes = Vec::new();
+        if plan.has(PassName::LightGrid) || plan.has(PassName::SolidCones) {
+            let cones = self.cones.get_or_insert_with(|| ConeLight::new(gpu));
+            cones.bind(gpu, passes, plan, scene, lighting)?;
+        } else {
+            self.cones = None;
+        }
+        if let Some(image) = scene.image.filter(|_| plan.has(PassName::Slices)) {
+            let slices = self.slices.get_or_insert_with(|| SliceLight::new(gpu));
+            let solid = plan.has(PassName::Surface);
+            notes = slices.bind(gpu, passes, scene, &image, solid, lighting)?;
+        } else {
+            self.slices = None;
+        }
+        if plan.has(PassName::Vicinity) {
+            let vicinity = self.vicinity.get_or_insert_with(|| VicinityLight::new(gpu));
+            let through = self.slices.as_ref().and_then(SliceLight::notes);
+            vicinity.bind(gpu, passes, scene, lighting, through)?;
+        }
+        Ok(notes)
+    }
+
+    /// The grid of light about the image and its uniform, for the march that is lit by it.
+    pub fn grid(&self) -> Option<[&wgpu::Buffer; 2]> {
+        self.cones.as_ref()?.grid()
+    }
+
+    /// What the slices noted of each pixel, see slices_finish.wgsl.
+    #[cfg(test)]
+    pub fn notes(&self) -> Option<&wgpu::Buffer> {
+        self.slices.as_ref()?.notes()
+    }
+
+    /// Radiance and transmittance of each pixel by slices, in linear light.
+    #[cfg(test)]
+    pub fn eye(&self) -> Option<&wgpu::Buffer> {
+        self.slices.as_ref()?.eye()
+    }
+}
+
+/// The reason that a view which has no image gives.
+pub(crate) const NO_IMAGE: &str = "opaque foreground without context";

@@ -1,0 +1,173 @@
+//! Combined surface and volumetric occlusion by slices (Schott et al. 2012, Algorithms 1 to 4) on the CPU
+//! in `f64`: the context view's image, solid surfaces at given depths, both lights.
+//!
+//! Two lights go from slice to slice: one that only the image weakens, which solid surfaces receive, and
+//! one that solid surfaces stop as well, which the image receives.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::emission::{in_index_space, sample, seen};
+use crate::{
+    camera::Ray,
+    context::ContextScene,
+    dos::{DosPlan, Kernel, Step, Variant, disc_points, twin::Eye},
+    lighting::Mutual,
+    occlusion::{Sight, cone::through_slice},
+};
+
+/// A pixel's picture of the image, and the share of light that reaches what is solid there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Combined {
+    /// Of the image, in linear light.
+    pub eye: Eye,
+    /// Light on the solid surface, of the image alone; 1 before all slices.
+    pub on_solid: f64,
+}
+
+type Lights = [f64; 2];
+
+/// Runs `plan` through the image of `scene`. `solid_mm` are view depths from the eye, infinite where
+/// there is nothing solid. Rows from the top.
+pub fn slices(
+    scene: &ContextScene,
+    sight: &Sight,
+    plan: &DosPlan,
+    solid_mm: &[f64],
+    mutual: &Mutual,
+) -> Vec<Combined> {
+    let [width, height] = sight.size.map(|s| s as usize);
+    let fresh = Combined { eye: Eye { radiance: DVec3::ZERO, transmittance: 1.0 }, on_solid: 1.0 };
+    let mut out = vec![fresh; width * height];
+    let mut before = vec![[1.0; 2]; width * height];
+    for step in &plan.steps {
+        let pass = Pass { scene, sight, plan, step, before: &before, mutual };
+        let mut after = vec![[1.0; 2]; width * height];
+        out.par_iter_mut().zip(after.par_iter_mut()).enumerate().for_each(|(i, (out, after))| {
+            let pixel = [(i % width) as u32, (i / width) as u32];
+            let solid = solid_mm.get(i).copied().unwrap_or(f64::INFINITY);
+            *after = pass.pixel(pixel, solid, out);
+        });
+        before = after;
+    }
+    out
+}
+
+struct Pass<'a> {
+    scene: &'a ContextScene,
+    sight: &'a Sight,
+    plan: &'a DosPlan,
+    step: &'a Step,
+    before: &'a [Lights],
+    mutual: &'a Mutual,
+}
+
+fn plus(a: Lights, b: Lights, weight: f64) -> Lights {
+    [a[0] + weight * b[0], a[1] + weight * b[1]]
+}
+
+impl Pass<'_> {
+    fn texel(&self, x: i64, y: i64) -> Lights {
+        let [width, height] = self.sight.size.map(i64::from);
+        let (x, y) = (x.clamp(0, width - 1), y.clamp(0, height - 1));
+        self.before.get((y * width + x) as usize).copied().unwrap_or([1.0; 2])
+    }
+
+    fn bilinear(&self, x: f64, y: f64) -> Lights {
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (fx, fy) = (x - x.floor(), y - y.floor());
+        let (x, y) = (x.floor() as i64, y.floor() as i64);
+        let corners = [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)];
+        corners.iter().fold([0.0; 2], |sum, (i, j, w)| plus(sum, self.texel(x + i, y + j), *w))
+    }
+
+    /// Linear colour and extinction per millimetre halfway between two depths.
+    fn material(&self, ray: &Ray, slant: f64, begin: f64, end: f64) -> (DVec3, f64) {
+        let Some(volume) = self.scene.volume.as_ref().filter(|_| begin < end && !self.step.empty) else {
+            return (DVec3::ZERO, 0.0);
+        };
+        let (o, d) = in_index_space(volume.grid(), ray);
+        let (color, per_mm) = sample(self.scene, o + d * (0.5 * (begin + end) * slant));
+        let linear = color.map(|c| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) });
+        (DVec3::from_array(linear), -(1.0 - per_mm).max(1e-30).ln())
+    }
+
+    fn pixel(&self, pixel: [u32; 2], solid: f64, out: &mut Combined) -> Lights {
+        let slant = self.sight.slant(pixel);
+        let origin_mm = self.sight.at_mm(pixel, 0.0);
+        let direction = (self.sight.at_mm(pixel, 1.0) - origin_mm) / slant;
+        let ray = Ray { origin_mm, direction };
+        let (near, far) = seen(self.scene, &ray).map_or((0.0, 0.0), |(a, b)| (a / slant, b / slant));
+        let d = self.plan.slice_mm;
+        let casts = self.mutual.solid_on_image;
+        let shades = self.mutual.image_on_image;
+        let Step { depth_mm, kernel, .. } = *self.step;
+        let [x, y] = pixel.map(i64::from);
+        if self.plan.variant != Variant::Mended {
+            let before = self.texel(x, y);
+            let (begin, end) = (depth_mm.max(near), (depth_mm + d).min(far));
+            let (color, extinction) = self.material(&ray, slant, begin, end);
+            let sampled = (end - begin).min(solid - depth_mm).max(0.0);
+            let alpha = -(-extinction * sampled).exp_m1();
+            out.eye.radiance += color * (before[1] * alpha * out.eye.transmittance);
+            out.eye.transmittance *= 1.0 - alpha;
+            let hides = solid < depth_mm + d;
+            let of_both = match (hides && casts, shades) {
+                (true, _) => f64::INFINITY,
+                (false, true) => extinction,
+                (false, false) => 0.0,
+            };
+            let Kernel::Disc { grid, radius_px, radius_mm } = kernel else { return before };
+            let points = disc_points(grid);
+            let after = points.iter().fold([0.0; 2], |sum, p| {
+                let off2 = p[0] * p[0] + p[1] * p[1];
+                let distance = match self.plan.variant {
+                    Variant::PaperExact => (d * d + off2 * radius_mm * radius_mm).sqrt(),
+                    _ => d,
+                };
+                let at = self.bilinear(
+                    x as f64 + 0.5 + p[0] * radius_px,
+                    y as f64 + 0.5 + p[1] * radius_px,
+                );
+                let through = [extinction, of_both].map(|e| (-e * distance).exp());
+                plus(sum, [at[0] * through[0], at[1] * through[1]], 1.0 / points.len() as f64)
+            });
+            if !hides {
+                out.on_solid = after[0];
+            } else if solid >= depth_mm {
+                out.on_solid = before[0] + (after[0] - before[0]) * ((solid - depth_mm) / d);
+            }
+            return after;
+        }
+        let Kernel::Lattice { side, stride_px, center } = kernel else { return [1.0; 2] };
+        let (side, stride) = (i64::from(side), i64::from(stride_px));
+        let at = |i: i64| (2 * i - (side - 1)) * stride / 2;
+        let share = (1.0 - center) / (side * side) as f64;
+        let mut light = plus([0.0; 2], self.texel(x, y), center);
+        for (i, j) in (0..side).flat_map(|j| (0..side).map(move |i| (i, j))) {
+            light = plus(light, self.texel(x + at(i), y + at(j)), share);
+        }
+        for slice in 0..self.step.slices {
+            let front = depth_mm + f64::from(slice) * d;
+            let (begin, end) = (front.max(near), (front + d).min(far));
+            let (color, extinction) = self.material(&ray, slant, begin, end);
+            let end = end.max(begin);
+            let until = solid.clamp(begin, end);
+            let rates = &self.plan.rates;
+            let (before, behind) = (extinction * slant * (until - begin), extinction * slant * (end - until));
+            let (gathered, weaker) = through_slice(rates, light[1], before);
+            out.eye.radiance += color * (gathered * out.eye.transmittance);
+            out.eye.transmittance *= (-before).exp();
+            light = [through_slice(rates, light[0], before).1, if shades { weaker } else { light[1] }];
+            if solid >= front {
+                out.on_solid = light[0];
+            }
+            let rest = light.map(|l| through_slice(rates, l, behind).1);
+            light = [rest[0], if shades { rest[1] } else { light[1] }];
+            if solid < front + d && casts {
+                light[1] = 0.0;
+            }
+        }
+        light
+    }
+}

@@ -1,0 +1,65 @@
+// Light that reaches cells of the context image from a cone towards the eye: one thread a cell that a
+// picture can look up.
+#include lib/view.wgsl
+#include lib/march.wgsl
+#include lib/context.wgsl
+#include lib/image.wgsl
+#include lib/light.wgsl
+#include lib/light_grid.wgsl
+
+@group(0) @binding(4) var<storage, read> depths: array<f32>;
+@group(0) @binding(28) var<storage, read_write> light_grid: array<f32>;
+@group(0) @binding(30) var<storage, read> needed: array<u32>;   // numbers of cells
+
+fn middle_of(c: vec3<f32>) -> vec2<f32> {
+    return c.xy / max(footprint_mm(c.z), 1e-12);
+}
+
+// What is behind a pixel's solid surface is taken for solid: the picture knows no more of it.
+fn is_hidden(c: vec3<f32>) -> bool {
+    if (view.flags & HAS_SURFACE) == 0u {
+        return false;
+    }
+    let m = middle_of(c);
+    let at = vec2<i32>(floor(vec2<f32>(m.x, -m.y) + 0.5 * vec2<f32>(view.size)));
+    if any(at < vec2<i32>(0)) || any(at >= vec2<i32>(view.size)) {
+        return false;
+    }
+    return depths[linear_index(vec2<u32>(at))] < c.z - light.voxel_mm;
+}
+
+// Not cut away, not in the masks' box and not before that.
+fn is_kept(c: vec3<f32>) -> bool {
+    for (var n = 0u; n < context.clip_count; n++) {
+        if dot(context.clips[n].xyz, c) > context.clips[n].w {
+            return false;
+        }
+    }
+    if view.dims.x > 0u {
+        let span = box_interval(ray_through(middle_of(c)));
+        return !(span.near < span.far && c.z < span.far);
+    }
+    return true;
+}
+
+fn near_extinction(p: vec3<f32>) -> f32 {
+    return extinction_of(material_at(p - 0.5));
+}
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let number = id.x + id.y * groups.x * 64u;
+    if number >= grid.needed {
+        return;
+    }
+    let cell = needed[number];
+    let sheet = grid.cells.x * grid.cells.y;
+    let ijk = vec3<u32>(cell % grid.cells.x, cell % sheet / grid.cells.x, cell / sheet);
+    // The last cells may reach past the image.
+    let p = min((vec3<f32>(ijk) + 0.5) / grid.scale, vec3<f32>(context.dims));
+    let c = vec3<f32>(
+        dot(grid.right_from_index.xyz, p) + grid.right_from_index.w,
+        dot(grid.up_from_index.xyz, p) + grid.up_from_index.w,
+        dot(grid.depth_from_index.xyz, p) + grid.depth_from_index.w);
+    light_grid[cell] = light_from_cone(c);
+}

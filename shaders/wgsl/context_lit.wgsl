@@ -1,0 +1,19 @@
+// The context image along each ray as context_march, in linear light: each sample is lit by the light
+// that reaches it from a cone towards the eye.
+#include lib/view.wgsl
+#include lib/march.wgsl
+#include lib/context.wgsl
+#include lib/image.wgsl
+#include lib/image_march.wgsl
+#include lib/linear.wgsl
+#include lib/light_grid.wgsl
+
+@group(0) @binding(28) var<storage, read> light_grid: array<f32>;
+
+const WANTS_GRADIENT = false;
+
+fn appearance(
+    color: vec3<f32>, gradient: vec3<f32>, ray: vec3<f32>, inside_mm: f32, at: vec3<f32>,
+) -> vec3<f32> {
+    return decoded(color) * grid_light(at + 0.5);
+}

@@ -1,0 +1,120 @@
+// One step of slices through the context image: eye, occlusion and partial occlusion at once
+// (Algorithms 1 to 4 of Schott et al. 2012 in one pass).
+#include lib/view.wgsl
+#include lib/march.wgsl
+#include lib/context.wgsl
+#include lib/image.wgsl
+#include lib/linear.wgsl
+#include lib/slices.wgsl
+
+// Extinction that stands for something solid, per millimetre.
+const SOLID = 1e20;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= view.size) {
+        return;
+    }
+    let at = linear_index(id.xy);
+    let p = from_middle(id.xy);
+    let sight = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
+    let slant = length(sight);
+    let aside = p.x * context.right + p.y * context.up;
+    let o = context.corner + view.mm_per_pixel * aside - 0.5;
+    let d = context.forward + view.mm_per_pixel_per_mm * aside;
+    var solid = FAR;
+    if with_solid {
+        solid = depths[at];
+    }
+    var state = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    var note = vec4<f32>(1.0, FAR, 0.0, 0.0);
+    var light = vec2<f32>(1.0);
+    let is_first = part.is_first == 1u;
+    if is_first {
+        let ray = image_ray(p, FAR);
+        note.z = ray.near;
+        note.w = ray.far;
+    } else {
+        state = eye[at];
+        note = notes[at];
+        if variant == MENDED {
+            light = lattice(id.xy);
+        } else {
+            light = texel(vec2<i32>(id.xy));
+        }
+    }
+    let before = state.a;
+    let casts = (slices.flags & SOLID_ON_VOLUME) != 0u;
+    let shades = (slices.flags & VOLUME_ON_VOLUME) != 0u;
+    for (var i = 0u; i < part.slices; i++) {
+        let front = part.depth + f32(i) * slices.slice_mm;
+        let back = front + slices.slice_mm;
+        let begin = max(front, note.z);
+        let end = min(back, note.w);
+        var material = vec4<f32>(0.0);
+        if part.is_empty == 0u && begin < end {
+            material = material_at(o + 0.5 * (begin + end) * d);
+        }
+        let extinction = extinction_of(material);
+        let hides = with_solid && solid < back;
+        let meets = hides && solid >= front;
+        if variant == MENDED {
+            // Up to what is solid, and behind it.
+            let until = clamp(solid, begin, max(end, begin));
+            let seen = extinction * slant * max(until - begin, 0.0);
+            let rest = extinction * slant * max(end - until, 0.0);
+            if seen > 0.0 {
+                let slice = through_slice(light.y, seen);
+                state = vec4<f32>(state.rgb + decoded(material.rgb) * (slice.x * state.a), state.a * exp(-seen));
+                light.y = select(light.y, slice.y, shades);
+            }
+            if with_solid {
+                if seen > 0.0 {
+                    light.x = through_slice(light.x, seen).y;
+                }
+                if !hides || meets {
+                    note.x = light.x;
+                }
+                if rest > 0.0 {
+                    light.x = through_slice(light.x, rest).y;
+                    light.y = select(light.y, through_slice(light.y, rest).y, shades);
+                }
+                if hides && casts {
+                    light.y = 0.0;
+                }
+            } else {
+                light.x = light.y;
+            }
+        } else {
+            // As the paper has it: a slice is a sheet in its middle, its opacity that of the distance to
+            // what is solid where that is nearer.
+            let sampled = min(end - begin, solid - front);
+            let alpha = select(absorbed(extinction * sampled), 0.0, sampled <= 0.0);
+            state = vec4<f32>(state.rgb + decoded(material.rgb) * (light.y * alpha * state.a), state.a * (1.0 - alpha));
+            let of_solid = select(extinction, SOLID, hides && casts);
+            let of_both = select(select(0.0, SOLID, hides && casts), of_solid, shades);
+            var after = vec2<f32>(exp(-vec2<f32>(extinction, of_both) * slices.slice_mm));
+            if !is_first {
+                after = disc(id.xy, vec2<f32>(extinction, of_both));
+            }
+            if !hides {
+                note.x = after.x;
+            } else if meets {
+                note.x = mix(light.x, after.x, (solid - front) / slices.slice_mm);
+            }
+            light = after;
+        }
+    }
+    if before > 0.5 && state.a <= 0.5 {
+        note.y = part.depth + 0.5 * f32(part.slices) * slices.slice_mm;
+    }
+    eye[at] = state;
+    notes[at] = note;
+    let place = light_place(at, 1u - part.turn);
+    if with_solid {
+        lights[place] = light.x;
+        lights[place + 1u] = light.y;
+    } else {
+        lights[place] = light.y;
+    }
+}

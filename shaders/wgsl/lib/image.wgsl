@@ -1,0 +1,213 @@
+// The context image: how its samples are found and classified, and where along a pixel's ray it is.
+// Counted in voxel centres: the image's box is -0.5 to dims - 0.5.
+
+struct Context {
+    corner: vec3<f32>,           // of the image: index space, where the view axis meets the reference plane
+    step_mm: f32,
+    right: vec3<f32>,            // index space, one millimetre to the right
+    table_scale: f32,            // from stored values to places in the table
+    up: vec3<f32>,
+    table_offset: f32,
+    forward: vec3<f32>,
+    factor_scale: f32,           // from gradients of stored values per mm to places among the factors
+    dims: vec3<u32>,
+    factor_offset: f32,
+    bricks: vec3<u32>,
+    flags: u32,
+    half_shaded: f32,            // gradient (stored values per mm) at which shading has half its strength
+    ambient: f32,
+    specular: f32,
+    clip_count: u32,
+    clips: array<vec4<f32>, 6>,  // camera space: what has dot(xyz, p) <= w is kept
+    cut_fade_mm: f32,            // depth below a cut at which shading has all its strength
+    table_last: u32,             // number of the table's last entry
+    factor_last: u32,
+    unused: u32,
+}
+
+const JITTER = 1u;
+const TWO_D = 2u;
+
+// Stored values are 0 to 1; what is not finite is far below, and so is every mean that it is part of.
+const NOT_FINITE = -0.5;
+const TOO_STEEP = 1e9;
+@group(0) @binding(11) var<uniform> context: Context;
+@group(0) @binding(12) var<storage, read> values: array<f32>;
+@group(0) @binding(13) var<storage, read> visible: array<u32>;       // a bit a brick
+@group(0) @binding(14) var<storage, read> table: array<vec4<f32>>;   // rgb, opacity of 1 mm
+@group(0) @binding(15) var<storage, read> factors: array<f32>;
+
+// Exact at both ends, so that a value of weight 0 is none.
+fn between(a: f32, b: f32, w: f32) -> f32 {
+    return a * (1.0 - w) + b * w;
+}
+
+// Of four lines along the other two axes.
+fn across(v: vec4<f32>, w: vec2<f32>) -> f32 {
+    return between(between(v.x, v.y, w.x), between(v.z, v.w, w.x), w.y);
+}
+
+struct Place {
+    cell: vec3<u32>,     // of voxel centres: its lower corner
+    weight: vec3<f32>,
+}
+
+// `q` counts voxel centres; past the outermost ones the edge voxels go on.
+fn place_of(q: vec3<f32>) -> Place {
+    let inside = clamp(q, vec3<f32>(0.0), vec3<f32>(context.dims - 1u));
+    var p: Place;
+    p.cell = min(vec3<u32>(inside), max(context.dims, vec3<u32>(2u)) - 2u);
+    p.weight = inside - vec3<f32>(p.cell);
+    return p;
+}
+
+fn is_visible(brick: vec3<u32>) -> bool {
+    let at = (brick.z * context.bricks.y + brick.y) * context.bricks.x + brick.x;
+    return ((visible[at >> 5u] >> (at & 31u)) & 1u) != 0u;
+}
+
+struct Corners {
+    low: vec4<f32>,      // at the lower z: 00, 10, 01, 11 in x and y
+    high: vec4<f32>,
+}
+
+fn corners_at(at: u32, step: vec3<u32>) -> Corners {
+    var c: Corners;
+    let above = at + step.z;
+    c.low = vec4<f32>(values[at], values[at + step.x], values[at + step.y], values[at + step.x + step.y]);
+    c.high = vec4<f32>(values[above], values[above + step.x], values[above + step.y], values[above + step.x + step.y]);
+    return c;
+}
+
+fn four(at: u32, a: u32, b: u32) -> vec4<f32> {
+    return vec4<f32>(values[at], values[at + a], values[at + b], values[at + a + b]);
+}
+
+// Gradient per mm in camera space: central differences of one voxel, of the interpolated image.
+fn gradient_at(p: Place, at: u32, step: vec3<u32>, c: Corners) -> vec3<f32> {
+    let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
+    let before = at - select(vec3<u32>(0u), stride, p.cell > vec3<u32>(0u));
+    let behind = at + step + select(vec3<u32>(0u), stride, p.cell + 2u < context.dims);
+    let w = p.weight;
+    let x0 = across(vec4<f32>(c.low.x, c.low.z, c.high.x, c.high.z), w.yz);
+    let x1 = across(vec4<f32>(c.low.y, c.low.w, c.high.y, c.high.w), w.yz);
+    let y0 = across(vec4<f32>(c.low.xy, c.high.xy), w.xz);
+    let y1 = across(vec4<f32>(c.low.zw, c.high.zw), w.xz);
+    let z0 = across(c.low, w.xy);
+    let z1 = across(c.high, w.xy);
+    let first = vec3<f32>(
+        across(four(before.x, step.y, step.z), w.yz),
+        across(four(before.y, step.x, step.z), w.xz),
+        across(four(before.z, step.x, step.y), w.xy));
+    let last = vec3<f32>(
+        across(four(behind.x, step.y, step.z), w.yz),
+        across(four(behind.y, step.x, step.z), w.xz),
+        across(four(behind.z, step.x, step.y), w.xy));
+    let lower = vec3<f32>(x0, y0, z0);
+    let upper = vec3<f32>(x1, y1, z1);
+    let difference = 0.5 * ((upper - first) * (1.0 - w) + (last - lower) * w);
+    // A gradient turns with the inverse transpose: these axes of the camera, in index space, are its rows.
+    return vec3<f32>(
+        dot(context.right, difference), dot(context.up, difference), dot(context.forward, difference));
+}
+
+fn looked_up(value: f32) -> vec4<f32> {
+    let x = clamp(value * context.table_scale + context.table_offset, 0.0, f32(context.table_last));
+    let i = min(u32(x), context.table_last - 1u);
+    return mix(table[i], table[i + 1u], x - f32(i));
+}
+
+fn factor_of(gradient: f32) -> f32 {
+    let x = clamp(gradient * context.factor_scale + context.factor_offset, 0.0, f32(context.factor_last));
+    let i = min(u32(x), context.factor_last - 1u);
+    return between(factors[i], factors[i + 1u], x - f32(i));
+}
+
+// Opacity of a length of material of which 1 mm has opacity `per_mm`.
+fn opacity_over(per_mm: f32, length_mm: f32) -> f32 {
+    return select(1.0 - exp2(length_mm * log2(max(1.0 - per_mm, 1e-30))), 1.0, per_mm >= 1.0);
+}
+
+// Colour, and opacity of 1 mm, at a place among voxel centres; the steepness counts where the transfer
+// function asks for it.
+fn material_at(q: vec3<f32>) -> vec4<f32> {
+    let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
+    let to_next = select(vec3<u32>(0u), stride, context.dims > vec3<u32>(1u));
+    let place = place_of(q);
+    if (view.flags & NO_SKIPPING) == 0u && !is_visible(place.cell >> vec3<u32>(3u)) {
+        return vec4<f32>(0.0);
+    }
+    let here = dot(place.cell, stride);
+    let corners = corners_at(here, to_next);
+    let value = between(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
+    if !(value > NOT_FINITE) {
+        return vec4<f32>(0.0);
+    }
+    var material = looked_up(value);
+    if (context.flags & TWO_D) != 0u && material.a > 0.0 {
+        let steepness = length(gradient_at(place, here, to_next, corners));
+        material.a *= select(0.0, factor_of(steepness), steepness < TOO_STEEP);
+    }
+    return material;
+}
+
+// Per millimetre; at most what leaves nothing.
+fn extinction_of(material: vec4<f32>) -> f32 {
+    return -log(max(1.0 - material.a, 1e-30));
+}
+
+struct ImageRay {
+    o: vec3<f32>,        // voxel centres, at depth 0
+    d: vec3<f32>,        // and how far a millimetre of depth goes
+    along: vec3<f32>,    // camera space, a millimetre of depth
+    near: f32,           // depths between which the image is seen
+    far: f32,
+}
+
+// Where the image is along a ray of the picture, `p` in pixels from its middle: in its box, in front of
+// `ahead`, not cut away, not in the masks' box and not before that.
+fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
+    var near = view.nearest_mm;
+    var far = ahead;
+    let aside = p.x * context.right + p.y * context.up;
+    let o = context.corner + view.mm_per_pixel * aside - 0.5;
+    let d = context.forward + view.mm_per_pixel_per_mm * aside;
+    let moves = abs(d) > vec3<f32>(1e-12);
+    let inv = select(vec3<f32>(0.0), 1.0 / d, moves);
+    let lower = vec3<f32>(-0.5);
+    let upper = vec3<f32>(context.dims) - 0.5;
+    let a = select(vec3<f32>(-FAR), (lower - o) * inv, moves);
+    let b = select(vec3<f32>(FAR), (upper - o) * inv, moves);
+    let enter = min(a, b);
+    let leave = max(a, b);
+    near = max(near, max(enter.x, max(enter.y, enter.z)));
+    far = min(far, min(leave.x, min(leave.y, leave.z)));
+    if any(!moves & ((o < lower) | (o >= upper))) {
+        far = near;
+    }
+
+    // Clipping planes.
+    let start = vec3<f32>(p * view.mm_per_pixel, 0.0);
+    let along = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
+    for (var n = 0u; n < context.clip_count; n++) {
+        let plane = context.clips[n];
+        let room = plane.w - dot(plane.xyz, start);
+        let rate = dot(plane.xyz, along);
+        if rate > 0.0 {
+            far = min(far, room / rate);
+        } else if rate < 0.0 {
+            near = max(near, room / rate);
+        } else if room < 0.0 {
+            far = near;
+        }
+    }
+
+    // What lies before the masks' box is dropped, and nothing of the image is inside it.
+    if view.dims.x > 0u {
+        let span = box_interval(ray_through(p));
+        if span.near < span.far {
+            near = max(near, span.far);
+        }
+    }
+    return ImageRay(o, d, along, near, far);
+}

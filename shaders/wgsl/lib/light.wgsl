@@ -1,0 +1,128 @@
+// Light from a cone towards the eye: sub-cones of even solid angle, each followed through levels of
+// prefiltered extinction, finer near by and coarser farther on (after Crassin et al. 2011). Shared by
+// the image's grid of light and by surfaces.
+//
+// The including file gives `near_extinction(p)`: extinction per millimetre at a place, unfiltered;
+// `is_kept(c)`: whether the medium is there at all; `is_hidden(c)`: whether something solid is. Places p
+// are in the medium's index space, voxel (i, j, k) filling [i, i+1) and so on; places c in camera space.
+
+struct Level {
+    dims: vec3<u32>,
+    start: u32,                     // of its cells among all
+    scale: vec3<f32>,               // cells a voxel
+    pad: u32,
+}
+
+struct Light {
+    right: vec3<f32>,               // of the medium's index space, one millimetre
+    tangent: f32,                   // of a sub-cone's half opening
+    up: vec3<f32>,
+    cone_step: f32,                 // cells
+    forward: vec3<f32>,
+    coarsest: f32,                  // level
+    corner: vec3<f32>,              // index space, where the view axis meets the reference plane
+    voxel_mm: f32,
+    dims: vec3<u32>,                // voxels
+    count: u32,                     // sub-cones
+    dark: f32,                      // no extinction counts for more
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
+    levels: array<Level, 16>,
+    axes: array<vec4<f32>, 128>,    // unit: right and up at right angles to the sight, and towards the eye
+}
+
+@group(0) @binding(26) var<uniform> light: Light;
+@group(0) @binding(27) var<storage, read> prefiltered: array<f32>;
+
+// Past this optical thickness nothing is left that a pixel could show.
+const ENOUGH = 12.0;
+
+fn level_at(p: vec3<f32>, number: u32) -> f32 {
+    let level = light.levels[number];
+    let at = clamp(p * level.scale - 0.5, vec3<f32>(0.0), vec3<f32>(level.dims) - 1.0);
+    let low = min(vec3<u32>(at), max(level.dims, vec3<u32>(2u)) - 2u);
+    let high = min(low + 1u, level.dims - 1u);
+    let f = at - vec3<f32>(low);
+    let sheet = level.dims.x * level.dims.y;
+    let y0 = level.start + low.z * sheet + low.y * level.dims.x;
+    let y1 = level.start + low.z * sheet + high.y * level.dims.x;
+    let y2 = level.start + high.z * sheet + low.y * level.dims.x;
+    let y3 = level.start + high.z * sheet + high.y * level.dims.x;
+    let a = mix(prefiltered[y0 + low.x], prefiltered[y0 + high.x], f.x);
+    let b = mix(prefiltered[y1 + low.x], prefiltered[y1 + high.x], f.x);
+    let c = mix(prefiltered[y2 + low.x], prefiltered[y2 + high.x], f.x);
+    let e = mix(prefiltered[y3 + low.x], prefiltered[y3 + high.x], f.x);
+    return mix(mix(a, b, f.y), mix(c, e, f.y), f.z);
+}
+
+fn extinction_at(p: vec3<f32>, level: f32) -> f32 {
+    let low = u32(floor(level));
+    let f = level - floor(level);
+    var a = 0.0;
+    if low == 0u {
+        a = min(near_extinction(p), light.dark);
+    } else {
+        a = level_at(p, low);
+    }
+    if f <= 0.0 {
+        return a;
+    }
+    return mix(a, level_at(p, low + 1u), f);
+}
+
+fn index_of(c: vec3<f32>) -> vec3<f32> {
+    return light.corner + c.x * light.right + c.y * light.up + c.z * light.forward;
+}
+
+// Share of one sub-cone's light that reaches `c` from direction `w`, both in camera space.
+fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> f32 {
+    let o = index_of(c);
+    let d = w.x * light.right + w.y * light.up + w.z * light.forward;
+    let size = vec3<f32>(light.dims);
+    let moves = abs(d) > vec3<f32>(1e-12);
+    let safe = select(vec3<f32>(1.0), d, moves);
+    let ends = select(vec3<f32>(FAR), max(-o / safe, (size - o) / safe), moves);
+    var far = min(min(ends.x, ends.y), ends.z);
+    // Light starts at the eye's plane.
+    if w.z < 0.0 {
+        far = min(far, (view.nearest_mm - c.z) / w.z);
+    }
+    let widest = light.voxel_mm * exp2(light.coarsest);
+    var t = 0.0;
+    var thickness = 0.0;
+    // No cone needs as many rounds: a guard against numbers gone wrong.
+    for (var round = 0u; round < 480u && t < far && thickness < ENOUGH; round++) {
+        let width = clamp(2.0 * t * light.tangent, light.voxel_mm, widest);
+        let step = min(light.cone_step * width, far - t);
+        if !(t + step > t) {
+            break;
+        }
+        let middle = t + 0.5 * step;
+        let there = c + middle * w;
+        if is_hidden(there) {
+            return 0.0;
+        }
+        if is_kept(there) {
+            let here = clamp(2.0 * middle * light.tangent, light.voxel_mm, widest);
+            thickness += extinction_at(o + middle * d, log2(here / light.voxel_mm)) * step;
+        }
+        t += step;
+    }
+    return exp(-thickness);
+}
+
+// Share of the cone's light that reaches a place of camera space.
+fn light_from_cone(c: vec3<f32>) -> f32 {
+    // Towards the eye, and two directions at right angles to that.
+    let off = c.xy * (view.mm_per_pixel_per_mm / max(footprint_mm(c.z), 1e-12));
+    let axis = vec3<f32>(-off, -1.0) / sqrt(1.0 + dot(off, off));
+    let u = normalize(vec3<f32>(1.0, 0.0, 0.0) - axis * axis.x);
+    let v = cross(axis, u);
+    var sum = 0.0;
+    for (var i = 0u; i < light.count; i++) {
+        let a = light.axes[i];
+        sum += sub_cone(c, u * a.x + v * a.y + axis * a.z);
+    }
+    return sum / f32(light.count);
+}

@@ -1,0 +1,40 @@
+// The image's light on a coarse grid of its own, read between cells.
+
+struct LightGrid {
+    cells: vec3<u32>,
+    needed: u32,                    // how many of them are known
+    scale: vec3<f32>,               // cells a voxel
+    pad0: u32,
+    corner: vec3<f32>,              // index space, where the view axis meets the reference plane
+    pad1: u32,
+    right: vec3<f32>,               // index space, one millimetre
+    pad2: u32,
+    up: vec3<f32>,
+    pad3: u32,
+    forward: vec3<f32>,
+    pad4: u32,
+    right_from_index: vec4<f32>,    // camera space of a place: dot(xyz, place) + w
+    up_from_index: vec4<f32>,
+    depth_from_index: vec4<f32>,
+}
+
+@group(0) @binding(29) var<uniform> grid: LightGrid;
+
+// What the cells hold is bound as `light_grid` by the file that includes this one.
+// At a place of the image's index space, voxel (i, j, k) filling [i, i+1) and so on.
+fn grid_light(p: vec3<f32>) -> f32 {
+    let at = clamp(p * grid.scale - 0.5, vec3<f32>(0.0), vec3<f32>(grid.cells) - 1.0);
+    let low = min(vec3<u32>(at), max(grid.cells, vec3<u32>(2u)) - 2u);
+    let high = min(low + 1u, grid.cells - 1u);
+    let f = at - vec3<f32>(low);
+    let sheet = grid.cells.x * grid.cells.y;
+    let y0 = low.z * sheet + low.y * grid.cells.x;
+    let y1 = low.z * sheet + high.y * grid.cells.x;
+    let y2 = high.z * sheet + low.y * grid.cells.x;
+    let y3 = high.z * sheet + high.y * grid.cells.x;
+    let a = mix(light_grid[y0 + low.x], light_grid[y0 + high.x], f.x);
+    let b = mix(light_grid[y1 + low.x], light_grid[y1 + high.x], f.x);
+    let c = mix(light_grid[y2 + low.x], light_grid[y2 + high.x], f.x);
+    let e = mix(light_grid[y3 + low.x], light_grid[y3 + high.x], f.x);
+    return mix(mix(a, b, f.y), mix(c, e, f.y), f.z);
+}

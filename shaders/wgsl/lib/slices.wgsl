@@ -1,0 +1,119 @@
+// A step of directional occlusion by slices (Schott et al. 2009) through the context image, with solid
+// surfaces among it (Schott et al. 2012). See render/src/lighting.
+
+struct Slices {
+    slice_mm: f32,
+    flags: u32,
+    pad0: u32,
+    pad1: u32,
+    rates: array<vec4<f32>, 65>,    // 257 decay rates of visibilities 0 to 1
+}
+
+struct Part {
+    depth: f32,                     // front of the first slice
+    slices: u32,
+    side: u32,                      // points along a side of the footprint
+    stride: i32,                    // lattice: pixels between them
+    center: f32,                    // lattice: weight of the pixel itself
+    radius: f32,                    // disc: pixels
+    radius_mm: f32,
+    share: f32,                     // weight of one point
+    is_empty: u32,
+    turn: u32,                      // which half of the lights is read
+    is_first: u32,
+    pad: u32,
+}
+
+const VOLUME_ON_VOLUME = 1u;
+const SOLID_ON_VOLUME = 2u;
+
+override variant: u32 = 2u;
+// Whether anything solid is in the picture. Then two lights are carried: behind the image alone, which
+// lights what is solid, and behind both, which lights the image.
+override with_solid: bool = false;
+
+const PAPER_EXACT = 0u;
+const PAPER_APPROXIMATE = 1u;
+const MENDED = 2u;
+
+@group(0) @binding(4) var<storage, read> depths: array<f32>;
+@group(0) @binding(31) var<uniform> slices: Slices;
+@group(0) @binding(32) var<uniform> part: Part;
+@group(0) @binding(33) var<storage, read_write> lights: array<f32>;
+@group(0) @binding(34) var<storage, read_write> eye: array<vec4<f32>>;    // radiance, transmittance
+@group(0) @binding(35) var<storage, read_write> notes: array<vec4<f32>>;  // see slices_finish.wgsl
+
+fn rate_entry(i: u32) -> f32 {
+    return slices.rates[i / 4u][i % 4u];
+}
+
+// 1 - e^-x, to the last digits of small ones too.
+fn absorbed(x: f32) -> f32 {
+    return select(1.0 - exp(-x), x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x))), x < 0.05);
+}
+
+#include lib/decay.wgsl
+
+fn light_place(at: u32, turn: u32) -> u32 {
+    let pixels = view.size.x * view.size.y;
+    return select(turn * pixels + at, 2u * (turn * pixels + at), with_solid);
+}
+
+// The edge of the picture goes on.
+fn texel(at: vec2<i32>) -> vec2<f32> {
+    let p = clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1);
+    let place = light_place(linear_index(vec2<u32>(p)), part.turn);
+    if with_solid {
+        return vec2<f32>(lights[place], lights[place + 1u]);
+    }
+    return vec2<f32>(lights[place]);
+}
+
+// Bilinear, from a pixel's corner on.
+fn smooth_texel(at: vec2<f32>) -> vec2<f32> {
+    let low = floor(at - 0.5);
+    let f = at - 0.5 - low;
+    let i = vec2<i32>(low);
+    let a = mix(texel(i), texel(i + vec2<i32>(1, 0)), f.x);
+    let b = mix(texel(i + vec2<i32>(0, 1)), texel(i + vec2<i32>(1, 1)), f.x);
+    return mix(a, b, f.y);
+}
+
+// Algorithms 2 and 3 of the first paper: an extinction for each light.
+fn disc(pixel: vec2<u32>, extinction: vec2<f32>) -> vec2<f32> {
+    let center = vec2<f32>(pixel) + 0.5;
+    let d = slices.slice_mm;
+    let approximate = exp(-extinction * d);
+    var sum = vec2<f32>(0.0);
+    for (var j = 0u; j < part.side; j++) {
+        for (var i = 0u; i < part.side; i++) {
+            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(part.side) * 2.0 - 1.0;
+            let off2 = dot(p, p);
+            if off2 > 1.000001 {
+                continue;
+            }
+            var through = approximate;
+            if variant == PAPER_EXACT {
+                through = exp(-extinction * sqrt(d * d + off2 * part.radius_mm * part.radius_mm));
+            }
+            sum += smooth_texel(center + p * part.radius) * through;
+        }
+    }
+    return sum * part.share;
+}
+
+fn lattice(pixel: vec2<u32>) -> vec2<f32> {
+    let center = vec2<i32>(pixel);
+    let own = texel(center);
+    if part.side == 1u {
+        return own;
+    }
+    let first = center - (i32(part.side) - 1) * part.stride / 2;
+    var sum = vec2<f32>(0.0);
+    for (var j = 0; j < i32(part.side); j++) {
+        for (var i = 0; i < i32(part.side); i++) {
+            sum += texel(first + vec2<i32>(i, j) * part.stride);
+        }
+    }
+    return mix(sum * part.share, own, part.center);
+}

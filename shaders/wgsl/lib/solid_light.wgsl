@@ -1,0 +1,10 @@
+// What of the light reaches a solid surface, as the composing pass reads it: the share by which the
+// picture, which is encoded, is darker.
+#include lib/linear.wgsl
+
+@group(0) @binding(4) var<storage, read> depths: array<f32>;
+@group(0) @binding(8) var<storage, read_write> blurred: array<u32>;
+
+fn darker(light: f32) -> u32 {
+    return pack4x8unorm(vec4<f32>(0.0, 0.0, 0.0, 1.0 - encoded(vec3<f32>(light)).x));
+}

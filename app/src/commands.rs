@@ -8,7 +8,7 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::Selection;
 use glioscope_render::{
-    AnatomicalView, Camera, ClipPlane, Coloring, Palette, Projection, TransferFunction,
+    AnatomicalView, Camera, ClipPlane, Coloring, Palette, Preset, Projection, Shading, TransferFunction,
     slices::{Convention, Overlay, Plane, Window},
 };
 
@@ -82,6 +82,9 @@ pub enum Command {
     SetEllipsoidLook(EllipsoidLook),
     SetEllipsoidOpacities(Vec<OwnOpacity>),
     SetChange(Box<ChangeSetting>),
+    SetShading(Shading),
+    SetPreset(Option<Preset>),
+    SetAperture(f64),
     // Measuring.
     ToggleRuler,
     AddRuler(Box<Ruler>),
@@ -140,6 +143,13 @@ impl Command {
             Self::SetPalette(Palette::ColorBlindSafe),
             Self::SetColoring(Coloring::Masks),
             Self::SetColoring(Coloring::Agreement),
+            Self::SetShading(Shading::ScreenSpace),
+            Self::SetShading(Shading::Slices),
+            Self::SetShading(Shading::Cones),
+            Self::SetPreset(None),
+            Self::SetPreset(Some(Preset::Draft)),
+            Self::SetPreset(Some(Preset::Balanced)),
+            Self::SetPreset(Some(Preset::Reference)),
             Self::ToggleRuler,
             Self::ExportRulers(RulerFormat::Csv),
             Self::ExportRulers(RulerFormat::Json),
@@ -236,6 +246,10 @@ impl Command {
             Self::SetEllipsoidLook(_) => "Look of the ellipsoid diagram".into(),
             Self::SetEllipsoidOpacities(_) => "Opacity of an ellipsoid".into(),
             Self::SetChange(_) => "Compare dates".into(),
+            Self::SetShading(shading) => format!("Light: {}", shading.title().to_lowercase()),
+            Self::SetPreset(None) => "Quality: automatic".into(),
+            Self::SetPreset(Some(preset)) => format!("Quality: {}", preset.name()),
+            Self::SetAperture(_) => "Aperture of the light".into(),
             Self::SetCursor(_) => "Move the crosshair".into(),
             Self::SetContext(_) => "Show this image".into(),
             Self::NextContext => "Next image on the slices".into(),
@@ -280,6 +294,15 @@ impl Command {
             }
             Self::ToggleFollowPointer => "Off: click a view to move the crosshair of all",
             Self::TogglePlane => "Semi-transparent, through the crosshair",
+            Self::SetShading(Shading::ScreenSpace) => {
+                "Fastest: relief from the image's gradients, corners of the tumour darker"
+            }
+            Self::SetShading(Shading::Slices) => {
+                "Soft shadows of tissue on tissue and on the tumour; light comes from the eye"
+            }
+            Self::SetShading(Shading::Cones) => "Soft shadows, also of the tumour on itself; nearest to the truth",
+            Self::SetPreset(None) => "Fluent while something moves, then as good as it gets",
+            Self::SetPreset(Some(_)) => "The same whether something moves or not",
             Self::MaximizePane(_) => "Again brings the other panes back",
             _ => "",
         };
@@ -345,6 +368,7 @@ impl Command {
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
             Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
+            Self::SetAperture(_) => Some("aperture"),
             _ => None,
         }
     }
@@ -434,6 +458,9 @@ impl Command {
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
             Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
             Self::SetChange(setting) => edit.change.clone_from(setting),
+            Self::SetShading(shading) => edit.light.shading = *shading,
+            Self::SetPreset(preset) => edit.light.preset = *preset,
+            Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
             Self::SetPaneZoom(Pane::Change, zoom) if zoom.is_finite() => nav.change_zoom = *zoom,
             Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,
             Self::AddRuler(ruler) if ruler.length_mm().is_finite() => edit.rulers.push((**ruler).clone()),

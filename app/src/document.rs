@@ -10,7 +10,8 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{Selection, case::TimePoint};
 use glioscope_render::{
-    Camera, ClipPlane, Coloring, Lens, Palette, Projection, TransferFunction,
+    Camera, ClipPlane, Coloring, Lens, Lighting, Palette, Preset, Projection, Quality, Shading,
+    TransferFunction,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde::{Deserialize, Serialize};
@@ -173,6 +174,36 @@ impl Ruler {
     }
 }
 
+/// How the 3D views find light, and how well.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Light {
+    /// Which way.
+    pub shading: Shading,
+    /// How well; `None` holds a budget of time while something moves, and comes to the reference when
+    /// all is still.
+    pub preset: Option<Preset>,
+    /// Half the opening of the cone that light comes from, degrees.
+    pub aperture_deg: f64,
+    /// Knobs of one's own instead of the preset's.
+    #[serde(default)]
+    pub own: Option<Lighting>,
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        let Lighting { shading, aperture_deg, .. } = Lighting::DEFAULT;
+        Self { shading, preset: None, aperture_deg, own: None }
+    }
+}
+
+impl Light {
+    /// This light at a quality that was found for its way of shading.
+    pub fn at(&self, quality: Quality) -> Quality {
+        let lighting = self.own.unwrap_or(Lighting { aperture_deg: self.aperture_deg, ..quality.lighting });
+        Quality { lighting, ..quality }
+    }
+}
+
 /// What undo covers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Edit {
@@ -210,6 +241,9 @@ pub struct Edit {
     /// Ellipsoids with an opacity of their own.
     #[serde(default)]
     pub ellipsoid_opacities: Vec<OwnOpacity>,
+    /// How the 3D views find light, and how well.
+    #[serde(default)]
+    pub light: Light,
     /// Which dates are compared, and how that is drawn.
     #[serde(default)]
     pub change: ChangeSetting,
@@ -320,6 +354,7 @@ impl Document {
                 clips: Vec::new(),
                 ellipsoids: EllipsoidLook::default(),
                 ellipsoid_opacities: Vec::new(),
+                light: Light::default(),
                 change: ChangeSetting::default(),
                 layout: layout::default_layout(dates),
                 maximized: None,

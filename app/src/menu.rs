@@ -2,12 +2,16 @@
 
 use egui::{Button, ComboBox, Slider, Ui};
 use glioscope_render::{
-    AnatomicalView, Coloring, Palette, Projection,
+    AnatomicalView, Coloring, Palette, Preset, Projection, Shading,
     slices::{Convention, Overlay, Plane},
 };
 
 use crate::{
-    commands::Command, document::Pane, layout, recent::Recent, rulers::RulerFormat,
+    commands::Command,
+    document::{Light, Pane},
+    layout,
+    recent::Recent,
+    rulers::RulerFormat,
     views::overlap::OverlapMode, window::open_command, workstation::Workstation,
 };
 
@@ -109,6 +113,7 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
             choice(ui, doc.edit.coloring == coloring, Command::SetColoring(coloring), out);
         }
     });
+    ui.menu_button("Light", |ui| light_menu(ui, &doc.edit.light, out));
     ui.menu_button("Slices", |ui| {
         for convention in [Convention::Radiological, Convention::Neurological] {
             choice(ui, doc.nav.convention == convention, Command::SetConvention(convention), out);
@@ -134,6 +139,25 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
     item(ui, Command::ToggleProjection, true, out);
     item(ui, Command::FitTumor, true, out);
     item(ui, Command::FitLens, true, out);
+}
+
+/// How the 3D views find light, and how well.
+fn light_menu(ui: &mut Ui, light: &Light, out: &mut Vec<Command>) {
+    for shading in Shading::ALL {
+        choice(ui, light.shading == shading, Command::SetShading(shading), out);
+    }
+    ui.separator();
+    choice(ui, light.preset.is_none(), Command::SetPreset(None), out);
+    for preset in Preset::ALL {
+        choice(ui, light.preset == Some(preset), Command::SetPreset(Some(preset)), out);
+    }
+    ui.separator();
+    let mut degrees = light.aperture_deg;
+    let slider = Slider::new(&mut degrees, 0.0..=85.0).suffix("°").fixed_decimals(0).text("Aperture");
+    let enabled = light.shading != Shading::ScreenSpace;
+    if ui.add_enabled(enabled, slider).on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones").changed() {
+        out.push(Command::SetAperture(degrees));
+    }
 }
 
 /// The lens and the ruler.

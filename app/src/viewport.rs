@@ -1,6 +1,6 @@
 //! The bridge between egui and the renderers: a frame becomes a texture that egui can show.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
@@ -38,6 +38,7 @@ pub struct Screen<R: SceneRenderer> {
     renderer: Option<R>,
     shown: Option<Shown<R::Scene>>,
     times: Option<(u64, PassTimes)>,
+    took_ms: Option<f64>,
     /// Frames drawn so far: a test that an idle window draws nothing reads it.
     pub frames_drawn: u64,
 }
@@ -52,10 +53,11 @@ struct Shown<S> {
 
 impl<R: SceneRenderer> Screen<R> {
     fn new(egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>) -> Self {
-        Self { egui_renderer, renderer: None, shown: None, times: None, frames_drawn: 0 }
+        Self { egui_renderer, renderer: None, shown: None, times: None, took_ms: None, frames_drawn: 0 }
     }
 
-    /// The scene as a texture. Draws only when scene, quality or size changed.
+    /// The scene as a texture. Draws only when scene, quality or size changed; waits for it where it is
+    /// `timed`.
     ///
     /// # Errors
     /// One line.
@@ -65,20 +67,28 @@ impl<R: SceneRenderer> Screen<R> {
         scene: &R::Scene,
         quality: &Quality,
         size: UVec2,
+        timed: bool,
     ) -> Result<TextureId, String> {
         if let Some(shown) = &self.shown
             && shown.scene == *scene
             && shown.quality == *quality
             && shown.size == size
         {
+            self.took_ms = None;
             return Ok(shown.id);
         }
         let renderer = match &mut self.renderer {
             Some(renderer) => renderer,
             none => none.insert(R::start(gpu).map_err(|e| e.to_string())?),
         };
+        let start = Instant::now();
         let drawn = renderer.draw(gpu, scene, quality, size.to_array());
         let texture = drawn.map_err(|e| e.to_string())?.color().clone();
+        self.took_ms = None;
+        if timed {
+            gpu.wait()?;
+            self.took_ms = Some(start.elapsed().as_secs_f64() * 1e3);
+        }
         self.frames_drawn += 1;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let mut egui_renderer = self.egui_renderer.write();
@@ -93,6 +103,16 @@ impl<R: SceneRenderer> Screen<R> {
         };
         self.shown = Some(Shown { scene: scene.clone(), quality: *quality, size, texture, id });
         Ok(id)
+    }
+
+    /// How long the picture took that [`Screen::show`] has just drawn and timed.
+    pub fn took_ms(&self) -> Option<f64> {
+        self.took_ms
+    }
+
+    /// The quality of the frame last drawn.
+    pub fn quality(&self) -> Option<&Quality> {
+        self.shown.as_ref().map(|shown| &shown.quality)
     }
 
     /// The frame last drawn.
@@ -154,8 +174,14 @@ impl Viewport {
     ///
     /// # Errors
     /// One line.
-    pub fn show(&mut self, scene: &Scene, quality: &Quality, size: UVec2) -> Result<TextureId, String> {
-        self.closeup.show(&self.gpu, scene, quality, size)
+    pub fn show(
+        &mut self,
+        scene: &Scene,
+        quality: &Quality,
+        size: UVec2,
+        timed: bool,
+    ) -> Result<TextureId, String> {
+        self.closeup.show(&self.gpu, scene, quality, size, timed)
     }
 
     /// What is under a place of the closeup last shown, `u` and `v` from 0 to 1 from the top left.

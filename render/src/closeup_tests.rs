@@ -12,6 +12,7 @@ use crate::{
     context::uniforms::{Context, Marched},
     ellipsoids::GpuEllipsoid,
     force_field::{ForceWork, Point},
+    lighting::uniforms::{Light, LightGrid, Part, Slices, Vicinity},
     plan::plan,
     reference::twins,
     slice_plane::PlaneUniform,
@@ -470,7 +471,7 @@ fn one_picture_is_drawn_twice_the_same_and_uploads_are_kept() {
     assert!(frame.tumor.as_ref().is_some_and(|t| Arc::ptr_eq(t, scene.tumor.as_ref().unwrap())));
     assert!(frame.read_rgba(gpu).unwrap() == first);
     let times = renderer.pass_times(gpu).unwrap();
-    assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), PassName::CLOSEUP);
+    assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), Plan::everything().passes);
     assert!(times.iter().all(|t| t.1 > 0.0));
 }
 
@@ -514,6 +515,22 @@ fn rust_and_wgsl_lay_structs_out_alike() {
             offsets!(ForceWork: first_charge, end_charge, places, is_first, length_of_unit, unused_a, unused_b, unused_c),
         ),
         ("Point", offsets!(Point: at, weight)),
+        (
+            "Light",
+            offsets!(Light: right, tangent, up, cone_step, forward, coarsest, corner, voxel_mm, dims, count, dark,
+                pad, unused_a, unused_b, levels, axes),
+        ),
+        (
+            "LightGrid",
+            offsets!(LightGrid: cells, needed, scale, pad0, corner, pad1, right, pad2, up, pad3, forward, pad4,
+                right_from_index, up_from_index, depth_from_index),
+        ),
+        ("Slices", offsets!(Slices: slice_mm, flags, pad0, pad1, rates)),
+        (
+            "Part",
+            offsets!(Part: depth, slices, side, stride, center, radius, radius_mm, share, is_empty, turn, is_first, pad),
+        ),
+        ("Vicinity", offsets!(Vicinity: radius_mm, slope, count, flags, points)),
         ("Counters", (16, vec![("nodes", 0), ("wraps", 4), ("last_nodes", 8), ("last_wraps", 12)])),
     ];
     let mut seen = vec![0; expected.len()];

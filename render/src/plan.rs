@@ -6,7 +6,8 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    lighting::{self, Lighting},
+    lighting,
+    quality::Quality,
     scene::{Lens, Scene},
 };
 
@@ -133,62 +134,6 @@ impl fmt::Display for PassName {
     }
 }
 
-/// How much work a frame may be.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Quality {
-    /// Point pairs that ambient occlusion tests a pixel, 1 to [`Quality::MOST_SAMPLES`].
-    pub occlusion_samples: u32,
-    /// How far it reaches.
-    pub occlusion_radius_mm: f64,
-    /// 0 (none) to 1 (hidden places black).
-    pub occlusion_strength: f64,
-    /// How much hidden places take on the colour of what hides them, 0 to 1.
-    pub color_bleeding: f64,
-    /// Distance between samples of the context image along a ray, millimetres; where its finest
-    /// spacing is above 1 mm, that many times as much. Above 0; anything else
-    /// is taken for the finest step there is, as are steps that would need more than
-    /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal.
-    pub context_step_mm: f64,
-    /// Pixels drawn to pixels asked for, along each side; above 0, at most 1.
-    pub resolution_scale: f64,
-    /// Which way light is found, and how well.
-    pub lighting: Lighting,
-}
-
-impl Quality {
-    /// The most point pairs of ambient occlusion.
-    pub const MOST_SAMPLES: u32 = 32;
-    /// The most samples of the context image along a ray.
-    pub const MOST_CONTEXT_STEPS: u32 = 8192;
-
-    /// At rest, and for files.
-    pub const FULL: Self = Self {
-        occlusion_samples: 12,
-        occlusion_radius_mm: 6.0,
-        occlusion_strength: 0.75,
-        color_bleeding: 0.35,
-        context_step_mm: 0.5,
-        resolution_scale: 1.0,
-        lighting: Lighting::DEFAULT,
-    };
-
-    /// While dragging: half the resolution, fewer samples.
-    pub const DRAFT: Self =
-        Self { occlusion_samples: 6, context_step_mm: 1.0, resolution_scale: 0.5, ..Self::FULL };
-
-    /// Pixels to draw for a place of `asked_px`; 0 stays 0.
-    pub(crate) fn drawn_px(&self, asked_px: [u32; 2]) -> [u32; 2] {
-        let scale = if self.resolution_scale > 0.0 { self.resolution_scale.min(1.0) } else { 1.0 };
-        asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) })
-    }
-}
-
-impl Default for Quality {
-    fn default() -> Self {
-        Self::FULL
-    }
-}
-
 /// The passes of one frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Plan {
@@ -214,10 +159,7 @@ impl Plan {
     /// Every pass of the closeup with screen-space light: what tests compare a plan with.
     #[cfg(test)]
     pub(crate) fn everything() -> Self {
-        use PassName::{Slices, SolidCones, Vicinity};
-        Self::of(&PassName::CLOSEUP, |pass| {
-            [Slices, SolidCones, Vicinity].contains(&pass).then_some("light is screen-space")
-        })
+        Self::of(&lighting::passes(&PassName::CLOSEUP, lighting::Shading::ScreenSpace), |_| None)
     }
 
     /// Whether `pass` runs.
@@ -249,7 +191,7 @@ pub fn plan(scene: &Scene, quality: &Quality) -> Plan {
         }
         _ => None,
     };
-    Plan::of(&PassName::CLOSEUP, |pass| match pass {
+    Plan::of(&lighting::passes(&PassName::CLOSEUP, quality.lighting.shading), |pass| match pass {
         PassName::Surface => no_surface,
         PassName::Outside => no_outside,
         _ => lighting::left_out(pass, quality, no_surface, Some(lighting::NO_IMAGE)),
@@ -335,7 +277,7 @@ mod tests {
             let mut all: Vec<PassName> =
                 plan.passes.iter().copied().chain(plan.omitted.iter().map(|o| o.0)).collect();
             all.sort();
-            assert_eq!(all, PassName::CLOSEUP);
+            assert_eq!(all, Plan::everything().passes);
         }
     }
 }

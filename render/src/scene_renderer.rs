@@ -7,7 +7,8 @@ use crate::{
     ellipsoids::{EllipsoidFrame, EllipsoidRenderer, EllipsoidScene},
     frame::Frame,
     gpu::Gpu,
-    plan::{PassName, Plan, Quality},
+    plan::{PassName, Plan},
+    quality::Quality,
     renderer::{RenderError, Renderer},
     scene::Scene,
 };

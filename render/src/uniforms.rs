@@ -6,7 +6,8 @@ use glioscope_core::Grid;
 
 use crate::{
     camera::{Camera, FIELD_OF_VIEW_DEG, Projection},
-    plan::{PassName, Plan, Quality},
+    plan::{PassName, Plan},
+    quality::Quality,
     scene::{Lens, Scene},
 };
 

@@ -200,6 +200,32 @@ impl CaseArguments {
     }
 }
 
+/// How the 3D views find light, and how well.
+#[derive(Clone, Debug, Default, Args)]
+pub struct LightArguments {
+    /// How light is found: screen-space, slices or cones.
+    #[arg(long, value_name = "WAY")]
+    pub light: Option<String>,
+    /// draft, balanced or reference; reference without it.
+    #[arg(long, value_name = "PRESET")]
+    pub quality: Option<String>,
+    /// Half the opening of the cone that light comes from, in degrees: 0 to 85.
+    #[arg(long, value_name = "DEG")]
+    pub aperture: Option<f64>,
+    /// How slices carry occlusion: mended, paper (approximate distances) or paper-exact.
+    #[arg(long, value_name = "WAY")]
+    pub slices: Option<String>,
+    /// Points along a side of the slices' footprint: 1 to 13.
+    #[arg(long, value_name = "N")]
+    pub footprint: Option<u32>,
+    /// Distance of slices.
+    #[arg(long, value_name = "MM")]
+    pub slice_mm: Option<f64>,
+    /// What darkens what, of image-image, solid-image, image-solid and solid-solid, or none; slices only.
+    #[arg(long, value_name = "A-B,...")]
+    pub darkens: Option<String>,
+}
+
 /// What `render` can be told.
 #[derive(Debug, Args)]
 pub struct RenderArguments {
@@ -287,6 +313,9 @@ pub struct RenderArguments {
     /// Slices: outlines of both dates and what changed.
     #[arg(long)]
     pub changed_rim: bool,
+    /// How the 3D views find light.
+    #[command(flatten)]
+    pub light: LightArguments,
     /// Show the axial slice as a plane in closeup and ellipsoid diagram.
     #[arg(long)]
     pub slice_plane: bool,

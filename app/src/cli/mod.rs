@@ -8,6 +8,7 @@ mod arguments;
 mod change;
 mod ellipsoids;
 mod info;
+mod light;
 mod measure;
 mod render;
 mod report;

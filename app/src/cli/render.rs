@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, ChangeStyle, ClipPlane, Coloring, Gpu, Palette, Plan, Projection, Quality,
+    AdapterPreference, Camera, ChangeStyle, ClipPlane, Coloring, Gpu, Palette, Plan, Preset, Projection, Quality,
     Renderer, SceneRenderer, TransferPreset,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde_json::json;
 
-use super::{Failure, arguments::RenderArguments, terminal};
+use super::{Failure, arguments::RenderArguments, light, terminal};
 use crate::{
     comparing::{self, ChangeSetting},
     document::{Document, Pane},
@@ -32,7 +32,7 @@ enum View {
     Window,
 }
 
-fn wrong(option: &str, found: &str, expected: &str) -> Failure {
+pub(super) fn wrong(option: &str, found: &str, expected: &str) -> Failure {
     Failure(format!("--{option}: found \"{found}\", expected {expected}"))
 }
 
@@ -209,6 +209,7 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
         }
         found => Ok(found),
     };
+    edit.light = light::light(&arguments.light)?;
     let look = &mut edit.ellipsoids;
     if arguments.moment {
         look.kind = EllipsoidKind::Moment;
@@ -279,6 +280,12 @@ pub(super) fn gpu(software: bool) -> Result<Gpu, Failure> {
     Gpu::headless(preference).map_err(|e| Failure(e.to_string()))
 }
 
+/// The quality of files, as the light asks for it.
+fn quality(work: &Workstation) -> Quality {
+    let light = work.doc.as_ref().map(|doc| doc.edit.light).unwrap_or_default();
+    light.at(Quality::preset(light.shading, light.preset.unwrap_or(Preset::Reference)))
+}
+
 pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let view = view(&arguments.view)?;
     let size = size(&arguments.size)?;
@@ -297,7 +304,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
     let mut drawn = Drawn { plan: None, times: None };
     if let Some(scene) = scene.as_ref().filter(|_| is_closeup) {
         // The closeup's plan needs no device.
-        drawn.plan = Some(glioscope_render::plan(scene, &Quality::FULL));
+        drawn.plan = Some(glioscope_render::plan(scene, &quality(&work)));
     }
     // The other 3D views' scenes hold results: they are planned when they are drawn.
     let draws = draws || matches!(view, View::Pane(Pane::Context | Pane::Ellipsoids | Pane::Change));
@@ -307,9 +314,10 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), Failure> {
         adapter = gpu.describe();
         let rgba = if let (true, Some(scene), true) = (arguments.plain, &scene, is_closeup) {
             let mut renderer = Renderer::new(&gpu).map_err(|e| Failure(e.to_string()))?;
+            let quality = quality(&work);
             // The first frame compiles and uploads; the second is the one whose passes are timed.
             for _ in 0..if arguments.stats { 2 } else { 1 } {
-                renderer.render(&gpu, scene, &Quality::FULL, size).map_err(|e| Failure(e.to_string()))?;
+                renderer.render(&gpu, scene, &quality, size).map_err(|e| Failure(e.to_string()))?;
             }
             let passes = renderer.pass_times(&gpu).map_err(|e| Failure(e.to_string()))?;
             drawn.times = Some(PassTimes { passes, source: renderer.time_source().describe() });

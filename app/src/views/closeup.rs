@@ -67,8 +67,9 @@ pub fn show(
         None
     };
 
-    let (quality, just_refined) = state.refinement.quality(ui, scene, refine_at_once);
-    if just_refined {
+    let light = &doc.edit.light;
+    let now = state.refinement.quality(ui, scene, light, refine_at_once);
+    if now.just_refined {
         // What is under a pointer that didn't move may be something else now.
         state.pointer = None;
     }
@@ -77,7 +78,11 @@ pub fn show(
         return;
     }
     let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
-    match viewport.show(scene, &quality, size) {
+    let shown = viewport.show(scene, &now.quality, size, now.timed);
+    if let Some(milliseconds) = viewport.closeup.took_ms() {
+        state.refinement.took(light, milliseconds);
+    }
+    match shown {
         Ok(texture) => {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             ui.painter().image(texture, rect, whole, Color32::WHITE);

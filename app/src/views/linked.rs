@@ -143,13 +143,18 @@ impl<S: Clone + PartialEq, P: Picked> LinkedView<S, P> {
         if size.x < 1.0 || size.y < 1.0 {
             return None;
         }
-        let (quality, just_refined) = self.refinement.quality(ui, scene, refine_at_once);
-        if just_refined {
+        let light = &view.doc.edit.light;
+        let now = self.refinement.quality(ui, scene, light, refine_at_once);
+        if now.just_refined {
             // What is under a pointer that didn't move may be something else now.
             self.pointer = None;
         }
         let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
-        match screen.show(gpu, scene, &quality, size) {
+        let shown = screen.show(gpu, scene, &now.quality, size, now.timed);
+        if let Some(milliseconds) = screen.took_ms() {
+            self.refinement.took(light, milliseconds);
+        }
+        match shown {
             Ok(texture) => {
                 let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
                 ui.painter().image(texture, rect, whole, Color32::WHITE);

@@ -1,47 +1,192 @@
-//! Draft while something moves, in full when still: the same for every 3D view.
+//! Fluent while something moves, as good as it gets when still: the same for every 3D view.
 
 use std::time::Duration;
 
 use egui::Ui;
-use glioscope_render::Quality;
+use glioscope_render::{Preset, Quality, Shading};
+
+use crate::document::Light;
 
 /// How long a scene must be still before its picture is refined.
 const STILL: Duration = Duration::from_millis(180);
+/// How long before it is drawn as the reference: a picture that may take long.
+const AT_REST: Duration = Duration::from_millis(450);
+
+/// How long a picture may take while something moves.
+pub const BUDGET_MS: f64 = 100.0;
+
+/// Finds the quality that takes the budget's time, from the times of the pictures drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Auto {
+    /// Of `Quality::at_cost`.
+    cost: f64,
+}
+
+impl Default for Auto {
+    fn default() -> Self {
+        // About a draft's: the first picture is late on a slow machine, and no machine's is poor for long.
+        Self { cost: 0.125 }
+    }
+}
+
+impl Auto {
+    /// Between these shares of the budget nothing is changed: a picture that changes its sharpness with
+    /// every frame flickers.
+    const FINE: std::ops::RangeInclusive<f64> = 0.72..=1.05;
+    /// What is aimed at otherwise.
+    const AIM: f64 = 0.88;
+
+    /// The cost to draw at while something moves.
+    pub fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    /// A picture took so long. Part of its time doesn't depend on the quality, so a step that would be
+    /// right for all of it is too small when it goes down and safe when it goes up: going down is
+    /// done with more force.
+    pub fn took(&mut self, milliseconds: f64) {
+        let share = milliseconds / BUDGET_MS;
+        if !share.is_finite() || share <= 0.0 || Self::FINE.contains(&share) {
+            return;
+        }
+        let ratio = Self::AIM / share;
+        let step = if ratio < 1.0 { ratio.powf(1.15).max(0.1) } else { ratio.powf(0.8).min(2.0) };
+        // More than balanced gains nothing that one sees in a moving picture.
+        self.cost = (self.cost * step).clamp(1e-3, 1.0);
+    }
+}
+
+/// How far a picture has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Stage {
+    Moving,
+    Still,
+    AtRest,
+}
 
 /// What a 3D view remembers of the scene last shown.
 pub struct Refinement<S> {
-    last: Option<(S, f64)>,
-    refined: bool,
+    last: Option<(S, Light, f64)>,
+    stage: Stage,
+    auto: [Auto; Shading::ALL.len()],
 }
 
 impl<S> Default for Refinement<S> {
     fn default() -> Self {
-        Self { last: None, refined: false }
+        Self { last: None, stage: Stage::Moving, auto: [Auto::default(); Shading::ALL.len()] }
     }
 }
 
+/// What to draw now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Now {
+    /// The quality.
+    pub quality: Quality,
+    /// Whether it has just become better than while moving.
+    pub just_refined: bool,
+    /// Whether [`Refinement::took`] wants to know how long it takes.
+    pub timed: bool,
+}
+
 impl<S: Clone + PartialEq> Refinement<S> {
-    /// Whether the picture last drawn was in full quality.
+    /// Whether the picture last drawn was as good as it gets.
     pub fn refined(&self) -> bool {
-        self.refined
+        self.stage == Stage::AtRest
     }
 
-    /// The quality for `scene` now, and whether it has just become full. `at_once`: no draft is
-    /// shown, for pictures.
-    pub fn quality(&mut self, ui: &Ui, scene: &S, at_once: bool) -> (Quality, bool) {
+    fn auto(&mut self, shading: Shading) -> &mut Auto {
+        let at = Shading::ALL.iter().position(|s| *s == shading).unwrap_or(0);
+        &mut self.auto[at]
+    }
+
+    /// A picture that was to be timed took so long.
+    pub fn took(&mut self, light: &Light, milliseconds: f64) {
+        self.auto(light.shading).took(milliseconds);
+    }
+
+    /// The quality for `scene` now. `at_once`: no draft is shown, for pictures.
+    pub fn quality(&mut self, ui: &Ui, scene: &S, light: &Light, at_once: bool) -> Now {
         let now = ui.input(|i| i.time);
         let moved_at = match &self.last {
-            Some((last, at)) if last == scene => *at,
+            Some((last, lit, at)) if last == scene && lit == light => *at,
             Some(_) => now,
             None => f64::NEG_INFINITY,
         };
-        let still = at_once || now - moved_at >= STILL.as_secs_f64();
-        self.last = Some((scene.clone(), moved_at));
-        let just = still && !self.refined;
-        self.refined = still;
-        if !still {
-            ui.request_repaint_after(STILL);
+        self.last = Some((scene.clone(), *light, moved_at));
+        let still_for = now - moved_at;
+        let before = self.stage;
+        self.stage = if at_once || still_for >= AT_REST.as_secs_f64() {
+            Stage::AtRest
+        } else if still_for >= STILL.as_secs_f64() {
+            Stage::Still
+        } else {
+            Stage::Moving
+        };
+        let shading = light.shading;
+        let moving = Quality::at_cost(shading, self.auto(shading).cost());
+        let balanced = Quality::preset(shading, Preset::Balanced);
+        let reference = Quality::preset(shading, Preset::Reference);
+        if balanced == reference && self.stage == Stage::Still {
+            self.stage = Stage::AtRest;
         }
-        (if still { Quality::FULL } else { Quality::DRAFT }, just)
+        match self.stage {
+            Stage::Moving => ui.request_repaint_after(STILL),
+            Stage::Still => ui.request_repaint_after(AT_REST - STILL),
+            Stage::AtRest => {}
+        }
+        let quality = match (light.preset, self.stage) {
+            (Some(preset), _) => Quality::preset(shading, preset),
+            (None, Stage::Moving) => moving,
+            (None, Stage::Still) => balanced,
+            (None, Stage::AtRest) => reference,
+        };
+        Now {
+            quality: light.at(quality),
+            just_refined: self.stage > before,
+            timed: light.preset.is_none() && self.stage == Stage::Moving,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Machines of very different speed, with and without a part that quality doesn't change: within a
+    /// few pictures all are near the budget, or as good as it gets.
+    #[test]
+    fn the_budget_is_found_and_held() {
+        for (fixed_ms, balanced_ms, growth) in
+            [(2.0, 900.0, 1.0), (15.0, 400.0, 0.8), (30.0, 3000.0, 1.2), (1.0, 20.0, 1.0), (60.0, 300.0, 1.0)]
+        {
+            let took = |auto: &Auto| fixed_ms + (balanced_ms - fixed_ms) * auto.cost().powf(growth);
+            let mut auto = Auto::default();
+            let times: Vec<f64> = (0..40)
+                .map(|_| {
+                    let ms = took(&auto);
+                    auto.took(ms);
+                    ms
+                })
+                .collect();
+            for (n, ms) in times.iter().enumerate().skip(8) {
+                let enough = auto.cost() == 1.0 && *ms <= 1.2 * BUDGET_MS;
+                assert!(enough || (0.7..=1.2).contains(&(ms / BUDGET_MS)), "{balanced_ms}: picture {n} took {ms} ms");
+            }
+            assert!(times[39] == times[38], "it comes to rest");
+        }
+    }
+
+    #[test]
+    fn times_that_are_none_change_nothing() {
+        let mut auto = Auto::default();
+        for ms in [f64::NAN, f64::INFINITY, 0.0, -3.0] {
+            auto.took(ms);
+            assert_eq!(auto, Auto::default());
+        }
+        // A picture that took for ever leaves something to draw with.
+        for _ in 0..50 {
+            auto.took(1e9);
+        }
+        assert!(auto.cost() >= 1e-3);
     }
 }

@@ -25,7 +25,8 @@ use crate::{
     camera::Camera,
     context::{ClipPlane, ContextScene, ContextVolume, context_plan},
     palette::{MaskColors, Palette, Rgb},
-    plan::{PassName, Plan, Quality},
+    plan::{PassName, Plan},
+    quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
 };

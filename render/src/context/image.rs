@@ -13,7 +13,8 @@ use super::{
 use crate::{
     gpu::Gpu,
     occlusion::{Sight, joined},
-    plan::{Plan, Quality},
+    plan::Plan,
+    quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
 };

@@ -10,8 +10,9 @@ use super::volume::ContextVolume;
 use crate::{
     camera::Camera,
     palette::{MaskColors, Rgb},
-    lighting::left_out,
-    plan::{PassName, Plan, Quality},
+    lighting::{left_out, passes},
+    plan::{PassName, Plan},
+    quality::Quality,
     renderer::{RenderError, check_view},
     scene::{Lens, Scene},
     transfer::TransferFunction,
@@ -140,7 +141,7 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
         None
     };
     let is_1d = scene.transfer.gradient().is_none().then_some("transfer function is 1-D");
-    Plan::of(&PassName::CONTEXT, |pass| match pass {
+    Plan::of(&passes(&PassName::CONTEXT, quality.lighting.shading), |pass| match pass {
         PassName::Surface => no_surface,
         PassName::GradientOpacity => no_context.or(is_1d),
         _ => left_out(pass, quality, no_surface, no_context),

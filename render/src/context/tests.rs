@@ -405,7 +405,8 @@ fn omitted(scene: &ContextScene, quality: &Quality) -> Vec<(PassName, &'static s
 }
 
 fn everything() -> Plan {
-    Plan { passes: PassName::CONTEXT.to_vec(), omitted: Vec::new() }
+    let passes = crate::lighting::passes(&PassName::CONTEXT, crate::Shading::ScreenSpace);
+    Plan { passes, omitted: Vec::new() }
 }
 
 #[test]

@@ -8,7 +8,8 @@ use super::{
     volume::{ContextVolume, Field, Tables},
 };
 use crate::{
-    plan::{PassName, Plan, Quality},
+    plan::{PassName, Plan},
+    quality::Quality,
     uniforms::index_axes,
 };
 

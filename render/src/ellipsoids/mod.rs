@@ -23,7 +23,8 @@ pub use renderer::EllipsoidRenderer;
 use crate::{
     camera::Camera,
     palette::Rgb,
-    plan::{PassName, Plan, Quality, no_occlusion},
+    plan::{PassName, Plan, no_occlusion},
+    quality::Quality,
     scene::Lens,
     slice_plane::SlicePlane,
 };

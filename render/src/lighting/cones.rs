@@ -98,7 +98,9 @@ impl Medium {
             dims: self.grid.dims().map(|d| d as u32),
             count: settings.sub_cones,
             dark: (DARK / voxel_mm) as f32,
-            pad: [0; 3],
+            pad: 0,
+            unused_a: 0,
+            unused_b: 0,
             levels: self.levels,
             axes,
         }

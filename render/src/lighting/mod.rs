@@ -24,7 +24,8 @@ use crate::{
     context::{ContextVolume, image::ImageBuffers},
     dos::Variant,
     gpu::Gpu,
-    plan::{PassName, Plan, Quality, no_occlusion},
+    plan::{PassName, Plan, no_occlusion},
+    quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
 };
@@ -146,6 +147,20 @@ impl Lighting {
     }
 }
 
+/// Those of `all` that belong to this way of finding light, or to every way. The passes of another way are
+/// alternatives: they are neither run nor left out.
+pub(crate) fn passes(all: &[PassName], shading: Shading) -> Vec<PassName> {
+    use PassName::*;
+    let belongs = |pass: &PassName| match pass {
+        Occlusion | OcclusionBlur => shading == Shading::ScreenSpace,
+        Slices | SlicesFinish | Vicinity => shading == Shading::Slices,
+        LightGrid | SolidCones => shading == Shading::Cones,
+        Context => shading != Shading::Slices,
+        _ => true,
+    };
+    all.iter().copied().filter(belongs).collect()
+}
+
 /// Why one of the passes of light is left out, where `no_solid` and `no_image` say why there is nothing
 /// solid or no image; `None` for those that run, and for all other passes.
 pub(crate) fn left_out(
@@ -156,28 +171,17 @@ pub(crate) fn left_out(
 ) -> Option<&'static str> {
     use PassName::*;
     let light = &quality.lighting;
-    let other = match light.shading {
-        Shading::ScreenSpace => "light is screen-space",
-        Shading::Slices => "light is by slices",
-        Shading::Cones => "light is by cones",
-    };
-    let by = |shading| (light.shading != shading).then_some(other);
     let dark = |x: f64| x.is_nan() || x <= 0.0;
     let no_strength = dark(quality.occlusion_strength).then_some("occlusion strength is 0");
     match pass {
-        Occlusion | OcclusionBlur => {
-            no_solid.or(by(Shading::ScreenSpace)).or_else(|| no_occlusion(quality))
-        }
-        SolidCones => no_solid.or(by(Shading::Cones)).or(no_strength),
+        Occlusion | OcclusionBlur => no_solid.or_else(|| no_occlusion(quality)),
+        SolidCones => no_solid.or(no_strength),
         Vicinity => {
             let lit = light.mutual.image_on_solid && no_image.is_none();
             let none = !light.mutual.solid_on_solid || dark(light.vicinity_radius_mm());
-            let none = (none && !lit).then_some("nothing darkens what is solid");
-            no_solid.or(by(Shading::Slices)).or(no_strength).or(none)
+            no_solid.or(no_strength).or((none && !lit).then_some("nothing darkens what is solid"))
         }
-        LightGrid => by(Shading::Cones).or(no_image),
-        Slices | SlicesFinish => by(Shading::Slices).or(no_image),
-        Context => no_image.or((light.shading == Shading::Slices).then_some("slices draw the image")),
+        LightGrid | Slices | SlicesFinish | Context => no_image,
         _ => None,
     }
 }

@@ -154,7 +154,7 @@ impl SliceLight {
         for (i, rate) in plan.rates.iter().enumerate().take(4 * 65) {
             rates[i / 4][i % 4] = *rate as f32;
         }
-        let slices = uniforms::Slices { slice_mm: plan.slice_mm as f32, flags, pad: [0; 2], rates };
+        let slices = uniforms::Slices { slice_mm: plan.slice_mm as f32, flags, pad0: 0, pad1: 0, rates };
         gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
         let mut bytes = vec![0u8; plan.steps.len() * STRIDE as usize];
         for (number, (step, place)) in

@@ -30,7 +30,9 @@ pub(crate) struct Light {
     pub dims: [u32; 3],
     pub count: u32,
     pub dark: f32,
-    pub pad: [u32; 3],
+    pub pad: u32,
+    pub unused_a: u32,
+    pub unused_b: u32,
     pub levels: [Level; LEVELS],
     pub axes: [[f32; 4]; 128],
 }
@@ -65,7 +67,8 @@ pub(crate) const SOLID_ON_VOLUME: u32 = 2;
 pub(crate) struct Slices {
     pub slice_mm: f32,
     pub flags: u32,
-    pub pad: [u32; 2],
+    pub pad0: u32,
+    pub pad1: u32,
     pub rates: [[f32; 4]; 65],
 }
 

@@ -25,9 +25,9 @@ struct Light {
     dims: vec3<u32>,                // voxels
     count: u32,                     // sub-cones
     dark: f32,                      // no extinction counts for more
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    pad: u32,
+    unused_a: u32,
+    unused_b: u32,
     levels: array<Level, 16>,
     axes: array<vec4<f32>, 128>,    // unit: right and up at right angles to the sight, and towards the eye
 }

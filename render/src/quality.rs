@@ -1,0 +1,135 @@
+//! How much work a picture may be: the knobs, and the points on them that have names.
+
+use serde::{Deserialize, Serialize};
+
+use crate::lighting::{Lighting, Shading};
+
+/// Cost of [`Preset::Draft`], of balanced's.
+const DRAFT_COST: f64 = 1.0 / 8.0;
+/// Cost of [`Preset::Reference`], of balanced's.
+const REFERENCE_COST: f64 = 16.0;
+
+/// Points on the measured front of error against time (docs/accuracy.md).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Preset {
+    /// For slow machines and moving pictures.
+    Draft,
+    /// Where more time gains little.
+    Balanced,
+    /// For figures.
+    Reference,
+}
+
+impl Preset {
+    /// From fast to exact.
+    pub const ALL: [Self; 3] = [Self::Draft, Self::Balanced, Self::Reference];
+
+    /// What the command line calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Balanced => "balanced",
+            Self::Reference => "reference",
+        }
+    }
+}
+
+/// How much work a frame may be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Point pairs that ambient occlusion tests a pixel, 1 to [`Quality::MOST_SAMPLES`].
+    pub occlusion_samples: u32,
+    /// How far it reaches.
+    pub occlusion_radius_mm: f64,
+    /// 0 (none) to 1 (hidden places black).
+    pub occlusion_strength: f64,
+    /// How much hidden places take on the colour of what hides them, 0 to 1.
+    pub color_bleeding: f64,
+    /// Distance between samples of the context image along a ray, millimetres; where its finest
+    /// spacing is above 1 mm, that many times as much. Above 0; anything else
+    /// is taken for the finest step there is, as are steps that would need more than
+    /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal.
+    pub context_step_mm: f64,
+    /// Pixels drawn to pixels asked for, along each side; above 0, at most 1.
+    pub resolution_scale: f64,
+    /// Which way light is found, and how well.
+    pub lighting: Lighting,
+}
+
+impl Quality {
+    /// The most point pairs of ambient occlusion.
+    pub const MOST_SAMPLES: u32 = 32;
+    /// The most samples of the context image along a ray.
+    pub const MOST_CONTEXT_STEPS: u32 = 8192;
+
+    /// At rest, and for files: screen-space light.
+    pub const FULL: Self = Self {
+        occlusion_samples: 12,
+        occlusion_radius_mm: 6.0,
+        occlusion_strength: 0.75,
+        color_bleeding: 0.35,
+        context_step_mm: 0.5,
+        resolution_scale: 1.0,
+        lighting: Lighting::DEFAULT,
+    };
+
+    /// While dragging: half the resolution, fewer samples.
+    pub const DRAFT: Self =
+        Self { occlusion_samples: 6, context_step_mm: 1.0, resolution_scale: 0.5, ..Self::FULL };
+
+    /// A fixed preset of this way of finding light.
+    pub fn preset(shading: Shading, preset: Preset) -> Self {
+        match preset {
+            Preset::Draft => Self::at_cost(shading, DRAFT_COST),
+            Preset::Balanced => Self::at_cost(shading, 1.0),
+            Preset::Reference => Self::at_cost(shading, REFERENCE_COST),
+        }
+    }
+
+    /// The quality that takes about `cost` times as long as [`Preset::Balanced`], within what there is:
+    /// one path through the knobs, along which error falls as time rises (docs/accuracy.md). Pixels come
+    /// first, then slices, steps and cells.
+    pub fn at_cost(shading: Shading, cost: f64) -> Self {
+        let cost = if cost.is_finite() { cost.clamp(1e-3, REFERENCE_COST) } else { 1.0 };
+        // Down from balanced, up from it.
+        let (less, more) = (cost.min(1.0), cost.max(1.0));
+        let resolution_scale = less.powf(0.3).max(0.2);
+        let finer = |balanced: f64, down: f64, up: f64| balanced * less.powf(-down) * more.powf(-up);
+        let mut lighting = Lighting { shading, ..Lighting::DEFAULT };
+        let mut quality = Self { resolution_scale, ..Self::FULL };
+        match shading {
+            // At balanced there is nothing to gain any more: what is left is bias.
+            Shading::ScreenSpace => {
+                quality.occlusion_samples = if cost < 1.0 { 6 } else { 12 };
+                quality.context_step_mm = finer(0.5, 0.3, 0.0).min(2.0);
+            }
+            Shading::Slices => {
+                lighting.slice_mm = finer(2.0, 0.4, 0.5).clamp(0.5, 6.0);
+                lighting.slice_grid = if cost < 0.5 { 3 } else { 5 };
+                lighting.vicinity_samples = (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
+            }
+            Shading::Cones => {
+                quality.context_step_mm = finer(0.75, 0.3, 0.15).clamp(0.5, 2.0);
+                lighting.cell_mm = finer(4.0, 0.2, 0.25).clamp(1.0, 12.0);
+                lighting.sub_cones = (8.0 * less.powf(0.3) * more.powf(0.5)).round().clamp(3.0, 64.0) as u32;
+                lighting.coarsest_level = if cost > 4.0 { 2 } else { 3 };
+            }
+        }
+        quality.lighting = lighting;
+        quality
+    }
+
+    /// Pixels to draw for a place of `asked_px`; 0 stays 0.
+    pub(crate) fn drawn_px(&self, asked_px: [u32; 2]) -> [u32; 2] {
+        let scale = if self.resolution_scale > 0.0 { self.resolution_scale.min(1.0) } else { 1.0 };
+        asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) })
+    }
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self::FULL
+    }
+}
+

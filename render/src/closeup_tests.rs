@@ -522,13 +522,13 @@ fn rust_and_wgsl_lay_structs_out_alike() {
         ),
         (
             "LightGrid",
-            offsets!(LightGrid: cells, needed, scale, pad0, corner, pad1, right, pad2, up, pad3, forward, pad4,
+            offsets!(LightGrid: cells, needed, scale, strength, corner, pad1, right, pad2, up, pad3, forward, pad4,
                 right_from_index, up_from_index, depth_from_index),
         ),
-        ("Slices", offsets!(Slices: slice_mm, flags, pad0, pad1, rates)),
+        ("Slices", offsets!(Slices: slice_mm, flags, strength, pad, decay)),
         (
             "Part",
-            offsets!(Part: depth, slices, side, stride, center, radius, radius_mm, share, is_empty, turn, is_first, pad),
+            offsets!(Part: depth, slices, side, stride, center, radius, radius_mm, share, turn, pad0, pad1, pad2),
         ),
         ("Vicinity", offsets!(Vicinity: radius_mm, slope, count, flags, points)),
         ("Counters", (16, vec![("nodes", 0), ("wraps", 4), ("last_nodes", 8), ("last_wraps", 12)])),

@@ -50,8 +50,8 @@ enum Pipeline {
 
 enum Work {
     Compute { pipeline: wgpu::ComputePipeline, workgroups: [u32; 3] },
-    /// One after the other, each with a dynamic offset of its own.
-    Steps { pipeline: wgpu::ComputePipeline, offsets: Vec<u32>, workgroups: [u32; 3] },
+    /// One after the other, each with one of the pipelines and a dynamic offset.
+    Steps { pipelines: Vec<wgpu::ComputePipeline>, steps: Vec<(usize, u32)>, workgroups: [u32; 3] },
     Raster { pipeline: wgpu::RenderPipeline, drawing: Box<Drawing> },
 }
 
@@ -61,10 +61,14 @@ struct Bound {
     work: Work,
 }
 
+/// A shader file, the constants it was compiled with, and that pipeline.
+type Variant = (&'static str, Vec<(&'static str, f64)>, wgpu::ComputePipeline);
+
 /// Pipelines of a renderer's passes, and the passes bound for this frame in the order they run.
 pub(crate) struct PassRunner {
-    /// With the shader file of each.
-    pipelines: Vec<(PassName, &'static str, Pipeline)>,
+    pipelines: Vec<(PassName, Pipeline)>,
+    /// Those of [`PassRunner::bind_shader`]: shader file, constants, pipeline.
+    variants: Vec<Variant>,
     bound: Vec<Bound>,
     timer: Option<Timer>,
 }
@@ -91,7 +95,11 @@ fn group_of(
     })
 }
 
-fn compiled(gpu: &Gpu, name: &'static str) -> Result<wgpu::ComputePipeline, RenderError> {
+fn compiled(
+    gpu: &Gpu,
+    name: &'static str,
+    constants: &[(&str, f64)],
+) -> Result<wgpu::ComputePipeline, RenderError> {
     let source = glioscope_shaders::compose(name)?;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(name),
@@ -105,7 +113,7 @@ fn compiled(gpu: &Gpu, name: &'static str) -> Result<wgpu::ComputePipeline, Rend
         compilation_options: wgpu::PipelineCompilationOptions {
             // No workgroup memory is used.
             zero_initialize_workgroup_memory: false,
-            ..Default::default()
+            constants,
         },
         cache: None,
     }))
@@ -122,7 +130,7 @@ impl PassRunner {
     pub fn new(gpu: &Gpu, shaders: &[(PassName, &'static str)]) -> Result<Self, RenderError> {
         let mut pipelines = Vec::new();
         for &(pass, name) in shaders {
-            pipelines.push((pass, name, Pipeline::Compute(compiled(gpu, name)?)));
+            pipelines.push((pass, Pipeline::Compute(compiled(gpu, name, &[])?)));
         }
         // Mesa's software Vulkan writes timestamps when commands are read, not when they are done.
         let timer = (gpu.has_timestamps() && !gpu.is_software()).then(|| {
@@ -151,7 +159,7 @@ impl PassRunner {
                 ),
             }
         });
-        Ok(Self { pipelines, bound: Vec::new(), timer })
+        Ok(Self { pipelines, variants: Vec::new(), bound: Vec::new(), timer })
     }
 
     /// Forgets the last frame's passes.
@@ -161,7 +169,7 @@ impl PassRunner {
 
     /// Adds the one pass that rasterises, if there is any.
     pub fn add_raster(&mut self, pass: PassName, pipeline: wgpu::RenderPipeline) {
-        self.pipelines.push((pass, "", Pipeline::Raster(pipeline)));
+        self.pipelines.push((pass, Pipeline::Raster(pipeline)));
     }
 
     /// Binds `entries` to `pass`, which runs after those bound before it. Does nothing for a pass
@@ -179,7 +187,8 @@ impl PassRunner {
         }
     }
 
-    /// As [`PassRunner::bind`] with a shader file that not every scene needs: compiled when first bound.
+    /// As [`PassRunner::bind`] with a shader file, and constants for it, that not every scene needs: compiled when
+    /// first bound.
     ///
     /// # Errors
     /// [`RenderError::Shader`] for a file that doesn't compose.
@@ -187,19 +196,16 @@ impl PassRunner {
         &mut self,
         gpu: &Gpu,
         pass: PassName,
-        shader: &'static str,
+        (shader, constants): (&'static str, &[(&'static str, f64)]),
         entries: &[(u32, wgpu::BindingResource<'_>)],
         workgroups: [u32; 3],
     ) -> Result<(), RenderError> {
-        let held = self.pipelines.iter().find_map(|(name, file, pipeline)| match pipeline {
-            Pipeline::Compute(pipeline) if *name == pass && *file == shader => Some(pipeline.clone()),
-            _ => None,
-        });
+        let held = self.variants.iter().find(|(file, known, _)| *file == shader && known == constants);
         let pipeline = match held {
-            Some(pipeline) => pipeline,
+            Some((.., pipeline)) => pipeline.clone(),
             None => {
-                let made = compiled(gpu, shader)?;
-                self.pipelines.push((pass, shader, Pipeline::Compute(made.clone())));
+                let made = compiled(gpu, shader, constants)?;
+                self.variants.push((shader, constants.to_vec(), made.clone()));
                 made
             }
         };
@@ -226,25 +232,24 @@ impl PassRunner {
         }
     }
 
-    /// As [`PassRunner::bind`] for a pass of many steps with a pipeline of the caller's: one dispatch for
-    /// each of `offsets` into the one binding of `layout` that has a dynamic offset.
-    #[allow(clippy::too_many_arguments, reason = "the parts of a dispatch")]
+    /// As [`PassRunner::bind`] for a pass of many steps with pipelines of the caller's: one dispatch for each
+    /// step, a number among the pipelines and an offset into the one binding of `layout` that has a
+    /// dynamic one.
     pub fn bind_steps(
         &mut self,
         gpu: &Gpu,
         pass: PassName,
-        pipeline: wgpu::ComputePipeline,
         layout: &wgpu::BindGroupLayout,
         entries: &[(u32, wgpu::BindingResource<'_>)],
-        offsets: Vec<u32>,
+        (pipelines, steps): (Vec<wgpu::ComputePipeline>, Vec<(usize, u32)>),
         workgroups: [u32; 3],
     ) {
         let group = group_of(gpu, pass, layout, entries);
-        self.bound.push(Bound { pass, group, work: Work::Steps { pipeline, offsets, workgroups } });
+        self.bound.push(Bound { pass, group, work: Work::Steps { pipelines, steps, workgroups } });
     }
 
     fn pipeline(&self, pass: PassName) -> Option<Pipeline> {
-        self.pipelines.iter().find(|(name, ..)| *name == pass).map(|(.., pipeline)| pipeline.clone())
+        self.pipelines.iter().find(|(name, _)| *name == pass).map(|(_, pipeline)| pipeline.clone())
     }
 
     fn encode(&self, encoder: &mut wgpu::CommandEncoder, number: usize, timed: bool) {
@@ -253,7 +258,7 @@ impl PassRunner {
         let (first, last) = (Some(2 * number as u32), Some(2 * number as u32 + 1));
         encoder.push_debug_group(pass.name());
         match work {
-            Work::Compute { pipeline, workgroups } | Work::Steps { pipeline, workgroups, .. } => {
+            Work::Compute { workgroups, .. } | Work::Steps { workgroups, .. } => {
                 let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                     label: Some(pass.name()),
                     timestamp_writes: timer.map(|timer| wgpu::ComputePassTimestampWrites {
@@ -262,16 +267,22 @@ impl PassRunner {
                         end_of_pass_write_index: last,
                     }),
                 });
-                compute.set_pipeline(pipeline);
                 let [x, y, z] = *workgroups;
-                if let Work::Steps { offsets, .. } = work {
-                    for offset in offsets {
-                        compute.set_bind_group(0, group, &[*offset]);
+                match work {
+                    Work::Compute { pipeline, .. } => {
+                        compute.set_pipeline(pipeline);
+                        compute.set_bind_group(0, group, &[]);
                         compute.dispatch_workgroups(x, y, z);
                     }
-                } else {
-                    compute.set_bind_group(0, group, &[]);
-                    compute.dispatch_workgroups(x, y, z);
+                    Work::Steps { pipelines, steps, .. } => {
+                        for (at, offset) in steps {
+                            let Some(pipeline) = pipelines.get(*at) else { continue };
+                            compute.set_pipeline(pipeline);
+                            compute.set_bind_group(0, group, &[*offset]);
+                            compute.dispatch_workgroups(x, y, z);
+                        }
+                    }
+                    Work::Raster { .. } => {}
                 }
             }
             Work::Raster { pipeline, drawing } => {

@@ -78,6 +78,11 @@ impl Quality {
     pub const DRAFT: Self =
         Self { occlusion_samples: 6, context_step_mm: 1.0, resolution_scale: 0.5, ..Self::FULL };
 
+    /// How dark what no light reaches is, 0 to 1.
+    pub(crate) fn strength(&self) -> f32 {
+        self.occlusion_strength.clamp(0.0, 1.0) as f32
+    }
+
     /// A fixed preset of this way of finding light.
     pub fn preset(shading: Shading, preset: Preset) -> Self {
         match preset {

@@ -242,6 +242,7 @@ impl Renderer {
                     camera: &scene.camera,
                     reference_mm: uniforms::reference_mm(scene),
                     size: targets.size,
+                    strength: quality.strength(),
                     view: &self.view,
                     depths: &targets.depths,
                     marched: &targets.outsides,

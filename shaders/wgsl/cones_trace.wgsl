@@ -19,7 +19,7 @@ struct Cones {
     dark: f32,                      // no finest cell counts for more than this extinction when mixed
     pad: u32,
     levels: array<Level, 16>,
-    rates: array<vec4<f32>, 65>,
+    decay: array<vec4<f32>, 257>,   // see lib/decay.wgsl
 }
 
 // What one dispatch does: pieces of the ray that begin in a stretch, with some of the sub-cones. Work is
@@ -41,8 +41,8 @@ struct Share {
 @group(0) @binding(6) var<storage, read> axes: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read_write> eye: array<vec4<f32>>; // radiance, transmittance
 
-fn rate_entry(i: u32) -> f32 {
-    return cones.rates[i / 4u][i % 4u];
+fn decay_entry(i: u32) -> vec4<f32> {
+    return cones.decay[i];
 }
 
 #include lib/decay.wgsl

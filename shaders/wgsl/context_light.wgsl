@@ -17,29 +17,23 @@ fn middle_of(c: vec3<f32>) -> vec2<f32> {
 
 // What is behind a pixel's solid surface is taken for solid: the picture knows no more of it.
 fn is_hidden(c: vec3<f32>) -> bool {
-    if (view.flags & HAS_SURFACE) == 0u {
-        return false;
-    }
     let m = middle_of(c);
-    let at = vec2<i32>(floor(vec2<f32>(m.x, -m.y) + 0.5 * vec2<f32>(view.size)));
-    if any(at < vec2<i32>(0)) || any(at >= vec2<i32>(view.size)) {
-        return false;
-    }
-    return depths[linear_index(vec2<u32>(at))] < c.z - light.voxel_mm;
+    let size = vec2<f32>(view.size);
+    let at = floor(vec2<f32>(m.x, -m.y) + 0.5 * size);
+    // Not `&&`: with a load on its right side Mesa 22.3's software driver crashes when it compiles this.
+    let inside = all(at >= vec2<f32>(0.0)) & all(at < size) & ((view.flags & HAS_SURFACE) != 0u);
+    let there = linear_index(vec2<u32>(clamp(at, vec2<f32>(0.0), size - 1.0)));
+    return inside & (depths[there] < c.z - light.voxel_mm);
 }
 
 // Not cut away, not in the masks' box and not before that.
 fn is_kept(c: vec3<f32>) -> bool {
+    var kept = true;
     for (var n = 0u; n < context.clip_count; n++) {
-        if dot(context.clips[n].xyz, c) > context.clips[n].w {
-            return false;
-        }
+        kept = kept & (dot(context.clips[n].xyz, c) <= context.clips[n].w);
     }
-    if view.dims.x > 0u {
-        let span = box_interval(ray_through(middle_of(c)));
-        return !(span.near < span.far && c.z < span.far);
-    }
-    return true;
+    let span = box_interval(ray_through(middle_of(c)));
+    return kept & !((view.dims.x > 0u) & (span.near < span.far) & (c.z < span.far));
 }
 
 fn near_extinction(p: vec3<f32>) -> f32 {

@@ -15,5 +15,5 @@ const WANTS_GRADIENT = false;
 fn appearance(
     color: vec3<f32>, gradient: vec3<f32>, ray: vec3<f32>, inside_mm: f32, at: vec3<f32>,
 ) -> vec3<f32> {
-    return decoded(color) * grid_light(at + 0.5);
+    return decoded(color) * mix(1.0, grid_light(at + 0.5), grid.strength);
 }

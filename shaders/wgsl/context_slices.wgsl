@@ -19,22 +19,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let p = from_middle(id.xy);
     let sight = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
     let slant = length(sight);
-    let aside = p.x * context.right + p.y * context.up;
-    let o = context.corner + view.mm_per_pixel * aside - 0.5;
-    let d = context.forward + view.mm_per_pixel_per_mm * aside;
+    var ray: ImageRay;
+    if !is_empty {
+        ray = image_ray(p, FAR);
+    }
     var solid = FAR;
     if with_solid {
         solid = depths[at];
     }
     var state = vec4<f32>(0.0, 0.0, 0.0, 1.0);
-    var note = vec4<f32>(1.0, FAR, 0.0, 0.0);
+    var note = vec2<f32>(1.0, FAR);
     var light = vec2<f32>(1.0);
-    let is_first = part.is_first == 1u;
-    if is_first {
-        let ray = image_ray(p, FAR);
-        note.z = ray.near;
-        note.w = ray.far;
-    } else {
+    if !is_first {
         state = eye[at];
         note = notes[at];
         if variant == MENDED {
@@ -49,11 +45,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var i = 0u; i < part.slices; i++) {
         let front = part.depth + f32(i) * slices.slice_mm;
         let back = front + slices.slice_mm;
-        let begin = max(front, note.z);
-        let end = min(back, note.w);
+        var begin = front;
+        var end = front;
         var material = vec4<f32>(0.0);
-        if part.is_empty == 0u && begin < end {
-            material = material_at(o + 0.5 * (begin + end) * d);
+        if !is_empty {
+            begin = max(front, ray.near);
+            end = min(back, ray.far);
+            if begin < end {
+                material = material_at(ray.o + 0.5 * (begin + end) * ray.d);
+            }
         }
         let extinction = extinction_of(material);
         let hides = with_solid && solid < back;
@@ -65,7 +65,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let rest = extinction * slant * max(end - until, 0.0);
             if seen > 0.0 {
                 let slice = through_slice(light.y, seen);
-                state = vec4<f32>(state.rgb + decoded(material.rgb) * (slice.x * state.a), state.a * exp(-seen));
+                let lit = mix(absorbed(seen), slice.x, slices.strength);
+                state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-seen));
                 light.y = select(light.y, slice.y, shades);
             }
             if with_solid {
@@ -90,7 +91,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             // what is solid where that is nearer.
             let sampled = min(end - begin, solid - front);
             let alpha = select(absorbed(extinction * sampled), 0.0, sampled <= 0.0);
-            state = vec4<f32>(state.rgb + decoded(material.rgb) * (light.y * alpha * state.a), state.a * (1.0 - alpha));
+            state = vec4<f32>(state.rgb + decoded(material.rgb) * (mix(1.0, light.y, slices.strength) * alpha * state.a), state.a * (1.0 - alpha));
             let of_solid = select(extinction, SOLID, hides && casts);
             let of_both = select(select(0.0, SOLID, hides && casts), of_solid, shades);
             var after = vec2<f32>(exp(-vec2<f32>(extinction, of_both) * slices.slice_mm));

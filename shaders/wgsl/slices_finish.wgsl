@@ -4,8 +4,8 @@
 
 @group(0) @binding(6) var<storage, read_write> marched: array<Marched>;
 @group(0) @binding(34) var<storage, read> eye: array<vec4<f32>>;    // radiance, transmittance
-// Light of the image on what is solid; depth where half is hidden; depths between which the image is.
-@group(0) @binding(35) var<storage, read> notes: array<vec4<f32>>;
+// Light of the image on what is solid; depth where half is hidden.
+@group(0) @binding(35) var<storage, read> notes: array<vec2<f32>>;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -16,7 +16,7 @@ const PARTIAL = 2u;
 // A surface that falls this much a pixel hides itself: points fall in whole pixels.
 const BIAS_PX = 1.0;
 
-@group(0) @binding(35) var<storage, read> notes: array<vec4<f32>>;
+@group(0) @binding(35) var<storage, read> notes: array<vec2<f32>>;
 @group(0) @binding(36) var<uniform> vicinity: Vicinity;
 
 fn open(pixel: vec2<u32>, depth: f32) -> f32 {

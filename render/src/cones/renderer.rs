@@ -17,7 +17,7 @@ use crate::{
     gpu::Gpu,
     occlusion::{
         Filter, OpticalVolume, Sight,
-        cone::decay_rates,
+        cone::Decay,
         upload::{Kind, OnDevice, Optical, check_size, layout, pipeline},
     },
     renderer::{RenderError, check_view},
@@ -49,7 +49,7 @@ pub(crate) struct Cones {
     pub dark: f32,
     pub pad: u32,
     pub levels: [LevelInfo; LEVELS],
-    pub rates: [[f32; 4]; 65],
+    pub decay: [[f32; 4]; 257],
 }
 
 /// `Share` of cones_trace.wgsl.
@@ -83,8 +83,7 @@ fn shares(
     let samples =
         if labels && coarsest == 0 { cells as u32 } else { s.samples(length_mm, voxel_mm, coarsest) };
     let axes = (ROUNDS / samples).clamp(1, s.sub_cones);
-    // A thick piece takes up to 72 rounds more.
-    let pieces = (ROUNDS / (axes * samples + 80)).max(1);
+    let pieces = (ROUNDS / (axes * samples + 8)).max(1);
     let pieces_per_mm = 1.0 / (s.ray_step * voxel_mm) + if labels { 3f64.sqrt() / voxel_mm } else { 0.0 };
     let stretch_mm = f64::from(pieces) / pieces_per_mm;
     let stretches = (length_mm / stretch_mm).ceil().max(1.0) as u32;
@@ -229,10 +228,6 @@ impl ConeRenderer {
         let used = settings.used();
         let s = used.settings;
         let front_mm = sight.depths_mm(&volume.grid().corners_mm()).map_or(0.0, |d| d.0);
-        let mut rates = [[1.0; 4]; 65];
-        for (i, rate) in decay_rates(s.aperture_deg).iter().enumerate() {
-            rates[i / 4][i % 4] = *rate as f32;
-        }
         let coarsest = s.coarsest_level.min(up.count as u32 - 1);
         let cones = Cones {
             tangent: s.sub_tangent() as f32,
@@ -244,7 +239,7 @@ impl ConeRenderer {
             dark: (40.0 / up.voxel_mm) as f32,
             pad: 0,
             levels: up.levels,
-            rates,
+            decay: Decay::new(s.aperture_deg).packed(),
         };
         let axes: Vec<[f32; 4]> =
             sub_cones(&s).iter().map(|a| [a[0] as f32, a[1] as f32, a[2] as f32, 0.0]).collect();

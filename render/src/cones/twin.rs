@@ -12,7 +12,7 @@ use crate::{
     dos::twin::Eye,
     occlusion::{
         Filter, OpticalVolume, Sight,
-        cone::{decay_rates, through_slice},
+        cone::{Decay, through_slice},
     },
     reference::medium::{Medium, box_interval},
 };
@@ -30,7 +30,7 @@ pub(crate) struct Tracer<'a> {
     pub pyramid: &'a Pyramid,
     pub settings: ConeSettings,
     pub axes: Vec<[f64; 3]>,
-    pub rates: Vec<f64>,
+    pub decay: Decay,
 }
 
 impl Level {
@@ -140,7 +140,7 @@ impl Tracer<'_> {
                 let gathered = if thickness.is_infinite() {
                     light
                 } else {
-                    light * through_slice(&self.rates, 1.0, thickness).0
+                    light * through_slice(&self.decay, 1.0, thickness).0
                 };
                 eye.radiance += optics.color * (gathered * eye.transmittance);
                 eye.transmittance *= (-thickness).exp();
@@ -155,8 +155,8 @@ impl Tracer<'_> {
 pub fn render(volume: &OpticalVolume, pyramid: &Pyramid, sight: &Sight, settings: &ConeSettings) -> Vec<Eye> {
     let settings = settings.used().settings;
     let axes = sub_cones(&settings);
-    let rates = decay_rates(settings.aperture_deg);
-    let tracer = Tracer { volume, pyramid, settings, axes, rates };
+    let decay = Decay::new(settings.aperture_deg);
+    let tracer = Tracer { volume, pyramid, settings, axes, decay };
     let width = sight.size[0];
     (0..width * sight.size[1]).into_par_iter().map(|i| tracer.pixel(sight, [i % width, i / width])).collect()
 }

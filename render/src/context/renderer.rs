@@ -241,6 +241,7 @@ impl ContextRenderer {
                     camera: &scene.camera,
                     reference_mm: scene.reference_mm(),
                     size: targets.size,
+                    strength: quality.strength(),
                     view: &self.view,
                     depths: &targets.depths,
                     marched: &targets.outsides,
@@ -278,8 +279,9 @@ impl ContextRenderer {
                 })
                 .collect();
             let workgroups = workgroups_of(targets.size);
-            if slots.len() == LIT.1.len() {
-                self.passes.bind_shader(gpu, pass, LIT.0, &entries, workgroups)?;
+            if let Some(image) = image.filter(|_| slots.len() == LIT.1.len()) {
+                let shader = (LIT.0, &[image.tables().gradient_counts()][..]);
+                self.passes.bind_shader(gpu, pass, shader, &entries, workgroups)?;
             } else {
                 self.passes.bind(gpu, pass, &entries, workgroups);
             }

@@ -253,6 +253,11 @@ impl Tables {
         Self { colors, color_place, factors, factor_place, visible, two_d }
     }
 
+    /// The constant of image.wgsl that says whether it does.
+    pub fn gradient_counts(&self) -> (&'static str, f64) {
+        ("gradient_counts", f64::from(u8::from(self.two_d)))
+    }
+
     /// Extinction per millimetre of a voxel, as image.wgsl has it of its centre; 0 where the image is not
     /// finite.
     pub fn extinction_at(&self, field: &Field, cell: [usize; 3]) -> f64 {

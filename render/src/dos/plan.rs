@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::occlusion::{
     Sight,
-    cone::{clamped_aperture, decay_rates, tangent_variance},
+    cone::{Decay, clamped_aperture, tangent_variance},
 };
 
 /// The most slices; a smaller slice distance is enlarged to these, and the plan says so.
@@ -163,8 +163,8 @@ pub struct DosPlan {
     pub slice_mm: f64,
     /// Front to back.
     pub steps: Vec<Step>,
-    /// See [`decay_rates`]; of the mended variant.
-    pub rates: Vec<f64>,
+    /// How light falls through a slice; of the mended variant.
+    pub decay: Option<Decay>,
     /// What is other than asked for, and what was left out.
     pub notes: Vec<String>,
 }
@@ -189,13 +189,13 @@ impl DosPlan {
             notes.push(format!("grid {0}x{0}: {grid}x{grid} is used", settings.grid));
         }
         let mended = settings.variant == Variant::Mended;
-        let rates = if mended { decay_rates(aperture_deg) } else { vec![1.0; 2] };
+        let decay = mended.then(|| Decay::new(aperture_deg));
         let mut plan = Self {
             variant: settings.variant,
             aperture_deg,
             slice_mm: settings.slice_mm,
             steps: Vec::new(),
-            rates,
+            decay,
             notes,
         };
         let (Some((near, far)), Some(first), Some(last)) =

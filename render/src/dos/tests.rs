@@ -259,7 +259,7 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
             offsets!(Optical: corner, pixel_mm, right, pixel_mm_per_mm, up, table_scale, forward, table_offset,
                 plane, dims, table_last, bricks, nearest, size, skipping, pad),
         ),
-        ("Dos", offsets!(super::uniforms::Dos: slice_mm, pad, tiles, rates)),
+        ("Dos", offsets!(super::uniforms::Dos: slice_mm, pad, tiles, decay)),
         (
             "Step",
             offsets!(super::uniforms::DosStep: depth, slices, side, stride, center, radius, radius_mm, share,
@@ -269,7 +269,7 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
         (
             "Cones",
             offsets!(cones::renderer::Cones: tangent, ray_step, cone_step, coarsest, voxel_mm, count, dark, pad,
-                levels, rates),
+                levels, decay),
         ),
         ("Share", offsets!(cones::renderer::Share: begin, end, first_axis, end_axis, advances)),
     ];

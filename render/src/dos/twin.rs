@@ -125,6 +125,7 @@ fn mended(
     if step.empty {
         return light;
     }
+    let Some(decay) = &plan.decay else { return light };
     let d = plan.slice_mm;
     let length = d * sight.slant(pixel);
     for slice in 0..step.slices {
@@ -140,7 +141,7 @@ fn mended(
             continue;
         }
         let thickness = optics.extinction_per_mm * length;
-        let (gathered, behind) = through_slice(&plan.rates, light, thickness);
+        let (gathered, behind) = through_slice(decay, light, thickness);
         eye.radiance += optics.color * (gathered * eye.transmittance);
         eye.transmittance *= (-thickness).exp();
         light = behind;

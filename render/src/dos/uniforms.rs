@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::plan::{DosPlan, Kernel, Step, disc_points};
-use crate::occlusion::cone::RATE_INTERVALS;
+use crate::occlusion::cone::Decay;
 
 /// `Dos` of lib/dos.wgsl.
 #[repr(C)]
@@ -12,7 +12,7 @@ pub(crate) struct Dos {
     pub slice_mm: f32,
     pub pad: u32,
     pub tiles: [u32; 2],
-    pub rates: [[f32; 4]; 65],
+    pub decay: [[f32; 4]; 257],
 }
 
 /// `Step` of lib/dos.wgsl.
@@ -37,13 +37,8 @@ pub(crate) struct DosStep {
 pub(crate) const TILE: u32 = 16;
 
 pub(crate) fn dos(plan: &DosPlan, size: [u32; 2]) -> Dos {
-    let mut rates = [[1.0; 4]; 65];
-    for (i, rate) in plan.rates.iter().enumerate().take(RATE_INTERVALS + 1) {
-        if let Some(group) = rates.get_mut(i / 4) {
-            group[i % 4] = *rate as f32;
-        }
-    }
-    Dos { slice_mm: plan.slice_mm as f32, pad: 0, tiles: size.map(|s| s.div_ceil(TILE)), rates }
+    let decay = plan.decay.as_ref().map_or([[0.0; 4]; 257], Decay::packed);
+    Dos { slice_mm: plan.slice_mm as f32, pad: 0, tiles: size.map(|s| s.div_ceil(TILE)), decay }
 }
 
 /// `number` counts the steps; `skipping` lets empty slices and saturated tiles be left out.

@@ -249,7 +249,10 @@ impl ConeLight {
         };
         let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
         gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&light));
-        let grid = grid_uniform(&held, scene.camera, scene.reference_mm);
+        let grid = LightGrid {
+            strength: scene.strength,
+            ..grid_uniform(&held, scene.camera, scene.reference_mm)
+        };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
         let entries = [
             (0, scene.view.as_entire_binding()),
@@ -268,7 +271,7 @@ impl ConeLight {
         let groups = held.needed_count.div_ceil(64);
         let across = groups.clamp(1, 4096);
         let workgroups = [across, groups.div_ceil(across).max(1), 1];
-        passes.bind_shader(gpu, PassName::LightGrid, "context_light", &entries, workgroups)?;
+        passes.bind_shader(gpu, PassName::LightGrid, ("context_light", &[buffers.tables().gradient_counts()]), &entries, workgroups)?;
         self.image = Some(held);
         Ok(())
     }
@@ -315,7 +318,7 @@ impl ConeLight {
             (28, lit.map_or(&self.nothing, |image| &image.light).as_entire_binding()),
             (29, self.grid_uniform.as_entire_binding()),
         ];
-        passes.bind_shader(gpu, PassName::SolidCones, "solid_cones", &entries, workgroups_of(scene.size))?;
+        passes.bind_shader(gpu, PassName::SolidCones, ("solid_cones", &[]), &entries, workgroups_of(scene.size))?;
         self.masks = Some(held);
         Ok(())
     }

@@ -205,6 +205,8 @@ pub(crate) struct LitScene<'a> {
     pub camera: &'a Camera,
     pub reference_mm: f64,
     pub size: [u32; 2],
+    /// How dark what no light reaches is, 0 to 1.
+    pub strength: f32,
     pub view: &'a wgpu::Buffer,
     pub depths: &'a wgpu::Buffer,
     pub marched: &'a wgpu::Buffer,

@@ -1,7 +1,7 @@
 //! The slices of a view on the graphics device.
 //!
-//! Lifetimes: pipelines are made when a variant is first drawn; buffers (40 bytes a pixel, with
-//! something solid 48) once a size; the uniforms of the steps, 256 bytes each, once a frame.
+//! Lifetimes: pipelines are made when a variant is first drawn; buffers (32 bytes a pixel, with
+//! something solid 40) once a size; the uniforms of the steps, 256 bytes each, once a frame.
 
 use wgpu::util::DeviceExt;
 
@@ -12,6 +12,7 @@ use crate::{
     gpu::Gpu,
     occlusion::{
         Sight,
+        cone::Decay,
         upload::{Kind, layout_of, pipeline},
     },
     plan::PassName,
@@ -21,8 +22,15 @@ use crate::{
 /// Bytes from one step's uniform to the next.
 const STRIDE: u64 = 256;
 
-/// A variant, and whether anything is solid.
-type Wanted = (Variant, bool);
+/// What a pipeline is made for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Wanted {
+    variant: Variant,
+    solid: bool,
+    gradient: bool,
+    first: bool,
+    empty: bool,
+}
 
 struct Buffers {
     size: [u32; 2],
@@ -48,7 +56,7 @@ impl Buffers {
             lights_a_pixel,
             lights: buffer("SliceLight::lights", 8 * pixels * lights_a_pixel),
             eye: buffer("SliceLight::eye", 16 * pixels),
-            notes: buffer("SliceLight::notes", 16 * pixels),
+            notes: buffer("SliceLight::notes", 8 * pixels),
         }
     }
 }
@@ -124,8 +132,6 @@ impl SliceLight {
             self.buffers = Some(Buffers::new(gpu, scene.size, lights_a_pixel));
             gpu.check().map_err(RenderError::Device)?;
         }
-        let pipeline = self.pipeline(gpu, (lighting.variant, solid))?;
-        let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
         let sight = Sight::new(scene.camera, scene.size);
         let occupied = image.buffers.depths_mm(&sight);
         let whole = occupied.first().zip(occupied.last()).map(|(first, last)| (first.0, last.1));
@@ -142,6 +148,23 @@ impl SliceLight {
             let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
             plan.steps.push(Step { depth_mm: scene.reference_mm, slices: 1, kernel, empty: true });
         }
+        let gradient = image.buffers.tables().two_d;
+        let mut pipelines: Vec<(Wanted, wgpu::ComputePipeline)> = Vec::new();
+        let mut steps = Vec::new();
+        for (number, step) in (0u32..).zip(&plan.steps) {
+            let (variant, first, empty) = (lighting.variant, number == 0, step.empty);
+            let wanted = Wanted { variant, solid, gradient, first, empty };
+            let at = match pipelines.iter().position(|(made, _)| *made == wanted) {
+                Some(at) => at,
+                None => {
+                    pipelines.push((wanted, self.pipeline(gpu, wanted)?));
+                    pipelines.len() - 1
+                }
+            };
+            steps.push((at, number * STRIDE as u32));
+        }
+        let pipelines = pipelines.into_iter().map(|(_, pipeline)| pipeline).collect();
+        let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
         let mutual = &lighting.mutual;
         let mut flags = 0;
         for (on, flag) in [
@@ -150,11 +173,13 @@ impl SliceLight {
         ] {
             flags |= if on { flag } else { 0 };
         }
-        let mut rates = [[1.0; 4]; 65];
-        for (i, rate) in plan.rates.iter().enumerate().take(4 * 65) {
-            rates[i / 4][i % 4] = *rate as f32;
-        }
-        let slices = uniforms::Slices { slice_mm: plan.slice_mm as f32, flags, pad0: 0, pad1: 0, rates };
+        let slices = uniforms::Slices {
+            slice_mm: plan.slice_mm as f32,
+            flags,
+            strength: scene.strength,
+            pad: 0,
+            decay: plan.decay.as_ref().map_or([[0.0; 4]; 257], Decay::packed),
+        };
         gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
         let mut bytes = vec![0u8; plan.steps.len() * STRIDE as usize];
         for (number, (step, place)) in
@@ -188,16 +213,15 @@ impl SliceLight {
             (34, buffers.eye.as_entire_binding()),
             (35, buffers.notes.as_entire_binding()),
         ];
-        let offsets = (0..plan.steps.len() as u32).map(|n| n * STRIDE as u32).collect();
         let workgroups = workgroups_of(scene.size);
-        passes.bind_steps(gpu, PassName::Slices, pipeline, &self.layout, &entries, offsets, workgroups);
+        passes.bind_steps(gpu, PassName::Slices, &self.layout, &entries, (pipelines, steps), workgroups);
         let finish = [
             (0, scene.view.as_entire_binding()),
             (6, scene.marched.as_entire_binding()),
             (34, buffers.eye.as_entire_binding()),
             (35, buffers.notes.as_entire_binding()),
         ];
-        passes.bind_shader(gpu, PassName::SlicesFinish, "slices_finish", &finish, workgroups)?;
+        passes.bind_shader(gpu, PassName::SlicesFinish, ("slices_finish", &[]), &finish, workgroups)?;
         Ok(plan.notes)
     }
 
@@ -205,12 +229,19 @@ impl SliceLight {
         if let Some((_, made)) = self.pipelines.iter().find(|(made, _)| *made == wanted) {
             return Ok(made.clone());
         }
-        let variant = match wanted.0 {
+        let variant = match wanted.variant {
             Variant::PaperExact => 0.0,
             Variant::PaperApproximate => 1.0,
             Variant::Mended => 2.0,
         };
-        let constants = [("variant", variant), ("with_solid", f64::from(u8::from(wanted.1)))];
+        let flag = |on: bool| f64::from(u8::from(on));
+        let constants = [
+            ("variant", variant),
+            ("with_solid", flag(wanted.solid)),
+            ("gradient_counts", flag(wanted.gradient)),
+            ("is_first", flag(wanted.first)),
+            ("is_empty", flag(wanted.empty)),
+        ];
         let made = pipeline(gpu, "context_slices", &self.layout, &constants)?;
         gpu.check().map_err(RenderError::Device)?;
         self.pipelines.push((wanted, made.clone()));
@@ -225,9 +256,7 @@ fn part(step: &Step, number: usize, reference_mm: f64) -> uniforms::Part {
         side: 1,
         stride: 1,
         share: 1.0,
-        is_empty: u32::from(step.empty),
         turn: (number % 2) as u32,
-        is_first: u32::from(number == 0),
         ..uniforms::Part::default()
     };
     match step.kernel {

@@ -78,7 +78,7 @@ pub(super) fn scene(two_d: bool, with_tumor: bool, projection: Projection) -> Co
 struct Drawn {
     eye: Vec<[f32; 4]>,
     depths: Vec<f32>,
-    notes: Vec<[f32; 4]>,
+    notes: Vec<[f32; 2]>,
 }
 
 fn drawn(scene: &ContextScene, quality: &Quality, size: [u32; 2]) -> Drawn {
@@ -89,12 +89,14 @@ fn drawn(scene: &ContextScene, quality: &Quality, size: [u32; 2]) -> Drawn {
     } else {
         vec![FAR; (size[0] * size[1]) as usize]
     };
-    let read = |buffer: &wgpu::Buffer| {
-        let bytes = GPU.read_buffers(&[(buffer, 0, buffer.size())]).unwrap();
-        bytemuck::pod_collect_to_vec::<u8, [f32; 4]>(&bytes[0])
-    };
+    let read = |buffer: &wgpu::Buffer| GPU.read_buffers(&[(buffer, 0, buffer.size())]).unwrap().remove(0);
     let lights = renderer.lights();
-    let out = Drawn { eye: read(lights.eye().unwrap()), depths, notes: read(lights.notes().unwrap()) };
+    let (eye, notes) = (read(lights.eye().unwrap()), read(lights.notes().unwrap()));
+    let out = Drawn {
+        eye: bytemuck::pod_collect_to_vec(&eye),
+        depths,
+        notes: bytemuck::pod_collect_to_vec(&notes),
+    };
     assert!(out.eye.iter().flatten().all(|v| v.is_finite()), "a number in every pixel");
     out
 }
@@ -127,7 +129,7 @@ fn off_twin(scene: &ContextScene, lighting: Lighting) -> f64 {
         .iter()
         .map(|d| if *d < FAR { f64::from(*d) + reference_mm } else { f64::INFINITY })
         .collect();
-    let twin = combined::slices(scene, &sight, &plan, &solid, &lighting.mutual);
+    let twin = combined::slices(scene, &sight, &plan, &solid, &lighting.mutual, quality.occlusion_strength);
     let mut worst = 0.0f64;
     let mut dark = 0;
     for (i, expected) in twin.iter().enumerate() {

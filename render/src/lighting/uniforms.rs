@@ -44,7 +44,7 @@ pub(crate) struct LightGrid {
     pub cells: [u32; 3],
     pub needed: u32,
     pub scale: [f32; 3],
-    pub pad0: u32,
+    pub strength: f32,
     pub corner: [f32; 3],
     pub pad1: u32,
     pub right: [f32; 3],
@@ -67,9 +67,9 @@ pub(crate) const SOLID_ON_VOLUME: u32 = 2;
 pub(crate) struct Slices {
     pub slice_mm: f32,
     pub flags: u32,
-    pub pad0: u32,
-    pub pad1: u32,
-    pub rates: [[f32; 4]; 65],
+    pub strength: f32,
+    pub pad: u32,
+    pub decay: [[f32; 4]; 257],
 }
 
 /// `Part` of lib/slices.wgsl.
@@ -84,10 +84,10 @@ pub(crate) struct Part {
     pub radius: f32,
     pub radius_mm: f32,
     pub share: f32,
-    pub is_empty: u32,
     pub turn: u32,
-    pub is_first: u32,
-    pub pad: u32,
+    pub pad0: u32,
+    pub pad1: u32,
+    pub pad2: u32,
 }
 
 pub(crate) const VICINITY: u32 = 1;

@@ -57,7 +57,7 @@ impl VicinityLight {
             (35, through.unwrap_or(&self.no_notes).as_entire_binding()),
             (36, self.uniform.as_entire_binding()),
         ];
-        passes.bind_shader(gpu, PassName::Vicinity, "solid_vicinity", &entries, workgroups_of(scene.size))
+        passes.bind_shader(gpu, PassName::Vicinity, ("solid_vicinity", &[]), &entries, workgroups_of(scene.size))
     }
 
     fn data(&mut self, lighting: &Lighting, sliced: bool) -> uniforms::Vicinity {

@@ -70,23 +70,131 @@ pub fn rate_at(rates: &[f64], visibility: f64) -> f64 {
     }
 }
 
-/// Past this optical thickness of one slice nothing is left that a pixel could show.
-const DARK: f64 = 12.0;
+/// Optical thickness between the entries of [`Decay::of_slab`].
+pub const DECAY_STEP: f64 = 1.0 / 16.0;
+/// Slices below this optical thickness are gone through in one step.
+pub const THIN: f64 = 0.03;
+
+/// How light from a cone falls through layers: the tables of [`through_slice`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decay {
+    /// See [`decay_rates`].
+    pub rates: Vec<f64>,
+    /// At multiples of [`DECAY_STEP`]: minus the logarithms of a slab's visibility, and of the light that
+    /// what is behind it scatters, ∫ e^{−t} V(τ + t) dt; and the thickness at which the first of them is
+    /// that multiple.
+    pub of_slab: Vec<[f64; 3]>,
+}
+
+impl Decay {
+    /// Of a cone of this half opening.
+    pub fn new(aperture_deg: f64) -> Self {
+        let least = aperture_deg.to_radians().cos();
+        let n = 128;
+        let logs = |thickness: f64| {
+            let (mut visible, mut scattered) = (0.0, 0.0);
+            for i in 0..n {
+                let c = least + (1.0 - least) * (f64::from(i) + 0.5) / f64::from(n);
+                // Against that along the axis, so that nothing is rounded to 0.
+                let through = (thickness - thickness / c).exp();
+                visible += through;
+                scattered += through / (1.0 + 1.0 / c);
+            }
+            [visible, scattered].map(|sum| thickness - (sum / f64::from(n)).ln())
+        };
+        let entries = RATE_INTERVALS + 1;
+        let of_slab = (0..entries)
+            .map(|i| {
+                let at = DECAY_STEP * i as f64;
+                let [visible, scattered] = logs(at);
+                // The logarithm is convex and falls by 1 at least: from a thickness too large Newton's
+                // steps come down.
+                let mut thickness = at;
+                for _ in 0..40 {
+                    let off = logs(thickness)[0] - at;
+                    let slope = (logs(thickness + 1e-4)[0] - logs(thickness - 1e-4)[0]) / 2e-4;
+                    thickness -= off / slope;
+                    if off.abs() < 1e-10 {
+                        break;
+                    }
+                }
+                [visible, scattered, thickness.max(0.0)]
+            })
+            .collect();
+        Self { rates: decay_rates(aperture_deg), of_slab }
+    }
+
+    fn at(&self, place: f64, which: usize) -> f64 {
+        let x = (place / DECAY_STEP).clamp(0.0, RATE_INTERVALS as f64);
+        let low = (x as usize).min(RATE_INTERVALS - 1);
+        match self.of_slab.get(low..low + 2) {
+            Some([a, b]) => a[which] + (b[which] - a[which]) * (x - low as f64),
+            _ => 0.0,
+        }
+    }
+
+    /// As the shaders read it, see lib/decay.wgsl.
+    pub(crate) fn packed(&self) -> [[f32; 4]; RATE_INTERVALS + 1] {
+        std::array::from_fn(|i| {
+            let rate = self.rates.get(i).copied().unwrap_or(1.0);
+            let [visible, scattered, thickness] = self.of_slab.get(i).copied().unwrap_or_default();
+            [rate, visible, scattered, thickness].map(|x| x as f32)
+        })
+    }
+}
 
 /// Through a homogeneous slice of an optical thickness (along the cone's axis, finite), entered with
 /// a visibility: the light that it scatters to the eye, ∫ e^{−t} V(t) dt, and the visibility behind it.
-/// Steps of at most a sixth, so that a thick slice is as right as a stack of thin ones.
-pub fn through_slice(rates: &[f64], visibility: f64, thickness: f64) -> (f64, f64) {
-    let thickness = thickness.min(DARK);
-    let steps = (6.0 * thickness).ceil().max(1.0);
-    let step = thickness / steps;
-    let (mut light, mut through, mut gathered) = (visibility, 1.0, 0.0);
-    for _ in 0..steps as u32 {
-        let half_way = light * (-0.5 * step * rate_at(rates, light)).exp();
-        let rate = rate_at(rates, half_way);
-        gathered += through * light * -(-(1.0 + rate) * step).exp_m1() / (1.0 + rate);
-        through *= (-step).exp();
-        light *= (-rate * step).exp();
+/// As through a slab behind a slab: what weakened the light before doesn't matter.
+pub fn through_slice(decay: &Decay, visibility: f64, thickness: f64) -> (f64, f64) {
+    // As in single precision, where less is nothing.
+    if visibility <= 1e-7 {
+        return (0.0, 0.0);
     }
-    (gathered, light)
+    if thickness < THIN {
+        let half_way = visibility * (-0.5 * thickness * rate_at(&decay.rates, visibility)).exp();
+        let rate = rate_at(&decay.rates, half_way);
+        let gathered = visibility * -(-(1.0 + rate) * thickness).exp_m1() / (1.0 + rate);
+        return (gathered, visibility * (-rate * thickness).exp());
+    }
+    let before = decay.at(-visibility.max(1e-30).ln(), 2);
+    let end = before + thickness;
+    let here = (-decay.at(before, 1)).exp();
+    if end >= DECAY_STEP * RATE_INTERVALS as f64 {
+        return (here, 0.0);
+    }
+    (here - (-thickness - decay.at(end, 1)).exp(), (-decay.at(end, 0)).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Any stack of slices is the slab that they make up, and what they scatter is what it scatters.
+    #[test]
+    fn a_stack_of_slices_is_a_slab() {
+        for aperture_deg in [0.0, 30.0, 60.0, 85.0] {
+            let decay = Decay::new(aperture_deg);
+            for whole in [0.01, 0.3, 1.0, 4.0, 11.0] {
+                for slices in [1, 2, 7, 60, 1000] {
+                    let (mut light, mut gathered, mut through) = (1.0, 0.0, 1.0);
+                    let thickness = whole / f64::from(slices);
+                    for _ in 0..slices {
+                        let (here, behind) = through_slice(&decay, light, thickness);
+                        gathered += through * here;
+                        through *= (-thickness).exp();
+                        light = behind;
+                    }
+                    let visible = slab_visibility(aperture_deg, whole);
+                    // By the trapezoidal rule.
+                    let n = 4000;
+                    let step = whole / f64::from(n);
+                    let at = |i: i32| (-step * f64::from(i)).exp() * slab_visibility(aperture_deg, step * f64::from(i));
+                    let scattered = step * ((0..=n).map(at).sum::<f64>() - 0.5 * (at(0) + at(n)));
+                    let off = (light - visible).abs().max((gathered - scattered).abs());
+                    assert!(off < 4e-4, "{aperture_deg} {whole} {slices}: {light} {visible} {gathered} {scattered}");
+                }
+            }
+        }
+    }
 }

@@ -28,20 +28,21 @@ pub struct Combined {
 type Lights = [f64; 2];
 
 /// Runs `plan` through the image of `scene`. `solid_mm` are view depths from the eye, infinite where
-/// there is nothing solid. Rows from the top.
+/// there is nothing solid; what no light reaches is darker by `strength` of its light. Rows from the top.
 pub fn slices(
     scene: &ContextScene,
     sight: &Sight,
     plan: &DosPlan,
     solid_mm: &[f64],
     mutual: &Mutual,
+    strength: f64,
 ) -> Vec<Combined> {
     let [width, height] = sight.size.map(|s| s as usize);
     let fresh = Combined { eye: Eye { radiance: DVec3::ZERO, transmittance: 1.0 }, on_solid: 1.0 };
     let mut out = vec![fresh; width * height];
     let mut before = vec![[1.0; 2]; width * height];
     for step in &plan.steps {
-        let pass = Pass { scene, sight, plan, step, before: &before, mutual };
+        let pass = Pass { scene, sight, plan, step, before: &before, mutual, strength };
         let mut after = vec![[1.0; 2]; width * height];
         out.par_iter_mut().zip(after.par_iter_mut()).enumerate().for_each(|(i, (out, after))| {
             let pixel = [(i % width) as u32, (i / width) as u32];
@@ -60,6 +61,7 @@ struct Pass<'a> {
     step: &'a Step,
     before: &'a [Lights],
     mutual: &'a Mutual,
+    strength: f64,
 }
 
 fn plus(a: Lights, b: Lights, weight: f64) -> Lights {
@@ -109,7 +111,8 @@ impl Pass<'_> {
             let (color, extinction) = self.material(&ray, slant, begin, end);
             let sampled = (end - begin).min(solid - depth_mm).max(0.0);
             let alpha = -(-extinction * sampled).exp_m1();
-            out.eye.radiance += color * (before[1] * alpha * out.eye.transmittance);
+            let lit = 1.0 + self.strength * (before[1] - 1.0);
+            out.eye.radiance += color * (lit * alpha * out.eye.transmittance);
             out.eye.transmittance *= 1.0 - alpha;
             let hides = solid < depth_mm + d;
             let of_both = match (hides && casts, shades) {
@@ -153,16 +156,17 @@ impl Pass<'_> {
             let (color, extinction) = self.material(&ray, slant, begin, end);
             let end = end.max(begin);
             let until = solid.clamp(begin, end);
-            let rates = &self.plan.rates;
+            let Some(decay) = &self.plan.decay else { return light };
             let (before, behind) = (extinction * slant * (until - begin), extinction * slant * (end - until));
-            let (gathered, weaker) = through_slice(rates, light[1], before);
-            out.eye.radiance += color * (gathered * out.eye.transmittance);
+            let (gathered, weaker) = through_slice(decay, light[1], before);
+            let lit = gathered * self.strength - (1.0 - self.strength) * (-before).exp_m1();
+            out.eye.radiance += color * (lit * out.eye.transmittance);
             out.eye.transmittance *= (-before).exp();
-            light = [through_slice(rates, light[0], before).1, if shades { weaker } else { light[1] }];
+            light = [through_slice(decay, light[0], before).1, if shades { weaker } else { light[1] }];
             if solid >= front {
                 out.on_solid = light[0];
             }
-            let rest = light.map(|l| through_slice(rates, l, behind).1);
+            let rest = light.map(|l| through_slice(decay, l, behind).1);
             light = [rest[0], if shades { rest[1] } else { light[1] }];
             if solid < front + d && casts {
                 light[1] = 0.0;

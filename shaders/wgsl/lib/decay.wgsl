@@ -1,26 +1,37 @@
 // How visibility falls through a slice; see through_slice of render/src/occlusion/cone.rs. The
-// including file gives rate_entry, the 257 decay rates of visibilities 0 to 1.
+// including file gives decay_entry(i): of the i-th of 257 places the decay rate at visibility i/256, and
+// minus the logarithms of a slab's visibility and of the light it scatters from there on, at optical
+// thickness i * DECAY_STEP; and the thickness at which minus the logarithm of visibility is that.
+
+const DECAY_STEP = 0.0625;
+const THIN = 0.03;
 
 fn rate_at(visibility: f32) -> f32 {
     let x = clamp(visibility, 0.0, 1.0) * 256.0;
     let low = min(u32(x), 255u);
-    return mix(rate_entry(low), rate_entry(low + 1u), x - f32(low));
+    return mix(decay_entry(low).x, decay_entry(low + 1u).x, x - f32(low));
+}
+
+fn decay_at(at: f32) -> vec4<f32> {
+    let x = clamp(at / DECAY_STEP, 0.0, 256.0);
+    let low = min(u32(x), 255u);
+    return mix(decay_entry(low), decay_entry(low + 1u), x - f32(low));
 }
 
 // Light scattered to the eye, and visibility behind the slice.
-fn through_slice(visibility: f32, whole: f32) -> vec2<f32> {
-    let thickness = min(whole, 12.0);
-    let steps = max(ceil(6.0 * thickness), 1.0);
-    let size = thickness / steps;
-    var light = visibility;
-    var through = 1.0;
-    var gathered = 0.0;
-    for (var i = 0u; i < u32(steps); i++) {
-        let half_way = light * exp(-0.5 * size * rate_at(light));
-        let rate = rate_at(half_way);
-        gathered += through * light * absorbed((1.0 + rate) * size) / (1.0 + rate);
-        through *= exp(-size);
-        light *= exp(-rate * size);
-    }
-    return vec2<f32>(gathered, light);
+fn through_slice(visibility: f32, thickness: f32) -> vec2<f32> {
+    // A thin one: the rate in its middle holds for all of it. No table adds its own error to thousands.
+    let half_way = visibility * exp(-0.5 * thickness * rate_at(visibility));
+    let rate = rate_at(half_way);
+    let thin = vec2<f32>(
+        visibility * absorbed((1.0 + rate) * thickness) / (1.0 + rate), visibility * exp(-rate * thickness));
+    // A thick one: as if a slab had weakened the light before.
+    let before = decay_at(-log(max(visibility, 1e-30))).w;
+    let here = decay_at(before);
+    let behind = decay_at(before + thickness);
+    // Past the end of the table nothing is left.
+    let left = select(exp(-behind.y), 0.0, before + thickness >= 256.0 * DECAY_STEP);
+    let later = select(exp(-thickness - behind.z), 0.0, before + thickness >= 256.0 * DECAY_STEP);
+    let thick = vec2<f32>(exp(-here.z) - later, left);
+    return select(thick, thin, thickness < THIN) * select(0.0, 1.0, visibility > 1e-7);
 }

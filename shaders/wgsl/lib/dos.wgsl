@@ -6,7 +6,7 @@ struct Dos {
     slice_mm: f32,
     pad: u32,
     tiles: vec2<u32>,
-    rates: array<vec4<f32>, 65>,    // 257 decay rates of visibilities 0 to 1
+    decay: array<vec4<f32>, 257>,   // see lib/decay.wgsl
 }
 
 struct Step {
@@ -38,8 +38,8 @@ const MENDED = 2u;
 @group(0) @binding(7) var<storage, read_write> after: array<f32>;
 @group(0) @binding(8) var<storage, read_write> eye: array<vec4<f32>>; // radiance, transmittance
 
-fn rate_entry(i: u32) -> f32 {
-    return dos.rates[i / 4u][i % 4u];
+fn decay_entry(i: u32) -> vec4<f32> {
+    return dos.decay[i];
 }
 
 #include lib/decay.wgsl

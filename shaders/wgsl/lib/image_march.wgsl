@@ -85,14 +85,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             // The jitter may leave the first cell no length.
             if value > NOT_FINITE && material.a > 0.0 && begin < end {
                 var gradient = vec3<f32>(0.0);
-                if WANTS_GRADIENT || two_d {
+                if WANTS_GRADIENT || gradient_counts && two_d {
                     gradient = gradient_at(place, here, to_next, corners);
                     let steepness = length(gradient);
                     let unknown = !(steepness < TOO_STEEP);
                     if unknown {
                         gradient = vec3<f32>(0.0);
                     }
-                    if two_d {
+                    if gradient_counts && two_d {
                         material.a *= select(factor_of(steepness), 0.0, unknown);
                     }
                 }

@@ -83,33 +83,27 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> f32 {
     let moves = abs(d) > vec3<f32>(1e-12);
     let safe = select(vec3<f32>(1.0), d, moves);
     let ends = select(vec3<f32>(FAR), max(-o / safe, (size - o) / safe), moves);
-    var far = min(min(ends.x, ends.y), ends.z);
-    // Light starts at the eye's plane.
-    if w.z < 0.0 {
-        far = min(far, (view.nearest_mm - c.z) / w.z);
-    }
+    // Light starts at the eye's plane. Not an `if`: Mesa 22.3's software driver crashes when it compiles one
+    // here with a uniform read in it.
+    let to_eye = (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0);
+    let far = min(min(min(ends.x, ends.y), ends.z), select(FAR, to_eye, w.z < 0.0));
     let widest = light.voxel_mm * exp2(light.coarsest);
     var t = 0.0;
     var thickness = 0.0;
-    // No cone needs as many rounds: a guard against numbers gone wrong.
-    for (var round = 0u; round < 480u && t < far && thickness < ENOUGH; round++) {
+    // No cone needs as many rounds: a guard against numbers gone wrong. Nothing branches in here: Mesa's
+    // software driver runs both sides anyway.
+    for (var round = 0u; (round < 480u) & (t < far) & (thickness < ENOUGH); round++) {
         let width = clamp(2.0 * t * light.tangent, light.voxel_mm, widest);
         let step = min(light.cone_step * width, far - t);
-        if !(t + step > t) {
-            break;
-        }
         let middle = t + 0.5 * step;
         let there = c + middle * w;
-        if is_hidden(there) {
-            return 0.0;
-        }
-        if is_kept(there) {
-            let here = clamp(2.0 * middle * light.tangent, light.voxel_mm, widest);
-            thickness += extinction_at(o + middle * d, log2(here / light.voxel_mm)) * step;
-        }
-        t += step;
+        let here = clamp(2.0 * middle * light.tangent, light.voxel_mm, widest);
+        let extinction = extinction_at(o + middle * d, log2(here / light.voxel_mm));
+        thickness += select(0.0, extinction * step, is_kept(there));
+        thickness = select(thickness, 2.0 * ENOUGH, is_hidden(there));
+        t = select(far, t + step, t + step > t);
     }
-    return exp(-thickness);
+    return select(exp(-thickness), 0.0, thickness >= 2.0 * ENOUGH);
 }
 
 // Share of the cone's light that reaches a place of camera space.

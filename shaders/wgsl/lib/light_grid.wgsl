@@ -4,7 +4,7 @@ struct LightGrid {
     cells: vec3<u32>,
     needed: u32,                    // how many of them are known
     scale: vec3<f32>,               // cells a voxel
-    pad0: u32,
+    strength: f32,                  // how dark what no light reaches is, 0 to 1
     corner: vec3<f32>,              // index space, where the view axis meets the reference plane
     pad1: u32,
     right: vec3<f32>,               // index space, one millimetre

@@ -4,9 +4,9 @@
 struct Slices {
     slice_mm: f32,
     flags: u32,
-    pad0: u32,
-    pad1: u32,
-    rates: array<vec4<f32>, 65>,    // 257 decay rates of visibilities 0 to 1
+    strength: f32,                  // how dark what no light reaches is, 0 to 1
+    pad: u32,
+    decay: array<vec4<f32>, 257>,   // see lib/decay.wgsl
 }
 
 struct Part {
@@ -18,10 +18,10 @@ struct Part {
     radius: f32,                    // disc: pixels
     radius_mm: f32,
     share: f32,                     // weight of one point
-    is_empty: u32,
     turn: u32,                      // which half of the lights is read
-    is_first: u32,
-    pad: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 const VOLUME_ON_VOLUME = 1u;
@@ -31,6 +31,9 @@ override variant: u32 = 2u;
 // Whether anything solid is in the picture. Then two lights are carried: behind the image alone, which
 // lights what is solid, and behind both, which lights the image.
 override with_solid: bool = false;
+// The first step, which finds everything fresh; and steps in which nothing of the image is.
+override is_first: bool = false;
+override is_empty: bool = false;
 
 const PAPER_EXACT = 0u;
 const PAPER_APPROXIMATE = 1u;
@@ -41,10 +44,10 @@ const MENDED = 2u;
 @group(0) @binding(32) var<uniform> part: Part;
 @group(0) @binding(33) var<storage, read_write> lights: array<f32>;
 @group(0) @binding(34) var<storage, read_write> eye: array<vec4<f32>>;    // radiance, transmittance
-@group(0) @binding(35) var<storage, read_write> notes: array<vec4<f32>>;  // see slices_finish.wgsl
+@group(0) @binding(35) var<storage, read_write> notes: array<vec2<f32>>;  // see slices_finish.wgsl
 
-fn rate_entry(i: u32) -> f32 {
-    return slices.rates[i / 4u][i % 4u];
+fn decay_entry(i: u32) -> vec4<f32> {
+    return slices.decay[i];
 }
 
 // 1 - e^-x, to the last digits of small ones too.

@@ -8,6 +8,8 @@ mod bricks;
 pub mod camera;
 pub mod change;
 #[cfg(test)]
+mod closeup_stability_tests;
+#[cfg(test)]
 mod closeup_tests;
 mod compute;
 pub mod cones;

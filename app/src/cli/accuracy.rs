@@ -4,7 +4,11 @@ mod page;
 mod plot;
 mod svg;
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
 
 use clap::Args;
 use glioscope_core::files::write_whole;
@@ -58,20 +62,37 @@ pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), Failure> {
     let effort = if arguments.quick { Effort::Quick } else { Effort::Whole };
     let gpu = render::gpu(arguments.software)?;
     let begun = page::Begun::now(&gpu);
-    let curves = terminal::with_progress(|progress| accuracy::curves(&gpu, effort, &families, progress))?;
-    write(&gpu, &curves, &begun, &arguments.out)?;
+    let mut took = Vec::new();
+    let curves = terminal::with_progress(|progress| {
+        let mut curves = Vec::new();
+        for &family in &families {
+            let start = Instant::now();
+            curves.extend(accuracy::curves(&gpu, effort, &[family], progress)?);
+            took.push((family, start.elapsed()));
+        }
+        Ok::<_, AccuracyError>(curves)
+    })?;
+    write(&gpu, &curves, &took, &begun, &arguments.out)?;
     if arguments.json {
         terminal::print_json(&json!({
             "adapter": gpu.describe(),
             "quick": arguments.quick,
+            "seconds": took.iter().map(|(f, t)| (f.name(), t.as_secs_f64())).collect::<BTreeMap<_, _>>(),
             "curves": curves,
         }))
     } else {
-        terminal::print(&format!("numbers, plots and page written to {}", arguments.out.display()))
+        let out = arguments.out.display();
+        terminal::print(&format!("{}\nnumbers, plots and page written to {out}", page::durations(&took)))
     }
 }
 
-fn write(gpu: &Gpu, curves: &[Curve], begun: &page::Begun, out: &Path) -> Result<(), Failure> {
+fn write(
+    gpu: &Gpu,
+    curves: &[Curve],
+    took: &[(Family, Duration)],
+    begun: &page::Begun,
+    out: &Path,
+) -> Result<(), Failure> {
     let images = out.join("images");
     std::fs::create_dir_all(&images).map_err(|e| {
         Failure(format!("{}: found {e}, expected a folder that can be made", images.display()))
@@ -85,7 +106,7 @@ fn write(gpu: &Gpu, curves: &[Curve], begun: &page::Begun, out: &Path) -> Result
         files::write_png(&images.join(format!("{}.png", plot.name)), plot::SIZE, &rgba)?;
     }
     write_whole(&out.join("accuracy.csv"), page::csv(curves).as_bytes())?;
-    write_whole(&out.join("accuracy.md"), page::markdown(curves, &plots, begun).as_bytes())?;
+    write_whole(&out.join("accuracy.md"), page::markdown(curves, &plots, took, begun).as_bytes())?;
     Ok(())
 }
 
@@ -113,7 +134,8 @@ mod tests {
         // What must be escaped.
         curves[0].scene = "a \"quoted\", <angled> & scene".into();
         let folder = tempfile::tempdir().unwrap();
-        write(&gpu, &curves, &page::Begun::now(&gpu), folder.path()).unwrap();
+        let took = families.map(|f| (f, Duration::from_millis(1500)));
+        write(&gpu, &curves, &took, &page::Begun::now(&gpu), folder.path()).unwrap();
         let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
         let csv = read("accuracy.csv");
         let columns: Vec<usize> = csv.lines().map(fields).collect();
@@ -123,6 +145,7 @@ mod tests {
         let pages = read("accuracy.md");
         let plots = plot::plots(&curves);
         assert!(plots.len() >= 2);
+        assert!(pages.contains("half 1.5 s, resampling 1.5 s"), "how long each family took");
         for plot in &plots {
             assert!(pages.contains(&format!("images/{}.png", plot.name)), "{}", plot.name);
             let svg = read(&format!("images/{}.svg", plot.name));

@@ -166,7 +166,7 @@ fn scene() -> Result<Scene, AccuracyError> {
 pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let size = bench.effort.of([48, 48], [128, 128], [256, 256]);
     let counts: &[u32] =
-        bench.effort.of(&[2, 16], &[2, 6, 12, 32], &[1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 28, 32]);
+        bench.effort.of(&[2, 12, 32], &[2, 6, 12, 32], &[1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 28, 32]);
     let (stride, samples) = bench.effort.of((3, 64), (3, 256), (3, 1024));
     let pairs = bench.effort.of(256, 512, 2048);
     let repeats = Repeats { most: bench.effort.of(1, 5, 15), patience: Duration::from_millis(3000) };

@@ -53,7 +53,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let size = bench.effort.of([24, 24], [64, 64], [144, 144]);
     let finest = bench.effort.of(0.25, 0.0625, 0.03125);
     let steps: &[f64] = bench.effort.of(
-        &[8.0, 1.0],
+        &[8.0, 1.0, 0.5],
         &[4.0, 2.0, 1.0, 0.5, 0.25],
         &[8.0, 4.0, 2.0, 1.5, 1.0, 0.75, 0.5, 0.35, 0.25, 0.125],
     );
@@ -64,7 +64,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     );
     let repeats = Repeats { most: bench.effort.of(1, 3, 9), patience: Duration::from_millis(4000) };
     bench.progress.say("making the head phantom");
-    let volume = Arc::new(ContextVolume::new(scenes::image(&scenes::phantom()?, "T1c")?));
+    let volume = Arc::new(ContextVolume::new(scenes::image(scenes::phantom()?, "T1c")?));
     let mut renderer = ContextRenderer::new(bench.gpu)?;
     let mut out = Vec::new();
     for preset in presets {

@@ -18,11 +18,11 @@ const TRUTH: f64 = 1e-12;
 
 /// Corners of every component of every mask and region of the phantom that are not solid boxes.
 fn jobs() -> Result<Vec<Vec<DVec3>>, AccuracyError> {
-    let index = scenes::phantom()?.index;
-    let labelled = |c| Components::of_index_mask(&index, c, Connectivity::TwentySix);
+    let index = &scenes::phantom()?.index;
+    let labelled = |c| Components::of_index_mask(index, c, Connectivity::TwentySix);
     let masks = (0..index.mask_ids().len()).map(labelled);
     let mut out = Vec::new();
-    for components in masks.chain([Components::of_index(&index, Connectivity::TwentySix)]) {
+    for components in masks.chain([Components::of_index(index, Connectivity::TwentySix)]) {
         let components = components.map_err(|e| AccuracyError::of(&e))?;
         let corners = components.list().iter().map(|c| hull_corners(components.runs(c), c.start));
         // Boxes have a closed form and don't come to a search.
@@ -45,7 +45,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let exact = Options { tolerance: TRUTH, ..Options::default() };
     let truth = volumes(&exact);
     let decades: &[f64] = bench.effort.of(
-        &[1e-1, 1e-5],
+        &[1e-1, 1e-7],
         &[1e-1, 1e-3, 1e-5, 1e-7, 1e-9],
         &[1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10],
     );

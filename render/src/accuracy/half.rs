@@ -30,46 +30,89 @@ fn slab(thickness: f64, slices: u32, round: impl Fn(f64) -> f64) -> f64 {
     radiance
 }
 
+/// Visibility behind a homogeneous slab and opacity of it, as the paper's occlusion buffer and the
+/// alpha of its eye buffer end up: shaders count in full, what is stored between slices is rounded.
+fn buffers(thickness: f64, slices: u32, round: impl Fn(f64) -> f64) -> [f64; 2] {
+    let alpha = -(-thickness / f64::from(slices)).exp_m1();
+    (0..slices).fold([1.0, 0.0], |[visible, opacity], _| {
+        [round(visible * (1.0 - alpha)), round(opacity + (1.0 - opacity) * alpha)]
+    })
+}
+
+/// How stored values are rounded, in words, and the bytes of a pixel's buffers then.
+const FORMATS: [(&str, f64, fn(f64) -> f64); 2] =
+    [("half floats (emulated)", 10.0, to_half), ("single floats, as the program has them", 20.0, to_single)];
+
+fn point(setting: String, slices: u32, errors: Errors) -> Point {
+    Point {
+        setting,
+        value: f64::from(slices),
+        time: None,
+        cpu: None,
+        peak_bytes: None,
+        error_rms: errors.rms(),
+        error_max: errors.max(),
+        delta_e: None,
+        is_default: false,
+        is_pareto: false,
+    }
+}
+
+fn curve(kernel: String, scene: &str, truth: &str, unit: &'static str, points: Vec<Point>) -> Curve {
+    Curve {
+        family: Family::Half,
+        kernel,
+        scene: scene.to_owned(),
+        knob: "slices",
+        truth: truth.to_owned(),
+        truth_error: None,
+        unit,
+        axis: Axis::Knob,
+        points,
+    }
+}
+
 pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let most = bench.effort.of(10, 13, 13);
     let thicknesses = [0.1, 0.5, 1.0, 2.0, 4.0];
     let mut out = Vec::new();
-    for (kernel, bytes_a_pixel, round) in [
-        ("half floats (emulated)", 10.0, to_half as fn(f64) -> f64),
-        ("single floats, as the program has them", 20.0, to_single as fn(f64) -> f64),
-    ] {
+    for (kernel, bytes_a_pixel, round) in FORMATS {
         bench.begin("half floats", kernel)?;
-        let mut points = Vec::new();
-        for power in 4..=most {
+        let points = (4..=most).map(|power| {
             let slices = 1u32 << power;
             let mut errors = Errors::default();
             for thickness in thicknesses {
                 errors.add(slab(thickness, slices, round) + 0.8 * (-thickness).exp_m1());
             }
-            points.push(Point {
-                setting: format!("{slices} slices, {bytes_a_pixel} bytes a pixel"),
-                value: f64::from(slices),
-                time: None,
-                cpu: None,
-                peak_bytes: None,
-                error_rms: errors.rms(),
-                error_max: errors.max(),
-                delta_e: None,
-                is_default: false,
-                is_pareto: false,
-            });
-        }
-        out.push(Curve {
-            family: Family::Half,
-            kernel: kernel.to_owned(),
-            scene: "homogeneous slabs of optical thickness 0.1 to 4".to_owned(),
-            knob: "slices",
-            truth: "0.8 (1 − e^−τ)".to_owned(),
-            truth_error: None,
-            unit: "linear radiance, 0 to 1",
-            axis: Axis::Knob,
-            points,
+            point(format!("{slices} slices, {bytes_a_pixel} bytes a pixel"), slices, errors)
         });
+        out.push(curve(
+            kernel.to_owned(),
+            "homogeneous slabs of optical thickness 0.1 to 4",
+            "0.8 (1 − e^−τ)",
+            "linear radiance, 0 to 1",
+            points.collect(),
+        ));
+    }
+    for (which, what) in ["occlusion buffer", "opacity in the eye buffer"].into_iter().enumerate() {
+        for (kernel, _, round) in FORMATS {
+            bench.begin(what, kernel)?;
+            // The paper's own pictures have 220 to 1563 slices.
+            let points = [220, 500, 1000, 1563, 2000, 4000, 8000].map(|slices| {
+                let visible = (-1.0f64).exp();
+                let truth = [visible, 1.0 - visible];
+                let mut errors = Errors::default();
+                errors.add(buffers(1.0, slices, round)[which] - truth[which]);
+                point(format!("{slices} slices"), slices, errors)
+            });
+            out.push(curve(
+                format!("{what}, {kernel}"),
+                "what directional occlusion stores, behind a slab of optical thickness 1",
+                "e^−1 and 1 − e^−1",
+                "share of light, 0 to 1",
+                points.into(),
+            ));
+        }
     }
     Ok(out)
 }

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    AccuracyError, Axis, Bench, Curve, Family, Point,
+    AccuracyError, Axis, Bench, Curve, Effort, Family, Point,
     measure::{Errors, Repeats, delta_e_of, displayed, timed},
     scenes,
 };
@@ -14,7 +14,7 @@ use crate::{
     camera::Camera,
     cones::{ConeRenderer, ConeSettings},
     dos::{DosRenderer, DosSettings, Form, Variant},
-    occlusion::OpticalVolume,
+    occlusion::{Filter, OpticalVolume},
     reference::{
         monte_carlo::{Estimate, Phase, radiance},
         random::Random,
@@ -101,25 +101,30 @@ impl Stage<'_> {
         &self,
         renderer: &mut DosRenderer,
         variant: Variant,
-        settings: &[(f64, u32)],
+        settings: &[DosSettings],
     ) -> Result<Curve, AccuracyError> {
         let gpu = self.bench.gpu;
         let mut points = Vec::new();
-        for &(slice_mm, grid) in settings {
-            let asked =
-                DosSettings { variant, aperture_deg: APERTURE_DEG, grid, slice_mm, ..DosSettings::default() };
-            self.bench.begin(variant.name(), &format!("{slice_mm} mm, {grid}x{grid}"))?;
+        for asked in settings {
+            let DosSettings { slice_mm, grid, reference_mm, .. } = *asked;
+            // Only the mended variant has a reference.
+            let reference = match variant {
+                Variant::Mended => format!(", reference {reference_mm} mm"),
+                _ => String::new(),
+            };
+            let setting = format!("slices of {slice_mm} mm, {grid}x{grid}{reference}");
+            self.bench.begin(variant.name(), &setting)?;
             let mut slices = 0;
             let measured = timed(self.repeats, || {
                 let (volume, size) = (&self.volume, self.size);
                 slices =
-                    renderer.render(gpu, volume, &self.camera, size, &asked, Form::OnePass, true)?.slices();
+                    renderer.render(gpu, volume, &self.camera, size, asked, Form::OnePass, true)?.slices();
                 self.bench.wait()?;
                 Ok::<_, AccuracyError>(())
             })?;
             let (errors, delta_e) = self.truth.against(&renderer.read(gpu)?);
             points.push(Point {
-                setting: format!("{slices} slices of {slice_mm} mm, {grid}x{grid}"),
+                setting: format!("{slices} {setting}"),
                 value: slice_mm,
                 time: measured.time,
                 cpu: self.bench.cpu(measured.cpu),
@@ -127,11 +132,15 @@ impl Stage<'_> {
                 error_rms: errors.rms(),
                 error_max: errors.max(),
                 delta_e: Some(delta_e),
-                is_default: asked == DosSettings::default(),
+                is_default: *asked == DosSettings::default(),
                 is_pareto: false,
             });
         }
-        Ok(self.curve(&format!("slices, {}", variant.name()), "DosSettings::slice_mm and grid", points))
+        Ok(self.curve(
+            &format!("slices, {}", variant.name()),
+            "DosSettings::slice_mm, grid and reference_mm",
+            points,
+        ))
     }
 
     fn cones(&self, settings: &[ConeSettings]) -> Result<Curve, AccuracyError> {
@@ -160,7 +169,7 @@ impl Stage<'_> {
                 error_rms: errors.rms(),
                 error_max: errors.max(),
                 delta_e: Some(delta_e),
-                is_default: *asked == ConeSettings::default(),
+                is_default: *asked == ConeSettings::of(self.volume.filter()),
                 is_pareto: false,
             });
         }
@@ -168,13 +177,44 @@ impl Stage<'_> {
     }
 }
 
-/// Slice distances by grids.
-fn product(distances: &[f64], grids: &[u32]) -> Vec<(f64, u32)> {
-    grids.iter().flat_map(|g| distances.iter().map(|d| (*d, *g))).collect()
+/// Slice distances by grids, at the default's reference.
+fn product(variant: Variant, distances: &[f64], grids: &[u32]) -> Vec<DosSettings> {
+    let base = DosSettings { variant, aperture_deg: APERTURE_DEG, ..DosSettings::default() };
+    grids
+        .iter()
+        .flat_map(|&grid| distances.iter().map(move |&slice_mm| DosSettings { grid, slice_mm, ..base }))
+        .collect()
 }
 
-fn cone_settings(bench: &Bench<'_>) -> Vec<ConeSettings> {
-    let base = ConeSettings { aperture_deg: APERTURE_DEG, ..ConeSettings::default() };
+fn slice_settings(effort: Effort, variant: Variant) -> Vec<DosSettings> {
+    match (effort, variant) {
+        (Effort::Tiny, Variant::PaperExact) => Vec::new(),
+        (Effort::Tiny, _) => product(variant, &[4.0, 2.0, 1.0], &[5]),
+        (Effort::Quick, Variant::PaperExact) => product(variant, &[2.0], &[5]),
+        (Effort::Quick, Variant::PaperApproximate) => product(variant, &[4.0, 2.0, 1.0], &[5]),
+        (Effort::Quick, Variant::Mended) => {
+            with_references(variant, product(variant, &[4.0, 2.0, 1.0], &[5]))
+        }
+        (Effort::Whole, Variant::PaperExact) => product(variant, &[4.0, 2.0, 1.0, 0.5, 0.25], &[5]),
+        (Effort::Whole, Variant::PaperApproximate) => {
+            product(variant, &[4.0, 2.0, 1.0, 0.5, 0.25, 0.125], &[2, 5, 9, 13])
+        }
+        (Effort::Whole, Variant::Mended) => {
+            with_references(variant, product(variant, &[4.0, 2.0, 1.0, 0.5, 0.25, 0.125], &[2, 3, 5, 9, 13]))
+        }
+    }
+}
+
+/// More settings: the default with other references.
+fn with_references(variant: Variant, mut settings: Vec<DosSettings>) -> Vec<DosSettings> {
+    let base = DosSettings { variant, aperture_deg: APERTURE_DEG, ..DosSettings::default() };
+    let other = [1.25, 2.5, 5.0, 10.0, 20.0].into_iter().filter(|r| *r != base.reference_mm);
+    settings.extend(other.map(|reference_mm| DosSettings { reference_mm, ..base }));
+    settings
+}
+
+fn cone_settings(effort: Effort, filter: Filter) -> Vec<ConeSettings> {
+    let base = ConeSettings { aperture_deg: APERTURE_DEG, ..ConeSettings::of(filter) };
     let with = |sub_cones, coarsest_level, step: f64| ConeSettings {
         sub_cones,
         coarsest_level,
@@ -182,24 +222,19 @@ fn cone_settings(bench: &Bench<'_>) -> Vec<ConeSettings> {
         cone_step: step,
         ..base
     };
-    let coarsest = base.coarsest_level;
-    match bench.effort {
-        super::Effort::Tiny => vec![with(1, coarsest, 1.0), with(32, 0, 0.5)],
-        super::Effort::Quick => {
-            vec![
-                with(1, coarsest, 1.0),
-                with(4, coarsest, 1.0),
-                with(8, coarsest, 1.0),
-                with(8, 1, 1.0),
-                with(16, 0, 1.0),
-            ]
+    match effort {
+        Effort::Tiny => vec![with(1, 8, 1.0), with(8, 1, 1.0), with(32, 0, 0.5)],
+        Effort::Quick => {
+            vec![with(1, 8, 1.0), with(8, 2, 1.0), with(8, 1, 1.0), with(4, 1, 1.0), with(16, 0, 1.0)]
         }
-        super::Effort::Whole => {
+        Effort::Whole => {
             let mut all = Vec::new();
             for n in [1, 2, 4, 8, 16, 32] {
-                all.extend([with(n, coarsest, 1.0), with(n, 2, 1.0), with(n, 1, 1.0), with(n, 0, 1.0)]);
+                all.extend([8, 4, 3, 2, 1, 0].map(|level| with(n, level, 1.0)));
             }
-            all.extend([with(4, coarsest, 2.0), with(8, coarsest, 2.0), with(8, coarsest, 0.5)]);
+            all.extend([8, base.coarsest_level].into_iter().flat_map(|level| {
+                [(4, 2.0), (8, 2.0), (8, 0.5)].map(|(sub_cones, step)| with(sub_cones, level, step))
+            }));
             all.extend([with(16, 0, 0.5), with(32, 0, 0.5)]);
             all
         }
@@ -215,7 +250,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let mut out = Vec::new();
     let mut slices = DosRenderer::new(bench.gpu)?;
     for (name, volume) in [("soft balls", scenes::soft(n)?), ("labels", scenes::labels(n)?)] {
-        if bench.effort < super::Effort::Whole && name == "labels" {
+        if bench.effort < Effort::Whole && name == "labels" {
             continue;
         }
         bench.begin("occlusion: Monte Carlo of", name)?;
@@ -235,18 +270,13 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
             repeats: Repeats { most: bench.effort.of(1, 3, 5), patience: Duration::from_millis(1500) },
         };
         for variant in all {
-            let settings = match (bench.effort, variant) {
-                (super::Effort::Tiny, Variant::PaperExact) => continue,
-                (super::Effort::Tiny, _) => product(&[4.0, 1.0], &[5]),
-                (super::Effort::Quick, Variant::PaperExact) => product(&[1.0], &[5]),
-                (super::Effort::Quick, _) => product(&[2.0, 1.0, 0.5], &[3, 5]),
-                (_, Variant::PaperExact) => product(&[4.0, 2.0, 1.0, 0.5, 0.25], &[5]),
-                (_, Variant::PaperApproximate) => product(&[4.0, 2.0, 1.0, 0.5, 0.25, 0.125], &[2, 5, 9, 13]),
-                (_, Variant::Mended) => product(&[4.0, 2.0, 1.0, 0.5, 0.25, 0.125], &[2, 3, 5, 9, 13]),
-            };
+            let settings = slice_settings(bench.effort, variant);
+            if settings.is_empty() {
+                continue;
+            }
             out.push(stage.slices(&mut slices, variant, &settings)?);
         }
-        out.push(stage.cones(&cone_settings(bench))?);
+        out.push(stage.cones(&cone_settings(bench.effort, stage.volume.filter()))?);
     }
     Ok(out)
 }

@@ -1,6 +1,6 @@
 //! Scenes of known make: the head phantom, and soft and labelled balls.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use glioscope_core::{Grid, Volume, case::TimePoint, phantom};
@@ -11,11 +11,15 @@ use crate::{
     occlusion::{Filter, OpticalVolume, Table},
 };
 
-/// The phantom's first date.
-pub(super) fn phantom() -> Result<TimePoint, AccuracyError> {
-    let case = phantom::phantom_case().map_err(|e| AccuracyError::of(&e))?;
-    let first = case.time_points.into_iter().next();
-    first.ok_or_else(|| AccuracyError::Scene("a phantom without a date".to_owned()))
+/// The phantom's first date, made once: four families look at it.
+pub(super) fn phantom() -> Result<&'static TimePoint, AccuracyError> {
+    static FIRST: OnceLock<Result<TimePoint, String>> = OnceLock::new();
+    let first = FIRST.get_or_init(|| {
+        let case = phantom::phantom_case().map_err(|e| e.to_string())?;
+        let first = case.time_points.into_iter().next();
+        first.ok_or_else(|| "a phantom without a date".to_owned())
+    });
+    first.as_ref().map_err(|e| AccuracyError::Scene(e.clone()))
 }
 
 /// An image of it.

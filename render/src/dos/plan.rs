@@ -53,7 +53,8 @@ pub struct DosSettings {
     /// Samples along a side of the footprint; clamped to 1 to 13. In the mended variant the most
     /// that a step takes; it takes fewer where they hold its footprint.
     pub grid: u32,
-    /// Distance of slices along the view axis.
+    /// Distance of slices along the view axis; at most the volume's depth, at least that of
+    /// [`MOST_SLICES`].
     pub slice_mm: f64,
     /// Distance of an occluder whose penumbra has the true cone's width; the mended variant alone.
     /// Nearer ones are blurred more than truly, farther ones less.
@@ -62,7 +63,7 @@ pub struct DosSettings {
 
 impl Default for DosSettings {
     fn default() -> Self {
-        Self { variant: Variant::Mended, aperture_deg: 60.0, grid: 5, slice_mm: 1.0, reference_mm: 10.0 }
+        Self { variant: Variant::Mended, aperture_deg: 60.0, grid: 5, slice_mm: 2.0, reference_mm: 5.0 }
     }
 }
 
@@ -207,7 +208,14 @@ impl DosPlan {
         let span = far - near;
         let least = span / f64::from(MOST_SLICES);
         let asked = settings.slice_mm;
-        plan.slice_mm = if asked.is_finite() && asked > 0.0 { asked.max(least) } else { span / 256.0 };
+        plan.slice_mm = if !(asked.is_finite() && asked > 0.0) {
+            span / 256.0
+        } else if asked > span && span > 0.0 {
+            // A slice is looked at in its middle, which must lie in the volume.
+            span
+        } else {
+            asked.max(least)
+        };
         if plan.slice_mm != asked {
             plan.notes.push(format!("slice distance {asked} mm: {} mm is used", plan.slice_mm));
         }

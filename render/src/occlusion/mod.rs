@@ -5,6 +5,8 @@ mod bricks;
 pub mod cone;
 mod geometry;
 pub(crate) mod poisson;
+#[cfg(test)]
+mod stability_tests;
 pub(crate) mod upload;
 mod volume;
 

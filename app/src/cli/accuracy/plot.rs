@@ -5,10 +5,10 @@ use egui::{Align2, Color32, FontId, Pos2, Stroke, pos2, vec2};
 use glioscope_render::accuracy::{Axis, Curve, Point};
 
 /// Pixels.
-pub(super) const SIZE: [u32; 2] = [800, 520];
+pub(super) const SIZE: [u32; 2] = [900, 520];
 
 const LEFT: f32 = 66.0;
-const RIGHT: f32 = 778.0;
+const RIGHT: f32 = 878.0;
 const TOP: f32 = 78.0;
 const BOTTOM: f32 = 462.0;
 const INK: [u8; 3] = [40, 40, 40];
@@ -16,6 +16,8 @@ const FAINT: [u8; 3] = [222, 222, 222];
 const GREY: [u8; 3] = [130, 130, 130];
 /// Told apart with common colour vision deficiencies (Okabe and Ito 2008).
 const COLORS: [[u8; 3]; 5] = [[0, 114, 178], [213, 94, 0], [0, 158, 115], [204, 121, 167], [86, 180, 233]];
+
+const TRUTH: &str = "the truth itself is off by this";
 
 /// Which end of a text is at its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -190,52 +192,145 @@ fn marks(curves: &[&Curve]) -> Vec<Mark> {
     if let Some(error) = truth_errors().reduce(f64::max) {
         let at = y.at(error);
         out.push(line([LEFT, at], [RIGHT, at], GREY, 1.0, true));
-        out.push(text([LEFT + 6.0, at - 8.0], Anchor::Start, 11.0, GREY, "the truth itself is off by this"));
     }
     let place = |p: &Point| along(p).map(|v| [x.at(v), y.at(p.error_rms)]);
     let mut front: Vec<[f32; 2]> = points().filter(|p| p.is_pareto).filter_map(place).collect();
     front.sort_by(|a, b| a[0].total_cmp(&b[0]));
     out.extend(front.windows(2).map(|w| line(w[0], w[1], GREY, 2.0, false)));
     for (curve, color) in curves.iter().zip(COLORS.into_iter().cycle()) {
-        let swept = curve.points.windows(2).all(|w| w[0].value < w[1].value)
-            || curve.points.windows(2).all(|w| w[0].value > w[1].value);
-        let places: Vec<Option<[f32; 2]>> = curve.points.iter().map(place).collect();
-        if swept {
-            out.extend(places.windows(2).filter_map(|w| Some(line(w[0]?, w[1]?, color, 1.0, false))));
+        for run in sweeps(&curve.points) {
+            let places: Vec<[f32; 2]> = run.iter().filter_map(place).collect();
+            out.extend(places.windows(2).map(|w| line(w[0], w[1], color, 1.0, false)));
         }
-        for (point, at) in curve.points.iter().zip(places) {
-            let Some(at) = at else { continue };
+        for (point, at) in curve.points.iter().filter_map(|p| Some((p, place(p)?))) {
             if let Some(t) = point.cost().filter(|_| first.axis == Axis::Time) {
                 out.push(line([x.at(t.q1_ms), at[1]], [x.at(t.q3_ms), at[1]], color, 1.0, false));
             }
             let filled = point.is_pareto || first.axis == Axis::Knob;
-            out.push(Mark::Dot { at, radius: if filled { 4.0 } else { 3.0 }, color, filled });
-        }
-        if swept {
-            let ends = [curve.points.first(), curve.points.last()];
-            for point in ends.into_iter().flatten().filter(|p| !p.is_default) {
-                out.extend(place(point).map(|at| label(at, &point.setting, color)));
+            out.push(Mark::Dot { at, radius: if filled { 4.5 } else { 3.5 }, color, filled });
+            if point.is_default {
+                out.push(Mark::Dot { at, radius: 9.0, color: INK, filled: false });
             }
         }
     }
-    for point in points().filter(|p| p.is_default) {
-        if let Some(at) = place(point) {
-            out.push(Mark::Dot { at, radius: 8.0, color: INK, filled: false });
-            out.push(label(at, &format!("default: {}", point.setting), INK));
+    let legend = legend(curves);
+    let around = |[x, y]: [f32; 2]| Area { left: x - 5.0, right: x + 5.0, top: y - 5.0, bottom: y + 5.0 };
+    let mut labels = Labels { taken: points().filter_map(place).map(around).collect() };
+    labels.taken.push(Area {
+        left: 0.6 * RIGHT,
+        right: RIGHT,
+        top: 0.0,
+        bottom: TOP + 17.0 * legend.len() as f32 / 2.0,
+    });
+    if let Some(error) = truth_errors().reduce(f64::max) {
+        let at = y.at(error);
+        out.push(labels.always([LEFT - 5.0, at], TRUTH, GREY));
+        labels.taken.push(Area { left: LEFT, right: RIGHT, top: at - 2.0, bottom: at + 2.0 });
+    }
+    // What is the default first, then the front, then the ends of what is swept in one go.
+    let colored = || curves.iter().zip(COLORS.into_iter().cycle());
+    for (point, color) in colored().flat_map(|(c, color)| c.points.iter().map(move |p| (p, color))) {
+        if let Some(at) = place(point).filter(|_| point.is_default) {
+            out.push(labels.always(at, &format!("default: {}", point.setting), mixed(color)));
         }
     }
-    out.extend(legend(curves));
+    for (curve, color) in colored() {
+        let whole = sweeps(&curve.points).next().is_some_and(|run| run.len() == curve.points.len());
+        let last = curve.points.len().saturating_sub(1);
+        for (number, point) in curve.points.iter().enumerate().filter(|(_, p)| !p.is_default) {
+            let wanted = point.is_pareto || (whole && (number == 0 || number == last));
+            if let Some(at) = place(point).filter(|_| wanted) {
+                out.extend(labels.if_free(at, &point.setting, mixed(color)));
+            }
+        }
+    }
+    out.extend(legend);
     out
 }
 
-/// Words beside a point, on the side where there is room.
-fn label([x, y]: [f32; 2], words: &str, color: [u8; 3]) -> Mark {
-    let (at, anchor) = if x > 0.62 * RIGHT {
-        ([x - 11.0, y - 12.0], Anchor::End)
-    } else {
-        ([x + 11.0, y - 12.0], Anchor::Start)
-    };
-    text(at, anchor, 11.0, color, words)
+/// Neighbours whose knob rises, or falls, all along: three at least, or all that there are.
+fn sweeps(points: &[Point]) -> impl Iterator<Item = &[Point]> {
+    let least = points.len().clamp(2, 3);
+    let way = |w: &[Point]| w.first().zip(w.last()).and_then(|(a, b)| a.value.partial_cmp(&b.value));
+    let mut start = 0;
+    let mut runs = Vec::new();
+    for end in 1..=points.len() {
+        let own = points.get(start..(start + 2).min(points.len())).and_then(way);
+        let next = points.get(end.saturating_sub(1)..=end).and_then(way);
+        let goes_on = next.is_some() && next == own && next != Some(std::cmp::Ordering::Equal);
+        if !goes_on {
+            runs.extend(points.get(start..end).filter(|run| run.len() >= least));
+            start = end;
+        }
+    }
+    runs.into_iter()
+}
+
+/// Darker, so that small words of it can be read.
+fn mixed(color: [u8; 3]) -> [u8; 3] {
+    color.map(|c| (f32::from(c) * 0.7) as u8)
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Area {
+    left: f32,
+    right: f32,
+    top: f32,
+    bottom: f32,
+}
+
+impl Area {
+    fn meets(&self, other: &Self) -> bool {
+        self.left < other.right
+            && other.left < self.right
+            && self.top < other.bottom
+            && other.top < self.bottom
+    }
+}
+
+/// Words beside points, where they hide neither a point nor each other.
+struct Labels {
+    taken: Vec<Area>,
+}
+
+impl Labels {
+    const SIZE: f32 = 11.5;
+
+    /// The sides of a point that words fit at.
+    fn sides([x, y]: [f32; 2], words: &str) -> Vec<([f32; 2], Anchor, Area)> {
+        // No letter of the plots' is wider on average.
+        let width = 0.54 * Self::SIZE * words.chars().count() as f32;
+        let mut out = Vec::new();
+        for dy in [-12.0, 13.0, -24.0, 25.0] {
+            for (at, anchor, left) in [
+                ([x + 10.0, y + dy], Anchor::Start, x + 10.0),
+                ([x - 10.0, y + dy], Anchor::End, x - 10.0 - width),
+            ] {
+                let half = 0.55 * Self::SIZE;
+                let own = Area { left, right: left + width, top: at[1] - half, bottom: at[1] + half };
+                if own.left > LEFT && own.right < SIZE[0] as f32 && own.top > TOP && own.bottom < BOTTOM {
+                    out.push((at, anchor, own));
+                }
+            }
+        }
+        out
+    }
+
+    fn if_free(&mut self, at: [f32; 2], words: &str, color: [u8; 3]) -> Option<Mark> {
+        let free = |own: &Area| !self.taken.iter().any(|t| t.meets(own));
+        let (at, anchor, own) = Self::sides(at, words).into_iter().find(|(_, _, own)| free(own))?;
+        self.taken.push(own);
+        Some(text(at, anchor, Self::SIZE, color, words))
+    }
+
+    /// At the first side where nothing else has room.
+    fn always(&mut self, at: [f32; 2], words: &str, color: [u8; 3]) -> Mark {
+        self.if_free(at, words, color).unwrap_or_else(|| {
+            let anchor = if at[0] > 0.6 * RIGHT { Anchor::End } else { Anchor::Start };
+            let off = if anchor == Anchor::End { -10.0 } else { 10.0 };
+            text([at[0] + off, at[1] - 12.0], anchor, Self::SIZE, color, words)
+        })
+    }
 }
 
 /// Names of the curves in their colours, at the upper right, where time is spent and error is large.
@@ -248,7 +343,7 @@ fn legend(curves: &[&Curve]) -> Vec<Mark> {
         y += 17.0;
     }
     if curves.iter().any(|c| c.axis == Axis::Time) {
-        let words = "filled: on the front";
+        let words = "filled: on the front; ringed: default";
         out.push(text([RIGHT - 18.0, y], Anchor::End, 11.0, GREY, words));
     }
     out
@@ -288,6 +383,78 @@ pub(super) fn paint(ui: &egui::Ui, marks: &[Mark]) {
                 };
                 painter.text(place(*at), align, text, FontId::proportional(*size), color_of(*color));
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glioscope_render::accuracy::{Family, Timing};
+
+    use super::*;
+
+    fn curve(values: &[f64]) -> Curve {
+        let point = |(number, value): (usize, &f64)| {
+            let ms = 10.0 + number as f64;
+            Point {
+                setting: format!("a setting in several words, number {number}"),
+                value: *value,
+                time: Some(Timing { median_ms: ms, q1_ms: ms, q3_ms: ms, runs: 1 }),
+                cpu: None,
+                peak_bytes: None,
+                error_rms: 1.0 / ms,
+                error_max: 1.0,
+                delta_e: None,
+                is_default: number == 2,
+                is_pareto: true,
+            }
+        };
+        Curve {
+            family: Family::Occlusion,
+            kernel: "kernel".to_owned(),
+            scene: String::new(),
+            knob: "",
+            truth: String::new(),
+            truth_error: Some(0.01),
+            unit: "",
+            axis: Axis::Time,
+            points: values.iter().enumerate().map(point).collect(),
+        }
+    }
+
+    #[test]
+    fn only_what_is_swept_is_joined() {
+        let runs =
+            |values: &[f64]| -> Vec<usize> { sweeps(&curve(values).points).map(<[Point]>::len).collect() };
+        assert_eq!(runs(&[4.0, 2.0, 1.0, 4.0, 2.0, 1.0, 0.5]), [3, 4]);
+        assert_eq!(runs(&[1.0, 2.0]), [2]);
+        assert_eq!(runs(&[1.0, 1.0, 1.0]), [0; 0]);
+        assert_eq!(runs(&[2.0, 1.0, 3.0, 3.0]), [0; 0]);
+        assert_eq!(runs(&[1.0, 2.0, 3.0, 3.0, 3.0]), [3]);
+        assert_eq!(runs(&[]), [0; 0]);
+    }
+
+    /// Points so close that not all can be named: the default is, and no words lie on others or past the edge.
+    #[test]
+    fn words_keep_clear_of_each_other() {
+        let crowd = curve(&[0.0; 60]);
+        let marks = marks(&[&crowd]);
+        let areas: Vec<(Area, &str)> = marks
+            .iter()
+            .filter_map(|m| match m {
+                Mark::Text { at, anchor, size, text, .. } if *size == Labels::SIZE => {
+                    let width = 5.0 * text.chars().count() as f32;
+                    let left = if *anchor == Anchor::End { at[0] - width } else { at[0] };
+                    Some((Area { left, right: left + width, top: at[1] - 5.0, bottom: at[1] + 5.0 }, &**text))
+                }
+                _ => None,
+            })
+            .collect();
+        assert!(areas.iter().any(|a| a.1.starts_with("default: ")));
+        assert!(areas.len() > 4 && areas.len() < 60, "{}", areas.len());
+        for (n, (a, words)) in areas.iter().enumerate() {
+            assert!(a.left > LEFT - 1.0 && a.right < SIZE[0] as f32, "{words}");
+            assert!(areas[..n].iter().all(|b| !b.0.meets(a)), "{words}");
         }
     }
 }

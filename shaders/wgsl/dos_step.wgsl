@@ -61,9 +61,9 @@ fn main(
             if part.is_empty == 0u {
                 optics = optics_at(place(from_middle(pixel), part.depth + 0.5 * dos.slice_mm));
             }
+            after[at] = disc(pixel, optics.w);
             let next = blend(eye[at], optics, before[at]);
             eye[at] = next;
-            after[at] = disc(pixel, optics.w);
             through = next.w;
         }
         if stopping {

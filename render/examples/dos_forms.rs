@@ -159,9 +159,12 @@ fn main() {
     println!("|---:|---:|---:|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
     let (exact, near) = (Variant::PaperExact, Variant::PaperApproximate);
     let mut rows: Vec<(u32, f64, f64, Variant, u32)> = Vec::new();
-    for (side, aperture_deg, slice_mm, variants) in
-        [(256, 50.0, 0.2, &[near, exact][..]), (256, 50.0, 0.5, &[near][..]), (128, 85.0, 0.5, &[near][..])]
-    {
+    for (side, aperture_deg, slice_mm, variants) in [
+        (256, 50.0, 0.2, &[near][..]),
+        (128, 50.0, 0.4, &[near, exact][..]),
+        (128, 50.0, 1.0, &[near][..]),
+        (128, 85.0, 0.5, &[near][..]),
+    ] {
         for variant in variants {
             rows.extend([2, 5, 13].map(|grid| (side, aperture_deg, slice_mm, *variant, grid)));
         }

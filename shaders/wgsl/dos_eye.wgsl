@@ -13,5 +13,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if part.is_empty == 0u {
         optics = optics_at(place(from_middle(pixel), part.depth + 0.5 * dos.slice_mm));
     }
-    eye[at] = blend(eye[at], optics, before[at]);
+    // As in dos_step.wgsl.
+    if optics.w > 0.0 {
+        eye[at] = blend(eye[at], optics, before[at]);
+    }
 }

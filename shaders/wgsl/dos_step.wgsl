@@ -61,10 +61,12 @@ fn main(
             if part.is_empty == 0u {
                 optics = optics_at(place(from_middle(pixel), part.depth + 0.5 * dos.slice_mm));
             }
-            let next = blend(eye[at], optics, before[at]);
-            eye[at] = next;
             after[at] = disc(pixel, optics.w);
-            through = next.w;
+            // Nothing here leaves the eye as it is: its 32 bytes need not move.
+            if optics.w > 0.0 {
+                eye[at] = blend(eye[at], optics, before[at]);
+            }
+            through = eye[at].w;
         }
         if stopping {
             // Bits of what isn't negative are in the order of the numbers. Most threads find them there.

@@ -1,6 +1,7 @@
 //! Directional occlusion shading by slices (Schott et al. 2009), front to back: the paper's own form,
 //! and one mended so that the picture doesn't depend on the slice distance.
 
+mod folded;
 mod plan;
 mod renderer;
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::folded::fold;
 use crate::occlusion::{
     Sight,
     cone::{Decay, clamped_aperture, tangent_variance},
@@ -298,6 +299,18 @@ impl DosPlan {
         if let Some((mut s, total)) = step {
             s.kernel = Kernel::lattice(grid, blur_before + 0.5 * total);
             self.steps.push(s);
+        }
+    }
+
+    /// Texels of the occlusion buffer that a pixel reads in a step for its footprint.
+    pub fn texels(&self, step: &Step) -> u32 {
+        match step.kernel {
+            Kernel::Lattice { side, .. } => side * side + u32::from(side > 1),
+            Kernel::Disc { grid, radius_px, radius_mm } => {
+                let exact = self.variant == Variant::PaperExact;
+                fold(grid, radius_px, radius_mm, self.slice_mm, exact)
+                    .map_or_else(|| 4 * disc_points(grid).len() as u32, |f| (2 * f.reach + 1).pow(2))
+            }
         }
     }
 

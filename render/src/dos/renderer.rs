@@ -1,7 +1,7 @@
 //! The slices on the graphics device.
 //!
 //! Lifetimes: pipelines are made once; a volume's buffers once per `Arc`; the picture's buffers (28
-//! bytes a pixel) once a size; the uniforms of the steps, 256 bytes each, once a picture.
+//! bytes a pixel) once a size; the uniforms of the steps, 1,280 bytes each, once a picture.
 
 use std::sync::Arc;
 
@@ -9,13 +9,13 @@ use wgpu::util::DeviceExt;
 
 use super::{
     plan::{DosPlan, DosSettings, Variant},
-    uniforms::{self, TILE},
+    uniforms::{self, Footing, TILE},
 };
 use crate::{
     camera::Camera,
     gpu::Gpu,
     occlusion::{
-        OpticalVolume, Sight,
+        Filter, OpticalVolume, Sight,
         upload::{Kind, OnDevice, check_size, layout, pipeline},
     },
     renderer::{RenderError, check_view},
@@ -31,8 +31,8 @@ pub enum Form {
     TwoPasses,
 }
 
-/// Bytes from one step's uniform to the next.
-const STRIDE: u64 = 256;
+/// Bytes from one step's uniform to the next: offsets are multiples of 256.
+const STRIDE: u64 = (size_of::<uniforms::DosStep>() as u64).next_multiple_of(256);
 /// Steps of one submission.
 const STEPS_AT_ONCE: usize = 512;
 
@@ -70,8 +70,32 @@ impl Picture {
     }
 }
 
-/// A shader, its variant, and whether saturated tiles stop.
-type Wanted = (&'static str, Variant, bool);
+/// A shader and its constants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Wanted {
+    shader: &'static str,
+    variant: Variant,
+    /// Saturated tiles stop, empty bricks are left out.
+    skipping: bool,
+    labels: bool,
+    footing: Footing,
+}
+
+impl Wanted {
+    /// The passes of a step, in order.
+    fn of(two: bool, variant: Variant, skipping: bool, labels: bool, footing: Footing) -> Vec<Self> {
+        let one = Self { shader: "dos_step", variant, skipping, labels, footing };
+        if !two {
+            return vec![one];
+        }
+        // The eye's pass is the same whatever the footprint.
+        let (variant, any) = (Variant::PaperApproximate, Footing { reach: 0, rings: 1 });
+        vec![
+            Self { shader: "dos_eye", variant, footing: any, ..one },
+            Self { shader: "dos_occlusion", ..one },
+        ]
+    }
+}
 
 /// Draws directional occlusion by slices.
 pub struct DosRenderer {
@@ -158,20 +182,24 @@ impl DosRenderer {
             self.uploaded = Some(OnDevice::new(gpu, volume)?);
         }
         let two = form == Form::TwoPasses && settings.variant != Variant::Mended;
-        let passes: Vec<Wanted> = if two {
-            vec![("dos_eye", settings.variant, false), ("dos_occlusion", settings.variant, false)]
-        } else {
-            vec![("dos_step", settings.variant, skipping)]
-        };
-        for wanted in &passes {
-            self.make(gpu, *wanted)?;
-        }
         let (Some(up), Some(picture)) = (&self.uploaded, &self.picture) else {
             return Err(RenderError::Device("the volume was not uploaded".to_owned()));
         };
         let sight = Sight::new(camera, size);
         let plan = Self::plan_with(&up.occupied, volume, &sight, settings);
         let front_mm = plan.steps.first().map_or(0.0, |s| s.depth_mm);
+        let labels = volume.filter() == Filter::Nearest;
+        let steps: Vec<(uniforms::DosStep, Vec<usize>)> = plan
+            .steps
+            .iter()
+            .enumerate()
+            .map(|(number, step)| {
+                let (uniform, footing) = uniforms::step(&plan, step, number, front_mm, skipping);
+                let passes = Wanted::of(two, plan.variant, skipping, labels, footing);
+                let passes = passes.into_iter().map(|w| made(&mut self.pipelines, gpu, &self.layout, w));
+                Ok((uniform, passes.collect::<Result<_, _>>()?))
+            })
+            .collect::<Result<_, RenderError>>()?;
         let optical = up.uniform(&sight, front_mm, skipping);
         gpu.queue.write_buffer(&self.optical, 0, bytemuck::bytes_of(&optical));
         gpu.queue.write_buffer(&self.dos, 0, bytemuck::bytes_of(&uniforms::dos(&plan, size)));
@@ -184,52 +212,18 @@ impl DosRenderer {
         let states: Vec<f32> = (0..3 * tiles).map(|i| if i < tiles { 1.0 } else { 0.0 }).collect();
         gpu.queue.write_buffer(&picture.states, 0, bytemuck::cast_slice(&states));
         if !plan.steps.is_empty() {
-            self.submit(gpu, up, picture, &plan, front_mm, &passes, skipping);
+            self.submit(gpu, up, picture, &steps);
         }
         gpu.check().map_err(RenderError::Device)?;
         self.drawn = true;
         Ok(plan)
     }
 
-    fn make(&mut self, gpu: &Gpu, wanted: Wanted) -> Result<(), RenderError> {
-        if self.pipelines.iter().all(|(made, _)| *made != wanted) {
-            let (shader, variant, stopping) = wanted;
-            let variant = match variant {
-                Variant::PaperExact => 0.0,
-                Variant::PaperApproximate => 1.0,
-                Variant::Mended => 2.0,
-            };
-            let constants = [("variant", variant), ("stopping", f64::from(u8::from(stopping)))];
-            // Only the one-pass shader knows how to stop; the eye's pass has no variant.
-            let known = match shader {
-                "dos_step" => &constants[..],
-                "dos_occlusion" => &constants[..1],
-                _ => &[],
-            };
-            let made = pipeline(gpu, shader, &self.layout, known)?;
-            gpu.check().map_err(RenderError::Device)?;
-            self.pipelines.push((wanted, made));
-        }
-        Ok(())
-    }
-
-    #[allow(clippy::too_many_arguments, reason = "one caller; splits its body")]
-    fn submit(
-        &self,
-        gpu: &Gpu,
-        up: &OnDevice,
-        picture: &Picture,
-        plan: &DosPlan,
-        front_mm: f64,
-        passes: &[Wanted],
-        skipping: bool,
-    ) {
-        let mut bytes = vec![0u8; plan.steps.len() * STRIDE as usize];
-        for (number, (step, place)) in
-            plan.steps.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)).enumerate()
-        {
-            let step = uniforms::step(step, number, front_mm, skipping);
-            let step = bytemuck::bytes_of(&step);
+    /// Each step's uniform and the numbers of its pipelines.
+    fn submit(&self, gpu: &Gpu, up: &OnDevice, picture: &Picture, plan: &[(uniforms::DosStep, Vec<usize>)]) {
+        let mut bytes = vec![0u8; plan.len() * STRIDE as usize];
+        for ((step, _), place) in plan.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
+            let step = bytemuck::bytes_of(step);
             place[..step.len()].copy_from_slice(step);
         }
         let steps = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -268,11 +262,7 @@ impl DosRenderer {
             })
         });
         let [x, y] = picture.size.map(|s| s.div_ceil(TILE));
-        let pipelines: Vec<&wgpu::ComputePipeline> = passes
-            .iter()
-            .filter_map(|wanted| self.pipelines.iter().find(|(made, _)| made == wanted).map(|(_, p)| p))
-            .collect();
-        let numbers: Vec<usize> = (0..plan.steps.len()).collect();
+        let numbers: Vec<usize> = (0..plan.len()).collect();
         for part in numbers.chunks(STEPS_AT_ONCE) {
             let mut encoder = gpu
                 .device
@@ -284,7 +274,8 @@ impl DosRenderer {
                 });
                 for &number in part {
                     pass.set_bind_group(0, &groups[number % 2], &[(number as u64 * STRIDE) as u32]);
-                    for pipeline in &pipelines {
+                    let passes = plan.get(number).map_or(&[][..], |(_, passes)| passes);
+                    for (_, pipeline) in passes.iter().filter_map(|p| self.pipelines.get(*p)) {
                         pass.set_pipeline(pipeline);
                         pass.dispatch_workgroups(x, y, 1);
                     }
@@ -305,4 +296,40 @@ impl DosRenderer {
         let bytes = gpu.read_buffers(&parts).map_err(RenderError::Device)?;
         Ok(bytes.first().map(|b| bytemuck::pod_collect_to_vec(b)).unwrap_or_default())
     }
+}
+
+/// Where among `pipelines` the wanted one stands; it is made when it isn't there.
+fn made(
+    pipelines: &mut Vec<(Wanted, wgpu::ComputePipeline)>,
+    gpu: &Gpu,
+    layout: &wgpu::BindGroupLayout,
+    wanted: Wanted,
+) -> Result<usize, RenderError> {
+    if let Some(found) = pipelines.iter().position(|(w, _)| *w == wanted) {
+        return Ok(found);
+    }
+    let variant = match wanted.variant {
+        Variant::PaperExact => 0.0,
+        Variant::PaperApproximate => 1.0,
+        Variant::Mended => 2.0,
+    };
+    let flag = |on: bool| f64::from(u8::from(on));
+    let constants = [
+        ("filtering", flag(wanted.labels)),
+        ("by_bricks", flag(wanted.skipping)),
+        ("variant", variant),
+        ("reach", f64::from(wanted.footing.reach)),
+        ("rings", f64::from(wanted.footing.rings)),
+        ("stopping", flag(wanted.skipping)),
+    ];
+    // Only the one-pass shader knows how to stop; the eye's pass has no footprint.
+    let known = match wanted.shader {
+        "dos_step" => &constants[..],
+        "dos_occlusion" => &constants[..5],
+        _ => &constants[..2],
+    };
+    let pipeline = pipeline(gpu, wanted.shader, layout, known)?;
+    gpu.check().map_err(RenderError::Device)?;
+    pipelines.push((wanted, pipeline));
+    Ok(pipelines.len() - 1)
 }

@@ -263,7 +263,7 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
         (
             "Step",
             offsets!(super::uniforms::DosStep: depth, slices, side, stride, center, radius, radius_mm, share,
-                is_empty, states, stops, pad),
+                is_empty, states, stops, pad, folded),
         ),
         ("Level", offsets!(cones::renderer::LevelInfo: dims, start, scale, pad)),
         (

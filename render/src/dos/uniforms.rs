@@ -2,7 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::plan::{DosPlan, Kernel, Step, disc_points};
+use super::{
+    folded::{DIRECT, VECTORS, fold},
+    plan::{DosPlan, Kernel, Step, Variant, disc_points},
+};
 use crate::occlusion::cone::Decay;
 
 /// `Dos` of lib/dos.wgsl.
@@ -17,7 +20,7 @@ pub(crate) struct Dos {
 
 /// `Step` of lib/dos.wgsl.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct DosStep {
     pub depth: f32,
     pub slices: u32,
@@ -31,6 +34,14 @@ pub(crate) struct DosStep {
     pub states: u32,
     pub stops: u32,
     pub pad: u32,
+    pub folded: [[f32; 4]; VECTORS],
+}
+
+/// Which pipeline a step needs: constants of lib/dos.wgsl.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Footing {
+    pub reach: u32,
+    pub rings: u32,
 }
 
 /// Pixels along a tile's side.
@@ -42,7 +53,13 @@ pub(crate) fn dos(plan: &DosPlan, size: [u32; 2]) -> Dos {
 }
 
 /// `number` counts the steps; `skipping` lets empty slices and saturated tiles be left out.
-pub(crate) fn step(step: &Step, number: usize, front_mm: f64, skipping: bool) -> DosStep {
+pub(crate) fn step(
+    plan: &DosPlan,
+    step: &Step,
+    number: usize,
+    front_mm: f64,
+    skipping: bool,
+) -> (DosStep, Footing) {
     let mut out = DosStep {
         depth: (step.depth_mm - front_mm) as f32,
         slices: step.slices,
@@ -52,14 +69,20 @@ pub(crate) fn step(step: &Step, number: usize, front_mm: f64, skipping: bool) ->
         is_empty: u32::from(step.empty && skipping),
         states: (number % 3) as u32,
         stops: u32::from(skipping && step.kernel.reach_px() <= TILE),
-        ..DosStep::default()
+        ..DosStep::zeroed()
     };
+    let mut footing = Footing { reach: DIRECT, rings: 1 };
     match step.kernel {
         Kernel::Disc { grid, radius_px, radius_mm } => {
             out.side = grid;
             out.radius = radius_px as f32;
             out.radius_mm = radius_mm as f32;
             out.share = 1.0 / disc_points(grid).len() as f32;
+            let exact = plan.variant == Variant::PaperExact;
+            if let Some(folded) = fold(grid, radius_px, radius_mm, plan.slice_mm, exact) {
+                out.folded = folded.vectors;
+                footing = Footing { reach: folded.reach, rings: folded.rings };
+            }
         }
         Kernel::Lattice { side, stride_px, center } => {
             out.side = side;
@@ -68,5 +91,5 @@ pub(crate) fn step(step: &Step, number: usize, front_mm: f64, skipping: bool) ->
             out.share = 1.0 / (side * side) as f32;
         }
     }
-    out
+    (out, footing)
 }

@@ -22,15 +22,20 @@ struct Step {
     states: u32,                    // which third of the tiles' states is read
     stops: u32,                     // 1: saturated tiles may stop
     pad: u32,
+    folded: array<vec4<f32>, 66>,   // folded disc: of each ring its distance in mm and 3, 7 or 11 weights
 }
 
 // Set when the pipeline is made: software drivers run both sides of a branch, so that one shader for
 // all variants would sample the volume for each of them.
 override variant: u32 = 0u;
+// How far a folded disc reaches, pixels; DIRECT: point by point.
+override reach: u32 = 4u;
+override rings: u32 = 1u;           // of a folded disc
 
 const PAPER_EXACT = 0u;
 const PAPER_APPROXIMATE = 1u;
 const MENDED = 2u;
+const DIRECT = 4u;
 
 @group(0) @binding(4) var<uniform> dos: Dos;
 @group(0) @binding(5) var<uniform> part: Step;
@@ -64,8 +69,59 @@ fn attenuation(extinction: f32, length: f32) -> f32 {
     return exp(-extinction * length);
 }
 
+// Sums of the texels that mirroring brings onto each other, on the axes, on the diagonals, between.
+fn on_axes(at: vec2<i32>, a: i32) -> f32 {
+    return texel(at + vec2<i32>(a, 0)) + texel(at - vec2<i32>(a, 0)) + texel(at + vec2<i32>(0, a))
+        + texel(at - vec2<i32>(0, a));
+}
+
+fn off_axes(at: vec2<i32>, a: i32, b: i32) -> f32 {
+    return texel(at + vec2<i32>(a, b)) + texel(at - vec2<i32>(a, b)) + texel(at + vec2<i32>(a, -b))
+        + texel(at - vec2<i32>(a, -b));
+}
+
+// The same sum as `disc`'s, each texel read once: its bilinear weights are those of every pixel, and are
+// added up beforehand, for each ring of points at one distance.
+fn folded(pixel: vec2<u32>, extinction: f32) -> f32 {
+    let at = vec2<i32>(pixel);
+    var near = vec3<f32>(texel(at), 0.0, 0.0);
+    var far = vec4<f32>(0.0);
+    var farthest = vec3<f32>(0.0);
+    if reach >= 1u {
+        near = vec3<f32>(near.x, on_axes(at, 1), off_axes(at, 1, 1));
+    }
+    if reach >= 2u {
+        far = vec4<f32>(on_axes(at, 2), off_axes(at, 2, 1) + off_axes(at, 1, 2), off_axes(at, 2, 2), 0.0);
+    }
+    if reach >= 3u {
+        far.w = on_axes(at, 3);
+        farthest = vec3<f32>(
+            off_axes(at, 3, 1) + off_axes(at, 1, 3),
+            off_axes(at, 3, 2) + off_axes(at, 2, 3),
+            off_axes(at, 3, 3),
+        );
+    }
+    let size = max(reach, 1u);
+    var sum = 0.0;
+    for (var i = 0u; i < rings; i++) {
+        let first = part.folded[i * size];
+        var light = dot(first.yzw, near);
+        if reach >= 2u {
+            light += dot(part.folded[i * size + 1u], far);
+        }
+        if reach >= 3u {
+            light += dot(part.folded[i * size + 2u].xyz, farthest);
+        }
+        sum += light * attenuation(extinction, first.x);
+    }
+    return sum;
+}
+
 // Algorithms 2 and 3 of the paper.
 fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
+    if reach != DIRECT {
+        return folded(pixel, extinction);
+    }
     let center = vec2<f32>(pixel) + 0.5;
     let d = dos.slice_mm;
     let approximate = attenuation(extinction, d);

@@ -22,6 +22,7 @@ pub mod gpu;
 pub mod occlusion;
 pub mod palette;
 pub mod plan;
+mod raster;
 pub mod reference;
 mod region_buffers;
 pub mod renderer;
@@ -33,6 +34,7 @@ mod targets;
 #[cfg(test)]
 mod testing;
 pub mod transfer;
+pub mod tubes;
 mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
@@ -42,7 +44,8 @@ pub use change::{
 };
 pub use compute::TimeSource;
 pub use context::{
-    ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, context_plan,
+    ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, PickedFiber,
+    context_plan,
 };
 pub use ellipsoids::{
     DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan,
@@ -59,3 +62,4 @@ pub use slice_plane::SlicePlane;
 pub use transfer::{
     ControlPoint, GradientHistogram, GradientPoint, TransferFunction, TransferPreset, ValueHistogram,
 };
+pub use tubes::{DrawnTubes, TubeSet, tract_color};

@@ -40,6 +40,10 @@ pub enum PassName {
     HeightFilterDown,
     /// Arrows of surface change.
     Arrows,
+    /// Fibre tracts as tubes.
+    Tubes,
+    /// Puts them among what is seen first along each ray.
+    TubesMerge,
 }
 
 impl PassName {
@@ -51,8 +55,10 @@ impl PassName {
     pub const ELLIPSOIDS: [Self; 4] =
         [Self::EllipsoidLists, Self::Occlusion, Self::OcclusionBlur, Self::EllipsoidCompose];
     /// The context view's, in order.
-    pub const CONTEXT: [Self; 6] = [
+    pub const CONTEXT: [Self; 8] = [
         Self::Surface,
+        Self::Tubes,
+        Self::TubesMerge,
         Self::Occlusion,
         Self::OcclusionBlur,
         Self::Context,
@@ -92,6 +98,8 @@ impl PassName {
             Self::HeightFilterAcross => "height_filter_across",
             Self::HeightFilterDown => "height_filter_down",
             Self::Arrows => "arrows",
+            Self::Tubes => "tubes",
+            Self::TubesMerge => "tubes_merge",
         }
     }
 }

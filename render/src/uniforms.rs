@@ -18,6 +18,7 @@ pub(crate) const NO_SKIPPING: u32 = 16;
 pub(crate) const MANY_REGIONS: u32 = 32;
 pub(crate) const LENS_ONLY_DRAWN: u32 = 64;
 pub(crate) const HAS_CONTEXT: u32 = 128;
+pub(crate) const HAS_TUBES: u32 = 512;
 
 /// `View` of lib/view.wgsl; see there.
 #[repr(C)]
@@ -172,6 +173,7 @@ pub(crate) fn view_from(
         (PassName::Outside, HAS_OUTSIDE),
         (PassName::OcclusionBlur, HAS_OCCLUSION),
         (PassName::Context, HAS_CONTEXT),
+        (PassName::TubesMerge, HAS_TUBES),
     ] {
         if plan.has(pass) {
             out.flags |= flag;

@@ -42,7 +42,11 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "lib/optics.wgsl",
     "lib/plane.wgsl",
     "lib/ring.wgsl",
+    "lib/tube_lines.wgsl",
+    "lib/tubes.wgsl",
     "lib/view.wgsl",
+    "tubes.wgsl",
+    "tubes_merge.wgsl",
 ];
 
 /// Names of all entry point files, without `.wgsl`.
@@ -68,4 +72,6 @@ pub const ALL: &[&str] = &[
     "ellipsoids_lists",
     "ellipsoids_rest",
     "force_field",
+    "tubes",
+    "tubes_merge",
 ];

@@ -1,5 +1,6 @@
 // The context image along each ray, emission and absorption, front to back (thesis 7.3.2). A ray
-// that meets the box of the masks starts behind it; pixels that show tumour are done already.
+// that meets the box of the masks starts behind it, and ends at what is seen there: pixels that show
+// tumour are done already.
 //
 // A ray's interval is cut into cells of one step's length, the first one shortened by the jitter and
 // the last by the interval's end. Each is sampled in its middle, with the opacity of its own length:
@@ -172,8 +173,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var out = Marched(0u, 0u, FAR, 0u);
     var near = view.nearest_mm;
     var far = FAR;
-    if (view.flags & HAS_SURFACE) != 0u && depths[at] < FAR {
-        far = near;
+    if (view.flags & (HAS_SURFACE | HAS_TUBES)) != 0u {
+        far = depths[at];
     }
 
     // The image's box. Cells are counted by voxel centres here: the box is -0.5 to dims - 0.5.

@@ -151,6 +151,7 @@ impl ChangeScene {
             selection,
             colors: MaskColors::new(Palette::Thesis, &[Some(self.base); 3]),
             lens: None,
+            tubes: Vec::new(),
             camera: self.camera,
             background: self.background,
             silhouette: self.silhouette,

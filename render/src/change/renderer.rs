@@ -13,7 +13,7 @@ use super::{
     arrows::{self, ArrowBuffers},
     change_plan,
     frame::ChangeFrame,
-    targets::{ArrowTargets, ChangeTargets},
+    targets::ChangeTargets,
     uniforms as change_uniforms,
 };
 use crate::{
@@ -21,6 +21,7 @@ use crate::{
     context::{image::ImageBuffers, uniforms::Context},
     gpu::Gpu,
     plan::{PassName, Plan, Quality},
+    raster::{self, RasterTargets},
     region_buffers::RegionBuffers,
     renderer::RenderError,
     targets::Targets,
@@ -181,7 +182,7 @@ pub struct ChangeRenderer {
     image: Option<ImageBuffers>,
     lengths: Option<LengthBuffers>,
     pub(super) arrows: Option<ArrowBuffers>,
-    arrow_targets: Option<ArrowTargets>,
+    arrow_targets: Option<RasterTargets>,
     frame: Option<ChangeFrame>,
 }
 
@@ -192,7 +193,7 @@ impl ChangeRenderer {
     /// [`RenderError::Device`] when the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         let mut passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
-        passes.add_raster(PassName::Arrows, arrows::pipeline(gpu)?);
+        passes.add_raster(PassName::Arrows, raster::pipeline(gpu, "change_arrows", true)?);
         let uniform = |label, size: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -299,7 +300,7 @@ impl ChangeRenderer {
             }
             None => self.arrows = None,
         }
-        let arrow_targets = ArrowTargets::keep(&mut self.arrow_targets, gpu, drawn)?;
+        let arrow_targets = RasterTargets::keep(&mut self.arrow_targets, gpu, drawn, 2)?;
         let mut change = change_uniforms::Change::default();
         if let Some(surface) = scene.surface.as_deref() {
             let samples = arrow_targets.samples;
@@ -345,7 +346,7 @@ impl ChangeRenderer {
         plan: &Plan,
         targets: &Targets,
         own: &ChangeTargets,
-        arrow_targets: &ArrowTargets,
+        arrow_targets: &RasterTargets,
         arrow_count: u32,
     ) {
         let Some(regions) = &self.regions else { return };

@@ -10,7 +10,7 @@ mod tests;
 pub(crate) mod uniforms;
 mod volume;
 
-pub use frame::{ContextFrame, ContextPick};
+pub use frame::{ContextFrame, ContextPick, PickedFiber};
 pub use renderer::ContextRenderer;
 pub use scene::{ClipPlane, ContextScene, MOST_CLIP_PLANES, context_plan};
 pub use volume::ContextVolume;

@@ -2,7 +2,8 @@
 //!
 //! Lifetimes: pipelines are made once a [`ContextRenderer`]; an image's values once per `Arc` (4 bytes
 //! a voxel on the card); tables (40 KB, and a bit a brick) once a transfer function; the tumour's
-//! bricks once per `Arc`; targets once a size; the uniforms once a frame.
+//! bricks once per `Arc`; fibre tracts once a list of those shown (16 bytes a point); targets once a size
+//! (with tracts 16 bytes a pixel more); the uniforms once a frame.
 
 use super::{
     frame::ContextFrame,
@@ -14,9 +15,11 @@ use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
     gpu::Gpu,
     plan::{PassName, Plan, Quality},
+    raster,
     region_buffers::RegionBuffers,
     renderer::RenderError,
     targets::Targets,
+    tubes::buffers::TubeBuffers,
     uniforms::{self, LENS_ONLY_DRAWN, NO_SKIPPING},
 };
 
@@ -39,13 +42,17 @@ enum Slot {
     Visible = 13,
     Table = 14,
     Factors = 15,
+    Fibers = 28,
+    TubePicture = 29,
+    TubeShades = 30,
 }
 
 /// Shader file and bindings of each pass.
-const SHADERS: [(PassName, &str, &[Slot]); 5] = {
+const SHADERS: [(PassName, &str, &[Slot]); 6] = {
     use Slot::*;
     [
         (PassName::Surface, "closeup_surface", &[View, Bricks, Voxels, Regions, Depths, Surfaces]),
+        (PassName::TubesMerge, "tubes_merge", &[View, Depths, Surfaces, Fibers, TubePicture, TubeShades]),
         (PassName::Occlusion, "closeup_occlusion", &[View, Regions, Depths, Surfaces, Occlusion, Kernel]),
         (PassName::OcclusionBlur, "closeup_occlusion_blur", &[View, Depths, Occlusion, Blurred]),
         (
@@ -53,7 +60,11 @@ const SHADERS: [(PassName, &str, &[Slot]); 5] = {
             "context_march",
             &[View, Depths, Marched, Context, Values, Visible, Table, Factors],
         ),
-        (PassName::Compose, "context_compose", &[View, Regions, Depths, Surfaces, Marched, Blurred, Picture]),
+        (
+            PassName::Compose,
+            "context_compose",
+            &[View, Regions, Depths, Surfaces, Marched, Blurred, Picture, Fibers, TubeShades],
+        ),
     ]
 };
 
@@ -66,6 +77,7 @@ pub struct ContextRenderer {
     kernel_samples: u32,
     regions: Option<RegionBuffers>,
     image: Option<ImageBuffers>,
+    tubes: TubeBuffers,
     frame: Option<ContextFrame>,
 }
 
@@ -86,7 +98,8 @@ impl ContextRenderer {
     /// # Errors
     /// [`RenderError::Device`] when the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
-        let passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
+        let mut passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
+        passes.add_raster(PassName::Tubes, raster::pipeline(gpu, "tubes", false)?);
         let uniform = |label, size: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -104,6 +117,7 @@ impl ContextRenderer {
             kernel_samples: 0,
             regions: None,
             image: None,
+            tubes: TubeBuffers::new(gpu),
             frame: None,
         })
     }
@@ -161,6 +175,8 @@ impl ContextRenderer {
             let kernel = uniforms::occlusion_kernel(view.occlusion_samples);
             gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
         }
+        let tubes = plan.has(PassName::TubesMerge).then_some(scene.tubes.as_slice());
+        self.tubes.prepare(gpu, tubes, &scene.camera, scene.reference_mm(), &view)?;
         let mut warning = None;
         if let Some(volume) = scene.volume.as_ref().filter(|_| plan.has(PassName::Context)) {
             let image = ImageBuffers::keep(&mut self.image, gpu, volume, &scene.transfer)?;
@@ -182,6 +198,7 @@ impl ContextRenderer {
             warning,
             targets,
             tumor: scene.tumor.clone(),
+            tubes: scene.tubes.clone(),
             camera: scene.camera,
             reference_mm: scene.reference_mm(),
         }))
@@ -192,6 +209,13 @@ impl ContextRenderer {
         let image = self.image.as_ref();
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
+            if pass == PassName::TubesMerge
+                && let Some((drawing, entries)) = self.tubes.drawing()
+            {
+                let mut entries = entries.to_vec();
+                entries.push((Slot::View as u32, self.view.as_entire_binding()));
+                self.passes.bind_raster(gpu, PassName::Tubes, &entries, drawing);
+            }
             let entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
                 .iter()
                 .filter_map(|&slot| {
@@ -213,12 +237,38 @@ impl ContextRenderer {
                         Slot::Visible => image?.visible().as_entire_binding(),
                         Slot::Table => image?.table().as_entire_binding(),
                         Slot::Factors => image?.factors().as_entire_binding(),
+                        Slot::Fibers => self.tubes.fibers().as_entire_binding(),
+                        Slot::TubePicture => wgpu::BindingResource::TextureView(self.tubes.picture()?),
+                        Slot::TubeShades => self.tubes.shades().as_entire_binding(),
                     };
                     Some((slot as u32, resource))
                 })
                 .collect();
             self.passes.bind(gpu, pass, &entries, workgroups_of(targets.size));
         }
+    }
+
+    /// As [`ContextRenderer::render`] with a given plan.
+    #[cfg(test)]
+    pub(crate) fn render_with(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ContextScene,
+        quality: &Quality,
+        size_px: [u32; 2],
+        plan: Plan,
+    ) -> Result<&ContextFrame, RenderError> {
+        self.render_planned(gpu, scene, quality, size_px, plan, Ways::USUAL)
+    }
+
+    /// Shaded colour and facing of the tube at each pixel of the last frame; empty without tubes.
+    #[cfg(test)]
+    pub(crate) fn read_tube_shades(&self, gpu: &Gpu) -> Vec<[u8; 4]> {
+        if self.tubes.picture().is_none() {
+            return Vec::new();
+        }
+        let shades = self.tubes.shades();
+        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(shades, 0, shades.size())]).unwrap()[0])
     }
 
     /// Where [`ContextRenderer::pass_times`] come from on this device.

@@ -1,7 +1,7 @@
 //! Everything a user can do, as one exhaustive enum: its text, tooltip, shortcut and palette entry,
 //! and what it does to the document.
 
-use std::path::PathBuf;
+use std::{collections::BTreeSet, path::PathBuf};
 
 use egui::{Key, KeyboardShortcut, Modifiers};
 use egui_tiles::Tree;
@@ -33,6 +33,7 @@ pub enum Command {
     Open(CaseRef),
     OpenSample,
     OpenSession(PathBuf),
+    AddTracts(Vec<PathBuf>),
     SaveSession,
     SaveSessionAs,
     SaveSessionTo(PathBuf),
@@ -79,6 +80,8 @@ pub enum Command {
     // Context view and ellipsoid diagram.
     SetTransfer(String, Option<TransferFunction>),
     SetClips(Vec<ClipPlane>),
+    ToggleTracts(String),
+    ToggleAllTracts,
     SetEllipsoidLook(EllipsoidLook),
     SetEllipsoidOpacities(Vec<OwnOpacity>),
     SetChange(Box<ChangeSetting>),
@@ -160,6 +163,7 @@ impl Command {
             Self::ToggleProjection,
             Self::ToggleFollowPointer,
             Self::TogglePlane,
+            Self::ToggleAllTracts,
             Self::NextContext,
             Self::NextOverlay,
             Self::SetConvention(Convention::Radiological),
@@ -186,6 +190,7 @@ impl Command {
             Self::Open(_) => "Open this case".into(),
             Self::OpenSample => "Open the sample case".into(),
             Self::OpenSession(_) => "Open this session".into(),
+            Self::AddTracts(_) => "Add these fibre tracts".into(),
             Self::SaveSession => "Save the session".into(),
             Self::SaveSessionAs => "Save the session as…".into(),
             Self::SaveSessionTo(_) => "Save the session here".into(),
@@ -243,6 +248,8 @@ impl Command {
             Self::SetTransfer(_, Some(_)) => "Transfer function".into(),
             Self::SetTransfer(_, None) => "Transfer function to begin with".into(),
             Self::SetClips(_) => "Cut the image open".into(),
+            Self::ToggleTracts(id) => format!("Show or hide fibre tracts {id}"),
+            Self::ToggleAllTracts => "Show or hide all fibre tracts".into(),
             Self::SetEllipsoidLook(_) => "Look of the ellipsoid diagram".into(),
             Self::SetEllipsoidOpacities(_) => "Opacity of an ellipsoid".into(),
             Self::SetChange(_) => "Compare dates".into(),
@@ -293,6 +300,7 @@ impl Command {
                 "Regions: each overlap apart. Whole masks: overlaps are not told apart"
             }
             Self::ToggleFollowPointer => "Off: click a view to move the crosshair of all",
+            Self::ToggleAllTracts => "In the context view",
             Self::TogglePlane => "Semi-transparent, through the crosshair",
             Self::SetShading(Shading::ScreenSpace) => {
                 "Fastest: relief from the image's gradients, corners of the tumour darker"
@@ -337,6 +345,7 @@ impl Command {
             Self::FitLens => Some(KeyboardShortcut::new(Modifiers::SHIFT, Key::F)),
             Self::ToggleProjection => plain(Key::P),
             Self::TogglePlane => plain(Key::X),
+            Self::ToggleAllTracts => plain(Key::T),
             Self::NextContext => plain(Key::I),
             Self::NextOverlay => plain(Key::O),
             Self::ResetSlices => plain(Key::R),
@@ -455,6 +464,16 @@ impl Command {
                 edit.transfers.remove(id);
             }
             Self::SetClips(clips) => edit.clips.clone_from(clips),
+            Self::ToggleTracts(id) => {
+                if !edit.hidden_tracts.remove(id) {
+                    edit.hidden_tracts.insert(id.clone());
+                }
+            }
+            Self::ToggleAllTracts => {
+                let ids: BTreeSet<String> =
+                    world.case().iter().flat_map(|c| &c.tracts).map(|t| t.id.clone()).collect();
+                edit.hidden_tracts = if ids.is_subset(&edit.hidden_tracts) { BTreeSet::new() } else { ids };
+            }
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
             Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
             Self::SetChange(setting) => edit.change.clone_from(setting),
@@ -526,6 +545,7 @@ impl Command {
             | Self::Open(_)
             | Self::OpenSample
             | Self::OpenSession(_)
+            | Self::AddTracts(_)
             | Self::SaveSession
             | Self::SaveSessionAs
             | Self::SaveSessionTo(_)

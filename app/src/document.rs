@@ -4,7 +4,10 @@
 //! throw the camera back. Nothing here is alive: volumes, jobs and GPU things are in
 //! [`crate::world`].
 
-use std::{collections::BTreeMap, path::PathBuf};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::PathBuf,
+};
 
 use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
@@ -235,6 +238,9 @@ pub struct Edit {
     /// Planes that cut the context open.
     #[serde(default)]
     pub clips: Vec<ClipPlane>,
+    /// Fibre tracts that are not drawn, by id.
+    #[serde(default)]
+    pub hidden_tracts: BTreeSet<String>,
     /// How the ellipsoid diagram is drawn.
     #[serde(default)]
     pub ellipsoids: EllipsoidLook,
@@ -298,6 +304,9 @@ fn one() -> f64 {
 pub struct Document {
     /// The case.
     pub case: CaseRef,
+    /// Files of fibre tracts beside those that the case names.
+    #[serde(default)]
+    pub tracts: Vec<PathBuf>,
     /// What undo covers.
     pub edit: Edit,
     /// What it doesn't.
@@ -339,6 +348,7 @@ impl Document {
         );
         Self {
             case,
+            tracts: Vec::new(),
             edit: Edit {
                 selection: Selection::all(),
                 lens_on: time_point.regions.union_voxels() > 0,
@@ -352,6 +362,7 @@ impl Document {
                 overlap_mode: OverlapMode::Regions,
                 transfers: BTreeMap::new(),
                 clips: Vec::new(),
+                hidden_tracts: BTreeSet::new(),
                 ellipsoids: EllipsoidLook::default(),
                 ellipsoid_opacities: Vec::new(),
                 light: Light::default(),

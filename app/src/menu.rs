@@ -130,6 +130,15 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
     }
     switch(ui, doc.nav.follow_pointer, Command::ToggleFollowPointer, out);
     switch(ui, doc.nav.show_plane, Command::TogglePlane, out);
+    if let Some(case) = work.world.case().filter(|case| !case.tracts.is_empty()) {
+        ui.menu_button("Fibre tracts", |ui| {
+            for tracts in &case.tracts {
+                let shown = !doc.edit.hidden_tracts.contains(&tracts.id);
+                switch(ui, shown, Command::ToggleTracts(tracts.id.clone()), out);
+            }
+            item(ui, Command::ToggleAllTracts, true, out);
+        });
+    }
     ui.separator();
     ui.menu_button("Look from", |ui| {
         for view in AnatomicalView::ALL {

@@ -32,6 +32,8 @@ pub fn adapter_selector(preference: AdapterPreference) -> NativeAdapterSelectorM
 pub struct Start {
     /// What to open; `None` opens the sample.
     pub case: Option<CaseRef>,
+    /// Files of fibre tracts beside it.
+    pub tracts: Vec<std::path::PathBuf>,
     /// Limits and choices of loading.
     pub options: LoadOptions,
     /// Whether only the software adapter is used.
@@ -82,8 +84,10 @@ pub fn run(start: Start) -> Result<(), String> {
             };
             let wake = waker(&cc.egui_ctx);
             match start.case.clone().unwrap_or_default() {
-                CaseRef::Path(path) if session::is_session(&path) => work.open_session(&path, wake),
-                case => work.open(case, None, wake),
+                CaseRef::Path(path) if session::is_session(&path) => {
+                    work.open_session(&path, &start.tracts, wake);
+                }
+                case => work.open_with(case, start.tracts.clone(), None, wake),
             }
             let app = GlioscopeApp::new(work, Some(viewport), Recent::of_user());
             Ok(Box::new(match start.picture {

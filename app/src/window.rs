@@ -132,7 +132,7 @@ impl GlioscopeApp {
         self.receive(&ctx);
         let mut out = Vec::new();
         self.shortcuts(&ctx, &mut out);
-        let dropped_files = dropped(&ctx, &mut out);
+        let dropped_files = dropped(&ctx, self.work.doc.is_some(), &mut out);
         EguiPanel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &mut out));
         self.warnings(ui);
         EguiPanel::bottom("status").show(ui, |ui| self.status(ui, &mut out));
@@ -174,7 +174,10 @@ impl GlioscopeApp {
         let ready = self.work.job.is_none()
             && self.work.doc.is_some()
             && self.closeup.refined()
-            && (!drawn(Pane::Context) || (self.states.context.refined() && !self.states.volume.working()))
+            && (!drawn(Pane::Context)
+                || (self.states.context.refined()
+                    && !self.states.volume.working()
+                    && !self.states.context.tracts.working()))
             && (!drawn(Pane::Ellipsoids) || self.states.ellipsoids.refined())
             && (!drawn(Pane::Change) || (self.states.change.refined() && !self.states.comparisons.working()));
         if ready && let Some(path) = self.picture_when_ready.take() {
@@ -484,8 +487,9 @@ impl GlioscopeApp {
             Command::OpenSample => self.work.open(CaseRef::Sample, None, waker(ctx)),
             Command::OpenSession(path) => {
                 self.recent.add(path);
-                self.work.open_session(path, waker(ctx));
+                self.work.open_session(path, &[], waker(ctx));
             }
+            Command::AddTracts(files) => self.work.add_tracts(files, waker(ctx)),
             Command::ClearRecent => self.recent.clear(),
             Command::SaveSession => match self.work.session_path.clone() {
                 Some(path) => {
@@ -603,10 +607,19 @@ pub fn open_command(path: PathBuf) -> Command {
     if session::is_session(&path) { Command::OpenSession(path) } else { Command::Open(CaseRef::Path(path)) }
 }
 
-/// Opens the first dropped file or folder; how many there were.
-fn dropped(ctx: &Context, out: &mut Vec<Command>) -> usize {
+/// Adds dropped fibre tracts to the open case, and opens the first other file or folder; how many others
+/// there were.
+fn dropped(ctx: &Context, case_is_open: bool, out: &mut Vec<Command>) -> usize {
     let paths: Vec<PathBuf> =
         ctx.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
+    let are_tracts = |path: &PathBuf| {
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+        case_is_open && (ending == "tck" || ending == "trk")
+    };
+    let (tracts, paths): (Vec<PathBuf>, Vec<PathBuf>) = paths.into_iter().partition(are_tracts);
+    if !tracts.is_empty() {
+        out.push(Command::AddTracts(tracts));
+    }
     if let Some(path) = paths.first() {
         out.push(open_command(path.clone()));
     }
@@ -618,7 +631,7 @@ fn dropped(ctx: &Context, out: &mut Vec<Command>) -> usize {
         painter.text(
             rect.center(),
             egui::Align2::CENTER_CENTER,
-            "Drop a folder, a manifest, a NIfTI file or a session to open it",
+            "Drop a folder, a manifest, a NIfTI file or a session to open it, or fibre tracts to add them",
             egui::FontId::proportional(22.0),
             egui::Color32::WHITE,
         );

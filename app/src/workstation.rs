@@ -22,6 +22,8 @@ pub struct Guess {
     pub case: CaseRef,
     /// What was guessed, with the reasons in its notes.
     pub spec: CaseSpec,
+    /// Files of fibre tracts beside it.
+    pub tracts: Vec<PathBuf>,
     /// A document to continue with.
     pub document: Option<Document>,
 }
@@ -71,27 +73,48 @@ impl Workstation {
         }
     }
 
-    /// Starts opening a case; the current one stays until the new one is whole.
+    /// Starts opening a case; the current one stays until the new one is whole. Fibre tracts are those of
+    /// `document`.
     pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: impl FnOnce() + Send + 'static) {
+        let tracts = document.as_ref().map(|doc| doc.tracts.clone()).unwrap_or_default();
+        self.open_with(case, tracts, document, wake);
+    }
+
+    /// As [`Workstation::open`], with files of fibre tracts beside the case.
+    pub fn open_with(
+        &mut self,
+        case: CaseRef,
+        tracts: Vec<PathBuf>,
+        document: Option<Document>,
+        wake: impl FnOnce() + Send + 'static,
+    ) {
         if let Some(job) = self.job.take() {
             job.progress.cancel();
         }
         self.error = None;
         self.guess = None;
-        self.job = Some(LoadJob::start(case, None, self.options.clone(), document, wake));
+        self.job = Some(LoadJob::start(case, tracts, None, self.options.clone(), document, wake));
+    }
+
+    /// Opens the case again with more files of fibre tracts, as it is looked at now.
+    pub fn add_tracts(&mut self, files: &[PathBuf], wake: impl FnOnce() + Send + 'static) {
+        let Some(mut document) = self.doc.clone() else { return };
+        document.tracts.extend_from_slice(files);
+        self.open(document.case.clone(), Some(document), wake);
     }
 
     /// Reads the case as it was guessed.
     pub fn accept_guess(&mut self, wake: impl FnOnce() + Send + 'static) {
-        if let Some(Guess { case, spec, document }) = self.guess.take() {
-            self.job = Some(LoadJob::start(case, Some(spec), self.options.clone(), document, wake));
+        if let Some(Guess { case, spec, tracts, document }) = self.guess.take() {
+            self.job = Some(LoadJob::start(case, tracts, Some(spec), self.options.clone(), document, wake));
         }
     }
 
-    /// Opens a session file and the case it names.
-    pub fn open_session(&mut self, path: &Path, wake: impl FnOnce() + Send + 'static) {
+    /// Opens a session file and the case it names, with `more` fibre tracts.
+    pub fn open_session(&mut self, path: &Path, more: &[PathBuf], wake: impl FnOnce() + Send + 'static) {
         match session::load(path) {
-            Ok(document) => {
+            Ok(mut document) => {
+                document.tracts.extend_from_slice(more);
                 self.session_path = Some(path.to_owned());
                 self.open(document.case.clone(), Some(document), wake);
             }
@@ -105,7 +128,7 @@ impl Workstation {
         let job = self.job.take()?;
         match result {
             Ok(Step::Guessed(spec)) => {
-                self.guess = Some(Guess { case: job.case, spec, document: job.document });
+                self.guess = Some(Guess { case: job.case, spec, tracts: job.tracts, document: job.document });
                 None
             }
             Ok(Step::Loaded(loaded)) => {
@@ -113,6 +136,9 @@ impl Workstation {
                     self.session_path = None;
                 }
                 self.install(job.case.clone(), *loaded, job.document);
+                if let Some(doc) = &mut self.doc {
+                    doc.tracts = job.tracts;
+                }
                 Some(job.case)
             }
             Err(error) => {

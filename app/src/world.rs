@@ -1,6 +1,7 @@
 //! What is alive: the loaded case and what is derived from it. Never saved.
 
 use std::{
+    path::PathBuf,
     sync::{Arc, mpsc},
     thread,
 };
@@ -137,16 +138,19 @@ pub struct LoadJob {
     pub case: CaseRef,
     /// How far it is.
     pub progress: Progress,
+    /// Files of fibre tracts beside those that it names.
+    pub tracts: Vec<PathBuf>,
     /// A document to continue with, from a session file.
     pub document: Option<Document>,
     receive: mpsc::Receiver<Result<Step, CaseError>>,
 }
 
 impl LoadJob {
-    /// Starts opening `case`, or reading `accepted`, a spec that the user has seen. `wake` is called
-    /// when there is an answer.
+    /// Starts opening `case` and `tracts` beside it, or reading `accepted`, a spec that the user has
+    /// seen. `wake` is called when there is an answer.
     pub fn start(
         case: CaseRef,
+        tracts: Vec<PathBuf>,
         accepted: Option<CaseSpec>,
         options: LoadOptions,
         document: Option<Document>,
@@ -154,13 +158,13 @@ impl LoadJob {
     ) -> Self {
         let progress = Progress::new();
         let (send, receive) = mpsc::channel();
-        let (wanted, worker_progress) = (case.clone(), progress.clone());
+        let (wanted, beside, worker_progress) = (case.clone(), tracts.clone(), progress.clone());
         thread::spawn(move || {
             // The window may be gone: then nobody wants the result.
-            let _ = send.send(open(&wanted, accepted, &options, &worker_progress));
+            let _ = send.send(open(&wanted, &beside, accepted, &options, &worker_progress));
             wake();
         });
-        Self { case, progress, document, receive }
+        Self { case, tracts, progress, document, receive }
     }
 
     /// The answer, once there is one.
@@ -177,11 +181,12 @@ impl LoadJob {
 
 fn open(
     case: &CaseRef,
+    tracts: &[PathBuf],
     accepted: Option<CaseSpec>,
     options: &LoadOptions,
     progress: &Progress,
 ) -> Result<Step, CaseError> {
-    let spec = match accepted {
+    let mut spec = match accepted {
         Some(spec) => spec,
         None => {
             progress.say("reading names");
@@ -192,6 +197,7 @@ fn open(
             spec
         }
     };
+    spec.add_tracts(tracts);
     case::load(&spec, options, progress).map(|case| Step::Loaded(Box::new(Loaded::new(case))))
 }
 

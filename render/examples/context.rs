@@ -57,6 +57,7 @@ fn scene(case: &Case, context: &str, preset: TransferPreset, zoom: f64) -> Conte
         transfer: Arc::new(preset.transfer(volume.statistics())),
         volume: Some(volume),
         clip: Vec::new(),
+        tubes: Vec::new(),
         lens: tumor.as_ref().map(|t| Lens { center_mm: t.grid().center_mm(), radius_mm: 25.0 }),
         tumor,
         selection: Selection::all(),

@@ -17,6 +17,7 @@ use crate::{
     reference::twins,
     slice_plane::PlaneUniform,
     testing::{balls_scene, blobs, grid, noise, scene_of, volume},
+    tubes::buffers::{Fiber, TubePoint, TubesUniform},
     uniforms::{FAR, OutsideHit, View, reference_mm},
 };
 
@@ -509,6 +510,9 @@ fn rust_and_wgsl_lay_structs_out_alike() {
                 grow, head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds),
         ),
         ("Length", offsets!(Length: key, signed_mm, sure)),
+        ("Tubes", offsets!(TubesUniform: right, first_mm, up, per_mm, away, least_px, origin, unused)),
+        ("TubePoint", offsets!(TubePoint: place, what)),
+        ("Fiber", offsets!(Fiber: color, radius_mm)),
         ("Arrow", offsets!(GpuArrow: start, what, along, unused)),
         (
             "ForceWork",

@@ -53,6 +53,12 @@ pub(crate) struct Occluded {
 }
 
 impl Frame {
+    #[cfg(test)]
+    pub(crate) fn read_blurred(&self, gpu: &Gpu) -> Vec<u32> {
+        let buffer = &self.targets.blurred;
+        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(buffer, 0, buffer.size())]).unwrap()[0])
+    }
+
     /// All pixels, row after row from the top, 4 bytes each: `size_px[0] * size_px[1] * 4` bytes.
     ///
     /// # Errors

@@ -26,6 +26,7 @@ pub mod occlusion;
 pub mod palette;
 pub mod plan;
 pub mod quality;
+mod raster;
 pub mod reference;
 mod region_buffers;
 pub mod renderer;
@@ -37,6 +38,7 @@ mod targets;
 #[cfg(test)]
 mod testing;
 pub mod transfer;
+pub mod tubes;
 mod uniforms;
 
 pub use camera::{AnatomicalView, Camera, Projection, Ray};
@@ -46,7 +48,8 @@ pub use change::{
 };
 pub use compute::TimeSource;
 pub use context::{
-    ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, context_plan,
+    ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, PickedFiber,
+    context_plan,
 };
 pub use ellipsoids::{
     DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan,
@@ -65,3 +68,4 @@ pub use slice_plane::SlicePlane;
 pub use transfer::{
     ControlPoint, GradientHistogram, GradientPoint, TransferFunction, TransferPreset, ValueHistogram,
 };
+pub use tubes::{DrawnTubes, TubeSet, tract_color};

@@ -54,6 +54,10 @@ pub enum PassName {
     HeightFilterDown,
     /// Arrows of surface change.
     Arrows,
+    /// Fibre tracts as tubes.
+    Tubes,
+    /// Puts them among what is seen first along each ray.
+    TubesMerge,
 }
 
 impl PassName {
@@ -73,8 +77,10 @@ impl PassName {
     pub const ELLIPSOIDS: [Self; 4] =
         [Self::EllipsoidLists, Self::Occlusion, Self::OcclusionBlur, Self::EllipsoidCompose];
     /// The context view's, in order.
-    pub const CONTEXT: [Self; 11] = [
+    pub const CONTEXT: [Self; 13] = [
         Self::Surface,
+        Self::Tubes,
+        Self::TubesMerge,
         Self::Occlusion,
         Self::OcclusionBlur,
         Self::LightGrid,
@@ -88,11 +94,16 @@ impl PassName {
     ];
 
     /// The change view's, in order.
-    pub const CHANGE: [Self; 11] = [
+    pub const CHANGE: [Self; 16] = [
         Self::Surface,
         Self::Outside,
         Self::Occlusion,
         Self::OcclusionBlur,
+        Self::LightGrid,
+        Self::Slices,
+        Self::SlicesFinish,
+        Self::SolidCones,
+        Self::Vicinity,
         Self::Context,
         Self::GradientOpacity,
         Self::Heights,
@@ -124,6 +135,8 @@ impl PassName {
             Self::HeightFilterAcross => "height_filter_across",
             Self::HeightFilterDown => "height_filter_down",
             Self::Arrows => "arrows",
+            Self::Tubes => "tubes",
+            Self::TubesMerge => "tubes_merge",
         }
     }
 }

@@ -245,6 +245,7 @@ impl Renderer {
                     strength: quality.strength(),
                     view: &self.view,
                     depths: &targets.depths,
+                    surfaces: &targets.surfaces,
                     marched: &targets.outsides,
                     blurred: &targets.blurred,
                     regions: [&up.table, &up.words, &up.regions],

@@ -19,7 +19,8 @@ pub(crate) const NO_SKIPPING: u32 = 16;
 pub(crate) const MANY_REGIONS: u32 = 32;
 pub(crate) const LENS_ONLY_DRAWN: u32 = 64;
 pub(crate) const HAS_CONTEXT: u32 = 128;
-pub(crate) const LINEAR_LIGHT: u32 = 512;
+pub(crate) const HAS_TUBES: u32 = 512;
+pub(crate) const LINEAR_LIGHT: u32 = 1024;
 
 /// `View` of lib/view.wgsl; see there.
 #[repr(C)]
@@ -178,6 +179,7 @@ pub(crate) fn view_from(
         (PassName::Context, HAS_CONTEXT),
         (PassName::Slices, HAS_CONTEXT | LINEAR_LIGHT),
         (PassName::LightGrid, LINEAR_LIGHT),
+        (PassName::TubesMerge, HAS_TUBES),
     ] {
         if plan.has(pass) {
             out.flags |= flag;

@@ -52,10 +52,15 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "lib/ring.wgsl",
     "lib/slices.wgsl",
     "lib/solid_light.wgsl",
+    "lib/tube_lines.wgsl",
+    "lib/tubes.wgsl",
+    "lib/vicinity.wgsl",
     "lib/view.wgsl",
     "slices_finish.wgsl",
     "solid_cones.wgsl",
     "solid_vicinity.wgsl",
+    "tubes.wgsl",
+    "tubes_merge.wgsl",
 ];
 
 /// Names of all entry point files, without `.wgsl`.
@@ -87,4 +92,6 @@ pub const ALL: &[&str] = &[
     "slices_finish",
     "solid_cones",
     "solid_vicinity",
+    "tubes",
+    "tubes_merge",
 ];

@@ -8,7 +8,7 @@
 #include lib/light_grid.wgsl
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
-@group(0) @binding(28) var<storage, read_write> light_grid: array<f32>;
+@group(0) @binding(37) var<storage, read_write> light_grid: array<f32>;
 @group(0) @binding(30) var<storage, read> needed: array<u32>;   // numbers of cells
 
 fn middle_of(c: vec3<f32>) -> vec2<f32> {
@@ -21,7 +21,7 @@ fn is_hidden(c: vec3<f32>) -> bool {
     let size = vec2<f32>(view.size);
     let at = floor(vec2<f32>(m.x, -m.y) + 0.5 * size);
     // Not `&&`: with a load on its right side Mesa 22.3's software driver crashes when it compiles this.
-    let inside = all(at >= vec2<f32>(0.0)) & all(at < size) & ((view.flags & HAS_SURFACE) != 0u);
+    let inside = all(at >= vec2<f32>(0.0)) & all(at < size) & ((view.flags & (HAS_SURFACE | HAS_TUBES)) != 0u);
     let there = linear_index(vec2<u32>(clamp(at, vec2<f32>(0.0), size - 1.0)));
     return inside & (depths[there] < c.z - light.voxel_mm);
 }

@@ -8,7 +8,7 @@
 #include lib/linear.wgsl
 #include lib/light_grid.wgsl
 
-@group(0) @binding(28) var<storage, read> light_grid: array<f32>;
+@group(0) @binding(37) var<storage, read> light_grid: array<f32>;
 
 const WANTS_GRADIENT = false;
 

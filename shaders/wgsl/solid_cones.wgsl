@@ -1,12 +1,16 @@
-// Light that reaches the surface of the masks from a cone towards the eye, through the masks
-// themselves, and through the context image where there is one.
+// Light that reaches what is solid from a cone towards the eye: through the masks, and through the context
+// image where there is one. Tubes are no medium: what they hide from each other is found in their vicinity.
 #include lib/view.wgsl
 #include lib/march.wgsl
 #include lib/light.wgsl
 #include lib/light_grid.wgsl
 #include lib/solid_light.wgsl
+#include lib/vicinity.wgsl
+#include lib/tubes.wgsl
 
-@group(0) @binding(28) var<storage, read> light_grid: array<f32>;
+@group(0) @binding(37) var<storage, read> light_grid: array<f32>;
+
+@group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
 
 // Of a voxel, towards the eye: off the face that was hit.
 const SLIP = 1e-3;
@@ -44,6 +48,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var reached = light_from_cone(c);
     if (view.flags & HAS_CONTEXT) != 0u {
         reached *= grid_light(grid.corner + c.x * grid.right + c.y * grid.up + c.z * grid.forward);
+    }
+    if ((view.flags & HAS_TUBES) != 0u) & ((vicinity.flags & VICINITY) != 0u) {
+        reached *= select(1.0, open(id.xy, depth), is_tube(surfaces[at].y));
     }
     blurred[at] = darker(reached);
 }

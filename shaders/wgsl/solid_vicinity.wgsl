@@ -2,40 +2,9 @@
 // alone, times what the slices let through to it (Algorithm 6).
 #include lib/view.wgsl
 #include lib/solid_light.wgsl
-
-struct Vicinity {
-    radius_mm: f32,
-    slope: f32,                     // mm nearer to the eye a mm aside, from which on a neighbour is in the cone
-    count: u32,
-    flags: u32,
-    points: array<vec4<f32>, 118>,  // in the unit disc
-}
-
-const VICINITY = 1u;
-const PARTIAL = 2u;
-// A surface that falls this much a pixel hides itself: points fall in whole pixels.
-const BIAS_PX = 1.0;
+#include lib/vicinity.wgsl
 
 @group(0) @binding(35) var<storage, read> notes: array<vec2<f32>>;
-@group(0) @binding(36) var<uniform> vicinity: Vicinity;
-
-fn open(pixel: vec2<u32>, depth: f32) -> f32 {
-    let footprint = footprint_mm(depth);
-    let bias = BIAS_PX * footprint;
-    let reach = vicinity.radius_mm / footprint;
-    let middle = vec2<f32>(pixel) + 0.5;
-    var hidden = 0.0;
-    for (var i = 0u; i < vicinity.count; i++) {
-        let q = vicinity.points[i].xy;
-        let to = floor(middle + reach * q);
-        // What is off the picture hides nothing.
-        if all(to >= vec2<f32>(0.0)) && all(to < vec2<f32>(view.size)) {
-            let nearest = depth - bias - vicinity.slope * vicinity.radius_mm * length(q);
-            hidden += select(0.0, 1.0, depths[linear_index(vec2<u32>(to))] < nearest);
-        }
-    }
-    return 1.0 - hidden / f32(vicinity.count);
-}
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -193,6 +193,7 @@ fn context_of_masks_alone(gpu: &Gpu, scene: &glioscope_render::Scene) -> Vec<u8>
         selection: scene.selection.clone(),
         colors: scene.colors.clone(),
         lens: None,
+        tubes: Vec::new(),
         camera: scene.camera,
         background: scene.background,
         silhouette: scene.silhouette,

@@ -33,8 +33,10 @@ pub(super) fn run(target: Option<PathBuf>, parts: &MaskArguments, as_json: bool)
             .iter()
             .map(|c| json!({"id": c.id, "file": c.source.name(), "time": c.time}))
             .collect();
+        let tracts: Vec<_> =
+            spec.tracts.iter().map(|t| json!({"id": t.id, "file": t.source.name()})).collect();
         return terminal::print_json(
-            &json!({"case": spec.name, "masks": masks, "contexts": contexts, "notes": spec.notes}),
+            &json!({"case": spec.name, "masks": masks, "contexts": contexts, "tracts": tracts, "notes": spec.notes}),
         );
     }
     let mut lines = vec![spec.name.clone()];
@@ -45,6 +47,9 @@ pub(super) fn run(target: Option<PathBuf>, parts: &MaskArguments, as_json: bool)
     for m in &spec.masks {
         let labels = m.labels.as_ref().map(|l| format!("  labels {l:?}")).unwrap_or_default();
         lines.push(format!("mask  {:16} {}{labels}{}", m.id, m.source.name(), time(&m.time)));
+    }
+    for t in &spec.tracts {
+        lines.push(format!("tracts {:15} {}", t.id, t.source.name()));
     }
     lines.extend(spec.notes.iter().map(|n| format!("{}: {}", n.code, n.message)));
     terminal::print(&lines.join("\n"))

@@ -78,12 +78,14 @@ fn run(cli: Cli) -> Result<(), Failure> {
 }
 
 fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), Failure> {
-    if !case.tracts.is_empty() {
-        let found = "arguments: found --tracts for the window, expected them in the case's manifest";
-        return Err(Failure(found.into()));
-    }
     let WindowArguments { software, picture } = window;
-    let start = Start { case: case.reference()?, options: case.options(), software, picture };
+    let start = Start {
+        case: case.reference()?,
+        tracts: case.tracts.clone(),
+        options: case.options(),
+        software,
+        picture,
+    };
     run_window::run(start).map_err(Failure)
 }
 

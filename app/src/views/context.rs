@@ -14,6 +14,7 @@ use super::{
     Handle, ViewContext, closeup,
     ellipsoids::Stage,
     linked::{self, Drawing, Linked, LinkedView, Picked},
+    tracts::{self, TractsState},
 };
 use crate::{
     commands::Command,
@@ -46,6 +47,8 @@ pub fn volume<'a>(
 pub struct ContextState {
     picture: LinkedView<ContextScene, ContextPick>,
     transfer: Option<Arc<TransferFunction>>,
+    /// Its fibre tracts.
+    pub tracts: TractsState,
 }
 
 impl ContextState {
@@ -118,6 +121,7 @@ pub fn show(
         None => TransferFunction::transparent(),
     };
     let transfer = state.transfer(transfer);
+    let (tubes, tracts_note) = state.tracts.drawn(ui, view, stage.refine_at_once);
     let scene = ContextScene {
         volume,
         transfer,
@@ -126,6 +130,7 @@ pub fn show(
         selection: view.doc.edit.selection.clone(),
         colors: view.colors.clone(),
         lens: view.doc.active_lens(),
+        tubes,
         camera: camera(view),
         background: closeup::background(ui.visuals().dark_mode),
         silhouette: [0, 0, 0],
@@ -139,7 +144,10 @@ pub fn show(
         pick: |frame: &ContextFrame, gpu: &Gpu, [x, y]: [u32; 2]| frame.pick(gpu, x, y),
     };
     let Some(outcome) = state.picture.draw(ui, view, &linked, &response, drawing, out) else { return };
-    let spoken = state.picture.hover().map(|pick| pick_text(view, pick));
+    let spoken = state.picture.hover().copied().map(|pick| {
+        let fiber = pick.fiber.map(|fiber| state.tracts.words(ui, view, stage.refine_at_once, fiber));
+        pick_text(view, &pick, fiber)
+    });
     linked.say(ui, view, &response, &outcome, spoken.as_deref());
     let name = view.context.map_or("no image", |(id, _)| id);
     let ink = closeup::ink(ui.visuals().dark_mode);
@@ -149,6 +157,10 @@ pub fn show(
     let words = Rect::from_min_size(rect.left_top() + vec2(10.0, 8.0), text.size());
     closeup::plate(&painter, words, ui.visuals().dark_mode);
     painter.galley(words.min, text, ink);
+    tracts::list(ui, view, rect, words.bottom() + 8.0, &scene.tubes, out);
+    if let Some(words) = tracts_note {
+        tracts::note(ui, rect, &words);
+    }
     closeup::corner_marks(ui, view, rect, (&scene.camera, "at the middle"), true);
     response.widget_info(|| {
         let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
@@ -162,11 +174,9 @@ impl Picked for ContextPick {
     }
 }
 
-fn pick_text(view: &ViewContext<'_>, pick: &ContextPick) -> String {
+fn pick_text(view: &ViewContext<'_>, pick: &ContextPick, fiber: Option<String>) -> String {
     let known = view.case.grid.sides() == Sides::Known;
     let place = glioscope_render::slices::place_label(pick.world_mm, known);
-    match pick.bits {
-        Some(bits) => format!("{}\n{place}", view.time_point.regions.name(bits)),
-        None => place,
-    }
+    let what = fiber.or_else(|| pick.bits.map(|bits| view.time_point.regions.name(bits)));
+    what.map_or_else(|| place.clone(), |what| format!("{what}\n{place}"))
 }

@@ -17,6 +17,7 @@ pub mod ring;
 pub mod ruler;
 pub mod slices;
 pub mod still;
+pub mod tracts;
 pub mod transfer;
 
 use std::sync::{Arc, Weak};

@@ -43,6 +43,7 @@ fn scene(volume: &Arc<ContextVolume>, preset: TransferPreset) -> ContextScene {
         selection: Selection::all(),
         colors: MaskColors::new(Palette::Thesis, &[]),
         lens: None,
+        tubes: Vec::new(),
         camera: scenes::camera(center_mm + DVec3::Z, radius_mm),
         background: [255, 255, 255],
         silhouette: [0, 0, 0],

@@ -5,10 +5,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
-use super::{
-    surface::ChangeSurface,
-    targets::{ARROW_FORMAT, DEPTH_FORMAT},
-};
+use super::surface::ChangeSurface;
 use crate::{gpu::Gpu, renderer::RenderError};
 
 /// In `what`, as in change_compose.wgsl: the low bits are the number from 1.
@@ -113,48 +110,4 @@ pub(super) fn triangles() -> Vec<u16> {
         }
     }
     out
-}
-
-/// The pipeline that draws them.
-///
-/// # Errors
-/// [`RenderError::Shader`].
-pub(super) fn pipeline(gpu: &Gpu) -> Result<wgpu::RenderPipeline, RenderError> {
-    let name = "change_arrows";
-    let source = glioscope_shaders::compose(name)?;
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(name),
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(name),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState {
-            front_face: wgpu::FrontFace::Cw,
-            cull_mode: Some(wgpu::Face::Back),
-            ..Default::default()
-        },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Less),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("shade"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(ARROW_FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    }))
 }

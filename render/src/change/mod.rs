@@ -29,6 +29,7 @@ use crate::{
     quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
+    lighting::passes,
 };
 
 pub use frame::{ChangeFrame, ChangePick};
@@ -152,6 +153,7 @@ impl ChangeScene {
             selection,
             colors: MaskColors::new(Palette::Thesis, &[Some(self.base); 3]),
             lens: None,
+            tubes: Vec::new(),
             camera: self.camera,
             background: self.background,
             silhouette: self.silhouette,
@@ -206,7 +208,7 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
         // Of regions, only those of one date can be hidden here.
         reason.map(|r| if r == "selection is empty" { shares_nothing } else { r })
     };
-    Plan::of(&PassName::CHANGE, |pass| match pass {
+    Plan::of(&passes(&PassName::CHANGE, quality.lighting.shading), |pass| match pass {
         PassName::Outside => no_outside,
         PassName::Heights => no_heights,
         PassName::HeightFilterAcross | PassName::HeightFilterDown => no_filter,

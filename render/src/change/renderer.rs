@@ -13,15 +13,17 @@ use super::{
     arrows::{self, ArrowBuffers},
     change_plan,
     frame::ChangeFrame,
-    targets::{ArrowTargets, ChangeTargets},
+    targets::ChangeTargets,
     uniforms as change_uniforms,
 };
 use crate::{
     compute::{Drawing, PassRunner, TimeSource, workgroups_of},
-    context::{image::ImageBuffers, uniforms::Context},
+    context::{ContextScene, LIT_MARCH, image::ImageBuffers, shows_image, uniforms::Context},
     gpu::Gpu,
+    lighting::{LIGHT_BINDINGS, Lights, LitImage, LitScene},
     plan::{PassName, Plan},
     quality::Quality,
+    raster::{self, RasterTargets},
     region_buffers::RegionBuffers,
     renderer::RenderError,
     targets::Targets,
@@ -182,7 +184,8 @@ pub struct ChangeRenderer {
     image: Option<ImageBuffers>,
     lengths: Option<LengthBuffers>,
     pub(super) arrows: Option<ArrowBuffers>,
-    arrow_targets: Option<ArrowTargets>,
+    arrow_targets: Option<RasterTargets>,
+    lights: Lights,
     frame: Option<ChangeFrame>,
 }
 
@@ -193,7 +196,7 @@ impl ChangeRenderer {
     /// [`RenderError::Device`] when the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         let mut passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
-        passes.add_raster(PassName::Arrows, arrows::pipeline(gpu)?);
+        passes.add_raster(PassName::Arrows, raster::pipeline(gpu, "change_arrows", true)?);
         let uniform = |label, size: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -222,6 +225,7 @@ impl ChangeRenderer {
             lengths: None,
             arrows: None,
             arrow_targets: None,
+            lights: Lights::default(),
             frame: None,
         };
         gpu.check().map_err(RenderError::Device)?;
@@ -275,7 +279,7 @@ impl ChangeRenderer {
         regions.show(gpu, &tumor, &mut view);
         self.write_view(gpu, scene, &view);
         let mut warning = None;
-        if let Some(volume) = scene.context.volume.as_ref().filter(|_| plan.has(PassName::Context)) {
+        if let Some(volume) = scene.context.volume.as_ref().filter(|_| shows_image(&plan)) {
             let image = ImageBuffers::keep(&mut self.image, gpu, volume, &scene.context.transfer)?;
             warning = image.warning();
             let context = image.uniform(&context_scene, quality, &plan);
@@ -300,7 +304,7 @@ impl ChangeRenderer {
             }
             None => self.arrows = None,
         }
-        let arrow_targets = ArrowTargets::keep(&mut self.arrow_targets, gpu, drawn)?;
+        let arrow_targets = RasterTargets::keep(&mut self.arrow_targets, gpu, drawn, 2)?;
         let mut change = change_uniforms::Change::default();
         if let Some(surface) = scene.surface.as_deref() {
             let samples = arrow_targets.samples;
@@ -308,7 +312,8 @@ impl ChangeRenderer {
         }
         gpu.queue.write_buffer(&self.change, 0, bytemuck::bytes_of(&change));
         let arrow_count = vectors.len();
-        self.bind(gpu, &plan, &targets, &own, &arrow_targets, arrow_count as u32);
+        let count = arrow_count as u32;
+        self.bind(gpu, &plan, &targets, &own, &arrow_targets, count, &context_scene, quality)?;
         self.passes.run(gpu);
         gpu.check().map_err(RenderError::Device)?;
         Ok(self.frame.insert(ChangeFrame {
@@ -340,16 +345,21 @@ impl ChangeRenderer {
         }
     }
 
+    #[allow(clippy::too_many_arguments, reason = "one caller; splits its body")]
     fn bind(
         &mut self,
         gpu: &Gpu,
         plan: &Plan,
         targets: &Targets,
         own: &ChangeTargets,
-        arrow_targets: &ArrowTargets,
+        arrow_targets: &RasterTargets,
         arrow_count: u32,
-    ) {
-        let Some(regions) = &self.regions else { return };
+        around: &ContextScene,
+        quality: &Quality,
+    ) -> Result<(), RenderError> {
+        let Some(regions) = &self.regions else { return Ok(()) };
+        let mut lights = std::mem::take(&mut self.lights);
+        let mut lit = false;
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         let resource = |slot: Slot| {
             let buffer = match slot {
@@ -390,6 +400,31 @@ impl ChangeRenderer {
             Some(buffer.as_entire_binding())
         };
         for (pass, _, slots) in SHADERS.iter().filter(|(pass, ..)| plan.has(*pass)) {
+            if !lit && matches!(pass, PassName::Context | PassName::Compose) {
+                lit = true;
+                let image = self.image.as_ref().zip(around.volume.as_ref()).filter(|_| shows_image(plan));
+                let scene = LitScene {
+                    image: image.map(|(buffers, volume)| LitImage {
+                        buffers,
+                        volume,
+                        transfer: &around.transfer,
+                        context: &self.context,
+                    }),
+                    tumor: around.tumor.as_ref(),
+                    selection: &around.selection,
+                    camera: &around.camera,
+                    reference_mm: around.reference_mm(),
+                    size: targets.size,
+                    strength: quality.strength(),
+                    view: &self.view,
+                    depths: &targets.depths,
+                    surfaces: &targets.surfaces,
+                    marched: &targets.outsides,
+                    blurred: &targets.blurred,
+                    regions: [&regions.table, &regions.words, &regions.regions],
+                };
+                lights.bind(gpu, &mut self.passes, plan, &scene, &quality.lighting)?;
+            }
             if *pass == PassName::Compose && plan.has(PassName::Arrows) {
                 let entries: Vec<_> = [(0, Slot::View), (16, Slot::Change), (24, Slot::Arrows)]
                     .into_iter()
@@ -404,10 +439,19 @@ impl ChangeRenderer {
                 };
                 self.passes.bind_raster(gpu, PassName::Arrows, &entries, drawing);
             }
-            let entries: Vec<_> =
+            let mut entries: Vec<_> =
                 slots.iter().filter_map(|&(binding, slot)| Some((binding, resource(slot)?))).collect();
-            self.passes.bind(gpu, *pass, &entries, workgroups_of(targets.size));
+            let workgroups = workgroups_of(targets.size);
+            if let (PassName::Context, Some(grid), Some(image)) = (pass, lights.grid(), &self.image) {
+                entries.extend(grid.into_iter().zip(LIGHT_BINDINGS).map(|(b, n)| (n, b.as_entire_binding())));
+                let shader = (LIT_MARCH, &[image.tables().gradient_counts()][..]);
+                self.passes.bind_shader(gpu, *pass, shader, &entries, workgroups)?;
+            } else {
+                self.passes.bind(gpu, *pass, &entries, workgroups);
+            }
         }
+        self.lights = lights;
+        Ok(())
     }
 
     /// Where [`ChangeRenderer::pass_times`] come from on this device.

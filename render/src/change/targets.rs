@@ -1,11 +1,6 @@
 //! What the change view's own passes write: made once a size.
 
-use crate::{gpu::Gpu, renderer::RenderError};
-
-/// Format of the arrows' picture: what, depth.
-pub(super) const ARROW_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
-/// Format of its depths.
-pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+use crate::gpu::Gpu;
 
 /// Buffers of one picture size, row after row.
 #[derive(Clone, Debug)]
@@ -20,15 +15,6 @@ pub(super) struct ChangeTargets {
     pub hull_surfaces: wgpu::Buffer,
     /// Number of the arrow in front, from 1, and its depth.
     pub tops: wgpu::Buffer,
-}
-
-/// The arrows' picture, `samples` squared of them a pixel; one texel where no arrow is drawn.
-#[derive(Clone, Debug)]
-pub(super) struct ArrowTargets {
-    pub samples: u32,
-    pub picture: wgpu::TextureView,
-    pub depths: wgpu::TextureView,
-    drawn: Option<[u32; 2]>,
 }
 
 impl ChangeTargets {
@@ -52,52 +38,5 @@ impl ChangeTargets {
             hull_surfaces: buffer("ChangeTargets::hull_surfaces", 8),
             tops: buffer("ChangeTargets::tops", 8),
         }
-    }
-}
-
-impl ArrowTargets {
-    /// Those held, when they are of `size` (`None`: no arrow is drawn), else new ones.
-    ///
-    /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
-    pub fn keep(held: &mut Option<Self>, gpu: &Gpu, size: Option<[u32; 2]>) -> Result<Self, RenderError> {
-        let made = match held.take().filter(|h| h.drawn == size) {
-            Some(targets) => targets,
-            None => Self::new(gpu, size)?,
-        };
-        Ok(held.insert(made).clone())
-    }
-
-    fn new(gpu: &Gpu, drawn: Option<[u32; 2]>) -> Result<Self, RenderError> {
-        let [width, height] = drawn.unwrap_or([1; 2]);
-        let largest = gpu.device.limits().max_texture_dimension_2d;
-        let samples = if drawn.is_some() && width.max(height) <= largest / 2 { 2 } else { 1 };
-        let view = |label, format, usage| {
-            gpu.device
-                .create_texture(&wgpu::TextureDescriptor {
-                    label: Some(label),
-                    size: wgpu::Extent3d {
-                        width: width * samples,
-                        height: height * samples,
-                        depth_or_array_layers: 1,
-                    },
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: wgpu::TextureDimension::D2,
-                    format,
-                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
-                    view_formats: &[],
-                })
-                .create_view(&wgpu::TextureViewDescriptor::default())
-        };
-        let read = wgpu::TextureUsages::TEXTURE_BINDING;
-        let made = Self {
-            samples,
-            picture: view("ArrowTargets::picture", ARROW_FORMAT, read),
-            depths: view("ArrowTargets::depths", DEPTH_FORMAT, wgpu::TextureUsages::empty()),
-            drawn,
-        };
-        gpu.check().map_err(RenderError::Device)?;
-        Ok(made)
     }
 }

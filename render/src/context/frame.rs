@@ -13,6 +13,7 @@ use crate::{
     plan::{PassName, Plan},
     renderer::RenderError,
     targets::Targets,
+    tubes::{DrawnTubes, buffers::fiber_number, fiber_of},
     uniforms::FAR,
 };
 
@@ -22,8 +23,19 @@ pub struct ContextPick {
     /// The point that the pixel shows, RAS+ millimetres: on the voxel's face for the tumour; for the
     /// image where half of what lies behind is hidden, to a step of the ray.
     pub world_mm: DVec3,
-    /// Index bits of the tumour's region; `None` for tissue of the context image.
+    /// Index bits of the tumour's region; `None` for anything else.
     pub bits: Option<u32>,
+    /// The fibre of a tract; `None` for anything else. Neither: tissue of the context image.
+    pub fiber: Option<PickedFiber>,
+}
+
+/// A fibre of a tract.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PickedFiber {
+    /// Which of the scene's sets of tubes.
+    pub set: usize,
+    /// Its number in that set's file, from 0.
+    pub fiber: usize,
 }
 
 /// A finished picture. Its textures are reused by the next picture of the same size.
@@ -43,6 +55,7 @@ pub struct ContextFrame {
     pub notes: Vec<String>,
     pub(super) targets: Targets,
     pub(super) tumor: Option<Arc<RegionVolume>>,
+    pub(super) tubes: Vec<DrawnTubes>,
     pub(super) camera: Camera,
     pub(super) reference_mm: f64,
 }
@@ -68,9 +81,9 @@ impl ContextFrame {
         }
         let pixel = drawn_pixel([x, y], self.asked_px, self.size_px);
         let at = u64::from(pixel[1]) * u64::from(self.size_px[0]) + u64::from(pixel[0]);
-        let has_surface = self.plan.has(PassName::Surface);
+        let has_geometry = self.plan.has(PassName::Surface) || self.plan.has(PassName::TubesMerge);
         let mut parts = Vec::new();
-        if has_surface {
+        if has_geometry {
             parts.push((&self.targets.depths, at * 4, 4));
             parts.push((&self.targets.surfaces, at * 8, 8));
         }
@@ -82,22 +95,31 @@ impl ContextFrame {
         }
         let read = gpu.read_buffers(&parts).map_err(RenderError::Device)?;
         let mut read = read.iter();
-        let found = |depth: f32, bits| {
+        let found = |depth: f32, bits, fiber| {
             let world_mm = world_at(&self.camera, self.reference_mm, self.size_px, pixel, depth);
-            ContextPick { world_mm, bits }
+            ContextPick { world_mm, bits, fiber }
         };
-        if has_surface && let (Some(depth), Some(surface)) = (read.next(), read.next()) {
+        let mut geometry = None;
+        if has_geometry && let (Some(depth), Some(surface)) = (read.next(), read.next()) {
             let depth: f32 = bytemuck::pod_read_unaligned(depth);
-            let [number, _]: [u32; 2] = bytemuck::pod_read_unaligned(surface);
-            if depth < FAR {
-                let bits = self.tumor.as_ref().and_then(|t| t.bits_of_id().get(number as usize));
-                return Ok(bits.map(|&bits| found(depth, Some(bits))));
+            let surface: [u32; 2] = bytemuck::pod_read_unaligned(surface);
+            geometry = (depth < FAR).then_some((depth, surface));
+        }
+        // What hides more than half of what is behind it is what is seen. The march ends at the
+        // tumour and at tubes.
+        if let Some(marched) = read.next() {
+            let marched: Marched = bytemuck::pod_read_unaligned(marched);
+            if marched.depth < FAR {
+                return Ok(Some(found(marched.depth, None, None)));
             }
         }
-        Ok(read.next().and_then(|marched| {
-            let marched: Marched = bytemuck::pod_read_unaligned(marched);
-            (marched.depth < FAR).then(|| found(marched.depth, None))
-        }))
+        let Some((depth, [number, face])) = geometry else { return Ok(None) };
+        if let Some(fiber) = fiber_number(face) {
+            let fiber = fiber_of(&self.tubes, fiber).map(|(set, fiber)| PickedFiber { set, fiber });
+            return Ok(fiber.map(|fiber| found(depth, None, Some(fiber))));
+        }
+        let bits = self.tumor.as_ref().and_then(|t| t.bits_of_id().get(number as usize));
+        Ok(bits.map(|&bits| found(depth, Some(bits), None)))
     }
 
     #[cfg(test)]
@@ -121,7 +143,14 @@ impl ContextFrame {
         bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(buffer, 0, buffer.size())]).unwrap()[0])
     }
 
-    /// Depths of the tumour's surface, [`FAR`] where there is none.
+    /// What is seen first at each pixel: region number (0 for a tube) and face, or fibre.
+    #[cfg(test)]
+    pub(crate) fn read_surfaces(&self, gpu: &Gpu) -> Vec<[u32; 2]> {
+        let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
+        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(&self.targets.surfaces, 0, n * 8)]).unwrap()[0])
+    }
+
+    /// Depths of the tumour's surface and of tubes, [`FAR`] where there is none.
     #[cfg(test)]
     pub(crate) fn read_depths(&self, gpu: &Gpu) -> Vec<f32> {
         let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);

@@ -10,8 +10,9 @@ mod tests;
 pub(crate) mod uniforms;
 mod volume;
 
-pub use frame::{ContextFrame, ContextPick};
+pub use frame::{ContextFrame, ContextPick, PickedFiber};
 pub use renderer::ContextRenderer;
+pub(crate) use renderer::{LIT_MARCH, shows_image};
 pub use scene::{ClipPlane, ContextScene, MOST_CLIP_PLANES, context_plan};
 pub use volume::ContextVolume;
 pub(crate) use volume::{BRICK, Field};

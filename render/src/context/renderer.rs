@@ -2,7 +2,8 @@
 //!
 //! Lifetimes: pipelines are made once a [`ContextRenderer`]; an image's values once per `Arc` (4 bytes
 //! a voxel on the card); tables (40 KB, and a bit a brick) once a transfer function; the tumour's
-//! bricks once per `Arc`; targets once a size; the uniforms once a frame.
+//! bricks once per `Arc`; fibre tracts once a list of those shown (16 bytes a point); targets once a size
+//! (with tracts 16 bytes a pixel more); the uniforms once a frame.
 
 use super::{
     frame::ContextFrame,
@@ -13,12 +14,14 @@ use super::{
 use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
     gpu::Gpu,
-    lighting::{Lights, LitImage, LitScene},
+    lighting::{LIGHT_BINDINGS, Lights, LitImage, LitScene},
     plan::{PassName, Plan},
     quality::Quality,
+    raster,
     region_buffers::RegionBuffers,
     renderer::RenderError,
     targets::Targets,
+    tubes::buffers::TubeBuffers,
     uniforms::{self, LENS_ONLY_DRAWN, NO_SKIPPING},
 };
 
@@ -41,15 +44,17 @@ enum Slot {
     Visible = 13,
     Table = 14,
     Factors = 15,
-    LightGrid = 28,
-    LightShape = 29,
+    Fibers = 28,
+    TubePicture = 29,
+    TubeShades = 30,
 }
 
 /// Shader file and bindings of each pass.
-const SHADERS: [(PassName, &str, &[Slot]); 5] = {
+const SHADERS: [(PassName, &str, &[Slot]); 6] = {
     use Slot::*;
     [
         (PassName::Surface, "closeup_surface", &[View, Bricks, Voxels, Regions, Depths, Surfaces]),
+        (PassName::TubesMerge, "tubes_merge", &[View, Depths, Surfaces, Fibers, TubePicture, TubeShades]),
         (PassName::Occlusion, "closeup_occlusion", &[View, Regions, Depths, Surfaces, Occlusion, Kernel]),
         (PassName::OcclusionBlur, "closeup_occlusion_blur", &[View, Depths, Occlusion, Blurred]),
         (
@@ -57,15 +62,16 @@ const SHADERS: [(PassName, &str, &[Slot]); 5] = {
             "context_march",
             &[View, Depths, Marched, Context, Values, Visible, Table, Factors],
         ),
-        (PassName::Compose, "context_compose", &[View, Regions, Depths, Surfaces, Marched, Blurred, Picture]),
+        (
+            PassName::Compose,
+            "context_compose",
+            &[View, Regions, Depths, Surfaces, Marched, Blurred, Picture, Fibers, TubeShades],
+        ),
     ]
 };
 
-/// The march lit by cones, in the place of the other one.
-const LIT: (&str, [Slot; 10]) = {
-    use Slot::*;
-    ("context_lit", [View, Depths, Marched, Context, Values, Visible, Table, Factors, LightGrid, LightShape])
-};
+/// The march lit by cones, in the place of the other one: it reads the grid of light besides.
+pub(crate) const LIT_MARCH: &str = "context_lit";
 
 /// Whether the plan shows the image, whichever way.
 pub(crate) fn shows_image(plan: &Plan) -> bool {
@@ -82,6 +88,7 @@ pub struct ContextRenderer {
     regions: Option<RegionBuffers>,
     image: Option<ImageBuffers>,
     lights: Lights,
+    tubes: TubeBuffers,
     frame: Option<ContextFrame>,
 }
 
@@ -102,7 +109,8 @@ impl ContextRenderer {
     /// # Errors
     /// [`RenderError::Device`] when the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
-        let passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
+        let mut passes = PassRunner::new(gpu, &SHADERS.map(|(pass, shader, _)| (pass, shader)))?;
+        passes.add_raster(PassName::Tubes, raster::pipeline(gpu, "tubes", false)?);
         let uniform = |label, size: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -121,6 +129,7 @@ impl ContextRenderer {
             regions: None,
             image: None,
             lights: Lights::default(),
+            tubes: TubeBuffers::new(gpu),
             frame: None,
         })
     }
@@ -183,6 +192,8 @@ impl ContextRenderer {
             let kernel = uniforms::occlusion_kernel(view.occlusion_samples);
             gpu.queue.write_buffer(&self.kernel, 0, bytemuck::cast_slice(&kernel));
         }
+        let tubes = plan.has(PassName::TubesMerge).then_some(scene.tubes.as_slice());
+        self.tubes.prepare(gpu, tubes, &scene.camera, scene.reference_mm(), &view)?;
         let mut warning = None;
         if let Some(volume) = scene.volume.as_ref().filter(|_| shows_image(&plan)) {
             let image = ImageBuffers::keep(&mut self.image, gpu, volume, &scene.transfer)?;
@@ -205,6 +216,7 @@ impl ContextRenderer {
             notes,
             targets,
             tumor: scene.tumor.clone(),
+            tubes: scene.tubes.clone(),
             camera: scene.camera,
             reference_mm: scene.reference_mm(),
         }))
@@ -226,6 +238,13 @@ impl ContextRenderer {
         let mut notes = Vec::new();
         let mut lit = false;
         for (pass, _, slots) in SHADERS.into_iter().filter(|(pass, ..)| plan.has(*pass)) {
+            if pass == PassName::TubesMerge
+                && let Some((drawing, entries)) = self.tubes.drawing()
+            {
+                let mut entries = entries.to_vec();
+                entries.push((Slot::View as u32, self.view.as_entire_binding()));
+                self.passes.bind_raster(gpu, PassName::Tubes, &entries, drawing);
+            }
             if !lit && matches!(pass, PassName::Context | PassName::Compose) {
                 lit = true;
                 let buffers = image.zip(scene.volume.as_ref()).filter(|_| shows_image(plan));
@@ -244,14 +263,14 @@ impl ContextRenderer {
                     strength: quality.strength(),
                     view: &self.view,
                     depths: &targets.depths,
+                    surfaces: &targets.surfaces,
                     marched: &targets.outsides,
                     blurred: &targets.blurred,
                     regions: [&regions.table, &regions.words, &regions.regions],
                 };
                 notes = lights.bind(gpu, &mut self.passes, plan, &lit_scene, &quality.lighting)?;
             }
-            let slots = if pass == PassName::Context && plan.has(PassName::LightGrid) { &LIT.1[..] } else { slots };
-            let entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
+            let mut entries: Vec<(u32, wgpu::BindingResource<'_>)> = slots
                 .iter()
                 .filter_map(|&slot| {
                     let resource = match slot {
@@ -272,15 +291,17 @@ impl ContextRenderer {
                         Slot::Visible => image?.visible().as_entire_binding(),
                         Slot::Table => image?.table().as_entire_binding(),
                         Slot::Factors => image?.factors().as_entire_binding(),
-                        Slot::LightGrid => lights.grid()?[0].as_entire_binding(),
-                        Slot::LightShape => lights.grid()?[1].as_entire_binding(),
+                        Slot::Fibers => self.tubes.fibers().as_entire_binding(),
+                        Slot::TubePicture => wgpu::BindingResource::TextureView(self.tubes.picture()?),
+                        Slot::TubeShades => self.tubes.shades().as_entire_binding(),
                     };
                     Some((slot as u32, resource))
                 })
                 .collect();
             let workgroups = workgroups_of(targets.size);
-            if let Some(image) = image.filter(|_| slots.len() == LIT.1.len()) {
-                let shader = (LIT.0, &[image.tables().gradient_counts()][..]);
+            if let (PassName::Context, Some(grid), Some(image)) = (pass, lights.grid(), image) {
+                entries.extend(grid.into_iter().zip(LIGHT_BINDINGS).map(|(b, n)| (n, b.as_entire_binding())));
+                let shader = (LIT_MARCH, &[image.tables().gradient_counts()][..]);
                 self.passes.bind_shader(gpu, pass, shader, &entries, workgroups)?;
             } else {
                 self.passes.bind(gpu, pass, &entries, workgroups);
@@ -288,6 +309,29 @@ impl ContextRenderer {
         }
         self.lights = lights;
         Ok(notes)
+    }
+
+    /// As [`ContextRenderer::render`] with a given plan.
+    #[cfg(test)]
+    pub(crate) fn render_with(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ContextScene,
+        quality: &Quality,
+        size_px: [u32; 2],
+        plan: Plan,
+    ) -> Result<&ContextFrame, RenderError> {
+        self.render_planned(gpu, scene, quality, size_px, plan, Ways::USUAL)
+    }
+
+    /// Shaded colour and facing of the tube at each pixel of the last frame; empty without tubes.
+    #[cfg(test)]
+    pub(crate) fn read_tube_shades(&self, gpu: &Gpu) -> Vec<[u8; 4]> {
+        if self.tubes.picture().is_none() {
+            return Vec::new();
+        }
+        let shades = self.tubes.shades();
+        bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(shades, 0, shades.size())]).unwrap()[0])
     }
 
     /// Where [`ContextRenderer::pass_times`] come from on this device.

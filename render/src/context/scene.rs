@@ -16,6 +16,7 @@ use crate::{
     renderer::{RenderError, check_view},
     scene::{Lens, Scene},
     transfer::TransferFunction,
+    tubes::DrawnTubes,
     uniforms::reference_to,
 };
 
@@ -51,6 +52,8 @@ pub struct ContextScene {
     pub colors: MaskColors,
     /// The lens, whose ring is drawn; `None` when it is off.
     pub lens: Option<Lens>,
+    /// Fibre tracts beside it. They are cut no more than the tumour is.
+    pub tubes: Vec<DrawnTubes>,
     /// Where it is seen from.
     pub camera: Camera,
     /// What is behind everything.
@@ -69,8 +72,19 @@ fn same<T>(a: Option<&Arc<T>>, b: Option<&Arc<T>>) -> bool {
 
 impl PartialEq for ContextScene {
     fn eq(&self, other: &Self) -> bool {
-        let Self { volume, transfer, clip, tumor, selection, colors, lens, camera, background, silhouette } =
-            self;
+        let Self {
+            volume,
+            transfer,
+            clip,
+            tumor,
+            selection,
+            colors,
+            lens,
+            tubes,
+            camera,
+            background,
+            silhouette,
+        } = self;
         same(volume.as_ref(), other.volume.as_ref())
             && (Arc::ptr_eq(transfer, &other.transfer) || *transfer == other.transfer)
             && *clip == other.clip
@@ -78,6 +92,7 @@ impl PartialEq for ContextScene {
             && *selection == other.selection
             && *colors == other.colors
             && *lens == other.lens
+            && *tubes == other.tubes
             && *camera == other.camera
             && *background == other.background
             && *silhouette == other.silhouette
@@ -133,6 +148,15 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
         }
         Some(_) => None,
     };
+    let no_tubes = if scene.tubes.iter().any(DrawnTubes::draws) {
+        None
+    } else if scene.tubes.iter().any(|tubes| !tubes.shown) {
+        Some("fibre tracts are hidden")
+    } else {
+        Some("no fibre tracts")
+    };
+    // Anything solid will do.
+    let no_solid = no_surface.filter(|_| no_tubes.is_some());
     let no_context = if scene.volume.is_none() {
         Some("no context image")
     } else if scene.transfer.is_transparent() {
@@ -143,7 +167,8 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
     let is_1d = scene.transfer.gradient().is_none().then_some("transfer function is 1-D");
     Plan::of(&passes(&PassName::CONTEXT, quality.lighting.shading), |pass| match pass {
         PassName::Surface => no_surface,
+        PassName::Tubes | PassName::TubesMerge => no_tubes,
         PassName::GradientOpacity => no_context.or(is_1d),
-        _ => left_out(pass, quality, no_surface, no_context),
+        _ => left_out(pass, quality, no_solid, no_context),
     })
 }

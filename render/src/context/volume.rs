@@ -192,6 +192,7 @@ fn halved(grid: &Grid, value: impl Fn(usize) -> f32 + Sync) -> Option<(Grid, Vec
 }
 
 /// A transfer function as a table over stored values, and the bricks that it shows anything of.
+#[derive(Clone)]
 pub(crate) struct Tables {
     /// Red, green, blue, opacity of 1 mm, at equal distances of value.
     pub colors: Vec<[f32; 4]>,

@@ -113,6 +113,8 @@ struct ImageLight {
     tumor: Option<Arc<RegionVolume>>,
     medium: Medium,
     side_mm: f64,
+    /// Whether every cell is found: tubes may run anywhere.
+    everywhere: bool,
     cells: Cells,
     needed: wgpu::Buffer,
     needed_count: u32,
@@ -120,7 +122,7 @@ struct ImageLight {
 }
 
 struct MaskLight {
-    tumor: Arc<RegionVolume>,
+    tumor: Option<Arc<RegionVolume>>,
     selection: Selection,
     medium: Medium,
 }
@@ -169,7 +171,7 @@ impl ConeLight {
         self.image.as_ref().map(|image| [&image.light, &self.grid_uniform])
     }
 
-    /// Prepares what `plan` needs and binds [`PassName::LightGrid`] and [`PassName::SolidCones`].
+    /// Prepares what `plan` needs and binds, with the uniform of vicinity occlusion, [`PassName::LightGrid`] and [`PassName::SolidCones`].
     ///
     /// # Errors
     /// [`RenderError`] for a medium that doesn't fit on the card.
@@ -180,33 +182,43 @@ impl ConeLight {
         plan: &Plan,
         scene: &LitScene<'_>,
         lighting: &Lighting,
+        vicinity: &wgpu::Buffer,
     ) -> Result<(), RenderError> {
         if plan.has(PassName::LightGrid) {
-            self.bind_image(gpu, passes, scene, lighting)?;
+            self.bind_image(gpu, passes, plan, scene, lighting)?;
         } else {
             self.image = None;
         }
-        match scene.tumor.filter(|_| plan.has(PassName::SolidCones)) {
-            Some(tumor) => self.bind_masks(gpu, passes, plan, scene, tumor, lighting)?,
-            None => self.masks = None,
+        if plan.has(PassName::SolidCones) {
+            self.bind_masks(gpu, passes, plan, scene, lighting, vicinity)
+        } else {
+            self.masks = None;
+            Ok(())
         }
-        Ok(())
     }
 
     fn bind_image(
         &mut self,
         gpu: &Gpu,
         passes: &mut PassRunner,
+        plan: &Plan,
         scene: &LitScene<'_>,
         lighting: &Lighting,
     ) -> Result<(), RenderError> {
+        let everywhere = plan.has(PassName::TubesMerge);
         let Some(LitImage { buffers, volume, transfer, context }) = scene.image else { return Ok(()) };
         let kept = self.image.take().filter(|held| {
             Arc::ptr_eq(&held.volume, volume)
                 && (Arc::ptr_eq(&held.transfer, transfer) || held.transfer == *transfer)
         });
         let held = match kept {
-            Some(held) if held.side_mm == lighting.cell_mm && is_same(held.tumor.as_ref(), scene.tumor) => held,
+            Some(held)
+                if held.side_mm == lighting.cell_mm
+                    && held.everywhere == everywhere
+                    && is_same(held.tumor.as_ref(), scene.tumor) =>
+            {
+                held
+            }
             kept => {
                 let medium = match kept {
                     Some(held) => held.medium,
@@ -214,13 +226,12 @@ impl ConeLight {
                 };
                 let cells = Cells::new(&medium.grid, lighting.cell_mm);
                 let shape = buffers.shape();
-                let needed = cells.needed(
-                    &medium.grid,
-                    BRICK,
-                    shape.brick_dims,
-                    buffers.visible_bits(),
-                    scene.tumor.map(|t| &**t),
-                );
+                let needed: Vec<u32> = if everywhere {
+                    (0..cells.count() as u32).collect()
+                } else {
+                    let (dims, bits) = (shape.brick_dims, buffers.visible_bits());
+                    cells.needed(&medium.grid, BRICK, dims, bits, scene.tumor.map(|t| &**t))
+                };
                 let needed_count = needed.len() as u32;
                 let listed = if needed.is_empty() { vec![0] } else { needed };
                 gpu.check_size("cells of light", 4 * cells.count() as u64)?;
@@ -236,6 +247,7 @@ impl ConeLight {
                     tumor: scene.tumor.cloned(),
                     medium,
                     side_mm: lighting.cell_mm,
+                    everywhere,
                     cells,
                     needed: gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
                         label: Some("ImageLight::needed"),
@@ -264,8 +276,8 @@ impl ConeLight {
             (15, buffers.factors().as_entire_binding()),
             (26, self.image_uniform.as_entire_binding()),
             (27, held.medium.cells.as_entire_binding()),
-            (28, held.light.as_entire_binding()),
-            (29, self.grid_uniform.as_entire_binding()),
+            (37, held.light.as_entire_binding()),
+            (38, self.grid_uniform.as_entire_binding()),
             (30, held.needed.as_entire_binding()),
         ];
         let groups = held.needed_count.div_ceil(64);
@@ -282,25 +294,19 @@ impl ConeLight {
         passes: &mut PassRunner,
         plan: &Plan,
         scene: &LitScene<'_>,
-        tumor: &Arc<RegionVolume>,
         lighting: &Lighting,
+        vicinity: &wgpu::Buffer,
     ) -> Result<(), RenderError> {
         let held = self.masks.take().filter(|held| {
-            Arc::ptr_eq(&held.tumor, tumor) && held.selection == *scene.selection
+            is_same(held.tumor.as_ref(), scene.tumor) && held.selection == *scene.selection
         });
         let held = match held {
             Some(held) => held,
-            None => {
-                let grid = tumor.grid();
-                let shown: Vec<bool> =
-                    tumor.bits_of_id().iter().map(|&bits| scene.selection.shows(bits)).collect();
-                let dark = DARK / grid.spacing_mm().min_element();
-                let medium = Medium::new(gpu, grid, |cell| {
-                    let id = tumor.id(grid.linear(cell)) as usize;
-                    if shown.get(id).copied().unwrap_or(false) { dark } else { 0.0 }
-                })?;
-                MaskLight { tumor: Arc::clone(tumor), selection: scene.selection.clone(), medium }
-            }
+            None => MaskLight {
+                tumor: scene.tumor.cloned(),
+                selection: scene.selection.clone(),
+                medium: mask_medium(gpu, scene)?,
+            },
         };
         let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
         gpu.queue.write_buffer(&self.mask_uniform, 0, bytemuck::bytes_of(&light));
@@ -312,16 +318,34 @@ impl ConeLight {
             (2, words.as_entire_binding()),
             (3, regions.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
+            (5, scene.surfaces.as_entire_binding()),
             (8, scene.blurred.as_entire_binding()),
             (26, self.mask_uniform.as_entire_binding()),
             (27, held.medium.cells.as_entire_binding()),
-            (28, lit.map_or(&self.nothing, |image| &image.light).as_entire_binding()),
-            (29, self.grid_uniform.as_entire_binding()),
+            (37, lit.map_or(&self.nothing, |image| &image.light).as_entire_binding()),
+            (36, vicinity.as_entire_binding()),
+            (38, self.grid_uniform.as_entire_binding()),
         ];
         passes.bind_shader(gpu, PassName::SolidCones, ("solid_cones", &[]), &entries, workgroups_of(scene.size))?;
         self.masks = Some(held);
         Ok(())
     }
+}
+
+/// The regions shown, opaque. One empty voxel where there are no masks.
+fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
+    let Some(tumor) = scene.tumor else {
+        let grid = Grid::axis_aligned([1; 3], DVec3::ONE, scene.camera.focus_mm)
+            .map_err(|e| RenderError::Scene(e.to_string()))?;
+        return Medium::new(gpu, &grid, |_| 0.0);
+    };
+    let grid = tumor.grid();
+    let shown: Vec<bool> = tumor.bits_of_id().iter().map(|&bits| scene.selection.shows(bits)).collect();
+    let dark = DARK / grid.spacing_mm().min_element();
+    Medium::new(gpu, grid, |cell| {
+        let id = tumor.id(grid.linear(cell)) as usize;
+        if shown.get(id).copied().unwrap_or(false) { dark } else { 0.0 }
+    })
 }
 
 fn image_medium(

@@ -209,11 +209,15 @@ pub(crate) struct LitScene<'a> {
     pub strength: f32,
     pub view: &'a wgpu::Buffer,
     pub depths: &'a wgpu::Buffer,
+    pub surfaces: &'a wgpu::Buffer,
     pub marched: &'a wgpu::Buffer,
     pub blurred: &'a wgpu::Buffer,
     /// Bricks, words and regions of the masks.
     pub regions: [&'a wgpu::Buffer; 3],
 }
+
+/// Numbers of the bindings of [`Lights::grid`].
+pub(crate) const LIGHT_BINDINGS: [u32; 2] = [37, 38];
 
 /// The passes of light that are none of screen space. Each part is made when a frame first needs it.
 #[derive(Default)]
@@ -240,14 +244,16 @@ impl Lights {
     ) -> Result<Vec<String>, RenderError> {
         let mut notes = Vec::new();
         if plan.has(PassName::LightGrid) || plan.has(PassName::SolidCones) {
+            let vicinity = self.vicinity.get_or_insert_with(|| VicinityLight::new(gpu));
+            vicinity.write(gpu, lighting, false);
             let cones = self.cones.get_or_insert_with(|| ConeLight::new(gpu));
-            cones.bind(gpu, passes, plan, scene, lighting)?;
+            cones.bind(gpu, passes, plan, scene, lighting, vicinity.uniform())?;
         } else {
             self.cones = None;
         }
         if let Some(image) = scene.image.filter(|_| plan.has(PassName::Slices)) {
             let slices = self.slices.get_or_insert_with(|| SliceLight::new(gpu));
-            let solid = plan.has(PassName::Surface);
+            let solid = plan.has(PassName::Surface) || plan.has(PassName::TubesMerge);
             notes = slices.bind(gpu, passes, scene, &image, solid, lighting)?;
         } else {
             self.slices = None;

@@ -8,12 +8,12 @@ use glioscope_core::{Grid, Samples, Scaling, Selection, Volume};
 use super::{vicinity::slope, *};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene, ControlPoint, GradientPoint, MaskColors, Palette, Projection,
-    TransferFunction,
-    context::context_plan,
+    Renderer, TransferFunction,
+    context::{Field, context_plan},
     dos::{DosPlan, DosSettings},
     dos::tests::GPU,
-    occlusion::{Sight, poisson::poisson_disc},
-    reference::{combined, vicinity},
+    occlusion::{Filter, OpticalVolume, Sight, Table, poisson::poisson_disc},
+    reference::{combined, monte_carlo::{self, Estimate, Phase}, vicinity},
     testing::{noise, volume},
     uniforms::FAR,
 };
@@ -70,6 +70,7 @@ pub(super) fn scene(two_d: bool, with_tumor: bool, projection: Projection) -> Co
         selection: Selection::all(),
         colors: MaskColors::new(Palette::Thesis, &[None; 1]),
         lens: None,
+        tubes: Vec::new(),
         background: [255, 255, 255],
         silhouette: [0, 0, 0],
     }
@@ -184,6 +185,162 @@ fn mutual_occlusions_one_by_one_are_their_twin() {
             let off = off_twin(&scene, lighting);
             assert!(off <= 1e-3, "{mutual:?} {variant:?}: {off}");
         }
+    }
+}
+
+/// The image as a medium of its own.
+fn medium(scene: &ContextScene) -> OpticalVolume {
+    let volume = scene.volume.as_ref().unwrap();
+    let field = Field::fitting(volume, 1 << 30).unwrap();
+    let buffers = ImageBuffers::keep(&mut None, &GPU, volume, &scene.transfer).unwrap().tables().clone();
+    let (scale, offset) = buffers.color_place;
+    let entries: Vec<[f32; 4]> = buffers
+        .colors
+        .iter()
+        .map(|[r, g, b, a]| {
+            let linear = |c: f32| if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+            [linear(*r), linear(*g), linear(*b), -(1.0 - a).max(1e-30).ln()]
+        })
+        .collect();
+    let last = (entries.len() - 1) as f64;
+    let table = Table::new((-offset / scale) as f32, ((last - offset) / scale) as f32, &entries).unwrap();
+    OpticalVolume::new(field.grid, field.values, table, Filter::Linear, None).unwrap()
+}
+
+/// Root mean square, over pixels that anything is in, of the error and of the standard error.
+fn errors(found: &[[f64; 4]], truth: &[Estimate]) -> (f64, f64) {
+    let (mut error, mut se, mut n) = (0.0, 0.0, 0.0);
+    for (f, e) in found.iter().zip(truth).filter(|(f, _)| f[3] > 0.01) {
+        for c in 0..3 {
+            error += (f[c] - e.mean[c]).powi(2);
+            se += e.standard_error[c].powi(2);
+            n += 1.0;
+        }
+    }
+    assert!(n > 150.0, "{n}");
+    ((error / n).sqrt(), (se / n).sqrt())
+}
+
+/// With more sub-cones, finer levels and smaller cells the view's error falls, to within two standard
+/// errors of Monte Carlo.
+#[test]
+fn cones_of_a_view_come_to_monte_carlo() {
+    let size = [12, 11];
+    let scene = scene(false, false, Projection::Perspective);
+    let aperture_deg = 60.0;
+    let phase = Phase::Cone { aperture_deg };
+    let truth = monte_carlo::picture(&medium(&scene), &scene.camera, size, phase, DVec3::ZERO, 3000, 7);
+    let base = Lighting { shading: Shading::Cones, aperture_deg, ..Lighting::DEFAULT };
+    let coarse = Lighting { sub_cones: 1, cell_mm: 8.0, coarsest_level: 4, ..base };
+    let middle = Lighting { sub_cones: 8, cell_mm: 3.0, ..base };
+    let fine = Lighting { sub_cones: 128, cell_mm: 0.5, coarsest_level: 0, cone_step: 0.5, ..base };
+    let results = [coarse, middle, fine].map(|lighting| {
+        let quality = Quality { lighting, occlusion_strength: 1.0, context_step_mm: 0.2, ..Quality::FULL };
+        let mut renderer = ContextRenderer::new(&GPU).unwrap();
+        let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
+        let found: Vec<[f64; 4]> = frame.read_marched(&GPU).iter().map(|m| m.rgba()).collect();
+        errors(&found, &truth)
+    });
+    println!("view by cones: {results:?}");
+    assert!(results[0].0 > results[1].0 && results[1].0 > results[2].0, "{results:?}");
+    assert!(results[2].0 <= 2.0 * results[2].1, "{results:?}");
+}
+
+/// Light on the masks alone, in the closeup: against Monte Carlo of opaque labels.
+#[test]
+fn cones_on_masks_come_to_monte_carlo() {
+    let size = [26, 24];
+    let grid = cubic(20, DVec3::new(1.0, 1.0, 1.5));
+    let inside = |p: [usize; 3]| {
+        let at = DVec3::from_array(p.map(|c| c as f64 - 9.5));
+        (at - DVec3::new(-2.0, 0.0, 0.0)).length() < 6.2 || (at - DVec3::new(4.0, 3.0, 3.0)).length() < 4.0
+    };
+    let tumor = volume(&grid, 1, |_, p| inside(p)).unwrap();
+    let mut scene = crate::testing::scene_of(tumor, 1, None);
+    scene.camera.height_mm *= 0.6;
+    let values = (0..grid.voxel_count())
+        .map(|l| f32::from(u8::from(inside([l % 20, l / 20 % 20, l / 400]))))
+        .collect();
+    let table = Table::of_labels(&[[0.0; 4], [1.0, 1.0, 1.0, f32::INFINITY]]).unwrap();
+    let labels = OpticalVolume::new(grid, values, table, Filter::Nearest, None).unwrap();
+    let aperture_deg = 70.0;
+    let phase = Phase::Cone { aperture_deg };
+    let truth = monte_carlo::picture(&labels, &scene.camera, size, phase, DVec3::ZERO, 1500, 3);
+    let errors = [(1, 3, 1.0), (16, 2, 1.0), (128, 0, 0.25)].map(|(sub_cones, coarsest_level, cone_step)| {
+        let lighting = Lighting {
+            shading: Shading::Cones,
+            aperture_deg,
+            sub_cones,
+            coarsest_level,
+            cone_step,
+            ..Lighting::DEFAULT
+        };
+        let quality = Quality { lighting, ..Quality::FULL };
+        let mut renderer = Renderer::new(&GPU).unwrap();
+        let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
+        let blurred = frame.read_blurred(&GPU);
+        let (mut sum, mut se, mut n) = (0.0, 0.0, 0);
+        // Where the pixel's ray hits the surface, all of it.
+        for (dark, e) in blurred.iter().zip(&truth).filter(|(_, e)| e.mean.x > 0.0) {
+            let encoded = 1.0 - f64::from(dark >> 24) / 255.0;
+            let light = if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+            sum += (light - e.mean.x).powi(2);
+            se += e.standard_error.x.powi(2);
+            n += 1;
+        }
+        assert!(n > 100, "{n}");
+        ((sum / f64::from(n)).sqrt(), (se / f64::from(n)).sqrt())
+    });
+    println!("masks by cones: {errors:?}");
+    assert!(errors[0].0 > errors[1].0 && errors[1].0 > errors[2].0, "{errors:?}");
+    // And what 8 bits round to.
+    assert!(errors[2].0 <= 2.0 * errors[2].1 + 0.004, "{errors:?}");
+}
+
+/// Plans of the slices and the cones: what is left out, why, and that it changes no pixel.
+#[test]
+fn what_light_does_not_need_changes_no_pixel() {
+    let whole = scene(true, true, Projection::Perspective);
+    let names = |scene: &ContextScene, quality: &Quality| {
+        context_plan(scene, quality).omitted.iter().map(|(p, r)| (p.name(), *r)).collect::<Vec<_>>()
+    };
+    let slices = lit(Shading::Slices);
+    let cones = lit(Shading::Cones);
+    let bits = |scene: &ContextScene, quality: &Quality| {
+        let mut renderer = ContextRenderer::new(&GPU).unwrap();
+        // Something else in every buffer first.
+        renderer.render(&GPU, &whole, quality, SIZE).unwrap();
+        renderer.render(&GPU, scene, quality, SIZE).unwrap().read_rgba(&GPU).unwrap()
+    };
+    // An opaque foreground without context needs no slices and no grid: as with an image of which the
+    // transfer function shows so little that no light is lost.
+    let alone = ContextScene { volume: None, ..whole.clone() };
+    for (quality, pass) in [(&slices, "slices"), (&cones, "light_grid")] {
+        assert!(names(&alone, quality).contains(&(pass, "no context image")));
+        let points = [(1e6, [0; 3], 0.0), (2e6, [255; 3], 1e-9)]
+            .map(|(value, color, opacity)| ControlPoint { value, color, opacity });
+        let far = Arc::new(TransferFunction::new(points.to_vec(), None).unwrap());
+        let unseen = ContextScene { transfer: far, ..whole.clone() };
+        let plan = context_plan(&unseen, quality);
+        assert!(plan.passes.iter().any(|p| p.name() == pass), "{plan:?}");
+        assert!(bits(&alone, quality) == bits(&unseen, quality), "{pass}");
+    }
+    // Without anything solid no vicinity, no cones on solids: as with a selection of nothing.
+    let no_masks = ContextScene { tumor: None, ..whole.clone() };
+    assert!(names(&no_masks, &slices).contains(&("vicinity", "no mask is active")));
+    assert!(names(&no_masks, &cones).contains(&("solid_cones", "no mask is active")));
+    // A 1-D transfer function needs no gradients: as a 2-D one whose factor is 1 everywhere.
+    let flat: Vec<GradientPoint> =
+        [0.0, 1e6].map(|gradient| GradientPoint { gradient, factor: 1.0 }).to_vec();
+    let points = whole.transfer.points().to_vec();
+    let one_d = Arc::new(TransferFunction::new(points.clone(), None).unwrap());
+    let two_d = Arc::new(TransferFunction::new(points, Some(flat)).unwrap());
+    for quality in [&slices, &cones] {
+        let plain = ContextScene { transfer: Arc::clone(&one_d), ..whole.clone() };
+        let with = ContextScene { transfer: Arc::clone(&two_d), ..whole.clone() };
+        assert!(names(&plain, quality).contains(&("gradient_opacity", "transfer function is 1-D")));
+        assert!(context_plan(&with, quality).has(PassName::GradientOpacity));
+        assert!(bits(&plain, quality) == bits(&with, quality), "{:?}", quality.lighting.shading);
     }
 }
 

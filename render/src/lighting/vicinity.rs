@@ -48,8 +48,7 @@ impl VicinityLight {
         lighting: &Lighting,
         through: Option<&wgpu::Buffer>,
     ) -> Result<(), RenderError> {
-        let data = self.data(lighting, through.is_some());
-        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&data));
+        self.write(gpu, lighting, through.is_some());
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
@@ -58,6 +57,17 @@ impl VicinityLight {
             (36, self.uniform.as_entire_binding()),
         ];
         passes.bind_shader(gpu, PassName::Vicinity, ("solid_vicinity", &[]), &entries, workgroups_of(scene.size))
+    }
+
+    /// Its uniform, for passes that find vicinity occlusion besides.
+    pub fn uniform(&self) -> &wgpu::Buffer {
+        &self.uniform
+    }
+
+    /// Writes the uniform; `sliced` where slices ran.
+    pub fn write(&mut self, gpu: &Gpu, lighting: &Lighting, sliced: bool) {
+        let data = self.data(lighting, sliced);
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&data));
     }
 
     fn data(&mut self, lighting: &Lighting, sliced: bool) -> uniforms::Vicinity {

@@ -29,7 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = linear_index(id.xy);
     var out = Marched(0u, 0u, FAR, 0u);
     var solid = FAR;
-    if (view.flags & HAS_SURFACE) != 0u {
+    if (view.flags & (HAS_SURFACE | HAS_TUBES)) != 0u {
         solid = depths[at];
     }
     let ray = image_ray(from_middle(id.xy), solid);

@@ -18,7 +18,7 @@ struct LightGrid {
     depth_from_index: vec4<f32>,
 }
 
-@group(0) @binding(29) var<uniform> grid: LightGrid;
+@group(0) @binding(38) var<uniform> grid: LightGrid;
 
 // What the cells hold is bound as `light_grid` by the file that includes this one.
 // At a place of the image's index space, voxel (i, j, k) filling [i, i+1) and so on.

@@ -49,12 +49,22 @@ struct Lines {
 // between them. First all such neighbours are sorted out, then the few others looked at closely.
 fn lines_at(here: vec2<i32>, front: f32) -> Lines {
     let face = surfaces[linear_index(vec2<u32>(here))].y;
-    var lines = Lines(0.0, 0.0, front);
-    let reach = select(8u, 12u, view.line_scale > 1.2);
     var others = 0u;
-    for (var n = 0u; n < reach; n++) {
+    for (var n = 0u; n < line_reach(); n++) {
         others |= select(0u, 1u << n, surfaces[clamped(here + neighbour(n))].y != face);
     }
+    return lines_towards(here, front, others);
+}
+
+// How many of the neighbours lines reach.
+fn line_reach() -> u32 {
+    return select(8u, 12u, view.line_scale > 1.2);
+}
+
+// The lines between here and the neighbours whose bits are set.
+fn lines_towards(here: vec2<i32>, front: f32, neighbours: u32) -> Lines {
+    var lines = Lines(0.0, 0.0, front);
+    var others = neighbours;
     while others != 0u {
         let to = neighbour(firstTrailingBit(others));
         others &= others - 1u;

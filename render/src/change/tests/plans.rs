@@ -112,7 +112,10 @@ fn each_reason_leaves_out_its_passes_and_changes_no_pixel() {
         omitted.sort();
         assert_eq!(omitted, wanted, "{name}");
         // With every pass that can be run at all.
-        let mut everything = Plan { passes: PassName::CHANGE.to_vec(), omitted: Vec::new() };
+        let mut everything = Plan {
+            passes: crate::lighting::passes(&PassName::CHANGE, crate::Shading::ScreenSpace),
+            omitted: Vec::new(),
+        };
         if scene.context.volume.is_none() {
             everything.passes.retain(|p| !IMAGE.contains(p));
         }

@@ -1,0 +1,13 @@
+// Fibre tubes among what is seen first along each ray.
+
+// In the place of a face: the low bits are the fibre's number.
+const TUBE = 0x80000000u;
+
+struct Fiber {
+    color: u32,          // rgb in the low bytes
+    radius_mm: f32,
+}
+
+fn is_tube(face: u32) -> bool {
+    return (face & TUBE) != 0u && face != NO_FACE;
+}

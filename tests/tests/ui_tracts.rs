@@ -1,0 +1,271 @@
+//! Fibre tracts in the context view: from files on the command line to the picture, in the window, in
+//! sessions. The fibres are made here.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
+use std::path::{Path, PathBuf};
+
+use egui::{Theme, vec2};
+use egui_kittest::{
+    Harness,
+    kittest::{NodeT, Queryable},
+};
+use glioscope::{
+    commands::Command,
+    document::{CaseRef, Pane},
+    session,
+    window::GlioscopeApp,
+    workstation::Workstation,
+};
+use glioscope_render::tract_color;
+use glioscope_tests::{run, window_with, workstation};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+
+/// A `.tck` file of these fibres.
+fn write_tck(path: &Path, fibers: &[Vec<[f32; 3]>]) {
+    let mut header =
+        format!("mrtrix tracks\ndatatype: Float32LE\ncount: {}\nfile: . 128\nEND\n", fibers.len());
+    header.extend(std::iter::repeat_n('\0', 128 - header.len()));
+    let mut bytes = header.into_bytes();
+    let mut push = |p: [f32; 3]| bytes.extend(p.iter().flat_map(|v| v.to_le_bytes()));
+    for fiber in fibers {
+        fiber.iter().for_each(|&p| push(p));
+        push([f32::NAN; 3]);
+    }
+    push([f32::INFINITY; 3]);
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// Where the sample's tumour is.
+fn tumor_mm() -> [f32; 3] {
+    let work = workstation(CaseRef::Sample);
+    let doc = work.doc.unwrap();
+    doc.edit.lens.center_mm.as_vec3().to_array()
+}
+
+/// A bundle in front of the tumour, seen from the front: arcs from below to above.
+fn bundle(before_mm: f32) -> Vec<Vec<[f32; 3]>> {
+    let [x, y, z] = tumor_mm();
+    (0..24)
+        .map(|n| {
+            let (u, v) = ((n % 6) as f32 * 1.3 - 3.0, (n / 6) as f32 * 1.3);
+            (0..90)
+                .map(|k| {
+                    let t = k as f32 / 89.0 - 0.5;
+                    [x + u + 6.0 * t * t, y + before_mm + v - 10.0 * t * t, z + 50.0 * t]
+                })
+                .collect()
+        })
+        .collect()
+}
+
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("glioscope-tracts-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Pixels of a tract's hue: shading darkens a colour and leaves the proportions of its channels.
+fn of_hue(picture: &image::RgbaImage, color: [u8; 3]) -> usize {
+    let [r, g, b] = color.map(f32::from);
+    picture
+        .pixels()
+        .filter(|p| {
+            let [pr, pg, pb, _] = p.0.map(f32::from);
+            let scale = pr / r;
+            (0.35..1.02).contains(&scale) && (pg - g * scale).abs() < 5.0 && (pb - b * scale).abs() < 5.0
+        })
+        .count()
+}
+
+fn png(path: &Path) -> image::RgbaImage {
+    image::open(path).unwrap().to_rgba8()
+}
+
+#[test]
+fn rendering_with_tracts_shows_them() {
+    let folder = Folder::new("render");
+    let (cst, far, out) = (folder.file("CST.tck"), folder.file("far.tck"), folder.file("out.png"));
+    write_tck(&cst, &bundle(35.0));
+    write_tck(&far, &bundle(-500.0));
+    let draw = |more: &[&str]| {
+        let mut arguments = vec!["render", "--sample", "--view", "context", "--camera", "0,0", "--software"];
+        arguments.extend(["--size", "500x500", "--transfer", "mr-tissue", "--out", out.to_str().unwrap()]);
+        arguments.extend(more);
+        let output = run(PROGRAM, &arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (png(&out), String::from_utf8(output.stdout).unwrap())
+    };
+    let color = tract_color(0);
+    let (plain, said) = draw(&["--explain"]);
+    assert!(said.contains("left out tubes: no fibre tracts"), "{said}");
+    let (with, said) = draw(&["--tracts", cst.to_str().unwrap(), "--explain"]);
+    assert!(said.contains("runs     tubes\n") && said.contains("runs     tubes_merge\n"), "{said}");
+    let (before, after) = (of_hue(&plain, color), of_hue(&with, color));
+    println!("{before} pixels of the tract's hue, then {after}");
+    assert!(after > before + 400, "{before} {after}");
+    // Behind the head they are hidden, all but their name in the list; named in the order given.
+    let (hidden, _) = draw(&["--tracts", far.to_str().unwrap(), "--tracts", cst.to_str().unwrap()]);
+    assert!(of_hue(&hidden, tract_color(1)) > 400);
+    // What isn't there, or is no file of tracts, is named.
+    for (file, word) in [("nowhere.tck", "nowhere.tck"), (PROGRAM, "expected tracts")] {
+        let output = run(PROGRAM, &["render", "--sample", "--tracts", file, "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&output.stderr).contains(word));
+    }
+}
+
+#[test]
+fn a_manifest_names_tracts_and_info_tells_them() {
+    let folder = Folder::new("manifest");
+    let sample = folder.file("sample");
+    let output = run(PROGRAM, &["sample", "--out", sample.to_str().unwrap()]);
+    assert!(output.status.success());
+    let manifest = sample.join("case.toml");
+    let mut text = std::fs::read_to_string(&manifest).unwrap();
+    text.push_str("\n[[tracts]]\nid = \"CST left\"\nfile = \"cst.tck\"\n");
+    std::fs::write(&manifest, text).unwrap();
+    write_tck(&sample.join("cst.tck"), &bundle(35.0));
+    let output = run(PROGRAM, &["info", manifest.to_str().unwrap()]);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(said.contains("tracts CST left") && said.contains("cst.tck"), "{said}");
+    let output = run(PROGRAM, &["info", manifest.to_str().unwrap(), "--json"]);
+    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(said["tracts"][0]["id"], "CST left");
+}
+
+const SIZE: [f32; 2] = [900.0, 700.0];
+
+/// The window with the context view alone, seen from the front.
+fn window(mut work: Workstation) -> Harness<'static, GlioscopeApp> {
+    let doc = work.doc.as_mut().unwrap();
+    doc.edit.maximized = Some(Pane::Context);
+    doc.nav.camera.world_from_camera = glioscope_render::Camera::orientation(0.0, 0.0);
+    let mut harness = window_with(work, SIZE, Theme::Light);
+    harness.run_ok();
+    harness
+}
+
+fn perform(harness: &mut Harness<'_, GlioscopeApp>, command: &Command) {
+    let ctx = harness.ctx.clone();
+    harness.state_mut().perform(&ctx, command, std::time::Instant::now());
+    harness.run_ok();
+}
+
+/// Runs frames until nothing is being read any more.
+fn wait_for_case(harness: &mut Harness<'_, GlioscopeApp>) {
+    for _ in 0..2000 {
+        harness.run_ok();
+        if harness.state().work.job.is_none() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    harness.run_ok();
+    assert_eq!(harness.state().work.error, None);
+}
+
+fn shown(harness: &mut Harness<'_, GlioscopeApp>) -> [usize; 2] {
+    let picture = harness.render().unwrap();
+    [0, 1].map(|n| of_hue(&picture, tract_color(n)))
+}
+
+#[test]
+fn tracts_are_added_hidden_named_and_saved() {
+    let folder = Folder::new("window");
+    let (near, beside, saved) =
+        (folder.file("near.tck"), folder.file("beside.tck"), folder.file("a.glioscope.json"));
+    write_tck(&near, &bundle(35.0));
+    let aside: Vec<Vec<[f32; 3]>> =
+        bundle(35.0).iter().map(|f| f.iter().map(|p| [p[0] + 14.0, p[1], p[2]]).collect()).collect();
+    write_tck(&beside, &aside);
+    let mut harness = window(workstation(CaseRef::Sample));
+    let none = shown(&mut harness);
+    perform(&mut harness, &Command::ToggleAllTracts);
+    perform(&mut harness, &Command::AddTracts(vec![near, beside]));
+    wait_for_case(&mut harness);
+    let ids = |harness: &Harness<'_, GlioscopeApp>| -> Vec<String> {
+        let case = harness.state().work.world.case().unwrap();
+        case.tracts.iter().map(|t| t.id.clone()).collect()
+    };
+    assert_eq!(ids(&harness), ["near", "beside"]);
+    let both = shown(&mut harness);
+    println!("{none:?}, then {both:?}");
+    assert!(both[0] > none[0] + 400 && both[1] > none[1] + 400, "{none:?} {both:?}");
+
+    // A click on the list hides one; undo brings it back.
+    harness.get_by_label("Show or hide fibre tracts near").click();
+    harness.run_ok();
+    let one = shown(&mut harness);
+    assert!(one[0] < both[0] - 400 && one[1] >= both[1], "{both:?} {one:?}");
+    perform(&mut harness, &Command::Undo);
+    // But for the mark under the pointer in the list.
+    let undone = shown(&mut harness);
+    assert!((0..2).all(|n| undone[n].abs_diff(both[n]) < 40), "{both:?} {undone:?}");
+    perform(&mut harness, &Command::ToggleAllTracts);
+    let hidden = shown(&mut harness);
+    assert!((0..2).all(|n| hidden[n] < none[n] + 200), "{none:?} {hidden:?}");
+    let reason = |harness: &Harness<'_, GlioscopeApp>| {
+        let plan = harness.state().viewport.as_ref().unwrap().context.plan().unwrap().0.clone();
+        plan.omitted.iter().find(|o| o.0.name() == "tubes").map(|o| o.1)
+    };
+    assert_eq!(reason(&harness), Some("fibre tracts are hidden"));
+    perform(&mut harness, &Command::ToggleAllTracts);
+
+    // A fibre under the pointer says whose it is and how far it runs from the selection.
+    let rect = harness.state().pane_rect(Pane::Context).unwrap();
+    let mut said = String::new();
+    'search: for dy in [-20.0, 0.0, 20.0] {
+        for dx in -12..=12 {
+            harness.hover_at(rect.center() + vec2(dx as f32 * 6.0, dy));
+            harness.run_ok();
+            let under = harness.query_all_by_label_contains("Context view of").next();
+            said = under.and_then(|node| node.accesskit_node().label()).unwrap_or_default();
+            if said.contains(", fibre ") {
+                break 'search;
+            }
+        }
+    }
+    assert!(said.contains(" mm from the selection"), "{said}");
+
+    // A session opens with its tracts, hidden as they were.
+    perform(&mut harness, &Command::ToggleTracts("beside".into()));
+    perform(&mut harness, &Command::SaveSessionTo(saved.clone()));
+    let document = session::load(&saved).unwrap();
+    assert_eq!(document.tracts.len(), 2);
+    let mut again = window(workstation(CaseRef::Sample));
+    perform(&mut again, &Command::OpenSession(saved.clone()));
+    wait_for_case(&mut again);
+    assert_eq!(ids(&again), ["near", "beside"]);
+    let reopened = shown(&mut again);
+    assert!(reopened[0] > none[0] + 400 && reopened[1] < both[1] - 400, "{both:?} {reopened:?}");
+    // Sessions from before there were tracts open, too.
+    let text = std::fs::read_to_string(&saved).unwrap();
+    let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    value["document"].as_object_mut().unwrap().remove("tracts").unwrap();
+    value["document"]["edit"].as_object_mut().unwrap().remove("hidden_tracts").unwrap();
+    std::fs::write(&saved, value.to_string()).unwrap();
+    let old = session::load(&saved).unwrap();
+    assert!(old.tracts.is_empty() && old.edit.hidden_tracts.is_empty());
+}

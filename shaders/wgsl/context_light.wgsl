@@ -8,7 +8,7 @@
 #include lib/light_grid.wgsl
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
-@group(0) @binding(37) var<storage, read_write> light_grid: array<f32>;
+@group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;
 @group(0) @binding(30) var<storage, read> needed: array<u32>;   // numbers of cells
 
 fn middle_of(c: vec3<f32>) -> vec2<f32> {
@@ -38,6 +38,11 @@ fn is_kept(c: vec3<f32>) -> bool {
 
 fn near_extinction(p: vec3<f32>) -> f32 {
     return extinction_of(material_at(p - 0.5));
+}
+
+// Images are interpolated: there is nothing exact to walk.
+fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
+    return sub_cone(c, w);
 }
 
 @compute @workgroup_size(64)

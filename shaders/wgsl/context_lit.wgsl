@@ -8,12 +8,12 @@
 #include lib/linear.wgsl
 #include lib/light_grid.wgsl
 
-@group(0) @binding(37) var<storage, read> light_grid: array<f32>;
+@group(0) @binding(37) var<storage, read> light_grid: array<vec2<f32>>;
 
 const WANTS_GRADIENT = false;
 
 fn appearance(
     color: vec3<f32>, gradient: vec3<f32>, ray: vec3<f32>, inside_mm: f32, at: vec3<f32>,
 ) -> vec3<f32> {
-    return decoded(color) * mix(1.0, grid_light(at + 0.5), grid.strength);
+    return decoded(color) * mix(1.0, grid_light(at + 0.5).y, grid.strength);
 }

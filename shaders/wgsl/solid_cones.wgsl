@@ -8,7 +8,7 @@
 #include lib/vicinity.wgsl
 #include lib/tubes.wgsl
 
-@group(0) @binding(37) var<storage, read> light_grid: array<f32>;
+@group(0) @binding(37) var<storage, read> light_grid: array<vec2<f32>>;
 
 @group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
 
@@ -32,6 +32,35 @@ fn near_extinction(p: vec3<f32>) -> f32 {
     return select(0.0, light.dark, is_shown(number_at(cell, brick_of(cell))));
 }
 
+// From voxel to voxel until one is shown.
+fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
+    var ray: Ray;
+    ray.o = index_of(c);
+    ray.d = w.x * light.right + w.y * light.up + w.z * light.forward;
+    ray.moves = abs(ray.d) > vec3<f32>(1e-12);
+    ray.inv = select(vec3<f32>(0.0), 1.0 / ray.d, ray.moves);
+    ray.ahead = select(vec3<i32>(0), vec3<i32>(1), ray.d > vec3<f32>(0.0));
+    ray.step = select(vec3<i32>(0), 2 * ray.ahead - 1, ray.moves);
+    let dims = vec3<i32>(view.dims);
+    let enter = select(vec3<f32>(-FAR), (vec3<f32>((1 - ray.ahead) * dims) - ray.o) * ray.inv, ray.moves);
+    let leave = crossing(ray, ray.ahead * dims);
+    let near = max(max(enter.x, max(enter.y, enter.z)), 0.0);
+    let to_eye = select(FAR, (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0), w.z < 0.0);
+    let outside = any(!ray.moves & ((ray.o < vec3<f32>(0.0)) | (ray.o >= vec3<f32>(dims))));
+    let far = select(min(min(leave.x, min(leave.y, leave.z)), to_eye), -1.0, outside);
+    var open = 1.0;
+    var walk = start_walk(ray, near, 3u);
+    for (var n = most_steps(); (n > 0u) & (walk.t < far) & (open > 0.0); n--) {
+        let begin = walk.t;
+        let cell = walk.cell;
+        let shown = is_shown(number_at(cell, brick_of(cell)));
+        step_cell(ray, &walk);
+        let kept = is_kept(c + 0.5 * (begin + min(walk.t, far)) * w);
+        open = select(open, 0.0, shown & kept);
+    }
+    return vec2<f32>(open);
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= view.size) {
@@ -45,9 +74,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let s = depth - SLIP * light.voxel_mm;
     let c = vec3<f32>(from_middle(id.xy) * footprint_mm(s), s);
-    var reached = light_from_cone(c);
+    var reached = light_from_cone(c).x;
     if (view.flags & HAS_CONTEXT) != 0u {
-        reached *= grid_light(grid.corner + c.x * grid.right + c.y * grid.up + c.z * grid.forward);
+        reached *= grid_light(grid.corner + c.x * grid.right + c.y * grid.up + c.z * grid.forward).x;
     }
     if ((view.flags & HAS_TUBES) != 0u) & ((vicinity.flags & VICINITY) != 0u) {
         reached *= select(1.0, open(id.xy, depth), is_tube(surfaces[at].y));

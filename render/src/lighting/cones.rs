@@ -234,10 +234,10 @@ impl ConeLight {
                 };
                 let needed_count = needed.len() as u32;
                 let listed = if needed.is_empty() { vec![0] } else { needed };
-                gpu.check_size("cells of light", 4 * cells.count() as u64)?;
+                gpu.check_size("cells of light", 8 * cells.count() as u64)?;
                 let light = gpu.device.create_buffer(&wgpu::BufferDescriptor {
                     label: Some("ImageLight::light"),
-                    size: 4 * cells.count() as u64,
+                    size: 8 * cells.count() as u64,
                     usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
                     mapped_at_creation: false,
                 });
@@ -311,6 +311,8 @@ impl ConeLight {
         let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
         gpu.queue.write_buffer(&self.mask_uniform, 0, bytemuck::bytes_of(&light));
         let lit = self.image.as_ref().filter(|_| plan.has(PassName::LightGrid));
+        // At the voxels themselves a sub-cone is a ray.
+        let exact = f64::from(u8::from(lighting.coarsest_level == 0));
         let [bricks, words, regions] = scene.regions;
         let entries = [
             (0, scene.view.as_entire_binding()),
@@ -326,7 +328,7 @@ impl ConeLight {
             (36, vicinity.as_entire_binding()),
             (38, self.grid_uniform.as_entire_binding()),
         ];
-        passes.bind_shader(gpu, PassName::SolidCones, ("solid_cones", &[]), &entries, workgroups_of(scene.size))?;
+        passes.bind_shader(gpu, PassName::SolidCones, ("solid_cones", &[("exact", exact)]), &entries, workgroups_of(scene.size))?;
         self.masks = Some(held);
         Ok(())
     }

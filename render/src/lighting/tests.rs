@@ -217,7 +217,7 @@ fn errors(found: &[[f64; 4]], truth: &[Estimate]) -> (f64, f64) {
             n += 1.0;
         }
     }
-    assert!(n > 150.0, "{n}");
+    assert!(n > 80.0, "{n}");
     ((error / n).sqrt(), (se / n).sqrt())
 }
 
@@ -266,7 +266,7 @@ fn cones_on_masks_come_to_monte_carlo() {
     let aperture_deg = 70.0;
     let phase = Phase::Cone { aperture_deg };
     let truth = monte_carlo::picture(&labels, &scene.camera, size, phase, DVec3::ZERO, 1500, 3);
-    let errors = [(1, 3, 1.0), (16, 2, 1.0), (128, 0, 0.25)].map(|(sub_cones, coarsest_level, cone_step)| {
+    let errors = [(1, 3, 1.0), (16, 2, 1.0), (128, 0, 1.0)].map(|(sub_cones, coarsest_level, cone_step)| {
         let lighting = Lighting {
             shading: Shading::Cones,
             aperture_deg,
@@ -323,7 +323,9 @@ fn what_light_does_not_need_changes_no_pixel() {
         let unseen = ContextScene { transfer: far, ..whole.clone() };
         let plan = context_plan(&unseen, quality);
         assert!(plan.passes.iter().any(|p| p.name() == pass), "{plan:?}");
-        assert!(bits(&alone, quality) == bits(&unseen, quality), "{pass}");
+        let (a, b) = (bits(&alone, quality), bits(&unseen, quality));
+        let other: Vec<_> = (0..a.len()).filter(|&i| a[i] != b[i]).map(|i| (i / 4, a[i], b[i])).collect();
+        assert!(other.is_empty(), "{pass}: {} {:?}", other.len(), other.first());
     }
     // Without anything solid no vicinity, no cones on solids: as with a selection of nothing.
     let no_masks = ContextScene { tumor: None, ..whole.clone() };

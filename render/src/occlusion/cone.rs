@@ -70,8 +70,8 @@ pub fn rate_at(rates: &[f64], visibility: f64) -> f64 {
     }
 }
 
-/// Optical thickness between the entries of [`Decay::of_slab`].
-pub const DECAY_STEP: f64 = 1.0 / 16.0;
+/// Optical thickness that the tables of [`Decay`] end at: nothing is left there.
+pub const DECAY_END: f64 = 16.0;
 /// Slices below this optical thickness are gone through in one step.
 pub const THIN: f64 = 0.03;
 
@@ -80,9 +80,9 @@ pub const THIN: f64 = 0.03;
 pub struct Decay {
     /// See [`decay_rates`].
     pub rates: Vec<f64>,
-    /// At multiples of [`DECAY_STEP`]: minus the logarithms of a slab's visibility, and of the light that
+    /// At [`DECAY_END`] times the squares of 257 even steps from 0 to 1: minus the logarithms of a slab's visibility, and of the light that
     /// what is behind it scatters, ∫ e^{−t} V(τ + t) dt; and the thickness at which the first of them is
-    /// that multiple.
+    /// that.
     pub of_slab: Vec<[f64; 3]>,
 }
 
@@ -105,7 +105,7 @@ impl Decay {
         let entries = RATE_INTERVALS + 1;
         let of_slab = (0..entries)
             .map(|i| {
-                let at = DECAY_STEP * i as f64;
+                let at = DECAY_END * (i as f64 / RATE_INTERVALS as f64).powi(2);
                 let [visible, scattered] = logs(at);
                 // The logarithm is convex and falls by 1 at least: from a thickness too large Newton's
                 // steps come down.
@@ -125,10 +125,12 @@ impl Decay {
     }
 
     fn at(&self, place: f64, which: usize) -> f64 {
-        let x = (place / DECAY_STEP).clamp(0.0, RATE_INTERVALS as f64);
-        let low = (x as usize).min(RATE_INTERVALS - 1);
+        let share = (place / DECAY_END).clamp(0.0, 1.0);
+        let low = ((RATE_INTERVALS as f64 * share.sqrt()) as usize).min(RATE_INTERVALS - 1);
+        let i = low as f64;
+        let f = (((RATE_INTERVALS as f64).powi(2) * share - i * i) / (2.0 * i + 1.0)).clamp(0.0, 1.0);
         match self.of_slab.get(low..low + 2) {
-            Some([a, b]) => a[which] + (b[which] - a[which]) * (x - low as f64),
+            Some([a, b]) => a[which] + (b[which] - a[which]) * f,
             _ => 0.0,
         }
     }
@@ -160,7 +162,7 @@ pub fn through_slice(decay: &Decay, visibility: f64, thickness: f64) -> (f64, f6
     let before = decay.at(-visibility.max(1e-30).ln(), 2);
     let end = before + thickness;
     let here = (-decay.at(before, 1)).exp();
-    if end >= DECAY_STEP * RATE_INTERVALS as f64 {
+    if end >= DECAY_END {
         return (here, 0.0);
     }
     (here - (-thickness - decay.at(end, 1)).exp(), (-decay.at(end, 0)).exp())

@@ -1,9 +1,10 @@
 // How visibility falls through a slice; see through_slice of render/src/occlusion/cone.rs. The
 // including file gives decay_entry(i): of the i-th of 257 places the decay rate at visibility i/256, and
 // minus the logarithms of a slab's visibility and of the light it scatters from there on, at optical
-// thickness i * DECAY_STEP; and the thickness at which minus the logarithm of visibility is that.
+// thickness DECAY_END (i/256)^2, close where they bend most; and the thickness at which minus the
+// logarithm of visibility is that.
 
-const DECAY_STEP = 0.0625;
+const DECAY_END = 16.0;
 const THIN = 0.03;
 
 fn rate_at(visibility: f32) -> f32 {
@@ -13,9 +14,11 @@ fn rate_at(visibility: f32) -> f32 {
 }
 
 fn decay_at(at: f32) -> vec4<f32> {
-    let x = clamp(at / DECAY_STEP, 0.0, 256.0);
-    let low = min(u32(x), 255u);
-    return mix(decay_entry(low), decay_entry(low + 1u), x - f32(low));
+    let share = clamp(at / DECAY_END, 0.0, 1.0);
+    let low = min(u32(256.0 * sqrt(share)), 255u);
+    let i = f32(low);
+    let f = clamp((65536.0 * share - i * i) / (2.0 * i + 1.0), 0.0, 1.0);
+    return mix(decay_entry(low), decay_entry(low + 1u), f);
 }
 
 // Light scattered to the eye, and visibility behind the slice.
@@ -30,8 +33,8 @@ fn through_slice(visibility: f32, thickness: f32) -> vec2<f32> {
     let here = decay_at(before);
     let behind = decay_at(before + thickness);
     // Past the end of the table nothing is left.
-    let left = select(exp(-behind.y), 0.0, before + thickness >= 256.0 * DECAY_STEP);
-    let later = select(exp(-thickness - behind.z), 0.0, before + thickness >= 256.0 * DECAY_STEP);
+    let left = select(exp(-behind.y), 0.0, before + thickness >= DECAY_END);
+    let later = select(exp(-thickness - behind.z), 0.0, before + thickness >= DECAY_END);
     let thick = vec2<f32>(exp(-here.z) - later, left);
     return select(thick, thin, thickness < THIN) * select(0.0, 1.0, visibility > 1e-7);
 }

@@ -37,6 +37,10 @@ struct Light {
 
 // Past this optical thickness nothing is left that a pixel could show.
 const ENOUGH = 12.0;
+const LAST_LEVEL = 15u;
+
+// Whether sub-cones are rays from cell to cell (`exact_ray` of the including file), for labels.
+override exact: bool = false;
 
 fn level_at(p: vec3<f32>, number: u32) -> f32 {
     let level = light.levels[number];
@@ -65,18 +69,16 @@ fn extinction_at(p: vec3<f32>, level: f32) -> f32 {
     } else {
         a = level_at(p, low);
     }
-    if f <= 0.0 {
-        return a;
-    }
-    return mix(a, level_at(p, low + 1u), f);
+    return mix(a, level_at(p, min(low + 1u, LAST_LEVEL)), f);
 }
 
 fn index_of(c: vec3<f32>) -> vec3<f32> {
     return light.corner + c.x * light.right + c.y * light.up + c.z * light.forward;
 }
 
-// Share of one sub-cone's light that reaches `c` from direction `w`, both in camera space.
-fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> f32 {
+// Share of one sub-cone's light that reaches `c` from direction `w`, both in camera space: through the
+// medium alone, and past what is solid as well.
+fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     let o = index_of(c);
     let d = w.x * light.right + w.y * light.up + w.z * light.forward;
     let size = vec3<f32>(light.dims);
@@ -90,6 +92,7 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> f32 {
     let widest = light.voxel_mm * exp2(light.coarsest);
     var t = 0.0;
     var thickness = 0.0;
+    var open = 1.0;
     // No cone needs as many rounds: a guard against numbers gone wrong. Nothing branches in here: Mesa's
     // software driver runs both sides anyway.
     for (var round = 0u; (round < 480u) & (t < far) & (thickness < ENOUGH); round++) {
@@ -100,23 +103,29 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> f32 {
         let here = clamp(2.0 * middle * light.tangent, light.voxel_mm, widest);
         let extinction = extinction_at(o + middle * d, log2(here / light.voxel_mm));
         thickness += select(0.0, extinction * step, is_kept(there));
-        thickness = select(thickness, 2.0 * ENOUGH, is_hidden(there));
+        open = select(open, 0.0, is_hidden(there));
         t = select(far, t + step, t + step > t);
     }
-    return select(exp(-thickness), 0.0, thickness >= 2.0 * ENOUGH);
+    return exp(-thickness) * vec2<f32>(1.0, open);
 }
 
-// Share of the cone's light that reaches a place of camera space.
-fn light_from_cone(c: vec3<f32>) -> f32 {
+// Share of the cone's light that reaches a place of camera space: through the medium alone, and past
+// what is solid as well.
+fn light_from_cone(c: vec3<f32>) -> vec2<f32> {
     // Towards the eye, and two directions at right angles to that.
     let off = c.xy * (view.mm_per_pixel_per_mm / max(footprint_mm(c.z), 1e-12));
     let axis = vec3<f32>(-off, -1.0) / sqrt(1.0 + dot(off, off));
     let u = normalize(vec3<f32>(1.0, 0.0, 0.0) - axis * axis.x);
     let v = cross(axis, u);
-    var sum = 0.0;
+    var sum = vec2<f32>(0.0);
     for (var i = 0u; i < light.count; i++) {
         let a = light.axes[i];
-        sum += sub_cone(c, u * a.x + v * a.y + axis * a.z);
+        let w = u * a.x + v * a.y + axis * a.z;
+        if exact {
+            sum += exact_ray(c, w);
+        } else {
+            sum += sub_cone(c, w);
+        }
     }
     return sum / f32(light.count);
 }

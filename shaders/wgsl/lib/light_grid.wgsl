@@ -20,9 +20,15 @@ struct LightGrid {
 
 @group(0) @binding(38) var<uniform> grid: LightGrid;
 
+// Exact between equals.
+fn towards(a: vec2<f32>, b: vec2<f32>, share: f32) -> vec2<f32> {
+    return a + (b - a) * share;
+}
+
 // What the cells hold is bound as `light_grid` by the file that includes this one.
-// At a place of the image's index space, voxel (i, j, k) filling [i, i+1) and so on.
-fn grid_light(p: vec3<f32>) -> f32 {
+// At a place of the image's index space: what the image lets through, and what is left of it past solid
+// surfaces. Voxel (i, j, k) fills [i, i+1) and so on.
+fn grid_light(p: vec3<f32>) -> vec2<f32> {
     let at = clamp(p * grid.scale - 0.5, vec3<f32>(0.0), vec3<f32>(grid.cells) - 1.0);
     let low = min(vec3<u32>(at), max(grid.cells, vec3<u32>(2u)) - 2u);
     let high = min(low + 1u, grid.cells - 1u);
@@ -32,9 +38,9 @@ fn grid_light(p: vec3<f32>) -> f32 {
     let y1 = low.z * sheet + high.y * grid.cells.x;
     let y2 = high.z * sheet + low.y * grid.cells.x;
     let y3 = high.z * sheet + high.y * grid.cells.x;
-    let a = mix(light_grid[y0 + low.x], light_grid[y0 + high.x], f.x);
-    let b = mix(light_grid[y1 + low.x], light_grid[y1 + high.x], f.x);
-    let c = mix(light_grid[y2 + low.x], light_grid[y2 + high.x], f.x);
-    let e = mix(light_grid[y3 + low.x], light_grid[y3 + high.x], f.x);
-    return mix(mix(a, b, f.y), mix(c, e, f.y), f.z);
+    let a = towards(light_grid[y0 + low.x], light_grid[y0 + high.x], f.x);
+    let b = towards(light_grid[y1 + low.x], light_grid[y1 + high.x], f.x);
+    let c = towards(light_grid[y2 + low.x], light_grid[y2 + high.x], f.x);
+    let e = towards(light_grid[y3 + low.x], light_grid[y3 + high.x], f.x);
+    return towards(towards(a, b, f.y), towards(c, e, f.y), f.z);
 }

@@ -39,8 +39,10 @@ fn buffers(thickness: f64, slices: u32, round: impl Fn(f64) -> f64) -> [f64; 2] 
     })
 }
 
+type Round = fn(f64) -> f64;
+
 /// How stored values are rounded, in words, and the bytes of a pixel's buffers then.
-const FORMATS: [(&str, f64, fn(f64) -> f64); 2] =
+const FORMATS: [(&str, f64, Round); 2] =
     [("half floats (emulated)", 10.0, to_half), ("single floats, as the program has them", 20.0, to_single)];
 
 fn point(setting: String, slices: u32, errors: Errors) -> Point {

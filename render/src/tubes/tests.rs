@@ -313,7 +313,7 @@ fn the_image_before_a_tube_is_seen_over_it() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let grid = Grid::axis_aligned([24; 3], DVec3::ONE, DVec3::splat(-11.5)).unwrap();
-    let image = Volume::new(grid.clone(), Samples::F64(vec![5.0; 24 * 24 * 24]), Scaling::NONE).unwrap();
+    let image = Volume::new(grid, Samples::F64(vec![5.0; 24 * 24 * 24]), Scaling::NONE).unwrap();
     let alpha = 0.08;
     let point = |value| ControlPoint { value, color: [200, 100, 50], opacity: alpha };
     let mut s = scene(vec![set(&[&[[-6.0, 2.0, 0.0], [6.0, -3.0, 0.0]]], [40, 200, 90], 2.0)]);

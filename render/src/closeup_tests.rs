@@ -510,7 +510,7 @@ fn rust_and_wgsl_lay_structs_out_alike() {
                 grow, head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds),
         ),
         ("Length", offsets!(Length: key, signed_mm, sure)),
-        ("Tubes", offsets!(TubesUniform: right, first_mm, up, per_mm, away, least_px, origin, unused)),
+        ("Tubes", offsets!(TubesUniform: right, least_px, up, unused_a, away, unused_b, origin, unused_c)),
         ("TubePoint", offsets!(TubePoint: place, what)),
         ("Fiber", offsets!(Fiber: color, radius_mm)),
         ("Arrow", offsets!(GpuArrow: start, what, along, unused)),

@@ -66,23 +66,16 @@ fn bundle(before_mm: f32) -> Vec<Vec<[f32; 3]>> {
         .collect()
 }
 
-struct Folder(PathBuf);
+#[derive(Debug)]
+struct Dropped(PathBuf);
 
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("glioscope-tracts-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
     }
 
-    fn file(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|e| e.to_string())
     }
 }
 
@@ -105,8 +98,9 @@ fn png(path: &Path) -> image::RgbaImage {
 
 #[test]
 fn rendering_with_tracts_shows_them() {
-    let folder = Folder::new("render");
-    let (cst, far, out) = (folder.file("CST.tck"), folder.file("far.tck"), folder.file("out.png"));
+    let folder = tempfile::tempdir().unwrap();
+    let (cst, far, out) =
+        (folder.path().join("CST.tck"), folder.path().join("far.tck"), folder.path().join("out.png"));
     write_tck(&cst, &bundle(35.0));
     write_tck(&far, &bundle(-500.0));
     let draw = |more: &[&str]| {
@@ -138,8 +132,8 @@ fn rendering_with_tracts_shows_them() {
 
 #[test]
 fn a_manifest_names_tracts_and_info_tells_them() {
-    let folder = Folder::new("manifest");
-    let sample = folder.file("sample");
+    let folder = tempfile::tempdir().unwrap();
+    let sample = folder.path().join("sample");
     let output = run(PROGRAM, &["sample", "--out", sample.to_str().unwrap()]);
     assert!(output.status.success());
     let manifest = sample.join("case.toml");
@@ -173,8 +167,17 @@ fn perform(harness: &mut Harness<'_, GlioscopeApp>, command: &Command) {
     harness.run_ok();
 }
 
+/// Drops files onto the window and waits for what comes of it.
+fn drop_files(harness: &mut Harness<'_, GlioscopeApp>, files: &[&Path]) {
+    for file in files {
+        harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(file.to_path_buf())));
+    }
+    harness.run_steps(1);
+    wait(harness);
+}
+
 /// Runs frames until nothing is being read any more.
-fn wait_for_case(harness: &mut Harness<'_, GlioscopeApp>) {
+fn wait(harness: &mut Harness<'_, GlioscopeApp>) {
     for _ in 0..2000 {
         harness.run_ok();
         if harness.state().work.job.is_none() {
@@ -183,7 +186,6 @@ fn wait_for_case(harness: &mut Harness<'_, GlioscopeApp>) {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     harness.run_ok();
-    assert_eq!(harness.state().work.error, None);
 }
 
 fn shown(harness: &mut Harness<'_, GlioscopeApp>) -> [usize; 2] {
@@ -193,9 +195,12 @@ fn shown(harness: &mut Harness<'_, GlioscopeApp>) -> [usize; 2] {
 
 #[test]
 fn tracts_are_added_hidden_named_and_saved() {
-    let folder = Folder::new("window");
-    let (near, beside, saved) =
-        (folder.file("near.tck"), folder.file("beside.tck"), folder.file("a.glioscope.json"));
+    let folder = tempfile::tempdir().unwrap();
+    let (near, beside, saved) = (
+        folder.path().join("near.tck"),
+        folder.path().join("beside.tck"),
+        folder.path().join("a.glioscope.json"),
+    );
     write_tck(&near, &bundle(35.0));
     let aside: Vec<Vec<[f32; 3]>> =
         bundle(35.0).iter().map(|f| f.iter().map(|p| [p[0] + 14.0, p[1], p[2]]).collect()).collect();
@@ -203,8 +208,15 @@ fn tracts_are_added_hidden_named_and_saved() {
     let mut harness = window(workstation(CaseRef::Sample));
     let none = shown(&mut harness);
     perform(&mut harness, &Command::ToggleAllTracts);
-    perform(&mut harness, &Command::AddTracts(vec![near, beside]));
-    wait_for_case(&mut harness);
+    // A broken file is named, and nothing is lost.
+    let broken = folder.path().join("broken.trk");
+    std::fs::write(&broken, b"no tracts").unwrap();
+    drop_files(&mut harness, &[&broken]);
+    let error = harness.state().work.error.clone().unwrap();
+    assert!(error.contains("broken.trk") && error.contains("expected"), "{error}");
+    assert!(harness.state().work.doc.as_ref().unwrap().tracts.is_empty());
+    drop_files(&mut harness, &[&near, &beside]);
+    assert_eq!(harness.state().work.error, None);
     let ids = |harness: &Harness<'_, GlioscopeApp>| -> Vec<String> {
         let case = harness.state().work.world.case().unwrap();
         case.tracts.iter().map(|t| t.id.clone()).collect()
@@ -256,7 +268,8 @@ fn tracts_are_added_hidden_named_and_saved() {
     assert_eq!(document.tracts.len(), 2);
     let mut again = window(workstation(CaseRef::Sample));
     perform(&mut again, &Command::OpenSession(saved.clone()));
-    wait_for_case(&mut again);
+    wait(&mut again);
+    assert_eq!(again.state().work.error, None);
     assert_eq!(ids(&again), ["near", "beside"]);
     let reopened = shown(&mut again);
     assert!(reopened[0] > none[0] + 400 && reopened[1] < both[1] - 400, "{both:?} {reopened:?}");

@@ -56,13 +56,13 @@ pub(crate) struct Fiber {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct TubesUniform {
     pub right: [f32; 3],
-    pub first_mm: f32,
-    pub up: [f32; 3],
-    pub per_mm: f32,
-    pub away: [f32; 3],
     pub least_px: f32,
+    pub up: [f32; 3],
+    pub unused_a: f32,
+    pub away: [f32; 3],
+    pub unused_b: f32,
     pub origin: [f32; 3],
-    pub unused: f32,
+    pub unused_c: f32,
 }
 
 /// The points of every set that is shown.
@@ -141,7 +141,7 @@ impl TubeBuffers {
             Some(targets) => targets,
             None => Targets::new(gpu, view.size)?,
         };
-        let uniform = uniform(&shown.sets, shown.origin_mm, camera, reference_mm, view);
+        let uniform = uniform(shown.origin_mm, camera, reference_mm, view);
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
         (self.shown, self.targets) = (Some(shown), Some(targets));
         Ok(())
@@ -190,7 +190,7 @@ impl Shown {
         }
         let points: usize = sets.iter().map(|s| s.point_count()).sum();
         gpu.check_size("the fibre tracts", (points.max(fibers) * size_of::<TubePoint>()) as u64)?;
-        let origin_mm = sets.first().map_or(DVec3::ZERO, |s| s.origin_mm());
+        let origin_mm = sets.iter().max_by_key(|s| s.point_count()).map_or(DVec3::ZERO, |s| s.origin_mm());
         let mut packed = Vec::with_capacity(points.max(1));
         let mut looks = Vec::with_capacity(fibers.max(1));
         for set in sets {
@@ -253,37 +253,18 @@ impl Targets {
     }
 }
 
-/// The uniform of `sets`, whose points are counted from `origin_mm`.
-fn uniform(
-    sets: &[Arc<TubeSet>],
-    origin_mm: DVec3,
-    camera: &Camera,
-    reference_mm: f64,
-    view: &View,
-) -> TubesUniform {
+/// The uniform of points that are counted from `origin_mm`.
+fn uniform(origin_mm: DVec3, camera: &Camera, reference_mm: f64, view: &View) -> TubesUniform {
     let [right, up, back] = camera.axes();
     let single = |v: DVec3| v.as_vec3().to_array();
-    let depth = |p: DVec3| in_camera_space(camera, reference_mm, p).z;
-    let (low, high) = sets
-        .iter()
-        .flat_map(|s| s.corners_mm())
-        .map(depth)
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), d| (low.min(d), high.max(d)));
-    let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
-    let least_px = LEAST_PX * f64::from(view.line_scale);
-    let footprint = f64::from(view.mm_per_pixel) + high.max(0.0) * f64::from(view.mm_per_pixel_per_mm);
-    let widest = sets.iter().map(|s| s.radius_mm()).fold(least_px * footprint, f64::max);
-    let first = (low - widest).max(f64::from(view.nearest_mm));
-    // All of it may be behind the viewer.
-    let range = (high + 1.01 * widest - first).max(1.0);
     TubesUniform {
         right: single(right),
-        first_mm: first as f32,
+        least_px: (LEAST_PX * f64::from(view.line_scale)) as f32,
         up: single(up),
-        per_mm: (1.0 / range) as f32,
+        unused_a: 0.0,
         away: single(-back),
-        least_px: least_px as f32,
+        unused_b: 0.0,
         origin: single(in_camera_space(camera, reference_mm, origin_mm)),
-        unused: 0.0,
+        unused_c: 0.0,
     }
 }

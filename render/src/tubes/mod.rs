@@ -37,8 +37,6 @@ pub struct TubeSet {
     points: Vec<[f32; 3]>,
     /// Where each fibre's points begin, and their number at the end.
     offsets: Vec<u32>,
-    /// Corners of the points' box, from the origin; equal where there is no point.
-    bounds: [DVec3; 2],
     color: Rgb,
     radius_mm: f64,
     left_out: usize,
@@ -97,13 +95,8 @@ impl TubeSet {
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
         let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-        let (low, high) = tracts
-            .points_mm()
-            .iter()
-            .map(wide)
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-        let (origin_mm, half) =
-            if low.is_finite() { ((low + high) / 2.0, (high - low) / 2.0) } else { Default::default() };
+        // Any point among the others will do. The middle of their box won't: one stray point moves it far.
+        let origin_mm = tracts.points_mm().get(tracts.points_mm().len() / 2).map(wide).unwrap_or_default();
         let fibers: Vec<Vec<DVec3>> = (0..tracts.fiber_count())
             .into_par_iter()
             .map(|n| {
@@ -125,7 +118,7 @@ impl TubeSet {
             offsets.push(points.len() as u32);
         }
         let radius_mm = if radius_mm.is_nan() { Self::RADIUS_MM } else { radius_mm.clamp(0.01, 100.0) };
-        Ok(Self { origin_mm, points, offsets, bounds: [-half, half], color, radius_mm, left_out })
+        Ok(Self { origin_mm, points, offsets, color, radius_mm, left_out })
     }
 
     /// Number of fibres in the file, those without a point included.
@@ -161,18 +154,9 @@ impl TubeSet {
         }
     }
 
-    /// The middle of its box, world millimetres.
+    /// What its points are counted from, world millimetres: a place among them.
     pub(crate) fn origin_mm(&self) -> DVec3 {
         self.origin_mm
-    }
-
-    /// The corners of its box, world millimetres.
-    pub(crate) fn corners_mm(&self) -> [DVec3; 8] {
-        let [low, high] = self.bounds;
-        std::array::from_fn(|n| {
-            let side = |axis: usize| if n >> axis & 1 == 1 { high[axis] } else { low[axis] };
-            self.origin_mm + DVec3::new(side(0), side(1), side(2))
-        })
     }
 }
 

@@ -99,7 +99,8 @@ impl Quality {
         let cost = if cost.is_finite() { cost.clamp(1e-3, REFERENCE_COST) } else { 1.0 };
         // Down from balanced, up from it.
         let (less, more) = (cost.min(1.0), cost.max(1.0));
-        let resolution_scale = less.powf(0.3).max(0.2);
+        let pixels = if shading == Shading::Slices { 0.45 } else { 0.3 };
+        let resolution_scale = less.powf(pixels).max(0.2);
         let finer = |balanced: f64, down: f64, up: f64| balanced * less.powf(-down) * more.powf(-up);
         let mut lighting = Lighting { shading, ..Lighting::DEFAULT };
         let mut quality = Self { resolution_scale, ..Self::FULL };
@@ -109,16 +110,22 @@ impl Quality {
                 quality.occlusion_samples = if cost < 1.0 { 6 } else { 12 };
                 quality.context_step_mm = finer(0.5, 0.3, 0.0).min(2.0);
             }
+            // Slices of more than 2 mm lose opaque surfaces: pixels go first.
             Shading::Slices => {
-                lighting.slice_mm = finer(2.0, 0.4, 0.5).clamp(0.5, 6.0);
+                lighting.slice_mm = (2.0 * (cost / 0.05).min(1.0).powf(-0.4) * more.powf(-0.5)).clamp(0.5, 6.0);
                 lighting.slice_grid = if cost < 0.5 { 3 } else { 5 };
-                lighting.vicinity_samples = (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
+                lighting.vicinity_samples =
+                    (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
             }
             Shading::Cones => {
                 quality.context_step_mm = finer(0.75, 0.3, 0.15).clamp(0.5, 2.0);
-                lighting.cell_mm = finer(4.0, 0.2, 0.25).clamp(1.0, 12.0);
-                lighting.sub_cones = (8.0 * less.powf(0.3) * more.powf(0.5)).round().clamp(3.0, 64.0) as u32;
-                lighting.coarsest_level = if cost > 4.0 { 2 } else { 3 };
+                lighting.cell_mm = finer(4.0, 0.25, 0.25).clamp(1.0, 12.0);
+                lighting.sub_cones = (6.0 * less.powf(0.3) * more.powf(0.25)).round().max(3.0) as u32;
+                lighting.coarsest_level = match cost {
+                    c if c > 6.0 => 1,
+                    c if c > 1.5 => 2,
+                    _ => 3,
+                };
             }
         }
         quality.lighting = lighting;

@@ -63,7 +63,9 @@ fn main() {
         let mut draw = |scene: &ContextScene, quality: &Quality| {
             let begin = Instant::now();
             let frame = renderer.render(&gpu, scene, quality, size).unwrap();
+            let a = begin.elapsed().as_secs_f64() * 1e3;
             gpu.wait().unwrap();
+            if std::env::var("SPLIT").is_ok() { println!("render {a:.1} wait {:.1} {:?}", begin.elapsed().as_secs_f64() * 1e3 - a, frame.size_px); }
             let took = begin.elapsed().as_secs_f64() * 1e3;
             (took, frame.size_px, frame.clone())
         };

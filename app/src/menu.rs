@@ -113,7 +113,7 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
             choice(ui, doc.edit.coloring == coloring, Command::SetColoring(coloring), out);
         }
     });
-    ui.menu_button("Light", |ui| light_menu(ui, &doc.edit.light, out));
+    ui.menu_button("Light and quality", |ui| light_menu(ui, &doc.edit.light, out));
     ui.menu_button("Slices", |ui| {
         for convention in [Convention::Radiological, Convention::Neurological] {
             choice(ui, doc.nav.convention == convention, Command::SetConvention(convention), out);

@@ -1,7 +1,11 @@
 //! The automatic mode on a real case: the camera turns about it, each picture is timed, then all is still.
 //! `turning DATA_FOLDER [size=WxH] [pictures=N]`; see docs/performance.md.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "an example: it ends at the first error, and prints")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "an example: it ends at the first error, and prints"
+)]
 
 use std::{path::Path, sync::Arc, time::Instant};
 
@@ -25,7 +29,9 @@ fn scene(folder: &Path) -> ContextScene {
     let volume = Arc::new(ContextVolume::new(Arc::clone(&time.contexts[0].volume)));
     let (low, high) = volume.grid().bounds_mm();
     ContextScene {
-        transfer: Arc::new(TransferPreset::first_for(volume.statistics(), "T1c").transfer(volume.statistics())),
+        transfer: Arc::new(
+            TransferPreset::first_for(volume.statistics(), "T1c").transfer(volume.statistics()),
+        ),
         volume: Some(volume),
         clip: Vec::new(),
         tumor: RegionVolume::of(&time.index, &time.regions).map(Arc::new),
@@ -55,7 +61,9 @@ fn main() {
     let start = scene.camera.world_from_camera;
     let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     println!("{}; {width}x{height} pixels; budget {BUDGET_MS} ms; load {}", gpu.describe(), load.trim());
-    println!("| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | still: balanced, reference ms | equal to the reference |");
+    println!(
+        "| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | still: balanced, reference ms | equal to the reference |"
+    );
     println!("|---|---:|---:|---:|---:|---:|---:|---|");
     for shading in Shading::ALL {
         let mut renderer = ContextRenderer::new(&gpu).unwrap();
@@ -65,7 +73,13 @@ fn main() {
             let frame = renderer.render(&gpu, scene, quality, size).unwrap();
             let a = begin.elapsed().as_secs_f64() * 1e3;
             gpu.wait().unwrap();
-            if std::env::var("SPLIT").is_ok() { println!("render {a:.1} wait {:.1} {:?}", begin.elapsed().as_secs_f64() * 1e3 - a, frame.size_px); }
+            if std::env::var("SPLIT").is_ok() {
+                println!(
+                    "render {a:.1} wait {:.1} {:?}",
+                    begin.elapsed().as_secs_f64() * 1e3 - a,
+                    frame.size_px
+                );
+            }
             let took = begin.elapsed().as_secs_f64() * 1e3;
             (took, frame.size_px, frame.clone())
         };

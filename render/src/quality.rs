@@ -119,7 +119,8 @@ impl Quality {
             }
             // Slices of more than 2 mm lose opaque surfaces: pixels go first.
             Shading::Slices => {
-                lighting.slice_mm = (2.0 * (cost / 0.05).min(1.0).powf(-0.4) * more.powf(-0.5)).clamp(0.5, 6.0);
+                lighting.slice_mm =
+                    (2.0 * (cost / 0.05).min(1.0).powf(-0.4) * more.powf(-0.5)).clamp(0.5, 6.0);
                 lighting.slice_grid = if cost < 0.5 { 3 } else { 5 };
                 lighting.vicinity_samples =
                     (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
@@ -169,7 +170,6 @@ impl Default for Quality {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -193,7 +193,8 @@ mod tests {
     fn every_cost_has_knobs_within_their_ranges() {
         for shading in Shading::ALL {
             for cost in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-9, 0.01, 0.3, 1.0, 5.0, 1e9] {
-                let Quality { resolution_scale, context_step_mm, lighting: l, .. } = Quality::at_cost(shading, cost);
+                let Quality { resolution_scale, context_step_mm, lighting: l, .. } =
+                    Quality::at_cost(shading, cost);
                 assert!((0.2..=1.0).contains(&resolution_scale), "{shading:?} {cost}: {resolution_scale}");
                 assert!((0.25..=4.0).contains(&context_step_mm) && (0.4..=8.0).contains(&l.slice_mm));
                 assert!((1..=Lighting::MOST_SUB_CONES).contains(&l.sub_cones) && l.cell_mm >= 1.0);

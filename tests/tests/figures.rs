@@ -124,7 +124,8 @@ fn mutual_occlusions_one_by_one() {
 fn the_glioma_case_in_every_light() {
     let Some(folder) = real_data("glioma-5-algorithms") else { return };
     let file = |name: &str| folder.join(format!("{name}.nii.gz")).display().to_string();
-    let masks = ["hnfnetv1-20", "isen-20", "scan-20"].map(|name| format!("--mask={name}={}:1,2,4", file(name)));
+    let masks =
+        ["hnfnetv1-20", "isen-20", "scan-20"].map(|name| format!("--mask={name}={}:1,2,4", file(name)));
     let context = format!("--context=T1c={}", file("t1c"));
     let mut arguments: Vec<&str> = masks.iter().map(String::as_str).collect();
     arguments.extend([context.as_str(), "--quality", "balanced"]);

@@ -24,12 +24,12 @@ use serde::{Deserialize, Serialize};
 use crate::{
     camera::Camera,
     context::{ClipPlane, ContextScene, ContextVolume, context_plan},
+    lighting::passes,
     palette::{MaskColors, Palette, Rgb},
     plan::{PassName, Plan},
     quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
-    lighting::passes,
 };
 
 pub use frame::{ChangeFrame, ChangePick};

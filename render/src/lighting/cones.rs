@@ -261,10 +261,8 @@ impl ConeLight {
         };
         let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
         gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&light));
-        let grid = LightGrid {
-            strength: scene.strength,
-            ..grid_uniform(&held, scene.camera, scene.reference_mm)
-        };
+        let grid =
+            LightGrid { strength: scene.strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
         let entries = [
             (0, scene.view.as_entire_binding()),
@@ -283,7 +281,13 @@ impl ConeLight {
         let groups = held.needed_count.div_ceil(64);
         let across = groups.clamp(1, 4096);
         let workgroups = [across, groups.div_ceil(across).max(1), 1];
-        passes.bind_shader(gpu, PassName::LightGrid, ("context_light", &[buffers.tables().gradient_counts()]), &entries, workgroups)?;
+        passes.bind_shader(
+            gpu,
+            PassName::LightGrid,
+            ("context_light", &[buffers.tables().gradient_counts()]),
+            &entries,
+            workgroups,
+        )?;
         self.image = Some(held);
         Ok(())
     }
@@ -297,9 +301,10 @@ impl ConeLight {
         lighting: &Lighting,
         vicinity: &wgpu::Buffer,
     ) -> Result<(), RenderError> {
-        let held = self.masks.take().filter(|held| {
-            is_same(held.tumor.as_ref(), scene.tumor) && held.selection == *scene.selection
-        });
+        let held = self
+            .masks
+            .take()
+            .filter(|held| is_same(held.tumor.as_ref(), scene.tumor) && held.selection == *scene.selection);
         let held = match held {
             Some(held) => held,
             None => MaskLight {
@@ -328,7 +333,13 @@ impl ConeLight {
             (36, vicinity.as_entire_binding()),
             (38, self.grid_uniform.as_entire_binding()),
         ];
-        passes.bind_shader(gpu, PassName::SolidCones, ("solid_cones", &[("exact", exact)]), &entries, workgroups_of(scene.size))?;
+        passes.bind_shader(
+            gpu,
+            PassName::SolidCones,
+            ("solid_cones", &[("exact", exact)]),
+            &entries,
+            workgroups_of(scene.size),
+        )?;
         self.masks = Some(held);
         Ok(())
     }
@@ -350,11 +361,7 @@ fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
     })
 }
 
-fn image_medium(
-    gpu: &Gpu,
-    buffers: &ImageBuffers,
-    volume: &ContextVolume,
-) -> Result<Medium, RenderError> {
+fn image_medium(gpu: &Gpu, buffers: &ImageBuffers, volume: &ContextVolume) -> Result<Medium, RenderError> {
     let limits = gpu.device.limits();
     let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     let Some(field) = Field::fitting(volume, limit) else {

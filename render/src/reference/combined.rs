@@ -79,7 +79,12 @@ impl Pass<'_> {
         let (x, y) = (x - 0.5, y - 0.5);
         let (fx, fy) = (x - x.floor(), y - y.floor());
         let (x, y) = (x.floor() as i64, y.floor() as i64);
-        let corners = [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)];
+        let corners = [
+            (0, 0, (1.0 - fx) * (1.0 - fy)),
+            (1, 0, fx * (1.0 - fy)),
+            (0, 1, (1.0 - fx) * fy),
+            (1, 1, fx * fy),
+        ];
         corners.iter().fold([0.0; 2], |sum, (i, j, w)| plus(sum, self.texel(x + i, y + j), *w))
     }
 
@@ -128,10 +133,7 @@ impl Pass<'_> {
                     Variant::PaperExact => (d * d + off2 * radius_mm * radius_mm).sqrt(),
                     _ => d,
                 };
-                let at = self.bilinear(
-                    x as f64 + 0.5 + p[0] * radius_px,
-                    y as f64 + 0.5 + p[1] * radius_px,
-                );
+                let at = self.bilinear(x as f64 + 0.5 + p[0] * radius_px, y as f64 + 0.5 + p[1] * radius_px);
                 let through = [extinction, of_both].map(|e| (-e * distance).exp());
                 plus(sum, [at[0] * through[0], at[1] * through[1]], 1.0 / points.len() as f64)
             });

@@ -118,7 +118,8 @@ pub(crate) fn seen(scene: &ContextScene, ray: &Ray) -> Option<(f64, f64)> {
 pub(crate) fn sample(scene: &ContextScene, q: DVec3) -> ([f64; 3], f64) {
     let Some(volume) = &scene.volume else { return ([0.0; 3], 0.0) };
     let value = value_at(volume.image(), q);
-    let steepness = if scene.transfer.gradient().is_some() { gradient_at(volume.image(), q).length() } else { 0.0 };
+    let steepness =
+        if scene.transfer.gradient().is_some() { gradient_at(volume.image(), q).length() } else { 0.0 };
     scene.transfer.sample(value, steepness)
 }
 

@@ -21,6 +21,9 @@ pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>, comparisons: &Comparis
         let Viewport { gpu, closeup, context, ellipsoids, change } = viewport;
         screen(ui, "Closeup", gpu, closeup);
         screen(ui, "Context view", gpu, context);
+        for note in context.frame().iter().flat_map(|frame| &frame.notes) {
+            ui.label(format!("Note: {note}."));
+        }
         screen(ui, "Ellipsoid diagram", gpu, ellipsoids);
         screen(ui, "Change view", gpu, change);
         ui.label(comparisons.force());

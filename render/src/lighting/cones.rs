@@ -29,6 +29,17 @@ use crate::{
 /// Optical thickness of a voxel past which nothing comes through.
 const DARK: f64 = 40.0;
 
+/// The cones that the light of a view asks for.
+pub(super) fn settings(lighting: &Lighting) -> ConeSettings {
+    ConeSettings {
+        aperture_deg: lighting.aperture_deg,
+        sub_cones: lighting.sub_cones.clamp(1, Lighting::MOST_SUB_CONES),
+        coarsest_level: lighting.coarsest_level,
+        cone_step: lighting.cone_step,
+        ..ConeSettings::default()
+    }
+}
+
 /// Prefiltered extinction on the card.
 struct Medium {
     grid: Grid,
@@ -72,14 +83,8 @@ impl Medium {
     }
 
     fn light(&self, camera: &Camera, reference_mm: f64, lighting: &Lighting) -> Light {
-        let settings = ConeSettings {
-            aperture_deg: lighting.aperture_deg,
-            sub_cones: lighting.sub_cones.clamp(1, Lighting::MOST_SUB_CONES),
-            coarsest_level: lighting.coarsest_level.min(self.count as u32 - 1),
-            cone_step: lighting.cone_step,
-            ..ConeSettings::default()
-        };
-        let settings = settings.used().settings;
+        let used = settings(lighting).used().settings;
+        let settings = ConeSettings { coarsest_level: used.coarsest_level.min(self.count as u32 - 1), ..used };
         let mut axes = [[0.0; 4]; 128];
         for (to, axis) in axes.iter_mut().zip(sub_cones(&settings)) {
             *to = [axis[0] as f32, axis[1] as f32, axis[2] as f32, 0.0];

@@ -248,6 +248,7 @@ impl Lights {
             vicinity.write(gpu, lighting, false);
             let cones = self.cones.get_or_insert_with(|| ConeLight::new(gpu));
             cones.bind(gpu, passes, plan, scene, lighting, vicinity.uniform())?;
+            notes.extend(cones::settings(lighting).used().notes);
         } else {
             self.cones = None;
         }

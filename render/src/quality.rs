@@ -121,7 +121,7 @@ impl Quality {
             Shading::Slices => {
                 lighting.slice_mm =
                     (2.0 * (cost / 0.05).min(1.0).powf(-0.4) * more.powf(-0.5)).clamp(0.5, 6.0);
-                lighting.slice_grid = if cost < 0.5 { 3 } else { 5 };
+                lighting.slice_grid = if cost > 1.5 { 5 } else { 3 };
                 lighting.vicinity_samples =
                     (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
             }

@@ -40,7 +40,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     let before = state.a;
-    let casts = (slices.flags & SOLID_ON_VOLUME) != 0u;
+    let casts = !solid_lets_through;
     let shades = (slices.flags & VOLUME_ON_VOLUME) != 0u;
     for (var i = 0u; i < part.slices; i++) {
         let front = part.depth + f32(i) * slices.slice_mm;
@@ -59,31 +59,27 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let hides = with_solid && solid < back;
         let meets = hides && solid >= front;
         if variant == MENDED {
-            // Up to what is solid, and behind it.
+            // Up to what is solid, and all of the slice.
             let until = clamp(solid, begin, max(end, begin));
             let seen = extinction * slant * max(until - begin, 0.0);
-            let rest = extinction * slant * max(end - until, 0.0);
-            if seen > 0.0 {
-                let slice = through_slice(light.y, seen);
-                let lit = mix(absorbed(seen), slice.x, slices.strength);
-                state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-seen));
-                light.y = select(light.y, slice.y, shades);
-            }
+            let whole = extinction * slant * max(end - begin, 0.0);
+            let slice = through_slice(light.y, seen);
+            let lit = mix(absorbed(seen), slice.x, slices.strength);
+            state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-seen));
             if with_solid {
-                if seen > 0.0 {
-                    light.x = through_slice(light.x, seen).y;
-                }
-                if !hides || meets {
-                    note.x = light.x;
-                }
-                if rest > 0.0 {
-                    light.x = through_slice(light.x, rest).y;
-                    light.y = select(light.y, through_slice(light.y, rest).y, shades);
-                }
-                if hides && casts {
-                    light.y = 0.0;
+                let after = select(light.x, through_slice(light.x, whole).y, whole > 0.0);
+                // At what is solid: between before and behind the slice (Algorithm 4), as light falls.
+                let share = select(1.0, seen / whole, whole > 0.0);
+                let at_solid = light.x * pow(max(after, 1e-30) / max(light.x, 1e-30), share);
+                note.x = select(note.x, select(after, at_solid, meets), !hides | meets);
+                light.x = after;
+                if solid_lets_through {
+                    light.y = select(light.y, through_slice(light.y, whole).y, shades & (whole > 0.0));
+                } else {
+                    light.y = select(select(light.y, slice.y, shades & (seen > 0.0)), 0.0, hides);
                 }
             } else {
+                light.y = select(light.y, slice.y, shades & (seen > 0.0));
                 light.x = light.y;
             }
         } else {

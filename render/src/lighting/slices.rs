@@ -27,6 +27,8 @@ const STRIDE: u64 = 256;
 struct Wanted {
     variant: Variant,
     solid: bool,
+    /// Whether what is solid leaves the image its light.
+    lets_through: bool,
     gradient: bool,
     first: bool,
     empty: bool,
@@ -153,7 +155,8 @@ impl SliceLight {
         let mut steps = Vec::new();
         for (number, step) in (0u32..).zip(&plan.steps) {
             let (variant, first, empty) = (lighting.variant, number == 0, step.empty);
-            let wanted = Wanted { variant, solid, gradient, first, empty };
+            let lets_through = !lighting.mutual.solid_on_image;
+            let wanted = Wanted { variant, solid, lets_through, gradient, first, empty };
             let at = match pipelines.iter().position(|(made, _)| *made == wanted) {
                 Some(at) => at,
                 None => {
@@ -166,13 +169,7 @@ impl SliceLight {
         let pipelines = pipelines.into_iter().map(|(_, pipeline)| pipeline).collect();
         let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
         let mutual = &lighting.mutual;
-        let mut flags = 0;
-        for (on, flag) in [
-            (mutual.image_on_image, uniforms::VOLUME_ON_VOLUME),
-            (mutual.solid_on_image, uniforms::SOLID_ON_VOLUME),
-        ] {
-            flags |= if on { flag } else { 0 };
-        }
+        let flags = if mutual.image_on_image { uniforms::VOLUME_ON_VOLUME } else { 0 };
         let slices = uniforms::Slices {
             slice_mm: plan.slice_mm as f32,
             flags,
@@ -238,6 +235,7 @@ impl SliceLight {
         let constants = [
             ("variant", variant),
             ("with_solid", flag(wanted.solid)),
+            ("solid_lets_through", flag(wanted.lets_through)),
             ("gradient_counts", flag(wanted.gradient)),
             ("is_first", flag(wanted.first)),
             ("is_empty", flag(wanted.empty)),

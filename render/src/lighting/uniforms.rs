@@ -59,7 +59,6 @@ pub(crate) struct LightGrid {
 }
 
 pub(crate) const VOLUME_ON_VOLUME: u32 = 1;
-pub(crate) const SOLID_ON_VOLUME: u32 = 2;
 
 /// `Slices` of lib/slices.wgsl.
 #[repr(C)]

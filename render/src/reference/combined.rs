@@ -159,20 +159,23 @@ impl Pass<'_> {
             let end = end.max(begin);
             let until = solid.clamp(begin, end);
             let Some(decay) = &self.plan.decay else { return light };
-            let (before, behind) = (extinction * slant * (until - begin), extinction * slant * (end - until));
-            let (gathered, weaker) = through_slice(decay, light[1], before);
-            let lit = gathered * self.strength - (1.0 - self.strength) * (-before).exp_m1();
+            let (seen, whole) = (extinction * slant * (until - begin), extinction * slant * (end - begin));
+            let (gathered, weaker) = through_slice(decay, light[1], seen);
+            let lit = gathered * self.strength - (1.0 - self.strength) * (-seen).exp_m1();
             out.eye.radiance += color * (lit * out.eye.transmittance);
-            out.eye.transmittance *= (-before).exp();
-            light = [through_slice(decay, light[0], before).1, if shades { weaker } else { light[1] }];
-            if solid >= front {
-                out.on_solid = light[0];
+            out.eye.transmittance *= (-seen).exp();
+            let after = through_slice(decay, light[0], whole).1;
+            let hides = solid < front + d;
+            if !hides {
+                out.on_solid = after;
+            } else if solid >= front {
+                // Between before and behind the slice (Algorithm 4), as light falls.
+                let share = if whole > 0.0 { seen / whole } else { 1.0 };
+                out.on_solid = light[0] * (after.max(1e-30) / light[0].max(1e-30)).powf(share);
             }
-            let rest = light.map(|l| through_slice(decay, l, behind).1);
-            light = [rest[0], if shades { rest[1] } else { light[1] }];
-            if solid < front + d && casts {
-                light[1] = 0.0;
-            }
+            let stopped = if hides && casts { 0.0 } else { f64::INFINITY };
+            let behind = if casts { weaker } else { through_slice(decay, light[1], whole).1 };
+            light = [after, (if shades { behind } else { light[1] }).min(stopped)];
         }
         light
     }

@@ -25,12 +25,13 @@ struct Part {
 }
 
 const VOLUME_ON_VOLUME = 1u;
-const SOLID_ON_VOLUME = 2u;
 
 override variant: u32 = 2u;
 // Whether anything solid is in the picture. Then two lights are carried: behind the image alone, which
 // lights what is solid, and behind both, which lights the image.
 override with_solid: bool = false;
+// Whether solid surfaces leave the image its light.
+override solid_lets_through: bool = false;
 // The first step, which finds everything fresh; and steps in which nothing of the image is.
 override is_first: bool = false;
 override is_empty: bool = false;

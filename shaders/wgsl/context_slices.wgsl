@@ -27,6 +27,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if with_solid {
         solid = depths[at];
     }
+    var last = solid;
+    if ends_apart {
+        last = depths[at + view.size.x * view.size.y];
+    }
     var state = vec4<f32>(0.0, 0.0, 0.0, 1.0);
     var note = vec2<f32>(1.0, FAR);
     var light = vec2<f32>(1.0);
@@ -62,7 +66,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             // Up to what is solid, and behind it.
             let until = clamp(solid, begin, max(end, begin));
             let seen = extinction * slant * max(until - begin, 0.0);
-            let rest = extinction * slant * max(end - until, 0.0);
+            let ends = clamp(last, until, max(end, until));
+            let beside = extinction * slant * max(ends - until, 0.0);
+            let rest = extinction * slant * max(end - ends, 0.0);
             if seen > 0.0 {
                 let slice = through_slice(light.y, seen);
                 let lit = mix(absorbed(seen), slice.x, slices.strength);
@@ -75,6 +81,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 }
                 if !hides || meets {
                     note.x = light.x;
+                }
+                if ends_apart && beside > 0.0 {
+                    let slice = through_slice(light.y, beside);
+                    let lit = mix(absorbed(beside), slice.x, slices.strength);
+                    state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-beside));
+                    light.x = through_slice(light.x, beside).y;
+                    light.y = select(light.y, slice.y, shades);
                 }
                 if rest > 0.0 {
                     light.x = through_slice(light.x, rest).y;
@@ -89,7 +102,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         } else {
             // As the paper has it: a slice is a sheet in its middle, its opacity that of the distance to
             // what is solid where that is nearer.
-            let sampled = min(end - begin, solid - front);
+            let sampled = min(end - begin, last - front);
             let alpha = select(absorbed(extinction * sampled), 0.0, sampled <= 0.0);
             state = vec4<f32>(state.rgb + decoded(material.rgb) * (mix(1.0, light.y, slices.strength) * alpha * state.a), state.a * (1.0 - alpha));
             let of_solid = select(extinction, SOLID, hides && casts);

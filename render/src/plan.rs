@@ -58,6 +58,8 @@ pub enum PassName {
     Tubes,
     /// Puts them among what is seen first along each ray.
     TubesMerge,
+    /// Puts arrows among what is solid, for the passes of light.
+    ArrowsMerge,
 }
 
 impl PassName {
@@ -74,8 +76,15 @@ impl PassName {
     ];
 
     /// The ellipsoid diagram's, in order.
-    pub const ELLIPSOIDS: [Self; 4] =
-        [Self::EllipsoidLists, Self::Occlusion, Self::OcclusionBlur, Self::EllipsoidCompose];
+    pub const ELLIPSOIDS: [Self; 7] = [
+        Self::EllipsoidLists,
+        Self::Occlusion,
+        Self::OcclusionBlur,
+        Self::LightGrid,
+        Self::Slices,
+        Self::Vicinity,
+        Self::EllipsoidCompose,
+    ];
     /// The context view's, in order.
     pub const CONTEXT: [Self; 13] = [
         Self::Surface,
@@ -94,9 +103,11 @@ impl PassName {
     ];
 
     /// The change view's, in order.
-    pub const CHANGE: [Self; 16] = [
+    pub const CHANGE: [Self; 17] = [
         Self::Surface,
         Self::Outside,
+        Self::Arrows,
+        Self::ArrowsMerge,
         Self::Occlusion,
         Self::OcclusionBlur,
         Self::LightGrid,
@@ -109,7 +120,6 @@ impl PassName {
         Self::Heights,
         Self::HeightFilterAcross,
         Self::HeightFilterDown,
-        Self::Arrows,
         Self::Compose,
     ];
 
@@ -137,6 +147,7 @@ impl PassName {
             Self::Arrows => "arrows",
             Self::Tubes => "tubes",
             Self::TubesMerge => "tubes_merge",
+            Self::ArrowsMerge => "arrows_merge",
         }
     }
 }

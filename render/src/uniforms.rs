@@ -180,6 +180,7 @@ pub(crate) fn view_from(
         (PassName::Slices, HAS_CONTEXT | LINEAR_LIGHT),
         (PassName::LightGrid, LINEAR_LIGHT),
         (PassName::TubesMerge, HAS_TUBES),
+        (PassName::ArrowsMerge, HAS_TUBES),
     ] {
         if plan.has(pass) {
             out.flags |= flag;

@@ -9,6 +9,7 @@ macro_rules! files {
 /// Path below `wgsl/` and text of every file.
 pub(crate) const FILES: &[(&str, &str)] = files![
     "change_arrows.wgsl",
+    "change_arrows_merge.wgsl",
     "change_compose.wgsl",
     "change_filter_across.wgsl",
     "change_filter_down.wgsl",
@@ -66,6 +67,7 @@ pub(crate) const FILES: &[(&str, &str)] = files![
 /// Names of all entry point files, without `.wgsl`.
 pub const ALL: &[&str] = &[
     "change_arrows",
+    "change_arrows_merge",
     "change_compose",
     "change_filter_across",
     "change_filter_down",

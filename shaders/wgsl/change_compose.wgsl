@@ -14,7 +14,6 @@
 @group(0) @binding(23) var<storage, read_write> tops: array<vec2<u32>>;    // arrow number from 1, depth
 @group(0) @binding(25) var arrow_picture: texture_2d<u32>;
 
-const NUMBER = 0xffffffu;
 const GROWS = 0x1000000u;
 const FAINT = 0x2000000u;
 // Opacity of the veil, where it is three voxels thick and more.
@@ -24,6 +23,11 @@ const EDGE = 0.45;
 
 fn tone_of(grows: bool) -> vec3<f32> {
     return select(change.shrink, change.grow, grows);
+}
+
+fn darkened(color: vec3<f32>, occlusion: vec4<f32>) -> vec3<f32> {
+    let dark = occlusion.a * view.occlusion_strength;
+    return color * (1.0 - dark) + occlusion.rgb * (dark * view.color_bleeding);
 }
 
 // Stripes where there is no length to tell: a component came or went.
@@ -55,7 +59,7 @@ fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
     for (var k = 0u; k < 4u; k++) {
         let there = textureLoad(arrow_picture, clamp(sample + neighbour(k), vec2<i32>(0), last), 0).xy;
         let hides = there.x == 0u || bitcast<f32>(there.y) > depth;
-        edge = select(edge, dark, ((there.x ^ found.x) & NUMBER) != 0u && hides);
+        edge = select(edge, dark, ((there.x ^ found.x) & ARROW_NUMBER) != 0u && hides);
     }
     let tone = tone_of((found.x & GROWS) != 0u);
     let pale = mix(tone, change.base, select(0.0, 0.6, (found.x & FAINT) != 0u));
@@ -88,6 +92,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let here = vec2<i32>(id.xy);
     let at = linear_index(id.xy);
     var color = view.background.rgb;
+    // One light a pixel, that of what is nearest in it. Where that is an arrow, surface that the pixel shows
+    // beside it takes the arrow's: both are in one pixel along the arrow's edge only.
+    var o = vec4<f32>(0.0);
+    if (view.flags & HAS_OCCLUSION) != 0u {
+        o = unpack4x8unorm(blurred[at]);
+    }
     var front = FAR;
     let has_surface = (view.flags & HAS_SURFACE) != 0u;
     if has_surface {
@@ -103,11 +113,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let opacity = clamp(abs(height.x) / change.full_mm, 0.0, 1.0) * clamp(height.y, 0.0, 1.0);
             color = mix(color, tone_of(height.x > 0.0), opacity);
         }
-        if (view.flags & HAS_OCCLUSION) != 0u {
-            let o = unpack4x8unorm(blurred[at]);
-            let dark = o.a * view.occlusion_strength;
-            color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
-        }
+        color = darkened(color, o);
     } else if (view.flags & HAS_CONTEXT) != 0u {
         color = image_over(marched[at], color);
     }
@@ -127,7 +133,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let arrow = arrow_at(id.xy, n);
             var one = plain;
             if arrow.depth < front {
-                one = arrow.color;
+                one = select(arrow.color, darkened(arrow.color, o), (change.flags & LIT_ARROWS) != 0u);
                 if arrow.depth >= lines.depth {
                     one = mix(one, INNER, view.inner_line_strength * lines.grey);
                     one = mix(one, view.silhouette.rgb, lines.black);
@@ -151,6 +157,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             color = mix(color, view.silhouette.rgb, view.outer_line_strength * line);
         }
     }
-    tops[at] = vec2<u32>(top.what & NUMBER, bitcast<u32>(top.depth));
+    tops[at] = vec2<u32>(top.what & ARROW_NUMBER, bitcast<u32>(top.depth));
     textureStore(picture, here, vec4<f32>(color, 1.0));
 }

@@ -27,6 +27,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if with_solid {
         solid = depths[at];
     }
+    var last = solid;
+    if ends_apart {
+        last = depths[at + view.size.x * view.size.y];
+    }
     var state = vec4<f32>(0.0, 0.0, 0.0, 1.0);
     var note = vec2<f32>(1.0, FAR);
     var light = vec2<f32>(1.0);
@@ -59,13 +63,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let hides = with_solid && solid < back;
         let meets = hides && solid >= front;
         if variant == MENDED {
-            // Up to what is solid, and all of the slice.
+            // Up to what is solid; up to where the eye's ray ends; all of the slice.
             let until = clamp(solid, begin, max(end, begin));
+            var ends = until;
+            if ends_apart {
+                ends = clamp(last, until, max(end, until));
+            }
             let seen = extinction * slant * max(until - begin, 0.0);
+            let shown = extinction * slant * max(ends - begin, 0.0);
             let whole = extinction * slant * max(end - begin, 0.0);
-            let slice = through_slice(light.y, seen);
-            let lit = mix(absorbed(seen), slice.x, slices.strength);
-            state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-seen));
+            let slice = through_slice(light.y, shown);
+            let lit = mix(absorbed(shown), slice.x, slices.strength);
+            state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-shown));
             if with_solid {
                 let after = select(light.x, through_slice(light.x, whole).y, whole > 0.0);
                 // At what is solid: between before and behind the slice (Algorithm 4), as light falls.
@@ -76,16 +85,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 if solid_lets_through {
                     light.y = select(light.y, through_slice(light.y, whole).y, shades & (whole > 0.0));
                 } else {
-                    light.y = select(select(light.y, slice.y, shades & (seen > 0.0)), 0.0, hides);
+                    light.y = select(select(light.y, slice.y, shades & (shown > 0.0)), 0.0, hides);
                 }
             } else {
-                light.y = select(light.y, slice.y, shades & (seen > 0.0));
+                light.y = select(light.y, slice.y, shades & (shown > 0.0));
                 light.x = light.y;
             }
         } else {
             // As the paper has it: a slice is a sheet in its middle, its opacity that of the distance to
             // what is solid where that is nearer.
-            let sampled = min(end - begin, solid - front);
+            let sampled = min(end - begin, last - front);
             let alpha = select(absorbed(extinction * sampled), 0.0, sampled <= 0.0);
             state = vec4<f32>(state.rgb + decoded(material.rgb) * (mix(1.0, light.y, slices.strength) * alpha * state.a), state.a * (1.0 - alpha));
             let of_solid = select(extinction, SOLID, hides && casts);

@@ -1,5 +1,6 @@
 // Light that reaches what is solid from a cone towards the eye: through the masks, and through the context
-// image where there is one. Tubes are no medium: what they hide from each other is found in their vicinity.
+// image where there is one. Tubes and arrows are no medium: what they hide, from each other and from the
+// masks, is found in their vicinity.
 #include lib/view.wgsl
 #include lib/march.wgsl
 #include lib/light.wgsl
@@ -14,6 +15,11 @@
 
 // Of a voxel, towards the eye: off the face that was hit.
 const SLIP = 1e-3;
+
+// Cones go through the masks already.
+fn counts(at: u32) -> bool {
+    return is_tube(surfaces[at].y);
+}
 
 fn is_hidden(c: vec3<f32>) -> bool {
     return false;
@@ -79,7 +85,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         reached *= grid_light(grid.corner + c.x * grid.right + c.y * grid.up + c.z * grid.forward).x;
     }
     if ((view.flags & HAS_TUBES) != 0u) & ((vicinity.flags & VICINITY) != 0u) {
-        reached *= select(1.0, open(id.xy, depth), is_tube(surfaces[at].y));
+        reached *= open(id.xy, depth);
     }
     blurred[at] = darker(reached);
 }

@@ -6,6 +6,10 @@
 
 @group(0) @binding(35) var<storage, read> notes: array<vec2<f32>>;
 
+fn counts(at: u32) -> bool {
+    return true;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= view.size) {

@@ -24,12 +24,12 @@ use serde::{Deserialize, Serialize};
 use crate::{
     camera::Camera,
     context::{ClipPlane, ContextScene, ContextVolume, context_plan},
-    lighting::passes,
     palette::{MaskColors, Palette, Rgb},
     plan::{PassName, Plan},
     quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
+    lighting::{Shading, left_out, passes},
 };
 
 pub use frame::{ChangeFrame, ChangePick};
@@ -175,6 +175,9 @@ impl ChangeScene {
 }
 
 /// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+///
+/// With directional occlusion arrows are solid as the surface is: they darken image, surface and each other,
+/// and are darkened. In screen space they are drawn over the finished light.
 pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
     let around = context_plan(&scene.context_scene(), quality);
     let look = &scene.look;
@@ -208,11 +211,33 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
         // Of regions, only those of one date can be hidden here.
         reason.map(|r| if r == "selection is empty" { shares_nothing } else { r })
     };
-    Plan::of(&passes(&PassName::CHANGE, quality.lighting.shading), |pass| match pass {
+    let shading = quality.lighting.shading;
+    // Arrows are solid for all light but that of screen space.
+    let no_image = omitted(PassName::Context).or(omitted(PassName::Slices));
+    let no_light_on_solid = |pass| match no_arrows {
+        Some(_) => omitted(pass),
+        None => left_out(pass, quality, None, no_image),
+    };
+    let no_shadow = |pass| {
+        let none = pass == PassName::Slices && !quality.lighting.mutual.solid_on_image;
+        omitted(pass).or(none.then_some("what is solid darkens nothing"))
+    };
+    let no_merge = no_arrows
+        .or((quality.strength() <= 0.0).then_some("occlusion strength is 0"))
+        .or_else(|| {
+            let [on_solid, by_solid] = match shading {
+                Shading::Cones => [PassName::SolidCones, PassName::LightGrid],
+                _ => [PassName::Vicinity, PassName::Slices],
+            };
+            no_light_on_solid(on_solid).and(no_shadow(by_solid))
+        });
+    Plan::of(&passes(&PassName::CHANGE, shading), |pass| match pass {
         PassName::Outside => no_outside,
         PassName::Heights => no_heights,
         PassName::HeightFilterAcross | PassName::HeightFilterDown => no_filter,
         PassName::Arrows => no_arrows,
+        PassName::ArrowsMerge => no_merge,
+        PassName::SolidCones | PassName::Vicinity => no_light_on_solid(pass),
         _ => omitted(pass),
     })
 }

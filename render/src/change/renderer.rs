@@ -2,7 +2,8 @@
 //!
 //! Lifetimes: pipelines are made once a [`ChangeRenderer`]; the union's bricks and the table of
 //! lengths once a surface; arrows once a surface and threshold; the image as in the context view;
-//! targets once a size (about 88 bytes a pixel, with arrows 48 more); the uniforms once a frame.
+//! targets once a size (about 88 bytes a pixel, with arrows 48 more, with arrows that take light 16 more);
+//! the uniforms once a frame.
 
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use super::{
     arrows::{self, ArrowBuffers},
     change_plan,
     frame::ChangeFrame,
-    targets::ChangeTargets,
+    targets::{ChangeTargets, SolidTargets},
     uniforms as change_uniforms,
 };
 use crate::{
@@ -63,13 +64,15 @@ enum Slot {
     Tops,
     Arrows,
     ArrowPicture,
+    SolidDepths,
+    SolidFaces,
 }
 
 type Step = (PassName, &'static str, &'static [(u32, Slot)]);
 
-/// Shader file and bindings of each pass that computes. They run in this order, the arrows before the
-/// last.
-const SHADERS: [Step; 9] = {
+/// Shader file and bindings of each pass that computes. They run in this order, the arrows behind the first
+/// two.
+const SHADERS: [Step; 10] = {
     use Slot::*;
     [
         (
@@ -81,6 +84,19 @@ const SHADERS: [Step; 9] = {
             PassName::Outside,
             "closeup_surface",
             &[(0, HullView), (1, Bricks), (2, Voxels), (3, Regions), (4, HullDepths), (5, HullSurfaces)],
+        ),
+        (
+            PassName::ArrowsMerge,
+            "change_arrows_merge",
+            &[
+                (0, View),
+                (4, Depths),
+                (5, Surfaces),
+                (16, Change),
+                (25, ArrowPicture),
+                (39, SolidDepths),
+                (40, SolidFaces),
+            ],
         ),
         (
             PassName::Occlusion,
@@ -185,6 +201,7 @@ pub struct ChangeRenderer {
     lengths: Option<LengthBuffers>,
     pub(super) arrows: Option<ArrowBuffers>,
     arrow_targets: Option<RasterTargets>,
+    solid_targets: Option<SolidTargets>,
     lights: Lights,
     frame: Option<ChangeFrame>,
 }
@@ -225,6 +242,7 @@ impl ChangeRenderer {
             lengths: None,
             arrows: None,
             arrow_targets: None,
+            solid_targets: None,
             lights: Lights::default(),
             frame: None,
         };
@@ -305,6 +323,8 @@ impl ChangeRenderer {
             None => self.arrows = None,
         }
         let arrow_targets = RasterTargets::keep(&mut self.arrow_targets, gpu, drawn, 2)?;
+        let merged = plan.has(PassName::ArrowsMerge).then_some(size);
+        let solid_targets = SolidTargets::keep(&mut self.solid_targets, gpu, merged)?;
         let mut change = change_uniforms::Change::default();
         if let Some(surface) = scene.surface.as_deref() {
             let samples = arrow_targets.samples;
@@ -313,7 +333,8 @@ impl ChangeRenderer {
         gpu.queue.write_buffer(&self.change, 0, bytemuck::bytes_of(&change));
         let arrow_count = vectors.len();
         let count = arrow_count as u32;
-        self.bind(gpu, &plan, &targets, &own, &arrow_targets, count, &context_scene, quality)?;
+        let arrow_targets = (&arrow_targets, solid_targets.as_ref());
+        self.bind(gpu, &plan, &targets, &own, arrow_targets, count, &context_scene, quality)?;
         self.passes.run(gpu);
         gpu.check().map_err(RenderError::Device)?;
         Ok(self.frame.insert(ChangeFrame {
@@ -352,7 +373,7 @@ impl ChangeRenderer {
         plan: &Plan,
         targets: &Targets,
         own: &ChangeTargets,
-        arrow_targets: &RasterTargets,
+        (arrow_targets, solid_targets): (&RasterTargets, Option<&SolidTargets>),
         arrow_count: u32,
         around: &ContextScene,
         quality: &Quality,
@@ -360,6 +381,7 @@ impl ChangeRenderer {
         let Some(regions) = &self.regions else { return Ok(()) };
         let mut lights = std::mem::take(&mut self.lights);
         let mut lit = false;
+        let mut has_arrows = !plan.has(PassName::Arrows);
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         let resource = |slot: Slot| {
             let buffer = match slot {
@@ -396,10 +418,27 @@ impl ChangeRenderer {
                 Slot::HullSurfaces => &own.hull_surfaces,
                 Slot::Tops => &own.tops,
                 Slot::Arrows => &self.arrows.as_ref()?.instances,
+                Slot::SolidDepths => &solid_targets?.depths,
+                Slot::SolidFaces => &solid_targets?.faces,
             };
             Some(buffer.as_entire_binding())
         };
         for (pass, _, slots) in SHADERS.iter().filter(|(pass, ..)| plan.has(*pass)) {
+            if !has_arrows && !matches!(pass, PassName::Surface | PassName::Outside) {
+                has_arrows = true;
+                let entries: Vec<_> = [(0, Slot::View), (16, Slot::Change), (24, Slot::Arrows)]
+                    .into_iter()
+                    .filter_map(|(binding, slot)| Some((binding, resource(slot)?)))
+                    .collect();
+                let drawing = Drawing {
+                    picture: arrow_targets.picture.clone(),
+                    depths: arrow_targets.depths.clone(),
+                    indices: self.triangles.clone(),
+                    index_count: self.triangle_corners,
+                    instances: arrow_count,
+                };
+                self.passes.bind_raster(gpu, PassName::Arrows, &entries, drawing);
+            }
             if !lit && matches!(pass, PassName::Context | PassName::Compose) {
                 lit = true;
                 let image = self.image.as_ref().zip(around.volume.as_ref()).filter(|_| shows_image(plan));
@@ -417,27 +456,13 @@ impl ChangeRenderer {
                     size: targets.size,
                     strength: quality.strength(),
                     view: &self.view,
-                    depths: &targets.depths,
-                    surfaces: &targets.surfaces,
+                    depths: solid_targets.map_or(&targets.depths, |solid| &solid.depths),
+                    surfaces: solid_targets.map_or(&targets.surfaces, |solid| &solid.faces),
                     marched: &targets.outsides,
                     blurred: &targets.blurred,
                     regions: [&regions.table, &regions.words, &regions.regions],
                 };
                 lights.bind(gpu, &mut self.passes, plan, &scene, &quality.lighting)?;
-            }
-            if *pass == PassName::Compose && plan.has(PassName::Arrows) {
-                let entries: Vec<_> = [(0, Slot::View), (16, Slot::Change), (24, Slot::Arrows)]
-                    .into_iter()
-                    .filter_map(|(binding, slot)| Some((binding, resource(slot)?)))
-                    .collect();
-                let drawing = Drawing {
-                    picture: arrow_targets.picture.clone(),
-                    depths: arrow_targets.depths.clone(),
-                    indices: self.triangles.clone(),
-                    index_count: self.triangle_corners,
-                    instances: arrow_count,
-                };
-                self.passes.bind_raster(gpu, PassName::Arrows, &entries, drawing);
             }
             let mut entries: Vec<_> =
                 slots.iter().filter_map(|&(binding, slot)| Some((binding, resource(slot)?))).collect();

@@ -1,6 +1,6 @@
 //! What the change view's own passes write: made once a size.
 
-use crate::gpu::Gpu;
+use crate::{gpu::Gpu, renderer::RenderError};
 
 /// Buffers of one picture size, row after row.
 #[derive(Clone, Debug)]
@@ -38,5 +38,52 @@ impl ChangeTargets {
             hull_surfaces: buffer("ChangeTargets::hull_surfaces", 8),
             tops: buffer("ChangeTargets::tops", 8),
         }
+    }
+}
+
+/// What is solid with arrows among it, where passes of light ask for that.
+#[derive(Clone, Debug)]
+pub(super) struct SolidTargets {
+    size: [u32; 2],
+    /// Depths of all pixels, then those at which rays through the image end.
+    pub depths: wgpu::Buffer,
+    /// Region number and face, or which arrow.
+    pub faces: wgpu::Buffer,
+}
+
+impl SolidTargets {
+    /// Those held, when they are of `size` (`None`: not asked for), else new ones.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub fn keep(
+        held: &mut Option<Self>,
+        gpu: &Gpu,
+        size: Option<[u32; 2]>,
+    ) -> Result<Option<Self>, RenderError> {
+        let kept = held.take();
+        let Some(size) = size else { return Ok(None) };
+        let made = match kept.filter(|h| h.size == size) {
+            Some(targets) => targets,
+            None => {
+                let pixels = u64::from(size[0]) * u64::from(size[1]);
+                let buffer = |label| {
+                    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                        label: Some(label),
+                        size: 8 * pixels,
+                        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+                        mapped_at_creation: false,
+                    })
+                };
+                let made = Self {
+                    size,
+                    depths: buffer("SolidTargets::depths"),
+                    faces: buffer("SolidTargets::faces"),
+                };
+                gpu.check().map_err(RenderError::Device)?;
+                made
+            }
+        };
+        Ok(Some(held.insert(made).clone()))
     }
 }

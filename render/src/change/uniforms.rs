@@ -14,6 +14,7 @@ pub(crate) const STYLE_ARROWS: u32 = 2;
 pub(crate) const HAS_HEIGHTS: u32 = 4;
 pub(crate) const HAS_ARROWS: u32 = 8;
 pub(crate) const HAS_HULL: u32 = 16;
+pub(crate) const LIT_ARROWS: u32 = 32;
 
 /// See lib/change.wgsl.
 #[repr(C)]
@@ -96,6 +97,7 @@ pub(crate) fn change(
         (PassName::Heights, ChangeStyle::Height, HAS_HEIGHTS),
         (PassName::Arrows, ChangeStyle::Arrows, HAS_ARROWS),
         (PassName::Outside, ChangeStyle::Arrows, HAS_HULL),
+        (PassName::ArrowsMerge, ChangeStyle::Arrows, LIT_ARROWS),
     ] {
         if plan.has(pass) && scene.look.style == style {
             flags |= flag;

@@ -23,7 +23,8 @@ pub use renderer::EllipsoidRenderer;
 use crate::{
     camera::Camera,
     palette::Rgb,
-    plan::{PassName, Plan, no_occlusion},
+    lighting::{NO_IMAGE, Shading, left_out, passes},
+    plan::{PassName, Plan},
     quality::Quality,
     scene::Lens,
     slice_plane::SlicePlane,
@@ -101,6 +102,9 @@ impl EllipsoidScene {
 }
 
 /// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+///
+/// There is no image, hence nothing for slices and no medium for cones: with either, light comes from the
+/// vicinity of each pixel's nearest fragment, and is the same.
 pub fn ellipsoid_plan(scene: &EllipsoidScene, quality: &Quality) -> Plan {
     let nothing = if scene.ellipsoids.is_empty() {
         Some("no ellipsoids")
@@ -109,10 +113,14 @@ pub fn ellipsoid_plan(scene: &EllipsoidScene, quality: &Quality) -> Plan {
     } else {
         None
     };
-    let no_occlusion = nothing.or_else(|| no_occlusion(quality));
-    Plan::of(&PassName::ELLIPSOIDS, |pass| match pass {
+    let shading = quality.lighting.shading;
+    let mut order = passes(&PassName::ELLIPSOIDS, shading);
+    if shading == Shading::Cones {
+        let last = order.len() - 1;
+        order.insert(last, PassName::Vicinity);
+    }
+    Plan::of(&order, |pass| match pass {
         PassName::EllipsoidLists => nothing,
-        PassName::Occlusion | PassName::OcclusionBlur => no_occlusion,
-        _ => None,
+        _ => left_out(pass, quality, nothing, Some(NO_IMAGE)),
     })
 }

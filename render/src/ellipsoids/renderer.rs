@@ -14,6 +14,7 @@ use crate::{
         ellipsoid_plan,
     },
     gpu::Gpu,
+    lighting::{Solid, VicinityLight},
     plan::{PassName, Plan},
     quality::Quality,
     renderer::{RenderError, check_view},
@@ -117,6 +118,7 @@ pub struct EllipsoidRenderer {
     nodes: Growing,
     counters: wgpu::Buffer,
     plane: PlaneBuffers,
+    vicinity: Option<VicinityLight>,
     frame: Option<EllipsoidFrame>,
     few_nodes: u64,
     /// How often fragments were counted and the nodes grew.
@@ -158,6 +160,7 @@ impl EllipsoidRenderer {
                 wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
             ),
             plane: PlaneBuffers::new(gpu),
+            vicinity: None,
             frame: None,
             few_nodes: FEW_NODES,
             #[cfg(test)]
@@ -233,6 +236,12 @@ impl EllipsoidRenderer {
         }
         gpu.queue.write_buffer(&self.counters, 0, &[0; 16]);
         for step in SHADERS.iter().filter(|(pass, ..)| plan.has(*pass)) {
+            if step.0 == PassName::EllipsoidCompose && plan.has(PassName::Vicinity) {
+                let vicinity = self.vicinity.get_or_insert_with(|| VicinityLight::new(gpu));
+                let (view, depths, blurred) = (&self.view, &targets.depths, &targets.blurred);
+                let solid = Solid { view, depths, blurred, size };
+                vicinity.bind(gpu, &mut self.passes, solid, &quality.lighting, None)?;
+            }
             self.bind(gpu, step, &targets);
         }
         self.passes.run(gpu);
@@ -263,9 +272,11 @@ impl EllipsoidRenderer {
             silhouette: uniforms::rgba(scene.silhouette),
             ..uniforms::camera_view(&scene.camera, reference_mm, scene.lens.as_ref(), quality, size)
         };
-        for (pass, flag) in
-            [(PassName::EllipsoidLists, HAS_SURFACE), (PassName::OcclusionBlur, HAS_OCCLUSION)]
-        {
+        for (pass, flag) in [
+            (PassName::EllipsoidLists, HAS_SURFACE),
+            (PassName::OcclusionBlur, HAS_OCCLUSION),
+            (PassName::Vicinity, HAS_OCCLUSION),
+        ] {
             if plan.has(pass) {
                 view.flags |= flag;
             }

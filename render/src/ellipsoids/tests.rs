@@ -6,7 +6,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::{DrawnEllipsoid, EllipsoidFrame, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan, twin};
 use crate::{
-    AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, SlicePlane,
+    AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Shading, SlicePlane,
+    lighting::passes,
     testing::noise, uniforms::FAR,
 };
 
@@ -30,7 +31,7 @@ fn bench() -> MutexGuard<'static, Bench> {
 }
 
 fn everything() -> Plan {
-    Plan { passes: PassName::ELLIPSOIDS.to_vec(), omitted: Vec::new() }
+    Plan { passes: passes(&PassName::ELLIPSOIDS, Shading::ScreenSpace), omitted: Vec::new() }
 }
 
 fn scene_of(ellipsoids: Vec<DrawnEllipsoid>, center_mm: DVec3, radius_mm: f64) -> EllipsoidScene {
@@ -583,7 +584,7 @@ fn what_cannot_be_drawn_is_named_and_times_leave_the_picture_alone() {
     let first = renderer.render(gpu, &good, &Quality::FULL, [64, 64]).unwrap().read_rgba(gpu).unwrap();
     for _ in 0..2 {
         let times = renderer.pass_times(gpu).unwrap();
-        assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), PassName::ELLIPSOIDS);
+        assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), everything().passes);
         assert!(renderer.frame().unwrap().read_rgba(gpu).unwrap() == first);
     }
     let frame = renderer.frame().unwrap();

@@ -118,7 +118,8 @@ struct ImageLight {
     tumor: Option<Arc<RegionVolume>>,
     medium: Medium,
     side_mm: f64,
-    /// Whether every cell is found: tubes may run anywhere.
+    /// Whether every cell is found: tubes may run anywhere, and
+    /// arrows past the masks' box.
     everywhere: bool,
     cells: Cells,
     needed: wgpu::Buffer,
@@ -210,7 +211,7 @@ impl ConeLight {
         scene: &LitScene<'_>,
         lighting: &Lighting,
     ) -> Result<(), RenderError> {
-        let everywhere = plan.has(PassName::TubesMerge);
+        let everywhere = plan.has(PassName::TubesMerge) || plan.has(PassName::ArrowsMerge);
         let Some(LitImage { buffers, volume, transfer, context }) = scene.image else { return Ok(()) };
         let kept = self.image.take().filter(|held| {
             Arc::ptr_eq(&held.volume, volume)

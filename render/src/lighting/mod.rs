@@ -17,7 +17,8 @@ use std::sync::Arc;
 
 use glioscope_core::{RegionVolume, Selection};
 
-use self::{cones::ConeLight, slices::SliceLight, vicinity::VicinityLight};
+use self::{cones::ConeLight, slices::SliceLight};
+pub(crate) use self::vicinity::{Solid, VicinityLight};
 use crate::{
     camera::Camera,
     compute::PassRunner,
@@ -156,6 +157,7 @@ pub(crate) fn passes(all: &[PassName], shading: Shading) -> Vec<PassName> {
         Slices | SlicesFinish | Vicinity => shading == Shading::Slices,
         LightGrid | SolidCones => shading == Shading::Cones,
         Context => shading != Shading::Slices,
+        ArrowsMerge => shading != Shading::ScreenSpace,
         _ => true,
     };
     all.iter().copied().filter(belongs).collect()
@@ -208,6 +210,7 @@ pub(crate) struct LitScene<'a> {
     /// How dark what no light reaches is, 0 to 1.
     pub strength: f32,
     pub view: &'a wgpu::Buffer,
+    /// Of what is solid. With [`PassName::ArrowsMerge`] depths at which rays end stand behind them.
     pub depths: &'a wgpu::Buffer,
     pub surfaces: &'a wgpu::Buffer,
     pub marched: &'a wgpu::Buffer,
@@ -254,15 +257,15 @@ impl Lights {
         }
         if let Some(image) = scene.image.filter(|_| plan.has(PassName::Slices)) {
             let slices = self.slices.get_or_insert_with(|| SliceLight::new(gpu));
-            let solid = plan.has(PassName::Surface) || plan.has(PassName::TubesMerge);
-            notes = slices.bind(gpu, passes, scene, &image, solid, lighting)?;
+            notes = slices.bind(gpu, passes, plan, scene, &image, lighting)?;
         } else {
             self.slices = None;
         }
         if plan.has(PassName::Vicinity) {
             let vicinity = self.vicinity.get_or_insert_with(|| VicinityLight::new(gpu));
             let through = self.slices.as_ref().and_then(SliceLight::notes);
-            vicinity.bind(gpu, passes, scene, lighting, through)?;
+            let LitScene { view, depths, blurred, size, .. } = *scene;
+            vicinity.bind(gpu, passes, Solid { view, depths, blurred, size }, lighting, through)?;
         }
         Ok(notes)
     }

@@ -15,7 +15,7 @@ use crate::{
         cone::Decay,
         upload::{Kind, layout_of, pipeline},
     },
-    plan::PassName,
+    plan::{PassName, Plan},
     renderer::RenderError,
 };
 
@@ -29,6 +29,8 @@ struct Wanted {
     solid: bool,
     /// Whether what is solid leaves the image its light.
     lets_through: bool,
+    /// Whether the eye's rays end elsewhere than at what is solid.
+    apart: bool,
     gradient: bool,
     first: bool,
     empty: bool,
@@ -114,20 +116,21 @@ impl SliceLight {
         self.buffers.as_ref().map(|b| &b.eye)
     }
 
-    /// Binds the steps of a frame, and what hands them on; `solid` where depths hold anything. Returns what is other than asked for.
+    /// Binds the steps of a frame, and what hands them on. Returns what is other than asked for.
     ///
     /// # Errors
     /// [`RenderError`]; nothing is bound then.
-    #[allow(clippy::too_many_arguments, reason = "one caller")]
     pub fn bind(
         &mut self,
         gpu: &Gpu,
         passes: &mut PassRunner,
+        frame_plan: &Plan,
         scene: &LitScene<'_>,
         image: &LitImage<'_>,
-        solid: bool,
         lighting: &Lighting,
     ) -> Result<Vec<String>, RenderError> {
+        let apart = frame_plan.has(PassName::ArrowsMerge);
+        let solid = apart || frame_plan.has(PassName::Surface) || frame_plan.has(PassName::TubesMerge);
         let lights_a_pixel = if solid { 2 } else { 1 };
         if self.buffers.as_ref().is_none_or(|b| b.size != scene.size || b.lights_a_pixel != lights_a_pixel) {
             self.buffers = None;
@@ -156,7 +159,7 @@ impl SliceLight {
         for (number, step) in (0u32..).zip(&plan.steps) {
             let (variant, first, empty) = (lighting.variant, number == 0, step.empty);
             let lets_through = !lighting.mutual.solid_on_image;
-            let wanted = Wanted { variant, solid, lets_through, gradient, first, empty };
+            let wanted = Wanted { variant, solid, lets_through, apart, gradient, first, empty };
             let at = match pipelines.iter().position(|(made, _)| *made == wanted) {
                 Some(at) => at,
                 None => {
@@ -236,6 +239,7 @@ impl SliceLight {
             ("variant", variant),
             ("with_solid", flag(wanted.solid)),
             ("solid_lets_through", flag(wanted.lets_through)),
+            ("ends_apart", flag(wanted.apart)),
             ("gradient_counts", flag(wanted.gradient)),
             ("is_first", flag(wanted.first)),
             ("is_empty", flag(wanted.empty)),

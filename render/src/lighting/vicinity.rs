@@ -1,6 +1,6 @@
 //! Light on what is solid: vicinity occlusion, times what slices let through.
 
-use super::{Lighting, LitScene, uniforms};
+use super::{Lighting, uniforms};
 use crate::{
     compute::{PassRunner, workgroups_of},
     dos::Variant,
@@ -9,6 +9,15 @@ use crate::{
     plan::PassName,
     renderer::RenderError,
 };
+
+/// What the pass reads and writes.
+#[derive(Clone, Copy)]
+pub(crate) struct Solid<'a> {
+    pub view: &'a wgpu::Buffer,
+    pub depths: &'a wgpu::Buffer,
+    pub blurred: &'a wgpu::Buffer,
+    pub size: [u32; 2],
+}
 
 /// Its uniform, and what is bound where no slices ran.
 pub(crate) struct VicinityLight {
@@ -44,15 +53,15 @@ impl VicinityLight {
         &mut self,
         gpu: &Gpu,
         passes: &mut PassRunner,
-        scene: &LitScene<'_>,
+        solid: Solid<'_>,
         lighting: &Lighting,
         through: Option<&wgpu::Buffer>,
     ) -> Result<(), RenderError> {
         self.write(gpu, lighting, through.is_some());
         let entries = [
-            (0, scene.view.as_entire_binding()),
-            (4, scene.depths.as_entire_binding()),
-            (8, scene.blurred.as_entire_binding()),
+            (0, solid.view.as_entire_binding()),
+            (4, solid.depths.as_entire_binding()),
+            (8, solid.blurred.as_entire_binding()),
             (35, through.unwrap_or(&self.no_notes).as_entire_binding()),
             (36, self.uniform.as_entire_binding()),
         ];
@@ -61,7 +70,7 @@ impl VicinityLight {
             PassName::Vicinity,
             ("solid_vicinity", &[]),
             &entries,
-            workgroups_of(scene.size),
+            workgroups_of(solid.size),
         )
     }
 

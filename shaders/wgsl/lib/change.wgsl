@@ -27,6 +27,10 @@ const STYLE_ARROWS = 2u;
 const HAS_HEIGHTS = 4u;
 const HAS_ARROWS = 8u;
 const HAS_HULL = 16u;
+const LIT_ARROWS = 32u;          // the light of a pixel is that of its nearest arrow, where it has one
+
+// In what is noted of an arrow: its number from 1.
+const ARROW_NUMBER = 0xffffffu;
 
 // Index bits of the regions: active before, after, in a component without a counterpart.
 const BEFORE = 1u;

@@ -32,6 +32,9 @@ override variant: u32 = 2u;
 override with_solid: bool = false;
 // Whether solid surfaces leave the image its light.
 override solid_lets_through: bool = false;
+// Whether the eye sees the image past what is solid, beside it in the same pixel: up to depths of their own,
+// which stand behind the others.
+override ends_apart: bool = false;
 // The first step, which finds everything fresh; and steps in which nothing of the image is.
 override is_first: bool = false;
 override is_empty: bool = false;

@@ -1,4 +1,6 @@
 // Vicinity occlusion (Algorithm 5 of Schott et al. 2012), from depths alone.
+//
+// The including file gives `counts(at)`: whether what pixel number `at` shows hides anything.
 
 struct Vicinity {
     radius_mm: f32,
@@ -28,7 +30,8 @@ fn open(pixel: vec2<u32>, depth: f32) -> f32 {
         // What is off the picture hides nothing.
         if all(to >= vec2<f32>(0.0)) && all(to < vec2<f32>(view.size)) {
             let nearest = depth - bias - vicinity.slope * vicinity.radius_mm * length(q);
-            hidden += select(0.0, 1.0, depths[linear_index(vec2<u32>(to))] < nearest);
+            let there = linear_index(vec2<u32>(to));
+            hidden += select(0.0, 1.0, (depths[there] < nearest) & counts(there));
         }
     }
     return 1.0 - hidden / f32(vicinity.count);

@@ -42,7 +42,7 @@ const MANY_REGIONS = 32u;
 const LENS_ONLY_DRAWN = 64u;     // the lens is a ring, it cuts nothing
 const HAS_CONTEXT = 128u;
 const HAS_PLANE = 256u;
-const HAS_TUBES = 512u;          // tubes are among depths and surfaces
+const HAS_TUBES = 512u;          // tubes or arrows are among depths and surfaces
 const LINEAR_LIGHT = 1024u;        // the march's colours are in linear light
 
 // Depth of a pixel where nothing was hit.

@@ -106,6 +106,12 @@ impl SliceLight {
         self.buffers.as_ref().map(|b| &b.notes)
     }
 
+    /// Light before and behind the last step.
+    #[cfg(test)]
+    pub fn carried(&self) -> Option<&wgpu::Buffer> {
+        self.buffers.as_ref().map(|b| &b.lights)
+    }
+
     /// Radiance and transmittance of each pixel, in linear light.
     #[cfg(test)]
     pub fn eye(&self) -> Option<&wgpu::Buffer> {

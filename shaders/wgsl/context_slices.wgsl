@@ -15,6 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= view.size) {
         return;
     }
+    zero = id.x >> 31u;
     let at = linear_index(id.xy);
     let p = from_middle(id.xy);
     let sight = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
@@ -46,8 +47,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let before = state.a;
     let casts = !solid_lets_through;
     let shades = (slices.flags & VOLUME_ON_VOLUME) != 0u;
-    for (var i = 0u; i < part.slices; i++) {
-        let front = part.depth + f32(i) * slices.slice_mm;
+    for (var i = 0u; i < parts[zero].slices; i++) {
+        let front = parts[0].depth + f32(i) * slices.slice_mm;
         let back = front + slices.slice_mm;
         var begin = front;
         var end = front;
@@ -112,11 +113,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     if before > 0.5 && state.a <= 0.5 {
-        note.y = part.depth + 0.5 * f32(part.slices) * slices.slice_mm;
+        note.y = parts[0].depth + 0.5 * f32(parts[zero].slices) * slices.slice_mm;
     }
     eye[at] = state;
     notes[at] = note;
-    let place = light_place(at, 1u - part.turn);
+    let place = light_place(at, 1u - parts[0].turn);
     if with_solid {
         lights[place] = light.x;
         lights[place + 1u] = light.y;

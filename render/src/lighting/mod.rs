@@ -5,7 +5,13 @@
 
 mod cones;
 mod grid;
+#[cfg(test)]
+mod grid_tests;
 mod slices;
+#[cfg(test)]
+mod solid_stability_tests;
+#[cfg(test)]
+mod stability_tests;
 #[cfg(test)]
 mod tests;
 pub(crate) mod uniforms;
@@ -250,8 +256,7 @@ impl Lights {
             let vicinity = self.vicinity.get_or_insert_with(|| VicinityLight::new(gpu));
             vicinity.write(gpu, lighting, false);
             let cones = self.cones.get_or_insert_with(|| ConeLight::new(gpu));
-            cones.bind(gpu, passes, plan, scene, lighting, vicinity.uniform())?;
-            notes.extend(cones::settings(lighting).used().notes);
+            notes = cones.bind(gpu, passes, plan, scene, lighting, vicinity.uniform())?;
         } else {
             self.cones = None;
         }
@@ -279,6 +284,12 @@ impl Lights {
     #[cfg(test)]
     pub fn notes(&self) -> Option<&wgpu::Buffer> {
         self.slices.as_ref()?.notes()
+    }
+
+    /// Light that the slices carry.
+    #[cfg(test)]
+    pub fn carried(&self) -> Option<&wgpu::Buffer> {
+        self.slices.as_ref()?.carried()
     }
 
     /// Radiance and transmittance of each pixel by slices, in linear light.

@@ -76,7 +76,7 @@ pub(crate) struct SliceLight {
 impl SliceLight {
     pub fn new(gpu: &Gpu) -> Self {
         use Kind::{Moving, Read, Uniform, Write};
-        let part = Moving(size_of::<uniforms::Part>() as u64);
+        let part = Moving(2 * size_of::<uniforms::Part>() as u64);
         let kinds = [
             (0, Uniform),
             (4, Read),
@@ -108,6 +108,12 @@ impl SliceLight {
     /// the first frame.
     pub fn notes(&self) -> Option<&wgpu::Buffer> {
         self.buffers.as_ref().map(|b| &b.notes)
+    }
+
+    /// Light before and behind the last step.
+    #[cfg(test)]
+    pub fn carried(&self) -> Option<&wgpu::Buffer> {
+        self.buffers.as_ref().map(|b| &b.lights)
     }
 
     /// Radiance and transmittance of each pixel, in linear light.
@@ -197,7 +203,7 @@ impl SliceLight {
         let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &parts,
             offset: 0,
-            size: wgpu::BufferSize::new(size_of::<uniforms::Part>() as u64),
+            size: wgpu::BufferSize::new(2 * size_of::<uniforms::Part>() as u64),
         });
         let entries = [
             (0, scene.view.as_entire_binding()),

@@ -39,11 +39,15 @@ pub(super) fn lumps(grid: &Grid) -> Arc<ContextVolume> {
             (55.0 + 12.0 * wave + 4.0 * noise(p, 5)) * ((0.45 - x.length()) * 6.0).clamp(0.0, 1.0)
         })
         .collect();
+    image_of(grid, values)
+}
+
+pub(super) fn image_of(grid: &Grid, values: Vec<f64>) -> Arc<ContextVolume> {
     let image = Volume::new(grid.clone(), Samples::F64(values), Scaling::NONE).unwrap();
     Arc::new(ContextVolume::new(Arc::new(image)))
 }
 
-fn transfer(two_d: bool, opacity: f64) -> Arc<TransferFunction> {
+pub(super) fn transfer(two_d: bool, opacity: f64) -> Arc<TransferFunction> {
     let rows =
         [(15.0, [90, 60, 40], 0.0), (50.0, [220, 160, 120], 0.5 * opacity), (90.0, [255, 250, 230], opacity)];
     let points = rows.iter().map(|&(value, color, opacity)| ControlPoint { value, color, opacity }).collect();
@@ -55,7 +59,7 @@ fn transfer(two_d: bool, opacity: f64) -> Arc<TransferFunction> {
     Arc::new(TransferFunction::new(points, gradient).unwrap())
 }
 
-fn cubic(n: usize, spacing_mm: DVec3) -> Grid {
+pub(super) fn cubic(n: usize, spacing_mm: DVec3) -> Grid {
     Grid::axis_aligned([n; 3], spacing_mm, -spacing_mm * (n as f64 - 1.0) / 2.0).unwrap()
 }
 

@@ -284,7 +284,7 @@ fn scenes() -> Vec<Row> {
             )
         },
         row("empty selection", &ContextScene { selection: hidden, ..with.clone() }, lit),
-        Row { size: [1, 1], ..row("one pixel", &with, lit) },
+        Row { size: [1, 1], ..row("one pixel", &alone, lit) },
     ];
     // Every other row in the infinite extinction too: there sums of rounding would show.
     let again: Vec<Row> = rows

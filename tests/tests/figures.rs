@@ -45,10 +45,15 @@ fn directional_occlusion_beside_the_headlight() {
     let headlight = head(&[]);
     golden("figure_headlight", &headlight);
     let mut seen = Vec::new();
-    for (aperture, footprint) in [("50", "2"), ("50", "13"), ("85", "2"), ("85", "13")] {
+    for (name, aperture, footprint) in [
+        ("figure_slices_50_2", "50", "2"),
+        ("figure_slices_50_13", "50", "13"),
+        ("figure_slices_85_2", "85", "2"),
+        ("figure_slices_85_13", "85", "13"),
+    ] {
         let slices = ["--light", "slices", "--slices", "paper", "--slice-mm", "2", "--aperture", aperture];
         let drawn = head(&[&slices[..], &["--footprint", footprint]].concat());
-        golden(&format!("figure_slices_{aperture}_{footprint}"), &drawn);
+        golden(name, &drawn);
         seen.push(brightness(&drawn));
     }
     let [narrow, narrow_fine, wide, wide_fine] = seen[..] else { panic!() };
@@ -107,11 +112,12 @@ fn mutual_occlusions_one_by_one() {
         picture(&[&scene[..], &light, &["--tracts", tracts.to_str().unwrap()]].concat())
     };
     let all = ["image-image", "solid-solid", "solid-image", "image-solid"];
+    let names = ["figure_mutual_1", "figure_mutual_2", "figure_mutual_3", "figure_mutual_4"];
     let mut last = draw("none");
     golden("figure_mutual_0", &last);
     for n in 1..=all.len() {
         let next = draw(&all[..n].join(","));
-        golden(&format!("figure_mutual_{n}"), &next);
+        golden(names[n - 1], &next);
         let by = |a: &image::Rgba<u8>, b: &image::Rgba<u8>| i32::from(a.0[1]) - i32::from(b.0[1]);
         let darker = next.pixels().zip(last.pixels()).filter(|(a, b)| by(a, b) < -2).count();
         let lighter = next.pixels().zip(last.pixels()).filter(|(a, b)| by(a, b) > 2).count();
@@ -129,9 +135,9 @@ fn the_glioma_case_in_every_light() {
     let context = format!("--context=T1c={}", file("t1c"));
     let mut arguments: Vec<&str> = masks.iter().map(String::as_str).collect();
     arguments.extend([context.as_str(), "--quality", "balanced"]);
-    for light in ["slices", "cones"] {
+    for (name, light) in [("figure_glioma_slices", "slices"), ("figure_glioma_cones", "cones")] {
         let view = picture(&[&arguments[..], &["--view", "context", "--light", light]].concat());
-        golden(&format!("figure_glioma_{light}"), &view);
+        golden(name, &view);
     }
     let closeup = picture(&[&arguments[..], &["--light", "cones"]].concat());
     golden("figure_glioma_closeup_cones", &closeup);

@@ -37,6 +37,19 @@ pub fn slices(
     mutual: &Mutual,
     strength: f64,
 ) -> Vec<Combined> {
+    slices_apart(scene, sight, plan, [solid_mm; 2], mutual, strength)
+}
+
+/// As [`slices`] where the eye sees the image past what is solid, up to depths of their own: second of
+/// `solid_mm`, none before the first.
+pub fn slices_apart(
+    scene: &ContextScene,
+    sight: &Sight,
+    plan: &DosPlan,
+    solid_mm: [&[f64]; 2],
+    mutual: &Mutual,
+    strength: f64,
+) -> Vec<Combined> {
     let [width, height] = sight.size.map(|s| s as usize);
     let fresh = Combined { eye: Eye { radiance: DVec3::ZERO, transmittance: 1.0 }, on_solid: 1.0 };
     let mut out = vec![fresh; width * height];
@@ -46,7 +59,7 @@ pub fn slices(
         let mut after = vec![[1.0; 2]; width * height];
         out.par_iter_mut().zip(after.par_iter_mut()).enumerate().for_each(|(i, (out, after))| {
             let pixel = [(i % width) as u32, (i / width) as u32];
-            let solid = solid_mm.get(i).copied().unwrap_or(f64::INFINITY);
+            let solid = solid_mm.map(|mm| mm.get(i).copied().unwrap_or(f64::INFINITY));
             *after = pass.pixel(pixel, solid, out);
         });
         before = after;
@@ -94,7 +107,7 @@ impl Pass<'_> {
         (DVec3::from_array(linear), -(1.0 - per_mm).max(1e-30).ln())
     }
 
-    fn pixel(&self, pixel: [u32; 2], solid: f64, out: &mut Combined) -> Lights {
+    fn pixel(&self, pixel: [u32; 2], [solid, last]: [f64; 2], out: &mut Combined) -> Lights {
         let slant = self.sight.slant(pixel);
         let origin_mm = self.sight.at_mm(pixel, 0.0);
         let direction = (self.sight.at_mm(pixel, 1.0) - origin_mm) / slant;
@@ -109,7 +122,7 @@ impl Pass<'_> {
             let before = self.texel(x, y);
             let (begin, end) = (depth_mm.max(near), (depth_mm + d).min(far));
             let (color, extinction) = self.material(&ray, slant, begin, end);
-            let sampled = (end - begin).min(solid - depth_mm).max(0.0);
+            let sampled = (end - begin).min(last - depth_mm).max(0.0);
             let alpha = -(-extinction * sampled).exp_m1();
             let lit = 1.0 + self.strength * (before[1] - 1.0);
             out.eye.radiance += color * (lit * alpha * out.eye.transmittance);
@@ -156,8 +169,10 @@ impl Pass<'_> {
             let (color, extinction) = self.material(&ray, slant, begin, end);
             let end = end.max(begin);
             let until = solid.clamp(begin, end);
+            let ends = last.clamp(until, end);
             let Some(decay) = &self.plan.decay else { return light };
-            let (before, behind) = (extinction * slant * (until - begin), extinction * slant * (end - until));
+            let before = extinction * slant * (until - begin);
+            let [beside, behind] = [ends - until, end - ends].map(|mm| extinction * slant * mm);
             let (gathered, weaker) = through_slice(decay, light[1], before);
             let lit = gathered * self.strength - (1.0 - self.strength) * (-before).exp_m1();
             out.eye.radiance += color * (lit * out.eye.transmittance);
@@ -166,6 +181,11 @@ impl Pass<'_> {
             if solid >= front {
                 out.on_solid = light[0];
             }
+            let (gathered, weaker) = through_slice(decay, light[1], beside);
+            let lit = gathered * self.strength - (1.0 - self.strength) * (-beside).exp_m1();
+            out.eye.radiance += color * (lit * out.eye.transmittance);
+            out.eye.transmittance *= (-beside).exp();
+            light = [through_slice(decay, light[0], beside).1, if shades { weaker } else { light[1] }];
             let rest = light.map(|l| through_slice(decay, l, behind).1);
             light = [rest[0], if shades { rest[1] } else { light[1] }];
             if solid < front + d && casts {

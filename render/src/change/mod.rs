@@ -24,12 +24,12 @@ use serde::{Deserialize, Serialize};
 use crate::{
     camera::Camera,
     context::{ClipPlane, ContextScene, ContextVolume, context_plan},
+    lighting::{Shading, left_out, passes},
     palette::{MaskColors, Palette, Rgb},
     plan::{PassName, Plan},
     quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
-    lighting::{Shading, left_out, passes},
 };
 
 pub use frame::{ChangeFrame, ChangePick};
@@ -222,9 +222,8 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
         let none = pass == PassName::Slices && !quality.lighting.mutual.solid_on_image;
         omitted(pass).or(none.then_some("what is solid darkens nothing"))
     };
-    let no_merge = no_arrows
-        .or((quality.strength() <= 0.0).then_some("occlusion strength is 0"))
-        .or_else(|| {
+    let no_merge =
+        no_arrows.or((quality.strength() <= 0.0).then_some("occlusion strength is 0")).or_else(|| {
             let [on_solid, by_solid] = match shading {
                 Shading::Cones => [PassName::SolidCones, PassName::LightGrid],
                 _ => [PassName::Vicinity, PassName::Slices],

@@ -22,8 +22,8 @@ pub use renderer::EllipsoidRenderer;
 
 use crate::{
     camera::Camera,
-    palette::Rgb,
     lighting::{NO_IMAGE, Shading, left_out, passes},
+    palette::Rgb,
     plan::{PassName, Plan},
     quality::Quality,
     scene::Lens,

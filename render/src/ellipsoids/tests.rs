@@ -8,9 +8,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::{DrawnEllipsoid, EllipsoidFrame, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan, twin};
 use crate::{
-    AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Shading, SlicePlane,
-    lighting::passes,
-    testing::noise, uniforms::FAR,
+    AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Shading,
+    SlicePlane, lighting::passes, testing::noise, uniforms::FAR,
 };
 
 const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };

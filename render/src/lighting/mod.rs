@@ -17,8 +17,8 @@ use std::sync::Arc;
 
 use glioscope_core::{RegionVolume, Selection};
 
-use self::{cones::ConeLight, slices::SliceLight};
 pub(crate) use self::vicinity::{Solid, VicinityLight};
+use self::{cones::ConeLight, slices::SliceLight};
 use crate::{
     camera::Camera,
     compute::PassRunner,

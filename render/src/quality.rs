@@ -9,9 +9,33 @@ const DRAFT_COST: f64 = 1.0 / 8.0;
 /// Cost of [`Preset::Reference`], of balanced's.
 const REFERENCE_COST: f64 = 16.0;
 
-/// Cost on the path, and error: `accuracy --only view`, head phantom T1c, MR surface.
-const MEASURED_SLICES: [(f64, f64); 4] = [(0.03, 0.0429), (0.125, 0.0267), (1.0, 0.0219), (4.0, 0.0121)];
-const MEASURED_CONES: [(f64, f64); 4] = [(0.03, 0.0403), (0.125, 0.0262), (1.0, 0.0236), (4.0, 0.0222)];
+/// Cost on the path, and error: `accuracy --only view` on 2026-11-25, head phantom T1c, MR surface.
+const MEASURED_SLICES: [(f64, f64); 11] = [
+    (0.004, 0.1167),
+    (0.015, 0.0626),
+    (0.03, 0.0369),
+    (0.06, 0.0225),
+    (0.125, 0.0235),
+    (0.25, 0.0221),
+    (1.0, 0.0225),
+    (2.0, 0.0135),
+    (4.0, 0.0111),
+    (8.0, 0.0109),
+    (16.0, 0.0109),
+];
+const MEASURED_CONES: [(f64, f64); 11] = [
+    (0.004, 0.0456),
+    (0.015, 0.0473),
+    (0.03, 0.0407),
+    (0.06, 0.0372),
+    (0.125, 0.0273),
+    (0.25, 0.0260),
+    (1.0, 0.0229),
+    (2.0, 0.0194),
+    (4.0, 0.0201),
+    (8.0, 0.0178),
+    (16.0, 0.0160),
+];
 
 /// Points on the measured front of error against time (docs/accuracy.md).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -148,8 +172,8 @@ impl Quality {
         let cost = self.cost.filter(|_| self.lighting.aperture_deg == Lighting::DEFAULT.aperture_deg)?;
         let measured = match self.lighting.shading {
             Shading::ScreenSpace => return None,
-            Shading::Slices => &MEASURED_SLICES,
-            Shading::Cones => &MEASURED_CONES,
+            Shading::Slices => &MEASURED_SLICES[..],
+            Shading::Cones => &MEASURED_CONES[..],
         };
         let after = measured.iter().position(|(c, _)| *c >= cost).unwrap_or(measured.len() - 1);
         let [(c0, e0), (c1, e1)] = [after.saturating_sub(1), after].map(|i| measured[i]);

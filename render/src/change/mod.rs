@@ -228,7 +228,7 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
                 Shading::Cones => [PassName::SolidCones, PassName::LightGrid],
                 _ => [PassName::Vicinity, PassName::Slices],
             };
-            no_light_on_solid(on_solid).and(no_shadow(by_solid))
+            no_shadow(by_solid).and(no_light_on_solid(on_solid))
         });
     Plan::of(&passes(&PassName::CHANGE, shading), |pass| match pass {
         PassName::Outside => no_outside,

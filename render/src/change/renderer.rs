@@ -201,8 +201,8 @@ pub struct ChangeRenderer {
     lengths: Option<LengthBuffers>,
     pub(super) arrows: Option<ArrowBuffers>,
     arrow_targets: Option<RasterTargets>,
-    solid_targets: Option<SolidTargets>,
-    lights: Lights,
+    pub(super) solid_targets: Option<SolidTargets>,
+    pub(super) lights: Lights,
     frame: Option<ChangeFrame>,
 }
 

@@ -1,5 +1,6 @@
 //! The change view on Mesa's software adapter. A missing adapter fails.
 
+mod lit;
 mod plans;
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};

@@ -1,5 +1,7 @@
 //! The diagram on Mesa's software adapter, held against its twin. A missing adapter fails.
 
+mod lit;
+
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use glam::{DMat3, DQuat, DVec2, DVec3};

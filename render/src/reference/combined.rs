@@ -37,6 +37,19 @@ pub fn slices(
     mutual: &Mutual,
     strength: f64,
 ) -> Vec<Combined> {
+    slices_apart(scene, sight, plan, [solid_mm; 2], mutual, strength)
+}
+
+/// As [`slices`] where the eye sees the image past what is solid, up to depths of their own: second of
+/// `solid_mm`, none before the first.
+pub fn slices_apart(
+    scene: &ContextScene,
+    sight: &Sight,
+    plan: &DosPlan,
+    solid_mm: [&[f64]; 2],
+    mutual: &Mutual,
+    strength: f64,
+) -> Vec<Combined> {
     let [width, height] = sight.size.map(|s| s as usize);
     let fresh = Combined { eye: Eye { radiance: DVec3::ZERO, transmittance: 1.0 }, on_solid: 1.0 };
     let mut out = vec![fresh; width * height];
@@ -46,7 +59,7 @@ pub fn slices(
         let mut after = vec![[1.0; 2]; width * height];
         out.par_iter_mut().zip(after.par_iter_mut()).enumerate().for_each(|(i, (out, after))| {
             let pixel = [(i % width) as u32, (i / width) as u32];
-            let solid = solid_mm.get(i).copied().unwrap_or(f64::INFINITY);
+            let solid = solid_mm.map(|mm| mm.get(i).copied().unwrap_or(f64::INFINITY));
             *after = pass.pixel(pixel, solid, out);
         });
         before = after;
@@ -99,7 +112,7 @@ impl Pass<'_> {
         (DVec3::from_array(linear), -(1.0 - per_mm).max(1e-30).ln())
     }
 
-    fn pixel(&self, pixel: [u32; 2], solid: f64, out: &mut Combined) -> Lights {
+    fn pixel(&self, pixel: [u32; 2], [solid, last]: [f64; 2], out: &mut Combined) -> Lights {
         let slant = self.sight.slant(pixel);
         let origin_mm = self.sight.at_mm(pixel, 0.0);
         let direction = (self.sight.at_mm(pixel, 1.0) - origin_mm) / slant;
@@ -114,7 +127,7 @@ impl Pass<'_> {
             let before = self.texel(x, y);
             let (begin, end) = (depth_mm.max(near), (depth_mm + d).min(far));
             let (color, extinction) = self.material(&ray, slant, begin, end);
-            let sampled = (end - begin).min(solid - depth_mm).max(0.0);
+            let sampled = (end - begin).min(last - depth_mm).max(0.0);
             let alpha = -(-extinction * sampled).exp_m1();
             let lit = 1.0 + self.strength * (before[1] - 1.0);
             out.eye.radiance += color * (lit * alpha * out.eye.transmittance);
@@ -158,12 +171,14 @@ impl Pass<'_> {
             let (color, extinction) = self.material(&ray, slant, begin, end);
             let end = end.max(begin);
             let until = solid.clamp(begin, end);
+            let ends = last.clamp(until, end);
             let Some(decay) = &self.plan.decay else { return light };
-            let (seen, whole) = (extinction * slant * (until - begin), extinction * slant * (end - begin));
-            let (gathered, weaker) = through_slice(decay, light[1], seen);
-            let lit = gathered * self.strength - (1.0 - self.strength) * (-seen).exp_m1();
+            // Up to what is solid; up to where the eye's ray ends; all of the slice.
+            let [seen, shown, whole] = [until, ends, end].map(|to| extinction * slant * (to - begin));
+            let (gathered, weaker) = through_slice(decay, light[1], shown);
+            let lit = gathered * self.strength - (1.0 - self.strength) * (-shown).exp_m1();
             out.eye.radiance += color * (lit * out.eye.transmittance);
-            out.eye.transmittance *= (-seen).exp();
+            out.eye.transmittance *= (-shown).exp();
             let after = through_slice(decay, light[0], whole).1;
             let hides = solid < front + d;
             if !hides {

@@ -141,10 +141,10 @@ fn about(family: Family) -> &'static str {
         Family::View => {
             "What the window draws, with the black of places that no light reaches not softened, against Monte \
              Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are \
-             on and that the automatic mode moves along; beside it one knob is changed from balanced. Cones \
-             are the better way on a processor at every time; slices cost what the image is long, and on the \
-             opaque surfaces of a head their wide footprint darkens what is tilted. The headlight is another \
-             model, held against no truth of light."
+             on and that the automatic mode moves along; beside it one knob is changed from balanced. Cones are \
+             the better way where a picture must be there at once, and for what is solid; slices, once there is \
+             time for thin ones, where surfaces are opaque. Slices of more than 2 mm miss opaque surfaces, which \
+             is why pixels go before them. The headlight is another model, held against no truth of light."
         }
         Family::Ellipsoids => {
             "The error is what the volume exceeds the minimum by; the tolerance is a certificate, so the error \

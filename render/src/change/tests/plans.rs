@@ -2,7 +2,7 @@
 
 use super::*;
 
-fn with_image(mut scene: ChangeScene) -> ChangeScene {
+pub(super) fn with_image(mut scene: ChangeScene) -> ChangeScene {
     use glioscope_core::{Samples, Scaling, Volume};
     let grid = Grid::axis_aligned([24; 3], DVec3::splat(2.0), DVec3::splat(-6.0)).unwrap();
     let values: Vec<f32> = (0..grid.voxel_count()).map(|l| noise([l, 0, 0], 7) as f32).collect();

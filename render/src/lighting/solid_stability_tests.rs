@@ -146,7 +146,7 @@ fn every_scene_of_masks_through_every_way() {
                 assert!(straight.blurred.iter().all(|d| *d == 0), "{way:?} {name}: {}", straight.darkness());
                 match *name {
                     "plain" | "voxels 1:12" => {
-                        assert!(found.darkness() > 2.0, "{way:?} {name}: pits are dark")
+                        assert!(found.darkness() > 2.0, "{way:?} {name}: pits are dark");
                     }
                     "one mask" if coarsest_level == 0 => before = Some(found.blurred),
                     "five masks on the same voxels" if coarsest_level == 0 => {

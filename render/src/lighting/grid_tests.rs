@@ -27,9 +27,12 @@ fn the_grid_of_light_is_its_twin() {
     ] {
         let mut scene = scene(two_d, with_tumor, projection);
         scene.clip = if cut { vec![clip] } else { Vec::new() };
-        for (aperture_deg, sub_cones, coarsest_level, cone_step, cell_mm) in
-            [(60.0, 8, 3, 1.0, 4.0), (80.0, 16, 1, 0.5, 3.0), (25.0, 5, 0, 1.0, 5.0)]
-        {
+        for (aperture_deg, sub_cones, coarsest_level, cone_step, cell_mm) in [
+            (60.0, 8, 3, 1.0, 4.0),
+            (80.0, 16, 1, 0.5, 3.0),
+            (25.0, 5, 0, 1.0, 5.0),
+            (60.0, 4, 0, 0.0625, 6.0),
+        ] {
             let lighting = Lighting {
                 shading: Shading::Cones,
                 aperture_deg,
@@ -102,8 +105,10 @@ fn off_twin(scene: &ContextScene, lighting: &Lighting) -> (f64, usize, usize) {
     (worst, doubts, offs.len())
 }
 
-/// A picture cut by a plane against one of an image that really ends there. A coarse cell on the plane
-/// holds what is cut away too: cones read it, and are darker (or lighter) than they should be near a cut.
+/// A picture cut by a plane against one of an image that really ends there, the cut towards the viewer.
+/// Voxels, cells of light and coarse cells on the plane are means with what is cut away. Measured in linear
+/// light: soft 0.009 at most at level 0 (RMS 0.002) and 0.014 to level 3 (RMS 0.003); dense 0.085 at every
+/// level (RMS 0.016), so that there coarse levels add nothing to what interpolation makes.
 #[test]
 fn a_cut_is_nearly_an_end() {
     let base = scene(false, false, Projection::Perspective);
@@ -119,7 +124,8 @@ fn a_cut_is_nearly_an_end() {
         .collect();
     let offset_mm = -kept.bounds_mm().0.x;
     let clip = vec![ClipPlane { normal: -DVec3::X, offset_mm }];
-    for (name, opacity) in [("soft", 0.35), ("opaque", 1.0)] {
+    for (name, opacity, most) in [("soft", 0.35, 0.02), ("dense", 1.0, 0.1)] {
+        let mut at_voxels = None;
         let cut = ContextScene { transfer: transfer(false, opacity), clip: clip.clone(), ..base.clone() };
         let ends =
             ContextScene { volume: Some(image_of(&kept, values.clone())), clip: Vec::new(), ..cut.clone() };
@@ -141,7 +147,9 @@ fn a_cut_is_nearly_an_end() {
                 }
             }
             println!("{name}, to level {coarsest_level}: at most {worst:.4}, RMS {:.4}", f64::sqrt(sum / n));
-            assert!(worst < 0.5 && n > 500.0, "{name} {coarsest_level}: {worst}");
+            assert!(worst < most && n > 500.0, "{name} {coarsest_level}: {worst}");
+            let of_voxels = *at_voxels.get_or_insert(worst);
+            assert!(worst < of_voxels + 0.006, "{name} {coarsest_level}: coarse cells add little");
         }
     }
 }

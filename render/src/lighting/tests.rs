@@ -223,13 +223,8 @@ fn medium(scene: &ContextScene) -> OpticalVolume {
 fn errors(found: &[[f64; 4]], truth: &[Estimate]) -> (f64, f64) {
     let (mut error, mut se, mut n) = (0.0, 0.0, 0.0);
     for (f, e) in found.iter().zip(truth).filter(|(f, _)| f[3] > 0.01) {
-<<<<<<< HEAD
         for (c, value) in f.iter().enumerate().take(3) {
             error += (value - e.mean[c]).powi(2);
-=======
-        for (c, found) in f.iter().take(3).enumerate() {
-            error += (found - e.mean[c]).powi(2);
->>>>>>> s7-steady
             se += e.standard_error[c].powi(2);
             n += 1.0;
         }

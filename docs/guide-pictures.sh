@@ -11,3 +11,7 @@ picture guide-select --view closeup --size 700x520 --select T1,PET,T1+T2,T1+PET,
 picture guide-context --view context --size 700x560 --clip top=30 --camera 35,42
 picture guide-change --view change --size 760x560 --camera 20,10
 picture guide-ellipsoids --view ellipsoids --size 700x520 --slice-plane
+for light in screen-space slices cones; do
+    name=${light/screen-space/headlight}
+    picture "light-$name" --view context --size 420x380 --clip front=40 --light "$light" --quality reference
+done

@@ -308,7 +308,9 @@ impl Command {
             Self::SetShading(Shading::Slices) => {
                 "Soft shadows of tissue on tissue and on the tumour; light comes from the eye"
             }
-            Self::SetShading(Shading::Cones) => "Soft shadows, also of the tumour on itself; nearest to the truth",
+            Self::SetShading(Shading::Cones) => {
+                "Soft shadows, also of the tumour on itself; nearest to the truth"
+            }
             Self::SetPreset(None) => "Fluent while something moves, then as good as it gets",
             Self::SetPreset(Some(_)) => "The same whether something moves or not",
             Self::MaximizePane(_) => "Again brings the other panes back",

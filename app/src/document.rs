@@ -203,7 +203,7 @@ impl Light {
     /// This light at a quality that was found for its way of shading.
     pub fn at(&self, quality: Quality) -> Quality {
         let lighting = self.own.unwrap_or(Lighting { aperture_deg: self.aperture_deg, ..quality.lighting });
-        Quality { lighting, ..quality }
+        Quality { lighting, cost: quality.cost.filter(|_| self.own.is_none()), ..quality }
     }
 }
 

@@ -12,7 +12,9 @@ use crate::{
     layout,
     recent::Recent,
     rulers::RulerFormat,
-    views::overlap::OverlapMode, window::open_command, workstation::Workstation,
+    views::overlap::OverlapMode,
+    window::open_command,
+    workstation::Workstation,
 };
 
 /// One menu row for a command.
@@ -113,7 +115,7 @@ fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
             choice(ui, doc.edit.coloring == coloring, Command::SetColoring(coloring), out);
         }
     });
-    ui.menu_button("Light", |ui| light_menu(ui, &doc.edit.light, out));
+    ui.menu_button("Light and quality", |ui| light_menu(ui, &doc.edit.light, out));
     ui.menu_button("Slices", |ui| {
         for convention in [Convention::Radiological, Convention::Neurological] {
             choice(ui, doc.nav.convention == convention, Command::SetConvention(convention), out);
@@ -164,7 +166,11 @@ fn light_menu(ui: &mut Ui, light: &Light, out: &mut Vec<Command>) {
     let mut degrees = light.aperture_deg;
     let slider = Slider::new(&mut degrees, 0.0..=85.0).suffix("°").fixed_decimals(0).text("Aperture");
     let enabled = light.shading != Shading::ScreenSpace;
-    if ui.add_enabled(enabled, slider).on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones").changed() {
+    if ui
+        .add_enabled(enabled, slider)
+        .on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones")
+        .changed()
+    {
         out.push(Command::SetAperture(degrees));
     }
 }

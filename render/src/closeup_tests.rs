@@ -522,7 +522,7 @@ fn rust_and_wgsl_lay_structs_out_alike() {
         (
             "Light",
             offsets!(Light: right, tangent, up, cone_step, forward, coarsest, corner, voxel_mm, dims, count, dark,
-                pad, unused_a, unused_b, levels, axes),
+                rounds, unused_a, unused_b, levels, axes),
         ),
         (
             "LightGrid",

@@ -49,10 +49,20 @@ enum Pipeline {
 }
 
 enum Work {
-    Compute { pipeline: wgpu::ComputePipeline, workgroups: [u32; 3] },
+    Compute {
+        pipeline: wgpu::ComputePipeline,
+        workgroups: [u32; 3],
+    },
     /// One after the other, each with one of the pipelines and a dynamic offset.
-    Steps { pipelines: Vec<wgpu::ComputePipeline>, steps: Vec<(usize, u32)>, workgroups: [u32; 3] },
-    Raster { pipeline: wgpu::RenderPipeline, drawing: Box<Drawing> },
+    Steps {
+        pipelines: Vec<wgpu::ComputePipeline>,
+        steps: Vec<(usize, u32)>,
+        workgroups: [u32; 3],
+    },
+    Raster {
+        pipeline: wgpu::RenderPipeline,
+        drawing: Box<Drawing>,
+    },
 }
 
 struct Bound {

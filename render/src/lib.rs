@@ -57,8 +57,8 @@ pub use ellipsoids::{
 pub use force_field::ForceField;
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
-pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use lighting::{Lighting, Mutual, Shading};
+pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use plan::{PassName, Plan, plan};
 pub use quality::{Preset, Quality};
 pub use renderer::{RenderError, Renderer};

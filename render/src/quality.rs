@@ -9,6 +9,10 @@ const DRAFT_COST: f64 = 1.0 / 8.0;
 /// Cost of [`Preset::Reference`], of balanced's.
 const REFERENCE_COST: f64 = 16.0;
 
+/// Cost on the path, and error: `accuracy --only view`, head phantom T1c, MR surface.
+const MEASURED_SLICES: [(f64, f64); 4] = [(0.03, 0.0429), (0.125, 0.0267), (1.0, 0.0219), (4.0, 0.0121)];
+const MEASURED_CONES: [(f64, f64); 4] = [(0.03, 0.0403), (0.125, 0.0262), (1.0, 0.0236), (4.0, 0.0222)];
+
 /// Points on the measured front of error against time (docs/accuracy.md).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -55,6 +59,8 @@ pub struct Quality {
     pub resolution_scale: f64,
     /// Which way light is found, and how well.
     pub lighting: Lighting,
+    /// Where on the path of [`Quality::at_cost`] this is; `None` beside it, and for screen-space light.
+    pub cost: Option<f64>,
 }
 
 impl Quality {
@@ -72,6 +78,7 @@ impl Quality {
         context_step_mm: 0.5,
         resolution_scale: 1.0,
         lighting: Lighting::DEFAULT,
+        cost: None,
     };
 
     /// While dragging: half the resolution, fewer samples.
@@ -99,7 +106,8 @@ impl Quality {
         let cost = if cost.is_finite() { cost.clamp(1e-3, REFERENCE_COST) } else { 1.0 };
         // Down from balanced, up from it.
         let (less, more) = (cost.min(1.0), cost.max(1.0));
-        let resolution_scale = less.powf(0.3).max(0.2);
+        let pixels = if shading == Shading::Slices { 0.45 } else { 0.3 };
+        let resolution_scale = less.powf(pixels).max(0.2);
         let finer = |balanced: f64, down: f64, up: f64| balanced * less.powf(-down) * more.powf(-up);
         let mut lighting = Lighting { shading, ..Lighting::DEFAULT };
         let mut quality = Self { resolution_scale, ..Self::FULL };
@@ -109,20 +117,44 @@ impl Quality {
                 quality.occlusion_samples = if cost < 1.0 { 6 } else { 12 };
                 quality.context_step_mm = finer(0.5, 0.3, 0.0).min(2.0);
             }
+            // Slices of more than 2 mm lose opaque surfaces: pixels go first.
             Shading::Slices => {
-                lighting.slice_mm = finer(2.0, 0.4, 0.5).clamp(0.5, 6.0);
-                lighting.slice_grid = if cost < 0.5 { 3 } else { 5 };
-                lighting.vicinity_samples = (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
+                lighting.slice_mm =
+                    (2.0 * (cost / 0.05).min(1.0).powf(-0.4) * more.powf(-0.5)).clamp(0.5, 6.0);
+                lighting.slice_grid = if cost > 1.5 { 5 } else { 3 };
+                lighting.vicinity_samples =
+                    (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
             }
             Shading::Cones => {
                 quality.context_step_mm = finer(0.75, 0.3, 0.15).clamp(0.5, 2.0);
-                lighting.cell_mm = finer(4.0, 0.2, 0.25).clamp(1.0, 12.0);
-                lighting.sub_cones = (8.0 * less.powf(0.3) * more.powf(0.5)).round().clamp(3.0, 64.0) as u32;
-                lighting.coarsest_level = if cost > 4.0 { 2 } else { 3 };
+                lighting.cell_mm = finer(4.0, 0.25, 0.25).clamp(1.0, 12.0);
+                lighting.sub_cones = (6.0 * less.powf(0.3) * more.powf(0.25)).round().max(3.0) as u32;
+                lighting.coarsest_level = match cost {
+                    c if c > 6.0 => 1,
+                    c if c > 1.5 => 2,
+                    _ => 3,
+                };
             }
         }
         quality.lighting = lighting;
+        quality.cost = (shading != Shading::ScreenSpace).then_some(cost);
         quality
+    }
+
+    /// What the light of a view is off by, on the head phantom: root mean square of linear radiance against
+    /// Monte Carlo, between what was measured along the path (docs/accuracy.md). `None` for screen-space
+    /// light, which is another model, and where knobs were set by hand.
+    pub fn expected_error(&self) -> Option<f64> {
+        let cost = self.cost.filter(|_| self.lighting.aperture_deg == Lighting::DEFAULT.aperture_deg)?;
+        let measured = match self.lighting.shading {
+            Shading::ScreenSpace => return None,
+            Shading::Slices => &MEASURED_SLICES,
+            Shading::Cones => &MEASURED_CONES,
+        };
+        let after = measured.iter().position(|(c, _)| *c >= cost).unwrap_or(measured.len() - 1);
+        let [(c0, e0), (c1, e1)] = [after.saturating_sub(1), after].map(|i| measured[i]);
+        let share = if c1 > c0 { ((cost / c0).ln() / (c1 / c0).ln()).clamp(0.0, 1.0) } else { 1.0 };
+        Some(e0 * (e1 / e0).powf(share))
     }
 
     /// Pixels to draw for a place of `asked_px`; 0 stays 0.
@@ -138,3 +170,36 @@ impl Default for Quality {
     }
 }
 
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_on_the_path_and_the_expected_error_falls() {
+        for shading in [Shading::Slices, Shading::Cones] {
+            let errors = Preset::ALL.map(|p| Quality::preset(shading, p).expected_error().unwrap());
+            assert!(errors[0] > errors[1] && errors[1] > errors[2], "{errors:?}");
+            assert_eq!(Quality::preset(shading, Preset::Balanced), Quality::at_cost(shading, 1.0));
+            // Knobs of one's own have no place on the path.
+            let mut own = Quality::preset(shading, Preset::Balanced);
+            own.lighting.aperture_deg = 30.0;
+            assert_eq!(own.expected_error(), None);
+        }
+        let screen = Quality::preset(Shading::ScreenSpace, Preset::Reference);
+        assert_eq!((screen, screen.expected_error()), (Quality::FULL, None));
+    }
+
+    #[test]
+    fn every_cost_has_knobs_within_their_ranges() {
+        for shading in Shading::ALL {
+            for cost in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-9, 0.01, 0.3, 1.0, 5.0, 1e9] {
+                let Quality { resolution_scale, context_step_mm, lighting: l, .. } =
+                    Quality::at_cost(shading, cost);
+                assert!((0.2..=1.0).contains(&resolution_scale), "{shading:?} {cost}: {resolution_scale}");
+                assert!((0.25..=4.0).contains(&context_step_mm) && (0.4..=8.0).contains(&l.slice_mm));
+                assert!((1..=Lighting::MOST_SUB_CONES).contains(&l.sub_cones) && l.cell_mm >= 1.0);
+                assert!((1..=Lighting::MOST_VICINITY).contains(&l.vicinity_samples));
+            }
+        }
+    }
+}

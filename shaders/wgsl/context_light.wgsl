@@ -26,14 +26,25 @@ fn is_hidden(c: vec3<f32>) -> bool {
     return inside & (depths[there] < c.z - light.voxel_mm);
 }
 
-// Not cut away, not in the masks' box and not before that.
-fn is_kept(c: vec3<f32>) -> bool {
-    var kept = true;
-    for (var n = 0u; n < context.clip_count; n++) {
-        kept = kept & (dot(context.clips[n].xyz, c) <= context.clips[n].w);
+// Clipping planes.
+fn kept_span(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
+    var span = vec2<f32>(0.0, FAR);
+    for (var n = 0u; n < 6u; n++) {
+        let plane = context.clips[n];
+        let room = plane.w - dot(plane.xyz, c);
+        let rate = dot(plane.xyz, w);
+        let at = room / select(1.0, rate, abs(rate) > 1e-12);
+        let gone = select(FAR, -1.0, room < 0.0);
+        span.y = min(span.y, select(select(FAR, at, rate > 1e-12), gone, abs(rate) <= 1e-12));
+        span.x = max(span.x, select(0.0, at, rate < -1e-12));
     }
+    return span;
+}
+
+// Not in the masks' box and not before that.
+fn is_kept(c: vec3<f32>) -> bool {
     let span = box_interval(ray_through(middle_of(c)));
-    return kept & !((view.dims.x > 0u) & (span.near < span.far) & (c.z < span.far));
+    return !((view.dims.x > 0u) & (span.near < span.far) & (c.z < span.far));
 }
 
 fn near_extinction(p: vec3<f32>) -> f32 {

@@ -15,6 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= view.size) {
         return;
     }
+    zero = id.x >> 31u;
     let at = linear_index(id.xy);
     let p = from_middle(id.xy);
     let sight = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
@@ -44,10 +45,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     let before = state.a;
-    let casts = (slices.flags & SOLID_ON_VOLUME) != 0u;
+    let casts = !solid_lets_through;
     let shades = (slices.flags & VOLUME_ON_VOLUME) != 0u;
-    for (var i = 0u; i < part.slices; i++) {
-        let front = part.depth + f32(i) * slices.slice_mm;
+    for (var i = 0u; i < parts[zero].slices; i++) {
+        let front = parts[0].depth + f32(i) * slices.slice_mm;
         let back = front + slices.slice_mm;
         var begin = front;
         var end = front;
@@ -63,40 +64,32 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let hides = with_solid && solid < back;
         let meets = hides && solid >= front;
         if variant == MENDED {
-            // Up to what is solid, and behind it.
+            // Up to what is solid; up to where the eye's ray ends; all of the slice.
             let until = clamp(solid, begin, max(end, begin));
-            let seen = extinction * slant * max(until - begin, 0.0);
-            let ends = clamp(last, until, max(end, until));
-            let beside = extinction * slant * max(ends - until, 0.0);
-            let rest = extinction * slant * max(end - ends, 0.0);
-            if seen > 0.0 {
-                let slice = through_slice(light.y, seen);
-                let lit = mix(absorbed(seen), slice.x, slices.strength);
-                state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-seen));
-                light.y = select(light.y, slice.y, shades);
+            var ends = until;
+            if ends_apart {
+                ends = clamp(last, until, max(end, until));
             }
+            let seen = extinction * slant * max(until - begin, 0.0);
+            let shown = extinction * slant * max(ends - begin, 0.0);
+            let whole = extinction * slant * max(end - begin, 0.0);
+            let slice = through_slice(light.y, shown);
+            let lit = mix(absorbed(shown), slice.x, slices.strength);
+            state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-shown));
             if with_solid {
-                if seen > 0.0 {
-                    light.x = through_slice(light.x, seen).y;
-                }
-                if !hides || meets {
-                    note.x = light.x;
-                }
-                if ends_apart && beside > 0.0 {
-                    let slice = through_slice(light.y, beside);
-                    let lit = mix(absorbed(beside), slice.x, slices.strength);
-                    state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-beside));
-                    light.x = through_slice(light.x, beside).y;
-                    light.y = select(light.y, slice.y, shades);
-                }
-                if rest > 0.0 {
-                    light.x = through_slice(light.x, rest).y;
-                    light.y = select(light.y, through_slice(light.y, rest).y, shades);
-                }
-                if hides && casts {
-                    light.y = 0.0;
+                let after = select(light.x, through_slice(light.x, whole).y, whole > 0.0);
+                // At what is solid: between before and behind the slice (Algorithm 4), as light falls.
+                let share = select(1.0, seen / whole, whole > 0.0);
+                let at_solid = light.x * pow(max(after, 1e-30) / max(light.x, 1e-30), share);
+                note.x = select(note.x, select(after, at_solid, meets), !hides | meets);
+                light.x = after;
+                if solid_lets_through {
+                    light.y = select(light.y, through_slice(light.y, whole).y, shades & (whole > 0.0));
+                } else {
+                    light.y = select(select(light.y, slice.y, shades & (shown > 0.0)), 0.0, hides);
                 }
             } else {
+                light.y = select(light.y, slice.y, shades & (shown > 0.0));
                 light.x = light.y;
             }
         } else {
@@ -120,11 +113,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
     if before > 0.5 && state.a <= 0.5 {
-        note.y = part.depth + 0.5 * f32(part.slices) * slices.slice_mm;
+        note.y = parts[0].depth + 0.5 * f32(parts[zero].slices) * slices.slice_mm;
     }
     eye[at] = state;
     notes[at] = note;
-    let place = light_place(at, 1u - part.turn);
+    let place = light_place(at, 1u - parts[0].turn);
     if with_solid {
         lights[place] = light.x;
         lights[place + 1u] = light.y;

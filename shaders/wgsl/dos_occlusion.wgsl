@@ -4,13 +4,14 @@
 
 @compute @workgroup_size(16, 16)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     let pixel = id.xy;
     if any(pixel >= optical.size) {
         return;
     }
     var optics = vec4<f32>(0.0);
-    if part.is_empty == 0u {
-        optics = optics_at(place(from_middle(pixel), part.depth + 0.5 * dos.slice_mm));
+    if parts[zero].is_empty == 0u {
+        optics = optics_at(place(from_middle(pixel), parts[0].depth + 0.5 * dos.slice_mm));
     }
     after[pixel.y * optical.size.x + pixel.x] = disc(pixel, optics.w);
 }

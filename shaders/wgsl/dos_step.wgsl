@@ -12,7 +12,7 @@ override stopping: bool = false;
 @group(0) @binding(9) var<storage, read_write> states: array<atomic<u32>>;
 
 fn place_of(turn: u32, tile: vec2<u32>) -> u32 {
-    return ((part.states + turn) % 3u * dos.tiles.y + tile.y) * dos.tiles.x + tile.x;
+    return ((parts[0].states + turn) % 3u * dos.tiles.y + tile.y) * dos.tiles.x + tile.x;
 }
 
 fn is_saturated(tile: vec2<i32>) -> bool {
@@ -31,10 +31,11 @@ fn main(
     if stopping && local == 0u {
         atomicStore(&states[place_of(2u, group.xy)], 0u);
     }
+    zero = id.x >> 31u;
     let pixel = id.xy;
     if all(pixel < optical.size) {
         let at = pixel.y * optical.size.x + pixel.x;
-        var stopped = stopping && part.stops == 1u;
+        var stopped = stopping && parts[zero].stops == 1u;
         if stopped {
             for (var j = -1; j <= 1; j++) {
                 for (var i = -1; i <= 1; i++) {
@@ -47,7 +48,7 @@ fn main(
             after[at] = before[at];
         } else if variant == MENDED {
             let light = lattice(pixel);
-            if part.is_empty == 1u {
+            if parts[zero].is_empty == 1u {
                 after[at] = light;
                 through = eye[at].w;
             } else {
@@ -58,8 +59,8 @@ fn main(
             }
         } else {
             var optics = vec4<f32>(0.0);
-            if part.is_empty == 0u {
-                optics = optics_at(place(from_middle(pixel), part.depth + 0.5 * dos.slice_mm));
+            if parts[zero].is_empty == 0u {
+                optics = optics_at(place(from_middle(pixel), parts[0].depth + 0.5 * dos.slice_mm));
             }
             after[at] = disc(pixel, optics.w);
             // Nothing here leaves the eye as it is: its 32 bytes need not move.

@@ -25,6 +25,10 @@ fn is_hidden(c: vec3<f32>) -> bool {
     return false;
 }
 
+fn kept_span(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
+    return vec2<f32>(0.0, FAR);
+}
+
 // Outside a lens that cuts nothing is shown.
 fn is_kept(c: vec3<f32>) -> bool {
     return (view.flags & (LENS_ON | LENS_ONLY_DRAWN)) != LENS_ON || distance(c, view.lens.xyz) <= view.lens.w;

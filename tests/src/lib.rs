@@ -143,6 +143,27 @@ pub fn real_data(folder: &str) -> Option<PathBuf> {
     None
 }
 
+/// A `.tck` file of these fibres.
+///
+/// # Panics
+/// When it can't be written.
+pub fn write_tck(path: &Path, fibers: &[Vec<[f32; 3]>]) {
+    let mut header =
+        format!("mrtrix tracks\ndatatype: Float32LE\ncount: {}\nfile: . 128\nEND\n", fibers.len());
+    header.extend(std::iter::repeat_n('\0', 128 - header.len()));
+    let mut bytes = header.into_bytes();
+    let mut push = |p: [f32; 3]| bytes.extend(p.iter().flat_map(|v| v.to_le_bytes()));
+    for fiber in fibers {
+        fiber.iter().for_each(|&p| push(p));
+        push([f32::NAN; 3]);
+    }
+    push([f32::INFINITY; 3]);
+    #[allow(clippy::disallowed_methods, reason = "a test's own folder")]
+    if let Err(error) = std::fs::write(path, bytes) {
+        fail(&error.to_string());
+    }
+}
+
 /// The most by which a channel may differ before a pixel counts as different.
 const CHANNEL_TOLERANCE: u8 = 24;
 /// The share of pixels that may differ: text anti-aliasing moves a little between Mesa versions.

@@ -24,24 +24,9 @@ use glioscope::{
     workstation::Workstation,
 };
 use glioscope_render::tract_color;
-use glioscope_tests::{run, window_with, workstation};
+use glioscope_tests::{run, window_with, workstation, write_tck};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
-
-/// A `.tck` file of these fibres.
-fn write_tck(path: &Path, fibers: &[Vec<[f32; 3]>]) {
-    let mut header =
-        format!("mrtrix tracks\ndatatype: Float32LE\ncount: {}\nfile: . 128\nEND\n", fibers.len());
-    header.extend(std::iter::repeat_n('\0', 128 - header.len()));
-    let mut bytes = header.into_bytes();
-    let mut push = |p: [f32; 3]| bytes.extend(p.iter().flat_map(|v| v.to_le_bytes()));
-    for fiber in fibers {
-        fiber.iter().for_each(|&p| push(p));
-        push([f32::NAN; 3]);
-    }
-    push([f32::INFINITY; 3]);
-    std::fs::write(path, bytes).unwrap();
-}
 
 /// Where the sample's tumour is.
 fn tumor_mm() -> [f32; 3] {

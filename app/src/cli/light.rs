@@ -13,12 +13,8 @@ fn named<T: Copy>(option: &str, text: &str, all: &[(&str, T)]) -> Result<T, Fail
 }
 
 fn mutual(text: &str) -> Result<Mutual, Failure> {
-    let mut out = Mutual {
-        image_on_image: false,
-        solid_on_image: false,
-        image_on_solid: false,
-        solid_on_solid: false,
-    };
+    let mut out =
+        Mutual { image_on_image: false, solid_on_image: false, image_on_solid: false, solid_on_solid: false };
     for name in text.split(',').map(str::trim).filter(|name| *name != "none") {
         match name {
             "image-image" => out.image_on_image = true,
@@ -57,10 +53,8 @@ pub(super) fn light(arguments: &LightArguments) -> Result<Light, Failure> {
         return Ok(light);
     }
     let preset = light.preset.unwrap_or(Preset::Reference);
-    let mut own = Lighting {
-        aperture_deg: light.aperture_deg,
-        ..Quality::preset(light.shading, preset).lighting
-    };
+    let mut own =
+        Lighting { aperture_deg: light.aperture_deg, ..Quality::preset(light.shading, preset).lighting };
     if let Some(text) = slices {
         let all = [
             ("mended", Variant::Mended),

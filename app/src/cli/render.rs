@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use glioscope_core::{Regions, Selection};
 use glioscope_render::{
-    AdapterPreference, Camera, ChangeStyle, ClipPlane, Coloring, Gpu, Palette, Plan, Preset, Projection, Quality,
-    Renderer, SceneRenderer, TransferPreset,
+    AdapterPreference, Camera, ChangeStyle, ClipPlane, Coloring, Gpu, Palette, Plan, Preset, Projection,
+    Quality, Renderer, SceneRenderer, TransferPreset,
     slices::{Convention, Overlay, Plane, Window},
 };
 use serde_json::json;

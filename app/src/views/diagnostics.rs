@@ -1,7 +1,7 @@
 //! What was drawn, what was left out and why, how long each pass took, and on what.
 
 use egui::{Grid, RichText, ScrollArea, Ui};
-use glioscope_render::{Gpu, SceneRenderer};
+use glioscope_render::{Gpu, Quality, SceneRenderer};
 
 use crate::{
     comparing::Comparisons,
@@ -21,10 +21,25 @@ pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>, comparisons: &Comparis
         let Viewport { gpu, closeup, context, ellipsoids, change } = viewport;
         screen(ui, "Closeup", gpu, closeup);
         screen(ui, "Context view", gpu, context);
+        for note in context.frame().iter().flat_map(|frame| &frame.notes) {
+            ui.label(format!("Note: {note}."));
+        }
         screen(ui, "Ellipsoid diagram", gpu, ellipsoids);
         screen(ui, "Change view", gpu, change);
         ui.label(comparisons.force());
     });
+}
+
+/// How light was found, and how far off it is likely to be.
+fn light_text(quality: &Quality) -> String {
+    let way = quality.lighting.shading.title();
+    match quality.expected_error() {
+        Some(error) => format!(
+            "{way}. Expected error: {error:.3} of white (root mean square in linear light, as measured on the head \
+             phantom)."
+        ),
+        None => format!("{way}. Expected error: unknown, no truth was measured for it."),
+    }
 }
 
 fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Screen<R>) {
@@ -36,6 +51,7 @@ fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Scr
     };
     let omitted = plan.omitted.clone();
     let frames = screen.frames_drawn;
+    let quality = screen.quality().copied();
     match screen.pass_times(gpu) {
         Ok(times) => {
             ui.label(format!("{width} × {height} pixels, times by {}", times.source));
@@ -50,6 +66,9 @@ fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Scr
         Err(error) => {
             ui.label(error);
         }
+    }
+    if let Some(quality) = quality {
+        ui.label(light_text(&quality));
     }
     if omitted.is_empty() {
         ui.label("Left out: nothing.");

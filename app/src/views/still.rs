@@ -170,7 +170,10 @@ mod tests {
                 .collect();
             for (n, ms) in times.iter().enumerate().skip(8) {
                 let enough = auto.cost() == 1.0 && *ms <= 1.2 * BUDGET_MS;
-                assert!(enough || (0.7..=1.2).contains(&(ms / BUDGET_MS)), "{balanced_ms}: picture {n} took {ms} ms");
+                assert!(
+                    enough || (0.7..=1.2).contains(&(ms / BUDGET_MS)),
+                    "{balanced_ms}: picture {n} took {ms} ms"
+                );
             }
             assert!(times[39] == times[38], "it comes to rest");
         }

@@ -31,7 +31,7 @@ fn errors(found: &[[f64; 4]], truth: &[[f64; 4]]) -> (Errors, [f64; 2]) {
     (errors, delta_e_of(seen().map(|(f, t)| (over_white(f), over_white(t)))))
 }
 
-fn scene(volume: &Arc<ContextVolume>, preset: TransferPreset) -> ContextScene {
+pub(super) fn scene(volume: &Arc<ContextVolume>, preset: TransferPreset) -> ContextScene {
     let grid = volume.grid();
     let center_mm = grid.center_mm();
     let radius_mm = 0.62 * grid.corners_mm()[0].distance(center_mm);

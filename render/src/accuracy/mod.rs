@@ -16,6 +16,7 @@ mod scenes;
 mod skeletons;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use glioscope_core::{Cancelled, Progress};
 use serde::Serialize;
@@ -34,6 +35,8 @@ pub enum Family {
     Ambient,
     /// Directional occlusion by slices and by cones.
     Occlusion,
+    /// The light of a view, with the presets.
+    View,
     /// Enclosing ellipsoids.
     Ellipsoids,
     /// The skeleton's force.
@@ -46,10 +49,11 @@ pub enum Family {
 
 impl Family {
     /// All, in the order they are measured.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Context,
         Self::Ambient,
         Self::Occlusion,
+        Self::View,
         Self::Ellipsoids,
         Self::Skeleton,
         Self::Resampling,
@@ -62,6 +66,7 @@ impl Family {
             Self::Context => "context",
             Self::Ambient => "ambient",
             Self::Occlusion => "occlusion",
+            Self::View => "view",
             Self::Ellipsoids => "ellipsoids",
             Self::Skeleton => "skeleton",
             Self::Resampling => "resampling",
@@ -75,6 +80,7 @@ impl Family {
             Self::Context => "Ray step of the context view",
             Self::Ambient => "Ambient occlusion of the closeup",
             Self::Occlusion => "Directional occlusion: slices and cones",
+            Self::View => "Light of the context view, and its presets",
             Self::Ellipsoids => "Enclosing ellipsoids",
             Self::Skeleton => "Opening bound of the skeleton's force",
             Self::Resampling => "Resampling of images",
@@ -235,6 +241,7 @@ pub fn curves(
     let settings = |f: &Family| match f {
         Family::Context | Family::Ambient => 20,
         Family::Occlusion => effort.of(10, 40, 120),
+        Family::View => effort.of(5, 12, 70),
         Family::Ellipsoids => 20,
         Family::Skeleton | Family::Resampling | Family::Half => 8,
     };
@@ -245,6 +252,7 @@ pub fn curves(
             Family::Context => context::curves(&bench)?,
             Family::Ambient => ambient::curves(&bench)?,
             Family::Occlusion => occlusion::curves(&bench)?,
+            Family::View => view::curves(&bench)?,
             Family::Ellipsoids => ellipsoids::curves(&bench)?,
             Family::Skeleton => skeletons::curves(&bench)?,
             Family::Resampling => resampling::curves(&bench)?,

@@ -167,6 +167,19 @@ fn cones_come_to_monte_carlo() {
     defaults(&curves, &[0, 1, 1]);
 }
 
+/// Along the path of the presets more time is less error.
+#[test]
+fn costlier_light_of_a_view_is_righter() {
+    let curves = tiny(Family::View);
+    let kernels: Vec<&str> = curves.iter().map(|c| c.kernel.as_str()).collect();
+    assert_eq!(kernels, ["cones", "slices"]);
+    for curve in &curves {
+        falls(curve, 0.95);
+        assert!(curve.truth_error.unwrap() < curve.points[0].error_rms, "{curve:?}");
+    }
+    defaults(&curves, &[0, 0]);
+}
+
 #[test]
 fn tolerances_are_kept() {
     for c in tiny_ellipsoids() {

@@ -50,12 +50,17 @@ impl ConeSettings {
 
     /// Within range.
     pub fn used(&self) -> ConesUsed {
+        self.within(MOST_SUB_CONES)
+    }
+
+    /// Within range, with at most this many sub-cones.
+    pub(crate) fn within(&self, most_sub_cones: u32) -> ConesUsed {
         let mut notes = Vec::new();
         let (aperture_deg, other) = clamped_aperture(self.aperture_deg);
         if other {
             notes.push(format!("aperture {} degrees: {aperture_deg} is used", self.aperture_deg));
         }
-        let sub_cones = self.sub_cones.clamp(1, MOST_SUB_CONES);
+        let sub_cones = self.sub_cones.clamp(1, most_sub_cones);
         if sub_cones != self.sub_cones {
             notes.push(format!("{} sub-cones: {sub_cones} are used", self.sub_cones));
         }

@@ -15,4 +15,4 @@ pub use renderer::ContextRenderer;
 pub(crate) use renderer::{LIT_MARCH, shows_image};
 pub use scene::{ClipPlane, ContextScene, MOST_CLIP_PLANES, context_plan};
 pub use volume::ContextVolume;
-pub(crate) use volume::{BRICK, Field};
+pub(crate) use volume::{BRICK, Field, Tables};

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::volume::ContextVolume;
 use crate::{
     camera::Camera,
-    palette::{MaskColors, Rgb},
     lighting::{left_out, passes},
+    palette::{MaskColors, Rgb},
     plan::{PassName, Plan},
     quality::Quality,
     renderer::{RenderError, check_view},

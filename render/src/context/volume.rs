@@ -263,7 +263,8 @@ impl Tables {
     /// finite.
     pub fn extinction_at(&self, field: &Field, cell: [usize; 3]) -> f64 {
         let dims = field.grid.dims();
-        let value = |cell: [usize; 3]| field.values.get(field.grid.linear(cell)).copied().unwrap_or(NOT_FINITE);
+        let value =
+            |cell: [usize; 3]| field.values.get(field.grid.linear(cell)).copied().unwrap_or(NOT_FINITE);
         let own = value(cell);
         if own <= NOT_FINITE {
             return 0.0;

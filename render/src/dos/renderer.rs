@@ -116,7 +116,7 @@ impl DosRenderer {
     /// [`RenderError::Device`] when the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         use Kind::{Moving, Read, Uniform, Write};
-        let moving = Moving(size_of::<uniforms::DosStep>() as u64);
+        let moving = Moving(2 * size_of::<uniforms::DosStep>() as u64);
         let kinds = [Uniform, Read, Read, Read, Uniform, moving, Read, Write, Write, Write];
         let layout = layout(gpu, "DosRenderer::layout", &kinds);
         let uniform = |label, size: usize| {
@@ -221,7 +221,8 @@ impl DosRenderer {
 
     /// Each step's uniform and the numbers of its pipelines.
     fn submit(&self, gpu: &Gpu, up: &OnDevice, picture: &Picture, plan: &[(uniforms::DosStep, Vec<usize>)]) {
-        let mut bytes = vec![0u8; plan.len() * STRIDE as usize];
+        // Two steps are bound at once: one more than there are.
+        let mut bytes = vec![0u8; (plan.len() + 1) * STRIDE as usize];
         for ((step, _), place) in plan.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
             let step = bytemuck::bytes_of(step);
             place[..step.len()].copy_from_slice(step);
@@ -236,7 +237,7 @@ impl DosRenderer {
             let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                 buffer: &steps,
                 offset: 0,
-                size: wgpu::BufferSize::new(size_of::<uniforms::DosStep>() as u64),
+                size: wgpu::BufferSize::new(2 * size_of::<uniforms::DosStep>() as u64),
             });
             let resources = [
                 self.optical.as_entire_binding(),

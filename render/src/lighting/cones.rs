@@ -17,8 +17,8 @@ use super::{
 use crate::{
     camera::Camera,
     compute::{PassRunner, workgroups_of},
-    cones::{ConeSettings, Pyramid, sub_cones},
-    context::{BRICK, ContextVolume, Field, image::ImageBuffers},
+    cones::{ConeSettings, ConesUsed, Pyramid, sub_cones},
+    context::{BRICK, ContextVolume, Field, MOST_CLIP_PLANES, image::ImageBuffers},
     gpu::Gpu,
     plan::{PassName, Plan},
     renderer::RenderError,
@@ -28,6 +28,10 @@ use crate::{
 
 /// Optical thickness of a voxel past which nothing comes through.
 const DARK: f64 = 40.0;
+
+/// Steps of all of a place's sub-cones, at most: Mesa's software driver silently ends a thread's loops
+/// after 65,535 rounds of all of them together.
+const MOST_ROUNDS: u32 = 60_000;
 
 /// Prefiltered extinction on the card.
 struct Medium {
@@ -71,22 +75,35 @@ impl Medium {
         Ok(Self { grid: grid.clone(), cells, levels, count })
     }
 
-    fn light(&self, camera: &Camera, reference_mm: f64, lighting: &Lighting) -> Light {
-        let settings = ConeSettings {
+    /// The uniform, and what is other than asked for, in words.
+    fn light(&self, camera: &Camera, reference_mm: f64, lighting: &Lighting) -> (Light, Vec<String>) {
+        let asked = ConeSettings {
             aperture_deg: lighting.aperture_deg,
-            sub_cones: lighting.sub_cones.clamp(1, Lighting::MOST_SUB_CONES),
+            sub_cones: lighting.sub_cones,
             coarsest_level: lighting.coarsest_level.min(self.count as u32 - 1),
             cone_step: lighting.cone_step,
             ..ConeSettings::default()
         };
-        let settings = settings.used().settings;
+        let ConesUsed { settings, mut notes } = asked.within(Lighting::MOST_SUB_CONES);
+        let voxel_mm = self.grid.spacing_mm().min_element();
+        let corners = self.grid.corners_mm();
+        let longest_mm = (0..4).map(|i| corners[i].distance(corners[7 - i])).fold(0.0, f64::max);
+        // Each has a round of its own, one for each plane, and what rounding may add.
+        let rounds = MOST_ROUNDS / settings.sub_cones - MOST_CLIP_PLANES as u32 - 3;
+        let step = settings.cone_step;
+        let mut settings = settings;
+        while settings.samples(longest_mm, voxel_mm, settings.coarsest_level) > rounds {
+            settings.cone_step *= 1.1;
+        }
+        if settings.cone_step > step {
+            notes.push(format!("cone step {step}: {:.3} is used, {rounds} a sub-cone", settings.cone_step));
+        }
         let mut axes = [[0.0; 4]; 128];
         for (to, axis) in axes.iter_mut().zip(sub_cones(&settings)) {
             *to = [axis[0] as f32, axis[1] as f32, axis[2] as f32, 0.0];
         }
         let [corner, right, up, forward] = index_axes(camera, reference_mm, &self.grid);
-        let voxel_mm = self.grid.spacing_mm().min_element();
-        Light {
+        let light = Light {
             right,
             up,
             forward,
@@ -98,12 +115,13 @@ impl Medium {
             dims: self.grid.dims().map(|d| d as u32),
             count: settings.sub_cones,
             dark: (DARK / voxel_mm) as f32,
-            pad: 0,
+            rounds: rounds + 2,
             unused_a: 0,
             unused_b: 0,
             levels: self.levels,
             axes,
-        }
+        };
+        (light, notes)
     }
 }
 
@@ -174,6 +192,8 @@ impl ConeLight {
 
     /// Prepares what `plan` needs and binds, with the uniform of vicinity occlusion, [`PassName::LightGrid`] and [`PassName::SolidCones`].
     ///
+    /// Returns what is other than asked for, in words.
+    ///
     /// # Errors
     /// [`RenderError`] for a medium that doesn't fit on the card.
     pub fn bind(
@@ -184,18 +204,20 @@ impl ConeLight {
         scene: &LitScene<'_>,
         lighting: &Lighting,
         vicinity: &wgpu::Buffer,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Vec<String>, RenderError> {
+        let mut notes = Vec::new();
         if plan.has(PassName::LightGrid) {
-            self.bind_image(gpu, passes, plan, scene, lighting)?;
+            notes = self.bind_image(gpu, passes, plan, scene, lighting)?;
         } else {
             self.image = None;
         }
         if plan.has(PassName::SolidCones) {
-            self.bind_masks(gpu, passes, plan, scene, lighting, vicinity)
+            let of_masks = self.bind_masks(gpu, passes, plan, scene, lighting, vicinity)?;
+            notes.extend(of_masks.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
         } else {
             self.masks = None;
-            Ok(())
         }
+        Ok(notes)
     }
 
     fn bind_image(
@@ -205,9 +227,11 @@ impl ConeLight {
         plan: &Plan,
         scene: &LitScene<'_>,
         lighting: &Lighting,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Vec<String>, RenderError> {
         let everywhere = plan.has(PassName::TubesMerge) || plan.has(PassName::ArrowsMerge);
-        let Some(LitImage { buffers, volume, transfer, context }) = scene.image else { return Ok(()) };
+        let Some(LitImage { buffers, volume, transfer, context }) = scene.image else {
+            return Ok(Vec::new());
+        };
         let kept = self.image.take().filter(|held| {
             Arc::ptr_eq(&held.volume, volume)
                 && (Arc::ptr_eq(&held.transfer, transfer) || held.transfer == *transfer)
@@ -260,12 +284,10 @@ impl ConeLight {
                 }
             }
         };
-        let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
+        let (light, notes) = held.medium.light(scene.camera, scene.reference_mm, lighting);
         gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&light));
-        let grid = LightGrid {
-            strength: scene.strength,
-            ..grid_uniform(&held, scene.camera, scene.reference_mm)
-        };
+        let grid =
+            LightGrid { strength: scene.strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
         let entries = [
             (0, scene.view.as_entire_binding()),
@@ -284,9 +306,15 @@ impl ConeLight {
         let groups = held.needed_count.div_ceil(64);
         let across = groups.clamp(1, 4096);
         let workgroups = [across, groups.div_ceil(across).max(1), 1];
-        passes.bind_shader(gpu, PassName::LightGrid, ("context_light", &[buffers.tables().gradient_counts()]), &entries, workgroups)?;
+        passes.bind_shader(
+            gpu,
+            PassName::LightGrid,
+            ("context_light", &[buffers.tables().gradient_counts()]),
+            &entries,
+            workgroups,
+        )?;
         self.image = Some(held);
-        Ok(())
+        Ok(notes)
     }
 
     fn bind_masks(
@@ -297,10 +325,11 @@ impl ConeLight {
         scene: &LitScene<'_>,
         lighting: &Lighting,
         vicinity: &wgpu::Buffer,
-    ) -> Result<(), RenderError> {
-        let held = self.masks.take().filter(|held| {
-            is_same(held.tumor.as_ref(), scene.tumor) && held.selection == *scene.selection
-        });
+    ) -> Result<Vec<String>, RenderError> {
+        let held = self
+            .masks
+            .take()
+            .filter(|held| is_same(held.tumor.as_ref(), scene.tumor) && held.selection == *scene.selection);
         let held = match held {
             Some(held) => held,
             None => MaskLight {
@@ -309,7 +338,7 @@ impl ConeLight {
                 medium: mask_medium(gpu, scene)?,
             },
         };
-        let light = held.medium.light(scene.camera, scene.reference_mm, lighting);
+        let (light, notes) = held.medium.light(scene.camera, scene.reference_mm, lighting);
         gpu.queue.write_buffer(&self.mask_uniform, 0, bytemuck::bytes_of(&light));
         let lit = self.image.as_ref().filter(|_| plan.has(PassName::LightGrid));
         // At the voxels themselves a sub-cone is a ray.
@@ -329,9 +358,15 @@ impl ConeLight {
             (36, vicinity.as_entire_binding()),
             (38, self.grid_uniform.as_entire_binding()),
         ];
-        passes.bind_shader(gpu, PassName::SolidCones, ("solid_cones", &[("exact", exact)]), &entries, workgroups_of(scene.size))?;
+        passes.bind_shader(
+            gpu,
+            PassName::SolidCones,
+            ("solid_cones", &[("exact", exact)]),
+            &entries,
+            workgroups_of(scene.size),
+        )?;
         self.masks = Some(held);
-        Ok(())
+        Ok(notes)
     }
 }
 
@@ -351,11 +386,7 @@ fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
     })
 }
 
-fn image_medium(
-    gpu: &Gpu,
-    buffers: &ImageBuffers,
-    volume: &ContextVolume,
-) -> Result<Medium, RenderError> {
+fn image_medium(gpu: &Gpu, buffers: &ImageBuffers, volume: &ContextVolume) -> Result<Medium, RenderError> {
     let limits = gpu.device.limits();
     let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     let Some(field) = Field::fitting(volume, limit) else {

@@ -70,7 +70,8 @@ impl Cells {
         let mut marks = vec![false; self.count()];
         for b in 0..brick_dims.iter().product::<usize>() {
             if visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1) {
-                let at = [b % brick_dims[0], b / brick_dims[0] % brick_dims[1], b / brick_dims[0] / brick_dims[1]];
+                let at =
+                    [b % brick_dims[0], b / brick_dims[0] % brick_dims[1], b / brick_dims[0] / brick_dims[1]];
                 // Half a voxel more at the image's edge.
                 let first = at.map(|a| (a * brick) as f64 - 0.5);
                 self.mark(&mut marks, first, first.map(|f| f + brick as f64 + 1.0));

@@ -5,7 +5,13 @@
 
 mod cones;
 mod grid;
+#[cfg(test)]
+mod grid_tests;
 mod slices;
+#[cfg(test)]
+mod solid_stability_tests;
+#[cfg(test)]
+mod stability_tests;
 #[cfg(test)]
 mod tests;
 pub(crate) mod uniforms;
@@ -128,10 +134,10 @@ impl Lighting {
         shading: Shading::ScreenSpace,
         aperture_deg: 60.0,
         variant: Variant::Mended,
-        slice_grid: 5,
+        slice_grid: 3,
         slice_mm: 2.0,
-        reference_mm: 5.0,
-        sub_cones: 8,
+        reference_mm: 2.5,
+        sub_cones: 6,
         coarsest_level: 3,
         cone_step: 1.0,
         cell_mm: 4.0,
@@ -250,7 +256,7 @@ impl Lights {
             let vicinity = self.vicinity.get_or_insert_with(|| VicinityLight::new(gpu));
             vicinity.write(gpu, lighting, false);
             let cones = self.cones.get_or_insert_with(|| ConeLight::new(gpu));
-            cones.bind(gpu, passes, plan, scene, lighting, vicinity.uniform())?;
+            notes = cones.bind(gpu, passes, plan, scene, lighting, vicinity.uniform())?;
         } else {
             self.cones = None;
         }
@@ -278,6 +284,12 @@ impl Lights {
     #[cfg(test)]
     pub fn notes(&self) -> Option<&wgpu::Buffer> {
         self.slices.as_ref()?.notes()
+    }
+
+    /// Light that the slices carry.
+    #[cfg(test)]
+    pub fn carried(&self) -> Option<&wgpu::Buffer> {
+        self.slices.as_ref()?.carried()
     }
 
     /// Radiance and transmittance of each pixel by slices, in linear light.

@@ -27,6 +27,8 @@ const STRIDE: u64 = 256;
 struct Wanted {
     variant: Variant,
     solid: bool,
+    /// Whether what is solid leaves the image its light.
+    lets_through: bool,
     /// Whether the eye's rays end elsewhere than at what is solid.
     apart: bool,
     gradient: bool,
@@ -74,7 +76,7 @@ pub(crate) struct SliceLight {
 impl SliceLight {
     pub fn new(gpu: &Gpu) -> Self {
         use Kind::{Moving, Read, Uniform, Write};
-        let part = Moving(size_of::<uniforms::Part>() as u64);
+        let part = Moving(2 * size_of::<uniforms::Part>() as u64);
         let kinds = [
             (0, Uniform),
             (4, Read),
@@ -106,6 +108,12 @@ impl SliceLight {
     /// the first frame.
     pub fn notes(&self) -> Option<&wgpu::Buffer> {
         self.buffers.as_ref().map(|b| &b.notes)
+    }
+
+    /// Light before and behind the last step.
+    #[cfg(test)]
+    pub fn carried(&self) -> Option<&wgpu::Buffer> {
+        self.buffers.as_ref().map(|b| &b.lights)
     }
 
     /// Radiance and transmittance of each pixel, in linear light.
@@ -156,7 +164,8 @@ impl SliceLight {
         let mut steps = Vec::new();
         for (number, step) in (0u32..).zip(&plan.steps) {
             let (variant, first, empty) = (lighting.variant, number == 0, step.empty);
-            let wanted = Wanted { variant, solid, apart, gradient, first, empty };
+            let lets_through = !lighting.mutual.solid_on_image;
+            let wanted = Wanted { variant, solid, lets_through, apart, gradient, first, empty };
             let at = match pipelines.iter().position(|(made, _)| *made == wanted) {
                 Some(at) => at,
                 None => {
@@ -169,13 +178,7 @@ impl SliceLight {
         let pipelines = pipelines.into_iter().map(|(_, pipeline)| pipeline).collect();
         let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
         let mutual = &lighting.mutual;
-        let mut flags = 0;
-        for (on, flag) in [
-            (mutual.image_on_image, uniforms::VOLUME_ON_VOLUME),
-            (mutual.solid_on_image, uniforms::SOLID_ON_VOLUME),
-        ] {
-            flags |= if on { flag } else { 0 };
-        }
+        let flags = if mutual.image_on_image { uniforms::VOLUME_ON_VOLUME } else { 0 };
         let slices = uniforms::Slices {
             slice_mm: plan.slice_mm as f32,
             flags,
@@ -200,7 +203,7 @@ impl SliceLight {
         let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &parts,
             offset: 0,
-            size: wgpu::BufferSize::new(size_of::<uniforms::Part>() as u64),
+            size: wgpu::BufferSize::new(2 * size_of::<uniforms::Part>() as u64),
         });
         let entries = [
             (0, scene.view.as_entire_binding()),
@@ -241,6 +244,7 @@ impl SliceLight {
         let constants = [
             ("variant", variant),
             ("with_solid", flag(wanted.solid)),
+            ("solid_lets_through", flag(wanted.lets_through)),
             ("ends_apart", flag(wanted.apart)),
             ("gradient_counts", flag(wanted.gradient)),
             ("is_first", flag(wanted.first)),

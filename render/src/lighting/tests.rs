@@ -10,10 +10,14 @@ use crate::{
     ClipPlane, ContextRenderer, ContextScene, ControlPoint, GradientPoint, MaskColors, Palette, Projection,
     Renderer, TransferFunction,
     context::{Field, context_plan},
-    dos::{DosPlan, DosSettings},
     dos::tests::GPU,
+    dos::{DosPlan, DosSettings},
     occlusion::{Filter, OpticalVolume, Sight, Table, poisson::poisson_disc},
-    reference::{combined, monte_carlo::{self, Estimate, Phase}, vicinity},
+    reference::{
+        combined,
+        monte_carlo::{self, Estimate, Phase},
+        vicinity,
+    },
     testing::{noise, volume},
     uniforms::FAR,
 };
@@ -35,20 +39,27 @@ pub(super) fn lumps(grid: &Grid) -> Arc<ContextVolume> {
             (55.0 + 12.0 * wave + 4.0 * noise(p, 5)) * ((0.45 - x.length()) * 6.0).clamp(0.0, 1.0)
         })
         .collect();
+    image_of(grid, values)
+}
+
+pub(super) fn image_of(grid: &Grid, values: Vec<f64>) -> Arc<ContextVolume> {
     let image = Volume::new(grid.clone(), Samples::F64(values), Scaling::NONE).unwrap();
     Arc::new(ContextVolume::new(Arc::new(image)))
 }
 
-fn transfer(two_d: bool, opacity: f64) -> Arc<TransferFunction> {
-    let rows = [(15.0, [90, 60, 40], 0.0), (50.0, [220, 160, 120], 0.5 * opacity), (90.0, [255, 250, 230], opacity)];
+pub(super) fn transfer(two_d: bool, opacity: f64) -> Arc<TransferFunction> {
+    let rows =
+        [(15.0, [90, 60, 40], 0.0), (50.0, [220, 160, 120], 0.5 * opacity), (90.0, [255, 250, 230], opacity)];
     let points = rows.iter().map(|&(value, color, opacity)| ControlPoint { value, color, opacity }).collect();
     let gradient = two_d.then(|| {
-        [(1.0, 0.2), (6.0, 0.6), (12.0, 1.0)].map(|(gradient, factor)| GradientPoint { gradient, factor }).to_vec()
+        [(1.0, 0.2), (6.0, 0.6), (12.0, 1.0)]
+            .map(|(gradient, factor)| GradientPoint { gradient, factor })
+            .to_vec()
     });
     Arc::new(TransferFunction::new(points, gradient).unwrap())
 }
 
-fn cubic(n: usize, spacing_mm: DVec3) -> Grid {
+pub(super) fn cubic(n: usize, spacing_mm: DVec3) -> Grid {
     Grid::axis_aligned([n; 3], spacing_mm, -spacing_mm * (n as f64 - 1.0) / 2.0).unwrap()
 }
 
@@ -107,14 +118,9 @@ fn off_twin(scene: &ContextScene, lighting: Lighting) -> f64 {
     let quality = Quality { lighting, ..Quality::FULL };
     let found = drawn(scene, &quality, SIZE);
     let sight = Sight::new(&scene.camera, SIZE);
-    let gpu_image = ImageBuffers::keep(
-        &mut None,
-        &GPU,
-        scene.volume.as_ref().unwrap(),
-        &scene.transfer,
-    )
-    .unwrap()
-    .depths_mm(&sight);
+    let gpu_image = ImageBuffers::keep(&mut None, &GPU, scene.volume.as_ref().unwrap(), &scene.transfer)
+        .unwrap()
+        .depths_mm(&sight);
     let settings = DosSettings {
         variant: lighting.variant,
         aperture_deg: lighting.aperture_deg,
@@ -164,8 +170,14 @@ fn slices_of_a_view_are_their_twin() {
                 } else {
                     Vec::new()
                 };
-                let lighting =
-                    Lighting { shading: Shading::Slices, variant, aperture_deg, slice_grid, slice_mm, ..Lighting::DEFAULT };
+                let lighting = Lighting {
+                    shading: Shading::Slices,
+                    variant,
+                    aperture_deg,
+                    slice_grid,
+                    slice_mm,
+                    ..Lighting::DEFAULT
+                };
                 let off = off_twin(&scene, lighting);
                 println!("{two_d} {with_tumor} {projection:?} {variant:?} {slice_grid}: {off:.2e}");
                 worst = worst.max(off);
@@ -211,8 +223,8 @@ fn medium(scene: &ContextScene) -> OpticalVolume {
 fn errors(found: &[[f64; 4]], truth: &[Estimate]) -> (f64, f64) {
     let (mut error, mut se, mut n) = (0.0, 0.0, 0.0);
     for (f, e) in found.iter().zip(truth).filter(|(f, _)| f[3] > 0.01) {
-        for c in 0..3 {
-            error += (f[c] - e.mean[c]).powi(2);
+        for (c, value) in f.iter().enumerate().take(3) {
+            error += (value - e.mean[c]).powi(2);
             se += e.standard_error[c].powi(2);
             n += 1.0;
         }
@@ -283,7 +295,8 @@ fn cones_on_masks_come_to_monte_carlo() {
         // Where the pixel's ray hits the surface, all of it.
         for (dark, e) in blurred.iter().zip(&truth).filter(|(_, e)| e.mean.x > 0.0) {
             let encoded = 1.0 - f64::from(dark >> 24) / 255.0;
-            let light = if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+            let light =
+                if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
             sum += (light - e.mean.x).powi(2);
             se += e.standard_error.x.powi(2);
             n += 1;
@@ -374,7 +387,8 @@ fn vicinity_is_its_twin() {
     scene.volume = None;
     scene.camera.height_mm *= 0.3;
     for variant in [Variant::PaperApproximate, Variant::Mended] {
-        let lighting = Lighting { shading: Shading::Slices, variant, vicinity_samples: 64, ..Lighting::DEFAULT };
+        let lighting =
+            Lighting { shading: Shading::Slices, variant, vicinity_samples: 64, ..Lighting::DEFAULT };
         let quality = Quality { lighting, ..Quality::FULL };
         let mut renderer = ContextRenderer::new(&GPU).unwrap();
         let frame = renderer.render(&GPU, &scene, &quality, SIZE).unwrap();
@@ -398,7 +412,8 @@ fn vicinity_is_its_twin() {
         for i in 0..depths.len() {
             if depths[i] < FAR {
                 let light = twin[i];
-                let encoded = if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
+                let encoded =
+                    if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
                 let off = (f64::from(found[i] >> 24) / 255.0 - (1.0 - encoded)).abs();
                 // One point more or less, where its place is a pixel's very edge.
                 other += usize::from(off > 0.003);

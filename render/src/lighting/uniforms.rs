@@ -30,7 +30,7 @@ pub(crate) struct Light {
     pub dims: [u32; 3],
     pub count: u32,
     pub dark: f32,
-    pub pad: u32,
+    pub rounds: u32,
     pub unused_a: u32,
     pub unused_b: u32,
     pub levels: [Level; LEVELS],
@@ -59,7 +59,6 @@ pub(crate) struct LightGrid {
 }
 
 pub(crate) const VOLUME_ON_VOLUME: u32 = 1;
-pub(crate) const SOLID_ON_VOLUME: u32 = 2;
 
 /// `Slices` of lib/slices.wgsl.
 #[repr(C)]

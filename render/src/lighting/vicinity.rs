@@ -65,7 +65,13 @@ impl VicinityLight {
             (35, through.unwrap_or(&self.no_notes).as_entire_binding()),
             (36, self.uniform.as_entire_binding()),
         ];
-        passes.bind_shader(gpu, PassName::Vicinity, ("solid_vicinity", &[]), &entries, workgroups_of(solid.size))
+        passes.bind_shader(
+            gpu,
+            PassName::Vicinity,
+            ("solid_vicinity", &[]),
+            &entries,
+            workgroups_of(solid.size),
+        )
     }
 
     /// Its uniform, for passes that find vicinity occlusion besides.

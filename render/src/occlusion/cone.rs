@@ -191,10 +191,15 @@ mod tests {
                     // By the trapezoidal rule.
                     let n = 4000;
                     let step = whole / f64::from(n);
-                    let at = |i: i32| (-step * f64::from(i)).exp() * slab_visibility(aperture_deg, step * f64::from(i));
+                    let at = |i: i32| {
+                        (-step * f64::from(i)).exp() * slab_visibility(aperture_deg, step * f64::from(i))
+                    };
                     let scattered = step * ((0..=n).map(at).sum::<f64>() - 0.5 * (at(0) + at(n)));
                     let off = (light - visible).abs().max((gathered - scattered).abs());
-                    assert!(off < 4e-4, "{aperture_deg} {whole} {slices}: {light} {visible} {gathered} {scattered}");
+                    assert!(
+                        off < 4e-4,
+                        "{aperture_deg} {whole} {slices}: {light} {visible} {gathered} {scattered}"
+                    );
                 }
             }
         }

@@ -11,7 +11,7 @@ const SEEDS: u64 = 64;
 
 /// `count` points of the unit disc (clamped to [`MOST_POINTS`]; none for 0, its middle for 1), the
 /// same on every machine. No two are nearer than a distance that leaves no room for a further point
-/// (to within the fineness of [`DARTS`]); it is chosen so that exactly `count` find place. In an order
+/// (to within the fineness of the darts thrown); it is chosen so that exactly `count` find place. In an order
 /// of which every beginning covers the disc well: each next point is the one that brings the places of
 /// the disc nearest to their nearest point, in the mean of squares. Takes
 /// some hundredths of a second: keep it.

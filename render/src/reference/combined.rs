@@ -92,7 +92,12 @@ impl Pass<'_> {
         let (x, y) = (x - 0.5, y - 0.5);
         let (fx, fy) = (x - x.floor(), y - y.floor());
         let (x, y) = (x.floor() as i64, y.floor() as i64);
-        let corners = [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)];
+        let corners = [
+            (0, 0, (1.0 - fx) * (1.0 - fy)),
+            (1, 0, fx * (1.0 - fy)),
+            (0, 1, (1.0 - fx) * fy),
+            (1, 1, fx * fy),
+        ];
         corners.iter().fold([0.0; 2], |sum, (i, j, w)| plus(sum, self.texel(x + i, y + j), *w))
     }
 
@@ -141,10 +146,7 @@ impl Pass<'_> {
                     Variant::PaperExact => (d * d + off2 * radius_mm * radius_mm).sqrt(),
                     _ => d,
                 };
-                let at = self.bilinear(
-                    x as f64 + 0.5 + p[0] * radius_px,
-                    y as f64 + 0.5 + p[1] * radius_px,
-                );
+                let at = self.bilinear(x as f64 + 0.5 + p[0] * radius_px, y as f64 + 0.5 + p[1] * radius_px);
                 let through = [extinction, of_both].map(|e| (-e * distance).exp());
                 plus(sum, [at[0] * through[0], at[1] * through[1]], 1.0 / points.len() as f64)
             });
@@ -171,26 +173,24 @@ impl Pass<'_> {
             let until = solid.clamp(begin, end);
             let ends = last.clamp(until, end);
             let Some(decay) = &self.plan.decay else { return light };
-            let before = extinction * slant * (until - begin);
-            let [beside, behind] = [ends - until, end - ends].map(|mm| extinction * slant * mm);
-            let (gathered, weaker) = through_slice(decay, light[1], before);
-            let lit = gathered * self.strength - (1.0 - self.strength) * (-before).exp_m1();
+            let lengths = [until - begin, ends - begin, end - begin];
+            let [seen, shown, whole] = lengths.map(|mm| extinction * slant * mm);
+            let (gathered, weaker) = through_slice(decay, light[1], shown);
+            let lit = gathered * self.strength - (1.0 - self.strength) * (-shown).exp_m1();
             out.eye.radiance += color * (lit * out.eye.transmittance);
-            out.eye.transmittance *= (-before).exp();
-            light = [through_slice(decay, light[0], before).1, if shades { weaker } else { light[1] }];
-            if solid >= front {
-                out.on_solid = light[0];
+            out.eye.transmittance *= (-shown).exp();
+            let after = through_slice(decay, light[0], whole).1;
+            let hides = solid < front + d;
+            if !hides {
+                out.on_solid = after;
+            } else if solid >= front {
+                // Between before and behind the slice (Algorithm 4), as light falls.
+                let share = if whole > 0.0 { seen / whole } else { 1.0 };
+                out.on_solid = light[0] * (after.max(1e-30) / light[0].max(1e-30)).powf(share);
             }
-            let (gathered, weaker) = through_slice(decay, light[1], beside);
-            let lit = gathered * self.strength - (1.0 - self.strength) * (-beside).exp_m1();
-            out.eye.radiance += color * (lit * out.eye.transmittance);
-            out.eye.transmittance *= (-beside).exp();
-            light = [through_slice(decay, light[0], beside).1, if shades { weaker } else { light[1] }];
-            let rest = light.map(|l| through_slice(decay, l, behind).1);
-            light = [rest[0], if shades { rest[1] } else { light[1] }];
-            if solid < front + d && casts {
-                light[1] = 0.0;
-            }
+            let stopped = if hides && casts { 0.0 } else { f64::INFINITY };
+            let behind = if casts { weaker } else { through_slice(decay, light[1], whole).1 };
+            light = [after, (if shades { behind } else { light[1] }).min(stopped)];
         }
         light
     }

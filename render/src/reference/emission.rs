@@ -31,7 +31,7 @@ pub fn march(scene: &ContextScene, size: [u32; 2], sampling: Sampling) -> Vec<[f
 }
 
 /// Where a ray is in a grid's box, in millimetres along it; empty where the first is not less.
-fn box_interval(grid: &Grid, ray: &Ray) -> (f64, f64) {
+pub(crate) fn box_interval(grid: &Grid, ray: &Ray) -> (f64, f64) {
     let (o, d) = in_index_space(grid, ray);
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
     for axis in 0..3 {
@@ -118,7 +118,8 @@ pub(crate) fn seen(scene: &ContextScene, ray: &Ray) -> Option<(f64, f64)> {
 pub(crate) fn sample(scene: &ContextScene, q: DVec3) -> ([f64; 3], f64) {
     let Some(volume) = &scene.volume else { return ([0.0; 3], 0.0) };
     let value = value_at(volume.image(), q);
-    let steepness = if scene.transfer.gradient().is_some() { gradient_at(volume.image(), q).length() } else { 0.0 };
+    let steepness =
+        if scene.transfer.gradient().is_some() { gradient_at(volume.image(), q).length() } else { 0.0 };
     scene.transfer.sample(value, steepness)
 }
 

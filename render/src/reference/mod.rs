@@ -3,6 +3,7 @@
 pub mod combined;
 pub mod emission;
 pub mod hemisphere;
+pub mod lit;
 pub mod march;
 pub mod medium;
 pub mod monte_carlo;

@@ -38,7 +38,11 @@ const MENDED = 2u;
 const DIRECT = 4u;
 
 @group(0) @binding(4) var<uniform> dos: Dos;
-@group(0) @binding(5) var<uniform> part: Step;
+// The step, and what stands behind it. Mesa's software driver compiles a shader anew for each new value of a
+// uniform that a branch or a loop depends on, which takes longer than the step and is never freed. It knows
+// only uniforms at fixed places: what is read at `zero`, which main sets, is none.
+@group(0) @binding(5) var<uniform> parts: array<Step, 2>;
+var<private> zero: u32 = 0u;
 @group(0) @binding(6) var<storage, read> before: array<f32>;
 @group(0) @binding(7) var<storage, read_write> after: array<f32>;
 @group(0) @binding(8) var<storage, read_write> eye: array<vec4<f32>>; // radiance, transmittance
@@ -104,13 +108,13 @@ fn folded(pixel: vec2<u32>, extinction: f32) -> f32 {
     let size = max(reach, 1u);
     var sum = 0.0;
     for (var i = 0u; i < rings; i++) {
-        let first = part.folded[i * size];
+        let first = parts[0].folded[i * size];
         var light = dot(first.yzw, near);
         if reach >= 2u {
-            light += dot(part.folded[i * size + 1u], far);
+            light += dot(parts[0].folded[i * size + 1u], far);
         }
         if reach >= 3u {
-            light += dot(part.folded[i * size + 2u].xyz, farthest);
+            light += dot(parts[0].folded[i * size + 2u].xyz, farthest);
         }
         sum += light * attenuation(extinction, first.x);
     }
@@ -126,37 +130,37 @@ fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
     let d = dos.slice_mm;
     let approximate = attenuation(extinction, d);
     var sum = 0.0;
-    for (var j = 0u; j < part.side; j++) {
-        for (var i = 0u; i < part.side; i++) {
-            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(part.side) * 2.0 - 1.0;
+    for (var j = 0u; j < parts[zero].side; j++) {
+        for (var i = 0u; i < parts[zero].side; i++) {
+            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(parts[zero].side) * 2.0 - 1.0;
             let off2 = dot(p, p);
             if off2 > 1.000001 {
                 continue;
             }
             var through = approximate;
             if variant == PAPER_EXACT {
-                through = attenuation(extinction, sqrt(d * d + off2 * part.radius_mm * part.radius_mm));
+                through = attenuation(extinction, sqrt(d * d + off2 * parts[0].radius_mm * parts[0].radius_mm));
             }
-            sum += between(center + p * part.radius) * through;
+            sum += between(center + p * parts[0].radius) * through;
         }
     }
-    return sum * part.share;
+    return sum * parts[0].share;
 }
 
 fn lattice(pixel: vec2<u32>) -> f32 {
     let center = vec2<i32>(pixel);
     let own = texel(center);
-    if part.side == 1u {
+    if parts[zero].side == 1u {
         return own;
     }
-    let first = center - (i32(part.side) - 1) * part.stride / 2;
+    let first = center - (i32(parts[zero].side) - 1) * parts[0].stride / 2;
     var sum = 0.0;
-    for (var j = 0; j < i32(part.side); j++) {
-        for (var i = 0; i < i32(part.side); i++) {
-            sum += texel(first + vec2<i32>(i, j) * part.stride);
+    for (var j = 0; j < i32(parts[zero].side); j++) {
+        for (var i = 0; i < i32(parts[zero].side); i++) {
+            sum += texel(first + vec2<i32>(i, j) * parts[0].stride);
         }
     }
-    return mix(sum * part.share, own, part.center);
+    return mix(sum * parts[0].share, own, parts[0].center);
 }
 
 // The paper's blending of one slice into the eye buffer.
@@ -170,13 +174,13 @@ struct Advanced {
     light: f32,
 }
 
-// The mended variant through the slices of a part.
+// The mended variant through the slices of a step.
 fn advance(state: vec4<f32>, occlusion: f32, middle: vec2<f32>) -> Advanced {
     var now = state;
     var light = occlusion;
     let length = dos.slice_mm * slant_of(middle);
-    for (var i = 0u; i < part.slices; i++) {
-        let optics = optics_at(place(middle, part.depth + (f32(i) + 0.5) * dos.slice_mm));
+    for (var i = 0u; i < parts[zero].slices; i++) {
+        let optics = optics_at(place(middle, parts[0].depth + (f32(i) + 0.5) * dos.slice_mm));
         if optics.w <= 0.0 {
             continue;
         }

@@ -187,7 +187,8 @@ fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
     // Clipping planes.
     let start = vec3<f32>(p * view.mm_per_pixel, 0.0);
     let along = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
-    for (var n = 0u; n < context.clip_count; n++) {
+    // Those that are none cut nothing: a loop of a fixed length is not compiled anew for another number.
+    for (var n = 0u; n < 6u; n++) {
         let plane = context.clips[n];
         let room = plane.w - dot(plane.xyz, start);
         let rate = dot(plane.xyz, along);
@@ -201,11 +202,8 @@ fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
     }
 
     // What lies before the masks' box is dropped, and nothing of the image is inside it.
-    if view.dims.x > 0u {
-        let span = box_interval(ray_through(p));
-        if span.near < span.far {
-            near = max(near, span.far);
-        }
-    }
+    // A box without voxels is never entered.
+    let span = box_interval(ray_through(p));
+    near = select(near, max(near, span.far), span.near < span.far);
     return ImageRay(o, d, along, near, far);
 }

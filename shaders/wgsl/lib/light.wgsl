@@ -3,6 +3,7 @@
 // the image's grid of light and by surfaces.
 //
 // The including file gives `near_extinction(p)`: extinction per millimetre at a place, unfiltered;
+// `kept_span(c, w)`: millimetres from place c in direction w between which nothing is cut away;
 // `is_kept(c)`: whether the medium is there at all; `is_hidden(c)`: whether something solid is. Places p
 // are in the medium's index space, voxel (i, j, k) filling [i, i+1) and so on; places c in camera space.
 
@@ -25,7 +26,7 @@ struct Light {
     dims: vec3<u32>,                // voxels
     count: u32,                     // sub-cones
     dark: f32,                      // no extinction counts for more
-    pad: u32,
+    rounds: u32,                    // steps of a sub-cone, at most
     unused_a: u32,
     unused_b: u32,
     levels: array<Level, 16>,
@@ -85,24 +86,30 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     let moves = abs(d) > vec3<f32>(1e-12);
     let safe = select(vec3<f32>(1.0), d, moves);
     let ends = select(vec3<f32>(FAR), max(-o / safe, (size - o) / safe), moves);
+    // What is lit may lie outside: a tube does.
+    let begins = select(vec3<f32>(-FAR), min(-o / safe, (size - o) / safe), moves);
+    let misses = any(!moves & ((o < vec3<f32>(0.0)) | (o > size)));
     // Light starts at the eye's plane. Not an `if`: Mesa 22.3's software driver crashes when it compiles one
     // here with a uniform read in it.
     let to_eye = (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0);
-    let far = min(min(min(ends.x, ends.y), ends.z), select(FAR, to_eye, w.z < 0.0));
+    let leaves = min(min(ends.x, ends.y), ends.z);
+    let far = select(min(leaves, select(FAR, to_eye, w.z < 0.0)), -1.0, misses);
+    let kept = kept_span(c, w);
     let widest = light.voxel_mm * exp2(light.coarsest);
-    var t = 0.0;
+    var t = max(max(begins.x, max(begins.y, begins.z)), 0.0);
     var thickness = 0.0;
     var open = 1.0;
-    // No cone needs as many rounds: a guard against numbers gone wrong. Nothing branches in here: Mesa's
+    // No cone needs more rounds: a guard against numbers gone wrong. Nothing branches in here: Mesa's
     // software driver runs both sides anyway.
-    for (var round = 0u; (round < 480u) & (t < far) & (thickness < ENOUGH); round++) {
+    for (var round = 0u; (round < light.rounds) & (t < far) & (thickness < ENOUGH); round++) {
         let width = clamp(2.0 * t * light.tangent, light.voxel_mm, widest);
         let step = min(light.cone_step * width, far - t);
         let middle = t + 0.5 * step;
         let there = c + middle * w;
         let here = clamp(2.0 * middle * light.tangent, light.voxel_mm, widest);
         let extinction = extinction_at(o + middle * d, log2(here / light.voxel_mm));
-        thickness += select(0.0, extinction * step, is_kept(there));
+        let counts = (middle >= kept.x) & (middle <= kept.y) & is_kept(there);
+        thickness += select(0.0, extinction * step, counts);
         open = select(open, 0.0, is_hidden(there));
         t = select(far, t + step, t + step > t);
     }

@@ -31,7 +31,7 @@ struct Optical {
 // Set when the pipeline is made, where that pays: software drivers run both sides of a branch, and the
 // side not taken cost as much as the rest of a sample.
 override filtering: u32 = 2u;       // 0: trilinear, 1: labels, 2: what optical.nearest says
-override by_bricks: bool = true;    // false: optical.skipping is 0
+override by_bricks: u32 = 2u;       // 0: bricks count for nothing, 1: empty ones are skipped, 2: what optical.skipping says
 
 // From here on an extinction is infinite.
 const OPAQUE_FROM = 1e20;
@@ -75,7 +75,7 @@ fn optics_at(p: vec3<f32>) -> vec4<f32> {
     if outside || dot(optical.plane.xyz, p) > optical.plane.w {
         return vec4<f32>(0.0);
     }
-    if by_bricks && optical.skipping == 1u {
+    if by_bricks == 1u || by_bricks == 2u && optical.skipping == 1u {
         let brick = min(vec3<u32>(p), optical.dims - 1u) / 8u;
         let i = (brick.z * optical.bricks.y + brick.y) * optical.bricks.x + brick.x;
         if (occupied[i / 32u] >> (i % 32u) & 1u) == 0u {

@@ -25,12 +25,13 @@ struct Part {
 }
 
 const VOLUME_ON_VOLUME = 1u;
-const SOLID_ON_VOLUME = 2u;
 
 override variant: u32 = 2u;
 // Whether anything solid is in the picture. Then two lights are carried: behind the image alone, which
 // lights what is solid, and behind both, which lights the image.
 override with_solid: bool = false;
+// Whether solid surfaces leave the image its light.
+override solid_lets_through: bool = false;
 // Whether the eye sees the image past what is solid, beside it in the same pixel: up to depths of their own,
 // which stand behind the others.
 override ends_apart: bool = false;
@@ -44,7 +45,11 @@ const MENDED = 2u;
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(31) var<uniform> slices: Slices;
-@group(0) @binding(32) var<uniform> part: Part;
+// The step, and what stands behind it. Mesa's software driver compiles a shader anew for each new value of a
+// uniform that a branch or a loop depends on, which takes longer than the step and is never freed. It knows
+// only uniforms at fixed places: what is read at `zero`, which main sets, is none.
+@group(0) @binding(32) var<uniform> parts: array<Part, 2>;
+var<private> zero: u32 = 0u;
 @group(0) @binding(33) var<storage, read_write> lights: array<f32>;
 @group(0) @binding(34) var<storage, read_write> eye: array<vec4<f32>>;    // radiance, transmittance
 @group(0) @binding(35) var<storage, read_write> notes: array<vec2<f32>>;  // see slices_finish.wgsl
@@ -68,7 +73,7 @@ fn light_place(at: u32, turn: u32) -> u32 {
 // The edge of the picture goes on.
 fn texel(at: vec2<i32>) -> vec2<f32> {
     let p = clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1);
-    let place = light_place(linear_index(vec2<u32>(p)), part.turn);
+    let place = light_place(linear_index(vec2<u32>(p)), parts[0].turn);
     if with_solid {
         return vec2<f32>(lights[place], lights[place + 1u]);
     }
@@ -91,35 +96,35 @@ fn disc(pixel: vec2<u32>, extinction: vec2<f32>) -> vec2<f32> {
     let d = slices.slice_mm;
     let approximate = exp(-extinction * d);
     var sum = vec2<f32>(0.0);
-    for (var j = 0u; j < part.side; j++) {
-        for (var i = 0u; i < part.side; i++) {
-            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(part.side) * 2.0 - 1.0;
+    for (var j = 0u; j < parts[zero].side; j++) {
+        for (var i = 0u; i < parts[zero].side; i++) {
+            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(parts[zero].side) * 2.0 - 1.0;
             let off2 = dot(p, p);
             if off2 > 1.000001 {
                 continue;
             }
             var through = approximate;
             if variant == PAPER_EXACT {
-                through = exp(-extinction * sqrt(d * d + off2 * part.radius_mm * part.radius_mm));
+                through = exp(-extinction * sqrt(d * d + off2 * parts[0].radius_mm * parts[0].radius_mm));
             }
-            sum += smooth_texel(center + p * part.radius) * through;
+            sum += smooth_texel(center + p * parts[0].radius) * through;
         }
     }
-    return sum * part.share;
+    return sum * parts[0].share;
 }
 
 fn lattice(pixel: vec2<u32>) -> vec2<f32> {
     let center = vec2<i32>(pixel);
     let own = texel(center);
-    if part.side == 1u {
+    if parts[zero].side == 1u {
         return own;
     }
-    let first = center - (i32(part.side) - 1) * part.stride / 2;
+    let first = center - (i32(parts[zero].side) - 1) * parts[0].stride / 2;
     var sum = vec2<f32>(0.0);
-    for (var j = 0; j < i32(part.side); j++) {
-        for (var i = 0; i < i32(part.side); i++) {
-            sum += texel(first + vec2<i32>(i, j) * part.stride);
+    for (var j = 0; j < i32(parts[zero].side); j++) {
+        for (var i = 0; i < i32(parts[zero].side); i++) {
+            sum += texel(first + vec2<i32>(i, j) * parts[0].stride);
         }
     }
-    return mix(sum * part.share, own, part.center);
+    return mix(sum * parts[0].share, own, parts[0].center);
 }

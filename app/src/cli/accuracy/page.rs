@@ -138,6 +138,14 @@ fn about(family: Family) -> &'static str {
              2 saves a quarter of the time for 1.6 times the error), and labels themselves, whose rays jump from \
              face to face: that is both faster and righter than any level."
         }
+        Family::View => {
+            "What the window draws, with the black of places that no light reaches not softened, against Monte \
+             Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are \
+             on and that the automatic mode moves along; beside it one knob is changed from balanced. Cones \
+             are the better way on a processor at every time; slices cost what the image is long, and on the \
+             opaque surfaces of a head their wide footprint darkens what is tilted. The headlight is another \
+             model, held against no truth of light."
+        }
         Family::Ellipsoids => {
             "The error is what the volume exceeds the minimum by; the tolerance is a certificate, so the error \
              is never above it. Time is that of all components one after another, hull corners given. The \

@@ -1,0 +1,120 @@
+//! The automatic mode on a real case: the camera turns about it, each picture is timed, then all is still.
+//! `turning DATA_FOLDER [size=WxH] [pictures=N]`; see docs/performance.md.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "an example: it ends at the first error, and prints"
+)]
+
+use std::{path::Path, sync::Arc, time::Instant};
+
+use glam::DQuat;
+use glioscope::views::still::{Auto, BUDGET_MS};
+use glioscope_core::{
+    Progress, RegionVolume, Selection,
+    case::{CaseSpec, LoadOptions, load},
+};
+use glioscope_render::{
+    AdapterPreference, Camera, ContextRenderer, ContextScene, ContextVolume, Gpu, MaskColors, Palette,
+    Preset, Projection, Quality, Shading, TransferPreset,
+};
+
+fn scene(folder: &Path) -> ContextScene {
+    let file = |name: &str| folder.join(format!("glioma-5-algorithms/{name}.nii.gz")).display().to_string();
+    let masks = ["hnfnetv1-20", "isen-20", "scan-20"].map(|name| format!("{name}={}:1,2,4", file(name)));
+    let spec = CaseSpec::from_arguments(&masks, &[format!("T1c={}", file("t1c"))]).unwrap();
+    let case = load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
+    let time = &case.time_points[0];
+    let volume = Arc::new(ContextVolume::new(Arc::clone(&time.contexts[0].volume)));
+    let (low, high) = volume.grid().bounds_mm();
+    ContextScene {
+        transfer: Arc::new(
+            TransferPreset::first_for(volume.statistics(), "T1c").transfer(volume.statistics()),
+        ),
+        volume: Some(volume),
+        clip: Vec::new(),
+        tumor: RegionVolume::of(&time.index, &time.regions).map(Arc::new),
+        selection: Selection::all(),
+        colors: MaskColors::new(Palette::Thesis, &[None; 3]),
+        lens: None,
+        tubes: Vec::new(),
+        camera: Camera::fit(
+            (low + high) / 2.0,
+            (high - low).length() * 0.36,
+            Camera::orientation(30.0, 20.0),
+            Projection::Perspective,
+        ),
+        background: [244, 244, 242],
+        silhouette: [0, 0, 0],
+    }
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let option = |name: &str| arguments.iter().find_map(|a| a.strip_prefix(name)?.strip_prefix('='));
+    let pictures: usize = option("pictures").map_or(60, |n| n.parse().unwrap());
+    let (width, height) = option("size").unwrap_or("700x600").split_once('x').unwrap();
+    let size: [u32; 2] = [width.parse().unwrap(), height.parse().unwrap()];
+    let gpu = Gpu::headless(AdapterPreference::RealFirst).unwrap();
+    let mut scene = scene(Path::new(&arguments[0]));
+    let start = scene.camera.world_from_camera;
+    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    println!("{}; {width}x{height} pixels; budget {BUDGET_MS} ms; load {}", gpu.describe(), load.trim());
+    println!(
+        "| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | still: balanced, reference ms | equal to the reference |"
+    );
+    println!("|---|---:|---:|---:|---:|---:|---:|---|");
+    for shading in Shading::ALL {
+        let mut renderer = ContextRenderer::new(&gpu).unwrap();
+        let mut auto = Auto::default();
+        let mut draw = |scene: &ContextScene, quality: &Quality| {
+            let begin = Instant::now();
+            let frame = renderer.render(&gpu, scene, quality, size).unwrap();
+            let a = begin.elapsed().as_secs_f64() * 1e3;
+            gpu.wait().unwrap();
+            if std::env::var("SPLIT").is_ok() {
+                println!(
+                    "render {a:.1} wait {:.1} {:?}",
+                    begin.elapsed().as_secs_f64() * 1e3 - a,
+                    frame.size_px
+                );
+            }
+            let took = begin.elapsed().as_secs_f64() * 1e3;
+            (took, frame.size_px, frame.clone())
+        };
+        // Compiles and uploads.
+        draw(&scene, &Quality::at_cost(shading, auto.cost()));
+        let mut times = Vec::new();
+        let mut drawn = [0; 2];
+        for n in 0..pictures {
+            scene.camera.world_from_camera = start * DQuat::from_rotation_y(0.05 * n as f64);
+            let (took, size_px, _) = draw(&scene, &Quality::at_cost(shading, auto.cost()));
+            drawn = size_px;
+            auto.took(took);
+            times.push(took);
+        }
+        let mut late = times.split_off(8.min(times.len()));
+        let within = late.iter().filter(|t| **t <= 1.2 * BUDGET_MS).count();
+        let count = late.len();
+        late.sort_by(f64::total_cmp);
+        let (balanced, ..) = draw(&scene, &Quality::preset(shading, Preset::Balanced));
+        let (reference, _, frame) = draw(&scene, &Quality::preset(shading, Preset::Reference));
+        let rested = frame.read_rgba(&gpu).unwrap();
+        let mut fresh = ContextRenderer::new(&gpu).unwrap();
+        let wanted = fresh.render(&gpu, &scene, &Quality::preset(shading, Preset::Reference), size).unwrap();
+        let equal = wanted.read_rgba(&gpu).unwrap() == rested;
+        println!(
+            "| {} | {:.0} | {:.0} to {:.0} | {within} of {count} | {:.4} | {}x{} | {balanced:.0}, {reference:.0} | {} |",
+            shading.name(),
+            late[count / 2],
+            late[0],
+            late[count - 1],
+            auto.cost(),
+            drawn[0],
+            drawn[1],
+            if equal { "yes" } else { "NO" },
+        );
+        println!("first pictures: {:?}", times.iter().map(|t| t.round()).collect::<Vec<_>>());
+    }
+}

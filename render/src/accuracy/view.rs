@@ -1,0 +1,259 @@
+//! The light of a view, along the path of its presets and beside it, against Monte Carlo at some of its
+//! pixels.
+
+use std::{sync::Arc, time::Duration};
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    AccuracyError, Axis, Bench, Curve, Family, Point, context,
+    measure::{Errors, Repeats, delta_e_of, displayed, timed},
+    scenes,
+};
+use crate::{
+    ContextRenderer, ContextScene, ContextVolume, Lighting, Preset, Quality, Shading, TransferPreset,
+    context::{Field, Tables},
+    dos::Variant,
+    occlusion::{Filter, OpticalVolume, Table},
+    reference::{
+        medium::Medium,
+        monte_carlo::{Estimate, Phase, radiance},
+        random::Random,
+    },
+};
+
+/// The image as a medium for Monte Carlo: the same stored values, the same table.
+fn medium(scene: &ContextScene) -> Option<OpticalVolume> {
+    let volume = scene.volume.as_ref()?;
+    let field = Field::fitting(volume, 1 << 32)?;
+    let tables = Tables::of(&scene.transfer, volume.scale(), &field.ranges());
+    let linear = |c: f32| if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+    let entry = |[r, g, b, a]: &[f32; 4]| [linear(*r), linear(*g), linear(*b), -(1.0 - a).max(1e-30).ln()];
+    let entries: Vec<[f32; 4]> = tables.colors.iter().map(entry).collect();
+    let (scale, offset) = tables.color_place;
+    let last = (entries.len() - 1) as f64;
+    let table = Table::new((-offset / scale) as f32, ((last - offset) / scale) as f32, &entries)?;
+    OpticalVolume::new(field.grid, field.values, table, Filter::Linear, None)
+}
+
+/// A picture of linear radiance and opacity, drawn at a size for another one.
+struct Drawn {
+    size: [u32; 2],
+    pixels: Vec<[f64; 4]>,
+}
+
+impl Drawn {
+    /// What is shown at a pixel of the asked size: between the drawn ones.
+    fn at(&self, pixel: [u32; 2], asked: [u32; 2]) -> [f64; 4] {
+        let place: [f64; 2] = std::array::from_fn(|a| {
+            let x = (f64::from(pixel[a]) + 0.5) / f64::from(asked[a]) * f64::from(self.size[a]) - 0.5;
+            x.clamp(0.0, f64::from(self.size[a] - 1))
+        });
+        let mut out = [0.0; 4];
+        for corner in 0..4u32 {
+            let mut weight = 1.0;
+            let at: [u32; 2] = std::array::from_fn(|a| {
+                let up = corner >> a & 1;
+                weight *= if up == 1 { place[a].fract() } else { 1.0 - place[a].fract() };
+                (place[a] as u32 + up).min(self.size[a] - 1)
+            });
+            let found = self.pixels.get((at[1] * self.size[0] + at[0]) as usize).copied().unwrap_or_default();
+            out.iter_mut().zip(found).for_each(|(o, f)| *o += weight * f);
+        }
+        out
+    }
+}
+
+/// Pixels to look at, always the same, and what Monte Carlo finds there.
+struct Truth {
+    pixels: Vec<([u32; 2], Estimate)>,
+    standard_error: f64,
+}
+
+fn truth(
+    scene: &ContextScene,
+    medium: &OpticalVolume,
+    size: [u32; 2],
+    count: usize,
+    samples: u32,
+    aperture_deg: f64,
+) -> Truth {
+    use rayon::prelude::*;
+    let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
+    let ray_of = |[x, y]: [u32; 2]| scene.camera.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5, size_px);
+    let mut random = Random::new(11, 0);
+    let mut chosen = Vec::new();
+    for _ in 0..50 * count {
+        let pixel = size.map(|s| ((random.unit() * f64::from(s)) as u32).min(s - 1));
+        // Pixels that nothing is in would water the error down.
+        if medium.thickness(&ray_of(pixel), f64::INFINITY) > 0.02 {
+            chosen.push(pixel);
+        }
+        if chosen.len() == count {
+            break;
+        }
+    }
+    let phase = Phase::Cone { aperture_deg };
+    let pixels: Vec<([u32; 2], Estimate)> = chosen
+        .into_par_iter()
+        .enumerate()
+        .map(|(i, pixel)| {
+            let mut random = Random::new(5, i as u64);
+            (pixel, radiance(medium, &ray_of(pixel), phase, DVec3::ZERO, samples, &mut random))
+        })
+        .collect();
+    let mut errors = Errors::default();
+    for (_, e) in &pixels {
+        e.standard_error.to_array().iter().for_each(|s| errors.add(*s));
+    }
+    Truth { pixels, standard_error: errors.rms() }
+}
+
+/// A way of light with knobs of its own beside the path.
+fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
+    let balanced = Quality::preset(shading, Preset::Balanced);
+    let with = |name: String, change: &dyn Fn(&mut Lighting)| {
+        let mut quality = balanced;
+        change(&mut quality.lighting);
+        (name, quality)
+    };
+    let mut out = Vec::new();
+    match shading {
+        Shading::ScreenSpace => {}
+        Shading::Slices => {
+            for mm in effort.of(&[][..], &[4.0][..], &[8.0, 4.0, 1.0][..]) {
+                out.push(with(format!("slices of {mm} mm"), &|l| l.slice_mm = *mm));
+            }
+            for grid in effort.of(&[][..], &[][..], &[2, 3, 9][..]) {
+                out.push(with(format!("footprint {grid}x{grid}"), &|l| l.slice_grid = *grid));
+            }
+        }
+        Shading::Cones => {
+            for cones in effort.of(&[][..], &[4][..], &[2, 4, 16, 32][..]) {
+                out.push(with(format!("{cones} sub-cones"), &|l| l.sub_cones = *cones));
+            }
+            for mm in effort.of(&[][..], &[8.0][..], &[12.0, 8.0, 2.0][..]) {
+                out.push(with(format!("cells of {mm} mm"), &|l| l.cell_mm = *mm));
+            }
+            for level in effort.of(&[][..], &[][..], &[1, 2, 5][..]) {
+                out.push(with(format!("levels to {level}"), &|l| l.coarsest_level = *level));
+            }
+        }
+    }
+    out
+}
+
+/// What is drawn: kernel, and settings with their cost on the path where they are on it.
+type Settings = Vec<(String, f64, Quality)>;
+
+fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
+    let costs: &[f64] = effort.of(
+        &[0.03, 4.0],
+        &[0.03, 0.125, 1.0, 4.0],
+        &[0.004, 0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0],
+    );
+    let name = |cost: f64| match cost {
+        0.125 => "draft".to_owned(),
+        1.0 => "balanced".to_owned(),
+        16.0 => "reference".to_owned(),
+        cost => format!("cost {cost}"),
+    };
+    let mut out = Vec::new();
+    for shading in [Shading::Cones, Shading::Slices] {
+        let path = costs.iter().map(|&c| (name(c), c, Quality::at_cost(shading, c))).collect();
+        out.push((shading.name().to_owned(), "Quality::at_cost", path));
+        let others: Settings = beside(shading, effort).into_iter().map(|(n, q)| (n, f64::NAN, q)).collect();
+        if !others.is_empty() {
+            out.push((format!("{}, one knob changed", shading.name()), "Lighting", others));
+        }
+    }
+    if effort > super::Effort::Quick {
+        let paper = [8.0, 4.0, 2.0, 1.0]
+            .map(|mm| {
+                let mut quality = Quality::preset(Shading::Slices, Preset::Balanced);
+                quality.lighting.slice_mm = mm;
+                quality.lighting.variant = Variant::PaperApproximate;
+                (format!("{mm} mm"), mm, quality)
+            })
+            .to_vec();
+        out.push(("slices, the paper's".to_owned(), "Lighting::slice_mm", paper));
+    }
+    out
+}
+
+pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
+    let size = bench.effort.of([48, 48], [96, 96], [256, 256]);
+    let (count, samples) = bench.effort.of((40, 48), (150, 128), (700, 768));
+    let presets: &[TransferPreset] = bench.effort.of(
+        &[TransferPreset::MrSurface],
+        &[TransferPreset::MrSurface],
+        &[TransferPreset::MrSurface, TransferPreset::MrTissue],
+    );
+    let repeats = Repeats { most: bench.effort.of(1, 1, 5), patience: Duration::from_millis(4000) };
+    let volume = Arc::new(ContextVolume::new(scenes::image(scenes::phantom()?, "T1c")?));
+    let aperture_deg = Lighting::DEFAULT.aperture_deg;
+    let mut out = Vec::new();
+    for preset in presets {
+        let scene = context::scene(&volume, *preset);
+        bench.begin("view: Monte Carlo", preset.name())?;
+        let refused = || AccuracyError::Scene("an image that is no medium".to_owned());
+        let medium = medium(&scene).ok_or_else(refused)?;
+        let truth = truth(&scene, &medium, size, count, samples, aperture_deg);
+        drop(medium);
+        for (kernel, knob, settings) in settings(bench.effort) {
+            let mut renderer = ContextRenderer::new(bench.gpu)?;
+            let mut points = Vec::new();
+            for (setting, value, quality) in settings {
+                bench.begin(&format!("view: {kernel}"), &setting)?;
+                // The model itself: what no light reaches is black.
+                let quality = Quality { occlusion_strength: 1.0, ..quality };
+                let measured = timed(repeats, || {
+                    renderer.render(bench.gpu, &scene, &quality, size)?;
+                    bench.wait()?;
+                    Ok::<_, AccuracyError>(())
+                })?;
+                let Some(frame) = renderer.frame() else { continue };
+                let pixels = frame.marched(bench.gpu)?.iter().map(|m| m.rgba()).collect();
+                let drawn = Drawn { size: frame.size_px, pixels };
+                let mut errors = Errors::default();
+                let mut pairs = Vec::new();
+                for (pixel, estimate) in &truth.pixels {
+                    let found = drawn.at(*pixel, size);
+                    (0..3).for_each(|c| errors.add(found[c] - estimate.mean[c]));
+                    let found = DVec3::new(found[0], found[1], found[2]);
+                    pairs.push((displayed(found), displayed(estimate.mean)));
+                }
+                points.push(Point {
+                    setting,
+                    value,
+                    time: measured.time,
+                    cpu: bench.cpu(measured.cpu),
+                    peak_bytes: measured.peak_bytes,
+                    error_rms: errors.rms(),
+                    error_max: errors.max(),
+                    delta_e: Some(delta_e_of(pairs.into_iter())),
+                    is_default: false,
+                    is_pareto: false,
+                });
+            }
+            out.push(Curve {
+                family: Family::View,
+                kernel,
+                scene: format!(
+                    "head phantom T1c, {}, {}x{} pixels asked for, {} of them looked at",
+                    preset.name(),
+                    size[0],
+                    size[1],
+                    truth.pixels.len()
+                ),
+                knob,
+                truth: format!("Monte Carlo, cone of {aperture_deg} degrees, {samples} samples a pixel"),
+                truth_error: Some(truth.standard_error),
+                unit: "linear radiance, 0 to 1",
+                axis: Axis::Time,
+                points,
+            });
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,146 @@
+//! Light of the 3D views as figures: directional occlusion beside the headlight, apertures and footprints,
+//! the four mutual occlusions one by one, a clipping plane. Brightness is counted first, then goldens.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
+use glioscope::document::CaseRef;
+use glioscope_tests::{golden, real_data, run, workstation, write_tck};
+use image::RgbaImage;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+
+fn picture(arguments: &[&str]) -> RgbaImage {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.png");
+    let mut all = vec!["render", "--software", "--size", "256x256", "--out", path.to_str().unwrap()];
+    all.extend(arguments);
+    let output = run(PROGRAM, &all);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    image::open(&path).unwrap().to_rgba8()
+}
+
+/// Mean brightness of the middle of the picture, 0 to 255: no marks and hardly any background.
+fn brightness(picture: &RgbaImage) -> f64 {
+    let middle = image::imageops::crop_imm(picture, 64, 56, 128, 128).to_image();
+    let sum: f64 = middle.pixels().map(|p| p.0[..3].iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0).sum();
+    sum / (128.0 * 128.0)
+}
+
+const HEAD: [&str; 5] = ["--sample", "--view", "context", "--clip", "front=40"];
+
+fn head(more: &[&str]) -> RgbaImage {
+    picture(&[&HEAD[..], more].concat())
+}
+
+/// Slices after the paper: of a wide cone more goes into the tissue beside a place, so it is darker, and
+/// finer footprints change little. All are other than the headlight.
+#[test]
+fn directional_occlusion_beside_the_headlight() {
+    let headlight = head(&[]);
+    golden("figure_headlight", &headlight);
+    let mut seen = Vec::new();
+    for (name, aperture, footprint) in [
+        ("figure_slices_50_2", "50", "2"),
+        ("figure_slices_50_13", "50", "13"),
+        ("figure_slices_85_2", "85", "2"),
+        ("figure_slices_85_13", "85", "13"),
+    ] {
+        let slices = ["--light", "slices", "--slices", "paper", "--slice-mm", "2", "--aperture", aperture];
+        let drawn = head(&[&slices[..], &["--footprint", footprint]].concat());
+        golden(name, &drawn);
+        seen.push(brightness(&drawn));
+    }
+    let [narrow, narrow_fine, wide, wide_fine] = seen[..] else { panic!() };
+    assert!(wide < narrow - 5.0 && wide_fine < narrow_fine - 5.0, "{seen:?}");
+    assert!((narrow - narrow_fine).abs() < 2.0 && (wide - wide_fine).abs() < 2.0, "{seen:?}");
+    let mended = head(&["--light", "slices", "--quality", "balanced"]);
+    golden("figure_slices_mended", &mended);
+    let cones = head(&["--light", "cones", "--quality", "balanced"]);
+    golden("figure_cones", &cones);
+    for lit in [&mended, &cones] {
+        assert!((brightness(lit) - brightness(&headlight)).abs() > 1.0);
+    }
+}
+
+/// A plane that cuts tissue away lets light to what it hid.
+#[test]
+fn a_clipping_plane_changes_the_occlusion() {
+    let lit = ["--sample", "--view", "context", "--transfer", "mr-tissue", "--light", "cones"];
+    let whole = picture(&lit);
+    let cut = picture(&[&lit[..], &["--clip", "front=10", "--clip", "top=60"]].concat());
+    golden("figure_clip_none", &whole);
+    golden("figure_clip", &cut);
+    // Deep inside, where the cut lets in light that the whole head kept out.
+    let other = whole.pixels().zip(cut.pixels()).filter(|(a, b)| a.0[0].abs_diff(b.0[0]) > 12).count();
+    assert!(other > 5000, "{other}");
+}
+
+/// Fibres about the tumour of the sample: arcs from below to above, beside and before it.
+fn fibers(path: &std::path::Path) {
+    let doc = workstation(CaseRef::Sample).doc.unwrap();
+    let [x, y, z] = doc.edit.lens.center_mm.as_vec3().to_array();
+    let fibers: Vec<Vec<[f32; 3]>> = (0..60)
+        .map(|n| {
+            let (u, v) = ((n % 10) as f32 * 3.0 - 15.0, (n / 10) as f32 * 3.0);
+            (0..80)
+                .map(|k| {
+                    let t = k as f32 / 79.0 - 0.5;
+                    let wave = 3.0 * (7.0 * t + 0.6 * n as f32).sin();
+                    [x + u + wave, y + 26.0 + v - 30.0 * t * t, z + 90.0 * t + wave]
+                })
+                .collect()
+        })
+        .collect();
+    write_tck(path, &fibers);
+}
+
+/// Each kind of occlusion that is added darkens the picture, and the part of it that it should.
+#[test]
+fn mutual_occlusions_one_by_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let tracts = folder.path().join("CST.tck");
+    fibers(&tracts);
+    let draw = |darkens: &str| {
+        let scene = ["--sample", "--view", "context", "--transfer", "mr-tissue", "--camera", "10,10"];
+        let light = ["--light", "slices", "--quality", "balanced", "--zoom", "1.6", "--darkens", darkens];
+        picture(&[&scene[..], &light, &["--tracts", tracts.to_str().unwrap()]].concat())
+    };
+    let all = ["image-image", "solid-solid", "solid-image", "image-solid"];
+    let names = ["figure_mutual_1", "figure_mutual_2", "figure_mutual_3", "figure_mutual_4"];
+    let mut last = draw("none");
+    golden("figure_mutual_0", &last);
+    for n in 1..=all.len() {
+        let next = draw(&all[..n].join(","));
+        golden(names[n - 1], &next);
+        let by = |a: &image::Rgba<u8>, b: &image::Rgba<u8>| i32::from(a.0[1]) - i32::from(b.0[1]);
+        let darker = next.pixels().zip(last.pixels()).filter(|(a, b)| by(a, b) < -2).count();
+        let lighter = next.pixels().zip(last.pixels()).filter(|(a, b)| by(a, b) > 2).count();
+        assert!(darker > 150 && lighter * 20 < darker, "{}: {darker} darker, {lighter} lighter", all[n - 1]);
+        last = next;
+    }
+}
+
+#[test]
+fn the_glioma_case_in_every_light() {
+    let Some(folder) = real_data("glioma-5-algorithms") else { return };
+    let file = |name: &str| folder.join(format!("{name}.nii.gz")).display().to_string();
+    let masks =
+        ["hnfnetv1-20", "isen-20", "scan-20"].map(|name| format!("--mask={name}={}:1,2,4", file(name)));
+    let context = format!("--context=T1c={}", file("t1c"));
+    let mut arguments: Vec<&str> = masks.iter().map(String::as_str).collect();
+    arguments.extend([context.as_str(), "--quality", "balanced"]);
+    for (name, light) in [("figure_glioma_slices", "slices"), ("figure_glioma_cones", "cones")] {
+        let view = picture(&[&arguments[..], &["--view", "context", "--light", light]].concat());
+        golden(name, &view);
+    }
+    let closeup = picture(&[&arguments[..], &["--light", "cones"]].concat());
+    golden("figure_glioma_closeup_cones", &closeup);
+    let flat = picture(&arguments);
+    assert!(brightness(&closeup) < brightness(&flat), "cones darken what is tilted");
+}

@@ -102,7 +102,8 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let (mut near, mut darker, mut far, mut other) = (0, 0, 0, 0);
     for i in 0..n {
         let light = twin[i];
-        let encoded = if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
+        let encoded =
+            if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
         let off = (f64::from(blurred[i] >> 24) / 255.0 - (1.0 - encoded)).abs();
         // One point more or less, where its place is a pixel's very edge.
         assert!(off < 0.02, "{i}: {off}");

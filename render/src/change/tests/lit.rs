@@ -14,8 +14,17 @@ const SIZE: [u32; 2] = [80, 72];
 const PIXELS: usize = 80 * 72;
 const LIT: [Shading; 2] = [Shading::Slices, Shading::Cones];
 
+/// Knobs of its own: presets come and go with what is measured, counts of darker pixels with them.
 fn lit(shading: Shading) -> Quality {
-    Quality { lighting: Lighting { shading, ..Lighting::DEFAULT }, ..Quality::FULL }
+    let lighting = Lighting {
+        shading,
+        slice_grid: 5,
+        reference_mm: 5.0,
+        sub_cones: 8,
+        cell_mm: 4.0,
+        ..Lighting::DEFAULT
+    };
+    Quality { lighting, ..Quality::FULL }
 }
 
 /// A ball that grew, with some arrows all around; `masks` are seen in its place.

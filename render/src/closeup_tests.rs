@@ -495,7 +495,7 @@ fn rust_and_wgsl_lay_structs_out_alike() {
         (
             "Context",
             offsets!(Context: corner, step_mm, right, table_scale, up, table_offset, forward, factor_scale, dims,
-                factor_offset, bricks, flags, half_shaded, ambient, specular, clip_count, clips, cut_fade_mm, table_last,
+                factor_offset, bricks, flags, half_shaded, ambient, specular, pad, clips, cut_fade_mm, table_last,
                 factor_last, unused),
         ),
         ("Marched", offsets!(Marched: red_green, blue_opacity, depth, unused)),

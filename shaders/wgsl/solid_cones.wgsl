@@ -44,13 +44,7 @@ fn near_extinction(p: vec3<f32>) -> f32 {
 
 // From voxel to voxel until one is shown.
 fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
-    var ray: Ray;
-    ray.o = index_of(c);
-    ray.d = w.x * light.right + w.y * light.up + w.z * light.forward;
-    ray.moves = abs(ray.d) > vec3<f32>(1e-12);
-    ray.inv = select(vec3<f32>(0.0), 1.0 / ray.d, ray.moves);
-    ray.ahead = select(vec3<i32>(0), vec3<i32>(1), ray.d > vec3<f32>(0.0));
-    ray.step = select(vec3<i32>(0), 2 * ray.ahead - 1, ray.moves);
+    let ray = ray_from(index_of(c), w.x * light.right + w.y * light.up + w.z * light.forward);
     let dims = vec3<i32>(view.dims);
     let enter = select(vec3<f32>(-FAR), (vec3<f32>((1 - ray.ahead) * dims) - ray.o) * ray.inv, ray.moves);
     let leave = crossing(ray, ray.ahead * dims);

@@ -239,7 +239,7 @@ impl ConeRenderer {
             dark: (40.0 / up.voxel_mm) as f32,
             pad: 0,
             levels: up.levels,
-            decay: Decay::new(s.aperture_deg).packed(),
+            decay: Decay::of(s.aperture_deg).packed(),
         };
         let axes: Vec<[f32; 4]> =
             sub_cones(&s).iter().map(|a| [a[0] as f32, a[1] as f32, a[2] as f32, 0.0]).collect();

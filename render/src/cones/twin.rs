@@ -1,5 +1,7 @@
 //! Cone-traced occlusion on the CPU in `f64`.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -30,7 +32,7 @@ pub(crate) struct Tracer<'a> {
     pub pyramid: &'a Pyramid,
     pub settings: ConeSettings,
     pub axes: Vec<[f64; 3]>,
-    pub decay: Decay,
+    pub decay: Arc<Decay>,
 }
 
 impl Level {
@@ -155,7 +157,7 @@ impl Tracer<'_> {
 pub fn render(volume: &OpticalVolume, pyramid: &Pyramid, sight: &Sight, settings: &ConeSettings) -> Vec<Eye> {
     let settings = settings.used().settings;
     let axes = sub_cones(&settings);
-    let decay = Decay::new(settings.aperture_deg);
+    let decay = Decay::of(settings.aperture_deg);
     let tracer = Tracer { volume, pyramid, settings, axes, decay };
     let width = sight.size[0];
     (0..width * sight.size[1]).into_par_iter().map(|i| tracer.pixel(sight, [i % width, i / width])).collect()

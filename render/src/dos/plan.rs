@@ -1,5 +1,7 @@
 //! Which slices, in which steps, with which footprint. Pure: no device is touched.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::folded::fold;
@@ -166,7 +168,7 @@ pub struct DosPlan {
     /// Front to back.
     pub steps: Vec<Step>,
     /// How light falls through a slice; of the mended variant.
-    pub decay: Option<Decay>,
+    pub decay: Option<Arc<Decay>>,
     /// What is other than asked for, and what was left out.
     pub notes: Vec<String>,
 }
@@ -191,7 +193,7 @@ impl DosPlan {
             notes.push(format!("grid {0}x{0}: {grid}x{grid} is used", settings.grid));
         }
         let mended = settings.variant == Variant::Mended;
-        let decay = mended.then(|| Decay::new(aperture_deg));
+        let decay = mended.then(|| Decay::of(aperture_deg));
         let mut plan = Self {
             variant: settings.variant,
             aperture_deg,

@@ -48,7 +48,7 @@ pub(crate) struct Footing {
 pub(crate) const TILE: u32 = 16;
 
 pub(crate) fn dos(plan: &DosPlan, size: [u32; 2]) -> Dos {
-    let decay = plan.decay.as_ref().map_or([[0.0; 4]; 257], Decay::packed);
+    let decay = plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed);
     Dos { slice_mm: plan.slice_mm as f32, pad: 0, tiles: size.map(|s| s.div_ceil(TILE)), decay }
 }
 

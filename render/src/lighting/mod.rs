@@ -29,7 +29,7 @@ use crate::{
     camera::Camera,
     compute::PassRunner,
     context::{ContextVolume, image::ImageBuffers},
-    dos::Variant,
+    dos::{DosSettings, Variant},
     gpu::Gpu,
     plan::{PassName, Plan, no_occlusion},
     quality::Quality,
@@ -145,6 +145,17 @@ impl Lighting {
         vicinity_mm: 3.0,
         mutual: Mutual::ALL,
     };
+
+    /// What the slices are asked for.
+    pub(crate) fn slice_settings(&self) -> DosSettings {
+        DosSettings {
+            variant: self.variant,
+            aperture_deg: self.aperture_deg,
+            grid: self.slice_grid,
+            slice_mm: self.slice_mm,
+            reference_mm: self.reference_mm,
+        }
+    }
 
     /// How far vicinity occlusion reaches.
     pub(crate) fn vicinity_radius_mm(&self) -> f64 {

@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 use super::{Lighting, LitImage, LitScene, uniforms};
 use crate::{
     compute::{PassRunner, workgroups_of},
-    dos::{DosPlan, DosSettings, Kernel, Step, Variant, disc_points},
+    dos::{DosPlan, Kernel, Step, Variant, disc_points},
     gpu::Gpu,
     occlusion::{
         Sight,
@@ -146,14 +146,7 @@ impl SliceLight {
         let sight = Sight::new(scene.camera, scene.size);
         let occupied = image.buffers.depths_mm(&sight);
         let whole = occupied.first().zip(occupied.last()).map(|(first, last)| (first.0, last.1));
-        let settings = DosSettings {
-            variant: lighting.variant,
-            aperture_deg: lighting.aperture_deg,
-            grid: lighting.slice_grid,
-            slice_mm: lighting.slice_mm,
-            reference_mm: lighting.reference_mm,
-        };
-        let mut plan = DosPlan::new(&settings, &sight, whole, &occupied);
+        let mut plan = DosPlan::new(&lighting.slice_settings(), &sight, whole, &occupied);
         if plan.steps.is_empty() {
             // One that finds nothing: what the passes after it read is then written all the same.
             let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
@@ -184,7 +177,7 @@ impl SliceLight {
             flags,
             strength: scene.strength,
             pad: 0,
-            decay: plan.decay.as_ref().map_or([[0.0; 4]; 257], Decay::packed),
+            decay: plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed),
         };
         gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
         let mut bytes = vec![0u8; plan.steps.len() * STRIDE as usize];

@@ -10,8 +10,8 @@ use crate::{
     ClipPlane, ContextRenderer, ContextScene, ControlPoint, GradientPoint, MaskColors, Palette, Projection,
     Renderer, TransferFunction,
     context::{Field, context_plan},
+    dos::DosPlan,
     dos::tests::GPU,
-    dos::{DosPlan, DosSettings},
     occlusion::{Filter, OpticalVolume, Sight, Table, poisson::poisson_disc},
     reference::{
         combined,
@@ -121,13 +121,7 @@ fn off_twin(scene: &ContextScene, lighting: Lighting) -> f64 {
     let gpu_image = ImageBuffers::keep(&mut None, &GPU, scene.volume.as_ref().unwrap(), &scene.transfer)
         .unwrap()
         .depths_mm(&sight);
-    let settings = DosSettings {
-        variant: lighting.variant,
-        aperture_deg: lighting.aperture_deg,
-        grid: lighting.slice_grid,
-        slice_mm: lighting.slice_mm,
-        reference_mm: lighting.reference_mm,
-    };
+    let settings = lighting.slice_settings();
     let whole = Some((gpu_image[0].0, gpu_image.last().unwrap().1));
     let plan = DosPlan::new(&settings, &sight, whole, &gpu_image);
     let reference_mm = scene.reference_mm();

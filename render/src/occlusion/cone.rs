@@ -1,5 +1,7 @@
 //! Numbers of the cone phase function.
 
+use std::sync::{Arc, Mutex, PoisonError};
+
 /// The widest aperture: past it the tangent, and with it every footprint, grows without bound.
 pub const WIDEST_DEG: f64 = 85.0;
 
@@ -86,9 +88,22 @@ pub struct Decay {
     pub of_slab: Vec<[f64; 3]>,
 }
 
+/// The tables last asked for, and for which cone.
+static LAST: Mutex<Option<(u64, Arc<Decay>)>> = Mutex::new(None);
+
 impl Decay {
-    /// Of a cone of this half opening.
-    pub fn new(aperture_deg: f64) -> Self {
+    /// Of a cone of this half opening: those made last, where they are its own. Made anew they take as long
+    /// as part of a frame, and every frame asks.
+    pub fn of(aperture_deg: f64) -> Arc<Self> {
+        let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = aperture_deg.to_bits();
+        match &*last {
+            Some((known, decay)) if *known == key => Arc::clone(decay),
+            _ => Arc::clone(&last.insert((key, Arc::new(Self::new(aperture_deg)))).1),
+        }
+    }
+
+    fn new(aperture_deg: f64) -> Self {
         let least = aperture_deg.to_radians().cos();
         let n = 128;
         let logs = |thickness: f64| {

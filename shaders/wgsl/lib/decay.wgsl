@@ -7,6 +7,11 @@
 const DECAY_END = 16.0;
 const THIN = 0.03;
 
+// 1 - e^-x, to the last digits of small ones too.
+fn absorbed(x: f32) -> f32 {
+    return select(1.0 - exp(-x), x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x))), x < 0.05);
+}
+
 fn rate_at(visibility: f32) -> f32 {
     let x = clamp(visibility, 0.0, 1.0) * 256.0;
     let low = min(u32(x), 255u);

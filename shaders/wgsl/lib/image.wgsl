@@ -17,7 +17,7 @@ struct Context {
     half_shaded: f32,            // gradient (stored values per mm) at which shading has half its strength
     ambient: f32,
     specular: f32,
-    clip_count: u32,
+    pad: u32,
     clips: array<vec4<f32>, 6>,  // camera space: what has dot(xyz, p) <= w is kept
     cut_fade_mm: f32,            // depth below a cut at which shading has all its strength
     table_last: u32,             // number of the table's last entry

@@ -34,9 +34,15 @@ fn ray_of(pixel: vec2<u32>) -> Ray {
 // Through a place of the picture, in pixels from its middle.
 fn ray_through(p: vec2<f32>) -> Ray {
     let across = p.x * view.right + p.y * view.up;
+    return ray_from(
+        view.corner + view.mm_per_pixel * across, view.forward + view.mm_per_pixel_per_mm * across);
+}
+
+// From a place of index space, in a direction of it.
+fn ray_from(o: vec3<f32>, d: vec3<f32>) -> Ray {
     var ray: Ray;
-    ray.o = view.corner + view.mm_per_pixel * across;
-    ray.d = view.forward + view.mm_per_pixel_per_mm * across;
+    ray.o = o;
+    ray.d = d;
     ray.moves = abs(ray.d) > vec3<f32>(1e-12);
     ray.inv = select(vec3<f32>(0.0), 1.0 / ray.d, ray.moves);
     ray.ahead = select(vec3<i32>(0), vec3<i32>(1), ray.d > vec3<f32>(0.0));

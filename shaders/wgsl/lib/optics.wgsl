@@ -99,8 +99,3 @@ fn optics_at(p: vec3<f32>) -> vec4<f32> {
     let d = mix(values[j + on.y], values[j + on.y + on.x], f.x);
     return classify(mix(mix(a, b, f.y), mix(c, d, f.y), f.z));
 }
-
-// 1 - e^-x, to the last digits of small ones too.
-fn absorbed(x: f32) -> f32 {
-    return select(1.0 - exp(-x), x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x))), x < 0.05);
-}

@@ -58,11 +58,6 @@ fn decay_entry(i: u32) -> vec4<f32> {
     return slices.decay[i];
 }
 
-// 1 - e^-x, to the last digits of small ones too.
-fn absorbed(x: f32) -> f32 {
-    return select(1.0 - exp(-x), x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x))), x < 0.05);
-}
-
 #include lib/decay.wgsl
 
 fn light_place(at: u32, turn: u32) -> u32 {

@@ -4,7 +4,7 @@ use super::{plans::with_image, *};
 use crate::{
     Lighting, Shading,
     context::image::ImageBuffers,
-    dos::{DosPlan, DosSettings, Variant},
+    dos::{DosPlan, Variant},
     lighting::{Mutual, passes},
     occlusion::Sight,
     reference::combined,
@@ -183,13 +183,7 @@ fn slices_beside_arrows_are_their_twin() {
             let lighting = Lighting { shading: Shading::Slices, variant, mutual, ..Lighting::DEFAULT };
             let quality = Quality { lighting, ..Quality::FULL };
             found(&mut bench, &s, &quality, change_plan(&s, &quality));
-            let settings = DosSettings {
-                variant,
-                aperture_deg: lighting.aperture_deg,
-                grid: lighting.slice_grid,
-                slice_mm: lighting.slice_mm,
-                reference_mm: lighting.reference_mm,
-            };
+            let settings = lighting.slice_settings();
             let volume = around.volume.as_ref().unwrap();
             let mut held = None;
             let image = ImageBuffers::keep(&mut held, &bench.gpu, volume, &around.transfer).unwrap();

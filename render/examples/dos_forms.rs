@@ -18,6 +18,14 @@ use glioscope_render::{
     occlusion::{Filter, OpticalVolume, Table},
 };
 
+/// What is compared, the first with all others.
+const FORMS: [Form; 5] = [
+    Form::OnePass,
+    Form::TwoPasses { folded: false },
+    Form::TwoPasses { folded: true },
+    Form::Tiles(2),
+    Form::Tiles(4),
+];
 /// Reads and writes 20 bytes a pixel each way: what the eye and occlusion buffers move a slice.
 const COPY: &str = "
 @group(0) @binding(0) var<storage, read> a: array<f32>;
@@ -154,7 +162,7 @@ fn main() {
         Camera::fit(DVec3::ZERO, 0.55 * n as f64, Camera::orientation(31.0, 20.0), Projection::Perspective);
     println!("{}; {n}^3 voxels, load before the run {}, median of {runs}\n", gpu.describe(), load());
     println!(
-        "| size | aperture | slices | footprint | grid | texels | one pass (ms) | two passes (ms) | two / one | in CPU time | one pass, ms a slice | ns a sample | kB a slice, one | two | one / copy | load |"
+        "| size | aperture | slices | footprint | grid | texels | one pass (ms) | as published / one | folded, too / one | 2 together / one | 4 together / one | ms a slice | ns a sample | kB a slice, one | two | one / copy | load |"
     );
     println!("|---:|---:|---:|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
     let (exact, near) = (Variant::PaperExact, Variant::PaperApproximate);
@@ -181,22 +189,22 @@ fn main() {
             plan
         };
         let plan = draw(Form::OnePass);
-        draw(Form::TwoPasses);
+        for form in FORMS {
+            draw(form);
+        }
         let copy = Copy::new(&gpu, side);
         copy.run(&gpu, 2);
         let slices = plan.slices();
-        let times: Vec<[[f64; 2]; 3]> = (0..runs)
+        let times: Vec<[[f64; 2]; FORMS.len() + 1]> = (0..runs)
             .map(|i| {
-                // The one that goes first changes, too.
-                let (mut one, mut two) = ([0.0; 2], [0.0; 2]);
-                for form in [i % 2, 1 - i % 2] {
-                    if form == 0 {
-                        one = timed(|| drop(draw(Form::OnePass)));
-                    } else {
-                        two = timed(|| drop(draw(Form::TwoPasses)));
-                    }
+                let mut out = [[0.0; 2]; FORMS.len() + 1];
+                // Which one goes first changes.
+                for n in 0..FORMS.len() {
+                    let n = (n + i) % FORMS.len();
+                    out[n] = timed(|| drop(draw(FORMS[n])));
                 }
-                [one, two, timed(|| copy.run(&gpu, slices))]
+                out[FORMS.len()] = timed(|| copy.run(&gpu, slices));
+                out
             })
             .collect();
         let ms = |what: usize| median(times.iter().map(|t| t[what][0]));
@@ -210,19 +218,19 @@ fn main() {
         let mean = texels.clone().map(f64::from).sum::<f64>() / plan.steps.len() as f64;
         let samples = f64::from(side * side);
         let name = if variant == exact { "exact" } else { "approximate" };
+        let compared: Vec<String> =
+            (1..FORMS.len()).map(|n| format!("{:.2} ({:.2})", ratio(n, 0, 0), ratio(n, 0, 1))).collect();
         println!(
-            "| {side}x{side} | {aperture_deg}° | {slices} | {name}, {:.2} to {:.2} px | {grid}x{grid} | {mean:.0} | {:.0} | {:.0} | {:.2} | {:.2} | {:.2} | {:.1} | {:.0} | {:.0} | {:.1} | {} |",
+            "| {side}x{side} | {aperture_deg}° | {slices} | {name}, {:.2} to {:.2} px | {grid}x{grid} | {mean:.0} | {:.0} | {} | {:.2} | {:.1} | {:.0} | {:.0} | {:.1} | {} |",
             radii.clone().fold(f64::INFINITY, f64::min),
             radii.fold(0.0, f64::max),
             ms(0),
-            ms(1),
-            ratio(1, 0, 0),
-            ratio(1, 0, 1),
+            compared.join(" | "),
             ms(0) / f64::from(slices),
             ms(0) / f64::from(slices) / samples * 1e6,
             samples * (MOVED + SAMPLE + 4.0 * (mean - 1.0)) / 1e3,
             samples * (MOVED + 4.0 + 2.0 * SAMPLE + 4.0 * (mean - 1.0)) / 1e3,
-            ratio(0, 2, 0),
+            ratio(0, FORMS.len(), 0),
             load(),
         );
     }

@@ -142,7 +142,7 @@ fn main() {
         let mut ratios = Vec::new();
         let mut ms = [Vec::new(), Vec::new()];
         for _ in 0..if quick { 5 } else { 9 } {
-            let [one, two] = [Form::OnePass, Form::TwoPasses].map(|form| {
+            let [one, two] = [Form::OnePass, Form::TwoPasses { folded: true }].map(|form| {
                 timed(1, || {
                     dos.render(&gpu, &volume, &camera, [side; 2], &s, form, false).unwrap();
                     gpu.wait().unwrap();

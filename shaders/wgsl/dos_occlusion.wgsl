@@ -1,16 +1,17 @@
 // The second of the paper's two passes a slice: the slice again, into the next occlusion buffer.
 
 #include lib/dos.wgsl
+#include lib/dos_texel.wgsl
 
 @compute @workgroup_size(16, 16)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    zero = id.x >> 31u;
+    now = id.x >> 31u;
     let pixel = id.xy;
     if any(pixel >= optical.size) {
         return;
     }
     var optics = vec4<f32>(0.0);
-    if parts[zero].is_empty == 0u {
+    if parts[now].is_empty == 0u {
         optics = optics_at(place(from_middle(pixel), parts[0].depth + 0.5 * dos.slice_mm));
     }
     after[pixel.y * optical.size.x + pixel.x] = disc(pixel, optics.w);

@@ -2,6 +2,7 @@
 // and whose neighbours are so too, is not sampled any more.
 
 #include lib/dos.wgsl
+#include lib/dos_texel.wgsl
 
 // Bits of the most that comes through a tile, in thirds that take turns: one is read, one written, one
 // cleared for the next step. So no thread waits for another: barriers cost Mesa's software driver more
@@ -31,11 +32,11 @@ fn main(
     if stopping && local == 0u {
         atomicStore(&states[place_of(2u, group.xy)], 0u);
     }
-    zero = id.x >> 31u;
+    now = id.x >> 31u;
     let pixel = id.xy;
     if all(pixel < optical.size) {
         let at = pixel.y * optical.size.x + pixel.x;
-        var stopped = stopping && parts[zero].stops == 1u;
+        var stopped = stopping && parts[now].stops == 1u;
         if stopped {
             for (var j = -1; j <= 1; j++) {
                 for (var i = -1; i <= 1; i++) {
@@ -48,7 +49,7 @@ fn main(
             after[at] = before[at];
         } else if variant == MENDED {
             let light = lattice(pixel);
-            if parts[zero].is_empty == 1u {
+            if parts[now].is_empty == 1u {
                 after[at] = light;
                 through = eye[at].w;
             } else {
@@ -59,7 +60,7 @@ fn main(
             }
         } else {
             var optics = vec4<f32>(0.0);
-            if parts[zero].is_empty == 0u {
+            if parts[now].is_empty == 0u {
                 optics = optics_at(place(from_middle(pixel), parts[0].depth + 0.5 * dos.slice_mm));
             }
             after[at] = disc(pixel, optics.w);

@@ -1,15 +1,16 @@
 //! The slices on the graphics device.
 //!
 //! Lifetimes: pipelines are made once; a volume's buffers once per `Arc`; the picture's buffers (28
-//! bytes a pixel) once a size; the uniforms of the steps, 1,280 bytes each, once a picture.
+//! bytes a pixel) once a size; the uniforms of the steps, about 1,100 bytes each, once a picture.
 
 use std::sync::Arc;
 
 use wgpu::util::DeviceExt;
 
 use super::{
+    folded::DIRECT,
     plan::{DosPlan, DosSettings, Variant},
-    uniforms::{self, Footing, TILE},
+    uniforms::{self, Footing, Group, MEMORY, MOST_TOGETHER, TILE},
 };
 use crate::{
     camera::Camera,
@@ -26,15 +27,33 @@ use crate::{
 pub enum Form {
     /// Eye and occlusion in one pass a step.
     OnePass,
+    /// Up to so many steps, at most 8, in one pass, where their footprints together reach no farther than 8
+    /// pixels: a tile and a halo about it stay in workgroup memory. Elsewhere as [`Form::OnePass`]. Saturated
+    /// tiles don't stop. On a software adapter slower than one step at a time (docs/performance.md).
+    Tiles(usize),
     /// The paper's Algorithm 1: a pass for the eye buffer and one for the occlusion buffer, each
     /// sampling the volume. For the paper's variants; the mended one runs in one pass.
-    TwoPasses,
+    TwoPasses {
+        /// Whether footprints are folded, as they are in the other forms; the paper reads them point by point.
+        folded: bool,
+    },
 }
 
-/// Bytes from one step's uniform to the next: offsets are multiples of 256.
-const STRIDE: u64 = (size_of::<uniforms::DosStep>() as u64).next_multiple_of(256);
-/// Steps of one submission.
-const STEPS_AT_ONCE: usize = 512;
+/// Groups of steps start at multiples of this in their buffer.
+const STRIDE: usize = 256;
+/// Bytes that are bound of it.
+const BOUND: usize = MOST_TOGETHER * size_of::<uniforms::DosStep>();
+/// Groups of one submission.
+const GROUPS_AT_ONCE: usize = 512;
+
+/// One dispatch, or two.
+struct Dispatch {
+    steps: Vec<uniforms::DosStep>,
+    /// Numbers of its pipelines.
+    passes: Vec<usize>,
+    /// Pixels along the side of a workgroup's tile.
+    tile: u32,
+}
 
 struct Picture {
     size: [u32; 2],
@@ -75,25 +94,31 @@ impl Picture {
 struct Wanted {
     shader: &'static str,
     variant: Variant,
-    /// Saturated tiles stop, empty bricks are left out.
+    /// Empty bricks are left out.
     skipping: bool,
+    /// Saturated tiles stop.
+    stopping: bool,
     labels: bool,
     footing: Footing,
 }
 
 impl Wanted {
-    /// The passes of a step, in order.
-    fn of(two: bool, variant: Variant, skipping: bool, labels: bool, footing: Footing) -> Vec<Self> {
-        let one = Self { shader: "dos_step", variant, skipping, labels, footing };
-        if !two {
-            return vec![one];
+    /// The passes of a group of steps, in order: `self` says what they have in common.
+    fn passes(self, form: Form, steps: usize) -> Vec<Self> {
+        match form {
+            // The eye's pass is the same whatever the footprint.
+            Form::TwoPasses { .. } if self.variant != Variant::Mended => vec![
+                Self {
+                    shader: "dos_eye",
+                    variant: Variant::PaperApproximate,
+                    footing: Footing { reach: 0, rings: 1 },
+                    ..self
+                },
+                Self { shader: "dos_occlusion", ..self },
+            ],
+            _ if steps > 1 => vec![Self { shader: "dos_tiles", ..self }],
+            _ => vec![self],
         }
-        // The eye's pass is the same whatever the footprint.
-        let (variant, any) = (Variant::PaperApproximate, Footing { reach: 0, rings: 1 });
-        vec![
-            Self { shader: "dos_eye", variant, footing: any, ..one },
-            Self { shader: "dos_occlusion", ..one },
-        ]
     }
 }
 
@@ -116,7 +141,7 @@ impl DosRenderer {
     /// [`RenderError::Device`] when the driver refuses a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         use Kind::{Moving, Read, Uniform, Write};
-        let moving = Moving(2 * size_of::<uniforms::DosStep>() as u64);
+        let moving = Moving(BOUND as u64);
         let kinds = [Uniform, Read, Read, Read, Uniform, moving, Read, Write, Write, Write];
         let layout = layout(gpu, "DosRenderer::layout", &kinds);
         let uniform = |label, size: usize| {
@@ -181,23 +206,40 @@ impl DosRenderer {
             self.uploaded = None;
             self.uploaded = Some(OnDevice::new(gpu, volume)?);
         }
-        let two = form == Form::TwoPasses && settings.variant != Variant::Mended;
         let (Some(up), Some(picture)) = (&self.uploaded, &self.picture) else {
             return Err(RenderError::Device("the volume was not uploaded".to_owned()));
         };
         let sight = Sight::new(camera, size);
         let plan = Self::plan_with(&up.occupied, volume, &sight, settings);
         let front_mm = plan.steps.first().map_or(0.0, |s| s.depth_mm);
-        let labels = volume.filter() == Filter::Nearest;
-        let steps: Vec<(uniforms::DosStep, Vec<usize>)> = plan
-            .steps
-            .iter()
+        let folding = form != Form::TwoPasses { folded: false };
+        let steps = plan.steps.iter().map(|step| {
+            let (uniform, footing) = uniforms::step(&plan, step, front_mm, skipping, folding);
+            let reach = if footing.reach == DIRECT { step.kernel.reach_px() } else { footing.reach };
+            (uniform, footing, reach)
+        });
+        let together = if let Form::Tiles(most) = form { most.max(1) } else { 1 };
+        let wanted = Wanted {
+            shader: "dos_step",
+            variant: plan.variant,
+            skipping,
+            stopping: skipping && together == 1,
+            labels: volume.filter() == Filter::Nearest,
+            footing: Footing { reach: DIRECT, rings: 1 },
+        };
+        let dispatches: Vec<Dispatch> = Group::all(steps.collect(), together)
+            .into_iter()
             .enumerate()
-            .map(|(number, step)| {
-                let (uniform, footing) = uniforms::step(&plan, step, number, front_mm, skipping);
-                let passes = Wanted::of(two, plan.variant, skipping, labels, footing);
+            .map(|(number, group)| {
+                let passes = Wanted { footing: group.footing, ..wanted }.passes(form, group.steps.len());
                 let passes = passes.into_iter().map(|w| made(&mut self.pipelines, gpu, &self.layout, w));
-                Ok((uniform, passes.collect::<Result<_, _>>()?))
+                let passes = passes.collect::<Result<_, _>>()?;
+                let tile = if group.steps.len() > 1 { MEMORY - 2 * group.halo() } else { TILE };
+                let mut steps = group.steps;
+                for step in &mut steps {
+                    step.states = (number % 3) as u32;
+                }
+                Ok(Dispatch { steps, passes, tile })
             })
             .collect::<Result<_, RenderError>>()?;
         let optical = up.uniform(&sight, front_mm, skipping);
@@ -211,22 +253,24 @@ impl DosRenderer {
         let tiles = picture.states.size() as usize / 12;
         let states: Vec<f32> = (0..3 * tiles).map(|i| if i < tiles { 1.0 } else { 0.0 }).collect();
         gpu.queue.write_buffer(&picture.states, 0, bytemuck::cast_slice(&states));
-        if !plan.steps.is_empty() {
-            self.submit(gpu, up, picture, &steps);
+        if !dispatches.is_empty() {
+            self.submit(gpu, up, picture, &dispatches);
         }
         gpu.check().map_err(RenderError::Device)?;
         self.drawn = true;
         Ok(plan)
     }
 
-    /// Each step's uniform and the numbers of its pipelines.
-    fn submit(&self, gpu: &Gpu, up: &OnDevice, picture: &Picture, plan: &[(uniforms::DosStep, Vec<usize>)]) {
-        // Two steps are bound at once: one more than there are.
-        let mut bytes = vec![0u8; (plan.len() + 1) * STRIDE as usize];
-        for ((step, _), place) in plan.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
-            let step = bytemuck::bytes_of(step);
-            place[..step.len()].copy_from_slice(step);
+    fn submit(&self, gpu: &Gpu, up: &OnDevice, picture: &Picture, dispatches: &[Dispatch]) {
+        let mut bytes: Vec<u8> = Vec::new();
+        let mut offsets = Vec::new();
+        for dispatch in dispatches {
+            offsets.push(bytes.len() as u32);
+            bytes.extend_from_slice(bytemuck::cast_slice(&dispatch.steps));
+            bytes.resize(bytes.len().next_multiple_of(STRIDE), 0);
         }
+        // As many as can be bound are bound of each: more than there are.
+        bytes.resize(bytes.len() + BOUND, 0);
         let steps = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("DosRenderer::steps"),
             contents: &bytes,
@@ -237,7 +281,7 @@ impl DosRenderer {
             let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                 buffer: &steps,
                 offset: 0,
-                size: wgpu::BufferSize::new(2 * size_of::<uniforms::DosStep>() as u64),
+                size: wgpu::BufferSize::new(BOUND as u64),
             });
             let resources = [
                 self.optical.as_entire_binding(),
@@ -262,9 +306,8 @@ impl DosRenderer {
                 entries: &entries,
             })
         });
-        let [x, y] = picture.size.map(|s| s.div_ceil(TILE));
-        let numbers: Vec<usize> = (0..plan.len()).collect();
-        for part in numbers.chunks(STEPS_AT_ONCE) {
+        let numbered: Vec<(usize, &Dispatch)> = dispatches.iter().enumerate().collect();
+        for part in numbered.chunks(GROUPS_AT_ONCE) {
             let mut encoder = gpu
                 .device
                 .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("DosRenderer") });
@@ -273,10 +316,11 @@ impl DosRenderer {
                     label: Some("DosRenderer"),
                     timestamp_writes: None,
                 });
-                for &number in part {
-                    pass.set_bind_group(0, &groups[number % 2], &[(number as u64 * STRIDE) as u32]);
-                    let passes = plan.get(number).map_or(&[][..], |(_, passes)| passes);
-                    for (_, pipeline) in passes.iter().filter_map(|p| self.pipelines.get(*p)) {
+                for &(number, dispatch) in part {
+                    let Some(offset) = offsets.get(number) else { continue };
+                    pass.set_bind_group(0, &groups[number % 2], &[*offset]);
+                    let [x, y] = picture.size.map(|s| s.div_ceil(dispatch.tile));
+                    for (_, pipeline) in dispatch.passes.iter().filter_map(|p| self.pipelines.get(*p)) {
                         pass.set_pipeline(pipeline);
                         pass.dispatch_workgroups(x, y, 1);
                     }
@@ -321,11 +365,12 @@ fn made(
         ("variant", variant),
         ("reach", f64::from(wanted.footing.reach)),
         ("rings", f64::from(wanted.footing.rings)),
-        ("stopping", flag(wanted.skipping)),
+        // The shader of one step knows how to stop, the one of several that they are several.
+        if wanted.shader == "dos_tiles" { ("several", 1.0) } else { ("stopping", flag(wanted.stopping)) },
     ];
-    // Only the one-pass shader knows how to stop; the eye's pass has no footprint.
+    // The eye's pass has no footprint.
     let known = match wanted.shader {
-        "dos_step" => &constants[..],
+        "dos_step" | "dos_tiles" => &constants[..],
         "dos_occlusion" => &constants[..5],
         _ => &constants[..2],
     };

@@ -121,14 +121,69 @@ fn device_and_twin_agree() {
                 if variant != Variant::Mended && slice_mm < 2.0 {
                     let plan = DosRenderer::plan(&soft(48, DVec3::ZERO, plane), &c, SIZE, &s);
                     texels.extend(plan.steps.iter().map(|step| plan.texels(step)));
-                    let two = against_twin(soft(48, DVec3::ZERO, plane), &c, SIZE, &s, Form::TwoPasses);
-                    assert!(two <= 1e-3, "two passes: {two}");
+                    for folded in [false, true] {
+                        let form = Form::TwoPasses { folded };
+                        let two = against_twin(soft(48, DVec3::ZERO, plane), &c, SIZE, &s, form);
+                        assert!(two <= 1e-3, "two passes: {two}");
+                    }
                 }
+                let tiles = against_twin(soft(48, DVec3::ZERO, plane), &c, SIZE, &s, Form::Tiles(4));
+                assert!(tiles <= 1e-3, "{variant:?} {grid} in tiles: {tiles}");
             }
         }
     }
     assert!([9, 25, 49].iter().all(|n| texels.contains(n)), "every folded footprint was met: {texels:?}");
     println!("largest difference from the twin: {worst:.2e}");
+}
+
+/// Several steps in workgroup memory, over tiles with a halo, are the steps one by one: also at the
+/// picture's edges, at tiles' borders, and where only some steps may go together.
+#[test]
+fn steps_together_are_steps_one_by_one() {
+    let size = [75, 61];
+    let mut renderer = DosRenderer::new(&GPU).unwrap();
+    let c = camera(DVec3::new(6.0, -4.0, 3.0), 20.0, Projection::Perspective);
+    let volume = Arc::new(soft(48, DVec3::ZERO, None));
+    for (variant, aperture_deg, grid, slice_mm) in [
+        (Variant::PaperApproximate, 50.0, 5, 0.4),
+        (Variant::PaperExact, 50.0, 3, 0.5),
+        (Variant::PaperApproximate, 75.0, 13, 0.3),
+        (Variant::Mended, 60.0, 3, 0.5),
+        (Variant::Mended, 60.0, 2, 0.7),
+    ] {
+        let s = DosSettings { variant, aperture_deg, grid, slice_mm, ..settings(variant) };
+        let mut draw = |form, skipping| {
+            renderer.render(&GPU, &volume, &c, size, &s, form, skipping).unwrap();
+            renderer.read(&GPU).unwrap()
+        };
+        let one = draw(Form::OnePass, false);
+        assert!(one.iter().any(|p| p[3] < 0.5));
+        for together in [2, 3, 8] {
+            for skipping in [false, true] {
+                let tiles = draw(Form::Tiles(together), skipping);
+                let worst = one.iter().flatten().zip(tiles.iter().flatten());
+                let worst = worst.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(worst <= 2e-6, "{variant:?} {grid}, {together} together: {worst}");
+            }
+        }
+    }
+}
+
+#[test]
+fn steps_go_together_where_their_footprints_allow() {
+    use super::uniforms::{DosStep, Footing, Group};
+    let near = Footing { reach: 1, rings: 1 };
+    let wide = Footing { reach: 3, rings: 1 };
+    let step = |footing: Footing| (<DosStep as bytemuck::Zeroable>::zeroed(), footing, footing.reach);
+    let steps = |list: &[Footing]| list.iter().map(|f| step(*f)).collect::<Vec<_>>();
+    let groups = Group::all(steps(&[near, near, near, wide, wide, wide, near]), 4);
+    let sizes: Vec<(usize, u32)> = groups.iter().map(|g| (g.steps.len(), g.halo())).collect();
+    // Three wide ones would read 9 pixels far: they don't fit.
+    assert_eq!(sizes, [(3, 3), (2, 6), (1, 3), (1, 1)]);
+    let margins: Vec<i32> = groups[0].steps.iter().map(|s| s.margin).collect();
+    assert_eq!(margins, [2, 1, 0]);
+    assert!(Group::all(steps(&[near; 5]), 1).iter().all(|g| g.steps.len() == 1));
+    assert_eq!(Group::all(steps(&[near; 9]), 99).iter().map(|g| g.steps.len()).max(), Some(8));
 }
 
 #[test]
@@ -269,7 +324,7 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
         (
             "Step",
             offsets!(super::uniforms::DosStep: depth, slices, side, stride, center, radius, radius_mm, share,
-                is_empty, states, stops, pad, folded),
+                is_empty, states, stops, together, halo, margin, pad0, pad1, folded),
         ),
         ("Level", offsets!(cones::renderer::LevelInfo: dims, start, scale, pad)),
         (
@@ -280,7 +335,7 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
         ("Share", offsets!(cones::renderer::Share: begin, end, first_axis, end_axis, advances)),
     ];
     let mut seen = 0;
-    for name in ["dos_step", "dos_eye", "dos_occlusion", "cones_trace"] {
+    for name in ["dos_step", "dos_tiles", "dos_eye", "dos_occlusion", "cones_trace"] {
         let module = naga::front::wgsl::parse_str(&glioscope_shaders::compose(name).unwrap()).unwrap();
         for (_, ty) in module.types.iter() {
             let naga::TypeInner::Struct { members, span } = &ty.inner else { continue };
@@ -295,5 +350,5 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
             }
         }
     }
-    assert_eq!(seen, 3 * 3 + 4);
+    assert_eq!(seen, 4 * 3 + 4);
 }

@@ -33,7 +33,11 @@ pub(crate) struct DosStep {
     pub is_empty: u32,
     pub states: u32,
     pub stops: u32,
-    pub pad: u32,
+    pub together: u32,
+    pub halo: i32,
+    pub margin: i32,
+    pub pad0: u32,
+    pub pad1: u32,
     pub folded: [[f32; 4]; VECTORS],
 }
 
@@ -46,19 +50,75 @@ pub(crate) struct Footing {
 
 /// Pixels along a tile's side.
 pub(crate) const TILE: u32 = 16;
+/// Cells along the side of a tile's workgroup memory in dos_tiles.wgsl.
+pub(crate) const MEMORY: u32 = 32;
+/// How far the steps that go together may read, in pixels: half of the memory's side is left for the tile.
+pub(crate) const WIDEST_HALO: u32 = MEMORY / 4;
+/// The most steps that go together.
+pub(crate) const MOST_TOGETHER: usize = 8;
+
+/// Steps of one dispatch.
+#[derive(Clone, Debug)]
+pub(crate) struct Group {
+    /// Front to back; more than one goes through workgroup memory.
+    pub steps: Vec<DosStep>,
+    /// The same for all.
+    pub footing: Footing,
+}
+
+impl Group {
+    /// Groups of neighbouring steps, at most `together` of one footing and no wider than [`WIDEST_HALO`].
+    /// `reaches` are the steps' reaches in pixels.
+    pub fn all(steps: Vec<(DosStep, Footing, u32)>, together: usize) -> Vec<Self> {
+        let mut out: Vec<Self> = Vec::new();
+        let mut halo = 0;
+        for (mut step, footing, reach) in steps {
+            let joins = out.last().is_some_and(|g| {
+                g.steps.len() < together.min(MOST_TOGETHER)
+                    && g.footing == footing
+                    && halo + reach <= WIDEST_HALO
+            });
+            step.halo = reach as i32;
+            match out.last_mut().filter(|_| joins) {
+                Some(group) => {
+                    halo += reach;
+                    for earlier in &mut group.steps {
+                        earlier.margin += reach as i32;
+                    }
+                    group.steps.push(step);
+                    let count = group.steps.len() as u32;
+                    if let Some(first) = group.steps.first_mut() {
+                        (first.together, first.halo) = (count, halo as i32);
+                    }
+                }
+                None => {
+                    halo = reach;
+                    out.push(Self { steps: vec![step], footing });
+                }
+            }
+        }
+        out
+    }
+
+    /// How far the whole group reads, pixels.
+    pub fn halo(&self) -> u32 {
+        self.steps.first().map_or(0, |s| s.halo.unsigned_abs())
+    }
+}
 
 pub(crate) fn dos(plan: &DosPlan, size: [u32; 2]) -> Dos {
     let decay = plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed);
     Dos { slice_mm: plan.slice_mm as f32, pad: 0, tiles: size.map(|s| s.div_ceil(TILE)), decay }
 }
 
-/// `number` counts the steps; `skipping` lets empty slices and saturated tiles be left out.
+/// `skipping` lets empty slices and saturated tiles be left out, `folding` reads each texel of a disc once
+/// where that is less.
 pub(crate) fn step(
     plan: &DosPlan,
     step: &Step,
-    number: usize,
     front_mm: f64,
     skipping: bool,
+    folding: bool,
 ) -> (DosStep, Footing) {
     let mut out = DosStep {
         depth: (step.depth_mm - front_mm) as f32,
@@ -67,7 +127,7 @@ pub(crate) fn step(
         stride: 1,
         share: 1.0,
         is_empty: u32::from(step.empty && skipping),
-        states: (number % 3) as u32,
+        together: 1,
         stops: u32::from(skipping && step.kernel.reach_px() <= TILE),
         ..DosStep::zeroed()
     };
@@ -79,7 +139,7 @@ pub(crate) fn step(
             out.radius_mm = radius_mm as f32;
             out.share = 1.0 / disc_points(grid).len() as f32;
             let exact = plan.variant == Variant::PaperExact;
-            if let Some(folded) = fold(grid, radius_px, radius_mm, plan.slice_mm, exact) {
+            if let Some(folded) = fold(grid, radius_px, radius_mm, plan.slice_mm, exact).filter(|_| folding) {
                 out.folded = folded.vectors;
                 footing = Footing { reach: folded.reach, rings: folded.rings };
             }

@@ -35,9 +35,13 @@ fn pictures(
     let mut out = Vec::new();
     for variant in [Variant::PaperExact, Variant::PaperApproximate, Variant::Mended] {
         let s = DosSettings { variant, slice_mm, ..DosSettings::default() };
-        // The mended variant has but one form.
-        let forms: &[Form] =
-            if variant == Variant::Mended { &[Form::OnePass] } else { &[Form::OnePass, Form::TwoPasses] };
+        // The mended variant has no second pass.
+        let two = Form::TwoPasses { folded: true };
+        let forms: &[Form] = if variant == Variant::Mended {
+            &[Form::OnePass, Form::Tiles(4)]
+        } else {
+            &[Form::OnePass, Form::Tiles(4), two]
+        };
         for form in forms {
             slices.render(&GPU, volume, camera, SIZE, &s, *form, true).unwrap();
             out.push((format!("{variant:?} {form:?}"), slices.read(&GPU).unwrap()));

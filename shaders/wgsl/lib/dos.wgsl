@@ -21,7 +21,11 @@ struct Step {
     is_empty: u32,
     states: u32,                    // which third of the tiles' states is read
     stops: u32,                     // 1: saturated tiles may stop
-    pad: u32,
+    together: u32,                  // steps of this dispatch, of the first; see dos_tiles.wgsl
+    halo: i32,                      // how far all of them read, pixels; of the first
+    margin: i32,                    // how far those behind this one read
+    pad0: u32,
+    pad1: u32,
     folded: array<vec4<f32>, 66>,   // folded disc: of each ring its distance in mm and 3, 7 or 11 weights
 }
 
@@ -31,6 +35,8 @@ override variant: u32 = 0u;
 // How far a folded disc reaches, pixels; DIRECT: point by point.
 override reach: u32 = 4u;
 override rings: u32 = 1u;           // of a folded disc
+// Whether a dispatch goes through several steps.
+override several: bool = false;
 
 const PAPER_EXACT = 0u;
 const PAPER_APPROXIMATE = 1u;
@@ -38,11 +44,11 @@ const MENDED = 2u;
 const DIRECT = 4u;
 
 @group(0) @binding(4) var<uniform> dos: Dos;
-// The step, and what stands behind it. Mesa's software driver compiles a shader anew for each new value of a
+// The step, and those behind it. Mesa's software driver compiles a shader anew for each new value of a
 // uniform that a branch or a loop depends on, which takes longer than the step and is never freed. It knows
-// only uniforms at fixed places: what is read at `zero`, which main sets, is none.
-@group(0) @binding(5) var<uniform> parts: array<Step, 2>;
-var<private> zero: u32 = 0u;
+// only uniforms at fixed places: what is read at `now`, which main sets, is none.
+@group(0) @binding(5) var<uniform> parts: array<Step, 8>;
+var<private> now: u32 = 0u;
 @group(0) @binding(6) var<storage, read> before: array<f32>;
 @group(0) @binding(7) var<storage, read_write> after: array<f32>;
 @group(0) @binding(8) var<storage, read_write> eye: array<vec4<f32>>; // radiance, transmittance
@@ -53,10 +59,25 @@ fn decay_entry(i: u32) -> vec4<f32> {
 
 #include lib/decay.wgsl
 
-// The edge of the picture goes on.
-fn texel(at: vec2<i32>) -> f32 {
-    let p = clamp(at, vec2<i32>(0), vec2<i32>(optical.size) - 1);
-    return before[p.y * i32(optical.size.x) + p.x];
+// A number of the step. Where there is one step its place is fixed: that reads faster.
+fn step_radius() -> f32 {
+    return select(parts[0].radius, parts[now].radius, several);
+}
+
+fn step_radius_mm() -> f32 {
+    return select(parts[0].radius_mm, parts[now].radius_mm, several);
+}
+
+fn step_share() -> f32 {
+    return select(parts[0].share, parts[now].share, several);
+}
+
+fn step_depth() -> f32 {
+    return select(parts[0].depth, parts[now].depth, several);
+}
+
+fn folded_weights(i: u32) -> vec4<f32> {
+    return select(parts[0].folded[i], parts[now].folded[i], several);
 }
 
 // Bilinear, from a pixel's corner on.
@@ -108,13 +129,13 @@ fn folded(pixel: vec2<u32>, extinction: f32) -> f32 {
     let size = max(reach, 1u);
     var sum = 0.0;
     for (var i = 0u; i < rings; i++) {
-        let first = parts[0].folded[i * size];
+        let first = folded_weights(i * size);
         var light = dot(first.yzw, near);
         if reach >= 2u {
-            light += dot(parts[0].folded[i * size + 1u], far);
+            light += dot(folded_weights(i * size + 1u), far);
         }
         if reach >= 3u {
-            light += dot(parts[0].folded[i * size + 2u].xyz, farthest);
+            light += dot(folded_weights(i * size + 2u).xyz, farthest);
         }
         sum += light * attenuation(extinction, first.x);
     }
@@ -130,37 +151,38 @@ fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
     let d = dos.slice_mm;
     let approximate = attenuation(extinction, d);
     var sum = 0.0;
-    for (var j = 0u; j < parts[zero].side; j++) {
-        for (var i = 0u; i < parts[zero].side; i++) {
-            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(parts[zero].side) * 2.0 - 1.0;
+    for (var j = 0u; j < parts[now].side; j++) {
+        for (var i = 0u; i < parts[now].side; i++) {
+            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(parts[now].side) * 2.0 - 1.0;
             let off2 = dot(p, p);
             if off2 > 1.000001 {
                 continue;
             }
             var through = approximate;
             if variant == PAPER_EXACT {
-                through = attenuation(extinction, sqrt(d * d + off2 * parts[0].radius_mm * parts[0].radius_mm));
+                through = attenuation(extinction, sqrt(d * d + off2 * step_radius_mm() * step_radius_mm()));
             }
-            sum += between(center + p * parts[0].radius) * through;
+            sum += between(center + p * step_radius()) * through;
         }
     }
-    return sum * parts[0].share;
+    return sum * step_share();
 }
 
 fn lattice(pixel: vec2<u32>) -> f32 {
     let center = vec2<i32>(pixel);
     let own = texel(center);
-    if parts[zero].side == 1u {
+    if parts[now].side == 1u {
         return own;
     }
-    let first = center - (i32(parts[zero].side) - 1) * parts[0].stride / 2;
+    let stride = select(parts[0].stride, parts[now].stride, several);
+    let first = center - (i32(parts[now].side) - 1) * stride / 2;
     var sum = 0.0;
-    for (var j = 0; j < i32(parts[zero].side); j++) {
-        for (var i = 0; i < i32(parts[zero].side); i++) {
-            sum += texel(first + vec2<i32>(i, j) * parts[0].stride);
+    for (var j = 0; j < i32(parts[now].side); j++) {
+        for (var i = 0; i < i32(parts[now].side); i++) {
+            sum += texel(first + vec2<i32>(i, j) * stride);
         }
     }
-    return mix(sum * parts[0].share, own, parts[0].center);
+    return mix(sum * step_share(), own, select(parts[0].center, parts[now].center, several));
 }
 
 // The paper's blending of one slice into the eye buffer.
@@ -176,23 +198,23 @@ struct Advanced {
 
 // The mended variant through the slices of a step.
 fn advance(state: vec4<f32>, occlusion: f32, middle: vec2<f32>) -> Advanced {
-    var now = state;
+    var seen = state;
     var light = occlusion;
     let length = dos.slice_mm * slant_of(middle);
-    for (var i = 0u; i < parts[zero].slices; i++) {
-        let optics = optics_at(place(middle, parts[0].depth + (f32(i) + 0.5) * dos.slice_mm));
+    for (var i = 0u; i < parts[now].slices; i++) {
+        let optics = optics_at(place(middle, step_depth() + (f32(i) + 0.5) * dos.slice_mm));
         if optics.w <= 0.0 {
             continue;
         }
         if optics.w >= OPAQUE_FROM {
-            now = vec4<f32>(now.rgb + optics.rgb * (light * now.w), 0.0);
+            seen = vec4<f32>(seen.rgb + optics.rgb * (light * seen.w), 0.0);
             light = 0.0;
             continue;
         }
         let thickness = optics.w * length;
         let slice = through_slice(light, thickness);
-        now = vec4<f32>(now.rgb + optics.rgb * (slice.x * now.w), now.w * exp(-thickness));
+        seen = vec4<f32>(seen.rgb + optics.rgb * (slice.x * seen.w), seen.w * exp(-thickness));
         light = slice.y;
     }
-    return Advanced(now, light);
+    return Advanced(seen, light);
 }

@@ -1,6 +1,9 @@
 //! A disc of points folded onto whole texels: the points' bilinear weights are those of every pixel, so
 //! they are added up once a slice, and each texel is read once. The sum is the same, also at the
 //! picture's edge, where the texels are those of the nearest pixels.
+//!
+//! A wide disc has too many texels for that. Where all its points weigh the same it is read in two passes:
+//! along the rows, a sum for each length that a row has, and then across them.
 
 use super::plan::disc_points;
 
@@ -8,6 +11,8 @@ use super::plan::disc_points;
 pub(crate) const FARTHEST_PX: usize = 3;
 /// For `reach` in the shaders: the points one by one.
 pub(crate) const DIRECT: u32 = 4;
+/// For `reach` in the shaders: along rows, then across them.
+pub(crate) const ROWS: u32 = 5;
 /// Vectors of four in the uniform.
 pub(crate) const VECTORS: usize = 66;
 /// Texels up to the farthest, without those that mirroring brings onto others.
@@ -88,9 +93,63 @@ pub(crate) fn fold(grid: u32, radius_px: f64, radius_mm: f64, slice_mm: f64, exa
     Some(Folded { reach: reach as u32, rings: rings.len() as u32, vectors })
 }
 
+/// The distances of a disc's columns from its middle, outwards, which are those of its rows: whole pixels, the
+/// rest up to one, how many of them a row at this distance has, and what a pair of points at it weighs.
+/// Empty where rows gain nothing.
+pub(crate) fn rows(grid: u32, radius_px: f64) -> Vec<[f32; 4]> {
+    let halves = grid.div_ceil(2);
+    let n = f64::from(grid);
+    let away = |h: u32| f64::from(2 * h + 1 - grid % 2) / n;
+    // Both passes read four texels a distance; see `fold` for what a point reads.
+    if 8 * halves as usize >= 4 * disc_points(grid).len() {
+        return Vec::new();
+    }
+    (0..halves)
+        .map(|h| {
+            let x = away(h) * radius_px;
+            let length = (0..halves).filter(|i| away(*i).powi(2) + away(h).powi(2) <= 1.0).count();
+            let pair = if away(h) > 0.0 { 1.0 } else { 0.5 };
+            [x.floor() as f32, (x - x.floor()) as f32, length as f32, pair]
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Along the rows and then across them, against the points read one by one on an irregular field.
+    #[test]
+    fn rows_hold_every_point_once() {
+        let field = |x: i64, y: i64| ((x * 7919 + y * 104_729).rem_euclid(1009)) as f64 / 1009.0;
+        for grid in 1..=13 {
+            for radius_px in [2.0, 5.3, 7.0, 12.34] {
+                let rows = rows(grid, radius_px);
+                if rows.is_empty() {
+                    assert!(grid <= 3, "{grid}");
+                    continue;
+                }
+                let points = disc_points(grid);
+                let mut expected = 0.0;
+                for p in &points {
+                    let (x, y) = (p[0] * radius_px, p[1] * radius_px);
+                    let (fx, fy) = (x - x.floor(), y - y.floor());
+                    let (i, j) = (x.floor() as i64, y.floor() as i64);
+                    let line = |j| field(i, j) * (1.0 - fx) + field(i + 1, j) * fx;
+                    expected += line(j) * (1.0 - fy) + line(j + 1) * fy;
+                }
+                let pair = |row: &[f32; 4], at: &dyn Fn(i64) -> f64| {
+                    let (o, f) = (row[0] as i64, f64::from(row[1]));
+                    f64::from(row[3]) * ((1.0 - f) * (at(o) + at(-o)) + f * (at(o + 1) + at(-o - 1)))
+                };
+                let along = |length: usize, y: i64| -> f64 {
+                    rows.iter().take(length).map(|row| pair(row, &|x| field(x, y))).sum()
+                };
+                let found: f64 = rows.iter().map(|row| pair(row, &|y| along(row[2] as usize, y))).sum();
+                assert!((found - expected).abs() < 1e-5 * expected, "{grid} {radius_px}: {found} {expected}");
+            }
+        }
+    }
 
     /// Against the points themselves, read bilinearly on a field that has nothing regular about it.
     #[test]

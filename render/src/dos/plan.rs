@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::folded::fold;
+use super::folded::{fold, rows};
 use crate::occlusion::{
     Sight,
     cone::{Decay, clamped_aperture, tangent_variance},
@@ -310,8 +310,14 @@ impl DosPlan {
             Kernel::Lattice { side, .. } => side * side + u32::from(side > 1),
             Kernel::Disc { grid, radius_px, radius_mm } => {
                 let exact = self.variant == Variant::PaperExact;
-                fold(grid, radius_px, radius_mm, self.slice_mm, exact)
-                    .map_or_else(|| 4 * disc_points(grid).len() as u32, |f| (2 * f.reach + 1).pow(2))
+                if let Some(f) = fold(grid, radius_px, radius_mm, self.slice_mm, exact) {
+                    return (2 * f.reach + 1).pow(2);
+                }
+                // Of the rows also what is written of them.
+                match rows(grid, radius_px).len() as u32 {
+                    halves if halves > 0 && !exact => 9 * halves,
+                    _ => 4 * disc_points(grid).len() as u32,
+                }
             }
         }
     }

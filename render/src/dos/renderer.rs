@@ -8,7 +8,7 @@ use std::sync::Arc;
 use wgpu::util::DeviceExt;
 
 use super::{
-    folded::DIRECT,
+    folded::{DIRECT, ROWS},
     plan::{DosPlan, DosSettings, Variant},
     uniforms::{self, Footing, Group, MEMORY, MOST_TOGETHER, TILE},
 };
@@ -60,10 +60,12 @@ struct Picture {
     occlusion: [wgpu::Buffer; 2],
     eye: wgpu::Buffer,
     states: wgpu::Buffer,
+    /// Room for the rows of wide footprints: so many floats a pixel.
+    rows: (u32, wgpu::Buffer),
 }
 
 impl Picture {
-    fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
+    fn new(gpu: &Gpu, size: [u32; 2], rows: u32) -> Result<Self, RenderError> {
         check_size(gpu, size)?;
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let tiles: u64 = size.map(|s| u64::from(s.div_ceil(TILE))).iter().product();
@@ -85,6 +87,7 @@ impl Picture {
             ],
             eye: buffer("Picture::eye", 16 * pixels),
             states: buffer("Picture::states", 12 * tiles),
+            rows: (rows, buffer("Picture::rows", (4 * pixels * u64::from(rows)).max(4))),
         })
     }
 }
@@ -105,7 +108,7 @@ struct Wanted {
 impl Wanted {
     /// The passes of a group of steps, in order: `self` says what they have in common.
     fn passes(self, form: Form, steps: usize) -> Vec<Self> {
-        match form {
+        let mut passes = match form {
             // The eye's pass is the same whatever the footprint.
             Form::TwoPasses { .. } if self.variant != Variant::Mended => vec![
                 Self {
@@ -118,7 +121,11 @@ impl Wanted {
             ],
             _ if steps > 1 => vec![Self { shader: "dos_tiles", ..self }],
             _ => vec![self],
+        };
+        if self.footing.reach == ROWS {
+            passes.insert(0, Self { shader: "dos_rows", ..self });
         }
+        passes
     }
 }
 
@@ -142,7 +149,7 @@ impl DosRenderer {
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
         use Kind::{Moving, Read, Uniform, Write};
         let moving = Moving(BOUND as u64);
-        let kinds = [Uniform, Read, Read, Read, Uniform, moving, Read, Write, Write, Write];
+        let kinds = [Uniform, Read, Read, Read, Uniform, moving, Read, Write, Write, Write, Write];
         let layout = layout(gpu, "DosRenderer::layout", &kinds);
         let uniform = |label, size: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -198,15 +205,11 @@ impl DosRenderer {
         self.drawn = false;
         gpu.check().map_err(RenderError::Device)?;
         check_view(camera, None)?;
-        if self.picture.as_ref().is_none_or(|p| p.size != size) {
-            self.picture = None;
-            self.picture = Some(Picture::new(gpu, size)?);
-        }
         if self.uploaded.as_ref().is_none_or(|u| !Arc::ptr_eq(&u.volume, volume)) {
             self.uploaded = None;
             self.uploaded = Some(OnDevice::new(gpu, volume)?);
         }
-        let (Some(up), Some(picture)) = (&self.uploaded, &self.picture) else {
+        let Some(up) = &self.uploaded else {
             return Err(RenderError::Device("the volume was not uploaded".to_owned()));
         };
         let sight = Sight::new(camera, size);
@@ -215,9 +218,21 @@ impl DosRenderer {
         let folding = form != Form::TwoPasses { folded: false };
         let steps = plan.steps.iter().map(|step| {
             let (uniform, footing) = uniforms::step(&plan, step, front_mm, skipping, folding);
-            let reach = if footing.reach == DIRECT { step.kernel.reach_px() } else { footing.reach };
+            let reach = match footing.reach {
+                DIRECT => step.kernel.reach_px(),
+                // Their rows are summed up before them.
+                ROWS => u32::MAX,
+                reach => reach,
+            };
             (uniform, footing, reach)
         });
+        let steps: Vec<_> = steps.collect();
+        let rows = steps.iter().filter(|s| s.1.reach == ROWS).map(|s| s.1.rings).max().unwrap_or(0);
+        if self.picture.as_ref().is_none_or(|p| p.size != size || p.rows.0 < rows) {
+            self.picture = None;
+            self.picture = Some(Picture::new(gpu, size, rows)?);
+        }
+        let Some(picture) = &self.picture else { return Err(RenderError::Device("no picture".to_owned())) };
         let together = if let Form::Tiles(most) = form { most.max(1) } else { 1 };
         let wanted = Wanted {
             shader: "dos_step",
@@ -227,7 +242,7 @@ impl DosRenderer {
             labels: volume.filter() == Filter::Nearest,
             footing: Footing { reach: DIRECT, rings: 1 },
         };
-        let dispatches: Vec<Dispatch> = Group::all(steps.collect(), together)
+        let dispatches: Vec<Dispatch> = Group::all(steps, together)
             .into_iter()
             .enumerate()
             .map(|(number, group)| {
@@ -294,6 +309,7 @@ impl DosRenderer {
                 after.as_entire_binding(),
                 picture.eye.as_entire_binding(),
                 picture.states.as_entire_binding(),
+                picture.rows.1.as_entire_binding(),
             ];
             let entries: Vec<wgpu::BindGroupEntry<'_>> = resources
                 .into_iter()
@@ -371,7 +387,7 @@ fn made(
     // The eye's pass has no footprint.
     let known = match wanted.shader {
         "dos_step" | "dos_tiles" => &constants[..],
-        "dos_occlusion" => &constants[..5],
+        "dos_occlusion" | "dos_rows" => &constants[..5],
         _ => &constants[..2],
     };
     let pipeline = pipeline(gpu, wanted.shader, layout, known)?;

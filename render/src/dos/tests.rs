@@ -182,6 +182,8 @@ fn steps_go_together_where_their_footprints_allow() {
     assert_eq!(sizes, [(3, 3), (2, 6), (1, 3), (1, 1)]);
     let margins: Vec<i32> = groups[0].steps.iter().map(|s| s.margin).collect();
     assert_eq!(margins, [2, 1, 0]);
+    let far = Footing { reach: u32::MAX, rings: 1 };
+    assert_eq!(Group::all(steps(&[far; 5]), 4).len(), 5);
     assert!(Group::all(steps(&[near; 5]), 1).iter().all(|g| g.steps.len() == 1));
     assert_eq!(Group::all(steps(&[near; 9]), 99).iter().map(|g| g.steps.len()).max(), Some(8));
 }
@@ -335,7 +337,7 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
         ("Share", offsets!(cones::renderer::Share: begin, end, first_axis, end_axis, advances)),
     ];
     let mut seen = 0;
-    for name in ["dos_step", "dos_tiles", "dos_eye", "dos_occlusion", "cones_trace"] {
+    for name in ["dos_step", "dos_tiles", "dos_rows", "dos_eye", "dos_occlusion", "cones_trace"] {
         let module = naga::front::wgsl::parse_str(&glioscope_shaders::compose(name).unwrap()).unwrap();
         for (_, ty) in module.types.iter() {
             let naga::TypeInner::Struct { members, span } = &ty.inner else { continue };
@@ -350,5 +352,5 @@ fn uniforms_are_laid_out_as_the_shaders_read_them() {
             }
         }
     }
-    assert_eq!(seen, 4 * 3 + 4);
+    assert_eq!(seen, 5 * 3 + 4);
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{
-    folded::{DIRECT, VECTORS, fold},
+    folded::{DIRECT, ROWS, VECTORS, fold, rows},
     plan::{DosPlan, Kernel, Step, Variant, disc_points},
 };
 use crate::occlusion::cone::Decay;
@@ -68,7 +68,8 @@ pub(crate) struct Group {
 
 impl Group {
     /// Groups of neighbouring steps, at most `together` of one footing and no wider than [`WIDEST_HALO`].
-    /// `reaches` are the steps' reaches in pixels.
+    /// The steps come with their reach in pixels; one that reaches too far stands
+    /// alone.
     pub fn all(steps: Vec<(DosStep, Footing, u32)>, together: usize) -> Vec<Self> {
         let mut out: Vec<Self> = Vec::new();
         let mut halo = 0;
@@ -76,9 +77,9 @@ impl Group {
             let joins = out.last().is_some_and(|g| {
                 g.steps.len() < together.min(MOST_TOGETHER)
                     && g.footing == footing
-                    && halo + reach <= WIDEST_HALO
+                    && reach.saturating_add(halo) <= WIDEST_HALO
             });
-            step.halo = reach as i32;
+            step.halo = reach.min(WIDEST_HALO) as i32;
             match out.last_mut().filter(|_| joins) {
                 Some(group) => {
                     halo += reach;
@@ -139,9 +140,18 @@ pub(crate) fn step(
             out.radius_mm = radius_mm as f32;
             out.share = 1.0 / disc_points(grid).len() as f32;
             let exact = plan.variant == Variant::PaperExact;
-            if let Some(folded) = fold(grid, radius_px, radius_mm, plan.slice_mm, exact).filter(|_| folding) {
+            if !folding {
+            } else if let Some(folded) = fold(grid, radius_px, radius_mm, plan.slice_mm, exact) {
                 out.folded = folded.vectors;
                 footing = Footing { reach: folded.reach, rings: folded.rings };
+            } else if !exact
+                && let rows = rows(grid, radius_px)
+                && !rows.is_empty()
+            {
+                footing = Footing { reach: ROWS, rings: rows.len() as u32 };
+                for (vector, row) in out.folded.iter_mut().zip(rows) {
+                    *vector = row;
+                }
             }
         }
         Kernel::Lattice { side, stride_px, center } => {

@@ -26,15 +26,17 @@ struct Step {
     margin: i32,                    // how far those behind this one read
     pad0: u32,
     pad1: u32,
-    folded: array<vec4<f32>, 66>,   // folded disc: of each ring its distance in mm and 3, 7 or 11 weights
+    // Folded disc: of each ring its distance in mm and 3, 7 or 11 weights. Rows: of each distance whole pixels,
+    // the rest, how many distances a row at it has, and the weight of a pair.
+    folded: array<vec4<f32>, 66>,
 }
 
 // Set when the pipeline is made: software drivers run both sides of a branch, so that one shader for
 // all variants would sample the volume for each of them.
 override variant: u32 = 0u;
-// How far a folded disc reaches, pixels; DIRECT: point by point.
+// How far a folded disc reaches, pixels; DIRECT: point by point; ROWS: along rows (dos_rows.wgsl) and then across.
 override reach: u32 = 4u;
-override rings: u32 = 1u;           // of a folded disc
+override rings: u32 = 1u;           // of a folded disc; of ROWS the distances of rows
 // Whether a dispatch goes through several steps.
 override several: bool = false;
 
@@ -42,6 +44,7 @@ const PAPER_EXACT = 0u;
 const PAPER_APPROXIMATE = 1u;
 const MENDED = 2u;
 const DIRECT = 4u;
+const ROWS = 5u;
 
 @group(0) @binding(4) var<uniform> dos: Dos;
 // The step, and those behind it. Mesa's software driver compiles a shader anew for each new value of a
@@ -52,6 +55,9 @@ var<private> now: u32 = 0u;
 @group(0) @binding(6) var<storage, read> before: array<f32>;
 @group(0) @binding(7) var<storage, read_write> after: array<f32>;
 @group(0) @binding(8) var<storage, read_write> eye: array<vec4<f32>>; // radiance, transmittance
+
+// Of each pixel, one picture after the other: its row summed up to each distance.
+@group(0) @binding(10) var<storage, read_write> rows: array<f32>;
 
 fn decay_entry(i: u32) -> vec4<f32> {
     return dos.decay[i];
@@ -142,8 +148,31 @@ fn folded(pixel: vec2<u32>, extinction: f32) -> f32 {
     return sum;
 }
 
+fn row_sum(at: vec2<i32>, first: u32) -> f32 {
+    let size = vec2<i32>(optical.size);
+    return rows[first + u32(clamp(at.y, 0, size.y - 1) * size.x + at.x)];
+}
+
+// Across the rows that dos_rows.wgsl summed up.
+fn across_rows(pixel: vec2<u32>) -> f32 {
+    let at = vec2<i32>(pixel);
+    var sum = 0.0;
+    for (var h = 0u; h < rings; h++) {
+        let row = folded_weights(h);
+        let first = (u32(row.z) - 1u) * optical.size.x * optical.size.y;
+        let off = vec2<i32>(0, i32(row.x));
+        let near = row_sum(at + off, first) + row_sum(at - off, first);
+        let far = row_sum(at + off + vec2<i32>(0, 1), first) + row_sum(at - off - vec2<i32>(0, 1), first);
+        sum += row.w * mix(near, far, row.y);
+    }
+    return sum * step_share();
+}
+
 // Algorithms 2 and 3 of the paper.
 fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
+    if reach == ROWS {
+        return across_rows(pixel) * attenuation(extinction, dos.slice_mm);
+    }
     if reach != DIRECT {
         return folded(pixel, extinction);
     }

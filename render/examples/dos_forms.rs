@@ -171,7 +171,7 @@ fn main() {
         (256, 50.0, 0.2, &[near][..]),
         (128, 50.0, 0.4, &[near, exact][..]),
         (128, 50.0, 1.0, &[near][..]),
-        (128, 85.0, 0.5, &[near][..]),
+        (128, 85.0, 0.5, &[near, exact][..]),
     ] {
         for variant in variants {
             rows.extend([2, 5, 13].map(|grid| (side, aperture_deg, slice_mm, *variant, grid)));

@@ -2,8 +2,8 @@
 //! they are added up once a slice, and each texel is read once. The sum is the same, also at the
 //! picture's edge, where the texels are those of the nearest pixels.
 //!
-//! A wide disc has too many texels for that. Where all its points weigh the same it is read in two passes:
-//! along the rows, a sum for each length that a row has, and then across them.
+//! A wide disc has too many texels for that. Where all its points weigh the same, as they do where nothing is, it
+//! is read in two passes: along the rows, a sum for each length that a row has, and then across them.
 
 use super::plan::disc_points;
 
@@ -14,7 +14,7 @@ pub(crate) const DIRECT: u32 = 4;
 /// For `reach` in the shaders: along rows, then across them.
 pub(crate) const ROWS: u32 = 5;
 /// Vectors of four in the uniform.
-pub(crate) const VECTORS: usize = 66;
+pub(crate) const VECTORS: usize = 69;
 /// Texels up to the farthest, without those that mirroring brings onto others.
 const CLASSES: usize = (FARTHEST_PX + 1) * (FARTHEST_PX + 2) / 2;
 /// Weights less than this are rounding.
@@ -27,7 +27,8 @@ pub(crate) struct Folded {
     pub reach: u32,
     /// Rings of points at one distance, each with weights of its own.
     pub rings: u32,
-    /// Of each ring its distance in millimetres and the weights of its texels.
+    /// Of each ring its distance in millimetres and the weights of its texels; behind them one at distance 0
+    /// with the weights of all.
     pub vectors: [[f32; 4]; VECTORS],
 }
 
@@ -73,11 +74,22 @@ pub(crate) fn fold(grid: u32, radius_px: f64, radius_mm: f64, slice_mm: f64, exa
     }
     let size = reach.max(1);
     let mut vectors = [[0.0; 4]; VECTORS];
-    for (number, (key, weights)) in rings.iter().enumerate() {
-        let off_mm2 = f64::from(*key) / f64::from(grid * grid) * radius_mm * radius_mm;
-        let distance_mm = if exact { (slice_mm * slice_mm + off_mm2).sqrt() } else { slice_mm };
+    let mut all = [0.0; CLASSES];
+    for (sum, class) in all.iter_mut().zip(0..) {
+        *sum = rings.iter().filter_map(|(_, weights)| weights.get::<usize>(class)).sum::<f64>();
+    }
+    let distances: Vec<f64> = rings
+        .iter()
+        .map(|(key, _)| {
+            let off_mm2 = f64::from(*key) / f64::from(grid * grid) * radius_mm * radius_mm;
+            if exact { (slice_mm * slice_mm + off_mm2).sqrt() } else { slice_mm }
+        })
+        .chain([0.0])
+        .collect();
+    let weights = rings.iter().map(|(_, weights)| weights).chain([&all]);
+    for (number, (distance_mm, weights)) in distances.iter().zip(weights).enumerate() {
         let mut flat = [0.0f32; 4 * FARTHEST_PX];
-        flat[0] = distance_mm as f32;
+        flat[0] = *distance_mm as f32;
         for a in 0..=reach {
             for b in 0..=a {
                 let class = a * (a + 1) / 2 + b;
@@ -180,7 +192,8 @@ mod tests {
                     let reach = i64::from(f.reach);
                     let size = f.reach.max(1) as usize;
                     let mut found = 0.0;
-                    for ring in 0..f.rings as usize {
+                    let mut of_all = 0.0;
+                    for ring in 0..=f.rings as usize {
                         let flat: Vec<f64> = f.vectors[ring * size..(ring + 1) * size]
                             .iter()
                             .flatten()
@@ -192,8 +205,14 @@ mod tests {
                                 light += flat[1 + class_of(x, y)] * field(x, y);
                             }
                         }
-                        found += light * (-extinction * flat[0]).exp();
+                        if ring == f.rings as usize {
+                            of_all = light - of_all;
+                        } else {
+                            of_all += light;
+                            found += light * (-extinction * flat[0]).exp();
+                        }
                     }
+                    assert!(of_all.abs() < 1e-6, "the last ring holds the weights of all: {of_all}");
                     assert!(
                         (found - expected).abs() < 1e-6,
                         "{grid} {radius_px} {exact}: {found} {expected}"
@@ -209,6 +228,6 @@ mod tests {
     fn every_grid_fits() {
         let most = (1..=13).filter_map(|grid| fold(grid, 3.0, 1.0, 1.0, true)).map(|f| f.rings).max();
         assert_eq!(most, Some(22));
-        assert_eq!(most.map(|n| n as usize * FARTHEST_PX), Some(VECTORS));
+        assert_eq!(most.map(|n| (n as usize + 1) * FARTHEST_PX), Some(VECTORS));
     }
 }

@@ -304,7 +304,8 @@ impl DosPlan {
         }
     }
 
-    /// Texels of the occlusion buffer that a pixel reads in a step for its footprint.
+    /// Texels of the occlusion buffer that a pixel reads in a step for its footprint; in the exact variant at most:
+    /// where nothing is, a wide one is read along rows.
     pub fn texels(&self, step: &Step) -> u32 {
         match step.kernel {
             Kernel::Lattice { side, .. } => side * side + u32::from(side > 1),

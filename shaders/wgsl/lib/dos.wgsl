@@ -26,9 +26,9 @@ struct Step {
     margin: i32,                    // how far those behind this one read
     pad0: u32,
     pad1: u32,
-    // Folded disc: of each ring its distance in mm and 3, 7 or 11 weights. Rows: of each distance whole pixels,
+    // Folded disc: of each ring its distance in mm and 3, 7 or 11 weights, then of all together. Rows: of each distance whole pixels,
     // the rest, how many distances a row at it has, and the weight of a pair.
-    folded: array<vec4<f32>, 66>,
+    folded: array<vec4<f32>, 69>,
 }
 
 // Set when the pipeline is made: software drivers run both sides of a branch, so that one shader for
@@ -134,7 +134,10 @@ fn folded(pixel: vec2<u32>, extinction: f32) -> f32 {
     }
     let size = max(reach, 1u);
     var sum = 0.0;
-    for (var i = 0u; i < rings; i++) {
+    // Where nothing is, all rings weigh the same. A loop: software drivers run both sides of a branch.
+    let apart = rings == 1u || extinction > 0.0;
+    let last = select(rings + 1u, rings, apart);
+    for (var i = select(rings, 0u, apart); i < last; i++) {
         let first = folded_weights(i * size);
         var light = dot(first.yzw, near);
         if reach >= 2u {
@@ -153,7 +156,7 @@ fn row_sum(at: vec2<i32>, first: u32) -> f32 {
     return rows[first + u32(clamp(at.y, 0, size.y - 1) * size.x + at.x)];
 }
 
-// Across the rows that dos_rows.wgsl summed up.
+// Across the rows that dos_rows.wgsl summed up: the sum of all points.
 fn across_rows(pixel: vec2<u32>) -> f32 {
     let at = vec2<i32>(pixel);
     var sum = 0.0;
@@ -165,24 +168,27 @@ fn across_rows(pixel: vec2<u32>) -> f32 {
         let far = row_sum(at + off + vec2<i32>(0, 1), first) + row_sum(at - off - vec2<i32>(0, 1), first);
         sum += row.w * mix(near, far, row.y);
     }
-    return sum * step_share();
+    return sum;
 }
 
 // Algorithms 2 and 3 of the paper.
 fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
+    let d = dos.slice_mm;
+    let approximate = attenuation(extinction, d);
+    var side = parts[now].side;
+    var sum = 0.0;
     if reach == ROWS {
-        return across_rows(pixel) * attenuation(extinction, dos.slice_mm);
-    }
-    if reach != DIRECT {
+        // Where nothing is, all points weigh the same also in the exact variant.
+        let apart = variant == PAPER_EXACT && extinction > 0.0;
+        side = select(0u, side, apart);
+        sum = select(across_rows(pixel) * approximate, 0.0, apart);
+    } else if reach != DIRECT {
         return folded(pixel, extinction);
     }
     let center = vec2<f32>(pixel) + 0.5;
-    let d = dos.slice_mm;
-    let approximate = attenuation(extinction, d);
-    var sum = 0.0;
-    for (var j = 0u; j < parts[now].side; j++) {
-        for (var i = 0u; i < parts[now].side; i++) {
-            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(parts[now].side) * 2.0 - 1.0;
+    for (var j = 0u; j < side; j++) {
+        for (var i = 0u; i < side; i++) {
+            let p = (vec2<f32>(vec2<u32>(i, j)) + 0.5) / f32(side) * 2.0 - 1.0;
             let off2 = dot(p, p);
             if off2 > 1.000001 {
                 continue;

@@ -316,7 +316,7 @@ impl DosPlan {
                 }
                 // Of the rows also what is written of them.
                 match rows(grid, radius_px).len() as u32 {
-                    halves if halves > 0 && !exact => 9 * halves,
+                    halves if halves > 0 && (!exact || grid == 2) => 9 * halves,
                     _ => 4 * disc_points(grid).len() as u32,
                 }
             }

@@ -109,9 +109,14 @@ fn device_and_twin_agree() {
     let mut texels = std::collections::BTreeSet::new();
     for projection in [Projection::Perspective, Projection::Orthographic] {
         for variant in [Variant::PaperExact, Variant::PaperApproximate, Variant::Mended] {
-            for (aperture_deg, grid, slice_mm) in
-                [(50.0, 2, 0.9), (85.0, 13, 2.3), (70.0, 5, 0.31), (70.0, 5, 1.2), (75.0, 13, 1.5)]
-            {
+            for (aperture_deg, grid, slice_mm) in [
+                (50.0, 2, 0.9),
+                (85.0, 2, 2.3),
+                (85.0, 13, 2.3),
+                (70.0, 5, 0.31),
+                (70.0, 5, 1.2),
+                (75.0, 13, 1.5),
+            ] {
                 let s = DosSettings { aperture_deg, grid, slice_mm, ..settings(variant) };
                 let c = camera(DVec3::ZERO, 26.0, projection);
                 let plane = (grid == 5).then_some(plane);

@@ -144,11 +144,14 @@ pub(crate) fn step(
             } else if let Some(folded) = fold(grid, radius_px, radius_mm, plan.slice_mm, exact) {
                 out.folded = folded.vectors;
                 footing = Footing { reach: folded.reach, rings: folded.rings };
-            } else if !exact
-                && let rows = rows(grid, radius_px)
+            } else if let rows = rows(grid, radius_px)
                 && !rows.is_empty()
             {
                 footing = Footing { reach: ROWS, rings: rows.len() as u32 };
+                // The four points of 2x2 are at one distance also in the exact variant.
+                let off_mm2 = if exact && grid == 2 { 0.5 * radius_mm * radius_mm } else { 0.0 };
+                let distance_mm = (plan.slice_mm * plan.slice_mm + off_mm2).sqrt();
+                let rows = rows.into_iter().chain([[distance_mm as f32, 0.0, 0.0, 0.0]]);
                 for (vector, row) in out.folded.iter_mut().zip(rows) {
                     *vector = row;
                 }

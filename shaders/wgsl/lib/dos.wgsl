@@ -27,7 +27,7 @@ struct Step {
     pad0: u32,
     pad1: u32,
     // Folded disc: of each ring its distance in mm and 3, 7 or 11 weights, then of all together. Rows: of each distance whole pixels,
-    // the rest, how many distances a row at it has, and the weight of a pair.
+    // the rest, how many distances a row at it has, and the weight of a pair; then the points' distance in mm.
     folded: array<vec4<f32>, 69>,
 }
 
@@ -178,10 +178,10 @@ fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
     var side = parts[now].side;
     var sum = 0.0;
     if reach == ROWS {
-        // Where nothing is, all points weigh the same also in the exact variant.
-        let apart = variant == PAPER_EXACT && extinction > 0.0;
+        // Where nothing is, all points weigh the same also in the exact variant; those of 2x2 do everywhere.
+        let apart = variant == PAPER_EXACT && side > 2u && extinction > 0.0;
         side = select(0u, side, apart);
-        sum = select(across_rows(pixel) * approximate, 0.0, apart);
+        sum = select(across_rows(pixel) * attenuation(extinction, folded_weights(rings).x), 0.0, apart);
     } else if reach != DIRECT {
         return folded(pixel, extinction);
     }

@@ -180,8 +180,6 @@ fn main() {
     if has("large") {
         rows.push((512, 50.0, 0.1, near, 2));
     }
-        rows = vec![(128, 85.0, 0.5, exact, 2)];
-    }
     let mut dos = DosRenderer::new(&gpu).unwrap();
     for (side, aperture_deg, slice_mm, variant, grid) in rows {
         let s = DosSettings { variant, aperture_deg, grid, slice_mm, ..DosSettings::default() };

@@ -4,6 +4,8 @@
 //! replaced by that file, once however often it is named. Nothing here knows a device.
 
 mod sources;
+#[cfg(test)]
+mod uniform_branches;
 
 pub use sources::ALL;
 
@@ -87,6 +89,59 @@ mod tests {
         }
         assert!(ALL.len() >= 5, "expected the closeup's shaders, found {ALL:?}");
         assert!(failures.is_empty(), "{}", failures.join("\n\n"));
+    }
+
+    #[test]
+    fn branches_on_uniforms_alone_are_found() {
+        let source = "
+            struct U { a: u32, b: array<vec4<u32>, 2> }
+            @group(0) @binding(0) var<uniform> u: U;
+            @group(0) @binding(1) var<storage, read_write> out: array<u32>;
+            var<private> zero: u32 = 0u;
+            override knob: u32 = 3u;
+            fn flagged() -> bool { return (u.a & 2u) != 0u; }
+            @compute @workgroup_size(8)
+            fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+                zero = id.x >> 31u;
+                if id.x >= u.a { return; }
+                if knob > 1u { out[0] = 1u; }
+                if u.b[zero].x > 1u { out[1] = 1u; }
+                if flagged() { out[2] = 1u; }
+                for (var n = 0u; n < u.b[1].y; n++) { out[n] = n; }
+                let wanted = u.a > 3u && id.x > 2u;
+                if wanted { out[3] = 1u; }
+            }";
+        let module = naga::front::wgsl::parse_str(source).unwrap();
+        let found = uniform_branches::uniform_branches(&module, source);
+        let expected = [
+            "main: for (var n = 0u; n < u.b[1].y; n++) { out[n] = n; }",
+            "main: if flagged() { out[2] = 1u; }",
+            "main: let wanted = u.a > 3u && id.x > 2u;",
+        ];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn no_branch_depends_on_uniforms_alone() {
+        let mut found = Vec::new();
+        // The force field's barriers want branches that are the same for a whole workgroup; on software drivers it
+        // is not used.
+        for name in ALL.iter().filter(|name| **name != "force_field") {
+            let text = compose(name).unwrap();
+            assert!(!text.contains("fn varied(") || text.contains("    zero = "), "{name}: zero is not set");
+            let module = naga::front::wgsl::parse_str(&text).unwrap();
+            found.extend(
+                uniform_branches::uniform_branches(&module, &text)
+                    .into_iter()
+                    .map(|b| format!("{name}: {b}")),
+            );
+        }
+        assert!(
+            found.is_empty(),
+            "found {} branches on uniforms at fixed places:\n{}",
+            found.len(),
+            found.join("\n")
+        );
     }
 
     #[test]

@@ -60,6 +60,7 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "lib/tubes.wgsl",
     "lib/vicinity.wgsl",
     "lib/view.wgsl",
+    "lib/zero.wgsl",
     "slices_finish.wgsl",
     "solid_cones.wgsl",
     "solid_vicinity.wgsl",

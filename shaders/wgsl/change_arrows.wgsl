@@ -28,6 +28,7 @@ fn in_camera(p: vec3<f32>) -> vec3<f32> {
 // Corners 0 to 5: the shaft's start; 6 to 11: its end; 12 to 17: the head's rim; 18: the point.
 @vertex
 fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) number: u32) -> Corner {
+    zero = corner >> 31u;
     let arrow = arrows[number];
     let start = change.origin + in_camera(arrow.start);
     let along = in_camera(arrow.along);

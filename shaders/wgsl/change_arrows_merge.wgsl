@@ -12,15 +12,16 @@
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
     let at = linear_index(id.xy);
-    let has_surface = (view.flags & HAS_SURFACE) != 0u;
+    let has_surface = (flags() & HAS_SURFACE) != 0u;
     let front = select(FAR, depths[at], has_surface);
     var face = select(vec2<u32>(0u, NO_FACE), surfaces[at], has_surface);
     var solid = front;
-    for (var n = 0u; n < change.samples * change.samples; n++) {
+    for (var n = 0u; n < varied(change.samples * change.samples); n++) {
         let sample = id.xy * change.samples + vec2<u32>(n % change.samples, n / change.samples);
         let found = textureLoad(arrow_picture, vec2<i32>(sample), 0).xy;
         let depth = bitcast<f32>(found.y);

@@ -86,6 +86,7 @@ fn veil_line_at(here: vec2<i32>, depth: f32, face: u32) -> f32 {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -95,11 +96,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // One light a pixel, that of what is nearest in it. Where that is an arrow, surface that the pixel shows
     // beside it takes the arrow's: both are in one pixel along the arrow's edge only.
     var o = vec4<f32>(0.0);
-    if (view.flags & HAS_OCCLUSION) != 0u {
+    if (flags() & HAS_OCCLUSION) != 0u {
         o = unpack4x8unorm(blurred[at]);
     }
     var front = FAR;
-    let has_surface = (view.flags & HAS_SURFACE) != 0u;
+    let has_surface = (flags() & HAS_SURFACE) != 0u;
     if has_surface {
         front = depths[at];
     }
@@ -108,13 +109,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let kind = kind_of(surfaces[at].x);
         if (kind & ALONE) != 0u {
             color = hatched(color, kind, id.xy);
-        } else if (change.flags & HAS_HEIGHTS) != 0u {
+        } else if (varied(change.flags) & HAS_HEIGHTS) != 0u {
             let height = heights[at];
             let opacity = clamp(abs(height.x) / change.full_mm, 0.0, 1.0) * clamp(height.y, 0.0, 1.0);
             color = mix(color, tone_of(height.x > 0.0), opacity);
         }
         color = darkened(color, o);
-    } else if (view.flags & HAS_CONTEXT) != 0u {
+    } else if (flags() & HAS_CONTEXT) != 0u {
         color = image_over(marched[at], color);
     }
     var lines = Lines(0.0, 0.0, FAR);
@@ -125,15 +126,15 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var plain = color;
     plain = mix(plain, INNER, view.inner_line_strength * lines.grey);
     plain = mix(plain, view.silhouette.rgb, lines.black);
-    if (change.flags & HAS_ARROWS) != 0u {
+    if (varied(change.flags) & HAS_ARROWS) != 0u {
         // What is before the surface hides its lines; what is behind their edge is under them.
         var sum = vec3<f32>(0.0);
-        let count = change.samples * change.samples;
+        let count = varied(change.samples * change.samples);
         for (var n = 0u; n < count; n++) {
             let arrow = arrow_at(id.xy, n);
             var one = plain;
             if arrow.depth < front {
-                one = select(arrow.color, darkened(arrow.color, o), (change.flags & LIT_ARROWS) != 0u);
+                one = select(arrow.color, darkened(arrow.color, o), (varied(change.flags) & LIT_ARROWS) != 0u);
                 if arrow.depth >= lines.depth {
                     one = mix(one, INNER, view.inner_line_strength * lines.grey);
                     one = mix(one, view.silhouette.rgb, lines.black);
@@ -147,7 +148,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         plain = sum / f32(count);
     }
     color = plain;
-    if (change.flags & HAS_HULL) != 0u {
+    if (varied(change.flags) & HAS_HULL) != 0u {
         let hull = hull_depths[at];
         let kind = kind_of(hull_surfaces[at].x);
         if hull < front && (kind & ALONE) == 0u && kind != (BEFORE | AFTER) {

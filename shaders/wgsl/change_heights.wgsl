@@ -17,7 +17,7 @@ struct Length {
 // A voxel that is not in the table did not move.
 fn looked_up(cell: u32) -> vec2<f32> {
     let key = cell + 1u;
-    let last = (1u << change.log2_slots) - 1u;
+    let last = varied((1u << change.log2_slots) - 1u);
     var slot = (key * 0x9e3779b1u) >> (32u - change.log2_slots);
     for (var n = 0u; n <= last; n++) {
         let found = lengths[slot];
@@ -34,6 +34,7 @@ fn looked_up(cell: u32) -> vec2<f32> {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }

@@ -42,6 +42,7 @@ fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -51,8 +52,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var front = FAR;
     let slice = plane_at(id.xy);
     var slice_waits = slice.depth < FAR;
-    let has_surface = (view.flags & HAS_SURFACE) != 0u;
-    let has_outside = (view.flags & HAS_OUTSIDE) != 0u;
+    let has_surface = (flags() & HAS_SURFACE) != 0u;
+    let has_outside = (flags() & HAS_OUTSIDE) != 0u;
     if has_surface {
         front = depths[at];
     }
@@ -60,7 +61,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     slice_waits = slice_waits && slice.depth < front;
     if front < FAR {
         color = unpack4x8unorm(regions[surfaces[at].x]).rgb;
-        if (view.flags & HAS_OCCLUSION) != 0u {
+        if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
             let dark = o.a * view.occlusion_strength;
             color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);

@@ -15,6 +15,7 @@ const GAIN = 2.0;
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -37,7 +38,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let here = vec2<f32>(id.xy);
     var hidden = 0.0;
     var bleeding = vec4<f32>(0.0);
-    for (var n = 0u; n < view.occlusion_samples; n++) {
+    for (var n = 0u; n < varied(view.occlusion_samples); n++) {
         let k = kernel[n];
         let offset = vec2<f32>(c * k.x - s * k.y, s * k.x + c * k.y) * radius_px;
         // The bleeding colour is that of the pair's nearer occluder.

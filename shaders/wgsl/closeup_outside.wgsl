@@ -27,7 +27,7 @@ fn composite(ray: Ray, near: f32, far: f32, axis: u32, only_first: bool, level: 
     if near >= far {
         return;
     }
-    let skipping = (view.flags & NO_SKIPPING) == 0u;
+    let skipping = (flags() & NO_SKIPPING) == 0u;
     var w = start_walk(ray, near, axis);
     for (var n = 2u * most_steps(); n > 0u && w.t < far; n--) {
         let brick = brick_of(w.cell);
@@ -68,6 +68,7 @@ fn composite(ray: Ray, near: f32, far: f32, axis: u32, only_first: bool, level: 
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -76,8 +77,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let ray = ray_of(id.xy);
     let span = box_interval(ray);
     // Lens off: the selection holds everywhere and nothing is outside.
-    if span.near < span.far && (view.flags & LENS_ON) != 0u {
-        let hidden = (view.flags & HAS_SURFACE) != 0u && depths[at] < FAR;
+    if span.near < span.far && (flags() & LENS_ON) != 0u {
+        let hidden = (flags() & HAS_SURFACE) != 0u && depths[at] < FAR;
         let lens = lens_interval(id.xy);
         let meets = lens.x < lens.y;
         // Before the lens, then behind it: one loop, as masked lanes of a vector pay for both.

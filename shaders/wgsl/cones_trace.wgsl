@@ -104,7 +104,7 @@ fn exact_thickness(o: vec3<f32>, d: vec3<f32>) -> f32 {
     var cell = clamp(vec3<i32>(floor(o + d * s.x)), vec3<i32>(0), dims - 1);
     var begin = s.x;
     var thickness = 0.0;
-    let most = dims.x + dims.y + dims.z + 3;
+    let most = i32(varied(u32(dims.x + dims.y + dims.z + 3)));
     for (var i = 0; i < most; i++) {
         let ends = ends_of(o, d, cell);
         let axis = first_axis(ends);
@@ -160,7 +160,7 @@ fn extinction_at(p: vec3<f32>, level: f32) -> f32 {
 
 // Share of one sub-cone's light that reaches a place.
 fn sub_cone(o: vec3<f32>, d: vec3<f32>) -> f32 {
-    if cones.coarsest == 0.0 && optical.nearest == 1u {
+    if cones.coarsest + f32(zero) == 0.0 && varied(optical.nearest) == 1u {
         return exp(-exact_thickness(o, d));
     }
     let size = vec3<f32>(optical.dims);
@@ -197,7 +197,7 @@ struct Frame {
 
 fn light_at(o: vec3<f32>, frame: Frame) -> f32 {
     var sum = 0.0;
-    for (var i = share.first_axis; i < share.end_axis; i++) {
+    for (var i = varied(share.first_axis); i < varied(share.end_axis); i++) {
         let a = axes[i];
         let w = frame.u * a.x + frame.v * a.y + frame.axis * a.z;
         sum += sub_cone(o, w.x * optical.right + w.y * optical.up - w.z * optical.forward);
@@ -226,6 +226,7 @@ fn piece(now: vec4<f32>, o: vec3<f32>, d: vec3<f32>, begin: f32, to: f32, optics
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     let pixel = id.xy;
     if any(pixel >= optical.size) {
         return;
@@ -244,7 +245,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let before = eye[index];
     var now = before;
     let least = exp(-ENOUGH);
-    if s.y > s.x && optical.nearest == 0u {
+    if s.y > s.x && varied(optical.nearest) == 0u {
         let steps = clamp(ceil((s.y - s.x) / cones.ray_step), 1.0, 1e6);
         let step = (s.y - s.x) / steps;
         let first = u32(max(floor((share.begin - s.x) / step) - 1.0, 0.0));
@@ -268,7 +269,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let moves = abs(d) > vec3<f32>(1e-12);
         let entered = select(vec3<f32>(-NEVER), entries, moves);
         var begin = max(s.x, max(entered.x, max(entered.y, entered.z)));
-        let most = dims.x + dims.y + dims.z + 3;
+        let most = i32(varied(u32(dims.x + dims.y + dims.z + 3)));
         for (var i = 0; i < most && now.w > least && begin < share.end; i++) {
             let ends = ends_of(o, d, cell);
             let axis = first_axis(ends);

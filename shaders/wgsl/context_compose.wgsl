@@ -16,6 +16,7 @@
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -23,8 +24,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = linear_index(id.xy);
     var color = view.background.rgb;
     var front = FAR;
-    let has_surface = (view.flags & HAS_SURFACE) != 0u;
-    let has_tubes = (view.flags & HAS_TUBES) != 0u;
+    let has_surface = (flags() & HAS_SURFACE) != 0u;
+    let has_tubes = (flags() & HAS_TUBES) != 0u;
     if has_surface || has_tubes {
         front = depths[at];
     }
@@ -36,14 +37,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         } else {
             color = unpack4x8unorm(regions[seen.x]).rgb;
         }
-        if (view.flags & HAS_OCCLUSION) != 0u {
+        if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
             let dark = o.a * view.occlusion_strength;
             color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
         }
     }
     // Nothing of it is before the tumour.
-    if (view.flags & HAS_CONTEXT) != 0u {
+    if (flags() & HAS_CONTEXT) != 0u {
         color = image_over(marched[at], color);
     }
     if has_surface {

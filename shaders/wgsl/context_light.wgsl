@@ -21,7 +21,7 @@ fn is_hidden(c: vec3<f32>) -> bool {
     let size = vec2<f32>(view.size);
     let at = floor(vec2<f32>(m.x, -m.y) + 0.5 * size);
     // Not `&&`: with a load on its right side Mesa 22.3's software driver crashes when it compiles this.
-    let inside = all(at >= vec2<f32>(0.0)) & all(at < size) & ((view.flags & (HAS_SURFACE | HAS_TUBES)) != 0u);
+    let inside = all(at >= vec2<f32>(0.0)) & all(at < size) & ((flags() & (HAS_SURFACE | HAS_TUBES)) != 0u);
     let there = linear_index(vec2<u32>(clamp(at, vec2<f32>(0.0), size - 1.0)));
     return inside & (depths[there] < c.z - light.voxel_mm);
 }
@@ -58,6 +58,7 @@ fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    zero = id.x >> 31u;
     let number = id.x + id.y * groups.x * 64u;
     if number >= grid.needed {
         return;

@@ -5,7 +5,8 @@
 
 @compute @workgroup_size(16, 16)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    now = id.x >> 31u;
+    zero = id.x >> 31u;
+    now = zero;
     let pixel = id.xy;
     if any(pixel >= optical.size) {
         return;

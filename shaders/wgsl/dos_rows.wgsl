@@ -6,6 +6,7 @@
 
 @compute @workgroup_size(16, 16)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= optical.size) {
         return;
     }

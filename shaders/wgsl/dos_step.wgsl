@@ -29,10 +29,11 @@ fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
+    zero = id.x >> 31u;
     if stopping && local == 0u {
         atomicStore(&states[place_of(2u, group.xy)], 0u);
     }
-    now = id.x >> 31u;
+    now = zero;
     let pixel = id.xy;
     if all(pixel < optical.size) {
         let at = pixel.y * optical.size.x + pixel.x;

@@ -26,7 +26,7 @@ fn cell_of(q: u32, local: vec2<u32>) -> vec2<i32> {
 
 @compute @workgroup_size(16, 16)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) local: vec3<u32>) {
-    let zero = group.x >> 31u;
+    zero = group.x >> 31u;
     let together = parts[zero].together;
     let halo = parts[zero].halo;
     let size = vec2<i32>(optical.size);

@@ -18,6 +18,7 @@ struct Counters {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if all(id == vec3<u32>(0u)) {
         // Lists made again alone, to be timed, start from zero.
         counters.last_nodes = counters.nodes;
@@ -29,7 +30,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     var blend = start_blend(id.xy);
-    if (view.flags & HAS_SURFACE) != 0u {
+    if (flags() & HAS_SURFACE) != 0u {
         let list = lists[linear_index(id.xy)];
         if list.w != 0u {
             return; // without room: the next pass draws it

@@ -43,6 +43,7 @@ fn sort(first: u32, count: u32) {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -53,7 +54,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let none = vec2<u32>(bitcast<u32>(FAR), NO_FACE);
     var cut = none;
     var nearest = none;
-    let cutting = (view.flags & NO_SKIPPING) == 0u;
+    let cutting = (flags() & NO_SKIPPING) == 0u;
     var first = 0u;
     var room = 0u;
     var count = 0u;

@@ -38,6 +38,7 @@ fn gather(pixel: vec2<u32>, any: bool, last: vec2<u32>, batch: ptr<function, arr
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) || lists[linear_index(id.xy)].w == 0u {
         return;
     }

@@ -31,7 +31,7 @@ fn kept_span(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
 
 // Outside a lens that cuts nothing is shown.
 fn is_kept(c: vec3<f32>) -> bool {
-    return (view.flags & (LENS_ON | LENS_ONLY_DRAWN)) != LENS_ON || distance(c, view.lens.xyz) <= view.lens.w;
+    return (flags() & (LENS_ON | LENS_ONLY_DRAWN)) != LENS_ON || distance(c, view.lens.xyz) <= view.lens.w;
 }
 
 fn near_extinction(p: vec3<f32>) -> f32 {
@@ -67,6 +67,7 @@ fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -79,10 +80,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let s = depth - SLIP * light.voxel_mm;
     let c = vec3<f32>(from_middle(id.xy) * footprint_mm(s), s);
     var reached = light_from_cone(c).x;
-    if (view.flags & HAS_CONTEXT) != 0u {
+    if (flags() & HAS_CONTEXT) != 0u {
         reached *= grid_light(grid.corner + c.x * grid.right + c.y * grid.up + c.z * grid.forward).x;
     }
-    if ((view.flags & HAS_TUBES) != 0u) & ((vicinity.flags & VICINITY) != 0u) {
+    if ((flags() & HAS_TUBES) != 0u) & ((varied(vicinity.flags) & VICINITY) != 0u) {
         reached *= open(id.xy, depth);
     }
     blurred[at] = darker(reached);

@@ -12,6 +12,7 @@ fn counts(at: u32) -> bool {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
@@ -22,10 +23,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     var light = 1.0;
-    if (vicinity.flags & VICINITY) != 0u {
+    if (varied(vicinity.flags) & VICINITY) != 0u {
         light = open(id.xy, depth);
     }
-    if (vicinity.flags & PARTIAL) != 0u {
+    if (varied(vicinity.flags) & PARTIAL) != 0u {
         light *= notes[at].x;
     }
     blurred[at] = darker(light);

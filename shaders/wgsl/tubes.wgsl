@@ -50,7 +50,7 @@ fn from_eye(depth: f32) -> f32 {
 // The ball is in front of the eye, or rays are parallel.
 fn reach_px(c: vec3<f32>, radius: f32, along: vec2<f32>) -> vec2<f32> {
     let x = dot(c.xy, along);
-    if view.mm_per_pixel_per_mm == 0.0 {
+    if !spreads() {
         return vec2<f32>(x - radius, x + radius) / view.mm_per_pixel;
     }
     // Slopes of the two lines through the eye that touch it.
@@ -71,6 +71,7 @@ fn is_aside(a: vec3<f32>, b: vec3<f32>, radius: f32) -> bool {
 
 @vertex
 fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) at: u32) -> Corner {
+    zero = corner >> 31u;
     let begin = points[at];
     let nowhere = Corner(vec4<f32>(2.0, 2.0, 0.0, 1.0), vec3<f32>(0.0), vec3<f32>(0.0), 0.0, 0u);
     if (begin.what & LAST) != 0u {
@@ -89,7 +90,7 @@ fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) at: u32) ->
     var low = -0.5 * vec2<f32>(view.size);
     var high = -low;
     var around_eye = false;
-    if view.mm_per_pixel_per_mm > 0.0 {
+    if spreads() {
         let w = vec2<f32>(from_eye(a.z), from_eye(b.z));
         if max(w.x, w.y) <= -radius {
             return nowhere;

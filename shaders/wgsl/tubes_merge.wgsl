@@ -22,11 +22,12 @@ fn lit(color: vec3<f32>, facing: f32) -> vec3<f32> {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
     let at = linear_index(id.xy);
-    let has_surface = (view.flags & HAS_SURFACE) != 0u;
+    let has_surface = (flags() & HAS_SURFACE) != 0u;
     var front = FAR;
     if has_surface {
         front = depths[at];

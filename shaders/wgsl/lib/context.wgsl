@@ -14,7 +14,7 @@ fn image_over(m: Marched, behind: vec3<f32>) -> vec3<f32> {
     let blue_opacity = unpack2x16unorm(m.blue_opacity);
     let color = vec3<f32>(unpack2x16unorm(m.red_green), blue_opacity.x);
     let left = 1.0 - blue_opacity.y;
-    if (view.flags & LINEAR_LIGHT) != 0u {
+    if (flags() & LINEAR_LIGHT) != 0u {
         // There and back again is not exact.
         return select(encoded(color + left * decoded(behind)), behind, blue_opacity.y <= 0.0);
     }

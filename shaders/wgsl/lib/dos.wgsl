@@ -47,9 +47,8 @@ const DIRECT = 4u;
 const ROWS = 5u;
 
 @group(0) @binding(4) var<uniform> dos: Dos;
-// The step, and those behind it. Mesa's software driver compiles a shader anew for each new value of a
-// uniform that a branch or a loop depends on, which takes longer than the step and is never freed. It knows
-// only uniforms at fixed places: what is read at `now`, which main sets, is none.
+// The step, and those behind it. What branches and loops depend on is read at `now`, which main sets: see
+// lib/zero.wgsl.
 @group(0) @binding(5) var<uniform> parts: array<Step, 8>;
 var<private> now: u32 = 0u;
 @group(0) @binding(6) var<storage, read> before: array<f32>;

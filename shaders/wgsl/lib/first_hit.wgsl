@@ -12,7 +12,7 @@ fn first_hit(pixel: vec2<u32>) -> Hit {
     var hit = Hit(FAR, 0u, NO_FACE, vec3<i32>(0));
     let ray = ray_of(pixel);
     var span = box_interval(ray);
-    if (view.flags & (LENS_ON | LENS_ONLY_DRAWN)) == LENS_ON {
+    if (flags() & (LENS_ON | LENS_ONLY_DRAWN)) == LENS_ON {
         let lens = lens_interval(pixel);
         if lens.x > span.near {
             span.near = lens.x;
@@ -23,7 +23,7 @@ fn first_hit(pixel: vec2<u32>) -> Hit {
     if span.near >= span.far {
         return hit;
     }
-    let skipping = (view.flags & NO_SKIPPING) == 0u;
+    let skipping = (flags() & NO_SKIPPING) == 0u;
     var w = start_walk(ray, span.near, span.axis);
     // Bricks outside, cells inside: the work of a jump is then done once a brick, not once a cell.
     for (var n = most_steps(); n > 0u && w.t < span.far; n--) {

@@ -30,7 +30,7 @@ fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool, greyed: f32) ->
     if face == FRONT {
         color += GLOSS * pow(max(2.0 * facing * facing - 1.0, 0.0), GLOSS_EXPONENT);
     }
-    if nearest && (view.flags & HAS_OCCLUSION) != 0u {
+    if nearest && (flags() & HAS_OCCLUSION) != 0u {
         let o = unpack4x8unorm(blurred[linear_index(pixel)]);
         let dark = o.a * view.occlusion_strength;
         color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
@@ -57,7 +57,7 @@ fn start_blend(pixel: vec2<u32>) -> Blend {
     let slice = plane_at(pixel);
     // Grey where the line of sight misses the lens. Enclosing ellipsoids are larger than a lens that
     // fits the tumour: judged by depth as well, all that faces the viewer would be grey.
-    let greyed = select(0.0, clamp(0.5 + off_ring_px(pixel), 0.0, 1.0), (view.flags & LENS_ON) != 0u);
+    let greyed = select(0.0, clamp(0.5 + off_ring_px(pixel), 0.0, 1.0), (flags() & LENS_ON) != 0u);
     return Blend(vec3<f32>(0.0), 1.0, slice, slice.depth < FAR, greyed);
 }
 

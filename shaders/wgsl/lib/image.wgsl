@@ -137,12 +137,12 @@ fn material_at(q: vec3<f32>) -> vec4<f32> {
     let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
     let to_next = select(vec3<u32>(0u), stride, context.dims > vec3<u32>(1u));
     let place = place_of(q);
-    let shows = ((view.flags & NO_SKIPPING) != 0u) | is_visible(place.cell >> vec3<u32>(3u));
+    let shows = ((flags() & NO_SKIPPING) != 0u) | is_visible(place.cell >> vec3<u32>(3u));
     let here = dot(place.cell, stride);
     let corners = corners_at(here, to_next);
     let value = between(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
     var material = select(vec4<f32>(0.0), looked_up(value), shows & (value > NOT_FINITE));
-    if gradient_counts && (context.flags & TWO_D) != 0u && material.a > 0.0 {
+    if gradient_counts && (varied(context.flags) & TWO_D) != 0u && material.a > 0.0 {
         let steepness = length(gradient_at(place, here, to_next, corners));
         material.a *= select(0.0, factor_of(steepness), steepness < TOO_STEEP);
     }

@@ -23,13 +23,14 @@ fn hash(pixel: vec2<u32>) -> f32 {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
     if any(id.xy >= view.size) {
         return;
     }
     let at = linear_index(id.xy);
     var out = Marched(0u, 0u, FAR, 0u);
     var solid = FAR;
-    if (view.flags & (HAS_SURFACE | HAS_TUBES)) != 0u {
+    if (flags() & (HAS_SURFACE | HAS_TUBES)) != 0u {
         solid = depths[at];
     }
     let ray = image_ray(from_middle(id.xy), solid);
@@ -41,12 +42,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let mm_per_depth = length(ray.along);
         let sight = ray.along / mm_per_depth;
         let step = context.step_mm / mm_per_depth;
-        let jittered = (context.flags & JITTER) != 0u;
+        let jittered = (varied(context.flags) & JITTER) != 0u;
         let first = near + select(1.0, hash(id.xy), jittered) * step;
         // No ray needs more: the step is chosen so. A guard against numbers gone wrong.
         let count = min(u32(max((far - first) / step, 0.0)) + 2u, 40000u);
-        let two_d = (context.flags & TWO_D) != 0u;
-        let skipping = (view.flags & NO_SKIPPING) == 0u;
+        let two_d = (varied(context.flags) & TWO_D) != 0u;
+        let skipping = (flags() & NO_SKIPPING) == 0u;
         let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
         let to_next = select(vec3<u32>(0u), stride, context.dims > vec3<u32>(1u));
         let moves = abs(d) > vec3<f32>(1e-12);

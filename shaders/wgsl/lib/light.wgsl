@@ -125,7 +125,7 @@ fn light_from_cone(c: vec3<f32>) -> vec2<f32> {
     let u = normalize(vec3<f32>(1.0, 0.0, 0.0) - axis * axis.x);
     let v = cross(axis, u);
     var sum = vec2<f32>(0.0);
-    for (var i = 0u; i < light.count; i++) {
+    for (var i = 0u; i < varied(light.count); i++) {
         let a = light.axes[i];
         let w = u * a.x + v * a.y + axis * a.z;
         if exact {

@@ -58,7 +58,7 @@ fn lines_at(here: vec2<i32>, front: f32) -> Lines {
 
 // How many of the neighbours lines reach.
 fn line_reach() -> u32 {
-    return select(8u, 12u, view.line_scale > 1.2);
+    return varied(select(8u, 12u, view.line_scale > 1.2));
 }
 
 // The lines between here and the neighbours whose bits are set.

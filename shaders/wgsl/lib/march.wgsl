@@ -167,7 +167,7 @@ fn number_at(cell: vec3<i32>, brick: vec2<u32>) -> u32 {
 }
 
 fn is_shown(number: u32) -> bool {
-    if (view.flags & MANY_REGIONS) == 0u {
+    if (flags() & MANY_REGIONS) == 0u {
         return number != 0u && ((view.selected >> (number & 31u)) & 1u) != 0u;
     }
     return number != 0u && (regions[number] & SHOWN) != 0u;
@@ -185,7 +185,7 @@ fn face_of(ray: Ray, w: Walk) -> u32 {
 
 // No ray crosses more boundaries than this.
 fn most_steps() -> u32 {
-    return view.dims.x + view.dims.y + view.dims.z + 8u;
+    return varied(view.dims.x + view.dims.y + view.dims.z + 8u);
 }
 
 fn color_of(number: u32) -> vec3<f32> {

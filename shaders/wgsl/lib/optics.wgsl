@@ -4,6 +4,8 @@
 // Index space: voxel (i, j, k) fills [i, i+1) x [j, j+1) x [k, k+1). Depths are millimetres of view
 // depth from a plane at the volume's front.
 
+#include lib/zero.wgsl
+
 struct Optical {
     corner: vec3<f32>,              // index space, where the view axis meets the plane of depth 0
     pixel_mm: f32,                  // on that plane
@@ -75,14 +77,14 @@ fn optics_at(p: vec3<f32>) -> vec4<f32> {
     if outside || dot(optical.plane.xyz, p) > optical.plane.w {
         return vec4<f32>(0.0);
     }
-    if by_bricks == 1u || by_bricks == 2u && optical.skipping == 1u {
+    if by_bricks == 1u || by_bricks == 2u && varied(optical.skipping) == 1u {
         let brick = min(vec3<u32>(p), optical.dims - 1u) / 8u;
         let i = (brick.z * optical.bricks.y + brick.y) * optical.bricks.x + brick.x;
         if (occupied[i / 32u] >> (i % 32u) & 1u) == 0u {
             return vec4<f32>(0.0);
         }
     }
-    if filtering == 1u || filtering == 2u && optical.nearest == 1u {
+    if filtering == 1u || filtering == 2u && varied(optical.nearest) == 1u {
         return classify(value_at(min(vec3<u32>(p), optical.dims - 1u)));
     }
     let at = clamp(p - 0.5, vec3<f32>(0.0), size - 1.0);

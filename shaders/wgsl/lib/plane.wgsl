@@ -29,7 +29,7 @@ fn texel(x: i32, y: i32) -> vec4<f32> {
 // Texel centres lie at halves; between them the picture is bilinear.
 fn plane_at(pixel: vec2<u32>) -> PlaneHit {
     var hit = PlaneHit(FAR, vec4<f32>(0.0));
-    if (view.flags & HAS_PLANE) == 0u {
+    if (flags() & HAS_PLANE) == 0u {
         return hit;
     }
     let p = from_middle(pixel);

@@ -14,7 +14,7 @@ fn off_ring_px(pixel: vec2<u32>) -> f32 {
 }
 
 fn with_ring(color: vec3<f32>, pixel: vec2<u32>) -> vec3<f32> {
-    if (view.flags & LENS_ON) == 0u {
+    if (flags() & LENS_ON) == 0u {
         return color;
     }
     return mix(color, RING, clamp(0.5 + view.line_scale - abs(off_ring_px(pixel)), 0.0, 1.0));

@@ -45,11 +45,8 @@ const MENDED = 2u;
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(31) var<uniform> slices: Slices;
-// The step, and what stands behind it. Mesa's software driver compiles a shader anew for each new value of a
-// uniform that a branch or a loop depends on, which takes longer than the step and is never freed. It knows
-// only uniforms at fixed places: what is read at `zero`, which main sets, is none.
+// The step, and what stands behind it. What branches and loops depend on is read at `zero`: see lib/zero.wgsl.
 @group(0) @binding(32) var<uniform> parts: array<Part, 2>;
-var<private> zero: u32 = 0u;
 @group(0) @binding(33) var<storage, read_write> lights: array<f32>;
 @group(0) @binding(34) var<storage, read_write> eye: array<vec4<f32>>;    // radiance, transmittance
 @group(0) @binding(35) var<storage, read_write> notes: array<vec2<f32>>;  // see slices_finish.wgsl

@@ -24,7 +24,7 @@ fn open(pixel: vec2<u32>, depth: f32) -> f32 {
     let reach = vicinity.radius_mm / footprint;
     let middle = vec2<f32>(pixel) + 0.5;
     var hidden = 0.0;
-    for (var i = 0u; i < vicinity.count; i++) {
+    for (var i = 0u; i < varied(vicinity.count); i++) {
         let q = vicinity.points[i].xy;
         let to = floor(middle + reach * q);
         // What is off the picture hides nothing.

@@ -4,6 +4,8 @@
 // the data, so that neither a camera far away nor a volume 1e6 mm off costs digits.
 // Index space: voxel (i, j, k) of the cropped volume fills [i, i+1) x [j, j+1) x [k, k+1).
 
+#include lib/zero.wgsl
+
 struct View {
     corner: vec3<f32>,              // index space, where the view axis meets the reference plane
     mm_per_pixel: f32,              // on the reference plane
@@ -51,6 +53,15 @@ const FAR = 1e30;
 const NO_FACE = 0xffffffffu;
 
 @group(0) @binding(0) var<uniform> view: View;
+
+fn flags() -> u32 {
+    return varied(view.flags);
+}
+
+// Whether rays spread from an eye; else they are parallel.
+fn spreads() -> bool {
+    return view.mm_per_pixel_per_mm + f32(zero) > 0.0;
+}
 
 // Pixel centre in pixels from the middle of the picture, y up.
 fn from_middle(pixel: vec2<u32>) -> vec2<f32> {

@@ -108,9 +108,9 @@ fn main() {
         println!(
             "| {} | {:.0} | {:.0} to {:.0} | {within} of {count} | {:.4} | {}x{} | {balanced:.0}, {reference:.0} | {} |",
             shading.name(),
-            late[count / 2],
-            late[0],
-            late[count - 1],
+            late.get(count / 2).copied().unwrap_or_default(),
+            late.first().copied().unwrap_or_default(),
+            late.last().copied().unwrap_or_default(),
             auto.cost(),
             drawn[0],
             drawn[1],

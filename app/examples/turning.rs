@@ -1,5 +1,5 @@
 //! The automatic mode on a real case: the camera turns about it, each picture is timed, then all is still.
-//! `turning DATA_FOLDER [size=WxH] [pictures=N]`; see docs/performance.md.
+//! `turning DATA_FOLDER [size=WxH] [pictures=N] [only=LIGHT]`; see docs/performance.md.
 
 #![allow(
     clippy::unwrap_used,
@@ -65,7 +65,8 @@ fn main() {
         "| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | still: balanced, reference ms | equal to the reference |"
     );
     println!("|---|---:|---:|---:|---:|---:|---:|---|");
-    for shading in Shading::ALL {
+    let only = option("only");
+    for shading in Shading::ALL.into_iter().filter(|s| only.is_none_or(|name| s.name() == name)) {
         let mut renderer = ContextRenderer::new(&gpu).unwrap();
         let mut auto = Auto::default();
         let mut draw = |scene: &ContextScene, quality: &Quality| {
@@ -107,9 +108,9 @@ fn main() {
         println!(
             "| {} | {:.0} | {:.0} to {:.0} | {within} of {count} | {:.4} | {}x{} | {balanced:.0}, {reference:.0} | {} |",
             shading.name(),
-            late[count / 2],
-            late[0],
-            late[count - 1],
+            late.get(count / 2).copied().unwrap_or_default(),
+            late.first().copied().unwrap_or_default(),
+            late.last().copied().unwrap_or_default(),
             auto.cost(),
             drawn[0],
             drawn[1],

@@ -39,21 +39,36 @@ pub struct Screen<R: SceneRenderer> {
     shown: Option<Shown<R::Scene>>,
     times: Option<(u64, PassTimes)>,
     took_ms: Option<f64>,
+    coming: Option<Wanted<R::Scene>>,
     /// Frames drawn so far: a test that an idle window draws nothing reads it.
     pub frames_drawn: u64,
 }
 
-struct Shown<S> {
+/// What a picture is of.
+#[derive(Clone, PartialEq)]
+struct Wanted<S> {
     scene: S,
     quality: Quality,
     size: UVec2,
+}
+
+struct Shown<S> {
+    of: Wanted<S>,
     texture: wgpu::Texture,
     id: TextureId,
 }
 
 impl<R: SceneRenderer> Screen<R> {
     fn new(egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>) -> Self {
-        Self { egui_renderer, renderer: None, shown: None, times: None, took_ms: None, frames_drawn: 0 }
+        Self {
+            egui_renderer,
+            renderer: None,
+            shown: None,
+            times: None,
+            took_ms: None,
+            coming: None,
+            frames_drawn: 0,
+        }
     }
 
     /// The scene as a texture. Draws only when scene, quality or size changed; waits for it where it is
@@ -69,26 +84,80 @@ impl<R: SceneRenderer> Screen<R> {
         size: UVec2,
         timed: bool,
     ) -> Result<TextureId, String> {
-        if let Some(shown) = &self.shown
-            && shown.scene == *scene
-            && shown.quality == *quality
-            && shown.size == size
-        {
-            self.took_ms = None;
-            return Ok(shown.id);
+        self.took_ms = None;
+        if let Some(id) = self.has(scene, quality, size) {
+            return Ok(id);
         }
+        self.coming = None;
         let renderer = match &mut self.renderer {
             Some(renderer) => renderer,
             none => none.insert(R::start(gpu).map_err(|e| e.to_string())?),
         };
         let start = Instant::now();
-        let drawn = renderer.draw(gpu, scene, quality, size.to_array());
-        let texture = drawn.map_err(|e| e.to_string())?.color().clone();
-        self.took_ms = None;
+        renderer.draw(gpu, scene, quality, size.to_array()).map_err(|e| e.to_string())?;
         if timed {
             gpu.wait()?;
             self.took_ms = Some(start.elapsed().as_secs_f64() * 1e3);
         }
+        self.present(gpu, Wanted { scene: scene.clone(), quality: *quality, size })
+    }
+
+    /// As [`Screen::show`] for a picture that may take long: it is drawn a part a call, each of about so many
+    /// milliseconds, and the one before is shown until it is whole. Where that is of another scene, `draft` is
+    /// drawn first. A finer picture of the same scene waits until the one under way is whole.
+    ///
+    /// # Errors
+    /// One line.
+    pub fn show_in_parts(
+        &mut self,
+        gpu: &Gpu,
+        scene: &R::Scene,
+        (draft, quality): (&Quality, &Quality),
+        size: UVec2,
+        milliseconds: f64,
+    ) -> Result<TextureId, String> {
+        self.took_ms = None;
+        if let Some(id) = self.has(scene, quality, size) {
+            return Ok(id);
+        }
+        let Some(id) = self.shown.as_ref().filter(|shown| shown.of.scene == *scene).map(|shown| shown.id)
+        else {
+            return self.show(gpu, scene, draft, size, false);
+        };
+        let Some(renderer) = &mut self.renderer else { return Ok(id) };
+        if self.coming.as_ref().is_none_or(|c| c.scene != *scene || c.size != size) {
+            self.coming = None;
+            renderer.begin(gpu, scene, quality, size.to_array()).map_err(|e| e.to_string())?;
+            self.coming = Some(Wanted { scene: scene.clone(), quality: *quality, size });
+        }
+        match renderer.go_on(gpu, milliseconds) {
+            Ok(false) => Ok(id),
+            Ok(true) => match self.coming.take() {
+                Some(whole) => self.present(gpu, whole),
+                None => Ok(id),
+            },
+            Err(error) => {
+                self.coming = None;
+                Err(error.to_string())
+            }
+        }
+    }
+
+    /// How much of a finer picture is drawn that isn't shown yet, 0 to 1.
+    pub fn share_done(&self) -> Option<f64> {
+        self.coming.as_ref().and(self.renderer.as_ref()).and_then(SceneRenderer::share_done)
+    }
+
+    /// The texture, where it shows this.
+    fn has(&self, scene: &R::Scene, quality: &Quality, size: UVec2) -> Option<TextureId> {
+        let is = |of: &Wanted<R::Scene>| of.scene == *scene && of.quality == *quality && of.size == size;
+        self.shown.as_ref().filter(|shown| is(&shown.of)).map(|shown| shown.id)
+    }
+
+    /// Hands egui the renderer's last frame.
+    fn present(&mut self, gpu: &Gpu, of: Wanted<R::Scene>) -> Result<TextureId, String> {
+        let frame = self.renderer.as_ref().and_then(SceneRenderer::last);
+        let texture = frame.map(|frame| frame.color().clone()).ok_or("no frame was drawn")?;
         self.frames_drawn += 1;
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let mut egui_renderer = self.egui_renderer.write();
@@ -101,7 +170,8 @@ impl<R: SceneRenderer> Screen<R> {
             }
             None => egui_renderer.register_native_texture(&gpu.device, &view, filter),
         };
-        self.shown = Some(Shown { scene: scene.clone(), quality: *quality, size, texture, id });
+        drop(egui_renderer);
+        self.shown = Some(Shown { of, texture, id });
         Ok(id)
     }
 
@@ -112,7 +182,7 @@ impl<R: SceneRenderer> Screen<R> {
 
     /// The quality of the frame last drawn.
     pub fn quality(&self) -> Option<&Quality> {
-        self.shown.as_ref().map(|shown| &shown.quality)
+        self.shown.as_ref().map(|shown| &shown.of.quality)
     }
 
     /// The frame last drawn.
@@ -138,6 +208,10 @@ impl<R: SceneRenderer> Screen<R> {
         if self.times.as_ref().is_none_or(|(frame, _)| *frame != self.frames_drawn)
             && let Some(renderer) = &self.renderer
         {
+            if self.coming.is_some() {
+                // The passes are those of another picture now.
+                return Err("Times follow when the finer picture is drawn.".into());
+            }
             let (passes, source) = renderer.times(gpu).map_err(|e| e.to_string())?;
             self.times = Some((self.frames_drawn, PassTimes { passes, source: source.describe() }));
         }

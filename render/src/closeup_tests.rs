@@ -532,7 +532,7 @@ fn rust_and_wgsl_lay_structs_out_alike() {
         ("Slices", offsets!(Slices: slice_mm, flags, strength, pad, decay)),
         (
             "Part",
-            offsets!(Part: depth, slices, side, stride, center, radius, radius_mm, share, turn, pad0, pad1, pad2),
+            offsets!(Part: depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, origin),
         ),
         ("Vicinity", offsets!(Vicinity: radius_mm, slope, count, flags, points)),
         ("Counters", (16, vec![("nodes", 0), ("wraps", 4), ("last_nodes", 8), ("last_wraps", 12)])),

@@ -1,7 +1,7 @@
 //! Passes: their pipelines, what each is bound to this frame, and how long each took. Made once a
 //! renderer; bindings live for one frame. All compute but those that a renderer adds as rasterising.
 
-use std::time::Instant;
+use std::{ops::Range, time::Instant};
 
 use crate::{gpu::Gpu, plan::PassName, renderer::RenderError};
 
@@ -42,6 +42,16 @@ pub(crate) struct Drawing {
     pub instances: u32,
 }
 
+/// One of many steps.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Dispatch {
+    /// Number among the pipelines.
+    pub pipeline: usize,
+    /// Into the binding that has a dynamic one.
+    pub offset: u32,
+    pub workgroups: [u32; 3],
+}
+
 #[derive(Clone, Debug)]
 enum Pipeline {
     Compute(wgpu::ComputePipeline),
@@ -53,11 +63,10 @@ enum Work {
         pipeline: wgpu::ComputePipeline,
         workgroups: [u32; 3],
     },
-    /// One after the other, each with one of the pipelines and a dynamic offset.
+    /// One after the other.
     Steps {
         pipelines: Vec<wgpu::ComputePipeline>,
-        steps: Vec<(usize, u32)>,
-        workgroups: [u32; 3],
+        steps: Vec<Dispatch>,
     },
     Raster {
         pipeline: wgpu::RenderPipeline,
@@ -81,6 +90,18 @@ pub(crate) struct PassRunner {
     variants: Vec<Variant>,
     bound: Vec<Bound>,
     timer: Option<Timer>,
+    parts: Parts,
+}
+
+/// How far a frame has come that is run in parts.
+#[derive(Default)]
+struct Parts {
+    /// The bound pass that is next, and its step.
+    next: (usize, usize),
+    /// Steps at once; 0 before the first frame in parts.
+    chunk: usize,
+    /// Milliseconds of each pass so far.
+    spent: Vec<(PassName, f64)>,
 }
 
 /// Workgroups of 8x8 threads, one thread a pixel.
@@ -169,12 +190,13 @@ impl PassRunner {
                 ),
             }
         });
-        Ok(Self { pipelines, variants: Vec::new(), bound: Vec::new(), timer })
+        Ok(Self { pipelines, variants: Vec::new(), bound: Vec::new(), timer, parts: Parts::default() })
     }
 
     /// Forgets the last frame's passes.
     pub fn clear(&mut self) {
         self.bound.clear();
+        self.parts = Parts { chunk: self.parts.chunk, ..Parts::default() };
     }
 
     /// Adds the one pass that rasterises, if there is any.
@@ -242,33 +264,40 @@ impl PassRunner {
         }
     }
 
-    /// As [`PassRunner::bind`] for a pass of many steps with pipelines of the caller's: one dispatch for each
-    /// step, a number among the pipelines and an offset into the one binding of `layout` that has a
-    /// dynamic one.
+    /// As [`PassRunner::bind`] for a pass of many steps with pipelines of the caller's; one binding of `layout`
+    /// has a dynamic offset.
     pub fn bind_steps(
         &mut self,
         gpu: &Gpu,
         pass: PassName,
         layout: &wgpu::BindGroupLayout,
         entries: &[(u32, wgpu::BindingResource<'_>)],
-        (pipelines, steps): (Vec<wgpu::ComputePipeline>, Vec<(usize, u32)>),
-        workgroups: [u32; 3],
+        (pipelines, steps): (Vec<wgpu::ComputePipeline>, Vec<Dispatch>),
     ) {
         let group = group_of(gpu, pass, layout, entries);
-        self.bound.push(Bound { pass, group, work: Work::Steps { pipelines, steps, workgroups } });
+        self.bound.push(Bound { pass, group, work: Work::Steps { pipelines, steps } });
     }
 
     fn pipeline(&self, pass: PassName) -> Option<Pipeline> {
         self.pipelines.iter().find(|(name, _)| *name == pass).map(|(_, pipeline)| pipeline.clone())
     }
 
-    fn encode(&self, encoder: &mut wgpu::CommandEncoder, number: usize, timed: bool) {
+    /// Steps of a bound pass; 1 for those that have none.
+    fn steps_of(&self, number: usize) -> usize {
+        match self.bound.get(number).map(|bound| &bound.work) {
+            Some(Work::Steps { steps, .. }) => steps.len(),
+            Some(_) => 1,
+            None => 0,
+        }
+    }
+
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, number: usize, range: Range<usize>, timed: bool) {
         let Some(Bound { pass, group, work }) = self.bound.get(number) else { return };
         let timer = self.timer.as_ref().filter(|_| timed);
         let (first, last) = (Some(2 * number as u32), Some(2 * number as u32 + 1));
         encoder.push_debug_group(pass.name());
         match work {
-            Work::Compute { workgroups, .. } | Work::Steps { workgroups, .. } => {
+            Work::Compute { .. } | Work::Steps { .. } => {
                 let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                     label: Some(pass.name()),
                     timestamp_writes: timer.map(|timer| wgpu::ComputePassTimestampWrites {
@@ -277,18 +306,18 @@ impl PassRunner {
                         end_of_pass_write_index: last,
                     }),
                 });
-                let [x, y, z] = *workgroups;
                 match work {
-                    Work::Compute { pipeline, .. } => {
+                    Work::Compute { pipeline, workgroups: [x, y, z] } => {
                         compute.set_pipeline(pipeline);
                         compute.set_bind_group(0, group, &[]);
-                        compute.dispatch_workgroups(x, y, z);
+                        compute.dispatch_workgroups(*x, *y, *z);
                     }
-                    Work::Steps { pipelines, steps, .. } => {
-                        for (at, offset) in steps {
-                            let Some(pipeline) = pipelines.get(*at) else { continue };
+                    Work::Steps { pipelines, steps } => {
+                        for step in steps.get(range).unwrap_or_default() {
+                            let Some(pipeline) = pipelines.get(step.pipeline) else { continue };
+                            let [x, y, z] = step.workgroups;
                             compute.set_pipeline(pipeline);
-                            compute.set_bind_group(0, group, &[*offset]);
+                            compute.set_bind_group(0, group, &[step.offset]);
                             compute.dispatch_workgroups(x, y, z);
                         }
                     }
@@ -338,7 +367,7 @@ impl PassRunner {
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("PassRunner::run") });
         for number in 0..self.bound.len() {
-            self.encode(&mut encoder, number, true);
+            self.encode(&mut encoder, number, 0..self.steps_of(number), true);
         }
         if let Some(timer) = &self.timer {
             let count = 2 * self.bound.len() as u32;
@@ -348,17 +377,72 @@ impl PassRunner {
         gpu.queue.submit([encoder.finish()]);
     }
 
+    /// Goes on with the bound passes for about so many milliseconds, a pass or some of its steps at a time, and
+    /// waits for them. Whether all is done.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub fn run_part(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
+        let began = Instant::now();
+        loop {
+            let (number, from) = self.parts.next;
+            let Some(pass) = self.bound.get(number).map(|bound| bound.pass) else { return Ok(true) };
+            let all = self.steps_of(number);
+            let until = all.min(from + self.parts.chunk.max(1));
+            let start = Instant::now();
+            let mut encoder = gpu
+                .device
+                .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("PassRunner::part") });
+            self.encode(&mut encoder, number, from..until, false);
+            gpu.queue.submit([encoder.finish()]);
+            gpu.wait().map_err(RenderError::Device)?;
+            let took = start.elapsed().as_secs_f64() * 1e3;
+            if self.parts.spent.len() <= number {
+                self.parts.spent.push((pass, 0.0));
+            }
+            if let Some((_, spent)) = self.parts.spent.get_mut(number) {
+                *spent += took;
+            }
+            if all > 1 && took > milliseconds {
+                self.parts.chunk = (self.parts.chunk / 2).max(1);
+            } else if until - from == self.parts.chunk.max(1) && took < 0.2 * milliseconds {
+                self.parts.chunk = 2 * self.parts.chunk.max(1);
+            }
+            self.parts.next = if until < all { (number, until) } else { (number + 1, 0) };
+            if self.parts.next.0 >= self.bound.len() {
+                return Ok(true);
+            }
+            if began.elapsed().as_secs_f64() * 1e3 >= milliseconds {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// How much of the bound passes' work [`PassRunner::run_part`] has done, 0 to 1.
+    pub fn share_done(&self) -> f64 {
+        let steps = |numbers: Range<usize>| numbers.map(|n| self.steps_of(n)).sum::<usize>();
+        let (number, step) = self.parts.next;
+        (steps(0..number) + step) as f64 / steps(0..self.bound.len()).max(1) as f64
+    }
+
     /// Where [`PassRunner::times`] come from on this device.
     pub fn time_source(&self) -> TimeSource {
-        if self.timer.is_some() { TimeSource::Device } else { TimeSource::Host }
+        if self.timer.is_some() && self.parts.spent.is_empty() {
+            TimeSource::Device
+        } else {
+            TimeSource::Host
+        }
     }
 
     /// Milliseconds of each bound pass, in order. Waits for the frame. Without timestamps on the
-    /// device the passes are run again, one by one.
+    /// device the passes are run again, one by one. Those of a frame in parts are what its parts took.
     ///
     /// # Errors
     /// [`RenderError::Device`] with what the driver says.
     pub fn times(&self, gpu: &Gpu) -> Result<Vec<(PassName, f64)>, RenderError> {
+        if !self.parts.spent.is_empty() {
+            return Ok(self.parts.spent.clone());
+        }
         if let Some(timer) = &self.timer {
             let bytes = gpu.map(&timer.staging).map_err(RenderError::Device)?;
             let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
@@ -377,7 +461,7 @@ impl PassRunner {
             let mut encoder = gpu
                 .device
                 .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("PassRunner::time") });
-            self.encode(&mut encoder, number, false);
+            self.encode(&mut encoder, number, 0..self.steps_of(number), false);
             gpu.queue.submit([encoder.finish()]);
             gpu.wait().map_err(RenderError::Device)?;
             times.push((bound.pass, start.elapsed().as_secs_f64() * 1e3));

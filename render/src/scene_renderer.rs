@@ -48,6 +48,28 @@ pub trait SceneRenderer: Sized {
         size_px: [u32; 2],
     ) -> Result<&Self::Frame, RenderError>;
 
+    /// Begins a picture that [`SceneRenderer::go_on`] draws in parts, where this renderer can; the last frame stays
+    /// until it is whole. Where it can't, it is drawn at once. Drawing another drops it.
+    ///
+    /// # Errors
+    /// [`RenderError`]; nothing is begun then.
+    fn begin(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Self::Scene,
+        quality: &Quality,
+        size_px: [u32; 2],
+    ) -> Result<(), RenderError>;
+
+    /// Goes on for about so many milliseconds. Whether the picture is whole, and the last frame.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`]; what was begun is dropped then.
+    fn go_on(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError>;
+
+    /// How much of what was begun is done, 0 to 1; `None` where nothing is under way.
+    fn share_done(&self) -> Option<f64>;
+
     /// The last frame.
     fn last(&self) -> Option<&Self::Frame>;
 
@@ -59,7 +81,45 @@ pub trait SceneRenderer: Sized {
 }
 
 macro_rules! renderers {
-    ($($renderer:ty: $scene:ty => $frame:ty),* $(,)?) => {$(
+    (at_once $scene:ty) => {
+        fn begin(
+            &mut self,
+            gpu: &Gpu,
+            scene: &$scene,
+            quality: &Quality,
+            size_px: [u32; 2],
+        ) -> Result<(), RenderError> {
+            self.render(gpu, scene, quality, size_px).map(|_| ())
+        }
+
+        fn go_on(&mut self, _: &Gpu, _: f64) -> Result<bool, RenderError> {
+            Ok(true)
+        }
+
+        fn share_done(&self) -> Option<f64> {
+            None
+        }
+    };
+    (in_parts $scene:ty) => {
+        fn begin(
+            &mut self,
+            gpu: &Gpu,
+            scene: &$scene,
+            quality: &Quality,
+            size_px: [u32; 2],
+        ) -> Result<(), RenderError> {
+            self.begin(gpu, scene, quality, size_px)
+        }
+
+        fn go_on(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
+            self.go_on(gpu, milliseconds)
+        }
+
+        fn share_done(&self) -> Option<f64> {
+            self.share_done()
+        }
+    };
+    ($($renderer:ty: $scene:ty => $frame:ty, $way:ident),* $(,)?) => {$(
         impl Picture for $frame {
             fn color(&self) -> &wgpu::Texture {
                 &self.color
@@ -92,6 +152,8 @@ macro_rules! renderers {
                 self.render(gpu, scene, quality, size_px)
             }
 
+            renderers!($way $scene);
+
             fn last(&self) -> Option<&$frame> {
                 self.frame()
             }
@@ -104,8 +166,8 @@ macro_rules! renderers {
 }
 
 renderers! {
-    Renderer: Scene => Frame,
-    ContextRenderer: ContextScene => ContextFrame,
-    ChangeRenderer: ChangeScene => ChangeFrame,
-    EllipsoidRenderer: EllipsoidScene => EllipsoidFrame,
+    Renderer: Scene => Frame, at_once,
+    ContextRenderer: ContextScene => ContextFrame, in_parts,
+    ChangeRenderer: ChangeScene => ChangeFrame, in_parts,
+    EllipsoidRenderer: EllipsoidScene => EllipsoidFrame, at_once,
 }

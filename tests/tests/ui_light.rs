@@ -117,3 +117,74 @@ fn diagnostics_say_how_far_off_the_light_is() {
     let words = format!("Expected error: {expected:.3} of white");
     harness.get_all_by_label_contains(&words).next().unwrap();
 }
+
+/// The finer picture comes in parts: the window shows the draft meanwhile, a turned camera drops the rest, and what
+/// stands at the end is the picture that is drawn at once.
+#[test]
+fn a_still_picture_by_slices_comes_in_parts_and_the_window_goes_on() {
+    let mut harness = drafting_window_on(CaseRef::Sample, [420.0, 360.0]);
+    maximized(&mut harness, Pane::Context);
+    let ctx = harness.ctx.clone();
+    let share =
+        |harness: &Harness<'_, GlioscopeApp>| harness.state().viewport.as_ref().unwrap().context.share_done();
+    let turn = |harness: &mut Harness<'_, GlioscopeApp>, degrees: f64| {
+        let mut camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
+        camera.world_from_camera = glioscope_render::Camera::orientation(degrees, 15.0);
+        harness.state_mut().perform(&ctx, &Command::SetCamera(camera), Instant::now());
+        harness.step();
+    };
+    harness.state_mut().perform(&ctx, &Command::SetShading(Shading::Slices), Instant::now());
+    let (mut waited, mut longest_ms) = (0, 0.0f64);
+    let until_coming = |harness: &mut Harness<'_, GlioscopeApp>| {
+        let mut steps = 0;
+        while share(harness).is_none() {
+            assert!(steps < 20, "a finer picture is begun");
+            harness.step();
+            steps += 1;
+        }
+    };
+    turn(&mut harness, 10.0);
+    until_coming(&mut harness);
+    let (draft, _) = drawn(&harness);
+    assert!(draft.cost.unwrap() <= 1.0);
+    // Turned while it is drawn: the rest is dropped, the draft of what is seen now is shown.
+    turn(&mut harness, 50.0);
+    assert_eq!(share(&harness), None, "nothing is under way any more");
+    assert!(drawn(&harness).0.cost.unwrap() <= 1.0);
+    let drafts =
+        |harness: &Harness<'_, GlioscopeApp>| harness.state().viewport.as_ref().unwrap().context.frames_drawn;
+    let before = drafts(&harness);
+    until_coming(&mut harness);
+    assert_eq!(drafts(&harness), before, "no picture of the first camera comes in between");
+    let reference = Light { shading: Shading::Slices, ..Light::default() }
+        .at(Quality::preset(Shading::Slices, Preset::Reference));
+    while drawn(&harness).0 != reference {
+        let begin = Instant::now();
+        let before = drawn(&harness).0;
+        harness.step();
+        if drawn(&harness).0 == before {
+            longest_ms = longest_ms.max(begin.elapsed().as_secs_f64() * 1e3);
+        }
+        waited += 1;
+        assert!(waited < 3000, "it is finished");
+    }
+    println!("{waited} steps of the window, the longest {longest_ms:.0} ms");
+    assert!(waited > 4, "in parts: {waited}");
+    for _ in 0..5 {
+        harness.step();
+    }
+    assert_eq!(share(&harness), None);
+    let pixels = |harness: &Harness<'_, GlioscopeApp>| {
+        let viewport = harness.state().viewport.as_ref().unwrap();
+        viewport.context.frame().unwrap().read_rgba(&viewport.gpu).unwrap()
+    };
+    let found = pixels(&harness);
+    let mut whole = window_on(CaseRef::Sample, [420.0, 360.0], Theme::Light);
+    maximized(&mut whole, Pane::Context);
+    let camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
+    perform(&mut whole, &Command::SetShading(Shading::Slices));
+    perform(&mut whole, &Command::SetCamera(camera));
+    assert_eq!(share(&whole), None, "at once");
+    assert_eq!(drawn(&whole).0, reference);
+    assert!(pixels(&whole) == found, "the same pixels");
+}

@@ -49,6 +49,9 @@ fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Scr
         ui.label("Not drawn: no pane shows it.");
         return;
     };
+    if let Some(share) = screen.share_done() {
+        ui.label(format!("A finer picture is being drawn: {:.0} %.", 100.0 * share));
+    }
     let omitted = plan.omitted.clone();
     let frames = screen.frames_drawn;
     let quality = screen.quality().copied();

@@ -8,7 +8,7 @@ use super::{
     ViewContext,
     camera_drag::{self, Outcome, View3d},
     closeup, ruler,
-    still::Refinement,
+    still::{PART_MS, Refinement},
 };
 use crate::{commands::Command, document::Pane, viewport::Screen};
 
@@ -79,11 +79,13 @@ pub struct LinkedView<S, P> {
     refinement: Refinement<S>,
     pointer: Option<Pos2>,
     hover: Option<P>,
+    /// A finer picture is under way.
+    coming: bool,
 }
 
 impl<S, P> Default for LinkedView<S, P> {
     fn default() -> Self {
-        Self { refinement: Refinement::default(), pointer: None, hover: None }
+        Self { refinement: Refinement::default(), pointer: None, hover: None, coming: false }
     }
 }
 
@@ -104,7 +106,7 @@ pub struct Drawing<'a, R: SceneRenderer, F> {
 impl<S: Clone + PartialEq, P: Picked> LinkedView<S, P> {
     /// Whether the picture last drawn was in full quality.
     pub fn refined(&self) -> bool {
-        self.refinement.refined()
+        self.refinement.refined() && !self.coming
     }
 
     /// What is under the pointer.
@@ -150,7 +152,20 @@ impl<S: Clone + PartialEq, P: Picked> LinkedView<S, P> {
             self.pointer = None;
         }
         let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
-        let shown = screen.show(gpu, scene, &now.quality, size, now.timed);
+        let frames = screen.frames_drawn;
+        let shown = match &now.in_parts {
+            Some(draft) => screen.show_in_parts(gpu, scene, (draft, &now.quality), size, PART_MS),
+            None => screen.show(gpu, scene, &now.quality, size, now.timed),
+        };
+        self.coming = now.in_parts.is_some()
+            && shown.is_ok()
+            && (screen.share_done().is_some() || screen.quality() != Some(&now.quality));
+        if self.coming {
+            ui.ctx().request_repaint();
+        }
+        if now.in_parts.is_some() && screen.frames_drawn != frames {
+            self.pointer = None;
+        }
         if let Some(milliseconds) = screen.took_ms() {
             self.refinement.took(light, milliseconds);
         }

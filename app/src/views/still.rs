@@ -15,6 +15,9 @@ const AT_REST: Duration = Duration::from_millis(450);
 /// How long a picture may take while something moves.
 pub const BUDGET_MS: f64 = 100.0;
 
+/// How long the window may wait for a part of a finer picture.
+pub const PART_MS: f64 = 40.0;
+
 /// Finds the quality that takes the budget's time, from the times of the pictures drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Auto {
@@ -84,6 +87,8 @@ pub struct Now {
     pub quality: Quality,
     /// Whether it has just become better than while moving.
     pub just_refined: bool,
+    /// What to draw first where `quality` is drawn in parts, which may take long: then the window must not wait.
+    pub in_parts: Option<Quality>,
     /// Whether [`Refinement::took`] wants to know how long it takes.
     pub timed: bool,
 }
@@ -140,8 +145,11 @@ impl<S: Clone + PartialEq> Refinement<S> {
             (None, Stage::Still) => balanced,
             (None, Stage::AtRest) => reference,
         };
+        // Slices alone come in parts that are short enough.
+        let apart = shading == Shading::Slices && light.preset.is_none() && self.stage != Stage::Moving;
         Now {
             quality: light.at(quality),
+            in_parts: (apart && !at_once).then(|| light.at(moving)),
             just_refined: self.stage > before,
             timed: light.preset.is_none() && self.stage == Stage::Moving,
         }

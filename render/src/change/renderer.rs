@@ -204,6 +204,8 @@ pub struct ChangeRenderer {
     pub(super) solid_targets: Option<SolidTargets>,
     pub(super) lights: Lights,
     frame: Option<ChangeFrame>,
+    /// Drawn in parts, and not whole yet.
+    coming: Option<ChangeFrame>,
 }
 
 impl ChangeRenderer {
@@ -245,6 +247,7 @@ impl ChangeRenderer {
             solid_targets: None,
             lights: Lights::default(),
             frame: None,
+            coming: None,
         };
         gpu.check().map_err(RenderError::Device)?;
         Ok(made)
@@ -279,13 +282,66 @@ impl ChangeRenderer {
         asked_px: [u32; 2],
         plan: Plan,
     ) -> Result<&ChangeFrame, RenderError> {
-        let before = self.frame.take();
+        let spare = self.frame.take().map(|frame| (frame.targets, frame.own));
+        let frame = self.prepare(gpu, scene, quality, asked_px, plan, spare)?;
+        self.passes.run(gpu);
+        gpu.check().map_err(RenderError::Device)?;
+        Ok(self.frame.insert(frame))
+    }
+
+    /// Begins a picture that [`ChangeRenderer::go_on`] draws; the last one stays until then. Another one that
+    /// was begun is dropped, by [`ChangeRenderer::render`] too.
+    ///
+    /// # Errors
+    /// [`RenderError`]; nothing is begun then.
+    pub fn begin(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ChangeScene,
+        quality: &Quality,
+        size_px: [u32; 2],
+    ) -> Result<(), RenderError> {
+        let frame = self.prepare(gpu, scene, quality, size_px, change_plan(scene, quality), None)?;
+        self.coming = Some(frame);
+        Ok(())
+    }
+
+    /// Goes on with what was begun, for about so many milliseconds. Whether it is whole: then it is
+    /// [`ChangeRenderer::frame`]. Nothing to do is done.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`]; what was begun is dropped then.
+    pub fn go_on(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
+        let Some(coming) = self.coming.take() else { return Ok(true) };
+        let done = self.passes.run_part(gpu, milliseconds)?;
+        gpu.check().map_err(RenderError::Device)?;
+        let to = if done { &mut self.frame } else { &mut self.coming };
+        *to = Some(coming);
+        Ok(done)
+    }
+
+    /// How much of what was begun is done, 0 to 1; `None` where nothing is under way.
+    pub fn share_done(&self) -> Option<f64> {
+        self.coming.as_ref().map(|_| self.passes.share_done())
+    }
+
+    /// Binds the passes of a picture.
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ChangeScene,
+        quality: &Quality,
+        asked_px: [u32; 2],
+        plan: Plan,
+        spare: Option<(Targets, ChangeTargets)>,
+    ) -> Result<ChangeFrame, RenderError> {
+        self.coming = None;
         self.passes.clear();
         gpu.check().map_err(RenderError::Device)?;
         scene.check()?;
         let size = quality.drawn_px(asked_px);
-        let (targets, own) = match before {
-            Some(frame) if frame.targets.size == size => (frame.targets, frame.own),
+        let (targets, own) = match spare {
+            Some((targets, own)) if targets.size == size => (targets, own),
             _ => (Targets::new(gpu, size)?, ChangeTargets::new(gpu, size)),
         };
         let context_scene = scene.context_scene();
@@ -335,9 +391,7 @@ impl ChangeRenderer {
         let count = arrow_count as u32;
         let arrow_targets = (&arrow_targets, solid_targets.as_ref());
         self.bind(gpu, &plan, &targets, &own, arrow_targets, count, &context_scene, quality)?;
-        self.passes.run(gpu);
-        gpu.check().map_err(RenderError::Device)?;
-        Ok(self.frame.insert(ChangeFrame {
+        Ok(ChangeFrame {
             color: targets.color.clone(),
             size_px: size,
             asked_px,
@@ -350,7 +404,7 @@ impl ChangeRenderer {
             vectors,
             camera: scene.camera,
             reference_mm,
-        }))
+        })
     }
 
     /// The uniform of what is solid, that of the whole union, and the kernel of occlusion.

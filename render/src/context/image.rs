@@ -12,12 +12,17 @@ use super::{
 };
 use crate::{
     gpu::Gpu,
+    lighting::Seen,
     occlusion::{Sight, joined},
     plan::Plan,
     quality::Quality,
     renderer::RenderError,
     transfer::TransferFunction,
 };
+
+/// From a brick's middle to its faces: from voxel centre to voxel centre, and half a voxel more at the image's
+/// edge.
+const HALF_BRICK: f64 = 0.5 * BRICK as f64 + 0.5;
 
 /// The values of an image, as context_march.wgsl reads them.
 struct Uploaded {
@@ -96,21 +101,36 @@ impl ImageBuffers {
 
     /// Ranges of view depth (from the eye) that visible bricks reach, in order, none touching the next.
     pub fn depths_mm(&self, sight: &Sight) -> Vec<(f64, f64)> {
-        let FieldShape { grid, brick_dims, .. } = &self.up.shape;
-        let world = grid.world_from_voxel();
-        let depths = |brick: [usize; 3]| {
-            // From voxel centre to voxel centre, and half a voxel more at the image's edge.
-            let first = DVec3::from_array(brick.map(|b| (b * BRICK) as f64 - 0.5));
-            let middle = sight.depth_mm(world.transform_point3(first + (0.5 * BRICK as f64 + 0.5)));
-            let reach: f64 = (0..3).map(|a| world.matrix3.col(a).dot(sight.forward).abs()).sum();
-            let reach = reach * (0.5 * BRICK as f64 + 0.5);
+        let world = self.up.shape.grid.world_from_voxel();
+        let reach: f64 = (0..3).map(|a| world.matrix3.col(a).dot(sight.forward).abs()).sum();
+        let reach = reach * HALF_BRICK;
+        let depths = |middle: DVec3| {
+            let middle = sight.depth_mm(world.transform_point3(middle));
             (middle + reach > 0.0).then_some(((middle - reach).max(0.0), middle + reach))
         };
-        let [x, y, z] = *brick_dims;
+        joined(self.visible_middles().filter_map(depths).collect())
+    }
+
+    /// Visible bricks that are before the eye.
+    pub fn seen(&self, sight: &Sight) -> Vec<Seen> {
+        let world = self.up.shape.grid.world_from_voxel();
+        let corner = |middle: DVec3, i: usize| {
+            let to = DVec3::from_array(std::array::from_fn(|a| if i >> a & 1 == 1 { 1.0 } else { -1.0 }));
+            world.transform_point3(middle + HALF_BRICK * to)
+        };
+        let corners = |middle: DVec3| std::array::from_fn::<_, 8, _>(|i| corner(middle, i));
+        self.visible_middles().filter_map(|m| Seen::of(sight, &corners(m))).collect()
+    }
+
+    /// Middles of visible bricks among voxel centres.
+    fn visible_middles(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let [x, y, z] = self.up.shape.brick_dims;
         let is_visible =
-            |b: usize| self.tables.visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1);
-        let seen = (0..x * y * z).filter(|b| is_visible(*b));
-        joined(seen.filter_map(|b| depths([b % x, b / x % y, b / x / y])).collect())
+            |b: &usize| self.tables.visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1);
+        let brick = move |b: usize| [b % x, b / x % y, b / x / y];
+        (0..x * y * z)
+            .filter(is_visible)
+            .map(move |b| DVec3::from_array(brick(b).map(|c| (c * BRICK) as f64 - 0.5)) + HALF_BRICK)
     }
 
     /// What the picture lacks of the image, if anything.

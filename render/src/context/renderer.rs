@@ -90,6 +90,8 @@ pub struct ContextRenderer {
     lights: Lights,
     tubes: TubeBuffers,
     frame: Option<ContextFrame>,
+    /// Drawn in parts, and not whole yet.
+    coming: Option<ContextFrame>,
 }
 
 /// What tests turn off to see that it changes nothing, or only what it should.
@@ -131,6 +133,7 @@ impl ContextRenderer {
             lights: Lights::default(),
             tubes: TubeBuffers::new(gpu),
             frame: None,
+            coming: None,
         })
     }
 
@@ -154,6 +157,11 @@ impl ContextRenderer {
         &self.lights
     }
 
+    #[cfg(test)]
+    pub(crate) fn lights_mut(&mut self) -> &mut Lights {
+        &mut self.lights
+    }
+
     /// The last frame, if drawing it went well.
     pub fn frame(&self) -> Option<&ContextFrame> {
         self.frame.as_ref()
@@ -169,13 +177,67 @@ impl ContextRenderer {
         plan: Plan,
         ways: Ways,
     ) -> Result<&ContextFrame, RenderError> {
-        let before = self.frame.take();
+        let spare = self.frame.take().map(|frame| frame.targets);
+        let frame = self.prepare(gpu, scene, quality, asked_px, (plan, ways), spare)?;
+        self.passes.run(gpu);
+        gpu.check().map_err(RenderError::Device)?;
+        Ok(self.frame.insert(frame))
+    }
+
+    /// Begins a picture that [`ContextRenderer::go_on`] draws; the last one stays until then. Another one that
+    /// was begun is dropped, by [`ContextRenderer::render`] too.
+    ///
+    /// # Errors
+    /// [`RenderError`]; nothing is begun then.
+    pub fn begin(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ContextScene,
+        quality: &Quality,
+        size_px: [u32; 2],
+    ) -> Result<(), RenderError> {
+        let planned = (context_plan(scene, quality), Ways::USUAL);
+        let frame = self.prepare(gpu, scene, quality, size_px, planned, None)?;
+        self.coming = Some(frame);
+        Ok(())
+    }
+
+    /// Goes on with what was begun, for about so many milliseconds. Whether it is whole: then it is
+    /// [`ContextRenderer::frame`]. Nothing to do is done.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`]; what was begun is dropped then.
+    pub fn go_on(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
+        let Some(coming) = self.coming.take() else { return Ok(true) };
+        let done = self.passes.run_part(gpu, milliseconds)?;
+        gpu.check().map_err(RenderError::Device)?;
+        let to = if done { &mut self.frame } else { &mut self.coming };
+        *to = Some(coming);
+        Ok(done)
+    }
+
+    /// How much of what was begun is done, 0 to 1; `None` where nothing is under way.
+    pub fn share_done(&self) -> Option<f64> {
+        self.coming.as_ref().map(|_| self.passes.share_done())
+    }
+
+    /// Binds the passes of a picture.
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        scene: &ContextScene,
+        quality: &Quality,
+        asked_px: [u32; 2],
+        (plan, ways): (Plan, Ways),
+        spare: Option<Targets>,
+    ) -> Result<ContextFrame, RenderError> {
+        self.coming = None;
         self.passes.clear();
         gpu.check().map_err(RenderError::Device)?;
         scene.check()?;
         let size = quality.drawn_px(asked_px);
-        let targets = match before {
-            Some(frame) if frame.targets.size == size => frame.targets,
+        let targets = match spare {
+            Some(targets) if targets.size == size => targets,
             _ => Targets::new(gpu, size)?,
         };
         let regions = RegionBuffers::keep(&mut self.regions, gpu, scene.tumor.as_ref())?;
@@ -205,9 +267,7 @@ impl ContextRenderer {
             gpu.queue.write_buffer(&self.context, 0, bytemuck::bytes_of(&context));
         }
         let notes = self.bind(gpu, &plan, &targets, scene, quality)?;
-        self.passes.run(gpu);
-        gpu.check().map_err(RenderError::Device)?;
-        Ok(self.frame.insert(ContextFrame {
+        Ok(ContextFrame {
             color: targets.color.clone(),
             size_px: size,
             asked_px,
@@ -219,7 +279,7 @@ impl ContextRenderer {
             tubes: scene.tubes.clone(),
             camera: scene.camera,
             reference_mm: scene.reference_mm(),
-        }))
+        })
     }
 
     /// Binds the passes of `plan`; returns what is other than asked for, in words.

@@ -7,6 +7,11 @@ mod cones;
 mod grid;
 #[cfg(test)]
 mod grid_tests;
+#[cfg(test)]
+mod parts_tests;
+mod reach;
+#[cfg(test)]
+mod reach_tests;
 mod slices;
 #[cfg(test)]
 mod solid_stability_tests;
@@ -23,6 +28,7 @@ use std::sync::Arc;
 
 use glioscope_core::{RegionVolume, Selection};
 
+pub(crate) use self::reach::Seen;
 pub(crate) use self::vicinity::{Solid, VicinityLight};
 use self::{cones::ConeLight, slices::SliceLight};
 use crate::{
@@ -295,6 +301,12 @@ impl Lights {
     #[cfg(test)]
     pub fn notes(&self) -> Option<&wgpu::Buffer> {
         self.slices.as_ref()?.notes()
+    }
+
+    /// Lets the slices run every step for the whole picture.
+    #[cfg(test)]
+    pub fn everywhere(&mut self, gpu: &Gpu) {
+        self.slices.get_or_insert_with(|| SliceLight::new(gpu)).everywhere();
     }
 
     /// Light that the slices carry.

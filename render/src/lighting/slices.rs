@@ -1,13 +1,18 @@
 //! The slices of a view on the graphics device.
 //!
-//! Lifetimes: pipelines are made when a variant is first drawn; buffers (32 bytes a pixel, with
-//! something solid 40) once a size; the uniforms of the steps, 256 bytes each, once a frame.
+//! Lifetimes: pipelines are made when a variant is first drawn; buffers (40 bytes a pixel, with
+//! something solid 48) once a size; the uniforms of the steps, 256 bytes for each of
+//! their rectangles, once a frame.
 
 use wgpu::util::DeviceExt;
 
-use super::{Lighting, LitImage, LitScene, uniforms};
+use super::{
+    Lighting, LitImage, LitScene,
+    reach::{Rect, Seen, SolidParts, StepReach, reach},
+    uniforms,
+};
 use crate::{
-    compute::{PassRunner, workgroups_of},
+    compute::{Dispatch, PassRunner, workgroups_of},
     dos::{DosPlan, Kernel, Step, Variant, disc_points},
     gpu::Gpu,
     occlusion::{
@@ -25,8 +30,13 @@ const STRIDE: u64 = 256;
 /// What a pipeline is made for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Wanted {
+    /// See slices_begin.wgsl: what comes before the steps.
+    begins: bool,
     variant: Variant,
     solid: bool,
+    /// Whether two lights are kept, be there something solid or not.
+    two_lights: bool,
+    one_slice: bool,
     /// Whether what is solid leaves the image its light.
     lets_through: bool,
     /// Whether the eye's rays end elsewhere than at what is solid.
@@ -58,7 +68,7 @@ impl Buffers {
         Self {
             size,
             lights_a_pixel,
-            lights: buffer("SliceLight::lights", 8 * pixels * lights_a_pixel),
+            lights: buffer("SliceLight::lights", 8 * pixels * (lights_a_pixel + 1)),
             eye: buffer("SliceLight::eye", 16 * pixels),
             notes: buffer("SliceLight::notes", 8 * pixels),
         }
@@ -71,6 +81,8 @@ pub(crate) struct SliceLight {
     pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
     slices: wgpu::Buffer,
     buffers: Option<Buffers>,
+    /// For tests: every step is taken for the whole picture, as if solid surfaces were anywhere.
+    everywhere: bool,
 }
 
 impl SliceLight {
@@ -101,7 +113,13 @@ impl SliceLight {
                 mapped_at_creation: false,
             }),
             buffers: None,
+            everywhere: false,
         }
+    }
+
+    #[cfg(test)]
+    pub fn everywhere(&mut self) {
+        self.everywhere = true;
     }
 
     /// Light of the image on each pixel's solid surface, and more; see slices_finish.wgsl. `None` before
@@ -152,25 +170,65 @@ impl SliceLight {
             let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
             plan.steps.push(Step { depth_mm: scene.reference_mm, slices: 1, kernel, empty: true });
         }
-        let gradient = image.buffers.tables().two_d;
-        let mut pipelines: Vec<(Wanted, wgpu::ComputePipeline)> = Vec::new();
-        let mut steps = Vec::new();
-        for (number, step) in (0u32..).zip(&plan.steps) {
-            let (variant, first, empty) = (lighting.variant, number == 0, step.empty);
-            let lets_through = !lighting.mutual.solid_on_image;
-            let wanted = Wanted { variant, solid, lets_through, apart, gradient, first, empty };
-            let at = match pipelines.iter().position(|(made, _)| *made == wanted) {
-                Some(at) => at,
-                None => {
-                    pipelines.push((wanted, self.pipeline(gpu, wanted)?));
-                    pipelines.len() - 1
-                }
-            };
-            steps.push((at, number * STRIDE as u32));
-        }
-        let pipelines = pipelines.into_iter().map(|(_, pipeline)| pipeline).collect();
-        let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
         let mutual = &lighting.mutual;
+        let solid_parts = match scene.tumor {
+            _ if !solid => SolidParts::None,
+            Some(tumor) if !apart && !frame_plan.has(PassName::TubesMerge) => {
+                Seen::of(&sight, &tumor.grid().corners_mm()).map_or(SolidParts::None, SolidParts::Within)
+            }
+            _ => SolidParts::Anywhere,
+        };
+        let ways = (mutual.solid_on_image, mutual.image_on_image);
+        let reached = if self.everywhere {
+            vec![StepReach::everywhere(scene.size); plan.steps.len()]
+        } else {
+            reach(&plan, &sight, &image.buffers.seen(&sight), solid_parts, ways)
+        };
+        let mut work = Work::default();
+        let begins = Wanted {
+            begins: true,
+            variant: lighting.variant,
+            solid: false,
+            two_lights: solid,
+            one_slice: false,
+            lets_through: false,
+            apart: false,
+            gradient: false,
+            first: false,
+            empty: false,
+        };
+        let whole = Rect::whole(scene.size).in_workgroups(scene.size);
+        work.add(self.pipeline(gpu, begins)?, begins, uniforms::Part::default(), whole);
+        let mended = lighting.variant == Variant::Mended;
+        for (number, (step, reached)) in plan.steps.iter().zip(&reached).enumerate() {
+            let mut part = part(step, number, scene.reference_mm);
+            part.is_last = u32::from(number + 1 == plan.steps.len());
+            let among = reached.among_solid.iter().map(|rect| (rect, solid));
+            for (rect, solid) in among.chain(reached.alike.iter().map(|rect| (rect, false))) {
+                let wanted = Wanted {
+                    begins: false,
+                    solid,
+                    one_slice: mended && step.slices == 1,
+                    lets_through: solid && !mutual.solid_on_image,
+                    apart: solid && apart,
+                    gradient: image.buffers.tables().two_d,
+                    first: !mended && number == 0,
+                    empty: step.empty,
+                    ..begins
+                };
+                work.add(self.pipeline(gpu, wanted)?, wanted, part, *rect);
+            }
+        }
+        let drawn: u64 =
+            reached.iter().flat_map(|r| r.among_solid.iter().chain(&r.alike)).map(Rect::pixels).sum();
+        let all = whole.pixels() * plan.steps.len() as u64;
+        if drawn < all {
+            let share = 100.0 * (1.0 - drawn as f64 / all as f64);
+            plan.notes.push(format!(
+                "{share:.0} % of the slices' pixels are left out: no light is lost there yet, or none asked for any more"
+            ));
+        }
+        let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
         let flags = if mutual.image_on_image { uniforms::VOLUME_ON_VOLUME } else { 0 };
         let slices = uniforms::Slices {
             slice_mm: plan.slice_mm as f32,
@@ -180,12 +238,10 @@ impl SliceLight {
             decay: plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed),
         };
         gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
-        let mut bytes = vec![0u8; plan.steps.len() * STRIDE as usize];
-        for (number, (step, place)) in
-            plan.steps.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)).enumerate()
-        {
-            let part = part(step, number, scene.reference_mm);
-            let part = bytemuck::bytes_of(&part);
+        // The last one's binding reaches past it.
+        let mut bytes = vec![0u8; (work.parts.len() + 1) * STRIDE as usize];
+        for (part, place) in work.parts.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
+            let part = bytemuck::bytes_of(part);
             place[..part.len()].copy_from_slice(part);
         }
         let parts = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -213,7 +269,8 @@ impl SliceLight {
             (35, buffers.notes.as_entire_binding()),
         ];
         let workgroups = workgroups_of(scene.size);
-        passes.bind_steps(gpu, PassName::Slices, &self.layout, &entries, (pipelines, steps), workgroups);
+        let steps = (work.pipelines.into_iter().map(|(_, made)| made).collect(), work.steps);
+        passes.bind_steps(gpu, PassName::Slices, &self.layout, &entries, steps);
         let finish = [
             (0, scene.view.as_entire_binding()),
             (6, scene.marched.as_entire_binding()),
@@ -237,16 +294,44 @@ impl SliceLight {
         let constants = [
             ("variant", variant),
             ("with_solid", flag(wanted.solid)),
+            ("two_lights", flag(wanted.two_lights)),
+            ("one_slice", flag(wanted.one_slice)),
             ("solid_lets_through", flag(wanted.lets_through)),
             ("ends_apart", flag(wanted.apart)),
             ("gradient_counts", flag(wanted.gradient)),
             ("is_first", flag(wanted.first)),
             ("is_empty", flag(wanted.empty)),
         ];
-        let made = pipeline(gpu, "context_slices", &self.layout, &constants)?;
+        let made = if wanted.begins {
+            pipeline(gpu, "slices_begin", &self.layout, &[("two_lights", flag(wanted.two_lights))])?
+        } else {
+            pipeline(gpu, "context_slices", &self.layout, &constants)?
+        };
         gpu.check().map_err(RenderError::Device)?;
         self.pipelines.push((wanted, made.clone()));
         Ok(made)
+    }
+}
+
+/// Dispatches of a frame.
+#[derive(Default)]
+struct Work {
+    pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
+    parts: Vec<uniforms::Part>,
+    steps: Vec<Dispatch>,
+}
+
+impl Work {
+    fn add(&mut self, made: wgpu::ComputePipeline, wanted: Wanted, part: uniforms::Part, rect: Rect) {
+        let known = self.pipelines.iter().position(|(w, _)| *w == wanted);
+        let pipeline = known.unwrap_or_else(|| {
+            self.pipelines.push((wanted, made));
+            self.pipelines.len() - 1
+        });
+        let (origin, workgroups) = rect.dispatch();
+        let offset = (self.parts.len() as u64 * STRIDE) as u32;
+        self.parts.push(uniforms::Part { origin, ..part });
+        self.steps.push(Dispatch { pipeline, offset, workgroups });
     }
 }
 

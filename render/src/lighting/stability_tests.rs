@@ -74,6 +74,8 @@ fn left(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality,
     out.eye = read(lights.eye());
     out.notes = read(lights.notes());
     out.carried = read(lights.carried());
+    // Behind the lights stand the depths of each pixel's ray in the image.
+    out.carried.truncate(out.carried.len().saturating_sub(2 * out.eye.len()));
     out.grid = read(lights.grid().map(|[light, _]| light));
     out
 }

@@ -84,9 +84,8 @@ pub(crate) struct Part {
     pub radius_mm: f32,
     pub share: f32,
     pub turn: u32,
-    pub pad0: u32,
-    pub pad1: u32,
-    pub pad2: u32,
+    pub is_last: u32,
+    pub origin: [u32; 2],
 }
 
 pub(crate) const VICINITY: u32 = 1;

@@ -131,22 +131,31 @@ fn opacity_over(per_mm: f32, length_mm: f32) -> f32 {
     return select(1.0 - exp2(length_mm * log2(max(1.0 - per_mm, 1e-30))), 1.0, per_mm >= 1.0);
 }
 
-// Colour, and opacity of 1 mm, at a place among voxel centres; the steepness counts where the transfer
+fn shows_anything(place: Place) -> bool {
+    return ((flags() & NO_SKIPPING) != 0u) | is_visible(place.cell >> vec3<u32>(3u));
+}
+
+// Colour, and opacity of 1 mm, in a brick of which anything shows; the steepness counts where the transfer
 // function asks for it.
-fn material_at(q: vec3<f32>) -> vec4<f32> {
+fn material_of(place: Place) -> vec4<f32> {
     let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
     let to_next = select(vec3<u32>(0u), stride, context.dims > vec3<u32>(1u));
-    let place = place_of(q);
-    let shows = ((flags() & NO_SKIPPING) != 0u) | is_visible(place.cell >> vec3<u32>(3u));
     let here = dot(place.cell, stride);
     let corners = corners_at(here, to_next);
     let value = between(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
-    var material = select(vec4<f32>(0.0), looked_up(value), shows & (value > NOT_FINITE));
+    var material = select(vec4<f32>(0.0), looked_up(value), value > NOT_FINITE);
     if gradient_counts && (varied(context.flags) & TWO_D) != 0u && material.a > 0.0 {
         let steepness = length(gradient_at(place, here, to_next, corners));
         material.a *= select(0.0, factor_of(steepness), steepness < TOO_STEEP);
     }
     return material;
+}
+
+// At a place among voxel centres.
+fn material_at(q: vec3<f32>) -> vec4<f32> {
+    let place = place_of(q);
+    let material = material_of(place);
+    return select(vec4<f32>(0.0), material, shows_anything(place));
 }
 
 // Per millimetre; at most what leaves nothing.
@@ -162,14 +171,22 @@ struct ImageRay {
     far: f32,
 }
 
-// Where the image is along a ray of the picture, `p` in pixels from its middle: in its box, in front of
+// Where a ray of the picture is among voxel centres at depth 0, and how far a millimetre of depth goes; `p` in
+// pixels from the picture's middle.
+fn image_line(p: vec2<f32>) -> array<vec3<f32>, 2> {
+    let aside = p.x * context.right + p.y * context.up;
+    return array<vec3<f32>, 2>(
+        context.corner + view.mm_per_pixel * aside - 0.5, context.forward + view.mm_per_pixel_per_mm * aside);
+}
+
+// Where the image is along a ray of the picture: in its box, in front of
 // `ahead`, not cut away, not in the masks' box and not before that.
 fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
     var near = view.nearest_mm;
     var far = ahead;
-    let aside = p.x * context.right + p.y * context.up;
-    let o = context.corner + view.mm_per_pixel * aside - 0.5;
-    let d = context.forward + view.mm_per_pixel_per_mm * aside;
+    let line = image_line(p);
+    let o = line[0];
+    let d = line[1];
     let moves = abs(d) > vec3<f32>(1e-12);
     let inv = select(vec3<f32>(0.0), 1.0 / d, moves);
     let lower = vec3<f32>(-0.5);

@@ -19,9 +19,8 @@ struct Part {
     radius_mm: f32,
     share: f32,                     // weight of one point
     turn: u32,                      // which half of the lights is read
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    is_last: u32,
+    origin: vec2<u32>,              // pixel of the first thread
 }
 
 const VOLUME_ON_VOLUME = 1u;
@@ -30,6 +29,10 @@ override variant: u32 = 2u;
 // Whether anything solid is in the picture. Then two lights are carried: behind the image alone, which
 // lights what is solid, and behind both, which lights the image.
 override with_solid: bool = false;
+// Whether both are kept, though no light that is found here has met anything solid: then they are the same.
+override two_lights: bool = false;
+// Most steps have one slice. A loop costs Mesa's software driver a third of the step.
+override one_slice: bool = false;
 // Whether solid surfaces leave the image its light.
 override solid_lets_through: bool = false;
 // Whether the eye sees the image past what is solid, beside it in the same pixel: up to depths of their own,
@@ -59,17 +62,22 @@ fn decay_entry(i: u32) -> vec4<f32> {
 
 fn light_place(at: u32, turn: u32) -> u32 {
     let pixels = view.size.x * view.size.y;
-    return select(turn * pixels + at, 2u * (turn * pixels + at), with_solid);
+    return select(turn * pixels + at, 2u * (turn * pixels + at), two_lights);
+}
+
+// Where the depths stand between which a pixel sees the image: behind both halves.
+fn range_place(at: u32) -> u32 {
+    return light_place(0u, 2u) + 2u * at;
 }
 
 // The edge of the picture goes on.
 fn texel(at: vec2<i32>) -> vec2<f32> {
     let p = clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1);
-    let place = light_place(linear_index(vec2<u32>(p)), parts[0].turn);
+    let place = light_place(linear_index(vec2<u32>(p)), parts[zero].turn);
     if with_solid {
         return vec2<f32>(lights[place], lights[place + 1u]);
     }
-    return vec2<f32>(lights[place]);
+    return vec2<f32>(lights[place + select(0u, 1u, two_lights)]);
 }
 
 // Bilinear, from a pixel's corner on.
@@ -97,12 +105,12 @@ fn disc(pixel: vec2<u32>, extinction: vec2<f32>) -> vec2<f32> {
             }
             var through = approximate;
             if variant == PAPER_EXACT {
-                through = exp(-extinction * sqrt(d * d + off2 * parts[0].radius_mm * parts[0].radius_mm));
+                through = exp(-extinction * sqrt(d * d + off2 * parts[zero].radius_mm * parts[zero].radius_mm));
             }
-            sum += smooth_texel(center + p * parts[0].radius) * through;
+            sum += smooth_texel(center + p * parts[zero].radius) * through;
         }
     }
-    return sum * parts[0].share;
+    return sum * parts[zero].share;
 }
 
 fn lattice(pixel: vec2<u32>) -> vec2<f32> {
@@ -111,12 +119,12 @@ fn lattice(pixel: vec2<u32>) -> vec2<f32> {
     if parts[zero].side == 1u {
         return own;
     }
-    let first = center - (i32(parts[zero].side) - 1) * parts[0].stride / 2;
+    let first = center - (i32(parts[zero].side) - 1) * parts[zero].stride / 2;
     var sum = vec2<f32>(0.0);
     for (var j = 0; j < i32(parts[zero].side); j++) {
         for (var i = 0; i < i32(parts[zero].side); i++) {
-            sum += texel(first + vec2<i32>(i, j) * parts[0].stride);
+            sum += texel(first + vec2<i32>(i, j) * parts[zero].stride);
         }
     }
-    return mix(sum * parts[0].share, own, parts[0].center);
+    return mix(sum * parts[zero].share, own, parts[zero].center);
 }

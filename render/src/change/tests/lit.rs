@@ -271,3 +271,27 @@ fn arrows_are_merged_only_where_light_asks_for_it() {
     let plan = change_plan(&with, &quality);
     assert_eq!(plan.passes.len() + plan.omitted.len(), every.len());
 }
+
+/// In parts and at once are the same pixels; the picture before stays until then.
+#[test]
+fn a_change_view_comes_in_parts() {
+    let Bench { gpu, renderer } = &mut *bench();
+    let scene = with_image(arrows());
+    let quality = lit(Shading::Slices);
+    let wanted = renderer.render(gpu, &scene, &quality, SIZE).unwrap().read_rgba(gpu).unwrap();
+    let mut other = scene.clone();
+    other.camera.height_mm *= 1.4;
+    let before = renderer.render(gpu, &other, &quality, SIZE).unwrap().read_rgba(gpu).unwrap();
+    assert!(before != wanted);
+    renderer.begin(gpu, &scene, &quality, SIZE).unwrap();
+    let mut parts = 0;
+    while !renderer.go_on(gpu, 0.0).unwrap() {
+        parts += 1;
+        let share = renderer.share_done().unwrap();
+        assert!(share > 0.0 && share < 1.0);
+        assert!(renderer.frame().unwrap().read_rgba(gpu).unwrap() == before, "part {parts}");
+    }
+    assert!(parts > 10, "{parts}");
+    assert_eq!(renderer.share_done(), None);
+    assert!(renderer.frame().unwrap().read_rgba(gpu).unwrap() == wanted);
+}

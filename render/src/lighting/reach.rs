@@ -1,0 +1,199 @@
+//! Which pixels a step of slices must be taken for: those that light may have been lost at, and that something
+//! still asks for the light of. Pure: no device is touched.
+
+use crate::{dos::DosPlan, occlusion::Sight};
+
+/// Pixels from `low` up to `high`, which is none of them; empty where one isn't below the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Rect {
+    pub low: [i32; 2],
+    pub high: [i32; 2],
+}
+
+impl Rect {
+    pub const EMPTY: Self = Self { low: [i32::MAX / 2; 2], high: [i32::MIN / 2; 2] };
+
+    pub fn whole(size: [u32; 2]) -> Self {
+        Self { low: [0; 2], high: size.map(|s| s as i32) }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        (0..2).any(|a| self.low[a] >= self.high[a])
+    }
+
+    fn with(self, other: Self) -> Self {
+        let axis = |a: usize| (self.low[a].min(other.low[a]), self.high[a].max(other.high[a]));
+        let [x, y] = [axis(0), axis(1)];
+        Self { low: [x.0, y.0], high: [x.1, y.1] }
+    }
+
+    fn within(self, other: Self) -> Self {
+        let axis = |a: usize| (self.low[a].max(other.low[a]), self.high[a].min(other.high[a]));
+        let [x, y] = [axis(0), axis(1)];
+        Self { low: [x.0, y.0], high: [x.1, y.1] }
+    }
+
+    fn grown(self, pixels: u32) -> Self {
+        let by = pixels as i32;
+        if self.is_empty() {
+            return Self::EMPTY;
+        }
+        Self { low: self.low.map(|c| c - by), high: self.high.map(|c| c + by) }
+    }
+
+    /// To whole workgroups, within a picture of `size`.
+    pub fn in_workgroups(self, size: [u32; 2]) -> Self {
+        let inside = self.within(Self::whole(size));
+        if inside.is_empty() {
+            return Self::EMPTY;
+        }
+        Self {
+            low: inside.low.map(|c| c / SIDE * SIDE),
+            high: inside.high.map(|c| (c + SIDE - 1) / SIDE * SIDE),
+        }
+    }
+
+    /// What of it is not in `hole`, a part of it.
+    fn around(self, hole: Self) -> [Self; 4] {
+        let ([x0, y0], [x1, y1]) = (self.low, self.high);
+        let ([a0, b0], [a1, b1]) = (hole.low, hole.high);
+        let of = |low: [i32; 2], high: [i32; 2]| Self { low, high };
+        [of([x0, y0], [x1, b0]), of([x0, b0], [a0, b1]), of([a1, b0], [x1, b1]), of([x0, b1], [x1, y1])]
+    }
+
+    /// The first pixel, and workgroups across and down.
+    pub fn dispatch(&self) -> ([u32; 2], [u32; 3]) {
+        let groups = [0, 1].map(|a| ((self.high[a] - self.low[a]) / SIDE) as u32);
+        (self.low.map(|c| c as u32), [groups[0], groups[1], 1])
+    }
+
+    pub fn pixels(&self) -> u64 {
+        if self.is_empty() {
+            return 0;
+        }
+        (0..2).map(|a| (self.high[a] - self.low[a]) as u64).product()
+    }
+}
+
+/// Of a workgroup.
+const SIDE: i32 = 8;
+
+/// Something in the picture: the pixels that may see it, and its view depths.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    pub rect: Rect,
+    pub depths_mm: (f64, f64),
+}
+
+impl Seen {
+    /// What has these corners; `None` behind the eye. One pixel more on every side, for rounding.
+    pub fn of(sight: &Sight, corners_mm: &[glam::DVec3]) -> Option<Self> {
+        let depths_mm = sight.depths_mm(corners_mm)?;
+        let mut rect = Rect::EMPTY;
+        for at in corners_mm {
+            let depth = sight.depth_mm(*at);
+            let pixel_mm = sight.pixel_mm(depth);
+            // What reaches behind the eye may be anywhere.
+            if depth <= 0.0 || pixel_mm.is_nan() || pixel_mm <= 0.0 {
+                return Some(Self { rect: Rect::whole(sight.size), depths_mm });
+            }
+            let off = *at - sight.eye_mm;
+            let from_middle = [off.dot(sight.right) / pixel_mm, -off.dot(sight.up) / pixel_mm];
+            let edge = |a: usize| (from_middle[a] + 0.5 * f64::from(sight.size[a])).clamp(-1e6, 1e6);
+            let (x, y) = (edge(0), edge(1));
+            let low = [x, y].map(|c| c.floor() as i32 - 1);
+            let high = [x, y].map(|c| c.ceil() as i32 + 1);
+            rect = rect.with(Rect { low, high });
+        }
+        Some(Self { rect, depths_mm })
+    }
+}
+
+/// What solid surfaces there may be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum SolidParts {
+    None,
+    Within(Seen),
+    Anywhere,
+}
+
+/// Rectangles of whole workgroups, which do not overlap, for a step.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct StepReach {
+    /// Where solid surfaces are, or the lights before and behind them may differ.
+    pub among_solid: Vec<Rect>,
+    /// Elsewhere: both lights are one.
+    pub alike: Vec<Rect>,
+}
+
+impl StepReach {
+    pub fn everywhere(size: [u32; 2]) -> Self {
+        Self { among_solid: vec![Rect::whole(size).in_workgroups(size)], alike: Vec::new() }
+    }
+}
+
+/// What the picture's steps must be taken for. `casts`: solid surfaces take the image's light; `shades`: the image
+/// does.
+pub(crate) fn reach(
+    plan: &DosPlan,
+    sight: &Sight,
+    image: &[Seen],
+    solid: SolidParts,
+    (casts, shades): (bool, bool),
+) -> Vec<StepReach> {
+    let steps = &plan.steps;
+    let size = sight.size;
+    // Shaders count in single precision.
+    let room = 0.01 * plan.slice_mm + 1e-3;
+    let front = |k: usize| steps[k].depth_mm - room;
+    let back = |k: usize| steps[k].depth_mm + f64::from(steps[k].slices) * plan.slice_mm + room;
+    let numbers: Vec<usize> = (0..steps.len()).collect();
+    let mut matter = vec![Rect::EMPTY; steps.len()];
+    for seen in image {
+        let first = numbers.partition_point(|k| back(*k) < seen.depths_mm.0);
+        for k in (first..steps.len()).take_while(|k| front(*k) <= seen.depths_mm.1) {
+            matter[k] = matter[k].with(seen.rect);
+        }
+    }
+    let last = steps.len().saturating_sub(1);
+    let whole = Rect::whole(size);
+    // Solid surfaces from the step on in which they begin, and up to where they end.
+    let (begun, awaited): (Vec<Rect>, Vec<Rect>) = (0..steps.len())
+        .map(|k| match solid {
+            SolidParts::None => (Rect::EMPTY, Rect::EMPTY),
+            SolidParts::Anywhere => (whole, whole),
+            SolidParts::Within(s) => {
+                let when = |is: bool| if is { s.rect } else { Rect::EMPTY };
+                (when(back(k) >= s.depths_mm.0 || k == last), when(front(k) <= s.depths_mm.1))
+            }
+        })
+        .unzip();
+    // Backwards: whose light is asked for, then or through a later footprint.
+    let mut asked = vec![Rect::EMPTY; steps.len()];
+    let mut later = Rect::EMPTY;
+    for k in (0..steps.len()).rev() {
+        asked[k] = later.with(matter[k]).with(awaited[k]);
+        later = asked[k].grown(steps[k].kernel.reach_px());
+    }
+    // Forwards: where light may have been lost, and where by something solid.
+    let (mut lost, mut apart) = (Rect::EMPTY, Rect::EMPTY);
+    let mut out = Vec::with_capacity(steps.len());
+    for k in 0..steps.len() {
+        let pixels = steps[k].kernel.reach_px();
+        lost =
+            lost.grown(pixels).with(matter[k]).with(if casts { begun[k] } else { Rect::EMPTY }).within(whole);
+        apart = apart.grown(pixels).with(begun[k]).within(whole);
+        let here = lost.within(asked[k]).in_workgroups(size);
+        let among = if shades || matches!(solid, SolidParts::None) { apart } else { whole };
+        let among = among.in_workgroups(size).within(here);
+        out.push(if here.is_empty() {
+            StepReach::default()
+        } else if among.is_empty() {
+            StepReach { among_solid: Vec::new(), alike: vec![here] }
+        } else {
+            let alike = here.around(among).into_iter().filter(|r| !r.is_empty()).collect();
+            StepReach { among_solid: vec![among], alike }
+        });
+    }
+    out
+}

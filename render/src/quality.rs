@@ -130,7 +130,7 @@ impl Quality {
         let cost = if cost.is_finite() { cost.clamp(1e-3, REFERENCE_COST) } else { 1.0 };
         // Down from balanced, up from it.
         let (less, more) = (cost.min(1.0), cost.max(1.0));
-        let pixels = if shading == Shading::Slices { 0.4 } else { 0.3 };
+        let pixels = if shading == Shading::Slices { 0.45 } else { 0.3 };
         let resolution_scale = less.powf(pixels).max(0.2);
         let finer = |balanced: f64, down: f64, up: f64| balanced * less.powf(-down) * more.powf(-up);
         let mut lighting = Lighting { shading, ..Lighting::DEFAULT };
@@ -141,9 +141,10 @@ impl Quality {
                 quality.occlusion_samples = if cost < 1.0 { 6 } else { 12 };
                 quality.context_step_mm = finer(0.5, 0.3, 0.0).min(2.0);
             }
-            // Thick slices lose opaque surfaces: pixels go first. Finer ones than the reference's gain nothing.
+            // Slices of more than 2 mm lose opaque surfaces: pixels go first.
             Shading::Slices => {
-                lighting.slice_mm = finer(1.4, 0.2, 0.25).clamp(0.5, 6.0);
+                lighting.slice_mm =
+                    (2.0 * (cost / 0.05).min(1.0).powf(-0.4) * more.powf(-0.5)).clamp(0.5, 6.0);
                 lighting.slice_grid = if cost > 1.5 { 5 } else { 3 };
                 lighting.vicinity_samples =
                     (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;

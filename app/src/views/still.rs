@@ -35,7 +35,7 @@ impl Default for Auto {
 impl Auto {
     /// Between these shares of the budget nothing is changed: a picture that changes its sharpness with
     /// every frame flickers.
-    const FINE: std::ops::RangeInclusive<f64> = 0.72..=1.0;
+    const FINE: std::ops::RangeInclusive<f64> = 0.72..=1.05;
     /// What is aimed at otherwise.
     const AIM: f64 = 0.88;
 

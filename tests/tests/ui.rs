@@ -143,12 +143,15 @@ fn a_moving_closeup_is_a_draft_that_is_refined_when_still() {
     harness.hover_at(rect.center());
     harness.drag_at(rect.center());
     harness.run_steps(2);
+    // A machine on which full pictures keep to the budget comes to them within a few pictures.
+    let mut moving = Vec::new();
     for step in 1..6_u8 {
         harness.hover_at(rect.center() + egui::vec2(12.0 * f32::from(step), 0.0));
         harness.run_steps(1);
+        moving.push(drawn(&harness));
     }
-    let (size, asked) = drawn(&harness);
-    assert!(size[0] < asked[0] && size[1] < asked[1], "{size:?} of {asked:?} while it moves");
+    let is_draft = |(size, asked): &([u32; 2], [u32; 2])| size[0] < asked[0] && size[1] < asked[1];
+    assert!(moving.iter().any(is_draft), "{moving:?} while it moves");
     harness.drop_at(rect.center() + egui::vec2(60.0, 0.0));
     harness.run_steps(40);
     let (size, asked) = drawn(&harness);

@@ -382,7 +382,7 @@ impl PassRunner {
     ///
     /// # Errors
     /// [`RenderError::Device`] with what the driver says.
-    pub fn run_part(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
+    fn run_part(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
         let began = Instant::now();
         loop {
             let (number, from) = self.parts.next;
@@ -416,6 +416,25 @@ impl PassRunner {
                 return Ok(false);
             }
         }
+    }
+
+    /// [`PassRunner::run_part`] for a renderer that keeps the frame that is `coming` apart from its last `frame`,
+    /// which it becomes when it is whole. Nothing to do is done.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`]; what is coming is dropped then.
+    pub fn go_on<F>(
+        &mut self,
+        gpu: &Gpu,
+        milliseconds: f64,
+        coming: &mut Option<F>,
+        frame: &mut Option<F>,
+    ) -> Result<bool, RenderError> {
+        let Some(begun) = coming.take() else { return Ok(true) };
+        let done = self.run_part(gpu, milliseconds)?;
+        gpu.check().map_err(RenderError::Device)?;
+        *(if done { frame } else { coming }) = Some(begun);
+        Ok(done)
     }
 
     /// How much of the bound passes' work [`PassRunner::run_part`] has done, 0 to 1.

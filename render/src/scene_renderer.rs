@@ -59,16 +59,22 @@ pub trait SceneRenderer: Sized {
         scene: &Self::Scene,
         quality: &Quality,
         size_px: [u32; 2],
-    ) -> Result<(), RenderError>;
+    ) -> Result<(), RenderError> {
+        self.draw(gpu, scene, quality, size_px).map(|_| ())
+    }
 
     /// Goes on for about so many milliseconds. Whether the picture is whole, and the last frame.
     ///
     /// # Errors
     /// [`RenderError::Device`]; what was begun is dropped then.
-    fn go_on(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError>;
+    fn go_on(&mut self, _gpu: &Gpu, _milliseconds: f64) -> Result<bool, RenderError> {
+        Ok(true)
+    }
 
     /// How much of what was begun is done, 0 to 1; `None` where nothing is under way.
-    fn share_done(&self) -> Option<f64>;
+    fn share_done(&self) -> Option<f64> {
+        None
+    }
 
     /// The last frame.
     fn last(&self) -> Option<&Self::Frame>;
@@ -81,25 +87,8 @@ pub trait SceneRenderer: Sized {
 }
 
 macro_rules! renderers {
-    (at_once $scene:ty) => {
-        fn begin(
-            &mut self,
-            gpu: &Gpu,
-            scene: &$scene,
-            quality: &Quality,
-            size_px: [u32; 2],
-        ) -> Result<(), RenderError> {
-            self.render(gpu, scene, quality, size_px).map(|_| ())
-        }
-
-        fn go_on(&mut self, _: &Gpu, _: f64) -> Result<bool, RenderError> {
-            Ok(true)
-        }
-
-        fn share_done(&self) -> Option<f64> {
-            None
-        }
-    };
+    // As the trait has it.
+    (at_once $scene:ty) => {};
     (in_parts $scene:ty) => {
         fn begin(
             &mut self,

@@ -15,7 +15,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let place = id.y * optical.size.x + id.x;
     var sum = 0.0;
     for (var h = 0u; h < rings; h++) {
-        let row = folded_weights(h);
+        let row = parts[fixed].folded[h];
         let off = vec2<i32>(i32(row.x), 0);
         let near = texel(at + off) + texel(at - off);
         let far = texel(at + off + vec2<i32>(1, 0)) + texel(at - off - vec2<i32>(1, 0));

@@ -43,6 +43,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
     workgroupBarrier();
     for (var k = 0u; k < together; k++) {
         now = zero + k;
+        fixed = now;
         let edge = halo - parts[now].margin;
         for (var q = 0u; q < 4u; q++) {
             let cell = cell_of(q, local.xy);
@@ -60,7 +61,7 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) l
                 } else {
                     var optics = vec4<f32>(0.0);
                     if parts[now].is_empty == 0u {
-                        optics = optics_at(place(from_middle(at), step_depth() + 0.5 * dos.slice_mm));
+                        optics = optics_at(place(from_middle(at), parts[fixed].depth + 0.5 * dos.slice_mm));
                     }
                     behind = disc(at, optics.w);
                     eyes[q] = blend(eyes[q], optics, texel(pixel));

@@ -312,12 +312,7 @@ impl ChangeRenderer {
     /// # Errors
     /// [`RenderError::Device`]; what was begun is dropped then.
     pub fn go_on(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
-        let Some(coming) = self.coming.take() else { return Ok(true) };
-        let done = self.passes.run_part(gpu, milliseconds)?;
-        gpu.check().map_err(RenderError::Device)?;
-        let to = if done { &mut self.frame } else { &mut self.coming };
-        *to = Some(coming);
-        Ok(done)
+        self.passes.go_on(gpu, milliseconds, &mut self.coming, &mut self.frame)
     }
 
     /// How much of what was begun is done, 0 to 1; `None` where nothing is under way.

@@ -75,8 +75,8 @@ pub(crate) fn fold(grid: u32, radius_px: f64, radius_mm: f64, slice_mm: f64, exa
     let size = reach.max(1);
     let mut vectors = [[0.0; 4]; VECTORS];
     let mut all = [0.0; CLASSES];
-    for (sum, class) in all.iter_mut().zip(0..) {
-        *sum = rings.iter().filter_map(|(_, weights)| weights.get::<usize>(class)).sum::<f64>();
+    for (_, weights) in &rings {
+        all.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight);
     }
     let distances: Vec<f64> = rings
         .iter()
@@ -130,10 +130,22 @@ pub(crate) fn rows(grid: u32, radius_px: f64) -> Vec<[f32; 4]> {
 mod tests {
     use super::*;
 
+    /// Nothing is regular about it.
+    fn field(x: i64, y: i64) -> f64 {
+        ((x * 7919 + y * 104_729).rem_euclid(1009)) as f64 / 1009.0
+    }
+
+    /// The field read bilinearly.
+    fn between(x: f64, y: f64) -> f64 {
+        let (fx, fy) = (x - x.floor(), y - y.floor());
+        let (i, j) = (x.floor() as i64, y.floor() as i64);
+        let line = |j| field(i, j) * (1.0 - fx) + field(i + 1, j) * fx;
+        line(j) * (1.0 - fy) + line(j + 1) * fy
+    }
+
     /// Along the rows and then across them, against the points read one by one on an irregular field.
     #[test]
     fn rows_hold_every_point_once() {
-        let field = |x: i64, y: i64| ((x * 7919 + y * 104_729).rem_euclid(1009)) as f64 / 1009.0;
         for grid in 1..=13 {
             for radius_px in [2.0, 5.3, 7.0, 12.34] {
                 let rows = rows(grid, radius_px);
@@ -141,15 +153,8 @@ mod tests {
                     assert!(grid <= 3, "{grid}");
                     continue;
                 }
-                let points = disc_points(grid);
-                let mut expected = 0.0;
-                for p in &points {
-                    let (x, y) = (p[0] * radius_px, p[1] * radius_px);
-                    let (fx, fy) = (x - x.floor(), y - y.floor());
-                    let (i, j) = (x.floor() as i64, y.floor() as i64);
-                    let line = |j| field(i, j) * (1.0 - fx) + field(i + 1, j) * fx;
-                    expected += line(j) * (1.0 - fy) + line(j + 1) * fy;
-                }
+                let expected: f64 =
+                    disc_points(grid).iter().map(|p| between(p[0] * radius_px, p[1] * radius_px)).sum();
                 let pair = |row: &[f32; 4], at: &dyn Fn(i64) -> f64| {
                     let (o, f) = (row[0] as i64, f64::from(row[1]));
                     f64::from(row[3]) * ((1.0 - f) * (at(o) + at(-o)) + f * (at(o + 1) + at(-o - 1)))
@@ -166,7 +171,6 @@ mod tests {
     /// Against the points themselves, read bilinearly on a field that has nothing regular about it.
     #[test]
     fn a_folded_disc_is_the_sum_of_its_points() {
-        let field = |x: i64, y: i64| ((x * 7919 + y * 104_729).rem_euclid(1009)) as f64 / 1009.0;
         let mut folds = [0; FARTHEST_PX + 1];
         for grid in 1..=13 {
             for radius_px in [0.0, 0.2, 0.5, 0.7, 1.0, 1.3, 1.5, 2.0, 2.4, 3.0, 3.2, 7.0] {
@@ -180,13 +184,10 @@ mod tests {
                     let points = disc_points(grid);
                     let mut expected = 0.0;
                     for p in &points {
-                        let (x, y) = (p[0] * radius_px, p[1] * radius_px);
-                        let (fx, fy) = (x - x.floor(), y - y.floor());
-                        let (i, j) = (x.floor() as i64, y.floor() as i64);
-                        let line = |j| field(i, j) * (1.0 - fx) + field(i + 1, j) * fx;
                         let off2 = (p[0] * p[0] + p[1] * p[1]) * radius_mm * radius_mm;
                         let length = if exact { (d * d + off2).sqrt() } else { d };
-                        expected += (line(j) * (1.0 - fy) + line(j + 1) * fy) * (-extinction * length).exp();
+                        expected +=
+                            between(p[0] * radius_px, p[1] * radius_px) * (-extinction * length).exp();
                     }
                     expected /= points.len() as f64;
                     let reach = i64::from(f.reach);

@@ -1,7 +1,8 @@
 //! The slices on the graphics device.
 //!
 //! Lifetimes: pipelines are made once; a volume's buffers once per `Arc`; the picture's buffers (28
-//! bytes a pixel) once a size; the uniforms of the steps, about 1,100 bytes each, once a picture.
+//! bytes a pixel, and 4 for each of the up to 7 sums of a wide footprint's rows) once a size; the uniforms of
+//! the steps, about 1,100 bytes each, once a picture.
 
 use std::sync::Arc;
 
@@ -381,13 +382,12 @@ fn made(
         ("variant", variant),
         ("reach", f64::from(wanted.footing.reach)),
         ("rings", f64::from(wanted.footing.rings)),
-        // The shader of one step knows how to stop, the one of several that they are several.
-        if wanted.shader == "dos_tiles" { ("several", 1.0) } else { ("stopping", flag(wanted.stopping)) },
+        ("stopping", flag(wanted.stopping)),
     ];
-    // The eye's pass has no footprint.
+    // Only the shader of one step knows how to stop; the eye's pass has no footprint.
     let known = match wanted.shader {
-        "dos_step" | "dos_tiles" => &constants[..],
-        "dos_occlusion" | "dos_rows" => &constants[..5],
+        "dos_step" => &constants[..],
+        "dos_tiles" | "dos_occlusion" | "dos_rows" => &constants[..5],
         _ => &constants[..2],
     };
     let pipeline = pipeline(gpu, wanted.shader, layout, known)?;

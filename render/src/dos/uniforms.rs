@@ -140,13 +140,12 @@ pub(crate) fn step(
             out.radius_mm = radius_mm as f32;
             out.share = 1.0 / disc_points(grid).len() as f32;
             let exact = plan.variant == Variant::PaperExact;
-            if !folding {
-            } else if let Some(folded) = fold(grid, radius_px, radius_mm, plan.slice_mm, exact) {
+            let folded = folding.then(|| fold(grid, radius_px, radius_mm, plan.slice_mm, exact)).flatten();
+            let rows = if folding && folded.is_none() { rows(grid, radius_px) } else { Vec::new() };
+            if let Some(folded) = folded {
                 out.folded = folded.vectors;
                 footing = Footing { reach: folded.reach, rings: folded.rings };
-            } else if let rows = rows(grid, radius_px)
-                && !rows.is_empty()
-            {
+            } else if !rows.is_empty() {
                 footing = Footing { reach: ROWS, rings: rows.len() as u32 };
                 // The four points of 2x2 are at one distance also in the exact variant.
                 let off_mm2 = if exact && grid == 2 { 0.5 * radius_mm * radius_mm } else { 0.0 };

@@ -37,8 +37,6 @@ override variant: u32 = 0u;
 // How far a folded disc reaches, pixels; DIRECT: point by point; ROWS: along rows (dos_rows.wgsl) and then across.
 override reach: u32 = 4u;
 override rings: u32 = 1u;           // of a folded disc; of ROWS the distances of rows
-// Whether a dispatch goes through several steps.
-override several: bool = false;
 
 const PAPER_EXACT = 0u;
 const PAPER_APPROXIMATE = 1u;
@@ -48,9 +46,11 @@ const ROWS = 5u;
 
 @group(0) @binding(4) var<uniform> dos: Dos;
 // The step, and those behind it. What branches and loops depend on is read at `now`, which main sets: see
-// lib/zero.wgsl.
+// lib/zero.wgsl. The rest is read at `fixed`, the same number: where there is one step it is a constant, which
+// reads faster.
 @group(0) @binding(5) var<uniform> parts: array<Step, 8>;
 var<private> now: u32 = 0u;
+var<private> fixed: u32 = 0u;
 @group(0) @binding(6) var<storage, read> before: array<f32>;
 @group(0) @binding(7) var<storage, read_write> after: array<f32>;
 @group(0) @binding(8) var<storage, read_write> eye: array<vec4<f32>>; // radiance, transmittance
@@ -63,27 +63,6 @@ fn decay_entry(i: u32) -> vec4<f32> {
 }
 
 #include lib/decay.wgsl
-
-// A number of the step. Where there is one step its place is fixed: that reads faster.
-fn step_radius() -> f32 {
-    return select(parts[0].radius, parts[now].radius, several);
-}
-
-fn step_radius_mm() -> f32 {
-    return select(parts[0].radius_mm, parts[now].radius_mm, several);
-}
-
-fn step_share() -> f32 {
-    return select(parts[0].share, parts[now].share, several);
-}
-
-fn step_depth() -> f32 {
-    return select(parts[0].depth, parts[now].depth, several);
-}
-
-fn folded_weights(i: u32) -> vec4<f32> {
-    return select(parts[0].folded[i], parts[now].folded[i], several);
-}
 
 // Bilinear, from a pixel's corner on.
 fn between(at: vec2<f32>) -> f32 {
@@ -137,13 +116,13 @@ fn folded(pixel: vec2<u32>, extinction: f32) -> f32 {
     let apart = rings == 1u || extinction > 0.0;
     let last = select(rings + 1u, rings, apart);
     for (var i = select(rings, 0u, apart); i < last; i++) {
-        let first = folded_weights(i * size);
+        let first = parts[fixed].folded[i * size];
         var light = dot(first.yzw, near);
         if reach >= 2u {
-            light += dot(folded_weights(i * size + 1u), far);
+            light += dot(parts[fixed].folded[i * size + 1u], far);
         }
         if reach >= 3u {
-            light += dot(folded_weights(i * size + 2u).xyz, farthest);
+            light += dot(parts[fixed].folded[i * size + 2u].xyz, farthest);
         }
         sum += light * attenuation(extinction, first.x);
     }
@@ -160,7 +139,7 @@ fn across_rows(pixel: vec2<u32>) -> f32 {
     let at = vec2<i32>(pixel);
     var sum = 0.0;
     for (var h = 0u; h < rings; h++) {
-        let row = folded_weights(h);
+        let row = parts[fixed].folded[h];
         let first = (u32(row.z) - 1u) * optical.size.x * optical.size.y;
         let off = vec2<i32>(0, i32(row.x));
         let near = row_sum(at + off, first) + row_sum(at - off, first);
@@ -180,7 +159,7 @@ fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
         // Where nothing is, all points weigh the same also in the exact variant; those of 2x2 do everywhere.
         let apart = variant == PAPER_EXACT && side > 2u && extinction > 0.0;
         side = select(0u, side, apart);
-        sum = select(across_rows(pixel) * attenuation(extinction, folded_weights(rings).x), 0.0, apart);
+        sum = select(across_rows(pixel) * attenuation(extinction, parts[fixed].folded[rings].x), 0.0, apart);
     } else if reach != DIRECT {
         return folded(pixel, extinction);
     }
@@ -194,12 +173,12 @@ fn disc(pixel: vec2<u32>, extinction: f32) -> f32 {
             }
             var through = approximate;
             if variant == PAPER_EXACT {
-                through = attenuation(extinction, sqrt(d * d + off2 * step_radius_mm() * step_radius_mm()));
+                through = attenuation(extinction, sqrt(d * d + off2 * parts[fixed].radius_mm * parts[fixed].radius_mm));
             }
-            sum += between(center + p * step_radius()) * through;
+            sum += between(center + p * parts[fixed].radius) * through;
         }
     }
-    return sum * step_share();
+    return sum * parts[fixed].share;
 }
 
 fn lattice(pixel: vec2<u32>) -> f32 {
@@ -208,7 +187,7 @@ fn lattice(pixel: vec2<u32>) -> f32 {
     if parts[now].side == 1u {
         return own;
     }
-    let stride = select(parts[0].stride, parts[now].stride, several);
+    let stride = parts[fixed].stride;
     let first = center - (i32(parts[now].side) - 1) * stride / 2;
     var sum = 0.0;
     for (var j = 0; j < i32(parts[now].side); j++) {
@@ -216,7 +195,7 @@ fn lattice(pixel: vec2<u32>) -> f32 {
             sum += texel(first + vec2<i32>(i, j) * stride);
         }
     }
-    return mix(sum * step_share(), own, select(parts[0].center, parts[now].center, several));
+    return mix(sum * parts[fixed].share, own, parts[fixed].center);
 }
 
 // The paper's blending of one slice into the eye buffer.
@@ -236,7 +215,7 @@ fn advance(state: vec4<f32>, occlusion: f32, middle: vec2<f32>) -> Advanced {
     var light = occlusion;
     let length = dos.slice_mm * slant_of(middle);
     for (var i = 0u; i < parts[now].slices; i++) {
-        let optics = optics_at(place(middle, step_depth() + (f32(i) + 0.5) * dos.slice_mm));
+        let optics = optics_at(place(middle, parts[fixed].depth + (f32(i) + 0.5) * dos.slice_mm));
         if optics.w <= 0.0 {
             continue;
         }

@@ -13,7 +13,7 @@ mod common;
 use common::read_bytes;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::files::nifti_header::{Header, Version};
-use glioscope_core::files::{WriteOptions, info, nifti_bytes, write_nifti};
+use glioscope_core::files::{WriteOptions, info, nifti_bytes, write_nifti, write_whole};
 use glioscope_core::{Grid, Samples, Scaling, Sides, Volume, files::Source};
 use proptest::prelude::*;
 
@@ -139,4 +139,26 @@ fn the_header_holds_nothing_that_was_not_asked_for_and_gzip_no_time() {
     assert_eq!(packed, nifti_bytes(&volume, true));
     // RFC 1952: flags, then four bytes of time.
     assert_eq!(packed[3..8], [0; 5]);
+}
+
+/// Renaming over them would put a file in their place.
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_not_written_over_and_a_link_stays_one() {
+    use std::os::unix::{fs::FileTypeExt, fs::symlink, net::UnixListener};
+    let folder = tempfile::tempdir().unwrap();
+    let socket = folder.path().join("a.socket");
+    let _listener = UnixListener::bind(&socket).unwrap();
+    let said = write_whole(&socket, b"x").unwrap_err().to_string();
+    assert!(said.contains("a.socket: found something that is no ordinary file"), "{said}");
+    assert!(socket.metadata().unwrap().file_type().is_socket());
+    assert!(write_whole(folder.path(), b"x").is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+
+    let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+    write_whole(&file, b"before").unwrap();
+    symlink(&file, &link).unwrap();
+    write_whole(&link, b"after").unwrap();
+    assert!(link.is_symlink());
+    assert_eq!(std::fs::read(&file).unwrap(), b"after");
 }

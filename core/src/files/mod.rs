@@ -121,11 +121,21 @@ fn temporary() -> tempfile::Builder<'static, 'static> {
 }
 
 /// Writes the whole of `bytes` to `path`, or leaves what stood there untouched: a temporary file
-/// beside it, flushed to disk, then renamed over it.
+/// beside it, flushed to disk, then renamed over it. A link stays one: what it leads to is written.
 ///
 /// # Errors
-/// [`FileError::Wrong`] with the system's reason.
+/// [`FileError::Wrong`] with the system's reason, or where a folder, a device or a pipe stands.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    // Renaming over a device would put a file in its place.
+    if path.metadata().is_ok_and(|there| !there.is_file()) {
+        return Err(FileError::wrong(
+            path.display().to_string(),
+            "something that is no ordinary file",
+            "a place that can be written",
+        ));
+    }
+    let target = if path.is_symlink() { path.canonicalize().ok() } else { None };
+    let path = target.as_deref().unwrap_or(path);
     let fail = |e: std::io::Error| FileError::Wrong {
         file: path.display().to_string(),
         found: format!("writing failed: {e}"),

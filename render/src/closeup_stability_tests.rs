@@ -7,7 +7,8 @@ use glam::{DVec2, DVec3};
 use glioscope_core::Grid;
 
 use crate::{
-    AdapterPreference, Camera, Gpu, Projection, Quality, Renderer, Scene, SlicePlane,
+    Camera, Gpu, Projection, Quality, Renderer, Scene, SlicePlane,
+    gpu::test_gpu,
     testing::{scene_of, volume},
     uniforms::FAR,
 };
@@ -39,7 +40,7 @@ impl Drawn {
 
 impl Bench {
     fn new() -> Self {
-        let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
+        let gpu = test_gpu();
         let renderer = Renderer::new(&gpu).unwrap();
         Self { gpu, renderer }
     }

@@ -12,6 +12,7 @@ use crate::{
     context::uniforms::{Context, Marched},
     ellipsoids::GpuEllipsoid,
     force_field::{ForceWork, Point},
+    gpu::test_gpu,
     lighting::uniforms::{Light, LightGrid, Part, Slices, Vicinity},
     plan::plan,
     reference::twins,
@@ -30,7 +31,7 @@ fn bench() -> MutexGuard<'static, Bench> {
     static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
     BENCH
         .get_or_init(|| {
-            let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
+            let gpu = test_gpu();
             let renderer = Renderer::new(&gpu).unwrap();
             Mutex::new(Bench { gpu, renderer })
         })
@@ -601,9 +602,9 @@ fn a_device_that_is_gone_is_an_error_not_a_panic() {
 
 #[test]
 fn the_adapter_is_named_and_a_missing_one_says_what_to_install() {
-    let bench = bench();
-    let text = bench.gpu.describe();
-    assert!(bench.gpu.is_software() && text.ends_with("software"), "{text}");
+    let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).unwrap();
+    let text = gpu.describe();
+    assert!(gpu.is_software() && text.ends_with("software"), "{text}");
     assert!(crate::gpu::choose_adapter(&[], AdapterPreference::RealFirst).is_none());
     let e = crate::GpuError::NoAdapter("no driver at all".to_owned()).to_string();
     assert!(e.contains("mesa-vulkan-drivers") && e.contains("libvulkan1"), "{e}");

@@ -9,13 +9,13 @@ use glioscope_core::{
     },
 };
 
-use crate::{AdapterPreference, ForceField, Gpu};
+use crate::{ForceField, Gpu, gpu::test_gpu};
 
 const EXACT: SkeletonOptions =
     SkeletonOptions { level: Level::Core, exponent: 5, opening: 0.0, coarse: 1, divergence_part: 0.3 };
 
 fn device() -> ForceField {
-    let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
+    let gpu = test_gpu();
     ForceField::new(&gpu).unwrap()
 }
 
@@ -119,7 +119,7 @@ fn the_skeleton_is_that_of_the_exact_sum() {
 }
 
 fn small_device(bytes: u64) -> ForceField {
-    let adapter = Gpu::headless(AdapterPreference::SoftwareOnly).unwrap().adapter;
+    let adapter = test_gpu().adapter;
     let mut descriptor = crate::gpu::device_descriptor(&adapter);
     descriptor.required_limits.max_storage_buffer_binding_size = bytes;
     descriptor.required_limits.max_buffer_size = bytes;

@@ -127,6 +127,21 @@ pub fn choose_adapter(adapters: &[wgpu::Adapter], preference: AdapterPreference)
         .min_by_key(|a| rank(&a.get_info()))
 }
 
+/// What tests of this crate draw with: the software adapter, or with `GLIOSCOPE_TEST_ADAPTER=real` a graphics
+/// card, which they then need.
+#[cfg(test)]
+pub(crate) fn test_gpu() -> Gpu {
+    let real = std::env::var("GLIOSCOPE_TEST_ADAPTER").is_ok_and(|asked| asked == "real");
+    let preference = if real { AdapterPreference::RealFirst } else { AdapterPreference::SoftwareOnly };
+    match Gpu::headless(preference) {
+        Ok(gpu) if real && gpu.is_software() => {
+            panic!("GLIOSCOPE_TEST_ADAPTER=real: found {}", gpu.describe())
+        }
+        Ok(gpu) => gpu,
+        Err(error) => panic!("tests need mesa-vulkan-drivers: {error}"),
+    }
+}
+
 impl Gpu {
     /// A device without a window.
     ///

@@ -5,10 +5,9 @@ use std::sync::LazyLock;
 use glioscope_core::Progress;
 
 use super::{half::to_half, *};
-use crate::gpu::AdapterPreference;
+use crate::gpu::test_gpu;
 
-static GPU: LazyLock<Gpu> =
-    LazyLock::new(|| Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers"));
+static GPU: LazyLock<Gpu> = LazyLock::new(test_gpu);
 
 fn point(median_ms: f64, error_rms: f64) -> Point {
     Point {
@@ -21,6 +20,7 @@ fn point(median_ms: f64, error_rms: f64) -> Point {
         error_max: error_rms,
         delta_e: None,
         is_default: false,
+        pixel_share: 1.0,
         is_pareto: false,
     }
 }

@@ -19,8 +19,9 @@ use super::{
     twin,
 };
 use crate::{
-    AdapterPreference, Camera, ClipPlane, ContextVolume, ControlPoint, Gpu, PassName, Plan, Projection,
-    Quality, RenderError, TransferFunction,
+    Camera, ClipPlane, ContextVolume, ControlPoint, Gpu, PassName, Plan, Projection, Quality, RenderError,
+    TransferFunction,
+    gpu::test_gpu,
     testing::{grid, noise},
     uniforms::FAR,
 };
@@ -36,7 +37,7 @@ fn bench() -> MutexGuard<'static, Bench> {
     static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
     BENCH
         .get_or_init(|| {
-            let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
+            let gpu = test_gpu();
             let renderer = ChangeRenderer::new(&gpu).unwrap();
             Mutex::new(Bench { gpu, renderer })
         })

@@ -8,8 +8,9 @@ use glioscope_core::{Grid, Samples, Scaling, Volume};
 
 use super::{renderer::Ways, *};
 use crate::{
-    AdapterPreference, Camera, ControlPoint, Gpu, GradientPoint, Lens, MaskColors, Palette, PassName, Plan,
-    Projection, Quality, RenderError, TransferFunction,
+    Camera, ControlPoint, Gpu, GradientPoint, Lens, MaskColors, Palette, PassName, Plan, Projection, Quality,
+    RenderError, TransferFunction,
+    gpu::test_gpu,
     reference::emission::{Sampling, march},
     testing::{grid, noise, volume},
     uniforms::FAR,
@@ -24,7 +25,7 @@ fn bench() -> MutexGuard<'static, Bench> {
     static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
     BENCH
         .get_or_init(|| {
-            let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
+            let gpu = test_gpu();
             let renderer = ContextRenderer::new(&gpu).unwrap();
             Mutex::new(Bench { gpu, renderer })
         })

@@ -6,14 +6,13 @@ use glioscope_core::Grid;
 use super::{DosPlan, DosRenderer, DosSettings, Form, Kernel, Variant, twin};
 use crate::{
     camera::{Camera, Projection},
-    gpu::{AdapterPreference, Gpu},
+    gpu::{Gpu, test_gpu},
     occlusion::{Filter, OpticalVolume, Plane, Sight, Table, cone},
     reference::medium::{Medium, Shape, Shapes},
     testing::noise,
 };
 
-pub(crate) static GPU: LazyLock<Gpu> =
-    LazyLock::new(|| Gpu::headless(AdapterPreference::SoftwareOnly).expect("the software adapter"));
+pub(crate) static GPU: LazyLock<Gpu> = LazyLock::new(test_gpu);
 
 /// Soft blobs on `n`³ voxels of 1 mm about the origin, as intensities with a transfer function.
 pub(crate) fn soft(n: usize, origin_mm: DVec3, plane: Option<Plane>) -> OpticalVolume {

@@ -8,8 +8,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::{DrawnEllipsoid, EllipsoidFrame, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan, twin};
 use crate::{
-    AdapterPreference, Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Shading,
-    SlicePlane, lighting::passes, testing::noise, uniforms::FAR,
+    Camera, Gpu, Lens, PassName, Plan, Projection, Quality, RenderError, Shading, SlicePlane, gpu::test_gpu,
+    lighting::passes, testing::noise, uniforms::FAR,
 };
 
 const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };
@@ -23,7 +23,7 @@ fn bench() -> MutexGuard<'static, Bench> {
     static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
     BENCH
         .get_or_init(|| {
-            let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
+            let gpu = test_gpu();
             let renderer = EllipsoidRenderer::new(&gpu).unwrap();
             Mutex::new(Bench { gpu, renderer })
         })

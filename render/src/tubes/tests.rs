@@ -7,9 +7,9 @@ use glioscope_core::{Grid, Progress, Samples, Scaling, Selection, Sides, Tracts,
 
 use super::{buffers::fiber_number, twin::tubes_seen, *};
 use crate::{
-    AdapterPreference, Camera, Coloring, ContextRenderer, ContextScene, ContextVolume, ControlPoint, Gpu,
-    MaskColors, Palette, PassName, PickedFiber, Projection, Quality, RenderError, TransferFunction,
-    context_plan,
+    Camera, Coloring, ContextRenderer, ContextScene, ContextVolume, ControlPoint, Gpu, MaskColors, Palette,
+    PassName, PickedFiber, Projection, Quality, RenderError, TransferFunction, context_plan,
+    gpu::test_gpu,
     testing::{grid, volume},
     uniforms::FAR,
 };
@@ -23,7 +23,7 @@ fn bench() -> MutexGuard<'static, Bench> {
     static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
     BENCH
         .get_or_init(|| {
-            let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).expect("tests need mesa-vulkan-drivers");
+            let gpu = test_gpu();
             let renderer = ContextRenderer::new(&gpu).unwrap();
             Mutex::new(Bench { gpu, renderer })
         })

@@ -63,6 +63,11 @@ fn value_at(cell: vec3<u32>) -> f32 {
     return values[index_of(cell)];
 }
 
+// Not `mix`: on graphics cards that takes the difference, and between the largest and the least numbers it overflows.
+fn weighed(a: f32, b: f32, f: f32) -> f32 {
+    return a * (1.0 - f) + b * f;
+}
+
 fn classify(value: f32) -> vec4<f32> {
     let last = f32(optical.table_last);
     let x = clamp(value * optical.table_scale + optical.table_offset, 0.0, last);
@@ -95,9 +100,9 @@ fn optics_at(p: vec3<f32>) -> vec4<f32> {
     let on = select(vec3<u32>(0u), all, optical.dims > vec3<u32>(1u));
     let i = index_of(low);
     let j = i + on.z;
-    let a = mix(values[i], values[i + on.x], f.x);
-    let b = mix(values[i + on.y], values[i + on.y + on.x], f.x);
-    let c = mix(values[j], values[j + on.x], f.x);
-    let d = mix(values[j + on.y], values[j + on.y + on.x], f.x);
-    return classify(mix(mix(a, b, f.y), mix(c, d, f.y), f.z));
+    let a = weighed(values[i], values[i + on.x], f.x);
+    let b = weighed(values[i + on.y], values[i + on.y + on.x], f.x);
+    let c = weighed(values[j], values[j + on.x], f.x);
+    let d = weighed(values[j + on.y], values[j + on.y + on.x], f.x);
+    return classify(weighed(weighed(a, b, f.y), weighed(c, d, f.y), f.z));
 }

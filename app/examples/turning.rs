@@ -17,7 +17,7 @@ use glioscope_core::{
 };
 use glioscope_render::{
     AdapterPreference, Camera, ContextRenderer, ContextScene, ContextVolume, Gpu, MaskColors, Palette,
-    Preset, Projection, Quality, Shading, TransferPreset,
+    PassName, Preset, Projection, Quality, Shading, TransferPreset,
 };
 
 fn scene(folder: &Path) -> ContextScene {
@@ -47,6 +47,86 @@ fn scene(folder: &Path) -> ContextScene {
         ),
         background: [244, 244, 242],
         silhouette: [0, 0, 0],
+    }
+}
+
+/// Milliseconds to move so many bytes from one buffer to another, half of them read and half written: median of
+/// five copies. Of more than 1 GiB as much of a copy of that.
+fn copy_ms(gpu: &Gpu, bytes: u64) -> f64 {
+    let size = (bytes / 2).clamp(4, 1 << 29) / 4 * 4;
+    let [from, to] = [wgpu::BufferUsages::COPY_SRC, wgpu::BufferUsages::COPY_DST].map(|usage| {
+        gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("copy"),
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
+    });
+    let mut times: Vec<f64> = (0..6)
+        .map(|_| {
+            // Many at once: a graphics card's copy is shorter than handing it over.
+            let times = ((1 << 28) / size).clamp(1, 1000);
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            for _ in 0..times {
+                encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size);
+            }
+            let begin = Instant::now();
+            gpu.queue.submit([encoder.finish()]);
+            gpu.wait().unwrap();
+            begin.elapsed().as_secs_f64() * 1e3 / times as f64
+        })
+        .skip(1)
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2] * bytes as f64 / (2 * size) as f64
+}
+
+/// The pass of light alone at the presets, a row each: per slice, per sample, and against a copy of the bytes that it must
+/// at least move.
+fn per_sample(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) {
+    println!(
+        "\n| light | preset | frame ms | pass | pass ms | slices | ms a slice | samples, millions | ns a sample | MB that must move | copy of these ms | pass / copy |"
+    );
+    println!("|---|---|---:|---|---:|---:|---:|---:|---:|---:|---:|---:|");
+    for shading in [Shading::Slices, Shading::Cones] {
+        for preset in Preset::ALL {
+            let mut renderer = ContextRenderer::new(gpu).unwrap();
+            let quality = Quality::preset(shading, preset);
+            let pass = if shading == Shading::Slices { PassName::Slices } else { PassName::LightGrid };
+            let (mut frames, mut passes) = (Vec::new(), Vec::new());
+            for _ in 0..4 {
+                let begin = Instant::now();
+                renderer.render(gpu, scene, &quality, size).unwrap();
+                gpu.wait().unwrap();
+                frames.push(begin.elapsed().as_secs_f64() * 1e3);
+                let times = renderer.pass_times(gpu).unwrap();
+                passes.push(times.iter().filter(|t| t.0 == pass).map(|t| t.1).sum::<f64>());
+            }
+            // The first compiles.
+            let median = |mut v: Vec<f64>| {
+                v.remove(0);
+                v.sort_by(f64::total_cmp);
+                v[v.len() / 2]
+            };
+            let (frame, pass_ms) = (median(frames), median(passes));
+            let work = renderer.light_work().unwrap();
+            let copy = copy_ms(gpu, work.bytes);
+            let slices = if work.slices > 0 {
+                format!("{} | {:.3}", work.slices, pass_ms / f64::from(work.slices))
+            } else {
+                "– | –".to_owned()
+            };
+            println!(
+                "| {} | {} | {frame:.1} | {} | {pass_ms:.2} | {slices} | {:.2} | {:.2} | {:.1} | {copy:.3} | {:.1} |",
+                shading.name(),
+                preset.name(),
+                pass.name(),
+                work.samples as f64 * 1e-6,
+                pass_ms * 1e6 / work.samples as f64,
+                work.bytes as f64 * 1e-6,
+                pass_ms / copy,
+            );
+        }
     }
 }
 
@@ -117,5 +197,9 @@ fn main() {
             if equal { "yes" } else { "NO" },
         );
         println!("first pictures: {:?}", times.iter().map(|t| t.round()).collect::<Vec<_>>());
+    }
+    scene.camera.world_from_camera = start;
+    if only.is_none() {
+        per_sample(&gpu, &scene, size);
     }
 }

@@ -57,7 +57,7 @@ pub use ellipsoids::{
 pub use force_field::ForceField;
 pub use frame::{Frame, Pick};
 pub use gpu::{AdapterPreference, Gpu, GpuError};
-pub use lighting::{Lighting, Mutual, Shading};
+pub use lighting::{LightWork, Lighting, Mutual, Shading};
 pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
 pub use plan::{PassName, Plan, plan};
 pub use quality::{Preset, Quality};

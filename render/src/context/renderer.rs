@@ -14,7 +14,7 @@ use super::{
 use crate::{
     compute::{PassRunner, TimeSource, workgroups_of},
     gpu::Gpu,
-    lighting::{LIGHT_BINDINGS, Lights, LitImage, LitScene},
+    lighting::{LIGHT_BINDINGS, LightWork, Lights, LitImage, LitScene},
     plan::{PassName, Plan},
     quality::Quality,
     raster,
@@ -392,6 +392,11 @@ impl ContextRenderer {
     /// Where [`ContextRenderer::pass_times`] come from on this device.
     pub fn time_source(&self) -> TimeSource {
         self.passes.time_source()
+    }
+
+    /// What the last frame's image asked of the passes of light; `None` in screen space and without image.
+    pub fn light_work(&self) -> Option<LightWork> {
+        self.lights.work()
     }
 
     /// Milliseconds of each pass of the last frame, in order; empty before the first. Waits for it.

@@ -10,7 +10,7 @@ use glioscope_core::{Grid, RegionVolume, Selection};
 use wgpu::util::DeviceExt;
 
 use super::{
-    Lighting, LitImage, LitScene,
+    LightWork, Lighting, LitImage, LitScene,
     grid::Cells,
     uniforms::{LEVELS, Level, Light, LightGrid},
 };
@@ -138,6 +138,7 @@ struct ImageLight {
     needed: wgpu::Buffer,
     needed_count: u32,
     light: wgpu::Buffer,
+    work: LightWork,
 }
 
 struct MaskLight {
@@ -190,6 +191,11 @@ impl ConeLight {
         self.image.as_ref().map(|image| [&image.light, &self.grid_uniform])
     }
 
+    /// Of the last frame's image.
+    pub fn work(&self) -> Option<LightWork> {
+        self.image.as_ref().map(|image| image.work)
+    }
+
     /// Prepares what `plan` needs and binds, with the uniform of vicinity occlusion, [`PassName::LightGrid`] and [`PassName::SolidCones`].
     ///
     /// Returns what is other than asked for, in words.
@@ -236,7 +242,7 @@ impl ConeLight {
             Arc::ptr_eq(&held.volume, volume)
                 && (Arc::ptr_eq(&held.transfer, transfer) || held.transfer == *transfer)
         });
-        let held = match kept {
+        let mut held = match kept {
             Some(held)
                 if held.side_mm == lighting.cell_mm
                     && held.everywhere == everywhere
@@ -281,10 +287,18 @@ impl ConeLight {
                     }),
                     needed_count,
                     light,
+                    work: LightWork::default(),
                 }
             }
         };
         let (light, notes) = held.medium.light(scene.camera, scene.reference_mm, lighting);
+        // Numbers of cells, and two lights of each.
+        let cells_bytes = (4 + 8) * u64::from(held.needed_count);
+        held.work = LightWork {
+            slices: 0,
+            samples: u64::from(held.needed_count) * u64::from(light.count),
+            bytes: cells_bytes + held.medium.cells.size() + buffers.values().size(),
+        };
         gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&light));
         let grid =
             LightGrid { strength: scene.strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };

@@ -242,6 +242,18 @@ pub(crate) struct LitScene<'a> {
     pub regions: [&'a wgpu::Buffer; 3],
 }
 
+/// What the passes of light of a frame have to do, to hold their times against.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LightWork {
+    /// Slices, those where nothing is among them; 0 with cones.
+    pub slices: u32,
+    /// Pixels of all slices, without those left out; or sub-cones of all cells of the image's light.
+    pub samples: u64,
+    /// Bytes that these must at least move. Slices: lights both ways, ray intervals and depths, but not what
+    /// matter moves besides. Cones: image, prefiltered extinction and cells once.
+    pub bytes: u64,
+}
+
 /// Numbers of the bindings of [`Lights::grid`].
 pub(crate) const LIGHT_BINDINGS: [u32; 2] = [37, 38];
 
@@ -295,6 +307,12 @@ impl Lights {
     /// The grid of light about the image and its uniform, for the march that is lit by it.
     pub fn grid(&self) -> Option<[&wgpu::Buffer; 2]> {
         self.cones.as_ref()?.grid()
+    }
+
+    /// What the last frame's image asked of the passes of light; `None` without an image lit by them.
+    pub fn work(&self) -> Option<LightWork> {
+        let slices = self.slices.as_ref().map(SliceLight::work);
+        slices.or_else(|| self.cones.as_ref()?.work())
     }
 
     /// What the slices noted of each pixel, see slices_finish.wgsl.

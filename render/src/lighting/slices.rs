@@ -7,7 +7,7 @@
 use wgpu::util::DeviceExt;
 
 use super::{
-    Lighting, LitImage, LitScene,
+    LightWork, Lighting, LitImage, LitScene,
     reach::{Rect, Seen, SolidParts, StepReach, reach},
     uniforms,
 };
@@ -81,6 +81,7 @@ pub(crate) struct SliceLight {
     pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
     slices: wgpu::Buffer,
     buffers: Option<Buffers>,
+    work: LightWork,
     /// For tests: every step is taken for the whole picture, as if solid surfaces were anywhere.
     everywhere: bool,
 }
@@ -113,8 +114,14 @@ impl SliceLight {
                 mapped_at_creation: false,
             }),
             buffers: None,
+            work: LightWork::default(),
             everywhere: false,
         }
+    }
+
+    /// Of the last frame.
+    pub fn work(&self) -> LightWork {
+        self.work
     }
 
     #[cfg(test)]
@@ -200,6 +207,7 @@ impl SliceLight {
         let whole = Rect::whole(scene.size).in_workgroups(scene.size);
         work.add(self.pipeline(gpu, begins)?, begins, uniforms::Part::default(), whole);
         let mended = lighting.variant == Variant::Mended;
+        self.work = LightWork { slices: plan.slices(), ..LightWork::default() };
         for (number, (step, reached)) in plan.steps.iter().zip(&reached).enumerate() {
             let mut part = part(step, number, scene.reference_mm);
             part.is_last = u32::from(number + 1 == plan.steps.len());
@@ -217,6 +225,10 @@ impl SliceLight {
                     ..begins
                 };
                 work.add(self.pipeline(gpu, wanted)?, wanted, part, *rect);
+                let range = if step.empty { 0 } else { 8 };
+                let depths = 4 * u64::from(solid) + 4 * u64::from(wanted.apart);
+                self.work.samples += rect.pixels() * u64::from(step.slices);
+                self.work.bytes += rect.pixels() * (2 * 4 * lights_a_pixel + range + depths);
             }
         }
         let drawn: u64 =

@@ -169,21 +169,22 @@ pub(crate) fn reach(
         })
         .unzip();
     // Backwards: whose light is asked for, then or through a later footprint.
-    let mut asked = vec![Rect::EMPTY; steps.len()];
-    let mut later = Rect::EMPTY;
-    for k in (0..steps.len()).rev() {
-        asked[k] = later.with(matter[k]).with(awaited[k]);
-        later = asked[k].grown(steps[k].kernel.reach_px());
-    }
+    let spread = Spread::of(steps);
+    let asked: Vec<Rect> = (0..steps.len())
+        .map(|k| {
+            let wants = |j: usize| matter[j].with(awaited[j]);
+            (k..steps.len()).fold(Rect::EMPTY, |all, j| all.with(wants(j).grown(spread.between(k, j))))
+        })
+        .collect();
     // Forwards: where light may have been lost, and where by something solid.
-    let (mut lost, mut apart) = (Rect::EMPTY, Rect::EMPTY);
+    let casting = |j: usize| matter[j].with(if casts { begun[j] } else { Rect::EMPTY });
     let mut out = Vec::with_capacity(steps.len());
-    for k in 0..steps.len() {
-        let pixels = steps[k].kernel.reach_px();
-        lost =
-            lost.grown(pixels).with(matter[k]).with(if casts { begun[k] } else { Rect::EMPTY }).within(whole);
-        apart = apart.grown(pixels).with(begun[k]).within(whole);
-        let here = lost.within(asked[k]).in_workgroups(size);
+    for (k, asked) in asked.iter().enumerate() {
+        let carried = |of: &dyn Fn(usize) -> Rect| {
+            (0..=k).fold(Rect::EMPTY, |all, j| all.with(of(j).grown(spread.between(j, k)))).within(whole)
+        };
+        let here = carried(&casting).within(*asked).in_workgroups(size);
+        let apart = carried(&|j| begun[j]);
         let among = if shades || matches!(solid, SolidParts::None) { apart } else { whole };
         let among = among.in_workgroups(size).within(here);
         out.push(if here.is_empty() {
@@ -196,4 +197,44 @@ pub(crate) fn reach(
         });
     }
     out
+}
+
+/// What light a step takes from pixels farther away than [`Spread::between`] says, over all of a picture's steps: less
+/// than single precision tells apart.
+const NEGLIGIBLE: f64 = 1e-8;
+
+/// How far light is carried from step to step. Footprints are the steps of a random walk: it strays as far as all of them
+/// reach together, but almost never farther than Bernstein's inequality says for the sum of their variances.
+struct Spread {
+    /// Of the footprints of the steps up to each, itself among them: pixels, and square pixels along an axis.
+    reach_px: Vec<u32>,
+    variance_px2: Vec<f64>,
+    widest_px: f64,
+    /// Logarithm of one by the odds to stray farther.
+    odds: f64,
+}
+
+impl Spread {
+    fn of(steps: &[crate::dos::Step]) -> Self {
+        let (mut reach, mut variance) = (0, 0.0);
+        let sums = steps.iter().map(|step| {
+            reach += step.kernel.reach_px();
+            variance += step.kernel.variance_px2();
+            (reach, variance)
+        });
+        let (reach_px, variance_px2) = sums.unzip();
+        let widest_px = steps.iter().map(|step| f64::from(step.kernel.reach_px())).fold(0.0, f64::max);
+        // Two directions of two axes, and at whichever step it strays first.
+        let odds = (4.0 * steps.len().max(1) as f64 / NEGLIGIBLE).ln();
+        Self { reach_px, variance_px2, widest_px, odds }
+    }
+
+    /// Pixels that the footprints of the steps behind `first`, up to `last` and with it, carry light.
+    fn between(&self, first: usize, last: usize) -> u32 {
+        let reach = self.reach_px[last] - self.reach_px[first];
+        let variance = self.variance_px2[last] - self.variance_px2[first];
+        let third = self.odds * self.widest_px / 3.0;
+        let strays = third + (third * third + 2.0 * self.odds * variance.max(0.0)).sqrt();
+        reach.min(strays.ceil() as u32)
+    }
 }

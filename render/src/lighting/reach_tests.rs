@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     ContextRenderer, ContextScene, Projection,
-    dos::{DosPlan, tests::GPU},
+    dos::{DosPlan, Kernel, tests::GPU},
     occlusion::Sight,
     uniforms::FAR,
 };
@@ -22,6 +22,7 @@ struct Left {
     depths: Vec<f32>,
     rgba: Vec<u8>,
     said: Vec<String>,
+    work: LightWork,
 }
 
 fn left(scene: &ContextScene, quality: &Quality, everywhere: bool) -> Left {
@@ -33,10 +34,10 @@ fn left(scene: &ContextScene, quality: &Quality, everywhere: bool) -> Left {
     let depths = if frame.plan.has(PassName::Surface) { frame.read_depths(&GPU) } else { Vec::new() };
     let (rgba, said) = (frame.read_rgba(&GPU).unwrap(), frame.notes.clone());
     let read = |buffer: &wgpu::Buffer| GPU.read_buffers(&[(buffer, 0, buffer.size())]).unwrap().remove(0);
-    let lights = renderer.lights();
+    let (lights, work) = (renderer.lights(), renderer.light_work().unwrap());
     let (eye, notes) = (read(lights.eye().unwrap()), read(lights.notes().unwrap()));
     let of = |bytes: &[u8]| bytemuck::pod_collect_to_vec(bytes);
-    Left { eye: of(&eye), notes: bytemuck::pod_collect_to_vec(&notes), depths, rgba, said }
+    Left { eye: of(&eye), notes: bytemuck::pod_collect_to_vec(&notes), depths, rgba, said, work }
 }
 
 /// What is left out of the steps, in per cent, as the frame tells.
@@ -50,6 +51,14 @@ fn off_everywhere(name: &str, scene: &ContextScene, lighting: Lighting) -> f64 {
     let quality = Quality { lighting, ..Quality::FULL };
     let (some, all) = (left(scene, &quality, false), left(scene, &quality, true));
     assert_eq!(share(&all), 0.0);
+    // Rounded up to workgroups of 8x8.
+    let pixels: u64 = SIZE.iter().map(|s| u64::from(s.next_multiple_of(8))).product();
+    let (slices, lights) = (u64::from(all.work.slices), if scene.tumor.is_some() { 2 } else { 1 });
+    assert_eq!((some.work.slices, all.work.samples), (all.work.slices, pixels * slices));
+    // Each step moves its lights at least, and a step has one slice at least.
+    assert!(all.work.bytes <= pixels * slices * (8 * lights + 16) && all.work.bytes >= pixels * 8 * lights);
+    assert!(some.work.samples <= all.work.samples && some.work.bytes <= all.work.bytes);
+    assert!(share(&some) < 1.0 || some.work.samples < all.work.samples, "{name}: {:?}", some.work);
     for (i, (a, b)) in some.eye.iter().zip(&all.eye).enumerate() {
         let off = (0..4).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
         assert!(off <= 1e-6, "{name}: pixel {i}: {a:?} {b:?}");
@@ -119,89 +128,113 @@ fn covers(rects: &[Rect], pixel: [i32; 2]) -> bool {
     rects.iter().any(|r| (0..2).all(|a| (r.low[a]..r.high[a]).contains(&pixel[a])))
 }
 
-/// By brute force: light that may be lost at a pixel, pixel by pixel and step by step, and where it is asked for.
+/// By brute force: how much light may be lost at a pixel, step by step, and how much of it is asked for.
 #[test]
 fn reach_is_all_that_brute_force_finds() {
     let size = [61u32, 43];
     let scene = scene(false, false, Projection::Orthographic);
     let sight = Sight::new(&scene.camera, size);
     let depths = (100.0, 140.0);
-    let plan = plan_of(&sight, 2.0, depths);
-    let seen = |low: [i32; 2], high: [i32; 2], depths_mm| Seen { rect: Rect { low, high }, depths_mm };
-    let image = [seen([5, 6], [9, 11], (104.0, 111.0)), seen([30, 20], [33, 28], (123.0, 127.0))];
-    let solid = seen([40, 8], [44, 10], (107.0, 115.0));
-    for (parts, casts, shades) in [
-        (SolidParts::None, true, true),
-        (SolidParts::Within(solid), true, true),
-        (SolidParts::Within(solid), false, true),
-        (SolidParts::Within(solid), true, false),
-        (SolidParts::Anywhere, false, true),
-    ] {
-        let found = reach(&plan, &sight, &image, parts, (casts, shades));
-        assert_eq!(found.len(), plan.steps.len());
-        let inside = |s: &Seen, p: [i32; 2]| covers(&[s.rect], p);
-        let pixels: Vec<[i32; 2]> =
-            (0..size[1] as i32).flat_map(|y| (0..size[0] as i32).map(move |x| [x, y])).collect();
-        let at = |p: [i32; 2]| (p[1] * size[0] as i32 + p[0]) as usize;
-        let grown = |set: &[bool], by: i32| -> Vec<bool> {
-            let near = |p: &[i32; 2]| {
-                pixels.iter().any(|q| set[at(*q)] && (0..2).all(|a| (p[a] - q[a]).abs() <= by))
+    let mut spared = Vec::new();
+    for slice_mm in [2.0, 0.25] {
+        let plan = plan_of(&sight, slice_mm, depths);
+        let seen = |low: [i32; 2], high: [i32; 2], depths_mm| Seen { rect: Rect { low, high }, depths_mm };
+        let image = [seen([5, 6], [9, 11], (104.0, 111.0)), seen([30, 20], [33, 28], (123.0, 127.0))];
+        let solid = seen([40, 8], [44, 10], (107.0, 115.0));
+        for (parts, casts, shades) in [
+            (SolidParts::None, true, true),
+            (SolidParts::Within(solid), true, true),
+            (SolidParts::Within(solid), false, true),
+            (SolidParts::Within(solid), true, false),
+            (SolidParts::Anywhere, false, true),
+        ] {
+            let found = reach(&plan, &sight, &image, parts, (casts, shades));
+            assert_eq!(found.len(), plan.steps.len());
+            let inside = |s: &Seen, p: [i32; 2]| covers(&[s.rect], p);
+            let pixels: Vec<[i32; 2]> =
+                (0..size[1] as i32).flat_map(|y| (0..size[0] as i32).map(move |x| [x, y])).collect();
+            let count = plan.steps.len();
+            let span = |k: usize| {
+                let s = &plan.steps[k];
+                (s.depth_mm, s.depth_mm + f64::from(s.slices) * plan.slice_mm)
             };
-            pixels.iter().map(near).collect()
-        };
-        let count = plan.steps.len();
-        let span = |k: usize| {
-            let s = &plan.steps[k];
-            (s.depth_mm, s.depth_mm + f64::from(s.slices) * plan.slice_mm)
-        };
-        let matter = |k: usize, p: [i32; 2]| {
-            image.iter().any(|s| inside(s, p) && s.depths_mm.0 < span(k).1 && s.depths_mm.1 > span(k).0)
-        };
-        let awaited = |k: usize, p: [i32; 2]| match parts {
-            SolidParts::None => false,
-            SolidParts::Within(s) => inside(&s, p) && s.depths_mm.1 > span(k).0,
-            SolidParts::Anywhere => true,
-        };
-        let mut asked = vec![vec![false; pixels.len()]; count];
-        for k in (0..count).rev() {
-            let later = if k + 1 < count {
-                grown(&asked[k + 1], plan.steps[k + 1].kernel.reach_px() as i32)
-            } else {
-                vec![false; pixels.len()]
+            let matter = |k: usize, p: [i32; 2]| {
+                image.iter().any(|s| inside(s, p) && s.depths_mm.0 < span(k).1 && s.depths_mm.1 > span(k).0)
             };
-            asked[k] = pixels.iter().map(|p| later[at(*p)] || matter(k, *p) || awaited(k, *p)).collect();
-        }
-        let mut lost = vec![false; pixels.len()];
-        let mut apart = lost.clone();
-        let mut left_out = 0;
-        for k in 0..count {
-            let by = plan.steps[k].kernel.reach_px() as i32;
-            let begun = |p: [i32; 2]| match parts {
-                SolidParts::Within(s) => inside(&s, p) && s.depths_mm.0 < span(k).1,
+            let awaited = |k: usize, p: [i32; 2]| match parts {
                 SolidParts::None => false,
+                SolidParts::Within(s) => inside(&s, p) && s.depths_mm.1 > span(k).0,
                 SolidParts::Anywhere => true,
             };
-            lost = grown(&lost, by);
-            apart = grown(&apart, by);
-            for p in &pixels {
-                lost[at(*p)] |= matter(k, *p) || casts && begun(*p);
-                apart[at(*p)] |= begun(*p) && (casts || inside(&solid, *p)) || !shades && lost[at(*p)];
-                let StepReach { among_solid, alike } = &found[k];
-                let times = [among_solid, alike].iter().map(|r| usize::from(covers(r, *p))).sum::<usize>();
-                let twice =
-                    among_solid.iter().chain(alike).filter(|r| covers(std::slice::from_ref(r), *p)).count();
-                assert!(times <= 1 && twice <= 1, "once at most");
-                if lost[at(*p)] && asked[k][at(*p)] {
-                    assert_eq!(times, 1, "{parts:?} step {k}: {p:?} is missing");
-                    if apart[at(*p)] && !matches!(parts, SolidParts::None) {
-                        assert!(covers(among_solid, *p), "{parts:?} step {k}: {p:?} has two lights");
-                    }
+            let set = |all: &mut [f64], is: &dyn Fn([i32; 2]) -> bool| {
+                pixels.iter().zip(all).for_each(|(p, a)| *a = if is(*p) { 1.0 } else { *a });
+            };
+            let nothing = vec![0.0; pixels.len()];
+            let mut asked = vec![nothing.clone(); count];
+            for k in (0..count).rev() {
+                if k + 1 < count {
+                    asked[k] = carried(&asked[k + 1], size, &plan.steps[k + 1].kernel);
                 }
-                left_out += usize::from(times == 0);
+                set(&mut asked[k], &|p| matter(k, p) || awaited(k, p));
             }
+            let (mut lost, mut apart) = (nothing.clone(), nothing);
+            let mut left_out = 0;
+            for k in 0..count {
+                let kernel = &plan.steps[k].kernel;
+                let begun = |p: [i32; 2]| match parts {
+                    SolidParts::Within(s) => inside(&s, p) && s.depths_mm.0 < span(k).1,
+                    SolidParts::None => false,
+                    SolidParts::Anywhere => true,
+                };
+                lost = carried(&lost, size, kernel);
+                apart = carried(&apart, size, kernel);
+                set(&mut lost, &|p| matter(k, p) || casts && begun(p));
+                set(&mut apart, &|p| begun(p) && (casts || inside(&solid, p)));
+                for (n, p) in pixels.iter().enumerate() {
+                    let StepReach { among_solid, alike } = &found[k];
+                    let times =
+                        [among_solid, alike].iter().map(|r| usize::from(covers(r, *p))).sum::<usize>();
+                    let all = among_solid.iter().chain(alike);
+                    let twice = all.filter(|r| covers(std::slice::from_ref(r), *p)).count();
+                    assert!(times <= 1 && twice <= 1, "once at most");
+                    let counts = |light: f64| light * asked[k][n] > 1e-7;
+                    if counts(lost[n]) {
+                        assert_eq!(times, 1, "{parts:?} step {k}: {p:?} is missing");
+                        let differs = counts(apart[n]) || !shades;
+                        if differs && !matches!(parts, SolidParts::None) {
+                            assert!(covers(among_solid, *p), "{parts:?} step {k}: {p:?} has two lights");
+                        }
+                    }
+                    left_out += usize::from(times == 0);
+                }
+            }
+            let share = left_out as f64 / (pixels.len() * count) as f64;
+            spared.push(share);
+            assert!(share > 0.1, "{parts:?}: {left_out} of {}", pixels.len() * count);
         }
-        assert!(left_out > pixels.len() * count / 10, "{parts:?}: {left_out} of {}", pixels.len() * count);
     }
+    println!("left out: {spared:.2?}");
+}
+
+/// Through a footprint: what each pixel has of its neighbours.
+fn carried(from: &[f64], size: [u32; 2], kernel: &Kernel) -> Vec<f64> {
+    let Kernel::Lattice { side, stride_px, center } = *kernel else { panic!("{kernel:?}") };
+    let (low, stride) = (-((side as i32 - 1) * stride_px as i32) / 2, stride_px as i32);
+    let at = |x: i32, y: i32| {
+        let inside = x >= 0 && y >= 0 && x < size[0] as i32 && y < size[1] as i32;
+        if inside { from[(y * size[0] as i32 + x) as usize] } else { 0.0 }
+    };
+    let mut out = Vec::with_capacity(from.len());
+    for y in 0..size[1] as i32 {
+        for x in 0..size[0] as i32 {
+            let mut sum = 0.0;
+            for j in 0..side as i32 {
+                sum += (0..side as i32).map(|i| at(x + low + i * stride, y + low + j * stride)).sum::<f64>();
+            }
+            out.push((1.0 - center) * sum / f64::from(side * side) + center * at(x, y));
+        }
+    }
+    out
 }
 
 /// What is seen of a box lies in its rectangle, and what reaches behind the eye may be anywhere.

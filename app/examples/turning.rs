@@ -148,21 +148,19 @@ fn main() {
     let only = option("only");
     for shading in Shading::ALL.into_iter().filter(|s| only.is_none_or(|name| s.name() == name)) {
         let mut renderer = ContextRenderer::new(&gpu).unwrap();
-        let mut auto = Auto::default();
+        let mut auto = Auto::of(shading);
         let mut draw = |scene: &ContextScene, quality: &Quality| {
             let begin = Instant::now();
             let frame = renderer.render(&gpu, scene, quality, size).unwrap();
             let a = begin.elapsed().as_secs_f64() * 1e3;
             gpu.wait().unwrap();
-            if std::env::var("SPLIT").is_ok() {
-                println!(
-                    "render {a:.1} wait {:.1} {:?}",
-                    begin.elapsed().as_secs_f64() * 1e3 - a,
-                    frame.size_px
-                );
-            }
             let took = begin.elapsed().as_secs_f64() * 1e3;
-            (took, frame.size_px, frame.clone())
+            let out = (took, frame.size_px, frame.clone());
+            if std::env::var("SPLIT").is_ok() {
+                println!("{:?} at {:?}, begun after {a:.1} of {took:.1} ms", out.1, quality.cost);
+                println!("{:?}", renderer.pass_times(&gpu).unwrap());
+            }
+            out
         };
         // Compiles and uploads.
         draw(&scene, &Quality::at_cost(shading, auto.cost()));

@@ -178,7 +178,7 @@ fn main() {
         }
     }
     if has("large") {
-        rows.push((512, 50.0, 0.1, near, 2));
+        rows.extend([(512, 0.1), (1024, 0.05)].map(|(side, slice_mm)| (side, 50.0, slice_mm, near, 2)));
     }
     let mut dos = DosRenderer::new(&gpu).unwrap();
     for (side, aperture_deg, slice_mm, variant, grid) in rows {
@@ -221,7 +221,7 @@ fn main() {
         let compared: Vec<String> =
             (1..FORMS.len()).map(|n| format!("{:.2} ({:.2})", ratio(n, 0, 0), ratio(n, 0, 1))).collect();
         println!(
-            "| {side}x{side} | {aperture_deg}° | {slices} | {name}, {:.2} to {:.2} px | {grid}x{grid} | {mean:.0} | {:.0} | {} | {:.2} | {:.1} | {:.0} | {:.0} | {:.1} | {} |",
+            "| {side}x{side} | {aperture_deg}° | {slices} | {name}, {:.2} to {:.2} px | {grid}x{grid} | {mean:.0} | {:.1} | {} | {:.3} | {:.2} | {:.0} | {:.0} | {:.1} | {} |",
             radii.clone().fold(f64::INFINITY, f64::min),
             radii.fold(0.0, f64::max),
             ms(0),

@@ -6,35 +6,34 @@ use crate::lighting::{Lighting, Shading};
 
 /// Cost of [`Preset::Draft`], of balanced's.
 const DRAFT_COST: f64 = 1.0 / 8.0;
-/// Cost of [`Preset::Reference`], of balanced's.
-const REFERENCE_COST: f64 = 16.0;
 
-/// Cost on the path, and error: `accuracy --only view` on 2026-11-25, head phantom T1c, MR surface.
-const MEASURED_SLICES: [(f64, f64); 11] = [
-    (0.004, 0.1167),
-    (0.015, 0.0626),
-    (0.03, 0.0369),
-    (0.06, 0.0225),
-    (0.125, 0.0235),
-    (0.25, 0.0221),
-    (1.0, 0.0225),
-    (2.0, 0.0135),
-    (4.0, 0.0111),
-    (8.0, 0.0109),
-    (16.0, 0.0109),
+/// Cost on the path, and errors on opaque surfaces and in tissue: `accuracy --only view` on 2026-11-26, head
+/// phantom T1c, transfer functions MR surface and MR tissue.
+type Measured = [(f64, [f64; 2])];
+const MEASURED_SLICES: &Measured = &[
+    (0.004, [0.0815, 0.0395]),
+    (0.015, [0.0239, 0.0348]),
+    (0.03, [0.0143, 0.0344]),
+    (0.06, [0.0111, 0.0341]),
+    (0.125, [0.0119, 0.0344]),
+    (0.25, [0.0116, 0.0332]),
+    (0.5, [0.0110, 0.0309]),
+    (1.0, [0.0114, 0.0313]),
+    (2.0, [0.0108, 0.0307]),
 ];
-const MEASURED_CONES: [(f64, f64); 11] = [
-    (0.004, 0.0456),
-    (0.015, 0.0473),
-    (0.03, 0.0407),
-    (0.06, 0.0372),
-    (0.125, 0.0273),
-    (0.25, 0.0260),
-    (1.0, 0.0229),
-    (2.0, 0.0194),
-    (4.0, 0.0201),
-    (8.0, 0.0178),
-    (16.0, 0.0160),
+const MEASURED_CONES: &Measured = &[
+    (0.004, [0.0456, 0.0765]),
+    (0.015, [0.0473, 0.0737]),
+    (0.03, [0.0407, 0.0647]),
+    (0.06, [0.0372, 0.0599]),
+    (0.125, [0.0273, 0.0596]),
+    (0.25, [0.0260, 0.0574]),
+    (0.5, [0.0242, 0.0587]),
+    (1.0, [0.0229, 0.0561]),
+    (2.0, [0.0194, 0.0411]),
+    (4.0, [0.0201, 0.0398]),
+    (8.0, [0.0178, 0.0215]),
+    (16.0, [0.0160, 0.0202]),
 ];
 
 /// Points on the measured front of error against time (docs/accuracy.md).
@@ -119,18 +118,22 @@ impl Quality {
         match preset {
             Preset::Draft => Self::at_cost(shading, DRAFT_COST),
             Preset::Balanced => Self::at_cost(shading, 1.0),
-            Preset::Reference => Self::at_cost(shading, REFERENCE_COST),
+            Preset::Reference => Self::at_cost(shading, Self::most_cost(shading)),
         }
     }
 
-    /// The quality that takes about `cost` times as long as [`Preset::Balanced`], within what there is:
-    /// one path through the knobs, along which error falls as time rises (docs/accuracy.md). Pixels come
-    /// first, then slices, steps and cells.
+    /// Cost of [`Preset::Reference`], of balanced's.
+    pub fn most_cost(shading: Shading) -> f64 {
+        if shading == Shading::Slices { 2.0 } else { 16.0 }
+    }
+
+    /// The quality that takes about `cost` times as long as [`Preset::Balanced`], within what there is: one path
+    /// through the knobs, along which error falls as time rises (docs/accuracy.md).
     pub fn at_cost(shading: Shading, cost: f64) -> Self {
-        let cost = if cost.is_finite() { cost.clamp(1e-3, REFERENCE_COST) } else { 1.0 };
+        let cost = if cost.is_finite() { cost.clamp(1e-3, Self::most_cost(shading)) } else { 1.0 };
         // Down from balanced, up from it.
         let (less, more) = (cost.min(1.0), cost.max(1.0));
-        let pixels = if shading == Shading::Slices { 0.45 } else { 0.3 };
+        let pixels = if shading == Shading::Slices { 0.4 } else { 0.3 };
         let resolution_scale = less.powf(pixels).max(0.2);
         let finer = |balanced: f64, down: f64, up: f64| balanced * less.powf(-down) * more.powf(-up);
         let mut lighting = Lighting { shading, ..Lighting::DEFAULT };
@@ -141,13 +144,13 @@ impl Quality {
                 quality.occlusion_samples = if cost < 1.0 { 6 } else { 12 };
                 quality.context_step_mm = finer(0.5, 0.3, 0.0).min(2.0);
             }
-            // Slices of more than 2 mm lose opaque surfaces: pixels go first.
+            // Thicker slices lose opaque surfaces: as long as there are pixels to spare, these go first. More
+            // points in a footprint bring nothing.
             Shading::Slices => {
-                lighting.slice_mm =
-                    (2.0 * (cost / 0.05).min(1.0).powf(-0.4) * more.powf(-0.5)).clamp(0.5, 6.0);
-                lighting.slice_grid = if cost > 1.5 { 5 } else { 3 };
+                let without_pixels = (less / 0.018).min(1.0);
+                lighting.slice_mm = (less.powf(-0.13) * without_pixels.powf(-0.53)).min(6.0) / more;
                 lighting.vicinity_samples =
-                    (64.0 * less.powf(0.4) * more.powf(0.3)).round().clamp(12.0, 118.0) as u32;
+                    (64.0 * less.powf(0.4) * more.powf(0.9)).round().clamp(12.0, 118.0) as u32;
             }
             Shading::Cones => {
                 quality.context_step_mm = finer(0.75, 0.3, 0.15).clamp(0.5, 2.0);
@@ -165,20 +168,20 @@ impl Quality {
         quality
     }
 
-    /// What the light of a view is off by, on the head phantom: root mean square of linear radiance against
-    /// Monte Carlo, between what was measured along the path (docs/accuracy.md). `None` for screen-space
-    /// light, which is another model, and where knobs were set by hand.
-    pub fn expected_error(&self) -> Option<f64> {
+    /// What the light of a view is off by, on the head phantom's opaque surfaces and in its tissue: root mean
+    /// square of linear radiance against Monte Carlo, between what was measured along the path
+    /// (docs/accuracy.md). `None` for screen-space light, which is another model, and where knobs were set by hand.
+    pub fn expected_error(&self) -> Option<[f64; 2]> {
         let cost = self.cost.filter(|_| self.lighting.aperture_deg == Lighting::DEFAULT.aperture_deg)?;
         let measured = match self.lighting.shading {
             Shading::ScreenSpace => return None,
-            Shading::Slices => &MEASURED_SLICES[..],
-            Shading::Cones => &MEASURED_CONES[..],
+            Shading::Slices => MEASURED_SLICES,
+            Shading::Cones => MEASURED_CONES,
         };
         let after = measured.iter().position(|(c, _)| *c >= cost).unwrap_or(measured.len() - 1);
         let [(c0, e0), (c1, e1)] = [after.saturating_sub(1), after].map(|i| measured[i]);
         let share = if c1 > c0 { ((cost / c0).ln() / (c1 / c0).ln()).clamp(0.0, 1.0) } else { 1.0 };
-        Some(e0 * (e1 / e0).powf(share))
+        Some(std::array::from_fn(|scene| e0[scene] * (e1[scene] / e0[scene]).powf(share)))
     }
 
     /// Pixels to draw for a place of `asked_px`; 0 stays 0.
@@ -202,7 +205,10 @@ mod tests {
     fn presets_are_on_the_path_and_the_expected_error_falls() {
         for shading in [Shading::Slices, Shading::Cones] {
             let errors = Preset::ALL.map(|p| Quality::preset(shading, p).expected_error().unwrap());
-            assert!(errors[0] > errors[1] && errors[1] > errors[2], "{errors:?}");
+            for scene in [0, 1] {
+                let [draft, balanced, reference] = errors.map(|e| e[scene]);
+                assert!(draft > balanced && balanced > reference, "{errors:?}");
+            }
             assert_eq!(Quality::preset(shading, Preset::Balanced), Quality::at_cost(shading, 1.0));
             // Knobs of one's own have no place on the path.
             let mut own = Quality::preset(shading, Preset::Balanced);
@@ -216,7 +222,7 @@ mod tests {
     #[test]
     fn every_cost_has_knobs_within_their_ranges() {
         for shading in Shading::ALL {
-            for cost in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-9, 0.01, 0.3, 1.0, 5.0, 1e9] {
+            for cost in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-9, 0.01, 0.3, 1.0, 3.0, 5.0, 1e9] {
                 let Quality { resolution_scale, context_step_mm, lighting: l, .. } =
                     Quality::at_cost(shading, cost);
                 assert!((0.2..=1.0).contains(&resolution_scale), "{shading:?} {cost}: {resolution_scale}");

@@ -113,8 +113,8 @@ fn diagnostics_say_how_far_off_the_light_is() {
     harness.get_all_by_label_contains("Expected error: unknown").next().unwrap();
     perform(&mut harness, &Command::SetPreset(Some(Preset::Draft)));
     perform(&mut harness, &Command::SetShading(Shading::Cones));
-    let expected = Quality::preset(Shading::Cones, Preset::Draft).expected_error().unwrap();
-    let words = format!("Expected error: {expected:.3} of white");
+    let [surfaces, tissue] = Quality::preset(Shading::Cones, Preset::Draft).expected_error().unwrap();
+    let words = format!("Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue");
     harness.get_all_by_label_contains(&words).next().unwrap();
 }
 

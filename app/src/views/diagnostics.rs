@@ -34,9 +34,9 @@ pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>, comparisons: &Comparis
 fn light_text(quality: &Quality) -> String {
     let way = quality.lighting.shading.title();
     match quality.expected_error() {
-        Some(error) => format!(
-            "{way}. Expected error: {error:.3} of white (root mean square in linear light, as measured on the head \
-             phantom)."
+        Some([surfaces, tissue]) => format!(
+            "{way}. Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue (root mean \
+             square in linear light, as measured on the head phantom)."
         ),
         None => format!("{way}. Expected error: unknown, no truth was measured for it."),
     }

@@ -214,6 +214,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
             error_max: errors.max(),
             delta_e: None,
             is_default: samples_asked == Quality::FULL.occlusion_samples,
+            pixel_share: 1.0,
             is_pareto: false,
         };
         let mut errors = Errors::default();

@@ -98,6 +98,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                 error_max: errors.max(),
                 delta_e: Some(delta_e),
                 is_default: step_mm == Quality::FULL.context_step_mm,
+                pixel_share: 1.0,
                 is_pareto: false,
             });
         }

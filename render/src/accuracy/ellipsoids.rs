@@ -81,6 +81,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                 error_max: errors.max(),
                 delta_e: None,
                 is_default: options == Options::default(),
+                pixel_share: 1.0,
                 is_pareto: false,
             });
         }

@@ -56,6 +56,7 @@ fn point(setting: String, slices: u32, errors: Errors) -> Point {
         error_max: errors.max(),
         delta_e: None,
         is_default: false,
+        pixel_share: 1.0,
         is_pareto: false,
     }
 }

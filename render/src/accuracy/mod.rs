@@ -74,6 +74,11 @@ impl Family {
         }
     }
 
+    /// What its points with [`Point::is_default`] are called.
+    pub fn default_word(self) -> &'static str {
+        if self == Self::View { "preset" } else { "default" }
+    }
+
     /// What a heading says.
     pub fn title(self) -> &'static str {
         match self {
@@ -143,7 +148,9 @@ pub struct Point {
     /// Root mean square and largest colour difference, CIE76 in CIELAB (D65), of the displayed
     /// picture; for pictures in colour.
     pub delta_e: Option<[f64; 2]>,
-    /// Whether it is what the program does when nobody says otherwise.
+    /// Pixels drawn to pixels asked for, of a picture; 1 of all else.
+    pub pixel_share: f64,
+    /// Whether it is what the program does when nobody says otherwise, or one of its presets.
     pub is_default: bool,
     /// Whether no other point of the family on this scene costs at most as much ([`Point::cost`]) and is at least as
     /// right, and one of them more.
@@ -241,7 +248,7 @@ pub fn curves(
     let settings = |f: &Family| match f {
         Family::Context | Family::Ambient => 20,
         Family::Occlusion => effort.of(10, 40, 120),
-        Family::View => effort.of(5, 12, 70),
+        Family::View => effort.of(5, 16, 180),
         Family::Ellipsoids => 20,
         Family::Skeleton | Family::Resampling | Family::Half => 8,
     };

@@ -116,9 +116,8 @@ impl Stage<'_> {
             self.bench.begin(variant.name(), &setting)?;
             let mut slices = 0;
             let measured = timed(self.repeats, || {
-                let (volume, size) = (&self.volume, self.size);
-                slices =
-                    renderer.render(gpu, volume, &self.camera, size, asked, Form::OnePass, true)?.slices();
+                let (volume, size, form) = (&self.volume, self.size, Form::for_adapter(gpu));
+                slices = renderer.render(gpu, volume, &self.camera, size, asked, form, true)?.slices();
                 self.bench.wait()?;
                 Ok::<_, AccuracyError>(())
             })?;
@@ -133,6 +132,7 @@ impl Stage<'_> {
                 error_max: errors.max(),
                 delta_e: Some(delta_e),
                 is_default: *asked == DosSettings::default(),
+                pixel_share: 1.0,
                 is_pareto: false,
             });
         }
@@ -170,6 +170,7 @@ impl Stage<'_> {
                 error_max: errors.max(),
                 delta_e: Some(delta_e),
                 is_default: *asked == ConeSettings::of(self.volume.filter()),
+                pixel_share: 1.0,
                 is_pareto: false,
             });
         }

@@ -126,6 +126,7 @@ impl Stage<'_> {
                 error_max: errors.max(),
                 delta_e: None,
                 is_default: opening == SkeletonOptions::default().opening,
+                pixel_share: 1.0,
                 is_pareto: false,
             });
         }

@@ -109,38 +109,46 @@ fn truth(
     Truth { pixels, standard_error: errors.rms() }
 }
 
-/// A way of light with knobs of its own beside the path.
+/// A way of light with knobs of its own beside the path: what the path was chosen from.
 fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
     let balanced = Quality::preset(shading, Preset::Balanced);
-    let with = |name: String, change: &dyn Fn(&mut Lighting)| {
-        let mut quality = balanced;
+    let with = |name: String, scale: f64, change: &dyn Fn(&mut Lighting)| {
+        let mut quality = Quality { resolution_scale: scale, ..balanced };
         change(&mut quality.lighting);
         (name, quality)
     };
     let mut out = Vec::new();
+    let scales = effort.of(&[][..], &[0.5][..], &[0.25, 0.4, 0.63, 1.0][..]);
     match shading {
         Shading::ScreenSpace => {}
         Shading::Slices => {
-            for mm in effort.of(&[][..], &[4.0][..], &[8.0, 4.0, 1.0][..]) {
-                out.push(with(format!("slices of {mm} mm"), &|l| l.slice_mm = *mm));
+            let thickness = effort.of(&[][..], &[4.0][..], &[4.0, 2.0, 1.4, 1.0, 0.7, 0.5][..]);
+            for (scale, mm) in scales.iter().flat_map(|s| thickness.iter().map(move |mm| (*s, *mm))) {
+                out.push(with(format!("pixels {scale}, {mm} mm"), scale, &|l| l.slice_mm = mm));
             }
-            for grid in effort.of(&[][..], &[][..], &[2, 3, 9][..]) {
-                out.push(with(format!("footprint {grid}x{grid}"), &|l| l.slice_grid = *grid));
+            for grid in effort.of(&[][..], &[][..], &[2, 5][..]) {
+                out.push(with(format!("footprint {grid}x{grid}"), 1.0, &|l| l.slice_grid = *grid));
             }
         }
         Shading::Cones => {
-            for cones in effort.of(&[][..], &[4][..], &[2, 4, 16, 32][..]) {
-                out.push(with(format!("{cones} sub-cones"), &|l| l.sub_cones = *cones));
+            let cells = effort.of(&[][..], &[8.0][..], &[12.0, 8.0, 4.0, 2.0][..]);
+            for (scale, mm) in scales.iter().flat_map(|s| cells.iter().map(move |mm| (*s, *mm))) {
+                out.push(with(format!("pixels {scale}, cells of {mm} mm"), scale, &|l| l.cell_mm = mm));
             }
-            for mm in effort.of(&[][..], &[8.0][..], &[12.0, 8.0, 2.0][..]) {
-                out.push(with(format!("cells of {mm} mm"), &|l| l.cell_mm = *mm));
+            for cones in effort.of(&[][..], &[4][..], &[2, 4, 16, 32][..]) {
+                out.push(with(format!("{cones} sub-cones"), 1.0, &|l| l.sub_cones = *cones));
             }
             for level in effort.of(&[][..], &[][..], &[1, 2, 5][..]) {
-                out.push(with(format!("levels to {level}"), &|l| l.coarsest_level = *level));
+                out.push(with(format!("levels to {level}"), 1.0, &|l| l.coarsest_level = *level));
             }
         }
     }
     out
+}
+
+/// Names of the presets on the path.
+fn preset_at(cost: f64, shading: Shading) -> Option<Preset> {
+    Preset::ALL.into_iter().find(|p| Quality::preset(shading, *p) == Quality::at_cost(shading, cost))
 }
 
 /// What is drawn: kernel, and settings with their cost on the path where they are on it.
@@ -152,19 +160,18 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
         &[0.03, 0.125, 1.0, 4.0],
         &[0.004, 0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0],
     );
-    let name = |cost: f64| match cost {
-        0.125 => "draft".to_owned(),
-        1.0 => "balanced".to_owned(),
-        16.0 => "reference".to_owned(),
-        cost => format!("cost {cost}"),
-    };
     let mut out = Vec::new();
     for shading in [Shading::Cones, Shading::Slices] {
-        let path = costs.iter().map(|&c| (name(c), c, Quality::at_cost(shading, c))).collect();
+        let name = |cost| {
+            preset_at(cost, shading).map_or_else(|| format!("cost {cost}"), |preset| preset.name().to_owned())
+        };
+        let most = Quality::most_cost(shading);
+        let on_path = costs.iter().filter(|c| **c <= most);
+        let path = on_path.map(|&c| (name(c), c, Quality::at_cost(shading, c))).collect();
         out.push((shading.name().to_owned(), "Quality::at_cost", path));
         let others: Settings = beside(shading, effort).into_iter().map(|(n, q)| (n, f64::NAN, q)).collect();
         if !others.is_empty() {
-            out.push((format!("{}, one knob changed", shading.name()), "Lighting", others));
+            out.push((format!("{}, beside the path", shading.name()), "Lighting", others));
         }
     }
     if effort > super::Effort::Quick {
@@ -201,6 +208,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         let truth = truth(&scene, &medium, size, count, samples, aperture_deg);
         drop(medium);
         for (kernel, knob, settings) in settings(bench.effort) {
+            let presets = Preset::ALL.map(Preset::name);
             let mut renderer = ContextRenderer::new(bench.gpu)?;
             let mut points = Vec::new();
             for (setting, value, quality) in settings {
@@ -224,6 +232,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                     pairs.push((displayed(found), displayed(estimate.mean)));
                 }
                 points.push(Point {
+                    is_default: presets.contains(&setting.as_str()),
                     setting,
                     value,
                     time: measured.time,
@@ -232,7 +241,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                     error_rms: errors.rms(),
                     error_max: errors.max(),
                     delta_e: Some(delta_e_of(pairs.into_iter())),
-                    is_default: false,
+                    pixel_share: quality.resolution_scale * quality.resolution_scale,
                     is_pareto: false,
                 });
             }

@@ -40,6 +40,13 @@ pub enum Form {
     },
 }
 
+impl Form {
+    /// The faster one on this adapter (docs/performance.md): a software one gains nothing from workgroup memory.
+    pub fn for_adapter(gpu: &Gpu) -> Self {
+        if gpu.is_software() { Self::OnePass } else { Self::Tiles(4) }
+    }
+}
+
 /// Groups of steps start at multiples of this in their buffer.
 const STRIDE: usize = 256;
 /// Bytes that are bound of it.

@@ -141,10 +141,11 @@ fn about(family: Family) -> &'static str {
         Family::View => {
             "What the window draws, with the black of places that no light reaches not softened, against Monte \
              Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are \
-             on and that the automatic mode moves along; beside it one knob is changed from balanced. Cones are \
-             the better way where a picture must be there at once, and for what is solid; slices, once there is \
-             time for thin ones, where surfaces are opaque. Slices of more than 2 mm miss opaque surfaces, which \
-             is why pixels go before them. The headlight is another model, held against no truth of light."
+             on and that the automatic mode moves along; beside it pixels against thickness of slices or side of \
+             cells, from which the path was chosen, and one knob changed from balanced. Slices of 1 mm have half \
+             the error of 2 mm where surfaces are opaque; thinner ones gain little. So pixels go before thickness, \
+             down to a quarter along each side. Cones are there sooner, and serve what is solid; slices are righter \
+             where surfaces are opaque. The headlight is another model, held against no truth of light."
         }
         Family::Ellipsoids => {
             "The error is what the volume exceeds the minimum by; the tolerance is a certificate, so the error \
@@ -231,6 +232,68 @@ fn verdict(curves: &[&Curve], own: &Point) -> String {
     )
 }
 
+/// Whether the presets lie on the front of their own kernel over all scenes: whether no setting with at least as many
+/// pixels is as fast and as right on each of them. Pixels aren't weighed against light: what contours of masks lose with
+/// them no error here counts.
+fn presets(out: &mut String, curves: &[Curve]) -> std::fmt::Result {
+    let measured: Vec<(&Curve, &Point)> = curves
+        .iter()
+        .filter(|c| c.family == Family::View)
+        .flat_map(|c| c.points.iter().map(move |p| (c, p)))
+        .collect();
+    let mut said: Vec<(&str, &str)> = Vec::new();
+    writeln!(out)?;
+    for (curve, point) in measured.iter().filter(|(_, p)| p.is_default) {
+        let name = (curve.kernel.as_str(), point.setting.as_str());
+        if said.contains(&name) {
+            continue;
+        }
+        said.push(name);
+        let same = |(c, p): &&(&Curve, &Point)| (c.kernel.as_str(), p.setting.as_str()) == name;
+        let own: Vec<_> = measured.iter().filter(same).collect();
+        // Times and errors of a rival to the preset's, on each scene; nothing where it is no rival on one.
+        let ratios = |rival: &(&Curve, &Point)| -> Option<Vec<[f64; 2]>> {
+            let on_scene = |(c, p): &&(&Curve, &Point)| {
+                let beside = |(rc, rp): &&(&Curve, &Point)| {
+                    rc.scene == c.scene && rc.kernel == rival.0.kernel && rp.setting == rival.1.setting
+                };
+                let (_, rp) = measured.iter().find(beside)?;
+                let ratio = [rp.cost()?.median_ms / p.cost()?.median_ms, rp.error_rms / p.error_rms];
+                let enough = rp.pixel_share >= p.pixel_share - 1e-9;
+                (enough && ratio.iter().all(|r| *r <= 1.0) && ratio != [1.0; 2]).then_some(ratio)
+            };
+            own.iter().map(|here| on_scene(here)).collect()
+        };
+        // Settings beside a kernel's path are named after it.
+        let rivals = measured.iter().filter(|(c, _)| c.kernel.starts_with(&curve.kernel));
+        let better = rivals.filter_map(|r| Some((r, ratios(r)?)));
+        let gain = |r: &[[f64; 2]]| r.iter().flatten().product::<f64>();
+        match better.min_by(|a, b| gain(&a.1).total_cmp(&gain(&b.1))) {
+            None => writeln!(
+                out,
+                "- {}, {}: on the measured front; nothing with as many pixels is as fast and as right on every scene.",
+                name.0, name.1
+            )?,
+            Some(((c, p), ratios)) => {
+                let words: Vec<String> = ratios
+                    .iter()
+                    .map(|[t, e]| format!("{t:.2} of its time and {e:.2} of its error"))
+                    .collect();
+                writeln!(
+                    out,
+                    "- **{}, {}: not on the measured front**; {}, {}, takes {}.",
+                    name.0,
+                    name.1,
+                    c.kernel,
+                    p.setting,
+                    words.join(", then ")
+                )?;
+            }
+        }
+    }
+    Ok(())
+}
+
 /// The page; pictures are in the folder `images` beside it.
 pub(super) fn markdown(
     curves: &[Curve],
@@ -293,6 +356,9 @@ fn write_page(
             continue;
         }
         writeln!(out, "\n## {}\n\n{}", family.title(), about(family))?;
+        if family == Family::View {
+            presets(out, curves)?;
+        }
         for plot in plots {
             let own: Vec<&Curve> =
                 plot.curves.iter().filter_map(|n| curves.get(*n)).filter(|c| c.family == family).collect();
@@ -312,7 +378,9 @@ fn section(out: &mut String, plot: &Plot, curves: &[&Curve], first: &Curve) -> s
     let (scene, truth, unit) = (&plot.scene, &first.truth, first.unit);
     writeln!(out, "\n### {scene}\n\nTruth: {truth}; {off}. Errors in {unit}.\n")?;
     writeln!(out, "![error against time](images/{}.png)\n", plot.name)?;
-    for point in curves.iter().flat_map(|c| &c.points).filter(|p| p.is_default) {
+    for point in
+        curves.iter().flat_map(|c| &c.points).filter(|p| p.is_default && first.family != Family::View)
+    {
         writeln!(out, "{}\n", verdict(curves, point))?;
     }
     writeln!(
@@ -325,10 +393,10 @@ fn section(out: &mut String, plot: &Plot, curves: &[&Curve], first: &Curve) -> s
         let mib = p.peak_bytes.map_or("–".to_owned(), |b| (b >> 20).to_string());
         let delta_e = p.delta_e.map_or("–".to_owned(), |d| format!("{:.2}, {:.1}", d[0], d[1]));
         let marks = match (p.is_default, p.is_pareto) {
-            (true, true) => "default, Pareto",
-            (true, false) => "default",
-            (false, true) => "Pareto",
-            (false, false) => "",
+            (true, true) => format!("{}, Pareto", c.family.default_word()),
+            (true, false) => c.family.default_word().to_owned(),
+            (false, true) => "Pareto".to_owned(),
+            (false, false) => String::new(),
         };
         writeln!(
             out,

@@ -229,9 +229,10 @@ fn marks(curves: &[&Curve]) -> Vec<Mark> {
     }
     // What is the default first, then the front, then the ends of what is swept in one go.
     let colored = || curves.iter().zip(COLORS.into_iter().cycle());
+    let word = first.family.default_word();
     for (point, color) in colored().flat_map(|(c, color)| c.points.iter().map(move |p| (p, color))) {
         if let Some(at) = place(point).filter(|_| point.is_default) {
-            out.push(labels.always(at, &format!("default: {}", point.setting), mixed(color)));
+            out.push(labels.always(at, &format!("{word}: {}", point.setting), mixed(color)));
         }
     }
     for (curve, color) in colored() {
@@ -406,6 +407,7 @@ mod tests {
                 error_max: 1.0,
                 delta_e: None,
                 is_default: number == 2,
+                pixel_share: 1.0,
                 is_pareto: true,
             }
         };

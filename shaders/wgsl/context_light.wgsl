@@ -1,5 +1,5 @@
 // Light that reaches cells of the context image from a cone towards the eye: one thread a cell that a
-// picture can look up.
+// picture can look up, some of them a dispatch.
 #include lib/view.wgsl
 #include lib/march.wgsl
 #include lib/context.wgsl
@@ -10,6 +10,15 @@
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;
 @group(0) @binding(30) var<storage, read> needed: array<u32>;   // numbers of cells
+
+struct Part {
+    first: u32,                     // of those needed
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
+}
+
+@group(0) @binding(39) var<uniform> part: Part;
 
 fn middle_of(c: vec3<f32>) -> vec2<f32> {
     return c.xy / max(footprint_mm(c.z), 1e-12);
@@ -59,7 +68,7 @@ fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     zero = id.x >> 31u;
-    let number = id.x + id.y * groups.x * 64u;
+    let number = part.first + id.x + id.y * groups.x * 64u;
     if number >= grid.needed {
         return;
     }

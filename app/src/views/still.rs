@@ -143,8 +143,8 @@ impl<S: Clone + PartialEq> Refinement<S> {
             (None, Stage::Still) => balanced,
             (None, Stage::AtRest) => reference,
         };
-        // Slices alone come in parts that are short enough.
-        let apart = shading == Shading::Slices && light.preset.is_none() && self.stage != Stage::Moving;
+        // Screen space is there at once.
+        let apart = shading != Shading::ScreenSpace && light.preset.is_none() && self.stage != Stage::Moving;
         Now {
             quality: light.at(quality),
             in_parts: (apart && !at_once).then(|| light.at(moving)),

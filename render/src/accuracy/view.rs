@@ -156,8 +156,8 @@ type Settings = Vec<(String, f64, Quality)>;
 
 fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
     let costs: &[f64] = effort.of(
-        &[0.03, 4.0],
-        &[0.03, 0.125, 1.0, 4.0],
+        &[0.03, 2.0],
+        &[0.03, 0.125, 1.0, 2.0, 4.0],
         &[0.004, 0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0],
     );
     let mut out = Vec::new();

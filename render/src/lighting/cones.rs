@@ -16,10 +16,11 @@ use super::{
 };
 use crate::{
     camera::Camera,
-    compute::{PassRunner, workgroups_of},
+    compute::{Dispatch, PassRunner, workgroups_of},
     cones::{ConeSettings, ConesUsed, Pyramid, sub_cones},
     context::{BRICK, ContextVolume, Field, MOST_CLIP_PLANES, image::ImageBuffers},
     gpu::Gpu,
+    occlusion::upload::{Kind, layout_of, pipeline},
     plan::{PassName, Plan},
     renderer::RenderError,
     transfer::TransferFunction,
@@ -147,8 +148,37 @@ struct MaskLight {
     medium: Medium,
 }
 
+/// Bytes from one part's uniform to the next, and of it.
+const STRIDE: usize = 256;
+const PART_BYTES: u64 = 16;
+
+/// Cells of a dispatch where the processor draws: so few that a window needn't wait for them (docs/performance.md). A
+/// graphics card takes all at once.
+const CELLS_AT_ONCE: u32 = 1024;
+/// The most dispatches; then they take more cells.
+const MOST_PARTS: u32 = 4096;
+
+/// The uniforms of the parts that so many cells are found in, and their dispatches; one where there are none.
+fn parts_of(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
+    let at_once = if is_software { CELLS_AT_ONCE.max(cells.div_ceil(MOST_PARTS)) } else { cells.max(1) };
+    let at_once = at_once.next_multiple_of(64);
+    let (mut bytes, mut steps) = (Vec::new(), Vec::new());
+    for first in (0..cells.max(1)).step_by(at_once as usize) {
+        let groups = (cells.max(1) - first).min(at_once).div_ceil(64);
+        let across = groups.min(4096);
+        let workgroups = [across, groups.div_ceil(across), 1];
+        steps.push(Dispatch { pipeline: 0, offset: bytes.len() as u32, workgroups });
+        bytes.extend_from_slice(&first.to_le_bytes());
+        bytes.resize(steps.len() * STRIDE, 0);
+    }
+    (bytes, steps)
+}
+
 /// Finds light by cones.
 pub(crate) struct ConeLight {
+    image_layout: wgpu::BindGroupLayout,
+    /// With and without gradients.
+    image_pipelines: Vec<(f64, wgpu::ComputePipeline)>,
     image_uniform: wgpu::Buffer,
     mask_uniform: wgpu::Buffer,
     grid_uniform: wgpu::Buffer,
@@ -176,7 +206,24 @@ impl ConeLight {
             })
         };
         let uniform = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let kinds = [
+            (0, Kind::Uniform),
+            (4, Kind::Read),
+            (11, Kind::Uniform),
+            (12, Kind::Read),
+            (13, Kind::Read),
+            (14, Kind::Read),
+            (15, Kind::Read),
+            (26, Kind::Uniform),
+            (27, Kind::Read),
+            (30, Kind::Read),
+            (37, Kind::Write),
+            (38, Kind::Uniform),
+            (39, Kind::Moving(PART_BYTES)),
+        ];
         Self {
+            image_layout: layout_of(gpu, "ConeLight::image_layout", &kinds),
+            image_pipelines: Vec::new(),
             image_uniform: buffer("ConeLight::image_uniform", size_of::<Light>(), uniform),
             mask_uniform: buffer("ConeLight::mask_uniform", size_of::<Light>(), uniform),
             grid_uniform: buffer("ConeLight::grid_uniform", size_of::<LightGrid>(), uniform),
@@ -303,6 +350,7 @@ impl ConeLight {
         let grid =
             LightGrid { strength: scene.strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
+        let pipeline = self.image_pipeline(gpu, buffers.tables().gradient_counts())?;
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
@@ -317,18 +365,36 @@ impl ConeLight {
             (38, self.grid_uniform.as_entire_binding()),
             (30, held.needed.as_entire_binding()),
         ];
-        let groups = held.needed_count.div_ceil(64);
-        let across = groups.clamp(1, 4096);
-        let workgroups = [across, groups.div_ceil(across).max(1), 1];
-        passes.bind_shader(
-            gpu,
-            PassName::LightGrid,
-            ("context_light", &[buffers.tables().gradient_counts()]),
-            &entries,
-            workgroups,
-        )?;
+        let (firsts, steps) = parts_of(held.needed_count, gpu.is_software());
+        let parts = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("ConeLight::parts"),
+            contents: &firsts,
+            usage: wgpu::BufferUsages::UNIFORM,
+        });
+        let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: &parts,
+            offset: 0,
+            size: wgpu::BufferSize::new(PART_BYTES),
+        });
+        let entries = [&entries[..], &[(39, part)]].concat();
+        passes.bind_steps(gpu, PassName::LightGrid, &self.image_layout, &entries, (vec![pipeline], steps));
         self.image = Some(held);
         Ok(notes)
+    }
+
+    /// Made when a scene first needs it.
+    fn image_pipeline(
+        &mut self,
+        gpu: &Gpu,
+        gradient_counts: (&'static str, f64),
+    ) -> Result<wgpu::ComputePipeline, RenderError> {
+        if let Some((_, made)) = self.image_pipelines.iter().find(|(with, _)| *with == gradient_counts.1) {
+            return Ok(made.clone());
+        }
+        let made = pipeline(gpu, "context_light", &self.image_layout, &[gradient_counts])?;
+        gpu.check().map_err(RenderError::Device)?;
+        self.image_pipelines.push((gradient_counts.1, made.clone()));
+        Ok(made)
     }
 
     fn bind_masks(

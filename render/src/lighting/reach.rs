@@ -139,7 +139,19 @@ pub(crate) fn reach(
     sight: &Sight,
     image: &[Seen],
     solid: SolidParts,
+    ways: (bool, bool),
+) -> Vec<StepReach> {
+    reach_in_groups(plan, sight, image, solid, ways, MOST_LOOKED_AT)
+}
+
+/// As [`reach`], with so many groups of steps that each step looks at.
+pub(crate) fn reach_in_groups(
+    plan: &DosPlan,
+    sight: &Sight,
+    image: &[Seen],
+    solid: SolidParts,
     (casts, shades): (bool, bool),
+    most_groups: usize,
 ) -> Vec<StepReach> {
     let steps = &plan.steps;
     let size = sight.size;
@@ -168,23 +180,35 @@ pub(crate) fn reach(
             }
         })
         .unzip();
-    // Backwards: whose light is asked for, then or through a later footprint.
     let spread = Spread::of(steps);
-    let asked: Vec<Rect> = (0..steps.len())
-        .map(|k| {
-            let wants = |j: usize| matter[j].with(awaited[j]);
-            (k..steps.len()).fold(Rect::EMPTY, |all, j| all.with(wants(j).grown(spread.between(k, j))))
+    // Each step looks at all others: of very many, at some together.
+    let together = steps.len().div_ceil(most_groups.max(1)).max(1);
+    let groups = |of: &dyn Fn(usize) -> Rect| -> Vec<Rect> {
+        let numbers: Vec<usize> = (0..steps.len()).collect();
+        numbers.chunks(together).map(|g| g.iter().fold(Rect::EMPTY, |all, j| all.with(of(*j)))).collect()
+    };
+    // Backwards: whose light is asked for, then or through a later footprint.
+    let wanted = groups(&|j| matter[j].with(awaited[j]));
+    let asked = |k: usize| {
+        let later = wanted.iter().enumerate().skip(k / together);
+        later.fold(Rect::EMPTY, |all, (g, wanted)| {
+            all.with(wanted.grown(spread.between(k, last.min((g + 1) * together - 1))))
         })
-        .collect();
+    };
     // Forwards: where light may have been lost, and where by something solid.
-    let casting = |j: usize| matter[j].with(if casts { begun[j] } else { Rect::EMPTY });
+    let casting = groups(&|j| matter[j].with(if casts { begun[j] } else { Rect::EMPTY }));
+    let begun = groups(&|j| begun[j]);
+    let carried = |of: &[Rect], k: usize| {
+        let before = of.iter().enumerate().take(k / together + 1);
+        let all = before.fold(Rect::EMPTY, |all, (g, rect)| {
+            all.with(rect.grown(spread.between((g * together).min(k), k)))
+        });
+        all.within(whole)
+    };
     let mut out = Vec::with_capacity(steps.len());
-    for (k, asked) in asked.iter().enumerate() {
-        let carried = |of: &dyn Fn(usize) -> Rect| {
-            (0..=k).fold(Rect::EMPTY, |all, j| all.with(of(j).grown(spread.between(j, k)))).within(whole)
-        };
-        let here = carried(&casting).within(*asked).in_workgroups(size);
-        let apart = carried(&|j| begun[j]);
+    for k in 0..steps.len() {
+        let here = carried(&casting, k).within(asked(k)).in_workgroups(size);
+        let apart = carried(&begun, k);
         let among = if shades || matches!(solid, SolidParts::None) { apart } else { whole };
         let among = among.in_workgroups(size).within(here);
         out.push(if here.is_empty() {
@@ -198,6 +222,9 @@ pub(crate) fn reach(
     }
     out
 }
+
+/// Groups of steps that a step looks at.
+const MOST_LOOKED_AT: usize = 512;
 
 /// What light a step takes from pixels farther away than [`Spread::between`] says, over all of a picture's steps: less
 /// than single precision tells apart.

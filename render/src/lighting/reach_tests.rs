@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::{
-    reach::{Rect, Seen, SolidParts, StepReach, reach},
+    reach::{Rect, Seen, SolidParts, StepReach, reach_in_groups},
     tests::{lit, scene, transfer},
     *,
 };
@@ -136,7 +136,7 @@ fn reach_is_all_that_brute_force_finds() {
     let sight = Sight::new(&scene.camera, size);
     let depths = (100.0, 140.0);
     let mut spared = Vec::new();
-    for slice_mm in [2.0, 0.25] {
+    for (slice_mm, groups) in [(2.0, 512), (0.25, 512), (0.25, 7)] {
         let plan = plan_of(&sight, slice_mm, depths);
         let seen = |low: [i32; 2], high: [i32; 2], depths_mm| Seen { rect: Rect { low, high }, depths_mm };
         let image = [seen([5, 6], [9, 11], (104.0, 111.0)), seen([30, 20], [33, 28], (123.0, 127.0))];
@@ -148,7 +148,7 @@ fn reach_is_all_that_brute_force_finds() {
             (SolidParts::Within(solid), true, false),
             (SolidParts::Anywhere, false, true),
         ] {
-            let found = reach(&plan, &sight, &image, parts, (casts, shades));
+            let found = reach_in_groups(&plan, &sight, &image, parts, (casts, shades), groups);
             assert_eq!(found.len(), plan.steps.len());
             let inside = |s: &Seen, p: [i32; 2]| covers(&[s.rect], p);
             let pixels: Vec<[i32; 2]> =

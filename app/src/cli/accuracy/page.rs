@@ -262,7 +262,7 @@ fn presets(out: &mut String, curves: &[Curve]) -> std::fmt::Result {
                 let enough = rp.pixel_share >= p.pixel_share - 1e-9;
                 (enough && ratio.iter().all(|r| *r <= 1.0) && ratio != [1.0; 2]).then_some(ratio)
             };
-            own.iter().map(|here| on_scene(here)).collect()
+            own.iter().map(on_scene).collect()
         };
         // Settings beside a kernel's path are named after it.
         let rivals = measured.iter().filter(|(c, _)| c.kernel.starts_with(&curve.kernel));

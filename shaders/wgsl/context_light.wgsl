@@ -11,14 +11,14 @@
 @group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;
 @group(0) @binding(30) var<storage, read> needed: array<u32>;   // numbers of cells
 
-struct Part {
+struct LightPart {
     first: u32,                     // of those needed
     unused_a: u32,
     unused_b: u32,
     unused_c: u32,
 }
 
-@group(0) @binding(39) var<uniform> part: Part;
+@group(0) @binding(39) var<uniform> part: LightPart;
 
 fn middle_of(c: vec3<f32>) -> vec2<f32> {
     return c.xy / max(footprint_mm(c.z), 1e-12);

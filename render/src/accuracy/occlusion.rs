@@ -116,7 +116,7 @@ impl Stage<'_> {
             self.bench.begin(variant.name(), &setting)?;
             let mut slices = 0;
             let measured = timed(self.repeats, || {
-                let (volume, size, form) = (&self.volume, self.size, Form::for_adapter(gpu));
+                let (volume, size, form) = (&self.volume, self.size, Form::fastest(gpu, self.size));
                 slices = renderer.render(gpu, volume, &self.camera, size, asked, form, true)?.slices();
                 self.bench.wait()?;
                 Ok::<_, AccuracyError>(())

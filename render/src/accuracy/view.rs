@@ -118,7 +118,7 @@ fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
         (name, quality)
     };
     let mut out = Vec::new();
-    let scales = effort.of(&[][..], &[0.5][..], &[0.25, 0.4, 0.63, 1.0][..]);
+    let scales = effort.of(&[][..], &[0.5][..], &[0.4, 1.0][..]);
     match shading {
         Shading::ScreenSpace => {}
         Shading::Slices => {

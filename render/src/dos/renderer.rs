@@ -30,7 +30,7 @@ pub enum Form {
     OnePass,
     /// Up to so many steps, at most 8, in one pass, where their footprints together reach no farther than 8
     /// pixels: a tile and a halo about it stay in workgroup memory. Elsewhere as [`Form::OnePass`]. Saturated
-    /// tiles don't stop. On a software adapter slower than one step at a time (docs/performance.md).
+    /// tiles don't stop.
     Tiles(usize),
     /// The paper's Algorithm 1: a pass for the eye buffer and one for the occlusion buffer, each
     /// sampling the volume. For the paper's variants; the mended one runs in one pass.
@@ -41,11 +41,16 @@ pub enum Form {
 }
 
 impl Form {
-    /// The faster one on this adapter (docs/performance.md): a software one gains nothing from workgroup memory.
-    pub fn for_adapter(gpu: &Gpu) -> Self {
-        if gpu.is_software() { Self::OnePass } else { Self::Tiles(4) }
+    /// The fastest for a picture of `size` pixels on this adapter (docs/performance.md): workgroup memory pays
+    /// where a graphics card spends more time between the slices than on them.
+    pub fn fastest(gpu: &Gpu, size: [u32; 2]) -> Self {
+        let few = u64::from(size[0]) * u64::from(size[1]) <= FEW_PIXELS;
+        if few && !gpu.is_software() { Self::Tiles(4) } else { Self::OnePass }
     }
 }
+
+/// Between 256x256, where four slices together took 0.8 to 1 of the time on an H100, and 512x512, where they took 1.2.
+const FEW_PIXELS: u64 = 300 * 300;
 
 /// Groups of steps start at multiples of this in their buffer.
 const STRIDE: usize = 256;

@@ -12,7 +12,7 @@ use wgpu::util::DeviceExt;
 use super::{
     LightWork, Lighting, LitImage, LitScene,
     grid::Cells,
-    uniforms::{LEVELS, Level, Light, LightGrid},
+    uniforms::{LEVELS, Level, Light, LightGrid, LightPart},
 };
 use crate::{
     camera::Camera,
@@ -150,7 +150,7 @@ struct MaskLight {
 
 /// Bytes from one part's uniform to the next, and of it.
 const STRIDE: usize = 256;
-const PART_BYTES: u64 = 16;
+const PART_BYTES: u64 = size_of::<LightPart>() as u64;
 
 /// Cells of a dispatch where the processor draws: so few that a window needn't wait for them (docs/performance.md). A
 /// graphics card takes all at once.
@@ -159,7 +159,7 @@ const CELLS_AT_ONCE: u32 = 1024;
 const MOST_PARTS: u32 = 4096;
 
 /// The uniforms of the parts that so many cells are found in, and their dispatches; one where there are none.
-fn parts_of(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
+pub(super) fn parts_of(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
     let at_once = if is_software { CELLS_AT_ONCE.max(cells.div_ceil(MOST_PARTS)) } else { cells.max(1) };
     let at_once = at_once.next_multiple_of(64);
     let (mut bytes, mut steps) = (Vec::new(), Vec::new());
@@ -168,7 +168,7 @@ fn parts_of(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
         let across = groups.min(4096);
         let workgroups = [across, groups.div_ceil(across), 1];
         steps.push(Dispatch { pipeline: 0, offset: bytes.len() as u32, workgroups });
-        bytes.extend_from_slice(&first.to_le_bytes());
+        bytes.extend_from_slice(bytemuck::bytes_of(&LightPart { first, ..LightPart::default() }));
         bytes.resize(steps.len() * STRIDE, 0);
     }
     (bytes, steps)

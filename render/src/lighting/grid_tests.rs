@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{
+    cones::parts_of,
     grid::Cells,
     tests::{image_of, lit, scene, transfer},
     *,
@@ -150,6 +151,26 @@ fn a_cut_is_nearly_an_end() {
             assert!(worst < most && n > 500.0, "{name} {coarsest_level}: {worst}");
             let of_voxels = *at_voxels.get_or_insert(worst);
             assert!(worst < of_voxels + 0.006, "{name} {coarsest_level}: coarse cells add little");
+        }
+    }
+}
+
+/// Every cell is in one part, no part is longer than the device takes, and the card takes all at once.
+#[test]
+fn parts_hold_every_cell_once() {
+    for cells in [0u32, 1, 63, 64, 1000, 1024, 1025, 300_000, 1 << 26] {
+        for is_software in [false, true] {
+            let (bytes, steps) = parts_of(cells, is_software);
+            let mut next = 0;
+            for step in &steps {
+                let at = step.offset as usize;
+                let first = u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+                assert!(at.is_multiple_of(256) && bytes.len() >= at + 256 && first == next, "{cells}");
+                let [across, down, _] = step.workgroups;
+                assert!(across.max(down) <= 65_535 && across * down > 0);
+                next = first + 64 * across * down;
+            }
+            assert!(next >= cells && (is_software || steps.len() == 1) && steps.len() <= 4096, "{cells}");
         }
     }
 }

@@ -224,7 +224,7 @@ pub(crate) fn reach_in_groups(
 }
 
 /// Groups of steps that a step looks at.
-const MOST_LOOKED_AT: usize = 512;
+const MOST_LOOKED_AT: usize = 128;
 
 /// What light a step takes from pixels farther away than [`Spread::between`] says, over all of a picture's steps: less
 /// than single precision tells apart.

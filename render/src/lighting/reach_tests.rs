@@ -136,7 +136,7 @@ fn reach_is_all_that_brute_force_finds() {
     let sight = Sight::new(&scene.camera, size);
     let depths = (100.0, 140.0);
     let mut spared = Vec::new();
-    for (slice_mm, groups) in [(2.0, 512), (0.25, 512), (0.25, 7)] {
+    for (slice_mm, groups) in [(2.0, 128), (0.25, 128), (0.25, 7)] {
         let plan = plan_of(&sight, slice_mm, depths);
         let seen = |low: [i32; 2], high: [i32; 2], depths_mm| Seen { rect: Rect { low, high }, depths_mm };
         let image = [seen([5, 6], [9, 11], (104.0, 111.0)), seen([30, 20], [33, 28], (123.0, 127.0))];

@@ -58,6 +58,16 @@ pub(crate) struct LightGrid {
     pub depth_from_index: [f32; 4],
 }
 
+/// `LightPart` of context_light.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct LightPart {
+    pub first: u32,
+    pub unused_a: u32,
+    pub unused_b: u32,
+    pub unused_c: u32,
+}
+
 pub(crate) const VOLUME_ON_VOLUME: u32 = 1;
 
 /// `Slices` of lib/slices.wgsl.

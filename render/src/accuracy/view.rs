@@ -169,7 +169,15 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
         let on_path = costs.iter().filter(|c| **c <= most);
         let path = on_path.map(|&c| (name(c), c, Quality::at_cost(shading, c))).collect();
         out.push((shading.name().to_owned(), "Quality::at_cost", path));
-        let others: Settings = beside(shading, effort).into_iter().map(|(n, q)| (n, f64::NAN, q)).collect();
+        // What is a preset already is measured once.
+        let is_preset = |q: &Quality| {
+            Preset::ALL.iter().any(|p| Quality { cost: q.cost, ..Quality::preset(shading, *p) } == *q)
+        };
+        let others: Settings = beside(shading, effort)
+            .into_iter()
+            .filter(|(_, q)| !is_preset(q))
+            .map(|(n, q)| (n, f64::NAN, q))
+            .collect();
         if !others.is_empty() {
             out.push((format!("{}, beside the path", shading.name()), "Lighting", others));
         }

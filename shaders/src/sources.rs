@@ -60,6 +60,7 @@ pub(crate) const FILES: &[(&str, &str)] = files![
     "lib/tubes.wgsl",
     "lib/vicinity.wgsl",
     "lib/view.wgsl",
+    "lib/weighed.wgsl",
     "lib/zero.wgsl",
     "slices_begin.wgsl",
     "slices_finish.wgsl",

@@ -40,14 +40,11 @@ const TOO_STEEP = 1e9;
 @group(0) @binding(14) var<storage, read> table: array<vec4<f32>>;   // rgb, opacity of 1 mm
 @group(0) @binding(15) var<storage, read> factors: array<f32>;
 
-// Exact at both ends, so that a value of weight 0 is none.
-fn between(a: f32, b: f32, w: f32) -> f32 {
-    return a * (1.0 - w) + b * w;
-}
+#include lib/weighed.wgsl
 
 // Of four lines along the other two axes.
 fn across(v: vec4<f32>, w: vec2<f32>) -> f32 {
-    return between(between(v.x, v.y, w.x), between(v.z, v.w, w.x), w.y);
+    return weighed(weighed(v.x, v.y, w.x), weighed(v.z, v.w, w.x), w.y);
 }
 
 struct Place {
@@ -123,7 +120,7 @@ fn looked_up(value: f32) -> vec4<f32> {
 fn factor_of(gradient: f32) -> f32 {
     let x = clamp(gradient * context.factor_scale + context.factor_offset, 0.0, f32(context.factor_last));
     let i = min(u32(x), context.factor_last - 1u);
-    return between(factors[i], factors[i + 1u], x - f32(i));
+    return weighed(factors[i], factors[i + 1u], x - f32(i));
 }
 
 // Opacity of a length of material of which 1 mm has opacity `per_mm`.
@@ -142,7 +139,7 @@ fn material_of(place: Place) -> vec4<f32> {
     let to_next = select(vec3<u32>(0u), stride, context.dims > vec3<u32>(1u));
     let here = dot(place.cell, stride);
     let corners = corners_at(here, to_next);
-    let value = between(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
+    let value = weighed(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
     var material = select(vec4<f32>(0.0), looked_up(value), value > NOT_FINITE);
     if gradient_counts && (varied(context.flags) & TWO_D) != 0u && material.a > 0.0 {
         let steepness = length(gradient_at(place, here, to_next, corners));

@@ -81,7 +81,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
             let here = dot(place.cell, stride);
             let corners = corners_at(here, to_next);
-            let value = between(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
+            let value = weighed(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
             var material = looked_up(value);
             // The jitter may leave the first cell no length.
             if value > NOT_FINITE && material.a > 0.0 && begin < end {

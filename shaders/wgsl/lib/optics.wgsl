@@ -5,6 +5,7 @@
 // depth from a plane at the volume's front.
 
 #include lib/zero.wgsl
+#include lib/weighed.wgsl
 
 struct Optical {
     corner: vec3<f32>,              // index space, where the view axis meets the plane of depth 0
@@ -61,11 +62,6 @@ fn index_of(cell: vec3<u32>) -> u32 {
 
 fn value_at(cell: vec3<u32>) -> f32 {
     return values[index_of(cell)];
-}
-
-// Not `mix`: on graphics cards that takes the difference, and between the largest and the least numbers it overflows.
-fn weighed(a: f32, b: f32, f: f32) -> f32 {
-    return a * (1.0 - f) + b * f;
 }
 
 fn classify(value: f32) -> vec4<f32> {

@@ -127,11 +127,17 @@ pub fn choose_adapter(adapters: &[wgpu::Adapter], preference: AdapterPreference)
         .min_by_key(|a| rank(&a.get_info()))
 }
 
+/// Whether tests are asked to draw with a graphics card.
+#[cfg(test)]
+pub(crate) fn tests_want_a_card() -> bool {
+    std::env::var("GLIOSCOPE_TEST_ADAPTER").is_ok_and(|asked| asked == "real")
+}
+
 /// What tests of this crate draw with: the software adapter, or with `GLIOSCOPE_TEST_ADAPTER=real` a graphics
 /// card, which they then need.
 #[cfg(test)]
 pub(crate) fn test_gpu() -> Gpu {
-    let real = std::env::var("GLIOSCOPE_TEST_ADAPTER").is_ok_and(|asked| asked == "real");
+    let real = tests_want_a_card();
     let preference = if real { AdapterPreference::RealFirst } else { AdapterPreference::SoftwareOnly };
     match Gpu::headless(preference) {
         Ok(gpu) if real && gpu.is_software() => {

@@ -146,9 +146,11 @@ fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
     out
 }
 
-/// Names of the presets on the path.
-fn preset_at(cost: f64, shading: Shading) -> Option<Preset> {
-    Preset::ALL.into_iter().find(|p| Quality::preset(shading, *p) == Quality::at_cost(shading, cost))
+/// The preset that `quality` is, wherever it was found.
+fn preset_of(shading: Shading, quality: &Quality) -> Option<Preset> {
+    Preset::ALL
+        .into_iter()
+        .find(|p| Quality { cost: quality.cost, ..Quality::preset(shading, *p) } == *quality)
 }
 
 /// What is drawn: kernel, and settings with their cost on the path where they are on it.
@@ -162,20 +164,18 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
     );
     let mut out = Vec::new();
     for shading in [Shading::Cones, Shading::Slices] {
-        let name = |cost| {
-            preset_at(cost, shading).map_or_else(|| format!("cost {cost}"), |preset| preset.name().to_owned())
+        let on_path = |cost: f64| {
+            let quality = Quality::at_cost(shading, cost);
+            let name = preset_of(shading, &quality).map(|preset| preset.name().to_owned());
+            (name.unwrap_or_else(|| format!("cost {cost}")), cost, quality)
         };
         let most = Quality::most_cost(shading);
-        let on_path = costs.iter().filter(|c| **c <= most);
-        let path = on_path.map(|&c| (name(c), c, Quality::at_cost(shading, c))).collect();
+        let path = costs.iter().filter(|c| **c <= most).map(|c| on_path(*c)).collect();
         out.push((shading.name().to_owned(), "Quality::at_cost", path));
         // What is a preset already is measured once.
-        let is_preset = |q: &Quality| {
-            Preset::ALL.iter().any(|p| Quality { cost: q.cost, ..Quality::preset(shading, *p) } == *q)
-        };
         let others: Settings = beside(shading, effort)
             .into_iter()
-            .filter(|(_, q)| !is_preset(q))
+            .filter(|(_, q)| preset_of(shading, q).is_none())
             .map(|(n, q)| (n, f64::NAN, q))
             .collect();
         if !others.is_empty() {

@@ -1,7 +1,10 @@
 //! Which pixels a step of slices must be taken for: those that light may have been lost at, and that something
 //! still asks for the light of. Pure: no device is touched.
 
-use crate::{dos::DosPlan, occlusion::Sight};
+use crate::{
+    dos::{DosPlan, Step},
+    occlusion::Sight,
+};
 
 /// Pixels from `low` up to `high`, which is none of them; empty where one isn't below the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -190,7 +193,7 @@ pub(crate) fn reach_in_groups(
     // Backwards: whose light is asked for, then or through a later footprint.
     let wanted = groups(&|j| matter[j].with(awaited[j]));
     let asked = |k: usize| {
-        let later = wanted.iter().enumerate().skip(k / together);
+        let later = wanted.iter().enumerate().skip(k / together).filter(|(_, rect)| !rect.is_empty());
         later.fold(Rect::EMPTY, |all, (g, wanted)| {
             all.with(wanted.grown(spread.between(k, last.min((g + 1) * together - 1))))
         })
@@ -199,7 +202,7 @@ pub(crate) fn reach_in_groups(
     let casting = groups(&|j| matter[j].with(if casts { begun[j] } else { Rect::EMPTY }));
     let begun = groups(&|j| begun[j]);
     let carried = |of: &[Rect], k: usize| {
-        let before = of.iter().enumerate().take(k / together + 1);
+        let before = of.iter().enumerate().take(k / together + 1).filter(|(_, rect)| !rect.is_empty());
         let all = before.fold(Rect::EMPTY, |all, (g, rect)| {
             all.with(rect.grown(spread.between((g * together).min(k), k)))
         });
@@ -242,7 +245,7 @@ struct Spread {
 }
 
 impl Spread {
-    fn of(steps: &[crate::dos::Step]) -> Self {
+    fn of(steps: &[Step]) -> Self {
         let (mut reach, mut variance) = (0, 0.0);
         let sums = steps.iter().map(|step| {
             reach += step.kernel.reach_px();

@@ -143,8 +143,8 @@ fn about(family: Family) -> &'static str {
              Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are \
              on and that the automatic mode moves along; beside it pixels against thickness of slices or side of \
              cells, from which the path was chosen, and one knob changed from balanced. Slices of 1 mm have half \
-             the error of 2 mm where surfaces are opaque; thinner ones gain little. So pixels go before thickness, \
-             down to a quarter along each side. Cones are there sooner, and serve what is solid; slices are righter \
+             the error of 2 mm where surfaces are opaque; thinner ones gain little. Down the path pixels go \
+             first, to a fifth along each side, and slices grow a little thicker with them. Cones are there sooner, and serve what is solid; slices are righter \
              where surfaces are opaque. The headlight is another model, held against no truth of light."
         }
         Family::Ellipsoids => {

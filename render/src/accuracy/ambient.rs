@@ -7,11 +7,7 @@ use glam::{DVec2, DVec3};
 use glioscope_core::{RegionVolume, Selection};
 use rayon::prelude::*;
 
-use super::{
-    AccuracyError, Axis, Bench, Curve, Family, Point,
-    measure::{Errors, Repeats, timed},
-    scenes,
-};
+use super::{AccuracyError, Axis, Bench, Curve, Family, Point, measure::Errors, scenes, sweep::Sweep};
 use crate::{
     MaskColors, Palette, Quality, Renderer, Scene,
     camera::FIELD_OF_VIEW_DEG,
@@ -169,21 +165,28 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         bench.effort.of(&[2, 12, 32], &[2, 6, 12, 32], &[1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 28, 32]);
     let (stride, samples) = bench.effort.of((3, 64), (3, 256), (3, 1024));
     let pairs = bench.effort.of(256, 512, 2048);
-    let repeats = Repeats { most: bench.effort.of(1, 5, 15), patience: Duration::from_millis(3000) };
+    let sweep = Sweep {
+        what: "ambient occlusion: samples",
+        most: bench.effort.of(1, 5, 15),
+        patience: Duration::from_millis(3000),
+        on_device: true,
+    };
+    let named = |&pairs: &u32| {
+        let word = if pairs == Quality::DRAFT.occlusion_samples { " (draft)" } else { "" };
+        (format!("{pairs} pairs{word}"), pairs)
+    };
+    let settings: Vec<(String, u32)> = counts.iter().map(named).collect();
     bench.progress.say("making the head phantom");
     let scene = scene()?;
-    let mut renderer = Renderer::new(bench.gpu)?;
     let mut truths = None;
-    let (mut of_hemisphere, mut of_own) = (Vec::new(), Vec::new());
-    for &samples_asked in counts {
-        bench.begin("ambient occlusion: samples", &samples_asked.to_string())?;
-        let quality = Quality { occlusion_samples: samples_asked, ..Quality::FULL };
-        let measured = timed(repeats, || {
-            renderer.render(bench.gpu, &scene, &quality, size)?;
-            bench.wait()?;
-            Ok::<_, AccuracyError>(())
-        })?;
-        let Some(frame) = renderer.frame() else { continue };
+    let mut against_own = Vec::new();
+    let run = |renderer: &mut Renderer, &occlusion_samples: &u32| {
+        let quality = Quality { occlusion_samples, ..Quality::FULL };
+        renderer.render(bench.gpu, &scene, &quality, size)?;
+        Ok(bench.wait()?)
+    };
+    let look = |renderer: &mut Renderer, &samples_asked: &u32| {
+        let frame = renderer.frame().ok_or_else(|| AccuracyError::of(&"no picture"))?;
         let found = frame.occlusion(bench.gpu)?;
         let (hits, hemisphere, own) = truths.get_or_insert_with(|| {
             let depth = |d: &f32| if *d < FAR { frame.reference_mm + f64::from(*d) } else { f64::INFINITY };
@@ -201,35 +204,27 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
             let own = hits.blurred(&hits.own_integral(pairs));
             (hits, hemisphere, own)
         });
-        let point = |errors: Errors| Point {
-            setting: match samples_asked {
-                n if n == Quality::DRAFT.occlusion_samples => format!("{n} pairs (draft)"),
-                n => format!("{n} pairs"),
-            },
-            value: f64::from(samples_asked),
-            time: measured.time,
-            cpu: bench.cpu(measured.cpu),
-            peak_bytes: measured.peak_bytes,
-            error_rms: errors.rms(),
-            error_max: errors.max(),
-            delta_e: None,
-            is_default: samples_asked == Quality::FULL.occlusion_samples,
-            pixel_share: 1.0,
-            is_pareto: false,
-        };
-        let mut errors = Errors::default();
-        for (number, hidden, _) in hemisphere.iter() {
-            errors.add(found.blurred.get(*number).map_or(f64::NAN, |f| f - hidden));
-        }
-        of_hemisphere.push(point(errors));
         let mut errors = Errors::default();
         for ((f, t), depth) in found.blurred.iter().zip(own.iter()).zip(&hits.depths) {
             if depth.is_finite() {
                 errors.add(f - t);
             }
         }
-        of_own.push(point(errors));
-    }
+        against_own.push(errors);
+        let mut errors = Errors::default();
+        for (number, hidden, _) in hemisphere.iter() {
+            errors.add(found.blurred.get(*number).map_or(f64::NAN, |f| f - hidden));
+        }
+        let is_default = samples_asked == Quality::FULL.occlusion_samples;
+        Ok(Point { is_default, ..Point::new(f64::from(samples_asked), &errors) })
+    };
+    let of_hemisphere = bench.sweep(&sweep, &mut Renderer::new(bench.gpu)?, &settings, run, look)?;
+    let own = |(point, errors): (&Point, &Errors)| Point {
+        error_rms: errors.rms(),
+        error_max: errors.max(),
+        ..point.clone()
+    };
+    let of_own = of_hemisphere.iter().zip(&against_own).map(own).collect();
     let mut standard_error = Errors::default();
     let hemisphere = truths.map(|t| t.1).unwrap_or_default();
     hemisphere.iter().for_each(|(_, _, e)| standard_error.add(*e));

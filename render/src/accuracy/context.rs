@@ -7,8 +7,9 @@ use glioscope_core::Selection;
 
 use super::{
     AccuracyError, Axis, Bench, Curve, Family, Point,
-    measure::{Errors, Repeats, delta_e_of, timed},
+    measure::{Errors, delta_e_of},
     scenes,
+    sweep::Sweep,
 };
 use crate::{
     ContextRenderer, ContextScene, ContextVolume, MaskColors, Palette, Quality, TransferPreset,
@@ -63,7 +64,13 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         &[TransferPreset::MrSurface],
         &[TransferPreset::MrSurface, TransferPreset::MrTissue],
     );
-    let repeats = Repeats { most: bench.effort.of(1, 3, 9), patience: Duration::from_millis(4000) };
+    let sweep = Sweep {
+        what: "context: step",
+        most: bench.effort.of(1, 3, 9),
+        patience: Duration::from_millis(4000),
+        on_device: true,
+    };
+    let settings: Vec<(String, f64)> = steps.iter().map(|step| (format!("{step} mm"), *step)).collect();
     bench.progress.say("making the head phantom");
     let volume = Arc::new(ContextVolume::new(scenes::image(scenes::phantom()?, "T1c")?));
     let mut renderer = ContextRenderer::new(bench.gpu)?;
@@ -76,32 +83,19 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         bench.progress.check()?;
         // The midpoint rule's error falls by four a halving, so a third of the last change is left.
         let truth_error = errors(&truth_at(2.0 * finest), &truth).0.rms() / 3.0;
-        let mut points = Vec::new();
-        for &step_mm in steps {
-            bench.begin("context: step", &format!("{step_mm} mm"))?;
-            let quality = Quality { context_step_mm: step_mm, ..Quality::FULL };
-            let measured = timed(repeats, || {
-                renderer.render(bench.gpu, &scene, &quality, size)?;
-                bench.wait()?;
-                Ok::<_, AccuracyError>(())
-            })?;
+        let run = |renderer: &mut ContextRenderer, &context_step_mm: &f64| {
+            let quality = Quality { context_step_mm, ..Quality::FULL };
+            renderer.render(bench.gpu, &scene, &quality, size)?;
+            Ok(bench.wait()?)
+        };
+        let look = |renderer: &mut ContextRenderer, &step_mm: &f64| {
             let marched = renderer.frame().map(|f| f.marched(bench.gpu)).transpose()?.unwrap_or_default();
             let found: Vec<[f64; 4]> = marched.iter().map(|m| m.rgba()).collect();
             let (errors, delta_e) = errors(&found, &truth);
-            points.push(Point {
-                setting: format!("{step_mm} mm"),
-                value: step_mm,
-                time: measured.time,
-                cpu: bench.cpu(measured.cpu),
-                peak_bytes: measured.peak_bytes,
-                error_rms: errors.rms(),
-                error_max: errors.max(),
-                delta_e: Some(delta_e),
-                is_default: step_mm == Quality::FULL.context_step_mm,
-                pixel_share: 1.0,
-                is_pareto: false,
-            });
-        }
+            let is_default = step_mm == Quality::FULL.context_step_mm;
+            Ok(Point { delta_e: Some(delta_e), is_default, ..Point::new(step_mm, &errors) })
+        };
+        let points = bench.sweep(&sweep, &mut renderer, &settings, run, look)?;
         out.push(Curve {
             family: Family::Context,
             kernel: "ray march".to_owned(),

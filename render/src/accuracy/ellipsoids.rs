@@ -8,11 +8,7 @@ use glioscope_core::{
     ellipsoid::{Method, Options, enclose, hull_corners},
 };
 
-use super::{
-    AccuracyError, Axis, Bench, Curve, Family, Point,
-    measure::{Errors, Repeats, timed},
-    scenes,
-};
+use super::{AccuracyError, Axis, Bench, Curve, Family, Point, measure::Errors, scenes, sweep::Sweep};
 
 const TRUTH: f64 = 1e-12;
 
@@ -55,36 +51,37 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         // Its steps are of the order of one over the tolerance.
         Method::Khachiyan => 1e-3,
     };
-    let repeats = Repeats { most: bench.effort.of(1, 3, 9), patience: Duration::from_millis(3000) };
     let mut out = Vec::new();
     for method in [Method::Exchange, Method::AwaySteps, Method::Khachiyan] {
-        let mut points = Vec::new();
-        for &tolerance in decades.iter().filter(|t| **t >= least(method)) {
-            bench.begin(method.name(), &format!("{tolerance:e}"))?;
-            let options = Options { method, tolerance, ..Options::default() };
-            let mut found = Vec::new();
-            let measured = timed(repeats, || {
-                found = volumes(&options);
-                Ok::<_, AccuracyError>(())
-            })?;
-            let mut errors = Errors::default();
-            for (f, t) in found.iter().zip(&truth) {
-                errors.add(f.zip(*t).map_or(f64::NAN, |(f, t)| f / t - 1.0));
-            }
-            points.push(Point {
-                setting: format!("{tolerance:e}"),
-                value: tolerance,
-                time: measured.time,
-                cpu: measured.cpu,
-                peak_bytes: measured.peak_bytes,
-                error_rms: errors.rms(),
-                error_max: errors.max(),
-                delta_e: None,
-                is_default: options == Options::default(),
-                pixel_share: 1.0,
-                is_pareto: false,
-            });
-        }
+        let sweep = Sweep {
+            what: method.name(),
+            most: bench.effort.of(1, 3, 9),
+            patience: Duration::from_millis(3000),
+            on_device: false,
+        };
+        let settings: Vec<(String, Options)> = decades
+            .iter()
+            .filter(|t| **t >= least(method))
+            .map(|&tolerance| (format!("{tolerance:e}"), Options { method, tolerance, ..Options::default() }))
+            .collect();
+        let mut found = Vec::new();
+        let points = bench.sweep(
+            &sweep,
+            &mut found,
+            &settings,
+            |found, options| {
+                *found = volumes(options);
+                Ok(())
+            },
+            |found, options| {
+                let mut errors = Errors::default();
+                for (f, t) in found.iter().zip(&truth) {
+                    errors.add(f.zip(*t).map_or(f64::NAN, |(f, t)| f / t - 1.0));
+                }
+                let is_default = *options == Options::default();
+                Ok(Point { is_default, ..Point::new(options.tolerance, &errors) })
+            },
+        )?;
         out.push(Curve {
             family: Family::Ellipsoids,
             kernel: method.name().to_owned(),

@@ -46,19 +46,7 @@ const FORMATS: [(&str, f64, Round); 2] =
     [("half floats (emulated)", 10.0, to_half), ("single floats, as the program has them", 20.0, to_single)];
 
 fn point(setting: String, slices: u32, errors: Errors) -> Point {
-    Point {
-        setting,
-        value: f64::from(slices),
-        time: None,
-        cpu: None,
-        peak_bytes: None,
-        error_rms: errors.rms(),
-        error_max: errors.max(),
-        delta_e: None,
-        is_default: false,
-        pixel_share: 1.0,
-        is_pareto: false,
-    }
+    Point { setting, ..Point::new(f64::from(slices), &errors) }
 }
 
 fn curve(kernel: String, scene: &str, truth: &str, unit: &'static str, points: Vec<Point>) -> Curve {

@@ -1,9 +1,6 @@
 //! Times, memory, errors, and which points are worth having.
 
-use std::{
-    io::Write,
-    time::{Duration, Instant},
-};
+use std::io::Write;
 
 use glam::{DMat3, DVec3};
 use serde::Serialize;
@@ -12,7 +9,7 @@ use super::{Axis, Curve, Point};
 
 /// Milliseconds of processor time that this process's threads have had; nothing on other systems than
 /// Linux.
-fn cpu_ms() -> Option<f64> {
+pub(super) fn cpu_ms() -> Option<f64> {
     let tasks = std::fs::read_dir("/proc/self/task").ok()?;
     let one = |task: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
         let line = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
@@ -47,56 +44,8 @@ pub fn quartiles(values: &[f64]) -> Option<[f64; 3]> {
     Some([at(0.25)?, at(0.5)?, at(0.75)?])
 }
 
-/// How often something is run.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Repeats {
-    pub most: usize,
-    /// After this long, no further run is begun.
-    pub patience: Duration,
-}
-
-/// What running something took.
-pub(super) struct Measured {
-    pub time: Option<Timing>,
-    pub cpu: Option<Timing>,
-    pub peak_bytes: Option<u64>,
-}
-
-/// Runs `job` once unmeasured (what is made once is made then), then up to `repeats`. Where the first
-/// run has used up all patience, it is the measurement.
-pub(super) fn timed<E>(repeats: Repeats, mut job: impl FnMut() -> Result<(), E>) -> Result<Measured, E> {
-    reset_peak();
-    let begin = Instant::now();
-    let mut run = |times: u32| {
-        let (start, cpu) = (Instant::now(), cpu_ms());
-        for _ in 0..times {
-            job()?;
-        }
-        let share = 1.0 / f64::from(times);
-        let wall = start.elapsed().as_secs_f64() * 1e3;
-        Ok::<_, E>((wall * share, cpu.and_then(|before| Some((cpu_ms()? - before) * share))))
-    };
-    let first = run(1)?;
-    // Processor time is told in steps of the scheduler's clock, up to 10 ms: short jobs count together.
-    let together = (40.0 / first.0.max(1e-3)).ceil().clamp(1.0, 1000.0) as u32;
-    let mut runs = Vec::new();
-    if begin.elapsed() >= repeats.patience {
-        runs.push(first);
-    }
-    while runs.is_empty() || (runs.len() < repeats.most && begin.elapsed() < repeats.patience) {
-        runs.push(run(together)?);
-    }
-    let timing = |times: &[f64]| {
-        let [q1_ms, median_ms, q3_ms] = quartiles(times)?;
-        Some(Timing { median_ms, q1_ms, q3_ms, runs: times.len() })
-    };
-    let walls: Vec<f64> = runs.iter().map(|r| r.0).collect();
-    let cpus: Vec<f64> = runs.iter().filter_map(|r| r.1).collect();
-    Ok(Measured { time: timing(&walls), cpu: timing(&cpus), peak_bytes: peak_bytes() })
-}
-
 /// Sets the peak back to what is resident now; does nothing where the system has no such file.
-fn reset_peak() {
+pub(super) fn reset_peak() {
     if let Ok(mut file) = std::fs::OpenOptions::new().write(true).open("/proc/self/clear_refs") {
         // Not being able to only makes the peak an older one.
         let _ = file.write_all(b"5");

@@ -14,6 +14,7 @@ mod occlusion;
 mod resampling;
 mod scenes;
 mod skeletons;
+mod sweep;
 #[cfg(test)]
 mod tests;
 mod view;
@@ -158,6 +159,23 @@ pub struct Point {
 }
 
 impl Point {
+    /// Errors at a knob's value; without a name, times and marks.
+    pub fn new(value: f64, errors: &Errors) -> Self {
+        Self {
+            setting: String::new(),
+            value,
+            time: None,
+            cpu: None,
+            peak_bytes: None,
+            error_rms: errors.rms(),
+            error_max: errors.max(),
+            delta_e: None,
+            pixel_share: 1.0,
+            is_default: false,
+            is_pareto: false,
+        }
+    }
+
     /// What the front counts and plots show: processor time where there is some, else time.
     pub fn cost(&self) -> Option<Timing> {
         self.cpu.or(self.time)
@@ -220,11 +238,6 @@ impl Bench<'_> {
     fn begin(&self, what: &str, setting: &str) -> Result<(), Cancelled> {
         self.progress.say(format!("{what}: {setting}"));
         self.progress.advance(1)
-    }
-
-    /// Processor time of what the device does: none on a graphics card.
-    fn cpu(&self, of: Option<Timing>) -> Option<Timing> {
-        of.filter(|_| self.gpu.is_software())
     }
 
     fn wait(&self) -> Result<(), RenderError> {

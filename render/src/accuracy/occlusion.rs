@@ -7,8 +7,9 @@ use rayon::prelude::*;
 
 use super::{
     AccuracyError, Axis, Bench, Curve, Effort, Family, Point,
-    measure::{Errors, Repeats, delta_e_of, displayed, timed},
+    measure::{Errors, delta_e_of, displayed},
     scenes,
+    sweep::Sweep,
 };
 use crate::{
     camera::Camera,
@@ -77,7 +78,6 @@ struct Stage<'a> {
     camera: Camera,
     size: [u32; 2],
     truth: Truth,
-    repeats: Repeats,
     scene: String,
     truth_name: String,
 }
@@ -97,6 +97,11 @@ impl Stage<'_> {
         }
     }
 
+    fn sweep<'w>(&self, what: &'w str) -> Sweep<'w> {
+        let most = self.bench.effort.of(1, 3, 3);
+        Sweep { what, most, patience: Duration::from_millis(1500), on_device: true }
+    }
+
     fn slices(
         &self,
         renderer: &mut DosRenderer,
@@ -104,38 +109,36 @@ impl Stage<'_> {
         settings: &[DosSettings],
     ) -> Result<Curve, AccuracyError> {
         let gpu = self.bench.gpu;
-        let mut points = Vec::new();
-        for asked in settings {
+        let named = |asked: &DosSettings| {
             let DosSettings { slice_mm, grid, reference_mm, .. } = *asked;
             // Only the mended variant has a reference.
             let reference = match variant {
                 Variant::Mended => format!(", reference {reference_mm} mm"),
                 _ => String::new(),
             };
-            let setting = format!("slices of {slice_mm} mm, {grid}x{grid}{reference}");
-            self.bench.begin(variant.name(), &setting)?;
-            let mut slices = 0;
-            let measured = timed(self.repeats, || {
-                let (volume, size, form) = (&self.volume, self.size, Form::fastest(gpu, self.size));
-                slices = renderer.render(gpu, volume, &self.camera, size, asked, form, true)?.slices();
-                self.bench.wait()?;
-                Ok::<_, AccuracyError>(())
-            })?;
-            let (errors, delta_e) = self.truth.against(&renderer.read(gpu)?);
-            points.push(Point {
-                setting: format!("{slices} {setting}"),
-                value: slice_mm,
-                time: measured.time,
-                cpu: self.bench.cpu(measured.cpu),
-                peak_bytes: measured.peak_bytes,
-                error_rms: errors.rms(),
-                error_max: errors.max(),
-                delta_e: Some(delta_e),
-                is_default: *asked == DosSettings::default(),
-                pixel_share: 1.0,
-                is_pareto: false,
-            });
-        }
+            (format!("{slice_mm} mm, {grid}x{grid}{reference}"), *asked)
+        };
+        let settings: Vec<(String, DosSettings)> = settings.iter().map(named).collect();
+        let form = Form::fastest(gpu, self.size);
+        let points = self.bench.sweep(
+            &self.sweep(variant.name()),
+            &mut (renderer, 0),
+            &settings,
+            |(renderer, slices), asked| {
+                let drawn = renderer.render(gpu, &self.volume, &self.camera, self.size, asked, form, true)?;
+                *slices = drawn.slices();
+                Ok(self.bench.wait()?)
+            },
+            |(renderer, slices), asked| {
+                let (errors, delta_e) = self.truth.against(&renderer.read(gpu)?);
+                Ok(Point {
+                    setting: format!(", {slices} slices"),
+                    delta_e: Some(delta_e),
+                    is_default: *asked == DosSettings::default(),
+                    ..Point::new(asked.slice_mm, &errors)
+                })
+            },
+        )?;
         Ok(self.curve(
             &format!("slices, {}", variant.name()),
             "DosSettings::slice_mm, grid and reference_mm",
@@ -145,35 +148,31 @@ impl Stage<'_> {
 
     fn cones(&self, settings: &[ConeSettings]) -> Result<Curve, AccuracyError> {
         let gpu = self.bench.gpu;
-        let mut renderer = ConeRenderer::new(gpu)?;
-        let mut points = Vec::new();
-        for asked in settings {
+        let named = |asked: &ConeSettings| {
             let level = match asked.coarsest_level {
                 0 => "the volume itself".to_owned(),
                 n => format!("levels to {n}"),
             };
-            let setting = format!("{} sub-cones, {level}, steps of {}", asked.sub_cones, asked.cone_step);
-            self.bench.begin("cones", &setting)?;
-            let measured = timed(self.repeats, || {
+            (format!("{} sub-cones, {level}, steps of {}", asked.sub_cones, asked.cone_step), *asked)
+        };
+        let settings: Vec<(String, ConeSettings)> = settings.iter().map(named).collect();
+        let points = self.bench.sweep(
+            &self.sweep("cones"),
+            &mut ConeRenderer::new(gpu)?,
+            &settings,
+            |renderer, asked| {
                 renderer.render(gpu, &self.volume, &self.camera, self.size, asked, true)?;
-                self.bench.wait()?;
-                Ok::<_, AccuracyError>(())
-            })?;
-            let (errors, delta_e) = self.truth.against(&renderer.read(gpu)?);
-            points.push(Point {
-                setting,
-                value: f64::from(asked.sub_cones),
-                time: measured.time,
-                cpu: self.bench.cpu(measured.cpu),
-                peak_bytes: measured.peak_bytes,
-                error_rms: errors.rms(),
-                error_max: errors.max(),
-                delta_e: Some(delta_e),
-                is_default: *asked == ConeSettings::of(self.volume.filter()),
-                pixel_share: 1.0,
-                is_pareto: false,
-            });
-        }
+                Ok(self.bench.wait()?)
+            },
+            |renderer, asked| {
+                let (errors, delta_e) = self.truth.against(&renderer.read(gpu)?);
+                Ok(Point {
+                    delta_e: Some(delta_e),
+                    is_default: *asked == ConeSettings::of(self.volume.filter()),
+                    ..Point::new(f64::from(asked.sub_cones), &errors)
+                })
+            },
+        )?;
         Ok(self.curve("cones", "ConeSettings::sub_cones, coarsest_level and steps", points))
     }
 }
@@ -268,7 +267,6 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
             camera,
             size,
             truth,
-            repeats: Repeats { most: bench.effort.of(1, 3, 5), patience: Duration::from_millis(1500) },
         };
         for variant in all {
             let settings = slice_settings(bench.effort, variant);

@@ -5,10 +5,7 @@ use std::time::Duration;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{Grid, Progress, Samples, Scaling, Sides, Volume, resample::image_onto};
 
-use super::{
-    AccuracyError, Axis, Bench, Curve, Family, Point,
-    measure::{Errors, Repeats, timed},
-};
+use super::{AccuracyError, Axis, Bench, Curve, Family, Point, measure::Errors, sweep::Sweep};
 
 /// Waves of 12 and 21 mm under a soft ball of 30 mm: of range 1, about.
 fn value(p: DVec3) -> f64 {
@@ -40,39 +37,39 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let turned = DMat3::from_rotation_x(0.21) * DMat3::from_rotation_z(0.37);
     let target = about_origin([n; 3], turned)?;
     let truth = voxels(&target);
-    let repeats = Repeats { most: bench.effort.of(1, 5, 15), patience: Duration::from_millis(2000) };
-    let mut points = Vec::new();
-    for &spacing in spacings {
-        bench.begin("resampling: spacing", &format!("{spacing} mm"))?;
+    let sweep = Sweep {
+        what: "resampling: spacing",
+        most: bench.effort.of(1, 5, 15),
+        patience: Duration::from_millis(2000),
+        on_device: false,
+    };
+    let image = |&spacing: &f64| -> Result<(String, (f64, Volume)), AccuracyError> {
         // Wide enough for the target's corners and a cell more.
         let side = (1.75 * n as f64 / spacing).ceil() as usize + 2;
         let source = about_origin([side; 3], DMat3::from_diagonal(DVec3::splat(spacing)))?;
         let values = voxels(&source).into_iter().map(|v| v as f32).collect();
         let volume = Volume::new(source, Samples::F32(values), Scaling::NONE)
             .ok_or_else(|| AccuracyError::Scene("values that don't fit their grid".to_owned()))?;
-        let mut found = None;
-        let measured = timed(repeats, || {
-            found = Some(image_onto(&volume, &target, &Progress::new())?);
-            Ok::<_, AccuracyError>(())
-        })?;
-        let mut errors = Errors::default();
-        for (f, t) in found.iter().flat_map(|f| &f.values).zip(&truth) {
-            errors.add(f64::from(*f) - t);
-        }
-        points.push(Point {
-            setting: format!("{spacing} mm"),
-            value: spacing,
-            time: measured.time,
-            cpu: measured.cpu,
-            peak_bytes: measured.peak_bytes,
-            error_rms: errors.rms(),
-            error_max: errors.max(),
-            delta_e: None,
-            is_default: false,
-            pixel_share: 1.0,
-            is_pareto: false,
-        });
-    }
+        Ok((format!("{spacing} mm"), (spacing, volume)))
+    };
+    let images = spacings.iter().map(image).collect::<Result<Vec<_>, _>>()?;
+    let mut found = None;
+    let points = bench.sweep(
+        &sweep,
+        &mut found,
+        &images,
+        |found, (_, volume)| {
+            *found = Some(image_onto(volume, &target, &Progress::new())?);
+            Ok(())
+        },
+        |found, (spacing, _)| {
+            let mut errors = Errors::default();
+            for (f, t) in found.iter().flat_map(|f| &f.values).zip(&truth) {
+                errors.add(f64::from(*f) - t);
+            }
+            Ok(Point::new(*spacing, &errors))
+        },
+    )?;
     Ok(vec![Curve {
         family: Family::Resampling,
         kernel: "trilinear".to_owned(),

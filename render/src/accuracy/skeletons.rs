@@ -14,11 +14,7 @@ use glioscope_core::{
 };
 use rayon::prelude::*;
 
-use super::{
-    AccuracyError, Axis, Bench, Curve, Family, Point,
-    measure::{Errors, Repeats, timed},
-    scenes,
-};
+use super::{AccuracyError, Axis, Bench, Curve, Family, Point, measure::Errors, scenes, sweep::Sweep};
 
 /// One charge after the other, without the tree.
 struct PlainSum;
@@ -94,7 +90,6 @@ struct Stage<'a> {
     bench: &'a Bench<'a>,
     bits: MaskBits,
     grid: Grid,
-    repeats: Repeats,
     openings: &'a [f64],
 }
 
@@ -106,31 +101,27 @@ impl Stage<'_> {
         run: impl Fn(f64) -> Result<T, AccuracyError>,
         errors: impl Fn(&T) -> Result<Errors, AccuracyError>,
     ) -> Result<Vec<Point>, AccuracyError> {
-        let mut points = Vec::new();
-        for &opening in self.openings {
-            self.bench.begin(what, &opening.to_string())?;
-            let mut found = None;
-            let measured = timed(self.repeats, || {
-                found = Some(run(opening)?);
-                Ok::<_, AccuracyError>(())
-            })?;
-            let Some(found) = found else { continue };
-            let errors = errors(&found)?;
-            points.push(Point {
-                setting: format!("θ = {opening}"),
-                value: opening,
-                time: measured.time,
-                cpu: measured.cpu,
-                peak_bytes: measured.peak_bytes,
-                error_rms: errors.rms(),
-                error_max: errors.max(),
-                delta_e: None,
-                is_default: opening == SkeletonOptions::default().opening,
-                pixel_share: 1.0,
-                is_pareto: false,
-            });
-        }
-        Ok(points)
+        let sweep = Sweep {
+            what,
+            most: self.bench.effort.of(1, 3, 7),
+            patience: Duration::from_millis(5000),
+            on_device: false,
+        };
+        let settings: Vec<(String, f64)> = self.openings.iter().map(|o| (format!("θ = {o}"), *o)).collect();
+        self.bench.sweep(
+            &sweep,
+            &mut None,
+            &settings,
+            |found, &opening| {
+                *found = Some(run(opening)?);
+                Ok(())
+            },
+            |found, &opening| {
+                let found = found.take().ok_or_else(|| AccuracyError::of(&"nothing"))?;
+                let is_default = opening == SkeletonOptions::default().opening;
+                Ok(Point { is_default, ..Point::new(opening, &errors(&found)?) })
+            },
+        )
     }
 
     fn curve(&self, kernel: &str, of: &str, truth: String, unit: &'static str, points: Vec<Point>) -> Curve {
@@ -203,8 +194,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let coarser = bench.effort.of(3, 2, 1);
     bench.progress.say("making the head phantom");
     let (bits, grid) = mask(coarser)?;
-    let repeats = Repeats { most: bench.effort.of(1, 3, 7), patience: Duration::from_millis(5000) };
-    let stage = Stage { bench, bits, grid, repeats, openings };
+    let stage = Stage { bench, bits, grid, openings };
     let mut out = vec![stage.force()?];
     // The skeleton of a small mask is a point or two: it says nothing.
     if bench.effort != super::Effort::Quick {

@@ -10,18 +10,11 @@ use crate::gpu::test_gpu;
 static GPU: LazyLock<Gpu> = LazyLock::new(test_gpu);
 
 fn point(median_ms: f64, error_rms: f64) -> Point {
+    let mut errors = Errors::default();
+    errors.add(error_rms);
     Point {
-        setting: String::new(),
-        value: 1.0,
         time: Some(Timing { median_ms, q1_ms: median_ms, q3_ms: median_ms, runs: 1 }),
-        cpu: None,
-        peak_bytes: None,
-        error_rms,
-        error_max: error_rms,
-        delta_e: None,
-        is_default: false,
-        pixel_share: 1.0,
-        is_pareto: false,
+        ..Point::new(1.0, &errors)
     }
 }
 
@@ -63,6 +56,46 @@ fn the_front_is_what_nothing_beats() {
     let mut alone = vec![knob];
     mark_pareto(&mut alone);
     assert!(!alone[0].points[0].is_pareto);
+}
+
+/// What slows the machine for a while must slow all settings: none is finished before the next begins.
+#[test]
+fn settings_are_measured_in_rounds_and_looked_at_once() {
+    let progress = Progress::new();
+    let bench = Bench { gpu: &GPU, effort: Effort::Whole, progress: &progress };
+    let sweep = sweep::Sweep {
+        what: "sleep",
+        most: 3,
+        patience: std::time::Duration::from_secs(1),
+        on_device: false,
+    };
+    let settings = [5u32, 200, 1200].map(|ms| (format!("{ms} ms"), ms));
+    let look = |log: &mut Vec<(u32, bool)>, ms: &u32| {
+        log.push((*ms, true));
+        Ok(Point::new(f64::from(*ms), &Errors::default()))
+    };
+    let run = |log: &mut Vec<(u32, bool)>, ms: &u32| {
+        std::thread::sleep(std::time::Duration::from_millis(u64::from(*ms)));
+        log.push((*ms, false));
+        Ok(())
+    };
+    let mut log = Vec::new();
+    let points = bench.sweep(&sweep, &mut log, &settings, run, look).unwrap();
+    log.dedup();
+    let order: Vec<u32> = log.iter().filter(|l| !l.1).map(|l| l.0).collect();
+    // The longest is one run and no more.
+    assert!(order.starts_with(&[5, 200, 1200, 5, 200, 5]), "{order:?}");
+    assert_eq!(log.iter().filter(|l| l.1).map(|l| l.0).collect::<Vec<_>>(), [5, 200, 1200]);
+    assert_eq!(points.iter().map(|p| p.setting.as_str()).collect::<Vec<_>>(), ["5 ms", "200 ms", "1200 ms"]);
+    let runs: Vec<usize> = points.iter().map(|p| p.time.unwrap().runs).collect();
+    assert_eq!((runs[0], runs[2]), (3, 1), "{runs:?}");
+    for (point, ms) in points.iter().zip([5.0, 200.0, 1200.0]) {
+        assert!(point.time.unwrap().median_ms >= ms, "{point:?}");
+    }
+    // Whoever asks to stop is heard between two settings.
+    progress.cancel();
+    let stopped = bench.sweep(&sweep, &mut Vec::new(), &settings, run, look);
+    assert!(matches!(stopped, Err(AccuracyError::Cancelled(_))));
 }
 
 #[test]

@@ -7,8 +7,9 @@ use glam::{DVec2, DVec3};
 
 use super::{
     AccuracyError, Axis, Bench, Curve, Family, Point, context,
-    measure::{Errors, Repeats, delta_e_of, displayed, timed},
+    measure::{Errors, delta_e_of, displayed},
     scenes,
+    sweep::Sweep,
 };
 use crate::{
     ContextRenderer, ContextScene, ContextVolume, Lighting, Preset, Quality, Shading, TransferPreset,
@@ -126,7 +127,7 @@ fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
             for (scale, mm) in scales.iter().flat_map(|s| thickness.iter().map(move |mm| (*s, *mm))) {
                 out.push(with(format!("pixels {scale}, {mm} mm"), scale, &|l| l.slice_mm = mm));
             }
-            for grid in effort.of(&[][..], &[][..], &[2, 5][..]) {
+            for grid in effort.of(&[][..], &[][..], &[3, 5][..]) {
                 out.push(with(format!("footprint {grid}x{grid}"), 1.0, &|l| l.slice_grid = *grid));
             }
         }
@@ -153,9 +154,10 @@ fn preset_of(shading: Shading, quality: &Quality) -> Option<Preset> {
         .find(|p| Quality { cost: quality.cost, ..Quality::preset(shading, *p) } == *quality)
 }
 
-/// What is drawn: kernel, and settings with their cost on the path where they are on it.
-type Settings = Vec<(String, f64, Quality)>;
+/// Settings by name, with their cost on the path where they are on it.
+type Settings = Vec<(String, (f64, Quality))>;
 
+/// What is drawn, by kernel and knob.
 fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
     let costs: &[f64] = effort.of(
         &[0.03, 2.0],
@@ -167,7 +169,7 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
         let on_path = |cost: f64| {
             let quality = Quality::at_cost(shading, cost);
             let name = preset_of(shading, &quality).map(|preset| preset.name().to_owned());
-            (name.unwrap_or_else(|| format!("cost {cost}")), cost, quality)
+            (name.unwrap_or_else(|| format!("cost {cost}")), (cost, quality))
         };
         let most = Quality::most_cost(shading);
         let path = costs.iter().filter(|c| **c <= most).map(|c| on_path(*c)).collect();
@@ -176,7 +178,7 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
         let others: Settings = beside(shading, effort)
             .into_iter()
             .filter(|(_, q)| preset_of(shading, q).is_none())
-            .map(|(n, q)| (n, f64::NAN, q))
+            .map(|(n, q)| (n, (f64::NAN, q)))
             .collect();
         if !others.is_empty() {
             out.push((format!("{}, beside the path", shading.name()), "Lighting", others));
@@ -188,7 +190,7 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
                 let mut quality = Quality::preset(Shading::Slices, Preset::Balanced);
                 quality.lighting.slice_mm = mm;
                 quality.lighting.variant = Variant::PaperApproximate;
-                (format!("{mm} mm"), mm, quality)
+                (format!("{mm} mm"), (mm, quality))
             })
             .to_vec();
         out.push(("slices, the paper's".to_owned(), "Lighting::slice_mm", paper));
@@ -204,7 +206,6 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         &[TransferPreset::MrSurface],
         &[TransferPreset::MrSurface, TransferPreset::MrTissue],
     );
-    let repeats = Repeats { most: bench.effort.of(1, 1, 5), patience: Duration::from_millis(4000) };
     let volume = Arc::new(ContextVolume::new(scenes::image(scenes::phantom()?, "T1c")?));
     let aperture_deg = Lighting::DEFAULT.aperture_deg;
     let mut out = Vec::new();
@@ -216,19 +217,20 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         let truth = truth(&scene, &medium, size, count, samples, aperture_deg);
         drop(medium);
         for (kernel, knob, settings) in settings(bench.effort) {
-            let presets = Preset::ALL.map(Preset::name);
-            let mut renderer = ContextRenderer::new(bench.gpu)?;
-            let mut points = Vec::new();
-            for (setting, value, quality) in settings {
-                bench.begin(&format!("view: {kernel}"), &setting)?;
-                // The model itself: what no light reaches is black.
-                let quality = Quality { occlusion_strength: 1.0, ..quality };
-                let measured = timed(repeats, || {
-                    renderer.render(bench.gpu, &scene, &quality, size)?;
-                    bench.wait()?;
-                    Ok::<_, AccuracyError>(())
-                })?;
-                let Some(frame) = renderer.frame() else { continue };
+            let sweep = Sweep {
+                what: &format!("view: {kernel}"),
+                most: bench.effort.of(1, 1, 6),
+                patience: Duration::from_millis(5000),
+                on_device: true,
+            };
+            // The model itself: what no light reaches is black.
+            let model = |quality: &Quality| Quality { occlusion_strength: 1.0, ..*quality };
+            let run = |renderer: &mut ContextRenderer, (_, quality): &(f64, Quality)| {
+                renderer.render(bench.gpu, &scene, &model(quality), size)?;
+                Ok(bench.wait()?)
+            };
+            let look = |renderer: &mut ContextRenderer, (value, quality): &(f64, Quality)| {
+                let frame = renderer.frame().ok_or_else(|| AccuracyError::of(&"no picture"))?;
                 let pixels = frame.marched(bench.gpu)?.iter().map(|m| m.rgba()).collect();
                 let drawn = Drawn { size: frame.size_px, pixels };
                 let mut errors = Errors::default();
@@ -239,20 +241,15 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                     let found = DVec3::new(found[0], found[1], found[2]);
                     pairs.push((displayed(found), displayed(estimate.mean)));
                 }
-                points.push(Point {
-                    is_default: presets.contains(&setting.as_str()),
-                    setting,
-                    value,
-                    time: measured.time,
-                    cpu: bench.cpu(measured.cpu),
-                    peak_bytes: measured.peak_bytes,
-                    error_rms: errors.rms(),
-                    error_max: errors.max(),
+                let is_preset = |shading| preset_of(shading, quality).is_some();
+                Ok(Point {
+                    is_default: Shading::ALL.into_iter().any(is_preset),
                     delta_e: Some(delta_e_of(pairs.into_iter())),
                     pixel_share: quality.resolution_scale * quality.resolution_scale,
-                    is_pareto: false,
-                });
-            }
+                    ..Point::new(*value, &errors)
+                })
+            };
+            let points = bench.sweep(&sweep, &mut ContextRenderer::new(bench.gpu)?, &settings, run, look)?;
             out.push(Curve {
                 family: Family::View,
                 kernel,

@@ -390,25 +390,21 @@ pub(super) fn paint(ui: &egui::Ui, marks: &[Mark]) {
 
 #[cfg(test)]
 mod tests {
-    use glioscope_render::accuracy::{Family, Timing};
+    use glioscope_render::accuracy::{Errors, Family, Timing};
 
     use super::*;
 
     fn curve(values: &[f64]) -> Curve {
         let point = |(number, value): (usize, &f64)| {
             let ms = 10.0 + number as f64;
+            let mut errors = Errors::default();
+            errors.add(1.0 / ms);
             Point {
                 setting: format!("a setting in several words, number {number}"),
-                value: *value,
                 time: Some(Timing { median_ms: ms, q1_ms: ms, q3_ms: ms, runs: 1 }),
-                cpu: None,
-                peak_bytes: None,
-                error_rms: 1.0 / ms,
-                error_max: 1.0,
-                delta_e: None,
                 is_default: number == 2,
-                pixel_share: 1.0,
                 is_pareto: true,
+                ..Point::new(*value, &errors)
             }
         };
         Curve {

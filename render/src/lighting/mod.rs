@@ -140,7 +140,7 @@ impl Lighting {
         shading: Shading::ScreenSpace,
         aperture_deg: 60.0,
         variant: Variant::Mended,
-        slice_grid: 3,
+        slice_grid: 2,
         slice_mm: 2.0,
         reference_mm: 2.5,
         sub_cones: 6,

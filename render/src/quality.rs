@@ -6,20 +6,22 @@ use crate::lighting::{Lighting, Shading};
 
 /// Cost of [`Preset::Draft`], of balanced's.
 const DRAFT_COST: f64 = 1.0 / 8.0;
+/// Cost of the reference by slices: thinner ones than its 0.7 mm gain nothing.
+const MOST_SLICES_COST: f64 = 1.0 / 0.7;
 
 /// Cost on the path, and errors on opaque surfaces and in tissue: `accuracy --only view` on 2026-11-26, head
 /// phantom T1c, transfer functions MR surface and MR tissue.
 type Measured = [(f64, [f64; 2])];
 const MEASURED_SLICES: &Measured = &[
-    (0.004, [0.0904, 0.0448]),
-    (0.015, [0.0220, 0.0349]),
-    (0.03, [0.0159, 0.0356]),
-    (0.06, [0.0142, 0.0339]),
-    (0.125, [0.0129, 0.0341]),
-    (0.25, [0.0115, 0.0305]),
-    (0.5, [0.0115, 0.0312]),
-    (1.0, [0.0114, 0.0313]),
-    (2.0, [0.0108, 0.0307]),
+    (0.004, [0.0926, 0.0436]),
+    (0.015, [0.0220, 0.0337]),
+    (0.03, [0.0156, 0.0342]),
+    (0.06, [0.0140, 0.0330]),
+    (0.125, [0.0128, 0.0336]),
+    (0.25, [0.0123, 0.0329]),
+    (0.5, [0.0113, 0.0305]),
+    (1.0, [0.0113, 0.0310]),
+    (MOST_SLICES_COST, [0.0107, 0.0307]),
 ];
 const MEASURED_CONES: &Measured = &[
     (0.004, [0.0456, 0.0765]),
@@ -124,11 +126,12 @@ impl Quality {
 
     /// Cost of [`Preset::Reference`], of balanced's.
     pub fn most_cost(shading: Shading) -> f64 {
-        if shading == Shading::Slices { 2.0 } else { 16.0 }
+        if shading == Shading::Slices { MOST_SLICES_COST } else { 16.0 }
     }
 
     /// The quality that takes about `cost` times as long as [`Preset::Balanced`], within what there is: one path
-    /// through the knobs, along which error falls as time rises (docs/accuracy.md).
+    /// through the knobs, along which error falls as time rises (docs/accuracy.md). By cones, costs above 4 take up
+    /// to three times that.
     pub fn at_cost(shading: Shading, cost: f64) -> Self {
         let cost = if cost.is_finite() { cost.clamp(1e-3, Self::most_cost(shading)) } else { 1.0 };
         // Down from balanced, up from it.
@@ -150,7 +153,7 @@ impl Quality {
                 let without_pixels = (less / 0.018).min(1.0);
                 lighting.slice_mm = (less.powf(-0.13) * without_pixels.powf(-0.53)).min(6.0) / more;
                 lighting.vicinity_samples =
-                    (64.0 * less.powf(0.4) * more.powf(0.9)).round().clamp(12.0, 118.0) as u32;
+                    (64.0 * less.powf(0.4) * more.powf(1.72)).round().clamp(12.0, 118.0) as u32;
             }
             Shading::Cones => {
                 quality.context_step_mm = finer(0.75, 0.3, 0.15).clamp(0.5, 2.0);

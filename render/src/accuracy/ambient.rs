@@ -167,8 +167,8 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let pairs = bench.effort.of(256, 512, 2048);
     let sweep = Sweep {
         what: "ambient occlusion: samples",
-        most: bench.effort.of(1, 5, 15),
-        patience: Duration::from_millis(3000),
+        rounds: bench.effort.of(1, 5, 25),
+        patience: Duration::from_millis(4000),
         on_device: true,
     };
     let named = |&pairs: &u32| {

@@ -66,7 +66,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     );
     let sweep = Sweep {
         what: "context: step",
-        most: bench.effort.of(1, 3, 9),
+        rounds: bench.effort.of(1, 3, 9),
         patience: Duration::from_millis(4000),
         on_device: true,
     };

@@ -55,7 +55,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     for method in [Method::Exchange, Method::AwaySteps, Method::Khachiyan] {
         let sweep = Sweep {
             what: method.name(),
-            most: bench.effort.of(1, 3, 9),
+            rounds: bench.effort.of(1, 3, 25),
             patience: Duration::from_millis(3000),
             on_device: false,
         };

@@ -98,8 +98,8 @@ impl Stage<'_> {
     }
 
     fn sweep<'w>(&self, what: &'w str) -> Sweep<'w> {
-        let most = self.bench.effort.of(1, 3, 3);
-        Sweep { what, most, patience: Duration::from_millis(1500), on_device: true }
+        let rounds = self.bench.effort.of(1, 3, 4);
+        Sweep { what, rounds, patience: Duration::from_millis(1500), on_device: true }
     }
 
     fn slices(
@@ -189,11 +189,11 @@ fn product(variant: Variant, distances: &[f64], grids: &[u32]) -> Vec<DosSetting
 fn slice_settings(effort: Effort, variant: Variant) -> Vec<DosSettings> {
     match (effort, variant) {
         (Effort::Tiny, Variant::PaperExact) => Vec::new(),
-        (Effort::Tiny, _) => product(variant, &[4.0, 2.0, 1.0], &[5]),
+        (Effort::Tiny, _) => product(variant, &[4.0, 2.0, 1.0], &[DosSettings::default().grid]),
         (Effort::Quick, Variant::PaperExact) => product(variant, &[2.0], &[5]),
         (Effort::Quick, Variant::PaperApproximate) => product(variant, &[4.0, 2.0, 1.0], &[5]),
         (Effort::Quick, Variant::Mended) => {
-            with_references(variant, product(variant, &[4.0, 2.0, 1.0], &[5]))
+            with_references(variant, product(variant, &[4.0, 2.0, 1.0], &[DosSettings::default().grid]))
         }
         (Effort::Whole, Variant::PaperExact) => product(variant, &[4.0, 2.0, 1.0, 0.5, 0.25], &[5]),
         (Effort::Whole, Variant::PaperApproximate) => {

@@ -39,7 +39,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
     let truth = voxels(&target);
     let sweep = Sweep {
         what: "resampling: spacing",
-        most: bench.effort.of(1, 5, 15),
+        rounds: bench.effort.of(1, 5, 15),
         patience: Duration::from_millis(2000),
         on_device: false,
     };

@@ -103,7 +103,7 @@ impl Stage<'_> {
     ) -> Result<Vec<Point>, AccuracyError> {
         let sweep = Sweep {
             what,
-            most: self.bench.effort.of(1, 3, 7),
+            rounds: self.bench.effort.of(1, 3, 7),
             patience: Duration::from_millis(5000),
             on_device: false,
         };

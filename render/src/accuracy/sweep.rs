@@ -7,18 +7,15 @@ use super::{
     measure::{cpu_ms, peak_bytes, quartiles, reset_peak},
 };
 
-/// Rounds that settings are measured in: what slows the machine for a while then slows all of them, and not
-/// the one that happens to run.
-const ROUNDS: usize = 3;
-
 /// How settings are measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sweep<'a> {
     /// What the user is told that runs.
     pub what: &'a str,
-    /// Runs of a setting.
-    pub most: usize,
-    /// After so long, no further run of a setting is begun.
+    /// Rounds over the settings, and so the most runs of each: what slows the machine for a while then slows all of
+    /// them, and not the one that happens to run.
+    pub rounds: usize,
+    /// After so long, a setting takes no further part.
     pub patience: Duration,
     /// Whether the device works: on a graphics card, that is no time of the processor.
     pub on_device: bool,
@@ -34,8 +31,8 @@ struct Runs {
 }
 
 impl Runs {
-    /// A round: once unmeasured (what is made once, or anew after another setting, is made then), then a share of
-    /// what `sweep` allows. Where the first run has used up all patience, it is the measurement.
+    /// A round: once unmeasured (what is made once, or anew after another setting, is made then), then once measured.
+    /// Where the first run of all has used up all patience, it is the measurement.
     fn round(
         &mut self,
         sweep: &Sweep<'_>,
@@ -52,23 +49,19 @@ impl Runs {
             let cpu = cpu.and_then(|before| Some((cpu_ms()? - before) * share));
             Ok::<_, AccuracyError>((wall * share, cpu))
         };
-        if self.times.is_empty() {
+        let is_first = self.times.is_empty();
+        if is_first {
             reset_peak();
         }
         let first = run(1)?;
-        if self.times.is_empty() {
+        if is_first {
             self.peak_bytes = peak_bytes();
-            if begin.elapsed() >= sweep.patience {
-                self.times.push(first);
-                self.spent = begin.elapsed();
-                return Ok(());
-            }
         }
-        // Processor time is told in steps of the scheduler's clock, up to 10 ms: short jobs count together.
-        let together = (40.0 / first.0.max(1e-3)).ceil().clamp(1.0, 1000.0) as u32;
-        let until = (self.times.len() + sweep.most.div_ceil(ROUNDS)).min(sweep.most);
-        self.times.push(run(together)?);
-        while self.times.len() < until && self.spent + begin.elapsed() < sweep.patience {
+        if is_first && begin.elapsed() >= sweep.patience {
+            self.times.push(first);
+        } else {
+            // Processor time is told in steps of the scheduler's clock, up to 10 ms: short jobs count together.
+            let together = (40.0 / first.0.max(1e-3)).ceil().clamp(1.0, 1000.0) as u32;
             self.times.push(run(together)?);
         }
         self.spent += begin.elapsed();
@@ -102,11 +95,11 @@ impl Bench<'_> {
     ) -> Result<Vec<Point>, AccuracyError> {
         let mut all: Vec<Runs> = settings.iter().map(|_| Runs::default()).collect();
         let mut points = Vec::new();
-        for round in 0..ROUNDS {
+        for round in 0..sweep.rounds {
             for (runs, (name, setting)) in all.iter_mut().zip(settings) {
                 if round == 0 {
                     self.begin(sweep.what, name)?;
-                } else if runs.times.len() >= sweep.most || runs.spent >= sweep.patience {
+                } else if runs.spent >= sweep.patience {
                     continue;
                 } else {
                     self.progress.say(format!("{}: {name}, again", sweep.what));

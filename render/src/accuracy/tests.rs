@@ -65,7 +65,7 @@ fn settings_are_measured_in_rounds_and_looked_at_once() {
     let bench = Bench { gpu: &GPU, effort: Effort::Whole, progress: &progress };
     let sweep = sweep::Sweep {
         what: "sleep",
-        most: 3,
+        rounds: 3,
         patience: std::time::Duration::from_secs(1),
         on_device: false,
     };

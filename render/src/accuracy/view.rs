@@ -147,11 +147,14 @@ fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
     out
 }
 
-/// The preset that `quality` is, wherever it was found.
+/// The preset that `quality` is here, where nothing is solid, wherever it was found.
 fn preset_of(shading: Shading, quality: &Quality) -> Option<Preset> {
-    Preset::ALL
-        .into_iter()
-        .find(|p| Quality { cost: quality.cost, ..Quality::preset(shading, *p) } == *quality)
+    let is_same = |preset: &Preset| {
+        let mut same = Quality { cost: quality.cost, ..Quality::preset(shading, *preset) };
+        same.lighting.vicinity_samples = quality.lighting.vicinity_samples;
+        same == *quality
+    };
+    Preset::ALL.into_iter().find(is_same)
 }
 
 /// Settings by name, with their cost on the path where they are on it.
@@ -159,11 +162,17 @@ type Settings = Vec<(String, (f64, Quality))>;
 
 /// What is drawn, by kernel and knob.
 fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
-    let costs: &[f64] = effort.of(
-        &[0.03, 2.0],
-        &[0.03, 0.125, 1.0, 2.0, 4.0],
-        &[0.004, 0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0],
-    );
+    let costs_of = |shading: Shading| -> Vec<f64> {
+        let most = Quality::most_cost(shading);
+        let costs = effort.of(
+            &[0.03][..],
+            &[0.03, 0.125, 1.0][..],
+            &[0.004, 0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0][..],
+        );
+        // The reference by cones is for those who have the time.
+        let last = if shading == Shading::Cones { effort.of(2.0, 4.0, most) } else { most };
+        costs.iter().copied().filter(|c| *c < last).chain([last]).collect()
+    };
     let mut out = Vec::new();
     for shading in [Shading::Cones, Shading::Slices] {
         let on_path = |cost: f64| {
@@ -171,8 +180,7 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
             let name = preset_of(shading, &quality).map(|preset| preset.name().to_owned());
             (name.unwrap_or_else(|| format!("cost {cost}")), (cost, quality))
         };
-        let most = Quality::most_cost(shading);
-        let path = costs.iter().filter(|c| **c <= most).map(|c| on_path(*c)).collect();
+        let path = costs_of(shading).into_iter().map(on_path).collect();
         out.push((shading.name().to_owned(), "Quality::at_cost", path));
         // What is a preset already is measured once.
         let others: Settings = beside(shading, effort)
@@ -219,7 +227,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         for (kernel, knob, settings) in settings(bench.effort) {
             let sweep = Sweep {
                 what: &format!("view: {kernel}"),
-                most: bench.effort.of(1, 1, 6),
+                rounds: bench.effort.of(1, 1, 5),
                 patience: Duration::from_millis(5000),
                 on_device: true,
             };

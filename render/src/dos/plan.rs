@@ -66,7 +66,7 @@ pub struct DosSettings {
 
 impl Default for DosSettings {
     fn default() -> Self {
-        Self { variant: Variant::Mended, aperture_deg: 60.0, grid: 5, slice_mm: 2.0, reference_mm: 2.5 }
+        Self { variant: Variant::Mended, aperture_deg: 60.0, grid: 2, slice_mm: 2.0, reference_mm: 2.5 }
     }
 }
 

@@ -282,9 +282,8 @@ impl ConeLight {
         lighting: &Lighting,
     ) -> Result<Vec<String>, RenderError> {
         let everywhere = plan.has(PassName::TubesMerge) || plan.has(PassName::ArrowsMerge);
-        let Some(LitImage { buffers, volume, transfer, context }) = scene.image else {
-            return Ok(Vec::new());
-        };
+        let Some(image) = scene.image else { return Ok(Vec::new()) };
+        let LitImage { buffers, volume, transfer, .. } = image;
         let kept = self.image.take().filter(|held| {
             Arc::ptr_eq(&held.volume, volume)
                 && (Arc::ptr_eq(&held.transfer, transfer) || held.transfer == *transfer)
@@ -354,11 +353,6 @@ impl ConeLight {
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
-            (11, context.as_entire_binding()),
-            (12, buffers.values().as_entire_binding()),
-            (13, buffers.visible().as_entire_binding()),
-            (14, buffers.table().as_entire_binding()),
-            (15, buffers.factors().as_entire_binding()),
             (26, self.image_uniform.as_entire_binding()),
             (27, held.medium.cells.as_entire_binding()),
             (37, held.light.as_entire_binding()),
@@ -376,7 +370,7 @@ impl ConeLight {
             offset: 0,
             size: wgpu::BufferSize::new(PART_BYTES),
         });
-        let entries = [&entries[..], &[(39, part)]].concat();
+        let entries = [&entries[..], &image.entries(), &[(39, part)]].concat();
         passes.bind_steps(gpu, PassName::LightGrid, &self.image_layout, &entries, (vec![pipeline], steps));
         self.image = Some(held);
         Ok(notes)

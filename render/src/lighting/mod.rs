@@ -221,6 +221,19 @@ pub(crate) struct LitImage<'a> {
     pub context: &'a wgpu::Buffer,
 }
 
+impl<'a> LitImage<'a> {
+    /// Its buffers where lib/image.wgsl has them.
+    pub fn entries(&self) -> [(u32, wgpu::BindingResource<'a>); 5] {
+        [
+            (11, self.context.as_entire_binding()),
+            (12, self.buffers.values().as_entire_binding()),
+            (13, self.buffers.visible().as_entire_binding()),
+            (14, self.buffers.table().as_entire_binding()),
+            (15, self.buffers.factors().as_entire_binding()),
+        ]
+    }
+}
+
 /// What of a frame the passes of light read and write.
 pub(crate) struct LitScene<'a> {
     /// Where the plan shows one.

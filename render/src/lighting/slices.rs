@@ -269,17 +269,13 @@ impl SliceLight {
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
-            (11, image.context.as_entire_binding()),
-            (12, image.buffers.values().as_entire_binding()),
-            (13, image.buffers.visible().as_entire_binding()),
-            (14, image.buffers.table().as_entire_binding()),
-            (15, image.buffers.factors().as_entire_binding()),
             (31, self.slices.as_entire_binding()),
             (32, part),
             (33, buffers.lights.as_entire_binding()),
             (34, buffers.eye.as_entire_binding()),
             (35, buffers.notes.as_entire_binding()),
         ];
+        let entries = [&entries[..], &image.entries()].concat();
         let workgroups = workgroups_of(scene.size);
         let steps = (work.pipelines.into_iter().map(|(_, made)| made).collect(), work.steps);
         passes.bind_steps(gpu, PassName::Slices, &self.layout, &entries, steps);

@@ -125,15 +125,17 @@ fn about(family: Family) -> &'static str {
             "Two truths. The hemisphere is what the pass stands for: what it lacks against it no number of \
              samples brings, because the pass knows no normals and counts half of the ball as light. Its own \
              integral is what its samples come to. The default, 12 pairs, is where the second error has fallen \
-             below what the first leaves in any case; the time is that of the whole frame."
+             to a tenth of what the first leaves in any case (which more pairs make worse, not better); the time is \
+             that of the whole frame, on this adapter hardly that of the pairs."
         }
         Family::Occlusion => {
             "Slices after the paper drift with the number of slices (their penumbra depends on it), so more \
              slices are no better there; the mended ones converge, to a limit with a bias against Monte \
              Carlo, where its error stops falling; cones fall to the standard error of Monte Carlo itself. Time is \
-             a whole picture, submitted to done. Aperture 60°. The mended default, 2 mm and a reference of 5 mm: \
-             on soft media slices half as thick cost twice as much and gain nothing, half as many lose a \
-             third; references of 2.5 to 5 mm are as good as each other, 10 mm nearly doubles the error. \
+             a whole picture, submitted to done. Aperture 60°. The mended default, 2 mm, 2x2 points and a reference of \
+             2.5 mm: on soft media slices half as thick cost twice as much and gain nothing, half as many lose half; \
+             more points take up to twice the time for the same error; a reference of 5 mm has a tenth more error \
+             there (and no less on labels), 10 mm twice as much. \
              Labels need thinner slices, or cones. The cones' default reads intensities at level 1 at most (level \
              2 saves a quarter of the time for 1.6 times the error), and labels themselves, whose rays jump from \
              face to face: that is both faster and righter than any level."
@@ -143,9 +145,10 @@ fn about(family: Family) -> &'static str {
              Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are \
              on and that the automatic mode moves along; beside it pixels against thickness of slices or side of \
              cells, from which the path was chosen, and one knob changed from balanced. Slices of 1 mm have half \
-             the error of 2 mm where surfaces are opaque; thinner ones gain little. Down the path pixels go \
-             first, to a fifth along each side, and slices grow a little thicker with them. Cones are there sooner, and serve what is solid; slices are righter \
-             where surfaces are opaque. The headlight is another model, held against no truth of light."
+             the error of 2 mm where surfaces are opaque; those of 0.7 mm, the reference, gain a twentieth, thinner \
+             ones nothing; nor do more points than 2x2 in a footprint. Down the path pixels go first, to a fifth \
+             along each side, and slices grow a little thicker with them. Cones are there sooner, and \
+             serve what is solid; slices are righter where surfaces are opaque. The headlight is another model, held against no truth of light."
         }
         Family::Ellipsoids => {
             "The error is what the volume exceeds the minimum by; the tolerance is a certificate, so the error \
@@ -193,43 +196,41 @@ fn milliseconds(timing: Option<Timing>) -> String {
     })
 }
 
+/// Shares of `own`'s cost and error that `rival` has, where it beats it: neither is above 1, and one is below.
+fn beaten_by(own: &Point, rival: &Point) -> Option<[f64; 2]> {
+    let shares = [rival.cost()?.median_ms / own.cost()?.median_ms, rival.error_rms / own.error_rms];
+    (shares.iter().all(|s| *s <= 1.0) && shares != [1.0; 2]).then_some(shares)
+}
+
+/// How much is left, by which the best of several rivals is told.
+fn left<'a>(shares: impl IntoIterator<Item = &'a [f64; 2]>) -> f64 {
+    shares.into_iter().flatten().product()
+}
+
 /// Whether a default lies on the front, and what beats it where it doesn't.
 fn verdict(curves: &[&Curve], own: &Point) -> String {
     let name = &own.setting;
     if own.is_pareto {
         return format!("The default ({name}) lies on the measured front.");
     }
-    let Some(cost) = own.cost() else { return format!("The default ({name}) has no time.") };
-    // The point that beats it by the largest product of both ratios.
-    let rivals = curves.iter().flat_map(|c| c.points.iter().map(move |p| (&c.kernel, p)));
-    let gain = |p: &Point| -> Option<(f64, f64)> {
-        Some((cost.median_ms / p.cost()?.median_ms, own.error_rms / p.error_rms))
+    let best_of = |curves: &[&Curve]| -> Option<String> {
+        let rivals = curves.iter().flat_map(|c| c.points.iter().map(move |p| (&c.kernel, p)));
+        let (kernel, p, [t, e]) = rivals
+            .filter_map(|(kernel, p)| Some((kernel, p, beaten_by(own, p)?)))
+            .min_by(|a, b| left([&a.2]).total_cmp(&left([&b.2])))?;
+        Some(format!("{kernel}, {}, takes {t:.2} of its time and has {e:.2} of its error", p.setting))
     };
-    let best = rivals
-        .filter_map(|(kernel, p)| gain(p).filter(|(t, e)| *t >= 1.0 && *e >= 1.0).map(|g| (kernel, p, g)))
-        .max_by(|a, b| (a.2.0 * a.2.1).total_cmp(&(b.2.0 * b.2.1)));
-    best.map_or_else(
-        || format!("The default ({name}) shares its place with another point."),
-        |(kernel, p, (t, e))| {
-            let better = format!(
-                "{kernel}, {}, takes {:.2} of its time and has {:.2} of its error",
-                p.setting,
-                1.0 / t,
-                1.0 / e
-            );
-            let beaten_by_own = curves
-                .iter()
-                .filter(|c| c.points.iter().any(|p| std::ptr::eq(p, own)))
-                .flat_map(|c| &c.points)
-                .filter_map(gain)
-                .any(|(t, e)| t >= 1.0 && e >= 1.0 && (t > 1.0 || e > 1.0));
-            if beaten_by_own {
-                format!("**The default ({name}) does not lie on the measured front**: {better}.")
-            } else {
-                format!("The default ({name}) lies on the front of its own kernel; of the others, {better}.")
-            }
-        },
-    )
+    let is_own = |c: &&&Curve| c.points.iter().any(|p| std::ptr::eq(p, own));
+    let own_kernel: Vec<&Curve> = curves.iter().filter(is_own).copied().collect();
+    match (best_of(&own_kernel), best_of(curves)) {
+        (Some(_), Some(best)) => {
+            format!("**The default ({name}) does not lie on the measured front**: {best}.")
+        }
+        (None, Some(best)) => {
+            format!("The default ({name}) lies on the front of its own kernel; of the others, {best}.")
+        }
+        (_, None) => format!("The default ({name}) has no time, or no error."),
+    }
 }
 
 /// Whether the presets lie on the front of their own kernel over all scenes: whether no setting with at least as many
@@ -258,17 +259,14 @@ fn presets(out: &mut String, curves: &[Curve]) -> std::fmt::Result {
                     rc.scene == c.scene && rc.kernel == rival.0.kernel && rp.setting == rival.1.setting
                 };
                 let (_, rp) = measured.iter().find(beside)?;
-                let ratio = [rp.cost()?.median_ms / p.cost()?.median_ms, rp.error_rms / p.error_rms];
-                let enough = rp.pixel_share >= p.pixel_share - 1e-9;
-                (enough && ratio.iter().all(|r| *r <= 1.0) && ratio != [1.0; 2]).then_some(ratio)
+                beaten_by(p, rp).filter(|_| rp.pixel_share >= p.pixel_share - 1e-9)
             };
             own.iter().map(on_scene).collect()
         };
         // Settings beside a kernel's path are named after it.
         let rivals = measured.iter().filter(|(c, _)| c.kernel.starts_with(&curve.kernel));
         let better = rivals.filter_map(|r| Some((r, ratios(r)?)));
-        let gain = |r: &[[f64; 2]]| r.iter().flatten().product::<f64>();
-        match better.min_by(|a, b| gain(&a.1).total_cmp(&gain(&b.1))) {
+        match better.min_by(|a, b| left(&a.1).total_cmp(&left(&b.1))) {
             None => writeln!(
                 out,
                 "- {}, {}: on the measured front; nothing with as many pixels is as fast and as right on every scene.",

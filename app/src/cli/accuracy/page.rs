@@ -132,13 +132,13 @@ fn about(family: Family) -> &'static str {
             "Slices after the paper drift with the number of slices (their penumbra depends on it), so more \
              slices are no better there; the mended ones converge, to a limit with a bias against Monte \
              Carlo, where its error stops falling; cones fall to the standard error of Monte Carlo itself. Time is \
-             a whole picture, submitted to done. Aperture 60°. The mended default, 2 mm, 2x2 points and a reference of \
-             2.5 mm: on soft media slices half as thick cost twice as much and gain nothing, half as many lose half; \
-             more points take up to twice the time for the same error; a reference of 5 mm has a tenth more error \
-             there (and no less on labels), 10 mm twice as much. \
-             Labels need thinner slices, or cones. The cones' default reads intensities at level 1 at most (level \
-             2 saves a quarter of the time for 1.6 times the error), and labels themselves, whose rays jump from \
-             face to face: that is both faster and righter than any level."
+             a whole picture, submitted to done. Aperture 60°. The mended default, 2 mm, 2x2 points and a reference \
+             of 2.5 mm: on soft media slices half as thick cost twice as much and gain nothing, half as many lose \
+             half; more points take up to three times the time for the same error; a reference of 5 mm has a sixth \
+             more error there (and no less on labels), 10 mm more than twice as much. Labels need thinner slices, or \
+             cones. The cones' default reads intensities at level 1 at most (level 2 saves a quarter of the time for \
+             1.6 times the error), and labels themselves, whose rays jump from face to face: that is both faster and \
+             righter than any level."
         }
         Family::View => {
             "What the window draws, with the black of places that no light reaches not softened, against Monte \

@@ -158,6 +158,8 @@ impl Quality {
             Shading::Cones => {
                 quality.context_step_mm = finer(0.75, 0.3, 0.15).clamp(0.5, 2.0);
                 lighting.cell_mm = finer(4.0, 0.25, 0.25).clamp(1.0, 12.0);
+                // Down to the draft, longer steps are as right.
+                lighting.cone_step = less.powf(-1.0 / 3.0).min(2.0);
                 lighting.sub_cones = (6.0 * less.powf(0.3) * more.powf(0.25)).round().max(3.0) as u32;
                 lighting.coarsest_level = match cost {
                     c if c > 6.0 => 1,

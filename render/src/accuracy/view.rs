@@ -113,34 +113,59 @@ fn truth(
 /// A way of light with knobs of its own beside the path: what the path was chosen from.
 fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
     let balanced = Quality::preset(shading, Preset::Balanced);
-    let with = |name: String, scale: f64, change: &dyn Fn(&mut Lighting)| {
-        let mut quality = Quality { resolution_scale: scale, ..balanced };
-        change(&mut quality.lighting);
-        (name, quality)
-    };
     let mut out = Vec::new();
-    let scales = effort.of(&[][..], &[0.5][..], &[0.4, 1.0][..]);
-    match shading {
-        Shading::ScreenSpace => {}
-        Shading::Slices => {
-            let thickness = effort.of(&[][..], &[4.0][..], &[4.0, 2.0, 1.4, 1.0, 0.7, 0.5][..]);
-            for (scale, mm) in scales.iter().flat_map(|s| thickness.iter().map(move |mm| (*s, *mm))) {
-                out.push(with(format!("pixels {scale}, {mm} mm"), scale, &|l| l.slice_mm = mm));
+    let mut with = |of: Quality, name: String, change: &dyn Fn(&mut Lighting)| {
+        let mut quality = of;
+        change(&mut quality.lighting);
+        out.push((name, quality));
+    };
+    // Pixels against what takes the most time besides.
+    for &scale in effort.of(&[][..], &[0.5][..], &[0.4, 1.0][..]) {
+        let of = Quality { resolution_scale: scale, ..balanced };
+        match shading {
+            Shading::ScreenSpace => {}
+            Shading::Slices => {
+                for mm in effort.of(&[][..], &[4.0][..], &[4.0, 2.0, 1.4, 1.0, 0.7, 0.5][..]) {
+                    with(of, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = *mm);
+                }
             }
-            for grid in effort.of(&[][..], &[][..], &[3, 5][..]) {
-                out.push(with(format!("footprint {grid}x{grid}"), 1.0, &|l| l.slice_grid = *grid));
+            Shading::Cones => {
+                for mm in effort.of(&[][..], &[8.0][..], &[12.0, 8.0, 4.0, 2.0][..]) {
+                    with(of, format!("pixels {scale}, cells of {mm} mm"), &|l| l.cell_mm = *mm);
+                }
             }
         }
-        Shading::Cones => {
-            let cells = effort.of(&[][..], &[8.0][..], &[12.0, 8.0, 4.0, 2.0][..]);
-            for (scale, mm) in scales.iter().flat_map(|s| cells.iter().map(move |mm| (*s, *mm))) {
-                out.push(with(format!("pixels {scale}, cells of {mm} mm"), scale, &|l| l.cell_mm = mm));
+    }
+    if effort < super::Effort::Whole {
+        return out;
+    }
+    // One knob of a preset changed.
+    for preset in [Preset::Draft, Preset::Balanced] {
+        let (of, name) = (Quality::preset(shading, preset), preset.name());
+        let is_draft = preset == Preset::Draft;
+        match shading {
+            Shading::ScreenSpace => {}
+            Shading::Slices => {
+                for grid in [3, 5] {
+                    with(of, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);
+                }
+                for mm in [1.0, 1.7].into_iter().filter(|_| is_draft) {
+                    with(of, format!("{name}, {mm} mm"), &|l| l.slice_mm = mm);
+                }
             }
-            for cones in effort.of(&[][..], &[4][..], &[2, 4, 16, 32][..]) {
-                out.push(with(format!("{cones} sub-cones"), 1.0, &|l| l.sub_cones = *cones));
-            }
-            for level in effort.of(&[][..], &[][..], &[1, 2, 5][..]) {
-                out.push(with(format!("levels to {level}"), 1.0, &|l| l.coarsest_level = *level));
+            Shading::Cones => {
+                for cones in if is_draft { vec![2, 4] } else { vec![2, 4, 16, 32] } {
+                    with(of, format!("{name}, {cones} sub-cones"), &|l| l.sub_cones = cones);
+                }
+                for level in if is_draft { vec![2, 5] } else { vec![1, 2, 5] } {
+                    with(of, format!("{name}, levels to {level}"), &|l| l.coarsest_level = level);
+                }
+                for step in [1.0, 2.0, 3.0] {
+                    with(of, format!("{name}, steps of {step}"), &|l| l.cone_step = step);
+                }
+                for mm in [5.6, 8.0].into_iter().filter(|_| is_draft) {
+                    with(of, format!("{name}, cells of {mm} mm"), &|l| l.cell_mm = mm);
+                }
             }
         }
     }
@@ -227,7 +252,7 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         for (kernel, knob, settings) in settings(bench.effort) {
             let sweep = Sweep {
                 what: &format!("view: {kernel}"),
-                rounds: bench.effort.of(1, 1, 5),
+                rounds: bench.effort.of(1, 1, 4),
                 patience: Duration::from_millis(5000),
                 on_device: true,
             };

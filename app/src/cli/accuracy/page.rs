@@ -142,13 +142,14 @@ fn about(family: Family) -> &'static str {
         }
         Family::View => {
             "What the window draws, with the black of places that no light reaches not softened, against Monte \
-             Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are \
-             on and that the automatic mode moves along; beside it pixels against thickness of slices or side of \
-             cells, from which the path was chosen, and one knob changed from draft or balanced. Slices of 1 mm have half \
-             the error of 2 mm where surfaces are opaque; those of 0.7 mm, the reference, gain a twentieth, thinner \
-             ones nothing; nor do more points than 2x2 in a footprint. Down the path pixels go first, to a fifth \
-             along each side, and slices grow a little thicker with them. Cones are there sooner, and \
-             serve what is solid; slices are righter where surfaces are opaque. The headlight is another model, held against no truth of light."
+             Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are on \
+             and that the automatic mode moves along; beside it pixels against thickness of slices or side of \
+             cells, from which the path was chosen, and one knob changed from draft or balanced. Slices of 1 mm \
+             have half the error of 2 mm where surfaces are opaque; those of 0.7 mm, the reference, gain a \
+             twentieth, thinner ones nothing; nor do more points than 2x2 in a footprint. Down the path pixels go \
+             first, to a fifth along each side, and slices grow a little thicker with them. Cones are there sooner, \
+             and serve what is solid; slices are righter where surfaces are opaque. The headlight is another model, \
+             held against no truth of light."
         }
         Family::Ellipsoids => {
             "The error is what the volume exceeds the minimum by; the tolerance is a certificate, so the error \

@@ -173,9 +173,9 @@ fn beside(shading: Shading, effort: super::Effort) -> Vec<(String, Quality)> {
 }
 
 /// The preset that `quality` is here, where nothing is solid, wherever it was found.
-fn preset_of(shading: Shading, quality: &Quality) -> Option<Preset> {
+fn preset_of(quality: &Quality) -> Option<Preset> {
     let is_same = |preset: &Preset| {
-        let mut same = Quality { cost: quality.cost, ..Quality::preset(shading, *preset) };
+        let mut same = Quality { cost: quality.cost, ..Quality::preset(quality.lighting.shading, *preset) };
         same.lighting.vicinity_samples = quality.lighting.vicinity_samples;
         same == *quality
     };
@@ -202,7 +202,7 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
     for shading in [Shading::Cones, Shading::Slices] {
         let on_path = |cost: f64| {
             let quality = Quality::at_cost(shading, cost);
-            let name = preset_of(shading, &quality).map(|preset| preset.name().to_owned());
+            let name = preset_of(&quality).map(|preset| preset.name().to_owned());
             (name.unwrap_or_else(|| format!("cost {cost}")), (cost, quality))
         };
         let path = costs_of(shading).into_iter().map(on_path).collect();
@@ -210,7 +210,7 @@ fn settings(effort: super::Effort) -> Vec<(String, &'static str, Settings)> {
         // What is a preset already is measured once.
         let others: Settings = beside(shading, effort)
             .into_iter()
-            .filter(|(_, q)| preset_of(shading, q).is_none())
+            .filter(|(_, q)| preset_of(q).is_none())
             .map(|(n, q)| (n, (f64::NAN, q)))
             .collect();
         if !others.is_empty() {
@@ -274,9 +274,8 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
                     let found = DVec3::new(found[0], found[1], found[2]);
                     pairs.push((displayed(found), displayed(estimate.mean)));
                 }
-                let is_preset = |shading| preset_of(shading, quality).is_some();
                 Ok(Point {
-                    is_default: Shading::ALL.into_iter().any(is_preset),
+                    is_default: preset_of(quality).is_some(),
                     delta_e: Some(delta_e_of(pairs.into_iter())),
                     pixel_share: quality.resolution_scale * quality.resolution_scale,
                     ..Point::new(*value, &errors)

@@ -15,6 +15,7 @@ pub mod grid;
 pub mod inside_lens;
 pub mod mask;
 pub mod measure;
+pub mod optics;
 pub mod phantom;
 pub mod progress;
 pub mod regions;

@@ -1,71 +1,36 @@
-//! From a scene to a frame: the plan of passes, the passes on wgpu, and their CPU twins.
+//! From a scene to a frame: the plan of passes, and the passes on wgpu.
 //!
-//! Knows no window and no egui. `Gpu` is made once a program, `Renderer` (pipelines) once a device,
-//! a scene's buffers once an input, targets once a size.
+//! Knows no window and no egui. Rooms, each knowing those before it: [`device`], [`scene`], [`solid`], [`flat`],
+//! [`image`], [`light`], [`views`].
 
-pub mod accuracy;
-mod bricks;
-pub mod camera;
-pub mod change;
+pub mod device;
+pub mod flat;
+pub mod force_field;
+pub mod image;
 #[cfg(test)]
-mod closeup_stability_tests;
-#[cfg(test)]
-mod closeup_tests;
-mod compute;
-pub mod cones;
-pub mod context;
-pub mod dos;
-pub mod ellipsoids;
-mod force_field;
-#[cfg(test)]
-mod force_field_tests;
-pub mod frame;
-pub mod gpu;
-pub mod lighting;
-pub mod occlusion;
-pub mod palette;
-pub mod plan;
-pub mod quality;
-mod raster;
-pub mod reference;
-mod region_buffers;
-pub mod renderer;
+mod layouts;
+pub mod light;
 pub mod scene;
-mod scene_renderer;
-pub mod slice_plane;
-pub mod slices;
-mod targets;
+pub mod solid;
 #[cfg(test)]
 mod testing;
-pub mod transfer;
-pub mod tubes;
-mod uniforms;
+pub mod views;
 
-pub use camera::{AnatomicalView, Camera, Projection, Ray};
-pub use change::{
-    ChangeContext, ChangeFrame, ChangeLook, ChangePick, ChangeRenderer, ChangeScene, ChangeStyle,
-    ChangeSurface, change_plan,
-};
-pub use compute::TimeSource;
-pub use context::{
-    ClipPlane, ContextFrame, ContextPick, ContextRenderer, ContextScene, ContextVolume, PickedFiber,
-    context_plan,
-};
-pub use ellipsoids::{
-    DrawnEllipsoid, EllipsoidFrame, EllipsoidPick, EllipsoidRenderer, EllipsoidScene, ellipsoid_plan,
-};
+pub use device::{AdapterPreference, Gpu, GpuError, PassName, RenderError, TimeSource};
 pub use force_field::ForceField;
-pub use frame::{Frame, Pick};
-pub use gpu::{AdapterPreference, Gpu, GpuError};
-pub use lighting::{LightWork, Lighting, Mutual, Shading};
-pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
-pub use plan::{PassName, Plan, plan};
-pub use quality::{Preset, Quality};
-pub use renderer::{RenderError, Renderer};
-pub use scene::{Lens, Scene};
-pub use scene_renderer::{Picture, SceneRenderer};
-pub use slice_plane::SlicePlane;
-pub use transfer::{
-    ControlPoint, GradientHistogram, GradientPoint, TransferFunction, TransferPreset, ValueHistogram,
+pub use image::{
+    ClipPlane, ContextVolume, ControlPoint, GradientHistogram, GradientPoint, TransferFunction,
+    TransferPreset, ValueHistogram,
 };
-pub use tubes::{DrawnTubes, TubeSet, tract_color};
+pub use scene::{
+    Coloring, Lens, LightSettings, LightingMode, MaskColors, MutualOcclusion, Palette, Plan, Preset, Quality,
+    RegionScene, Rgb, SlicePlane, SliceVariant, agreement_color,
+};
+pub use solid::tubes::{DrawnTubes, TubeSet, tract_color};
+pub use views::{
+    ChangeRenderer, CloseupRenderer, ContextRenderer, EllipsoidRenderer, Frame, Renderer, View3d,
+    change::{ChangeContext, ChangeLook, ChangePick, ChangeScene, ChangeStyle, ChangeSurface, change_plan},
+    closeup::{Pick, closeup_plan},
+    context::{ContextPick, ContextScene, PickedFiber, context_plan},
+    ellipsoids::{DrawnEllipsoid, EllipsoidPick, EllipsoidScene, ellipsoid_plan},
+};

@@ -1,11 +1,36 @@
-// Scenes that tests and examples share (included there by path: names come from the parent).
+//! Scenes that tests share.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use glam::{DAffine3, DMat3, DVec3};
-use glioscope_core::{Grid, Mask, MaskBits, RegionVolume, Regions, Selection, Sides, TumorIndex};
+use glioscope_core::{
+    Grid, Mask, MaskBits, RegionVolume, Regions, Selection, Sides, TumorIndex,
+    optics::{Camera, Projection},
+};
 
-use super::{Camera, Lens, MaskColors, Palette, Projection, Scene};
+use crate::{
+    device::{AdapterPreference, Gpu},
+    scene::{Lens, MaskColors, Palette, RegionScene},
+};
+
+/// What tests of this crate draw with, opened once: the software adapter, or with `GLIOSCOPE_TEST_ADAPTER=real` a
+/// graphics card, which they then need.
+pub static GPU: LazyLock<Gpu> = LazyLock::new(|| {
+    let real = tests_want_a_card();
+    let preference = if real { AdapterPreference::RealFirst } else { AdapterPreference::SoftwareOnly };
+    match Gpu::headless(preference) {
+        Ok(gpu) if real && gpu.is_software() => {
+            panic!("GLIOSCOPE_TEST_ADAPTER=real: found {}", gpu.describe())
+        }
+        Ok(gpu) => gpu,
+        Err(error) => panic!("tests need mesa-vulkan-drivers: {error}"),
+    }
+});
+
+/// Whether tests are asked to draw with a graphics card.
+pub fn tests_want_a_card() -> bool {
+    std::env::var("GLIOSCOPE_TEST_ADAPTER").is_ok_and(|asked| asked == "real")
+}
 
 /// Region volume of masks given by a function of voxel position.
 pub fn volume(
@@ -74,10 +99,10 @@ pub fn blobs(n: usize, spacing_mm: DVec3) -> Arc<RegionVolume> {
 }
 
 /// A scene of a volume, seen a little from above, with a lens of `lens_fraction` of its size.
-pub fn scene_of(tumor: Arc<RegionVolume>, masks: usize, lens_fraction: Option<f64>) -> Scene {
+pub fn scene_of(tumor: Arc<RegionVolume>, masks: usize, lens_fraction: Option<f64>) -> RegionScene {
     let center_mm = tumor.grid().center_mm();
     let radius_mm = tumor.grid().corners_mm()[0].distance(center_mm) * 0.8;
-    Scene {
+    RegionScene {
         tumor: Some(tumor),
         selection: Selection::all(),
         colors: MaskColors::new(Palette::Thesis, &vec![None; masks]),
@@ -90,13 +115,11 @@ pub fn scene_of(tumor: Arc<RegionVolume>, masks: usize, lens_fraction: Option<f6
 }
 
 /// Small blobs with a lens.
-#[allow(dead_code, reason = "not every includer uses it")]
-pub fn balls_scene() -> Scene {
+pub fn balls_scene() -> RegionScene {
     scene_of(blobs(40, DVec3::ONE), 3, Some(0.5))
 }
 
 /// A grid with a matrix and an origin.
-#[allow(dead_code, reason = "not every includer uses it")]
 pub fn grid(dims: [usize; 3], matrix: DMat3, origin_mm: DVec3) -> Grid {
     Grid::new(dims, DAffine3 { matrix3: matrix, translation: origin_mm }, Sides::Known).unwrap()
 }

@@ -1,6 +1,6 @@
 // What the march leaves for a pixel of the context view.
 
-#include lib/linear.wgsl
+#include lib/linear
 
 struct Marched {
     red_green: u32,      // premultiplied, 16 bits each

@@ -1,4 +1,4 @@
-// How visibility falls through a slice; see through_slice of render/src/occlusion/cone.rs. The
+// How visibility falls through a slice; see through_slice of core/src/optics/cone.rs. The
 // including file gives decay_entry(i): of the i-th of 257 places the decay rate at visibility i/256, and
 // minus the logarithms of a slab's visibility and of the light it scatters from there on, at optical
 // thickness DECAY_END (i/256)^2, close where they bend most; and the thickness at which minus the

@@ -40,7 +40,7 @@ const TOO_STEEP = 1e9;
 @group(0) @binding(14) var<storage, read> table: array<vec4<f32>>;   // rgb, opacity of 1 mm
 @group(0) @binding(15) var<storage, read> factors: array<f32>;
 
-#include lib/weighed.wgsl
+#include lib/weighed
 
 // Of four lines along the other two axes.
 fn across(v: vec4<f32>, w: vec2<f32>) -> f32 {

@@ -1,12 +1,12 @@
 // A step of directional occlusion by slices (Schott et al. 2009) through the context image, with solid
-// surfaces among it (Schott et al. 2012). See render/src/lighting.
+// surfaces among it (Schott et al. 2012). See render/src/light/slices.
 
 struct Slices {
     slice_mm: f32,
     flags: u32,
     strength: f32,                  // how dark what no light reaches is, 0 to 1
     pad: u32,
-    decay: array<vec4<f32>, 257>,   // see lib/decay.wgsl
+    decay: array<vec4<f32>, 257>,   // see lib/decay
 }
 
 struct Part {
@@ -48,17 +48,17 @@ const MENDED = 2u;
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(31) var<uniform> slices: Slices;
-// The step, and what stands behind it. What branches and loops depend on is read at `zero`: see lib/zero.wgsl.
+// The step, and what stands behind it. What branches and loops depend on is read at `zero`: see lib/zero.
 @group(0) @binding(32) var<uniform> parts: array<Part, 2>;
 @group(0) @binding(33) var<storage, read_write> lights: array<f32>;
 @group(0) @binding(34) var<storage, read_write> eye: array<vec4<f32>>;    // radiance, transmittance
-@group(0) @binding(35) var<storage, read_write> notes: array<vec2<f32>>;  // see slices_finish.wgsl
+@group(0) @binding(35) var<storage, read_write> notes: array<vec2<f32>>;  // see slices/finish
 
 fn decay_entry(i: u32) -> vec4<f32> {
     return slices.decay[i];
 }
 
-#include lib/decay.wgsl
+#include lib/decay
 
 fn light_place(at: u32, turn: u32) -> u32 {
     let pixels = view.size.x * view.size.y;

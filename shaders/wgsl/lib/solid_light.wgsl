@@ -1,6 +1,6 @@
 // What of the light reaches a solid surface, as the composing pass reads it: the share by which the
 // picture, which is encoded, is darker.
-#include lib/linear.wgsl
+#include lib/linear
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(8) var<storage, read_write> blurred: array<u32>;

@@ -1,5 +1,5 @@
 // Lines where fibre tubes are among what is seen: the tumour's lines are not drawn on tubes, and tubes
-// have edges of their own. For passes that include lib/lines.wgsl and lib/tubes.wgsl.
+// have edges of their own. For passes that include lib/lines and lib/tubes.
 
 // As lines_at. Between a tube and the tumour, or what is behind both, there is a line only where the
 // tumour is before the tube: it is the tumour's silhouette, and as wide as everywhere.

@@ -4,7 +4,7 @@
 // the data, so that neither a camera far away nor a volume 1e6 mm off costs digits.
 // Index space: voxel (i, j, k) of the cropped volume fills [i, i+1) x [j, j+1) x [k, k+1).
 
-#include lib/zero.wgsl
+#include lib/zero
 
 struct View {
     corner: vec3<f32>,              // index space, where the view axis meets the reference plane

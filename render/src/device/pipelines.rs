@@ -1,0 +1,139 @@
+//! Pipelines of shader files, and layouts of what is bound to them.
+
+use super::{error::RenderError, gpu::Gpu};
+
+/// Format of a raster pass' picture: two numbers a sample that a later pass makes a colour of.
+pub(crate) const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
+/// Format of its depths.
+pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// The composed shader file `name`.
+///
+/// # Errors
+/// [`RenderError::Shader`] for a file that doesn't compose.
+pub(crate) fn shader_module(gpu: &Gpu, name: &str) -> Result<wgpu::ShaderModule, RenderError> {
+    let source = glioscope_shaders::compose(name)?;
+    Ok(gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    }))
+}
+
+/// A compute pipeline of entry point `main` of a shader file, with one bind group: of `layout`, else of what the
+/// shader uses.
+///
+/// # Errors
+/// [`RenderError::Shader`] for a file that doesn't compose. What the driver refuses, [`Gpu::check`] tells.
+pub(crate) fn compute_pipeline(
+    gpu: &Gpu,
+    name: &str,
+    layout: Option<&wgpu::BindGroupLayout>,
+    constants: &[(&str, f64)],
+) -> Result<wgpu::ComputePipeline, RenderError> {
+    let module = shader_module(gpu, name)?;
+    let layout = layout.map(|layout| {
+        gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(name),
+            bind_group_layouts: &[Some(layout)],
+            immediate_size: 0,
+        })
+    });
+    Ok(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(name),
+        layout: layout.as_ref(),
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            constants,
+            // Workgroup memory is written before it is read.
+            zero_initialize_workgroup_memory: false,
+        },
+        cache: None,
+    }))
+}
+
+/// A raster pipeline of shader file `name`, whose entry points are `main` (vertices) and `shade`. With
+/// `one_sided`, triangles are seen from where their corners run clockwise only.
+///
+/// # Errors
+/// [`RenderError::Shader`] for a file that doesn't compose.
+pub(crate) fn raster_pipeline(
+    gpu: &Gpu,
+    name: &str,
+    one_sided: bool,
+) -> Result<wgpu::RenderPipeline, RenderError> {
+    let module = shader_module(gpu, name)?;
+    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(name),
+        layout: None,
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState {
+            front_face: wgpu::FrontFace::Cw,
+            cull_mode: one_sided.then_some(wgpu::Face::Back),
+            ..Default::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Less),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("shade"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(PICTURE_FORMAT.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    }))
+}
+
+/// What a binding is, for [`bind_group_layout`].
+#[derive(Clone, Copy)]
+pub(crate) enum BindingKind {
+    Uniform,
+    /// A uniform of so many bytes at an offset given with each dispatch.
+    UniformAtOffset(u64),
+    Read,
+    Write,
+}
+
+/// A layout of buffers of these numbers and kinds, for compute passes.
+pub(crate) fn bind_group_layout(
+    gpu: &Gpu,
+    label: &'static str,
+    kinds: &[(u32, BindingKind)],
+) -> wgpu::BindGroupLayout {
+    let entries: Vec<wgpu::BindGroupLayoutEntry> = kinds
+        .iter()
+        .map(|(binding, kind)| wgpu::BindGroupLayoutEntry {
+            binding: *binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: match kind {
+                    BindingKind::Uniform | BindingKind::UniformAtOffset(_) => {
+                        wgpu::BufferBindingType::Uniform
+                    }
+                    BindingKind::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                    BindingKind::Write => wgpu::BufferBindingType::Storage { read_only: false },
+                },
+                has_dynamic_offset: matches!(kind, BindingKind::UniformAtOffset(_)),
+                min_binding_size: match kind {
+                    BindingKind::UniformAtOffset(size) => wgpu::BufferSize::new(*size),
+                    _ => None,
+                },
+            },
+            count: None,
+        })
+        .collect();
+    gpu.device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+}

@@ -1,0 +1,159 @@
+//! An image on the device, and how it is shown: values once per image, tables once per transfer function.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use glioscope_core::optics::Sight;
+
+use super::{
+    ImageLook,
+    transfer::TransferFunction,
+    uniforms::{self, Context, FieldShape},
+    volume::{BRICK, ContextVolume, Field, Tables},
+};
+use crate::device::{Gpu, RenderError};
+
+/// From a brick's middle to its faces: from voxel centre to voxel centre, and half a voxel more at the image's
+/// edge.
+const HALF_BRICK: f64 = 0.5 * BRICK as f64 + 0.5;
+
+/// The values of an image, as lib/image reads them.
+struct Uploaded {
+    volume: Arc<ContextVolume>,
+    shape: FieldShape,
+    ranges: Vec<[f32; 2]>,
+    values: wgpu::Buffer,
+}
+
+/// Buffers of an image and its transfer function.
+pub(crate) struct ImageBuffers {
+    up: Uploaded,
+    transfer: Arc<TransferFunction>,
+    tables: Tables,
+    visible: wgpu::Buffer,
+    table: wgpu::Buffer,
+    factors: wgpu::Buffer,
+}
+
+impl ImageBuffers {
+    /// The buffers of `volume` and `transfer`: those held as far as they are theirs, else new ones.
+    ///
+    /// # Errors
+    /// [`RenderError::Volume`] for an image that doesn't fit at an eighth of its resolution;
+    /// [`RenderError::Device`] with what the driver says. Nothing is held then.
+    pub fn reuse<'a>(
+        held: &'a mut Option<Self>,
+        gpu: &Gpu,
+        volume: &Arc<ContextVolume>,
+        transfer: &Arc<TransferFunction>,
+    ) -> Result<&'a Self, RenderError> {
+        // The one before may be large: let it go first.
+        let kept = held.take().filter(|image| Arc::ptr_eq(&image.up.volume, volume));
+        let image = match kept {
+            Some(image) if Arc::ptr_eq(&image.transfer, transfer) || image.transfer == *transfer => image,
+            Some(image) => Self::shown(gpu, image.up, transfer),
+            None => Self::shown(gpu, upload(gpu, volume)?, transfer),
+        };
+        Ok(held.insert(image))
+    }
+
+    fn shown(gpu: &Gpu, up: Uploaded, transfer: &Arc<TransferFunction>) -> Self {
+        let tables = Tables::of(transfer, up.volume.scale(), &up.ranges);
+        Self {
+            transfer: Arc::clone(transfer),
+            visible: gpu.storage("ImageBuffers::visible", bytemuck::cast_slice(&tables.visible)),
+            table: gpu.storage("ImageBuffers::table", bytemuck::cast_slice(&tables.colors)),
+            factors: gpu.storage("ImageBuffers::factors", bytemuck::cast_slice(&tables.factors)),
+            tables,
+            up,
+        }
+    }
+
+    /// Grid and bricks of the values.
+    pub fn shape(&self) -> &FieldShape {
+        &self.up.shape
+    }
+
+    /// The transfer function as tables.
+    pub fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    /// A bit a brick: whether anything shows in it.
+    pub fn visible_bits(&self) -> &[u32] {
+        &self.tables.visible
+    }
+
+    /// Ranges of view depth (from the eye) that visible bricks reach, in no order.
+    pub fn depths_mm(&self, sight: &Sight) -> impl Iterator<Item = (f64, f64)> {
+        let world = self.up.shape.grid.world_from_voxel();
+        let reach: f64 = (0..3).map(|a| world.matrix3.col(a).dot(sight.forward).abs()).sum();
+        let reach = reach * HALF_BRICK;
+        self.visible_middles().filter_map(move |middle| {
+            let middle = sight.depth_mm(world.transform_point3(middle));
+            (middle + reach > 0.0).then_some(((middle - reach).max(0.0), middle + reach))
+        })
+    }
+
+    /// Corners of visible bricks, world millimetres.
+    pub fn visible_corners_mm(&self) -> impl Iterator<Item = [DVec3; 8]> {
+        let world = self.up.shape.grid.world_from_voxel();
+        self.visible_middles().map(move |middle| {
+            std::array::from_fn(|i| {
+                let to = DVec3::from_array(std::array::from_fn(|a| if i >> a & 1 == 1 { 1.0 } else { -1.0 }));
+                world.transform_point3(middle + HALF_BRICK * to)
+            })
+        })
+    }
+
+    /// Middles of visible bricks among voxel centres.
+    fn visible_middles(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let [x, y, z] = self.up.shape.brick_dims;
+        let is_visible =
+            |b: &usize| self.tables.visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1);
+        let brick = move |b: usize| [b % x, b / x % y, b / x / y];
+        (0..x * y * z)
+            .filter(is_visible)
+            .map(move |b| DVec3::from_array(brick(b).map(|c| (c * BRICK) as f64 - 0.5)) + HALF_BRICK)
+    }
+
+    /// What the picture lacks of the image, if anything.
+    pub fn warning(&self) -> Option<String> {
+        self.up.shape.warning(&self.up.volume)
+    }
+
+    /// The march's uniform.
+    pub fn uniform(&self, look: &ImageLook<'_>) -> Context {
+        uniforms::context(look, &self.up.volume, &self.up.shape, &self.tables)
+    }
+
+    /// Values of all voxels.
+    pub fn values(&self) -> &wgpu::Buffer {
+        &self.up.values
+    }
+
+    /// A bit a brick: whether anything shows in it.
+    pub fn visible(&self) -> &wgpu::Buffer {
+        &self.visible
+    }
+
+    /// Colours and opacities by value.
+    pub fn table(&self) -> &wgpu::Buffer {
+        &self.table
+    }
+
+    /// Factors of the opacity by gradient.
+    pub fn factors(&self) -> &wgpu::Buffer {
+        &self.factors
+    }
+}
+
+fn upload(gpu: &Gpu, volume: &Arc<ContextVolume>) -> Result<Uploaded, RenderError> {
+    let limit = gpu.storage_limit();
+    let Some(field) = Field::fitting(volume, limit) else {
+        return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });
+    };
+    let values = gpu.storage("Uploaded::values", bytemuck::cast_slice(&field.values));
+    gpu.check()?;
+    Ok(Uploaded { volume: Arc::clone(volume), shape: FieldShape::of(&field), ranges: field.ranges(), values })
+}

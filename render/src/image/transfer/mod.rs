@@ -1,0 +1,311 @@
+//! Transfer functions of the context view: which colour and opacity a value has (thesis 7.3.2).
+//!
+//! Pure numbers: no device, no window. Values are in the image's own units, gradients in these per
+//! millimetre, opacities per millimetre of material.
+
+mod histogram;
+mod preset;
+#[cfg(test)]
+mod tests;
+
+use serde::{Deserialize, Serialize};
+
+pub use histogram::{GradientHistogram, ValueHistogram};
+pub use preset::TransferPreset;
+
+use crate::scene::Rgb;
+
+/// What one value looks like; linear between neighbours, constant past the first and the last.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ControlPoint {
+    /// Image value. Finite.
+    pub value: f64,
+    /// Colour there.
+    pub color: Rgb,
+    /// Opacity of 1 mm of this material, 0 to 1.
+    pub opacity: f64,
+}
+
+/// How much of the opacity is left at a gradient magnitude; linear between neighbours, constant past
+/// the first and the last.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GradientPoint {
+    /// Image units per millimetre. Finite, at least 0.
+    pub gradient: f64,
+    /// Factor of the opacity, 0 to 1.
+    pub factor: f64,
+}
+
+/// A transfer function that can't be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TransferError {
+    /// Too few control points.
+    #[error("transfer function: found {found} {what}, expected at least 2")]
+    Few {
+        /// What there are too few of.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+    },
+    /// NaN, infinity, or out of its range.
+    #[error("transfer function: found {found} as {what} of point {number}, expected {expected}")]
+    Number {
+        /// Which number.
+        what: &'static str,
+        /// Of which point, from 0.
+        number: usize,
+        /// The number.
+        found: f64,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// A point stands before its predecessor.
+    #[error(
+        "transfer function: found {found} as {what} of point {number} after {before}, expected rising ones"
+    )]
+    Order {
+        /// Which number.
+        what: &'static str,
+        /// Of which point, from 0.
+        number: usize,
+        /// The number.
+        found: f64,
+        /// That of the point before.
+        before: f64,
+    },
+}
+
+/// Colour and opacity of values, piecewise linear. Valid by construction: at least two control
+/// points, in rising order (equal values make a step), every number finite and in its range.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
+pub struct TransferFunction {
+    points: Vec<ControlPoint>,
+    gradient: Option<Vec<GradientPoint>>,
+}
+
+/// As it is read, not yet checked.
+#[derive(Deserialize)]
+struct Stored {
+    points: Vec<ControlPoint>,
+    #[serde(default)]
+    gradient: Option<Vec<GradientPoint>>,
+}
+
+impl TryFrom<Stored> for TransferFunction {
+    type Error = TransferError;
+
+    fn try_from(stored: Stored) -> Result<Self, TransferError> {
+        Self::new(stored.points, stored.gradient)
+    }
+}
+
+/// The place of `x` among rising `at(0..n)`: the two neighbours and the weight of the upper one.
+fn place(n: usize, at: impl Fn(usize) -> f64, x: f64) -> (usize, usize, f64) {
+    let (mut low, mut high) = (0, n);
+    // The first that is above x.
+    while low < high {
+        let middle = usize::midpoint(low, high);
+        if at(middle) <= x {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    match low {
+        0 => (0, 0, 0.0),
+        _ if low == n => (n - 1, n - 1, 0.0),
+        // Halved, so that a width past f64 is none.
+        _ => {
+            let (a, b) = (at(low - 1), at(low));
+            (low - 1, low, (x / 2.0 - a / 2.0) / (b / 2.0 - a / 2.0))
+        }
+    }
+}
+
+fn rising(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), TransferError> {
+    let mut before = f64::NEG_INFINITY;
+    for (number, found) in values.enumerate() {
+        if !found.is_finite() {
+            return Err(TransferError::Number { what, number, found, expected: "a finite number" });
+        }
+        if found < before {
+            return Err(TransferError::Order { what, number, found, before });
+        }
+        before = found;
+    }
+    Ok(())
+}
+
+fn shares(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), TransferError> {
+    for (number, found) in values.enumerate() {
+        if !(0.0..=1.0).contains(&found) {
+            return Err(TransferError::Number { what, number, found, expected: "0 to 1" });
+        }
+    }
+    Ok(())
+}
+
+impl TransferFunction {
+    /// A function through `points`; `gradient` makes it a 2-D one, `None` leaves gradient magnitudes
+    /// out of the opacity (and out of the work).
+    ///
+    /// # Errors
+    /// [`TransferError`] for fewer than two points, falling values, and numbers not finite or out of
+    /// their range.
+    pub fn new(
+        points: Vec<ControlPoint>,
+        gradient: Option<Vec<GradientPoint>>,
+    ) -> Result<Self, TransferError> {
+        if points.len() < 2 {
+            return Err(TransferError::Few { what: "control points", found: points.len() });
+        }
+        rising("value", points.iter().map(|p| p.value))?;
+        shares("opacity", points.iter().map(|p| p.opacity))?;
+        check_gradient(gradient.as_deref())?;
+        Ok(Self { points, gradient })
+    }
+
+    /// Nothing is seen: what a scene without an image has.
+    pub fn transparent() -> Self {
+        let point = |value| ControlPoint { value, color: [0; 3], opacity: 0.0 };
+        Self { points: vec![point(0.0), point(1.0)], gradient: None }
+    }
+
+    /// The control points, in rising order; at least two.
+    pub fn points(&self) -> &[ControlPoint] {
+        &self.points
+    }
+
+    /// The points over gradient magnitude; `None` for a 1-D function.
+    pub fn gradient(&self) -> Option<&[GradientPoint]> {
+        self.gradient.as_deref()
+    }
+
+    /// Makes it a 2-D function, or a 1-D one with `None`. Unchanged after an error.
+    ///
+    /// # Errors
+    /// As [`TransferFunction::new`].
+    pub fn set_gradient(&mut self, gradient: Option<Vec<GradientPoint>>) -> Result<(), TransferError> {
+        check_gradient(gradient.as_deref())?;
+        self.gradient = gradient;
+        Ok(())
+    }
+
+    /// Changes point `number`: its value is kept between its neighbours, its opacity in 0 to 1; what
+    /// is not a number is left as it was. Does nothing past the last point.
+    pub fn set_point(&mut self, number: usize, to: ControlPoint) {
+        let low = number.checked_sub(1).and_then(|n| self.points.get(n)).map_or(f64::MIN, |p| p.value);
+        let high = self.points.get(number + 1).map_or(f64::MAX, |p| p.value);
+        if let Some(point) = self.points.get_mut(number) {
+            point.color = to.color;
+            if !to.value.is_nan() {
+                point.value = to.value.clamp(low, high);
+            }
+            if !to.opacity.is_nan() {
+                point.opacity = to.opacity.clamp(0.0, 1.0);
+            }
+        }
+    }
+
+    /// Puts a point at `value` with the colour and opacity that the function has there, which changes
+    /// nothing but rounding; gives its number. `None` for a value that isn't finite.
+    pub fn add_point(&mut self, value: f64) -> Option<usize> {
+        if !value.is_finite() {
+            return None;
+        }
+        let (color, opacity) = self.opacity_at(value);
+        let number = self.points.partition_point(|p| p.value <= value);
+        let color = color.map(|c| (c * 255.0).round() as u8);
+        self.points.insert(number, ControlPoint { value, color, opacity });
+        Some(number)
+    }
+
+    /// Takes point `number` out; says whether it did. Two points always stay.
+    pub fn remove_point(&mut self, number: usize) -> bool {
+        let takes = self.points.len() > 2 && number < self.points.len();
+        if takes {
+            self.points.remove(number);
+        }
+        takes
+    }
+
+    /// Whether nothing is ever seen.
+    pub fn is_transparent(&self) -> bool {
+        self.points.iter().all(|p| p.opacity == 0.0)
+            || self.gradient.as_ref().is_some_and(|g| g.iter().all(|p| p.factor == 0.0))
+    }
+
+    /// Colour (0 to 1, gamma-encoded sRGB) and opacity of 1 mm at a value, whatever the gradient.
+    pub(crate) fn opacity_at(&self, value: f64) -> ([f64; 3], f64) {
+        let (a, b, w) = place(self.points.len(), |i| self.points[i].value, value);
+        let (a, b) = (&self.points[a], &self.points[b]);
+        let mix = |x: f64, y: f64| x * (1.0 - w) + y * w;
+        let color = std::array::from_fn(|i| mix(f64::from(a.color[i]), f64::from(b.color[i])) / 255.0);
+        (color, mix(a.opacity, b.opacity))
+    }
+
+    /// Factor of the opacity at a gradient magnitude; 1 for a 1-D function.
+    pub fn gradient_factor(&self, gradient: f64) -> f64 {
+        let Some(points) = &self.gradient else { return 1.0 };
+        if gradient.is_nan() {
+            return 0.0;
+        }
+        let (a, b, w) = place(points.len(), |i| points[i].gradient, gradient);
+        points[a].factor * (1.0 - w) + points[b].factor * w
+    }
+
+    /// Colour (0 to 1, gamma-encoded sRGB) and opacity of 1 mm of material with this value and
+    /// gradient magnitude. A value that is NaN or infinite is transparent.
+    pub fn sample(&self, value: f64, gradient: f64) -> ([f64; 3], f64) {
+        if !value.is_finite() {
+            return ([0.0; 3], 0.0);
+        }
+        let (color, opacity) = self.opacity_at(value);
+        (color, opacity * self.gradient_factor(gradient))
+    }
+
+    /// The largest opacity (before the gradient's factor) of any value in `low..=high`: that of the
+    /// ends and of the control points between, exact as the function is linear between these. 0 for
+    /// an empty range.
+    pub fn max_opacity(&self, low: f64, high: f64) -> f64 {
+        if low.is_nan() || high.is_nan() || low > high {
+            return 0.0;
+        }
+        let first = self.points.partition_point(|p| p.value < low);
+        self.points[first..]
+            .iter()
+            .take_while(|p| p.value <= high)
+            .map(|p| p.opacity)
+            .fold(self.opacity_at(low).1.max(self.opacity_at(high).1), f64::max)
+    }
+
+    /// Opacity of `length_mm` of a material, of which 1 mm has opacity `per_mm`:
+    /// 1 − (1 − `per_mm`)^length. What is opaque at 1 mm is so at any length above 0.
+    pub fn opacity_over(per_mm: f64, length_mm: f64) -> f64 {
+        if length_mm <= 0.0 {
+            0.0
+        } else if per_mm >= 1.0 {
+            1.0
+        } else {
+            -(length_mm * (-per_mm).ln_1p()).exp_m1()
+        }
+    }
+}
+
+fn check_gradient(gradient: Option<&[GradientPoint]>) -> Result<(), TransferError> {
+    let Some(points) = gradient else { return Ok(()) };
+    if points.len() < 2 {
+        return Err(TransferError::Few { what: "gradient points", found: points.len() });
+    }
+    rising("gradient", points.iter().map(|p| p.gradient))?;
+    if let Some(p) = points.first().filter(|p| p.gradient < 0.0) {
+        return Err(TransferError::Number {
+            what: "gradient",
+            number: 0,
+            found: p.gradient,
+            expected: "at least 0",
+        });
+    }
+    shares("factor", points.iter().map(|p| p.factor))
+}

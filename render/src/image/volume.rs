@@ -1,0 +1,303 @@
+//! A context image made ready for ray casting.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::{DAffine3, DMat3, DVec3};
+use glioscope_core::{Grid, Volume};
+use rayon::prelude::*;
+
+use crate::{
+    flat::{self, PreparedContext},
+    image::transfer::{GradientHistogram, TransferFunction, ValueHistogram},
+};
+
+/// Cells of interpolation (between voxel centres) along a brick's side.
+pub(crate) const BRICK: usize = 8;
+/// Stands for a value that is not finite, see context_march.wgsl.
+pub(crate) const NOT_FINITE: f32 = -1e30;
+
+/// An image for the context view: made once an image, on all cores. Holds the image, no copy of its
+/// values.
+#[derive(Debug)]
+pub struct ContextVolume {
+    image: Arc<Volume>,
+    statistics: flat::Histogram,
+    histogram: ValueHistogram,
+    gradients: OnceLock<GradientHistogram>,
+}
+
+impl ContextVolume {
+    /// Counts the image's histograms.
+    pub fn new(image: Arc<Volume>) -> Self {
+        let statistics = flat::Histogram::of(&image);
+        Self::of(image, statistics)
+    }
+
+    /// The same from an image that is prepared for slices: one pass instead of three.
+    pub fn of_prepared(prepared: &PreparedContext) -> Self {
+        Self::of(Arc::clone(prepared.volume()), prepared.histogram().clone())
+    }
+
+    fn of(image: Arc<Volume>, statistics: flat::Histogram) -> Self {
+        let histogram = ValueHistogram::of(&image, &statistics);
+        Self { image, statistics, histogram, gradients: OnceLock::new() }
+    }
+
+    /// The image.
+    pub fn image(&self) -> &Arc<Volume> {
+        &self.image
+    }
+
+    /// Where its voxels are.
+    pub fn grid(&self) -> &Grid {
+        self.image.grid()
+    }
+
+    /// Range, percentiles, and whether it looks like CT: what presets are made from.
+    pub fn statistics(&self) -> &flat::Histogram {
+        &self.statistics
+    }
+
+    /// Voxels by value.
+    pub fn histogram(&self) -> &ValueHistogram {
+        &self.histogram
+    }
+
+    /// Voxels by value and gradient magnitude; counted when first asked for.
+    pub fn gradient_histogram(&self) -> &GradientHistogram {
+        self.gradients.get_or_init(|| GradientHistogram::of(&self.image, &self.statistics))
+    }
+
+    /// Smallest value and width of the range: what stored values 0 and 1 stand for.
+    pub(crate) fn scale(&self) -> (f64, f64) {
+        match self.statistics.range() {
+            Some((low, high)) if high > low && (high - low).is_finite() => (low, high - low),
+            // One value throughout, or a range that overflows.
+            Some((low, _)) => (low, 1.0),
+            None => (0.0, 1.0),
+        }
+    }
+
+    /// Depth below a cut at which shading has all its strength.
+    pub(crate) fn cut_fade_mm(&self) -> f64 {
+        3.0 * self.grid().spacing_mm().min_element()
+    }
+
+    /// Gradient magnitude (image units per mm) at which shading has half its strength: 8 % of the
+    /// range between the percentiles per voxel.
+    pub(crate) fn half_shaded(&self) -> f64 {
+        let width = self.statistics.p01_p99().map_or(0.0, |(low, high)| high - low);
+        if width > 0.0 { 0.08 * width / self.grid().spacing_mm().min_element() } else { 1.0 }
+    }
+}
+
+/// The image as the card gets it: values of its range as 0 to 1, on its own grid or a coarser one.
+pub(crate) struct Field {
+    pub grid: Grid,
+    pub values: Vec<f32>,
+    /// How often the image was halved along each axis.
+    pub halvings: u32,
+}
+
+impl Field {
+    /// All values of an image, halved along every axis until they fit into `bytes`. `None` when even
+    /// an eighth of the resolution does not.
+    pub fn fitting(volume: &ContextVolume, bytes: u64) -> Option<Self> {
+        let (low, width) = volume.scale();
+        let image = volume.image();
+        let stored = |linear: usize| {
+            let value = ((image.value(linear) - low) / width) as f32;
+            if value.is_finite() && value.abs() <= 1e6 { value } else { NOT_FINITE }
+        };
+        let fits = |grid: &Grid| grid.voxel_count() as u64 * 4 <= bytes;
+        let whole = image.grid();
+        if fits(whole) {
+            let values = (0..whole.voxel_count()).into_par_iter().with_min_len(1 << 16).map(stored).collect();
+            return Some(Self { grid: whole.clone(), values, halvings: 0 });
+        }
+        // A full copy of an image this large is not made.
+        let mut field = halved(whole, stored)?;
+        for halvings in 1..=3 {
+            if fits(&field.0) {
+                return Some(Self { grid: field.0, values: field.1, halvings });
+            }
+            let (grid, values) = field;
+            field = halved(&grid, |linear| values[linear])?;
+        }
+        None
+    }
+
+    /// Bricks along each axis.
+    pub fn brick_dims(&self) -> [usize; 3] {
+        self.grid.dims().map(|d| d.saturating_sub(1).max(1).div_ceil(BRICK))
+    }
+
+    /// Smallest and largest stored value of each brick's cells, with the voxels that it shares with
+    /// the next: what is interpolated in it lies between. Empty (min above max) where nothing is finite.
+    pub fn ranges(&self) -> Vec<[f32; 2]> {
+        let dims = self.grid.dims();
+        let bricks = self.brick_dims();
+        (0..bricks.iter().product::<usize>())
+            .into_par_iter()
+            .map(|b| {
+                let brick = [b % bricks[0], b / bricks[0] % bricks[1], b / bricks[0] / bricks[1]];
+                let span = |a: usize| brick[a] * BRICK..(brick[a] * BRICK + BRICK + 1).min(dims[a]);
+                let mut range = [f32::INFINITY, f32::NEG_INFINITY];
+                for z in span(2) {
+                    for y in span(1) {
+                        let line = self.grid.linear([0, y, z]);
+                        for &v in &self.values[line + span(0).start..line + span(0).end] {
+                            if v > NOT_FINITE {
+                                range = [range[0].min(v), range[1].max(v)];
+                            }
+                        }
+                    }
+                }
+                range
+            })
+            .collect()
+    }
+}
+
+/// Means of 2x2x2 voxels (what is finite of them), on a grid of the same place.
+fn halved(grid: &Grid, value: impl Fn(usize) -> f32 + Sync) -> Option<(Grid, Vec<f32>)> {
+    let dims = grid.dims();
+    let half = dims.map(|d| d.div_ceil(2));
+    let step = DVec3::from_array(std::array::from_fn(|a| if dims[a] > 1 { 2.0 } else { 1.0 }));
+    let world = grid.world_from_voxel();
+    // The new first centre lies between the first two old ones.
+    let origin = world.transform_point3((step - 1.0) * 0.5);
+    let matrix3 = world.matrix3 * DMat3::from_diagonal(step);
+    let coarse = Grid::new(half, DAffine3 { matrix3, translation: origin }, grid.sides()).ok()?;
+    let values = (0..coarse.voxel_count())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|l| {
+            let at = [l % half[0], l / half[0] % half[1], l / half[0] / half[1]];
+            let (mut sum, mut n) = (0.0, 0.0);
+            for corner in 0..8 {
+                let ijk: [usize; 3] = std::array::from_fn(|a| at[a] * 2 + (corner >> a & 1));
+                if (0..3).all(|a| ijk[a] < dims[a]) {
+                    let v = value(grid.linear(ijk));
+                    if v > NOT_FINITE {
+                        sum += v;
+                        n += 1.0;
+                    }
+                }
+            }
+            if n > 0.0 { sum / n } else { NOT_FINITE }
+        })
+        .collect();
+    Some((coarse, values))
+}
+
+/// A transfer function as a table over stored values, and the bricks that it shows anything of.
+#[derive(Clone)]
+pub(crate) struct Tables {
+    /// Red, green, blue, opacity of 1 mm, at equal distances of value.
+    pub colors: Vec<[f32; 4]>,
+    /// From stored values to places in `colors`.
+    pub color_place: (f64, f64),
+    /// Factors of the opacity, at equal distances of gradient.
+    pub factors: Vec<f32>,
+    /// From gradients of stored values per mm to places in `factors`.
+    pub factor_place: (f64, f64),
+    /// A bit a brick.
+    pub visible: Vec<u32>,
+    /// Whether the gradient counts.
+    pub two_d: bool,
+}
+
+/// Entries of the tables.
+const COLORS: usize = 2048;
+const FACTORS: usize = 512;
+
+/// First place and distance of `n` places that cover `low..=high` with one to spare on either side.
+fn places(low: f64, high: f64, n: usize) -> (f64, f64) {
+    let smallest = 1e-9 * low.abs().max(high.abs()).max(1e-30);
+    let distance = ((high - low).max(smallest)) / (n - 3) as f64;
+    (low - distance, distance)
+}
+
+impl Tables {
+    pub fn of(transfer: &TransferFunction, scale: (f64, f64), ranges: &[[f32; 2]]) -> Self {
+        let ends = |v: &mut dyn Iterator<Item = f64>| {
+            v.fold((f64::INFINITY, f64::NEG_INFINITY), |r, x| (r.0.min(x), r.1.max(x)))
+        };
+        let (first, last) = ends(&mut transfer.points().iter().map(|p| p.value));
+        let (start, distance) = places(first, last, COLORS);
+        let colors = (0..COLORS)
+            .map(|i| {
+                let ([r, g, b], a) = transfer.opacity_at(start + distance * i as f64);
+                [r, g, b, a].map(|x| x as f32)
+            })
+            .collect();
+        let color_place = (scale.1 / distance, (scale.0 - start) / distance);
+        let (low, high) =
+            transfer.gradient().map_or((0.0, 1.0), |points| ends(&mut points.iter().map(|p| p.gradient)));
+        let (factor_start, factor_distance) = places(low, high, FACTORS);
+        let factors = (0..FACTORS)
+            .map(|i| transfer.gradient_factor(factor_start + factor_distance * i as f64) as f32)
+            .collect();
+        let factor_place = (scale.1 / factor_distance, -factor_start / factor_distance);
+        // What the table says of a value is a mean of what the function says within one distance of it.
+        // Stored values are rounded, too.
+        let room = distance + 1e-6 * scale.1;
+        let mut visible = vec![0u32; ranges.len().div_ceil(32).max(1)];
+        for (b, [low, high]) in ranges.iter().enumerate() {
+            let value = |stored: f32| scale.0 + scale.1 * f64::from(stored);
+            if low <= high && transfer.max_opacity(value(*low) - room, value(*high) + room) > 0.0 {
+                visible[b / 32] |= 1 << (b % 32);
+            }
+        }
+        let two_d = transfer.gradient().is_some();
+        Self { colors, color_place, factors, factor_place, visible, two_d }
+    }
+
+    /// The constant of image.wgsl that says whether it does.
+    pub fn gradient_counts(&self) -> (&'static str, f64) {
+        ("gradient_counts", f64::from(u8::from(self.two_d)))
+    }
+
+    /// Extinction per millimetre of a voxel, as image.wgsl has it of its centre; 0 where the image is not
+    /// finite.
+    pub fn extinction_at(&self, field: &Field, cell: [usize; 3]) -> f64 {
+        let dims = field.grid.dims();
+        let value =
+            |cell: [usize; 3]| field.values.get(field.grid.linear(cell)).copied().unwrap_or(NOT_FINITE);
+        let own = value(cell);
+        if own <= NOT_FINITE {
+            return 0.0;
+        }
+        let between = |table: &dyn Fn(usize) -> f32, len: usize, place: f64| {
+            let x = place.clamp(0.0, (len - 1) as f64);
+            let low = (x as usize).min(len.saturating_sub(2));
+            let (a, b) = (f64::from(table(low)), f64::from(table(low + 1)));
+            a + (b - a) * (x - low as f64)
+        };
+        let (scale, offset) = self.color_place;
+        let place = f64::from(own) * scale + offset;
+        let mut opacity = between(&|i| self.colors[i][3], self.colors.len(), place);
+        if self.two_d && opacity > 0.0 {
+            let axis = |a: usize| {
+                let at = |c: usize| {
+                    let mut there = cell;
+                    there[a] = c;
+                    f64::from(value(there))
+                };
+                let (low, high) = (cell[a].saturating_sub(1), (cell[a] + 1).min(dims[a] - 1));
+                // Edge voxels go on: the distance is two voxels there too.
+                0.5 * (at(high) - at(low))
+            };
+            let difference = DVec3::new(axis(0), axis(1), axis(2));
+            let steepness = (field.grid.voxel_from_world().matrix3.transpose() * difference).length();
+            let (scale, offset) = self.factor_place;
+            opacity *= if steepness < 1e9 {
+                between(&|i| self.factors[i], self.factors.len(), steepness * scale + offset)
+            } else {
+                0.0
+            };
+        }
+        -(1.0 - opacity).max(1e-30).ln()
+    }
+}

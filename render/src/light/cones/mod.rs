@@ -1,0 +1,564 @@
+//! Light by cones traced through prefiltered extinction: a grid of light about the image, and light on the masks.
+//!
+//! Lifetimes: prefiltered extinction of the image once per image and transfer function, that of the masks
+//! once per selection; the grid once per these and a side of its cells; uniforms once per frame.
+
+mod grid;
+#[cfg(test)]
+mod grid_tests;
+#[cfg(test)]
+mod monte_carlo_tests;
+#[cfg(test)]
+mod parts_tests;
+pub(crate) mod pyramid;
+pub(crate) mod settings;
+#[cfg(test)]
+pub(crate) mod twin;
+pub(crate) mod uniforms;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use glioscope_core::{Grid, RegionVolume, Selection, optics::Camera};
+
+use self::{
+    grid::Cells,
+    settings::{ConeSettings, ConesUsed, sub_cones},
+    uniforms::{Cones, LEVELS, Level, LightGrid, LightPart},
+};
+use super::{
+    lit::{Light, LightRow, LightWork, LitImage, LitKind, LitMarch, LitScene, Measured, Opaque, no_strength},
+    vicinity::{self, VICINITY, VicinityLight},
+};
+use crate::{
+    device::{
+        Gpu, PassName, RenderError,
+        buffers::WRITTEN,
+        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        runner::{Dispatch, PassRunner, Shader, workgroups_of},
+    },
+    image::{
+        ContextVolume, MOST_CLIP_PLANES, TransferFunction,
+        buffers::ImageBuffers,
+        volume::{BRICK, Field},
+    },
+    scene::{LightSettings, LightingMode, Plan, Quality, same},
+    solid::view::{HAS_OCCLUSION, LINEAR_LIGHT, in_camera_space, index_axes},
+};
+
+/// Light that reaches cells of the context image.
+pub(crate) const LIGHT_GRID: PassName = PassName::new("light_grid");
+/// Light that reaches opaque geometry.
+pub(crate) const SOLID_CONES: PassName = PassName::new("solid_cones");
+
+pub(super) const ROW: LightRow = LightRow {
+    mode: LightingMode::Cones,
+    title: "Directional occlusion (cones)",
+    summary: "Soft shadows, also of the tumour on itself; nearest to the truth",
+    takes_long: true,
+    has_aperture: true,
+    most_cost: 16.0,
+    first_cost: 0.125,
+    passes: |kind| match kind {
+        LitKind::Masks => &[SOLID_CONES],
+        LitKind::Image => &[LIGHT_GRID, SOLID_CONES],
+        // No medium for cones: light comes from the vicinity.
+        LitKind::Depths => &[LIGHT_GRID, VICINITY],
+    },
+    left_out: |pass, quality, no_opaque, no_image| match pass {
+        LIGHT_GRID => no_image,
+        SOLID_CONES => no_opaque.or(no_strength(quality)),
+        VICINITY => vicinity::left_out(quality, no_opaque, no_image),
+        _ => None,
+    },
+    flags: &[(SOLID_CONES, HAS_OCCLUSION), (VICINITY, HAS_OCCLUSION), (LIGHT_GRID, LINEAR_LIGHT)],
+    image_pass: None,
+    reads_arrows: |_| &[SOLID_CONES, LIGHT_GRID],
+    at_cost,
+    measured: MEASURED,
+    #[cfg(test)]
+    suite: super::lit::Suite {
+        layouts: uniforms::LAYOUTS,
+        variants: &[LightSettings::DEFAULT.variant],
+        off_twin: grid_tests::off_twin,
+    },
+    start: |gpu| Box::new(ConeLight::new(gpu)),
+};
+
+/// `bench accuracy --only view` on 2026-11-26, head phantom T1c, transfer functions MR surface and MR tissue;
+/// compared with docs/accuracy.md by a test.
+const MEASURED: Measured = &[
+    (0.004, [0.0442, 0.0811]),
+    (0.015, [0.0466, 0.0762]),
+    (0.03, [0.0398, 0.0673]),
+    (0.06, [0.0358, 0.0599]),
+    (0.125, [0.0270, 0.0574]),
+    (0.25, [0.0265, 0.0569]),
+    (0.5, [0.0248, 0.0582]),
+    (1.0, [0.0229, 0.0561]),
+    (2.0, [0.0194, 0.0411]),
+    (4.0, [0.0201, 0.0398]),
+    (8.0, [0.0178, 0.0215]),
+    (16.0, [0.0160, 0.0202]),
+];
+
+fn at_cost(cost: f64) -> Quality {
+    // Down from balanced, up from it.
+    let (less, more) = (cost.min(1.0), cost.max(1.0));
+    let finer = |balanced: f64, down: f64, up: f64| balanced * less.powf(-down) * more.powf(-up);
+    Quality {
+        resolution_scale: less.powf(0.3).max(0.2),
+        context_step_mm: finer(0.75, 0.3, 0.15).clamp(0.5, 2.0),
+        lighting: LightSettings {
+            cell_mm: finer(4.0, 0.25, 0.25).clamp(1.0, 12.0),
+            // Down to the draft, longer steps are as right.
+            cone_step: less.powf(-1.0 / 3.0).min(2.0),
+            sub_cones: (6.0 * less.powf(0.3) * more.powf(0.25)).round().max(3.0) as u32,
+            coarsest_level: match cost {
+                c if c > 6.0 => 1,
+                c if c > 1.5 => 2,
+                _ => 3,
+            },
+            ..LightSettings::DEFAULT
+        },
+        ..Quality::FULL
+    }
+}
+
+/// Numbers of the bindings of [`ConeLight::grid`].
+const GRID_BINDINGS: [u32; 2] = [37, 38];
+
+/// Optical thickness of a voxel past which nothing comes through.
+const DARK: f64 = 40.0;
+
+/// Steps of all of a place's sub-cones, at most: Mesa's software driver silently ends a thread's loops
+/// after 65,535 rounds of all of them together.
+const MOST_ROUNDS: u32 = 60_000;
+
+/// Prefiltered extinction on the card.
+struct Medium {
+    grid: Grid,
+    cells: wgpu::Buffer,
+    levels: [Level; LEVELS],
+    count: usize,
+}
+
+impl Medium {
+    /// `extinction` is that of a voxel, per millimetre.
+    fn new(
+        gpu: &Gpu,
+        grid: &Grid,
+        extinction: impl Fn([usize; 3]) -> f64 + Sync,
+    ) -> Result<Self, RenderError> {
+        let coarser = pyramid::levels(grid.dims(), grid.spacing_mm(), extinction);
+        let mut levels = [Level::default(); LEVELS];
+        let mut cells: Vec<f32> = Vec::new();
+        let count = (coarser.len() + 1).min(LEVELS);
+        // Level 0 is the medium itself.
+        for (info, level) in levels.iter_mut().skip(1).zip(&coarser) {
+            *info = Level {
+                dims: level.dims.map(|d| d as u32),
+                start: cells.len() as u32,
+                scale: level.voxels.map(|v| 1.0 / v as f32),
+                pad: 0,
+            };
+            cells.extend_from_slice(&level.extinction);
+        }
+        if cells.is_empty() {
+            cells.push(0.0);
+        }
+        gpu.check_size("prefiltered extinction", 4 * cells.len() as u64)?;
+        let cells = gpu.storage("Medium::cells", bytemuck::cast_slice(&cells));
+        gpu.check()?;
+        Ok(Self { grid: grid.clone(), cells, levels, count })
+    }
+
+    /// The uniform, and what is other than asked for, in words.
+    fn light(&self, camera: &Camera, reference_mm: f64, settings: &LightSettings) -> (Cones, Vec<String>) {
+        let asked = ConeSettings {
+            aperture_deg: settings.aperture_deg,
+            sub_cones: settings.sub_cones,
+            coarsest_level: settings.coarsest_level.min(self.count as u32 - 1),
+            cone_step: settings.cone_step,
+        };
+        let ConesUsed { settings, mut notes } = asked.within(LightSettings::MOST_SUB_CONES);
+        let voxel_mm = self.grid.spacing_mm().min_element();
+        let corners = self.grid.corners_mm();
+        let longest_mm = (0..4).map(|i| corners[i].distance(corners[7 - i])).fold(0.0, f64::max);
+        // Each has a round of its own, one for each plane, and what rounding may add.
+        let rounds = MOST_ROUNDS / settings.sub_cones - MOST_CLIP_PLANES as u32 - 3;
+        let step = settings.cone_step;
+        let mut settings = settings;
+        while settings.samples(longest_mm, voxel_mm, settings.coarsest_level) > rounds {
+            settings.cone_step *= 1.1;
+        }
+        if settings.cone_step > step {
+            notes.push(format!("cone step {step}: {:.3} is used, {rounds} a sub-cone", settings.cone_step));
+        }
+        let mut axes = [[0.0; 4]; 128];
+        for (to, axis) in axes.iter_mut().zip(sub_cones(&settings)) {
+            *to = [axis[0] as f32, axis[1] as f32, axis[2] as f32, 0.0];
+        }
+        let [corner, right, up, forward] = index_axes(camera, reference_mm, &self.grid);
+        let light = Cones {
+            right,
+            up,
+            forward,
+            corner,
+            tangent: settings.sub_tangent() as f32,
+            cone_step: settings.cone_step as f32,
+            coarsest: settings.coarsest_level as f32,
+            voxel_mm: voxel_mm as f32,
+            dims: self.grid.dims().map(|d| d as u32),
+            count: settings.sub_cones,
+            dark: (DARK / voxel_mm) as f32,
+            rounds: rounds + 2,
+            unused_a: 0,
+            unused_b: 0,
+            levels: self.levels,
+            axes,
+        };
+        (light, notes)
+    }
+}
+
+struct ImageLight {
+    volume: Arc<ContextVolume>,
+    transfer: Arc<TransferFunction>,
+    tumor: Option<Arc<RegionVolume>>,
+    medium: Medium,
+    side_mm: f64,
+    /// Whether every cell is found: tubes may run anywhere, and
+    /// arrows past the masks' box.
+    everywhere: bool,
+    cells: Cells,
+    needed: wgpu::Buffer,
+    needed_count: u32,
+    light: wgpu::Buffer,
+    work: LightWork,
+}
+
+struct MaskLight {
+    tumor: Option<Arc<RegionVolume>>,
+    selection: Selection,
+    medium: Medium,
+}
+
+/// Bytes from one part's uniform to the next, and of it.
+const STRIDE: usize = 256;
+const PART_BYTES: u64 = size_of::<LightPart>() as u64;
+
+/// Cells of a dispatch where the processor draws: so few that a window needn't wait for them (docs/performance.md). A
+/// graphics card takes all at once.
+const CELLS_AT_ONCE: u32 = 1024;
+/// The most dispatches; then they take more cells.
+const MOST_PARTS: u32 = 4096;
+
+/// The uniforms of the parts that so many cells are found in, and their dispatches; one where there are none.
+pub(super) fn parts_of(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
+    let at_once = if is_software { CELLS_AT_ONCE.max(cells.div_ceil(MOST_PARTS)) } else { cells.max(1) };
+    let at_once = at_once.next_multiple_of(64);
+    let (mut bytes, mut steps) = (Vec::new(), Vec::new());
+    for first in (0..cells.max(1)).step_by(at_once as usize) {
+        let groups = (cells.max(1) - first).min(at_once).div_ceil(64);
+        let across = groups.min(4096);
+        let workgroups = [across, groups.div_ceil(across), 1];
+        steps.push(Dispatch { pipeline: 0, offset: bytes.len() as u32, workgroups });
+        bytes.extend_from_slice(bytemuck::bytes_of(&LightPart { first, ..LightPart::default() }));
+        bytes.resize(steps.len() * STRIDE, 0);
+    }
+    (bytes, steps)
+}
+
+/// The passes on the device.
+struct ConeLight {
+    image_layout: wgpu::BindGroupLayout,
+    /// With and without gradients.
+    image_pipelines: Vec<(f64, wgpu::ComputePipeline)>,
+    image_uniform: wgpu::Buffer,
+    mask_uniform: wgpu::Buffer,
+    grid_uniform: wgpu::Buffer,
+    nothing: wgpu::Buffer,
+    image: Option<ImageLight>,
+    masks: Option<MaskLight>,
+    vicinity: VicinityLight,
+}
+
+impl Light for ConeLight {
+    fn bind(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        plan: &Plan,
+        scene: &LitScene<'_>,
+    ) -> Result<Vec<String>, RenderError> {
+        self.vicinity.write(gpu, &scene.quality.lighting, false);
+        let mut notes = Vec::new();
+        if plan.has(LIGHT_GRID) {
+            notes = self.bind_image(gpu, passes, scene)?;
+        } else {
+            self.image = None;
+        }
+        if plan.has(SOLID_CONES) {
+            let of_masks = self.bind_masks(gpu, passes, plan, scene)?;
+            notes.extend(of_masks.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
+        } else {
+            self.masks = None;
+        }
+        if plan.has(VICINITY) {
+            self.vicinity.bind(gpu, passes, scene, None)?;
+        }
+        Ok(notes)
+    }
+
+    fn lit_march(&self) -> Option<LitMarch<'_>> {
+        let grid = self.grid()?;
+        let entries = grid.into_iter().zip(GRID_BINDINGS).map(|(b, n)| (n, b.as_entire_binding())).collect();
+        Some(LitMarch { shader: "cones/march", entries })
+    }
+
+    fn work(&self) -> Option<LightWork> {
+        self.image.as_ref().map(|image| image.work)
+    }
+
+    #[cfg(test)]
+    fn probe(&self) -> super::lit::Probe<'_> {
+        super::lit::Probe { grid: self.grid(), ..Default::default() }
+    }
+}
+
+impl ConeLight {
+    fn new(gpu: &Gpu) -> Self {
+        use BindingKind::{Read, Uniform, UniformAtOffset, Write};
+        let kinds = [
+            (0, Uniform),
+            (4, Read),
+            (11, Uniform),
+            (12, Read),
+            (13, Read),
+            (14, Read),
+            (15, Read),
+            (26, Uniform),
+            (27, Read),
+            (30, Read),
+            (37, Write),
+            (38, Uniform),
+            (39, UniformAtOffset(PART_BYTES)),
+        ];
+        Self {
+            image_layout: bind_group_layout(gpu, "ConeLight::image_layout", &kinds),
+            image_pipelines: Vec::new(),
+            image_uniform: gpu.uniform::<Cones>("ConeLight::image_uniform"),
+            mask_uniform: gpu.uniform::<Cones>("ConeLight::mask_uniform"),
+            grid_uniform: gpu.uniform::<LightGrid>("ConeLight::grid_uniform"),
+            nothing: gpu.buffer("ConeLight::nothing", 16, WRITTEN),
+            image: None,
+            masks: None,
+            vicinity: VicinityLight::new(gpu),
+        }
+    }
+
+    /// The grid of light about the image, and its uniform.
+    fn grid(&self) -> Option<[&wgpu::Buffer; 2]> {
+        self.image.as_ref().map(|image| [&image.light, &self.grid_uniform])
+    }
+
+    fn bind_image(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        scene: &LitScene<'_>,
+    ) -> Result<Vec<String>, RenderError> {
+        let settings = &scene.quality.lighting;
+        let everywhere = scene.opaque == Opaque::Anywhere;
+        let Some(image) = scene.image else { return Ok(Vec::new()) };
+        let LitImage { buffers, volume, transfer, .. } = image;
+        let kept = self.image.take().filter(|held| {
+            Arc::ptr_eq(&held.volume, volume)
+                && (Arc::ptr_eq(&held.transfer, transfer) || held.transfer == *transfer)
+        });
+        let mut held = match kept {
+            Some(held)
+                if held.side_mm == settings.cell_mm
+                    && held.everywhere == everywhere
+                    && same(held.tumor.as_ref(), scene.tumor) =>
+            {
+                held
+            }
+            kept => {
+                let medium = match kept {
+                    Some(held) => held.medium,
+                    None => image_medium(gpu, buffers, volume)?,
+                };
+                let cells = Cells::new(&medium.grid, settings.cell_mm);
+                let shape = buffers.shape();
+                let needed: Vec<u32> = if everywhere {
+                    (0..cells.count() as u32).collect()
+                } else {
+                    let (dims, bits) = (shape.brick_dims, buffers.visible_bits());
+                    cells.needed(&medium.grid, BRICK, dims, bits, scene.tumor.map(|t| &**t))
+                };
+                let needed_count = needed.len() as u32;
+                let listed = if needed.is_empty() { vec![0] } else { needed };
+                gpu.check_size("cells of light", 8 * cells.count() as u64)?;
+                let light = gpu.buffer("ImageLight::light", 8 * cells.count() as u64, WRITTEN);
+                ImageLight {
+                    volume: Arc::clone(volume),
+                    transfer: Arc::clone(transfer),
+                    tumor: scene.tumor.cloned(),
+                    medium,
+                    side_mm: settings.cell_mm,
+                    everywhere,
+                    cells,
+                    needed: gpu.storage("ImageLight::needed", bytemuck::cast_slice(&listed)),
+                    needed_count,
+                    light,
+                    work: LightWork::default(),
+                }
+            }
+        };
+        let (light, notes) = held.medium.light(scene.camera, scene.reference_mm, settings);
+        // Numbers of cells, and two lights of each.
+        let cells_bytes = (4 + 8) * u64::from(held.needed_count);
+        held.work = LightWork {
+            slices: 0,
+            samples: u64::from(held.needed_count) * u64::from(light.count),
+            bytes: cells_bytes + held.medium.cells.size() + buffers.values().size(),
+        };
+        gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&light));
+        let strength = scene.quality.strength();
+        let grid = LightGrid { strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };
+        gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
+        let pipeline = self.image_pipeline(gpu, buffers.tables().gradient_counts())?;
+        let entries = [
+            (0, scene.view.as_entire_binding()),
+            (4, scene.depths.as_entire_binding()),
+            (26, self.image_uniform.as_entire_binding()),
+            (27, held.medium.cells.as_entire_binding()),
+            (37, held.light.as_entire_binding()),
+            (38, self.grid_uniform.as_entire_binding()),
+            (30, held.needed.as_entire_binding()),
+        ];
+        let (firsts, steps) = parts_of(held.needed_count, gpu.is_software());
+        let parts = gpu.buffer_with("ConeLight::parts", &firsts, wgpu::BufferUsages::UNIFORM);
+        let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: &parts,
+            offset: 0,
+            size: wgpu::BufferSize::new(PART_BYTES),
+        });
+        let entries = [&entries[..], &image.entries(), &[(39, part)]].concat();
+        passes.bind_steps(gpu, LIGHT_GRID, &self.image_layout, &entries, (vec![pipeline], steps));
+        self.image = Some(held);
+        Ok(notes)
+    }
+
+    /// Made when a scene first needs it.
+    fn image_pipeline(
+        &mut self,
+        gpu: &Gpu,
+        gradient_counts: (&'static str, f64),
+    ) -> Result<wgpu::ComputePipeline, RenderError> {
+        if let Some((_, made)) = self.image_pipelines.iter().find(|(with, _)| *with == gradient_counts.1) {
+            return Ok(made.clone());
+        }
+        let made = compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &[gradient_counts])?;
+        gpu.check()?;
+        self.image_pipelines.push((gradient_counts.1, made.clone()));
+        Ok(made)
+    }
+
+    fn bind_masks(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        plan: &Plan,
+        scene: &LitScene<'_>,
+    ) -> Result<Vec<String>, RenderError> {
+        let settings = &scene.quality.lighting;
+        let held = self
+            .masks
+            .take()
+            .filter(|held| same(held.tumor.as_ref(), scene.tumor) && held.selection == *scene.selection);
+        let held = match held {
+            Some(held) => held,
+            None => MaskLight {
+                tumor: scene.tumor.cloned(),
+                selection: scene.selection.clone(),
+                medium: mask_medium(gpu, scene)?,
+            },
+        };
+        let (light, notes) = held.medium.light(scene.camera, scene.reference_mm, settings);
+        gpu.queue.write_buffer(&self.mask_uniform, 0, bytemuck::bytes_of(&light));
+        let lit = self.image.as_ref().filter(|_| plan.has(LIGHT_GRID));
+        // At the voxels themselves a sub-cone is a ray.
+        let exact = f64::from(u8::from(settings.coarsest_level == 0));
+        let [bricks, words] = scene.bricks.unwrap_or([&self.nothing; 2]);
+        let entries = [
+            (0, scene.view.as_entire_binding()),
+            (1, bricks.as_entire_binding()),
+            (2, words.as_entire_binding()),
+            (3, scene.colors.as_entire_binding()),
+            (4, scene.depths.as_entire_binding()),
+            (5, scene.surfaces.as_entire_binding()),
+            (8, scene.blurred.as_entire_binding()),
+            (26, self.mask_uniform.as_entire_binding()),
+            (27, held.medium.cells.as_entire_binding()),
+            (37, lit.map_or(&self.nothing, |image| &image.light).as_entire_binding()),
+            (36, self.vicinity.uniform().as_entire_binding()),
+            (38, self.grid_uniform.as_entire_binding()),
+        ];
+        let shader = Shader { file: "cones/opaque", constants: &[("exact", exact)] };
+        passes.bind(gpu, SOLID_CONES, shader, &entries, workgroups_of(scene.size))?;
+        self.masks = Some(held);
+        Ok(notes)
+    }
+}
+
+/// The regions shown, opaque. One empty voxel where there are no masks.
+fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
+    let Some(tumor) = scene.tumor else {
+        let grid = Grid::axis_aligned([1; 3], DVec3::ONE, scene.camera.focus_mm)
+            .map_err(|e| RenderError::Scene(e.to_string()))?;
+        return Medium::new(gpu, &grid, |_| 0.0);
+    };
+    let grid = tumor.grid();
+    let shown: Vec<bool> = tumor.bits_of_id().iter().map(|&bits| scene.selection.shows(bits)).collect();
+    let dark = DARK / grid.spacing_mm().min_element();
+    Medium::new(gpu, grid, |cell| {
+        let id = tumor.id(grid.linear(cell)) as usize;
+        if shown.get(id).copied().unwrap_or(false) { dark } else { 0.0 }
+    })
+}
+
+fn image_medium(gpu: &Gpu, buffers: &ImageBuffers, volume: &ContextVolume) -> Result<Medium, RenderError> {
+    let limit = gpu.storage_limit();
+    let Some(field) = Field::fitting(volume, limit) else {
+        return Err(RenderError::Volume { found: volume.grid().voxel_count() as u64 * 4, limit });
+    };
+    let tables = buffers.tables();
+    Medium::new(gpu, &field.grid, |cell| tables.extinction_at(&field, cell))
+}
+
+fn grid_uniform(held: &ImageLight, camera: &Camera, reference_mm: f64) -> LightGrid {
+    let grid = &held.medium.grid;
+    let [corner, right, up, forward] = index_axes(camera, reference_mm, grid);
+    // Camera space of index space (0, 0, 0), and of one voxel along each axis.
+    let world = grid.world_from_voxel();
+    let place = |index: DVec3| in_camera_space(camera, reference_mm, world.transform_point3(index - 0.5));
+    let zero = place(DVec3::ZERO);
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| place(axis) - zero);
+    let row = |n: usize| [axes[0][n] as f32, axes[1][n] as f32, axes[2][n] as f32, zero[n] as f32];
+    LightGrid {
+        cells: held.cells.dims.map(|d| d as u32),
+        needed: held.needed_count,
+        scale: held.cells.voxels.map(|v| 1.0 / v as f32),
+        corner,
+        right,
+        up,
+        forward,
+        right_from_index: row(0),
+        up_from_index: row(1),
+        depth_from_index: row(2),
+        ..LightGrid::default()
+    }
+}

@@ -1,0 +1,84 @@
+//! What the shaders of this light read, laid out as they read it. A test compares every offset with naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+/// `Level` of lib/cones.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Level {
+    pub dims: [u32; 3],
+    pub start: u32,
+    pub scale: [f32; 3],
+    pub pad: u32,
+}
+
+/// Levels that the shaders know: 2^15 voxels a side are past any buffer.
+pub(crate) const LEVELS: usize = 16;
+
+/// `Cones` of lib/cones.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Cones {
+    pub right: [f32; 3],
+    pub tangent: f32,
+    pub up: [f32; 3],
+    pub cone_step: f32,
+    pub forward: [f32; 3],
+    pub coarsest: f32,
+    pub corner: [f32; 3],
+    pub voxel_mm: f32,
+    pub dims: [u32; 3],
+    pub count: u32,
+    pub dark: f32,
+    pub rounds: u32,
+    pub unused_a: u32,
+    pub unused_b: u32,
+    pub levels: [Level; LEVELS],
+    pub axes: [[f32; 4]; 128],
+}
+
+/// `LightGrid` of lib/light_grid.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct LightGrid {
+    pub cells: [u32; 3],
+    pub needed: u32,
+    pub scale: [f32; 3],
+    pub strength: f32,
+    pub corner: [f32; 3],
+    pub pad1: u32,
+    pub right: [f32; 3],
+    pub pad2: u32,
+    pub up: [f32; 3],
+    pub pad3: u32,
+    pub forward: [f32; 3],
+    pub pad4: u32,
+    pub right_from_index: [f32; 4],
+    pub up_from_index: [f32; 4],
+    pub depth_from_index: [f32; 4],
+}
+
+/// `LightPart` of cones/image.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct LightPart {
+    pub first: u32,
+    pub unused_a: u32,
+    pub unused_b: u32,
+    pub unused_c: u32,
+}
+
+/// For the test of layouts.
+#[cfg(test)]
+pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
+    crate::layouts::layout!(Level, "Level": dims, start, scale, pad),
+    crate::layouts::layout!(
+        Cones, "Cones": right, tangent, up, cone_step, forward, coarsest, corner, voxel_mm, dims, count, dark, rounds,
+        unused_a, unused_b, levels, axes
+    ),
+    crate::layouts::layout!(
+        LightGrid, "LightGrid": cells, needed, scale, strength, corner, pad1, right, pad2, up, pad3, forward, pad4,
+        right_from_index, up_from_index, depth_from_index
+    ),
+    crate::layouts::layout!(LightPart, "LightPart": first, unused_a, unused_b, unused_c),
+];

@@ -1,0 +1,183 @@
+//! How the 3D views find light: one row per lighting mode, one folder per row. All fill the same buffers, so that the
+//! composing passes don't know which it was. [`suite`] holds the tests that every row inherits.
+
+pub(crate) mod cones;
+pub(crate) mod lit;
+pub(crate) mod screen;
+pub(crate) mod slices;
+#[cfg(test)]
+pub(crate) mod suite;
+pub(crate) mod vicinity;
+
+use strum::VariantArray;
+
+pub use lit::{LightRow, LightWork};
+
+use crate::{
+    device::{Gpu, PassName, RenderError, runner::PassRunner},
+    scene::{LightSettings, LightingMode, Plan, Preset, Quality},
+};
+use lit::{Light, LitKind, LitMarch, LitScene};
+
+/// A row per [`LightingMode`], in its order, which is that of menus.
+pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] = [screen::ROW, slices::ROW, cones::ROW];
+
+const _: () = {
+    let mut at = 0;
+    while at < LIGHTS.len() {
+        assert!(LIGHTS[at].mode as usize == at, "rows stand in the order of LightingMode");
+        at += 1;
+    }
+};
+
+/// Cost of [`Preset::Draft`], of balanced's.
+const DRAFT_COST: f64 = 1.0 / 8.0;
+
+/// The reason that a view which has no image gives.
+pub(crate) const NO_IMAGE: &str = "opaque foreground without context";
+
+/// The row of a mode.
+pub fn row(mode: LightingMode) -> &'static LightRow {
+    const ROWS: &[LightRow] = &LIGHTS;
+    &ROWS[mode as usize]
+}
+
+/// The passes of a mode for a kind of scene, in order.
+pub(crate) fn passes(mode: LightingMode, kind: LitKind) -> &'static [PassName] {
+    (row(mode).passes)(kind)
+}
+
+/// Why `pass` of the quality's light is left out, where `no_opaque` and `no_image` say why there is no opaque geometry
+/// or no image; `None` for those that run, and for passes that are none of light.
+pub(crate) fn left_out(
+    pass: PassName,
+    quality: &Quality,
+    no_opaque: Option<&'static str>,
+    no_image: Option<&'static str>,
+) -> Option<&'static str> {
+    (row(quality.lighting.mode).left_out)(pass, quality, no_opaque, no_image)
+}
+
+/// Flags of the view's uniform that the light's passes of `plan` stand for.
+pub(crate) fn flags(mode: LightingMode, plan: &Plan) -> u32 {
+    row(mode).flags.iter().filter(|(pass, _)| plan.has(*pass)).fold(0, |all, (_, flag)| all | flag)
+}
+
+/// The quality that takes about `cost` times as long as [`Preset::Balanced`], within what there is: one path through
+/// the knobs, along which error falls as time rises (docs/accuracy.md). By cones, costs above 4 take up to three times
+/// that.
+pub fn at_cost(mode: LightingMode, cost: f64) -> Quality {
+    let row = row(mode);
+    let cost = if cost.is_finite() { cost.clamp(1e-3, row.most_cost) } else { 1.0 };
+    let mut quality = (row.at_cost)(cost);
+    quality.lighting.mode = mode;
+    quality.cost = (!row.measured.is_empty()).then_some(cost);
+    quality
+}
+
+/// A fixed preset of a lighting mode.
+pub fn preset(mode: LightingMode, preset: Preset) -> Quality {
+    match preset {
+        Preset::Draft => at_cost(mode, DRAFT_COST),
+        Preset::Balanced => at_cost(mode, 1.0),
+        Preset::Reference => at_cost(mode, row(mode).most_cost),
+    }
+}
+
+/// What the light of a view is off by, on the head phantom's opaque surfaces and in its tissue: root mean
+/// square of linear radiance against Monte Carlo, between what was measured along the path
+/// (docs/accuracy.md). `None` for screen-space light, which is another model, and where knobs were set by hand.
+pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
+    let is_default = quality.lighting.aperture_deg == LightSettings::DEFAULT.aperture_deg;
+    let cost = quality.cost.filter(|_| is_default)?;
+    let measured = row(quality.lighting.mode).measured;
+    let after = measured.iter().position(|(c, _)| *c >= cost).unwrap_or(measured.len().checked_sub(1)?);
+    let [(c0, e0), (c1, e1)] = [after.saturating_sub(1), after].map(|i| measured[i]);
+    let share = if c1 > c0 { ((cost / c0).ln() / (c1 / c0).ln()).clamp(0.0, 1.0) } else { 1.0 };
+    Some(std::array::from_fn(|scene| e0[scene] * (e1[scene] / e0[scene]).powf(share)))
+}
+
+/// The light of a renderer: that of the mode last asked for.
+#[derive(Default)]
+pub(crate) struct LightPasses {
+    light: Option<(LightingMode, Box<dyn Light>)>,
+    /// For tests: see [`Light::run_everywhere`].
+    #[cfg(test)]
+    pub everywhere: bool,
+}
+
+impl LightPasses {
+    /// See [`Light::bind`]. A plan without any of its passes lets go of what they hold.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn bind(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        plan: &Plan,
+        scene: &LitScene<'_>,
+    ) -> Result<Vec<String>, RenderError> {
+        let mode = scene.quality.lighting.mode;
+        let row = row(mode);
+        let kept = self.light.take().filter(|(held, _)| *held == mode);
+        let (_, light) = self.light.insert(kept.unwrap_or_else(|| (mode, (row.start)(gpu))));
+        #[cfg(test)]
+        if self.everywhere {
+            light.run_everywhere();
+        }
+        light.bind(gpu, passes, plan, scene)
+    }
+
+    /// See [`Light::lit_march`].
+    pub fn lit_march(&self) -> Option<LitMarch<'_>> {
+        self.light.as_ref()?.1.lit_march()
+    }
+
+    /// See [`Light::work`].
+    pub fn work(&self) -> Option<LightWork> {
+        self.light.as_ref()?.1.work()
+    }
+
+    /// See [`Light::probe`].
+    #[cfg(test)]
+    pub fn probe(&self) -> lit::Probe<'_> {
+        self.light.as_ref().map(|(_, light)| light.probe()).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn presets_are_on_the_path_and_the_expected_error_falls() {
+        for row in LIGHTS.iter().filter(|row| !row.measured.is_empty()) {
+            let errors = Preset::VARIANTS.iter().map(|p| expected_error(&preset(row.mode, *p)).unwrap());
+            let errors: Vec<[f64; 2]> = errors.collect();
+            for scene in [0, 1] {
+                assert!(errors.windows(2).all(|pair| pair[0][scene] > pair[1][scene]), "{errors:?}");
+            }
+            assert_eq!(preset(row.mode, Preset::Balanced), at_cost(row.mode, 1.0));
+            // Knobs of one's own have no place on the path.
+            let mut own = preset(row.mode, Preset::Balanced);
+            own.lighting.aperture_deg = 30.0;
+            assert_eq!(expected_error(&own), None);
+        }
+        let screen = preset(LightingMode::ScreenSpace, Preset::Reference);
+        assert_eq!((screen, expected_error(&screen)), (Quality::FULL, None));
+    }
+
+    #[test]
+    fn every_cost_has_knobs_within_their_ranges() {
+        for &mode in LightingMode::VARIANTS {
+            for cost in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-9, 0.01, 0.3, 1.0, 3.0, 5.0, 1e9] {
+                let Quality { resolution_scale, context_step_mm, lighting: l, .. } = at_cost(mode, cost);
+                assert!((0.2..=1.0).contains(&resolution_scale), "{mode:?} {cost}: {resolution_scale}");
+                assert!((0.25..=4.0).contains(&context_step_mm) && (0.4..=8.0).contains(&l.slice_mm));
+                assert!((1..=LightSettings::MOST_SUB_CONES).contains(&l.sub_cones) && l.cell_mm >= 1.0);
+                assert!((1..=LightSettings::MOST_VICINITY).contains(&l.vicinity_samples));
+            }
+        }
+    }
+}

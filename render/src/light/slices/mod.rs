@@ -1,0 +1,483 @@
+//! Light by slices (directional occlusion, Schott et al. 2009, and its combination with opaque geometry, 2012): draws
+//! the image, and finds what it lets through to opaque surfaces, which vicinity occlusion darkens besides.
+//!
+//! Lifetimes: pipelines are made when a variant is first drawn; buffers (40 bytes per pixel, with opaque geometry 48)
+//! once per size; the uniforms of the steps, 256 bytes for each of their rectangles, once per frame.
+
+#[cfg(test)]
+pub(crate) mod medium_twin;
+pub(crate) mod plan;
+#[cfg(test)]
+mod plan_tests;
+mod reach;
+#[cfg(test)]
+mod reach_tests;
+#[cfg(test)]
+pub(crate) mod twin;
+#[cfg(test)]
+mod twin_tests;
+pub(crate) mod uniforms;
+
+use glioscope_core::optics::{Sight, cone::Decay};
+
+use self::{
+    plan::{Kernel, SlicePlan, SliceSettings, Step, disc_points},
+    reach::{Rect, ScreenBounds, SolidParts, StepReach, reach},
+};
+use super::{
+    lit::{Light, LightRow, LightWork, LitImage, LitKind, LitScene, Measured, Opaque},
+    vicinity::{self, VICINITY, VicinityLight},
+};
+use crate::{
+    device::{
+        Gpu, PassName, RenderError,
+        buffers::WRITTEN,
+        pipelines::{BindingKind, bind_group_layout, compute_pipeline},
+        runner::{Dispatch, PassRunner, workgroups_of},
+    },
+    scene::{LightSettings, LightingMode, Plan, Quality, SliceVariant},
+    solid::view::{HAS_CONTEXT, HAS_OCCLUSION, LINEAR_LIGHT},
+};
+
+/// The context image by slices, with directional occlusion.
+pub(crate) const SLICES: PassName = PassName::new("slices");
+/// Hands the slices' picture on.
+pub(crate) const SLICES_FINISH: PassName = PassName::new("slices_finish");
+
+pub(super) const ROW: LightRow = LightRow {
+    mode: LightingMode::Slices,
+    title: "Directional occlusion (slices)",
+    summary: "Soft shadows of tissue on tissue and on the tumour; light comes from the eye",
+    takes_long: true,
+    has_aperture: true,
+    most_cost: MOST_COST,
+    first_cost: 0.02,
+    passes: |kind| match kind {
+        LitKind::Image => &[SLICES, SLICES_FINISH, VICINITY],
+        LitKind::Masks | LitKind::Depths => &[SLICES, VICINITY],
+    },
+    left_out: |pass, quality, no_opaque, no_image| match pass {
+        SLICES | SLICES_FINISH => no_image,
+        VICINITY => vicinity::left_out(quality, no_opaque, no_image),
+        _ => None,
+    },
+    flags: &[(VICINITY, HAS_OCCLUSION), (SLICES, HAS_CONTEXT | LINEAR_LIGHT)],
+    image_pass: Some(SLICES),
+    reads_arrows: |quality| {
+        if quality.lighting.mutual.opaque_on_image { &[VICINITY, SLICES] } else { &[VICINITY] }
+    },
+    at_cost,
+    measured: MEASURED,
+    #[cfg(test)]
+    suite: super::lit::Suite {
+        layouts: uniforms::LAYOUTS,
+        variants: &[SliceVariant::PaperExact, SliceVariant::PaperApproximate, SliceVariant::Mended],
+        off_twin: twin_tests::off_twin,
+    },
+    start: |gpu| Box::new(SliceLight::new(gpu)),
+};
+
+/// Cost of the reference: slices thinner than its 0.7 mm gain nothing.
+const MOST_COST: f64 = 1.0 / 0.7;
+
+/// `bench accuracy --only view` on 2026-11-26, head phantom T1c, transfer functions MR surface and MR tissue; held
+/// against docs/accuracy.md by a test.
+const MEASURED: Measured = &[
+    (0.004, [0.0926, 0.0436]),
+    (0.015, [0.0220, 0.0337]),
+    (0.03, [0.0156, 0.0342]),
+    (0.06, [0.0140, 0.0330]),
+    (0.125, [0.0128, 0.0336]),
+    (0.25, [0.0123, 0.0329]),
+    (0.5, [0.0113, 0.0305]),
+    (1.0, [0.0113, 0.0310]),
+    (MOST_COST, [0.0107, 0.0307]),
+];
+
+/// Thicker slices lose opaque surfaces: as long as there are pixels to spare, these go first. More points in a
+/// footprint bring nothing.
+fn at_cost(cost: f64) -> Quality {
+    // Down from balanced, up from it.
+    let (less, more) = (cost.min(1.0), cost.max(1.0));
+    let without_pixels = (less / 0.018).min(1.0);
+    Quality {
+        resolution_scale: less.powf(0.4).max(0.2),
+        lighting: LightSettings {
+            slice_mm: (less.powf(-0.13) * without_pixels.powf(-0.53)).min(6.0) / more,
+            vicinity_samples: (64.0 * less.powf(0.4) * more.powf(1.72)).round().clamp(12.0, 118.0) as u32,
+            ..LightSettings::DEFAULT
+        },
+        ..Quality::FULL
+    }
+}
+
+/// What the slices are asked for.
+pub(crate) fn slice_settings(settings: &LightSettings) -> SliceSettings {
+    SliceSettings {
+        variant: settings.variant,
+        aperture_deg: settings.aperture_deg,
+        grid: settings.slice_grid,
+        slice_mm: settings.slice_mm,
+        reference_mm: settings.reference_mm,
+    }
+}
+
+/// Ranges in order, those that touch as one.
+pub(super) fn joined(mut all: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut out: Vec<(f64, f64)> = Vec::new();
+    for (near, far) in all {
+        match out.last_mut() {
+            Some(last) if near <= last.1 => last.1 = last.1.max(far),
+            _ => out.push((near, far)),
+        }
+    }
+    out
+}
+
+/// Bytes from one step's uniform to the next.
+const STRIDE: u64 = 256;
+
+/// What a pipeline is made for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Wanted {
+    /// See slices/begin: what comes before the steps.
+    begins: bool,
+    variant: SliceVariant,
+    solid: bool,
+    /// Whether two lights are kept, be there something solid or not.
+    two_lights: bool,
+    one_slice: bool,
+    /// Whether what is solid leaves the image its light.
+    lets_through: bool,
+    /// Whether the eye's rays end elsewhere than at what is solid.
+    apart: bool,
+    gradient: bool,
+    first: bool,
+    empty: bool,
+}
+
+struct Buffers {
+    size: [u32; 2],
+    lights_a_pixel: u64,
+    lights: wgpu::Buffer,
+    eye: wgpu::Buffer,
+    notes: wgpu::Buffer,
+}
+
+impl Buffers {
+    fn new(gpu: &Gpu, size: [u32; 2], lights_a_pixel: u64) -> Self {
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let buffer = |label, bytes: u64| gpu.buffer(label, bytes, WRITTEN);
+        Self {
+            size,
+            lights_a_pixel,
+            lights: buffer("SliceLight::lights", 8 * pixels * (lights_a_pixel + 1)),
+            eye: buffer("SliceLight::eye", 16 * pixels),
+            notes: buffer("SliceLight::notes", 8 * pixels),
+        }
+    }
+}
+
+/// The passes on the device.
+struct SliceLight {
+    layout: wgpu::BindGroupLayout,
+    pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
+    slices: wgpu::Buffer,
+    buffers: Option<Buffers>,
+    vicinity: VicinityLight,
+    work: Option<LightWork>,
+    /// For tests: every step is taken for the whole picture, as if opaque geometry were anywhere.
+    everywhere: bool,
+}
+
+impl Light for SliceLight {
+    fn bind(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        plan: &Plan,
+        scene: &LitScene<'_>,
+    ) -> Result<Vec<String>, RenderError> {
+        let mut notes = Vec::new();
+        (self.work, self.buffers) = (None, self.buffers.take().filter(|_| plan.has(SLICES)));
+        if let Some(image) = scene.image.filter(|_| plan.has(SLICES)) {
+            notes = self.bind_slices(gpu, passes, scene, &image)?;
+        }
+        if plan.has(VICINITY) {
+            let through = self.buffers.as_ref().map(|b| &b.notes);
+            self.vicinity.bind(gpu, passes, scene, through)?;
+        }
+        Ok(notes)
+    }
+
+    fn work(&self) -> Option<LightWork> {
+        self.work
+    }
+
+    #[cfg(test)]
+    fn probe(&self) -> super::lit::Probe<'_> {
+        let buffers = self.buffers.as_ref();
+        super::lit::Probe {
+            notes: buffers.map(|b| &b.notes),
+            carried: buffers.map(|b| &b.lights),
+            eye: buffers.map(|b| &b.eye),
+            grid: None,
+        }
+    }
+
+    #[cfg(test)]
+    fn run_everywhere(&mut self) {
+        self.everywhere = true;
+    }
+}
+
+impl SliceLight {
+    fn new(gpu: &Gpu) -> Self {
+        use BindingKind::{Read, Uniform, UniformAtOffset, Write};
+        let part = UniformAtOffset(2 * size_of::<uniforms::Part>() as u64);
+        let kinds = [
+            (0, Uniform),
+            (4, Read),
+            (11, Uniform),
+            (12, Read),
+            (13, Read),
+            (14, Read),
+            (15, Read),
+            (31, Uniform),
+            (32, part),
+            (33, Write),
+            (34, Write),
+            (35, Write),
+        ];
+        Self {
+            layout: bind_group_layout(gpu, "SliceLight::layout", &kinds),
+            pipelines: Vec::new(),
+            slices: gpu.uniform::<uniforms::Slices>("SliceLight::slices"),
+            buffers: None,
+            vicinity: VicinityLight::new(gpu),
+            work: None,
+            everywhere: false,
+        }
+    }
+
+    /// Binds the steps of a frame, and what hands them on. Returns what is other than asked for.
+    ///
+    /// # Errors
+    /// [`RenderError`]; nothing is bound then.
+    fn bind_slices(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        scene: &LitScene<'_>,
+        image: &LitImage<'_>,
+    ) -> Result<Vec<String>, RenderError> {
+        let settings = &scene.quality.lighting;
+        let apart = scene.ends_apart;
+        let opaque = scene.opaque != Opaque::Nowhere;
+        let lights_a_pixel = if opaque { 2 } else { 1 };
+        if self.buffers.as_ref().is_none_or(|b| b.size != scene.size || b.lights_a_pixel != lights_a_pixel) {
+            self.buffers = None;
+            self.buffers = Some(Buffers::new(gpu, scene.size, lights_a_pixel));
+            gpu.check()?;
+        }
+        let sight = Sight::new(scene.camera, scene.size);
+        let occupied = joined(image.buffers.depths_mm(&sight).collect());
+        let whole = occupied.first().zip(occupied.last()).map(|(first, last)| (first.0, last.1));
+        let mut plan = SlicePlan::new(&slice_settings(settings), &sight, whole, &occupied);
+        if plan.steps.is_empty() {
+            // One that finds nothing: what the passes after it read is then written all the same.
+            let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
+            plan.steps.push(Step { depth_mm: scene.reference_mm, slices: 1, kernel, empty: true });
+        }
+        let mutual = &settings.mutual;
+        let solid_parts = match (scene.opaque, scene.tumor) {
+            (Opaque::Nowhere, _) => SolidParts::None,
+            (Opaque::InMasks, Some(tumor)) => ScreenBounds::of(&sight, &tumor.grid().corners_mm())
+                .map_or(SolidParts::None, SolidParts::Within),
+            _ => SolidParts::Anywhere,
+        };
+        let darkens = (mutual.opaque_on_image, mutual.image_on_image);
+        let reached = if self.everywhere {
+            vec![StepReach::everywhere(scene.size); plan.steps.len()]
+        } else {
+            let corners = image.buffers.visible_corners_mm();
+            let bricks: Vec<_> = corners.filter_map(|c| ScreenBounds::of(&sight, &c)).collect();
+            reach(&plan, &sight, &bricks, solid_parts, darkens)
+        };
+        let mut work = Work::default();
+        let begins = Wanted {
+            begins: true,
+            variant: settings.variant,
+            solid: false,
+            two_lights: opaque,
+            one_slice: false,
+            lets_through: false,
+            apart: false,
+            gradient: false,
+            first: false,
+            empty: false,
+        };
+        let whole = Rect::whole(scene.size).in_workgroups(scene.size);
+        work.add(self.pipeline(gpu, begins)?, begins, uniforms::Part::default(), whole);
+        let mended = settings.variant == SliceVariant::Mended;
+        let mut done = LightWork { slices: plan.slices(), ..LightWork::default() };
+        for (number, (step, reached)) in plan.steps.iter().zip(&reached).enumerate() {
+            let mut part = part(step, number, scene.reference_mm);
+            part.is_last = u32::from(number + 1 == plan.steps.len());
+            let among = reached.among_solid.iter().map(|rect| (rect, opaque));
+            for (rect, solid) in among.chain(reached.alike.iter().map(|rect| (rect, false))) {
+                let wanted = Wanted {
+                    begins: false,
+                    solid,
+                    one_slice: mended && step.slices == 1,
+                    lets_through: solid && !mutual.opaque_on_image,
+                    apart: solid && apart,
+                    gradient: image.buffers.tables().two_d,
+                    first: !mended && number == 0,
+                    empty: step.empty,
+                    ..begins
+                };
+                work.add(self.pipeline(gpu, wanted)?, wanted, part, *rect);
+                let range = if step.empty { 0 } else { 8 };
+                let depths = 4 * u64::from(solid) + 4 * u64::from(wanted.apart);
+                done.samples += rect.pixels() * u64::from(step.slices);
+                done.bytes += rect.pixels() * (2 * 4 * lights_a_pixel + range + depths);
+            }
+        }
+        let drawn: u64 =
+            reached.iter().flat_map(|r| r.among_solid.iter().chain(&r.alike)).map(Rect::pixels).sum();
+        let all = whole.pixels() * plan.steps.len() as u64;
+        if drawn < all {
+            let share = 100.0 * (1.0 - drawn as f64 / all as f64);
+            plan.notes.push(format!(
+                "{share:.0} % of the slices' pixels are left out: no light is lost there yet, or none asked for any more"
+            ));
+        }
+        self.work = Some(done);
+        let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
+        let flags = if mutual.image_on_image { uniforms::IMAGE_ON_IMAGE } else { 0 };
+        let slices = uniforms::Slices {
+            slice_mm: plan.slice_mm as f32,
+            flags,
+            strength: scene.quality.strength(),
+            pad: 0,
+            decay: plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed),
+        };
+        gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
+        // The last one's binding reaches past it.
+        let mut bytes = vec![0u8; (work.parts.len() + 1) * STRIDE as usize];
+        for (part, place) in work.parts.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
+            let part = bytemuck::bytes_of(part);
+            place[..part.len()].copy_from_slice(part);
+        }
+        let parts = gpu.buffer_with("SliceLight::parts", &bytes, wgpu::BufferUsages::UNIFORM);
+        let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: &parts,
+            offset: 0,
+            size: wgpu::BufferSize::new(2 * size_of::<uniforms::Part>() as u64),
+        });
+        let entries = [
+            (0, scene.view.as_entire_binding()),
+            (4, scene.depths.as_entire_binding()),
+            (31, self.slices.as_entire_binding()),
+            (32, part),
+            (33, buffers.lights.as_entire_binding()),
+            (34, buffers.eye.as_entire_binding()),
+            (35, buffers.notes.as_entire_binding()),
+        ];
+        let entries = [&entries[..], &image.entries()].concat();
+        let workgroups = workgroups_of(scene.size);
+        let steps = (work.pipelines.into_iter().map(|(_, made)| made).collect(), work.steps);
+        passes.bind_steps(gpu, SLICES, &self.layout, &entries, steps);
+        let finish = [
+            (0, scene.view.as_entire_binding()),
+            (6, scene.marched.as_entire_binding()),
+            (34, buffers.eye.as_entire_binding()),
+            (35, buffers.notes.as_entire_binding()),
+        ];
+        passes.bind(gpu, SLICES_FINISH, "slices/finish", &finish, workgroups)?;
+        Ok(plan.notes)
+    }
+
+    fn pipeline(&mut self, gpu: &Gpu, wanted: Wanted) -> Result<wgpu::ComputePipeline, RenderError> {
+        if let Some((_, made)) = self.pipelines.iter().find(|(made, _)| *made == wanted) {
+            return Ok(made.clone());
+        }
+        let variant = match wanted.variant {
+            SliceVariant::PaperExact => 0.0,
+            SliceVariant::PaperApproximate => 1.0,
+            SliceVariant::Mended => 2.0,
+        };
+        let flag = |on: bool| f64::from(u8::from(on));
+        let constants = [
+            ("variant", variant),
+            ("with_solid", flag(wanted.solid)),
+            ("two_lights", flag(wanted.two_lights)),
+            ("one_slice", flag(wanted.one_slice)),
+            ("solid_lets_through", flag(wanted.lets_through)),
+            ("ends_apart", flag(wanted.apart)),
+            ("gradient_counts", flag(wanted.gradient)),
+            ("is_first", flag(wanted.first)),
+            ("is_empty", flag(wanted.empty)),
+        ];
+        let made = if wanted.begins {
+            let constants = [("two_lights", flag(wanted.two_lights))];
+            compute_pipeline(gpu, "slices/begin", Some(&self.layout), &constants)?
+        } else {
+            compute_pipeline(gpu, "slices/step", Some(&self.layout), &constants)?
+        };
+        gpu.check()?;
+        self.pipelines.push((wanted, made.clone()));
+        Ok(made)
+    }
+}
+
+/// Dispatches of a frame.
+#[derive(Default)]
+struct Work {
+    pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
+    parts: Vec<uniforms::Part>,
+    steps: Vec<Dispatch>,
+}
+
+impl Work {
+    fn add(&mut self, made: wgpu::ComputePipeline, wanted: Wanted, part: uniforms::Part, rect: Rect) {
+        let known = self.pipelines.iter().position(|(w, _)| *w == wanted);
+        let pipeline = known.unwrap_or_else(|| {
+            self.pipelines.push((wanted, made));
+            self.pipelines.len() - 1
+        });
+        let (origin, workgroups) = rect.dispatch();
+        let offset = (self.parts.len() as u64 * STRIDE) as u32;
+        self.parts.push(uniforms::Part { origin, ..part });
+        self.steps.push(Dispatch { pipeline, offset, workgroups });
+    }
+}
+
+fn part(step: &Step, number: usize, reference_mm: f64) -> uniforms::Part {
+    let mut out = uniforms::Part {
+        depth: (step.depth_mm - reference_mm) as f32,
+        slices: step.slices,
+        side: 1,
+        stride: 1,
+        share: 1.0,
+        turn: (number % 2) as u32,
+        ..uniforms::Part::default()
+    };
+    match step.kernel {
+        Kernel::Disc { grid, radius_px, radius_mm } => {
+            out.side = grid;
+            out.radius = radius_px as f32;
+            out.radius_mm = radius_mm as f32;
+            out.share = 1.0 / disc_points(grid).len() as f32;
+        }
+        Kernel::Lattice { side, stride_px, center } => {
+            out.side = side;
+            out.stride = stride_px as i32;
+            out.center = center as f32;
+            out.share = 1.0 / (side * side) as f32;
+        }
+    }
+    out
+}

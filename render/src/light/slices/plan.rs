@@ -1,0 +1,278 @@
+//! Which slices, in which steps, with which footprint. Pure: no device is touched.
+
+use std::sync::Arc;
+
+use glioscope_core::optics::{
+    Sight,
+    cone::{Decay, clamped_aperture, tangent_variance},
+};
+
+use crate::scene::SliceVariant;
+
+/// The most slices; a smaller slice distance is enlarged to these, and the plan says so.
+pub(crate) const MOST_SLICES: u32 = 8192;
+/// The most slices of one step.
+const MOST_PER_STEP: u32 = 32;
+/// Blur of a step, variance along an axis in square pixels, from which on a step ends: a disc of one
+/// pixel's radius has it. Less is put off to the next step.
+const BLUR_OF_A_STEP: f64 = 0.25;
+/// No footprint reaches farther, in pixels.
+const FARTHEST_PX: f64 = 64.0;
+
+/// What directional occlusion is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SliceSettings {
+    /// The paper's or the mended one.
+    pub variant: SliceVariant,
+    /// Half the cone's opening, degrees; clamped to 0 to 85.
+    pub aperture_deg: f64,
+    /// Samples along a side of the footprint; clamped to 1 to 13. In the mended variant the most
+    /// that a step takes; it takes fewer where they hold its footprint.
+    pub grid: u32,
+    /// Distance of slices along the view axis; at most the volume's depth, at least that of
+    /// [`MOST_SLICES`].
+    pub slice_mm: f64,
+    /// Distance of an occluder whose penumbra has the true cone's width; the mended variant alone.
+    /// Nearer ones are blurred more than truly, farther ones less.
+    pub reference_mm: f64,
+}
+
+/// Where a step reads the occlusion before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Kernel {
+    /// A grid of points in a disc about the pixel, bilinear, all of one weight.
+    Disc {
+        /// Points along a side of the square around the disc.
+        grid: u32,
+        /// Its radius in pixels.
+        radius_px: f64,
+        /// Its radius.
+        radius_mm: f64,
+    },
+    /// Whole pixels on a square lattice, so that nothing is interpolated and the variance is what it
+    /// should be: weight `center` for the pixel itself, the rest shared by all points alike.
+    Lattice {
+        /// Points along a side.
+        side: u32,
+        /// Pixels between neighbours; even where `side` is.
+        stride_px: u32,
+        /// Weight of the pixel itself, beside its share as a point.
+        center: f64,
+    },
+}
+
+impl Kernel {
+    /// The lattice of at most `grid` points a side whose variance along an axis is `variance_px2`, or
+    /// the widest within reach.
+    pub fn lattice(grid: u32, variance_px2: f64) -> Self {
+        if grid <= 1 || variance_px2.is_nan() || variance_px2 <= 0.0 {
+            return Self::Lattice { side: 1, stride_px: 1, center: 0.0 };
+        }
+        let even = grid.is_multiple_of(2);
+        let unit = if even { 2.0 } else { 1.0 };
+        let spread = |side: u32| (f64::from(side).powi(2) - 1.0) / 12.0 * unit * unit;
+        let least = if even { 2 } else { 3 };
+        let side = (least..=grid).step_by(2).find(|n| spread(*n) >= variance_px2).unwrap_or(grid);
+        let most = (2.0 * FARTHEST_PX / (f64::from(side - 1) * unit)).floor().max(1.0);
+        let stride = (variance_px2 / spread(side)).sqrt().ceil().clamp(1.0, most);
+        let share = (variance_px2 / (spread(side) * stride * stride)).min(1.0);
+        Self::Lattice { side, stride_px: (stride * unit) as u32, center: 1.0 - share }
+    }
+
+    /// Variance along an axis, square pixels.
+    pub fn variance_px2(&self) -> f64 {
+        match *self {
+            Self::Lattice { side, stride_px, center } => {
+                (1.0 - center) * (f64::from(side).powi(2) - 1.0) / 12.0 * f64::from(stride_px).powi(2)
+            }
+            Self::Disc { grid, radius_px, .. } => {
+                let points = disc_points(grid);
+                points.iter().map(|p| (p[0] * radius_px).powi(2)).sum::<f64>() / points.len() as f64
+            }
+        }
+    }
+
+    /// How many pixels away it reads, at most.
+    pub fn reach_px(&self) -> u32 {
+        match *self {
+            Self::Lattice { side, stride_px, .. } => (side - 1) * stride_px / 2,
+            Self::Disc { radius_px, .. } => radius_px.ceil() as u32 + 1,
+        }
+    }
+}
+
+/// Places of a uniform grid in the unit disc: middles of the cells of the square around it.
+pub(crate) fn disc_points(grid: u32) -> Vec<[f64; 2]> {
+    let at = |i: u32| (f64::from(i) + 0.5) / f64::from(grid) * 2.0 - 1.0;
+    (0..grid)
+        .flat_map(|y| (0..grid).map(move |x| [at(x), at(y)]))
+        .filter(|p| p[0] * p[0] + p[1] * p[1] <= 1.0)
+        .collect()
+}
+
+/// Some slices behind each other: occlusion is read once, through the kernel, before them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Step {
+    /// View depth of the front of the first slice.
+    pub depth_mm: f64,
+    /// Slices, at least one.
+    pub slices: u32,
+    /// The footprint.
+    pub kernel: Kernel,
+    /// Nothing is in these slices.
+    pub empty: bool,
+}
+
+/// The slices of one picture.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SlicePlan {
+    /// Which way.
+    pub variant: SliceVariant,
+    /// The aperture used.
+    pub aperture_deg: f64,
+    /// The slice distance used.
+    pub slice_mm: f64,
+    /// Front to back.
+    pub steps: Vec<Step>,
+    /// How light falls through a slice; of the mended variant.
+    pub decay: Option<Arc<Decay>>,
+    /// What is other than asked for, and what was left out.
+    pub notes: Vec<String>,
+}
+
+impl SlicePlan {
+    /// Slices through the view depths from `near_mm` to `far_mm`, which are at or before the eye's.
+    /// Those that touch none of the `occupied_mm` depths (in order) are marked as empty; those before
+    /// the first and behind the last are left out.
+    pub fn new(
+        settings: &SliceSettings,
+        sight: &Sight,
+        depths_mm: Option<(f64, f64)>,
+        occupied_mm: &[(f64, f64)],
+    ) -> Self {
+        let mut notes = Vec::new();
+        let (aperture_deg, other) = clamped_aperture(settings.aperture_deg);
+        if other {
+            notes.push(format!("aperture {} degrees: {aperture_deg} is used", settings.aperture_deg));
+        }
+        let grid = settings.grid.clamp(1, 13);
+        if grid != settings.grid {
+            notes.push(format!("grid {0}x{0}: {grid}x{grid} is used", settings.grid));
+        }
+        let mended = settings.variant == SliceVariant::Mended;
+        let decay = mended.then(|| Decay::of(aperture_deg));
+        let mut plan = Self {
+            variant: settings.variant,
+            aperture_deg,
+            slice_mm: settings.slice_mm,
+            steps: Vec::new(),
+            decay,
+            notes,
+        };
+        let (Some((near, far)), Some(first), Some(last)) =
+            (depths_mm, occupied_mm.first(), occupied_mm.last())
+        else {
+            plan.notes.push("no slices: nothing that light can meet is before the eye".to_owned());
+            return plan;
+        };
+        let span = far - near;
+        let least = span / f64::from(MOST_SLICES);
+        let asked = settings.slice_mm;
+        plan.slice_mm = if !(asked.is_finite() && asked > 0.0) {
+            span / 256.0
+        } else if asked > span && span > 0.0 {
+            // A slice is looked at in its middle, which must lie in the volume.
+            span
+        } else {
+            asked.max(least)
+        };
+        if plan.slice_mm != asked {
+            plan.notes.push(format!("slice distance {asked} mm: {} mm is used", plan.slice_mm));
+        }
+        let d = plan.slice_mm;
+        let count = ((span / d) - 1e-9).ceil().max(1.0) as u32;
+        let from = ((first.0 - near) / d).floor().max(0.0) as u32;
+        let until = (((last.1 - near) / d).ceil() as u32).clamp(from, count);
+        if until - from < count {
+            plan.notes
+                .push(format!("{} empty slices before and behind are left out", count - (until - from)));
+        }
+        let mut ranges = occupied_mm.iter().copied().peekable();
+        let mut is_empty = |slice: u32| {
+            let (front, back) = (near + f64::from(slice) * d, near + f64::from(slice + 1) * d);
+            while ranges.next_if(|r| r.1 < front).is_some() {}
+            ranges.peek().is_none_or(|r| r.0 > back)
+        };
+        if mended {
+            plan.mended_steps(settings, grid, sight, near, from..until, &mut is_empty);
+        } else {
+            let radius_mm = d * aperture_deg.to_radians().tan();
+            for slice in from..until {
+                let depth_mm = near + f64::from(slice) * d;
+                // A pixel before the eye has no size: the slice's far side counts then.
+                let pixel_mm = sight.pixel_mm(depth_mm + 0.5 * d);
+                let radius_px = (radius_mm / pixel_mm).min(FARTHEST_PX);
+                let kernel = Kernel::Disc { grid, radius_px, radius_mm };
+                plan.steps.push(Step { depth_mm, slices: 1, kernel, empty: is_empty(slice) });
+            }
+        }
+        let far_px = plan.steps.iter().map(|s| s.kernel.reach_px()).max().unwrap_or(0);
+        if f64::from(far_px) >= FARTHEST_PX {
+            plan.notes.push(format!("footprints reach {FARTHEST_PX} pixels at most"));
+        }
+        if grid == 1 && aperture_deg > 0.0 {
+            plan.notes.push("grid 1x1: occlusion is carried straight back, without a penumbra".to_owned());
+        }
+        plan
+    }
+
+    fn mended_steps(
+        &mut self,
+        settings: &SliceSettings,
+        grid: u32,
+        sight: &Sight,
+        near: f64,
+        slices: std::ops::Range<u32>,
+        is_empty: &mut dyn FnMut(u32) -> bool,
+    ) {
+        let d = self.slice_mm;
+        let reference_mm = settings.reference_mm;
+        let reference_mm = if reference_mm.is_finite() && reference_mm > 0.0 { reference_mm } else { 0.0 };
+        let variance_mm2 = tangent_variance(self.aperture_deg) * d * reference_mm;
+        // Half of a step's blur comes before it, half behind it: second order in the step.
+        let mut blur_before = 0.0;
+        let mut step: Option<(Step, f64)> = None;
+        for slice in slices {
+            let depth_mm = near + f64::from(slice) * d;
+            let blur = variance_mm2 / sight.pixel_mm(depth_mm + 0.5 * d).powi(2);
+            let blur = blur.min(FARTHEST_PX * FARTHEST_PX);
+            let empty = is_empty(slice);
+            match &mut step {
+                Some((s, total))
+                    if s.empty == empty && s.slices < MOST_PER_STEP && *total < BLUR_OF_A_STEP =>
+                {
+                    s.slices += 1;
+                    *total += blur;
+                }
+                _ => {
+                    if let Some((mut s, total)) = step.take() {
+                        s.kernel = Kernel::lattice(grid, blur_before + 0.5 * total);
+                        blur_before = 0.5 * total;
+                        self.steps.push(s);
+                    }
+                    let kernel = Kernel::lattice(1, 0.0);
+                    step = Some((Step { depth_mm, slices: 1, kernel, empty }, blur));
+                }
+            }
+        }
+        if let Some((mut s, total)) = step {
+            s.kernel = Kernel::lattice(grid, blur_before + 0.5 * total);
+            self.steps.push(s);
+        }
+    }
+
+    /// Slices in all.
+    pub fn slices(&self) -> u32 {
+        self.steps.iter().map(|s| s.slices).sum()
+    }
+}

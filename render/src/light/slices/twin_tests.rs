@@ -1,0 +1,119 @@
+//! Slices of the context view against their twin in `f64`.
+
+use glam::DVec3;
+use glioscope_core::optics::{Projection, Sight};
+
+use super::{plan::SlicePlan, slice_settings, twin};
+use crate::{
+    ClipPlane, ContextRenderer, ContextScene,
+    light::suite::{SIZE, scene, visible_depths_mm},
+    scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
+    solid::{SURFACE, view::FAR},
+    testing::GPU,
+};
+
+struct Drawn {
+    eye: Vec<[f32; 4]>,
+    depths: Vec<f32>,
+    notes: Vec<[f32; 2]>,
+}
+
+fn drawn(scene: &ContextScene, quality: &Quality, size: [u32; 2]) -> Drawn {
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    let frame = renderer.render(&GPU, scene, quality, size).unwrap();
+    let depths = if frame.plan.has(SURFACE) {
+        frame.read_depths(&GPU)
+    } else {
+        vec![FAR; (size[0] * size[1]) as usize]
+    };
+    let read = |buffer: &wgpu::Buffer| GPU.read_buffers(&[(buffer, 0, buffer.size())]).unwrap().remove(0);
+    let lights = renderer.lights();
+    let (eye, notes) = (read(lights.probe().eye.unwrap()), read(lights.probe().notes.unwrap()));
+    let out = Drawn {
+        eye: bytemuck::pod_collect_to_vec(&eye),
+        depths,
+        notes: bytemuck::pod_collect_to_vec(&notes),
+    };
+    assert!(out.eye.iter().flatten().all(|v| v.is_finite()), "a number in every pixel");
+    out
+}
+
+/// Largest difference of radiance, transmittance and light on opaque geometry from the twin.
+fn off_twin_of(scene: &ContextScene, lighting: LightSettings) -> f64 {
+    let quality = Quality { lighting, ..Quality::FULL };
+    let found = drawn(scene, &quality, SIZE);
+    let sight = Sight::new(&scene.camera, SIZE);
+    let gpu_image = visible_depths_mm(scene, &sight);
+    let settings = slice_settings(&lighting);
+    let whole = Some((gpu_image[0].0, gpu_image.last().unwrap().1));
+    let plan = SlicePlan::new(&settings, &sight, whole, &gpu_image);
+    let reference_mm = scene.reference_mm();
+    let solid: Vec<f64> = found
+        .depths
+        .iter()
+        .map(|d| if *d < FAR { f64::from(*d) + reference_mm } else { f64::INFINITY })
+        .collect();
+    let twin = twin::slices(scene, &sight, &plan, &solid, &lighting.mutual, quality.occlusion_strength);
+    let mut worst = 0.0f64;
+    let mut dark = 0;
+    for (i, expected) in twin.iter().enumerate() {
+        let e = expected.eye.radiance.extend(expected.eye.transmittance);
+        for c in 0..4 {
+            worst = worst.max((f64::from(found.eye[i][c]) - e[c]).abs());
+        }
+        if solid[i].is_finite() {
+            worst = worst.max((f64::from(found.notes[i][0]) - expected.on_solid).abs());
+            dark += usize::from(expected.on_solid < 0.8);
+        }
+    }
+    assert!(twin.iter().filter(|t| t.eye.transmittance < 0.8).count() > 100, "an image in the picture");
+    assert!(scene.tumor.is_none() || dark > 5, "the image darkens {dark} pixels of the tumour");
+    worst
+}
+
+/// For the suite: every variant, with and without tumour, gradients, clipping planes.
+pub(super) fn off_twin() -> f64 {
+    let mut worst = 0.0f64;
+    for (two_d, with_tumor, projection) in [
+        (false, false, Projection::Perspective),
+        (false, true, Projection::Perspective),
+        (true, true, Projection::Orthographic),
+    ] {
+        let mut scene = scene(two_d, with_tumor, projection);
+        for variant in [SliceVariant::PaperExact, SliceVariant::PaperApproximate, SliceVariant::Mended] {
+            for (aperture_deg, slice_grid, slice_mm) in [(50.0, 2, 0.9), (80.0, 5, 2.1)] {
+                scene.clip = if slice_grid == 5 {
+                    vec![ClipPlane { normal: DVec3::new(0.3, -0.8, 0.5), offset_mm: 5.0 }]
+                } else {
+                    Vec::new()
+                };
+                let lighting = LightSettings {
+                    mode: LightingMode::Slices,
+                    variant,
+                    aperture_deg,
+                    slice_grid,
+                    slice_mm,
+                    ..LightSettings::DEFAULT
+                };
+                let off = off_twin_of(&scene, lighting);
+                println!("{two_d} {with_tumor} {projection:?} {variant:?} {slice_grid}: {off:.2e}");
+                worst = worst.max(off);
+            }
+        }
+    }
+    worst
+}
+
+#[test]
+fn mutual_occlusions_one_by_one_are_their_twin() {
+    let scene = scene(false, true, Projection::Perspective);
+    for (image_on_image, opaque_on_image) in [(false, false), (true, false), (false, true)] {
+        for variant in [SliceVariant::PaperApproximate, SliceVariant::Mended] {
+            let mutual = MutualOcclusion { image_on_image, opaque_on_image, ..MutualOcclusion::ALL };
+            let lighting =
+                LightSettings { mode: LightingMode::Slices, variant, mutual, ..LightSettings::DEFAULT };
+            let off = off_twin_of(&scene, lighting);
+            assert!(off <= 1e-3, "{mutual:?} {variant:?}: {off}");
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! What the shaders of this light read, laid out as they read it. A test compares every offset with naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+pub(crate) const IMAGE_ON_IMAGE: u32 = 1;
+
+/// `Slices` of lib/slices.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Slices {
+    pub slice_mm: f32,
+    pub flags: u32,
+    pub strength: f32,
+    pub pad: u32,
+    pub decay: [[f32; 4]; 257],
+}
+
+/// `Part` of lib/slices.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Part {
+    pub depth: f32,
+    pub slices: u32,
+    pub side: u32,
+    pub stride: i32,
+    pub center: f32,
+    pub radius: f32,
+    pub radius_mm: f32,
+    pub share: f32,
+    pub turn: u32,
+    pub is_last: u32,
+    pub origin: [u32; 2],
+}
+
+/// For the test of layouts.
+#[cfg(test)]
+pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
+    crate::layouts::layout!(Slices, "Slices": slice_mm, flags, strength, pad, decay),
+    crate::layouts::layout!(
+        Part, "Part": depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, origin
+    ),
+    crate::layouts::layout!(
+        super::super::vicinity::uniforms::Vicinity, "Vicinity": radius_mm, slope, count, flags, points
+    ),
+];

@@ -1,0 +1,507 @@
+//! The stability table of algorithms.md 9 for the light of the views: every row through slices in all
+//! variants and through cones, in the context view and on what is solid in the closeup.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DQuat, DVec3};
+use glioscope_core::{
+    Grid, RegionVolume, Selection,
+    optics::{Camera, Projection, Sight, srgb},
+};
+
+use super::{cubic, image_of, lumps, scene, transfer, visible_depths_mm};
+use crate::{
+    ClipPlane, ContextRenderer, ContextScene,
+    image::{CONTEXT, ControlPoint, GradientPoint, TransferFunction},
+    light::{
+        cones::SOLID_CONES,
+        slices::{
+            SLICES,
+            plan::{MOST_SLICES, SlicePlan, SliceSettings},
+            twin,
+        },
+        vicinity::VICINITY,
+    },
+    scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
+    solid::{SURFACE, view::FAR},
+    testing::{GPU, grid, noise, volume},
+};
+
+const SIZE: [u32; 2] = [33, 17];
+/// What rounding may add to a share.
+const ROUNDING: f64 = 1e-5;
+
+const WAYS: [(LightingMode, SliceVariant); 4] = [
+    (LightingMode::Slices, SliceVariant::PaperExact),
+    (LightingMode::Slices, SliceVariant::PaperApproximate),
+    (LightingMode::Slices, SliceVariant::Mended),
+    (LightingMode::Cones, SliceVariant::Mended),
+];
+
+/// All that a context view's passes left.
+#[derive(PartialEq)]
+struct Left {
+    /// Radiance and transmittance of slices.
+    eye: Vec<[f32; 4]>,
+    notes: Vec<[f32; 2]>,
+    carried: Vec<f32>,
+    /// Of cones.
+    grid: Vec<[f32; 2]>,
+    /// Premultiplied colour and opacity, 16 bits each.
+    marched: Vec<[f64; 4]>,
+    marched_depths: Vec<f32>,
+    depths: Vec<f32>,
+    blurred: Vec<u32>,
+    rgba: Vec<u8>,
+    said: Vec<String>,
+}
+
+fn read<T: bytemuck::Pod>(buffer: Option<&wgpu::Buffer>) -> Vec<T> {
+    buffer.map_or_else(Vec::new, |b| {
+        bytemuck::pod_collect_to_vec(&GPU.read_buffers(&[(b, 0, b.size())]).unwrap()[0])
+    })
+}
+
+fn left(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality, size: [u32; 2]) -> Left {
+    let frame = renderer.render(&GPU, scene, quality, size).unwrap();
+    let shown = frame.plan.has(SLICES) || frame.plan.has(CONTEXT);
+    let marched = if shown { frame.read_marched(&GPU) } else { Vec::new() };
+    let solid = frame.plan.has(SURFACE);
+    let dark = frame.plan.has(VICINITY) || frame.plan.has(SOLID_CONES);
+    let mut out = Left {
+        eye: Vec::new(),
+        notes: Vec::new(),
+        carried: Vec::new(),
+        grid: Vec::new(),
+        marched: marched.iter().map(|m| m.rgba()).collect(),
+        marched_depths: marched.iter().map(|m| m.depth).collect(),
+        depths: if solid { frame.read_depths(&GPU) } else { Vec::new() },
+        blurred: if dark { frame.read_blurred(&GPU) } else { Vec::new() },
+        rgba: frame.read_rgba(&GPU).unwrap(),
+        said: frame.notes.clone(),
+    };
+    let lights = renderer.lights();
+    out.eye = read(lights.probe().eye);
+    out.notes = read(lights.probe().notes);
+    out.carried = read(lights.probe().carried);
+    // Behind the lights stand the depths of each pixel's ray in the image.
+    out.carried.truncate(out.carried.len().saturating_sub(2 * out.eye.len()));
+    out.grid = read(lights.probe().grid.map(|[light, _]| light));
+    out
+}
+
+/// No number that is none, none past what the colours allow, nothing where nothing is.
+fn check(name: &str, scene: &ContextScene, left: &Left) {
+    let share = |x: f32| (0.0..=1.0 + ROUNDING).contains(&f64::from(x));
+    let most: [f64; 3] = std::array::from_fn(|c| {
+        let all = scene.transfer.points().iter().map(|p| f64::from(p.color[c]) / 255.0);
+        srgb::decode(all.fold(0.0, f64::max))
+    });
+    for e in &left.eye {
+        assert!(share(e[3]), "{name}: {e:?}");
+        for c in 0..3 {
+            let allowed = most[c] * (1.0 - f64::from(e[3])) + ROUNDING;
+            assert!(e[c] >= 0.0 && f64::from(e[c]) <= allowed, "{name}: {e:?} of {allowed}");
+        }
+    }
+    assert!(left.notes.iter().all(|n| share(n[0]) && n[1].is_finite()), "{name}: notes");
+    assert!(left.carried.iter().all(|l| share(*l)), "{name}: lights");
+    assert!(left.grid.iter().flatten().all(|l| share(*l)), "{name}: grid of light");
+    for m in &left.marched {
+        for c in 0..3 {
+            assert!(m[c] <= most[c] * m[3] + ROUNDING + 1.0 / 65535.0, "{name}: {m:?} of {most:?}");
+        }
+    }
+    assert!(left.marched_depths.iter().chain(&left.depths).all(|d| d.is_finite()), "{name}: depths");
+    let is_solid = |i: usize| left.depths.get(i).is_some_and(|d| *d < FAR);
+    for (i, dark) in left.blurred.iter().enumerate() {
+        assert!(*dark == 0 || is_solid(i), "{name}: light where nothing is");
+    }
+    for (i, pixel) in left.rgba.chunks(4).enumerate() {
+        assert_eq!(pixel[3], 255);
+        let clear = left.marched.get(i).is_none_or(|m| m[3] == 0.0);
+        if left.depths.is_empty() && clear {
+            assert_eq!(pixel[..3], scene.background, "{name}: what is behind");
+        }
+    }
+}
+
+fn light() -> LightSettings {
+    LightSettings { slice_mm: 1.5, sub_cones: 4, cell_mm: 3.0, ..LightSettings::DEFAULT }
+}
+
+/// A frayed box in these voxels of a grid.
+fn frayed(of: &Grid, first: [usize; 3], dims: [usize; 3]) -> Option<Arc<RegionVolume>> {
+    volume(&of.crop(first, dims).unwrap(), 1, |_, p| noise(p, 4) > 0.3)
+}
+
+fn whole(of: &Grid, first: [usize; 3], dims: [usize; 3]) -> Option<Arc<RegionVolume>> {
+    volume(&of.crop(first, dims).unwrap(), 1, |_, _| true)
+}
+
+/// Lumps on a grid, seen whole.
+fn seen(of: &Grid, tumor: Option<Arc<RegionVolume>>) -> ContextScene {
+    let corners = of.corners_mm();
+    let radius_mm = (0..4).map(|i| corners[i].distance(corners[7 - i]) / 2.0).fold(0.0, f64::max);
+    let base = scene(false, false, Projection::Perspective);
+    let camera =
+        Camera::fit(of.center_mm(), 0.6 * radius_mm, base.camera.world_from_camera, Projection::Perspective);
+    ContextScene { volume: Some(lumps(of)), tumor, camera, ..base }
+}
+
+/// The eye (or the middle of its plane) at a place, looking in a direction.
+fn eye_at(scene: &ContextScene, at: DVec3, towards: DVec3, projection: Projection) -> ContextScene {
+    let back = -towards / towards.length();
+    let c =
+        Camera { world_from_camera: DQuat::from_rotation_arc(DVec3::Z, back), projection, ..scene.camera };
+    ContextScene { camera: Camera { focus_mm: at - back * c.distance_mm(), ..c }, ..scene.clone() }
+}
+
+fn clipped(scene: &ContextScene, normal: DVec3, offset_mm: f64) -> ContextScene {
+    ContextScene { clip: vec![ClipPlane { normal, offset_mm }], ..scene.clone() }
+}
+
+struct Row {
+    name: &'static str,
+    scene: ContextScene,
+    lighting: LightSettings,
+    size: [u32; 2],
+    /// Whether the image is in the picture.
+    shows: bool,
+}
+
+fn row(name: &'static str, scene: &ContextScene, lighting: LightSettings) -> Row {
+    Row { name, scene: scene.clone(), lighting, size: SIZE, shows: true }
+}
+
+fn opaque() -> Arc<TransferFunction> {
+    let points = [(10.0, [90, 60, 40], 0.0), (20.0, [250, 240, 230], 1.0)]
+        .map(|(value, color, opacity)| ControlPoint { value, color, opacity });
+    Arc::new(TransferFunction::new(points.to_vec(), None).unwrap())
+}
+
+fn steep() -> Arc<TransferFunction> {
+    let gradient = [(0.0, 0.0), (1.0, 1.0)].map(|(gradient, factor)| GradientPoint { gradient, factor });
+    Arc::new(TransferFunction::new(opaque().points().to_vec(), Some(gradient.to_vec())).unwrap())
+}
+
+/// Rows about scenes.
+fn scenes() -> Vec<Row> {
+    let n = 20;
+    let cube = cubic(n, DVec3::ONE);
+    let with = seen(&cube, frayed(&cube, [7, 6, 8], [5, 6, 4]));
+    let alone = seen(&cube, None);
+    let lit = light();
+    let look = |s: &ContextScene, t: Arc<TransferFunction>| ContextScene { transfer: t, ..s.clone() };
+    let with_tumor = |t| ContextScene { tumor: t, ..with.clone() };
+    let broken = |f: &dyn Fn(usize) -> Option<f64>| {
+        let like = lumps(&cube);
+        let values = (0..n * n * n).map(|i| f(i).unwrap_or_else(|| like.image().value(i))).collect();
+        ContextScene { volume: Some(image_of(&cube, values)), ..with.clone() }
+    };
+    // In one half: none of it shows there, as each mean has one.
+    let bad = broken(&|i| match i % 7 {
+        _ if i < n * n * n / 2 => None,
+        0 => Some(f64::NAN),
+        3 => Some(f64::INFINITY),
+        5 => Some(f64::NEG_INFINITY),
+        _ => None,
+    });
+    let behind = eye_at(&with, DVec3::Z * 40.0, DVec3::Z, Projection::Perspective);
+    let anisotropic = |spacing: DVec3| {
+        let dims = [24, 20, 6].map(|d: usize| d.min(24));
+        let origin = -spacing * DVec3::new(11.5, 9.5, 2.5);
+        let g = Grid::axis_aligned(dims, spacing, origin).unwrap();
+        seen(&g, frayed(&g, [9, 8, 2], [6, 5, 2]))
+    };
+    let sheet = Grid::axis_aligned([24, 20, 1], DVec3::ONE, DVec3::new(-11.5, -9.5, 0.0)).unwrap();
+    let voxel = Grid::axis_aligned([1; 3], DVec3::ONE, DVec3::ZERO).unwrap();
+    let shear =
+        DMat3::from_cols(DVec3::new(1.0, 0.2, 0.0), DVec3::new(0.5, -0.9, 0.1), DVec3::new(0.0, 0.3, 1.2));
+    assert!(shear.determinant() < 0.0);
+    let sheared = grid([n; 3], shear, DVec3::new(1e6, -1e6, 1e6));
+    let mut hidden = Selection::all();
+    hidden.set(1, false);
+    let box_face = with_tumor(whole(&cube, [8, 8, 16], [4, 4, 4]));
+    let mut rows = vec![
+        row("plain", &with, lit),
+        row("without tumour", &alone, lit),
+        row("tiny opacity", &look(&with, transfer(false, 1e-9)), lit),
+        row("infinite extinction", &look(&with, opaque()), lit),
+        row("infinite extinction, 2-D", &look(&with, steep()), lit),
+        row(
+            "camera inside",
+            &eye_at(&with, DVec3::splat(6.0), DVec3::new(-1.0, -0.8, -0.9), Projection::Perspective),
+            lit,
+        ),
+        // The tumour is all around.
+        Row {
+            shows: false,
+            ..row(
+                "camera inside the tumour",
+                &eye_at(
+                    &with,
+                    DVec3::new(-0.2, -1.1, 0.3),
+                    DVec3::new(0.3, -0.2, -1.0),
+                    Projection::Perspective,
+                ),
+                lit,
+            )
+        },
+        row("camera at its face", &eye_at(&with, DVec3::Z * 10.0, -DVec3::Z, Projection::Perspective), lit),
+        row(
+            "along its diagonal",
+            &eye_at(&with, DVec3::splat(10.0), -DVec3::ONE, Projection::Perspective),
+            lit,
+        ),
+        row(
+            "near plane cuts the image",
+            &eye_at(&with, DVec3::new(0.0, 0.0, 6.0), -DVec3::Z, Projection::Orthographic),
+            lit,
+        ),
+        row(
+            "near plane cuts the tumour",
+            &eye_at(&with, DVec3::new(0.0, -1.0, 0.1), -DVec3::Z, Projection::Orthographic),
+            lit,
+        ),
+        Row { shows: false, ..row("all behind the camera", &behind, lit) },
+        row("voxels 1:12", &anisotropic(DVec3::new(0.5, 0.5, 6.0)), lit),
+        row("voxels 12:1", &anisotropic(DVec3::new(6.0, 0.5, 0.5)), lit),
+        row("a sheet", &seen(&sheet, None), lit),
+        row(
+            "a sheet edge on",
+            &eye_at(&seen(&sheet, None), DVec3::X * -30.0, DVec3::X, Projection::Orthographic),
+            lit,
+        ),
+        row("one voxel", &seen(&voxel, None), lit),
+        row("sheared, negative, at 1e6 mm", &seen(&sheared, frayed(&sheared, [7, 6, 8], [5, 6, 4])), lit),
+        Row {
+            shows: false,
+            ..row("tumour as large as the image", &with_tumor(whole(&cube, [0; 3], [n; 3])), lit)
+        },
+        row("tumour box in the image's face", &box_face, lit),
+        row("clip plane in a voxel face", &clipped(&box_face, DVec3::X, -2.0), lit),
+        row("clip plane in the image's face", &clipped(&box_face, DVec3::Z, 10.0), lit),
+        Row { shows: false, ..row("all cut away", &clipped(&with, DVec3::Z, -11.0), lit) },
+        row("NaN and infinite intensities", &bad, lit),
+        row("NaN and infinite intensities, 2-D", &look(&bad, steep()), lit),
+        Row { shows: false, ..row("no finite intensity", &broken(&|_| Some(f64::NAN)), lit) },
+        Row {
+            shows: false,
+            ..row(
+                "intensities of 1e308",
+                &broken(&|i| (i % 5 == 0).then_some(if i % 2 == 0 { 1e308 } else { -1e308 })),
+                lit,
+            )
+        },
+        row("empty selection", &ContextScene { selection: hidden, ..with.clone() }, lit),
+        Row { size: [1, 1], ..row("one pixel", &alone, lit) },
+    ];
+    // Every other row in the infinite extinction too: there sums of rounding would show.
+    let again: Vec<Row> = rows
+        .iter()
+        .skip(5)
+        .step_by(3)
+        .filter(|r| r.shows)
+        .map(|r| Row {
+            name: r.name,
+            scene: look(&r.scene, opaque()),
+            lighting: r.lighting,
+            size: r.size,
+            shows: true,
+        })
+        .collect();
+    rows.extend(again);
+    rows
+}
+
+/// Rows about knobs, and what must be said of them by slices and by cones.
+fn knobs() -> Vec<(Row, &'static str, &'static str)> {
+    let cube = cubic(20, DVec3::ONE);
+    let with = seen(&cube, frayed(&cube, [7, 6, 8], [5, 6, 4]));
+    let lit = light();
+    let of = |name, lighting| row(name, &with, lighting);
+    let aperture = |aperture_deg| LightSettings { aperture_deg, ..lit };
+    let slice = |slice_mm| LightSettings { slice_mm, ..lit };
+    let cell = |cell_mm| LightSettings { cell_mm, ..lit };
+    let cones = |sub_cones| LightSettings { sub_cones, ..lit };
+    let step = |cone_step| LightSettings { cone_step, coarsest_level: 0, ..lit };
+    let samples = |vicinity_samples| LightSettings { vicinity_samples, ..lit };
+    let vicinity = |vicinity_mm| LightSettings { vicinity_mm, ..lit };
+    vec![
+        (of("aperture 0", aperture(0.0)), "", ""),
+        (of("aperture 85", aperture(85.0)), "", ""),
+        (
+            of("aperture 89.9", aperture(89.9)),
+            "aperture 89.9 degrees: 85 is used",
+            "aperture 89.9 degrees: 85 is used",
+        ),
+        (
+            of("aperture NaN", aperture(f64::NAN)),
+            "aperture NaN degrees: 0 is used",
+            "aperture NaN degrees: 0 is used",
+        ),
+        (
+            of("aperture -5", aperture(-5.0)),
+            "aperture -5 degrees: 0 is used",
+            "aperture -5 degrees: 0 is used",
+        ),
+        (of("slices 1e9 mm", slice(1e9)), "slice distance 1000000000 mm", ""),
+        (of("slices NaN mm", slice(f64::NAN)), "slice distance NaN mm", ""),
+        (of("slices -1 mm", slice(-1.0)), "slice distance -1 mm", ""),
+        (of("reference NaN mm", LightSettings { reference_mm: f64::NAN, ..lit }), "", ""),
+        (of("reference 1e9 mm", LightSettings { reference_mm: 1e9, ..lit }), "", ""),
+        (of("grid 0", LightSettings { slice_grid: 0, ..lit }), "grid 0x0: 1x1 is used", ""),
+        (of("grid 1e9", LightSettings { slice_grid: 1_000_000_000, ..lit }), "13x13 is used", ""),
+        (of("cells 0 mm", cell(0.0)), "", ""),
+        (of("cells 1e-9 mm", cell(1e-9)), "", ""),
+        (of("cells NaN mm", cell(f64::NAN)), "", ""),
+        (of("cells 1e9 mm", cell(1e9)), "", ""),
+        (of("0 sub-cones", cones(0)), "", "0 sub-cones: 1 are used"),
+        (of("1 sub-cone", cones(1)), "", ""),
+        (of("128 sub-cones", cones(128)), "", ""),
+        (of("1e9 sub-cones", cones(1_000_000_000)), "", "1000000000 sub-cones: 128 are used"),
+        (of("cone step NaN", step(f64::NAN)), "", "cone step NaN: 1 is used"),
+        (of("cone step 0", step(0.0)), "", "cone step 0: 0.0625 is used"),
+        (of("cone step 1", step(1.0)), "", ""),
+        (of("cone step 1/16", step(0.0625)), "", ""),
+        (of("vicinity of 0 samples", samples(0)), "", ""),
+        (of("vicinity of 1e9 samples", samples(1_000_000_000)), "", ""),
+        (of("vicinity of 118 samples", samples(118)), "", ""),
+        (of("vicinity of NaN mm", vicinity(f64::NAN)), "", ""),
+        (of("vicinity of infinite mm", vicinity(f64::INFINITY)), "", ""),
+        (of("vicinity of 0 mm", vicinity(0.0)), "", ""),
+        (of("vicinity of 1e300 mm", vicinity(1e300)), "", ""),
+    ]
+}
+
+fn quality_of(row: &Row, (mode, variant): (LightingMode, SliceVariant)) -> Quality {
+    let lighting = LightSettings { mode, variant, ..row.lighting };
+    Quality { lighting, occlusion_strength: 1.0, context_step_mm: 0.5, ..Quality::FULL }
+}
+
+/// Draws a row twice, the same both times.
+fn run(renderer: &mut ContextRenderer, row: &Row, way: (LightingMode, SliceVariant)) -> Left {
+    let quality = quality_of(row, way);
+    let found = left(renderer, &row.scene, &quality, row.size);
+    check(row.name, &row.scene, &found);
+    assert!(found == left(renderer, &row.scene, &quality, row.size), "{} {way:?}: the same again", row.name);
+    found
+}
+
+fn mean_opacity(left: &Left) -> f64 {
+    left.marched.iter().map(|m| m[3]).sum::<f64>() / left.marched.len().max(1) as f64
+}
+
+fn renderers() -> Vec<ContextRenderer> {
+    WAYS.iter().map(|_| ContextRenderer::new(&GPU).unwrap()).collect()
+}
+
+#[test]
+fn every_scene_through_every_way() {
+    let mut renderers = renderers();
+    let rows = scenes();
+    let mut first: Vec<Left> = Vec::new();
+    for row in &rows {
+        let mut opacities = Vec::new();
+        for (renderer, way) in renderers.iter_mut().zip(WAYS) {
+            let found = run(renderer, row, way);
+            opacities.push(mean_opacity(&found));
+            if row.name == "plain" && first.len() < WAYS.len() {
+                first.push(found);
+            }
+        }
+        println!("{}: mean opacity {opacities:.4?}", row.name);
+        // Nothing that counts is left of the tiniest opacity: 16 bits hold the opacity.
+        let shows = row.shows && row.name != "tiny opacity";
+        assert!(opacities.iter().all(|o| (*o > 1e-3) == shows), "{}: {opacities:?}", row.name);
+        let spread = opacities.iter().fold(0.0f64, |a, o| a.max((o - opacities[0]).abs()));
+        assert!(spread < 0.1, "{}: every way sees about as much: {opacities:?}", row.name);
+    }
+    // After all that, the very same picture.
+    for ((renderer, way), before) in renderers.iter_mut().zip(WAYS).zip(&first) {
+        assert!(run(renderer, &rows[0], way) == *before, "{way:?}: what was drawn between leaves no trace");
+    }
+}
+
+#[test]
+fn every_knob_through_every_way() {
+    let mut renderers = renderers();
+    let mut found: Vec<(&str, [Left; 4])> = Vec::new();
+    for (row, by_slices, by_cones) in knobs() {
+        let name = row.name;
+        let lefts: Vec<Left> = renderers.iter_mut().zip(WAYS).map(|(r, way)| run(r, &row, way)).collect();
+        for (left, (mode, _)) in lefts.iter().zip(WAYS) {
+            let expected = if mode == LightingMode::Slices { by_slices } else { by_cones };
+            let used: Vec<&String> = left.said.iter().filter(|s| s.contains("used")).collect();
+            assert_eq!(used.len(), usize::from(!expected.is_empty()), "{name} {mode:?}: {used:?}");
+            assert!(used.iter().all(|s| s.contains(expected)), "{name} {mode:?}: {used:?}");
+        }
+        println!("{name}: mean opacity {:.4?}", lefts.iter().map(mean_opacity).collect::<Vec<_>>());
+        let Ok(lefts) = <[Left; 4]>::try_from(lefts) else { panic!("four ways") };
+        found.push((name, lefts));
+    }
+    let of = |name: &str| &found.iter().find(|(n, _)| *n == name).unwrap().1;
+    // What is past an end is as at the end.
+    for (past, end) in [
+        ("aperture 89.9", "aperture 85"),
+        ("aperture NaN", "aperture 0"),
+        ("aperture -5", "aperture 0"),
+        ("slices NaN mm", "slices -1 mm"),
+        ("cells 0 mm", "cells 1e-9 mm"),
+        ("cells NaN mm", "cells 1e-9 mm"),
+        ("0 sub-cones", "1 sub-cone"),
+        ("1e9 sub-cones", "128 sub-cones"),
+        ("cone step NaN", "cone step 1"),
+        ("cone step 0", "cone step 1/16"),
+        ("vicinity of 1e9 samples", "vicinity of 118 samples"),
+        ("vicinity of NaN mm", "vicinity of 0 mm"),
+        ("vicinity of infinite mm", "vicinity of 0 mm"),
+    ] {
+        for (a, b) in of(past).iter().zip(of(end)) {
+            assert!(a.rgba == b.rgba && a.grid == b.grid && a.eye == b.eye, "{past} is {end}");
+        }
+    }
+    // And what matters makes another picture.
+    for (a, b) in
+        [("aperture 0", "aperture 85"), ("cells 0 mm", "cells 1e9 mm"), ("0 sub-cones", "128 sub-cones")]
+    {
+        assert!(of(a)[3].rgba != of(b)[3].rgba, "{a} is not {b}");
+    }
+}
+
+/// Slices of a nanometre become as many as there may be, 8,000 are 8,000, and what can be seen through is
+/// as with slices of a millimetre and a half. The paper's variants take a dispatch a slice, minutes of the
+/// software driver: their twin stands for them.
+#[test]
+fn thousands_of_slices() {
+    let cube = cubic(20, DVec3::ONE);
+    let with = seen(&cube, frayed(&cube, [7, 6, 8], [5, 6, 4]));
+    let few =
+        mean_opacity(&run(&mut ContextRenderer::new(&GPU).unwrap(), &row("few", &with, light()), WAYS[2]));
+    for (name, slice_mm) in [("1e-6 mm", 1e-6), ("8,000 slices", 38.0 / 8000.0)] {
+        let many = row(name, &with, LightSettings { slice_mm, ..light() });
+        let mended = run(&mut ContextRenderer::new(&GPU).unwrap(), &many, WAYS[2]);
+        assert_eq!(mended.said.iter().any(|s| s.contains("is used")), slice_mm == 1e-6, "{:?}", mended.said);
+        let opacity = mean_opacity(&mended);
+        println!("{name}: opacity {opacity:.5}, of few {few:.5}");
+        assert!((opacity - few).abs() < 0.003, "{name}: {opacity} {few}");
+        for (_, variant) in WAYS.into_iter().take(2) {
+            let sight = Sight::new(&with.camera, [3, 3]);
+            let settings =
+                SliceSettings { variant, aperture_deg: 60.0, grid: 5, slice_mm, reference_mm: 5.0 };
+            let depths = visible_depths_mm(&with, &sight);
+            let whole = depths.first().zip(depths.last()).map(|(first, last)| (first.0, last.1));
+            let plan = SlicePlan::new(&settings, &sight, whole, &depths);
+            assert!((7000..=MOST_SLICES).contains(&plan.slices()), "{}", plan.slices());
+            let eyes = twin::slices(&with, &sight, &plan, &[], &MutualOcclusion::ALL, 1.0);
+            let seen = eyes.iter().map(|c| c.eye.transmittance).fold(1.0, f64::min);
+            assert!(seen < 0.7, "an image in the picture: {seen}");
+            for c in &eyes {
+                let share = |x: f64| (0.0..=1.0 + ROUNDING).contains(&x);
+                let radiance = c.eye.radiance.to_array();
+                assert!(share(c.eye.transmittance) && share(c.on_solid) && radiance.into_iter().all(share));
+            }
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! The stability table of algorithms.md 9 for light on what is solid, in the closeup: vicinity occlusion
+//! and cones through the masks. What they find is kept in 8 bits, always a share: what counts is that each
+//! row has the picture it must have.
+
+use glam::{DMat3, DQuat, DVec3};
+use glioscope_core::{
+    Grid,
+    optics::{Camera, Projection},
+};
+
+use crate::{
+    CloseupRenderer,
+    light::{cones::SOLID_CONES, vicinity::VICINITY},
+    scene::{LightSettings, LightingMode, Quality, RegionScene},
+    solid::{SURFACE, view::FAR},
+    testing::{GPU, grid, noise, scene_of, volume},
+};
+
+const SIZE: [u32; 2] = [33, 17];
+const WAYS: [LightingMode; 2] = [LightingMode::Slices, LightingMode::Cones];
+
+#[derive(PartialEq)]
+struct Left {
+    depths: Vec<f32>,
+    blurred: Vec<u32>,
+    rgba: Vec<u8>,
+}
+
+impl Left {
+    fn hits(&self) -> usize {
+        self.depths.iter().filter(|d| **d < FAR).count()
+    }
+
+    /// How dark what was hit is, 0 to 255.
+    fn darkness(&self) -> f64 {
+        self.blurred.iter().map(|d| f64::from(d >> 24)).sum::<f64>() / self.hits().max(1) as f64
+    }
+}
+
+fn drawn(
+    renderer: &mut CloseupRenderer,
+    scene: &RegionScene,
+    lighting: LightSettings,
+    size: [u32; 2],
+) -> Left {
+    let quality = Quality { lighting, occlusion_strength: 1.0, ..Quality::FULL };
+    let mut once = || {
+        let frame = renderer.render(&GPU, scene, &quality, size).unwrap();
+        let pixels = (size[0] * size[1]) as usize;
+        let dark = frame.plan.has(VICINITY) || frame.plan.has(SOLID_CONES);
+        let solid = frame.plan.has(SURFACE);
+        Left {
+            depths: if solid { frame.read_surface(&GPU).0 } else { vec![FAR; pixels] },
+            blurred: if dark { frame.read_blurred(&GPU) } else { vec![0; pixels] },
+            rgba: frame.read_rgba(&GPU).unwrap(),
+        }
+    };
+    let found = once();
+    assert!(found == once(), "the same again");
+    for (i, (depth, dark)) in found.depths.iter().zip(&found.blurred).enumerate() {
+        assert!(depth.is_finite() && (*dark == 0 || *depth < FAR), "{i}: {depth} {dark:x}");
+        assert_eq!(dark & 0xff_ffff, 0, "no colour of its own");
+    }
+    assert!(found.rgba.chunks(4).all(|p| p[3] == 255));
+    found
+}
+
+fn of_grid(grid: &Grid) -> RegionScene {
+    scene_of(volume(grid, 2, |k, p| noise(p, 4 + k as u32) > 0.4).unwrap(), 2, None)
+}
+
+fn eye_at(scene: &RegionScene, at: DVec3, towards: DVec3, projection: Projection) -> RegionScene {
+    let back = -towards / towards.length();
+    let c =
+        Camera { world_from_camera: DQuat::from_rotation_arc(DVec3::Z, back), projection, ..scene.camera };
+    RegionScene { camera: Camera { focus_mm: at - back * c.distance_mm(), ..c }, ..scene.clone() }
+}
+
+#[test]
+fn every_scene_of_masks_through_every_way() {
+    let box_of = |dims: [usize; 3], spacing: DVec3| {
+        let middle = DVec3::from_array(dims.map(|d| (d as f64 - 1.0) / 2.0));
+        Grid::axis_aligned(dims, spacing, -spacing * middle).unwrap()
+    };
+    let cube = of_grid(&box_of([12; 3], DVec3::ONE));
+    let lens = scene_of(cube.tumor.clone().unwrap(), 2, Some(0.5));
+    let shear =
+        DMat3::from_cols(DVec3::new(1.0, 0.2, 0.0), DVec3::new(0.5, -0.9, 0.1), DVec3::new(0.0, 0.3, 1.2));
+    let mut hidden = cube.clone();
+    (1..4).for_each(|bits| hidden.selection.set(bits, false));
+    let solid = |masks| {
+        scene_of(
+            volume(&box_of([10, 9, 8], DVec3::ONE), masks, |_, p| p[2] < 4 || p[0] < 4).unwrap(),
+            masks,
+            None,
+        )
+    };
+    let sheet = of_grid(&box_of([14, 12, 1], DVec3::ONE));
+    let rows: Vec<(&str, RegionScene, [u32; 2], bool)> = vec![
+        ("plain", cube.clone(), SIZE, true),
+        ("with a lens", lens, SIZE, true),
+        (
+            "camera inside",
+            eye_at(&cube, DVec3::splat(0.3), DVec3::new(0.3, -0.2, -1.0), Projection::Perspective),
+            SIZE,
+            true,
+        ),
+        ("camera at its face", eye_at(&cube, DVec3::Z * 6.0, -DVec3::Z, Projection::Perspective), SIZE, true),
+        (
+            "along its diagonal",
+            eye_at(&cube, DVec3::splat(6.0), -DVec3::ONE, Projection::Perspective),
+            SIZE,
+            true,
+        ),
+        ("near plane cuts it", eye_at(&cube, DVec3::ZERO, -DVec3::Z, Projection::Orthographic), SIZE, true),
+        (
+            "all behind the camera",
+            eye_at(&cube, DVec3::Z * 40.0, DVec3::Z, Projection::Perspective),
+            SIZE,
+            false,
+        ),
+        ("voxels 1:12", of_grid(&box_of([20, 18, 4], DVec3::new(0.5, 0.5, 6.0))), SIZE, true),
+        ("voxels 12:1", of_grid(&box_of([4, 18, 20], DVec3::new(6.0, 0.5, 0.5))), SIZE, true),
+        ("a sheet", sheet.clone(), SIZE, true),
+        ("a sheet edge on", eye_at(&sheet, DVec3::X * -30.0, DVec3::X, Projection::Orthographic), SIZE, true),
+        (
+            "one voxel",
+            scene_of(volume(&box_of([1; 3], DVec3::ONE), 1, |_, _| true).unwrap(), 1, None),
+            SIZE,
+            true,
+        ),
+        (
+            "sheared, negative, at 1e6 mm",
+            of_grid(&grid([12; 3], shear, DVec3::new(1e6, -1e6, 1e6))),
+            SIZE,
+            true,
+        ),
+        ("empty selection", hidden, SIZE, false),
+        ("one pixel", cube.clone(), [1, 1], true),
+        ("one mask", solid(1), SIZE, true),
+        ("five masks on the same voxels", solid(5), SIZE, true),
+    ];
+    for way in WAYS {
+        let mut renderer = CloseupRenderer::new(&GPU).unwrap();
+        let mut before: Option<Vec<u32>> = None;
+        for (name, scene, size, shows) in &rows {
+            for (coarsest_level, sub_cones) in [(3, 4), (0, 16)] {
+                let lighting =
+                    LightSettings { mode: way, coarsest_level, sub_cones, ..LightSettings::DEFAULT };
+                let found = drawn(&mut renderer, scene, lighting, *size);
+                println!("{way:?} {name}: {} hit, darkness {:.1}", found.hits(), found.darkness());
+                assert_eq!(found.hits() > 0, *shows, "{way:?} {name}");
+                // Light from the eye alone reaches all that is seen, whatever the shape.
+                let straight =
+                    drawn(&mut renderer, scene, LightSettings { aperture_deg: 0.0, ..lighting }, *size);
+                assert!(straight.blurred.iter().all(|d| *d == 0), "{way:?} {name}: {}", straight.darkness());
+                match *name {
+                    "plain" | "voxels 1:12" => {
+                        assert!(found.darkness() > 2.0, "{way:?} {name}: pits are dark");
+                    }
+                    "one mask" if coarsest_level == 0 => before = Some(found.blurred),
+                    "five masks on the same voxels" if coarsest_level == 0 => {
+                        assert!(before.as_ref() == Some(&found.blurred), "{way:?}: as one mask");
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_knob_of_light_on_masks() {
+    let grid = Grid::axis_aligned([12; 3], DVec3::ONE, DVec3::splat(-5.5)).unwrap();
+    let scene = of_grid(&grid);
+    let base = LightSettings { sub_cones: 4, ..LightSettings::DEFAULT };
+    let aperture = |aperture_deg| LightSettings { aperture_deg, ..base };
+    let cones = |sub_cones| LightSettings { sub_cones, ..base };
+    let step = |cone_step| LightSettings { cone_step, ..base };
+    let level = |coarsest_level| LightSettings { coarsest_level, ..base };
+    let samples = |vicinity_samples| LightSettings { vicinity_samples, ..base };
+    let reach = |vicinity_mm| LightSettings { vicinity_mm, ..base };
+    // What is past an end, and that end.
+    let pairs = [
+        (aperture(89.9), aperture(85.0)),
+        (aperture(f64::NAN), aperture(0.0)),
+        (aperture(-1.0), aperture(0.0)),
+        (cones(0), cones(1)),
+        (cones(1_000_000_000), cones(128)),
+        (step(f64::NAN), step(1.0)),
+        (step(0.0), step(0.0625)),
+        (step(1e9), step(4.0)),
+        (level(u32::MAX), level(15)),
+        (samples(0), samples(1)),
+        (samples(1_000_000_000), samples(118)),
+        (reach(f64::NAN), reach(0.0)),
+        (reach(f64::INFINITY), reach(0.0)),
+        (reach(-1.0), reach(0.0)),
+        (reach(1e300), reach(1e6)),
+    ];
+    for way in WAYS {
+        let mut renderer = CloseupRenderer::new(&GPU).unwrap();
+        let plain = drawn(&mut renderer, &scene, LightSettings { mode: way, ..base }, SIZE);
+        assert!(plain.darkness() > 2.0);
+        let mut others = 0;
+        for (past, end) in pairs {
+            let [past, end] = [past, end]
+                .map(|l| (l, drawn(&mut renderer, &scene, LightSettings { mode: way, ..l }, SIZE)));
+            assert!(past.1 == end.1, "{way:?}: {:?} is not {:?}", past.0, end.0);
+            others += usize::from(end.1.blurred != plain.blurred);
+        }
+        assert!(others > 5, "{way:?}: knobs do something");
+    }
+}

@@ -1,0 +1,190 @@
+//! What every light is tested by: its twin in `f64`, Monte Carlo, what is left out, the table of stability. A row of
+//! [`LIGHTS`] inherits all of it.
+
+mod image;
+mod masks;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use glioscope_core::{
+    Grid, Samples, Scaling, Selection, Volume,
+    optics::{Camera, Projection, Sight},
+};
+
+use super::{LIGHTS, lit::LitKind, slices};
+use crate::{
+    ContextRenderer, ContextScene,
+    image::{
+        ContextVolume, ControlPoint, GRADIENT_OPACITY, GradientPoint, TransferFunction, buffers::ImageBuffers,
+    },
+    scene::{LightSettings, LightingMode, MaskColors, Palette, Quality},
+    solid::SURFACE,
+    testing::{GPU, noise, volume},
+    views::context::context_plan,
+};
+
+pub(crate) const SIZE: [u32; 2] = [44, 36];
+
+pub(crate) fn lit(mode: LightingMode) -> Quality {
+    Quality { lighting: LightSettings { mode, ..LightSettings::DEFAULT }, ..Quality::FULL }
+}
+
+/// Soft lumps inside a ball, nothing at the image's faces.
+pub(crate) fn lumps(grid: &Grid) -> Arc<ContextVolume> {
+    let dims = grid.dims();
+    let values = (0..grid.voxel_count())
+        .map(|l| {
+            let p = [l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]];
+            let x = DVec3::from_array(std::array::from_fn(|a| (p[a] as f64 + 0.5) / dims[a] as f64 - 0.5));
+            let wave = (x.x * 17.0).sin() + (x.y * 13.0 + 1.0).sin() + (x.z * 11.0 + 2.0).sin();
+            (55.0 + 12.0 * wave + 4.0 * noise(p, 5)) * ((0.45 - x.length()) * 6.0).clamp(0.0, 1.0)
+        })
+        .collect();
+    image_of(grid, values)
+}
+
+pub(crate) fn image_of(grid: &Grid, values: Vec<f64>) -> Arc<ContextVolume> {
+    let image = Volume::new(grid.clone(), Samples::F64(values), Scaling::NONE).unwrap();
+    Arc::new(ContextVolume::new(Arc::new(image)))
+}
+
+pub(crate) fn transfer(two_d: bool, opacity: f64) -> Arc<TransferFunction> {
+    let rows =
+        [(15.0, [90, 60, 40], 0.0), (50.0, [220, 160, 120], 0.5 * opacity), (90.0, [255, 250, 230], opacity)];
+    let points = rows.iter().map(|&(value, color, opacity)| ControlPoint { value, color, opacity }).collect();
+    let gradient = two_d.then(|| {
+        [(1.0, 0.2), (6.0, 0.6), (12.0, 1.0)]
+            .map(|(gradient, factor)| GradientPoint { gradient, factor })
+            .to_vec()
+    });
+    Arc::new(TransferFunction::new(points, gradient).unwrap())
+}
+
+pub(crate) fn cubic(n: usize, spacing_mm: DVec3) -> Grid {
+    Grid::axis_aligned([n; 3], spacing_mm, -spacing_mm * (n as f64 - 1.0) / 2.0).unwrap()
+}
+
+/// An image with a frayed ball of a tumour in its middle.
+pub(crate) fn scene(two_d: bool, with_tumor: bool, projection: Projection) -> ContextScene {
+    let grid = cubic(36, DVec3::ONE);
+    let tumor_grid = Grid::axis_aligned([11; 3], DVec3::splat(0.9), DVec3::new(-5.0, -3.0, -4.5)).unwrap();
+    let tumor = with_tumor.then(|| {
+        volume(&tumor_grid, 1, |_, p| {
+            p.iter().map(|&c| (c as f64 - 5.0).powi(2)).sum::<f64>().sqrt() + 1.5 * noise(p, 4) < 5.0
+        })
+    });
+    ContextScene {
+        camera: Camera::fit(DVec3::ZERO, 22.0, Camera::orientation(31.3, 19.7), projection),
+        volume: Some(lumps(&grid)),
+        transfer: transfer(two_d, if two_d { 0.9 } else { 0.35 }),
+        clip: Vec::new(),
+        tumor: tumor.flatten(),
+        selection: Selection::all(),
+        colors: MaskColors::new(Palette::Thesis, &[None; 1]),
+        lens: None,
+        tubes: Vec::new(),
+        background: [255, 255, 255],
+        silhouette: [0, 0, 0],
+    }
+}
+
+/// Ranges of view depth in which the scene's image shows, joined.
+pub(crate) fn visible_depths_mm(scene: &ContextScene, sight: &Sight) -> Vec<(f64, f64)> {
+    let mut held = None;
+    let volume = scene.volume.as_ref().unwrap();
+    let buffers = ImageBuffers::reuse(&mut held, &GPU, volume, &scene.transfer).unwrap();
+    slices::joined(buffers.depths_mm(sight).collect())
+}
+
+/// Pixels of a scene, drawn where something else was in every buffer before.
+fn bits(whole: &ContextScene, scene: &ContextScene, quality: &Quality) -> Vec<u8> {
+    let mut renderer = ContextRenderer::new(&GPU).unwrap();
+    renderer.render(&GPU, whole, quality, SIZE).unwrap();
+    renderer.render(&GPU, scene, quality, SIZE).unwrap().read_rgba(&GPU).unwrap()
+}
+
+#[test]
+fn every_light_is_its_twin() {
+    for row in &LIGHTS {
+        let off = (row.suite.off_twin)();
+        println!("{:?}: largest difference from the twin {off:.2e}", row.mode);
+        assert!(off <= 1e-3, "{:?}: {off}", row.mode);
+    }
+}
+
+/// What is left out of every light, why, and that it changes no pixel.
+#[test]
+fn what_light_does_not_need_changes_no_pixel() {
+    let whole = scene(true, true, Projection::Perspective);
+    for row in &LIGHTS {
+        let (mode, quality) = (row.mode, lit(row.mode));
+        let reasons = |scene: &ContextScene| {
+            let plan = context_plan(scene, &quality);
+            let of_light = (row.passes)(LitKind::Image).iter();
+            of_light.map(|pass| plan.reason(*pass)).collect::<Vec<_>>()
+        };
+        assert!(reasons(&whole).iter().all(Option::is_none), "{mode:?}: a whole scene needs every pass");
+        // An opaque foreground without context needs no light in the image: as with an image of which the
+        // transfer function shows so little that no light is lost.
+        let alone = ContextScene { volume: None, ..whole.clone() };
+        let points = [(1e6, [0; 3], 0.0), (2e6, [255; 3], 1e-9)]
+            .map(|(value, color, opacity)| ControlPoint { value, color, opacity });
+        let far = Arc::new(TransferFunction::new(points.to_vec(), None).unwrap());
+        let unseen = ContextScene { transfer: far, ..whole.clone() };
+        assert_eq!(
+            context_plan(&unseen, &quality).passes,
+            context_plan(&whole, &quality).passes[..]
+                .to_vec()
+                .into_iter()
+                .filter(|p| *p != GRADIENT_OPACITY)
+                .collect::<Vec<_>>(),
+            "{mode:?}"
+        );
+        let (a, b) = (bits(&whole, &alone, &quality), bits(&whole, &unseen, &quality));
+        let other: Vec<_> = (0..a.len()).filter(|&i| a[i] != b[i]).map(|i| (i / 4, a[i], b[i])).collect();
+        assert!(other.is_empty(), "{mode:?}: {} {:?}", other.len(), other.first());
+        // Nothing needs light: every pass of it is left out, with the reason.
+        let nothing = ContextScene { tumor: None, ..alone };
+        let known = ["no context image", "no mask is active"];
+        assert!(reasons(&nothing).iter().all(|r| r.is_some_and(|r| known.contains(&r))), "{mode:?}");
+        // No opaque geometry: only passes in the image are left, as with a selection of nothing.
+        let no_masks = ContextScene { tumor: None, ..whole.clone() };
+        let mut hidden = whole.clone();
+        hidden.selection.set(1, false);
+        let left_out = |scene: &ContextScene| reasons(scene).iter().map(Option::is_some).collect::<Vec<_>>();
+        assert!(left_out(&no_masks).contains(&true), "{mode:?}: passes on opaque geometry");
+        assert_eq!(left_out(&no_masks), left_out(&hidden), "{mode:?}");
+        // A 1-D transfer function needs no gradients: as a 2-D one whose factor is 1 everywhere.
+        let flat: Vec<GradientPoint> =
+            [0.0, 1e6].map(|gradient| GradientPoint { gradient, factor: 1.0 }).to_vec();
+        let points = whole.transfer.points().to_vec();
+        let one_d = Arc::new(TransferFunction::new(points.clone(), None).unwrap());
+        let two_d = Arc::new(TransferFunction::new(points, Some(flat)).unwrap());
+        let plain = ContextScene { transfer: one_d, ..whole.clone() };
+        let with = ContextScene { transfer: two_d, ..whole.clone() };
+        let reason = context_plan(&plain, &quality).reason(GRADIENT_OPACITY);
+        assert_eq!(reason, Some("transfer function is 1-D"));
+        assert!(context_plan(&with, &quality).has(GRADIENT_OPACITY));
+        assert!(bits(&whole, &plain, &quality) == bits(&whole, &with, &quality), "{mode:?}");
+    }
+}
+
+/// Opaque geometry that hides nothing changes no pixel of the image, whichever way that light then has.
+#[test]
+fn opaque_geometry_out_of_the_way_changes_no_pixel_of_the_image() {
+    let alone = scene(false, false, Projection::Perspective);
+    // A tumour behind the camera.
+    let mut behind = alone.clone();
+    let eye = alone.camera.eye_mm() + alone.camera.axes()[2] * 60.0;
+    let grid = Grid::axis_aligned([3; 3], DVec3::ONE, eye).unwrap();
+    behind.tumor = volume(&grid, 1, |_, _| true);
+    for row in &LIGHTS {
+        let quality = lit(row.mode);
+        assert!(context_plan(&behind, &quality).has(SURFACE));
+        let (image, with) = (bits(&alone, &alone, &quality), bits(&alone, &behind, &quality));
+        // Depths are counted from another plane then: to a last digit of the picture.
+        let worst = image.iter().zip(&with).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        assert!(worst <= 1, "{:?}: {worst}", row.mode);
+    }
+}

@@ -1,0 +1,64 @@
+//! The pass against its twin in `f64`.
+
+use glioscope_core::optics::{Projection, Sight, poisson::poisson_disc, srgb};
+
+use super::{radius_mm, slope, twin};
+use crate::{
+    ContextRenderer,
+    light::{
+        slices::SLICES,
+        suite::{SIZE, scene},
+    },
+    scene::{LightSettings, LightingMode, Quality, SliceVariant},
+    solid::view::FAR,
+    testing::GPU,
+};
+
+#[test]
+fn vicinity_is_its_twin() {
+    let mut scene = scene(false, true, Projection::Perspective);
+    scene.volume = None;
+    scene.camera.height_mm *= 0.3;
+    for variant in [SliceVariant::PaperApproximate, SliceVariant::Mended] {
+        let lighting = LightSettings {
+            mode: LightingMode::Slices,
+            variant,
+            vicinity_samples: 64,
+            ..LightSettings::DEFAULT
+        };
+        let quality = Quality { lighting, ..Quality::FULL };
+        let mut renderer = ContextRenderer::new(&GPU).unwrap();
+        let frame = renderer.render(&GPU, &scene, &quality, SIZE).unwrap();
+        assert!(!frame.plan.has(SLICES));
+        let depths = frame.read_depths(&GPU);
+        let found = frame.read_blurred(&GPU);
+        // The twin counts depths from the eye.
+        let reference_mm = scene.reference_mm();
+        let absolute: Vec<f32> =
+            depths.iter().map(|d| if *d < FAR { d + reference_mm as f32 } else { *d }).collect();
+        let sight = Sight::new(&scene.camera, SIZE);
+        let twin = twin::vicinity(
+            &absolute,
+            SIZE,
+            |depth| sight.pixel_mm(depth),
+            radius_mm(&lighting),
+            f64::from(slope(&lighting)),
+            &poisson_disc(64),
+        );
+        let (mut dark, mut seen, mut other) = (0, 0, 0);
+        for i in 0..depths.len() {
+            if depths[i] < FAR {
+                let light = twin[i];
+                let off = (f64::from(found[i] >> 24) / 255.0 - (1.0 - srgb::encode(light))).abs();
+                // One point more or less, where its place is a pixel's very edge.
+                other += usize::from(off > 0.003);
+                assert!(off < 0.02, "{variant:?} {i}: {off}");
+                dark += usize::from(light < 0.9);
+                seen += 1;
+            } else {
+                assert_eq!(found[i], 0);
+            }
+        }
+        assert!(seen > 300 && dark > 30 && other * 50 < seen, "{variant:?}: {seen} {dark} {other}");
+    }
+}

@@ -1,0 +1,17 @@
+//! What the shaders of this light read, laid out as they read it. A test compares every offset with naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+pub(crate) const VICINITY: u32 = 1;
+pub(crate) const PARTIAL: u32 = 2;
+
+/// `Vicinity` of lib/vicinity.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Vicinity {
+    pub radius_mm: f32,
+    pub slope: f32,
+    pub count: u32,
+    pub flags: u32,
+    pub points: [[f32; 4]; 118],
+}

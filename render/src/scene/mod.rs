@@ -1,0 +1,26 @@
+//! What views draw and how well: regions, lens, colours, a slice, quality, and the plan of passes. Touches no device.
+
+pub mod lens;
+pub mod palette;
+pub mod plan;
+pub mod plane;
+pub mod quality;
+pub mod regions;
+
+use std::sync::Arc;
+
+pub use lens::Lens;
+pub use palette::{Coloring, MaskColors, Palette, Rgb, agreement_color};
+pub use plan::Plan;
+pub use plane::SlicePlane;
+pub use quality::{LightSettings, LightingMode, MutualOcclusion, Preset, Quality, SliceVariant};
+pub use regions::RegionScene;
+
+/// Whether two are one, or neither is there: what comparing scenes costs nothing with.
+pub(crate) fn same<T>(a: Option<&Arc<T>>, b: Option<&Arc<T>>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        (None, None) => true,
+        _ => false,
+    }
+}

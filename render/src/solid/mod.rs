@@ -1,0 +1,34 @@
+//! Opaque geometry on the device: region volumes as bricks, fibre tubes, a slice as a plane; the uniform and the targets
+//! that every 3D view has.
+
+pub(crate) mod bricks;
+pub(crate) mod plane;
+pub(crate) mod regions;
+pub(crate) mod targets;
+pub mod tubes;
+#[cfg(test)]
+pub(crate) mod twin;
+pub(crate) mod view;
+
+use crate::device::PassName;
+
+/// First shown voxel along each ray, inside the lens or everywhere when it is off.
+pub(crate) const SURFACE: PassName = PassName::new("surface");
+/// What lies around it: the closeup's faint outer level, the change view's veil.
+pub(crate) const OUTSIDE: PassName = PassName::new("outside");
+
+/// For the test of layouts.
+#[cfg(test)]
+pub(crate) const LAYOUTS: &[crate::layouts::Layout] = {
+    use crate::layouts::layout;
+    use tubes::buffers::{Fiber, TubePoint, TubesUniform};
+    let [view, outside] = view::LAYOUTS;
+    &[
+        view,
+        outside,
+        layout!(plane::PlaneUniform, "Plane": corner, opacity, to_u, width, to_v, height, normal, unused),
+        layout!(TubesUniform, "Tubes": right, least_px, up, unused_a, away, unused_b, origin, unused_c),
+        layout!(TubePoint, "TubePoint": place, what),
+        layout!(Fiber, "Fiber": color, radius_mm),
+    ]
+};

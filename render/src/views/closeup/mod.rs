@@ -1,0 +1,240 @@
+//! The tumour intersection closeup (thesis 7.3.3): the regions of all masks by exact voxel ray casting, through the lens.
+//!
+//! Lifetimes: a region volume's bricks once per `Arc` (cut on all cores, then one upload); the uniform, about 200
+//! bytes, and a small table of colours once per frame.
+
+#[cfg(test)]
+mod stability_tests;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use glioscope_core::RegionVolume;
+
+use crate::{
+    device::{Gpu, RenderError},
+    light::{
+        self, NO_IMAGE,
+        lit::{LitKind, LitScene, Opaque},
+    },
+    scene::{Lens, Plan, Quality, RegionScene, lens::check_view},
+    solid::{
+        OUTSIDE, SURFACE,
+        plane::PlaneBuffers,
+        regions::RegionBuffers,
+        view::{FAR, HAS_OUTSIDE, HAS_SURFACE, NO_SKIPPING, OutsideHit, reference_mm, region_view, world_at},
+    },
+    views::view3d::{COMPOSE, Draw, Frame, Prepared, View3d},
+};
+
+/// What is under a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pick {
+    /// The region's index bits: bit k set for mask k.
+    pub bits: u32,
+    /// The point on the voxel's face that the pixel shows, RAS+ millimetres.
+    pub world_mm: DVec3,
+    /// Whether the selection holds there: in the lens, or anywhere when it is off. Else it is
+    /// faint outer tissue.
+    pub inside_lens: bool,
+}
+
+/// The closeup, for [`crate::views::Renderer`].
+pub struct Closeup {
+    regions: Option<RegionBuffers>,
+    plane: PlaneBuffers,
+}
+
+/// What a frame's picks are looked up in.
+#[doc(hidden)]
+#[derive(Clone)]
+pub struct Kept {
+    tumor: Option<Arc<RegionVolume>>,
+    lens: Option<Lens>,
+}
+
+/// Whether every corner of the volume's box is in the ball.
+fn covers(lens: &Lens, corners_mm: &[DVec3; 8]) -> bool {
+    corners_mm.iter().all(|c| c.distance(lens.center_mm) <= lens.radius_mm)
+}
+
+/// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
+    let tumor = scene.tumor.as_deref();
+    let no_surface = scene.nothing_shown();
+    let no_outside = match (tumor, &scene.lens) {
+        (None, _) => no_surface,
+        (_, None) => Some("lens is off"),
+        (Some(t), Some(lens)) if covers(lens, &t.grid().corners_mm()) => {
+            Some("lens covers everything: nothing lies outside")
+        }
+        _ => None,
+    };
+    let light = light::passes(quality.lighting.mode, LitKind::Masks);
+    let order = [SURFACE, OUTSIDE].into_iter().chain(light.iter().copied()).chain([COMPOSE]);
+    Plan::of(order, |pass| match pass {
+        SURFACE => no_surface,
+        OUTSIDE => no_outside,
+        _ => light::left_out(pass, quality, no_surface, Some(NO_IMAGE)),
+    })
+}
+
+impl View3d for Closeup {
+    type Scene = RegionScene;
+    type Pick = Pick;
+    type Kept = Kept;
+    const IN_PARTS: bool = false;
+    const SHADERS: &'static [&'static str] = &["closeup/surface", "closeup/outside", "closeup/compose"];
+
+    fn plan(scene: &RegionScene, quality: &Quality) -> Plan {
+        closeup_plan(scene, quality)
+    }
+
+    fn check(scene: &RegionScene) -> Result<(), RenderError> {
+        check_view(&scene.camera, scene.lens.as_ref())
+    }
+
+    fn start(gpu: &Gpu) -> Result<Self, RenderError> {
+        Ok(Self { regions: None, plane: PlaneBuffers::new(gpu) })
+    }
+
+    fn prepare(
+        &mut self,
+        draw: &mut Draw<'_>,
+        scene: &RegionScene,
+        _spare: Option<Kept>,
+    ) -> Result<Prepared<Kept>, RenderError> {
+        let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
+        let regions = RegionBuffers::reuse(&mut self.regions, gpu, scene.tumor.as_ref())?;
+        let reference_mm = reference_mm(scene);
+        let mut flags = light::flags(draw.quality.lighting.mode, draw.plan);
+        for (pass, flag) in [(SURFACE, HAS_SURFACE), (OUTSIDE, HAS_OUTSIDE)] {
+            flags |= if draw.plan.has(pass) { flag } else { 0 };
+        }
+        flags |= if draw.switches.skipping { 0 } else { NO_SKIPPING };
+        let mut view = region_view(scene, reference_mm, draw.quality, size, flags);
+        self.plane.update(gpu, scene.plane.as_ref(), &scene.camera, reference_mm, &mut view)?;
+        regions.show(gpu, scene, &mut view);
+        draw.write_view(&view);
+
+        let workgroups = draw.workgroups();
+        let voxels = [
+            (0, draw.view.as_entire_binding()),
+            (1, regions.table.as_entire_binding()),
+            (2, regions.words.as_entire_binding()),
+            (3, regions.regions.as_entire_binding()),
+            (4, targets.depths.as_entire_binding()),
+        ];
+        if draw.plan.has(SURFACE) {
+            let entries = [&voxels[..], &[(5, targets.surfaces.as_entire_binding())]].concat();
+            draw.passes.bind(gpu, SURFACE, "closeup/surface", &entries, workgroups)?;
+        }
+        if draw.plan.has(OUTSIDE) {
+            let entries = [&voxels[..], &[(6, targets.outsides.as_entire_binding())]].concat();
+            draw.passes.bind(gpu, OUTSIDE, "closeup/outside", &entries, workgroups)?;
+        }
+        let lit = LitScene {
+            image: None,
+            tumor: scene.tumor.as_ref(),
+            selection: &scene.selection,
+            camera: &scene.camera,
+            reference_mm,
+            size,
+            quality: draw.quality,
+            opaque: if draw.plan.has(SURFACE) { Opaque::InMasks } else { Opaque::Nowhere },
+            ends_apart: false,
+            view: draw.view,
+            depths: &targets.depths,
+            surfaces: &targets.surfaces,
+            marched: &targets.outsides,
+            occlusion: &targets.occlusion,
+            blurred: &targets.blurred,
+            bricks: Some([&regions.table, &regions.words]),
+            colors: &regions.regions,
+        };
+        let notes = draw.lights.bind(gpu, draw.passes, draw.plan, &lit)?;
+        let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
+        let entries = [
+            (0, draw.view.as_entire_binding()),
+            (3, regions.regions.as_entire_binding()),
+            (4, targets.depths.as_entire_binding()),
+            (5, targets.surfaces.as_entire_binding()),
+            (6, targets.outsides.as_entire_binding()),
+            (8, targets.blurred.as_entire_binding()),
+            (10, wgpu::BindingResource::TextureView(&picture)),
+        ];
+        let entries = [&entries[..], &self.plane.entries()].concat();
+        draw.passes.bind(gpu, COMPOSE, "closeup/compose", &entries, workgroups)?;
+        let kept = Kept { tumor: scene.tumor.clone(), lens: scene.lens };
+        Ok(Prepared { kept, camera: scene.camera, reference_mm, warnings: Vec::new(), notes })
+    }
+
+    fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<Pick>, RenderError> {
+        let at = frame.linear(pixel);
+        let mut parts = Vec::new();
+        if frame.plan.has(SURFACE) {
+            parts.push((&frame.targets.depths, at * 4, 4));
+            parts.push((&frame.targets.surfaces, at * 8, 8));
+        }
+        if frame.plan.has(OUTSIDE) {
+            parts.push((&frame.targets.outsides, at * 16, 16));
+        }
+        if parts.is_empty() {
+            return Ok(None);
+        }
+        let found = |number: u32, depth: f32, inside_lens: bool| {
+            let bits = *frame.kept.tumor.as_ref()?.bits_of_id().get(number as usize)?;
+            let world_mm = world_at(&frame.camera, frame.reference_mm, frame.size_px, pixel, depth);
+            Some(Pick { bits, world_mm, inside_lens })
+        };
+        let read = gpu.read_buffers(&parts)?;
+        let mut read = read.iter();
+        if frame.plan.has(SURFACE)
+            && let (Some(depth), Some(surface)) = (read.next(), read.next())
+        {
+            let depth: f32 = bytemuck::pod_read_unaligned(depth);
+            let [number, _]: [u32; 2] = bytemuck::pod_read_unaligned(surface);
+            if depth < FAR {
+                return Ok(found(number, depth, true));
+            }
+        }
+        if let Some(outside) = read.next() {
+            let hit: OutsideHit = bytemuck::pod_read_unaligned(outside);
+            if hit.depth < FAR {
+                return Ok(found(hit.number, hit.depth, frame.kept.lens.is_none()));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// What ambient occlusion takes, pixel by pixel, rows from the top.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Occlusion {
+    /// View depths from the eye; infinite where nothing is.
+    pub depths_mm: Vec<f64>,
+    /// Share of light that is taken from each pixel, blurred.
+    pub dark: Vec<f64>,
+}
+
+impl Frame<Closeup> {
+    /// What ambient occlusion takes from each pixel drawn. For measuring: reads everything back.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`] with what the driver says.
+    pub fn occlusion(&self, gpu: &Gpu) -> Result<Occlusion, RenderError> {
+        let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
+        let read =
+            gpu.read_buffers(&[(&self.targets.depths, 0, n * 4), (&self.targets.blurred, 0, n * 4)])?;
+        let [depths, blurred] = &read[..] else { return Ok(Occlusion::default()) };
+        let depths: Vec<f32> = bytemuck::pod_collect_to_vec(depths);
+        let from_eye = |d: &f32| if *d < FAR { self.reference_mm + f64::from(*d) } else { f64::INFINITY };
+        Ok(Occlusion {
+            depths_mm: depths.iter().map(from_eye).collect(),
+            // The last of four 8-bit channels; the others are the colour that bleeds.
+            dark: blurred.chunks_exact(4).map(|p| f64::from(p[3]) / 255.0).collect(),
+        })
+    }
+}

@@ -1,0 +1,166 @@
+//! What a context view shows, and which passes that takes.
+
+use std::sync::Arc;
+
+use glioscope_core::{RegionVolume, Selection, optics::Camera};
+
+use crate::{
+    device::{PassName, RenderError},
+    image::{CONTEXT, ClipPlane, ContextVolume, GRADIENT_OPACITY, MOST_CLIP_PLANES, TransferFunction},
+    light::{self, lit::LitKind},
+    scene::{
+        Lens, MaskColors, Plan, Quality, RegionScene, Rgb, lens::check_view, regions::nothing_shown, same,
+    },
+    solid::{
+        SURFACE,
+        tubes::{DrawnTubes, TUBES, TUBES_MERGE},
+        view::reference_to,
+    },
+    views::view3d::COMPOSE,
+};
+
+/// A context view to draw. Two are equal when they draw the same picture: volumes by identity, which
+/// costs nothing a frame.
+#[derive(Clone, Debug)]
+pub struct ContextScene {
+    /// The image; `None` without one: then the tumour stands alone.
+    pub volume: Option<Arc<ContextVolume>>,
+    /// How its values look.
+    pub transfer: Arc<TransferFunction>,
+    /// What of the image is cut away, at most [`MOST_CLIP_PLANES`]; the tumour stays whole.
+    pub clip: Vec<ClipPlane>,
+    /// The regions; `None` where no voxel is active. Its box is opened in the image whether or not
+    /// anything in it is shown.
+    pub tumor: Option<Arc<RegionVolume>>,
+    /// Which regions are shown. The lens does not cut here.
+    pub selection: Selection,
+    /// Their colours.
+    pub colors: MaskColors,
+    /// The lens, whose ring is drawn; `None` when it is off.
+    pub lens: Option<Lens>,
+    /// Fibre tracts beside it. They are cut no more than the tumour is.
+    pub tubes: Vec<DrawnTubes>,
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// What is behind everything.
+    pub background: Rgb,
+    /// Colour of the tumour's silhouettes.
+    pub silhouette: Rgb,
+}
+
+impl PartialEq for ContextScene {
+    fn eq(&self, other: &Self) -> bool {
+        let Self {
+            volume,
+            transfer,
+            clip,
+            tumor,
+            selection,
+            colors,
+            lens,
+            tubes,
+            camera,
+            background,
+            silhouette,
+        } = self;
+        same(volume.as_ref(), other.volume.as_ref())
+            && (Arc::ptr_eq(transfer, &other.transfer) || *transfer == other.transfer)
+            && *clip == other.clip
+            && same(tumor.as_ref(), other.tumor.as_ref())
+            && *selection == other.selection
+            && *colors == other.colors
+            && *lens == other.lens
+            && *tubes == other.tubes
+            && *camera == other.camera
+            && *background == other.background
+            && *silhouette == other.silhouette
+    }
+}
+
+impl ContextScene {
+    /// The tumour's part, as the passes that it shares with the closeup take it.
+    pub(crate) fn tumor_scene(&self) -> RegionScene {
+        RegionScene {
+            tumor: self.tumor.clone(),
+            selection: self.selection.clone(),
+            colors: self.colors.clone(),
+            lens: self.lens,
+            camera: self.camera,
+            background: self.background,
+            silhouette: self.silhouette,
+            plane: None,
+        }
+    }
+
+    /// View depth of the plane that depths are counted from: through the middle of the tumour, or of
+    /// the image without one.
+    pub(crate) fn reference_mm(&self) -> f64 {
+        let grid = self.tumor.as_ref().map(|t| t.grid()).or(self.volume.as_ref().map(|v| v.grid()));
+        reference_to(&self.camera, grid.map_or(self.camera.focus_mm, |g| g.center_mm()))
+    }
+
+    /// Refuses what can't be drawn.
+    pub(crate) fn check(&self) -> Result<(), RenderError> {
+        check_view(&self.camera, self.lens.as_ref())?;
+        if self.clip.len() > MOST_CLIP_PLANES {
+            let found = self.clip.len();
+            return Err(RenderError::Scene(format!("{found} clipping planes (at most {MOST_CLIP_PLANES})")));
+        }
+        let is_plane = |c: &ClipPlane| {
+            let length = c.normal.length();
+            length.is_finite() && length > 0.0 && c.offset_mm.is_finite()
+        };
+        match self.clip.iter().find(|c| !is_plane(c)) {
+            Some(plane) => Err(RenderError::Scene(format!("clipping plane {plane:?}"))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Why the image isn't drawn; `None` where it is.
+pub(crate) fn no_image(scene: &ContextScene) -> Option<&'static str> {
+    if scene.volume.is_none() {
+        Some("no context image")
+    } else if scene.transfer.is_transparent() {
+        Some("transfer function is transparent")
+    } else {
+        None
+    }
+}
+
+/// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
+    let no_surface = nothing_shown(scene.tumor.as_deref(), &scene.selection);
+    let no_tubes = if scene.tubes.iter().any(DrawnTubes::draws) {
+        None
+    } else if scene.tubes.iter().any(|tubes| !tubes.shown) {
+        Some("fibre tracts are hidden")
+    } else {
+        Some("no fibre tracts")
+    };
+    // Any opaque geometry will do.
+    let no_opaque = no_surface.filter(|_| no_tubes.is_some());
+    let no_image = no_image(scene);
+    let is_1d = scene.transfer.gradient().is_none().then_some("transfer function is 1-D");
+    let before = [SURFACE, TUBES, TUBES_MERGE];
+    Plan::of(around_light(quality, before, [COMPOSE]), |pass| match pass {
+        SURFACE => no_surface,
+        TUBES | TUBES_MERGE => no_tubes,
+        CONTEXT => no_image,
+        GRADIENT_OPACITY => no_image.or(is_1d),
+        _ => light::left_out(pass, quality, no_opaque, no_image),
+    })
+}
+
+/// Passes of a view with an image: those before the light, the light's, the march unless the light draws the image
+/// itself, and those after.
+pub(crate) fn around_light(
+    quality: &Quality,
+    before: impl IntoIterator<Item = PassName>,
+    after: impl IntoIterator<Item = PassName>,
+) -> Vec<PassName> {
+    let mode = quality.lighting.mode;
+    let march = [CONTEXT].into_iter().filter(|_| light::row(mode).image_pass.is_none());
+    let light = light::passes(mode, LitKind::Image).iter().copied();
+    before.into_iter().chain(light).chain(march).chain([GRADIENT_OPACITY]).chain(after).collect()
+}

@@ -1,0 +1,98 @@
+// The picture: flat region colours, occlusion, contour lines, the faint outside, the slice, the lens ring.
+#include lib/view
+#include lib/plane
+#include lib/ring
+#include lib/lines
+
+struct Outside {
+    depth: f32,
+    number: u32,
+    face: u32,
+    color: u32,
+}
+
+@group(0) @binding(3) var<storage, read> regions: array<u32>;
+@group(0) @binding(6) var<storage, read> outsides: array<Outside>;
+@group(0) @binding(8) var<storage, read> blurred: array<u32>;
+@group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
+
+// Silhouettes and large steps of the outer level, where it hides what the lens shows or nothing.
+fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {
+    let at = linear_index(vec2<u32>(here));
+    let depth = outsides[at].depth;
+    let face = outsides[at].face;
+    var others = 0u;
+    for (var n = 0u; n < 8u; n++) {
+        others |= select(0u, 1u << n, outsides[clamped(here + neighbour(n))].face != face);
+    }
+    others = select(0u, others, depth < front);
+    var line = 0.0;
+    while others != 0u {
+        let to = neighbour(firstTrailingBit(others));
+        others &= others - 1u;
+        let q = outsides[clamped(here + to)].depth;
+        let steps =
+            step_mm(outsides[clamped(here - to)].depth, depth, q, outsides[clamped(here + 2 * to)].depth) / view.voxel_mm;
+        let away = length(vec2<f32>(to)) - 0.5;
+        let drawn = smoothstep(2.0, 5.0, steps) * coverage(1.3 * width_at(depth), away);
+        line = max(line, select(0.0, drawn, q >= depth));
+    }
+    return line;
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
+    if any(id.xy >= view.size) {
+        return;
+    }
+    let here = vec2<i32>(id.xy);
+    let at = linear_index(id.xy);
+    var color = view.background.rgb;
+    var front = FAR;
+    let slice = plane_at(id.xy);
+    var slice_waits = slice.depth < FAR;
+    let has_surface = (flags() & HAS_SURFACE) != 0u;
+    let has_outside = (flags() & HAS_OUTSIDE) != 0u;
+    if has_surface {
+        front = depths[at];
+    }
+    // What the slice is behind of hides it, or is drawn over it.
+    slice_waits = slice_waits && slice.depth < front;
+    if front < FAR {
+        color = unpack4x8unorm(regions[surfaces[at].x]).rgb;
+        if (flags() & HAS_OCCLUSION) != 0u {
+            let o = unpack4x8unorm(blurred[at]);
+            let dark = o.a * view.occlusion_strength;
+            color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
+        }
+    } else if has_outside {
+        if slice_waits && slice.depth >= outsides[at].depth {
+            color = with_plane(color, slice);
+            slice_waits = false;
+        }
+        let outer = unpack4x8unorm(outsides[at].color);
+        color = outer.rgb + (1.0 - outer.a) * color;
+    }
+    if has_surface {
+        let lines = lines_at(here, front);
+        if slice_waits && slice.depth >= lines.depth {
+            color = with_plane(color, slice);
+            slice_waits = false;
+        }
+        color = mix(color, INNER, view.inner_line_strength * lines.grey);
+        color = mix(color, view.silhouette.rgb, lines.black);
+    }
+    if has_outside {
+        if slice_waits && slice.depth >= outsides[at].depth {
+            color = with_plane(color, slice);
+            slice_waits = false;
+        }
+        color = mix(color, view.silhouette.rgb, view.outer_line_strength * outer_line_at(here, front));
+    }
+    if slice_waits {
+        color = with_plane(color, slice);
+    }
+    color = with_ring(color, id.xy);
+    textureStore(picture, here, vec4<f32>(color, 1.0));
+}

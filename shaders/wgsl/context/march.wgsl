@@ -1,0 +1,26 @@
+// The context image along each ray, emission and absorption (thesis 7.3.2), lit by a headlight from its
+// gradients. A ray that meets the box of the masks starts behind it, and ends at what is solid.
+#include lib/view
+#include lib/march
+#include lib/context
+#include lib/image
+#include lib/image_march
+
+const WANTS_GRADIENT = true;
+
+// Headlight. Where the image is flat, a gradient is noise: shading fades out there. `inside` is how
+// far from where the ray was let in: on a cut through tissue one wants to read the image, not a relief
+// of its noise.
+fn appearance(
+    color: vec3<f32>, gradient: vec3<f32>, ray: vec3<f32>, inside_mm: f32, at: vec3<f32>,
+) -> vec3<f32> {
+    let steepness = length(gradient);
+    let relative = steepness / context.half_shaded;
+    let strength = clamp(inside_mm / context.cut_fade_mm, 0.0, 1.0) * (1.0 - 1.0 / (1.0 + relative * relative));
+    let facing = abs(dot(gradient, ray)) / max(steepness, 1e-20);
+    let light = context.ambient + (1.0 - context.ambient) * facing;
+    let facing4 = facing * facing * facing * facing;
+    let shine = context.specular * facing4 * facing4 * facing4 * facing4;
+    return min(color * mix(1.0, light, strength) + strength * shine, vec3<f32>(1.0));
+}
+

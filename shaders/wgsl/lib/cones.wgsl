@@ -1,0 +1,138 @@
+// Light from a cone towards the eye: sub-cones of even solid angle, each followed through levels of
+// prefiltered extinction, finer near by and coarser farther on (after Crassin et al. 2011). Shared by
+// the image's grid of light and by surfaces.
+//
+// The including file gives `near_extinction(p)`: extinction per millimetre at a place, unfiltered;
+// `kept_span(c, w)`: millimetres from place c in direction w between which nothing is cut away;
+// `is_kept(c)`: whether the medium is there at all; `is_hidden(c)`: whether something solid is. Places p
+// are in the medium's index space, voxel (i, j, k) filling [i, i+1) and so on; places c in camera space.
+
+struct Level {
+    dims: vec3<u32>,
+    start: u32,                     // of its cells among all
+    scale: vec3<f32>,               // cells a voxel
+    pad: u32,
+}
+
+struct Cones {
+    right: vec3<f32>,               // of the medium's index space, one millimetre
+    tangent: f32,                   // of a sub-cone's half opening
+    up: vec3<f32>,
+    cone_step: f32,                 // cells
+    forward: vec3<f32>,
+    coarsest: f32,                  // level
+    corner: vec3<f32>,              // index space, where the view axis meets the reference plane
+    voxel_mm: f32,
+    dims: vec3<u32>,                // voxels
+    count: u32,                     // sub-cones
+    dark: f32,                      // no extinction counts for more
+    rounds: u32,                    // steps of a sub-cone, at most
+    unused_a: u32,
+    unused_b: u32,
+    levels: array<Level, 16>,
+    axes: array<vec4<f32>, 128>,    // unit: right and up at right angles to the sight, and towards the eye
+}
+
+@group(0) @binding(26) var<uniform> cones: Cones;
+@group(0) @binding(27) var<storage, read> prefiltered: array<f32>;
+
+// Past this optical thickness nothing is left that a pixel could show.
+const ENOUGH = 12.0;
+const LAST_LEVEL = 15u;
+
+// Whether sub-cones are rays from cell to cell (`exact_ray` of the including file), for labels.
+override exact: bool = false;
+
+fn level_at(p: vec3<f32>, number: u32) -> f32 {
+    let level = cones.levels[number];
+    let at = clamp(p * level.scale - 0.5, vec3<f32>(0.0), vec3<f32>(level.dims) - 1.0);
+    let low = min(vec3<u32>(at), max(level.dims, vec3<u32>(2u)) - 2u);
+    let high = min(low + 1u, level.dims - 1u);
+    let f = at - vec3<f32>(low);
+    let sheet = level.dims.x * level.dims.y;
+    let y0 = level.start + low.z * sheet + low.y * level.dims.x;
+    let y1 = level.start + low.z * sheet + high.y * level.dims.x;
+    let y2 = level.start + high.z * sheet + low.y * level.dims.x;
+    let y3 = level.start + high.z * sheet + high.y * level.dims.x;
+    let a = mix(prefiltered[y0 + low.x], prefiltered[y0 + high.x], f.x);
+    let b = mix(prefiltered[y1 + low.x], prefiltered[y1 + high.x], f.x);
+    let c = mix(prefiltered[y2 + low.x], prefiltered[y2 + high.x], f.x);
+    let e = mix(prefiltered[y3 + low.x], prefiltered[y3 + high.x], f.x);
+    return mix(mix(a, b, f.y), mix(c, e, f.y), f.z);
+}
+
+fn extinction_at(p: vec3<f32>, level: f32) -> f32 {
+    let low = u32(floor(level));
+    let f = level - floor(level);
+    var a = 0.0;
+    if low == 0u {
+        a = min(near_extinction(p), cones.dark);
+    } else {
+        a = level_at(p, low);
+    }
+    return mix(a, level_at(p, min(low + 1u, LAST_LEVEL)), f);
+}
+
+fn index_of(c: vec3<f32>) -> vec3<f32> {
+    return cones.corner + c.x * cones.right + c.y * cones.up + c.z * cones.forward;
+}
+
+// Share of one sub-cone's light that reaches `c` from direction `w`, both in camera space: through the
+// medium alone, and past what is solid as well.
+fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
+    let o = index_of(c);
+    let d = w.x * cones.right + w.y * cones.up + w.z * cones.forward;
+    let size = vec3<f32>(cones.dims);
+    let moves = abs(d) > vec3<f32>(1e-12);
+    let safe = select(vec3<f32>(1.0), d, moves);
+    let ends = select(vec3<f32>(FAR), max(-o / safe, (size - o) / safe), moves);
+    // What is lit may lie outside: a tube does.
+    let begins = select(vec3<f32>(-FAR), min(-o / safe, (size - o) / safe), moves);
+    let misses = any(!moves & ((o < vec3<f32>(0.0)) | (o > size)));
+    // Light starts at the eye's plane. Not an `if`: Mesa 22.3's software driver crashes when it compiles one
+    // here with a uniform read in it.
+    let to_eye = (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0);
+    let leaves = min(min(ends.x, ends.y), ends.z);
+    let far = select(min(leaves, select(FAR, to_eye, w.z < 0.0)), -1.0, misses);
+    let kept = kept_span(c, w);
+    let widest = cones.voxel_mm * exp2(cones.coarsest);
+    var t = max(max(begins.x, max(begins.y, begins.z)), 0.0);
+    var thickness = 0.0;
+    var open = 1.0;
+    // No cone needs more rounds: a guard against numbers gone wrong. Nothing branches in here: Mesa's
+    // software driver runs both sides anyway.
+    for (var round = 0u; (round < cones.rounds) & (t < far) & (thickness < ENOUGH); round++) {
+        let width = clamp(2.0 * t * cones.tangent, cones.voxel_mm, widest);
+        let step = min(cones.cone_step * width, far - t);
+        let middle = t + 0.5 * step;
+        let there = c + middle * w;
+        let here = clamp(2.0 * middle * cones.tangent, cones.voxel_mm, widest);
+        let extinction = extinction_at(o + middle * d, log2(here / cones.voxel_mm));
+        let counts = (middle >= kept.x) & (middle <= kept.y) & is_kept(there);
+        thickness += select(0.0, extinction * step, counts);
+        open = select(open, 0.0, is_hidden(there));
+        t = select(far, t + step, t + step > t);
+    }
+    return exp(-thickness) * vec2<f32>(1.0, open);
+}
+
+// Share of the cone's light that reaches a place of camera space: through the medium alone, and past
+// what is solid as well.
+fn light_from_cone(c: vec3<f32>) -> vec2<f32> {
+    // Towards the eye, and two directions at right angles to that.
+    let off = c.xy * (view.mm_per_pixel_per_mm / max(footprint_mm(c.z), 1e-12));
+    let axis = vec3<f32>(-off, -1.0) / sqrt(1.0 + dot(off, off));
+    let u = normalize(vec3<f32>(1.0, 0.0, 0.0) - axis * axis.x);
+    let v = cross(axis, u);
+    var sum = vec2<f32>(0.0);
+    for (var i = 0u; i < varied(cones.count); i++) {
+        let a = cones.axes[i];
+        let w = u * a.x + v * a.y + axis * a.z;
+        if exact {
+            sum += exact_ray(c, w);
+        } else {
+            sum += sub_cone(c, w);
+        }
+    }
+    return sum / f32(cones.count);
+}

@@ -1,0 +1,28 @@
+// What the steps of slices find where none has been: light of 1, an eye that saw nothing. And where each
+// pixel's ray is in the image, which is too much to find anew in each step.
+#include lib/view
+#include lib/march
+#include lib/context
+#include lib/image
+#include lib/slices
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
+    if any(id.xy >= view.size) {
+        return;
+    }
+    let at = linear_index(id.xy);
+    eye[at] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    notes[at] = vec2<f32>(1.0, FAR);
+    for (var turn = 0u; turn < 2u; turn++) {
+        let place = light_place(at, turn);
+        lights[place] = 1.0;
+        if two_lights {
+            lights[place + 1u] = 1.0;
+        }
+    }
+    let ray = image_ray(from_middle(id.xy), FAR);
+    lights[range_place(at)] = ray.near;
+    lights[range_place(at) + 1u] = ray.far;
+}

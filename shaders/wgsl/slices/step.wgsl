@@ -1,0 +1,181 @@
+// One step of slices through the context image: eye, occlusion and partial occlusion at once
+// (Algorithms 1 to 4 of Schott et al. 2012 in one pass). It finds what slices/begin left, or a step before.
+#include lib/view
+#include lib/march
+#include lib/context
+#include lib/image
+#include lib/linear
+#include lib/slices
+
+// Extinction that stands for something solid, per millimetre.
+const SOLID = 1e20;
+
+struct Pixel {
+    at: u32,
+    line: array<vec3<f32>, 2>,
+    range: vec2<f32>,            // depths between which the image is seen
+    slant: f32,
+    solid: f32,
+    last: f32,                   // where the eye's ray ends
+}
+
+var<private> state: vec4<f32>;
+var<private> note: vec2<f32>;
+var<private> light: vec2<f32>;
+
+// Depths of the slice in the image, and what is in their middle.
+fn span_of(pixel: Pixel, front: f32) -> vec2<f32> {
+    return vec2<f32>(max(front, pixel.range.x), min(front + slices.slice_mm, pixel.range.y));
+}
+
+fn place_in(pixel: Pixel, span: vec2<f32>) -> Place {
+    return place_of(pixel.line[0] + 0.5 * (span.x + span.y) * pixel.line[1]);
+}
+
+fn shades() -> bool {
+    return (slices.flags & VOLUME_ON_VOLUME) != 0u;
+}
+
+fn mended(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
+    let extinction = extinction_of(material) * pixel.slant;
+    let hides = with_solid && pixel.solid < front + slices.slice_mm;
+    let meets = hides && pixel.solid >= front;
+    let end = max(span.y, span.x);
+    // Up to what is solid; up to where the eye's ray ends; all of the slice.
+    let until = clamp(pixel.solid, span.x, end);
+    var ends = until;
+    if ends_apart {
+        ends = clamp(pixel.last, until, end);
+    }
+    let seen = extinction * (until - span.x);
+    let shown = extinction * (ends - span.x);
+    let whole = extinction * (end - span.x);
+    let slice = through_slice(light.y, shown);
+    let lit = mix(absorbed(shown), slice.x, slices.strength);
+    state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-shown));
+    if with_solid {
+        let after = select(light.x, through_slice(light.x, whole).y, whole > 0.0);
+        // At what is solid: between before and behind the slice (Algorithm 4), as light falls.
+        let share = select(1.0, seen / whole, whole > 0.0);
+        let at_solid = light.x * pow(max(after, 1e-30) / max(light.x, 1e-30), share);
+        note.x = select(note.x, select(after, at_solid, meets), !hides | meets);
+        light.x = after;
+        if solid_lets_through {
+            light.y = select(light.y, through_slice(light.y, whole).y, shades() & (whole > 0.0));
+        } else {
+            light.y = select(select(light.y, slice.y, shades() & (shown > 0.0)), 0.0, hides);
+        }
+    } else {
+        light.y = select(light.y, slice.y, shades() & (shown > 0.0));
+        light.x = light.y;
+    }
+}
+
+// As the paper has it: a slice is a sheet in its middle, its opacity that of the distance to what is solid
+// where that is nearer.
+fn as_the_paper(id: vec2<u32>, pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
+    let extinction = extinction_of(material);
+    let casts = !solid_lets_through;
+    let hides = with_solid && pixel.solid < front + slices.slice_mm;
+    let meets = hides && pixel.solid >= front;
+    let sampled = min(span.y - span.x, pixel.last - front);
+    let alpha = select(absorbed(extinction * sampled), 0.0, sampled <= 0.0);
+    state = vec4<f32>(
+        state.rgb + decoded(material.rgb) * (mix(1.0, light.y, slices.strength) * alpha * state.a), state.a * (1.0 - alpha));
+    let of_solid = select(extinction, SOLID, hides && casts);
+    let of_both = select(select(0.0, SOLID, hides && casts), of_solid, shades());
+    var after = vec2<f32>(exp(-vec2<f32>(extinction, of_both) * slices.slice_mm));
+    if !is_first {
+        after = disc(id, vec2<f32>(extinction, of_both));
+    }
+    if !hides {
+        note.x = after.x;
+    } else if meets {
+        note.x = mix(light.x, after.x, (pixel.solid - front) / slices.slice_mm);
+    }
+    light = after;
+}
+
+fn load(at: u32) {
+    state = eye[at];
+    note = notes[at];
+}
+
+fn store(at: u32, before: f32) {
+    if before > 0.5 && state.a <= 0.5 {
+        note.y = parts[zero].depth + 0.5 * f32(parts[zero].slices) * slices.slice_mm;
+    }
+    eye[at] = state;
+    notes[at] = note;
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) thread: vec3<u32>) {
+    zero = thread.x >> 31u;
+    let id = thread.xy + parts[zero].origin;
+    if any(id >= view.size) {
+        return;
+    }
+    let at = linear_index(id);
+    let p = from_middle(id);
+    let slant = length(vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0));
+    var range = vec2<f32>(FAR, -FAR);
+    if !is_empty {
+        range = vec2<f32>(lights[range_place(at)], lights[range_place(at) + 1u]);
+    }
+    var solid = FAR;
+    if with_solid {
+        solid = depths[at];
+    }
+    var last = solid;
+    if ends_apart {
+        last = depths[at + view.size.x * view.size.y];
+    }
+    let pixel = Pixel(at, image_line(p), range, slant, solid, last);
+    if variant == MENDED {
+        light = lattice(id);
+    } else {
+        light = texel(vec2<i32>(id));
+    }
+    if variant == MENDED && one_slice {
+        let front = parts[zero].depth;
+        let span = span_of(pixel, front);
+        let place = place_in(pixel, span);
+        let shows = (span.x < span.y) & shows_anything(place);
+        let back = front + slices.slice_mm;
+        // Where nothing is, eye and notes stay, and need not move.
+        if shows | (with_solid & (((solid >= front) & (solid < back)) | (parts[zero].is_last == 1u))) {
+            load(at);
+            let before = state.a;
+            mended(pixel, front, span, select(vec4<f32>(0.0), material_of(place), shows));
+            store(at, before);
+        } else if with_solid && !solid_lets_through {
+            light.y = select(light.y, 0.0, solid < back);
+        }
+    } else {
+        load(at);
+        let before = state.a;
+        for (var i = 0u; i < parts[zero].slices; i++) {
+            let front = parts[zero].depth + f32(i) * slices.slice_mm;
+            let span = span_of(pixel, front);
+            let place = place_in(pixel, span);
+            var material = vec4<f32>(0.0);
+            if (span.x < span.y) & shows_anything(place) {
+                material = material_of(place);
+            }
+            if variant == MENDED {
+                mended(pixel, front, span, material);
+            } else {
+                as_the_paper(id, pixel, front, span, material);
+            }
+        }
+        store(at, before);
+    }
+    let there = light_place(at, 1u - parts[zero].turn);
+    if two_lights {
+        lights[there] = light.x;
+        lights[there + 1u] = light.y;
+    } else {
+        lights[there] = light.y;
+    }
+}

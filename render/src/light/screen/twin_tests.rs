@@ -1,17 +1,19 @@
 //! The passes of ambient occlusion against their twin in `f64`.
 
-use glioscope_core::optics::Sight;
+use glam::DVec3;
+use glioscope_core::{Grid, optics::Sight};
 
 use super::occlusion_kernel;
 use crate::{
     CloseupRenderer,
     scene::Quality,
     solid::view::{FAR, reference_mm},
-    testing::{GPU, balls_scene},
+    testing::{GPU, noise, scene_of, volume},
 };
 
-/// Verdicts that fall by less than this (millimetres, or pixels) may be another in single precision.
-const DOUBT: f64 = 1e-3;
+/// Verdicts that fall by less than this may be another in single precision.
+const DOUBT_MM: f64 = 1e-4;
+const DOUBT_PX: f64 = 3e-5;
 
 /// Darkness before the blur, 0 to 255, and whether rounding may decide about it: screen/occlusion.
 fn occlusion(
@@ -37,11 +39,11 @@ fn occlusion(
                 let to: [f64; 2] = std::array::from_fn(|a| {
                     ([x, y][a] as f64 + offset[a]).clamp(0.0, size[a] as f64 - 1.0) + 0.5
                 });
-                doubt |= to.iter().any(|t| (t - t.round()).abs() < DOUBT && t.fract() != 0.5);
+                doubt |= to.iter().any(|t| (t - t.round()).abs() < DOUBT_PX && t.fract() != 0.5);
                 let occluder = depths[to[1] as usize * size[0] + to[0] as usize];
                 let sure = (3.0 * radius_mm / (depth - occluder).max(1e-6)).min(1.0);
                 let edge = depth + sign * k[2] * radius_mm - 0.75 * px_mm;
-                doubt |= (occluder - edge).abs() < DOUBT;
+                doubt |= (occluder - edge).abs() < DOUBT_MM;
                 hidden += if occluder < edge {
                     0.5 + 0.5 * sure
                 } else if occluder < depth {
@@ -68,7 +70,7 @@ fn blurred(dark: &[(f64, bool)], depths: &[f64], size: [usize; 2], reach_mm: f64
             let at = |c: usize, d: i64, n: usize| (c as i64 + d).clamp(0, n as i64 - 1) as usize;
             let there = at(i / size[0], dy, size[1]) * size[0] + at(i % size[0], dx, size[0]);
             let step = (depths[there] - depths[i]).abs();
-            doubt |= (step - reach_mm).abs() < DOUBT;
+            doubt |= (step - reach_mm).abs() < DOUBT_MM;
             if step < reach_mm {
                 sum += dark[there].0;
                 weight += 1.0;
@@ -82,7 +84,10 @@ fn blurred(dark: &[(f64, bool)], depths: &[f64], size: [usize; 2], reach_mm: f64
 
 /// For the suite: largest difference past what 8 bits round to.
 pub(super) fn off_twin() -> f64 {
-    let (scene, quality, size) = (balls_scene(), Quality::FULL, [110, 90]);
+    // Pits and towers of voxels.
+    let grid = Grid::axis_aligned([12; 3], DVec3::ONE, DVec3::splat(-5.5)).unwrap();
+    let scene = scene_of(volume(&grid, 2, |k, p| noise(p, 4 + k as u32) > 0.4).unwrap(), 2, None);
+    let (quality, size) = (Quality::FULL, [150, 120]);
     let mut renderer = CloseupRenderer::new(&GPU).unwrap();
     let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
     let reference = reference_mm(&scene);

@@ -1,5 +1,5 @@
-//! The stability table of algorithms.md 9 for the light of the views: every row through slices in all
-//! variants and through cones, in the context view and on what is solid in the closeup.
+//! The stability table of algorithms.md 9 for the light of the context view: every scene through every row of
+//! [`LIGHTS`] and every variant that it names.
 
 use std::sync::Arc;
 
@@ -12,31 +12,33 @@ use glioscope_core::{
 use super::{cubic, image_of, lumps, scene, transfer, visible_depths_mm};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
-    image::{CONTEXT, ControlPoint, GradientPoint, TransferFunction},
+    image::{ControlPoint, GradientPoint, TransferFunction, uniforms::SPECULAR},
     light::{
-        cones::SOLID_CONES,
+        self, LIGHTS,
         slices::{
-            SLICES,
             plan::{MOST_SLICES, SlicePlan, SliceSettings},
             twin,
         },
-        vicinity::VICINITY,
     },
     scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
-    solid::{SURFACE, view::FAR},
+    solid::{
+        SURFACE,
+        view::{FAR, HAS_OCCLUSION, LINEAR_LIGHT},
+    },
     testing::{GPU, grid, noise, volume},
+    views::context::shows_image,
 };
 
 const SIZE: [u32; 2] = [33, 17];
 /// What rounding may add to a share.
 const ROUNDING: f64 = 1e-5;
 
-const WAYS: [(LightingMode, SliceVariant); 4] = [
-    (LightingMode::Slices, SliceVariant::PaperExact),
-    (LightingMode::Slices, SliceVariant::PaperApproximate),
-    (LightingMode::Slices, SliceVariant::Mended),
-    (LightingMode::Cones, SliceVariant::Mended),
-];
+/// A lighting mode and a variant that its row wants tested.
+type Way = (LightingMode, SliceVariant);
+
+fn ways() -> Vec<Way> {
+    LIGHTS.iter().flat_map(|row| row.suite.variants.iter().map(|variant| (row.mode, *variant))).collect()
+}
 
 /// All that a context view's passes left.
 #[derive(PartialEq)]
@@ -64,10 +66,11 @@ fn read<T: bytemuck::Pod>(buffer: Option<&wgpu::Buffer>) -> Vec<T> {
 
 fn left(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality, size: [u32; 2]) -> Left {
     let frame = renderer.render(&GPU, scene, quality, size).unwrap();
-    let shown = frame.plan.has(SLICES) || frame.plan.has(CONTEXT);
+    let shown = shows_image(&frame.plan);
     let marched = if shown { frame.read_marched(&GPU) } else { Vec::new() };
     let solid = frame.plan.has(SURFACE);
-    let dark = frame.plan.has(VICINITY) || frame.plan.has(SOLID_CONES);
+    let dark = (light::row(quality.lighting.mode).flags.iter())
+        .any(|(p, f)| f & HAS_OCCLUSION != 0 && frame.plan.has(*p));
     let mut out = Left {
         eye: Vec::new(),
         notes: Vec::new(),
@@ -91,12 +94,15 @@ fn left(renderer: &mut ContextRenderer, scene: &ContextScene, quality: &Quality,
 }
 
 /// No number that is none, none past what the colours allow, nothing where nothing is.
-fn check(name: &str, scene: &ContextScene, left: &Left) {
+fn check(name: &str, scene: &ContextScene, mode: LightingMode, left: &Left) {
     let share = |x: f32| (0.0..=1.0 + ROUNDING).contains(&f64::from(x));
     let most: [f64; 3] = std::array::from_fn(|c| {
         let all = scene.transfer.points().iter().map(|p| f64::from(p.color[c]) / 255.0);
-        srgb::decode(all.fold(0.0, f64::max))
+        all.fold(0.0, f64::max)
     });
+    // The headlight blends encoded colours and adds a highlight; other lights blend linear light.
+    let is_linear = light::row(mode).flags.iter().any(|(_, flag)| flag & LINEAR_LIGHT != 0);
+    let most = most.map(|c| if is_linear { srgb::decode(c) } else { c + SPECULAR });
     for e in &left.eye {
         assert!(share(e[3]), "{name}: {e:?}");
         for c in 0..3 {
@@ -375,16 +381,16 @@ fn knobs() -> Vec<(Row, &'static str, &'static str)> {
     ]
 }
 
-fn quality_of(row: &Row, (mode, variant): (LightingMode, SliceVariant)) -> Quality {
+fn quality_of(row: &Row, (mode, variant): Way) -> Quality {
     let lighting = LightSettings { mode, variant, ..row.lighting };
     Quality { lighting, occlusion_strength: 1.0, context_step_mm: 0.5, ..Quality::FULL }
 }
 
 /// Draws a row twice, the same both times.
-fn run(renderer: &mut ContextRenderer, row: &Row, way: (LightingMode, SliceVariant)) -> Left {
+fn run(renderer: &mut ContextRenderer, row: &Row, way: Way) -> Left {
     let quality = quality_of(row, way);
     let found = left(renderer, &row.scene, &quality, row.size);
-    check(row.name, &row.scene, &found);
+    check(row.name, &row.scene, way.0, &found);
     assert!(found == left(renderer, &row.scene, &quality, row.size), "{} {way:?}: the same again", row.name);
     found
 }
@@ -393,8 +399,9 @@ fn mean_opacity(left: &Left) -> f64 {
     left.marched.iter().map(|m| m[3]).sum::<f64>() / left.marched.len().max(1) as f64
 }
 
-fn renderers() -> Vec<ContextRenderer> {
-    WAYS.iter().map(|_| ContextRenderer::new(&GPU).unwrap()).collect()
+/// A renderer for each way.
+fn renderers() -> Vec<(ContextRenderer, Way)> {
+    ways().into_iter().map(|way| (ContextRenderer::new(&GPU).unwrap(), way)).collect()
 }
 
 #[test]
@@ -404,10 +411,10 @@ fn every_scene_through_every_way() {
     let mut first: Vec<Left> = Vec::new();
     for row in &rows {
         let mut opacities = Vec::new();
-        for (renderer, way) in renderers.iter_mut().zip(WAYS) {
-            let found = run(renderer, row, way);
+        for (renderer, way) in &mut renderers {
+            let found = run(renderer, row, *way);
             opacities.push(mean_opacity(&found));
-            if row.name == "plain" && first.len() < WAYS.len() {
+            if row.name == "plain" && first.len() < ways().len() {
                 first.push(found);
             }
         }
@@ -419,26 +426,31 @@ fn every_scene_through_every_way() {
         assert!(spread < 0.1, "{}: every way sees about as much: {opacities:?}", row.name);
     }
     // After all that, the very same picture.
-    for ((renderer, way), before) in renderers.iter_mut().zip(WAYS).zip(&first) {
-        assert!(run(renderer, &rows[0], way) == *before, "{way:?}: what was drawn between leaves no trace");
+    for ((renderer, way), before) in renderers.iter_mut().zip(&first) {
+        assert!(run(renderer, &rows[0], *way) == *before, "{way:?}: what was drawn between leaves no trace");
     }
 }
 
 #[test]
 fn every_knob_through_every_way() {
     let mut renderers = renderers();
-    let mut found: Vec<(&str, [Left; 4])> = Vec::new();
+    let mut found: Vec<(&str, Vec<Left>)> = Vec::new();
     for (row, by_slices, by_cones) in knobs() {
         let name = row.name;
-        let lefts: Vec<Left> = renderers.iter_mut().zip(WAYS).map(|(r, way)| run(r, &row, way)).collect();
-        for (left, (mode, _)) in lefts.iter().zip(WAYS) {
-            let expected = if mode == LightingMode::Slices { by_slices } else { by_cones };
+        let mut lefts = Vec::new();
+        for (renderer, way) in &mut renderers {
+            let left = run(renderer, &row, *way);
+            let expected = match way.0 {
+                LightingMode::Slices => by_slices,
+                LightingMode::Cones => by_cones,
+                _ => "",
+            };
             let used: Vec<&String> = left.said.iter().filter(|s| s.contains("used")).collect();
-            assert_eq!(used.len(), usize::from(!expected.is_empty()), "{name} {mode:?}: {used:?}");
-            assert!(used.iter().all(|s| s.contains(expected)), "{name} {mode:?}: {used:?}");
+            assert_eq!(used.len(), usize::from(!expected.is_empty()), "{name} {way:?}: {used:?}");
+            assert!(used.iter().all(|s| s.contains(expected)), "{name} {way:?}: {used:?}");
+            lefts.push(left);
         }
         println!("{name}: mean opacity {:.4?}", lefts.iter().map(mean_opacity).collect::<Vec<_>>());
-        let Ok(lefts) = <[Left; 4]>::try_from(lefts) else { panic!("four ways") };
         found.push((name, lefts));
     }
     let of = |name: &str| &found.iter().find(|(n, _)| *n == name).unwrap().1;
@@ -466,7 +478,8 @@ fn every_knob_through_every_way() {
     for (a, b) in
         [("aperture 0", "aperture 85"), ("cells 0 mm", "cells 1e9 mm"), ("0 sub-cones", "128 sub-cones")]
     {
-        assert!(of(a)[3].rgba != of(b)[3].rgba, "{a} is not {b}");
+        let differ = of(a).iter().zip(of(b)).any(|(a, b)| a.rgba != b.rgba);
+        assert!(differ, "{a} is not {b}");
     }
 }
 
@@ -477,16 +490,17 @@ fn every_knob_through_every_way() {
 fn thousands_of_slices() {
     let cube = cubic(20, DVec3::ONE);
     let with = seen(&cube, frayed(&cube, [7, 6, 8], [5, 6, 4]));
-    let few =
-        mean_opacity(&run(&mut ContextRenderer::new(&GPU).unwrap(), &row("few", &with, light()), WAYS[2]));
+    let mended = (LightingMode::Slices, SliceVariant::Mended);
+    let draw = |row: &Row| run(&mut ContextRenderer::new(&GPU).unwrap(), row, mended);
+    let few = mean_opacity(&draw(&row("few", &with, light())));
     for (name, slice_mm) in [("1e-6 mm", 1e-6), ("8,000 slices", 38.0 / 8000.0)] {
         let many = row(name, &with, LightSettings { slice_mm, ..light() });
-        let mended = run(&mut ContextRenderer::new(&GPU).unwrap(), &many, WAYS[2]);
+        let mended = draw(&many);
         assert_eq!(mended.said.iter().any(|s| s.contains("is used")), slice_mm == 1e-6, "{:?}", mended.said);
         let opacity = mean_opacity(&mended);
         println!("{name}: opacity {opacity:.5}, of few {few:.5}");
         assert!((opacity - few).abs() < 0.003, "{name}: {opacity} {few}");
-        for (_, variant) in WAYS.into_iter().take(2) {
+        for variant in [SliceVariant::PaperExact, SliceVariant::PaperApproximate] {
             let sight = Sight::new(&with.camera, [3, 3]);
             let settings =
                 SliceSettings { variant, aperture_deg: 60.0, grid: 5, slice_mm, reference_mm: 5.0 };

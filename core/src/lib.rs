@@ -8,6 +8,8 @@ pub mod case;
 pub mod change;
 pub mod check;
 pub mod components;
+pub mod csv;
+pub mod dates;
 pub mod distance;
 pub mod ellipsoid;
 pub mod files;

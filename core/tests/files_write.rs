@@ -13,7 +13,7 @@ mod common;
 use common::read_bytes;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::files::nifti_header::{Header, Version};
-use glioscope_core::files::{WriteOptions, info, nifti_bytes, write_nifti, write_whole};
+use glioscope_core::files::{WriteOptions, nifti_bytes, nifti_info, write_nifti, write_whole};
 use glioscope_core::{Grid, Samples, Scaling, Sides, Volume, files::Source};
 use proptest::prelude::*;
 
@@ -113,7 +113,7 @@ fn both_forms_are_written_unless_sheared_and_neither_without_sides() {
         write_nifti(&path, volume, &WriteOptions { description: "näme".into() }).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(&bytes[148..154], b"n??me\0");
-        let info = info(&Source::File(path)).unwrap();
+        let info = nifti_info(&Source::File(path)).unwrap();
         (info.sform_code, info.qform_code)
     };
     let upright = DAffine3 { matrix3: DMat3::from_rotation_x(0.4), translation: DVec3::ONE };

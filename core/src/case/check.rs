@@ -6,7 +6,11 @@ use super::{
     CaseMask, CaseSpec,
     load::{NativeMask, at_time},
 };
-use crate::{Check, Grid, Mask, Regions, Sides, resample};
+use crate::{
+    Check, Grid, Mask, Regions, Sides,
+    dates::{is_shaped_as_date, iso_date},
+    resample,
+};
 
 /// Volume drift of a resampled mask, in per cent, above which it is a warning and not a note.
 pub const DRIFT_WARNING_PERCENT: f64 = 5.0;
@@ -164,12 +168,15 @@ pub(super) fn before_resampling(
             ));
         }
     }
-    let dated = |l: &String| {
-        l.len() == 10
-            && l.bytes()
-                .enumerate()
-                .all(|(i, b)| if i == 4 || i == 7 { b == b'-' } else { b.is_ascii_digit() })
-    };
+    for label in labels.iter().filter(|label| is_shaped_as_date(label) && iso_date(label).is_none()) {
+        checks.push(Check::warning(
+            "date-impossible",
+            format!(
+                "times: found {label}, expected a day of the calendar; it is taken for a name, not a date"
+            ),
+        ));
+    }
+    let dated = |label: &String| iso_date(label).is_some();
     if labels.iter().all(dated) && !labels.is_sorted() {
         checks.push(Check::note(
             "times-not-in-order",

@@ -11,7 +11,10 @@ use super::{
 };
 use crate::{
     Check, Progress,
-    files::{self, ReadOptions, Source},
+    files::{
+        self, ReadOptions, Source,
+        format::{self, volume_stem},
+    },
     tumor_index::MAX_MASKS,
 };
 
@@ -30,14 +33,15 @@ fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
 }
 
 /// The case at `path`: a manifest (`.toml`), a folder with one (`case.toml`, or the only `.toml`
-/// that has a `glioscope` key), a folder without, or one NIfTI file. Files are opened only where
+/// that has a `glioscope` key), a folder without, or one image file. Files are opened only where
 /// their names don't say enough.
 ///
 /// # Errors
-/// [`CaseError`]: nothing there, a wrong manifest, a folder without NIfTI files or with those of
+/// [`CaseError`]: nothing there, a wrong manifest, a folder without images or with those of
 /// several subjects, a file that can't be read.
 pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    let expected = "a case manifest (.toml), a folder of NIfTI files, or a NIfTI file";
+    let kind = format::volume_names();
+    let expected = &format!("a case manifest (.toml), a folder of {kind} files, or a {kind} file");
     let there = std::fs::metadata(path).map_err(|e| wrong(path, e.to_string(), expected))?;
     if there.is_dir() {
         return match manifest_in(path)? {
@@ -49,7 +53,7 @@ pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return read_manifest(path);
     }
-    if names::nifti_stem(&name).is_none() {
+    if volume_stem(&name).is_none() {
         return Err(wrong(path, "a file of another kind", expected));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -87,9 +91,9 @@ fn read_folder(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
     Ok(paths)
 }
 
-/// NIfTI files below `folder`, relative to it, in the order of their paths. Hidden ones are left
+/// Images and masks below `folder`, relative to it, in the order of their paths. Hidden ones are left
 /// out, and folders that are links.
-fn nifti_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, CaseError> {
+fn volume_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, CaseError> {
     let mut found = Vec::new();
     let mut seen = 0;
     let mut ahead = vec![(folder.to_path_buf(), 0)];
@@ -108,7 +112,7 @@ fn nifti_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, CaseE
                 if depth < MAX_DEPTH && !path.is_symlink() {
                     ahead.push((path, depth + 1));
                 }
-            } else if names::nifti_stem(name).is_some() {
+            } else if volume_stem(name).is_some() {
                 found.extend(path.strip_prefix(folder).map(Path::to_path_buf));
             }
         }
@@ -118,9 +122,11 @@ fn nifti_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, CaseE
 }
 
 fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    let files = nifti_files(folder, progress)?;
+    let files = volume_files(folder, progress)?;
     if files.is_empty() {
-        return Err(wrong(folder, "no NIfTI file (.nii, .nii.gz, .hdr)", "a case.toml or NIfTI files"));
+        let kind = format::volume_names();
+        let found = format!("no {kind} file ({})", format::volume_endings());
+        return Err(wrong(folder, found, &format!("a case.toml or {kind} files")));
     }
     let name = folder_name(&folder.join("x"));
     guess(folder, files, name, options, progress)

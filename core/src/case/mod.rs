@@ -202,6 +202,18 @@ pub struct Case {
     pub checks: Vec<Check>,
 }
 
+impl Case {
+    /// Labels of the dates, in their order.
+    pub fn time_labels(&self) -> Vec<&str> {
+        self.time_points.iter().map(|t| t.label.as_str()).collect()
+    }
+
+    /// Position of the date with this label.
+    pub fn time_at(&self, label: &str) -> Option<usize> {
+        self.time_points.iter().position(|t| t.label == label)
+    }
+}
+
 /// Why a case can't be opened: one line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CaseError {

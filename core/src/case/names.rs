@@ -3,6 +3,11 @@
 
 use std::path::Path;
 
+use crate::{
+    dates::{ISO_LENGTH, find_iso_date},
+    files::format::volume_stem,
+};
+
 /// Words that make a file a mask or label map.
 const MASK_WORDS: &[&str] = &[
     "seg",
@@ -61,34 +66,6 @@ pub(super) struct Named {
     pub stem: String,
 }
 
-/// The name without `.nii`, `.nii.gz`, `.hdr`, `.hdr.gz`; `None` for any other. A pair is named by
-/// its header, so `.img` is another.
-pub(super) fn nifti_stem(name: &str) -> Option<&str> {
-    let plain = strip_ending(name, ".gz").unwrap_or(name);
-    [".nii", ".hdr"].into_iter().find_map(|e| strip_ending(plain, e)).filter(|s| !s.is_empty())
-}
-
-fn strip_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
-    let at = name.len().checked_sub(ending.len())?;
-    (name.is_char_boundary(at) && name[at..].eq_ignore_ascii_case(ending)).then(|| &name[..at])
-}
-
-/// First `2024-01-15` in a text: where it starts.
-fn iso_date(text: &str) -> Option<usize> {
-    let bytes = text.as_bytes();
-    let digit = |b: &u8| b.is_ascii_digit();
-    (0..bytes.len().saturating_sub(9)).find(|&at| {
-        let d = &bytes[at..at + 10];
-        d[..4].iter().all(digit)
-            && d[4] == b'-'
-            && d[5..7].iter().all(digit)
-            && d[7] == b'-'
-            && d[8..].iter().all(digit)
-            && (at == 0 || !bytes[at - 1].is_ascii_digit())
-            && bytes.get(at + 10).is_none_or(|b| !b.is_ascii_digit())
-    })
-}
-
 fn words(text: &str) -> impl Iterator<Item = String> + '_ {
     text.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).map(str::to_lowercase)
 }
@@ -124,7 +101,7 @@ fn digits(text: &str, count: usize) -> bool {
 /// What the path of a file, relative to the folder opened, says.
 pub(super) fn read_name(relative: &Path) -> Option<Named> {
     let name = relative.file_name()?.to_str()?;
-    let stem = nifti_stem(name)?.to_owned();
+    let stem = volume_stem(name)?.to_owned();
     let folders: Vec<&str> =
         relative.parent().into_iter().flat_map(Path::iter).filter_map(|f| f.to_str()).collect();
     let places = || std::iter::once(stem.as_str()).chain(folders.iter().rev().copied());
@@ -143,10 +120,10 @@ pub(super) fn read_name(relative: &Path) -> Option<Named> {
     let mut time = places().find_map(|p| entity(p, "ses")).map(str::to_owned);
     let mut subject = places().find_map(|p| entity(p, "sub")).map(str::to_owned);
     if time.is_none() {
-        time = places().find_map(|p| iso_date(p).map(|at| p[at..at + 10].to_owned()));
+        time = places().find_map(|p| find_iso_date(p).map(|at| p[at..at + ISO_LENGTH].to_owned()));
     }
-    if let Some(at) = iso_date(&rest) {
-        rest.replace_range(at..at + 10, "");
+    if let Some(at) = find_iso_date(&rest) {
+        rest.replace_range(at..at + ISO_LENGTH, "");
     }
     let mut tokens = tokens(&rest);
     // BraTS since 2023: …-PATIENT(5 digits)-TIME(3 digits)-SUFFIX.
@@ -259,8 +236,7 @@ mod tests {
         for other in ["a.img", "a.img.gz", "a.txt", ".nii", "LICENSE", "a.nii.bz2"] {
             assert!(read_name(Path::new(other)).is_none(), "{other}");
         }
-        assert_eq!(nifti_stem("A.NII.GZ"), Some("A"));
-        assert_eq!(iso_date("x2024-01-15y"), Some(1));
-        assert_eq!(iso_date("12024-01-15"), None);
+        let named = read_name(Path::new("t1-2024-02-31.nii")).unwrap();
+        assert_eq!(named.time, None, "no day of the calendar");
     }
 }

@@ -184,6 +184,14 @@ fn times_are_in_the_order_met_and_one_id_keeps_its_bit() {
 }
 
 #[test]
+fn a_label_that_only_looks_like_a_date_is_a_name_and_warned_of() {
+    let masks = vec![mask("A", "a", Some("2024-02-31")), mask("A", "b", Some("2024-01-01"))];
+    let case = load_plain(&case_of(vec![], masks), &[]);
+    assert!(message(&case, "date-impossible").starts_with("times: found 2024-02-31, expected a day"));
+    assert!(!has(&case, "times-not-in-order"), "a name has no place in an order of dates");
+}
+
+#[test]
 fn wrong_cases_are_one_line_that_names_the_culprit() {
     assert!(error(&case_of(vec![], vec![])).contains("no image and no mask"));
     let mixed = case_of(vec![image("I", "i", None)], vec![mask("A", "a", Some("now"))]);

@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 use serde::Serialize;
+use strum::IntoStaticStr;
 
 use crate::{Component, Components, Connectivity, Grid, MaskBits, components::TooLarge};
 
 /// What became of the components of a group.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, IntoStaticStr)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Fate {
     /// One component overlaps one of the other date.
     Matched,

@@ -6,6 +6,7 @@
 //! listed; beside each length stand the plain distance to the nearest surface voxel and what can't
 //! be told from no change.
 
+mod choice;
 mod groups;
 mod report;
 mod stats;
@@ -15,6 +16,7 @@ mod vectors;
 
 use glam::DVec3;
 use serde::Serialize;
+use strum::IntoStaticStr;
 
 use crate::{
     Cancelled, Grid, GridError, MaskBits, Progress,
@@ -23,10 +25,10 @@ use crate::{
     skeleton::{ForceSource, Skeleton, SkeletonError, SkeletonOptions, skeleton_with},
 };
 
+pub use choice::{Choice, ids_at};
 pub use groups::{Fate, Group, Part};
 pub use report::{
-    ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, between_with,
-    csv, report,
+    ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, csv, report,
 };
 pub use stats::{COVERAGE, Histogram, Lengths, Uncertainty};
 use vectors::{Place, Site, Surfaces};
@@ -67,6 +69,17 @@ pub enum ChangeError {
     /// The registration error is no length.
     #[error("found a registration error of {0} mm, expected a finite number of at least 0")]
     Registration(f64),
+    /// The case has less than two dates.
+    #[error("{case}: found {dates} time point, expected at least two dates to compare")]
+    OneDate {
+        /// The case.
+        case: String,
+        /// How many it has.
+        dates: usize,
+    },
+    /// The two dates have no mask of one id.
+    #[error("{0}: found no mask that both dates have, expected one of the same id")]
+    NoCommonMask(String),
     /// The case has no such mask or date.
     #[error("{case}: found {found}, expected {expected}")]
     Choice {
@@ -143,8 +156,9 @@ pub struct Unpartnered {
 }
 
 /// What is special about a pair of masks. Names in JSON are stable, lower case, hyphenated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, IntoStaticStr)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Flag {
     /// The masks are identical.
     NoChange,

@@ -1,17 +1,16 @@
 //! The change of one mask of a case, and its numbers as `change --json` and `--csv` write them.
 
-use std::fmt::Write as _;
-
 use glam::DVec3;
 use serde::Serialize;
 
 use super::{
-    COVERAGE, Change, ChangeCounts, ChangeError, ChangeOptions, Fate, Flag, Histogram, Lengths, Part,
+    COVERAGE, Change, ChangeCounts, ChangeError, ChangeOptions, Choice, Fate, Flag, Histogram, Lengths, Part,
     SurfaceChange, change_with,
 };
 use crate::{
     Grid, Progress,
-    case::{Case, TimePoint},
+    case::Case,
+    csv::Table,
     skeleton::{ForceSource, SkeletonCounts},
 };
 
@@ -186,118 +185,65 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
     }
 }
 
-/// Every vector, then every outer surface voxel without a partner, one a line; lengths in
+/// Every vector, then every outer surface voxel without a partner, a row each; lengths in
 /// millimetres, places in RAS+ millimetres, what isn't known is empty.
-pub fn csv(change: &Change) -> String {
-    let mut text = String::from(
-        "voxel_i,voxel_j,voxel_k,from_x_mm,from_y_mm,from_z_mm,to_x_mm,to_y_mm,to_z_mm,signed_mm,\
-         nearest_mm,uncertainty_mm,within_uncertainty,no_set,component,fate\n",
-    );
-    let place = |p: DVec3| format!("{},{},{}", p.x, p.y, p.z);
-    let fate = |group: u32| match change.groups.get(group as usize).map(|g| g.fate) {
-        Some(Fate::Matched) => "matched",
-        Some(Fate::Vanished) => "vanished",
-        Some(Fate::Appeared) => "appeared",
-        Some(Fate::Split) => "split",
-        Some(Fate::Merged) => "merged",
-        Some(Fate::Regrouped) => "regrouped",
-        None => "",
+pub fn csv(change: &Change) -> Vec<u8> {
+    let axes = ["x", "y", "z"];
+    let head = ["voxel_i", "voxel_j", "voxel_k"].map(str::to_owned).into_iter();
+    let head = head.chain(["from", "to"].into_iter().flat_map(|end| axes.map(|a| format!("{end}_{a}_mm"))));
+    let rest =
+        ["signed_mm", "nearest_mm", "uncertainty_mm", "within_uncertainty", "no_set", "component", "fate"];
+    let mut table = Table::new(head.chain(rest.map(str::to_owned)));
+    let fate = |group: u32| -> &'static str {
+        change.groups.get(group as usize).map_or("", |group| group.fate.into())
     };
-    // Writing into a String can't fail.
+    let place = |p: Option<DVec3>| match p {
+        Some(p) => p.to_array().map(|mm| mm.to_string()),
+        None => Default::default(),
+    };
+    let mut row =
+        |voxel: [usize; 3], from: Option<DVec3>, to: Option<DVec3>, numbers: [String; 5], group: u32| {
+            let voxel = voxel.map(|index| index.to_string());
+            let group = [group.to_string(), fate(group).to_owned()];
+            table.row(voxel.into_iter().chain(place(from)).chain(place(to)).chain(numbers).chain(group));
+        };
+    let yes = |flag: bool| u8::from(flag).to_string();
     for v in &change.vectors {
-        let [i, j, k] = v.voxel;
-        let _ = writeln!(
-            text,
-            "{i},{j},{k},{},{},{},{},{},{},{},{},{}",
-            place(v.from_mm),
-            place(v.to_mm),
-            v.signed_mm,
-            v.nearest_mm,
-            v.uncertainty_mm,
-            u8::from(v.flags.within_uncertainty),
-            u8::from(v.flags.no_set),
-            v.group,
-            fate(v.group)
-        );
+        let numbers = [v.signed_mm, v.nearest_mm, v.uncertainty_mm].map(|mm| mm.to_string());
+        let [signed, nearest, uncertainty] = numbers;
+        let flags = [yes(v.flags.within_uncertainty), yes(v.flags.no_set)];
+        let [within, no_set] = flags;
+        let numbers = [signed, nearest, uncertainty, within, no_set];
+        row(v.voxel, Some(v.from_mm), Some(v.to_mm), numbers, v.group);
     }
     for v in &change.unpartnered {
-        let [i, j, k] = v.voxel;
-        let here = place(v.position_mm);
-        let (from, to) = if v.appeared { (",,", here.as_str()) } else { (here.as_str(), ",,") };
-        let nearest = v.nearest_mm.map(|d| d.to_string()).unwrap_or_default();
-        let _ = writeln!(text, "{i},{j},{k},{from},{to},,{nearest},,,,{},{}", v.group, fate(v.group));
+        let here = Some(v.position_mm);
+        let (from, to) = if v.appeared { (None, here) } else { (here, None) };
+        let nearest = v.nearest_mm.map(|mm| mm.to_string()).unwrap_or_default();
+        let unknown = String::new;
+        row(v.voxel, from, to, [unknown(), nearest, unknown(), unknown(), unknown()], v.group);
     }
-    text
+    table.into_bytes()
 }
 
-/// The change of mask `of` between two dates of `case`, with its id and the dates' labels. `of` may
-/// be left out where all masks have one id, the dates where there are two.
+/// The change that `choice` names, with the skeleton's force from `source` where there is one and it can.
 ///
 /// # Errors
 /// [`ChangeError::Choice`] for what the case doesn't have; else as [`super::change`].
 pub fn between(
     case: &Case,
-    of: Option<&str>,
-    from: Option<&str>,
-    to: Option<&str>,
-    options: &ChangeOptions,
-    progress: &Progress,
-) -> Result<(ChangeReport, Change), ChangeError> {
-    between_with(case, (of, from, to), options, None, progress)
-}
-
-/// As [`between`], for mask and dates `(of, from, to)`, with the skeleton's force from `source` where
-/// there is one and it can.
-///
-/// # Errors
-/// As [`between`].
-pub fn between_with(
-    case: &Case,
-    (of, from, to): (Option<&str>, Option<&str>, Option<&str>),
+    choice: &Choice,
     options: &ChangeOptions,
     source: Option<&dyn ForceSource>,
     progress: &Progress,
 ) -> Result<(ChangeReport, Change), ChangeError> {
-    let wrong =
-        |found: String, expected: String| ChangeError::Choice { case: case.name.clone(), found, expected };
-    let labels = || case.time_points.iter().map(|t| t.label.as_str()).collect::<Vec<_>>().join(", ");
-    let (first, last) = match case.time_points.as_slice() {
-        [first, last] => (Some(first), Some(last)),
-        [] | [_] => {
-            let found = format!("{} time point", case.time_points.len());
-            return Err(wrong(found, "at least two dates to compare".into()));
-        }
-        _ => (None, None),
+    let Choice { id, dates } = Choice::at(case, Some(&choice.id), choice.dates)?;
+    let [earlier, later] = dates.map(|at| &case.time_points[at]);
+    let [Some(before), Some(after)] =
+        [earlier, later].map(|time| time.masks.iter().find(|m| m.mask.id() == id).map(|m| m.mask.bits()))
+    else {
+        return Err(ChangeError::NoCommonMask(case.name.clone()));
     };
-    let time = |asked: Option<&str>, alone: Option<&'_ TimePoint>, option: &str| match asked {
-        Some(label) => (case.time_points.iter().position(|t| t.label == label))
-            .ok_or_else(|| wrong(format!("no date {label}"), format!("one of {}", labels()))),
-        None => (case.time_points.iter().position(|t| alone.is_some_and(|a| std::ptr::eq(a, t))))
-            .ok_or_else(|| wrong(format!("no {option}"), format!("one of {}", labels()))),
-    };
-    let (from, to) = (time(from, first, "--from")?, time(to, last, "--to")?);
-    let (earlier, later) = (&case.time_points[from], &case.time_points[to]);
-    if from == to {
-        return Err(wrong(format!("{} twice", earlier.label), "two different dates".into()));
-    }
-    let mut ids: Vec<&str> = Vec::new();
-    for mask in case.time_points.iter().flat_map(|t| &t.masks) {
-        if !ids.contains(&mask.mask.id()) {
-            ids.push(mask.mask.id());
-        }
-    }
-    let id = match (of, ids.as_slice()) {
-        (Some(id), _) => id,
-        (None, [id]) => id,
-        (None, _) => return Err(wrong("no --of".into(), format!("one of {}", ids.join(", ")))),
-    };
-    let mask = |time: &TimePoint| {
-        time.masks.iter().position(|m| m.mask.id() == id).ok_or_else(|| {
-            let there: Vec<&str> = time.masks.iter().map(|m| m.mask.id()).collect();
-            wrong(format!("no mask {id} at {}", time.label), format!("one of {}", there.join(", ")))
-        })
-    };
-    let (before, after) = (&earlier.masks[mask(earlier)?].mask, &later.masks[mask(later)?].mask);
-    let found = change_with(before.bits(), after.bits(), &case.grid, options, source, progress)?;
-    Ok((report(&found, &case.grid, id, &earlier.label, &later.label), found))
+    let found = change_with(before, after, &case.grid, options, source, progress)?;
+    Ok((report(&found, &case.grid, &id, &earlier.label, &later.label), found))
 }

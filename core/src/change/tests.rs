@@ -225,7 +225,8 @@ fn the_sample_changes_as_its_shapes_do() {
     let truth = phantom::truth();
     for id in ["T1", "T2", "PET"] {
         let options = ChangeOptions::default();
-        let (report, change) = between(&case, Some(id), None, None, &options, &Progress::new()).unwrap();
+        let choice = Choice::resolve(&case, Some(id), None, None).unwrap();
+        let (report, change) = between(&case, &choice, &options, None, &Progress::new()).unwrap();
         let parts = |time: usize| &truth.time_points[time].masks.iter().find(|m| m.id == id).unwrap().parts;
         let voxel = case.grid.spacing_mm().length();
         let (mut right, mut all) = (0, 0);
@@ -252,16 +253,23 @@ fn the_sample_changes_as_its_shapes_do() {
         assert!(report.growth.p95_mm.unwrap() <= most.max(9.0) + 2.0 * voxel, "{id} {:?}", report.growth);
     }
     // T1 has a new satellite.
+    let choice = Choice::resolve(&case, None, None, None).unwrap();
+    assert_eq!(choice, Choice { id: "T1".into(), dates: [0, 1] });
     let (report, change) =
-        between(&case, Some("T1"), None, None, &ChangeOptions::default(), &Progress::new()).unwrap();
+        between(&case, &choice, &ChangeOptions::default(), None, &Progress::new()).unwrap();
     assert!(report.flags.contains(&Flag::Appeared));
     let satellite = DVec3::new(-16.0, 56.0, -4.0);
     assert!(change.unpartnered.iter().all(|v| v.appeared && v.position_mm.distance(satellite) < 6.5));
-    let lines = csv(&change).lines().count();
+    let lines = String::from_utf8(csv(&change)).unwrap().lines().count();
     assert_eq!(lines, 1 + change.vectors.len() + change.unpartnered.len());
     // Wrong questions.
-    for (of, from, to) in [(None, None, None), (Some("T9"), None, None), (Some("T1"), Some("2020"), None)] {
-        let wrong = between(&case, of, from, to, &ChangeOptions::default(), &Progress::new());
+    for (of, from, to) in [
+        (Some("T9"), None, None),
+        (Some("T1"), Some("2020"), None),
+        (None, Some("2024-04-15"), Some("2024-01-15")),
+        (None, None, Some("2024-01-15")),
+    ] {
+        let wrong = Choice::resolve(&case, of, from, to);
         assert!(matches!(wrong, Err(ChangeError::Choice { .. })), "{of:?}");
     }
 }

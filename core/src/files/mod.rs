@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::{Cancelled, Check, Progress, Volume};
 
 mod bounded_gzip;
+pub mod format;
 mod nifti;
 pub mod nifti_header;
 pub mod nifti_space;
@@ -13,7 +14,8 @@ mod tracts;
 mod tracts_tck;
 mod tracts_trk;
 
-pub use nifti::{HeaderInfo, info, info_with, nifti_stem, read_bytes};
+pub use format::FileInfo;
+pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
 pub use tracts::{LoadedTracts, TractOptions, read_tract_bytes, read_tracts};
 
@@ -149,13 +151,22 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Reads one frame of a NIfTI-1 or -2 file (`.nii`, `.nii.gz`, `.hdr`/`.img` in every mix, given
-/// by either half). gzip is recognised by content, not by name.
+/// Reads one frame of an image or mask, in whichever of [`format::VOLUME_FORMATS`] it is. Of NIfTI: `.nii`, `.nii.gz`,
+/// `.hdr`/`.img` in every mix, given by either half. gzip is recognised by content, not by name.
 ///
 /// # Errors
 /// [`FileError::Wrong`] for whatever is wrong with the file; nothing is allocated for voxels
 /// before the header has passed against the file's length and `options.max_bytes`.
 /// [`FileError::Cancelled`] when `progress` says so.
 pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
-    nifti::read(source, options, progress)
+    (format::volume_format(source).read)(source, options, progress)
+}
+
+/// What a file of an image or mask says about itself. Reads through to its end, so that a damaged or cut-off file is
+/// found out, but keeps no voxels.
+///
+/// # Errors
+/// As [`read`], except that no size is too large.
+pub fn info(source: &Source, progress: &Progress) -> Result<Box<dyn FileInfo>, FileError> {
+    (format::volume_format(source).info)(source, progress)
 }

@@ -10,7 +10,7 @@ use super::nifti_header::{
     ByteOrder, Described, Fault, Header, MAX_EXTENSION_BYTES, SampleType, Version, recognise,
 };
 use super::nifti_space::{Form, length_unit};
-use super::{FileError, Loaded, ReadOptions, Source, printable};
+use super::{FileError, FileInfo, Loaded, ReadOptions, Source, printable};
 use crate::{Check, Progress, Samples, Sides, Volume};
 
 /// Most extensions that a file may have.
@@ -61,6 +61,53 @@ pub struct HeaderInfo {
     pub checks: Vec<Check>,
 }
 
+impl FileInfo for HeaderInfo {
+    fn text(&self) -> String {
+        let list = |numbers: &[u64]| numbers.iter().map(u64::to_string).collect::<Vec<_>>().join(" × ");
+        let spacing: Vec<String> = self.spacing_mm.iter().map(|s| format!("{s:.4}")).collect();
+        let mut lines = vec![
+            self.file.clone(),
+            format!(
+                "format      {}, {}-endian{}",
+                match self.format {
+                    Version::One => "NIfTI-1",
+                    Version::Two => "NIfTI-2",
+                },
+                format!("{:?}", self.byte_order).to_lowercase(),
+                if self.gzip { ", gzip" } else { "" }
+            ),
+            format!(
+                "dimensions  {} ({} frame{})",
+                list(&self.dims),
+                self.frames,
+                if self.frames == 1 { "" } else { "s" }
+            ),
+            format!("voxels      {:?}, {} bytes a frame", self.datatype, self.frame_bytes),
+            format!("spacing     {} mm", spacing.join(" × ")),
+            format!("axes        {}", self.axis_codes.as_deref().unwrap_or("side unknown")),
+            format!(
+                "place from  {:?} (sform code {}, qform code {})",
+                self.form, self.sform_code, self.qform_code
+            ),
+            format!("unit        {}", self.unit.unwrap_or("unknown, mm assumed")),
+            format!("values      {} × stored + {}", self.slope, self.intercept),
+            format!("extensions  {}", self.extensions),
+        ];
+        let check = |c: &Check| format!("{:?} [{}]: {}", c.severity, c.code, c.message).to_lowercase();
+        lines.extend(self.checks.iter().map(check));
+        lines.join("\n")
+    }
+
+    fn json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self)
+    }
+}
+
+/// Whether a file that begins like this is NIfTI.
+pub(super) fn sniff(begin: &[u8]) -> bool {
+    begin.first_chunk::<4>().is_some_and(|first_four| recognise(*first_four).is_some())
+}
+
 /// As [`super::read`].
 pub(super) fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
     read_opened(Opened::source(source, progress)?, options, progress)
@@ -84,15 +131,15 @@ pub fn read_bytes(
 ///
 /// # Errors
 /// As [`super::read`], except that no size is too large.
-pub fn info(source: &Source) -> Result<HeaderInfo, FileError> {
-    info_with(source, &Progress::new())
+pub fn nifti_info(source: &Source) -> Result<HeaderInfo, FileError> {
+    nifti_info_with(source, &Progress::new())
 }
 
-/// As [`info`], with progress and cancel.
+/// As [`nifti_info`], with progress and cancel.
 ///
 /// # Errors
-/// As [`info`].
-pub fn info_with(source: &Source, progress: &Progress) -> Result<HeaderInfo, FileError> {
+/// As [`nifti_info`].
+pub fn nifti_info_with(source: &Source, progress: &Progress) -> Result<HeaderInfo, FileError> {
     let opened = Opened::source(source, progress)?;
     let (header, described, file) = (opened.header, opened.described, opened.file);
     let mut checks = described.checks.clone();
@@ -450,9 +497,9 @@ impl Half {
     }
 }
 
-/// Splits a file name into its stem and the NIfTI ending it has in any case (`.nii`, `.nii.gz`,
-/// `.hdr`, `.hdr.gz`, `.img`, `.img.gz`); `None` for other names.
-pub fn nifti_stem(name: &str) -> Option<(&str, &'static str)> {
+/// Splits a file name into its stem and the ending of a pair's half or of a whole file, in any case; `None` for other
+/// names.
+fn nifti_stem(name: &str) -> Option<(&str, &'static str)> {
     const ENDINGS: [&str; 6] = [".nii.gz", ".hdr.gz", ".img.gz", ".nii", ".hdr", ".img"];
     ENDINGS.into_iter().find_map(|ending| {
         let at = name.len().checked_sub(ending.len())?;

@@ -1,8 +1,9 @@
 //! Reading fibre tracts: MRtrix `.tck` and TrackVis `.trk`, told apart by content.
 
 use super::bounded_gzip::Stream;
+use super::format::{TRACT_FORMATS, TractFormat, tract_endings};
 use super::nifti_header::ByteOrder;
-use super::{FileError, Source, tracts_tck, tracts_trk};
+use super::{FileError, Source};
 use crate::{Check, Progress, Sides, Tracts};
 
 /// Coordinates past this (10 km, as for images) are damage, not anatomy.
@@ -65,29 +66,43 @@ pub fn read_tract_bytes(
 }
 
 fn read_stream(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
-    const EXPECTED: &str =
-        "tracts: a .tck that begins with \"mrtrix tracks\" or a .trk that begins with \"TRACK\"";
+    let each = TRACT_FORMATS.iter().map(|format| {
+        let magic = String::from_utf8_lossy(format.magic);
+        format!("a .{} that begins with \"{magic}\"", format.endings.join(" or ."))
+    });
+    let expected = format!("tracts: {}", each.collect::<Vec<_>>().join(" or "));
+    let plain = format!("a plain {} (unpack it first)", endings_text());
     let wrong =
         |stream: &Stream<'_>, found: &str, expected: &str| FileError::wrong(stream.file(), found, expected);
     if stream.is_gzip() {
-        return Err(wrong(&stream, "a gzip", "a plain .tck or .trk (unpack it first)"));
+        return Err(wrong(&stream, "a gzip", &plain));
     }
     if stream.left() > options.max_bytes {
         let expected = format!("at most {} (the limit, which can be raised)", options.max_bytes);
         return Err(wrong(&stream, &format!("{} bytes of tracts", stream.left()), &expected));
     }
-    let mut begin = [0; tracts_tck::MAGIC.len()];
-    let have = stream.fill(&mut begin)?;
-    if have == 0 {
-        return Err(stream.ends_early(EXPECTED));
+    // The shortest first: what is read further belongs to its reader.
+    let mut rows: Vec<&TractFormat> = TRACT_FORMATS.iter().collect();
+    rows.sort_by_key(|format| format.magic.len());
+    let mut begin = Vec::new();
+    for format in rows {
+        let have = begin.len();
+        begin.resize(format.magic.len(), 0);
+        let more = stream.fill(&mut begin[have..])?;
+        begin.truncate(have + more);
+        if begin == format.magic {
+            return (format.read)(stream);
+        }
     }
-    if &begin == tracts_tck::MAGIC {
-        tracts_tck::read(stream)
-    } else if begin[..have].starts_with(tracts_trk::MAGIC) {
-        tracts_trk::read(stream, &begin[..have])
-    } else {
-        Err(wrong(&stream, "other content", EXPECTED))
+    if begin.is_empty() {
+        return Err(stream.ends_early(&expected));
     }
+    Err(wrong(&stream, "other content", &expected))
+}
+
+/// Endings of fibre tracts in words: `.tck or .trk`.
+fn endings_text() -> String {
+    tract_endings().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ")
 }
 
 /// Fibres on their way from a file.

@@ -32,11 +32,11 @@ struct Header {
 }
 
 /// Reads on behind `begin`, the file's first bytes.
-pub(super) fn read(mut stream: Stream<'_>, begin: &[u8]) -> Result<LoadedTracts, FileError> {
+pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     let file = stream.file().to_owned();
     let mut bytes = [0; HEADER_BYTES];
-    let (first, rest) = bytes.split_at_mut(begin.len());
-    first.copy_from_slice(begin);
+    let (first, rest) = bytes.split_at_mut(MAGIC.len());
+    first.copy_from_slice(MAGIC);
     stream.fill_all(rest, "the 1000 bytes of a .trk's header")?;
     let Header { order, scalars, properties, count, ras_from_voxelmm, sides, mut checks } =
         header(&bytes, &file)?;

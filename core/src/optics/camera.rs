@@ -2,12 +2,14 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantArray};
 
 /// Full opening angle of the perspective camera, top to bottom.
 pub const FIELD_OF_VIEW_DEG: f64 = 30.0;
 
 /// How depth becomes size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Projection {
     /// What is nearer is larger.
     #[default]
@@ -39,7 +41,9 @@ pub struct Ray {
 }
 
 /// The six anatomical views.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, IntoStaticStr, VariantArray)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "kebab-case")]
 #[allow(missing_docs, reason = "each is the side the viewer stands on")]
 pub enum AnatomicalView {
     Anterior,
@@ -51,10 +55,6 @@ pub enum AnatomicalView {
 }
 
 impl AnatomicalView {
-    /// All six.
-    pub const ALL: [Self; 6] =
-        [Self::Anterior, Self::Posterior, Self::Left, Self::Right, Self::Superior, Self::Inferior];
-
     /// Azimuth and elevation, see [`Camera::orientation`].
     pub fn azimuth_elevation_deg(self) -> (f64, f64) {
         match self {
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn each_anatomical_view_stands_where_it_says() {
         let towards = [DVec3::Y, -DVec3::Y, -DVec3::X, DVec3::X, DVec3::Z, -DVec3::Z];
-        for (view, expected) in AnatomicalView::ALL.into_iter().zip(towards) {
+        for (view, expected) in AnatomicalView::VARIANTS.iter().zip(towards) {
             let (az, el) = view.azimuth_elevation_deg();
             let c = camera(az, el, Projection::Orthographic);
             assert!((c.axes()[2] - expected).length() < 1e-12, "{view:?}");

@@ -2,6 +2,8 @@
 
 use glioscope_core::{IndexData, Scaling, Selection, TumorIndex, with_samples};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
 use crate::{
     flat::{
@@ -15,7 +17,12 @@ use crate::{
 };
 
 /// How masks lie over the image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    VariantNames,
+)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Overlay {
     /// Regions in their colours, see-through.
     Fill,

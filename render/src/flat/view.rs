@@ -3,11 +3,17 @@
 use glam::{DVec2, DVec3};
 use glioscope_core::Grid;
 use serde::{Deserialize, Serialize};
+use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
 use crate::scene::Lens;
 
 /// One of the three anatomical planes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    VariantNames,
+)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Plane {
     /// Seen along the body: normal superior.
     Axial,
@@ -58,7 +64,12 @@ impl Plane {
 }
 
 /// Whether the picture shows the patient's left on its right.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    VariantNames,
+)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Convention {
     /// Axial and coronal: the patient's left is on the picture's right, as if seen from the feet
     /// and from the front.

@@ -109,13 +109,10 @@ pub struct MutualOcclusion {
     /// The image itself.
     pub image_on_image: bool,
     /// Opaque geometry the image.
-    #[serde(alias = "solid_on_image")]
     pub opaque_on_image: bool,
     /// The image opaque geometry.
-    #[serde(alias = "image_on_solid")]
     pub image_on_opaque: bool,
     /// Opaque surfaces each other: vicinity occlusion.
-    #[serde(alias = "solid_on_solid")]
     pub opaque_on_opaque: bool,
 }
 
@@ -136,7 +133,6 @@ impl MutualOcclusion {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightSettings {
     /// How light is found.
-    #[serde(alias = "shading")]
     pub mode: LightingMode,
     /// Half the opening of the cone that light comes from, about the way to the eye; degrees, 0 to 85.
     pub aperture_deg: f64,

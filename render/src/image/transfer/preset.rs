@@ -1,6 +1,7 @@
 //! Good transfer functions to begin with, placed by an image's own percentiles.
 
 use serde::{Deserialize, Serialize};
+use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
 use crate::{
     flat,
@@ -9,8 +10,12 @@ use crate::{
 };
 
 /// A named transfer function. The kind of image is the user's word or a guess, never a fact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    VariantNames,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum TransferPreset {
     /// MR: the surface of what is not background, skin or brain, opaque.
     MrSurface,
@@ -34,18 +39,6 @@ pub enum TransferPreset {
 type Row = (f64, Rgb, f64);
 
 impl TransferPreset {
-    /// All, in the order of the menu.
-    pub const ALL: [Self; 8] = [
-        Self::MrSurface,
-        Self::MrTissue,
-        Self::MrBorders,
-        Self::CtSkin,
-        Self::CtSoft,
-        Self::CtBone,
-        Self::PetHot,
-        Self::PetBody,
-    ];
-
     /// What the menu says.
     pub fn name(self) -> &'static str {
         match self {

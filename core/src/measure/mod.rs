@@ -1,53 +1,58 @@
 //! What is counted on a case: sizes of masks and regions, Dice and Jaccard, and their answers for
 //! empty masks.
 
-use serde::Serialize;
+mod metrics;
 
-use crate::{Check, case::Case, grid::Grid, regions::Regions};
+use serde::{Serialize, Serializer, ser::SerializeMap};
+
+pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
+
+use crate::{Check, TumorIndex, case::Case, grid::Grid, regions::Regions};
 
 /// How far two masks agree.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     /// Id of the one.
     pub a: String,
     /// Id of the other.
     pub b: String,
-    /// `2|A∩B| / (|A|+|B|)`, 0 to 1.
-    pub dice: f64,
-    /// `|A∩B| / |A∪B|`, 0 to 1.
-    pub jaccard: f64,
+    /// A value for each of [`PAIR_METRICS`]; `None` where it is unknown.
+    pub values: Vec<Option<f64>>,
 }
 
-/// Every pair of masks, in the order of their ids in the index. Counted on regions, so it costs
-/// nothing per voxel.
-///
-/// Empty masks: both empty agree, Dice and Jaccard are 1 (as in MetricsReloaded and BraTS); one
-/// empty and one not, both are 0.
-pub fn pairs(regions: &Regions) -> Vec<Pair> {
-    let ids = regions.mask_ids();
-    let mut out = Vec::new();
-    for a in 0..ids.len() {
-        for b in a + 1..ids.len() {
-            let count = |hit: &dyn Fn(bool, bool) -> bool| -> u64 {
-                regions
-                    .list()
-                    .iter()
-                    .filter(|r| hit(r.bits >> a & 1 == 1, r.bits >> b & 1 == 1))
-                    .map(|r| r.voxels)
-                    .sum()
-            };
-            let both = count(&|in_a, in_b| in_a && in_b);
-            let either = count(&|in_a, in_b| in_a || in_b);
-            let ratio = |top: u64, bottom: u64| if bottom == 0 { 1.0 } else { top as f64 / bottom as f64 };
-            out.push(Pair {
-                a: ids[a].clone(),
-                b: ids[b].clone(),
-                dice: ratio(2 * both, both + either),
-                jaccard: ratio(both, either),
-            });
-        }
+impl Pair {
+    /// The metrics with their values.
+    pub fn metrics(&self) -> impl Iterator<Item = (&'static PairMetric, Option<f64>)> {
+        PAIR_METRICS.iter().zip(self.values.iter().copied())
     }
-    out
+
+    /// The value of the metric with this key.
+    pub fn value(&self, key: &str) -> Option<f64> {
+        self.metrics().find(|(metric, _)| metric.key == key)?.1
+    }
+}
+
+impl Serialize for Pair {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(2 + self.values.len()))?;
+        map.serialize_entry("a", &self.a)?;
+        map.serialize_entry("b", &self.b)?;
+        for (metric, value) in self.metrics() {
+            map.serialize_entry(metric.key, &value)?;
+        }
+        map.end()
+    }
+}
+
+/// Every pair of masks, in the order of their ids in the index, with every metric of [`PAIR_METRICS`].
+pub fn pairs(index: &TumorIndex, regions: &Regions) -> Vec<Pair> {
+    let ids = regions.mask_ids();
+    let pair = |a: usize, b: usize| {
+        let input = PairInput { index, regions, a, b };
+        let values = PAIR_METRICS.iter().map(|metric| metric.value(&input)).collect();
+        Pair { a: ids[a].clone(), b: ids[b].clone(), values }
+    };
+    (0..ids.len()).flat_map(|a| (a + 1..ids.len()).map(move |b| (a, b))).map(|(a, b)| pair(a, b)).collect()
 }
 
 /// Where exactly `masks` of the case's masks are active, whichever they are.
@@ -107,7 +112,7 @@ pub struct TimeReport {
     pub masks: Vec<MaskReport>,
     /// Every region that has a voxel, fewest masks first. None when all masks are empty.
     pub regions: Vec<RegionReport>,
-    /// Every pair of masks; see [`pairs`] for empty ones.
+    /// Every pair of masks; see [`PAIR_METRICS`] for empty ones.
     pub pairs: Vec<Pair>,
     /// Voxels by how many masks are active, for 1 to all masks; see [`agreement`].
     pub agreement: Vec<Agreement>,
@@ -191,7 +196,7 @@ pub fn report(case: &Case) -> MeasureReport {
                     share: share(r.voxels),
                 })
                 .collect(),
-            pairs: pairs(regions),
+            pairs: pairs(&time.index, regions),
             agreement: agreement(regions),
         }
     });
@@ -216,14 +221,16 @@ mod tests {
         };
         let (a, b) = (mask("a", a), mask("b", b));
         let index = TumorIndex::new(grid, &[&a, &b]).unwrap();
-        pairs(&Regions::of(&index)).remove(0)
+        pairs(&index, &Regions::of(&index)).remove(0)
     }
 
     #[test]
     fn agreement_in_closed_form() {
         let p = pair_of(&[0, 1, 2, 3], &[2, 3, 4, 5, 6, 7]);
-        assert!((p.dice - 4.0 / 10.0).abs() < 1e-15);
-        assert!((p.jaccard - 2.0 / 8.0).abs() < 1e-15);
+        assert!((p.value("dice").unwrap() - 4.0 / 10.0).abs() < 1e-15);
+        assert!((p.value("jaccard").unwrap() - 2.0 / 8.0).abs() < 1e-15);
+        let json = serde_json::to_string(&p).unwrap();
+        assert_eq!(json, r#"{"a":"a","b":"b","dice":0.4,"jaccard":0.25}"#);
     }
 
     #[test]
@@ -249,11 +256,9 @@ mod tests {
 
     #[test]
     fn empty_masks_have_answers() {
-        let both = pair_of(&[], &[]);
-        assert_eq!((both.dice, both.jaccard), (1.0, 1.0));
-        let one = pair_of(&[1], &[]);
-        assert_eq!((one.dice, one.jaccard), (0.0, 0.0));
-        let same = pair_of(&[1, 5], &[1, 5]);
-        assert_eq!((same.dice, same.jaccard), (1.0, 1.0));
+        let values = |p: Pair| ["dice", "jaccard"].map(|key| p.value(key).unwrap());
+        assert_eq!(values(pair_of(&[], &[])), [1.0, 1.0]);
+        assert_eq!(values(pair_of(&[1], &[])), [0.0, 0.0]);
+        assert_eq!(values(pair_of(&[1, 5], &[1, 5])), [1.0, 1.0]);
     }
 }

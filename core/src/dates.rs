@@ -1,0 +1,84 @@
+//! ISO dates in labels and file names: days of the calendar, so that 2024-02-31 is none.
+
+use jiff::civil::Date;
+
+/// Letters of an ISO date: `2024-01-15`.
+pub const ISO_LENGTH: usize = 10;
+
+/// Whether `text` is written as an ISO date, be it a day of the calendar or not.
+pub fn is_shaped_as_date(text: &str) -> bool {
+    let shape =
+        |(at, byte): (usize, u8)| if at == 4 || at == 7 { byte == b'-' } else { byte.is_ascii_digit() };
+    text.len() == ISO_LENGTH && text.bytes().enumerate().all(shape)
+}
+
+/// The day that `text` names, where it is an ISO date and nothing else.
+pub fn iso_date(text: &str) -> Option<Date> {
+    text.parse().ok().filter(|_| is_shaped_as_date(text))
+}
+
+/// The day that a label begins with, where no further digit follows: `2024-01-15 late`.
+pub fn leading_date(label: &str) -> Option<Date> {
+    let followed = label.as_bytes().get(ISO_LENGTH).is_some_and(u8::is_ascii_digit);
+    iso_date(label.get(..ISO_LENGTH)?).filter(|_| !followed)
+}
+
+/// Where the first ISO date in `text` starts that is not part of a longer number.
+pub fn find_iso_date(text: &str) -> Option<usize> {
+    let is_digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
+    let alone = |at: &usize| !(at.checked_sub(1).is_some_and(is_digit) || is_digit(at + ISO_LENGTH));
+    let ends = text.len().saturating_sub(ISO_LENGTH - 1);
+    (0..ends).filter(alone).find(|&at| text.get(at..at + ISO_LENGTH).and_then(iso_date).is_some())
+}
+
+/// Days since the first of `labels`, where each begins with a date and they rise; `None` otherwise.
+pub fn days_since_first(labels: &[&str]) -> Option<Vec<f64>> {
+    let dates: Vec<Date> = labels.iter().map(|label| leading_date(label)).collect::<Option<_>>()?;
+    let first = *dates.first()?;
+    let rise = dates.windows(2).all(|pair| pair[0] < pair[1]);
+    rise.then(|| dates.iter().map(|date| f64::from((*date - first).get_days())).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_days_of_the_calendar_are_dates() {
+        assert!(iso_date("2024-02-29").is_some() && iso_date("2000-02-29").is_some());
+        for no in [
+            "2023-02-29",
+            "1900-02-29",
+            "2024-02-31",
+            "2024-13-01",
+            "2024-00-10",
+            "9999-99-99",
+            "20240115",
+            "2024-1-15",
+            "+024-01-15",
+            "2024-01-15T00:00",
+            "week 3",
+            "2024-01-1é",
+        ] {
+            assert!(iso_date(no).is_none(), "{no}");
+        }
+    }
+
+    #[test]
+    fn a_date_is_found_within_a_name() {
+        assert_eq!(find_iso_date("x2024-01-15y"), Some(1));
+        assert_eq!(find_iso_date("12024-01-15"), None);
+        assert_eq!(find_iso_date("2024-02-31_2024-03-01"), Some(11));
+        assert_eq!(find_iso_date("größe-2024-01-15"), Some("größe-".len()));
+    }
+
+    #[test]
+    fn days_are_counted_over_leap_years() {
+        assert_eq!(days_since_first(&["2024-01-15", "2024-04-15"]), Some(vec![0.0, 91.0]));
+        assert_eq!(days_since_first(&["2023-02-28", "2023-03-01", "2024-03-01"]).unwrap(), [0.0, 1.0, 367.0]);
+        assert_eq!(days_since_first(&["2000-02-28 pre", "2000-03-01 post"]).unwrap(), [0.0, 2.0]);
+        assert_eq!(days_since_first(&["before", "after"]), None);
+        assert_eq!(days_since_first(&["2024-04-15", "2024-01-15"]), None, "not in order");
+        assert_eq!(days_since_first(&[]), None);
+    }
+}

@@ -39,6 +39,11 @@ pub fn count(n: u64) -> String {
     out
 }
 
+/// A length as it is written everywhere: `23.4 mm`.
+pub fn length_mm(length_mm: f64) -> String {
+    format!("{length_mm:.1} mm")
+}
+
 /// A number without needless zeros: `20`, `0.5`.
 pub fn plain(value: f64) -> String {
     format!("{value}")

@@ -3,40 +3,45 @@
 use std::path::Path;
 
 use egui::{ColorImage, Rect};
-use glioscope_core::files::write_whole;
+use glioscope_core::{case::Case, files::write_whole};
 use image::{ImageEncoder, codecs::png::PngEncoder};
+
+use crate::{
+    error::AppError,
+    model::{Ruler, RulerFormat, rulers},
+};
 
 /// Writes an RGBA picture, 8 bits a channel.
 ///
 /// # Errors
-/// One line that names the file.
-pub fn write_png(path: &Path, size: [u32; 2], rgba: &[u8]) -> Result<(), String> {
+/// [`AppError`] that names the file.
+pub fn write_png(path: &Path, size: [u32; 2], rgba: &[u8]) -> Result<(), AppError> {
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
         .write_image(rgba, size[0], size[1], image::ExtendedColorType::Rgba8)
         .map_err(|e| {
-            format!("{}: found a picture that can't be encoded ({e}), expected one that can", path.display())
+            AppError::file(path, format!("a picture that can't be encoded ({e})"), "one that can")
         })?;
-    write_whole(path, &bytes).map_err(|e| e.to_string())
+    Ok(write_whole(path, &bytes)?)
 }
 
 /// Writes a picture of the window, or the part of it in `crop` (logical points).
 ///
 /// # Errors
-/// One line that names the file.
+/// [`AppError`] that names the file.
 pub fn write_window_png(
     path: &Path,
     image: &ColorImage,
     crop: Option<Rect>,
     pixels_per_point: f32,
-) -> Result<(), String> {
+) -> Result<(), AppError> {
     let [width, height] = image.size;
     let clamp = |points: f32, most: usize| ((points * pixels_per_point).round().max(0.0) as usize).min(most);
     let (x0, y0, x1, y1) = crop.map_or((0, 0, width, height), |r| {
         (clamp(r.left(), width), clamp(r.top(), height), clamp(r.right(), width), clamp(r.bottom(), height))
     });
     if x1 <= x0 || y1 <= y0 {
-        return Err(format!("{}: found an empty picture, expected one with pixels", path.display()));
+        return Err(AppError::file(path, "an empty picture", "one with pixels"));
     }
     let rgba: Vec<u8> = (y0..y1)
         .flat_map(|y| {
@@ -49,11 +54,25 @@ pub fn write_window_png(
 /// Writes `value` as indented JSON.
 ///
 /// # Errors
-/// One line that names the file.
-pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), String> {
-    let mut bytes = serde_json::to_vec_pretty(value).map_err(|e| {
-        format!("{}: found numbers that JSON can't hold ({e}), expected finite ones", path.display())
-    })?;
+/// [`AppError`] that names the file.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), AppError> {
+    let mut bytes = serde_json::to_vec_pretty(value)
+        .map_err(|e| AppError::file(path, format!("numbers that JSON can't hold ({e})"), "finite ones"))?;
     bytes.push(b'\n');
-    write_whole(path, &bytes).map_err(|e| e.to_string())
+    Ok(write_whole(path, &bytes)?)
+}
+
+/// Writes lines measured; the ending of `path` says how.
+///
+/// # Errors
+/// [`AppError`] that names the file.
+pub fn write_rulers(path: &Path, case: &Case, lines: &[Ruler]) -> Result<(), AppError> {
+    match RulerFormat::of(path) {
+        Some(RulerFormat::Csv) => Ok(write_whole(path, &rulers::as_csv(case, lines))?),
+        Some(RulerFormat::Json) => write_json(path, &rulers::as_json(case, lines)),
+        None => {
+            let ending = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+            Err(AppError::file(path, format!("the ending \"{ending}\""), ".csv or .json"))
+        }
+    }
 }

@@ -41,6 +41,16 @@ pub struct Grid {
     sides: Sides,
 }
 
+/// The voxel at a position in memory of a volume with these dimensions, x fastest.
+pub fn ijk(dims: [usize; 3], linear: usize) -> [usize; 3] {
+    [linear % dims[0], linear / dims[0] % dims[1], linear / (dims[0] * dims[1])]
+}
+
+/// Position in memory of voxel `ijk` of a volume with these dimensions, x fastest.
+pub fn linear(dims: [usize; 3], ijk: [usize; 3]) -> usize {
+    (ijk[2] * dims[1] + ijk[1]) * dims[0] + ijk[0]
+}
+
 impl Grid {
     /// A grid of `dims` voxels, `world_from_voxel` mapping voxel centres to RAS+ millimetres.
     /// Negative determinants, oblique and sheared matrices are fine.
@@ -119,7 +129,12 @@ impl Grid {
 
     /// Position of voxel `ijk` in memory. The caller keeps `ijk` inside [`Grid::dims`].
     pub fn linear(&self, ijk: [usize; 3]) -> usize {
-        (ijk[2] * self.dims[1] + ijk[1]) * self.dims[0] + ijk[0]
+        linear(self.dims, ijk)
+    }
+
+    /// The voxel at a position in memory: the inverse of [`Grid::linear`].
+    pub fn ijk(&self, linear: usize) -> [usize; 3] {
+        ijk(self.dims, linear)
     }
 
     /// World millimetres of a voxel's centre.

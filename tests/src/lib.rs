@@ -11,19 +11,17 @@ use std::{
 use egui_kittest::{Harness, HarnessBuilder};
 use egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use glioscope::{
-    document::{CaseRef, Pane},
-    recent::Recent,
-    run_window::adapter_selector,
-    viewport::Viewport,
-    window::GlioscopeApp,
-    workstation::Workstation,
-    world::{self, Loaded},
+    command::{Command as UserCommand, EditCommand, Workstation},
+    model::{CaseRef, Document, PaneId},
+    views::view3d::{Graphics, ScreenReport},
+    window::{GlioscopeApp, recent::Recent, run::adapter_selector},
+    world::{Loaded, load},
 };
 use glioscope_core::{
     Progress,
     case::{self, LoadOptions},
 };
-use glioscope_render::{AdapterPreference, Gpu, gpu};
+use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 use image::RgbaImage;
 
 /// The wgpu setup of every test: the software adapter, with what the renderer needs.
@@ -41,7 +39,7 @@ pub fn software_setup() -> WgpuSetup {
 /// When the case doesn't load.
 pub fn workstation(case: CaseRef) -> Workstation {
     let (options, progress) = (LoadOptions::default(), Progress::new());
-    let loaded = world::spec_of(&case, &options, &progress)
+    let loaded = load::spec_of(&case, &options, &progress)
         .and_then(|spec| case::load(&spec, &options, &progress))
         .map(Loaded::new);
     match loaded {
@@ -54,7 +52,7 @@ pub fn workstation(case: CaseRef) -> Workstation {
 ///
 /// # Panics
 /// When there is no software adapter.
-pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'static, GlioscopeApp> {
+pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Window {
     window_with(workstation(case), size, theme)
 }
 
@@ -62,7 +60,7 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Harness<'
 ///
 /// # Panics
 /// When there is no software adapter.
-pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Harness<'static, GlioscopeApp> {
+pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Window {
     harness(work, size, theme, GlioscopeApp::refined)
 }
 
@@ -70,7 +68,7 @@ pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Har
 ///
 /// # Panics
 /// When there is no software adapter.
-pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Harness<'static, GlioscopeApp> {
+pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Window {
     harness(workstation(case), size, egui::Theme::Light, |app| app)
 }
 
@@ -79,7 +77,7 @@ fn harness(
     size: [f32; 2],
     theme: egui::Theme,
     finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
-) -> Harness<'static, GlioscopeApp> {
+) -> Window {
     HarnessBuilder::default()
         .with_size(size)
         .with_theme(theme)
@@ -88,9 +86,10 @@ fn harness(
         .build_eframe(move |cc| {
             let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
             let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
-            match Viewport::new(gpu, state.renderer.clone()) {
-                Ok(viewport) => finish(GlioscopeApp::new(work, Some(viewport), Recent::default())),
-                Err(error) => fail(&error),
+            let graphics = Graphics { gpu, egui_renderer: state.renderer.clone() };
+            match GlioscopeApp::new(work, Some(graphics), Recent::default()) {
+                Ok(app) => finish(app),
+                Err(error) => fail(&error.to_string()),
             }
         })
 }
@@ -106,14 +105,93 @@ pub fn software_gpu() -> Gpu {
     }
 }
 
+/// The window in a test.
+pub type Window = Harness<'static, GlioscopeApp>;
+
+/// Carries out a command; nothing is drawn yet.
+pub fn issue(harness: &mut Window, command: impl Into<UserCommand>) {
+    let ctx = harness.ctx.clone();
+    harness.state_mut().perform(&ctx, &command.into(), Instant::now());
+}
+
+/// Carries out a command and draws until nothing changes any more.
+pub fn perform(harness: &mut Window, command: impl Into<UserCommand>) {
+    issue(harness, command);
+    harness.run_ok();
+}
+
+/// What went wrong last, in words; empty for nothing.
+pub fn error_text(harness: &Harness<'_, GlioscopeApp>) -> String {
+    harness.state().work.error.as_ref().map(ToString::to_string).unwrap_or_default()
+}
+
+/// The document of a window with a case.
+///
+/// # Panics
+/// Without one.
+pub fn doc<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a Document {
+    match &harness.state().work.doc {
+        Some(doc) => doc,
+        None => fail("no case is open"),
+    }
+}
+
+/// What a pane's 3D view drew.
+///
+/// # Panics
+/// When the pane has none.
+pub fn screens<'a>(harness: &'a mut Window, pane: PaneId) -> &'a mut dyn ScreenReport {
+    match harness.state_mut().panes.screen(pane) {
+        Some(screen) => screen,
+        None => fail(&format!("{} has no 3D view", pane.title())),
+    }
+}
+
+/// The picture of one pane.
+///
+/// # Panics
+/// When it isn't drawn.
+pub fn pane_picture(harness: &mut Window, pane: PaneId) -> RgbaImage {
+    let Some(rect) = harness.state().pane_rect(pane) else { fail(&format!("{} is not drawn", pane.title())) };
+    match harness.render() {
+        Ok(picture) => crop(&picture, rect),
+        Err(error) => fail(&error),
+    }
+}
+
+/// Runs frames until no case is being read and no file written any more.
+pub fn wait_for_workers(harness: &mut Window) {
+    for _ in 0..2000 {
+        harness.run_ok();
+        let app = harness.state();
+        if app.work.job.is_none() && !app.is_exporting() && !app.results.working() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    harness.run_ok();
+}
+
+/// A file dropped on the window.
+#[derive(Debug)]
+pub struct Dropped(pub PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|e| e.to_string())
+    }
+}
+
 /// Lets `pane` fill the window; where it is then.
 ///
 /// # Panics
 /// When it isn't drawn.
-pub fn maximized(harness: &mut Harness<'_, GlioscopeApp>, pane: Pane) -> egui::Rect {
-    let ctx = harness.ctx.clone();
-    harness.state_mut().perform(&ctx, &glioscope::commands::Command::MaximizePane(pane), Instant::now());
-    harness.run_ok();
+pub fn maximized(harness: &mut Window, pane: PaneId) -> egui::Rect {
+    perform(harness, EditCommand::MaximizePane(pane));
     match harness.state().pane_rect(pane) {
         Some(rect) => rect,
         None => fail(&format!("{} is not drawn", pane.title())),

@@ -2,29 +2,53 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use glioscope_core::{
     change::{self, ChangeError, ChangeOptions, ChangeReport, Lengths},
     files::write_whole,
     skeleton::{Level, SkeletonOptions},
 };
 
-use super::{CaseArguments, Failure, terminal};
-use crate::format;
+use super::{CaseArguments, resolve, terminal};
+use crate::{error::AppError, format};
 
-/// What `change` can be told.
+/// How much of the skeleton vectors go by.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum LevelArgument {
+    /// The core.
+    #[value(name = "0")]
+    Core,
+    /// With branches of low divergence.
+    #[value(name = "1")]
+    Divergence,
+    /// With tips of the boundary.
+    #[value(name = "2")]
+    Boundary,
+}
+
+impl From<LevelArgument> for Level {
+    fn from(level: LevelArgument) -> Self {
+        match level {
+            LevelArgument::Core => Self::Core,
+            LevelArgument::Divergence => Self::Divergence,
+            LevelArgument::Boundary => Self::Boundary,
+        }
+    }
+}
+
+/// Arguments of `change`.
 #[derive(Debug, Args)]
 pub struct ChangeArguments {
     /// The case.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// The mask, by id; may be left out where there is one.
+    /// The mask, by id; without it the first that both dates have.
     #[arg(long, value_name = "ID")]
     pub of: Option<String>,
-    /// The earlier date, by its label; may be left out where there are two.
+    /// The earlier date, by its label; without it the first.
     #[arg(long, value_name = "LABEL")]
     pub from: Option<String>,
-    /// The later date, by its label; may be left out where there are two.
+    /// The later date, by its label; without it the last.
     #[arg(long, value_name = "LABEL")]
     pub to: Option<String>,
     /// As JSON: see docs/json.md.
@@ -38,35 +62,30 @@ pub struct ChangeArguments {
     pub registration_mm: f64,
     /// How much of the skeleton vectors go by: 0 core, 1 with branches of low divergence, 2 with tips
     /// of the boundary.
-    #[arg(long, value_name = "0|1|2", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=2))]
-    pub level: u8,
+    #[arg(long, value_name = "0|1|2", value_enum, default_value = "0", hide_possible_values = true)]
+    pub level: LevelArgument,
 }
 
-impl From<ChangeError> for Failure {
-    fn from(error: ChangeError) -> Self {
-        Self(match error {
-            ChangeError::Registration(_) => format!("--registration-mm: {error}"),
-            error => error.to_string(),
-        })
-    }
-}
-
-pub(super) fn run(arguments: &ChangeArguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     let (_, case) = arguments.case.load(false)?;
-    let level = match arguments.level {
-        0 => Level::Core,
-        1 => Level::Divergence,
-        _ => Level::Boundary,
-    };
     let options = ChangeOptions {
-        skeleton: SkeletonOptions { level, ..SkeletonOptions::default() },
+        skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },
         registration_mm: arguments.registration_mm,
     };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());
-    let (report, found) =
-        terminal::with_progress(|progress| change::between(&case, of, from, to, &options, progress))?;
+    let choice = resolve::change(&case, of, from, to)?;
+    let compared =
+        terminal::with_progress(|progress| change::between(&case, &choice, &options, None, progress));
+    let (report, found) = compared.map_err(|error| match error {
+        ChangeError::Registration(mm) => AppError::wrong(
+            "--registration-mm",
+            format!("a registration error of {mm} mm"),
+            "a finite number of at least 0",
+        ),
+        error => error.into(),
+    })?;
     if let Some(path) = &arguments.csv {
-        write_whole(path, change::csv(&found).as_bytes())?;
+        write_whole(path, &change::csv(&found))?;
     }
     if arguments.json { terminal::print_json(&report) } else { terminal::print(&table(&report)) }
 }
@@ -112,20 +131,13 @@ fn table(r: &ChangeReport) -> String {
             let list: Vec<String> = parts.iter().map(|p| format::ml(p.volume_ml)).collect();
             if list.is_empty() { "nothing".into() } else { list.join(" + ") }
         };
-        let fate = serde_json::to_value(group.fate).ok().and_then(|v| v.as_str().map(str::to_owned));
-        lines.push(format!(
-            "component {number}: {} ({} to {})",
-            fate.unwrap_or_default(),
-            ml(&group.from),
-            ml(&group.to)
-        ));
+        let fate: &str = group.fate.into();
+        lines.push(format!("component {number}: {fate} ({} to {})", ml(&group.from), ml(&group.to)));
     }
     if r.components.len() > 20 {
         lines.push(format!("… and {} components more", r.components.len() - 20));
     }
-    let flags = serde_json::to_value(&r.flags).ok();
-    let flags: Vec<&str> =
-        flags.iter().flat_map(|f| f.as_array()).flatten().filter_map(|f| f.as_str()).collect();
+    let flags: Vec<&str> = r.flags.iter().map(Into::into).collect();
     if !flags.is_empty() {
         lines.push(format!("flags: {}", flags.join(", ")));
     }

@@ -1,39 +1,51 @@
 //! `glioscope ellipsoids`.
 
+use clap::ValueEnum;
 use glioscope_core::{
     Connectivity,
     ellipsoid::{EllipsoidReport, EllipsoidsReport, OfReport, Options, report},
 };
 
-use super::{CaseArguments, Failure, terminal};
-use crate::format;
+use super::{CaseArguments, terminal};
+use crate::{error::AppError, format};
+
+/// Neighbours of a voxel.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Neighbors {
+    /// Face.
+    #[value(name = "6")]
+    Six,
+    /// Face or edge.
+    #[value(name = "18")]
+    Eighteen,
+    /// Face, edge or corner.
+    #[value(name = "26")]
+    TwentySix,
+}
+
+impl From<Neighbors> for Connectivity {
+    fn from(neighbors: Neighbors) -> Self {
+        match neighbors {
+            Neighbors::Six => Self::Six,
+            Neighbors::Eighteen => Self::Eighteen,
+            Neighbors::TwentySix => Self::TwentySix,
+        }
+    }
+}
 
 pub(super) fn run(
     case: &CaseArguments,
-    connectivity: u32,
+    neighbors: Neighbors,
     tolerance: f64,
     json: bool,
-) -> Result<(), Failure> {
-    let (connectivity, options) = choices(connectivity, tolerance)?;
+) -> Result<(), AppError> {
     let (_, case) = case.load(false)?;
+    let options = Options { tolerance, ..Options::default() };
     let found = terminal::with_progress(|progress| {
         progress.say("ellipsoids");
-        report(&case, connectivity, &options, progress)
-    })
-    .map_err(|e| Failure(format!("ellipsoids: {e}")))?;
-    if json { terminal::print_json(&found) } else { terminal::print(&table(&found)) }
-}
-
-/// What was asked for, if it can be had.
-fn choices(connectivity: u32, tolerance: f64) -> Result<(Connectivity, Options), Failure> {
-    let connectivity = Connectivity::of_neighbors(connectivity).ok_or_else(|| {
-        Failure(format!("arguments: found connectivity {connectivity}, expected 6, 18 or 26"))
+        report(&case, neighbors.into(), &options, progress)
     })?;
-    // Below 1e-12 rounding decides, and a promise can't be kept.
-    if !(1e-12..=1e3).contains(&tolerance) {
-        return Err(Failure(format!("arguments: found tolerance {tolerance}, expected 1e-12 to 1000")));
-    }
-    Ok((connectivity, Options { tolerance, ..Options::default() }))
+    if json { terminal::print_json(&found) } else { terminal::print(&table(&found)) }
 }
 
 /// The numbers as a text for people, largest first within each mask or region.
@@ -79,16 +91,6 @@ fn table(report: &EllipsoidsReport) -> String {
 mod tests {
     use super::*;
     use glioscope_core::{Progress, case, sample};
-
-    #[test]
-    fn only_what_can_be_had() {
-        assert_eq!(choices(18, 1e-3).unwrap().0, Connectivity::Eighteen);
-        assert_eq!(choices(26, 1e-3).unwrap().1.tolerance, 1e-3);
-        for (connectivity, tolerance) in [(7, 1e-7), (26, 0.0), (26, -1.0), (26, f64::NAN), (26, 1e-20)] {
-            let line = choices(connectivity, tolerance).unwrap_err().to_string();
-            assert!(line.contains("found") && line.contains("expected"), "{line}");
-        }
-    }
 
     #[test]
     fn the_table_names_every_mask_and_region_of_the_sample() {

@@ -2,10 +2,13 @@
 
 use glioscope_core::{case::Case, measure};
 
-use super::{CaseArguments, Failure, terminal};
-use crate::format;
+use super::{CaseArguments, terminal};
+use crate::{error::AppError, format};
 
-pub(super) fn run(case: &CaseArguments, json: bool) -> Result<(), Failure> {
+/// Decimals more than a table in a window has room for.
+const MORE_DECIMALS: usize = 1;
+
+pub(super) fn run(case: &CaseArguments, json: bool) -> Result<(), AppError> {
     let (_, case) = case.load(false)?;
     if json { terminal::print_json(&measure::report(&case)) } else { terminal::print(&table(&case)) }
 }
@@ -46,9 +49,13 @@ fn table(case: &Case) -> String {
             ));
         }
         lines.push(format!("{:24} {:>12} {:>14}", "union", union, format::ml(regions.union_ml())));
-        for pair in measure::pairs(regions) {
+        for pair in measure::pairs(&time_point.index, regions) {
             let name = format!("{} and {}", pair.a, pair.b);
-            lines.push(format!("{name:24} Dice {:.4}  Jaccard {:.4}", pair.dice, pair.jaccard));
+            let values: Vec<String> = pair
+                .metrics()
+                .map(|(metric, value)| format!("{} {}", metric.name, metric.print(value, MORE_DECIMALS)))
+                .collect();
+            lines.push(format!("{name:24} {}", values.join("  ")));
         }
     }
     lines.join("\n")

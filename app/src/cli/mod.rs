@@ -3,63 +3,51 @@
 //! Exit codes: 0 done, 1 the answer is "not so" where a command asks, 2 wrong input, with one line
 //! on stderr.
 
-mod accuracy;
 mod arguments;
 mod change;
 mod ellipsoids;
 mod info;
 mod light;
 mod measure;
+mod parse;
 mod render;
 mod report;
+mod resolve;
 mod sample;
+mod studio;
 mod terminal;
 mod tracts;
 
-use std::process::ExitCode;
+use std::{error::Error, process::ExitCode};
 
-use clap::Parser;
-use glioscope_core::{case::CaseError, files::FileError};
+use clap::{
+    Parser,
+    error::{ContextKind, ContextValue, ErrorKind},
+};
 
 pub use arguments::{CaseArguments, Cli, Task, WindowArguments};
 
-use crate::run_window::{self, Start};
-
-/// One line for stderr; the program ends with exit code 2.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct Failure(String);
-
-impl From<String> for Failure {
-    fn from(line: String) -> Self {
-        Self(line)
-    }
-}
-
-impl From<CaseError> for Failure {
-    fn from(error: CaseError) -> Self {
-        Self(error.to_string())
-    }
-}
-
-impl From<FileError> for Failure {
-    fn from(error: FileError) -> Self {
-        Self(error.to_string())
-    }
-}
+use crate::{
+    error::AppError,
+    window::run::{self, Start},
+};
 
 /// Runs the program with this process's arguments.
 pub fn main() -> ExitCode {
-    match run(Cli::parse()) {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return refuse(&error),
+    };
+    match perform(cli) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(Failure(line)) => {
-            terminal::error(&line);
+        Err(error) => {
+            terminal::error(&error.to_string());
             ExitCode::from(2)
         }
     }
 }
 
-fn run(cli: Cli) -> Result<(), Failure> {
+fn perform(cli: Cli) -> Result<(), AppError> {
     match cli.task {
         None => open(&cli.case, cli.window),
         Some(Task::Open { case, window }) => open(&case, window),
@@ -70,26 +58,76 @@ fn run(cli: Cli) -> Result<(), Failure> {
         }
         Some(Task::Tracts(arguments)) => tracts::run(&arguments),
         Some(Task::Change(arguments)) => change::run(&arguments),
-        Some(Task::Accuracy(arguments)) => accuracy::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Sample { out }) => sample::run(&out),
     }
 }
 
-fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), Failure> {
+fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), AppError> {
     let WindowArguments { software, picture } = window;
-    let start = Start {
+    run::run(Start {
         case: case.reference()?,
         tracts: case.tracts.clone(),
         options: case.options(),
         software,
         picture,
-    };
-    run_window::run(start).map_err(Failure)
+    })
 }
 
-/// One line on stderr, for what goes wrong while a window is scripted.
-pub fn say_error(line: &str) {
-    terminal::error(line);
+/// Help and version as they are; what is wrong in one line.
+fn refuse(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        // A closed pipe is nobody's mistake.
+        let _ = error.print();
+        return ExitCode::SUCCESS;
+    }
+    terminal::error(&one_line(error));
+    ExitCode::from(2)
+}
+
+/// `--view: found "x", expected closeup or window`; other mistakes in clap's own words.
+fn one_line(error: &clap::Error) -> String {
+    let text = |kind: ContextKind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.clone()),
+        _ => None,
+    };
+    let expected = match (error.kind(), error.get(ContextKind::ValidValue)) {
+        (ErrorKind::InvalidValue, Some(ContextValue::Strings(values))) => Some(values.join(", ")),
+        (ErrorKind::ValueValidation, _) => error.source().map(ToString::to_string),
+        _ => None,
+    };
+    let option = text(ContextKind::InvalidArg);
+    if let (Some(option), Some(found), Some(expected)) = (option, text(ContextKind::InvalidValue), expected) {
+        let option = option.split_whitespace().next().unwrap_or_default();
+        return format!("{option}: found \"{found}\", expected {expected}");
+    }
+    let rendered = error.render().to_string();
+    let said: Vec<&str> =
+        rendered.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:")).collect();
+    let line = said.into_iter().filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ");
+    line.strip_prefix("error: ").unwrap_or(&line).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(arguments: &[&str]) -> String {
+        let all = std::iter::once("glioscope").chain(arguments.iter().copied());
+        let line = one_line(&Cli::try_parse_from(all).unwrap_err());
+        assert!(!line.contains('\n'), "{line}");
+        line
+    }
+
+    #[test]
+    fn what_is_wrong_is_one_line() {
+        let line = refused(&["render", "--view", "nosuch"]);
+        assert!(line.starts_with("--view: found \"nosuch\", expected closeup, context"), "{line}");
+        let line = refused(&["render", "--size", "0x0"]);
+        assert_eq!(line, "--size: found \"0x0\", expected WIDTHxHEIGHT, each from 16 to 8192");
+        let line = refused(&["measure", "--nonsense"]);
+        assert!(line.contains("--nonsense"), "{line}");
+        assert!(refused(&["sample"]).contains("--out"));
+    }
 }

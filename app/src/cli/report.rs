@@ -3,39 +3,32 @@
 use std::path::Path;
 
 use glioscope_core::measure;
-use glioscope_render::slices::Plane;
 
-use super::{CaseArguments, Failure, render, terminal};
-use crate::{document::Pane, files, workstation::Workstation, world::Loaded};
+use super::{
+    CaseArguments,
+    parse::View,
+    studio::{Studio, gpu},
+    terminal,
+};
+use crate::{command::Workstation, error::AppError, model::PaneId, output, world::Loaded};
 
-const VIEWS: [(&str, Option<Pane>, [u32; 2]); 8] = [
-    ("window", None, [1600, 1000]),
-    ("closeup", Some(Pane::Closeup), [900, 900]),
-    ("context", Some(Pane::Context), [900, 900]),
-    ("ellipsoids", Some(Pane::Ellipsoids), [900, 900]),
-    ("axial", Some(Pane::Slice(Plane::Axial)), [700, 700]),
-    ("coronal", Some(Pane::Slice(Plane::Coronal)), [700, 700]),
-    ("sagittal", Some(Pane::Slice(Plane::Sagittal)), [700, 700]),
-    ("overlap", Some(Pane::Overlap), [700, 900]),
-];
+/// Pixels of the window's picture.
+const WINDOW_PX: [u32; 2] = [1600, 1000];
 
-const DATES: [(&str, Option<Pane>, [u32; 2]); 2] =
-    [("change", Some(Pane::Change), [900, 900]), ("dates", Some(Pane::Dates), [700, 900])];
-
-pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), Failure> {
+pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), AppError> {
     let (reference, case) = case.load(true)?;
-    std::fs::create_dir_all(out).map_err(|e| {
-        Failure::from(format!("{}: found {e}, expected a folder that can be made", out.display()))
-    })?;
-    files::write_json(&out.join("measure.json"), &measure::report(&case))?;
+    std::fs::create_dir_all(out)
+        .map_err(|e| AppError::file(out, e.to_string(), "a folder that can be made"))?;
+    output::write_json(&out.join("measure.json"), &measure::report(&case))?;
     let dates = case.time_points.len();
-    let gpu = render::gpu(software)?;
-    let mut studio = render::Studio::new(Workstation::with_case(reference, Loaded::new(case)), &gpu, false)?;
+    let mut studio =
+        Studio::new(Workstation::with_case(reference, Loaded::new(case)), &gpu(software)?, false)?;
     // One date has nothing to compare.
-    let of_dates: &[_] = if dates > 1 { &DATES } else { &[] };
-    for &(name, pane, size) in VIEWS.iter().chain(of_dates) {
-        let rgba = studio.pane(pane, size, 1.0)?;
-        files::write_png(&out.join(format!("{name}.png")), size, &rgba)?;
+    let panes = PaneId::all().map(|pane| (pane, pane.row())).filter(|(_, row)| dates > 1 || !row.needs_dates);
+    let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, View::Pane(pane), row.report_px?)));
+    for (name, view, size) in std::iter::once(("window", View::Window, WINDOW_PX)).chain(pictures) {
+        let rgba = studio.picture(view, size, 1.0)?;
+        output::write_png(&out.join(format!("{name}.png")), size, &rgba)?;
     }
     terminal::print(&format!("pictures and numbers written to {}", out.display()))
 }

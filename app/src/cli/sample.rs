@@ -4,9 +4,10 @@ use std::path::Path;
 
 use glioscope_core::sample;
 
-use super::{Failure, terminal};
+use super::terminal;
+use crate::error::AppError;
 
-pub(super) fn run(out: &Path) -> Result<(), Failure> {
+pub(super) fn run(out: &Path) -> Result<(), AppError> {
     sample::write_sample(out)?;
     terminal::print(&format!("sample case written to {}", out.display()))
 }

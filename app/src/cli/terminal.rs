@@ -12,7 +12,7 @@ use std::{
 
 use glioscope_core::{Check, Progress, Severity, case::CaseSpec};
 
-use super::Failure;
+use crate::error::AppError;
 
 /// Longest a job runs before a bar is shown.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -21,10 +21,10 @@ const PATIENCE: Duration = Duration::from_millis(500);
 ///
 /// # Errors
 /// When stdout can't be written (a closed pipe is not an error).
-pub fn print(text: &str) -> Result<(), Failure> {
+pub fn print(text: &str) -> Result<(), AppError> {
     match writeln!(std::io::stdout(), "{text}") {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Failure(format!("stdout: found {e}, expected a place that can be written")))
+            Err(AppError::wrong("stdout", e.to_string(), "a place that can be written"))
         }
         _ => Ok(()),
     }
@@ -34,9 +34,10 @@ pub fn print(text: &str) -> Result<(), Failure> {
 ///
 /// # Errors
 /// As [`print`].
-pub fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(value)
-        .map_err(|e| Failure(format!("found numbers that JSON can't hold ({e}), expected finite ones")))?;
+pub fn print_json(value: &impl serde::Serialize) -> Result<(), AppError> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| {
+        AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
+    })?;
     print(&text)
 }
 
@@ -54,11 +55,21 @@ pub fn notes(checks: &[Check]) {
     }
 }
 
+/// A warning about the answer, on stderr.
+pub fn warning(code: &str, sentence: &str) {
+    let _ = writeln!(std::io::stderr(), "glioscope: warning [{code}]: {sentence}");
+}
+
 /// How a case was put together from names, on stderr; nothing where nothing was guessed.
 pub fn guess(spec: &CaseSpec) {
     for note in &spec.notes {
         let _ = writeln!(std::io::stderr(), "glioscope: guess [{}]: {}", note.code, note.message);
     }
+}
+
+/// What was chosen without being asked for, on stderr.
+pub fn assumed(sentence: &str) {
+    let _ = writeln!(std::io::stderr(), "glioscope: note [assumed]: {sentence}");
 }
 
 /// Runs a job; ctrl-C cancels it, and a bar is shown on a terminal when it takes its time.

@@ -8,10 +8,10 @@ use glioscope_core::{
 };
 use serde::Serialize;
 
-use super::{CaseArguments, Failure, render, terminal};
-use crate::format;
+use super::{CaseArguments, parse, resolve, terminal};
+use crate::{error::AppError, format};
 
-/// What `tracts` can be told.
+/// Arguments of `tracts`.
 #[derive(Debug, Args)]
 pub struct TractArguments {
     /// The case.
@@ -21,7 +21,7 @@ pub struct TractArguments {
     #[arg(long, value_name = "REGION,...", default_value = "all")]
     pub select: String,
     /// Also count the fibres at most this far away.
-    #[arg(long, value_name = "MM", default_value_t = 10.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "MM", default_value_t = 10.0, value_parser = parse::within(0.0..=1e6), allow_hyphen_values = true)]
     pub within: f64,
     /// The date of the masks, by its label; may be left out where there is one.
     #[arg(long, value_name = "LABEL")]
@@ -50,7 +50,7 @@ struct TractReport {
     id: String,
     fibers: usize,
     points: usize,
-    /// Whether the file says where the fibres are in the patient; if not, nothing else is told.
+    /// Whether the file says where the fibres are in the patient; if not, the rest is unknown.
     placed: bool,
     /// Distance of the nearest fibre; null without fibres, without a selection, or without a place.
     nearest_mm: Option<f64>,
@@ -66,37 +66,18 @@ struct TractReport {
     within: Option<usize>,
 }
 
-pub(super) fn run(arguments: &TractArguments) -> Result<(), Failure> {
-    // Also false for NaN.
-    if !(0.0..=1e6).contains(&arguments.within) {
-        return Err(Failure(format!("--within: found {}, expected 0 to 1000000 mm", arguments.within)));
-    }
+pub(super) fn run(arguments: &TractArguments) -> Result<(), AppError> {
     let (_, case) = arguments.case.load(false)?;
     if case.tracts.is_empty() {
-        return Err(Failure(
-            "arguments: found no tracts, expected --tracts FILE or [[tracts]] in the manifest".into(),
-        ));
+        return Err(AppError::arguments("no tracts", "--tracts FILE or [[tracts]] in the manifest"));
     }
-    let time_point = time_point(&case, arguments.time.as_deref())?;
-    let selection = render::selection(&arguments.select, &time_point.regions)?;
+    let time_point = resolve::only_date(&case, arguments.time.as_deref())?;
+    let selection = resolve::selection(&arguments.select, &time_point.regions)?;
     let found = terminal::with_progress(|progress| {
         progress.say("distances of fibres");
         report(&case, time_point, &selection, arguments.within, progress)
     })?;
     if arguments.json { terminal::print_json(&found) } else { terminal::print(&table(&found)) }
-}
-
-fn time_point<'a>(case: &'a Case, label: Option<&str>) -> Result<&'a TimePoint, Failure> {
-    let labels: Vec<&str> = case.time_points.iter().map(|t| t.label.as_str()).collect();
-    let wrong =
-        |found: String| Failure(format!("--time: found {found}, expected one of {}", labels.join(", ")));
-    match (label, case.time_points.as_slice()) {
-        (None, [only]) => Ok(only),
-        (None, several) => Err(wrong(format!("no date beside {} dates", several.len()))),
-        (Some(label), all) => {
-            all.iter().find(|t| t.label == label).ok_or_else(|| wrong(format!("{label:?}")))
-        }
-    }
 }
 
 fn report(
@@ -105,7 +86,7 @@ fn report(
     selection: &Selection,
     within_mm: f64,
     progress: &Progress,
-) -> Result<TractsReport, Failure> {
+) -> Result<TractsReport, AppError> {
     let (index, regions) = (&time_point.index, &time_point.regions);
     let shown: Vec<_> = regions.list().iter().filter(|r| selection.shows(r.bits)).collect();
     let bits = MaskBits::from_fn(index.grid().dims(), |linear| selection.shows(index.get(linear)));
@@ -116,7 +97,7 @@ fn report(
         let placed = fibers.sides() == Sides::Known && index.grid().sides() == Sides::Known;
         let near = match cells.as_ref().filter(|_| placed) {
             Some(cells) => {
-                let all = cells.nearest_of_all(fibers, progress).map_err(|e| Failure(e.to_string()))?;
+                let all = cells.nearest_of_all(fibers, progress)?;
                 Some(Nearness::of(&all, within_mm))
             }
             None => None,
@@ -218,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn no_distance_is_told_of_fibers_without_a_place() {
+    fn no_distance_is_reported_of_fibers_without_a_place() {
         let case = with_tracts(Sides::Unknown);
         let found = report(&case, &case.time_points[0], &Selection::all(), 10.0, &Progress::new()).unwrap();
         assert_eq!((found.tracts[0].nearest_mm, found.tracts[0].within), (None, None));

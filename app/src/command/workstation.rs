@@ -8,12 +8,15 @@ use std::{
 
 use glioscope_core::case::{CaseSpec, LoadOptions};
 
+use super::{Command, EditCommand};
 use crate::{
-    commands::Command,
-    document::{CaseRef, Document},
-    history::History,
-    session,
-    world::{LoadJob, Loaded, Step, World},
+    error::AppError,
+    model::{CaseRef, Document, History, session},
+    world::{
+        Loaded, World,
+        jobs::Waker,
+        load::{LoadJob, Opened},
+    },
 };
 
 /// A case whose files were guessed from their names.
@@ -48,7 +51,7 @@ pub struct Workstation {
     /// Limits and choices of loading.
     pub options: LoadOptions,
     /// The last thing that went wrong, until dismissed.
-    pub error: Option<String>,
+    pub error: Option<AppError>,
     /// What was just done, for the status line.
     pub notice: Option<String>,
 }
@@ -75,7 +78,7 @@ impl Workstation {
 
     /// Starts opening a case; the current one stays until the new one is whole. Fibre tracts are those of
     /// `document`.
-    pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: impl FnOnce() + Send + 'static) {
+    pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: Waker) {
         let tracts = document.as_ref().map(|doc| doc.tracts.clone()).unwrap_or_default();
         self.open_with(case, tracts, document, wake);
     }
@@ -86,10 +89,10 @@ impl Workstation {
         case: CaseRef,
         tracts: Vec<PathBuf>,
         document: Option<Document>,
-        wake: impl FnOnce() + Send + 'static,
+        wake: Waker,
     ) {
         if let Some(job) = self.job.take() {
-            job.progress.cancel();
+            job.job.progress.cancel();
         }
         self.error = None;
         self.guess = None;
@@ -97,41 +100,41 @@ impl Workstation {
     }
 
     /// Opens the case again with more files of fibre tracts, as it is looked at now.
-    pub fn add_tracts(&mut self, files: &[PathBuf], wake: impl FnOnce() + Send + 'static) {
+    pub fn add_tracts(&mut self, files: &[PathBuf], wake: Waker) {
         let Some(mut document) = self.doc.clone() else { return };
         document.tracts.extend_from_slice(files);
         self.open(document.case.clone(), Some(document), wake);
     }
 
     /// Reads the case as it was guessed.
-    pub fn accept_guess(&mut self, wake: impl FnOnce() + Send + 'static) {
+    pub fn accept_guess(&mut self, wake: Waker) {
         if let Some(Guess { case, spec, tracts, document }) = self.guess.take() {
             self.job = Some(LoadJob::start(case, tracts, Some(spec), self.options.clone(), document, wake));
         }
     }
 
     /// Opens a session file and the case it names, with `more` fibre tracts.
-    pub fn open_session(&mut self, path: &Path, more: &[PathBuf], wake: impl FnOnce() + Send + 'static) {
+    pub fn open_session(&mut self, path: &Path, more: &[PathBuf], wake: Waker) {
         match session::load(path) {
             Ok(mut document) => {
                 document.tracts.extend_from_slice(more);
                 self.session_path = Some(path.to_owned());
                 self.open(document.case.clone(), Some(document), wake);
             }
-            Err(error) => self.error = Some(error.to_string()),
+            Err(error) => self.error = Some(error.into()),
         }
     }
 
     /// Takes the finished load, if there is one. Returns the case that was opened.
     pub fn poll(&mut self) -> Option<CaseRef> {
-        let result = self.job.as_ref()?.poll()?;
+        let result = self.job.as_ref()?.job.poll()?;
         let job = self.job.take()?;
         match result {
-            Ok(Step::Guessed(spec)) => {
+            Ok(Opened::Guessed(spec)) => {
                 self.guess = Some(Guess { case: job.case, spec, tracts: job.tracts, document: job.document });
                 None
             }
-            Ok(Step::Loaded(loaded)) => {
+            Ok(Opened::Loaded(loaded)) => {
                 if job.document.is_none() {
                     self.session_path = None;
                 }
@@ -142,7 +145,7 @@ impl Workstation {
                 Some(job.case)
             }
             Err(error) => {
-                if job.progress.check().is_ok() {
+                if job.job.progress.check().is_ok() {
                     self.error = Some(error);
                 } else {
                     self.notice = Some("Loading cancelled; nothing was changed.".into());
@@ -160,17 +163,19 @@ impl Workstation {
                 self.notice = Some("Session saved.".into());
                 self.session_path = Some(path);
             }
-            Err(error) => self.error = Some(error.to_string()),
+            Err(error) => self.error = Some(error.into()),
         }
     }
 
-    /// Does what a command does to the document, and remembers it for undo.
+    /// Applies a command to the document, and remembers it for undo. Commands that reach outside it
+    /// change nothing here.
     pub fn apply(&mut self, command: &Command, now: Instant) {
         let Some(doc) = &mut self.doc else { return };
         match command {
-            Command::Undo | Command::Redo => {
+            Command::App(_) => {}
+            Command::Edit(command @ (EditCommand::Undo | EditCommand::Redo)) => {
                 let center_mm = doc.edit.lens.center_mm;
-                if *command == Command::Undo {
+                if *command == EditCommand::Undo {
                     self.history.undo(&mut doc.edit);
                 } else {
                     self.history.redo(&mut doc.edit);
@@ -180,13 +185,49 @@ impl Workstation {
                     doc.nav.camera.focus_mm = doc.edit.lens.center_mm;
                 }
             }
-            _ => {
+            Command::Edit(edit) => {
                 let before = doc.edit.clone();
-                command.apply(doc, &self.world);
+                edit.apply(doc, &self.world);
                 if doc.edit != before {
                     self.history.record(before, command.gesture(), now);
                 }
             }
+            Command::Look(look) => look.apply(doc, &self.world),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::world::load::spec_of;
+    use glioscope_core::{Progress, case};
+
+    #[test]
+    fn what_is_held_is_one_gesture_however_long_it_rests() {
+        let (options, progress) = (LoadOptions::default(), Progress::new());
+        let spec = spec_of(&CaseRef::Sample, &options, &progress).unwrap();
+        let loaded = Loaded::new(case::load(&spec, &options, &progress).unwrap());
+        let mut work = Workstation::with_case(CaseRef::Sample, loaded);
+        let start = Instant::now();
+        let later = start + Duration::from_secs(4);
+        let radius = |work: &Workstation| work.doc.as_ref().unwrap().edit.lens.radius_mm;
+        let set = |radius_mm: f64| Command::from(EditCommand::SetLensRadius(radius_mm));
+        let first = radius(&work);
+        work.history.hold(true);
+        work.apply(&set(20.0), start);
+        work.apply(&set(21.0), later);
+        work.history.hold(false);
+        // Another press soon after: another gesture.
+        work.history.hold(true);
+        work.apply(&set(22.0), later);
+        work.history.hold(false);
+        work.apply(&EditCommand::Undo.into(), later);
+        assert_eq!(radius(&work), 21.0);
+        work.apply(&EditCommand::Undo.into(), later);
+        assert_eq!(radius(&work), first);
+        assert!(!work.history.can_undo());
     }
 }

@@ -1,8 +1,7 @@
 //! What is saved: which case, what the user chose, and where they look.
 //!
 //! [`Edit`] is what undo covers; [`Navigation`] is not, so that undoing a selection doesn't also
-//! throw the camera back. Nothing here is alive: volumes, jobs and GPU things are in
-//! [`crate::world`].
+//! throw the camera back. Volumes, jobs and device resources are in [`crate::world`].
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -11,21 +10,25 @@ use std::{
 
 use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
-use glioscope_core::{Selection, case::TimePoint};
+use glioscope_core::{
+    Selection,
+    case::TimePoint,
+    optics::{Camera, Projection},
+};
 use glioscope_render::{
-    Camera, ClipPlane, Coloring, Lens, Lighting, Palette, Preset, Projection, Quality, Shading,
-    TransferFunction,
-    slices::{Convention, Overlay, Plane, Window},
+    ClipPlane, Coloring, Lens, Palette, TransferFunction,
+    flat::{Convention, Overlay, PreparedContext, Window},
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    comparing::ChangeSetting,
+use super::{
+    change::ChangeSetting,
+    ellipsoids::{EllipsoidLook, OwnOpacity},
     layout,
-    views::{
-        ellipsoids::{EllipsoidLook, OwnOpacity},
-        overlap::OverlapMode,
-    },
+    light::LightChoice,
+    overlap::OverlapMode,
+    pane::PaneId,
+    rulers::Ruler,
 };
 
 /// How to open the case again.
@@ -44,167 +47,6 @@ pub enum CaseRef {
         /// Each `ID=FILE[@TIME]`.
         contexts: Vec<String>,
     },
-}
-
-/// One pane of the window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Pane {
-    /// The tumour intersection closeup.
-    Closeup,
-    /// The tumour in its anatomy.
-    Context,
-    /// The ellipsoid diagram.
-    Ellipsoids,
-    /// The surface change between two dates.
-    Change,
-    /// All dates, and volumes over time.
-    Dates,
-    /// The transfer function of the context view.
-    Transfer,
-    /// The overlap diagram with its bar and the table of regions.
-    Overlap,
-    /// A slice view.
-    Slice(Plane),
-    /// The table of what is in the lens.
-    Lens,
-    /// The list of lines measured.
-    Measurements,
-    /// Plan, pass times and adapter.
-    Diagnostics,
-}
-
-impl Pane {
-    /// All but the slices, in the order of menus.
-    pub const NOT_SLICES: [Self; 10] = [
-        Self::Closeup,
-        Self::Context,
-        Self::Ellipsoids,
-        Self::Change,
-        Self::Dates,
-        Self::Overlap,
-        Self::Lens,
-        Self::Measurements,
-        Self::Transfer,
-        Self::Diagnostics,
-    ];
-
-    /// What tabs, menus and file names call it.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Closeup => "the closeup",
-            Self::Context => "the context view",
-            Self::Ellipsoids => "the ellipsoid diagram",
-            Self::Change => "the change view",
-            Self::Dates => "the dates",
-            Self::Transfer => "the transfer function",
-            Self::Overlap => "the overlap diagram",
-            Self::Slice(Plane::Axial) => "the axial slice",
-            Self::Slice(Plane::Coronal) => "the coronal slice",
-            Self::Slice(Plane::Sagittal) => "the sagittal slice",
-            Self::Lens => "what is in the lens",
-            Self::Measurements => "measurements",
-            Self::Diagnostics => "diagnostics",
-        }
-    }
-
-    /// What its tab says.
-    pub fn tab(self) -> &'static str {
-        match self {
-            Self::Closeup => "Closeup",
-            Self::Context => "Context",
-            Self::Ellipsoids => "Ellipsoids",
-            Self::Change => "Change",
-            Self::Dates => "Dates",
-            Self::Transfer => "Transfer",
-            Self::Overlap => "Overlap",
-            Self::Slice(Plane::Axial) => "Axial",
-            Self::Slice(Plane::Coronal) => "Coronal",
-            Self::Slice(Plane::Sagittal) => "Sagittal",
-            Self::Lens => "In the lens",
-            Self::Measurements => "Measurements",
-            Self::Diagnostics => "Diagnostics",
-        }
-    }
-}
-
-/// Where a line was measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RulerView {
-    /// Between first-hit points of the closeup.
-    Closeup,
-    /// In a slice.
-    Slice(Plane),
-}
-
-impl RulerView {
-    /// What lists and exports call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Closeup => "closeup",
-            Self::Slice(Plane::Axial) => "axial",
-            Self::Slice(Plane::Coronal) => "coronal",
-            Self::Slice(Plane::Sagittal) => "sagittal",
-        }
-    }
-}
-
-/// A straight line that was measured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Ruler {
-    /// What the user calls it.
-    pub name: String,
-    /// One end, world millimetres.
-    pub from_mm: DVec3,
-    /// The other end.
-    pub to_mm: DVec3,
-    /// Where it was drawn.
-    pub view: RulerView,
-    /// The time point it was drawn on: it is shown there only.
-    pub time: usize,
-}
-
-impl Ruler {
-    /// How long it is.
-    pub fn length_mm(&self) -> f64 {
-        self.from_mm.distance(self.to_mm)
-    }
-
-    /// Its middle.
-    pub fn middle_mm(&self) -> DVec3 {
-        self.from_mm.midpoint(self.to_mm)
-    }
-}
-
-/// How the 3D views find light, and how well.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Light {
-    /// Which way.
-    pub shading: Shading,
-    /// How well; `None` holds a budget of time while something moves, and comes to the reference when
-    /// all is still.
-    pub preset: Option<Preset>,
-    /// Half the opening of the cone that light comes from, degrees.
-    pub aperture_deg: f64,
-    /// Knobs of one's own instead of the preset's.
-    #[serde(default)]
-    pub own: Option<Lighting>,
-}
-
-impl Default for Light {
-    fn default() -> Self {
-        let Lighting { shading, aperture_deg, .. } = Lighting::DEFAULT;
-        Self { shading, preset: None, aperture_deg, own: None }
-    }
-}
-
-impl Light {
-    /// This light at a quality that was found for its way of shading.
-    pub fn at(&self, quality: Quality) -> Quality {
-        let lighting = self.own.unwrap_or(Lighting { aperture_deg: self.aperture_deg, ..quality.lighting });
-        Quality { lighting, cost: quality.cost.filter(|_| self.own.is_none()), ..quality }
-    }
 }
 
 /// What undo covers.
@@ -247,16 +89,16 @@ pub struct Edit {
     /// Ellipsoids with an opacity of their own.
     #[serde(default)]
     pub ellipsoid_opacities: Vec<OwnOpacity>,
-    /// How the 3D views find light, and how well.
+    /// How the 3D views are lit.
     #[serde(default)]
-    pub light: Light,
+    pub light: LightChoice,
     /// Which dates are compared, and how that is drawn.
     #[serde(default)]
     pub change: ChangeSetting,
     /// Where panes are.
-    pub layout: Tree<Pane>,
+    pub layout: Tree<PaneId>,
     /// The pane that fills the window, if one does.
-    pub maximized: Option<Pane>,
+    pub maximized: Option<PaneId>,
 }
 
 /// Where the user looks.
@@ -278,15 +120,9 @@ pub struct Navigation {
     pub pan_mm: [DVec2; 3],
     /// Whether the crosshair follows the pointer over every view.
     pub follow_pointer: bool,
-    /// Magnification of the context view; 1 fits.
-    #[serde(default = "one")]
-    pub context_zoom: f64,
-    /// Magnification of the ellipsoid diagram; 1 fits.
-    #[serde(default = "one")]
-    pub ellipsoid_zoom: f64,
-    /// Magnification of the change view; 1 fits.
-    #[serde(default = "one")]
-    pub change_zoom: f64,
+    /// Magnification of each 3D view whose orientation follows the closeup; 1, which fits, where none is named.
+    #[serde(default)]
+    pub zooms: BTreeMap<PaneId, f64>,
     /// Whether the axial slice is shown as a plane in closeup and ellipsoid diagram.
     #[serde(default)]
     pub show_plane: bool,
@@ -295,8 +131,11 @@ pub struct Navigation {
     pub ruler_on: bool,
 }
 
-fn one() -> f64 {
-    1.0
+impl Navigation {
+    /// Magnification of a linked 3D view; 1 fits.
+    pub fn zoom(&self, pane: PaneId) -> f64 {
+        self.zooms.get(&pane).copied().unwrap_or(1.0)
+    }
 }
 
 /// A case and how it is looked at.
@@ -365,7 +204,7 @@ impl Document {
                 hidden_tracts: BTreeSet::new(),
                 ellipsoids: EllipsoidLook::default(),
                 ellipsoid_opacities: Vec::new(),
-                light: Light::default(),
+                light: LightChoice::default(),
                 change: ChangeSetting::default(),
                 layout: layout::default_layout(dates),
                 maximized: None,
@@ -379,21 +218,11 @@ impl Document {
                 mm_per_point: None,
                 pan_mm: [DVec2::ZERO; 3],
                 follow_pointer: true,
-                context_zoom: 1.0,
-                ellipsoid_zoom: 1.0,
-                change_zoom: 1.0,
+                zooms: BTreeMap::new(),
                 show_plane: false,
                 ruler_on: false,
             },
         }
-    }
-
-    /// A camera for another 3D view: it looks the way the closeup does, at its own thing and from its
-    /// own distance (thesis 7.3.3: orientation, not position, is linked). `radius_mm` is what it has to
-    /// hold about `focus_mm`.
-    pub fn linked_camera(&self, focus_mm: DVec3, radius_mm: f64) -> Camera {
-        let closeup = &self.nav.camera;
-        Camera::fit(focus_mm, radius_mm, closeup.world_from_camera, closeup.projection)
     }
 
     /// The lines measured on the time point shown, with their places in the list.
@@ -405,6 +234,11 @@ impl Document {
     pub fn new_ruler_name(&self) -> String {
         let taken = |name: &str| self.edit.rulers.iter().any(|ruler| ruler.name == name);
         (self.edit.rulers.len() + 1..).map(|n| format!("Line {n}")).find(|n| !taken(n)).unwrap_or_default()
+    }
+
+    /// The window of an image: the user's, or the image's own.
+    pub fn window_of(&self, id: &str, image: &PreparedContext) -> Window {
+        self.edit.windows.get(id).copied().unwrap_or_else(|| image.histogram().initial_window())
     }
 
     /// The lens where it is on.

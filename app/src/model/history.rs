@@ -1,8 +1,8 @@
-//! Undo and redo: snapshots of what undo covers, one a deed, one a gesture.
+//! Undo and redo: snapshots of what undo covers, one per command or per gesture.
 
 use std::time::{Duration, Instant};
 
-use crate::document::Edit;
+use super::document::Edit;
 
 /// A pause that ends a gesture.
 const REST: Duration = Duration::from_millis(800);
@@ -19,8 +19,8 @@ pub struct History {
 }
 
 impl History {
-    /// Call after a command changed `before` into something else, at `now`. `gesture` as in
-    /// [`crate::commands::Command::gesture`].
+    /// Call after a command changed `before` into something else, at `now`. Commands of one `gesture`, one soon
+    /// after the other, are undone together; those of none are undone one by one.
     pub fn record(&mut self, before: Edit, gesture: Option<&'static str>, now: Instant) {
         let continues = match (self.gesture, gesture) {
             (Some((last, at)), Some(this)) => {
@@ -38,7 +38,7 @@ impl History {
         self.gesture = gesture.map(|g| (g, now));
     }
 
-    /// Says whether a pointer button is down. What happens between press and release is one gesture,
+    /// Notes whether a pointer button is down. What happens between press and release is one gesture,
     /// however long it rests; the next press begins another.
     pub fn hold(&mut self, held: bool) {
         if held != self.held {
@@ -47,7 +47,7 @@ impl History {
         }
     }
 
-    /// Takes back the last deed; `false` when there is none.
+    /// Takes back the last change; `false` when there is none.
     pub fn undo(&mut self, current: &mut Edit) -> bool {
         self.gesture = None;
         let Some(before) = self.past.pop() else { return false };
@@ -71,47 +71,5 @@ impl History {
     /// Whether there is something to do again.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{
-        commands::Command,
-        document::CaseRef,
-        workstation::Workstation,
-        world::{self, Loaded},
-    };
-    use glioscope_core::{
-        Progress,
-        case::{self, LoadOptions},
-    };
-
-    fn sample() -> Workstation {
-        let (options, progress) = (LoadOptions::default(), Progress::new());
-        let spec = world::spec_of(&CaseRef::Sample, &options, &progress).unwrap();
-        Workstation::with_case(CaseRef::Sample, Loaded::new(case::load(&spec, &options, &progress).unwrap()))
-    }
-
-    #[test]
-    fn what_is_held_is_one_gesture_however_long_it_rests() {
-        let mut work = sample();
-        let start = Instant::now();
-        let radius = |work: &Workstation| work.doc.as_ref().unwrap().edit.lens.radius_mm;
-        let first = radius(&work);
-        work.history.hold(true);
-        work.apply(&Command::SetLensRadius(20.0), start);
-        work.apply(&Command::SetLensRadius(21.0), start + REST * 5);
-        work.history.hold(false);
-        // Another press soon after: another gesture.
-        work.history.hold(true);
-        work.apply(&Command::SetLensRadius(22.0), start + REST * 5);
-        work.history.hold(false);
-        work.apply(&Command::Undo, start + REST * 5);
-        assert_eq!(radius(&work), 21.0);
-        work.apply(&Command::Undo, start + REST * 5);
-        assert_eq!(radius(&work), first);
-        assert!(!work.history.can_undo());
     }
 }

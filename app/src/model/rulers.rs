@@ -1,56 +1,88 @@
-//! Lines measured: going to one, and all of them as CSV or JSON.
+//! Lines measured, and all of them as CSV or JSON.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use glioscope_core::{Sides, case::Case, files::write_whole};
-use glioscope_render::slices::Plane;
+use glam::DVec3;
+use glioscope_core::{Sides, case::Case, csv};
+use serde::{Deserialize, Serialize};
 use serde_json::json;
+use strum::{IntoStaticStr, VariantArray};
 
-use crate::{
-    document::{Document, Ruler},
-    files,
-    world::World,
-};
+use super::pane::PaneId;
+
+/// A straight line that was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ruler {
+    /// What the user calls it.
+    pub name: String,
+    /// One end, world millimetres.
+    pub from_mm: DVec3,
+    /// The other end.
+    pub to_mm: DVec3,
+    /// Where it was drawn: in the closeup between first-hit points, or in a slice.
+    pub view: PaneId,
+    /// The time point it was drawn on: it is shown there only.
+    pub time: usize,
+}
+
+impl Ruler {
+    /// How long it is.
+    pub fn length_mm(&self) -> f64 {
+        self.from_mm.distance(self.to_mm)
+    }
+
+    /// Its middle.
+    pub fn middle_mm(&self) -> DVec3 {
+        self.from_mm.midpoint(self.to_mm)
+    }
+
+    /// What lists and exports call the view it was drawn in.
+    pub fn view_name(&self) -> &'static str {
+        self.view.row().cli.unwrap_or_default()
+    }
+}
 
 /// How lines are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, IntoStaticStr, VariantArray)]
+#[strum(serialize_all = "lowercase")]
 pub enum RulerFormat {
-    /// One line of text a line measured.
+    /// A row per line measured.
     Csv,
     /// With the case's doubts.
     Json,
 }
 
 impl RulerFormat {
-    /// What people call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Csv => "CSV",
-            Self::Json => "JSON",
-        }
+    /// The ending of its files, without the dot.
+    pub fn ending(self) -> &'static str {
+        self.into()
     }
 
-    /// `path` with this format's ending, where it has neither.
+    /// What people call it.
+    pub fn name(self) -> String {
+        self.ending().to_uppercase()
+    }
+
+    /// The format that the ending of `path` names.
+    pub fn of(path: &std::path::Path) -> Option<Self> {
+        let ending = path.extension()?;
+        Self::VARIANTS.iter().copied().find(|format| ending.eq_ignore_ascii_case(format.ending()))
+    }
+
+    /// `path` with this format's ending, where it has none of them.
     pub fn on(self, path: PathBuf) -> PathBuf {
-        let known =
-            path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv") || e.eq_ignore_ascii_case("json"));
-        if known {
+        if Self::of(&path).is_some() {
             return path;
         }
         let mut name = path.into_os_string();
-        name.push(match self {
-            Self::Csv => ".csv",
-            Self::Json => ".json",
-        });
+        name.push(".");
+        name.push(self.ending());
         PathBuf::from(name)
     }
 
     /// A file name to propose.
-    pub fn file_name(self) -> &'static str {
-        match self {
-            Self::Csv => "lines.csv",
-            Self::Json => "lines.json",
-        }
+    pub fn file_name(self) -> String {
+        format!("lines.{}", self.ending())
     }
 }
 
@@ -70,112 +102,46 @@ pub fn doubts(case: &Case) -> Vec<&'static str> {
     out
 }
 
-/// Puts the crosshair, the closeup and the slices at the middle of a line; the lens stays.
-pub(crate) fn look_at(doc: &mut Document, world: &World, at: usize) {
-    let Some(ruler) = doc.edit.rulers.get(at) else { return };
-    let middle_mm = ruler.middle_mm();
-    if ruler.time < world.time_point_count() {
-        doc.nav.time = ruler.time;
-    }
-    doc.nav.cursor_mm = middle_mm;
-    doc.nav.camera.focus_mm = middle_mm;
-    if doc.nav.mm_per_point.is_none() {
-        return;
-    }
-    // Zoomed slices may not show the place: they are moved so that it is in their middle.
-    let bounds_mm = match (world.context(doc), world.case()) {
-        (Some((_, image)), _) => image.volume().grid().bounds_mm(),
-        (None, Some(case)) => case.grid.bounds_mm(),
-        (None, None) => return,
-    };
-    for plane in Plane::ALL {
-        let convention = doc.nav.convention;
-        let fitted =
-            glioscope_render::slices::SliceView::fit(plane, convention, bounds_mm, middle_mm, [1, 1]);
-        let off_mm = middle_mm - fitted.center_mm;
-        doc.nav.pan_mm[plane as usize] =
-            glam::DVec2::new(off_mm.dot(fitted.right()), off_mm.dot(fitted.down()));
-    }
-}
-
-/// Writes all lines; the ending of `path` says how: `.csv` or `.json`.
-///
-/// # Errors
-/// One line that names the file.
-pub fn write(path: &Path, case: &Case, rulers: &[Ruler]) -> Result<(), String> {
-    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    match ending.as_deref() {
-        Some("csv") => write_whole(path, csv(case, rulers).as_bytes()).map_err(|e| e.to_string()),
-        Some("json") => files::write_json(path, &as_json(case, rulers)),
-        _ => Err(format!(
-            "{}: found the ending \"{}\", expected .csv or .json",
-            path.display(),
-            ending.unwrap_or_default()
-        )),
-    }
-}
-
 fn time_label(case: &Case, ruler: &Ruler) -> String {
     case.time_points.get(ruler.time).map(|t| t.label.clone()).unwrap_or_default()
 }
 
-/// As RFC 4180 has it: fields with commas, quotes or line ends are quoted, quotes doubled. A name that a
-/// spreadsheet would take for a formula gets an apostrophe before it.
-fn field(text: &str) -> String {
-    let text = if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text.to_owned() };
-    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
-}
-
-fn csv(case: &Case, rulers: &[Ruler]) -> String {
+/// All lines as CSV. A name that a spreadsheet would take for a formula gets an apostrophe before it.
+pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
     // RAS+ is only claimed where it is known.
     let axes = if case.grid.sides() == Sides::Known { ["r", "a", "s"] } else { ["x", "y", "z"] };
-    let ends = ["from", "to"].map(|end| axes.map(|axis| format!("{end}_{axis}_mm")).join(","));
-    let mut out = format!("name,time,view,length_mm,{}\r\n", ends.join(","));
+    let ends = ["from", "to"].into_iter().flat_map(|end| axes.map(|axis| format!("{end}_{axis}_mm")));
+    let head = ["name", "time", "view", "length_mm"].map(str::to_owned);
+    let mut table = csv::Table::new(head.into_iter().chain(ends));
     for ruler in rulers {
-        let numbers =
-            [ruler.from_mm, ruler.to_mm].map(|end| end.to_array().map(|mm| mm.to_string()).join(","));
-        out.push_str(&format!(
-            "{},{},{},{},{}\r\n",
-            field(&ruler.name),
-            field(&time_label(case, ruler)),
-            ruler.view.name(),
-            ruler.length_mm(),
-            numbers.join(",")
-        ));
+        let ends = [ruler.from_mm, ruler.to_mm].into_iter().flat_map(|end| end.to_array());
+        let head = [
+            csv::text(&ruler.name),
+            csv::text(&time_label(case, ruler)),
+            ruler.view_name().to_owned(),
+            ruler.length_mm().to_string(),
+        ];
+        table.row(head.into_iter().chain(ends.map(|mm| mm.to_string())));
     }
-    out
+    table.into_bytes()
 }
 
-fn as_json(case: &Case, rulers: &[Ruler]) -> serde_json::Value {
-    let lines: Vec<_> = rulers
-        .iter()
-        .map(|ruler| {
-            json!({
-                "name": ruler.name,
-                "time": time_label(case, ruler),
-                "view": ruler.view.name(),
-                "length_mm": ruler.length_mm(),
-                "from_mm": ruler.from_mm.to_array(),
-                "to_mm": ruler.to_mm.to_array(),
-            })
+/// All lines as JSON, with the case's doubts.
+pub fn as_json(case: &Case, rulers: &[Ruler]) -> serde_json::Value {
+    let line = |ruler: &Ruler| {
+        json!({
+            "name": ruler.name,
+            "time": time_label(case, ruler),
+            "view": ruler.view_name(),
+            "length_mm": ruler.length_mm(),
+            "from_mm": ruler.from_mm.to_array(),
+            "to_mm": ruler.to_mm.to_array(),
         })
-        .collect();
+    };
     json!({
         "case": case.name,
         "sides": if case.grid.sides() == Sides::Known { "known" } else { "unknown" },
         "doubts": doubts(case),
-        "lines": lines,
+        "lines": rulers.iter().map(line).collect::<Vec<_>>(),
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::field;
-
-    #[test]
-    fn names_can_hold_anything() {
-        assert_eq!(field("Line 1"), "Line 1");
-        assert_eq!(field("a, \"b\"\nc"), "\"a, \"\"b\"\"\nc\"");
-        assert_eq!(field("=1+1"), "'=1+1");
-    }
 }

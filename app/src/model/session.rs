@@ -4,17 +4,18 @@ use std::path::Path;
 
 use glioscope_core::files::{FileError, write_whole};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use crate::document::Document;
+use super::document::Document;
 
 /// Ending of a session file.
 pub const ENDING: &str = "glioscope.json";
-/// The version this program writes, and the newest it reads.
-const VERSION: u32 = 1;
+/// The version this program writes, and the newest it reads. [`of_version_1`] brings the one before up to it.
+const VERSION: u64 = 2;
 
 #[derive(Serialize, Deserialize)]
 struct SessionFile {
-    glioscope_session: u32,
+    glioscope_session: u64,
     document: Document,
 }
 
@@ -40,12 +41,17 @@ pub fn save(path: &Path, document: &Document) -> Result<(), FileError> {
 /// [`FileError`]; a newer version's file is refused, not guessed at.
 pub fn load(path: &Path) -> Result<Document, FileError> {
     let bytes = std::fs::read(path).map_err(|e| wrong(path, &e.to_string(), "a session file"))?;
-    let value: serde_json::Value = serde_json::from_slice(&bytes)
+    let mut value: Value = serde_json::from_slice(&bytes)
         .map_err(|e| wrong(path, &format!("broken JSON ({e})"), "a session file"))?;
-    match value.get("glioscope_session").and_then(serde_json::Value::as_u64) {
-        Some(version) if version == u64::from(VERSION) => {}
+    match value.get("glioscope_session").and_then(Value::as_u64) {
+        Some(1) => of_version_1(&mut value),
+        Some(VERSION) => {}
         Some(version) => {
-            return Err(wrong(path, &format!("session version {version}"), &format!("version {VERSION}")));
+            return Err(wrong(
+                path,
+                &format!("session version {version}"),
+                &format!("version 1 to {VERSION}"),
+            ));
         }
         None => return Err(wrong(path, "JSON without \"glioscope_session\"", "a session file")),
     }
@@ -56,4 +62,80 @@ pub fn load(path: &Path) -> Result<Document, FileError> {
 
 fn wrong(path: &Path, found: &str, expected: &str) -> FileError {
     FileError::Wrong { file: path.display().to_string(), found: found.into(), expected: expected.into() }
+}
+
+/// Words that version 1 wrote as Rust does, by their place in the document.
+const CAPITALISED: [&str; 6] = [
+    "/edit/overlay",
+    "/edit/palette",
+    "/edit/coloring",
+    "/edit/overlap_mode",
+    "/nav/convention",
+    "/nav/camera/projection",
+];
+
+/// Fields that have other names since: the object they are in, before, after.
+const RENAMED: [(&str, &str, &str); 5] = [
+    ("/edit/light", "shading", "mode"),
+    ("/edit/light/own", "shading", "mode"),
+    ("/edit/light/own/mutual", "solid_on_image", "opaque_on_image"),
+    ("/edit/light/own/mutual", "image_on_solid", "image_on_opaque"),
+    ("/edit/light/own/mutual", "solid_on_solid", "opaque_on_opaque"),
+];
+
+/// Magnifications that stood one by one: field, pane.
+const ZOOMS: [(&str, &str); 3] =
+    [("context_zoom", "context"), ("ellipsoid_zoom", "ellipsoids"), ("change_zoom", "change")];
+
+/// Brings a file of version 1 up to [`VERSION`]. What isn't as expected stays as it is: reading names it.
+fn of_version_1(file: &mut Value) {
+    file["glioscope_session"] = json!(VERSION);
+    let Some(document) = file.get_mut("document") else { return };
+    for place in CAPITALISED {
+        if let Some(Value::String(word)) = document.pointer_mut(place) {
+            *word = snake_case(word);
+        }
+    }
+    for (place, before, after) in RENAMED {
+        if let Some(object) = document.pointer_mut(place).and_then(Value::as_object_mut)
+            && let Some(value) = object.remove(before)
+        {
+            object.insert(after.into(), value);
+        }
+    }
+    if let Some(nav) = document.pointer_mut("/nav").and_then(Value::as_object_mut) {
+        let zooms = ZOOMS.iter().filter_map(|(field, pane)| Some(((*pane).to_owned(), nav.remove(*field)?)));
+        let zooms: serde_json::Map<String, Value> = zooms.collect();
+        nav.insert("zooms".into(), zooms.into());
+    }
+    for place in ["/edit/layout", "/edit/maximized", "/edit/rulers"] {
+        if let Some(part) = document.pointer_mut(place) {
+            name_slices(part);
+        }
+    }
+}
+
+/// `{"slice": "Axial"}`, wherever a pane is named, becomes `"axial"`.
+fn name_slices(value: &mut Value) {
+    match value {
+        Value::Object(object) if object.len() == 1 && object.contains_key("slice") => {
+            if let Some(Value::String(plane)) = object.remove("slice") {
+                *value = snake_case(&plane).into();
+            }
+        }
+        Value::Object(object) => object.values_mut().for_each(name_slices),
+        Value::Array(list) => list.iter_mut().for_each(name_slices),
+        _ => {}
+    }
+}
+
+fn snake_case(word: &str) -> String {
+    let mut out = String::with_capacity(word.len() + 2);
+    for (at, letter) in word.char_indices() {
+        if letter.is_ascii_uppercase() && at > 0 {
+            out.push('_');
+        }
+        out.push(letter.to_ascii_lowercase());
+    }
+    out
 }

@@ -1,51 +1,37 @@
 //! The change view (thesis 7.3.4): where the surface of one mask grew, shrank or stayed between two
 //! dates, as a height map or as arrows, in its anatomy.
 
-use std::sync::Arc;
-
 use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
-use glioscope_core::change::Flag;
+use glioscope_core::change::{ChangeError, Choice, Flag, Lengths, ids_at};
 use glioscope_render::{
-    ChangeContext, ChangeFrame, ChangeLook, ChangePick, ChangeScene, ChangeStyle, Gpu, MaskColors, Palette,
-    TransferFunction,
+    ChangeContext, ChangeLook, ChangePick, ChangeScene, ChangeStyle, MaskColors, Palette,
+    views::change::Change,
 };
 
 use super::{
-    ViewContext, closeup,
-    context::{self, VolumeJob, transfer_of},
-    ellipsoids::Stage,
-    linked::{self, Drawing, Linked, LinkedView, Picked},
+    draw,
+    pane::{Input, Pane, Stage},
     ruler,
+    view3d::{Canvas, Picked, ScreenReport, View, canvas::linked_camera, marks, ring},
 };
 use crate::{
-    commands::Command,
-    comparing::{self, ChangeSetting, Compared, Comparisons},
-    document::{self, Pane},
-    jobs::Lookup,
-    window::waker,
+    command::{Commands, EditCommand},
+    model::{ChangeSetting, PaneId, document::tumor_radius_mm},
+    world::{
+        comparison::Compared,
+        jobs::{Lookup, progress_text},
+    },
 };
 
 /// From line to line of the legend.
 const LINE_POINTS: f32 = 16.0;
 
-/// What the view remembers between frames; never saved.
+/// The pane of the change view.
 #[derive(Default)]
-pub struct ChangeState {
-    picture: LinkedView<ChangeScene, ChangePick>,
-    transfer: Option<Arc<TransferFunction>>,
-}
-
-impl ChangeState {
-    /// Whether the picture last drawn was in full quality.
-    pub fn refined(&self) -> bool {
-        self.picture.refined()
-    }
-
-    /// What is under the pointer.
-    pub fn hover(&self) -> Option<&ChangePick> {
-        self.picture.hover()
-    }
+pub struct ChangePane {
+    /// Its picture.
+    pub canvas: Canvas<Change>,
 }
 
 /// Colours of recession and growth.
@@ -63,14 +49,14 @@ pub fn pair_colors(palette: Palette) -> MaskColors {
 
 /// The change drawn opaque where the user chose none.
 fn full_mm(setting: &ChangeSetting, compared: &Compared) -> f64 {
-    let most = |l: &glioscope_core::change::Lengths| l.p95_mm.unwrap_or(0.0);
+    let most = |l: &Lengths| l.p95_mm.unwrap_or(0.0);
     let report = &compared.report;
     setting.full_mm.unwrap_or_else(|| most(&report.growth).max(most(&report.recession)).max(1.0))
 }
 
-fn look(view: &ViewContext<'_>, compared: &Compared) -> ChangeLook {
-    let setting = &view.doc.edit.change;
-    let (shrink, grow) = colors_of(view.doc.edit.palette);
+fn look(input: &Input<'_>, compared: &Compared) -> ChangeLook {
+    let setting = &input.doc.edit.change;
+    let (shrink, grow) = colors_of(input.doc.edit.palette);
     ChangeLook {
         style: setting.style,
         full_mm: full_mm(setting, compared),
@@ -81,92 +67,94 @@ fn look(view: &ViewContext<'_>, compared: &Compared) -> ChangeLook {
     }
 }
 
-/// Draws the view into all of `ui` and writes what the user did to `out`.
-pub fn show(
-    ui: &mut Ui,
-    view: &ViewContext<'_>,
-    stage: Stage<'_>,
-    (state, comparisons, job): (&mut ChangeState, &mut Comparisons, &mut VolumeJob),
-    out: &mut Vec<Command>,
-) {
-    let chosen = view.doc.edit.change.chosen(view.case);
-    if let Ok(chosen) = &chosen {
-        ui.horizontal_wrapped(|ui| controls(ui, view, chosen, out));
+/// Why nothing can be compared, as the pane shows it.
+pub fn nothing_text(error: &ChangeError) -> String {
+    match error {
+        ChangeError::OneDate { .. } => "One date: nothing to compare with.".into(),
+        ChangeError::NoCommonMask(_) => "The two dates have no mask of the same name.".into(),
+        other => other.to_string(),
     }
-    let rect = ui.available_rect_before_wrap();
-    let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    if let Err(why) = chosen {
-        closeup::message(ui, rect, &why);
-        return;
-    }
-    let Some(viewport) = stage.viewport else {
-        closeup::message(ui, rect, "No graphics adapter: the change view can't be drawn.");
-        return;
-    };
-    let setting = &view.doc.edit.change;
-    let compared =
-        match comparing::get(comparisons, view.case, setting, stage.refine_at_once, waker(ui.ctx())) {
+}
+
+impl Pane for ChangePane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        let (input, ask) = (stage.input, stage.ask);
+        let chosen = input.doc.edit.change.chosen(input.case);
+        if let Ok(chosen) = &chosen {
+            ui.horizontal_wrapped(|ui| controls(ui, &input, chosen, out));
+        }
+        let rect = ui.available_rect_before_wrap();
+        let response = ui.allocate_rect(rect, Sense::click_and_drag());
+        if let Err(why) = chosen {
+            draw::message(ui, rect, &nothing_text(&why));
+            return;
+        }
+        let Some(graphics) = stage.graphics else {
+            draw::message(ui, rect, "No graphics adapter: the change view can't be drawn.");
+            return;
+        };
+        let soon = std::time::Duration::from_millis(100);
+        let compared = match stage.results.comparison.get(input.case, &input.doc.edit.change, ask) {
             Some(Lookup::Ready(compared)) => compared.clone(),
             Some(Lookup::Working(progress)) => {
-                let text = crate::world::progress_text(progress);
-                closeup::message(ui, rect, &text);
-                ui.request_repaint_after(std::time::Duration::from_millis(100));
+                draw::message(ui, rect, &progress_text(progress));
+                ui.request_repaint_after(soon);
                 return;
             }
             Some(Lookup::Failed(why)) => {
-                closeup::message(ui, rect, why);
+                draw::message(ui, rect, &why.to_string());
                 return;
             }
             None => return,
         };
-    let volume = match context::volume(ui, view, stage.refine_at_once, job) {
-        Some(Lookup::Ready(volume)) => Some(volume.clone()),
-        Some(Lookup::Working(_)) => {
-            ui.request_repaint_after(std::time::Duration::from_millis(100));
-            None
+        let volume = match stage.results.image.volume(input.context, ask) {
+            Some(Lookup::Ready(volume)) => Some(volume.clone()),
+            Some(Lookup::Working(_)) => {
+                ui.request_repaint_after(soon);
+                None
+            }
+            _ => None,
+        };
+        let nav = &input.doc.nav;
+        let (focus_mm, radius_mm) = (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point));
+        let camera = linked_camera(&nav.camera, focus_mm, radius_mm, nav.zoom(PaneId::Change));
+        let scene = ChangeScene {
+            surface: compared.surface.clone(),
+            look: look(&input, &compared),
+            base: ChangeLook::BASE,
+            context: ChangeContext {
+                volume,
+                transfer: stage.results.image.transfer(input.doc, input.context),
+                clip: input.doc.edit.clips.clone(),
+            },
+            camera,
+            background: draw::background(ui.visuals().dark_mode),
+            silhouette: [0, 0, 0],
+        };
+        let view = View { doc: input.doc, pane: PaneId::Change, camera, rect };
+        let outcome = self.canvas.steer(ui, graphics, &view, &response, out);
+        if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
+            return;
         }
-        _ => None,
-    };
-    let transfer = match view.context {
-        Some((id, image)) => transfer_of(view, id, image),
-        None => TransferFunction::transparent(),
-    };
-    let transfer = match &state.transfer {
-        Some(have) if **have == transfer => have.clone(),
-        _ => state.transfer.insert(Arc::new(transfer)).clone(),
-    };
-    let nav = &view.doc.nav;
-    let radius_mm = document::tumor_radius_mm(view.time_point);
-    let camera = linked::camera(&nav.camera, view.doc.edit.lens.center_mm, radius_mm, nav.change_zoom);
-    let scene = ChangeScene {
-        surface: compared.surface.clone(),
-        look: look(view, &compared),
-        base: ChangeLook::BASE,
-        context: ChangeContext { volume, transfer, clip: view.doc.edit.clips.clone() },
-        camera,
-        background: closeup::background(ui.visuals().dark_mode),
-        silhouette: [0, 0, 0],
-    };
-    let linked = Linked { pane: Pane::Change, camera, zoom: nav.change_zoom, rect };
-    let drawing = Drawing {
-        gpu: &viewport.gpu,
-        screen: &mut viewport.change,
-        scene: &scene,
-        refine_at_once: stage.refine_at_once,
-        pick: |frame: &ChangeFrame, gpu: &Gpu, [x, y]: [u32; 2]| frame.pick(gpu, x, y),
-    };
-    let Some(outcome) = state.picture.draw(ui, view, &linked, &response, drawing, out) else { return };
-    let spoken = state.hover().map(|pick| pick_text(&compared, pick));
-    partner(ui, rect, &linked, state.hover());
-    linked.say(ui, view, &response, &outcome, spoken.as_deref());
-    legend(ui, view, rect, &compared, &scene.look);
-    closeup::corner_marks(ui, view, rect, (&camera, "at the middle"), true);
-    response.widget_info(|| {
-        let under = spoken.clone().unwrap_or_else(|| "nothing under the pointer".into());
-        let [from, to] = &compared.labels;
-        let words = format!("Change of {} from {from} to {to}: {under}", compared.report.mask);
-        WidgetInfo::labeled(Role::Canvas, true, words)
-    });
+        let under = self.canvas.hover().map(|pick| pick_text(&compared, pick));
+        partner(ui, &view, self.canvas.hover());
+        legend(ui, &input, rect, &compared, &scene.look);
+        marks::corners(ui, rect, input.sides_known(), (&camera, "at the middle"), true);
+        self.canvas.finish(ui, &view, &response, &outcome, under.as_deref());
+        response.widget_info(|| {
+            let [from, to] = &compared.labels;
+            let what = format!("Change of {} from {from} to {to}", compared.report.mask);
+            WidgetInfo::labeled(Role::Canvas, true, self.canvas.spoken(&what, under.as_deref()))
+        });
+    }
+
+    fn ready(&self) -> bool {
+        self.canvas.refined()
+    }
+
+    fn screen(&mut self) -> Option<&mut dyn ScreenReport> {
+        Some(&mut self.canvas.screen)
+    }
 }
 
 impl Picked for ChangePick {
@@ -197,20 +185,20 @@ pub fn pick_text(compared: &Compared, pick: &ChangePick) -> String {
 }
 
 /// The line from a point to its partner.
-fn partner(ui: &Ui, rect: Rect, linked: &Linked, hover: Option<&ChangePick>) {
+fn partner(ui: &Ui, view: &View<'_>, hover: Option<&ChangePick>) {
     let Some(v) = hover.and_then(|pick| pick.vector.as_ref()) else { return };
-    let ends = [v.from_mm, v.to_mm].map(|mm| super::ring::pos_of(&linked.camera, rect, mm));
+    let ends = [v.from_mm, v.to_mm].map(|mm| ring::pos_of(&view.camera, view.rect, mm));
     if let [Some(from), Some(to)] = ends {
-        let painter = ui.painter().with_clip_rect(rect);
+        let painter = ui.painter().with_clip_rect(view.rect);
         ruler::line(&painter, [from, to], ruler::Look::Solid, "");
     }
 }
 
-fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out: &mut Vec<Command>) {
-    let setting = &view.doc.edit.change;
+fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands) {
+    let setting = &input.doc.edit.change;
     let mut new = setting.clone();
     ui.add_space(4.0);
-    let ids = comparing::ids_at(view.case, chosen.dates);
+    let ids = ids_at(input.case, chosen.dates);
     let combo = ComboBox::from_id_salt("compared mask").selected_text(&chosen.id).width(70.0);
     let response = combo.show_ui(ui, |ui| {
         for id in ids {
@@ -220,7 +208,7 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out
         }
     });
     response.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Mask to compare"));
-    let [from, to] = chosen.dates.map(|d| view.case.time_points[d].label.as_str());
+    let [from, to] = chosen.dates.map(|d| input.case.time_points[d].label.as_str());
     ui.label(format!("{from} to {to}"));
     for (style, text, tip) in [
         (ChangeStyle::Height, "Height map", "Colour where the surface moved, smoothed over the picture"),
@@ -252,14 +240,14 @@ fn controls(ui: &mut Ui, view: &ViewContext<'_>, chosen: &comparing::Chosen, out
     response.on_hover_text("How far off the two dates may lie from one another (standard deviation)");
     ui.checkbox(&mut new.on_slices, "on slices").on_hover_text("Slices show both outlines and what changed");
     if new != *setting {
-        out.push(Command::SetChange(Box::new(new)));
+        out.push(EditCommand::SetChange(Box::new(new)));
     }
 }
 
 /// Colours with their numbers, and what was counted.
-fn legend(ui: &Ui, view: &ViewContext<'_>, rect: Rect, compared: &Compared, look: &ChangeLook) {
+fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Compared, look: &ChangeLook) {
     let dark = ui.visuals().dark_mode;
-    let ink = closeup::ink(dark);
+    let ink = draw::ink(dark);
     let painter = ui.painter().with_clip_rect(rect);
     let report = &compared.report;
     let mm = |v: Option<f64>| v.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
@@ -282,7 +270,7 @@ fn legend(ui: &Ui, view: &ViewContext<'_>, rect: Rect, compared: &Compared, look
         format!("{} of {} within uncertainty (drawn faint)", report.within_uncertainty, report.vectors);
     lines.push((None, sure));
     lines.extend(report.flags.iter().filter_map(|flag| Some((None, flag_text(*flag)?.to_owned()))));
-    if view.doc.edit.change.style == ChangeStyle::Arrows {
+    if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
     }
     let font = FontId::proportional(12.0);
@@ -294,7 +282,7 @@ fn legend(ui: &Ui, view: &ViewContext<'_>, rect: Rect, compared: &Compared, look
     let width = galleys.iter().map(|(color, g)| g.size().x + inset(*color)).fold(0.0, f32::max);
     let corner = rect.left_top() + vec2(10.0, 8.0);
     let height = galleys.len() as f32 * LINE_POINTS;
-    closeup::plate(&painter, Rect::from_min_size(corner, vec2(width, height)), dark);
+    draw::plate(&painter, Rect::from_min_size(corner, vec2(width, height)), dark);
     for (row, (color, galley)) in galleys.into_iter().enumerate() {
         let at = corner + vec2(0.0, row as f32 * LINE_POINTS);
         if let Some(color) = color {

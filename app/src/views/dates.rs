@@ -1,116 +1,111 @@
-//! All dates of the case: which is shown, which two are compared, and how volumes went (issue: change
-//! between time points; thesis 7.3.4).
+//! All dates of the case: which is shown, which two are compared, and how volumes went (thesis 7.3.4).
 
 use egui::{Color32, Role, Ui, WidgetInfo};
 use egui_plot::{Legend, Line, MarkerShape, Plot, PlotPoints, Points, VLine};
+use glioscope_core::{Selection, case::TimePoint, change::Choice, dates};
 
 use super::{
-    ViewContext,
-    overlap::{self, OverlapInput, OverlapMode},
+    change::{nothing_text, pair_colors},
+    draw,
+    overlap::{self, OverlapInput},
+    pane::{Input, Pane, Stage},
 };
 use crate::{
-    commands::Command,
-    comparing::{self, Chosen, Compared, Comparisons},
+    command::{Commands, EditCommand, LookCommand},
     format,
-    jobs::Lookup,
-    window::waker,
+    model::OverlapMode,
+    world::{
+        comparison::Compared,
+        jobs::{Lookup, progress_text},
+    },
 };
 
 /// Seconds that a date is shown while dates are played.
-const SECONDS_A_DATE: f64 = 0.9;
+const SECONDS_PER_DATE: f64 = 0.9;
 
-/// What the pane remembers between frames; never saved.
+/// The pane of dates.
 #[derive(Default)]
-pub struct DatesState {
+pub struct DatesPane {
     /// When the date last changed, while dates are played.
     playing: Option<f64>,
     regions: bool,
 }
 
-/// Days of an ISO date (proleptic Gregorian calendar, from 1 March of year 0); `None` for another
-/// label.
-fn days(label: &str) -> Option<i64> {
-    let mut parts = label.get(..10)?.split('-');
-    let mut next = || parts.next()?.parse::<i64>().ok();
-    let (year, month, day) = (next()?, next()?, next()?);
-    if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
-        return None;
-    }
-    // Years that begin in March put the leap day last.
-    let (y, m) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    Some(365 * y + y.div_euclid(4) - y.div_euclid(100) + y.div_euclid(400) + (153 * m + 2) / 5 + day - 1)
-}
-
 /// Where each date is along the time axis: days since the first where all are ISO dates in rising
 /// order, else their numbers. Beside it what the axis counts.
 pub fn positions(labels: &[&str]) -> (Vec<f64>, &'static str) {
-    let all: Option<Vec<i64>> = labels.iter().map(|l| days(l)).collect();
-    match all {
-        Some(days) if days.windows(2).all(|d| d[0] < d[1]) => {
-            (days.iter().map(|d| (d - days[0]) as f64).collect(), "days since the first date")
-        }
-        _ => ((0..labels.len()).map(|i| i as f64).collect(), "date number"),
+    match dates::days_since_first(labels) {
+        Some(days) => (days, "days since the first date"),
+        None => ((0..labels.len()).map(|i| i as f64).collect(), "date number"),
     }
 }
 
-/// Draws the pane.
-pub fn show(
-    ui: &mut Ui,
-    view: &ViewContext<'_>,
-    (state, comparisons): (&mut DatesState, &mut Comparisons),
-    wait: bool,
-    out: &mut Vec<Command>,
-) {
-    let labels: Vec<&str> = view.case.time_points.iter().map(|t| t.label.as_str()).collect();
-    play(ui, view, state, out);
-    ui.horizontal_wrapped(|ui| {
-        ui.label("Shown");
-        for (at, label) in labels.iter().enumerate() {
-            let response = ui.selectable_label(view.doc.nav.time == at, name_of(label));
-            response.widget_info(|| {
-                WidgetInfo::selected(
-                    Role::Button,
-                    true,
-                    view.doc.nav.time == at,
-                    format!("Show {}", name_of(label)),
-                )
-            });
-            if response.clicked() {
-                out.push(Command::SetTime(at));
-            }
-        }
-        if labels.len() > 1 {
-            let text = if state.playing.is_some() { "Stop" } else { "Play" };
-            if ui.button(text).on_hover_text("Show one date after the other").clicked() {
-                state.playing = match state.playing {
-                    Some(_) => None,
-                    None => Some(ui.input(|i| i.time)),
-                };
-            }
-        }
-    });
-    let chosen = view.doc.edit.change.chosen(view.case);
-    pair(ui, view, &labels, chosen.as_ref().ok(), out);
-    ui.horizontal_wrapped(|ui| {
-        ui.selectable_value(&mut state.regions, false, "Masks");
-        ui.selectable_value(&mut state.regions, true, "Regions");
-        ui.weak("ml over time; click a date to compare with it, Shift-click for the earlier one");
-    });
-    let height = (ui.available_height() * 0.55).clamp(120.0, 320.0);
-    chart(ui, view, &labels, state.regions, chosen.as_ref().ok(), height, out);
-    if let Err(why) = &chosen {
-        ui.weak(why);
-        return;
+impl Pane for DatesPane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        draw::padded(ui, |ui| self.content(ui, stage, out));
     }
-    match comparing::get(comparisons, view.case, &view.doc.edit.change, wait, waker(ui.ctx())) {
-        Some(Lookup::Ready(compared)) => volumes(ui, view, compared),
-        Some(Lookup::Working(progress)) => {
-            ui.weak(crate::world::progress_text(progress));
+}
+
+impl DatesPane {
+    fn content(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        let input = stage.input;
+        let labels = input.case.time_labels();
+        self.play(ui, &input, out);
+        ui.horizontal_wrapped(|ui| {
+            ui.label("Shown");
+            for (at, label) in labels.iter().enumerate() {
+                let shown = input.doc.nav.time == at;
+                let response = ui.selectable_label(shown, name_of(label));
+                let words = format!("Show {}", name_of(label));
+                response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &words));
+                if response.clicked() {
+                    out.push(LookCommand::SetTime(at));
+                }
+            }
+            if labels.len() > 1 {
+                let text = if self.playing.is_some() { "Stop" } else { "Play" };
+                if ui.button(text).on_hover_text("Show one date after the other").clicked() {
+                    self.playing = match self.playing {
+                        Some(_) => None,
+                        None => Some(ui.input(|i| i.time)),
+                    };
+                }
+            }
+        });
+        let chosen = input.doc.edit.change.chosen(input.case);
+        pair(ui, &input, &labels, chosen.as_ref().ok(), out);
+        ui.horizontal_wrapped(|ui| {
+            ui.selectable_value(&mut self.regions, false, "Masks");
+            ui.selectable_value(&mut self.regions, true, "Regions");
+            ui.weak("ml over time; click a date to compare with it, Shift-click for the earlier one");
+        });
+        let height = (ui.available_height() * 0.55).clamp(120.0, 320.0);
+        chart(ui, &input, &labels, self.regions, chosen.as_ref().ok(), height, out);
+        if let Err(why) = &chosen {
+            ui.weak(nothing_text(why));
+            return;
         }
-        Some(Lookup::Failed(why)) => {
-            ui.weak(why);
+        match stage.results.comparison.get(input.case, &input.doc.edit.change, stage.ask) {
+            Some(Lookup::Ready(compared)) => volumes(ui, &input, compared),
+            Some(Lookup::Working(progress)) => {
+                ui.weak(progress_text(progress));
+            }
+            Some(Lookup::Failed(why)) => {
+                ui.weak(why.to_string());
+            }
+            None => {}
         }
-        None => {}
+    }
+
+    fn play(&mut self, ui: &Ui, input: &Input<'_>, out: &mut Commands) {
+        let Some(since) = self.playing else { return };
+        let now = ui.input(|i| i.time);
+        if now - since >= SECONDS_PER_DATE {
+            self.playing = Some(now);
+            let next = (input.doc.nav.time + 1) % input.case.time_points.len().max(1);
+            out.push(LookCommand::SetTime(next));
+        }
+        ui.request_repaint_after(std::time::Duration::from_millis(100));
     }
 }
 
@@ -118,47 +113,31 @@ fn name_of(label: &str) -> &str {
     if label.is_empty() { "no date" } else { label }
 }
 
-fn play(ui: &Ui, view: &ViewContext<'_>, state: &mut DatesState, out: &mut Vec<Command>) {
-    let Some(since) = state.playing else { return };
-    let now = ui.input(|i| i.time);
-    if now - since >= SECONDS_A_DATE {
-        state.playing = Some(now);
-        out.push(Command::SetTime((view.doc.nav.time + 1) % view.case.time_points.len().max(1)));
-    }
-    ui.request_repaint_after(std::time::Duration::from_millis(100));
-}
-
-fn choose(view: &ViewContext<'_>, date: usize, as_earlier: bool, out: &mut Vec<Command>) {
-    let setting = &view.doc.edit.change;
-    if let Some(dates) = setting.with_date(view.case, date, as_earlier) {
+fn choose(input: &Input<'_>, date: usize, as_earlier: bool, out: &mut Commands) {
+    let setting = &input.doc.edit.change;
+    if let Some(dates) = setting.with_date(input.case, date, as_earlier) {
         let mut new = setting.clone();
         new.dates = Some(dates);
         if new != *setting {
-            out.push(Command::SetChange(Box::new(new)));
+            out.push(EditCommand::SetChange(Box::new(new)));
         }
     }
 }
 
-fn pair(
-    ui: &mut Ui,
-    view: &ViewContext<'_>,
-    labels: &[&str],
-    chosen: Option<&Chosen>,
-    out: &mut Vec<Command>,
-) {
+fn pair(ui: &mut Ui, input: &Input<'_>, labels: &[&str], chosen: Option<&Choice>, out: &mut Commands) {
     let Some(chosen) = chosen else { return };
     for (end, words) in ["Compare from", "Compare to"].into_iter().enumerate() {
         ui.horizontal_wrapped(|ui| {
             ui.label(words);
             for (at, label) in labels.iter().enumerate() {
                 let is = chosen.dates[end] == at;
-                let possible = view.doc.edit.change.with_date(view.case, at, end == 0).is_some();
+                let possible = input.doc.edit.change.with_date(input.case, at, end == 0).is_some();
                 let response = ui.add_enabled(possible, egui::Button::selectable(is, name_of(label)));
                 response.widget_info(|| {
                     WidgetInfo::selected(Role::Button, possible, is, format!("{words} {}", name_of(label)))
                 });
                 if response.clicked() {
-                    choose(view, at, end == 0, out);
+                    choose(input, at, end == 0, out);
                 }
             }
         });
@@ -168,15 +147,15 @@ fn pair(
 /// Volumes over time; a click chooses the date nearest to it.
 fn chart(
     ui: &mut Ui,
-    view: &ViewContext<'_>,
+    input: &Input<'_>,
     labels: &[&str],
     regions: bool,
-    chosen: Option<&Chosen>,
+    chosen: Option<&Choice>,
     height: f32,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) {
     let (at, counts) = positions(labels);
-    let lines = if regions { region_lines(view) } else { mask_lines(view) };
+    let lines = if regions { region_lines(input) } else { mask_lines(input) };
     let plot = Plot::new("volumes over time")
         .height(height)
         .allow_drag(false)
@@ -191,7 +170,7 @@ fn chart(
         for (name, color, values) in &lines {
             let points: Vec<[f64; 2]> =
                 at.iter().zip(values).filter_map(|(&x, y)| y.map(|ml| [x, ml])).collect();
-            let color = Color32::from_rgb(color[0], color[1], color[2]);
+            let color = draw::color(*color);
             plot.line(Line::new(name.clone(), PlotPoints::from(points.clone())).color(color).width(2.0));
             plot.points(
                 Points::new(name.clone(), PlotPoints::from(points))
@@ -223,7 +202,7 @@ fn chart(
         let nearest =
             (0..at.len()).min_by(|&a, &b| (at[a] - pointer.x).abs().total_cmp(&(at[b] - pointer.x).abs()));
         if let Some(date) = nearest {
-            choose(view, date, ui.input(|i| i.modifiers.shift), out);
+            choose(input, date, ui.input(|i| i.modifiers.shift), out);
         }
     }
 }
@@ -231,51 +210,51 @@ fn chart(
 type ChartLine = (String, [u8; 3], Vec<Option<f64>>);
 
 /// Every mask of any date, in the order first met.
-fn mask_lines(view: &ViewContext<'_>) -> Vec<ChartLine> {
+fn mask_lines(input: &Input<'_>) -> Vec<ChartLine> {
     let mut ids: Vec<&str> = Vec::new();
-    for mask in view.case.time_points.iter().flat_map(|t| &t.masks) {
+    for mask in input.case.time_points.iter().flat_map(|t| &t.masks) {
         if !ids.contains(&mask.mask.id()) {
             ids.push(mask.mask.id());
         }
     }
     let volumes = |id: &str| {
-        let of = |t: &glioscope_core::case::TimePoint| {
+        let of = |t: &TimePoint| {
             let k = t.masks.iter().position(|m| m.mask.id() == id)?;
             Some(t.regions.mask_ml(k))
         };
-        view.case.time_points.iter().map(of).collect()
+        input.case.time_points.iter().map(of).collect()
     };
     let color = |id: &str| {
-        let k = view.time_point.masks.iter().position(|m| m.mask.id() == id);
-        k.map_or([128, 128, 128], |k| view.colors.mask(k))
+        let k = input.time_point.masks.iter().position(|m| m.mask.id() == id);
+        k.map_or([128, 128, 128], |k| input.colors.mask(k))
     };
     ids.into_iter().map(|id| (id.to_owned(), color(id), volumes(id))).collect()
 }
 
 /// Every region of any date, by its name.
-fn region_lines(view: &ViewContext<'_>) -> Vec<ChartLine> {
+fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
     let mut names: Vec<(String, [u8; 3])> = Vec::new();
-    for time_point in &view.case.time_points {
+    for time_point in &input.case.time_points {
         for region in time_point.regions.list() {
             let name = time_point.regions.name(region.bits);
             if !names.iter().any(|(have, _)| *have == name) {
-                let same = view
+                let same = input
                     .time_point
                     .regions
                     .list()
                     .iter()
-                    .find(|r| view.time_point.regions.name(r.bits) == name);
-                let color = same.map_or([128, 128, 128], |r| view.colors.region(r.bits));
+                    .find(|r| input.time_point.regions.name(r.bits) == name);
+                let color = same.map_or([128, 128, 128], |r| input.colors.region(r.bits));
                 names.push((name, color));
             }
         }
     }
     let volumes = |name: &str| {
-        let of = |t: &glioscope_core::case::TimePoint| {
+        let of = |t: &TimePoint| {
             let region = t.regions.list().iter().find(|r| t.regions.name(r.bits) == name);
             Some(region.map_or(0.0, |r| r.volume_ml))
         };
-        view.case.time_points.iter().map(of).collect()
+        input.case.time_points.iter().map(of).collect()
     };
     names
         .into_iter()
@@ -287,7 +266,7 @@ fn region_lines(view: &ViewContext<'_>) -> Vec<ChartLine> {
 }
 
 /// What was kept, went and came, as numbers and as an overlap diagram of the mask with itself.
-fn volumes(ui: &mut Ui, view: &ViewContext<'_>, compared: &Compared) {
+fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Compared) {
     let report = &compared.report;
     ui.horizontal_wrapped(|ui| {
         ui.strong(&report.mask);
@@ -305,16 +284,16 @@ fn volumes(ui: &mut Ui, view: &ViewContext<'_>, compared: &Compared) {
     if ui.available_height() < 90.0 {
         return;
     }
-    let colors = crate::views::change::pair_colors(view.doc.edit.palette);
-    let selection = glioscope_core::Selection::all();
-    let input = OverlapInput {
+    let colors = pair_colors(input.doc.edit.palette);
+    let selection = Selection::all();
+    let diagram = OverlapInput {
         regions: &compared.regions,
         selection: &selection,
         colors: &colors,
         mode: OverlapMode::Regions,
     };
     // It says sizes only: what a click would select isn't a region of the case.
-    overlap::show_diagram(ui, &input, &mut Vec::new());
+    overlap::show_diagram(ui, &diagram, &mut Commands::default());
 }
 
 #[cfg(test)]
@@ -324,9 +303,7 @@ mod tests {
     #[test]
     fn iso_dates_are_days_apart_and_other_labels_are_numbered() {
         assert_eq!(positions(&["2024-01-15", "2024-04-15"]), (vec![0.0, 91.0], "days since the first date"));
-        assert_eq!(positions(&["2023-02-28", "2023-03-01", "2024-03-01"]).0, [0.0, 1.0, 367.0]);
-        assert_eq!(positions(&["2000-02-28", "2000-03-01"]).0, [0.0, 2.0], "a leap year");
         assert_eq!(positions(&["before", "after"]), (vec![0.0, 1.0], "date number"));
-        assert_eq!(positions(&["2024-04-15", "2024-01-15"]).1, "date number", "not in order");
+        assert_eq!(positions(&["2024-02-31", "2024-04-15"]).1, "date number", "no such day");
     }
 }

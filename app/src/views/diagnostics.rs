@@ -1,60 +1,62 @@
 //! What was drawn, what was left out and why, how long each pass took, and on what.
 
 use egui::{Grid, RichText, ScrollArea, Ui};
-use glioscope_render::{Gpu, Quality, SceneRenderer};
+use glioscope_render::{Gpu, Quality, light};
 
-use crate::{
-    comparing::Comparisons,
-    viewport::{Screen, Viewport},
+use super::{
+    pane::{Pane, Stage},
+    view3d::ScreenReport,
 };
+use crate::command::Commands;
 
-/// Draws the panel.
-pub fn show(ui: &mut Ui, viewport: Option<&mut Viewport>, comparisons: &Comparisons) {
-    ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-        let Some(viewport) = viewport else {
-            ui.label("No graphics adapter.");
-            ui.label(comparisons.force());
-            return;
-        };
-        ui.label(RichText::new("Adapter").strong());
-        ui.label(viewport.gpu.describe());
-        let Viewport { gpu, closeup, context, ellipsoids, change } = viewport;
-        screen(ui, "Closeup", gpu, closeup);
-        screen(ui, "Context view", gpu, context);
-        for note in context.frame().iter().flat_map(|frame| &frame.notes) {
-            ui.label(format!("Note: {note}."));
-        }
-        screen(ui, "Ellipsoid diagram", gpu, ellipsoids);
-        screen(ui, "Change view", gpu, change);
-        ui.label(comparisons.force());
-    });
-}
+/// The pane of diagnostics.
+#[derive(Default)]
+pub struct DiagnosticsPane;
 
-/// How light was found, and how far off it is likely to be.
-fn light_text(quality: &Quality) -> String {
-    let way = quality.lighting.shading.title();
-    match quality.expected_error() {
-        Some([surfaces, tissue]) => format!(
-            "{way}. Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue (root mean \
-             square in linear light, as measured on the head phantom)."
-        ),
-        None => format!("{way}. Expected error: unknown, no truth was measured for it."),
+impl Pane for DiagnosticsPane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, _: &mut Commands) {
+        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            match stage.graphics {
+                Some(graphics) => {
+                    ui.label(RichText::new("Adapter").strong());
+                    ui.label(graphics.gpu.describe());
+                    for (pane, screen) in &mut stage.screens {
+                        report(ui, pane.tab(), &graphics.gpu, *screen);
+                    }
+                }
+                None => {
+                    ui.label("No graphics adapter.");
+                }
+            }
+            ui.add_space(6.0);
+            ui.label(stage.results.comparison.force_text());
+        });
     }
 }
 
-fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Screen<R>) {
+/// How light was found, and how far off it is likely to be.
+pub fn light_text(quality: &Quality) -> String {
+    let mode = light::row(quality.lighting.mode).title;
+    match light::expected_error(quality) {
+        Some([surfaces, tissue]) => format!(
+            "{mode}. Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue (root mean \
+             square in linear light, as measured on the head phantom)."
+        ),
+        None => format!("{mode}. Expected error: unknown, no truth was measured for it."),
+    }
+}
+
+fn report(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut dyn ScreenReport) {
     ui.add_space(6.0);
     ui.label(RichText::new(name).strong());
     let Some((plan, [width, height])) = screen.plan() else {
         ui.label("Not drawn: no pane shows it.");
         return;
     };
+    let omitted = plan.omitted.clone();
     if let Some(share) = screen.share_done() {
         ui.label(format!("A finer picture is being drawn: {:.0} %.", 100.0 * share));
     }
-    let omitted = plan.omitted.clone();
-    let frames = screen.frames_drawn;
-    let quality = screen.quality().copied();
     match screen.pass_times(gpu) {
         Ok(times) => {
             ui.label(format!("{width} × {height} pixels, times by {}", times.source));
@@ -67,11 +69,14 @@ fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Scr
             });
         }
         Err(error) => {
-            ui.label(error);
+            ui.label(error.to_string());
         }
     }
-    if let Some(quality) = quality {
-        ui.label(light_text(&quality));
+    if let Some(quality) = screen.quality() {
+        ui.label(light_text(quality));
+    }
+    for note in screen.notes() {
+        ui.label(format!("Note: {note}."));
     }
     if omitted.is_empty() {
         ui.label("Left out: nothing.");
@@ -79,5 +84,5 @@ fn screen<R: SceneRenderer>(ui: &mut Ui, name: &str, gpu: &Gpu, screen: &mut Scr
     for (pass, reason) in &omitted {
         ui.label(format!("Left out: {}: {reason}", pass.name()));
     }
-    ui.weak(format!("Frames drawn: {frames}"));
+    ui.weak(format!("Frames drawn: {}", screen.frames_drawn()));
 }

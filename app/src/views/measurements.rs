@@ -3,25 +3,40 @@
 use egui::{Align, Layout, RichText, ScrollArea, TextEdit, Ui};
 use egui_extras::{Column, TableBuilder};
 
-use super::{ViewContext, ruler};
+use strum::VariantArray;
+
+use super::{
+    draw,
+    pane::{Input, Pane, Stage},
+};
 use crate::{
-    commands::Command,
-    rulers::{self, RulerFormat},
+    command::{AppCommand, Command, Commands, EditCommand, LookCommand},
+    format,
+    model::{RulerFormat, rulers},
 };
 
 const ROW: f32 = 24.0;
 
-/// Draws the list into the rest of `ui`.
-pub fn show(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
-    let doc = view.doc;
+/// The pane of lines measured.
+#[derive(Default)]
+pub struct MeasurementsPane;
+
+impl Pane for MeasurementsPane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        draw::padded(ui, |ui| content(ui, &stage.input, out));
+    }
+}
+
+fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
+    let doc = input.doc;
     ui.horizontal_wrapped(|ui| {
-        let command = Command::ToggleRuler;
+        let command = Command::from(LookCommand::ToggleRuler);
         let words = if doc.nav.ruler_on { "Stop measuring" } else { "Measure" };
         if ui.selectable_label(doc.nav.ruler_on, words).on_hover_text(command.tooltip()).clicked() {
             out.push(command);
         }
-        for format in [RulerFormat::Csv, RulerFormat::Json] {
-            let command = Command::ExportRulers(format);
+        for format in RulerFormat::VARIANTS {
+            let command = Command::from(AppCommand::ExportRulers(*format));
             let button = egui::Button::new(format!("{}…", format.name()));
             let response = ui.add_enabled(!doc.edit.rulers.is_empty(), button);
             response.widget_info(|| {
@@ -33,7 +48,7 @@ pub fn show(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
             }
         }
     });
-    for doubt in rulers::doubts(view.case) {
+    for doubt in rulers::doubts(input.case) {
         ui.colored_label(ui.visuals().warn_fg_color, doubt);
     }
     ui.add_space(4.0);
@@ -42,11 +57,11 @@ pub fn show(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
         ui.add(egui::Label::new(RichText::new(words).weak()).wrap());
         return;
     }
-    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| list(ui, view, out));
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| list(ui, input, out));
 }
 
-fn list(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
-    let rulers = &view.doc.edit.rulers;
+fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
+    let rulers = &input.doc.edit.rulers;
     ui.spacing_mut().item_spacing.x = 4.0;
     TableBuilder::new(ui)
         .id_salt("lines")
@@ -70,12 +85,12 @@ fn list(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
                 body.row(ROW, |mut row| {
                     row.col(|ui| name(ui, at, &line.name, out));
                     row.col(|ui| {
-                        ui.label(ruler::length_text(line.length_mm()));
+                        ui.label(format::length_mm(line.length_mm()));
                     });
                     row.col(|ui| {
-                        let time = view.case.time_points.get(line.time).map_or("", |t| t.label.as_str());
-                        let here = line.time == view.doc.nav.time;
-                        let words = RichText::new(line.view.name());
+                        let time = input.case.time_points.get(line.time).map_or("", |t| t.label.as_str());
+                        let here = line.time == input.doc.nav.time;
+                        let words = RichText::new(line.view_name());
                         let response = ui.label(if here { words } else { words.weak() });
                         response.on_hover_text(if here {
                             time.to_owned()
@@ -83,15 +98,14 @@ fn list(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
                             format!("measured on {time}, shown there only")
                         });
                     });
-                    for (words, command) in
-                        [("Show", Command::ShowRuler(at)), ("Delete", Command::DeleteRuler(at))]
-                    {
+                    let show = Command::from(LookCommand::ShowRuler(at));
+                    let delete = Command::from(EditCommand::DeleteRuler(at));
+                    for (words, command) in [("Show", show), ("Delete", delete)] {
                         row.col(|ui| {
                             let response = ui.small_button(words);
-                            let said = format!("{words} {}", line.name);
-                            response.widget_info(|| {
-                                egui::WidgetInfo::labeled(egui::Role::Button, true, said.clone())
-                            });
+                            let label = format!("{words} {}", line.name);
+                            response
+                                .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &label));
                             if response.on_hover_text(command.tooltip()).clicked() {
                                 out.push(command);
                             }
@@ -102,12 +116,12 @@ fn list(ui: &mut Ui, view: &ViewContext<'_>, out: &mut Vec<Command>) {
         });
 }
 
-fn name(ui: &mut Ui, at: usize, name: &str, out: &mut Vec<Command>) {
+fn name(ui: &mut Ui, at: usize, name: &str, out: &mut Commands) {
     let mut text = name.to_owned();
     let field = TextEdit::singleline(&mut text).desired_width(f32::INFINITY).id_salt(("name of line", at));
     let response = ui.add(field);
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(format!("Name of line {}", at + 1)));
     if response.changed() {
-        out.push(Command::RenameRuler(at, text));
+        out.push(EditCommand::RenameRuler(at, text));
     }
 }

@@ -1,68 +1,116 @@
-//! One file for each view. A view reads the document and the world, draws, and writes commands.
+//! One file or folder for each pane. A pane reads the document and the case, draws, and writes commands.
 
-pub mod camera_drag;
 pub mod change;
 pub mod closeup;
 pub mod context;
 pub mod dates;
 pub mod diagnostics;
+pub mod draw;
 pub mod ellipsoids;
-pub mod lens_table;
-pub mod linked;
+pub mod lens;
 pub mod measurements;
-pub mod orientation;
 pub mod overlap;
-pub mod plane;
-pub mod ring;
+pub mod pane;
 pub mod ruler;
 pub mod slices;
-pub mod still;
-pub mod tracts;
 pub mod transfer;
+pub mod view3d;
 
-use std::sync::{Arc, Weak};
+use std::{any::Any, collections::BTreeMap, path::Path};
 
-use glioscope_core::case::{Case, TimePoint};
-use glioscope_render::{MaskColors, slices::PreparedContext};
+use egui::Ui;
+use glioscope_render::{RenderError, flat::Plane};
 
-use crate::{comparing::Compared, document::Document};
+use crate::{
+    command::Commands,
+    model::PaneId,
+    world::{Results, jobs::Ask},
+};
+use pane::{Input, Pane, Stage};
+use view3d::{Graphics, ScreenReport};
 
-/// What a view may read.
-#[derive(Clone, Copy)]
-pub struct ViewContext<'a> {
-    /// What the user chose.
-    pub doc: &'a Document,
-    /// The case.
-    pub case: &'a Arc<Case>,
-    /// The date shown.
-    pub time_point: &'a TimePoint,
-    /// Colours of its masks.
-    pub colors: &'a MaskColors,
-    /// The image the slices show, with its id.
-    pub context: Option<(&'a str, &'a Arc<PreparedContext>)>,
-    /// The comparison of two dates that the document asks for, where it has been computed.
-    pub compared: Option<&'a Arc<Compared>>,
-}
-
-/// Which volume or case it was, without keeping it alive: what results are kept under.
-#[derive(Debug)]
-pub struct Handle<T>(Weak<T>);
-
-impl<T> Handle<T> {
-    /// The handle of what `of` holds.
-    pub fn of(of: &Arc<T>) -> Self {
-        Self(Arc::downgrade(of))
+/// The table of panes.
+fn start(id: PaneId) -> Box<dyn Pane> {
+    match id {
+        PaneId::Closeup => Box::<closeup::CloseupPane>::default(),
+        PaneId::Context => Box::<context::ContextPane>::default(),
+        PaneId::Ellipsoids => Box::<ellipsoids::EllipsoidPane>::default(),
+        PaneId::Change => Box::<change::ChangePane>::default(),
+        PaneId::Dates => Box::<dates::DatesPane>::default(),
+        PaneId::Overlap => Box::<overlap::OverlapPane>::default(),
+        PaneId::Lens => Box::<lens::LensPane>::default(),
+        PaneId::Measurements => Box::<measurements::MeasurementsPane>::default(),
+        PaneId::Transfer => Box::<transfer::TransferPane>::default(),
+        PaneId::Diagnostics => Box::<diagnostics::DiagnosticsPane>::default(),
+        PaneId::Axial => Box::new(slices::SlicePane::new(Plane::Axial)),
+        PaneId::Coronal => Box::new(slices::SlicePane::new(Plane::Coronal)),
+        PaneId::Sagittal => Box::new(slices::SlicePane::new(Plane::Sagittal)),
     }
 }
 
-impl<T> Clone for Handle<T> {
-    fn clone(&self) -> Self {
-        Self(self.0.clone())
+/// What all panes share while they are drawn.
+pub struct Shared<'a> {
+    /// What they may read.
+    pub input: Input<'a>,
+    /// The graphics device; `None` without an adapter.
+    pub graphics: Option<&'a Graphics>,
+    /// Results they may ask for.
+    pub results: &'a mut Results,
+    /// How results are asked for.
+    pub ask: &'a Ask,
+    /// The session file, beside which results are kept.
+    pub session: Option<&'a Path>,
+}
+
+/// All panes. A 3D view's pipelines are compiled when it is first shown, the closeup's at once.
+pub struct Panes(BTreeMap<PaneId, Box<dyn Pane>>);
+
+impl Default for Panes {
+    fn default() -> Self {
+        Self(PaneId::all().map(|id| (id, start(id))).collect())
     }
 }
 
-impl<T> PartialEq for Handle<T> {
-    fn eq(&self, other: &Self) -> bool {
-        self.0.ptr_eq(&other.0)
+impl Panes {
+    /// All panes on a device, so that one that can't is known at the start.
+    ///
+    /// # Errors
+    /// [`RenderError`], when the device can't run the closeup's passes.
+    pub fn on(graphics: &Graphics) -> Result<Self, RenderError> {
+        let mut panes = Self::default();
+        panes.0.insert(PaneId::Closeup, Box::new(closeup::CloseupPane::compiled(&graphics.gpu)?));
+        Ok(panes)
+    }
+
+    /// Draws one pane into all of `ui`.
+    pub fn show(&mut self, ui: &mut Ui, id: PaneId, shared: &mut Shared<'_>, out: &mut Commands) {
+        let Some(mut pane) = self.0.remove(&id) else { return };
+        let screens = self.0.iter_mut().filter_map(|(id, pane)| Some((*id, pane.screen()?)));
+        let mut stage = Stage {
+            input: shared.input,
+            graphics: shared.graphics,
+            results: shared.results,
+            ask: shared.ask,
+            session: shared.session,
+            screens: screens.collect(),
+        };
+        pane.show(ui, &mut stage, out);
+        self.0.insert(id, pane);
+    }
+
+    /// Whether what a pane drew last is final.
+    pub fn ready(&self, id: PaneId) -> bool {
+        self.0.get(&id).is_some_and(|pane| pane.ready())
+    }
+
+    /// What the 3D view of a pane drew; `None` for panes without one.
+    pub fn screen(&mut self, id: PaneId) -> Option<&mut dyn ScreenReport> {
+        self.0.get_mut(&id)?.screen()
+    }
+
+    /// A pane as what it is, for tests.
+    pub fn get<P: Pane>(&self, id: PaneId) -> Option<&P> {
+        let pane: &dyn Any = self.0.get(&id)?.as_ref();
+        pane.downcast_ref()
     }
 }

@@ -6,12 +6,13 @@ use egui::{
     Ui, vec2,
 };
 use glam::DVec3;
-use glioscope_render::Camera;
+use glioscope_core::optics::Camera;
 
-use super::ring;
+use super::view3d::ring;
 use crate::{
-    commands::Command,
-    document::{Document, Ruler, RulerView},
+    command::{Commands, EditCommand},
+    format,
+    model::{Document, PaneId, Ruler},
 };
 
 /// Lines in every view: seen on black, on white and on every mask, with a dark halo.
@@ -31,11 +32,6 @@ fn memory(response: &Response) -> Id {
     response.id.with(IdSalt::new("ruler"))
 }
 
-/// A length as it is written everywhere: `23.4 mm`.
-pub fn length_text(length_mm: f64) -> String {
-    format!("{length_mm:.1} mm")
-}
-
 /// Draws a line with the primary button while the ruler is on; call it every frame. `pick_at` says what
 /// is under a place of the view: nothing can be measured from or to where it says `None`. Escape gives
 /// up. A finished line goes to `out`; the one being drawn is given back.
@@ -43,9 +39,9 @@ pub fn drag(
     ui: &Ui,
     response: &Response,
     doc: &Document,
-    view: RulerView,
+    view: PaneId,
     pick_at: &dyn Fn(Pos2) -> Option<DVec3>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Option<Draft> {
     let id = memory(response);
     let mut draft: Option<Draft> = ui.data(|data| data.get_temp(id)).flatten();
@@ -72,7 +68,7 @@ pub fn drag(
         && from_mm != to_mm
     {
         let name = doc.new_ruler_name();
-        out.push(Command::AddRuler(Box::new(Ruler { name, from_mm, to_mm, view, time: doc.nav.time })));
+        out.push(EditCommand::AddRuler(Box::new(Ruler { name, from_mm, to_mm, view, time: doc.nav.time })));
     }
     let held = response.is_pointer_button_down_on();
     let draft = draft.filter(|_| held);
@@ -121,23 +117,12 @@ fn label(painter: &Painter, at: Pos2, text: &str) {
     painter.galley(rect.min, galley, INK);
 }
 
-/// Words beside the pointer, kept inside the view.
-pub fn beside_pointer(painter: &Painter, rect: Rect, pointer: Pos2, text: String) {
-    let galley = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
-    let mut corner = pointer + vec2(14.0, 14.0);
-    corner.x = corner.x.min(rect.right() - galley.size().x - 10.0).max(rect.left() + 8.0);
-    corner.y = corner.y.min(rect.bottom() - galley.size().y - 8.0);
-    let back = Rect::from_min_size(corner, galley.size()).expand2(vec2(6.0, 3.0));
-    painter.rect_filled(back, 4.0, Color32::from_black_alpha(190));
-    painter.galley(corner, galley, Color32::WHITE);
-}
-
 /// Draws the lines of the time point shown over a 3D view, and the one being drawn.
 pub fn draw_3d(painter: &Painter, doc: &Document, camera: &Camera, rect: Rect, draft: Option<Draft>) {
     for (_, ruler) in doc.rulers_shown() {
         let ends = [ruler.from_mm, ruler.to_mm].map(|end| ring::pos_of(camera, rect, end));
         if let [Some(from), Some(to)] = ends {
-            line(painter, [from, to], Look::Solid, &length_text(ruler.length_mm()));
+            line(painter, [from, to], Look::Solid, &format::length_mm(ruler.length_mm()));
         }
     }
     if let Some(Draft { from_mm, to_mm: Some(to_mm) }) = draft
@@ -151,7 +136,7 @@ pub fn draw_3d(painter: &Painter, doc: &Document, camera: &Camera, rect: Rect, d
 /// What stands beside the pointer while a line is drawn.
 pub fn draft_text(draft: &Draft) -> String {
     match draft.to_mm {
-        Some(to_mm) => length_text(draft.from_mm.distance(to_mm)),
+        Some(to_mm) => format::length_mm(draft.from_mm.distance(to_mm)),
         None => "nothing to measure to here".into(),
     }
 }

@@ -10,28 +10,22 @@ use egui::{
 use glam::DVec3;
 use glioscope_render::{
     ClipPlane, ContextVolume, ControlPoint, GradientHistogram, GradientPoint, TransferFunction,
-    TransferPreset, ValueHistogram, slices::PreparedContext,
+    TransferPreset, ValueHistogram, flat::PreparedContext, image::MOST_CLIP_PLANES,
 };
+use strum::VariantArray;
 
-use super::{
-    Handle, ViewContext,
-    context::{self, VolumeJob, transfer_of},
-};
+use super::pane::{Input, Pane, Stage};
 use crate::{
-    commands::Command,
-    jobs::{Derived, Lookup},
-    window::waker,
+    command::{Commands, EditCommand},
+    format,
+    world::{image::transfer_of, jobs::Lookup},
 };
 
 /// Points within this distance are grabbed.
 const GRAB_POINTS: f32 = 9.0;
-/// Most planes at once.
-pub const MOST_CLIPS: usize = 6;
-
-/// What the editor remembers between frames; never saved.
+/// The pane of the transfer-function editor.
 #[derive(Default)]
-pub struct TransferState {
-    joint: Derived<Handle<PreparedContext>, GradientHistogram>,
+pub struct TransferPane {
     picture: Option<(Arc<GradientHistogram>, TransferFunction, TextureHandle)>,
     chosen: Option<usize>,
     held: Option<usize>,
@@ -47,44 +41,42 @@ fn opacity(height: f32) -> f64 {
     f64::from(height.clamp(0.0, 1.0)).powi(2)
 }
 
-/// Draws the editor.
-pub fn show(
-    ui: &mut Ui,
-    view: &ViewContext<'_>,
-    (state, job): (&mut TransferState, &mut VolumeJob),
-    wait: bool,
-    out: &mut Vec<Command>,
-) {
-    egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-        egui::Frame::new().inner_margin(6).show(ui, |ui| {
-            let Some((id, image)) = view.context else {
-                ui.label("No image is chosen, so there is nothing to transfer.");
-                return;
-            };
-            let current = transfer_of(view, id, image);
-            let mut new = current.clone();
-            presets(ui, id, image, &mut new, state);
-            let volume = match context::volume(ui, view, wait, job) {
-                Some(Lookup::Ready(volume)) => volume.clone(),
-                Some(Lookup::Failed(why)) => {
-                    ui.label(why);
-                    return;
-                }
-                _ => {
-                    ui.spinner();
-                    return;
-                }
-            };
-            curve(ui, volume.histogram(), &mut new, state);
-            chosen(ui, &mut new, state);
-            second_dimension(ui, (image, &volume), &mut new, state, wait);
-            if new != current {
-                out.push(Command::SetTransfer(id.to_owned(), Some(new)));
-            }
-            ui.separator();
-            clips(ui, view, image, out);
+impl Pane for TransferPane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            egui::Frame::new().inner_margin(6).show(ui, |ui| editor(ui, self, stage, out));
         });
-    });
+    }
+}
+
+fn editor(ui: &mut Ui, state: &mut TransferPane, stage: &mut Stage<'_>, out: &mut Commands) {
+    let (input, ask) = (stage.input, stage.ask);
+    let Some((id, image)) = input.context else {
+        ui.label("No image is chosen, so there is nothing to transfer.");
+        return;
+    };
+    let current = transfer_of(input.doc, id, image);
+    let mut new = current.clone();
+    presets(ui, id, image, &mut new, state);
+    let volume = match stage.results.image.volume(input.context, ask) {
+        Some(Lookup::Ready(volume)) => volume.clone(),
+        Some(Lookup::Failed(why)) => {
+            ui.label(why.to_string());
+            return;
+        }
+        _ => {
+            ui.spinner();
+            return;
+        }
+    };
+    curve(ui, volume.histogram(), &mut new, state);
+    chosen(ui, &mut new, state);
+    second_dimension(ui, (image, &volume), &mut new, state, stage);
+    if new != current {
+        out.push(EditCommand::SetTransfer(id.to_owned(), Some(new)));
+    }
+    ui.separator();
+    clips(ui, &input, image, out);
 }
 
 fn presets(
@@ -92,12 +84,12 @@ fn presets(
     id: &str,
     image: &PreparedContext,
     new: &mut TransferFunction,
-    state: &mut TransferState,
+    state: &mut TransferPane,
 ) {
     ui.horizontal_wrapped(|ui| {
         ui.strong(id);
         ui.menu_button("Presets", |ui| {
-            for preset in TransferPreset::ALL {
+            for preset in TransferPreset::VARIANTS {
                 if ui.button(preset.name()).clicked() {
                     *new = preset.transfer(image.histogram());
                     state.chosen = None;
@@ -110,7 +102,7 @@ fn presets(
 }
 
 /// Value against opacity, over the histogram.
-fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, state: &mut TransferState) {
+fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, state: &mut TransferPane) {
     let size = vec2(ui.available_width(), 150.0);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, "Opacity of each value"));
@@ -202,14 +194,12 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
         painter.circle(*at, radius, Color32::from_rgb(r, g, b), Stroke::new(1.5, visuals.text_color()));
     }
     ui.horizontal(|ui| {
-        ui.weak(crate::format::plain(low));
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.weak(crate::format::plain(high))
-        });
+        ui.weak(format::plain(low));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.weak(format::plain(high)));
     });
 }
 
-fn remove_chosen(new: &mut TransferFunction, state: &mut TransferState) {
+fn remove_chosen(new: &mut TransferFunction, state: &mut TransferPane) {
     if let Some(number) = state.chosen
         && new.remove_point(number)
     {
@@ -219,7 +209,7 @@ fn remove_chosen(new: &mut TransferFunction, state: &mut TransferState) {
 }
 
 /// Numbers and colour of the chosen point.
-fn chosen(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferState) {
+fn chosen(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferPane) {
     let Some((number, point)) = state.chosen.and_then(|n| new.points().get(n).map(|p| (n, *p))) else {
         ui.weak("No point is chosen");
         return;
@@ -252,8 +242,8 @@ fn second_dimension(
     ui: &mut Ui,
     (image, volume): (&Arc<PreparedContext>, &Arc<ContextVolume>),
     new: &mut TransferFunction,
-    state: &mut TransferState,
-    wait: bool,
+    state: &mut TransferPane,
+    stage: &mut Stage<'_>,
 ) {
     let mut on = new.gradient().is_some();
     let text = "Second dimension: gradient magnitude";
@@ -266,16 +256,14 @@ fn second_dimension(
         }
         return;
     }
-    let volume = volume.clone();
-    let work = move |_: &glioscope_core::Progress| Ok(volume.gradient_histogram().clone());
-    let joint = match state.joint.get(Handle::of(image), wait, waker(ui.ctx()), work) {
+    let joint = match stage.results.image.gradients(image, volume, stage.ask) {
         Lookup::Ready(joint) => joint.clone(),
         Lookup::Working(_) => {
             ui.spinner();
             return;
         }
         Lookup::Failed(why) => {
-            ui.label(why);
+            ui.label(why.to_string());
             return;
         }
     };
@@ -322,7 +310,7 @@ fn second_dimension(
     for at in line {
         painter.circle_filled(at, 4.5, ui.visuals().text_color());
     }
-    ui.weak(format!("gradient magnitude, 0 to {} per mm", crate::format::plain(highest)));
+    ui.weak(format!("gradient magnitude, 0 to {} per mm", format::plain(highest)));
 }
 
 /// Where voxels are in value and gradient magnitude, tinted as the function colours them.
@@ -330,7 +318,7 @@ fn joint_picture(
     ui: &mut Ui,
     joint: &Arc<GradientHistogram>,
     transfer: &TransferFunction,
-    state: &mut TransferState,
+    state: &mut TransferPane,
 ) {
     let fresh = matches!(&state.picture, Some((of, with, _)) if Arc::ptr_eq(of, joint) && with == transfer);
     if !fresh {
@@ -378,8 +366,8 @@ fn side_name(normal: DVec3) -> &'static str {
     SIDES.iter().find(|(_, n)| n.distance(normal) < 1e-9).map_or("slanted", |(name, _)| name)
 }
 
-fn clips(ui: &mut Ui, view: &ViewContext<'_>, image: &PreparedContext, out: &mut Vec<Command>) {
-    let current = &view.doc.edit.clips;
+fn clips(ui: &mut Ui, input: &Input<'_>, image: &PreparedContext, out: &mut Commands) {
+    let current = &input.doc.edit.clips;
     let mut new = current.clone();
     let corners = image.volume().grid().corners_mm();
     let range = |normal: DVec3| {
@@ -391,16 +379,16 @@ fn clips(ui: &mut Ui, view: &ViewContext<'_>, image: &PreparedContext, out: &mut
     };
     ui.horizontal_wrapped(|ui| {
         ui.strong("Cut the image open");
-        ui.add_enabled_ui(current.len() < MOST_CLIPS, |ui| {
+        ui.add_enabled_ui(current.len() < MOST_CLIP_PLANES, |ui| {
             ui.menu_button("Add a plane", |ui| {
-                let facing = view.doc.nav.camera.axes()[2];
+                let facing = input.doc.nav.camera.axes()[2];
                 for (text, normal) in SIDES
                     .iter()
                     .map(|(name, normal)| (format!("from the {name}"), *normal))
                     .chain([("facing me".to_owned(), facing)])
                 {
                     if ui.button(text).clicked() {
-                        new.push(ClipPlane { normal, offset_mm: view.doc.nav.cursor_mm.dot(normal) });
+                        new.push(ClipPlane { normal, offset_mm: input.doc.nav.cursor_mm.dot(normal) });
                         ui.close();
                     }
                 }
@@ -428,6 +416,6 @@ fn clips(ui: &mut Ui, view: &ViewContext<'_>, image: &PreparedContext, out: &mut
         new.remove(number);
     }
     if new != *current {
-        out.push(Command::SetClips(new));
+        out.push(EditCommand::SetClips(new));
     }
 }

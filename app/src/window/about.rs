@@ -2,7 +2,7 @@
 
 use egui::{Align2, Context, RichText, Ui};
 
-use crate::viewport::Viewport;
+use glioscope_render::Gpu;
 
 /// The line that must never be missing.
 pub const NOTICE: &str =
@@ -14,7 +14,7 @@ pub fn version() -> String {
 }
 
 /// Draws it where it is open.
-pub fn show(ui: &mut Ui, open: &mut bool, viewport: Option<&Viewport>) {
+pub fn show(ui: &mut Ui, open: &mut bool, gpu: Option<&Gpu>) {
     if !*open {
         return;
     }
@@ -32,10 +32,7 @@ pub fn show(ui: &mut Ui, open: &mut bool, viewport: Option<&Viewport>) {
             ui.add_space(6.0);
             ui.label(RichText::new(NOTICE).strong());
             ui.add_space(6.0);
-            ui.label(format!(
-                "Graphics: {}",
-                viewport.map_or_else(|| "no adapter".to_owned(), |v| v.gpu.describe())
-            ));
+            ui.label(format!("Graphics: {}", gpu.map_or_else(|| "no adapter".to_owned(), Gpu::describe)));
             ui.label("After F. Lindemann's thesis (Münster 2014), chapter 7. Licence: MIT OR Apache-2.0.");
             ui.label("No network is used. Nothing about a case is logged or sent.");
             ui.add_space(6.0);

@@ -1,79 +1,30 @@
 //! The menu bar with the choices used most, and the welcome page.
 
 use egui::{Button, ComboBox, Slider, Ui};
-use glioscope_render::{
-    AnatomicalView, Coloring, Palette, Preset, Projection, Shading,
-    slices::{Convention, Overlay, Plane},
-};
+use glioscope_core::{files::format::volume_names, optics::Projection};
+use glioscope_render::light;
 
+use super::{about, dialogs::open_command, recent::Recent};
 use crate::{
-    commands::Command,
-    document::{Light, Pane},
-    layout,
-    recent::Recent,
-    rulers::RulerFormat,
-    views::overlap::OverlapMode,
-    window::open_command,
-    workstation::Workstation,
+    command::{
+        AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
+    },
+    model::Document,
 };
 
-/// One menu row for a command.
-fn item(ui: &mut Ui, command: Command, enabled: bool, out: &mut Vec<Command>) {
-    let keys = command.shortcut().map(|s| s.format(&egui::ModifierNames::NAMES, false)).unwrap_or_default();
-    let button = Button::new(command.text()).shortcut_text(keys);
-    let tooltip = command.tooltip();
-    if ui.add_enabled(enabled, button).on_hover_text(tooltip).clicked() {
-        out.push(command);
-        ui.close();
-    }
-}
-
-/// One menu row that is a choice among several.
-fn choice(ui: &mut Ui, chosen: bool, command: Command, out: &mut Vec<Command>) {
-    if ui.radio(chosen, command.text()).on_hover_text(command.tooltip()).clicked() {
-        out.push(command);
-        ui.close();
-    }
-}
-
-/// One menu row that is on or off.
-fn switch(ui: &mut Ui, on: bool, command: Command, out: &mut Vec<Command>) {
-    let mut now = on;
-    let text = command.text();
-    if ui.checkbox(&mut now, text).on_hover_text(command.tooltip()).changed() {
-        out.push(command);
-        ui.close();
-    }
+/// What menus are drawn from.
+struct Bar<'a> {
+    work: &'a Workstation,
+    recent: &'a Recent,
 }
 
 /// Draws the menu bar.
-pub fn bar(ui: &mut Ui, work: &Workstation, recent: &Recent, out: &mut Vec<Command>) {
+pub fn bar(ui: &mut Ui, work: &Workstation, recent: &Recent, out: &mut Commands) {
+    let bar = Bar { work, recent };
     egui::MenuBar::new().ui(ui, |ui| {
-        let open = work.doc.is_some();
-        ui.menu_button("File", |ui| {
-            item(ui, Command::OpenDialog, true, out);
-            item(ui, Command::OpenSample, true, out);
-            ui.menu_button("Recent cases", |ui| recent_list(ui, recent, out));
-            ui.separator();
-            item(ui, Command::SaveSession, open, out);
-            item(ui, Command::SaveSessionAs, open, out);
-            ui.separator();
-            item(ui, Command::ExportMeasurements, open, out);
-            item(ui, Command::ScreenshotWindow, true, out);
-            ui.separator();
-            item(ui, Command::Quit, true, out);
-        });
-        ui.menu_button("Edit", |ui| {
-            item(ui, Command::Undo, work.history.can_undo(), out);
-            item(ui, Command::Redo, work.history.can_redo(), out);
-            ui.separator();
-            item(ui, Command::ShowAllRegions, open, out);
-            ui.separator();
-            item(ui, Command::ShowPalette, true, out);
-        });
-        ui.menu_button("View", |ui| view_menu(ui, work, out));
-        ui.menu_button("Tools", |ui| tools_menu(ui, work, out));
-        ui.menu_button("Help", |ui| item(ui, Command::ShowAbout, true, out));
+        for menu in Menu::BAR {
+            ui.menu_button(menu.title(), |ui| bar.menu(ui, menu, out));
+        }
         ui.separator();
         if let Some(doc) = &work.doc {
             toolbar(ui, work, doc, out);
@@ -81,138 +32,122 @@ pub fn bar(ui: &mut Ui, work: &Workstation, recent: &Recent, out: &mut Vec<Comma
     });
 }
 
-fn recent_list(ui: &mut Ui, recent: &Recent, out: &mut Vec<Command>) {
-    if recent.paths().is_empty() {
-        ui.weak("None yet");
-        return;
-    }
-    for path in recent.paths() {
-        if ui.button(path.display().to_string()).clicked() {
-            out.push(open_command(path.clone()));
-            ui.close();
+impl Bar<'_> {
+    /// The commands and menus within `menu`, group by group.
+    fn menu(&self, ui: &mut Ui, menu: Menu, out: &mut Commands) {
+        let needs_case = [Menu::Tools, Menu::Light].contains(&menu);
+        if needs_case && self.work.doc.is_none() {
+            ui.weak("Open a case first");
+            return;
         }
-    }
-    ui.separator();
-    item(ui, Command::ClearRecent, true, out);
-}
-
-fn view_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
-    item(ui, Command::ToggleDark, true, out);
-    let Some(doc) = &work.doc else { return };
-    ui.separator();
-    let planes = Plane::ALL.map(Pane::Slice);
-    for pane in Pane::NOT_SLICES.into_iter().chain(planes) {
-        switch(ui, layout::contains(&doc.edit.layout, pane), Command::TogglePane(pane), out);
-    }
-    item(ui, Command::ResetLayout, true, out);
-    ui.separator();
-    ui.menu_button("Colours", |ui| {
-        for palette in [Palette::Thesis, Palette::ColorBlindSafe] {
-            choice(ui, doc.edit.palette == palette, Command::SetPalette(palette), out);
+        if menu == Menu::Recent {
+            self.recent_cases(ui, out);
         }
-        ui.separator();
-        for coloring in [Coloring::Masks, Coloring::Agreement] {
-            choice(ui, doc.edit.coloring == coloring, Command::SetColoring(coloring), out);
-        }
-    });
-    ui.menu_button("Light and quality", |ui| light_menu(ui, &doc.edit.light, out));
-    ui.menu_button("Slices", |ui| {
-        for convention in [Convention::Radiological, Convention::Neurological] {
-            choice(ui, doc.nav.convention == convention, Command::SetConvention(convention), out);
-        }
-        ui.separator();
-        for overlay in [Overlay::Fill, Overlay::Outline, Overlay::Both] {
-            choice(ui, doc.edit.overlay == overlay, Command::SetOverlay(overlay), out);
-        }
-        ui.separator();
-        item(ui, Command::ResetSlices, true, out);
-    });
-    for mode in [OverlapMode::Regions, OverlapMode::WholeMasks] {
-        choice(ui, doc.edit.overlap_mode == mode, Command::SetOverlapMode(mode), out);
-    }
-    switch(ui, doc.nav.follow_pointer, Command::ToggleFollowPointer, out);
-    switch(ui, doc.nav.show_plane, Command::TogglePlane, out);
-    if let Some(case) = work.world.case().filter(|case| !case.tracts.is_empty()) {
-        ui.menu_button("Fibre tracts", |ui| {
-            for tracts in &case.tracts {
-                let shown = !doc.edit.hidden_tracts.contains(&tracts.id);
-                switch(ui, shown, Command::ToggleTracts(tracts.id.clone()), out);
+        let groups = menu.groups();
+        for (at, group) in groups.iter().enumerate() {
+            if at > 0 {
+                ui.separator();
             }
-            item(ui, Command::ToggleAllTracts, true, out);
-        });
-    }
-    ui.separator();
-    ui.menu_button("Look from", |ui| {
-        for view in AnatomicalView::ALL {
-            item(ui, Command::Look(view), true, out);
+            for inner in menu.inner(*group).filter(|inner| self.shows(*inner)) {
+                ui.menu_button(inner.title(), |ui| self.menu(ui, inner, out));
+            }
+            let commands = listed().iter().filter(|listed| listed.menu == Some((menu, *group)));
+            for listed in commands.filter(|listed| menu != Menu::View || self.shows_in_view(&listed.command))
+            {
+                entry(ui, self.work, &listed.command, out);
+            }
         }
-    });
-    item(ui, Command::ToggleProjection, true, out);
-    item(ui, Command::FitTumor, true, out);
-    item(ui, Command::FitLens, true, out);
+        match menu {
+            Menu::Tracts => self.tracts(ui, out),
+            Menu::Light => self.aperture(ui, out),
+            _ => {}
+        }
+    }
+
+    /// Whether a menu has anything to offer.
+    fn shows(&self, menu: Menu) -> bool {
+        match menu {
+            Menu::Recent => true,
+            Menu::Tracts => self.work.world.case().is_some_and(|case| !case.tracts.is_empty()),
+            _ => self.work.doc.is_some(),
+        }
+    }
+
+    /// Without a case only the program's own choices are left in the menu of views.
+    fn shows_in_view(&self, command: &Command) -> bool {
+        self.work.doc.is_some() || matches!(command, Command::App(_))
+    }
+
+    fn recent_cases(&self, ui: &mut Ui, out: &mut Commands) {
+        if self.recent.paths().is_empty() {
+            ui.weak("None yet");
+        }
+        for path in self.recent.paths() {
+            if ui.button(path.display().to_string()).clicked() {
+                out.push(open_command(path.clone()));
+                ui.close();
+            }
+        }
+        ui.separator();
+    }
+
+    fn tracts(&self, ui: &mut Ui, out: &mut Commands) {
+        for tracts in self.work.world.case().iter().flat_map(|case| &case.tracts) {
+            entry(ui, self.work, &EditCommand::ToggleTracts(tracts.id.clone()).into(), out);
+        }
+        entry(ui, self.work, &EditCommand::ToggleAllTracts.into(), out);
+    }
+
+    fn aperture(&self, ui: &mut Ui, out: &mut Commands) {
+        let Some(doc) = &self.work.doc else { return };
+        let choice = &doc.edit.light;
+        ui.separator();
+        let mut degrees = choice.aperture_deg;
+        let slider = Slider::new(&mut degrees, 0.0..=85.0).suffix("°").fixed_decimals(0).text("Aperture");
+        let response = ui.add_enabled(light::row(choice.mode).has_aperture, slider);
+        if response.on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones").changed() {
+            out.push(EditCommand::SetAperture(degrees));
+        }
+    }
 }
 
-/// How the 3D views find light, and how well.
-fn light_menu(ui: &mut Ui, light: &Light, out: &mut Vec<Command>) {
-    for shading in Shading::ALL {
-        choice(ui, light.shading == shading, Command::SetShading(shading), out);
-    }
-    ui.separator();
-    choice(ui, light.preset.is_none(), Command::SetPreset(None), out);
-    for preset in Preset::ALL {
-        choice(ui, light.preset == Some(preset), Command::SetPreset(Some(preset)), out);
-    }
-    ui.separator();
-    let mut degrees = light.aperture_deg;
-    let slider = Slider::new(&mut degrees, 0.0..=85.0).suffix("°").fixed_decimals(0).text("Aperture");
-    let enabled = light.shading != Shading::ScreenSpace;
-    if ui
-        .add_enabled(enabled, slider)
-        .on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones")
-        .changed()
-    {
-        out.push(Command::SetAperture(degrees));
-    }
-}
-
-/// The lens and the ruler.
-fn tools_menu(ui: &mut Ui, work: &Workstation, out: &mut Vec<Command>) {
-    let Some(doc) = &work.doc else {
-        ui.weak("Open a case first");
-        return;
+/// One row of a menu, as the command wants to be shown.
+fn entry(ui: &mut Ui, work: &Workstation, command: &Command, out: &mut Commands) {
+    let (text, enabled) = (command.text(), command.enabled(work));
+    let clicked = match command.entry(work) {
+        Entry::Plain => {
+            let button = Button::new(text).shortcut_text(command.shortcut_text().unwrap_or_default());
+            ui.add_enabled(enabled, button)
+        }
+        Entry::Switch(on) => {
+            let mut now = on;
+            ui.add_enabled(enabled, egui::Checkbox::new(&mut now, text))
+        }
+        Entry::Choice(chosen) => ui.add_enabled(enabled, egui::RadioButton::new(chosen, text)),
     };
-    switch(ui, doc.edit.lens_on, Command::ToggleLens, out);
-    item(ui, Command::LensToCursor, true, out);
-    ui.separator();
-    switch(ui, doc.nav.ruler_on, Command::ToggleRuler, out);
-    for format in [RulerFormat::Csv, RulerFormat::Json] {
-        item(ui, Command::ExportRulers(format), !doc.edit.rulers.is_empty(), out);
+    if clicked.on_hover_text(command.tooltip()).clicked() {
+        out.push(command.clone());
+        ui.close();
     }
 }
 
-fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out: &mut Vec<Command>) {
+fn toolbar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Commands) {
     let Some(time_point) = work.world.time_point(doc) else { return };
-    for (sign, command, enabled) in
-        [("Undo", Command::Undo, work.history.can_undo()), ("Redo", Command::Redo, work.history.can_redo())]
-    {
-        let response = ui.add_enabled(enabled, Button::new(sign)).on_hover_text(command.tooltip());
-        let text = command.text();
+    for command in [EditCommand::Undo, EditCommand::Redo].map(Command::from) {
+        let (text, enabled) = (command.text(), command.enabled(work));
+        let response = ui.add_enabled(enabled, Button::new(&text)).on_hover_text(command.tooltip());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, enabled, &text));
         if response.clicked() {
             out.push(command);
         }
     }
     if work.world.time_point_count() > 1 {
-        let labels: Vec<&str> = work
-            .world
-            .case()
-            .map(|c| c.time_points.iter().map(|t| t.label.as_str()).collect())
-            .unwrap_or_default();
+        let labels = work.world.case().map(|case| case.time_labels()).unwrap_or_default();
         let combo = ComboBox::from_id_salt("time").selected_text(time_point.label.as_str()).width(96.0);
         let response = combo.show_ui(ui, |ui| {
             for (at, label) in labels.iter().enumerate() {
                 if ui.selectable_label(at == doc.nav.time, *label).clicked() {
-                    out.push(Command::SetTime(at));
+                    out.push(LookCommand::SetTime(at));
                 }
             }
         });
@@ -223,11 +158,11 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     let response = combo.show_ui(ui, |ui| {
         for c in &time_point.contexts {
             if ui.selectable_label(doc.nav.context.as_ref() == Some(&c.id), &c.id).clicked() {
-                out.push(Command::SetContext(Some(c.id.clone())));
+                out.push(LookCommand::SetContext(Some(c.id.clone())));
             }
         }
         if ui.selectable_label(doc.nav.context.is_none(), "no image").clicked() {
-            out.push(Command::SetContext(None));
+            out.push(LookCommand::SetContext(None));
         }
     });
     named(&response.response, "Image on the slices");
@@ -235,16 +170,31 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
         ui.menu_button("Window", |ui| {
             for preset in prepared.histogram().presets() {
                 if ui.button(preset.name).clicked() {
-                    out.push(Command::SetWindow(id.to_owned(), preset.window));
+                    out.push(EditCommand::SetWindow(id.to_owned(), preset.window));
                     ui.close();
                 }
             }
         });
     }
     ui.separator();
+    lens_and_ruler(ui, doc, out);
+    ui.separator();
+    let mut opacity = doc.edit.overlay_opacity;
+    ui.label("Masks on slices");
+    ui.spacing_mut().slider_width = 60.0;
+    let response = ui.add(Slider::new(&mut opacity, 0.0..=1.0).fixed_decimals(2));
+    response
+        .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "Opacity of masks on slices"));
+    if response.on_hover_text("Opacity of masks on slices").changed() {
+        out.push(EditCommand::SetOverlayOpacity(opacity));
+    }
+}
+
+fn lens_and_ruler(ui: &mut Ui, doc: &Document, out: &mut Commands) {
+    let toggle = Command::from(EditCommand::ToggleLens);
     let mut lens_on = doc.edit.lens_on;
-    if ui.checkbox(&mut lens_on, "Lens").on_hover_text(Command::ToggleLens.tooltip()).changed() {
-        out.push(Command::ToggleLens);
+    if ui.checkbox(&mut lens_on, "Lens").on_hover_text(toggle.tooltip()).changed() {
+        out.push(toggle);
     }
     let mut radius_mm = doc.edit.lens.radius_mm;
     // Fixed decimals or a clamp would change a radius that only is shown.
@@ -256,36 +206,30 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &crate::document::Document, out
     let response = ui.add_enabled(lens_on, slider);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, lens_on, "Lens radius"));
     if response.on_hover_text("Lens radius (drag the ring, or Alt and scroll over the closeup)").changed() {
-        out.push(Command::SetLensRadius(radius_mm));
+        out.push(EditCommand::SetLensRadius(radius_mm));
     }
-    let ruler = ui.selectable_label(doc.nav.ruler_on, "Ruler");
-    if ruler.on_hover_text(Command::ToggleRuler.tooltip()).clicked() {
-        out.push(Command::ToggleRuler);
+    let ruler = Command::from(LookCommand::ToggleRuler);
+    let response = ui.selectable_label(doc.nav.ruler_on, "Ruler");
+    if response.on_hover_text(ruler.tooltip()).clicked() {
+        out.push(ruler);
     }
-    let perspective = doc.nav.camera.projection == Projection::Perspective;
-    let text = if perspective { "Perspective" } else { "Orthographic" };
-    if ui.button(text).on_hover_text(Command::ToggleProjection.tooltip()).clicked() {
-        out.push(Command::ToggleProjection);
-    }
-    ui.separator();
-    let mut opacity = doc.edit.overlay_opacity;
-    ui.label("Masks on slices");
-    ui.spacing_mut().slider_width = 60.0;
-    let response = ui.add(Slider::new(&mut opacity, 0.0..=1.0).fixed_decimals(2));
-    response
-        .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, true, "Opacity of masks on slices"));
-    if response.on_hover_text("Opacity of masks on slices").changed() {
-        out.push(Command::SetOverlayOpacity(opacity));
+    let projection = Command::from(LookCommand::ToggleProjection);
+    let text = match doc.nav.camera.projection {
+        Projection::Perspective => "Perspective",
+        Projection::Orthographic => "Orthographic",
+    };
+    if ui.button(text).on_hover_text(projection.tooltip()).clicked() {
+        out.push(projection);
     }
 }
 
-/// Names a choice for screen readers, who don't see what stands around it.
+/// Names a choice for screen readers, which don't see what stands around it.
 fn named(combo: &egui::Response, name: &str) {
     combo.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
 }
 
 /// What is shown while no case is open.
-pub fn welcome(ui: &mut Ui, loading: bool, recent: &Recent, out: &mut Vec<Command>) {
+pub fn welcome(ui: &mut Ui, loading: bool, recent: &Recent, out: &mut Commands) {
     ui.vertical_centered(|ui| {
         ui.add_space(ui.available_height() * 0.22);
         ui.heading("Glioscope");
@@ -293,9 +237,9 @@ pub fn welcome(ui: &mut Ui, loading: bool, recent: &Recent, out: &mut Vec<Comman
             ui.label("Loading; the status line says how far.");
             return;
         }
-        ui.label("Drop a folder, a manifest or a NIfTI file here, or");
+        ui.label(format!("Drop a folder, a manifest or a {} file here, or", volume_names()));
         ui.add_space(8.0);
-        for command in [Command::OpenDialog, Command::OpenSample] {
+        for command in [AppCommand::OpenDialog, AppCommand::OpenSample].map(Command::from) {
             if ui.button(command.text()).clicked() {
                 out.push(command);
             }
@@ -310,6 +254,6 @@ pub fn welcome(ui: &mut Ui, loading: bool, recent: &Recent, out: &mut Vec<Comman
             }
         }
         ui.add_space(24.0);
-        ui.weak(crate::about::NOTICE);
+        ui.weak(about::NOTICE);
     });
 }

@@ -4,10 +4,14 @@ use std::{sync::Arc, time::Duration};
 
 use egui::{Context, RawInput, Rect, Ui, mutex::RwLock, pos2, vec2};
 use egui_wgpu::{RendererOptions, ScreenDescriptor};
-use glioscope_render::Gpu;
+use glioscope_render::{Gpu, RenderError};
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 const WAIT: Duration = Duration::from_secs(60);
+
+fn failed(why: impl Into<String>) -> RenderError {
+    RenderError::Device(why.into())
+}
 
 /// egui on a device without a window.
 pub struct Offscreen {
@@ -34,13 +38,13 @@ impl Offscreen {
     /// Draws `ui` until it has come to rest and returns its pixels, row by row, RGBA.
     ///
     /// # Errors
-    /// One line, when the device fails.
+    /// [`RenderError::Device`].
     pub fn picture(
         &self,
         size: [u32; 2],
         pixels_per_point: f32,
         mut draw: impl FnMut(&mut Ui),
-    ) -> Result<Vec<u8>, String> {
+    ) -> Result<Vec<u8>, RenderError> {
         let points = vec2(size[0] as f32, size[1] as f32) / pixels_per_point;
         let mut output = None;
         // Sizes settle over a few passes, as they do in a window.
@@ -56,7 +60,7 @@ impl Offscreen {
             self.take_textures(&mut new.textures_delta);
             output = Some(new);
         }
-        let Some(output) = output else { return Err("nothing was drawn".into()) };
+        let Some(output) = output else { return Err(failed("nothing was drawn")) };
         let triangles = self.ctx.tessellate(output.shapes, pixels_per_point);
         self.paint(size, pixels_per_point, &triangles)
     }
@@ -78,7 +82,7 @@ impl Offscreen {
         size: [u32; 2],
         pixels_per_point: f32,
         triangles: &[egui::ClippedPrimitive],
-    ) -> Result<Vec<u8>, String> {
+    ) -> Result<Vec<u8>, RenderError> {
         let Gpu { device, queue, .. } = &self.gpu;
         let extent = wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 };
         let target = device.create_texture(&wgpu::TextureDescriptor {
@@ -139,8 +143,9 @@ impl Offscreen {
         slice.map_async(wgpu::MapMode::Read, |_| {});
         device
             .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(WAIT) })
-            .map_err(|e| format!("the graphics device did not finish: {e}"))?;
-        let mapped = slice.get_mapped_range().map_err(|e| format!("the picture can't be read back: {e}"))?;
+            .map_err(|e| failed(format!("it did not finish: {e}")))?;
+        let mapped =
+            slice.get_mapped_range().map_err(|e| failed(format!("the picture can't be read back: {e}")))?;
         Ok(mapped
             .chunks_exact(row as usize)
             .flat_map(|line| line[..size[0] as usize * 4].chunks_exact(4))

@@ -6,7 +6,7 @@ use nucleo_matcher::{
     pattern::{CaseMatching, Normalization, Pattern},
 };
 
-use crate::commands::Command;
+use crate::command::{Command, Commands, listed};
 
 /// Whether it is open, what was typed, and which row is chosen.
 #[derive(Default)]
@@ -17,15 +17,15 @@ pub struct CommandPalette {
 }
 
 /// Commands whose text matches `query`, best first; all of them for an empty query.
-pub fn matching(query: &str, commands: Vec<Command>) -> Vec<Command> {
+pub fn matching(query: &str) -> Vec<&'static Command> {
+    let commands = listed().iter().map(|listed| &listed.command);
     if query.trim().is_empty() {
-        return commands;
+        return commands.collect();
     }
     let mut matcher = Matcher::new(Config::DEFAULT);
     let pattern = Pattern::parse(query, CaseMatching::Ignore, Normalization::Smart);
     let mut buffer = Vec::new();
-    let mut scored: Vec<(u32, Command)> = commands
-        .into_iter()
+    let mut scored: Vec<(u32, &Command)> = commands
         .filter_map(|command| {
             let text = command.text();
             pattern.score(Utf32Str::new(&text, &mut buffer), &mut matcher).map(|score| (score, command))
@@ -42,11 +42,11 @@ impl CommandPalette {
     }
 
     /// Draws it where it is open; the command that was chosen goes to `out`.
-    pub fn show(&mut self, ui: &mut Ui, out: &mut Vec<Command>) {
+    pub fn show(&mut self, ui: &mut Ui, out: &mut Commands) {
         if !self.open {
             return;
         }
-        let found = matching(&self.query, Command::listed());
+        let found = matching(&self.query);
         let (up, down, enter, escape) = ui.input_mut(|i| {
             let mut pressed = |key| i.consume_key(egui::Modifiers::NONE, key);
             (pressed(Key::ArrowUp), pressed(Key::ArrowDown), pressed(Key::Enter), pressed(Key::Escape))
@@ -58,7 +58,7 @@ impl CommandPalette {
         };
         let mut done = escape;
         if enter && let Some(command) = found.get(self.chosen) {
-            out.push(command.clone());
+            out.push((*command).clone());
             done = true;
         }
         egui::Window::new("Commands")
@@ -85,8 +85,7 @@ impl CommandPalette {
                         let clicked = ui
                             .horizontal(|ui| {
                                 let clicked = ui.selectable_label(chosen, command.text()).clicked();
-                                if let Some(keys) = command.shortcut() {
-                                    let keys = keys.format(&egui::ModifierNames::NAMES, false);
+                                if let Some(keys) = command.shortcut_text() {
                                     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                                         ui.label(RichText::new(keys).weak());
                                     });
@@ -95,7 +94,7 @@ impl CommandPalette {
                             })
                             .inner;
                         if clicked {
-                            out.push(command.clone());
+                            out.push((*command).clone());
                             done = true;
                         }
                     }
@@ -113,10 +112,10 @@ mod tests {
 
     #[test]
     fn words_in_any_case_find_their_command() {
-        let found = matching("only lens", Command::listed());
-        assert!(found.len() < Command::listed().len());
-        assert_eq!(matching("UNDO", Command::listed()).first(), Some(&Command::Undo));
-        assert_eq!(matching("", Command::listed()).len(), Command::listed().len());
-        assert!(matching("qqqzzz", Command::listed()).is_empty());
+        let found = matching("only lens");
+        assert!(found.len() < listed().len());
+        assert_eq!(matching("UNDO").first(), Some(&&Command::from(crate::command::EditCommand::Undo)));
+        assert_eq!(matching("").len(), listed().len());
+        assert!(matching("qqqzzz").is_empty());
     }
 }

@@ -1,18 +1,18 @@
 //! Opens the real window.
 
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 
 use egui_wgpu::{NativeAdapterSelectorMethod, WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use glioscope_core::case::LoadOptions;
-use glioscope_render::{AdapterPreference, Gpu, gpu};
+use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 
+use super::{GlioscopeApp, recent::Recent};
 use crate::{
-    document::CaseRef,
-    recent::Recent,
-    session,
-    viewport::Viewport,
-    window::{GlioscopeApp, open_command, waker},
-    workstation::Workstation,
+    command::Workstation,
+    error::AppError,
+    model::{CaseRef, session},
+    views::view3d::Graphics,
+    world::jobs::Waker,
 };
 
 /// Takes the adapter that `preference` asks for, of those that can draw to the window.
@@ -45,8 +45,8 @@ pub struct Start {
 /// Opens the window and returns when it is closed.
 ///
 /// # Errors
-/// One line: no display, or no graphics adapter and what to install.
-pub fn run(start: Start) -> Result<(), String> {
+/// [`AppError`]: no display, or no graphics adapter and what to install; or why a scripted picture wasn't taken.
+pub fn run(start: Start) -> Result<(), AppError> {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     let preference =
         if start.software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
@@ -66,49 +66,55 @@ pub fn run(start: Start) -> Result<(), String> {
         },
         ..eframe::NativeOptions::default()
     };
-    eframe::run_native(
-        "Glioscope",
-        options,
-        Box::new(move |cc| {
-            let render_state = cc.wgpu_render_state.as_ref().ok_or("no graphics adapter")?;
-            let gpu = Gpu::from_parts(
-                render_state.adapter.clone(),
-                render_state.device.clone(),
-                render_state.queue.clone(),
-            );
-            let viewport = Viewport::new(gpu, render_state.renderer.clone())?;
-            let mut work = Workstation {
-                options: start.options.clone(),
-                accept_guesses: start.picture.is_some(),
-                ..Workstation::default()
-            };
-            let wake = waker(&cc.egui_ctx);
-            match start.case.clone().unwrap_or_default() {
-                CaseRef::Path(path) if session::is_session(&path) => {
-                    work.open_session(&path, &start.tracts, wake);
-                }
-                case => work.open_with(case, start.tracts.clone(), None, wake),
-            }
-            let app = GlioscopeApp::new(work, Some(viewport), Recent::of_user());
-            Ok(Box::new(match start.picture {
-                Some(path) => app.picture_and_quit(path),
-                None => app,
-            }))
-        }),
-    )
-    .map_err(|e| {
-        format!(
-            "the window can't be opened ({e}); a display is needed, and a Vulkan driver: on Debian or Ubuntu \
-             install mesa-vulkan-drivers and libvulkan1"
-        )
-    })
+    let (send, failed) = mpsc::channel();
+    let create = move |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
+        Ok(Box::new(Windowed { app: app(cc, start)?, failed: send }))
+    };
+    eframe::run_native("Glioscope", options, Box::new(create))
+        .map_err(|e| AppError::Window(e.to_string()))?;
+    failed.try_recv().map_or(Ok(()), Err)
 }
 
-/// The case reference that a path on the command line stands for.
-pub fn case_of_path(path: std::path::PathBuf) -> CaseRef {
-    match open_command(path) {
-        crate::commands::Command::OpenSession(path) => CaseRef::Path(path),
-        crate::commands::Command::Open(case) => case,
-        _ => CaseRef::Sample,
+/// The program in its window, which reports why a scripted picture wasn't taken.
+struct Windowed {
+    app: GlioscopeApp,
+    failed: mpsc::Sender<AppError>,
+}
+
+impl eframe::App for Windowed {
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        self.app.draw(ui);
+        if let Some(error) = self.app.scripted_error() {
+            // The window closes, and with it the program ends.
+            let _ = self.failed.send(error);
+        }
     }
+}
+
+fn app(
+    cc: &eframe::CreationContext<'_>,
+    start: Start,
+) -> Result<GlioscopeApp, Box<dyn std::error::Error + Send + Sync>> {
+    let render_state = cc.wgpu_render_state.as_ref().ok_or("no graphics adapter")?;
+    let gpu = Gpu::from_parts(
+        render_state.adapter.clone(),
+        render_state.device.clone(),
+        render_state.queue.clone(),
+    );
+    let graphics = Graphics { gpu, egui_renderer: render_state.renderer.clone() };
+    let mut work = Workstation {
+        options: start.options,
+        accept_guesses: start.picture.is_some(),
+        ..Workstation::default()
+    };
+    let wake = Waker::of(&cc.egui_ctx);
+    match start.case.unwrap_or_default() {
+        CaseRef::Path(path) if session::is_session(&path) => work.open_session(&path, &start.tracts, wake),
+        case => work.open_with(case, start.tracts, None, wake),
+    }
+    let app = GlioscopeApp::new(work, Some(graphics), Recent::of_user())?;
+    Ok(match start.picture {
+        Some(path) => app.picture_and_quit(path),
+        None => app,
+    })
 }

@@ -1,24 +1,25 @@
 //! What is alive: the loaded case and what is derived from it. Never saved.
 
-use std::{
-    path::PathBuf,
-    sync::{Arc, mpsc},
-    thread,
-};
+pub mod comparison;
+pub mod ellipsoids;
+pub mod image;
+pub mod jobs;
+pub mod load;
+pub mod numbers;
+pub mod slice_plane;
+pub mod tracts;
+
+use std::sync::Arc;
 
 use glioscope_core::{
-    Check, Progress, RegionVolume,
-    case::{self, Case, CaseError, CaseSpec, LoadOptions, TimePoint},
-    sample,
+    Check, RegionVolume,
+    case::{Case, TimePoint},
 };
-use glioscope_render::{MaskColors, Scene, slices::PreparedContext};
+use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
 
-use crate::{
-    document::{CaseRef, Document},
-    views::closeup,
-};
+use crate::model::Document;
 
-/// A case and what every view needs of it, made once a load.
+/// A case and what every view needs of it, made once per load.
 pub struct Loaded {
     /// The case.
     pub case: Arc<Case>,
@@ -42,7 +43,7 @@ impl Loaded {
     }
 }
 
-/// What is alive.
+/// The loaded case.
 #[derive(Default)]
 pub struct World {
     loaded: Option<Loaded>,
@@ -91,121 +92,41 @@ impl World {
         self.loaded.as_ref()?.tumors.get(doc.nav.time)?.as_ref()
     }
 
-    /// The closeup as the document wants it, but for the slice plane.
-    pub fn closeup(&self, doc: &Document, dark: bool) -> Scene {
-        Scene {
-            tumor: self.tumor(doc).cloned(),
-            selection: doc.edit.selection.clone(),
-            colors: self.colors(doc),
-            lens: doc.active_lens(),
-            camera: doc.nav.camera,
-            background: closeup::background(dark),
-            silhouette: [0, 0, 0],
-            plane: None,
-        }
-    }
-
     /// Everything noticed about the case.
     pub fn checks(&self) -> &[Check] {
         self.case().map_or(&[], |c| &c.checks)
     }
 }
 
-/// The case that a reference names, before it is read. A folder's files are opened where their names
-/// don't say enough.
-///
-/// # Errors
-/// [`CaseError`]: the manifest, folder or argument is wrong.
-pub fn spec_of(case: &CaseRef, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    match case {
-        CaseRef::Sample => Ok(sample::sample_spec()),
-        CaseRef::Path(path) => case::open_spec(path, options, progress),
-        CaseRef::Arguments { masks, contexts } => CaseSpec::from_arguments(masks, contexts),
-    }
+/// Everything that is derived from a case when a view first needs it.
+#[derive(Default)]
+pub struct Results {
+    /// The image of context and change view, with its histograms.
+    pub image: image::ImageResult,
+    /// The comparison of two dates.
+    pub comparison: comparison::Comparisons,
+    /// Ellipsoids of all components.
+    pub ellipsoids: ellipsoids::Ellipsoids,
+    /// Fibre tracts as tubes, and their distances.
+    pub tracts: tracts::TractResult,
+    /// Agreement of masks, and what is in the lens.
+    pub numbers: numbers::Numbers,
+    /// The axial slice as a plane in 3D.
+    pub plane: slice_plane::PlaneResult,
 }
 
-/// What a worker hands back.
-pub enum Step {
-    /// The case's files were guessed from names: the user sees the guess before it is used.
-    Guessed(CaseSpec),
-    /// The case is read.
-    Loaded(Box<Loaded>),
-}
-
-/// A worker that opens a case.
-pub struct LoadJob {
-    /// What is being opened.
-    pub case: CaseRef,
-    /// How far it is.
-    pub progress: Progress,
-    /// Files of fibre tracts beside those that it names.
-    pub tracts: Vec<PathBuf>,
-    /// A document to continue with, from a session file.
-    pub document: Option<Document>,
-    receive: mpsc::Receiver<Result<Step, CaseError>>,
-}
-
-impl LoadJob {
-    /// Starts opening `case` and `tracts` beside it, or reading `accepted`, a spec that the user has
-    /// seen. `wake` is called when there is an answer.
-    pub fn start(
-        case: CaseRef,
-        tracts: Vec<PathBuf>,
-        accepted: Option<CaseSpec>,
-        options: LoadOptions,
-        document: Option<Document>,
-        wake: impl FnOnce() + Send + 'static,
-    ) -> Self {
-        let progress = Progress::new();
-        let (send, receive) = mpsc::channel();
-        let (wanted, beside, worker_progress) = (case.clone(), tracts.clone(), progress.clone());
-        thread::spawn(move || {
-            // The window may be gone: then nobody wants the result.
-            let _ = send.send(open(&wanted, &beside, accepted, &options, &worker_progress));
-            wake();
-        });
-        Self { case, tracts, progress, document, receive }
+impl Results {
+    /// Nothing yet. `gpu` may compute where it is faster.
+    pub fn new(gpu: Option<Gpu>) -> Self {
+        Self { comparison: comparison::Comparisons::new(gpu), ..Self::default() }
     }
 
-    /// The answer, once there is one.
-    pub fn poll(&self) -> Option<Result<Step, String>> {
-        match self.receive.try_recv() {
-            Ok(result) => Some(result.map_err(|e| e.to_string())),
-            Err(mpsc::TryRecvError::Empty) => None,
-            Err(mpsc::TryRecvError::Disconnected) => {
-                Some(Err("found a loader that stopped without an answer, expected a case or a reason".into()))
-            }
-        }
-    }
-}
-
-fn open(
-    case: &CaseRef,
-    tracts: &[PathBuf],
-    accepted: Option<CaseSpec>,
-    options: &LoadOptions,
-    progress: &Progress,
-) -> Result<Step, CaseError> {
-    let mut spec = match accepted {
-        Some(spec) => spec,
-        None => {
-            progress.say("reading names");
-            let spec = spec_of(case, options, progress)?;
-            if !spec.notes.is_empty() {
-                return Ok(Step::Guessed(spec));
-            }
-            spec
-        }
-    };
-    spec.add_tracts(tracts);
-    case::load(&spec, options, progress).map(|case| Step::Loaded(Box::new(Loaded::new(case))))
-}
-
-/// Progress as words: what is being done and how far.
-pub fn progress_text(progress: &Progress) -> String {
-    let label = progress.label();
-    match progress.fraction() {
-        Some(fraction) => format!("{label} {:.0} %", fraction * 100.0),
-        None => label,
+    /// Whether a worker is at something that a picture waits for.
+    pub fn working(&self) -> bool {
+        self.image.working()
+            || self.comparison.working()
+            || self.ellipsoids.working()
+            || self.tracts.working()
+            || self.numbers.working()
     }
 }

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use glioscope_render::{
     SlicePlane,
-    slices::{
+    flat::{
         ContextLayer, Convention, Plane, PreparedContext, SliceLayers, SliceStyle, SliceView, Window,
         render_slice,
     },
 };
 
-use super::{Handle, ViewContext, slices};
+use super::{image::Named, jobs::Handle};
+use crate::model::Document;
 
 /// Pixels along the plane's sides.
 const SIDE_PX: u32 = 384;
@@ -31,17 +32,17 @@ fn clear_air(rgba: &mut [u8]) {
 
 /// The plane last made: made again when slice, image or window changed.
 #[derive(Default)]
-pub struct PlaneState {
+pub struct PlaneResult {
     made: Option<(SliceView, Handle<PreparedContext>, Window, SlicePlane)>,
 }
 
-impl PlaneState {
+impl PlaneResult {
     /// The axial slice through the crosshair; `None` without an image.
-    pub fn get(&mut self, view: &ViewContext<'_>) -> Option<SlicePlane> {
-        let (id, image) = view.context?;
-        let window = slices::window_of(view, id, image);
+    pub fn get(&mut self, doc: &Document, context: Option<Named<'_>>) -> Option<SlicePlane> {
+        let (id, image) = context?;
+        let window = doc.window_of(id, image);
         let bounds_mm = image.volume().grid().bounds_mm();
-        let cursor_mm = view.doc.nav.cursor_mm;
+        let cursor_mm = doc.nav.cursor_mm;
         let slice =
             SliceView::fit(Plane::Axial, Convention::Radiological, bounds_mm, cursor_mm, [SIDE_PX, SIDE_PX]);
         if let Some((at, of, with, plane)) = &self.made

@@ -1,136 +1,80 @@
-//! Fibre tracts in the context view: prepared once a case, their list over the picture, and what a fibre
-//! under the pointer is.
+//! Fibre tracts in the context view: as tubes, their list over the picture, and what a fibre under the pointer is.
 
 use std::sync::Arc;
 
-use egui::{Align2, Color32, FontId, Id, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
-use glioscope_core::{
-    MaskBits, Progress, Selection, Sides, Tracts,
-    case::{Case, CaseTracts},
-    tract_distance::SelectedCells,
-};
-use glioscope_render::{DrawnTubes, PickedFiber, TubeSet, tract_color};
+use egui::{Color32, FontId, Id, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use glioscope_core::case::CaseTracts;
+use glioscope_render::{DrawnTubes, PickedFiber, tract_color};
 
-use super::{Handle, ViewContext, closeup};
 use crate::{
-    commands::Command,
+    command::{Command, Commands, EditCommand},
     format,
-    jobs::{Derived, Lookup},
-    window::waker,
+    views::{
+        draw,
+        pane::{Input, Stage},
+    },
+    world::{jobs::Lookup, tracts::is_placed},
 };
 
 /// From line to line of the list.
 const LINE_POINTS: f32 = 17.0;
 
-/// What the distance of a fibre depends on besides the fibre.
-#[derive(PartialEq)]
-struct CellsKey {
-    case: Handle<Case>,
-    time: usize,
-    selection: Selection,
-}
-
-/// What is derived from a case's fibre tracts; never saved.
-#[derive(Default)]
-pub struct TractsState {
-    sets: Derived<Handle<Case>, Vec<Arc<TubeSet>>>,
-    /// The selection, ready to be asked for distances; `None` where it is empty.
-    cells: Derived<CellsKey, Option<SelectedCells>>,
-}
-
-/// Whether `tracts` may be drawn beside the masks of `case`: only where both say which side is which.
-fn is_placed(case: &Case, tracts: &Tracts) -> bool {
-    tracts.sides() == Sides::Known && case.grid.sides() == Sides::Known
-}
-
-/// A set for each of the case's files of tracts, in their order; an empty one where the place is not
-/// known.
-fn prepare(case: &Case, progress: &Progress) -> Result<Vec<Arc<TubeSet>>, String> {
-    let nothing = Tracts::new(Vec::new(), vec![0], Sides::Unknown);
-    let mut sets = Vec::new();
-    for (n, CaseTracts { id, tracts }) in case.tracts.iter().enumerate() {
-        progress.say(format!("preparing {id}"));
-        let drawn = nothing.as_ref().filter(|_| !is_placed(case, tracts)).unwrap_or(tracts);
-        let set = TubeSet::new(drawn, tract_color(n), TubeSet::RADIUS_MM, progress);
-        sets.push(Arc::new(set.map_err(|e| e.to_string())?));
-    }
-    Ok(sets)
-}
-
-impl TractsState {
-    /// Whether a worker is at something that changes the picture.
-    pub fn working(&self) -> bool {
-        self.sets.working()
-    }
-
-    /// The case's tracts as the document shows them; what to say meanwhile where they aren't ready.
-    pub fn drawn(
-        &mut self,
-        ui: &Ui,
-        view: &ViewContext<'_>,
-        wait: bool,
-    ) -> (Vec<DrawnTubes>, Option<String>) {
-        if view.case.tracts.is_empty() {
-            return (Vec::new(), None);
+/// The case's tracts as the document shows them; what to say meanwhile where they aren't ready.
+pub(super) fn tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Option<String>) {
+    let Stage { input, ask, results, .. } = stage;
+    match results.tracts.sets(input.case, ask) {
+        Some(Lookup::Ready(sets)) => {
+            let hidden = &input.doc.edit.hidden_tracts;
+            let of_case = sets.iter().zip(&input.case.tracts);
+            let drawn =
+                of_case.map(|(set, of)| DrawnTubes { set: Arc::clone(set), shown: !hidden.contains(&of.id) });
+            (drawn.collect(), None)
         }
-        let case = Arc::clone(view.case);
-        let work = move |progress: &Progress| prepare(&case, progress);
-        match self.sets.get(Handle::of(view.case), wait, waker(ui.ctx()), work) {
-            Lookup::Ready(sets) => {
-                let hidden = &view.doc.edit.hidden_tracts;
-                let drawn = sets
-                    .iter()
-                    .zip(&view.case.tracts)
-                    .map(|(set, of)| DrawnTubes { set: Arc::clone(set), shown: !hidden.contains(&of.id) });
-                (drawn.collect(), None)
-            }
-            Lookup::Working(_) => {
-                ui.request_repaint_after(std::time::Duration::from_millis(100));
-                (Vec::new(), Some("Preparing fibre tracts…".into()))
-            }
-            Lookup::Failed(why) => (Vec::new(), Some(why.to_owned())),
+        Some(Lookup::Working(_)) => {
+            ui.request_repaint_after(std::time::Duration::from_millis(100));
+            (Vec::new(), Some("Preparing fibre tracts…".into()))
         }
-    }
-
-    /// What a fibre is called, and how far it runs from the selection once that is known.
-    pub fn words(&mut self, ui: &Ui, view: &ViewContext<'_>, wait: bool, picked: PickedFiber) -> String {
-        let Some(CaseTracts { id, tracts }) = view.case.tracts.get(picked.set) else {
-            return String::new();
-        };
-        let name = format!("{id}, fibre {}", picked.fiber);
-        let time = view.doc.nav.time;
-        let key = CellsKey { case: Handle::of(view.case), time, selection: view.doc.edit.selection.clone() };
-        let (index, selection) = (Arc::clone(&view.time_point.index), view.doc.edit.selection.clone());
-        let work = move |_: &Progress| {
-            let bits = MaskBits::from_fn(index.grid().dims(), |linear| selection.shows(index.get(linear)));
-            Ok(SelectedCells::new(index.grid(), &bits))
-        };
-        let Lookup::Ready(cells) = self.cells.get(key, wait, waker(ui.ctx()), work) else { return name };
-        match cells.as_ref().as_ref().and_then(|cells| cells.nearest(tracts.fiber(picked.fiber))) {
-            Some(near) if near.distance_mm > 0.0 => {
-                format!("{name}, {:.1} mm from the selection", near.distance_mm)
-            }
-            Some(_) => format!("{name}, through the selection"),
-            None => name,
-        }
+        Some(Lookup::Failed(why)) => (Vec::new(), Some(why.to_string())),
+        None => (Vec::new(), None),
     }
 }
 
-/// The list of tracts below `corner`: colour, name, and a click shows or hides.
-pub fn list(
+/// What a fibre is called, and how far it runs from the selection once that is known.
+pub(super) fn words(stage: &mut Stage<'_>, picked: PickedFiber) -> String {
+    let Stage { input, ask, results, .. } = stage;
+    let Some(CaseTracts { id, tracts }) = input.case.tracts.get(picked.set) else {
+        return String::new();
+    };
+    let name = format!("{id}, fibre {}", picked.fiber);
+    let (doc, time_point) = (input.doc, input.time_point);
+    let cells = match results.tracts.cells(input.case, (doc.nav.time, time_point), &doc.edit.selection, ask) {
+        Lookup::Ready(cells) => cells.clone(),
+        Lookup::Working(_) | Lookup::Failed(_) => return name,
+    };
+    match cells.as_ref().as_ref().and_then(|cells| cells.nearest(tracts.fiber(picked.fiber))) {
+        Some(near) if near.distance_mm > 0.0 => {
+            format!("{name}, {} from the selection", format::length_mm(near.distance_mm))
+        }
+        Some(_) => format!("{name}, through the selection"),
+        None => name,
+    }
+}
+
+/// The list of tracts from `top` downwards: colour, name, and a click shows or hides.
+pub(super) fn list(
     ui: &Ui,
-    view: &ViewContext<'_>,
+    input: &Input<'_>,
     rect: Rect,
     top: f32,
     drawn: &[DrawnTubes],
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) {
-    let case = view.case;
+    let case = input.case;
     if case.tracts.is_empty() {
         return;
     }
     let dark = ui.visuals().dark_mode;
-    let ink = closeup::ink(dark);
+    let ink = draw::ink(dark);
     let painter = ui.painter().with_clip_rect(rect);
     let font = FontId::proportional(12.0);
     // The scale bar is below.
@@ -158,17 +102,17 @@ pub fn list(
         let galley = painter.layout_no_wrap(words, font.clone(), ink);
         let at = pos2(left, top + row as f32 * LINE_POINTS);
         let line = Rect::from_min_size(at, vec2(galley.size().x + 17.0, LINE_POINTS - 2.0));
-        closeup::plate(&painter, line, dark);
+        draw::plate(&painter, line, dark);
         let Some(CaseTracts { id, .. }) = of.and_then(|n| case.tracts.get(n)) else {
             painter.galley(at, galley, ink);
             continue;
         };
-        let shown = !view.doc.edit.hidden_tracts.contains(id);
+        let shown = !input.doc.edit.hidden_tracts.contains(id);
         let response = ui.interact(line, Id::unique(("fibre tracts", id)), Sense::click());
-        let command = Command::ToggleTracts(id.clone());
+        let command = Command::from(EditCommand::ToggleTracts(id.clone()));
         response.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, shown, command.text()));
-        let [r, g, b] = tract_color(of.unwrap_or_default());
-        let fill = if shown { Color32::from_rgb(r, g, b) } else { Color32::TRANSPARENT };
+        let color = draw::color(tract_color(of.unwrap_or_default()));
+        let fill = if shown { color } else { Color32::TRANSPARENT };
         let edge = if response.hovered() { ink } else { ink.gamma_multiply(0.6) };
         let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
         painter.rect(swatch, 2.0, fill, egui::Stroke::new(1.0, edge), egui::StrokeKind::Outside);
@@ -178,12 +122,4 @@ pub fn list(
             out.push(command);
         }
     }
-}
-
-/// A note in the middle of the lower edge, for what is on its way.
-pub fn note(ui: &Ui, rect: Rect, words: &str) {
-    let ink = closeup::ink(ui.visuals().dark_mode);
-    let at = rect.center_bottom() - vec2(0.0, 14.0);
-    let painter = ui.painter().with_clip_rect(rect);
-    painter.text(at, Align2::CENTER_BOTTOM, words, FontId::proportional(12.0), ink);
 }

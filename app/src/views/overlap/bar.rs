@@ -6,13 +6,11 @@ use std::sync::Arc;
 use egui::{CornerRadius, FontId, Galley, Id, Pos2, Rect, StrokeKind, TextStyle, Ui, pos2, vec2};
 
 use super::{
-    OverlapInput,
+    OverlapInput, Shown, Target,
     interact::{self, Spot, Touched},
-    model::{Shown, Target},
     paint::{Style, dim_text},
-    text,
 };
-use crate::commands::Command;
+use crate::{command::Commands, format};
 
 /// Height of the bar with its labels, points.
 pub const HEIGHT: f32 = 50.0;
@@ -27,7 +25,7 @@ pub fn show(
     rect: Rect,
     input: &OverlapInput<'_>,
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Touched {
     let masks: Vec<Target> = (0..input.regions.mask_ids().len()).map(Target::Mask).collect();
     let places = pieces(&masks.iter().map(|&m| input.voxels(m)).collect::<Vec<_>>(), rect);
@@ -98,7 +96,7 @@ fn labels(
     let galleys: Vec<Arc<Galley>> = masks
         .iter()
         .map(|&m| {
-            let words = format!("{}\n{}", input.name(m), text::ml(input.ml(m)));
+            let words = format!("{}\n{}", input.name(m), format::ml(input.ml(m)));
             ui.painter().layout_no_wrap(words, font.clone(), ui.visuals().text_color())
         })
         .collect();

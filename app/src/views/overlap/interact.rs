@@ -3,12 +3,11 @@
 
 use egui::{Id, PointerButton, Popup, Pos2, Rect, Response, Role, Sense, Ui, WidgetInfo};
 
-use super::{
-    OverlapInput,
-    model::{Shown, Target, shown_word},
-    text,
+use super::{OverlapInput, Shown, Target, target::shown_word};
+use crate::{
+    command::{Commands, EditCommand},
+    format,
 };
-use crate::commands::Command;
 
 /// A clickable piece and where its middle is.
 pub struct Spot {
@@ -27,17 +26,17 @@ pub struct Touched {
     pub focused: Option<Target>,
 }
 
-fn toggle(target: Target) -> Command {
+fn toggle(target: Target) -> EditCommand {
     match target {
-        Target::Region(bits) => Command::ToggleRegion(bits),
-        Target::Mask(k) => Command::ToggleMask(k),
+        Target::Region(bits) => EditCommand::ToggleRegion(bits),
+        Target::Mask(k) => EditCommand::ToggleMask(k),
     }
 }
 
-fn only(target: Target) -> Command {
+fn only(target: Target) -> EditCommand {
     match target {
-        Target::Region(bits) => Command::OnlyRegion(bits),
-        Target::Mask(k) => Command::OnlyMask(k),
+        Target::Region(bits) => EditCommand::OnlyRegion(bits),
+        Target::Mask(k) => EditCommand::OnlyMask(k),
     }
 }
 
@@ -52,7 +51,7 @@ pub fn picture(
     spots: &[Spot],
     hit: impl Fn(Pos2) -> Option<Target>,
     input: &OverlapInput<'_>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Touched {
     let mut all = ui.interact(rect, id, Sense::CLICK);
     let mut focused = None;
@@ -104,7 +103,7 @@ fn menu(
     all: Response,
     hit: &impl Fn(Pos2) -> Option<Target>,
     input: &OverlapInput<'_>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Response {
     let about = id.with("menu");
     if all.secondary_clicked() {
@@ -124,7 +123,7 @@ fn menu(
             ui.separator();
         }
         if ui.button("Show all").clicked() {
-            out.push(Command::ShowAllRegions);
+            out.push(EditCommand::ShowAllRegions);
         }
     });
     all
@@ -137,8 +136,8 @@ pub fn tooltip(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
         Target::Mask(_) => format!("Mask {}", input.name(target)),
     };
     ui.strong(title);
-    ui.label(format!("{} · {} of union", text::ml(input.ml(target)), text::share(input.share(target))));
-    ui.label(format!("{} voxels", text::count(input.voxels(target))));
+    ui.label(format!("{} · {} of union", format::ml(input.ml(target)), format::percent(input.share(target))));
+    ui.label(format!("{} voxels", format::count(input.voxels(target))));
     let shown = input.shown(target);
     let how = capital(shown_word(shown));
     let why = if shown == Shown::Some { ": not all of its regions are" } else { "" };

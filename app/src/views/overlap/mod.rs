@@ -6,35 +6,54 @@
 
 mod bar;
 mod interact;
-mod model;
 mod paint;
 pub mod ring;
 mod ring_view;
 mod table;
+mod target;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
-mod text;
 mod upset;
 
 use egui::{Align, Layout, Rect, RichText, ScrollArea, Sense, Ui, pos2, vec2};
-use glioscope_core::{Regions, Selection};
+use glioscope_core::{Regions, Selection, measure::Pair};
 use glioscope_render::MaskColors;
-use serde::{Deserialize, Serialize};
 
-pub use model::{Shown, Target, mask_shown, whole_masks, with_mask_toggled};
+pub use target::Target;
 
-use crate::commands::Command;
+use super::{
+    draw,
+    pane::{Pane, Stage},
+};
+use crate::{
+    command::{Commands, EditCommand},
+    model::{OverlapMode, overlap::Shown},
+    world::jobs::Lookup,
+};
 
-/// What a click turns on or off.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum OverlapMode {
-    /// Regions: every overlap on its own.
-    #[default]
-    Regions,
-    /// Whole masks; overlaps are not considered (thesis 7.7).
-    WholeMasks,
+/// The pane of the overlap diagram.
+#[derive(Default)]
+pub struct OverlapPane;
+
+impl Pane for OverlapPane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        let input = stage.input;
+        let diagram = OverlapInput {
+            regions: &input.time_point.regions,
+            selection: &input.doc.edit.selection,
+            colors: input.colors,
+            mode: input.doc.edit.overlap_mode,
+        };
+        let pairs = match stage.results.numbers.agreement(input.time_point, stage.ask) {
+            Lookup::Ready(numbers) => numbers.pairs.as_slice(),
+            Lookup::Working(_) | Lookup::Failed(_) => &[],
+        };
+        draw::padded(ui, |ui| {
+            show(ui, &diagram, pairs, out);
+        });
+    }
 }
 
 /// What the view reads.
@@ -54,9 +73,9 @@ pub struct OverlapInput<'a> {
 const RING_MASKS: usize = 3;
 
 /// Draws the whole view (diagram, bar, tables) into the rest of `ui` and pushes what the user did
-/// to `out`. Gives the bits of the region under the cursor, in the diagram or in the table; `None`
+/// to `out`. `pairs` is how far the masks agree, as far as it is counted. Gives the bits of the region under the cursor, in the diagram or in the table; `None`
 /// where whole masks are shown.
-pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Option<u32> {
+pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Commands) -> Option<u32> {
     header(ui, input, out);
     if input.regions.union_voxels() == 0 {
         nothing(ui, input);
@@ -74,7 +93,7 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Op
             ui.allocate_ui(left, |ui| in_diagram = diagram_in(ui, left, input, marked, out));
             ui.vertical(|ui| {
                 ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-                    in_table = tables(ui, input, in_diagram, out);
+                    in_table = tables(ui, input, pairs, in_diagram, out);
                 });
             });
         });
@@ -83,7 +102,7 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Op
             let height = stacked_height(input, size);
             in_diagram = diagram_in(ui, vec2(ui.available_width(), height), input, marked, out);
             ui.add_space(4.0);
-            in_table = tables(ui, input, in_diagram, out);
+            in_table = tables(ui, input, pairs, in_diagram, out);
         });
     }
     if in_table != marked {
@@ -99,7 +118,7 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Op
 /// Only the diagram and the bar, as large as `ui` has room: for pictures. The painted area of each
 /// mask's pure colour is in proportion to the mask's size while all regions are shown. Gives the
 /// region under the cursor, as [`show`].
-pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) -> Option<u32> {
+pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) -> Option<u32> {
     if input.regions.union_voxels() == 0 {
         nothing(ui, input);
         return None;
@@ -130,7 +149,7 @@ fn side_by_side(input: &OverlapInput<'_>, size: egui::Vec2) -> bool {
     if is_ring(input) { size.x >= 420.0 && size.x > 1.1 * size.y } else { size.x >= 860.0 }
 }
 
-fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) {
+fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) {
     ui.horizontal(|ui| {
         for (mode, name, hint) in [
             (OverlapMode::Regions, "Overlaps", "Show and select each overlap of the masks on its own"),
@@ -139,14 +158,14 @@ fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Vec<Command>) {
             if ui.selectable_label(input.mode == mode, name).on_hover_text(hint).clicked()
                 && input.mode != mode
             {
-                out.push(Command::SetOverlapMode(mode));
+                out.push(EditCommand::SetOverlapMode(mode));
             }
         }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let hidden = input.regions.list().iter().filter(|r| !input.selection.shows(r.bits)).count();
             let button = ui.add_enabled(hidden > 0, egui::Button::new("Show all"));
             if button.clicked() {
-                out.push(Command::ShowAllRegions);
+                out.push(EditCommand::ShowAllRegions);
             }
             if hidden > 0 {
                 let all = input.regions.list().len();
@@ -173,12 +192,13 @@ fn nothing(ui: &mut Ui, input: &OverlapInput<'_>) {
 fn tables(
     ui: &mut Ui,
     input: &OverlapInput<'_>,
+    pairs: &[Pair],
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Option<Target> {
     let hovered = table::regions(ui, input, marked, out);
     ui.add_space(10.0);
-    table::agreement(ui, input);
+    table::agreement(ui, pairs);
     hovered
 }
 
@@ -188,7 +208,7 @@ fn diagram_in(
     size: egui::Vec2,
     input: &OverlapInput<'_>,
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Option<Target> {
     let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
     let id = ui.scope_id().with("overlap diagram");

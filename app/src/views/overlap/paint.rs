@@ -7,7 +7,7 @@ use egui::{
 };
 use glioscope_render::Rgb;
 
-use super::{model::Shown, ring};
+use super::{Shown, ring};
 
 /// Width of the border around what is shown, points.
 pub const BORDER_PT: f32 = 1.7;

@@ -11,7 +11,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::model::Target;
+use super::Target;
 
 /// Width of a gap, in points: between layers, and between segments where the ring is narrowest.
 pub const GAP_PT: f64 = 3.4;

@@ -3,14 +3,12 @@
 use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Shape, Stroke, TextStyle, Ui, epaint::Mesh, pos2, vec2};
 
 use super::{
-    OverlapInput,
+    OverlapInput, Shown, Target,
     interact::{self, Spot, Touched},
-    model::{Shown, Target},
     paint::{self, Style},
     ring::{GAP_PT, Piece, RingLayout, Segment, point},
-    text,
 };
-use crate::commands::Command;
+use crate::{command::Commands, format};
 
 /// Room for labels beside, above and below the ring, points.
 const LABEL_ROOM: [f32; 2] = [44.0, 20.0];
@@ -24,7 +22,7 @@ pub fn show(
     pieces: &[Piece],
     input: &OverlapInput<'_>,
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Touched {
     let (layout, center) = &fit(pieces, rect);
     let center = *center;
@@ -213,7 +211,7 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
     let mut order: Vec<&Segment> = layout.segments.iter().collect();
     order.sort_by_key(|s| std::cmp::Reverse(s.piece.voxels));
     for s in order {
-        let words = format!("{}\n{}", input.title(s.piece.target), text::ml(input.ml(s.piece.target)));
+        let words = format!("{}\n{}", input.title(s.piece.target), format::ml(input.ml(s.piece.target)));
         let color = label_color(ui, input.look(s.piece.target));
         let galley = ui.painter().layout_no_wrap(words, font.clone(), color);
         let place = [0.5, 0.35, 0.65, 0.2, 0.8].into_iter().find_map(|t| {
@@ -229,7 +227,7 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
     }
     if let Some(d) = &layout.disc {
         let name = input.name(d.piece.target);
-        let line = format!("middle: {name}, {}", text::ml(input.ml(d.piece.target)));
+        let line = format!("middle: {name}, {}", format::ml(input.ml(d.piece.target)));
         let at = pos2(rect.left() + 2.0, rect.bottom() - 1.0);
         let galley = ui.painter().layout_no_wrap(line, font, label_color(ui, input.look(d.piece.target)));
         let place = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());

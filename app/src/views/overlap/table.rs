@@ -2,15 +2,13 @@
 
 use egui::{Align, Checkbox, Layout, RichText, Sense, Ui, vec2};
 use egui_extras::{Column, TableBuilder};
-use glioscope_core::measure;
+use glioscope_core::measure::{PAIR_METRICS, Pair};
 
-use super::{
-    OverlapInput, OverlapMode,
-    model::{Shown, Target},
-    paint::dim_text,
-    text,
+use super::{OverlapInput, OverlapMode, Shown, Target, paint::dim_text};
+use crate::{
+    command::{Commands, EditCommand},
+    format,
 };
-use crate::commands::Command;
 
 const ROW: f32 = 19.0;
 
@@ -35,7 +33,7 @@ pub fn regions(
     ui: &mut Ui,
     input: &OverlapInput<'_>,
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Option<Target> {
     let with_voxels = ui.available_width() > 300.0;
     let rows = rows(input);
@@ -86,10 +84,10 @@ pub fn regions(
                         ui.label(if hidden { words.color(dim_text(ui)) } else { words });
                     });
                 };
-                number(text::ml(input.ml(target)));
-                number(text::share(input.share(target)));
+                number(format::ml(input.ml(target)));
+                number(format::percent(input.share(target)));
                 if with_voxels {
-                    number(text::count(input.voxels(target)));
+                    number(format::count(input.voxels(target)));
                 }
                 if row.response().contains_pointer() {
                     hovered = Some(target);
@@ -103,14 +101,14 @@ pub fn regions(
                 });
             });
             row.col(|ui| {
-                ui.strong(text::ml(input.regions.union_ml()));
+                ui.strong(format::ml(input.regions.union_ml()));
             });
             row.col(|ui| {
-                ui.strong(text::share(if input.regions.union_voxels() > 0 { 1.0 } else { 0.0 }));
+                ui.strong(format::percent(if input.regions.union_voxels() > 0 { 1.0 } else { 0.0 }));
             });
             if with_voxels {
                 row.col(|ui| {
-                    ui.strong(text::count(input.regions.union_voxels()));
+                    ui.strong(format::count(input.regions.union_voxels()));
                 });
             }
         });
@@ -118,7 +116,7 @@ pub fn regions(
     hovered
 }
 
-fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Vec<Command>) {
+fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Commands) {
     let shown = input.look(target);
     let mut on = shown == Shown::All;
     ui.spacing_mut().item_spacing.x = 4.0;
@@ -130,8 +128,8 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Ve
     });
     if response.changed() {
         out.push(match target {
-            Target::Region(bits) => Command::SetRegion(bits, on),
-            Target::Mask(k) => Command::ToggleMask(k),
+            Target::Region(bits) => EditCommand::SetRegion(bits, on),
+            Target::Mask(k) => EditCommand::ToggleMask(k),
         });
     }
     swatch(ui, input, target);
@@ -144,8 +142,8 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Ve
     );
     if label.double_clicked() {
         out.push(match target {
-            Target::Region(bits) => Command::OnlyRegion(bits),
-            Target::Mask(k) => Command::OnlyMask(k),
+            Target::Region(bits) => EditCommand::OnlyRegion(bits),
+            Target::Mask(k) => EditCommand::OnlyMask(k),
         });
     }
     label.on_hover_text(format!("{name}. Double-click: only this."));
@@ -178,47 +176,51 @@ fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
     painter.rect_stroke(rect, 2.0, egui::Stroke::new(1.0, border), egui::StrokeKind::Outside);
 }
 
-/// Dice and Jaccard of every pair of masks; nothing with fewer than two.
-pub fn agreement(ui: &mut Ui, input: &OverlapInput<'_>) {
-    let pairs = measure::pairs(input.regions);
+/// Every metric of every pair of masks; nothing with fewer than two.
+pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
     if pairs.is_empty() {
         return;
     }
-    TableBuilder::new(ui)
+    let left = |ui: &mut Ui, add: &mut dyn FnMut(&mut Ui)| {
+        ui.with_layout(Layout::left_to_right(Align::Center), |ui| add(ui));
+    };
+    let mut builder = TableBuilder::new(ui)
         .id_salt("agreement")
         .vscroll(false)
         .striped(true)
         .cell_layout(Layout::right_to_left(Align::Center))
-        .column(Column::remainder().at_least(60.0).clip(true))
-        .column(Column::exact(42.0))
-        .column(Column::exact(56.0))
+        .column(Column::remainder().at_least(60.0).clip(true));
+    for metric in PAIR_METRICS {
+        // As wide as its name or its values, whichever is longer.
+        let letters = metric.name.len().max(metric.print(Some(1.0), 0).len()) as f32;
+        builder = builder.column(Column::exact(7.0 + 7.0 * letters));
+    }
+    builder
         .header(ROW, |mut row| {
             row.col(|ui| {
-                ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                left(ui, &mut |ui| {
                     ui.strong("Agreement");
                 });
             });
-            row.col(|ui| {
-                ui.strong("Dice").on_hover_text("2|A∩B| / (|A|+|B|), 0 to 1; 1 for two empty masks");
-            });
-            row.col(|ui| {
-                ui.strong("Jaccard").on_hover_text("|A∩B| / |A∪B|, 0 to 1; 1 for two empty masks");
-            });
+            for metric in PAIR_METRICS {
+                row.col(|ui| {
+                    ui.strong(metric.name).on_hover_text(metric.definition);
+                });
+            }
         })
         .body(|mut body| {
             for pair in pairs {
                 body.row(ROW, |mut row| {
                     row.col(|ui| {
-                        ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                        left(ui, &mut |ui| {
                             ui.add(egui::Label::new(format!("{} – {}", pair.a, pair.b)).truncate());
                         });
                     });
-                    row.col(|ui| {
-                        ui.label(format!("{:.3}", pair.dice));
-                    });
-                    row.col(|ui| {
-                        ui.label(format!("{:.3}", pair.jaccard));
-                    });
+                    for (metric, value) in pair.metrics() {
+                        row.col(|ui| {
+                            ui.label(metric.print(value, 0));
+                        });
+                    }
                 });
             }
         });

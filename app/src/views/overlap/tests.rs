@@ -11,16 +11,19 @@ use glioscope_core::{Regions, Selection};
 use glioscope_render::{MaskColors, Palette};
 
 use super::{OverlapInput, OverlapMode, show, show_diagram, testing::regions};
-use crate::commands::Command;
+use crate::{
+    command::{Command, Commands, EditCommand},
+    model::overlap::whole_masks,
+};
 
 /// The commands sent, and the region under the cursor in the last frame.
 #[derive(Default)]
-struct Told {
-    commands: Vec<Command>,
+struct Events {
+    commands: Vec<EditCommand>,
     hovered: Option<u32>,
 }
 
-type Sent = Rc<RefCell<Told>>;
+type Sent = Rc<RefCell<Events>>;
 
 struct Setup {
     regions: Regions,
@@ -63,9 +66,18 @@ impl Setup {
                     colors: &colors,
                     mode: self.mode,
                 };
-                let draw = if self.only_diagram { show_diagram } else { show };
-                let told = &mut *out.borrow_mut();
-                told.hovered = draw(ui, &input, &mut told.commands);
+                let mut new = Commands::default();
+                let hovered = if self.only_diagram {
+                    show_diagram(ui, &input, &mut new)
+                } else {
+                    show(ui, &input, &[], &mut new)
+                };
+                let events = &mut *out.borrow_mut();
+                events.hovered = hovered;
+                for command in new.into_vec() {
+                    let Command::Edit(command) = command else { panic!("{command:?}") };
+                    events.commands.push(command);
+                }
             });
         (harness, sent)
     }
@@ -243,7 +255,7 @@ fn a_click_toggles_the_segment_under_it() {
         h.run();
         assert_eq!(
             sent.borrow_mut().commands.drain(..).collect::<Vec<_>>(),
-            [Command::ToggleRegion(bits)],
+            [EditCommand::ToggleRegion(bits)],
             "{label}"
         );
         // Long enough that the next is not a double-click.
@@ -251,7 +263,7 @@ fn a_click_toggles_the_segment_under_it() {
     }
     h.get_by_label("Mask T2, 26.42 ml, 80.4 % of union, shown").click();
     h.run();
-    assert_eq!(sent.borrow().commands, [Command::ToggleMask(1)]);
+    assert_eq!(sent.borrow().commands, [EditCommand::ToggleMask(1)]);
     // Outside of everything nothing happens.
     sent.borrow_mut().commands.clear();
     h.hover_at(pos2(20.0, 60.0));
@@ -268,12 +280,12 @@ fn a_double_click_ends_with_only_this_one() {
     h.get_by_label(SPOKEN[2]).click();
     h.get_by_label(SPOKEN[2]).click();
     h.run();
-    assert_eq!(sent.borrow().commands, [Command::ToggleRegion(3), Command::OnlyRegion(3)]);
+    assert_eq!(sent.borrow().commands, [EditCommand::ToggleRegion(3), EditCommand::OnlyRegion(3)]);
     sent.borrow_mut().commands.clear();
     h.run_steps(30);
     h.get_by_label(SPOKEN[6]).click_modifiers(egui::Modifiers::SHIFT);
     h.run();
-    assert_eq!(sent.borrow().commands, [Command::OnlyRegion(7)]);
+    assert_eq!(sent.borrow().commands, [EditCommand::OnlyRegion(7)]);
 }
 
 #[test]
@@ -286,7 +298,7 @@ fn keyboard_and_screen_reader_toggle_too() {
     h.run();
     h.get_by_label(SPOKEN[5]).click_accesskit();
     h.run();
-    assert_eq!(sent.borrow().commands, [Command::ToggleRegion(5), Command::ToggleRegion(6)]);
+    assert_eq!(sent.borrow().commands, [EditCommand::ToggleRegion(5), EditCommand::ToggleRegion(6)]);
     // Tab reaches every segment.
     let mut reached = std::collections::BTreeSet::<&str>::new();
     for _ in 0..40 {
@@ -332,10 +344,10 @@ fn the_table_says_what_is_shown_and_sets_it() {
     assert_eq!(
         sent.borrow().commands,
         [
-            Command::SetRegion(2, true),
-            Command::SetRegion(5, false),
-            Command::ShowAllRegions,
-            Command::SetOverlapMode(OverlapMode::WholeMasks)
+            EditCommand::SetRegion(2, true),
+            EditCommand::SetRegion(5, false),
+            EditCommand::ShowAllRegions,
+            EditCommand::SetOverlapMode(OverlapMode::WholeMasks)
         ]
     );
     // 2 * 8700 / (13850 + 26420), 5850 / (13850 + 9570 - 5850).
@@ -346,7 +358,7 @@ fn the_table_says_what_is_shown_and_sets_it() {
 fn whole_masks_click_whole_masks() {
     let mut setup = Setup::new(three());
     setup.mode = OverlapMode::WholeMasks;
-    setup.selection = super::whole_masks(&three(), 0b011);
+    setup.selection = whole_masks(&three(), 0b011);
     let (mut h, sent) = setup.harness();
     h.run();
     keep("whole_3_dark_small", &mut h);
@@ -362,7 +374,7 @@ fn whole_masks_click_whole_masks() {
     h.run();
     assert_eq!(
         sent.borrow().commands,
-        [Command::ToggleMask(1), Command::ToggleMask(2), Command::OnlyMask(2)]
+        [EditCommand::ToggleMask(1), EditCommand::ToggleMask(2), EditCommand::OnlyMask(2)]
     );
     assert_eq!(sent.borrow().hovered, None);
 }
@@ -389,7 +401,10 @@ fn five_masks_click_in_the_upset_plot() {
         h.get_by_label(label).click();
         h.run();
         h.run_steps(30);
-        assert_eq!(sent.borrow_mut().commands.drain(..).collect::<Vec<_>>(), [Command::ToggleRegion(bits)]);
+        assert_eq!(
+            sent.borrow_mut().commands.drain(..).collect::<Vec<_>>(),
+            [EditCommand::ToggleRegion(bits)]
+        );
     }
     // The whole column is the surface: a dot toggles as the check box does.
     let dot: Pos2 = middle(&h, labels[3].1) + vec2(0.0, 40.0);
@@ -400,13 +415,13 @@ fn five_masks_click_in_the_upset_plot() {
     }
     h.hover_at(dot);
     h.run();
-    assert_eq!(sent.borrow().commands, [Command::ToggleRegion(9), Command::OnlyRegion(9)]);
+    assert_eq!(sent.borrow().commands, [EditCommand::ToggleRegion(9), EditCommand::OnlyRegion(9)]);
     assert_eq!(sent.borrow().hovered, Some(9));
     sent.borrow_mut().commands.clear();
     h.run_steps(30);
     h.get_by_label("Mask R5, 1.20 ml, 50.0 % of union, shown").click();
     h.run();
-    assert_eq!(sent.borrow().commands, [Command::ToggleMask(4)]);
+    assert_eq!(sent.borrow().commands, [EditCommand::ToggleMask(4)]);
 }
 
 #[test]
@@ -431,7 +446,7 @@ fn one_mask_and_the_context_menu() {
     keep("menu_dark_small", &mut h);
     h.get_by_label("Show only T1").click();
     h.run();
-    assert_eq!(sent.borrow().commands, [Command::OnlyRegion(1)]);
+    assert_eq!(sent.borrow().commands, [EditCommand::OnlyRegion(1)]);
 }
 
 #[test]

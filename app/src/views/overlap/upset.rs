@@ -8,13 +8,11 @@ use egui::{TextStyle, Ui, epaint::TextShape, pos2, vec2};
 use glioscope_core::Region;
 
 use super::{
-    OverlapInput,
+    OverlapInput, Shown, Target,
     interact::{self, Spot, Touched},
-    model::{Shown, Target},
     paint::{Style, dim_text},
-    text,
 };
-use crate::commands::Command;
+use crate::{command::Commands, format};
 
 /// Least height of a mask's row, points: its name and its bar.
 const ROW_PT: f32 = 19.0;
@@ -73,7 +71,7 @@ pub fn show(
     rect: Rect,
     input: &OverlapInput<'_>,
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Option<Target> {
     let masks = input.regions.mask_ids().len();
     let mut regions: Vec<&Region> = input.regions.list().iter().collect();
@@ -100,7 +98,7 @@ pub fn show(
 fn summary(ui: &Ui, frame: &Frame, input: &OverlapInput<'_>) {
     let regions = input.regions.list().len();
     let lines = [
-        format!("Union {}", text::ml(input.regions.union_ml())),
+        format!("Union {}", format::ml(input.regions.union_ml())),
         format!("{regions} regions of {} masks", input.regions.mask_ids().len()),
         "Bars: size of a region".to_owned(),
         "Dots: its masks".to_owned(),
@@ -127,7 +125,7 @@ fn mask_rows(
     input: &OverlapInput<'_>,
     style: &Style,
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Touched {
     let count = input.regions.mask_ids().len();
     let place = |k: usize| frame.row_rect(k, frame.rect.left(), frame.rect.left() + frame.left);
@@ -146,7 +144,7 @@ fn mask_rows(
         let size = painter.text(
             rect.right_top(),
             Align2::RIGHT_TOP,
-            text::ml(input.ml(spot.target)),
+            format::ml(input.ml(spot.target)),
             font.clone(),
             color,
         );
@@ -181,7 +179,7 @@ fn columns(
     input: &OverlapInput<'_>,
     style: &Style,
     marked: Option<Target>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Touched {
     let size = vec2(frame.column * regions.len() as f32, frame.rect.height() - SCROLL_PT);
     let (area, _) = ui.allocate_exact_size(size, Sense::hover());
@@ -246,7 +244,7 @@ fn bar(
     let border = if is_marked { Stroke::new(2.0, style.marked.color) } else { style.border(shown) };
     painter.rect_stroke(rect, CornerRadius::ZERO, border, StrokeKind::Outside);
     let color = if shown == Shown::None { dim_text(ui) } else { ui.visuals().text_color() };
-    let galley = painter.layout_no_wrap(text::ml(region.volume_ml), small(ui), color);
+    let galley = painter.layout_no_wrap(format::ml(region.volume_ml), small(ui), color);
     let at = pos2(middle - galley.size().y / 2.0, rect.top() - 5.0);
     painter.add(TextShape::new(at, galley, color).with_angle(-std::f32::consts::FRAC_PI_2));
 }

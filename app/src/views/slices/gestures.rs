@@ -1,53 +1,114 @@
 //! What mouse and keys do on a slice.
 
-use egui::{Event, Id, Key, MouseWheelUnit, PointerButton, Response, Ui};
+use egui::{Event, Key, MouseWheelUnit, PointerButton, Pos2, Response, Ui};
 use glam::DVec2;
-use glioscope_render::slices::Plane;
+use glioscope_render::flat::Plane;
 
-use super::{Layout, ViewContext, window_of};
-use crate::commands::Command;
+use super::{Input, Layout};
+use crate::command::{Commands, EditCommand, LookCommand};
 
 /// Touchpad points that count as one notch of a wheel.
-const POINTS_A_NOTCH: f32 = 40.0;
+const POINTS_PER_NOTCH: f32 = 40.0;
 /// Most and least magnification, millimetres a point.
 const ZOOM_RANGE: (f64, f64) = (0.002, 20.0);
 
-/// Turns what the user did into commands.
-pub(super) fn interact(
-    ui: &Ui,
-    view: &ViewContext<'_>,
-    layout: &Layout,
-    response: &Response,
-    memory: Id,
-    out: &mut Vec<Command>,
-) {
-    let shift = ui.input(|i| i.modifiers.shift);
-    if response.double_clicked() {
-        out.push(Command::ResetSlices);
-        return;
+/// What gestures remember between frames.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    /// Where the pointer last hovered.
+    hovered: Option<Pos2>,
+    /// Part of a notch that was scrolled and not yet used.
+    scrolled: f32,
+}
+
+impl Memory {
+    /// Turns what the user did into commands.
+    pub(super) fn interact(
+        &mut self,
+        ui: &Ui,
+        input: &Input<'_>,
+        layout: &Layout,
+        response: &Response,
+        out: &mut Commands,
+    ) {
+        let shift = ui.input(|i| i.modifiers.shift);
+        if response.double_clicked() {
+            out.push(LookCommand::ResetSlices);
+            return;
+        }
+        if !input.doc.nav.ruler_on {
+            crosshair(ui, input, layout, response, shift, out);
+        }
+        self.follow(ui, input, layout, response, out);
+        if response.dragged_by(PointerButton::Secondary) {
+            drag_window(input, response, out);
+        }
+        pan(ui, input, layout, response, out);
+        if response.hovered() {
+            self.scroll(ui, input, layout, out);
+            zoom(ui, input, layout, response, out);
+        }
+        keys(ui, input, layout, response, out);
     }
-    if !view.doc.nav.ruler_on {
-        crosshair(ui, view, layout, response, shift, out);
+
+    /// The crosshair follows a pointer that moves over the slice, within its plane. Not while something is
+    /// pressed or turned: what is dragged or scrolled would jump.
+    fn follow(
+        &mut self,
+        ui: &Ui,
+        input: &Input<'_>,
+        layout: &Layout,
+        response: &Response,
+        out: &mut Commands,
+    ) {
+        let pointer = response.hover_pos();
+        let before = std::mem::replace(&mut self.hovered, pointer);
+        let busy = ui.input(|i| {
+            i.pointer.any_down() || i.smooth_scroll_delta() != egui::Vec2::ZERO || i.zoom_delta() != 1.0
+        });
+        let Some(pos) = pointer.filter(|_| pointer != before && !busy && input.doc.nav.follow_pointer) else {
+            return;
+        };
+        let place = layout.world_at(pos);
+        if place != input.doc.nav.cursor_mm {
+            out.push(LookCommand::SetCursor(place));
+        }
     }
-    follow(ui, view, layout, response, memory, out);
-    if response.dragged_by(PointerButton::Secondary) {
-        drag_window(view, response, out);
+
+    fn scroll(&mut self, ui: &Ui, input: &Input<'_>, layout: &Layout, out: &mut Commands) {
+        // Raw events rather than the smoothed sum: a notch is one slice, at once.
+        let notches: f32 = ui.input(|i| {
+            let zooming = |m: &egui::Modifiers| m.ctrl || m.command;
+            let wheel = |event: &Event| match event {
+                Event::MouseWheel { unit, delta, modifiers, .. } if !zooming(modifiers) => Some(match unit {
+                    MouseWheelUnit::Point => delta.y / POINTS_PER_NOTCH,
+                    MouseWheelUnit::Line => delta.y,
+                    MouseWheelUnit::Page => delta.y * 10.0,
+                }),
+                _ => None,
+            };
+            i.events.iter().filter_map(wheel).sum()
+        });
+        if notches == 0.0 {
+            return;
+        }
+        // Touchpads move by parts of a notch: what is left over waits for the next event.
+        let sum = notches + self.scrolled;
+        let whole = sum.trunc();
+        self.scrolled = sum - whole;
+        if whole != 0.0 {
+            step(input, layout, layout.slice.plane, f64::from(whole), out);
+        }
     }
-    pan(ui, view, layout, response, out);
-    if response.hovered() {
-        scroll(ui, view, layout, memory, out);
-        zoom(ui, view, layout, response, out);
-    }
-    keys(ui, view, layout, response, out);
 }
 
 fn crosshair(
     ui: &Ui,
-    view: &ViewContext<'_>,
+    input: &Input<'_>,
     layout: &Layout,
     response: &Response,
     shift: bool,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) {
     let primary_down = ui.input(|i| i.pointer.primary_down());
     let held = response.is_pointer_button_down_on() && primary_down;
@@ -56,41 +117,13 @@ fn crosshair(
     }
     let Some(pos) = response.interact_pointer_pos() else { return };
     let place = layout.world_at(pos.clamp(layout.rect.min, layout.rect.max));
-    if place != view.doc.nav.cursor_mm {
-        out.push(Command::SetCursor(place));
-    }
-}
-
-/// The crosshair follows a pointer that moves over the slice, within its plane. Not while something is
-/// pressed or turned: what is dragged or scrolled would jump.
-fn follow(
-    ui: &Ui,
-    view: &ViewContext<'_>,
-    layout: &Layout,
-    response: &Response,
-    memory: Id,
-    out: &mut Vec<Command>,
-) {
-    let id = memory.with(egui::IdSalt::new("hovered"));
-    let before: Option<egui::Pos2> = ui.data(|data| data.get_temp(id)).flatten();
-    let pointer = response.hover_pos();
-    if pointer != before {
-        ui.data_mut(|data| data.insert_temp(id, pointer));
-    }
-    let busy = ui.input(|i| {
-        i.pointer.any_down() || i.smooth_scroll_delta() != egui::Vec2::ZERO || i.zoom_delta() != 1.0
-    });
-    let Some(pos) = pointer.filter(|_| pointer != before && !busy && view.doc.nav.follow_pointer) else {
-        return;
-    };
-    let place = layout.world_at(pos);
-    if place != view.doc.nav.cursor_mm {
-        out.push(Command::SetCursor(place));
+    if place != input.doc.nav.cursor_mm {
+        out.push(LookCommand::SetCursor(place));
     }
 }
 
 /// Middle button, or shift and the primary one.
-fn pan(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, out: &mut Vec<Command>) {
+fn pan(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     // From the press on, not from where egui calls it a drag: what was grabbed stays under the pointer.
     let moved = ui.input(|i| {
         let grabbed = i.pointer.button_down(PointerButton::Middle)
@@ -100,62 +133,35 @@ fn pan(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, ou
     if moved != egui::Vec2::ZERO {
         let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y)) * layout.mm_per_point();
         let plane = layout.slice.plane;
-        out.push(Command::SetPan(plane, view.doc.nav.pan_mm[plane as usize] - moved));
+        out.push(LookCommand::SetPan(plane, input.doc.nav.pan_mm[plane as usize] - moved));
     }
 }
 
-fn drag_window(view: &ViewContext<'_>, response: &Response, out: &mut Vec<Command>) {
-    let Some((id, image)) = view.context else { return };
+fn drag_window(input: &Input<'_>, response: &Response, out: &mut Commands) {
+    let Some((id, image)) = input.context else { return };
     let Some(range) = image.histogram().range() else { return };
     let drag = response.drag_delta();
     if drag != egui::Vec2::ZERO {
-        let window = window_of(view, id, image).drag(f64::from(drag.x), f64::from(drag.y), range);
-        out.push(Command::SetWindow(id.to_owned(), window));
+        let window = input.doc.window_of(id, image).drag(f64::from(drag.x), f64::from(drag.y), range);
+        out.push(EditCommand::SetWindow(id.to_owned(), window));
     }
 }
 
 /// Moves the crosshair by whole slices along the normal, no further than the outermost.
-fn step(view: &ViewContext<'_>, layout: &Layout, plane: Plane, slices: f64, out: &mut Vec<Command>) {
-    let grid = view.context.map_or(&view.case.grid, |(_, image)| image.volume().grid());
+fn step(input: &Input<'_>, layout: &Layout, plane: Plane, slices: f64, out: &mut Commands) {
+    let grid = input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid());
     let step_mm = plane.step_mm(grid);
     let axis = plane.axis();
     let (lo, hi) = (layout.bounds_mm.0[axis] + step_mm / 2.0, layout.bounds_mm.1[axis] - step_mm / 2.0);
-    let mut cursor_mm = view.doc.nav.cursor_mm;
+    let mut cursor_mm = input.doc.nav.cursor_mm;
     cursor_mm[axis] = (cursor_mm[axis] + slices * step_mm).clamp(lo.min(hi), hi.max(lo));
-    if cursor_mm != view.doc.nav.cursor_mm {
-        out.push(Command::SetCursor(cursor_mm));
-    }
-}
-
-fn scroll(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id, out: &mut Vec<Command>) {
-    // Raw events rather than the smoothed sum: a notch is one slice, at once.
-    let notches: f32 = ui.input(|i| {
-        let zooming = |m: &egui::Modifiers| m.ctrl || m.command;
-        let wheel = |event: &Event| match event {
-            Event::MouseWheel { unit, delta, modifiers, .. } if !zooming(modifiers) => Some(match unit {
-                MouseWheelUnit::Point => delta.y / POINTS_A_NOTCH,
-                MouseWheelUnit::Line => delta.y,
-                MouseWheelUnit::Page => delta.y * 10.0,
-            }),
-            _ => None,
-        };
-        i.events.iter().filter_map(wheel).sum()
-    });
-    if notches == 0.0 {
-        return;
-    }
-    // Touchpads move by parts of a notch: what is left over waits for the next event.
-    let rest = memory.with(egui::IdSalt::new("scrolled"));
-    let sum = notches + ui.data(|data| data.get_temp::<f32>(rest)).unwrap_or(0.0);
-    let whole = sum.trunc();
-    ui.data_mut(|data| data.insert_temp(rest, sum - whole));
-    if whole != 0.0 {
-        step(view, layout, layout.slice.plane, f64::from(whole), out);
+    if cursor_mm != input.doc.nav.cursor_mm {
+        out.push(LookCommand::SetCursor(cursor_mm));
     }
 }
 
 /// Zooms about the pointer: what is under it stays there.
-fn zoom(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, out: &mut Vec<Command>) {
+fn zoom(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     let factor = f64::from(ui.input(egui::InputState::zoom_delta));
     let Some(pos) = response.hover_pos() else { return };
     if factor == 1.0 || factor <= 0.0 || factor.is_nan() {
@@ -166,12 +172,15 @@ fn zoom(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, o
     let from_middle = pos - layout.rect.center();
     let from_middle = DVec2::new(f64::from(from_middle.x), f64::from(from_middle.y));
     let plane = layout.slice.plane;
-    out.push(Command::SetZoom(Some(after)));
-    out.push(Command::SetPan(plane, view.doc.nav.pan_mm[plane as usize] + from_middle * (before - after)));
+    out.push(LookCommand::SetSliceZoom(Some(after)));
+    out.push(LookCommand::SetPan(
+        plane,
+        input.doc.nav.pan_mm[plane as usize] + from_middle * (before - after),
+    ));
 }
 
 /// Page keys go through the slices; arrows move the crosshair in the plane, by one voxel.
-fn keys(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, out: &mut Vec<Command>) {
+fn keys(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     if response.has_focus() {
         let filter =
             egui::EventFilter { horizontal_arrows: true, vertical_arrows: true, ..Default::default() };
@@ -182,7 +191,7 @@ fn keys(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, o
     let presses = |key: Key| ui.input(|i| if i.modifiers.any() { 0 } else { i.num_presses(key) }) as f64;
     let slices = presses(Key::PageUp) - presses(Key::PageDown);
     if slices != 0.0 {
-        step(view, layout, layout.slice.plane, slices, out);
+        step(input, layout, layout.slice.plane, slices, out);
     }
     for (direction, forwards, backwards) in [
         (layout.slice.right(), Key::ArrowRight, Key::ArrowLeft),
@@ -193,7 +202,7 @@ fn keys(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, response: &Response, o
             let along = |plane: &Plane| plane.normal().dot(direction) != 0.0;
             if let Some(plane) = Plane::ALL.into_iter().find(along) {
                 let sign = plane.normal().dot(direction);
-                step(view, layout, plane, moved * sign, out);
+                step(input, layout, plane, moved * sign, out);
             }
         }
     }

@@ -8,11 +8,11 @@ use egui::{Align2, Color32, FontId, Galley, Painter, Pos2, Stroke, Ui, pos2, vec
 use glioscope_render::{Coloring, agreement_color};
 
 use super::{
-    Layout, ViewContext, grid_shown,
+    Input, Layout, grid_shown,
     ruler::{self, Draft, Look},
-    sides_known, window_of,
+    sides_known,
 };
-use crate::format;
+use crate::{format, views::draw};
 
 const HALO: Color32 = Color32::from_black_alpha(200);
 const INK: Color32 = Color32::WHITE;
@@ -24,10 +24,10 @@ const GAP: f32 = 9.0;
 const MARGIN: f32 = 7.0;
 
 /// Draws all of it.
-pub(super) fn draw(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, readout: &str, not_finite_pixels: u64) {
+pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, not_finite_pixels: u64) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
-    crosshair(&painter, layout, layout.pos_of(view.doc.nav.cursor_mm));
-    if let Some(lens) = view.doc.active_lens()
+    crosshair(&painter, layout, layout.pos_of(input.doc.nav.cursor_mm));
+    if let Some(lens) = input.doc.active_lens()
         && let Some((middle, radius_px)) = layout.slice.lens_circle(&lens)
     {
         let radius = (radius_px.min(1e6) as f32) / layout.pixels_per_point;
@@ -35,28 +35,28 @@ pub(super) fn draw(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, readout: &s
         painter.circle_stroke(middle, radius, Stroke::new(3.5, Color32::from_black_alpha(110)));
         painter.circle_stroke(middle, radius, Stroke::new(1.75, LENS));
     }
-    let known = sides_known(view);
-    let title_height = title(&painter, view, layout, known, not_finite_pixels);
+    let known = sides_known(input);
+    let title_height = title(&painter, input, layout, known, not_finite_pixels);
     let readout_height = bottom_line(&painter, layout, readout);
     if known {
         letters(&painter, layout, title_height, readout_height);
     }
     scale_bar(&painter, layout, readout_height);
-    if view.colors.coloring() == Coloring::Agreement {
-        agreement(&painter, layout, view.colors.mask_count(), readout_height);
+    if input.colors.coloring() == Coloring::Agreement {
+        agreement(&painter, layout, input.colors.mask_count(), readout_height);
     }
 }
 
 /// Lines measured: solid where both ends lie in this slice, half its thickness to either side; faint and
 /// dashed where they don't.
-pub(super) fn rulers(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, draft: Option<Draft>) {
+pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<Draft>) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
-    let half_mm = layout.slice.plane.step_mm(grid_shown(view)) / 2.0;
-    for (_, ruler) in view.doc.rulers_shown() {
+    let half_mm = layout.slice.plane.step_mm(grid_shown(input)) / 2.0;
+    for (_, ruler) in input.doc.rulers_shown() {
         let ends_mm = [ruler.from_mm, ruler.to_mm];
         let here = ends_mm.iter().all(|&end| layout.slice.distance_mm(end).abs() <= half_mm);
         let look = if here { Look::Solid } else { Look::Faint };
-        let text = ruler::length_text(ruler.length_mm());
+        let text = format::length_mm(ruler.length_mm());
         ruler::line(&painter, ends_mm.map(|end| layout.pos_of(end)), look, &text);
     }
     if let Some(Draft { from_mm, to_mm: Some(to_mm) }) = draft {
@@ -69,18 +69,12 @@ fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f
     let mut at = layout.rect.left_bottom() + vec2(MARGIN + 1.0, -readout_height - 20.0);
     let step = (layout.rect.width() * 0.5 / masks.max(1) as f32).min(17.0);
     for level in 1..=masks as u32 {
-        let [r, g, b] = agreement_color(level, masks);
+        let color = agreement_color(level, masks);
         let square = egui::Rect::from_min_size(at, vec2(step - 1.0, 15.0));
-        painter.rect(
-            square,
-            1.0,
-            Color32::from_rgb(r, g, b),
-            Stroke::new(1.0, HALO),
-            egui::StrokeKind::Outside,
-        );
+        painter.rect(square, 1.0, draw::color(color), Stroke::new(1.0, HALO), egui::StrokeKind::Outside);
         if step >= 12.0 {
             // Dark on the light half of the ramp.
-            let ink = if g > 140 { Color32::BLACK } else { INK };
+            let ink = if color[1] > 140 { Color32::BLACK } else { INK };
             let font = FontId::proportional(11.0);
             painter.text(square.center(), Align2::CENTER_CENTER, level.to_string(), font, ink);
         }
@@ -133,13 +127,7 @@ fn haloed(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>, ink:
 }
 
 /// Plane, position and window at the top; returns the height they take.
-fn title(
-    painter: &Painter,
-    view: &ViewContext<'_>,
-    layout: &Layout,
-    known: bool,
-    not_finite_pixels: u64,
-) -> f32 {
+fn title(painter: &Painter, input: &Input<'_>, layout: &Layout, known: bool, not_finite_pixels: u64) -> f32 {
     let rect = layout.rect;
     let mut at = rect.left_top() + vec2(MARGIN, MARGIN - 2.0);
     let name = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(known));
@@ -152,9 +140,9 @@ fn title(
         let words = format!("NaN or infinite: {not_finite_pixels} pixels");
         at.y += text(painter, at, Align2::LEFT_TOP, &words, 11.0, WARNING);
     }
-    let words = match view.context {
+    let words = match input.context {
         Some((id, image)) => {
-            let window = window_of(view, id, image);
+            let window = input.doc.window_of(id, image);
             format!("W {} L {}", short(window.width()), short(window.level()))
         }
         None => "no image".to_owned(),

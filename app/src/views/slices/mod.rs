@@ -9,21 +9,29 @@ mod tests;
 use std::sync::Arc;
 
 use egui::{
-    Color32, ColorImage, Id, IdSalt, Pos2, Rect, Role, Sense, TextureHandle, TextureOptions, Ui, WidgetInfo,
+    Color32, ColorImage, Pos2, Rect, Role, Sense, TextureHandle, TextureOptions, Ui, WidgetInfo,
     emath::GuiRounding, pos2,
 };
 use glam::{DVec2, DVec3};
 use glioscope_core::{Selection, Sides, TumorIndex};
 use glioscope_render::{
     MaskColors,
-    slices::{
+    flat::{
         ContextLayer, MaskLayer, Overlay, Plane, PreparedContext, SliceLayers, SliceStyle, SliceView, Window,
         place_label, readout, render_slice,
     },
 };
 
-use super::{Handle, ViewContext, change, ruler};
-use crate::{commands::Command, document::RulerView};
+use super::{
+    change, draw,
+    pane::{Input, Pane, Stage},
+    ruler,
+};
+use crate::{
+    command::{Commands, EditCommand},
+    model::PaneId,
+    world::jobs::Handle,
+};
 
 /// Width of outlines in points; at least one pixel.
 const OUTLINE_POINTS: f32 = 1.5;
@@ -41,16 +49,16 @@ struct Layout {
 
 impl Layout {
     /// `None` where there is no room for a pixel.
-    fn new(view: &ViewContext<'_>, plane: Plane, rect: Rect, pixels_per_point: f32) -> Option<Self> {
+    fn new(input: &Input<'_>, plane: Plane, rect: Rect, pixels_per_point: f32) -> Option<Self> {
         let rect = rect.round_to_pixels(pixels_per_point);
         let size = rect.size() * pixels_per_point;
         if !(size.x >= 1.0 && size.y >= 1.0 && size.x < 16384.0 && size.y < 16384.0) {
             return None;
         }
         let size_px = [size.x.round() as u32, size.y.round() as u32];
-        let grid = view.context.map_or(&view.case.grid, |(_, image)| image.volume().grid());
+        let grid = input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid());
         let bounds_mm = grid.bounds_mm();
-        let nav = &view.doc.nav;
+        let nav = &input.doc.nav;
         let mut slice = SliceView::fit(plane, nav.convention, bounds_mm, nav.cursor_mm, size_px);
         if let Some(mm_per_point) = nav.mm_per_point {
             slice.mm_per_pixel = mm_per_point / f64::from(pixels_per_point);
@@ -80,60 +88,79 @@ impl Layout {
     }
 }
 
-/// Draws one slice view into all of `ui` and writes what the user did to `out`.
-pub fn show(ui: &mut Ui, view: &ViewContext<'_>, plane: Plane, out: &mut Vec<Command>) {
-    let rect = ui.available_rect_before_wrap();
-    let response = ui.allocate_rect(rect, Sense::click_and_drag());
-    let Some(layout) = Layout::new(view, plane, rect, ui.pixels_per_point()) else { return };
-    let memory = ui.scope_id().with(IdSalt::new(("slice", plane)));
-    gestures::interact(ui, view, &layout, &response, memory, out);
-    let inside = |pos: Pos2| layout.rect.contains(pos).then(|| layout.world_at(pos));
-    let draft = ruler::drag(ui, &response, view.doc, RulerView::Slice(plane), &inside, out);
+/// The pane of a slice.
+pub struct SlicePane {
+    plane: Plane,
+    drawn: Option<Drawn>,
+    gestures: gestures::Memory,
+}
 
-    let (texture, not_finite_pixels) = picture(ui, view, &layout, memory);
-    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    ui.painter().image(texture.id(), layout.rect, whole, Color32::WHITE);
+impl SlicePane {
+    /// A pane of this plane.
+    pub fn new(plane: Plane) -> Self {
+        Self { plane, drawn: None, gestures: gestures::Memory::default() }
+    }
 
-    let pointed = response.hover_pos().filter(|_| !response.dragged());
-    let place = pointed.map_or(view.doc.nav.cursor_mm, |pos| layout.world_at(pos));
-    let text = readout_text(view, place);
-    marks::draw(ui, view, &layout, &text, not_finite_pixels);
-    marks::rulers(ui, view, &layout, draft);
-    if let (Some(draft), Some(pointer)) = (&draft, response.interact_pointer_pos()) {
-        ruler::beside_pointer(ui.painter(), layout.rect, pointer, ruler::draft_text(draft));
+    /// How often it was drawn: a test that an idle view draws nothing reads it.
+    pub fn draws(&self) -> u64 {
+        self.drawn.as_ref().map_or(0, |drawn| drawn.draws)
     }
-    if view.doc.nav.ruler_on && response.hovered() {
-        ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
+
+    /// Draws it into all of `ui`.
+    pub fn draw(&mut self, ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
+        let (plane, rect) = (self.plane, ui.available_rect_before_wrap());
+        let response = ui.allocate_rect(rect, Sense::click_and_drag());
+        let Some(layout) = Layout::new(input, plane, rect, ui.pixels_per_point()) else { return };
+        self.gestures.interact(ui, input, &layout, &response, out);
+        let inside = |pos: Pos2| layout.rect.contains(pos).then(|| layout.world_at(pos));
+        let draft = ruler::drag(ui, &response, input.doc, PaneId::of_plane(plane), &inside, out);
+
+        let (texture, not_finite_pixels) = self.picture(ui, input, &layout);
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        ui.painter().image(texture.id(), layout.rect, whole, Color32::WHITE);
+
+        let pointed = response.hover_pos().filter(|_| !response.dragged());
+        let place = pointed.map_or(input.doc.nav.cursor_mm, |pos| layout.world_at(pos));
+        let text = readout_text(input, place);
+        marks::draw(ui, input, &layout, &text, not_finite_pixels);
+        marks::rulers(ui, input, &layout, draft);
+        if let (Some(draft), Some(pointer)) = (&draft, response.interact_pointer_pos()) {
+            draw::beside_pointer(ui.painter(), layout.rect, pointer, ruler::draft_text(draft));
+        }
+        if input.doc.nav.ruler_on && response.hovered() {
+            ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
+        }
+        response.widget_info(|| {
+            let at = layout.slice.position_label(sides_known(input));
+            WidgetInfo::labeled(Role::Canvas, true, format!("{} slice {at}: {text}", plane.name()))
+        });
+        window_menu(&response, input, out);
     }
-    response.widget_info(|| {
-        let at = layout.slice.position_label(sides_known(view));
-        WidgetInfo::labeled(Role::Canvas, true, format!("{} slice {at}: {text}", plane.name()))
-    });
-    window_menu(&response, view, out);
+}
+
+impl Pane for SlicePane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.draw(ui, &stage.input, out);
+    }
 }
 
 /// The grid that slices step through: the image's, else the masks'.
-fn grid_shown<'a>(view: &ViewContext<'a>) -> &'a glioscope_core::Grid {
-    view.context.map_or(&view.case.grid, |(_, image)| image.volume().grid())
+fn grid_shown<'a>(input: &Input<'a>) -> &'a glioscope_core::Grid {
+    input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid())
 }
 
 /// Whether letters may be shown: both what is drawn and what lies over it say where they are.
-fn sides_known(view: &ViewContext<'_>) -> bool {
-    let image = view.context.map_or(Sides::Known, |(_, image)| image.volume().grid().sides());
-    image == Sides::Known && view.case.grid.sides() == Sides::Known
-}
-
-/// The window of the image shown: the user's, or the image's own.
-pub(super) fn window_of(view: &ViewContext<'_>, id: &str, image: &PreparedContext) -> Window {
-    view.doc.edit.windows.get(id).copied().unwrap_or_else(|| image.histogram().initial_window())
+fn sides_known(input: &Input<'_>) -> bool {
+    let image = input.context.map_or(Sides::Known, |(_, image)| image.volume().grid().sides());
+    image == Sides::Known && input.case.grid.sides() == Sides::Known
 }
 
 /// Place, intensity and masks at a point, in one line.
-fn readout_text(view: &ViewContext<'_>, world_mm: DVec3) -> String {
-    let index = &view.time_point.index;
-    let found = readout(world_mm, view.context.map(|(_, image)| &**image.volume()), Some(index));
-    let mut parts = vec![place_label(world_mm, sides_known(view))];
-    if let Some((id, _)) = view.context {
+fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
+    let index = &input.time_point.index;
+    let found = readout(world_mm, input.context.map(|(_, image)| &**image.volume()), Some(index));
+    let mut parts = vec![place_label(world_mm, sides_known(input))];
+    if let Some((id, _)) = input.context {
         parts.push(match found.intensity {
             Some(value) => format!("{id} {}", intensity(value)),
             None => format!("outside {id}"),
@@ -147,7 +174,7 @@ fn readout_text(view: &ViewContext<'_>, world_mm: DVec3) -> String {
             .filter(|(k, _)| found.bits >> k & 1 == 1)
             .map(|(_, id)| id.as_str())
             .collect();
-        let hidden = if view.doc.edit.selection.shows(found.bits) { "" } else { " (hidden)" };
+        let hidden = if input.doc.edit.selection.shows(found.bits) { "" } else { " (hidden)" };
         parts.push(format!("{}{hidden}", names.join(" + ")));
     }
     parts.join("  ·  ")
@@ -166,7 +193,7 @@ fn intensity(value: f64) -> String {
 }
 
 /// Everything that a slice's pixels depend on.
-#[derive(Clone, PartialEq)]
+#[derive(PartialEq)]
 struct Inputs {
     slice: SliceView,
     image: Option<(Handle<PreparedContext>, Window)>,
@@ -179,13 +206,11 @@ struct Inputs {
     style: SliceStyle,
 }
 
-/// The picture last drawn, in egui's memory.
-#[derive(Clone)]
+/// The picture last drawn.
 struct Drawn {
-    inputs: Arc<Inputs>,
+    inputs: Inputs,
     texture: TextureHandle,
     not_finite_pixels: u64,
-    /// How often it was drawn: a test that an idle view draws nothing reads it.
     draws: u64,
 }
 
@@ -198,9 +223,9 @@ struct Masks {
     unfilled: Option<u32>,
 }
 
-fn masks_of(view: &ViewContext<'_>) -> Masks {
-    let edit = &view.doc.edit;
-    match view.compared.filter(|_| edit.change.on_slices) {
+fn masks_of(input: &Input<'_>) -> Masks {
+    let edit = &input.doc.edit;
+    match input.compared.filter(|_| edit.change.on_slices) {
         Some(compared) => Masks {
             index: compared.index.clone(),
             colors: change::pair_colors(edit.palette),
@@ -209,81 +234,81 @@ fn masks_of(view: &ViewContext<'_>) -> Masks {
             unfilled: Some(0b11),
         },
         None => Masks {
-            index: view.time_point.index.clone(),
-            colors: view.colors.clone(),
+            index: input.time_point.index.clone(),
+            colors: input.colors.clone(),
             selection: edit.selection.clone(),
             unfilled: None,
         },
     }
 }
 
-/// The slice as a texture, drawn only when something it depends on changed, and how many of its
-/// pixels are NaN or infinite.
-fn picture(ui: &Ui, view: &ViewContext<'_>, layout: &Layout, memory: Id) -> (TextureHandle, u64) {
-    let edit = &view.doc.edit;
-    let masks = masks_of(view);
-    let (index, colors, selection) = (&masks.index, &masks.colors, &masks.selection);
-    // Dark in both themes: greys are judged against black, and the marks are white.
-    let style = SliceStyle::DARK;
-    let outline_px = (OUTLINE_POINTS * layout.pixels_per_point).round().max(1.0) as u32;
-    let image = view.context.map(|(id, image)| (image, window_of(view, id, image)));
-    let inputs = Inputs {
-        slice: layout.slice,
-        image: image.map(|(image, window)| (Handle::of(image), window)),
-        index: Handle::of(index),
-        colors: colors.clone(),
-        selection: selection.clone(),
-        overlay: edit.overlay,
-        opacity: edit.overlay_opacity,
-        outline_px,
-        style,
-    };
-    let before = ui.data(|data| data.get_temp::<Drawn>(memory));
-    if let Some(drawn) = &before
-        && *drawn.inputs == inputs
-    {
-        return (drawn.texture.clone(), drawn.not_finite_pixels);
-    }
-    let layers = SliceLayers {
-        context: image.map(|(image, window)| ContextLayer { image, window }),
-        masks: Some(MaskLayer {
-            index,
-            colors,
-            selection,
+impl SlicePane {
+    /// The slice as a texture, drawn only when something it depends on changed, and how many of its
+    /// pixels are NaN or infinite.
+    fn picture(&mut self, ui: &Ui, input: &Input<'_>, layout: &Layout) -> (TextureHandle, u64) {
+        let edit = &input.doc.edit;
+        let masks = masks_of(input);
+        let (index, colors, selection) = (&masks.index, &masks.colors, &masks.selection);
+        // Dark in both themes: greys are judged against black, and the marks are white.
+        let style = SliceStyle::DARK;
+        let outline_px = (OUTLINE_POINTS * layout.pixels_per_point).round().max(1.0) as u32;
+        let image = input.context.map(|(id, image)| (image, input.doc.window_of(id, image)));
+        let inputs = Inputs {
+            slice: layout.slice,
+            image: image.map(|(image, window)| (Handle::of(image), window)),
+            index: Handle::of(index),
+            colors: colors.clone(),
+            selection: selection.clone(),
             overlay: edit.overlay,
             opacity: edit.overlay_opacity,
             outline_px,
-            unfilled: masks.unfilled,
-        }),
-        style,
-    };
-    let slice = render_slice(&layout.slice, &layers);
-    let pixels = ColorImage::from_rgba_premultiplied(slice.size.map(|s| s as usize), &slice.rgba);
-    let (texture, draws) = match before {
-        Some(Drawn { mut texture, draws, .. }) => {
-            texture.set(pixels, TextureOptions::NEAREST);
-            (texture, draws + 1)
+            style,
+        };
+        if let Some(drawn) = &self.drawn
+            && drawn.inputs == inputs
+        {
+            return (drawn.texture.clone(), drawn.not_finite_pixels);
         }
-        None => {
-            let name = format!("{} slice", layout.slice.plane.name());
-            (ui.ctx().load_texture(name, pixels, TextureOptions::NEAREST), 1)
-        }
-    };
-    let not_finite_pixels = slice.not_finite_pixels;
-    let drawn = Drawn { inputs: Arc::new(inputs), texture: texture.clone(), not_finite_pixels, draws };
-    ui.data_mut(|data| data.insert_temp(memory, drawn));
-    (texture, not_finite_pixels)
+        let layers = SliceLayers {
+            context: image.map(|(image, window)| ContextLayer { image, window }),
+            masks: Some(MaskLayer {
+                index,
+                colors,
+                selection,
+                overlay: edit.overlay,
+                opacity: edit.overlay_opacity,
+                outline_px,
+                unfilled: masks.unfilled,
+            }),
+            style,
+        };
+        let slice = render_slice(&layout.slice, &layers);
+        let pixels = ColorImage::from_rgba_premultiplied(slice.size.map(|s| s as usize), &slice.rgba);
+        let (texture, draws) = match self.drawn.take() {
+            Some(Drawn { mut texture, draws, .. }) => {
+                texture.set(pixels, TextureOptions::NEAREST);
+                (texture, draws + 1)
+            }
+            None => {
+                let name = format!("{} slice", layout.slice.plane.name());
+                (ui.ctx().load_texture(name, pixels, TextureOptions::NEAREST), 1)
+            }
+        };
+        let not_finite_pixels = slice.not_finite_pixels;
+        self.drawn = Some(Drawn { inputs, texture: texture.clone(), not_finite_pixels, draws });
+        (texture, not_finite_pixels)
+    }
 }
 
 /// Presets of the image, on a right click.
-fn window_menu(response: &egui::Response, view: &ViewContext<'_>, out: &mut Vec<Command>) {
-    let Some((id, image)) = view.context else { return };
+fn window_menu(response: &egui::Response, input: &Input<'_>, out: &mut Commands) {
+    let Some((id, image)) = input.context else { return };
     response.context_menu(|ui| {
         ui.label(format!("Window of {id}"));
-        let current = window_of(view, id, image);
+        let current = input.doc.window_of(id, image);
         for preset in image.histogram().presets() {
             if ui.selectable_label(preset.window == current, preset.name).clicked() {
-                out.push(Command::SetWindow(id.to_owned(), preset.window));
+                out.push(EditCommand::SetWindow(id.to_owned(), preset.window));
                 ui.close();
             }
         }

@@ -9,10 +9,14 @@ use glioscope_core::{
     Grid, Mask, MaskBits, Regions, Samples, Scaling, Sides, TumorIndex, Volume,
     case::{Case, CaseMask, Context, TimePoint},
 };
-use glioscope_render::slices::{Convention, Plane, Window};
+use glioscope_render::flat::{Convention, Plane, Window};
 
-use super::{Drawn, ViewContext, show};
-use crate::{commands::Command, document::CaseRef, workstation::Workstation, world::Loaded};
+use super::{Input, SlicePane};
+use crate::{
+    command::{Command, Commands, EditCommand, LookCommand, Workstation},
+    model::CaseRef,
+    world::Loaded,
+};
 
 /// 40 mm by 60 mm by 80 mm in voxels of 1, 1.5 and 2 mm; values 0, 1, 2 … along x; masks "left" and
 /// "front" over the two halves. The middle is at 100, 200, 300 mm.
@@ -46,6 +50,7 @@ fn case(sides: Sides) -> Case {
 
 struct Bench {
     work: Workstation,
+    pane: SlicePane,
     rect: Rect,
 }
 
@@ -72,23 +77,24 @@ fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static,
         Harness::builder().with_size(vec2(300.0, 240.0)).with_step_dt(1.0 / 60.0).build_ui_state(
             move |ui, bench: &mut Bench| {
                 bench.rect = ui.available_rect_before_wrap();
-                let mut out = Vec::new();
+                let mut out = Commands::default();
                 let doc = bench.work.doc.as_ref().unwrap();
                 let case = bench.work.world.case().unwrap().clone();
-                let view = ViewContext {
+                let input = Input {
                     doc,
                     case: &case,
                     time_point: &case.time_points[0],
+                    tumor: None,
                     colors: &bench.work.world.colors(doc),
                     context: bench.work.world.context(doc),
                     compared: None,
                 };
-                show(ui, &view, plane, &mut out);
-                for command in out {
+                bench.pane.draw(ui, &input, &mut out);
+                for command in out.into_vec() {
                     bench.work.apply(&command, Instant::now());
                 }
             },
-            Bench { work, rect: Rect::NOTHING },
+            Bench { work, pane: SlicePane::new(plane), rect: Rect::NOTHING },
         );
     harness.run();
     harness
@@ -140,7 +146,11 @@ fn assert_near(found: DVec3, expected: [f64; 3]) {
 }
 
 fn draws(harness: &Harness<'_, Bench>) -> u64 {
-    harness.ctx.data(|data| data.iter_temp_by_type::<Drawn>().map(|d| d.draws).sum())
+    harness.state().pane.draws()
+}
+
+fn apply(harness: &mut Harness<'_, Bench>, command: impl Into<Command>) {
+    harness.state_mut().work.apply(&command.into(), Instant::now());
 }
 
 #[test]
@@ -198,7 +208,7 @@ fn the_crosshair_follows_the_pointer_within_the_plane_unless_something_is_presse
 #[test]
 fn the_ruler_measures_in_the_plane_and_the_crosshair_stays() {
     let mut harness = radiological(Plane::Sagittal);
-    harness.state_mut().work.apply(&Command::ToggleRuler, Instant::now());
+    apply(&mut harness, LookCommand::ToggleRuler);
     let from = middle_and(&harness, -20.0, 12.0);
     drag(&mut harness, from, vec2(60.0, -80.0), PointerButton::Primary);
     let rulers = &harness.state().work.doc.as_ref().unwrap().edit.rulers;
@@ -218,7 +228,7 @@ fn the_ruler_measures_in_the_plane_and_the_crosshair_stays() {
     press(&mut harness, from + vec2(30.0, 0.0), PointerButton::Primary, false);
     drag(&mut harness, from, vec2(1000.0, 0.0), PointerButton::Primary);
     assert_eq!(harness.state().work.doc.as_ref().unwrap().edit.rulers.len(), 1);
-    harness.state_mut().work.apply(&Command::Undo, Instant::now());
+    apply(&mut harness, EditCommand::Undo);
     assert_eq!(harness.state().work.doc.as_ref().unwrap().edit.rulers, []);
 }
 
@@ -237,7 +247,7 @@ fn dragging_right_widens_the_window_and_undo_takes_it_back() {
     drag(&mut harness, from, vec2(0.0, -30.0), PointerButton::Secondary);
     let up = harness.state().window().unwrap();
     assert!(up.level() < after.level(), "dragging up brightens");
-    harness.state_mut().work.apply(&Command::Undo, Instant::now());
+    apply(&mut harness, EditCommand::Undo);
     assert_eq!(harness.state().window(), None, "one gesture soon after the other is one undo");
 }
 
@@ -317,7 +327,7 @@ fn the_readout_says_place_value_and_masks_to_assistive_tools() {
     harness.run();
     let expected = "Axial slice S 300.0 mm: R 90.0  A 210.0  S 300.0 mm  ·  T1c 10  ·  left + front";
     harness.get_by_label(expected);
-    harness.state_mut().work.apply(&Command::SetRegion(0b11, false), Instant::now());
+    apply(&mut harness, EditCommand::SetRegion(0b11, false));
     harness.run();
     harness.get_by_label(&format!("{expected} (hidden)"));
     harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm.x = 500.0;
@@ -345,14 +355,14 @@ fn a_slice_is_drawn_again_only_when_it_changed() {
     harness.run();
     assert_eq!(draws(&harness), first);
     for command in [
-        Command::SetRegion(1, false),
-        Command::SetOverlayOpacity(0.9),
-        Command::SetWindow("T1c".into(), Window { low: 3.0, high: 9.0 }),
-        Command::SetCursor(DVec3::new(100.0, 200.0, 310.0)),
-        Command::SetContext(None),
+        Command::from(EditCommand::SetRegion(1, false)),
+        EditCommand::SetOverlayOpacity(0.9).into(),
+        EditCommand::SetWindow("T1c".into(), Window { low: 3.0, high: 9.0 }).into(),
+        LookCommand::SetCursor(DVec3::new(100.0, 200.0, 310.0)).into(),
+        LookCommand::SetContext(None).into(),
     ] {
         let before = draws(&harness);
-        harness.state_mut().work.apply(&command, Instant::now());
+        apply(&mut harness, command.clone());
         harness.run();
         assert_eq!(draws(&harness), before + 1, "{command:?}");
     }

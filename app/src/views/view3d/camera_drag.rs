@@ -1,11 +1,16 @@
 //! What the mouse does in a 3D view: turn, pan, zoom, change the lens, move it.
 
-use egui::{CursorIcon, IdSalt, Modifiers, PointerButton, Pos2, Rect, Response, Ui, Vec2};
+use egui::{CursorIcon, IdSalt, Modifiers, PointerButton, Pos2, Response, Ui, Vec2};
 use glam::{DVec2, DVec3};
-use glioscope_render::{Camera, Lens};
+use glioscope_core::optics::Camera;
+use glioscope_render::Lens;
 
-use super::{ring, ruler};
-use crate::{commands::Command, document::Document};
+use super::{canvas::View, ring};
+use crate::{
+    command::{Commands, EditCommand},
+    format,
+    views::draw,
+};
 
 /// What a drag does from its start to its end, whatever is pressed meanwhile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,22 +26,11 @@ pub enum Drag {
     Ring,
     /// Moves the lens over the surface.
     Lens,
-    /// Draws a line; see [`ruler::drag`].
+    /// Draws a line: see `views::ruler`.
     Ruler,
 }
 
-/// A 3D view: what the mouse works on.
-#[derive(Clone, Copy)]
-pub struct View3d<'a> {
-    /// The document.
-    pub doc: &'a Document,
-    /// The view's camera.
-    pub camera: Camera,
-    /// Where the picture is.
-    pub rect: Rect,
-}
-
-impl View3d<'_> {
+impl View<'_> {
     /// Whether the pointer at `pos` would grab the lens's ring.
     fn near_ring(&self, pos: Pos2) -> Option<Lens> {
         let lens = self.doc.active_lens().filter(|_| !self.doc.nav.ruler_on)?;
@@ -69,14 +63,21 @@ pub struct Outcome {
     pub ring: bool,
 }
 
+impl Outcome {
+    /// Whether the ruler is being dragged.
+    pub fn measures(&self) -> bool {
+        self.drag == Drag::Ruler
+    }
+}
+
 /// Turns what the mouse did into a camera and commands for the lens. `pick_at` says what surface is under
 /// a place of the view.
 pub fn interact(
     ui: &Ui,
     response: &Response,
-    view: &View3d<'_>,
+    view: &View<'_>,
     pick_at: &dyn Fn(Pos2) -> Option<DVec3>,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) -> Outcome {
     let memory = response.id.with(IdSalt::new("drag"));
     let modifiers = ui.input(|i| i.modifiers);
@@ -109,18 +110,20 @@ pub fn interact(
         match drag {
             Drag::Ring => {
                 let radius_mm = ring::radius_through_mm(&camera, rect, lens.center_mm, pos);
-                out.extend(radius_mm.map(Command::SetLensRadius));
+                if let Some(radius_mm) = radius_mm {
+                    out.push(EditCommand::SetLensRadius(radius_mm));
+                }
             }
             Drag::Lens => {
                 let in_plane = || ring::in_plane_of_view_mm(&camera, rect, lens.center_mm, pos);
-                out.push(Command::DragLensCenter(pick_at(pos).unwrap_or_else(in_plane)));
+                out.push(EditCommand::DragLensCenter(pick_at(pos).unwrap_or_else(in_plane)));
             }
             Drag::None | Drag::Turn | Drag::Pan | Drag::Ruler => {}
         }
     }
     if drag == Drag::Lens && response.drag_stopped_by(PointerButton::Primary) {
         // Now the camera follows: the lens's centre is what it turns about.
-        out.push(Command::SetLensCenter(lens.center_mm));
+        out.push(EditCommand::SetLensCenter(lens.center_mm));
     }
     zoom(ui, response, view, modifiers, &mut camera, out);
     let near = response.hover_pos().filter(|_| drag == Drag::None && !modifiers.any());
@@ -132,28 +135,28 @@ pub fn interact(
 fn zoom(
     ui: &Ui,
     response: &Response,
-    view: &View3d<'_>,
+    view: &View<'_>,
     modifiers: Modifiers,
     camera: &mut Camera,
-    out: &mut Vec<Command>,
+    out: &mut Commands,
 ) {
     if !response.hovered() {
         return;
     }
     let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
     if modifiers.alt && scroll != 0.0 {
-        out.push(Command::SetLensRadius(view.doc.edit.lens.radius_mm * f64::from(scroll * 0.003).exp()));
+        out.push(EditCommand::SetLensRadius(view.doc.edit.lens.radius_mm * f64::from(scroll * 0.003).exp()));
     } else if scroll != 0.0 || zoom != 1.0 {
         let factor = f64::from(-scroll * 0.003).exp() / f64::from(zoom);
         camera.height_mm = (camera.height_mm * factor).clamp(0.5, 5000.0);
     }
 }
 
-/// Says by the pointer's shape what a drag would do.
+/// Shows by the pointer's shape what a drag would do.
 fn cursor(
     ui: &Ui,
     response: &Response,
-    view: &View3d<'_>,
+    view: &View<'_>,
     drag: Drag,
     near: Option<Pos2>,
     modifiers: Modifiers,
@@ -175,20 +178,20 @@ fn cursor(
 }
 
 /// The bright ring and its radius beside the pointer, over the picture.
-pub fn ring_marks(ui: &Ui, response: &Response, view: &View3d<'_>, outcome: &Outcome) {
+pub fn ring_marks(ui: &Ui, response: &Response, view: &View<'_>, outcome: &Outcome) {
     let painter = ui.painter().with_clip_rect(view.rect);
     let lens = &view.doc.edit.lens;
     if outcome.ring {
         ring::highlight(&painter, &view.camera, view.rect, lens);
     }
     let text = match outcome.drag {
-        Drag::Ring => format!("lens radius {}", ruler::length_text(lens.radius_mm)),
+        Drag::Ring => format!("lens radius {}", format::length_mm(lens.radius_mm)),
         Drag::None if outcome.ring => {
-            format!("lens radius {}: drag to change it", ruler::length_text(lens.radius_mm))
+            format!("lens radius {}: drag to change it", format::length_mm(lens.radius_mm))
         }
         _ => return,
     };
     if let Some(pointer) = response.hover_pos().or(response.interact_pointer_pos()) {
-        ruler::beside_pointer(&painter, view.rect, pointer, text);
+        draw::beside_pointer(&painter, view.rect, pointer, text);
     }
 }

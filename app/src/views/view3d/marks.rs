@@ -1,8 +1,11 @@
-//! The orientation cube: which way the patient's right, front and head are.
+//! What stands in the corners of every 3D view: the orientation cube, which tells where the patient's right, front
+//! and head are, and the scale bar.
 
-use egui::{Align2, Color32, FontId, Painter, Pos2, Shape, Stroke, Vec2, vec2};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Ui, Vec2, vec2};
 use glam::DVec3;
-use glioscope_render::Camera;
+use glioscope_core::optics::{Camera, Projection};
+
+use crate::{format, views::draw};
 
 const FACES: [(DVec3, &str); 6] = [
     (DVec3::X, "R"),
@@ -14,10 +17,10 @@ const FACES: [(DVec3, &str); 6] = [
 ];
 
 /// Draws the cube about `center` with edges of `size` points, as `camera` sees the patient's axes.
-pub fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: bool) {
+fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: bool) {
     let [right, up, back] = camera.axes();
     let flat = |p: DVec3| -> Vec2 { vec2(p.dot(right) as f32, -p.dot(up) as f32) * (size / 2.0) };
-    let ink = if dark { Color32::from_gray(225) } else { Color32::from_gray(40) };
+    let line = if dark { Color32::from_gray(225) } else { Color32::from_gray(40) };
     for (normal, letter) in FACES {
         let facing = normal.dot(back) as f32;
         if facing <= 0.02 {
@@ -29,14 +32,52 @@ pub fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: b
             .map(|(a, b)| center + flat(normal + u * a + v * b));
         let grey = if dark { 55.0 + 60.0 * facing } else { 165.0 + 70.0 * facing };
         let fill = Color32::from_gray(grey as u8);
-        painter.add(Shape::convex_polygon(corners.to_vec(), fill, Stroke::new(1.0, ink)));
+        painter.add(Shape::convex_polygon(corners.to_vec(), fill, Stroke::new(1.0, line)));
         let alpha = ((facing - 0.15) / 0.35).clamp(0.0, 1.0);
         painter.text(
             center + flat(normal),
             Align2::CENTER_CENTER,
             letter,
             FontId::proportional(size * (0.3 + 0.22 * facing)),
-            ink.gamma_multiply(alpha),
+            line.gamma_multiply(alpha),
         );
+    }
+}
+
+/// Cube, or that sides are unknown, and the scale bar. `at` says where the scale holds in perspective.
+pub fn corners(ui: &Ui, rect: Rect, sides_known: bool, (camera, at): (&Camera, &str), is_over_image: bool) {
+    let painter = ui.painter().with_clip_rect(rect);
+    let dark = ui.visuals().dark_mode;
+    let ink = draw::ink(dark);
+    let cube_size = (rect.height().min(rect.width()) * 0.09).clamp(26.0, 44.0);
+    let cube_center = rect.right_bottom() - vec2(cube_size * 1.15, cube_size * 1.2);
+    if sides_known {
+        cube(&painter, cube_center, cube_size, camera, dark);
+    } else {
+        painter.text(
+            rect.right_bottom() - vec2(8.0, 8.0),
+            Align2::RIGHT_BOTTOM,
+            "side unknown",
+            FontId::proportional(14.0),
+            draw::WARNING,
+        );
+    }
+    let mm_per_point = camera.height_mm / f64::from(rect.height().max(1.0));
+    if let Some((mm, points)) = format::nice_length_mm(mm_per_point, f64::from(rect.width()) * 0.22) {
+        let left = rect.left_bottom() + vec2(12.0, -12.0);
+        let right = left + vec2(points as f32, 0.0);
+        painter.line_segment([left, right], Stroke::new(2.0, ink));
+        for end in [left, right] {
+            painter.line_segment([end - vec2(0.0, 4.0), end + vec2(0.0, 4.0)], Stroke::new(2.0, ink));
+        }
+        let place =
+            if camera.projection == Projection::Perspective { format!(" {at}") } else { String::new() };
+        let text = format!("{} mm{place}", format::plain(mm));
+        let text = painter.layout_no_wrap(text, FontId::proportional(12.0), ink);
+        let words = Align2::LEFT_BOTTOM.anchor_size(left - vec2(0.0, 6.0), text.size());
+        if is_over_image {
+            draw::plate(&painter, words, dark);
+        }
+        painter.galley(words.min, text, ink);
     }
 }

@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use egui::Ui;
-use glioscope_render::{Preset, Quality, Shading};
+use glioscope_render::{LightingMode, Preset, Quality, light};
+use strum::VariantArray;
 
-use crate::document::Light;
+use crate::model::LightChoice;
 
 /// How long a scene must be still before its picture is refined.
 const STILL: Duration = Duration::from_millis(180);
@@ -21,14 +22,14 @@ pub const PART_MS: f64 = 40.0;
 /// Finds the quality that takes the budget's time, from the times of the pictures drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Auto {
-    /// Of `Quality::at_cost`.
+    /// Of `light::at_cost`.
     cost: f64,
 }
 
 impl Auto {
-    /// Before the first picture: in time on two cores with a software adapter, and no machine's is poor for long.
-    pub fn of(shading: Shading) -> Self {
-        Self { cost: if shading == Shading::Slices { 0.02 } else { 0.125 } }
+    /// Before the first picture.
+    pub fn of(mode: LightingMode) -> Self {
+        Self { cost: light::row(mode).first_cost }
     }
 
     /// Between these shares of the budget nothing is changed: a picture that changes its sharpness with
@@ -42,10 +43,10 @@ impl Auto {
         self.cost
     }
 
-    /// A picture took so long. Part of its time doesn't depend on the quality, so a step that would be
+    /// Adapts to the time that a picture took. Part of it doesn't depend on the quality, so a step that would be
     /// right for all of it is too small when it goes down and safe when it goes up: going down is
     /// done with more force.
-    pub fn took(&mut self, milliseconds: f64) {
+    pub fn adapt(&mut self, milliseconds: f64) {
         let share = milliseconds / BUDGET_MS;
         if !share.is_finite() || share <= 0.0 || Self::FINE.contains(&share) {
             return;
@@ -57,9 +58,9 @@ impl Auto {
     }
 }
 
-/// How far a picture has come.
+/// How fine a picture is by now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Stage {
+enum Phase {
     Moving,
     Still,
     AtRest,
@@ -67,14 +68,15 @@ enum Stage {
 
 /// What a 3D view remembers of the scene last shown.
 pub struct Refinement<S> {
-    last: Option<(S, Light, f64)>,
-    stage: Stage,
-    auto: [Auto; Shading::ALL.len()],
+    last: Option<(S, LightChoice, f64)>,
+    phase: Phase,
+    auto: [Auto; LightingMode::VARIANTS.len()],
 }
 
 impl<S> Default for Refinement<S> {
     fn default() -> Self {
-        Self { last: None, stage: Stage::Moving, auto: Shading::ALL.map(Auto::of) }
+        let auto = std::array::from_fn(|at| Auto::of(LightingMode::VARIANTS[at]));
+        Self { last: None, phase: Phase::Moving, auto }
     }
 }
 
@@ -87,69 +89,64 @@ pub struct Now {
     pub just_refined: bool,
     /// What to draw first where `quality` is drawn in parts, which may take long: then the window must not wait.
     pub in_parts: Option<Quality>,
-    /// Whether [`Refinement::took`] wants to know how long it takes.
+    /// Whether [`Refinement::adapt`] needs to know how long it takes.
     pub timed: bool,
 }
 
 impl<S: Clone + PartialEq> Refinement<S> {
     /// Whether the picture last drawn was as good as it gets.
     pub fn refined(&self) -> bool {
-        self.stage == Stage::AtRest
+        self.phase == Phase::AtRest
     }
 
-    fn auto(&mut self, shading: Shading) -> &mut Auto {
-        let at = Shading::ALL.iter().position(|s| *s == shading).unwrap_or(0);
-        &mut self.auto[at]
-    }
-
-    /// A picture that was to be timed took so long.
-    pub fn took(&mut self, light: &Light, milliseconds: f64) {
-        self.auto(light.shading).took(milliseconds);
+    /// Adapts to the time of a picture that was to be timed.
+    pub fn adapt(&mut self, choice: &LightChoice, milliseconds: f64) {
+        self.auto[choice.mode as usize].adapt(milliseconds);
     }
 
     /// The quality for `scene` now. `at_once`: no draft is shown, for pictures.
-    pub fn quality(&mut self, ui: &Ui, scene: &S, light: &Light, at_once: bool) -> Now {
+    pub fn quality(&mut self, ui: &Ui, scene: &S, choice: &LightChoice, at_once: bool) -> Now {
         let now = ui.input(|i| i.time);
         let moved_at = match &self.last {
-            Some((last, lit, at)) if last == scene && lit == light => *at,
+            Some((last, lit, at)) if last == scene && lit == choice => *at,
             Some(_) => now,
             None => f64::NEG_INFINITY,
         };
-        self.last = Some((scene.clone(), *light, moved_at));
+        self.last = Some((scene.clone(), *choice, moved_at));
         let still_for = now - moved_at;
-        let before = self.stage;
-        self.stage = if at_once || still_for >= AT_REST.as_secs_f64() {
-            Stage::AtRest
+        let before = self.phase;
+        self.phase = if at_once || still_for >= AT_REST.as_secs_f64() {
+            Phase::AtRest
         } else if still_for >= STILL.as_secs_f64() {
-            Stage::Still
+            Phase::Still
         } else {
-            Stage::Moving
+            Phase::Moving
         };
-        let shading = light.shading;
-        let moving = Quality::at_cost(shading, self.auto(shading).cost());
-        let balanced = Quality::preset(shading, Preset::Balanced);
-        let reference = Quality::preset(shading, Preset::Reference);
-        if balanced == reference && self.stage == Stage::Still {
-            self.stage = Stage::AtRest;
+        let mode = choice.mode;
+        let moving = light::at_cost(mode, self.auto[mode as usize].cost());
+        let balanced = light::preset(mode, Preset::Balanced);
+        let reference = light::preset(mode, Preset::Reference);
+        if balanced == reference && self.phase == Phase::Still {
+            self.phase = Phase::AtRest;
         }
-        match self.stage {
-            Stage::Moving => ui.request_repaint_after(STILL),
-            Stage::Still => ui.request_repaint_after(AT_REST - STILL),
-            Stage::AtRest => {}
+        match self.phase {
+            Phase::Moving => ui.request_repaint_after(STILL),
+            Phase::Still => ui.request_repaint_after(AT_REST - STILL),
+            Phase::AtRest => {}
         }
-        let quality = match (light.preset, self.stage) {
-            (Some(preset), _) => Quality::preset(shading, preset),
-            (None, Stage::Moving) => moving,
-            (None, Stage::Still) => balanced,
-            (None, Stage::AtRest) => reference,
+        let quality = match (choice.preset, self.phase) {
+            (Some(preset), _) => light::preset(mode, preset),
+            (None, Phase::Moving) => moving,
+            (None, Phase::Still) => balanced,
+            (None, Phase::AtRest) => reference,
         };
-        // Screen space is there at once.
-        let apart = shading != Shading::ScreenSpace && light.preset.is_none() && self.stage != Stage::Moving;
+        let takes_long =
+            light::row(mode).takes_long && choice.preset.is_none() && self.phase != Phase::Moving;
         Now {
-            quality: light.at(quality),
-            in_parts: (apart && !at_once).then(|| light.at(moving)),
-            just_refined: self.stage > before,
-            timed: light.preset.is_none() && self.stage == Stage::Moving,
+            quality: choice.at(quality),
+            in_parts: (takes_long && !at_once).then(|| choice.at(moving)),
+            just_refined: self.phase > before,
+            timed: choice.preset.is_none() && self.phase == Phase::Moving,
         }
     }
 }
@@ -165,12 +162,12 @@ mod tests {
         for (fixed_ms, balanced_ms, growth) in
             [(2.0, 900.0, 1.0), (15.0, 400.0, 0.8), (30.0, 3000.0, 1.2), (1.0, 20.0, 1.0), (60.0, 300.0, 1.0)]
         {
-            let took = |auto: &Auto| fixed_ms + (balanced_ms - fixed_ms) * auto.cost().powf(growth);
-            let mut auto = Auto::of(Shading::Cones);
+            let takes_ms = |auto: &Auto| fixed_ms + (balanced_ms - fixed_ms) * auto.cost().powf(growth);
+            let mut auto = Auto::of(LightingMode::Cones);
             let times: Vec<f64> = (0..40)
                 .map(|_| {
-                    let ms = took(&auto);
-                    auto.took(ms);
+                    let ms = takes_ms(&auto);
+                    auto.adapt(ms);
                     ms
                 })
                 .collect();
@@ -178,7 +175,7 @@ mod tests {
                 let enough = auto.cost() == 1.0 && *ms <= 1.2 * BUDGET_MS;
                 assert!(
                     enough || (0.7..=1.2).contains(&(ms / BUDGET_MS)),
-                    "{balanced_ms}: picture {n} took {ms} ms"
+                    "{balanced_ms}: picture {n}: {ms} ms"
                 );
             }
             assert!(times[39] == times[38], "it comes to rest");
@@ -187,14 +184,14 @@ mod tests {
 
     #[test]
     fn times_that_are_none_change_nothing() {
-        let mut auto = Auto::of(Shading::Cones);
+        let mut auto = Auto::of(LightingMode::Cones);
         for ms in [f64::NAN, f64::INFINITY, 0.0, -3.0] {
-            auto.took(ms);
-            assert_eq!(auto, Auto::of(Shading::Cones));
+            auto.adapt(ms);
+            assert_eq!(auto, Auto::of(LightingMode::Cones));
         }
-        // A picture that took for ever leaves something to draw with.
+        // A picture that never ends leaves a cost to draw with.
         for _ in 0..50 {
-            auto.took(1e9);
+            auto.adapt(1e9);
         }
         assert!(auto.cost() >= 1e-3);
     }

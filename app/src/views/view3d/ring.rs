@@ -4,7 +4,8 @@
 
 use egui::{Color32, CursorIcon, Painter, Pos2, Rect, Shape, Stroke, vec2};
 use glam::{DVec2, DVec3};
-use glioscope_render::{Camera, Lens, Projection};
+use glioscope_core::optics::{Camera, Projection};
+use glioscope_render::Lens;
 
 /// How near the ring the pointer grabs it, points.
 pub const GRAB_POINTS: f64 = 6.0;

@@ -1,15 +1,7 @@
 //! Fibre tracts in the context view: from files on the command line to the picture, in the window, in
 //! sessions. The fibres are made here.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use egui::{Theme, vec2};
 use egui_kittest::{
@@ -17,16 +9,17 @@ use egui_kittest::{
     kittest::{NodeT, Queryable},
 };
 use glioscope::{
-    commands::Command,
-    document::{CaseRef, Pane},
-    session,
+    command::{AppCommand, EditCommand, Workstation},
+    model::{CaseRef, PaneId, session},
     window::GlioscopeApp,
-    workstation::Workstation,
 };
+use glioscope_core::optics::Camera;
 use glioscope_render::tract_color;
-use glioscope_tests::{run, window_with, workstation, write_tck};
+use glioscope_tests::{
+    Dropped, Window, error_text, perform, run, screens, wait_for_workers, window_with, workstation, write_tck,
+};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+use crate::PROGRAM;
 
 /// Where the sample's tumour is.
 fn tumor_mm() -> [f32; 3] {
@@ -49,19 +42,6 @@ fn bundle(before_mm: f32) -> Vec<Vec<[f32; 3]>> {
                 .collect()
         })
         .collect()
-}
-
-#[derive(Debug)]
-struct Dropped(PathBuf);
-
-impl egui::DroppedFile for Dropped {
-    fn path(&self) -> &Path {
-        &self.0
-    }
-
-    fn bytes(&self) -> Result<Vec<u8>, String> {
-        std::fs::read(&self.0).map_err(|e| e.to_string())
-    }
 }
 
 /// Pixels of a tract's hue: shading darkens a colour and leaves the proportions of its channels.
@@ -137,43 +117,25 @@ fn a_manifest_names_tracts_and_info_tells_them() {
 const SIZE: [f32; 2] = [900.0, 700.0];
 
 /// The window with the context view alone, seen from the front.
-fn window(mut work: Workstation) -> Harness<'static, GlioscopeApp> {
+fn window(mut work: Workstation) -> Window {
     let doc = work.doc.as_mut().unwrap();
-    doc.edit.maximized = Some(Pane::Context);
-    doc.nav.camera.world_from_camera = glioscope_render::Camera::orientation(0.0, 0.0);
+    doc.edit.maximized = Some(PaneId::Context);
+    doc.nav.camera.world_from_camera = Camera::orientation(0.0, 0.0);
     let mut harness = window_with(work, SIZE, Theme::Light);
     harness.run_ok();
     harness
 }
 
-fn perform(harness: &mut Harness<'_, GlioscopeApp>, command: &Command) {
-    let ctx = harness.ctx.clone();
-    harness.state_mut().perform(&ctx, command, std::time::Instant::now());
-    harness.run_ok();
-}
-
 /// Drops files onto the window and waits for what comes of it.
-fn drop_files(harness: &mut Harness<'_, GlioscopeApp>, files: &[&Path]) {
+fn drop_files(harness: &mut Window, files: &[&Path]) {
     for file in files {
         harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(file.to_path_buf())));
     }
     harness.run_steps(1);
-    wait(harness);
+    wait_for_workers(harness);
 }
 
-/// Runs frames until nothing is being read any more.
-fn wait(harness: &mut Harness<'_, GlioscopeApp>) {
-    for _ in 0..2000 {
-        harness.run_ok();
-        if harness.state().work.job.is_none() {
-            break;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    harness.run_ok();
-}
-
-fn shown(harness: &mut Harness<'_, GlioscopeApp>) -> [usize; 2] {
+fn shown(harness: &mut Window) -> [usize; 2] {
     let picture = harness.render().unwrap();
     [0, 1].map(|n| of_hue(&picture, tract_color(n)))
 }
@@ -192,16 +154,16 @@ fn tracts_are_added_hidden_named_and_saved() {
     write_tck(&beside, &aside);
     let mut harness = window(workstation(CaseRef::Sample));
     let none = shown(&mut harness);
-    perform(&mut harness, &Command::ToggleAllTracts);
+    perform(&mut harness, EditCommand::ToggleAllTracts);
     // A broken file is named, and nothing is lost.
     let broken = folder.path().join("broken.trk");
     std::fs::write(&broken, b"no tracts").unwrap();
     drop_files(&mut harness, &[&broken]);
-    let error = harness.state().work.error.clone().unwrap();
+    let error = error_text(&harness);
     assert!(error.contains("broken.trk") && error.contains("expected"), "{error}");
     assert!(harness.state().work.doc.as_ref().unwrap().tracts.is_empty());
     drop_files(&mut harness, &[&near, &beside]);
-    assert_eq!(harness.state().work.error, None);
+    assert_eq!(error_text(&harness), "");
     let ids = |harness: &Harness<'_, GlioscopeApp>| -> Vec<String> {
         let case = harness.state().work.world.case().unwrap();
         case.tracts.iter().map(|t| t.id.clone()).collect()
@@ -216,22 +178,22 @@ fn tracts_are_added_hidden_named_and_saved() {
     harness.run_ok();
     let one = shown(&mut harness);
     assert!(one[0] < both[0] - 400 && one[1] >= both[1], "{both:?} {one:?}");
-    perform(&mut harness, &Command::Undo);
+    perform(&mut harness, EditCommand::Undo);
     // But for the mark under the pointer in the list.
     let undone = shown(&mut harness);
     assert!((0..2).all(|n| undone[n].abs_diff(both[n]) < 40), "{both:?} {undone:?}");
-    perform(&mut harness, &Command::ToggleAllTracts);
+    perform(&mut harness, EditCommand::ToggleAllTracts);
     let hidden = shown(&mut harness);
     assert!((0..2).all(|n| hidden[n] < none[n] + 200), "{none:?} {hidden:?}");
-    let reason = |harness: &Harness<'_, GlioscopeApp>| {
-        let plan = harness.state().viewport.as_ref().unwrap().context.plan().unwrap().0.clone();
+    let reason = |harness: &mut Window| {
+        let plan = screens(harness, PaneId::Context).plan().unwrap().0.clone();
         plan.omitted.iter().find(|o| o.0.name() == "tubes").map(|o| o.1)
     };
-    assert_eq!(reason(&harness), Some("fibre tracts are hidden"));
-    perform(&mut harness, &Command::ToggleAllTracts);
+    assert_eq!(reason(&mut harness), Some("fibre tracts are hidden"));
+    perform(&mut harness, EditCommand::ToggleAllTracts);
 
     // A fibre under the pointer says whose it is and how far it runs from the selection.
-    let rect = harness.state().pane_rect(Pane::Context).unwrap();
+    let rect = harness.state().pane_rect(PaneId::Context).unwrap();
     let mut said = String::new();
     'search: for dy in [-20.0, 0.0, 20.0] {
         for dx in -12..=12 {
@@ -247,14 +209,14 @@ fn tracts_are_added_hidden_named_and_saved() {
     assert!(said.contains(" mm from the selection"), "{said}");
 
     // A session opens with its tracts, hidden as they were.
-    perform(&mut harness, &Command::ToggleTracts("beside".into()));
-    perform(&mut harness, &Command::SaveSessionTo(saved.clone()));
+    perform(&mut harness, EditCommand::ToggleTracts("beside".into()));
+    perform(&mut harness, AppCommand::SaveSessionTo(saved.clone()));
     let document = session::load(&saved).unwrap();
     assert_eq!(document.tracts.len(), 2);
     let mut again = window(workstation(CaseRef::Sample));
-    perform(&mut again, &Command::OpenSession(saved.clone()));
-    wait(&mut again);
-    assert_eq!(again.state().work.error, None);
+    perform(&mut again, AppCommand::OpenSession(saved.clone()));
+    wait_for_workers(&mut again);
+    assert_eq!(error_text(&again), "");
     assert_eq!(ids(&again), ["near", "beside"]);
     let reopened = shown(&mut again);
     assert!(reopened[0] > none[0] + 400 && reopened[1] < both[1] - 400, "{both:?} {reopened:?}");

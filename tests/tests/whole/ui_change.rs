@@ -1,64 +1,49 @@
 //! Two dates in the window: choosing them, the change view, the slices' changed rim.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use egui::{Theme, vec2};
 use egui_kittest::{Harness, kittest::Queryable};
 use glam::{DVec2, DVec3};
 use glioscope::{
-    commands::Command,
-    comparing::ChangeSetting,
-    document::{CaseRef, Document, Pane},
+    command::{EditCommand, LookCommand},
+    model::{CaseRef, ChangeSetting, PaneId, document::tumor_radius_mm},
+    views::{
+        change::{ChangePane, pair_colors},
+        view3d::canvas::linked_camera,
+    },
     window::GlioscopeApp,
 };
-use glioscope_render::{Camera, ChangeStyle, slices::Plane};
-use glioscope_tests::{crop, maximized, window_on, window_with, workstation};
+use glioscope_core::optics::{Camera, Projection};
+use glioscope_render::ChangeStyle;
+use glioscope_tests::{Window, crop, doc, maximized, perform, screens, window_on, window_with, workstation};
 
 const SIZE: [f32; 2] = [1000.0, 800.0];
 
-fn sample() -> Harness<'static, GlioscopeApp> {
+fn sample() -> Window {
     let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
     harness.run_ok();
     harness
 }
 
-fn doc<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a Document {
-    harness.state().work.doc.as_ref().unwrap()
-}
-
-fn perform(harness: &mut Harness<'_, GlioscopeApp>, command: &Command) {
-    let ctx = harness.ctx.clone();
-    harness.state_mut().perform(&ctx, command, std::time::Instant::now());
-    harness.run_ok();
-}
-
-fn set(harness: &mut Harness<'_, GlioscopeApp>, change: impl FnOnce(&mut ChangeSetting)) {
+fn set(harness: &mut Window, change: impl FnOnce(&mut ChangeSetting)) {
     let mut setting = doc(harness).edit.change.clone();
     change(&mut setting);
-    perform(harness, &Command::SetChange(Box::new(setting)));
+    perform(harness, EditCommand::SetChange(Box::new(setting)));
 }
 
 /// The change view from the front, without perspective.
-fn from_the_front(harness: &mut Harness<'_, GlioscopeApp>) -> (egui::Rect, Camera) {
-    let rect = maximized(harness, Pane::Change);
+fn from_the_front(harness: &mut Window) -> (egui::Rect, Camera) {
+    let rect = maximized(harness, PaneId::Change);
     let mut camera = doc(harness).nav.camera;
     camera.world_from_camera = Camera::orientation(0.0, 0.0);
-    camera.projection = glioscope_render::Projection::Orthographic;
-    perform(harness, &Command::SetCamera(camera));
+    camera.projection = Projection::Orthographic;
+    perform(harness, LookCommand::SetCamera(camera));
     let canvas = harness.get_by_label_contains("Change of ").rect();
     assert!(rect.contains_rect(canvas));
     let doc = doc(harness);
     let app = harness.state();
     let time_point = app.work.world.time_point(doc).unwrap();
-    let radius_mm = glioscope::document::tumor_radius_mm(time_point);
-    let camera =
-        glioscope::views::linked::camera(&camera, doc.edit.lens.center_mm, radius_mm, doc.nav.change_zoom);
+    let radius_mm = tumor_radius_mm(time_point);
+    let camera = linked_camera(&camera, doc.edit.lens.center_mm, radius_mm, doc.nav.zoom(PaneId::Change));
     (canvas, camera)
 }
 
@@ -76,7 +61,7 @@ fn a_known_growth_is_read_under_the_pointer() {
     let foremost_mm = DVec3::new(-31.5, 57.0, 20.0);
     harness.hover_at(pos_of(rect, &camera, foremost_mm));
     harness.run_ok();
-    let pick = *harness.state().states.change.hover().expect("the tumour is under the pointer");
+    let pick = *harness.state().panes.get::<ChangePane>(PaneId::Change).unwrap().canvas.hover().unwrap();
     let vector = pick.vector.expect("it grew there");
     let half_voxel_mm = 0.5;
     assert!((pick.world_mm.y - 57.0).abs() <= 2.0 * half_voxel_mm, "{}", pick.world_mm);
@@ -93,7 +78,7 @@ fn a_known_growth_is_read_under_the_pointer() {
     let said = format!("grew {:.1} mm", vector.signed_mm);
     assert!(harness.query_by_label_contains(&said).is_some(), "{said}");
     // What is told is the stored value, not the smoothed one.
-    let kept = harness.state().states.comparisons.last().unwrap().clone();
+    let kept = harness.state().results.comparison.last().unwrap().clone();
     assert!(kept.change.vectors.contains(&vector));
 }
 
@@ -103,7 +88,7 @@ fn arrows_are_thinned_and_undone() {
     from_the_front(&mut harness);
     let rect = harness.get_by_label_contains("Change of ").rect();
     set(&mut harness, |s| s.style = ChangeStyle::Arrows);
-    let picture = |harness: &mut Harness<'_, GlioscopeApp>| crop(&harness.render().unwrap(), rect);
+    let picture = |harness: &mut Window| crop(&harness.render().unwrap(), rect);
     let all = picture(&mut harness);
     // Another gesture: undone by itself.
     std::thread::sleep(std::time::Duration::from_millis(900));
@@ -115,9 +100,9 @@ fn arrows_are_thinned_and_undone() {
     };
     assert!(red(&thinned) < red(&all), "{} of {} pixels", red(&thinned), red(&all));
     assert!(red(&thinned) > 0, "arrows of 4 mm and more are left");
-    perform(&mut harness, &Command::Undo);
+    perform(&mut harness, EditCommand::Undo);
     assert_eq!(picture(&mut harness), all);
-    perform(&mut harness, &Command::Undo);
+    perform(&mut harness, EditCommand::Undo);
     assert_eq!(doc(&harness).edit.change.style, ChangeStyle::Height);
 }
 
@@ -132,7 +117,7 @@ fn two_of_three_dates_are_chosen_on_the_chart() {
     std::fs::write(&manifest, text).unwrap();
     let mut harness = window_on(CaseRef::Path(manifest), SIZE, Theme::Light);
     harness.run_ok();
-    maximized(&mut harness, Pane::Dates);
+    maximized(&mut harness, PaneId::Dates);
     let pair = |harness: &Harness<'_, GlioscopeApp>| {
         let case = harness.state().work.world.case().unwrap().clone();
         doc(harness).edit.change.chosen(&case).unwrap().dates
@@ -151,10 +136,10 @@ fn two_of_three_dates_are_chosen_on_the_chart() {
     harness.get_by_label("Compare from 2024-04-15").click();
     harness.run_ok();
     assert_eq!(pair(&harness), [1, 2]);
-    let kept = harness.state().states.comparisons.last().unwrap().clone();
+    let kept = harness.state().results.comparison.last().unwrap().clone();
     assert_eq!(kept.labels, ["2024-04-15", "2024-09-01"]);
     for before in [Some([0, 2]), Some([0, 1]), None] {
-        perform(&mut harness, &Command::Undo);
+        perform(&mut harness, EditCommand::Undo);
         assert_eq!(doc(&harness).edit.change.dates, before, "each click is undone by itself");
     }
 }
@@ -162,10 +147,12 @@ fn two_of_three_dates_are_chosen_on_the_chart() {
 /// One date: no skeleton, no change view's passes; and nothing is compared until a view shows it.
 #[test]
 fn nothing_is_compared_that_no_view_shows() {
-    let harness = sample();
-    let state = harness.state();
-    assert!(state.states.comparisons.last().is_none(), "the change view is behind the closeup");
-    assert!(state.viewport.as_ref().unwrap().change.frame().is_none());
+    let mut harness = sample();
+    let nothing = |harness: &mut Window| {
+        screens(harness, PaneId::Change).plan().is_none()
+            && harness.state().results.comparison.last().is_none()
+    };
+    assert!(nothing(&mut harness), "the change view is behind the closeup");
 
     let folder = tempfile::tempdir().unwrap();
     glioscope_core::sample::write_sample(folder.path()).unwrap();
@@ -173,27 +160,25 @@ fn nothing_is_compared_that_no_view_shows() {
     let case = CaseRef::Arguments { masks: vec![format!("T1={}", file.display())], contexts: vec![] };
     let mut harness = window_with(workstation(case), SIZE, Theme::Dark);
     harness.run_ok();
-    maximized(&mut harness, Pane::Change);
-    let state = harness.state();
-    assert!(state.states.comparisons.last().is_none());
-    assert!(state.viewport.as_ref().unwrap().change.frame().is_none());
+    maximized(&mut harness, PaneId::Change);
+    assert!(nothing(&mut harness));
 }
 
 #[test]
 fn slices_show_the_changed_rim() {
     let mut harness = sample();
-    let rect = maximized(&mut harness, Pane::Slice(Plane::Axial));
+    let rect = maximized(&mut harness, PaneId::Axial);
     let before = crop(&harness.render().unwrap(), rect);
     set(&mut harness, |s| s.on_slices = true);
     let rim = crop(&harness.render().unwrap(), rect);
     assert_ne!(rim, before);
-    let colors = glioscope::views::change::pair_colors(doc(&harness).edit.palette);
+    let colors = pair_colors(doc(&harness).edit.palette);
     for (k, what) in [(0, "the earlier date's outline"), (1, "the later date's outline")] {
         let [r, g, b] = colors.mask(k);
         let near =
             |p: &&image::Rgba<u8>| p.0[0].abs_diff(r) < 6 && p.0[1].abs_diff(g) < 6 && p.0[2].abs_diff(b) < 6;
         assert!(rim.pixels().filter(near).count() > 100, "{what}");
     }
-    perform(&mut harness, &Command::Undo);
+    perform(&mut harness, EditCommand::Undo);
     assert_eq!(crop(&harness.render().unwrap(), rect), before);
 }

@@ -1,19 +1,12 @@
 //! Pictures of the sample on the software adapter: counted pixels first, then goldens.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use glam::DVec3;
-use glioscope::document::CaseRef;
+use glioscope::model::CaseRef;
 use glioscope_tests::{count_color, golden, run, workstation};
 use image::RgbaImage;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+use crate::PROGRAM;
+
 const BACKGROUND: [u8; 3] = [244, 244, 242];
 
 fn picture(arguments: &[&str]) -> RgbaImage {

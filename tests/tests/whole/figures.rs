@@ -1,19 +1,11 @@
 //! Light of the 3D views as figures: directional occlusion beside the headlight, apertures and footprints,
 //! the four mutual occlusions one by one, a clipping plane. Brightness is counted first, then goldens.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
-use glioscope::document::CaseRef;
+use glioscope::model::CaseRef;
 use glioscope_tests::{golden, real_data, run, workstation, write_tck};
 use image::RgbaImage;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+use crate::PROGRAM;
 
 fn picture(arguments: &[&str]) -> RgbaImage {
     let folder = tempfile::tempdir().unwrap();

@@ -2,29 +2,28 @@
 //! grids. Counted pixels first, then goldens. Sources and licences of what they show:
 //! tests/goldens/README.md.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use std::{collections::BTreeSet, path::Path};
 
 use glam::{DVec2, DVec3};
 use glioscope::{
-    document::CaseRef,
-    offscreen::Offscreen,
-    views::overlap::{self, OverlapInput, OverlapMode},
-    workstation::Workstation,
+    command::{Commands, Workstation},
+    model::{CaseRef, OverlapMode},
+    views::{
+        closeup,
+        overlap::{self, OverlapInput},
+    },
+    window::offscreen::Offscreen,
 };
-use glioscope_core::ellipsoid::Of;
-use glioscope_render::{Camera, Gpu, Quality};
+use glioscope_core::{
+    ellipsoid::Of,
+    optics::{Camera, Projection},
+};
+use glioscope_render::{Gpu, Quality, RegionScene};
 use glioscope_tests::{count_color, golden, real_data, run, software_gpu, workstation};
 use image::RgbaImage;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+use crate::PROGRAM;
+
 const WHOLE: [&str; 5] = ["hnfnetv1-20", "isen-20", "scan-20", "sanet0-20", "yixinmpl-20"];
 const SIZE: [u32; 2] = [512, 512];
 
@@ -128,11 +127,10 @@ fn shadow_mm2(work: &Workstation) -> f64 {
         grid.world_from_voxel().transform_vector3(DVec3::from_array(step)).y.abs() > 0.1
     });
     let front = front.unwrap();
-    let dims = grid.dims();
     let mut columns = BTreeSet::new();
     for linear in 0..grid.voxel_count() {
         if index.get(linear) != 0 {
-            let mut at = [linear % dims[0], linear / dims[0] % dims[1], linear / (dims[0] * dims[1])];
+            let mut at = grid.ijk(linear);
             at[front] = 0;
             columns.insert(at);
         }
@@ -143,7 +141,7 @@ fn shadow_mm2(work: &Workstation) -> f64 {
 fn from_the_front(work: &Workstation) -> Camera {
     let mut camera = work.doc.as_ref().unwrap().nav.camera;
     camera.world_from_camera = Camera::orientation(0.0, 0.0);
-    camera.projection = glioscope_render::Projection::Orthographic;
+    camera.projection = Projection::Orthographic;
     camera
 }
 
@@ -165,10 +163,10 @@ fn closeup_and_context_show_the_whole_tumour_at_its_size() {
         let work = workstation(case);
         let expected_mm2 = shadow_mm2(&work);
         let doc = work.doc.as_ref().unwrap();
-        let mut scene = work.world.closeup(doc, false);
+        let mut scene = closeup::scene(doc, &work.world, false);
         (scene.lens, scene.camera) = (None, from_the_front(&work));
         let mm2_per_pixel = (scene.camera.height_mm / f64::from(SIZE[1])).powi(2);
-        let mut renderer = glioscope_render::Renderer::new(&gpu).unwrap();
+        let mut renderer = glioscope_render::CloseupRenderer::new(&gpu).unwrap();
         let closeup = renderer.render(&gpu, &scene, &Quality::FULL, SIZE).unwrap();
         let context = context_of_masks_alone(&gpu, &scene);
         for (view, rgba) in [("closeup", closeup.read_rgba(&gpu).unwrap()), ("context", context)] {
@@ -184,7 +182,7 @@ fn closeup_and_context_show_the_whole_tumour_at_its_size() {
     }
 }
 
-fn context_of_masks_alone(gpu: &Gpu, scene: &glioscope_render::Scene) -> Vec<u8> {
+fn context_of_masks_alone(gpu: &Gpu, scene: &RegionScene) -> Vec<u8> {
     let context = glioscope_render::ContextScene {
         volume: None,
         transfer: std::sync::Arc::new(glioscope_render::TransferFunction::transparent()),
@@ -286,7 +284,7 @@ fn the_diagram_of_three_masks_has_their_sizes() {
         OverlapInput { regions, selection: &doc.edit.selection, colors: &colors, mode: OverlapMode::Regions };
     let rgba = Offscreen::new(&software_gpu(), false)
         .picture([900, 900], 1.0, |ui| {
-            overlap::show_diagram(ui, &input, &mut Vec::new());
+            overlap::show_diagram(ui, &input, &mut Commands::default());
         })
         .unwrap();
     let picture = RgbaImage::from_raw(900, 900, rgba).unwrap();

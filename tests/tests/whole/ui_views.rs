@@ -1,53 +1,43 @@
 //! The context view, the ellipsoid diagram and the transfer-function editor in the window.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use egui::{Theme, vec2};
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
-    commands::Command,
-    document::{CaseRef, Document, Pane},
-    views::ellipsoids::{EllipsoidKind, EllipsoidLook},
+    command::{AppCommand, EditCommand, LookCommand, Workstation},
+    model::{CaseRef, EllipsoidKind, EllipsoidLook, OwnOpacity, PaneId, session},
+    views::ellipsoids::EllipsoidPane,
     window::GlioscopeApp,
 };
 use glioscope_render::{ClipPlane, TransferPreset};
-use glioscope_tests::{crop, maximized, window_on};
+use glioscope_tests::{
+    Window, doc, maximized, pane_picture, perform, screens, window_on, window_with, workstation,
+};
 
 const SIZE: [f32; 2] = [1280.0, 860.0];
 
-fn sample() -> Harness<'static, GlioscopeApp> {
+fn sample() -> Window {
     let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
     harness.run_ok();
     harness
 }
 
-fn doc<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a Document {
-    harness.state().work.doc.as_ref().unwrap()
+const VIEWS: [PaneId; 3] = [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids];
+
+fn frames(harness: &mut Window) -> [u64; 3] {
+    VIEWS.map(|pane| screens(harness, pane).frames_drawn())
 }
 
-fn perform(harness: &mut Harness<'_, GlioscopeApp>, command: &Command) {
-    let ctx = harness.ctx.clone();
-    harness.state_mut().perform(&ctx, command, std::time::Instant::now());
-    harness.run_ok();
+/// Passes left out of a view's last picture, with the reasons.
+fn omitted(harness: &mut Window, pane: PaneId) -> Vec<(&'static str, &'static str)> {
+    let plan = screens(harness, pane).plan().unwrap().0;
+    plan.omitted.iter().map(|(pass, why)| (pass.name(), *why)).collect()
 }
 
-fn frames(harness: &Harness<'_, GlioscopeApp>) -> [u64; 3] {
-    let viewport = harness.state().viewport.as_ref().unwrap();
-    [viewport.closeup.frames_drawn, viewport.context.frames_drawn, viewport.ellipsoids.frames_drawn]
+fn hover<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> Option<&'a glioscope_render::EllipsoidPick> {
+    harness.state().panes.get::<EllipsoidPane>(PaneId::Ellipsoids).unwrap().canvas.hover()
 }
 
-fn pane_picture(harness: &mut Harness<'_, GlioscopeApp>, pane: Pane) -> image::RgbaImage {
-    let rect = harness.state().pane_rect(pane).unwrap();
-    crop(&harness.render().unwrap(), rect)
-}
-
-fn drag(harness: &mut Harness<'_, GlioscopeApp>, pane: Pane, by: egui::Vec2) {
+fn drag(harness: &mut Window, pane: PaneId, by: egui::Vec2) {
     let rect = harness.state().pane_rect(pane).unwrap();
     // Away from the ring, which would be taken hold of.
     let from = rect.left_bottom() + vec2(rect.width() * 0.5, -rect.height() * 0.06);
@@ -61,22 +51,22 @@ fn drag(harness: &mut Harness<'_, GlioscopeApp>, pane: Pane, by: egui::Vec2) {
 
 #[test]
 fn turning_one_3d_view_turns_the_others() {
-    for pane in [Pane::Closeup, Pane::Context, Pane::Ellipsoids] {
+    for pane in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids] {
         let mut harness = sample();
-        let before = frames(&harness);
+        let before = frames(&mut harness);
         let camera = doc(&harness).nav.camera;
         let pictures =
-            [Pane::Closeup, Pane::Context, Pane::Ellipsoids].map(|p| pane_picture(&mut harness, p));
+            [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids].map(|p| pane_picture(&mut harness, p));
         drag(&mut harness, pane, vec2(70.0, 0.0));
         let turned = doc(&harness).nav.camera;
         assert_ne!(turned.world_from_camera, camera.world_from_camera, "{pane:?}");
         assert_eq!(turned.focus_mm, camera.focus_mm, "{pane:?}: orientation, not position");
         assert_eq!(turned.height_mm, camera.height_mm, "{pane:?}");
-        let after = frames(&harness);
+        let after = frames(&mut harness);
         for i in 0..3 {
             assert!(after[i] > before[i], "{pane:?}: view {i} was drawn again");
         }
-        for (i, p) in [Pane::Closeup, Pane::Context, Pane::Ellipsoids].into_iter().enumerate() {
+        for (i, p) in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids].into_iter().enumerate() {
             assert_ne!(pane_picture(&mut harness, p), pictures[i], "{pane:?} turned {p:?}");
         }
     }
@@ -86,7 +76,7 @@ fn turning_one_3d_view_turns_the_others() {
 fn scrolling_zooms_one_view_alone_and_a_double_click_fits_it() {
     let mut harness = sample();
     let before = doc(&harness).nav.clone();
-    let rect = harness.state().pane_rect(Pane::Context).unwrap();
+    let rect = harness.state().pane_rect(PaneId::Context).unwrap();
     harness.hover_at(rect.center());
     harness.event(egui::Event::MouseWheel {
         unit: egui::MouseWheelUnit::Point,
@@ -97,72 +87,60 @@ fn scrolling_zooms_one_view_alone_and_a_double_click_fits_it() {
     });
     harness.run_ok();
     let after = doc(&harness).nav.clone();
-    assert!(after.context_zoom > before.context_zoom);
-    assert_eq!(after.ellipsoid_zoom, before.ellipsoid_zoom);
+    assert!(after.zoom(PaneId::Context) > before.zoom(PaneId::Context));
+    assert_eq!(after.zoom(PaneId::Ellipsoids), before.zoom(PaneId::Ellipsoids));
     assert_eq!(after.camera.height_mm, before.camera.height_mm);
 }
 
 #[test]
 fn what_no_pane_shows_is_neither_computed_nor_compiled() {
-    let case = glioscope_tests::workstation(CaseRef::Sample);
+    let case = workstation(CaseRef::Sample);
     let mut doc_alone = case.doc.clone().unwrap();
-    doc_alone.edit.maximized = Some(Pane::Closeup);
-    let mut harness = glioscope_tests::window_with(
-        glioscope::workstation::Workstation { doc: Some(doc_alone), ..case },
-        SIZE,
-        Theme::Light,
-    );
+    doc_alone.edit.maximized = Some(PaneId::Closeup);
+    let mut harness = window_with(Workstation { doc: Some(doc_alone), ..case }, SIZE, Theme::Light);
     harness.run_ok();
-    let viewport = harness.state().viewport.as_ref().unwrap();
-    assert!(viewport.closeup.frame().is_some());
-    assert!(viewport.context.frame().is_none() && viewport.ellipsoids.frame().is_none());
-    assert!(harness.state().states.ellipsoids.found().is_none(), "no ellipsoid was enclosed");
-    assert!(harness.state().states.volume.last().is_none(), "no histogram was counted");
-    let closeup = pane_picture(&mut harness, Pane::Closeup);
+    assert_eq!(VIEWS.map(|pane| screens(&mut harness, pane).plan().is_some()), [true, false, false]);
+    assert!(harness.state().results.ellipsoids.last().is_none(), "no ellipsoid was enclosed");
+    assert!(harness.state().results.image.last().is_none(), "no histogram was counted");
+    let closeup = pane_picture(&mut harness, PaneId::Closeup);
 
     // With everything open, then closed again: the closeup is the same to the last bit.
-    perform(&mut harness, &Command::MaximizePane(Pane::Closeup));
-    assert!(harness.state().states.ellipsoids.found().is_some_and(|found| !found.is_empty()));
-    perform(&mut harness, &Command::MaximizePane(Pane::Closeup));
-    assert_eq!(pane_picture(&mut harness, Pane::Closeup), closeup);
+    perform(&mut harness, EditCommand::MaximizePane(PaneId::Closeup));
+    assert!(harness.state().results.ellipsoids.last().is_some_and(|found| !found.is_empty()));
+    perform(&mut harness, EditCommand::MaximizePane(PaneId::Closeup));
+    assert_eq!(pane_picture(&mut harness, PaneId::Closeup), closeup);
 }
 
 #[test]
 fn the_selection_reaches_every_view() {
     let mut harness = sample();
-    let ids = |harness: &Harness<'_, GlioscopeApp>| {
-        let state = harness.state();
-        let plan = state.viewport.as_ref().unwrap().ellipsoids.plan().unwrap().0.clone();
-        plan.omitted.iter().map(|(pass, why)| format!("{pass}: {why}")).collect::<Vec<_>>()
-    };
-    assert_eq!(ids(&harness), ["ellipsoid_rest: every fragment has room"]);
-    let before = pane_picture(&mut harness, Pane::Context);
+    assert_eq!(omitted(&mut harness, PaneId::Ellipsoids), [("ellipsoid_rest", "every fragment has room")]);
+    let before = pane_picture(&mut harness, PaneId::Context);
     let regions = {
         let state = harness.state();
         state.work.world.time_point(doc(&harness)).unwrap().regions.clone()
     };
     for region in regions.list() {
-        perform(&mut harness, &Command::SetRegion(region.bits, false));
+        perform(&mut harness, EditCommand::SetRegion(region.bits, false));
     }
-    let omitted = ids(&harness);
+    let without = omitted(&mut harness, PaneId::Ellipsoids);
     assert!(
-        omitted.iter().any(|why| why.starts_with("ellipsoid_lists")),
-        "nothing is selected, so work is left out: {omitted:?}"
+        without.iter().any(|(pass, _)| *pass == "ellipsoid_lists"),
+        "nothing is selected, so work is left out: {without:?}"
     );
-    assert_ne!(pane_picture(&mut harness, Pane::Context), before, "the context view shows no tumour");
-    let viewport = harness.state().viewport.as_ref().unwrap();
-    let context = viewport.context.plan().unwrap().0;
-    assert!(context.omitted.iter().any(|(_, why)| *why == "selection is empty"), "{:?}", context.omitted);
+    assert_ne!(pane_picture(&mut harness, PaneId::Context), before, "the context view shows no tumour");
+    let without = omitted(&mut harness, PaneId::Context);
+    assert!(without.iter().any(|(_, why)| *why == "selection is empty"), "{without:?}");
     for _ in regions.list() {
-        perform(&mut harness, &Command::Undo);
+        perform(&mut harness, EditCommand::Undo);
     }
-    assert_eq!(pane_picture(&mut harness, Pane::Context), before);
+    assert_eq!(pane_picture(&mut harness, PaneId::Context), before);
 }
 
 #[test]
 fn a_transfer_function_and_cuts_are_live_saved_and_undone() {
     let mut harness = sample();
-    let first = pane_picture(&mut harness, Pane::Context);
+    let first = pane_picture(&mut harness, PaneId::Context);
     let (id, statistics) = {
         let state = harness.state();
         let (id, image) = state.work.world.context(doc(&harness)).unwrap();
@@ -170,39 +148,36 @@ fn a_transfer_function_and_cuts_are_live_saved_and_undone() {
     };
     let borders = TransferPreset::MrBorders.transfer(&statistics);
     assert!(borders.gradient().is_some());
-    perform(&mut harness, &Command::SetTransfer(id.clone(), Some(borders.clone())));
-    let with_borders = pane_picture(&mut harness, Pane::Context);
+    perform(&mut harness, EditCommand::SetTransfer(id.clone(), Some(borders.clone())));
+    let with_borders = pane_picture(&mut harness, PaneId::Context);
     assert_ne!(with_borders, first);
-    let plan = |harness: &Harness<'_, GlioscopeApp>| {
-        harness.state().viewport.as_ref().unwrap().context.plan().unwrap().0.clone()
+    let no_gradients = |harness: &mut Window| {
+        omitted(harness, PaneId::Context).iter().any(|(pass, _)| *pass == "gradient_opacity")
     };
-    let no_gradients = |harness: &Harness<'_, GlioscopeApp>| {
-        plan(harness).omitted.iter().any(|(pass, _)| pass.name() == "gradient_opacity")
-    };
-    assert!(!no_gradients(&harness), "a 2-D function needs its gradients");
+    assert!(!no_gradients(&mut harness), "a 2-D function needs its gradients");
     let cut = ClipPlane { normal: glam::DVec3::Z, offset_mm: doc(&harness).nav.cursor_mm.z };
-    perform(&mut harness, &Command::SetClips(vec![cut]));
-    let with_cut = pane_picture(&mut harness, Pane::Context);
+    perform(&mut harness, EditCommand::SetClips(vec![cut]));
+    let with_cut = pane_picture(&mut harness, PaneId::Context);
     assert_ne!(with_cut, with_borders);
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.glioscope.json");
-    perform(&mut harness, &Command::SaveSessionTo(path.clone()));
-    let saved = glioscope::session::load(&path).unwrap();
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    let saved = session::load(&path).unwrap();
     assert_eq!(saved.edit.transfers.get(&id), Some(&borders));
     assert_eq!(saved.edit.clips, [cut]);
 
-    perform(&mut harness, &Command::Undo);
-    assert_eq!(pane_picture(&mut harness, Pane::Context), with_borders);
-    perform(&mut harness, &Command::Undo);
-    assert_eq!(pane_picture(&mut harness, Pane::Context), first);
-    assert!(no_gradients(&harness), "a 1-D function needs no gradients");
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(pane_picture(&mut harness, PaneId::Context), with_borders);
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(pane_picture(&mut harness, PaneId::Context), first);
+    assert!(no_gradients(&mut harness), "a 1-D function needs no gradients");
 }
 
 #[test]
 fn a_point_is_dragged_in_the_editor() {
     let mut harness = sample();
-    let rect = maximized(&mut harness, Pane::Transfer);
+    let rect = maximized(&mut harness, PaneId::Transfer);
     let plot = harness.get_by_label("Opacity of each value").rect();
     assert!(rect.contains_rect(plot));
     let before = doc(&harness).edit.transfers.clone();
@@ -232,14 +207,17 @@ fn a_point_is_dragged_in_the_editor() {
 #[test]
 fn ellipsoids_change_kind_and_the_small_are_hidden_and_counted() {
     let mut harness = sample();
-    let before = pane_picture(&mut harness, Pane::Ellipsoids);
+    let before = pane_picture(&mut harness, PaneId::Ellipsoids);
     let look = doc(&harness).edit.ellipsoids;
-    perform(&mut harness, &Command::SetEllipsoidLook(EllipsoidLook { kind: EllipsoidKind::Moment, ..look }));
-    assert_ne!(pane_picture(&mut harness, Pane::Ellipsoids), before);
+    perform(
+        &mut harness,
+        EditCommand::SetEllipsoidLook(EllipsoidLook { kind: EllipsoidKind::Moment, ..look }),
+    );
+    assert_ne!(pane_picture(&mut harness, PaneId::Ellipsoids), before);
     let count = |harness: &Harness<'_, GlioscopeApp>| {
         let state = harness.state();
         let view_doc = doc(harness);
-        let found = state.states.ellipsoids.found().unwrap().clone();
+        let found = state.results.ellipsoids.last().unwrap().clone();
         let limit = view_doc.edit.ellipsoids.smallest_ml;
         found
             .iter()
@@ -250,26 +228,26 @@ fn ellipsoids_change_kind_and_the_small_are_hidden_and_counted() {
         harness.query_by_label_contains(&format!("Ellipsoid diagram, {n} ellipsoids")).is_some()
     };
     assert!(said(&harness, count(&harness)));
-    perform(&mut harness, &Command::SetEllipsoidLook(EllipsoidLook { smallest_ml: 5.0, ..look }));
+    perform(&mut harness, EditCommand::SetEllipsoidLook(EllipsoidLook { smallest_ml: 5.0, ..look }));
     let large = count(&harness);
     assert!(large > 0 && said(&harness, large), "{large} of 5 ml and more");
-    perform(&mut harness, &Command::Undo);
-    perform(&mut harness, &Command::Undo);
-    assert_eq!(pane_picture(&mut harness, Pane::Ellipsoids), before);
+    perform(&mut harness, EditCommand::Undo);
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(pane_picture(&mut harness, PaneId::Ellipsoids), before);
 }
 
 #[test]
 fn the_axial_slice_stands_in_the_3d_views() {
     let mut harness = sample();
-    let panes = [Pane::Closeup, Pane::Ellipsoids];
+    let panes = [PaneId::Closeup, PaneId::Ellipsoids];
     let before = panes.map(|p| pane_picture(&mut harness, p));
-    perform(&mut harness, &Command::TogglePlane);
+    perform(&mut harness, LookCommand::TogglePlane);
     for (i, pane) in panes.into_iter().enumerate() {
         let with = pane_picture(&mut harness, pane);
         let changed = with.pixels().zip(before[i].pixels()).filter(|(a, b)| a != b).count();
         assert!(changed > 3000, "{pane:?}: {changed} pixels");
     }
-    perform(&mut harness, &Command::TogglePlane);
+    perform(&mut harness, LookCommand::TogglePlane);
     for (i, pane) in panes.into_iter().enumerate() {
         assert_eq!(pane_picture(&mut harness, pane), before[i]);
     }
@@ -277,7 +255,7 @@ fn the_axial_slice_stands_in_the_3d_views() {
 
 #[test]
 fn hovering_a_3d_view_moves_the_crosshair() {
-    for pane in [Pane::Context, Pane::Ellipsoids] {
+    for pane in [PaneId::Context, PaneId::Ellipsoids] {
         let mut harness = sample();
         let before = doc(&harness).nav.cursor_mm;
         let lens_mm = doc(&harness).edit.lens.center_mm;
@@ -296,31 +274,31 @@ fn ellipsoids_are_kept_beside_the_session() {
     let folder = tempfile::tempdir().unwrap();
     let session = folder.path().join("visit.glioscope.json");
     let mut harness = sample();
-    perform(&mut harness, &Command::SaveSessionTo(session.clone()));
+    perform(&mut harness, AppCommand::SaveSessionTo(session.clone()));
     let kept = cache::load(&cache::path_beside(&session));
-    let computed = harness.state().states.ellipsoids.found().unwrap().to_vec();
+    let computed = harness.state().results.ellipsoids.last().unwrap().to_vec();
     assert_eq!(kept.values().collect::<Vec<_>>(), [&computed], "to the last bit");
 
     // What the file says is what is shown: a made-up list under the right key is taken as it is.
     let (key, mut list) = kept.into_iter().next().unwrap();
     list.truncate(1);
     cache::save(&cache::path_beside(&session), &cache::Entries::from([(key, list.clone())])).unwrap();
-    let work = glioscope_tests::workstation(CaseRef::Sample);
-    let work = glioscope::workstation::Workstation { session_path: Some(session), ..work };
-    let mut again = glioscope_tests::window_with(work, SIZE, Theme::Light);
+    let work = workstation(CaseRef::Sample);
+    let work = Workstation { session_path: Some(session), ..work };
+    let mut again = window_with(work, SIZE, Theme::Light);
     again.run_ok();
-    assert_eq!(again.state().states.ellipsoids.found().unwrap().to_vec(), list);
+    assert_eq!(again.state().results.ellipsoids.last().unwrap().to_vec(), list);
 }
 
 #[test]
 fn one_ellipsoid_alone_is_made_transparent_and_undone() {
     let mut harness = sample();
-    let before = pane_picture(&mut harness, Pane::Ellipsoids);
-    let rect = harness.state().pane_rect(Pane::Ellipsoids).unwrap();
+    let before = pane_picture(&mut harness, PaneId::Ellipsoids);
+    let rect = harness.state().pane_rect(PaneId::Ellipsoids).unwrap();
     let at = rect.center() + vec2(4.0, 6.0);
     harness.hover_at(at);
     harness.run_ok();
-    let picked = harness.state().states.ellipsoids.hover().expect("an ellipsoid is in the middle");
+    let picked = *hover(&harness).expect("an ellipsoid is in the middle");
     for pressed in [true, false] {
         harness.event(egui::Event::PointerButton {
             pos: at,
@@ -331,7 +309,7 @@ fn one_ellipsoid_alone_is_made_transparent_and_undone() {
         harness.run_ok();
     }
     assert!(harness.query_by_label("Opacity of this ellipsoid").is_some(), "its menu is open");
-    let own = glioscope::views::ellipsoids::OwnOpacity {
+    let own = OwnOpacity {
         time: 0,
         neighbors: doc(&harness).edit.ellipsoids.neighbors,
         id: picked.id,
@@ -339,15 +317,15 @@ fn one_ellipsoid_alone_is_made_transparent_and_undone() {
     };
     harness.key_press(egui::Key::Escape);
     harness.run_ok();
-    perform(&mut harness, &Command::SetEllipsoidOpacities(vec![own]));
+    perform(&mut harness, EditCommand::SetEllipsoidOpacities(vec![own]));
     harness.hover_at(rect.left_top() + vec2(3.0, rect.height() - 3.0));
     harness.run_ok();
-    let without = pane_picture(&mut harness, Pane::Ellipsoids);
+    let without = pane_picture(&mut harness, PaneId::Ellipsoids);
     assert_ne!(without, before);
     harness.hover_at(at);
     harness.run_ok();
-    let now = harness.state().states.ellipsoids.hover();
+    let now = hover(&harness);
     assert_ne!(now.map(|p| p.id), Some(picked.id), "what can't be seen can't be picked");
-    perform(&mut harness, &Command::Undo);
+    perform(&mut harness, EditCommand::Undo);
     assert!(doc(&harness).edit.ellipsoid_opacities.is_empty());
 }

@@ -1,13 +1,5 @@
 //! The real window, on a virtual display.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use std::{
     process::{Child, Command, Stdio},
     time::{Duration, Instant},
@@ -15,7 +7,7 @@ use std::{
 
 use glioscope_tests::count_color;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+use crate::PROGRAM;
 
 struct Display {
     server: Child,

@@ -1,92 +1,82 @@
 //! Light through the window: chosen, undone, saved, drawn as drafts within the budget while something moves
 //! and as the reference when still; the diagnostics say how far off it is likely to be.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use std::time::Instant;
 
 use egui::Theme;
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
-    commands::Command,
-    document::{CaseRef, Light, Pane},
-    session,
+    command::{AppCommand, Command, EditCommand, LookCommand},
+    model::{CaseRef, LightChoice, PaneId, session},
+    views::{context::ContextPane, view3d::ScreenReport},
     window::GlioscopeApp,
 };
-use glioscope_render::{Preset, Quality, Shading};
-use glioscope_tests::{drafting_window_on, maximized, window_on};
+use glioscope_core::optics::Camera;
+use glioscope_render::{LightingMode, Preset, Quality, light as lights};
+use glioscope_tests::{Window, drafting_window_on, issue, maximized, perform, window_on};
 
-fn perform(harness: &mut Harness<'_, GlioscopeApp>, command: &Command) {
-    let ctx = harness.ctx.clone();
-    harness.state_mut().perform(&ctx, command, Instant::now());
-    harness.run_ok();
-}
-
-fn light(harness: &Harness<'_, GlioscopeApp>) -> Light {
+fn light(harness: &Harness<'_, GlioscopeApp>) -> LightChoice {
     harness.state().work.doc.as_ref().unwrap().edit.light
 }
 
 #[test]
 fn light_is_chosen_in_the_menu_undone_and_saved() {
     let mut harness = window_on(CaseRef::Sample, [900.0, 700.0], Theme::Light);
-    assert_eq!(light(&harness), Light::default());
+    assert_eq!(light(&harness), LightChoice::default());
     harness.get_by_label("View").click();
     harness.run_ok();
     harness.get_by_label_contains("Light and quality").click();
     harness.run_ok();
-    let cones = Command::SetShading(Shading::Cones).text();
+    let cones = Command::from(EditCommand::SetLightingMode(LightingMode::Cones)).text();
     harness.get_by_label(&cones).click();
     harness.run_ok();
-    assert_eq!(light(&harness).shading, Shading::Cones);
-    perform(&mut harness, &Command::SetPreset(Some(Preset::Draft)));
-    perform(&mut harness, &Command::SetAperture(40.0));
+    assert_eq!(light(&harness).mode, LightingMode::Cones);
+    perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
+    perform(&mut harness, EditCommand::SetAperture(40.0));
     let expected =
-        Light { shading: Shading::Cones, preset: Some(Preset::Draft), aperture_deg: 40.0, own: None };
+        LightChoice { mode: LightingMode::Cones, preset: Some(Preset::Draft), aperture_deg: 40.0, own: None };
     assert_eq!(light(&harness), expected);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.glioscope.json");
-    perform(&mut harness, &Command::SaveSessionTo(path.clone()));
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
     assert_eq!(session::load(&path).unwrap().edit.light, expected);
-    perform(&mut harness, &Command::Undo);
-    assert_eq!(light(&harness).aperture_deg, Light::default().aperture_deg);
-    perform(&mut harness, &Command::Undo);
-    perform(&mut harness, &Command::Undo);
-    assert_eq!(light(&harness), Light::default());
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(light(&harness).aperture_deg, LightChoice::default().aperture_deg);
+    perform(&mut harness, EditCommand::Undo);
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(light(&harness), LightChoice::default());
+}
+
+fn context<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a ContextPane {
+    harness.state().panes.get(PaneId::Context).unwrap()
 }
 
 /// A picture of pane and what drew it.
 fn drawn(harness: &Harness<'_, GlioscopeApp>) -> (Quality, [u32; 2]) {
-    let viewport = harness.state().viewport.as_ref().unwrap();
-    (*viewport.context.quality().unwrap(), viewport.context.plan().unwrap().1)
+    let screen = &context(harness).canvas.screen;
+    (*screen.quality().unwrap(), screen.plan().unwrap().1)
 }
 
 #[test]
 fn a_moving_picture_is_a_draft_and_a_still_one_the_reference() {
     let mut harness = drafting_window_on(CaseRef::Sample, [420.0, 360.0]);
-    maximized(&mut harness, Pane::Context);
-    let ctx = harness.ctx.clone();
-    let turn = |harness: &mut Harness<'_, GlioscopeApp>, degrees: f64| {
+    maximized(&mut harness, PaneId::Context);
+    let turn = |harness: &mut Window, degrees: f64| {
         let mut camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
-        camera.world_from_camera = glioscope_render::Camera::orientation(degrees, 15.0);
-        harness.state_mut().perform(&ctx, &Command::SetCamera(camera), Instant::now());
+        camera.world_from_camera = Camera::orientation(degrees, 15.0);
+        issue(harness, LookCommand::SetCamera(camera));
         harness.step();
     };
-    harness.state_mut().perform(&ctx, &Command::SetShading(Shading::Cones), Instant::now());
+    issue(&mut harness, EditCommand::SetLightingMode(LightingMode::Cones));
     for n in 0..6 {
         turn(&mut harness, 10.0 * f64::from(n));
         let (quality, _) = drawn(&harness);
         assert!(quality.cost.unwrap() <= 1.0, "{quality:?}");
-        assert_eq!(quality.lighting.shading, Shading::Cones);
+        assert_eq!(quality.lighting.mode, LightingMode::Cones);
     }
     // Time passes in the harness by a quarter of a second a step at most, and pictures come in parts.
-    let reference = Light { shading: Shading::Cones, ..Light::default() }
-        .at(Quality::preset(Shading::Cones, Preset::Reference));
+    let reference = LightChoice { mode: LightingMode::Cones, ..LightChoice::default() }
+        .at(lights::preset(LightingMode::Cones, Preset::Reference));
     let mut steps = 0;
     while drawn(&harness).0 != reference {
         harness.step();
@@ -96,9 +86,9 @@ fn a_moving_picture_is_a_draft_and_a_still_one_the_reference() {
     let (_, size) = drawn(&harness);
     assert!(size[0] > 300, "all pixels: {size:?}");
     // A preset of one's own holds whether something moves or not.
-    harness.state_mut().perform(&ctx, &Command::SetPreset(Some(Preset::Draft)), Instant::now());
+    issue(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
     turn(&mut harness, 77.0);
-    let draft = Quality::preset(Shading::Cones, Preset::Draft);
+    let draft = lights::preset(LightingMode::Cones, Preset::Draft);
     assert_eq!(drawn(&harness).0, draft);
     for _ in 0..20 {
         harness.step();
@@ -109,32 +99,31 @@ fn a_moving_picture_is_a_draft_and_a_still_one_the_reference() {
 #[test]
 fn diagnostics_say_how_far_off_the_light_is() {
     let mut harness = window_on(CaseRef::Sample, [1100.0, 900.0], Theme::Light);
-    perform(&mut harness, &Command::TogglePane(Pane::Diagnostics));
+    perform(&mut harness, EditCommand::TogglePane(PaneId::Diagnostics));
     harness.get_all_by_label_contains("Expected error: unknown").next().unwrap();
-    perform(&mut harness, &Command::SetPreset(Some(Preset::Draft)));
-    perform(&mut harness, &Command::SetShading(Shading::Cones));
-    let [surfaces, tissue] = Quality::preset(Shading::Cones, Preset::Draft).expected_error().unwrap();
+    perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
+    perform(&mut harness, EditCommand::SetLightingMode(LightingMode::Cones));
+    let draft = lights::preset(LightingMode::Cones, Preset::Draft);
+    let [surfaces, tissue] = lights::expected_error(&draft).unwrap();
     let words = format!("Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue");
     harness.get_all_by_label_contains(&words).next().unwrap();
 }
 
 /// The finer picture comes in parts: the window shows the draft meanwhile, a turned camera drops the rest, and what
 /// stands at the end is the picture that is drawn at once.
-fn a_still_picture_comes_in_parts(shading: Shading) -> String {
+fn a_still_picture_comes_in_parts(mode: LightingMode) -> String {
     let mut harness = drafting_window_on(CaseRef::Sample, [420.0, 360.0]);
-    maximized(&mut harness, Pane::Context);
-    let ctx = harness.ctx.clone();
-    let share =
-        |harness: &Harness<'_, GlioscopeApp>| harness.state().viewport.as_ref().unwrap().context.share_done();
-    let turn = |harness: &mut Harness<'_, GlioscopeApp>, degrees: f64| {
+    maximized(&mut harness, PaneId::Context);
+    let share = |harness: &Harness<'_, GlioscopeApp>| context(harness).canvas.screen.share_done();
+    let turn = |harness: &mut Window, degrees: f64| {
         let mut camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
-        camera.world_from_camera = glioscope_render::Camera::orientation(degrees, 15.0);
-        harness.state_mut().perform(&ctx, &Command::SetCamera(camera), Instant::now());
+        camera.world_from_camera = Camera::orientation(degrees, 15.0);
+        issue(harness, LookCommand::SetCamera(camera));
         harness.step();
     };
-    harness.state_mut().perform(&ctx, &Command::SetShading(shading), Instant::now());
+    issue(&mut harness, EditCommand::SetLightingMode(mode));
     let (mut waited, mut longest_ms) = (0, 0.0f64);
-    let until_coming = |harness: &mut Harness<'_, GlioscopeApp>| {
+    let until_coming = |harness: &mut Window| {
         let mut steps = 0;
         while share(harness).is_none() {
             assert!(steps < 20, "a finer picture is begun");
@@ -150,12 +139,12 @@ fn a_still_picture_comes_in_parts(shading: Shading) -> String {
     turn(&mut harness, 50.0);
     assert_eq!(share(&harness), None, "nothing is under way any more");
     assert!(drawn(&harness).0.cost.unwrap() <= 1.0);
-    let drafts =
-        |harness: &Harness<'_, GlioscopeApp>| harness.state().viewport.as_ref().unwrap().context.frames_drawn;
+    let drafts = |harness: &Harness<'_, GlioscopeApp>| context(harness).canvas.screen.frames_drawn();
     let before = drafts(&harness);
     until_coming(&mut harness);
     assert_eq!(drafts(&harness), before, "no picture of the first camera comes in between");
-    let reference = Light { shading, ..Light::default() }.at(Quality::preset(shading, Preset::Reference));
+    let reference =
+        LightChoice { mode, ..LightChoice::default() }.at(lights::preset(mode, Preset::Reference));
     while drawn(&harness).0 != reference {
         let begin = Instant::now();
         let before = drawn(&harness).0;
@@ -172,15 +161,15 @@ fn a_still_picture_comes_in_parts(shading: Shading) -> String {
     }
     assert_eq!(share(&harness), None);
     let pixels = |harness: &Harness<'_, GlioscopeApp>| {
-        let viewport = harness.state().viewport.as_ref().unwrap();
-        viewport.context.frame().unwrap().read_rgba(&viewport.gpu).unwrap()
+        let frame = context(harness).canvas.screen.frame().unwrap();
+        frame.read_rgba(harness.state().gpu().unwrap()).unwrap()
     };
     let found = pixels(&harness);
     let mut whole = window_on(CaseRef::Sample, [420.0, 360.0], Theme::Light);
-    maximized(&mut whole, Pane::Context);
+    maximized(&mut whole, PaneId::Context);
     let camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
-    perform(&mut whole, &Command::SetShading(shading));
-    perform(&mut whole, &Command::SetCamera(camera));
+    perform(&mut whole, EditCommand::SetLightingMode(mode));
+    perform(&mut whole, LookCommand::SetCamera(camera));
     assert_eq!(share(&whole), None, "at once");
     assert_eq!(drawn(&whole).0, reference);
     assert!(pixels(&whole) == found, "the same pixels");
@@ -189,10 +178,10 @@ fn a_still_picture_comes_in_parts(shading: Shading) -> String {
 
 #[test]
 fn a_still_picture_by_slices_comes_in_parts_and_the_window_goes_on() {
-    println!("{}", a_still_picture_comes_in_parts(Shading::Slices));
+    println!("{}", a_still_picture_comes_in_parts(LightingMode::Slices));
 }
 
 #[test]
 fn a_still_picture_by_cones_comes_in_parts_and_the_window_goes_on() {
-    println!("{}", a_still_picture_comes_in_parts(Shading::Cones));
+    println!("{}", a_still_picture_comes_in_parts(LightingMode::Cones));
 }

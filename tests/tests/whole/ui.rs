@@ -1,30 +1,28 @@
 //! The window, driven as a person would, without a display: egui_kittest on the software adapter.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use egui::{Modifiers, Theme};
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
-    commands::Command,
-    document::{CaseRef, Pane},
+    command::{AppCommand, EditCommand},
+    model::{CaseRef, PaneId, session},
+    views::closeup::CloseupPane,
     window::GlioscopeApp,
 };
-use glioscope_render::slices::Plane;
-use glioscope_tests::{count_color, crop, drafting_window_on, window_on};
+use glioscope_tests::{
+    Dropped, Window, count_color, crop, drafting_window_on, error_text, issue, screens, window_on,
+};
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
 const GREEN: [u8; 3] = [0, 255, 0];
 
-fn sample() -> Harness<'static, GlioscopeApp> {
+fn sample() -> Window {
     let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
     harness.run_ok();
     harness
+}
+
+fn closeup<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a CloseupPane {
+    harness.state().panes.get(PaneId::Closeup).unwrap()
 }
 
 fn t2_only(harness: &Harness<'_, GlioscopeApp>) -> u32 {
@@ -38,8 +36,8 @@ fn shows(harness: &Harness<'_, GlioscopeApp>, bits: u32) -> bool {
 }
 
 /// Pixels of pure green in the closeup: T2 alone, seen in the lens.
-fn green_in_closeup(harness: &mut Harness<'_, GlioscopeApp>) -> usize {
-    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+fn green_in_closeup(harness: &mut Window) -> usize {
+    let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
     let picture = harness.render().unwrap();
     // The legend's swatches are green too: below them.
     let rect = egui::Rect::from_min_max(rect.min + egui::vec2(0.0, 80.0), rect.max);
@@ -86,12 +84,12 @@ fn the_table_s_check_box_does_the_same() {
 fn the_pointer_over_the_closeup_moves_the_slices_to_the_surface() {
     let mut harness = sample();
     let before = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
-    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+    let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
     harness.hover_at(rect.center());
     harness.run_ok();
     let app = harness.state();
     let doc = app.work.doc.as_ref().unwrap();
-    let picked = app.closeup.hover.expect("the tumour is in the middle of the closeup");
+    let picked = *closeup(&harness).canvas.hover().expect("the tumour is in the middle of the closeup");
     assert_eq!(doc.nav.cursor_mm, picked.world_mm);
     assert_ne!(doc.nav.cursor_mm, before);
     // Half a voxel further along the line of sight there is tissue of the region picked.
@@ -103,7 +101,7 @@ fn the_pointer_over_the_closeup_moves_the_slices_to_the_surface() {
 #[test]
 fn a_click_on_a_slice_moves_the_crosshair_of_all() {
     let mut harness = sample();
-    let rect = harness.state().pane_rect(Pane::Slice(Plane::Axial)).unwrap();
+    let rect = harness.state().pane_rect(PaneId::Axial).unwrap();
     let before = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
     let at = rect.center() + egui::vec2(12.0, -9.0);
     harness.hover_at(at);
@@ -119,7 +117,7 @@ fn a_click_on_a_slice_moves_the_crosshair_of_all() {
 fn turning_the_closeup_turns_the_camera_about_the_lens() {
     let mut harness = sample();
     let before = harness.state().work.doc.as_ref().unwrap().nav.camera;
-    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+    let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
     harness.hover_at(rect.center());
     harness.drag_at(rect.center());
     harness.hover_at(rect.center() + egui::vec2(60.0, 0.0));
@@ -136,10 +134,10 @@ fn a_moving_closeup_is_a_draft_that_is_refined_when_still() {
     let mut harness = drafting_window_on(CaseRef::Sample, SIZE);
     harness.run_ok();
     let drawn = |harness: &Harness<'_, GlioscopeApp>| {
-        let frame = harness.state().viewport.as_ref().unwrap().frame().unwrap();
+        let frame = closeup(harness).canvas.screen.frame().unwrap();
         (frame.size_px, frame.asked_px)
     };
-    let rect = harness.state().pane_rect(Pane::Closeup).unwrap();
+    let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
     harness.hover_at(rect.center());
     harness.drag_at(rect.center());
     harness.run_steps(2);
@@ -161,14 +159,13 @@ fn a_moving_closeup_is_a_draft_that_is_refined_when_still() {
 #[test]
 fn an_idle_window_draws_nothing() {
     let mut harness = sample();
-    let frames = |harness: &Harness<'_, GlioscopeApp>| {
-        let viewport = harness.state().viewport.as_ref().unwrap();
-        [viewport.closeup.frames_drawn, viewport.context.frames_drawn, viewport.ellipsoids.frames_drawn]
+    let frames = |harness: &mut Window| {
+        [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids].map(|p| screens(harness, p).frames_drawn())
     };
-    let before = frames(&harness);
+    let before = frames(&mut harness);
     assert!(before.iter().all(|&drawn| drawn > 0), "every 3D view was drawn");
     harness.run_steps(20);
-    assert_eq!(frames(&harness), before);
+    assert_eq!(frames(&mut harness), before);
     assert!(!harness.ctx.has_requested_repaint(), "nothing asks for another frame");
 }
 
@@ -189,12 +186,12 @@ fn panes_are_maximised_and_brought_back() {
     let mut harness = sample();
     harness.get_by_label("Maximise the closeup").click();
     harness.run_ok();
-    let wide = harness.state().pane_rect(Pane::Closeup).unwrap();
+    let wide = harness.state().pane_rect(PaneId::Closeup).unwrap();
     assert!(wide.width() > SIZE[0] * 0.95);
-    assert_eq!(harness.state().pane_rect(Pane::Overlap), None);
+    assert_eq!(harness.state().pane_rect(PaneId::Overlap), None);
     harness.get_by_label("Restore the closeup").click();
     harness.run_ok();
-    assert!(harness.state().pane_rect(Pane::Overlap).is_some());
+    assert!(harness.state().pane_rect(PaneId::Overlap).is_some());
 }
 
 #[test]
@@ -203,18 +200,15 @@ fn a_session_is_saved_whole_and_opens_as_it_was() {
     let path = folder.path().join("visit.glioscope.json");
     let mut harness = sample();
     let bits = t2_only(&harness);
-    let ctx = harness.ctx.clone();
-    let now = std::time::Instant::now();
-    harness.state_mut().perform(&ctx, &Command::ToggleRegion(bits), now);
-    harness.state_mut().perform(&ctx, &Command::SaveSessionTo(path.clone()), now);
+    issue(&mut harness, EditCommand::ToggleRegion(bits));
+    issue(&mut harness, AppCommand::SaveSessionTo(path.clone()));
     harness.run_ok();
-    assert_eq!(harness.state().work.error, None);
+    assert_eq!(error_text(&harness), "");
     let saved = harness.state().work.doc.clone().unwrap();
-    assert_eq!(glioscope::session::load(&path).unwrap(), saved);
+    assert_eq!(session::load(&path).unwrap(), saved);
 
     let mut other = sample();
-    let ctx = other.ctx.clone();
-    other.state_mut().perform(&ctx, &Command::OpenSession(path.clone()), now);
+    issue(&mut other, AppCommand::OpenSession(path.clone()));
     for _ in 0..400 {
         other.run_steps(1);
         if other.state().work.job.is_none() {
@@ -226,7 +220,7 @@ fn a_session_is_saved_whole_and_opens_as_it_was() {
     assert_eq!(other.state().work.doc.as_ref().unwrap().edit.selection, saved.edit.selection);
 
     std::fs::write(&path, br#"{"glioscope_session": 99}"#).unwrap();
-    let error = glioscope::session::load(&path).unwrap_err().to_string();
+    let error = session::load(&path).unwrap_err().to_string();
     assert!(error.contains("99"), "{error}");
 }
 
@@ -243,9 +237,8 @@ fn a_folder_s_guess_is_shown_before_it_is_used() {
         }
     }
     let mut harness = sample();
-    let ctx = harness.ctx.clone();
-    let open = Command::Open(CaseRef::Path(out));
-    harness.state_mut().perform(&ctx, &open, std::time::Instant::now());
+    let open = AppCommand::Open(CaseRef::Path(out));
+    issue(&mut harness, open);
     for _ in 0..400 {
         harness.run_steps(1);
         if harness.state().work.job.is_none() {
@@ -254,7 +247,7 @@ fn a_folder_s_guess_is_shown_before_it_is_used() {
         std::thread::sleep(std::time::Duration::from_millis(25));
     }
     harness.run_ok();
-    assert_eq!(harness.state().work.error, None);
+    assert_eq!(error_text(&harness), "");
     assert!(harness.state().work.guess.is_some());
     assert_eq!(harness.state().work.doc.as_ref().unwrap().case, CaseRef::Sample, "not used yet");
     harness.get_by_label("Open it like this").click();
@@ -267,29 +260,15 @@ fn a_picture_of_a_pane_is_the_pane() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("overlap.png");
     let mut harness = sample();
-    let ctx = harness.ctx.clone();
-    let picture = Command::ScreenshotTo(Some(Pane::Overlap), path.clone());
-    harness.state_mut().perform(&ctx, &picture, std::time::Instant::now());
+    let picture = AppCommand::ScreenshotTo(Some(PaneId::Overlap), path.clone());
+    issue(&mut harness, picture);
     harness.run_steps(3);
-    assert_eq!(harness.state().work.error, None);
+    assert_eq!(error_text(&harness), "");
     let written = image::open(&path).unwrap().to_rgba8();
-    let rect = harness.state().pane_rect(Pane::Overlap).unwrap();
+    let rect = harness.state().pane_rect(PaneId::Overlap).unwrap();
     let window = harness.render().unwrap();
     assert_eq!(count_color(&written, GREEN, 0), count_color(&crop(&window, rect), GREEN, 0));
     assert!(count_color(&written, GREEN, 0) > 5000);
-}
-
-#[derive(Debug)]
-struct Dropped(std::path::PathBuf);
-
-impl egui::DroppedFile for Dropped {
-    fn path(&self) -> &std::path::Path {
-        &self.0
-    }
-
-    fn bytes(&self) -> Result<Vec<u8>, String> {
-        std::fs::read(&self.0).map_err(|e| e.to_string())
-    }
 }
 
 #[test]
@@ -300,7 +279,7 @@ fn a_dropped_folder_opens_and_a_wrong_file_says_why_and_loses_nothing() {
     let wrong = folder.path().join("wrong.nii");
     std::fs::write(&wrong, b"no image").unwrap();
     let mut harness = sample();
-    let wait = |harness: &mut Harness<'_, GlioscopeApp>| {
+    let wait = |harness: &mut Window| {
         harness.run_steps(1);
         for _ in 0..400 {
             if harness.state().work.job.is_none() {
@@ -313,12 +292,12 @@ fn a_dropped_folder_opens_and_a_wrong_file_says_why_and_loses_nothing() {
     };
     harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(wrong)));
     wait(&mut harness);
-    let error = harness.state().work.error.clone().unwrap();
+    let error = error_text(&harness);
     assert!(error.contains("wrong.nii") && error.contains("found") && error.contains("expected"), "{error}");
     assert_eq!(harness.state().work.doc.as_ref().unwrap().case, CaseRef::Sample);
     harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(case.clone())));
     wait(&mut harness);
-    assert_eq!(harness.state().work.error, None);
+    assert_eq!(error_text(&harness), "");
     assert_eq!(harness.state().work.doc.as_ref().unwrap().case, CaseRef::Path(case));
 }
 

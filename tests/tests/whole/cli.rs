@@ -1,19 +1,11 @@
 //! The command line as a process: answers on stdout, one line on stderr, exit codes.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::disallowed_methods,
-    reason = "in a test a failed unwrap is a failed test"
-)]
-
 use std::path::{Path, PathBuf};
 
 use glioscope_tests::{real_data, run};
 use serde_json::Value;
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");
+use crate::PROGRAM;
 
 fn json(arguments: &[&str]) -> Value {
     let output = run(PROGRAM, arguments);

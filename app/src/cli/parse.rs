@@ -1,0 +1,170 @@
+//! Values of options as they are typed. Errors are what was expected; the rest of the line is [`super::one_line`]'s.
+
+use std::ops::RangeInclusive;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use glam::DVec3;
+use glioscope_render::{ClipPlane, Lens, MutualOcclusion};
+use strum::VariantArray;
+
+use crate::{model::PaneId, views::transfer::SIDES};
+
+/// One of the words of an enum, as strum spells them.
+pub fn word<T>() -> impl TypedValueParser<Value = T>
+where
+    T: VariantArray + Into<&'static str> + Copy + Send + Sync + 'static,
+{
+    let words = T::VARIANTS.iter().map(|value| -> &'static str { (*value).into() });
+    PossibleValuesParser::new(words).try_map(|text| {
+        let spelled = |value: &&T| -> bool { Into::<&'static str>::into(**value) == text };
+        T::VARIANTS.iter().find(spelled).copied().ok_or("a word of the list")
+    })
+}
+
+/// What `--view` names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum View {
+    /// One pane.
+    Pane(PaneId),
+    /// The whole window.
+    Window,
+}
+
+/// A pane that makes a picture, or the window.
+pub fn view() -> impl TypedValueParser<Value = View> {
+    let panes = || PaneId::all().filter_map(|pane| Some((pane.row().cli?, View::Pane(pane))));
+    let all = move || panes().chain([("window", View::Window)]);
+    PossibleValuesParser::new(all().map(|(word, _)| word)).try_map(move |text| {
+        all().find(|(word, _)| *word == text).map(|(_, view)| view).ok_or("a view of the list")
+    })
+}
+
+/// `WIDTHxHEIGHT`, each from 16 to 8192.
+pub fn size(text: &str) -> Result<[u32; 2], String> {
+    let side = |s: &str| s.trim().parse::<u32>().ok().filter(|n| (16..=8192).contains(n));
+    let sides = text.split_once(['x', 'X', '×']);
+    sides
+        .and_then(|(width, height)| Some([side(width)?, side(height)?]))
+        .ok_or_else(|| "WIDTHxHEIGHT, each from 16 to 8192".into())
+}
+
+/// A number of a range.
+pub fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let number = text.trim().parse::<f64>().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| format!("{} to {}", range.start(), range.end()))
+    }
+}
+
+/// A number above 0 and at most `most`.
+pub fn above_zero(most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let number = text.trim().parse::<f64>().ok().filter(|number| *number > 0.0 && *number <= most);
+        number.ok_or_else(|| format!("above 0, at most {most}"))
+    }
+}
+
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let parsed: Option<Vec<f64>> =
+        text.split(',').map(|s| s.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
+    <[f64; N]>::try_from(parsed?).ok()
+}
+
+/// Azimuth and elevation.
+pub fn camera(text: &str) -> Result<[f64; 2], String> {
+    numbers(text).ok_or_else(|| "AZIMUTH,ELEVATION in degrees".into())
+}
+
+/// A place.
+pub fn place(text: &str) -> Result<DVec3, String> {
+    numbers(text).map(DVec3::from_array).ok_or_else(|| "X,Y,Z in millimetres".into())
+}
+
+/// Ends of a window.
+pub fn low_high(text: &str) -> Result<[f64; 2], String> {
+    numbers(text).ok_or_else(|| "LOW,HIGH".into())
+}
+
+/// A lens, or that there is none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LensArgument {
+    /// No lens.
+    Off,
+    /// This one.
+    At(Lens),
+}
+
+/// A lens or `off`.
+pub fn lens(text: &str) -> Result<LensArgument, String> {
+    if text == "off" {
+        return Ok(LensArgument::Off);
+    }
+    let [x, y, z, radius_mm] =
+        numbers(text).ok_or_else(|| "X,Y,Z,RADIUS in millimetres, or off".to_owned())?;
+    if radius_mm <= 0.0 {
+        return Err("a radius above 0".into());
+    }
+    Ok(LensArgument::At(Lens { center_mm: DVec3::new(x, y, z), radius_mm }))
+}
+
+/// A plane that cuts the image open.
+pub fn clip(text: &str) -> Result<ClipPlane, String> {
+    let expected = || format!("SIDE=MM with {}", SIDES.map(|(side, _)| side).join(", "));
+    let (side, mm) = text.split_once('=').ok_or_else(expected)?;
+    let (_, normal) = SIDES.into_iter().find(|(name, _)| *name == side).ok_or_else(expected)?;
+    let [mm] = numbers(mm).ok_or_else(expected)?;
+    Ok(ClipPlane { normal, offset_mm: mm * normal.element_sum() })
+}
+
+/// What may darken what: a comma between pairs, or `none`.
+pub fn darkens(text: &str) -> Result<MutualOcclusion, String> {
+    let mut out = MutualOcclusion::NONE;
+    for name in text.split(',').map(str::trim).filter(|name| *name != "none") {
+        // Opaque geometry used to be called solid.
+        match name.replace("solid", "opaque").as_str() {
+            "image-image" => out.image_on_image = true,
+            "opaque-image" => out.opaque_on_image = true,
+            "image-opaque" => out.image_on_opaque = true,
+            "opaque-opaque" => out.opaque_on_opaque = true,
+            _ => return Err("image-image, opaque-image, image-opaque, opaque-opaque or none".into()),
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_numbers_are_checked() {
+        assert_eq!(size("512x256").unwrap(), [512, 256]);
+        for bad in ["512", "0x5", "512x", "9999x512", "axb"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(camera("-30, 20").unwrap(), [-30.0, 20.0]);
+        for bad in ["1", "1,2,3", "1,x", "1,nan", "1,,2"] {
+            assert!(camera(bad).is_err(), "{bad}");
+        }
+        assert_eq!(lens("off"), Ok(LensArgument::Off));
+        for bad in ["1,2,3", "1,2,3,-4", "1,2,3,0", "on"] {
+            assert!(lens(bad).is_err(), "{bad}");
+        }
+        for bad in ["nan", "-1", "86", ""] {
+            assert_eq!(within(0.0..=85.0)(bad), Err("0 to 85".into()), "{bad}");
+        }
+        assert!(above_zero(100.0)("0").is_err() && above_zero(100.0)("0.5").is_ok());
+        assert!(clip("sideways=3").unwrap_err().contains("right"));
+        assert_eq!(clip("left=3").unwrap().offset_mm, -3.0);
+    }
+
+    #[test]
+    fn what_darkens_what_is_named_in_pairs() {
+        let found = darkens("image-image, opaque-opaque").unwrap();
+        assert!(found.image_on_image && found.opaque_on_opaque);
+        assert!(!found.opaque_on_image && !found.image_on_opaque);
+        assert_eq!(darkens("solid-image").unwrap(), darkens("opaque-image").unwrap());
+        assert_eq!(darkens("none").unwrap(), MutualOcclusion::NONE);
+        assert!(darkens("tube-image").is_err());
+    }
+}

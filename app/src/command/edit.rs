@@ -1,0 +1,368 @@
+//! Commands that change what undo covers.
+
+use std::collections::BTreeSet;
+
+use egui::{Key, Modifiers};
+use egui_tiles::Tree;
+use glam::DVec3;
+use glioscope_core::{Selection, optics::Camera};
+use glioscope_render::{
+    ClipPlane, Coloring, LightingMode, Palette, Preset, TransferFunction,
+    flat::{Overlay, Window},
+    light,
+};
+use strum::{EnumDiscriminants, EnumIter, VariantArray};
+
+use super::{Entry, Listed, Menu, Words};
+use crate::{
+    model::{
+        ChangeSetting, Document, EllipsoidLook, OverlapMode, OwnOpacity, PaneId, Ruler,
+        document::{default_lens, tumor_radius_mm},
+        layout,
+        overlap::{regions_of_mask, with_mask_toggled},
+    },
+    world::World,
+};
+
+/// A command that changes what undo covers.
+#[derive(Clone, Debug, PartialEq, EnumDiscriminants)]
+#[strum_discriminants(name(EditKind), vis(pub(super)), derive(EnumIter))]
+#[allow(missing_docs, reason = "words() tells what each does")]
+pub enum EditCommand {
+    Undo,
+    Redo,
+    // Regions.
+    ToggleRegion(u32),
+    OnlyRegion(u32),
+    SetRegion(u32, bool),
+    ShowAllRegions,
+    ToggleMask(usize),
+    OnlyMask(usize),
+    SetOverlapMode(OverlapMode),
+    SetPalette(Palette),
+    SetColoring(Coloring),
+    // Lens.
+    ToggleLens,
+    SetLensRadius(f64),
+    SetLensCenter(DVec3),
+    DragLensCenter(DVec3),
+    LensToCursor,
+    FitTumor,
+    // Context view, ellipsoid diagram, change view.
+    SetTransfer(String, Option<TransferFunction>),
+    SetClips(Vec<ClipPlane>),
+    ToggleTracts(String),
+    ToggleAllTracts,
+    SetEllipsoidLook(EllipsoidLook),
+    SetEllipsoidOpacities(Vec<OwnOpacity>),
+    SetChange(Box<ChangeSetting>),
+    // Light.
+    SetLightingMode(LightingMode),
+    SetPreset(Option<Preset>),
+    SetAperture(f64),
+    // Measuring.
+    AddRuler(Box<Ruler>),
+    RenameRuler(usize, String),
+    DeleteRuler(usize),
+    // Slices.
+    SetWindow(String, Window),
+    SetOverlay(Overlay),
+    NextOverlay,
+    SetOverlayOpacity(f32),
+    // Panes.
+    TogglePane(PaneId),
+    MaximizePane(PaneId),
+    SetLayout(Box<Tree<PaneId>>),
+    ResetLayout,
+}
+
+const CTRL: Modifiers = Modifiers::COMMAND;
+
+impl EditCommand {
+    /// The commands of a kind that need no argument.
+    pub(super) fn listed(kind: EditKind) -> Vec<Listed> {
+        let one = |command: Self| Listed::new(command);
+        match kind {
+            EditKind::Undo => vec![one(Self::Undo).keys(CTRL, Key::Z).menu(Menu::Edit, 0)],
+            EditKind::Redo => {
+                vec![one(Self::Redo).keys(CTRL | Modifiers::SHIFT, Key::Z).menu(Menu::Edit, 0)]
+            }
+            EditKind::ShowAllRegions => vec![one(Self::ShowAllRegions).key(Key::A).menu(Menu::Edit, 1)],
+            EditKind::SetOverlapMode => OverlapMode::VARIANTS
+                .iter()
+                .map(|mode| one(Self::SetOverlapMode(*mode)).menu(Menu::View, 2))
+                .collect(),
+            EditKind::SetPalette => Palette::VARIANTS
+                .iter()
+                .map(|palette| one(Self::SetPalette(*palette)).menu(Menu::Colors, 0))
+                .collect(),
+            EditKind::SetColoring => Coloring::VARIANTS
+                .iter()
+                .map(|coloring| one(Self::SetColoring(*coloring)).menu(Menu::Colors, 1))
+                .collect(),
+            EditKind::ToggleLens => vec![one(Self::ToggleLens).key(Key::L).menu(Menu::Tools, 0)],
+            EditKind::LensToCursor => vec![one(Self::LensToCursor).key(Key::C).menu(Menu::Tools, 0)],
+            EditKind::FitTumor => vec![one(Self::FitTumor).key(Key::F).menu(Menu::View, 3)],
+            EditKind::ToggleAllTracts => vec![one(Self::ToggleAllTracts).key(Key::T)],
+            EditKind::SetLightingMode => LightingMode::VARIANTS
+                .iter()
+                .map(|mode| one(Self::SetLightingMode(*mode)).menu(Menu::Light, 0))
+                .collect(),
+            EditKind::SetPreset => std::iter::once(None)
+                .chain(Preset::VARIANTS.iter().copied().map(Some))
+                .map(|preset| one(Self::SetPreset(preset)).menu(Menu::Light, 1))
+                .collect(),
+            EditKind::SetOverlay => Overlay::VARIANTS
+                .iter()
+                .map(|overlay| one(Self::SetOverlay(*overlay)).menu(Menu::Slices, 1))
+                .collect(),
+            EditKind::NextOverlay => vec![one(Self::NextOverlay).key(Key::O)],
+            EditKind::TogglePane => PaneId::all()
+                .map(|pane| {
+                    let listed = one(Self::TogglePane(pane)).menu(Menu::View, 1);
+                    if pane == PaneId::Diagnostics { listed.key(Key::D) } else { listed }
+                })
+                .collect(),
+            EditKind::MaximizePane => PaneId::all().map(|pane| one(Self::MaximizePane(pane))).collect(),
+            EditKind::ResetLayout => vec![one(Self::ResetLayout).menu(Menu::View, 1)],
+            EditKind::ToggleRegion
+            | EditKind::OnlyRegion
+            | EditKind::SetRegion
+            | EditKind::ToggleMask
+            | EditKind::OnlyMask
+            | EditKind::SetLensRadius
+            | EditKind::SetLensCenter
+            | EditKind::DragLensCenter
+            | EditKind::SetTransfer
+            | EditKind::SetClips
+            | EditKind::ToggleTracts
+            | EditKind::SetEllipsoidLook
+            | EditKind::SetEllipsoidOpacities
+            | EditKind::SetChange
+            | EditKind::SetAperture
+            | EditKind::AddRuler
+            | EditKind::RenameRuler
+            | EditKind::DeleteRuler
+            | EditKind::SetWindow
+            | EditKind::SetOverlayOpacity
+            | EditKind::SetLayout => Vec::new(),
+        }
+    }
+
+    pub(super) fn words(&self) -> Words {
+        match self {
+            Self::Undo => Words::new("Undo"),
+            Self::Redo => Words::new("Redo"),
+            Self::ToggleRegion(_) => Words::new("Show or hide the region"),
+            Self::OnlyRegion(_) => Words::new("Show only this region"),
+            Self::SetRegion(_, true) => Words::new("Show the region"),
+            Self::SetRegion(_, false) => Words::new("Hide the region"),
+            Self::ShowAllRegions => Words::new("Show all regions"),
+            Self::ToggleMask(_) => Words::new("Show or hide the mask"),
+            Self::OnlyMask(_) => Words::new("Show only this mask"),
+            Self::SetOverlapMode(mode) => Words::new(match mode {
+                OverlapMode::Regions => "Diagram selects regions",
+                OverlapMode::WholeMasks => "Diagram selects whole masks (no overlaps)",
+            })
+            .more("Regions: each overlap apart. Whole masks: overlaps are not told apart"),
+            Self::SetPalette(palette) => Words::new(match palette {
+                Palette::Thesis => "Colours: red, green, blue",
+                Palette::ColorBlindSafe => "Colours: colour-blind safe",
+            }),
+            Self::SetColoring(Coloring::Masks) => {
+                Words::new("Colours: which masks").more("A region has the colours of its masks, mixed")
+            }
+            Self::SetColoring(Coloring::Agreement) => Words::new("Colours: how many masks agree")
+                .more("Dark blue where one mask is active, light yellow where all are"),
+            Self::ToggleLens => Words::new("Lens on or off")
+                .more("Inside the lens: the selection, in full. Outside: everything, faint"),
+            Self::SetLensRadius(_) => Words::new("Lens radius"),
+            Self::SetLensCenter(_) | Self::DragLensCenter(_) => Words::new("Move the lens"),
+            Self::LensToCursor => {
+                Words::new("Move the lens to the crosshair").more("The camera turns about the lens")
+            }
+            Self::FitTumor => Words::new("Fit the tumour"),
+            Self::SetTransfer(_, Some(_)) => Words::new("Transfer function"),
+            Self::SetTransfer(_, None) => Words::new("Transfer function to begin with"),
+            Self::SetClips(_) => Words::new("Cut the image open"),
+            Self::ToggleTracts(id) => Words::new(format!("Show or hide fibre tracts {id}")),
+            Self::ToggleAllTracts => Words::new("Show or hide all fibre tracts").more("In the context view"),
+            Self::SetEllipsoidLook(_) => Words::new("Look of the ellipsoid diagram"),
+            Self::SetEllipsoidOpacities(_) => Words::new("Opacity of an ellipsoid"),
+            Self::SetChange(_) => Words::new("Compare dates"),
+            Self::SetLightingMode(mode) => {
+                let row = light::row(*mode);
+                Words::new(format!("Light: {}", row.title.to_lowercase())).more(row.summary)
+            }
+            Self::SetPreset(None) => {
+                Words::new("Quality: automatic").more("Fluent while something moves, then as good as it gets")
+            }
+            Self::SetPreset(Some(preset)) => Words::new(format!("Quality: {}", preset.name()))
+                .more("The same whether something moves or not"),
+            Self::SetAperture(_) => Words::new("Aperture of the light"),
+            Self::AddRuler(_) => Words::new("Keep the line measured"),
+            Self::RenameRuler(..) => Words::new("Name the line"),
+            Self::DeleteRuler(_) => Words::new("Delete the line"),
+            Self::SetWindow(..) => Words::new("Window and level"),
+            Self::SetOverlay(overlay) => {
+                let word: &str = overlay.into();
+                Words::new(format!("Masks on slices: {word}"))
+            }
+            Self::NextOverlay => Words::new("Masks on slices: next of fill, outline, both"),
+            Self::SetOverlayOpacity(_) => Words::new("Opacity of masks"),
+            Self::TogglePane(pane) => Words::new(format!("Show or hide {}", pane.title())),
+            Self::MaximizePane(pane) => {
+                Words::new(format!("Maximise {}", pane.title())).more("Again brings the other panes back")
+            }
+            Self::SetLayout(_) => Words::new("Arrange panes"),
+            Self::ResetLayout => Words::new("Default layout"),
+        }
+    }
+
+    pub(super) fn gesture(&self) -> Option<&'static str> {
+        match self {
+            Self::SetLensRadius(_) => Some("lens radius"),
+            Self::SetLensCenter(_) | Self::DragLensCenter(_) => Some("lens centre"),
+            Self::RenameRuler(..) => Some("name of a line"),
+            Self::SetWindow(..) => Some("window"),
+            Self::SetOverlayOpacity(_) => Some("opacity"),
+            Self::SetLayout(_) => Some("layout"),
+            Self::SetTransfer(..) => Some("transfer"),
+            Self::SetClips(_) => Some("clips"),
+            Self::SetEllipsoidLook(_) => Some("ellipsoids"),
+            Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
+            Self::SetChange(_) => Some("change"),
+            Self::SetAperture(_) => Some("aperture"),
+            _ => None,
+        }
+    }
+
+    pub(super) fn entry(&self, doc: &Document) -> Entry {
+        let edit = &doc.edit;
+        match self {
+            Self::SetOverlapMode(mode) => Entry::Choice(edit.overlap_mode == *mode),
+            Self::SetPalette(palette) => Entry::Choice(edit.palette == *palette),
+            Self::SetColoring(coloring) => Entry::Choice(edit.coloring == *coloring),
+            Self::SetLightingMode(mode) => Entry::Choice(edit.light.mode == *mode),
+            Self::SetPreset(preset) => Entry::Choice(edit.light.preset == *preset),
+            Self::SetOverlay(overlay) => Entry::Choice(edit.overlay == *overlay),
+            Self::ToggleLens => Entry::Switch(edit.lens_on),
+            Self::ToggleTracts(id) => Entry::Switch(!edit.hidden_tracts.contains(id)),
+            Self::TogglePane(pane) => Entry::Switch(layout::contains(&edit.layout, *pane)),
+            _ => Entry::Plain,
+        }
+    }
+
+    /// Does it to the document. [`Self::Undo`] and [`Self::Redo`] are the history's.
+    pub(super) fn apply(&self, doc: &mut Document, world: &World) {
+        let Some(time_point) = world.time_point(doc) else { return };
+        let regions = &time_point.regions;
+        let Document { edit, nav, .. } = doc;
+        match self {
+            Self::Undo | Self::Redo => {}
+            Self::ToggleRegion(bits) => edit.selection.toggle(*bits),
+            Self::OnlyRegion(bits) => edit.selection = Selection::only(regions, &[*bits]),
+            Self::SetRegion(bits, shown) => edit.selection.set(*bits, *shown),
+            Self::ShowAllRegions => edit.selection = Selection::all(),
+            Self::ToggleMask(k) if edit.overlap_mode == OverlapMode::WholeMasks => {
+                edit.selection = with_mask_toggled(regions, &edit.selection, *k);
+            }
+            Self::ToggleMask(k) => {
+                let of_mask = regions_of_mask(regions, *k);
+                let all_shown = of_mask.iter().all(|bits| edit.selection.shows(*bits));
+                for bits in of_mask {
+                    edit.selection.set(bits, !all_shown);
+                }
+            }
+            Self::OnlyMask(k) => edit.selection = Selection::only(regions, &regions_of_mask(regions, *k)),
+            Self::SetOverlapMode(mode) => edit.overlap_mode = *mode,
+            Self::SetPalette(palette) => edit.palette = *palette,
+            Self::SetColoring(coloring) => edit.coloring = *coloring,
+            Self::ToggleLens => edit.lens_on = !edit.lens_on,
+            Self::SetLensRadius(radius_mm) => {
+                if radius_mm.is_finite() {
+                    edit.lens.radius_mm = radius_mm.clamp(0.1, 1000.0);
+                }
+            }
+            Self::SetLensCenter(center_mm) => {
+                if center_mm.is_finite() {
+                    edit.lens.center_mm = *center_mm;
+                    nav.camera.focus_mm = *center_mm;
+                }
+            }
+            // The camera waits until the drag is over: it would carry the surface off under the pointer.
+            Self::DragLensCenter(center_mm) => {
+                if center_mm.is_finite() {
+                    edit.lens.center_mm = *center_mm;
+                }
+            }
+            Self::LensToCursor => {
+                edit.lens.center_mm = nav.cursor_mm;
+                nav.camera.focus_mm = nav.cursor_mm;
+            }
+            Self::FitTumor => {
+                let Camera { world_from_camera, projection, .. } = nav.camera;
+                edit.lens = default_lens(time_point);
+                let radius_mm = tumor_radius_mm(time_point);
+                nav.camera = Camera::fit(edit.lens.center_mm, radius_mm, world_from_camera, projection);
+            }
+            Self::SetTransfer(id, Some(transfer)) => {
+                edit.transfers.insert(id.clone(), transfer.clone());
+            }
+            Self::SetTransfer(id, None) => {
+                edit.transfers.remove(id);
+            }
+            Self::SetClips(clips) => edit.clips.clone_from(clips),
+            Self::ToggleTracts(id) => {
+                if !edit.hidden_tracts.remove(id) {
+                    edit.hidden_tracts.insert(id.clone());
+                }
+            }
+            Self::ToggleAllTracts => {
+                let ids: BTreeSet<String> =
+                    world.case().iter().flat_map(|c| &c.tracts).map(|t| t.id.clone()).collect();
+                edit.hidden_tracts = if ids.is_subset(&edit.hidden_tracts) { BTreeSet::new() } else { ids };
+            }
+            Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
+            Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
+            Self::SetChange(setting) => edit.change.clone_from(setting),
+            Self::SetLightingMode(mode) => edit.light.mode = *mode,
+            Self::SetPreset(preset) => edit.light.preset = *preset,
+            Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
+            Self::AddRuler(ruler) => {
+                if ruler.length_mm().is_finite() {
+                    edit.rulers.push((**ruler).clone());
+                }
+            }
+            Self::RenameRuler(at, name) => {
+                if let Some(ruler) = edit.rulers.get_mut(*at) {
+                    ruler.name.clone_from(name);
+                }
+            }
+            Self::DeleteRuler(at) => {
+                if *at < edit.rulers.len() {
+                    edit.rulers.remove(*at);
+                }
+            }
+            Self::SetWindow(id, window) => {
+                edit.windows.insert(id.clone(), *window);
+            }
+            Self::SetOverlay(overlay) => edit.overlay = *overlay,
+            Self::NextOverlay => {
+                let all = Overlay::VARIANTS;
+                let at = all.iter().position(|overlay| *overlay == edit.overlay).unwrap_or_default();
+                edit.overlay = all[(at + 1) % all.len()];
+            }
+            Self::SetOverlayOpacity(opacity) => edit.overlay_opacity = opacity.clamp(0.0, 1.0),
+            Self::TogglePane(pane) => layout::toggle(&mut edit.layout, *pane),
+            Self::MaximizePane(pane) => {
+                edit.maximized = (edit.maximized != Some(*pane)).then_some(*pane);
+            }
+            Self::SetLayout(tree) => edit.layout = (**tree).clone(),
+            Self::ResetLayout => {
+                edit.layout = layout::default_layout(world.time_point_count());
+                edit.maximized = None;
+            }
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Commands that change where the user looks.
+
+use egui::{Key, Modifiers};
+use glam::{DVec2, DVec3};
+use glioscope_core::optics::{AnatomicalView, Camera, Projection};
+use glioscope_render::flat::{Convention, Plane, SliceView};
+use strum::{EnumDiscriminants, EnumIter, VariantArray};
+
+use super::{Entry, Listed, Menu, Words};
+use crate::{
+    model::{Document, PaneId},
+    world::World,
+};
+
+/// A command that changes where the user looks.
+#[derive(Clone, Debug, PartialEq, EnumDiscriminants)]
+#[strum_discriminants(name(LookKind), vis(pub(super)), derive(EnumIter))]
+#[allow(missing_docs, reason = "words() tells what each does")]
+pub enum LookCommand {
+    // 3D views.
+    SetCamera(Camera),
+    LookFrom(AnatomicalView),
+    ToggleProjection,
+    FitLens,
+    SetZoom(PaneId, f64),
+    TogglePlane,
+    // The crosshair, and dates.
+    SetCursor(DVec3),
+    ToggleFollowPointer,
+    SetTime(usize),
+    // Measuring.
+    ToggleRuler,
+    ShowRuler(usize),
+    // Slices.
+    SetContext(Option<String>),
+    NextContext,
+    SetConvention(Convention),
+    SetSliceZoom(Option<f64>),
+    SetPan(Plane, DVec2),
+    ResetSlices,
+}
+
+impl LookCommand {
+    /// The commands of a kind that need no argument.
+    pub(super) fn listed(kind: LookKind) -> Vec<Listed> {
+        let one = |command: Self| Listed::new(command);
+        match kind {
+            LookKind::LookFrom => AnatomicalView::VARIANTS
+                .iter()
+                .map(|view| {
+                    let key = match view {
+                        AnatomicalView::Anterior => Key::Num1,
+                        AnatomicalView::Posterior => Key::Num2,
+                        AnatomicalView::Left => Key::Num3,
+                        AnatomicalView::Right => Key::Num4,
+                        AnatomicalView::Superior => Key::Num5,
+                        AnatomicalView::Inferior => Key::Num6,
+                    };
+                    one(Self::LookFrom(*view)).key(key).menu(Menu::LookFrom, 0)
+                })
+                .collect(),
+            LookKind::ToggleProjection => {
+                vec![one(Self::ToggleProjection).key(Key::P).menu(Menu::View, 3)]
+            }
+            LookKind::FitLens => {
+                vec![one(Self::FitLens).keys(Modifiers::SHIFT, Key::F).menu(Menu::View, 3)]
+            }
+            LookKind::TogglePlane => vec![one(Self::TogglePlane).key(Key::X).menu(Menu::View, 2)],
+            LookKind::ToggleFollowPointer => vec![one(Self::ToggleFollowPointer).menu(Menu::View, 2)],
+            LookKind::ToggleRuler => vec![one(Self::ToggleRuler).key(Key::M).menu(Menu::Tools, 1)],
+            LookKind::NextContext => vec![one(Self::NextContext).key(Key::I)],
+            LookKind::SetConvention => Convention::VARIANTS
+                .iter()
+                .map(|convention| one(Self::SetConvention(*convention)).menu(Menu::Slices, 0))
+                .collect(),
+            LookKind::ResetSlices => vec![one(Self::ResetSlices).key(Key::R).menu(Menu::Slices, 2)],
+            LookKind::SetCamera
+            | LookKind::SetZoom
+            | LookKind::SetCursor
+            | LookKind::SetTime
+            | LookKind::ShowRuler
+            | LookKind::SetContext
+            | LookKind::SetSliceZoom
+            | LookKind::SetPan => Vec::new(),
+        }
+    }
+
+    pub(super) fn words(&self) -> Words {
+        match self {
+            Self::SetCamera(_) => Words::new("Turn"),
+            Self::LookFrom(view) => {
+                let side: &str = view.into();
+                Words::new(format!("Look from {side}"))
+            }
+            Self::ToggleProjection => Words::new("Perspective or orthographic"),
+            Self::FitLens => Words::new("Fit the lens"),
+            Self::SetZoom(pane, _) => Words::new(format!("Zoom {}", pane.title())),
+            Self::TogglePlane => {
+                Words::new("Axial slice in the 3D views").more("Semi-transparent, through the crosshair")
+            }
+            Self::SetCursor(_) => Words::new("Move the crosshair"),
+            Self::ToggleFollowPointer => Words::new("Crosshair follows the pointer")
+                .more("Off: click a view to move the crosshair of all"),
+            Self::SetTime(_) => Words::new("Show this date"),
+            Self::ToggleRuler => Words::new("Ruler on or off")
+                .more("Drag in the closeup from surface to surface, or in a slice"),
+            Self::ShowRuler(_) => Words::new("Show the line").more("Crosshair and closeup go to its middle"),
+            Self::SetContext(_) => Words::new("Show this image"),
+            Self::NextContext => Words::new("Next image on the slices"),
+            Self::SetConvention(convention) => Words::new(match convention {
+                Convention::Radiological => "Radiological: patient's left on the right",
+                Convention::Neurological => "Neurological: patient's left on the left",
+            }),
+            Self::SetSliceZoom(_) => Words::new("Zoom the slices"),
+            Self::SetPan(..) => Words::new("Move the slice"),
+            Self::ResetSlices => Words::new("Fit the slices"),
+        }
+    }
+
+    pub(super) fn entry(&self, doc: &Document) -> Entry {
+        match self {
+            Self::ToggleFollowPointer => Entry::Switch(doc.nav.follow_pointer),
+            Self::TogglePlane => Entry::Switch(doc.nav.show_plane),
+            Self::ToggleRuler => Entry::Switch(doc.nav.ruler_on),
+            Self::SetConvention(convention) => Entry::Choice(doc.nav.convention == *convention),
+            _ => Entry::Plain,
+        }
+    }
+
+    /// Does it to the document.
+    pub(super) fn apply(&self, doc: &mut Document, world: &World) {
+        let Some(time_point) = world.time_point(doc) else { return };
+        let Document { edit, nav, .. } = doc;
+        match self {
+            Self::SetCamera(camera) => nav.camera = *camera,
+            Self::LookFrom(view) => {
+                let (azimuth, elevation) = view.azimuth_elevation_deg();
+                nav.camera.world_from_camera = Camera::orientation(azimuth, elevation);
+            }
+            Self::ToggleProjection => {
+                nav.camera.projection = match nav.camera.projection {
+                    Projection::Perspective => Projection::Orthographic,
+                    Projection::Orthographic => Projection::Perspective,
+                };
+            }
+            Self::FitLens => {
+                let Camera { world_from_camera, projection, .. } = nav.camera;
+                let lens = &edit.lens;
+                nav.camera = Camera::fit(lens.center_mm, lens.radius_mm, world_from_camera, projection);
+            }
+            Self::SetZoom(pane, zoom) => {
+                if zoom.is_finite() {
+                    nav.zooms.insert(*pane, *zoom);
+                }
+            }
+            Self::TogglePlane => nav.show_plane = !nav.show_plane,
+            Self::SetCursor(mm) => {
+                if mm.is_finite() {
+                    nav.cursor_mm = *mm;
+                }
+            }
+            Self::ToggleFollowPointer => nav.follow_pointer = !nav.follow_pointer,
+            Self::SetTime(time) => nav.time = (*time).min(world.time_point_count().saturating_sub(1)),
+            Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,
+            Self::ShowRuler(at) => show_ruler(doc, world, *at),
+            Self::SetContext(id) => nav.context.clone_from(id),
+            Self::NextContext => {
+                let ids: Vec<&String> = time_point.contexts.iter().map(|c| &c.id).collect();
+                let here = nav.context.as_ref().and_then(|id| ids.iter().position(|i| *i == id));
+                let next = here.map_or(0, |at| at + 1);
+                nav.context = ids.get(next).or(ids.first()).map(|id| (*id).clone());
+            }
+            Self::SetConvention(convention) => nav.convention = *convention,
+            Self::SetSliceZoom(mm_per_point) => {
+                nav.mm_per_point = mm_per_point.filter(|z| z.is_finite()).map(|z| z.clamp(1e-3, 1e3));
+            }
+            Self::SetPan(plane, pan_mm) => {
+                if pan_mm.is_finite() {
+                    nav.pan_mm[*plane as usize] = *pan_mm;
+                }
+            }
+            Self::ResetSlices => {
+                nav.mm_per_point = None;
+                nav.pan_mm = [DVec2::ZERO; 3];
+            }
+        }
+    }
+}
+
+/// Puts the crosshair, the closeup and the slices at the middle of a line; the lens stays.
+fn show_ruler(doc: &mut Document, world: &World, at: usize) {
+    let Some(ruler) = doc.edit.rulers.get(at) else { return };
+    let middle_mm = ruler.middle_mm();
+    if ruler.time < world.time_point_count() {
+        doc.nav.time = ruler.time;
+    }
+    doc.nav.cursor_mm = middle_mm;
+    doc.nav.camera.focus_mm = middle_mm;
+    if doc.nav.mm_per_point.is_none() {
+        return;
+    }
+    // Zoomed slices may not show the place: they are moved so that it is in their middle.
+    let bounds_mm = match (world.context(doc), world.case()) {
+        (Some((_, image)), _) => image.volume().grid().bounds_mm(),
+        (None, Some(case)) => case.grid.bounds_mm(),
+        (None, None) => return,
+    };
+    for plane in Plane::ALL {
+        let fitted = SliceView::fit(plane, doc.nav.convention, bounds_mm, middle_mm, [1, 1]);
+        let off_mm = middle_mm - fitted.center_mm;
+        doc.nav.pan_mm[plane as usize] = DVec2::new(off_mm.dot(fitted.right()), off_mm.dot(fitted.down()));
+    }
+}

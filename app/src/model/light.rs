@@ -1,0 +1,39 @@
+//! How the 3D views are lit, as the user chose it.
+
+use glioscope_render::{LightSettings, LightingMode, Preset, Quality, light};
+use serde::{Deserialize, Serialize};
+
+/// Lighting mode, preset and settings of the 3D views.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightChoice {
+    /// The lighting mode.
+    pub mode: LightingMode,
+    /// A fixed quality; `None`: within a time budget while something moves, the reference when still.
+    pub preset: Option<Preset>,
+    /// Half the opening angle of the cone that light comes from, degrees.
+    pub aperture_deg: f64,
+    /// The user's own settings instead of the preset's.
+    #[serde(default)]
+    pub own: Option<LightSettings>,
+}
+
+impl Default for LightChoice {
+    fn default() -> Self {
+        let LightSettings { mode, aperture_deg, .. } = LightSettings::DEFAULT;
+        Self { mode, preset: None, aperture_deg, own: None }
+    }
+}
+
+impl LightChoice {
+    /// `quality`, which was found for this lighting mode, with this choice's aperture or own settings.
+    pub fn at(&self, quality: Quality) -> Quality {
+        let lighting =
+            self.own.unwrap_or(LightSettings { aperture_deg: self.aperture_deg, ..quality.lighting });
+        Quality { lighting, cost: quality.cost.filter(|_| self.own.is_none()), ..quality }
+    }
+
+    /// The quality of a picture at rest and of files: the preset, or the reference without one.
+    pub fn at_rest(&self) -> Quality {
+        self.at(light::preset(self.mode, self.preset.unwrap_or(Preset::Reference)))
+    }
+}

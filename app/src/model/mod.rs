@@ -1,0 +1,21 @@
+//! What is saved: the document with all its types, where panes are, undo, and the session file. Knows no view.
+
+pub mod change;
+pub mod document;
+pub mod ellipsoids;
+pub mod history;
+pub mod layout;
+pub mod light;
+pub mod overlap;
+pub mod pane;
+pub mod rulers;
+pub mod session;
+
+pub use change::ChangeSetting;
+pub use document::{CaseRef, Document, Edit, Navigation};
+pub use ellipsoids::{EllipsoidKind, EllipsoidLook, OwnOpacity};
+pub use history::History;
+pub use light::LightChoice;
+pub use overlap::OverlapMode;
+pub use pane::PaneId;
+pub use rulers::{Ruler, RulerFormat};

@@ -1,0 +1,126 @@
+//! Which panes there are, and what tabs, menus, files and the command line call them.
+
+use glioscope_render::flat::Plane;
+use serde::{Deserialize, Serialize};
+use strum::{EnumIter, IntoEnumIterator};
+
+/// One pane of the window, in the order of menus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, EnumIter)]
+#[serde(rename_all = "snake_case")]
+pub enum PaneId {
+    /// The tumour intersection closeup.
+    Closeup,
+    /// The tumour in its anatomy.
+    Context,
+    /// The ellipsoid diagram.
+    Ellipsoids,
+    /// The surface change between two dates.
+    Change,
+    /// All dates, and volumes over time.
+    Dates,
+    /// The overlap diagram with its bar and the table of regions.
+    Overlap,
+    /// The table of what is in the lens.
+    Lens,
+    /// The list of lines measured.
+    Measurements,
+    /// The transfer function of the context view.
+    Transfer,
+    /// Plan, pass times and adapter.
+    Diagnostics,
+    /// The axial slice.
+    Axial,
+    /// The coronal slice.
+    Coronal,
+    /// The sagittal slice.
+    Sagittal,
+}
+
+/// What a pane is called, and how it takes part in reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PaneRow {
+    /// In sentences: `the closeup`.
+    pub title: &'static str,
+    /// On its tab.
+    pub tab: &'static str,
+    /// For `--view` and in file names; `None`: it makes no picture.
+    pub cli: Option<&'static str>,
+    /// Pixels of its picture in a report; `None`: it isn't in one.
+    pub report_px: Option<[u32; 2]>,
+    /// Whether it compares dates: left out where a case has one.
+    pub needs_dates: bool,
+}
+
+impl PaneRow {
+    const fn new(title: &'static str, tab: &'static str, cli: &'static str) -> Self {
+        Self { title, tab, cli: Some(cli), report_px: None, needs_dates: false }
+    }
+
+    const fn report(self, report_px: [u32; 2]) -> Self {
+        Self { report_px: Some(report_px), ..self }
+    }
+
+    const fn of_dates(self) -> Self {
+        Self { needs_dates: true, ..self }
+    }
+}
+
+impl PaneId {
+    /// Its row in the table of panes.
+    pub const fn row(self) -> PaneRow {
+        let row = PaneRow::new;
+        match self {
+            Self::Closeup => row("the closeup", "Closeup", "closeup").report([900, 900]),
+            Self::Context => row("the context view", "Context", "context").report([900, 900]),
+            Self::Ellipsoids => row("the ellipsoid diagram", "Ellipsoids", "ellipsoids").report([900, 900]),
+            Self::Change => row("the change view", "Change", "change").report([900, 900]).of_dates(),
+            Self::Dates => row("the dates", "Dates", "dates").report([700, 900]).of_dates(),
+            Self::Overlap => row("the overlap diagram", "Overlap", "overlap").report([700, 900]),
+            Self::Lens => row("what is in the lens", "In the lens", "lens"),
+            Self::Measurements => row("measurements", "Measurements", "measurements"),
+            Self::Transfer => row("the transfer function", "Transfer", "transfer"),
+            Self::Diagnostics => PaneRow { cli: None, ..row("diagnostics", "Diagnostics", "diagnostics") },
+            Self::Axial => row("the axial slice", "Axial", "axial").report([700, 700]),
+            Self::Coronal => row("the coronal slice", "Coronal", "coronal").report([700, 700]),
+            Self::Sagittal => row("the sagittal slice", "Sagittal", "sagittal").report([700, 700]),
+        }
+    }
+
+    /// What sentences call it.
+    pub const fn title(self) -> &'static str {
+        self.row().title
+    }
+
+    /// What its tab says.
+    pub const fn tab(self) -> &'static str {
+        self.row().tab
+    }
+
+    /// Every pane, in the order of menus.
+    pub fn all() -> impl Iterator<Item = Self> {
+        Self::iter()
+    }
+
+    /// The pane of a slice.
+    pub const fn of_plane(plane: Plane) -> Self {
+        match plane {
+            Plane::Axial => Self::Axial,
+            Plane::Coronal => Self::Coronal,
+            Plane::Sagittal => Self::Sagittal,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn no_two_panes_share_a_word() {
+        for word in [|row: PaneRow| Some(row.title), |row: PaneRow| Some(row.tab), |row: PaneRow| row.cli] {
+            let words: Vec<&str> = PaneId::all().filter_map(|pane| word(pane.row())).collect();
+            assert_eq!(words.iter().collect::<BTreeSet<_>>().len(), words.len(), "{words:?}");
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Carrying out the commands that reach outside the document.
+
+use std::path::Path;
+
+use egui::Context;
+use glioscope_core::measure;
+
+use super::{
+    GlioscopeApp,
+    dialogs::{Dialog, Purpose},
+};
+use crate::{
+    command::AppCommand,
+    error::AppError,
+    model::{CaseRef, PaneId},
+    output,
+    world::jobs::{Job, Waker},
+};
+
+impl GlioscopeApp {
+    fn ask_for_file(&mut self, ctx: &Context, purpose: Purpose) {
+        self.dialog = Some(Dialog::open(purpose, Waker::of(ctx)));
+    }
+
+    /// Carries out one command.
+    pub(super) fn perform_app(&mut self, ctx: &Context, command: &AppCommand) {
+        let wake = || Waker::of(ctx);
+        match command {
+            AppCommand::OpenDialog => self.open.path = Some(String::new()),
+            AppCommand::BrowseFiles => self.ask_for_file(ctx, Purpose::OpenFile),
+            AppCommand::BrowseFolders => self.ask_for_file(ctx, Purpose::OpenFolder),
+            AppCommand::Open(case) => self.work.open(case.clone(), None, wake()),
+            AppCommand::OpenSample => self.work.open(CaseRef::Sample, None, wake()),
+            AppCommand::OpenSession(path) => {
+                self.recent.add(path);
+                self.work.open_session(path, &[], wake());
+            }
+            AppCommand::AddTracts(files) => self.work.add_tracts(files, wake()),
+            AppCommand::ClearRecent => self.recent.clear(),
+            AppCommand::SaveSession => match self.work.session_path.clone() {
+                Some(path) => {
+                    self.work.save(path.clone());
+                    self.keep_results(&path);
+                }
+                None => self.ask_for_file(ctx, Purpose::SaveSession),
+            },
+            AppCommand::SaveSessionAs => self.ask_for_file(ctx, Purpose::SaveSession),
+            AppCommand::SaveSessionTo(path) => {
+                self.work.save(path.clone());
+                self.recent.add(path);
+                self.keep_results(path);
+            }
+            AppCommand::AcceptGuess(true) => self.work.accept_guess(wake()),
+            AppCommand::AcceptGuess(false) => self.work.guess = None,
+            AppCommand::CancelLoading => {
+                if let Some(load) = &self.work.job {
+                    load.job.progress.cancel();
+                }
+            }
+            AppCommand::ScreenshotWindow => self.ask_for_file(ctx, Purpose::Picture(None)),
+            AppCommand::ScreenshotPane(pane) => self.ask_for_file(ctx, Purpose::Picture(Some(*pane))),
+            AppCommand::ScreenshotTo(pane, path) => self.take_picture(ctx, *pane, path),
+            AppCommand::ExportMeasurements => self.ask_for_file(ctx, Purpose::Measurements),
+            AppCommand::ExportMeasurementsTo(path) => self.export_measurements(ctx, path),
+            AppCommand::ExportRulers(format) => self.ask_for_file(ctx, Purpose::Rulers(*format)),
+            AppCommand::ExportRulersTo(path) => self.export_rulers(path),
+            AppCommand::ShowPalette => self.palette.open(),
+            AppCommand::ShowAbout => self.open.about = true,
+            AppCommand::ToggleDark => {
+                let is_dark = ctx.global_style().visuals.dark_mode;
+                ctx.set_theme(if is_dark { egui::Theme::Light } else { egui::Theme::Dark });
+            }
+            AppCommand::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
+        }
+    }
+
+    fn take_picture(&mut self, ctx: &Context, pane: Option<PaneId>, path: &Path) {
+        let crop = pane.and_then(|pane| self.pane_rect(pane));
+        match pane {
+            Some(pane) if crop.is_none() => {
+                self.work.error =
+                    Some(AppError::wrong(pane.title(), "a pane that isn't open", "an open one"));
+            }
+            _ => self.pictures.ask(ctx, crop, path),
+        }
+    }
+
+    /// On a worker: the numbers of a large case take a while.
+    fn export_measurements(&mut self, ctx: &Context, path: &Path) {
+        let Some(case) = self.work.world.case().cloned() else { return };
+        let path = path.to_owned();
+        self.export = Some(Job::start(Waker::of(ctx), move |_| {
+            output::write_json(&path, &measure::report(&case)).map(|()| "Measurements written.")
+        }));
+    }
+
+    fn export_rulers(&mut self, path: &Path) {
+        let (Some(case), Some(doc)) = (self.work.world.case(), &self.work.doc) else { return };
+        match output::write_rulers(path, case, &doc.edit.rulers) {
+            Ok(()) => self.work.notice = Some("Lines written.".into()),
+            Err(error) => self.work.error = Some(error),
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! The program as a whole: command line, window, pictures. One binary, so that it is linked once.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::disallowed_methods,
+    reason = "in a test a failed unwrap is a failed test"
+)]
+
+mod cli;
+mod figures;
+mod goldens;
+mod real_views;
+mod real_window;
+mod ui;
+mod ui_change;
+mod ui_lens;
+mod ui_light;
+mod ui_tracts;
+mod ui_views;
+
+/// The program, built for tests.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_glioscope-under-test");

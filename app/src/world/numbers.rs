@@ -113,6 +113,28 @@ mod tests {
     }
 
     #[test]
+    fn agreement_is_counted_on_a_worker() {
+        let grid = Grid::axis_aligned([4, 1, 1], DVec3::ONE, DVec3::ZERO).unwrap();
+        let mask = |id: &str, from: usize| {
+            Mask::new(id, grid.clone(), MaskBits::from_fn([4, 1, 1], |l| l >= from)).unwrap()
+        };
+        let index = Arc::new(TumorIndex::new(grid.clone(), &[&mask("a", 1), &mask("b", 2)]).unwrap());
+        let regions = Arc::new(Regions::of(&index));
+        let time_point =
+            TimePoint { label: String::new(), contexts: Vec::new(), masks: Vec::new(), index, regions };
+        let mut numbers = Numbers::default();
+        let ask = Ask::default();
+        assert!(matches!(numbers.agreement(&time_point, &ask), Lookup::Working(_)), "not while drawing");
+        let found = loop {
+            if let Lookup::Ready(found) = numbers.agreement(&time_point, &ask) {
+                break found.clone();
+            }
+        };
+        assert_eq!(found.pairs[0].value("dice"), Some(0.8));
+        assert_eq!(found.levels.iter().map(|level| level.voxels).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    #[test]
     fn a_moved_lens_keeps_the_numbers_of_before_until_a_worker_has_counted() {
         let grid = Grid::axis_aligned([8, 8, 8], DVec3::ONE, DVec3::ZERO).unwrap();
         let mask = Mask::new("a", grid.clone(), MaskBits::from_fn([8, 8, 8], |_| true)).unwrap();

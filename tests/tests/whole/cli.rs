@@ -222,7 +222,36 @@ fn change_has_the_documented_keys_and_wrong_dates_are_named() {
     assert!((of("kept_ml") + of("new_ml") - ml(1)).abs() < 1e-9);
     refused(&["change", "--sample", "--of", "T1", "--to", "2031-01-01"], &["2031-01-01", "2024-04-15"]);
     refused(&["change", "--sample", "--of", "T9"], &["T9"]);
-    refused(&["change", "--sample"], &["T1, T2, PET"]);
+    // Without a mask it is the first that both dates have, and that is said.
+    let output = run(PROGRAM, &["change", "--sample", "--json"]);
+    let assumed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(assumed["mask"], "T1");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("the first of T1, T2, PET"));
+}
+
+/// Three dates: numbers and picture compare the first with the last, and both say so.
+#[test]
+fn numbers_and_picture_compare_the_same_dates() {
+    let folder = tempfile::tempdir().unwrap();
+    glioscope_core::sample::write_sample(folder.path()).unwrap();
+    let manifest = folder.path().join("case.toml");
+    let mut text = std::fs::read_to_string(&manifest).unwrap();
+    text.push_str("\n[[mask]]\nid = \"T1\"\nfile = \"t1-mask-2024-01-15.nii.gz\"\ntime = \"2024-09-01\"\n");
+    std::fs::write(&manifest, text).unwrap();
+    let case = manifest.to_str().unwrap();
+    let picture = folder.path().join("change.png");
+    let said = "the dates are 2024-01-15 and 2024-09-01 of 2024-01-15, 2024-04-15, 2024-09-01";
+    let change = run(PROGRAM, &["change", case, "--json"]);
+    let render = ["render", case, "--software", "--size", "64x64", "--view", "change", "--out"];
+    let render = run(PROGRAM, &[&render[..], &[picture.to_str().unwrap()]].concat());
+    for output in [&change, &render] {
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && stderr.contains(said), "{stderr}");
+    }
+    let report: Value = serde_json::from_slice(&change.stdout).unwrap();
+    assert_eq!((&report["from"], &report["to"]), (&"2024-01-15".into(), &"2024-09-01".into()));
+    let asked = run(PROGRAM, &["change", case, "--of", "T1", "--from", "2024-01-15", "--to", "2024-09-01"]);
+    assert!(asked.stderr.is_empty(), "what was asked for isn't said again");
 }
 
 #[test]

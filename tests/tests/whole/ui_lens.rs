@@ -15,7 +15,7 @@ use glioscope_core::{
     Selection,
     optics::{AnatomicalView, Camera, Projection},
 };
-use glioscope_render::{Coloring, Lens, agreement_color, flat::Overlay};
+use glioscope_render::{Coloring, agreement_color, flat::Overlay};
 use glioscope_tests::{Window, count_color, crop, doc, error_text, perform, window_on};
 use strum::VariantArray;
 
@@ -478,15 +478,7 @@ fn doc_grid(harness: &Window) -> &glioscope_core::Grid {
 }
 
 #[test]
-fn a_session_of_before_the_ruler_still_opens() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("expected/session_v1.glioscope.json");
-    let text = std::fs::read_to_string(&path).unwrap();
-    assert!(!text.contains("rulers") && !text.contains("coloring") && !text.contains("ruler_on"));
-    let document = session::load(&path).unwrap();
-    assert_eq!(document.edit.rulers, []);
-    assert_eq!(document.edit.coloring, Coloring::Masks);
-    assert_eq!(document.edit.lens, Lens { center_mm: DVec3::new(-30.0, 20.0, 25.0), radius_mm: 17.5 });
-
+fn lines_are_saved_with_the_session() {
     let mut harness = sample();
     perform(&mut harness, LookCommand::SetSliceZoom(Some(0.5)));
     perform(&mut harness, LookCommand::ToggleRuler);

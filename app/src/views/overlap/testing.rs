@@ -5,6 +5,11 @@ use glioscope_core::{Grid, Mask, MaskBits, Regions, TumorIndex};
 
 /// Regions with these bits and voxel counts, on voxels of 1 mm³ and over the masks `ids`.
 pub fn regions(ids: &[&str], sizes: &[(u32, usize)]) -> Regions {
+    Regions::of(&index(ids, sizes))
+}
+
+/// The index that [`regions`] is of.
+pub fn index(ids: &[&str], sizes: &[(u32, usize)]) -> TumorIndex {
     let bits: Vec<u32> = sizes.iter().flat_map(|&(bits, n)| std::iter::repeat_n(bits, n)).collect();
     let dims = [bits.len().max(1), 1, 1];
     let grid = Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap();
@@ -16,5 +21,5 @@ pub fn regions(ids: &[&str], sizes: &[(u32, usize)]) -> Regions {
             Mask::new(*id, grid.clone(), active).unwrap()
         })
         .collect();
-    Regions::of(&TumorIndex::new(grid, &masks.iter().collect::<Vec<_>>()).unwrap())
+    TumorIndex::new(grid, &masks.iter().collect::<Vec<_>>()).unwrap()
 }

@@ -7,10 +7,16 @@ use egui_kittest::{
     Harness,
     kittest::{NodeT as _, Queryable as _},
 };
-use glioscope_core::{Regions, Selection};
+use glioscope_core::{
+    Regions, Selection,
+    measure::{self, Pair},
+};
 use glioscope_render::{MaskColors, Palette};
 
-use super::{OverlapInput, OverlapMode, show, show_diagram, testing::regions};
+use super::{
+    OverlapInput, OverlapMode, show, show_diagram,
+    testing::{index, regions},
+};
 use crate::{
     command::{Command, Commands, EditCommand},
     model::overlap::whole_masks,
@@ -27,6 +33,7 @@ type Sent = Rc<RefCell<Events>>;
 
 struct Setup {
     regions: Regions,
+    pairs: Vec<Pair>,
     selection: Selection,
     mode: OverlapMode,
     size: [f32; 2],
@@ -39,6 +46,7 @@ impl Setup {
     fn new(regions: Regions) -> Self {
         Self {
             regions,
+            pairs: Vec::new(),
             selection: Selection::all(),
             mode: OverlapMode::Regions,
             size: [450.0, 350.0],
@@ -70,7 +78,7 @@ impl Setup {
                 let hovered = if self.only_diagram {
                     show_diagram(ui, &input, &mut new)
                 } else {
-                    show(ui, &input, &[], &mut new)
+                    show(ui, &input, &self.pairs, &mut new)
                 };
                 let events = &mut *out.borrow_mut();
                 events.hovered = hovered;
@@ -328,6 +336,7 @@ fn hovering_tells_the_region_in_ring_and_table() {
 fn the_table_says_what_is_shown_and_sets_it() {
     let mut setup = Setup::new(three());
     setup.selection.set(2, false);
+    setup.pairs = measure::pairs(&index(&NAMES[..3], &THREE), &three());
     let (mut h, sent) = setup.harness();
     h.run();
     let toggled = |h: &Harness<'_>, label: &str| h.get_by_label(label).accesskit_node().toggled();

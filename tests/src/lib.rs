@@ -26,10 +26,22 @@ use image::RgbaImage;
 
 /// The wgpu setup of every test: the software adapter, with what the renderer needs.
 pub fn software_setup() -> WgpuSetup {
+    software_setup_with(None)
+}
+
+/// As [`software_setup`], on a device whose buffers hold at most so many bytes.
+fn software_setup_with(most_bytes: Option<u64>) -> WgpuSetup {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     setup.instance_descriptor = gpu::instance_descriptor();
     setup.native_adapter_selector = Some(adapter_selector(AdapterPreference::SoftwareOnly));
-    setup.device_descriptor = Arc::new(gpu::device_descriptor);
+    setup.device_descriptor = Arc::new(move |adapter| {
+        let mut descriptor = gpu::device_descriptor(adapter);
+        if let Some(bytes) = most_bytes {
+            descriptor.required_limits.max_storage_buffer_binding_size = bytes;
+            descriptor.required_limits.max_buffer_size = bytes;
+        }
+        descriptor
+    });
     WgpuSetup::CreateNew(setup)
 }
 
@@ -61,7 +73,7 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Window {
 /// # Panics
 /// When there is no software adapter.
 pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Window {
-    harness(work, size, theme, GlioscopeApp::refined)
+    harness(work, size, theme, software_setup(), GlioscopeApp::refined)
 }
 
 /// As [`window_on`], but 3D views are drawn as drafts while something moves, as for a user.
@@ -69,20 +81,30 @@ pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Win
 /// # Panics
 /// When there is no software adapter.
 pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Window {
-    harness(workstation(case), size, egui::Theme::Light, |app| app)
+    harness(workstation(case), size, egui::Theme::Light, software_setup(), |app| app)
+}
+
+/// As [`window_on`], on a graphics device whose buffers hold at most `most_bytes`.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn window_on_small_device(case: CaseRef, size: [f32; 2], most_bytes: u64) -> Window {
+    let setup = software_setup_with(Some(most_bytes));
+    harness(workstation(case), size, egui::Theme::Light, setup, GlioscopeApp::refined)
 }
 
 fn harness(
     work: Workstation,
     size: [f32; 2],
     theme: egui::Theme,
+    setup: WgpuSetup,
     finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
 ) -> Window {
     HarnessBuilder::default()
         .with_size(size)
         .with_theme(theme)
         .with_max_steps(60)
-        .wgpu_setup(software_setup())
+        .wgpu_setup(setup)
         .build_eframe(move |cc| {
             let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
             let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());

@@ -3,7 +3,9 @@
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui, vec2};
 
 /// Colour of warnings over pictures.
-pub const WARNING: Color32 = Color32::from_rgb(230, 120, 0);
+pub fn warning_ink(dark: bool) -> Color32 {
+    if dark { Color32::from_rgb(255, 170, 60) } else { Color32::from_rgb(176, 78, 0) }
+}
 
 /// Colour of what is behind everything in 3D views.
 pub fn background(dark: bool) -> [u8; 3] {
@@ -34,12 +36,13 @@ pub fn warnings(ui: &Ui, rect: Rect, warnings: &[String]) {
     if warnings.is_empty() {
         return;
     }
-    let painter = ui.painter().with_clip_rect(rect);
+    let dark = ui.visuals().dark_mode;
+    let (painter, ink) = (ui.painter().with_clip_rect(rect), warning_ink(dark));
     let width = (rect.width() * 0.6).max(120.0);
-    let galley = painter.layout(warnings.join("\n"), FontId::proportional(12.0), WARNING, width);
+    let galley = painter.layout(warnings.join("\n"), FontId::proportional(12.0), ink, width);
     let place = Align2::CENTER_TOP.anchor_size(rect.center_top() + vec2(0.0, 8.0), galley.size());
-    plate(&painter, place, ui.visuals().dark_mode);
-    painter.galley(place.min, galley, WARNING);
+    plate(&painter, place, dark);
+    painter.galley(place.min, galley, ink);
 }
 
 /// A note in the middle of the lower edge, for what is on its way.

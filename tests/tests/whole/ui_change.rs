@@ -13,8 +13,11 @@ use glioscope::{
     window::GlioscopeApp,
 };
 use glioscope_core::optics::{Camera, Projection};
-use glioscope_render::ChangeStyle;
-use glioscope_tests::{Window, crop, doc, maximized, perform, screens, window_on, window_with, workstation};
+use glioscope_render::{ChangeStyle, LightSettings, LightingMode};
+use glioscope_tests::{
+    Window, count_color, crop, doc, maximized, pane_picture, perform, screens, window_on,
+    window_on_small_device, window_with, workstation,
+};
 
 const SIZE: [f32; 2] = [1000.0, 800.0];
 
@@ -181,4 +184,38 @@ fn slices_show_the_changed_rim() {
     }
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(crop(&harness.render().unwrap(), rect), before);
+}
+
+/// What is other than asked for of the light is in the diagnostics, whichever 3D view drew it.
+#[test]
+fn notes_of_the_light_are_in_the_diagnostics() {
+    let mut harness = sample();
+    // The change view is behind the closeup.
+    for pane in [PaneId::Closeup, PaneId::Context, PaneId::Diagnostics] {
+        perform(&mut harness, EditCommand::TogglePane(pane));
+    }
+    let own =
+        LightSettings { mode: LightingMode::Slices, slice_grid: 1, slice_mm: 4.0, ..LightSettings::DEFAULT };
+    let light = &mut harness.state_mut().work.doc.as_mut().unwrap().edit.light;
+    (light.mode, light.own) = (LightingMode::Slices, Some(own));
+    harness.run_ok();
+    let notes = screens(&mut harness, PaneId::Change).notes().to_vec();
+    assert!(notes.iter().any(|note| note.contains("without a penumbra")), "{notes:?}");
+    for note in notes {
+        assert!(harness.query_by_label_contains(&format!("Note: {note}")).is_some(), "{note}");
+    }
+}
+
+/// An image that doesn't fit the card is drawn coarser, and the picture says so.
+#[test]
+fn a_picture_that_shows_less_says_so() {
+    for pane in [PaneId::Context, PaneId::Change] {
+        let mut harness = window_on_small_device(CaseRef::Sample, [300.0, 300.0], 2_000_000);
+        maximized(&mut harness, pane);
+        let warning = screens(&mut harness, pane).warnings()[0].clone();
+        assert!(warning.contains("1/4"), "{warning}");
+        assert!(harness.query_by_label_contains(&format!("Warning: {warning}")).is_some(), "{pane:?}");
+        let picture = pane_picture(&mut harness, pane);
+        assert!(count_color(&picture, [176, 78, 0], 40) > 100, "{pane:?}: it stands in the picture");
+    }
 }

@@ -59,7 +59,7 @@ pub fn corners(ui: &Ui, rect: Rect, sides_known: bool, (camera, at): (&Camera, &
             Align2::RIGHT_BOTTOM,
             "side unknown",
             FontId::proportional(14.0),
-            draw::WARNING,
+            draw::warning_ink(dark),
         );
     }
     let mm_per_point = camera.height_mm / f64::from(rect.height().max(1.0));

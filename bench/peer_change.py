@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 """The change's kernels beside others on the same masks, as CSV on stdout.
 
-Run:  python bench/peer_change.py BENCH FILE_A FILE_B LABELS [--threads 1,2] [--reps 11]
+Run:  python bench/peer_change.py BENCH FILE_A FILE_B LABELS [--threads 1,2] [--reps 101] [--ball 256]
 
-BENCH is target/release/examples/bench_change; FILE_A and FILE_B are label maps on one grid, LABELS
+BENCH is target/release/glioscope-bench; FILE_A and FILE_B are label maps on one grid, LABELS
 as 1,2,4. Needs numpy, nibabel, scipy, edt, SimpleITK, scikit-image and kimimaro (PyPI).
 
 Rows: distance transforms (the crop is both masks' box and one voxel), and curve skeletons of
 the first mask. Skeletons differ in kind: counts and times stand beside each other as figures, none
 is the truth. The cases: files (the crop, at the files' spacing), whole (the whole image), odd (the
-crop at 1 x 1 x 1.2 mm, whose squares are not exact), ball (256 cubed, radius 50). Times are medians
+crop at 1 x 1 x 1.2 mm, whose squares are not exact), ball (256 cubed, radius 50; smaller with --ball). Times are medians
 and the least, since the machine's load (printed) moves medians.
 """
 import argparse, os, statistics, subprocess, time
@@ -36,6 +36,7 @@ def main():
         parser.add_argument(name)
     parser.add_argument("--threads", default="1,2")
     parser.add_argument("--reps", type=int, default=101)
+    parser.add_argument("--ball", type=int, default=256)
     options = parser.parse_args()
     labels = [int(v) for v in options.labels.split(",")]
     image = nibabel.load(options.file_a)
@@ -46,8 +47,9 @@ def main():
     # z, y, x: x runs fastest, as in the files
     inside, whole = np.ascontiguousarray(a[box].T), np.ascontiguousarray(a.T)
     sampling = spacing[::-1]
-    z, y, x = np.ogrid[:256, :256, :256]
-    ball = (x - 140) ** 2 + (y - 100) ** 2 + (z - 120) ** 2 < 2500
+    z, y, x = np.ogrid[: options.ball, : options.ball, : options.ball]
+    at_x, at_y, at_z, radius = (share * options.ball // 256 for share in (140, 100, 120, 50))
+    ball = (x - at_x) ** 2 + (y - at_y) ** 2 + (z - at_z) ** 2 < radius**2
     print(f"# crop {inside.shape[::-1]}, voxels {int(inside.sum())}")
     print("kernel,case,peer,threads,median_ms,least_ms,answer")
 
@@ -55,7 +57,8 @@ def main():
         """Ours, before the peers and again after them: the load drifts."""
         print(f"# load {os.getloadavg()[0]:.1f}")
         lines = subprocess.run(
-            [options.bench, f"{options.file_a}:{options.labels}", f"{options.file_b}:{options.labels}", "short"],
+            [options.bench, "change", f"{options.file_a}:{options.labels}", f"{options.file_b}:{options.labels}",
+             "--short", f"--runs={options.reps}", f"--ball={options.ball}"],
             check=True, capture_output=True, text=True).stdout.splitlines()
         for line in lines:
             cells = line.split(",")
@@ -74,8 +77,9 @@ def main():
     import edt, scipy.ndimage, SimpleITK
     farthest = lambda value: f"{float(value.max()):.6f} mm farthest"
     # Distance of every voxel to the nearest active one: zeros are the sites.
-    for case, mask, steps, reps in (("files", inside, sampling, options.reps), ("whole", whole, sampling, 15),
-                                    ("odd", inside, [1.2, 1.0, 1.0], options.reps), ("ball", ball, [1.0] * 3, 9)):
+    for case, mask, steps, reps in (
+            ("files", inside, sampling, options.reps), ("whole", whole, sampling, min(options.reps, 15)),
+            ("odd", inside, [1.2, 1.0, 1.0], options.reps), ("ball", ball, [1.0] * 3, min(options.reps, 9))):
         outside = (~mask).astype(np.uint8)
         itk = SimpleITK.GetImageFromArray(mask.astype(np.uint8))
         itk.SetSpacing(steps[::-1])

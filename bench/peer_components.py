@@ -1,9 +1,9 @@
 """Connected components of a tumour index: this program beside cc3d and SciPy, in turns, on the same voxels.
 
-  python bench/peer_components.py PROGRAM [--data FOLDER] [--runs N]
+  python bench/peer_components.py PROGRAM [--data FOLDER] [--runs N] [--cases glioma,synthetic]
 
-PROGRAM is target/release/examples/bench_ellipsoids, which also makes the two indices (a glioma of three masks,
-240x240x155; three synthetic masks, 512x512x512) and hands them over as bytes. Partitions are compared before
+PROGRAM is target/release/glioscope-bench, which also makes the indices (a glioma of three masks, 240x240x155; three
+synthetic masks, 512x512x512, or with --cases tiny 64x64x64) and hands them over as bytes. Partitions are compared before
 anything is timed: equal up to the numbers of the labels, or the benchmark ends.
 
 cc3d labels all values in one pass (26-connected, one thread), as the program does. SciPy has no such pass: one
@@ -14,6 +14,7 @@ Needs: pip install connected-components-3d scipy numpy
 """
 
 import argparse
+import importlib.metadata
 import pathlib
 import statistics
 import subprocess
@@ -28,7 +29,7 @@ import scipy.ndimage
 
 
 class Program:
-    """The example as a server: a line in, a line out."""
+    """The program as a server: a line in, a line out."""
 
     def __init__(self, command):
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -121,13 +122,15 @@ def main():
     parser.add_argument("program")
     parser.add_argument("--data", default="../shared/data")
     parser.add_argument("--runs", type=int, default=15)
+    parser.add_argument("--cases", default="glioma,synthetic", help="of glioma, synthetic and tiny")
     args = parser.parse_args()
     if args.runs < 1:
         parser.error("--runs: at least 1")
-    print(f"cc3d {cc3d.__version__}, SciPy {scipy.__version__}, NumPy {np.__version__}; {args.runs} turns (SciPy 5)")
-    for name in ("glioma", "synthetic"):
+    cc3d_version = importlib.metadata.version("connected-components-3d")
+    print(f"cc3d {cc3d_version}, SciPy {scipy.__version__}, NumPy {np.__version__}; {args.runs} turns (SciPy 5)")
+    for name in args.cases.split(","):
         with tempfile.TemporaryDirectory() as scratch:
-            program = Program([args.program, "serve", name, args.data])
+            program = Program([args.program, "ellipsoids", "serve", name, args.data])
             bench(name, program, args.runs, pathlib.Path(scratch))
             program.process.stdin.close()
             program.process.wait()

@@ -1,4 +1,4 @@
-//! Lists every WGSL file below `wgsl/`, so that a new one needs no row anywhere.
+//! Lists every WGSL file below `wgsl/`, so that a new file needs no registration.
 
 #![allow(
     clippy::expect_used,
@@ -13,17 +13,17 @@ use std::{
 };
 
 fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).expect("the folder of shaders can be read") {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).expect("the shader folder can be read") {
         let path = entry.expect("its entries can be read").path();
         if path.is_dir() {
-            found.extend(wgsl_files(&path));
+            files.extend(wgsl_files(&path));
         } else if path.extension().is_some_and(|ending| ending == "wgsl") {
-            found.push(path);
+            files.push(path);
         }
     }
-    found.sort();
-    found
+    files.sort();
+    files
 }
 
 fn main() {

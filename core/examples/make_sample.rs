@@ -1,4 +1,4 @@
-//! Makes the files of the embedded sample: `cargo run -p glioscope-core --example make_sample --
+//! Writes the files of the embedded sample: `cargo run -p glioscope-core --example make_sample --
 //! data-samples`. Run it from the workspace's root after changing the phantom, and commit what it
 //! writes.
 
@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&folder)?;
     let mut total = 0;
     for file in phantom::phantom() {
-        // Packed harder than files usually are: every byte is in the program.
+        // Best compression: every byte is embedded in the program.
         let mut encoder = GzBuilder::new().mtime(0).write(Vec::new(), Compression::best());
         encoder.write_all(&files::nifti_bytes(&file.volume, false))?;
         let bytes = encoder.finish()?;

@@ -1,4 +1,4 @@
-//! What was noticed about a file or a case: a code, a severity and a text.
+//! Findings about a file or a case: a code, a severity and a text.
 
 use serde::Serialize;
 
@@ -6,11 +6,11 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// Worth knowing; nothing was assumed.
+    /// For information; nothing was assumed.
     Note,
-    /// Something was assumed or may mislead: shown where it can't be missed.
+    /// Something was assumed or may mislead: shown prominently.
     Warning,
-    /// The thing it is about can't be used.
+    /// The file or case can't be used.
     Error,
 }
 
@@ -21,7 +21,7 @@ pub struct Check {
     pub code: &'static str,
     /// How much it matters.
     pub severity: Severity,
-    /// What was found and what was expected. Names the file's own name or the mask's id first.
+    /// What was found and what was expected; starts with the file's name or the mask's id.
     pub message: String,
 }
 

@@ -14,10 +14,10 @@ use crate::{
 #[cfg(test)]
 mod tests;
 
-/// Slices that one task labels before the seams are joined. The result doesn't depend on it.
+/// Slices per labelling task, before the seams are joined. The result doesn't depend on it.
 const SLAB: usize = 8;
 
-/// Which voxels are neighbours. 26 unless something else is asked for.
+/// Which voxels are neighbours; 26 by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Connectivity {
     /// Sharing a face.
@@ -30,7 +30,7 @@ pub enum Connectivity {
 }
 
 impl Connectivity {
-    /// How many neighbours a voxel has: 6, 18 or 26.
+    /// Number of neighbours of a voxel: 6, 18 or 26.
     pub fn neighbors(self) -> u32 {
         match self {
             Self::Six => 6,
@@ -39,12 +39,13 @@ impl Connectivity {
         }
     }
 
-    /// The one with this many neighbours; `None` for other numbers than 6, 18 and 26.
+    /// The connectivity with this many neighbours; `None` for numbers other than 6, 18 and 26.
     pub fn of_neighbors(neighbors: u32) -> Option<Self> {
         [Self::Six, Self::Eighteen, Self::TwentySix].into_iter().find(|c| c.neighbors() == neighbors)
     }
 
-    /// How far in x a run reaches into a line that differs in y or z (`axes` 1) or in both (2).
+    /// How far in x a run reaches into an adjacent line that differs in y or z (`axes` 1) or in both (2);
+    /// `None` if such lines aren't neighbours.
     fn reach(self, axes: usize) -> Option<u32> {
         match (self, axes) {
             (Self::Six, 1) | (Self::Eighteen, 2) => Some(0),
@@ -54,7 +55,7 @@ impl Connectivity {
     }
 }
 
-/// More voxels along an axis, or more runs, than 32 bits count.
+/// More voxels along an axis, or more runs, than 32 bits can count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found a mask too large to label, expected fewer than 2^32 voxels along each axis and 2^32 runs")]
 pub struct TooLarge;
@@ -64,7 +65,7 @@ pub struct TooLarge;
 pub struct Run {
     /// x of the first voxel.
     pub first: u32,
-    /// x of the last voxel, itself included.
+    /// x of the last voxel (inclusive).
     pub last: u32,
     /// y of the line.
     pub y: u32,
@@ -77,7 +78,7 @@ pub struct Run {
 pub struct Component {
     /// Bit set of its voxels in the tumour index; 1 for a component of a mask.
     pub value: u32,
-    /// Voxels.
+    /// Number of voxels.
     pub voxels: u64,
     /// First voxel of the bounding box.
     pub start: [usize; 3],
@@ -159,13 +160,13 @@ impl Components {
         &self.list
     }
 
-    /// Runs of `component`, which is one of [`Components::list`], in raster order. A line holds
+    /// Runs of `component`, which is one of [`Components::list`], in raster order. A line has
     /// several where the component has gaps.
     pub fn runs(&self, component: &Component) -> &[Run] {
         self.runs.get(component.runs.clone()).unwrap_or(&[])
     }
 
-    /// Label of every voxel of a grid of `dims` (those that were labelled): 0 for background,
+    /// Label of every voxel of a grid of `dims` (those of the labelled volume): 0 for background,
     /// from 1 in raster order.
     pub fn labels(&self, dims: [usize; 3]) -> Vec<u32> {
         let mut labels = vec![0; dims.iter().product()];
@@ -213,13 +214,13 @@ impl<T> Bits for T where
 {
 }
 
-/// Calls `emit(first, last, value)` for each run of one non-zero value, of which only the bits `keep`
-/// count.
-fn runs_of_values<T: Bits + Into<u32>>(line: &[T], keep: T, emit: &mut dyn FnMut(u32, u32, u32)) {
-    let mut at = equal_from(line, keep, T::default());
+/// Calls `emit(first, last, value)` for each run of one non-zero value, of which only the bits in
+/// `bit_mask` count.
+fn runs_of_values<T: Bits + Into<u32>>(line: &[T], bit_mask: T, emit: &mut dyn FnMut(u32, u32, u32)) {
+    let mut at = equal_from(line, bit_mask, T::default());
     while let Some(&first) = line.get(at) {
-        let value = first & keep;
-        let next = at + equal_from(&line[at..], keep, value);
+        let value = first & bit_mask;
+        let next = at + equal_from(&line[at..], bit_mask, value);
         if value != T::default() {
             emit(at as u32, next as u32 - 1, value.into());
         }
@@ -227,17 +228,17 @@ fn runs_of_values<T: Bits + Into<u32>>(line: &[T], keep: T, emit: &mut dyn FnMut
     }
 }
 
-/// How many values from the first on are `value` in the bits `keep`. Whole blocks are compared without
-/// a branch in between, which the compiler turns into vector instructions: most of an index is empty.
-fn equal_from<T: Bits>(line: &[T], keep: T, value: T) -> usize {
+/// Number of leading values that equal `value` in the bits of `bit_mask`. Whole blocks are compared
+/// without a branch, so that the compiler vectorises the comparison: most of an index is empty.
+fn equal_from<T: Bits>(line: &[T], bit_mask: T, value: T) -> usize {
     const BLOCK: usize = 32;
-    let differs = |block: &[T]| block.iter().fold(T::default(), |any, &v| any | ((v & keep) ^ value));
+    let differs = |block: &[T]| block.iter().fold(T::default(), |any, &v| any | ((v & bit_mask) ^ value));
     let blocks = line.chunks_exact(BLOCK).take_while(|block| differs(block) == T::default()).count();
     let rest = &line[blocks * BLOCK..];
-    blocks * BLOCK + rest.iter().take_while(|&&v| v & keep == value).count()
+    blocks * BLOCK + rest.iter().take_while(|&&v| v & bit_mask == value).count()
 }
 
-/// Runs of some slices with their forest: `parent[i] <= i`, a root is its own parent.
+/// Runs of some slices with their union-find forest: `parent[i] <= i`, a root is its own parent.
 #[derive(Default)]
 struct Forest {
     runs: Vec<(Run, u32)>,
@@ -249,7 +250,7 @@ struct Forest {
 impl Forest {
     fn root(&mut self, mut i: u32) -> u32 {
         while self.parent[i as usize] != i {
-            // Halves the path as it goes.
+            // Path halving.
             let up = self.parent[self.parent[i as usize] as usize];
             self.parent[i as usize] = up;
             i = up;
@@ -257,7 +258,8 @@ impl Forest {
         i
     }
 
-    /// Unites the runs of line `here` with equal ones of line `there` at most `reach` beside them.
+    /// Unites the runs of line `here` with runs of line `there` of equal value that overlap them in x when
+    /// widened by `reach`.
     fn join(&mut self, here: usize, there: usize, reach: u32) {
         let mut from = self.lines[there];
         let end = self.lines[there + 1];
@@ -295,7 +297,7 @@ fn label(
     runs_of_line: impl Fn(usize, &mut dyn FnMut(u32, u32, u32)) + Sync,
 ) -> Result<Components, TooLarge> {
     let [_, ny, nz] = dims;
-    // One less than 2^32 leaves room for the reach past a line's end.
+    // A margin below 2^32 leaves room for the reach past a line's end.
     if dims.iter().any(|&d| d >= (u32::MAX - 64) as usize) {
         return Err(TooLarge);
     }
@@ -342,7 +344,7 @@ fn label(
     Ok(collect(&mut all))
 }
 
-/// Flattens the forest. Roots come before their runs, so labels are in raster order.
+/// Flattens the forest. A root precedes the runs below it, so labels are in raster order.
 fn collect(forest: &mut Forest) -> Components {
     let mut list: Vec<Component> = Vec::new();
     let mut sums: Vec<[u128; 3]> = Vec::new();
@@ -352,7 +354,7 @@ fn collect(forest: &mut Forest) -> Components {
         let parent = forest.parent[i] as usize;
         let at = [run.first as usize, run.y as usize, run.z as usize];
         let label = if parent == i {
-            let none = Component {
+            let empty = Component {
                 value,
                 voxels: 0,
                 start: at,
@@ -361,7 +363,7 @@ fn collect(forest: &mut Forest) -> Components {
                 centroid_voxel: DVec3::ZERO,
                 runs: 0..0,
             };
-            list.push(none);
+            list.push(empty);
             sums.push([0; 3]);
             list.len() - 1
         } else {

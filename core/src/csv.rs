@@ -1,8 +1,8 @@
-//! Tables as CSV, the one dialect of all exports: RFC 4180, comma and CRLF.
+//! CSV tables, in the one dialect of all exports: RFC 4180, comma and CRLF.
 
 use csv::{Terminator, WriterBuilder};
 
-/// A table that is being written. Rows must be as long as the head: missing fields are empty, further ones are
+/// A CSV table under construction. Every row is as long as the header: missing fields are left empty, extra ones
 /// dropped.
 #[derive(Debug)]
 pub struct Table {
@@ -11,7 +11,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table with this head.
+    /// A table with these column names.
     pub fn new(head: impl IntoIterator<Item = impl AsRef<str>>) -> Self {
         let writer = WriterBuilder::new().terminator(Terminator::CRLF).flexible(true).from_writer(Vec::new());
         let head: Vec<String> = head.into_iter().map(|name| name.as_ref().to_owned()).collect();
@@ -28,13 +28,13 @@ impl Table {
         let _ = self.writer.write_record(fields);
     }
 
-    /// The file.
+    /// The file's content.
     pub fn into_bytes(self) -> Vec<u8> {
         self.writer.into_inner().unwrap_or_default()
     }
 }
 
-/// A text that people wrote, as a field: what a spreadsheet would take for a formula gets an apostrophe before it.
+/// Free text as a field: prefixed with an apostrophe where a spreadsheet would read it as a formula.
 pub fn text(text: &str) -> String {
     if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text.to_owned() }
 }
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_can_hold_anything() {
+    fn special_characters_are_quoted_and_formulas_escaped() {
         let mut table = Table::new(["name", "mm"]);
         table.row([text("Line 1"), "2.5".into()]);
         table.row([text("a, \"b\"\nc"), String::new()]);

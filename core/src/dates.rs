@@ -1,29 +1,29 @@
-//! ISO dates in labels and file names: days of the calendar, so that 2024-02-31 is none.
+//! ISO dates in labels and file names. Only days of the calendar count: 2024-02-31 is not a date.
 
 use jiff::civil::Date;
 
-/// Letters of an ISO date: `2024-01-15`.
+/// Length of an ISO date in bytes: `2024-01-15`.
 pub const ISO_LENGTH: usize = 10;
 
-/// Whether `text` is written as an ISO date, be it a day of the calendar or not.
+/// Whether `text` has the form of an ISO date, whether or not that day exists.
 pub fn is_shaped_as_date(text: &str) -> bool {
-    let shape =
+    let has_date_form =
         |(at, byte): (usize, u8)| if at == 4 || at == 7 { byte == b'-' } else { byte.is_ascii_digit() };
-    text.len() == ISO_LENGTH && text.bytes().enumerate().all(shape)
+    text.len() == ISO_LENGTH && text.bytes().enumerate().all(has_date_form)
 }
 
-/// The day that `text` names, where it is an ISO date and nothing else.
+/// The date that `text` states, if it is an ISO date and nothing else.
 pub fn iso_date(text: &str) -> Option<Date> {
     text.parse().ok().filter(|_| is_shaped_as_date(text))
 }
 
-/// The day that a label begins with, where no further digit follows: `2024-01-15 late`.
+/// The date that a label begins with, if no further digit follows: `2024-01-15 late`.
 pub fn leading_date(label: &str) -> Option<Date> {
     let followed = label.as_bytes().get(ISO_LENGTH).is_some_and(u8::is_ascii_digit);
     iso_date(label.get(..ISO_LENGTH)?).filter(|_| !followed)
 }
 
-/// Where the first ISO date in `text` starts that is not part of a longer number.
+/// Byte offset of the first ISO date in `text` that is not part of a longer number.
 pub fn find_iso_date(text: &str) -> Option<usize> {
     let is_digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
     let alone = |at: &usize| !(at.checked_sub(1).is_some_and(is_digit) || is_digit(at + ISO_LENGTH));
@@ -31,12 +31,12 @@ pub fn find_iso_date(text: &str) -> Option<usize> {
     (0..ends).filter(alone).find(|&at| text.get(at..at + ISO_LENGTH).and_then(iso_date).is_some())
 }
 
-/// Days since the first of `labels`, where each begins with a date and they rise; `None` otherwise.
+/// Days since the first of `labels`, if each begins with a date and the dates increase; `None` otherwise.
 pub fn days_since_first(labels: &[&str]) -> Option<Vec<f64>> {
     let dates: Vec<Date> = labels.iter().map(|label| leading_date(label)).collect::<Option<_>>()?;
     let first = *dates.first()?;
-    let rise = dates.windows(2).all(|pair| pair[0] < pair[1]);
-    rise.then(|| dates.iter().map(|date| f64::from((*date - first).get_days())).collect())
+    let increasing = dates.windows(2).all(|pair| pair[0] < pair[1]);
+    increasing.then(|| dates.iter().map(|date| f64::from((*date - first).get_days())).collect())
 }
 
 #[cfg(test)]
@@ -44,9 +44,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_days_of_the_calendar_are_dates() {
+    fn only_calendar_days_are_dates() {
         assert!(iso_date("2024-02-29").is_some() && iso_date("2000-02-29").is_some());
-        for no in [
+        for invalid in [
             "2023-02-29",
             "1900-02-29",
             "2024-02-31",
@@ -60,7 +60,7 @@ mod tests {
             "week 3",
             "2024-01-1é",
         ] {
-            assert!(iso_date(no).is_none(), "{no}");
+            assert!(iso_date(invalid).is_none(), "{invalid}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! Where voxels are: size, spacing and place in the patient.
+//! Voxel grids: dimensions, spacing and position in the patient.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -8,22 +8,22 @@ pub const MAX_CONDITION: f64 = 1e8;
 /// Whether left and right are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Sides {
-    /// The file says where the voxels are in the patient.
+    /// The file states how the voxels lie in the patient.
     Known,
-    /// The file doesn't say: no view may write L or R.
+    /// The file doesn't state it: no view may label L or R.
     Unknown,
 }
 
-/// A grid that can't be used.
+/// Why a grid is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GridError {
-    /// One of the three sizes is zero, or the product overflows.
+    /// One of the three dimensions is zero, or their product overflows.
     #[error("found dimensions {0:?}, expected three sizes of at least 1 whose product is below 2^40")]
     Dims([usize; 3]),
     /// The matrix has a NaN or an infinity.
     #[error("found a voxel-to-world matrix that is not finite, expected finite numbers")]
     NotFinite,
-    /// The matrix flattens space, or nearly.
+    /// The matrix is singular, or nearly.
     #[error(
         "found a voxel-to-world matrix of condition {condition:.3e}, expected at most {MAX_CONDITION:.0e}"
     )]
@@ -33,7 +33,7 @@ pub enum GridError {
     },
 }
 
-/// A regular grid of voxels. `x` runs fastest in memory.
+/// A regular grid of voxels. `x` varies fastest in memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     dims: [usize; 3],
@@ -41,22 +41,22 @@ pub struct Grid {
     sides: Sides,
 }
 
-/// The voxel at a position in memory of a volume with these dimensions, x fastest.
+/// Voxel indices of a linear index in a volume of `dims` voxels, x fastest.
 pub fn ijk(dims: [usize; 3], linear: usize) -> [usize; 3] {
     [linear % dims[0], linear / dims[0] % dims[1], linear / (dims[0] * dims[1])]
 }
 
-/// Position in memory of voxel `ijk` of a volume with these dimensions, x fastest.
+/// Linear index of voxel `ijk` in a volume of `dims` voxels, x fastest.
 pub fn linear(dims: [usize; 3], ijk: [usize; 3]) -> usize {
     (ijk[2] * dims[1] + ijk[1]) * dims[0] + ijk[0]
 }
 
 impl Grid {
     /// A grid of `dims` voxels, `world_from_voxel` mapping voxel centres to RAS+ millimetres.
-    /// Negative determinants, oblique and sheared matrices are fine.
+    /// Negative determinants, oblique and sheared matrices are allowed.
     ///
     /// # Errors
-    /// [`GridError`] on an empty or overflowing size, a matrix that isn't finite, or one with a
+    /// [`GridError`] on empty or overflowing dimensions, a matrix that isn't finite, or one with a
     /// condition number above [`MAX_CONDITION`].
     pub fn new(dims: [usize; 3], world_from_voxel: DAffine3, sides: Sides) -> Result<Self, GridError> {
         let count = dims.iter().try_fold(1usize, |product, &d| product.checked_mul(d));
@@ -112,12 +112,12 @@ impl Grid {
         DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
     }
 
-    /// Volume of one voxel, right also for sheared grids.
+    /// Volume of one voxel, correct for sheared grids too.
     pub fn voxel_volume_mm3(&self) -> f64 {
         self.world_from_voxel.matrix3.determinant().abs()
     }
 
-    /// Millilitres of `voxels` voxels.
+    /// Volume of `voxels` voxels in millilitres.
     pub fn volume_ml(&self, voxels: u64) -> f64 {
         voxels as f64 * self.voxel_volume_mm3() / 1000.0
     }
@@ -127,22 +127,22 @@ impl Grid {
         self.dims[0] * self.dims[1] * self.dims[2]
     }
 
-    /// Position of voxel `ijk` in memory. The caller keeps `ijk` inside [`Grid::dims`].
+    /// Linear index of voxel `ijk`, which must lie inside [`Grid::dims`].
     pub fn linear(&self, ijk: [usize; 3]) -> usize {
         linear(self.dims, ijk)
     }
 
-    /// The voxel at a position in memory: the inverse of [`Grid::linear`].
+    /// Voxel indices of a linear index: the inverse of [`Grid::linear`].
     pub fn ijk(&self, linear: usize) -> [usize; 3] {
         ijk(self.dims, linear)
     }
 
-    /// World millimetres of a voxel's centre.
+    /// Position of a voxel's centre, world millimetres.
     pub fn center_of_voxel_mm(&self, ijk: [usize; 3]) -> DVec3 {
         self.world_from_voxel.transform_point3(DVec3::new(ijk[0] as f64, ijk[1] as f64, ijk[2] as f64))
     }
 
-    /// The voxel whose cell holds `world_mm`, or `None` outside the grid.
+    /// The voxel that contains `world_mm`, or `None` outside the grid.
     pub fn voxel_at(&self, world_mm: DVec3) -> Option<[usize; 3]> {
         let v = self.voxel_from_world().transform_point3(world_mm);
         let mut ijk = [0; 3];
@@ -156,7 +156,7 @@ impl Grid {
         Some(ijk)
     }
 
-    /// Middle of the grid.
+    /// Centre of the grid, world millimetres.
     pub fn center_mm(&self) -> DVec3 {
         let last =
             DVec3::new((self.dims[0] - 1) as f64, (self.dims[1] - 1) as f64, (self.dims[2] - 1) as f64);
@@ -173,16 +173,16 @@ impl Grid {
         })
     }
 
-    /// Smallest and largest world coordinates of the grid, voxel faces included.
+    /// Bounding box in world millimetres, voxel faces included: minimum and maximum corner.
     pub fn bounds_mm(&self) -> (DVec3, DVec3) {
         let corners = self.corners_mm();
         corners.iter().fold((corners[0], corners[0]), |(lo, hi), &c| (lo.min(c), hi.max(c)))
     }
 
-    /// The part of this grid that starts at voxel `start` and has `dims` voxels.
+    /// The subgrid of `dims` voxels from voxel `start`.
     ///
     /// # Errors
-    /// [`GridError::Dims`] when the part is empty or reaches outside.
+    /// [`GridError::Dims`] when the subgrid is empty or extends beyond this grid.
     pub fn crop(&self, start: [usize; 3], dims: [usize; 3]) -> Result<Self, GridError> {
         let inside = (0..3).all(|a| start[a].checked_add(dims[a]).is_some_and(|end| end <= self.dims[a]));
         if !inside || dims.contains(&0) {
@@ -193,16 +193,16 @@ impl Grid {
         Ok(Self { dims, world_from_voxel, sides: self.sides })
     }
 
-    /// Whether both grids have the same size and put every corner within `tolerance_voxels` of
-    /// this grid's finest spacing.
+    /// Whether both grids have the same dimensions and their corners are at most `tolerance_voxels` times
+    /// this grid's finest spacing apart.
     pub fn same_place(&self, other: &Self, tolerance_voxels: f64) -> bool {
         let tolerance_mm = tolerance_voxels * self.spacing_mm().min_element();
         self.dims == other.dims
             && self.corners_mm().iter().zip(other.corners_mm()).all(|(a, b)| a.distance(b) <= tolerance_mm)
     }
 
-    /// The three letters that the voxel axes run towards, nearest axis first served: `LPS`, `RAS` …
-    /// Each of the three anatomical axes is named once.
+    /// Orientation code: the anatomical direction that each voxel axis runs towards (`LPS`, `RAS` …). Each
+    /// anatomical axis occurs once: voxel axes are assigned so that the sum of the |cosines| is largest.
     pub fn axis_codes(&self) -> [char; 3] {
         const LETTERS: [[char; 2]; 3] = [['L', 'R'], ['P', 'A'], ['I', 'S']];
         let m = self.world_from_voxel.matrix3;
@@ -243,24 +243,24 @@ fn condition_number(m: DMat3) -> f64 {
 }
 
 /// `m` times a rotation that makes its columns orthogonal: their lengths are the singular values, their
-/// directions the left singular vectors. One-sided Jacobi, which never squares the condition of `m`.
+/// directions the left singular vectors. One-sided Jacobi, which never squares the condition number of `m`.
 pub(crate) fn orthogonal_columns(m: DMat3) -> [DVec3; 3] {
     let mut c = [m.x_axis, m.y_axis, m.z_axis];
     for _ in 0..30 {
-        let mut off = 0.0_f64;
+        let mut off_diagonal = 0.0_f64;
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let (alpha, beta, gamma) = (c[p].length_squared(), c[q].length_squared(), c[p].dot(c[q]));
             if gamma == 0.0 {
                 continue;
             }
-            off = off.max(gamma.abs() / (alpha * beta).sqrt());
+            off_diagonal = off_diagonal.max(gamma.abs() / (alpha * beta).sqrt());
             let zeta = (beta - alpha) / (2.0 * gamma);
             let t = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
             let cos = 1.0 / (1.0 + t * t).sqrt();
             let sin = cos * t;
             (c[p], c[q]) = (c[p] * cos - c[q] * sin, c[p] * sin + c[q] * cos);
         }
-        if off < 1e-14 {
+        if off_diagonal < 1e-14 {
             break;
         }
     }
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_cannot_be_a_grid() {
+    fn invalid_grids_are_refused() {
         let id = DAffine3::IDENTITY;
         assert!(matches!(Grid::new([0, 1, 1], id, Sides::Known), Err(GridError::Dims(_))));
         assert!(matches!(Grid::new([usize::MAX, 2, 1], id, Sides::Known), Err(GridError::Dims(_))));
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn world_and_back_at_a_kilometre() {
+    fn voxels_survive_a_world_round_trip_a_kilometre_away() {
         let m = DMat3::from_rotation_z(0.7) * DMat3::from_diagonal(DVec3::new(-0.5, 0.5, 6.0));
         let grid = Grid::new([20, 30, 5], affine(m, DVec3::splat(1e6)), Sides::Known).unwrap();
         for ijk in [[0, 0, 0], [19, 29, 4], [7, 3, 2]] {
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_crop_keeps_its_place() {
+    fn a_crop_keeps_its_world_position() {
         let grid = Grid::axis_aligned([10, 10, 10], DVec3::new(1.0, 2.0, 3.0), DVec3::splat(-5.0)).unwrap();
         let part = grid.crop([2, 3, 4], [3, 3, 3]).unwrap();
         assert_eq!(part.center_of_voxel_mm([1, 1, 1]), grid.center_of_voxel_mm([3, 4, 5]));

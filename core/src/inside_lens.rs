@@ -1,4 +1,4 @@
-//! How much of each region is inside a ball: what the lens holds.
+//! The voxels of each region inside a ball: the contents of the lens.
 
 use std::ops::RangeInclusive;
 
@@ -7,12 +7,13 @@ use rayon::prelude::*;
 
 use crate::{regions::RegionVolume, tumor_index::IndexData};
 
-/// Voxels of each region whose centre is inside or on the ball, in the order of the regions; regions
-/// without one are left out. Empty where the ball misses, is a point beside every centre, or isn't
-/// finite.
+/// Number of voxels of each region (bits, voxels) whose centre is inside or on the ball, in the order of
+/// the regions; regions without one are left out. Empty when the ball contains no voxel centre, isn't
+/// finite or has a negative radius.
 ///
-/// Exact on oblique and sheared grids: each line of voxels is cut by the ball in closed form, and the
-/// voxels at its ends are then decided one by one. Only lines in the ball's index box are visited.
+/// Exact on oblique and sheared grids: each line of voxels is intersected with the ball in closed form,
+/// and the voxels at its ends are then tested one by one. Only lines in the ball's bounding box (in index
+/// space) are visited.
 pub fn voxels_inside(volume: &RegionVolume, center_mm: DVec3, radius_mm: f64) -> Vec<(u32, u64)> {
     if !center_mm.is_finite() || !radius_mm.is_finite() || radius_mm < 0.0 {
         return Vec::new();
@@ -20,7 +21,7 @@ pub fn voxels_inside(volume: &RegionVolume, center_mm: DVec3, radius_mm: f64) ->
     let ball = Ball::new(volume, center_mm, radius_mm);
     let [nx, ny, nz] = volume.grid().dims();
     let [_, ys, zs] = ball.index_box();
-    let (Some(ys), Some(zs)) = (whole(ys, ny), whole(zs, nz)) else { return Vec::new() };
+    let (Some(ys), Some(zs)) = (indices_in(ys, ny), indices_in(zs, nz)) else { return Vec::new() };
     let regions = volume.bits_of_id().len();
     let counts = zs
         .into_par_iter()
@@ -51,13 +52,13 @@ fn count<T: Copy + Into<u32>>(ids: &[T], counts: &mut [u64]) {
     }
 }
 
-/// The whole numbers of an interval that are below `count`; `None` when there are none.
-fn whole((lo, hi): (f64, f64), count: usize) -> Option<RangeInclusive<usize>> {
+/// The whole numbers from 0 to `count - 1` in an interval; `None` when there are none.
+fn indices_in((lo, hi): (f64, f64), count: usize) -> Option<RangeInclusive<usize>> {
     let (lo, hi) = (lo.ceil().max(0.0), hi.floor().min(count as f64 - 1.0));
     (lo <= hi).then_some(lo as usize..=hi as usize)
 }
 
-/// A ball seen from the grid's first voxel, so that an offset of 1e6 mm costs no digit.
+/// A ball relative to the grid's first voxel, so that an offset of 1e6 mm costs no precision.
 struct Ball {
     mm_from_voxel: DMat3,
     center_mm: DVec3,
@@ -73,8 +74,8 @@ impl Ball {
         Self { mm_from_voxel, center_mm, center: mm_from_voxel.inverse() * center_mm, radius_mm }
     }
 
-    /// Where the ball begins and ends along each index axis: the length of the inverse's rows says how
-    /// far a millimetre reaches. A little wider, so that rounding can't leave a voxel out.
+    /// Extent of the ball along each index axis: the lengths of the inverse's rows are voxels per
+    /// millimetre. Slightly widened, so that rounding can't leave a voxel out.
     fn index_box(&self) -> [(f64, f64); 3] {
         let rows = self.mm_from_voxel.inverse().transpose();
         [rows.x_axis, rows.y_axis, rows.z_axis].map(DVec3::length).into_iter().enumerate().fold(
@@ -87,12 +88,12 @@ impl Ball {
         )
     }
 
-    fn holds(&self, x: usize, y: usize, z: usize) -> bool {
+    fn contains(&self, x: usize, y: usize, z: usize) -> bool {
         let at_mm = self.mm_from_voxel * DVec3::new(x as f64, y as f64, z as f64);
         at_mm.distance_squared(self.center_mm) <= self.radius_mm * self.radius_mm
     }
 
-    /// First and last voxel of line (y, z) inside.
+    /// First and last voxel of line (y, z) inside; `None` when there is none.
     fn line(&self, y: usize, z: usize, nx: usize) -> Option<RangeInclusive<usize>> {
         let step = self.mm_from_voxel.x_axis;
         let start = self.mm_from_voxel * DVec3::new(0.0, y as f64, z as f64) - self.center_mm;
@@ -101,15 +102,15 @@ impl Ball {
         let off_mm = (start + step * nearest).length();
         let half = ((self.radius_mm - off_mm) * (self.radius_mm + off_mm) / squared).max(0.0).sqrt();
         let slack = 1.0;
-        let xs = whole((nearest - half - slack, nearest + half + slack), nx)?;
+        let xs = indices_in((nearest - half - slack, nearest + half + slack), nx)?;
         let (mut first, mut last) = (*xs.start(), *xs.end());
-        while !self.holds(first, y, z) {
+        while !self.contains(first, y, z) {
             if first == last {
                 return None;
             }
             first += 1;
         }
-        while !self.holds(last, y, z) {
+        while !self.contains(last, y, z) {
             last -= 1;
         }
         Some(first..=last)
@@ -136,18 +137,18 @@ mod tests {
         let affine = DAffine3 { matrix3: matrix, translation: offset_mm };
         let grid = Grid::new(dims, affine, Sides::Known).unwrap();
         let mut random = Random(masks as u64 + 1);
-        let made: Vec<Mask> = (0..masks)
+        let mask_list: Vec<Mask> = (0..masks)
             .map(|k| {
                 let bits = MaskBits::from_fn(dims, |_| random.next() < 0.3);
                 Mask::new(format!("m{k}"), grid.clone(), bits).unwrap()
             })
             .collect();
-        let index = TumorIndex::new(grid, &made.iter().collect::<Vec<_>>()).unwrap();
+        let index = TumorIndex::new(grid, &mask_list.iter().collect::<Vec<_>>()).unwrap();
         let volume = RegionVolume::of(&index, &Regions::of(&index)).unwrap();
         (index, volume)
     }
 
-    /// Every voxel of the whole index, in world millimetres.
+    /// Tests every voxel of the whole index, in world millimetres.
     fn brute(index: &TumorIndex, center_mm: DVec3, radius_mm: f64) -> BTreeMap<u32, u64> {
         let [nx, ny, nz] = index.grid().dims();
         let mut out = BTreeMap::new();
@@ -166,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn as_brute_force_counts_on_straight_oblique_sheared_and_mirrored_grids() {
+    fn counts_equal_brute_force_on_straight_oblique_sheared_and_mirrored_grids() {
         let straight = DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.0));
         let oblique = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-0.7) * straight;
         let sheared = DMat3::from_cols(
@@ -190,13 +191,13 @@ mod tests {
                     assert_eq!(found, brute(&index, center_mm, radius_mm), "{matrix:?} {radius_mm}");
                     most = most.max(found.values().sum());
                 }
-                assert!(most > 100, "some balls hold many voxels: {most}");
+                assert!(most > 100, "some balls contain many voxels: {most}");
             }
         }
     }
 
     #[test]
-    fn a_ball_that_holds_all_holds_every_region_and_one_on_a_centre_holds_its_ends() {
+    fn a_large_ball_contains_every_region_and_voxels_on_the_ball_count() {
         let (index, volume) = noise([9, 8, 7], DMat3::IDENTITY, DVec3::ZERO, 2);
         let regions = Regions::of(&index);
         let all: Vec<(u32, u64)> = regions.list().iter().map(|r| (r.bits, r.voxels)).collect();
@@ -211,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn no_ball_is_nothing() {
+    fn balls_without_a_voxel_center_are_empty() {
         let (_, volume) = noise([5, 5, 5], DMat3::IDENTITY, DVec3::ZERO, 1);
         for (center_mm, radius_mm) in [
             (DVec3::splat(500.0), 3.0),

@@ -1,8 +1,8 @@
-//! Glioscope's numbers: volumes, files, masks, the tumour index and what is counted on it.
+//! Glioscope's core: volumes, files, masks, the tumour index and the measurements made on them.
 //!
-//! Nothing here knows a GPU or a window. World space is RAS+ millimetres in `f64`;
-//! [`Grid::world_from_voxel`] maps voxel *centres*. Words (mask, region, tumour index, lens …) are
-//! those of the project's design: see ARCHITECTURE.md.
+//! No code here depends on a GPU or a window. World space is RAS+ millimetres in `f64`;
+//! [`Grid::world_from_voxel`] maps voxel *centres*. Terms (mask, region, tumour index, lens …) are defined in
+//! ARCHITECTURE.md.
 
 pub mod case;
 pub mod change;

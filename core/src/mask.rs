@@ -2,7 +2,7 @@
 
 use crate::grid::Grid;
 
-/// One bit a voxel. Each x-line starts a new 64-bit word; bits past the line's end are zero.
+/// One bit per voxel. Each x-line starts a new 64-bit word; bits past the line's end are zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MaskBits {
     dims: [usize; 3],
@@ -22,14 +22,14 @@ impl MaskBits {
         let mut bits = Self::empty(dims);
         for line in bits.words.chunks_exact_mut(bits.words_per_line.max(1)) {
             for (w, word) in line.iter_mut().enumerate() {
-                let rest = dims[0] - w * 64;
-                *word = if rest >= 64 { u64::MAX } else { (1 << rest) - 1 };
+                let remaining = dims[0] - w * 64;
+                *word = if remaining >= 64 { u64::MAX } else { (1 << remaining) - 1 };
             }
         }
         bits
     }
 
-    /// Voxels where `active(linear)` holds, `linear` as in [`Grid::linear`].
+    /// Voxels for which `active(linear)` is true, `linear` as in [`Grid::linear`].
     pub fn from_fn(dims: [usize; 3], mut active: impl FnMut(usize) -> bool) -> Self {
         let mut bits = Self::empty(dims);
         let mut linear = 0;
@@ -49,7 +49,7 @@ impl MaskBits {
         self.dims
     }
 
-    /// Words of one x-line.
+    /// 64-bit words per x-line.
     pub fn words_per_line(&self) -> usize {
         self.words_per_line
     }
@@ -59,7 +59,7 @@ impl MaskBits {
         &self.words
     }
 
-    /// All words, to be written; the bits past a line's end stay zero.
+    /// All words, mutable; callers leave the bits past a line's end zero.
     pub(crate) fn words_mut(&mut self) -> &mut [u64] {
         &mut self.words
     }
@@ -83,7 +83,7 @@ impl MaskBits {
         self.words.iter().map(|w| u64::from(w.count_ones())).sum()
     }
 
-    /// Smallest box of voxels that holds all active ones: first voxel and size; `None` when empty.
+    /// Bounding box of the active voxels: first voxel and size in voxels; `None` when empty.
     pub fn bounds(&self) -> Option<([usize; 3], [usize; 3])> {
         let mut lo = [usize::MAX; 3];
         let mut hi = [0; 3];
@@ -112,17 +112,17 @@ impl MaskBits {
     pub fn for_each(&self, mut visit: impl FnMut(usize)) {
         for (line, words) in self.words.chunks_exact(self.words_per_line.max(1)).enumerate() {
             for (w, &word) in words.iter().enumerate() {
-                let mut rest = word;
-                while rest != 0 {
-                    visit(line * self.dims[0] + w * 64 + rest.trailing_zeros() as usize);
-                    rest &= rest - 1;
+                let mut remaining = word;
+                while remaining != 0 {
+                    visit(line * self.dims[0] + w * 64 + remaining.trailing_zeros() as usize);
+                    remaining &= remaining - 1;
                 }
             }
         }
     }
 }
 
-/// A segmentation under its name, on a grid.
+/// A named segmentation on a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
     id: String,
@@ -131,17 +131,17 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// `bits` on `grid`; `None` when their sizes differ.
+    /// `bits` on `grid`; `None` when their dimensions differ.
     pub fn new(id: impl Into<String>, grid: Grid, bits: MaskBits) -> Option<Self> {
         (bits.dims() == grid.dims()).then(|| Self { id: id.into(), grid, bits })
     }
 
-    /// The name the case gives it.
+    /// Its name in the case.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Where its voxels are.
+    /// Its voxel grid.
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
@@ -151,12 +151,12 @@ impl Mask {
         &self.bits
     }
 
-    /// Active voxels.
+    /// Number of active voxels.
     pub fn voxels(&self) -> u64 {
         self.bits.count()
     }
 
-    /// Millilitres on its own grid.
+    /// Volume of the active voxels in millilitres.
     pub fn volume_ml(&self) -> f64 {
         self.grid.volume_ml(self.voxels())
     }
@@ -167,23 +167,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bits_past_a_word_and_a_line() {
+    fn bits_cross_word_and_line_boundaries() {
         for nx in [1, 63, 64, 65, 130] {
             let dims = [nx, 3, 2];
             let bits = MaskBits::from_fn(dims, |l| l % 3 == 0);
             let n = nx * 6;
             assert_eq!(bits.count(), n.div_ceil(3) as u64);
-            let mut seen = Vec::new();
-            bits.for_each(|l| seen.push(l));
-            assert_eq!(seen, (0..n).step_by(3).collect::<Vec<_>>());
-            for &l in &seen {
+            let mut visited = Vec::new();
+            bits.for_each(|l| visited.push(l));
+            assert_eq!(visited, (0..n).step_by(3).collect::<Vec<_>>());
+            for &l in &visited {
                 assert!(bits.get([l % nx, l / nx % 3, l / nx / 3]));
             }
         }
     }
 
     #[test]
-    fn bounds_of_nothing_one_and_all() {
+    fn bounds_of_empty_one_voxel_and_full_masks() {
         let dims = [70, 4, 5];
         let mut bits = MaskBits::empty(dims);
         assert_eq!(bits.bounds(), None);

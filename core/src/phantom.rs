@@ -1,7 +1,7 @@
 //! The head phantom: a case made of analytic shapes, so that every volume in it is known.
 //!
 //! A head with scalp, skull, folded cortex, ventricles, eyes, nose and neck, and a tumour in the
-//! **left frontal** lobe (x < 0, y > 0 in RAS+). Left and right differ: the tumour and a squeezed
+//! **left frontal** lobe (x < 0, y > 0 in RAS+). Left and right differ: the tumour and a compressed
 //! left ventricle, and a marker capsule stuck on the **right** forehead. Three images on three
 //! grids, three masks on the grids of the images they were drawn on, at two dates:
 //!
@@ -9,11 +9,11 @@
 //! |---|---|---|---|
 //! | T1 | `T1c` | enhancing tumour with its core, from the second date also a new lesion | LPS, 1×1×1.5 mm |
 //! | T2 | `FLAIR` | oedema, with a satellite | tilted by 6°, 1×1×3 mm |
-//! | PET | `PET` | hot spot | turned by 4° and 3°, 3 mm |
+//! | PET | `PET` | hot spot | rotated by 4° and 3°, 3 mm |
 //!
 //! All seven regions of the three masks have voxels. Between the dates each mask's main body moves
 //! single faces of its bounding box by known millimetres: see [`Mark::main_faces_mm`]. Nothing in
-//! it shows a real patient. Images have light noise made from a hash: the same on every machine.
+//! it shows a real patient. Images have slight noise from a hash: the same on every machine.
 
 mod anatomy;
 mod marks;
@@ -63,10 +63,10 @@ const FILES: [(&str, &str, usize, Modality, bool); 12] = [
     ("pet-mask-2024-04-15.nii.gz", "PET", 1, Modality::Pet, true),
 ];
 
-/// Name the phantom's case goes by.
+/// Name of the phantom's case.
 pub const CASE_NAME: &str = "Head phantom";
 
-/// The grid of a modality. Numbers are rounded to `f32`, as a NIfTI header keeps them.
+/// The grid of a modality. Numbers are rounded to `f32`, as a NIfTI header stores them.
 fn grid_of(modality: Modality) -> Option<Grid> {
     let (dims, spacing_mm, rotation, center_mm) = match modality {
         Modality::T1c => {
@@ -95,7 +95,7 @@ fn grid_of(modality: Modality) -> Option<Grid> {
     Grid::new(dims, world_from_voxel, Sides::Known).ok()
 }
 
-/// One value a voxel, slices in parallel; `value` gets the voxel centre in world millimetres.
+/// One value per voxel, slices in parallel; `value` gets the voxel centre in world millimetres.
 fn paint(grid: &Grid, value: impl Fn(DVec3) -> f32 + Sync) -> Vec<f32> {
     let [nx, ny, nz] = grid.dims();
     let slices: Vec<Vec<f32>> = (0..nz)
@@ -108,8 +108,8 @@ fn paint(grid: &Grid, value: impl Fn(DVec3) -> f32 + Sync) -> Vec<f32> {
     slices.concat()
 }
 
-/// [1 2 1]/4 along each axis: the partial volume that sharp shapes lack.
-fn soften(values: &mut Vec<f32>, dims: [usize; 3]) {
+/// Smooths by [1 2 1]/4 along each axis: the partial volume effect that sharp shapes lack.
+fn smooth(values: &mut Vec<f32>, dims: [usize; 3]) {
     let mut stride = 1;
     for n in dims {
         let old = std::mem::take(values);
@@ -123,8 +123,8 @@ fn soften(values: &mut Vec<f32>, dims: [usize; 3]) {
     }
 }
 
-/// -6 or 6 with a chance of 1/32 each, else 0, from the voxel's number and a seed (SplitMix64's
-/// finaliser): light noise that still packs well.
+/// -6 or 6 with probability 1/32 each, else 0, from the voxel's linear index and a seed (SplitMix64's
+/// finaliser): slight noise that still compresses well.
 fn noise(linear: usize, seed: u64) -> f32 {
     let mut h = (linear as u64).wrapping_add(seed).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -140,7 +140,7 @@ fn image(modality: Modality, time: usize) -> Option<Volume> {
     let grid = grid_of(modality)?;
     let marks = [mark("T1", time)?, mark("T2", time)?, mark("PET", time)?];
     let mut values = paint(&grid, |p| anatomy::intensity(modality, &marks, p));
-    soften(&mut values, grid.dims());
+    smooth(&mut values, grid.dims());
     let seed = (time as u64 + 1) << 32 | modality as u64;
     let samples = values.par_iter().enumerate().map(|(linear, &v)| {
         // Air stays 0, and steps of 6 are fine enough: the sample has to stay small.
@@ -167,7 +167,7 @@ pub fn phantom() -> Vec<PhantomFile> {
     FILES.iter().filter_map(make).collect()
 }
 
-/// The phantom's case, its files named by `source`.
+/// The phantom's case, its files located by `source`.
 pub fn spec(source: impl Fn(&'static str) -> Source) -> CaseSpec {
     let mut spec = CaseSpec { name: CASE_NAME.into(), ..CaseSpec::default() };
     for &(name, id, time, _, is_mask) in &FILES {
@@ -183,7 +183,7 @@ pub fn spec(source: impl Fn(&'static str) -> Source) -> CaseSpec {
 }
 
 /// The phantom loaded as a case without any file: for tests and benchmarks. The embedded sample
-/// ([`crate::sample`]) is the same case, read.
+/// ([`crate::sample`]) is the same case, read from its files.
 ///
 /// # Errors
 /// As [`crate::case::load`]; none is expected.
@@ -203,11 +203,11 @@ pub fn phantom_case() -> Result<Case, CaseError> {
     load_with(&spec, &LoadOptions::default(), &Progress::new(), &read)
 }
 
-/// A mark's voxels on any grid: what a perfect reader would draw there.
+/// A mark's voxels on any grid: what a perfect rater would draw there.
 pub fn mark_on(mark: &Mark, grid: &Grid) -> MaskBits {
     let [nx, ny, _] = grid.dims();
-    let place = |l: usize| grid.center_of_voxel_mm([l % nx, l / nx % ny, l / nx / ny]);
-    MaskBits::from_fn(grid.dims(), |linear| mark.contains(place(linear)))
+    let center_mm = |l: usize| grid.center_of_voxel_mm([l % nx, l / nx % ny, l / nx / ny]);
+    MaskBits::from_fn(grid.dims(), |linear| mark.contains(center_mm(linear)))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Regions: the voxels with one same non-zero index, and which of them are shown.
+//! Regions (the voxels that share one non-zero index), and the selection of those shown.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -16,16 +16,16 @@ use crate::{
 pub struct Region {
     /// The index value: bit k set for mask k. Never 0.
     pub bits: u32,
-    /// How many voxels have it. Never 0.
+    /// Number of its voxels. Never 0.
     pub voxels: u64,
-    /// Their volume.
+    /// Volume of its voxels.
     pub volume_ml: f64,
-    /// Middle of the voxels, world millimetres.
+    /// Centroid of its voxels, world millimetres.
     pub centroid_mm: DVec3,
 }
 
 impl Region {
-    /// How many masks are active in it: 1 or more.
+    /// Number of masks active in it: 1 or more.
     pub fn mask_count(&self) -> u32 {
         self.bits.count_ones()
     }
@@ -52,7 +52,7 @@ struct SliceTally {
     hi: [usize; 3],
 }
 
-/// Counts one z-slice: runs of equal value cost one look-up, empty stretches next to nothing.
+/// Counts one z-slice: runs of equal value cost one look-up, empty stretches almost nothing.
 fn tally_slice<T: Copy + PartialEq + Default + Into<u32>>(values: &[T], nx: usize, z: usize) -> SliceTally {
     let mut out = SliceTally { by_bits: HashMap::new(), lo: [usize::MAX; 3], hi: [0; 3] };
     let zero = T::default();
@@ -144,7 +144,7 @@ impl Regions {
         self.list.iter().find(|r| r.bits == bits)
     }
 
-    /// First voxel and size of the box that holds every active voxel; `None` when all is empty.
+    /// First voxel and size of the bounding box of all active voxels; `None` when there are none.
     pub fn bounds(&self) -> Option<([usize; 3], [usize; 3])> {
         self.bounds
     }
@@ -174,7 +174,7 @@ impl Regions {
         self.mask_voxels(mask) as f64 * self.voxel_volume_mm3 / 1000.0
     }
 
-    /// Middle of the union, world millimetres: where the lens starts. `None` when all is empty.
+    /// Centroid of the union, world millimetres: where the lens starts. `None` when all masks are empty.
     pub fn centroid_mm(&self) -> Option<DVec3> {
         let n = self.union_voxels();
         (n > 0).then(|| self.list.iter().map(|r| r.centroid_mm * (r.voxels as f64 / n as f64)).sum())
@@ -193,8 +193,8 @@ impl Regions {
     }
 }
 
-/// The regions now shown. Regions it doesn't know (another time point's) are shown: hiding is a
-/// deliberate act, so what is stored is what was hidden.
+/// The regions currently shown. Stored is which regions are hidden, because hiding is a deliberate act:
+/// regions that were never hidden (such as another time point's) are shown.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Selection {
     hidden: BTreeSet<u32>,
@@ -226,7 +226,7 @@ impl Selection {
         }
     }
 
-    /// Turns one region on or off.
+    /// Toggles one region.
     pub fn toggle(&mut self, bits: u32) {
         let shown = self.shows(bits);
         self.set(bits, !shown);
@@ -238,8 +238,8 @@ impl Selection {
     }
 }
 
-/// The tumour index cropped to its active voxels, with each region's small number instead of its
-/// bits: what the graphics card gets. 0 is empty; n is `regions.list()[n - 1]`.
+/// The tumour index cropped to its bounding box, with consecutive region numbers instead of bit sets:
+/// what is uploaded to the GPU. 0 is empty; n is `regions.list()[n - 1]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionVolume {
     grid: Grid,
@@ -255,27 +255,27 @@ impl RegionVolume {
         let id_of_bits: BTreeMap<u32, u32> =
             regions.list().iter().zip(1..).map(|(r, id)| (r.bits, id)).collect();
         let highest = regions.list().len() as u32;
-        let mut last = (0, 0);
+        let mut last_id = (0, 0);
         let mut id_at = |linear: usize| {
             let bits = index.get(linear);
-            if bits != last.0 {
-                last = (bits, id_of_bits.get(&bits).copied().unwrap_or(0));
+            if bits != last_id.0 {
+                last_id = (bits, id_of_bits.get(&bits).copied().unwrap_or(0));
             }
-            last.1
+            last_id.1
         };
-        let mut linears = Vec::with_capacity(grid.voxel_count());
+        let mut numbers = Vec::with_capacity(grid.voxel_count());
         for z in 0..dims[2] {
             for y in 0..dims[1] {
                 let first = index.grid().linear([start[0], start[1] + y, start[2] + z]);
-                linears.extend((first..first + dims[0]).map(&mut id_at));
+                numbers.extend((first..first + dims[0]).map(&mut id_at));
             }
         }
         let ids = if highest <= 0xff {
-            IndexData::U8(linears.iter().map(|&v| v as u8).collect())
+            IndexData::U8(numbers.iter().map(|&v| v as u8).collect())
         } else if highest <= 0xffff {
-            IndexData::U16(linears.iter().map(|&v| v as u16).collect())
+            IndexData::U16(numbers.iter().map(|&v| v as u16).collect())
         } else {
-            IndexData::U32(linears)
+            IndexData::U32(numbers)
         };
         let bits_of_id = std::iter::once(0).chain(regions.list().iter().map(|r| r.bits)).collect();
         Some(Self { grid, ids, bits_of_id })
@@ -315,7 +315,7 @@ mod tests {
     fn index(dims: [usize; 3], masks: usize, seed: u64) -> TumorIndex {
         let grid = Grid::axis_aligned(dims, DVec3::new(1.0, 2.0, 3.0), DVec3::splat(-7.0)).unwrap();
         let mut state = seed;
-        let made: Vec<Mask> = (0..masks)
+        let mask_list: Vec<Mask> = (0..masks)
             .map(|k| {
                 let bits = MaskBits::from_fn(dims, |_| {
                     state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -324,7 +324,7 @@ mod tests {
                 Mask::new(format!("m{k}"), grid.clone(), bits).unwrap()
             })
             .collect();
-        TumorIndex::new(grid, &made.iter().collect::<Vec<_>>()).unwrap()
+        TumorIndex::new(grid, &mask_list.iter().collect::<Vec<_>>()).unwrap()
     }
 
     #[test]
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn the_region_volume_says_what_the_index_says() {
+    fn region_volume_equals_the_index() {
         let index = index([40, 7, 9], 3, 5);
         let regions = Regions::of(&index);
         let volume = RegionVolume::of(&index, &regions).unwrap();
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_active_is_no_region() {
+    fn empty_index_has_no_regions() {
         let grid = Grid::axis_aligned([3, 3, 3], DVec3::ONE, DVec3::ZERO).unwrap();
         let index = TumorIndex::new(grid, &[]).unwrap();
         let regions = Regions::of(&index);
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn hiding_is_deliberate() {
+    fn unknown_regions_are_shown_until_hidden() {
         let regions = Regions::of(&index([20, 5, 5], 2, 1));
         let mut s = Selection::all();
         assert!(s.shows(1) && s.shows(99) && !s.shows(0));

@@ -1,32 +1,31 @@
-//! Masks and images brought onto another grid: masks to the nearest voxel, images trilinearly.
+//! Resampling onto another grid: masks by nearest neighbour, images trilinearly.
 //!
-//! Both go through the affines in `f64` index space, differences of the grids' places first, so
-//! oblique, sheared and mirrored grids and offsets of a kilometre are right. Only the target's
-//! voxels that can meet the source are visited.
+//! Both compose the affines in `f64` index space and subtract the grids' translations first, so that oblique, sheared
+//! and mirrored grids and offsets of a kilometre are handled accurately. Only target voxels that can lie in the
+//! source are visited.
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use crate::{Cancelled, Grid, Mask, MaskBits, Progress, Volume, with_samples};
 
-/// Grids whose corners are this close, in voxels, are one grid: nothing is resampled.
+/// Grids whose corners agree within this distance, in voxels, count as the same: nothing is resampled.
 pub const SAME_PLACE_VOXELS: f64 = 1e-3;
 
-/// Positions this close to the border of two voxels count as on it, so that rounding in the
-/// affines can't decide a tie.
+/// Positions this close to the border between two voxels count as on it, so that rounding in the affines can't decide
+/// ties.
 const TIE_VOXELS: f64 = 1e-6;
 
-/// Maps voxel indices of `target` to voxel indices of `source`, both with centres at whole
-/// numbers. The translations are subtracted before anything is multiplied: an offset that both
-/// share cancels.
+/// Maps voxel indices of `target` to voxel indices of `source`, both with centres at whole numbers. The translations
+/// are subtracted before they are multiplied, so that a common offset cancels.
 pub fn source_from_target(source: &Grid, target: &Grid) -> DAffine3 {
     let inverse = source.voxel_from_world().matrix3;
     let (from, to) = (source.world_from_voxel(), target.world_from_voxel());
     DAffine3 { matrix3: inverse * to.matrix3, translation: inverse * (to.translation - from.translation) }
 }
 
-/// First voxel and size of the box of `target` voxels whose centres can lie in the box of `source`
-/// cells from `start`, `dims` long; `None` when there are none.
+/// First voxel and size of the box of `target` voxels whose centres can lie in the box of `dims` `source` voxels from
+/// `start`; `None` when there are none.
 fn target_box(
     source: &Grid,
     target: &Grid,
@@ -40,32 +39,32 @@ fn target_box(
         let p = target_from_source.transform_point3(DVec3::new(side(0), side(1), side(2)));
         (lo, hi) = (lo.min(p), hi.max(p));
     }
-    let mut found = ([0; 3], [0; 3]);
+    let mut target_voxels = ([0; 3], [0; 3]);
     for axis in 0..3 {
-        // Rounded outward by more than any rounding error.
+        // Extended outward by more than any rounding error.
         let first = (lo[axis] - 1e-3).ceil().max(0.0);
         let last = (hi[axis] + 1e-3).floor().min(target.dims()[axis] as f64 - 1.0);
         if first > last {
             return None;
         }
-        found.0[axis] = first as usize;
-        found.1[axis] = (last - first) as usize + 1;
+        target_voxels.0[axis] = first as usize;
+        target_voxels.1[axis] = (last - first) as usize + 1;
     }
-    Some(found)
+    Some(target_voxels)
 }
 
-/// The cell along one axis that holds position `v`, below `n`. A centre lies at a whole number; a
-/// position on the border of two cells belongs to the higher one; -1/2 is inside, n - 1/2 outside.
+/// The voxel, of `n` along one axis, that contains position `v`. Centres lie at whole numbers; a position on the border
+/// of two voxels belongs to the higher one; -1/2 is inside, n - 1/2 outside.
 #[inline]
-fn cell(v: f64, n: usize) -> Option<usize> {
+fn voxel_index(v: f64, n: usize) -> Option<usize> {
     let c = (v + (0.5 + TIE_VOXELS)).floor();
     (c >= 0.0 && c < n as f64).then_some(c as usize)
 }
 
-/// `mask` on `target`: a voxel is active when its centre lies in an active cell of the mask.
-/// Outside the mask's grid it is inactive. A centre on the border of two cells (within 1e-6 voxel)
-/// belongs to the cell with the higher index. A mask that is already there
-/// ([`Grid::same_place`], within [`SAME_PLACE_VOXELS`]) keeps its bits.
+/// `mask` resampled onto `target` by nearest neighbour: a voxel is active when its centre lies in an active voxel of
+/// the mask, inactive outside the mask's grid. A centre on the border of two voxels (within 1e-6 voxel) belongs to
+/// the one with the higher index. A mask already on `target` ([`Grid::same_place`], within [`SAME_PLACE_VOXELS`])
+/// keeps its bits.
 ///
 /// # Errors
 /// [`Cancelled`].
@@ -88,7 +87,7 @@ pub fn mask_onto(mask: &Mask, target: &Grid, progress: &Progress) -> Result<Mask
             let line = &mut words[y * per_line..][..per_line];
             for x in first[0]..first[0] + size[0] {
                 let p = line_start + map.matrix3.x_axis * x as f64;
-                let hit = match (cell(p.x, sx), cell(p.y, sy), cell(p.z, sz)) {
+                let hit = match (voxel_index(p.x, sx), voxel_index(p.y, sy), voxel_index(p.z, sz)) {
                     (Some(i), Some(j), Some(k)) => source.get([i, j, k]),
                     _ => false,
                 };
@@ -100,16 +99,16 @@ pub fn mask_onto(mask: &Mask, target: &Grid, progress: &Progress) -> Result<Mask
     Ok(out)
 }
 
-/// Active voxels of `mask` whose centres lie outside every one of `grids`.
+/// Number of active voxels of `mask` whose centres lie outside all of `grids`.
 pub fn voxels_outside(mask: &Mask, grids: &[&Grid]) -> u64 {
     let Some((start, dims)) = mask.bits().bounds() else { return 0 };
     let maps: Vec<(DAffine3, [usize; 3])> =
         grids.iter().map(|g| (source_from_target(g, mask.grid()), g.dims())).collect();
     let inside = |(map, n): &(DAffine3, [usize; 3]), ijk: [usize; 3]| {
         let p = map.transform_point3(DVec3::new(ijk[0] as f64, ijk[1] as f64, ijk[2] as f64));
-        (0..3).all(|a| cell(p[a], n[a]).is_some())
+        (0..3).all(|a| voxel_index(p[a], n[a]).is_some())
     };
-    // A grid is convex: a box with its corners inside is inside.
+    // Grids are convex: a box whose corners are inside is inside.
     let corner = |c: usize| std::array::from_fn(|a| start[a] + if c >> a & 1 == 1 { dims[a] - 1 } else { 0 });
     if maps.iter().any(|map| (0..8).all(|c| inside(map, corner(c)))) {
         return 0;
@@ -123,23 +122,23 @@ pub fn voxels_outside(mask: &Mask, grids: &[&Grid]) -> u64 {
     outside
 }
 
-/// An image on another grid.
+/// An image resampled onto another grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resampled {
-    /// Values, `x` fastest; 0 where the image says nothing: see `inside`.
+    /// Values, `x` fastest; 0 outside the image: see `inside`.
     pub values: Vec<f32>,
-    /// The voxels whose centres lie in a cell of the image.
+    /// The voxels whose centres lie in a voxel of the image.
     pub inside: MaskBits,
 }
 
-/// Trilinear weights at one position: the lower cell's linear index, the steps to the upper
-/// neighbours (0 at an edge, where the value stays the edge's), and the fractions.
+/// Trilinear stencil at one position: linear index of the lower neighbour, strides to the upper neighbours (0 at an
+/// edge, where the edge's value is used), and fractions.
 #[inline]
 fn corner(p: DVec3, dims: [usize; 3]) -> Option<(usize, [usize; 3], [f64; 3])> {
     let (mut base, mut stride) = (0, 1);
     let (mut steps, mut fractions) = ([0; 3], [0.0; 3]);
     for axis in 0..3 {
-        cell(p[axis], dims[axis])?;
+        voxel_index(p[axis], dims[axis])?;
         let v = p[axis].clamp(0.0, (dims[axis] - 1) as f64);
         let low = v.floor();
         base += low as usize * stride;
@@ -151,29 +150,29 @@ fn corner(p: DVec3, dims: [usize; 3]) -> Option<(usize, [usize; 3], [f64; 3])> {
 }
 
 #[inline]
-fn blend(
+fn trilinear(
     at: impl Fn(usize) -> f64,
     (base, [sx, sy, sz], [fx, fy, fz]): (usize, [usize; 3], [f64; 3]),
 ) -> f64 {
-    // A weight of zero must not let a NaN neighbour in.
-    let mix = |a: f64, b: f64, f: f64| if f == 0.0 { a } else { a + (b - a) * f };
-    let along_x = |i: usize| mix(at(i), at(i + sx), fx);
-    let along_y = |i: usize| mix(along_x(i), along_x(i + sy), fy);
-    mix(along_y(base), along_y(base + sz), fz)
+    // A NaN neighbour with weight zero must not spread.
+    let lerp = |a: f64, b: f64, f: f64| if f == 0.0 { a } else { a + (b - a) * f };
+    let along_x = |i: usize| lerp(at(i), at(i + sx), fx);
+    let along_y = |i: usize| lerp(along_x(i), along_x(i + sy), fy);
+    lerp(along_y(base), along_y(base + sz), fz)
 }
 
-/// The scaled value of `volume` at a position in its voxel indices, trilinear in `f64`; `None`
-/// outside its cells. In the outer half of the outermost cells the edge's value holds. NaN where a
-/// voxel that counts is NaN.
+/// The scaled value of `volume` at fractional voxel indices, trilinear in `f64`; `None` outside its voxels. In the
+/// outer half of the outermost voxels the value is extended from the edge. NaN where a voxel with non-zero weight is
+/// NaN.
 #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all ten types")]
 pub fn value_at(volume: &Volume, voxel: DVec3) -> Option<f64> {
     let corner = corner(voxel, volume.grid().dims())?;
-    let stored = with_samples!(volume.samples(), v => blend(|i| v[i] as f64, corner));
+    let stored = with_samples!(volume.samples(), v => trilinear(|i| v[i] as f64, corner));
     Some(volume.scaling().apply(stored))
 }
 
-/// `volume` on `target`, trilinear in `f64`, as [`value_at`] at every voxel centre. An image that
-/// is already there keeps its values to the bit.
+/// `volume` resampled onto `target`, trilinear in `f64`: [`value_at`] at every voxel centre. An image already on
+/// `target` keeps its values exactly.
 ///
 /// # Errors
 /// [`Cancelled`].
@@ -200,7 +199,7 @@ pub fn image_onto(volume: &Volume, target: &Grid, progress: &Progress) -> Result
                 for x in first[0]..first[0] + size[0] {
                     let p = line_start + map.matrix3.x_axis * x as f64;
                     if let Some(corner) = corner(p, source.dims()) {
-                        values[y * nx + x] = scaling.apply(blend(|i| stored[i] as f64, corner)) as f32;
+                        values[y * nx + x] = scaling.apply(trilinear(|i| stored[i] as f64, corner)) as f32;
                         words[y * per_line + x / 64] |= 1 << (x % 64);
                     }
                 }

@@ -1,15 +1,15 @@
-//! Which voxels of a mask are its surface.
+//! Surface voxels and surface elements of a mask.
 
 use glam::DVec3;
 
 use crate::{Grid, MaskBits};
 
 /// The surface of `mask`: its active voxels with at least one inactive neighbour across a face
-/// (6-neighbourhood). What lies outside the image counts as inactive, so a mask that touches the
+/// (6-neighbourhood). Voxels outside the image count as inactive, so a mask that touches the
 /// image's border has surface there. Same size as `mask`; exact; an empty mask gives an empty one.
 ///
-/// A part one or two voxels thick is all surface. Works on 64 voxels at once, inside the mask's
-/// bounds only.
+/// A part one or two voxels thick is all surface. Processes 64 voxels at once, inside the mask's
+/// bounding box only.
 pub fn surface_of(mask: &MaskBits) -> MaskBits {
     let dims = mask.dims();
     let mut surface = MaskBits::empty(dims);
@@ -59,18 +59,18 @@ pub fn surface_voxels(mask: &MaskBits) -> Vec<[usize; 3]> {
 pub struct SurfaceElement {
     /// The active voxel.
     pub voxel: [usize; 3],
-    /// Middle of the face, world millimetres.
+    /// Centre of the face, world millimetres.
     pub center_mm: DVec3,
-    /// Outward, as long as the face's area in mm².
+    /// Outward normal, as long as the face's area in mm².
     pub area_mm2: DVec3,
 }
 
 /// The faces of `mask` towards inactive voxels or out of the image, in memory order of their voxels,
 /// lower x face first. Exact on any grid: on a sheared one faces are parallelograms. Their area vectors
-/// add up to nothing, as those of every closed surface do. Nothing for an empty mask.
+/// sum to zero, as those of every closed surface do. Empty for an empty mask.
 ///
-/// A staircase: the sum of areas is that of the voxels' faces, up to half again the area of the smooth
-/// surface they stand for.
+/// A staircase: the sum of areas is that of the voxels' faces, which exceeds the area of the smooth surface
+/// that they approximate (on a ball by half, on a slanted plane by up to √3 times).
 pub fn surface_elements(mask: &MaskBits, grid: &Grid) -> Vec<SurfaceElement> {
     let dims = mask.dims();
     let world_from_voxel = grid.world_from_voxel();
@@ -84,16 +84,16 @@ pub fn surface_elements(mask: &MaskBits, grid: &Grid) -> Vec<SurfaceElement> {
         let center = DVec3::new(voxel[0] as f64, voxel[1] as f64, voxel[2] as f64);
         for axis in 0..3 {
             for side in [-1.0, 1.0] {
-                let mut beside = voxel;
+                let mut neighbor = voxel;
                 let inside = if side < 0.0 { voxel[axis] > 0 } else { voxel[axis] + 1 < dims[axis] };
                 if inside {
-                    beside[axis] = if side < 0.0 { voxel[axis] - 1 } else { voxel[axis] + 1 };
-                    if mask.get(beside) {
+                    neighbor[axis] = if side < 0.0 { voxel[axis] - 1 } else { voxel[axis] + 1 };
+                    if mask.get(neighbor) {
                         continue;
                     }
                 }
-                let middle = world_from_voxel.transform_point3(center) + columns[axis] * (0.5 * side);
-                elements.push(SurfaceElement { voxel, center_mm: middle, area_mm2: upper[axis] * side });
+                let center_mm = world_from_voxel.transform_point3(center) + columns[axis] * (0.5 * side);
+                elements.push(SurfaceElement { voxel, center_mm, area_mm2: upper[axis] * side });
             }
         }
     }
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn equals_the_definition_on_speckle_blocks_and_word_borders() {
+    fn surface_equals_its_definition_on_random_masks() {
         for (seed, dims) in [[1, 1, 1], [1, 7, 5], [63, 4, 3], [64, 5, 4], [65, 5, 4], [130, 3, 6], [9, 1, 8]]
             .into_iter()
             .enumerate()
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_has_the_surface_that_counting_gives() {
+    fn a_box_has_the_counted_surface_voxels() {
         let inside = |v: usize, lo: usize, n: usize| (lo..lo + n).contains(&v);
         let dims = [80, 12, 9];
         let mask = MaskBits::from_fn(dims, |l| {
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn elements_have_the_area_of_the_box_and_close_on_any_grid() {
+    fn elements_of_a_box_have_its_area_and_close_on_any_grid() {
         use crate::Sides;
         use glam::{DAffine3, DMat3};
         let dims = [9, 8, 7];
@@ -174,8 +174,8 @@ mod tests {
             ),
         ] {
             let offset = DVec3::new(1e6, -3.0, 8.0);
-            let placed = DAffine3 { matrix3: matrix, translation: offset };
-            let grid = Grid::new(dims, placed, Sides::Known).unwrap();
+            let world_from_voxel = DAffine3 { matrix3: matrix, translation: offset };
+            let grid = Grid::new(dims, world_from_voxel, Sides::Known).unwrap();
             let elements = surface_elements(&mask, &grid);
             assert_eq!(elements.len(), 2 * (4 * 3 + 3 * 2 + 2 * 4));
             let [x, y, z] = [matrix.x_axis * 4.0, matrix.y_axis * 3.0, matrix.z_axis * 2.0];
@@ -184,7 +184,7 @@ mod tests {
             assert!((area - expected).abs() < 1e-9 * expected, "{area} of {expected}");
             let sum: DVec3 = elements.iter().map(|e| e.area_mm2).sum();
             assert!(sum.length() < 1e-9 * expected, "a closed surface");
-            // Gauss: outward areas span the volume (relative to the box, so that 1e6 mm cost nothing).
+            // Divergence theorem: outward areas give the volume (relative to the box: 1e6 mm cost no precision).
             let middle = elements.iter().map(|e| e.center_mm - offset).sum::<DVec3>() / elements.len() as f64;
             let volume: f64 =
                 elements.iter().map(|e| (e.center_mm - offset - middle).dot(e.area_mm2)).sum::<f64>() / 3.0;

@@ -1,10 +1,10 @@
-//! How near fibres run to selected voxels: exact distances in millimetres between the fibres'
-//! segments and the voxels' cells.
+//! Exact distances in millimetres between the segments of fibres (streamlines) and the cells of
+//! selected voxels.
 //!
 //! A voxel is its whole cell (a box; a parallelepiped on a sheared grid), not its centre: a fibre
-//! that enters a selected cell is at distance 0. Runs of selected voxels along x are one box each,
-//! in a tree of bounding boxes. Everything is computed in `f64` along the voxel axes; only the
-//! places found are brought back to the world.
+//! that enters a selected cell is at distance 0. Each run of selected voxels along x is one box in a
+//! bounding volume hierarchy. Everything is computed in `f64` along the voxel axes; only the points
+//! found are mapped to world space.
 
 mod boxes;
 mod segment;
@@ -20,22 +20,22 @@ use boxes::BoxTree;
 /// Cosine between two voxel axes up to which they count as perpendicular, as for other distances.
 const PERPENDICULAR: f64 = 1e-6;
 
-/// Segments that are left out together when a ball around them is too far.
-const SEGMENTS_A_CHUNK: usize = 8;
+/// Segments that are skipped together when their bounding ball is too far.
+const SEGMENTS_PER_CHUNK: usize = 8;
 
-/// Where a fibre comes nearest to the selection.
+/// The closest approach of a fibre to the selection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
     /// Distance; 0 where the fibre touches or enters a selected voxel's cell.
     pub distance_mm: f64,
-    /// The place on the fibre. Of several, the first met; on a fibre that runs through the
+    /// The nearest point on the fibre. Of several, the first found; on a fibre that runs through the
     /// selection, one inside it.
     pub fiber_mm: DVec3,
-    /// The place of the selection nearest to it.
+    /// The point of the selection nearest to it.
     pub selection_mm: DVec3,
 }
 
-/// The selected voxels, ready to be asked for distances.
+/// The selected voxels, prepared for distance queries.
 #[derive(Clone, Debug)]
 pub struct SelectedCells {
     tree: BoxTree,
@@ -44,7 +44,7 @@ pub struct SelectedCells {
     metric: Metric,
 }
 
-/// Voxel indices to millimetres, but for a rotation: upper triangular, and diagonal where the axes
+/// Maps voxel indices to millimetres, up to a rotation: upper triangular, and diagonal where the axes
 /// are perpendicular.
 #[derive(Clone, Copy, Debug)]
 struct Metric {
@@ -79,13 +79,13 @@ impl Metric {
     }
 }
 
-/// One segment's nearest place to something.
+/// The nearest points of a segment and a box.
 #[derive(Clone, Copy, Debug)]
 struct Nearest {
     squared_mm2: f64,
     /// Position along the segment, 0 to 1.
     along: f64,
-    /// Place in the box, in voxels.
+    /// Point of the box, in voxel indices.
     voxel: DVec3,
 }
 
@@ -105,7 +105,7 @@ impl SelectedCells {
         })
     }
 
-    /// Where the polyline `fiber_mm` (one point is fine) comes nearest. Exact to rounding; `None`
+    /// Closest approach of the polyline `fiber_mm` (one point is allowed). Exact up to rounding; `None`
     /// without points.
     pub fn nearest(&self, fiber_mm: &[[f32; 3]]) -> Option<Approach> {
         let points: Vec<DVec3> = fiber_mm
@@ -115,19 +115,19 @@ impl SelectedCells {
         let (&first, segments) = (points.first()?, points.len().saturating_sub(1).max(1));
         let segment = |n: usize| (points[n], points.get(n + 1).copied().unwrap_or(points[n]));
 
-        // A ball around each chunk: no part of it is nearer than the middle's distance less its radius.
-        let mut chunks: Vec<(f64, usize)> = Vec::with_capacity(segments.div_ceil(SEGMENTS_A_CHUNK));
-        for start in (0..segments).step_by(SEGMENTS_A_CHUNK) {
-            let end = (start + SEGMENTS_A_CHUNK).min(segments);
+        // Bounding ball of each chunk: no part is nearer than the distance of its centre minus its radius.
+        let mut chunks: Vec<(f64, usize)> = Vec::with_capacity(segments.div_ceil(SEGMENTS_PER_CHUNK));
+        for start in (0..segments).step_by(SEGMENTS_PER_CHUNK) {
+            let end = (start + SEGMENTS_PER_CHUNK).min(segments);
             let part = &points[start..(end + 1).min(points.len())];
-            let middle = part[part.len() / 2];
+            let center = part[part.len() / 2];
             let radius = part
                 .iter()
-                .map(|&p| (self.metric.mm * (p - middle)).length_squared())
+                .map(|&p| (self.metric.mm * (p - center)).length_squared())
                 .fold(0.0, f64::max)
                 .sqrt();
-            let reach = self.tree.nearest(middle, middle, f64::INFINITY, &self.metric);
-            chunks.push((reach.map_or(0.0, |n| n.squared_mm2.sqrt() - radius), start));
+            let from_center = self.tree.nearest(center, center, f64::INFINITY, &self.metric);
+            chunks.push((from_center.map_or(0.0, |n| n.squared_mm2.sqrt() - radius), start));
         }
         chunks.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
 
@@ -137,7 +137,7 @@ impl SelectedCells {
             if bound > 0.0 && bound * bound >= limit(&best) {
                 break;
             }
-            for n in start..(start + SEGMENTS_A_CHUNK).min(segments) {
+            for n in start..(start + SEGMENTS_PER_CHUNK).min(segments) {
                 let (a, b) = segment(n);
                 if let Some(found) = self.tree.nearest(a, b, limit(&best), &self.metric) {
                     best = Some((found, n));
@@ -148,17 +148,17 @@ impl SelectedCells {
             }
         }
         let world = |voxel: DVec3| self.world_from_voxel.transform_point3(voxel);
-        let (found, place) = match best {
+        let (found, fiber_voxel) = match best {
             Some((found, n)) => {
                 let (a, b) = segment(n);
                 (found, a + (b - a) * found.along)
             }
-            // Only where squares overflow: no nearer place than infinity.
+            // Only where squares overflow: the distance is infinite.
             None => (Nearest { squared_mm2: f64::INFINITY, along: 0.0, voxel: first }, first),
         };
         Some(Approach {
             distance_mm: found.squared_mm2.sqrt(),
-            fiber_mm: world(place),
+            fiber_mm: world(fiber_voxel),
             selection_mm: world(found.voxel),
         })
     }
@@ -167,7 +167,7 @@ impl SelectedCells {
     /// In parallel.
     ///
     /// # Errors
-    /// [`Cancelled`] when `progress` says so.
+    /// [`Cancelled`] when `progress` is cancelled.
     pub fn nearest_of_all(
         &self,
         tracts: &Tracts,
@@ -186,19 +186,19 @@ impl SelectedCells {
     }
 }
 
-/// The fibre that comes nearest, and how many come near.
+/// The nearest fibre, and the number of fibres within a distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearness {
     /// The nearest fibre (the first of several at one distance) and where; `None` without points.
     pub nearest: Option<(usize, Approach)>,
     /// Fibres at distance 0.
     pub through: usize,
-    /// Fibres at most the distance asked for away, those through the selection included.
+    /// Fibres within the requested distance, including those through the selection.
     pub within: usize,
 }
 
 impl Nearness {
-    /// Of the answers of [`SelectedCells::nearest_of_all`].
+    /// Summarises the results of [`SelectedCells::nearest_of_all`].
     pub fn of(approaches: &[Option<Approach>], within_mm: f64) -> Self {
         let mut out = Self { nearest: None, through: 0, within: 0 };
         for (fiber, approach) in approaches.iter().enumerate() {

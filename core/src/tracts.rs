@@ -1,11 +1,11 @@
-//! Fibre tracts: many polylines in the patient.
+//! Fibre tracts: polylines in patient space.
 
 use crate::Sides;
 
 /// Fibres (streamlines) as polylines in RAS+ millimetres, one after another.
 ///
-/// Fibres keep the numbers that they have in their file: one without a point stays, as an empty
-/// one. Coordinates are `f32`: 0.001 mm within 8 m of the origin.
+/// Fibres keep their numbers from the file: one without points stays as an empty one. Coordinates are
+/// `f32`: precise to 0.001 mm within 8 m of the origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracts {
     points_mm: Vec<[f32; 3]>,
@@ -14,18 +14,18 @@ pub struct Tracts {
 }
 
 impl Tracts {
-    /// Fibre n has the points `offsets[n]..offsets[n + 1]`; `sides` says whether their place in the
-    /// patient is known. `None` unless the offsets begin with 0, never fall and end with the number
+    /// Fibre n has the points `offsets[n]..offsets[n + 1]`; `sides` states whether their position in
+    /// the patient is known. `None` unless the offsets begin with 0, never fall and end with the number
     /// of points, and every coordinate is finite.
     pub fn new(points_mm: Vec<[f32; 3]>, offsets: Vec<u32>, sides: Sides) -> Option<Self> {
-        let whole = offsets.first() == Some(&0)
+        let valid = offsets.first() == Some(&0)
             && offsets.is_sorted()
             && offsets.last().map(|&end| end as usize) == Some(points_mm.len())
             && points_mm.iter().flatten().all(|v| v.is_finite());
-        whole.then_some(Self { points_mm, offsets, sides })
+        valid.then_some(Self { points_mm, offsets, sides })
     }
 
-    /// Number of fibres, those without a point included.
+    /// Number of fibres, including those without points.
     pub fn fiber_count(&self) -> usize {
         self.offsets.len() - 1
     }
@@ -48,9 +48,9 @@ impl Tracts {
         &self.offsets
     }
 
-    /// Whether the file says where the points are in the patient. With [`Sides::Unknown`] they are
-    /// millimetres of an unknown place: shape and length are right, nearness to anything else is not
-    /// known.
+    /// Whether the file states where the points are in the patient. With [`Sides::Unknown`] they are
+    /// millimetres in an unknown frame: shape and length are valid, distances to anything else are
+    /// unknown.
     pub fn sides(&self) -> Sides {
         self.sides
     }
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_whole_tables_are_tracts() {
+    fn invalid_offsets_and_points_are_rejected() {
         let points = vec![[0.0, 1.0, 2.0], [1.0, 1.0, 2.0], [5.0, 5.0, 5.0]];
         let tracts = Tracts::new(points.clone(), vec![0, 2, 2, 3], Sides::Known).unwrap();
         assert_eq!(tracts.fiber_count(), 3);

@@ -1,13 +1,13 @@
-//! The tumour index: one bit set a voxel, bit k set where mask k is active (thesis 7.3).
+//! The tumour index: one bit set per voxel; bit k is set where mask k is active (thesis 7.3).
 
 use rayon::prelude::*;
 
 use crate::{grid::Grid, mask::Mask};
 
-/// Most masks that one index holds.
+/// Maximum number of masks in one index.
 pub const MAX_MASKS: usize = 32;
 
-/// Bit sets, in the smallest type that fits the number of masks. `x` runs fastest.
+/// Bit sets, in the smallest type that fits the number of masks, x fastest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum IndexData {
     /// Up to 8 masks.
@@ -29,7 +29,7 @@ pub enum IndexError {
     OtherGrid(String),
 }
 
-/// Which masks are active where, on one grid.
+/// Which masks are active at each voxel of one grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TumorIndex {
     grid: Grid,
@@ -65,10 +65,10 @@ fn fill<T: Copy + Default + Send + std::ops::BitOrAssign>(
 }
 
 impl TumorIndex {
-    /// Bit k of each voxel is `masks[k]`. No mask at all gives an index of zeros.
+    /// Bit k of each voxel is `masks[k]`. Without masks, all voxels are 0.
     ///
     /// # Errors
-    /// [`IndexError`] past [`MAX_MASKS`] masks, or when one has another size than `grid`.
+    /// [`IndexError`] past [`MAX_MASKS`] masks, or when one is on another grid than `grid`.
     pub fn new(grid: Grid, masks: &[&Mask]) -> Result<Self, IndexError> {
         if masks.len() > MAX_MASKS {
             return Err(IndexError::TooManyMasks(masks.len()));
@@ -109,7 +109,7 @@ impl TumorIndex {
         }
     }
 
-    /// Bit set at a place in the world; 0 outside the grid.
+    /// Bit set at a world point; 0 outside the grid.
     pub fn at_mm(&self, world_mm: glam::DVec3) -> u32 {
         self.grid.voxel_at(world_mm).map_or(0, |ijk| self.get(self.grid.linear(ijk)))
     }

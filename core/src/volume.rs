@@ -1,8 +1,8 @@
-//! An image on its own grid, in the type its file has, scaled only when read.
+//! An image on its native grid, stored in its file's data type and scaled on access.
 
 use crate::grid::Grid;
 
-/// Voxels in the file's own type. `x` runs fastest.
+/// Stored voxel values in the file's data type, `x` fastest.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "each variant is its type")]
 pub enum Samples {
@@ -43,7 +43,7 @@ impl Samples {
         with_samples!(self, v => v.len())
     }
 
-    /// Whether there is no voxel at all.
+    /// Whether there are no voxels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -54,12 +54,12 @@ impl Samples {
 pub struct Scaling {
     /// Factor; never zero, always finite.
     pub slope: f64,
-    /// Summand; always finite.
+    /// Offset; always finite.
     pub intercept: f64,
 }
 
 impl Scaling {
-    /// Stored values are the values.
+    /// Identity: values equal stored values.
     pub const NONE: Self = Self { slope: 1.0, intercept: 0.0 };
 
     /// The scaled value.
@@ -68,7 +68,7 @@ impl Scaling {
     }
 }
 
-/// Values of one image on its own grid.
+/// Values of one image on its native grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
     grid: Grid,
@@ -77,12 +77,12 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// `samples` on `grid`; `None` when their number isn't the grid's.
+    /// `samples` on `grid`; `None` when their number isn't the grid's voxel count.
     pub fn new(grid: Grid, samples: Samples, scaling: Scaling) -> Option<Self> {
         (samples.len() == grid.voxel_count()).then_some(Self { grid, samples, scaling })
     }
 
-    /// Where the voxels are.
+    /// The voxel grid.
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
@@ -92,19 +92,19 @@ impl Volume {
         &self.samples
     }
 
-    /// How stored numbers become values.
+    /// Maps stored numbers to values.
     pub fn scaling(&self) -> Scaling {
         self.scaling
     }
 
-    /// Scaled value of the voxel at `linear` ([`Grid::linear`]). 64-bit integers past 2^53 round.
+    /// Scaled value of the voxel at `linear` ([`Grid::linear`]). 64-bit integers above 2^53 are rounded.
     #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all ten types")]
     #[inline]
     pub fn value(&self, linear: usize) -> f64 {
         with_samples!(&self.samples, v => self.scaling.apply(v[linear] as f64))
     }
 
-    /// All values as `f32`, scaled in `f64` first: what pictures are made of.
+    /// All values as `f32`, scaled in `f64` first: the input of rendering.
     #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all ten types")]
     pub fn to_f32(&self) -> Vec<f32> {
         let scaling = self.scaling;

@@ -1,5 +1,5 @@
-//! Files that claim or inflate to gigabytes end in an error within 2 s and 100 MB. Each is read
-//! in a process of its own, which reports its peak of resident memory (Linux only).
+//! Files that declare gigabytes, or inflate to them, give an error within 2 s and 100 MB. Each is
+//! read in its own process, which reports its peak resident memory (Linux only).
 
 #![allow(
     clippy::unwrap_used,
@@ -20,9 +20,9 @@ use std::time::{Duration, Instant};
 use glioscope_core::Progress;
 use glioscope_core::files::{Source, TractOptions, read_tracts};
 
-use common::{Made, files_below, gzip, real_data};
+use common::{NiftiBuilder, files_below, gzip, real_data};
 
-/// Not a test of its own: [`refused_within_bounds`] runs it in a child process.
+/// Not a test of its own: [`is_rejected_within_bounds`] runs it in a child process.
 #[test]
 #[ignore = "run in a child process by the tests of this file"]
 fn child_reads_one_file() {
@@ -41,7 +41,7 @@ fn child_reads_one_file() {
 }
 
 /// Outcome, peak in KiB, time.
-fn in_a_child(path: &Path) -> (String, u64, Duration) {
+fn read_in_child(path: &Path) -> (String, u64, Duration) {
     let start = Instant::now();
     let output = Command::new(std::env::current_exe().unwrap())
         .args(["--ignored", "--exact", "child_reads_one_file", "--nocapture"])
@@ -54,8 +54,8 @@ fn in_a_child(path: &Path) -> (String, u64, Duration) {
     (line("OUTCOME ").to_owned(), line("PEAK ").parse().unwrap(), elapsed)
 }
 
-fn refused_within_bounds(path: &Path) {
-    let (outcome, peak_kib, elapsed) = in_a_child(path);
+fn is_rejected_within_bounds(path: &Path) {
+    let (outcome, peak_kib, elapsed) = read_in_child(path);
     assert_ne!(outcome, "loaded", "{}", path.display());
     assert!(peak_kib < 100_000, "{}: {peak_kib} KiB", path.display());
     assert!(elapsed < Duration::from_secs(2), "{}: {elapsed:?}", path.display());
@@ -69,7 +69,7 @@ fn linux() -> bool {
 }
 
 #[test]
-fn made_bombs_are_refused_within_bounds() {
+fn decompression_bombs_are_rejected_within_bounds() {
     if !linux() {
         return;
     }
@@ -77,14 +77,14 @@ fn made_bombs_are_refused_within_bounds() {
     let put = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
         glioscope_core::files::write_whole(&path, bytes).unwrap();
-        refused_within_bounds(&path);
+        is_rejected_within_bounds(&path);
     };
     // Inflates to 300 MB behind a header that declares 48 bytes.
-    let mut bomb = Made::new().bytes;
+    let mut bomb = NiftiBuilder::new().bytes;
     bomb.resize(300 << 20, 0);
     put("bomb.nii.gz", &gzip(&bomb));
-    // Claims 1 GiB that the file can't hold, then 1 GiB that its gzip could but doesn't hold.
-    let mut claim = Made::new();
+    // Declares 1 GiB that the file can't contain, then 1 GiB that its gzip could but doesn't contain.
+    let mut claim = NiftiBuilder::new();
     claim.i16s(40, &[3, 1024, 1024, 1024]).i16s(70, &[2, 8]);
     put("claim.nii", &claim.bytes);
     put("claim.nii.gz", &gzip(&claim.bytes));
@@ -94,26 +94,26 @@ fn made_bombs_are_refused_within_bounds() {
         (state >> 56) as u8
     }));
     put("half-held.nii.gz", &gzip(&claim.bytes));
-    // An extension chain and an offset that claim much.
-    let mut offset = Made::new();
+    // A data offset, and with it an extension chain, of 60 MB.
+    let mut offset = NiftiBuilder::new();
     offset.f32s(108, &[60e6]);
     put("offset.nii", &offset.bytes);
     put("offset.nii.gz", &gzip(&offset.bytes));
 }
 
 #[test]
-fn tracts_that_claim_much_are_refused_within_bounds() {
+fn tracts_with_huge_declared_sizes_are_rejected_within_bounds() {
     if !linux() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    // Sparse files of 2 GiB behind a header: claims of what is not there, and zeros without an end.
+    // Sparse files of gigabytes behind a header: declared data that is missing, and endless zeros.
     let put = |name: &str, head: &[u8], length: u64| {
         let path = folder.path().join(name);
         glioscope_core::files::write_whole(&path, head).unwrap();
         let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
         file.set_len(length.max(head.len() as u64)).unwrap();
-        refused_within_bounds(&path);
+        is_rejected_within_bounds(&path);
     };
     let head = b"mrtrix tracks\ncount: 4000000000\ndatatype: Float32LE\nfile: . 68\nEND\n";
     let nan = [f32::NAN, 1.0, 1.0].map(f32::to_le_bytes).concat();
@@ -131,29 +131,29 @@ fn tracts_that_claim_much_are_refused_within_bounds() {
 }
 
 #[test]
-fn every_malformed_file_is_refused_within_bounds() {
+fn every_malformed_file_is_rejected_within_bounds() {
     let Some(folder) = real_data("nifti-malformed") else { return };
     if !linux() {
         return;
     }
     for path in files_below(&folder) {
-        refused_within_bounds(&path);
+        is_rejected_within_bounds(&path);
     }
 }
 
-/// A real volume takes little more than its own voxels: one pass, no second copy.
+/// A valid volume needs little more memory than its own voxels: one pass, no second copy.
 #[test]
-fn a_large_honest_volume_takes_its_size_once() {
+fn a_large_valid_volume_needs_little_more_than_its_voxels() {
     if !linux() {
         return;
     }
-    let mut made = Made::new();
-    made.i16s(40, &[3, 256, 256, 512]);
-    made.bytes.resize(352 + 2 * 256 * 256 * 512, 0);
+    let mut volume = NiftiBuilder::new();
+    volume.i16s(40, &[3, 256, 256, 512]);
+    volume.bytes.resize(352 + 2 * 256 * 256 * 512, 0);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("honest.nii.gz");
-    glioscope_core::files::write_whole(&path, &gzip(&made.bytes)).unwrap();
-    let (outcome, peak_kib, _) = in_a_child(&path);
+    glioscope_core::files::write_whole(&path, &gzip(&volume.bytes)).unwrap();
+    let (outcome, peak_kib, _) = read_in_child(&path);
     assert_eq!(outcome, "loaded");
     assert!((65_536..90_000).contains(&peak_kib), "{peak_kib} KiB for 65536 KiB of voxels");
 }

@@ -1,4 +1,4 @@
-//! Every code that a case can give is in docs/checks.md, and every documented one is given.
+//! The check codes used by `src/case` are exactly those documented in docs/checks.md.
 
 #![allow(
     clippy::unwrap_used,
@@ -10,15 +10,15 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Codes in the first column of the tables of the section "Cases".
+/// Codes in the first column of the tables in the section "Cases".
 fn documented(root: &Path) -> BTreeSet<String> {
     let text = std::fs::read_to_string(root.join("../docs/checks.md")).unwrap();
     let section = text.split("\n## ").find(|s| s.starts_with("Cases\n")).expect("a section Cases");
     section.lines().filter_map(|l| Some(l.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
 }
 
-/// Literals that follow a constructor of `Check`, and those handed on by `check.rs`'s `report`.
-fn given(root: &Path) -> BTreeSet<String> {
+/// Code literals that follow a constructor of `Check` or a call of `report` in `check.rs`.
+fn used(root: &Path) -> BTreeSet<String> {
     let mut codes = BTreeSet::new();
     for entry in std::fs::read_dir(root.join("src/case")).unwrap() {
         let path = entry.unwrap().path();
@@ -39,9 +39,9 @@ fn given(root: &Path) -> BTreeSet<String> {
 }
 
 #[test]
-fn documented_codes_are_the_given_ones() {
+fn documented_case_codes_are_exactly_those_used() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let given = given(root);
-    assert!(given.len() >= 17, "{given:?}");
-    assert_eq!(given, documented(root));
+    let used = used(root);
+    assert!(used.len() >= 17, "{used:?}");
+    assert_eq!(used, documented(root));
 }

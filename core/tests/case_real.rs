@@ -1,5 +1,5 @@
-//! Real cases against what NumPy, SciPy and nibabel count on them. The expected numbers are
-//! committed, with the script that made them: tests/expected/glioma_regions.py.
+//! Real cases against NumPy, SciPy and nibabel. The expected numbers are committed with the script that made them:
+//! tests/expected/glioma_regions.py.
 
 #![allow(
     clippy::unwrap_used,
@@ -31,21 +31,21 @@ fn codes(case: &Case) -> Vec<&'static str> {
     case.checks.iter().map(|c| c.code).collect()
 }
 
-fn close(found: f64, expected: &Value, relative: f64) {
+fn assert_close(found: f64, expected: &Value, relative: f64) {
     let expected = expected.as_f64().unwrap();
     assert!((found - expected).abs() <= relative * expected.abs(), "found {found}, expected {expected}");
 }
 
-/// Regions and pairs as the expected file has them: counts exactly, ratios to rounding.
-fn same_regions(found: &TimeReport, expected: &Value) {
+/// Asserts that regions and pairs equal the expected ones: counts exactly, ratios within rounding.
+fn assert_same_regions(found: &TimeReport, expected: &Value) {
     let regions = expected["regions"].as_array().unwrap();
     assert_eq!(found.regions.len(), regions.len());
     for region in regions {
         let ids: Vec<&str> =
             region["masks"].as_array().unwrap().iter().map(|m| m.as_str().unwrap()).collect();
-        let here =
+        let found_region =
             found.regions.iter().find(|r| r.masks == ids).unwrap_or_else(|| panic!("no region {ids:?}"));
-        assert_eq!(here.voxels, region["voxels"].as_u64().unwrap(), "{ids:?}");
+        assert_eq!(found_region.voxels, region["voxels"].as_u64().unwrap(), "{ids:?}");
     }
     let pairs = expected["pairs"].as_array().unwrap();
     assert_eq!(found.pairs.len(), pairs.len());
@@ -54,14 +54,14 @@ fn same_regions(found: &TimeReport, expected: &Value) {
             (found.a.as_str(), found.b.as_str()),
             (pair["a"].as_str().unwrap(), pair["b"].as_str().unwrap())
         );
-        close(found.value("dice").unwrap(), &pair["dice"], 1e-12);
-        close(found.value("jaccard").unwrap(), &pair["jaccard"], 1e-12);
+        assert_close(found.value("dice").unwrap(), &pair["dice"], 1e-12);
+        assert_close(found.value("jaccard").unwrap(), &pair["jaccard"], 1e-12);
     }
 }
 
 /// Issue 2, "Show" 2: whole tumour of three algorithms, as three masks on the command line.
 #[test]
-fn glioma_regions_equal_numpys() {
+fn glioma_regions_match_numpy() {
     let Some(folder) = real_data("glioma-5-algorithms") else { return };
     let masks: Vec<String> = ["hnfnetv1-20", "isen-20", "scan-20"]
         .iter()
@@ -71,17 +71,17 @@ fn glioma_regions_equal_numpys() {
     let report = measure::report(&case);
     let expected = expected("glioma_regions.json");
     assert_eq!(report.grid.dims, [240, 240, 155]);
-    same_regions(&report.time_points[0], &expected);
+    assert_same_regions(&report.time_points[0], &expected);
     for (found, mask) in report.time_points[0].masks.iter().zip(expected["masks"].as_array().unwrap()) {
         assert_eq!(found.id, mask["id"].as_str().unwrap());
         assert_eq!(found.voxels, mask["voxels"].as_u64().unwrap());
-        close(found.native_volume_ml, &mask["volume_ml"], 1e-6);
+        assert_close(found.native_volume_ml, &mask["volume_ml"], 1e-6);
     }
 }
 
-/// The folder has no manifest: images by name, label maps by content, and every guess is noted.
+/// The folder has no manifest: images are recognised by name, label maps by content, and every guess is noted.
 #[test]
-fn glioma_folder_is_guessed() {
+fn a_folder_without_manifest_is_interpreted() {
     let Some(folder) = real_data("glioma-5-algorithms") else { return };
     let spec = CaseSpec::from_path(&folder).unwrap();
     let contexts: Vec<&str> = spec.contexts.iter().map(|c| c.id.as_str()).collect();
@@ -100,9 +100,9 @@ fn glioma_folder_is_guessed() {
     assert_eq!(case.time_points[0].index.mask_ids().len(), 6);
 }
 
-/// One label map alone: each of its labels is a mask, and that is said.
+/// A single label map: each of its labels becomes a mask, and a note states so.
 #[test]
-fn one_label_map_becomes_a_mask_for_each_label() {
+fn one_label_map_becomes_a_mask_per_label() {
     let Some(folder) = real_data("glioma-5-algorithms") else { return };
     let spec = CaseSpec::from_path(&folder.join("consensus.nii.gz")).unwrap();
     let masks: Vec<(&str, Option<&[i64]>)> =
@@ -120,7 +120,7 @@ fn one_label_map_becomes_a_mask_for_each_label() {
     assert_eq!(case.grid.dims(), [240, 240, 155]);
 }
 
-/// Issue 2, "Show" 4: three masks on three grids; volumes before and after; PET where it belongs.
+/// Issue 2, "Show" 4: three masks on three grids: volumes before and after resampling, and the position of PET.
 #[test]
 fn sarcoma_masks_on_three_grids() {
     let Some(folder) = real_data("sarcoma-ct-mr-pet") else { return };
@@ -130,8 +130,8 @@ fn sarcoma_masks_on_three_grids() {
     let expected = expected("sarcoma_masks.json");
     let time = &report.time_points[0];
     assert_eq!(case.time_points[0].contexts.len(), 3);
-    same_regions(time, &expected);
-    // As shared/data/README.md says.
+    assert_same_regions(time, &expected);
+    // As stated in shared/data/README.md.
     for (mask, ml) in time.masks.iter().zip([80.12, 80.12, 79.90]) {
         assert!((mask.native_volume_ml - ml).abs() < 0.005, "{mask:?}");
     }
@@ -139,20 +139,20 @@ fn sarcoma_masks_on_three_grids() {
         assert_eq!(found.id, mask["id"].as_str().unwrap());
         assert_eq!(found.native_voxels, mask["native_voxels"].as_u64().unwrap());
         assert_eq!(found.voxels, mask["voxels"].as_u64().unwrap());
-        close(found.native_volume_ml, &mask["native_volume_ml"], 1e-6);
-        close(found.volume_ml, &mask["volume_ml"], 1e-6);
+        assert_close(found.native_volume_ml, &mask["native_volume_ml"], 1e-6);
+        assert_close(found.volume_ml, &mask["volume_ml"], 1e-6);
     }
     let pet = &time.masks[2];
-    let center = case.time_points[0].masks[2].mask.bits();
+    let pet_bits = case.time_points[0].masks[2].mask.bits();
     let (mut sum, mut n) = (glam::DVec3::ZERO, 0.0);
     let dims = case.grid.dims();
-    center.for_each(|l| {
+    pet_bits.for_each(|l| {
         sum += case.grid.center_of_voxel_mm([l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]]);
         n += 1.0;
     });
     let native = &expected["masks"][2]["native_centroid_mm"];
     for axis in 0..3 {
-        // Half a voxel of PET's 5.5 mm would be a shift; nearest keeps the middle far better.
+        // A systematic shift would be half of PET's 5.5 mm voxels; nearest neighbour keeps the centroid far better.
         assert!((sum[axis] / n - native[axis].as_f64().unwrap()).abs() < 0.5, "{}", pet.id);
     }
     let resampled: Vec<&str> =
@@ -197,9 +197,9 @@ fn degenerate_masks_load_and_are_reported() {
     assert_eq!(spec.masks.len(), 4);
 }
 
-/// Nothing else than an empty mask is a case too.
+/// A case that consists of an empty mask only.
 #[test]
-fn a_case_of_one_empty_mask() {
+fn a_case_of_one_empty_mask_loads() {
     let Some(folder) = real_data("masks-degenerate") else { return };
     let case = load(&CaseSpec::from_path(&folder.join("empty_mask.nii.gz")).unwrap());
     let report = measure::report(&case);
@@ -209,7 +209,7 @@ fn a_case_of_one_empty_mask() {
 }
 
 #[test]
-fn every_malformed_file_is_one_line() {
+fn every_malformed_file_gives_a_one_line_error() {
     let Some(folder) = real_data("nifti-malformed") else { return };
     for path in common::files_below(&folder) {
         let masks = [format!("bad={}", path.display())];

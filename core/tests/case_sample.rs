@@ -1,4 +1,4 @@
-//! The embedded sample: made by the generator in the repository, small, true, and readable.
+//! The embedded sample: equal to the generator's output, small, consistent with its ground truth, and readable.
 
 #![allow(
     clippy::unwrap_used,
@@ -18,7 +18,7 @@ fn stored(name: &str) -> &'static [u8] {
 }
 
 #[test]
-fn embedded_files_are_what_the_generator_makes() {
+fn embedded_files_match_the_generator() {
     let made = phantom::phantom();
     for file in &made {
         let source = Source::Embedded { name: file.name, bytes: stored(file.name) };
@@ -34,7 +34,7 @@ fn embedded_files_are_what_the_generator_makes() {
 }
 
 #[test]
-fn embedded_truth_is_the_shapes_truth() {
+fn embedded_truth_matches_the_shapes() {
     let written: serde_json::Value = serde_json::from_slice(stored("truth.json")).unwrap();
     let now: serde_json::Value =
         serde_json::from_str(&serde_json::to_string(&phantom::truth()).unwrap()).unwrap();
@@ -58,7 +58,7 @@ fn the_sample_loads_with_its_true_volumes() {
         assert_eq!((time.masks.len(), time.regions.len(), time.pairs.len()), (3, 7, 3));
         for (mask, truth) in time.masks.iter().zip(&truth.masks) {
             assert_eq!(mask.id, truth.id);
-            // 1 mm voxels of bodies of 12 to 53 ml: within 1 % on their own grid and on the case's.
+            // 1 mm voxels, volumes of 12 to 53 ml: within 1.5 % on their native grid and on the case grid.
             for found_ml in [mask.native_volume_ml, mask.volume_ml] {
                 assert!(
                     (found_ml / truth.volume_ml - 1.0).abs() < 0.015,
@@ -70,7 +70,7 @@ fn the_sample_loads_with_its_true_volumes() {
         }
         for truth in &truth.regions {
             let found = time.regions.iter().find(|r| r.masks == truth.masks).unwrap();
-            // PET's 3 mm voxels bound what small regions can say: half a voxel's shell, 0.15 ml.
+            // PET's 3 mm voxels limit the accuracy of small regions: a shell of half a voxel, 0.15 ml.
             assert!(
                 (found.volume_ml - truth.volume_ml).abs() < 0.15 + 0.01 * truth.volume_ml,
                 "{found:?} {truth:?}"
@@ -79,7 +79,7 @@ fn the_sample_loads_with_its_true_volumes() {
         let shares: f64 = time.regions.iter().map(|r| r.share).sum();
         assert!((shares - 1.0).abs() < 1e-12);
     }
-    // Left is negative x: the tumour is in the left front.
+    // Left is negative x: the tumour is left anterior.
     for time in &case.time_points {
         let center = time.regions.centroid_mm().unwrap();
         assert!(center.x < -20.0 && center.y > 5.0, "{center}");
@@ -89,13 +89,13 @@ fn the_sample_loads_with_its_true_volumes() {
 }
 
 #[test]
-fn written_out_and_read_back_it_is_the_same_case() {
+fn the_written_sample_reads_back_as_the_same_case() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("sample");
     sample::write_sample(&folder).unwrap();
     let again = sample::write_sample(&folder).unwrap_err().to_string();
     assert!(again.contains("found a folder with something in it, expected a new or empty folder"), "{again}");
-    assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 1, "something was left beside it");
+    assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 1, "a temporary folder was left");
 
     let spec = CaseSpec::from_path(&folder).unwrap();
     let load = |spec| case::load(spec, &LoadOptions::default(), &Progress::new()).unwrap();
@@ -104,9 +104,9 @@ fn written_out_and_read_back_it_is_the_same_case() {
     assert_eq!(read.name, embedded.name);
 }
 
-/// Without its manifest, the folder's names alone say the same, and every guess is noted.
+/// Without its manifest, the same images and masks are found from the file names, and every guess is noted.
 #[test]
-fn the_folder_guess_finds_the_same_case() {
+fn the_sample_is_recognised_without_its_manifest() {
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("sample");
     sample::write_sample(&folder).unwrap();

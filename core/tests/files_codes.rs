@@ -1,4 +1,4 @@
-//! Every code that the files' checks use is documented, and no other.
+//! The check codes used by `src/files` are exactly those documented in docs/checks.md.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap here is a failed test")]
 
@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 #[test]
-fn docs_list_exactly_the_codes_of_files() {
+fn documented_file_codes_are_exactly_those_used() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut used = BTreeSet::new();
     for entry in std::fs::read_dir(root.join("src/files")).unwrap() {

@@ -1,5 +1,4 @@
-//! Headers and files that are cut, flipped, or say what can't be: an error or the same voxels,
-//! never a panic.
+//! Truncated, damaged and impossible headers and files: an error or the same voxels, never a panic.
 
 #![allow(
     clippy::unwrap_used,
@@ -10,21 +9,21 @@
 
 mod common;
 
-use common::{Made, codes, gzip, numbers, read, read_bytes};
+use common::{NiftiBuilder, codes, gzip, numbers, read, read_bytes};
 use glioscope_core::files::{self, FileError, ReadOptions, Source, WriteOptions, write_nifti};
 use glioscope_core::{Cancelled, Progress, Samples};
 
 /// 40 x 30 x 20 voxels of int16 that hardly compress.
 fn larger() -> Vec<u8> {
-    let mut made = Made::new();
-    made.i16s(40, &[3, 40, 30, 20]);
-    made.bytes.truncate(352);
+    let mut nifti = NiftiBuilder::new();
+    nifti.i16s(40, &[3, 40, 30, 20]);
+    nifti.bytes.truncate(352);
     let noise = (0..24_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 16) as i16);
-    made.bytes.extend(noise.flat_map(i16::to_le_bytes));
-    made.bytes
+    nifti.bytes.extend(noise.flat_map(i16::to_le_bytes));
+    nifti.bytes
 }
 
-fn two(paired: bool) -> Vec<u8> {
+fn nifti_2(paired: bool) -> Vec<u8> {
     let mut bytes = vec![0; 544];
     bytes[..4].copy_from_slice(&540i32.to_le_bytes());
     bytes[4..12].copy_from_slice(if paired { b"ni2\0\r\n\x1a\n" } else { b"n+2\0\r\n\x1a\n" });
@@ -39,8 +38,8 @@ fn two(paired: bool) -> Vec<u8> {
 }
 
 #[test]
-fn a_file_cut_anywhere_is_an_error() {
-    let small = Made::new().bytes;
+fn every_truncated_file_is_an_error() {
+    let small = NiftiBuilder::new().bytes;
     assert!(read_bytes(&small).is_ok());
     for cut in 0..small.len() {
         assert!(read_bytes(&small[..cut]).is_err(), "cut at {cut}");
@@ -54,35 +53,35 @@ fn a_file_cut_anywhere_is_an_error() {
         let cut = (i * 48_271 + 11) % packed.len();
         assert!(read_bytes(&packed[..cut]).is_err(), "gzip cut at {cut}");
     }
-    let two = two(false);
-    assert!(read_bytes(&two).is_ok());
-    for cut in 0..two.len() {
-        assert!(read_bytes(&two[..cut]).is_err(), "NIfTI-2 cut at {cut}");
+    let nifti_2 = nifti_2(false);
+    assert!(read_bytes(&nifti_2).is_ok());
+    for cut in 0..nifti_2.len() {
+        assert!(read_bytes(&nifti_2[..cut]).is_err(), "NIfTI-2 cut at {cut}");
     }
 }
 
 #[test]
-fn every_flipped_header_bit_is_an_error_or_loads_whole() {
-    let mut good = Made::new();
+fn every_flipped_header_bit_is_an_error_or_loads_completely() {
+    let mut good = NiftiBuilder::new();
     good.sform(1, [[1.5, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]]);
-    let right = good.read().unwrap();
-    // Fields that nothing here reads: data_type to dim_info, intent, slice and calibration, texts.
+    let intact = good.read().unwrap();
+    // Fields that are not read: data_type to dim_info, intent, slice and calibration, texts.
     let unread = [4..40, 56..70, 74..76, 120..123, 124..252, 328..344, 349..352];
-    // Size field, type, bits, offset, magic: one wrong bit can't be right.
+    // Size field, data type, bits, offset, magic: any flipped bit makes the file invalid.
     let vital = [0..4, 41..42, 70..74, 108..112, 344..348];
     let (mut loaded, mut refused) = (0, 0);
     for bit in 0..352 * 8 {
         let mut bytes = good.bytes.clone();
         bytes[bit / 8] ^= 1 << (bit % 8);
-        let answer = read_bytes(&bytes);
+        let result = read_bytes(&bytes);
         let within = |fields: &[std::ops::Range<usize>]| fields.iter().any(|f| f.contains(&(bit / 8)));
-        match answer {
+        match result {
             Ok(other) => {
                 loaded += 1;
-                assert!(!within(&vital), "bit {bit} of a vital field was overlooked");
+                assert!(!within(&vital), "bit {bit} of a vital field was not detected");
                 assert_eq!(other.volume.samples().len(), other.volume.grid().voxel_count());
                 if within(&unread) {
-                    assert_eq!(other.volume, right.volume, "bit {bit}");
+                    assert_eq!(other.volume, intact.volume, "bit {bit}");
                 }
             }
             Err(e) => {
@@ -92,9 +91,9 @@ fn every_flipped_header_bit_is_an_error_or_loads_whole() {
         }
     }
     assert!(loaded > 1500 && refused > 100, "{loaded} loaded, {refused} refused");
-    let two = two(false);
+    let nifti_2 = nifti_2(false);
     for bit in 0..544 * 8 {
-        let mut bytes = two.clone();
+        let mut bytes = nifti_2.clone();
         bytes[bit / 8] ^= 1 << (bit % 8);
         if let Ok(other) = read_bytes(&bytes) {
             assert_eq!(other.volume.samples().len(), other.volume.grid().voxel_count());
@@ -103,8 +102,9 @@ fn every_flipped_header_bit_is_an_error_or_loads_whole() {
 }
 
 #[test]
-fn random_damage_is_an_error_or_loads_whole() {
-    let seeds = [Made::new().bytes, two(false), gzip(&Made::new().bytes), gzip(&two(false))];
+fn random_damage_is_an_error_or_loads_completely() {
+    let seeds =
+        [NiftiBuilder::new().bytes, nifti_2(false), gzip(&NiftiBuilder::new().bytes), gzip(&nifti_2(false))];
     let mut state = 20_261_122_u64;
     let mut random = |below: usize| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -132,21 +132,24 @@ fn random_damage_is_an_error_or_loads_whole() {
 }
 
 #[test]
-fn impossible_headers_are_refused_by_name() {
-    let refuse = |made: &Made, why: &str| {
-        let error = made.read().unwrap_err().to_string();
+fn impossible_headers_are_refused_naming_the_field() {
+    let refuse = |nifti: &NiftiBuilder, why: &str| {
+        let error = nifti.read().unwrap_err().to_string();
         assert!(error.starts_with("made.nii: found ") && error.contains(why), "{error}, expected {why}");
         assert_eq!(error.lines().count(), 1);
     };
     for rank in [0, 8, -1] {
-        refuse(Made::new().i16s(40, &[rank]), "dim[0]");
+        refuse(NiftiBuilder::new().i16s(40, &[rank]), "dim[0]");
     }
-    refuse(Made::new().i16s(42, &[0]), "dim[1] = 0");
-    refuse(Made::new().i16s(46, &[-4]), "dim[3] = -4");
-    refuse(Made::new().i16s(42, &[32767, 32767, 32767]), "dimensions [32767, 32767, 32767]");
-    refuse(Made::new().i16s(40, &[7, 2, 3, 4, 32767, 32767, 32767, 32767]), "32767, 32767], expected fewer");
-    refuse(Made::new().i16s(40, &[5, 2, 3, 4, 32767, 32767]), "400 bytes, expected the 515364622");
-    refuse(Made::new().i16s(72, &[8]), "bitpix 8 with datatype int16");
+    refuse(NiftiBuilder::new().i16s(42, &[0]), "dim[1] = 0");
+    refuse(NiftiBuilder::new().i16s(46, &[-4]), "dim[3] = -4");
+    refuse(NiftiBuilder::new().i16s(42, &[32767, 32767, 32767]), "dimensions [32767, 32767, 32767]");
+    refuse(
+        NiftiBuilder::new().i16s(40, &[7, 2, 3, 4, 32767, 32767, 32767, 32767]),
+        "32767, 32767], expected fewer",
+    );
+    refuse(NiftiBuilder::new().i16s(40, &[5, 2, 3, 4, 32767, 32767]), "400 bytes, expected the 515364622");
+    refuse(NiftiBuilder::new().i16s(72, &[8]), "bitpix 8 with datatype int16");
     for (code, bits, name) in [
         (1, 1, "binary"),
         (32, 64, "complex64"),
@@ -158,30 +161,30 @@ fn impossible_headers_are_refused_by_name() {
         (0, 0, "code 0"),
         (999, 8, "code 999"),
     ] {
-        refuse(Made::new().i16s(70, &[code, bits]), name);
+        refuse(NiftiBuilder::new().i16s(70, &[code, bits]), name);
     }
     for offset in [0.0, 348.0, 351.0, 352.5, -352.0, 1e9, f32::NAN, f32::INFINITY] {
-        refuse(Made::new().f32s(108, &[offset]), "vox_offset");
+        refuse(NiftiBuilder::new().f32s(108, &[offset]), "vox_offset");
     }
-    refuse(Made::new().f32s(108, &[368.0]), "400 bytes, expected the 416 bytes");
-    refuse(Made::new().put(344, b"ni1\0"), "header of a pair");
-    refuse(Made::new().put(344, b"\0\0\0\0"), "ANALYZE");
-    refuse(Made::new().put(344, b"n+3\0"), "n+3");
-    let mut odd = two(false);
+    refuse(NiftiBuilder::new().f32s(108, &[368.0]), "400 bytes, expected the 416 bytes");
+    refuse(NiftiBuilder::new().put(344, b"ni1\0"), "header of a pair");
+    refuse(NiftiBuilder::new().put(344, b"\0\0\0\0"), "ANALYZE");
+    refuse(NiftiBuilder::new().put(344, b"n+3\0"), "n+3");
+    let mut odd = nifti_2(false);
     odd[8] = b'\n';
     assert!(read_bytes(&odd).unwrap_err().to_string().contains("magic"));
 }
 
 #[test]
-fn voxels_are_where_vox_offset_says() {
+fn voxels_are_read_at_vox_offset() {
     for offset in [352usize, 368, 1024] {
-        let mut made = Made::new();
-        let voxels = made.bytes.split_off(352);
-        made.f32s(108, &[offset as f32]);
-        made.bytes.resize(offset, 0xee);
-        made.bytes[348] = 0;
-        made.bytes.extend(voxels);
-        for bytes in [made.bytes.clone(), gzip(&made.bytes)] {
+        let mut nifti = NiftiBuilder::new();
+        let voxels = nifti.bytes.split_off(352);
+        nifti.f32s(108, &[offset as f32]);
+        nifti.bytes.resize(offset, 0xee);
+        nifti.bytes[348] = 0;
+        nifti.bytes.extend(voxels);
+        for bytes in [nifti.bytes.clone(), gzip(&nifti.bytes)] {
             let loaded = read_bytes(&bytes).unwrap();
             assert_eq!(numbers(loaded.volume.samples()), (0..24).map(f64::from).collect::<Vec<_>>());
         }
@@ -189,18 +192,18 @@ fn voxels_are_where_vox_offset_says() {
 }
 
 #[test]
-fn extensions_are_passed_over_within_bounds() {
+fn extensions_are_skipped_within_bounds() {
     let with = |sizes: &[i32], room: usize| {
-        let mut made = Made::new();
-        let voxels = made.bytes.split_off(352);
-        made.put(348, &[1]).f32s(108, &[(352 + room) as f32]);
+        let mut nifti = NiftiBuilder::new();
+        let voxels = nifti.bytes.split_off(352);
+        nifti.put(348, &[1]).f32s(108, &[(352 + room) as f32]);
         for &size in sizes {
-            made.bytes.extend(size.to_le_bytes());
-            made.bytes.resize(made.bytes.len() + usize::try_from(size - 4).unwrap_or(12), 6);
+            nifti.bytes.extend(size.to_le_bytes());
+            nifti.bytes.resize(nifti.bytes.len() + usize::try_from(size - 4).unwrap_or(12), 6);
         }
-        made.bytes.resize(352 + room, 0);
-        made.bytes.extend(voxels);
-        made
+        nifti.bytes.resize(352 + room, 0);
+        nifti.bytes.extend(voxels);
+        nifti
     };
     let fine = with(&[16, 32, 160], 208);
     let path = tempfile::NamedTempFile::new().unwrap();
@@ -222,9 +225,9 @@ fn extensions_are_passed_over_within_bounds() {
 }
 
 #[test]
-fn scaling_that_means_nothing_is_none_and_told() {
+fn invalid_scaling_is_ignored_and_reported() {
     let scaled = |slope: f32, intercept: f32| {
-        let loaded = Made::new().f32s(112, &[slope, intercept]).read().unwrap();
+        let loaded = NiftiBuilder::new().f32s(112, &[slope, intercept]).read().unwrap();
         let code = loaded.checks.iter().find(|c| c.code == "scaling-ignored").map(|c| c.severity);
         (loaded.volume.value(3), code)
     };
@@ -240,10 +243,10 @@ fn scaling_that_means_nothing_is_none_and_told() {
 }
 
 #[test]
-fn a_frame_is_chosen_through_all_further_dimensions() {
-    let mut made = Made::new();
-    made.i16s(40, &[5, 2, 3, 1, 2, 2]);
-    for bytes in [made.bytes.clone(), gzip(&made.bytes)] {
+fn frames_are_counted_through_all_dimensions_above_3() {
+    let mut nifti = NiftiBuilder::new();
+    nifti.i16s(40, &[5, 2, 3, 1, 2, 2]);
+    for bytes in [nifti.bytes.clone(), gzip(&nifti.bytes)] {
         for frame in 0..4 {
             let options = ReadOptions { frame, ..ReadOptions::default() };
             let loaded = files::read_bytes("made", &bytes, &options, &Progress::new()).unwrap();
@@ -258,23 +261,23 @@ fn a_frame_is_chosen_through_all_further_dimensions() {
 }
 
 #[test]
-fn limits_trailing_bytes_and_cancel() {
-    let mut made = Made::new();
+fn size_limit_trailing_bytes_and_cancelling() {
+    let mut nifti = NiftiBuilder::new();
     let options = ReadOptions { max_bytes: 47, frame: 0 };
-    let error = files::read_bytes("made", &made.bytes, &options, &Progress::new()).unwrap_err();
+    let error = files::read_bytes("made", &nifti.bytes, &options, &Progress::new()).unwrap_err();
     assert!(error.to_string().contains("48 bytes of voxels a frame, expected at most 47"), "{error}");
-    made.bytes.extend([1; 9]);
-    assert!(codes(&made.read().unwrap()).contains(&"trailing-bytes"));
-    assert!(codes(&read_bytes(&gzip(&made.bytes)).unwrap()).contains(&"trailing-bytes"));
+    nifti.bytes.extend([1; 9]);
+    assert!(codes(&nifti.read().unwrap()).contains(&"trailing-bytes"));
+    assert!(codes(&read_bytes(&gzip(&nifti.bytes)).unwrap()).contains(&"trailing-bytes"));
     let progress = Progress::new();
     progress.cancel();
-    let cancelled = files::read_bytes("made", &made.bytes, &ReadOptions::default(), &progress);
+    let cancelled = files::read_bytes("made", &nifti.bytes, &ReadOptions::default(), &progress);
     assert_eq!(cancelled, Err(FileError::Cancelled(Cancelled)));
 }
 
 #[test]
-fn pairs_in_every_mix_from_either_half() {
-    let mut header = Made::new();
+fn pairs_load_from_either_half_with_any_mix_of_compression() {
+    let mut header = NiftiBuilder::new();
     header.put(344, b"ni1\0").f32s(108, &[0.0]);
     let voxels = header.bytes.split_off(352);
     for header_bytes in [header.bytes[..348].to_vec(), header.bytes.clone()] {
@@ -290,8 +293,8 @@ fn pairs_in_every_mix_from_either_half() {
             let path = |ending: &str| folder.path().join(format!("a.b{ending}"));
             let pack = |bytes: &[u8], e: &str| if e.ends_with("gz") { gzip(bytes) } else { bytes.to_vec() };
             files::write_whole(&path(h), &pack(&header_bytes, h)).unwrap();
-            let alone = read(&path(h)).unwrap_err().to_string();
-            assert!(alone.contains("beside it"), "{alone}");
+            let without_partner = read(&path(h)).unwrap_err().to_string();
+            assert!(without_partner.contains("beside it"), "{without_partner}");
             files::write_whole(&path(i), &pack(&voxels, i)).unwrap();
             for half in [h, i] {
                 let loaded = read(&path(half)).unwrap();
@@ -305,28 +308,28 @@ fn pairs_in_every_mix_from_either_half() {
             assert!(read(&path(i)).unwrap_err().to_string().contains("no such file"));
         }
     }
-    // The magic decides, not the name: one file called .hdr, and a pair's header called .nii.
+    // The magic decides, not the name: a single file named .hdr.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("one.hdr");
-    files::write_whole(&path, &Made::new().bytes).unwrap();
+    files::write_whole(&path, &NiftiBuilder::new().bytes).unwrap();
     assert!(read(&path).is_ok());
-    // A pair of NIfTI-2, and an offset into the image.
-    let mut two = two(true);
-    let voxels = two.split_off(544);
-    two[168..176].copy_from_slice(&100i64.to_le_bytes());
-    files::write_whole(&folder.path().join("two.hdr"), &two).unwrap();
+    // A NIfTI-2 pair with an offset into the image file.
+    let mut nifti_2 = nifti_2(true);
+    let voxels = nifti_2.split_off(544);
+    nifti_2[168..176].copy_from_slice(&100i64.to_le_bytes());
+    files::write_whole(&folder.path().join("two.hdr"), &nifti_2).unwrap();
     files::write_whole(&folder.path().join("two.img"), &[vec![9; 100], voxels].concat()).unwrap();
     assert_eq!(numbers(read(&folder.path().join("two.hdr")).unwrap().volume.samples())[5], 5.0);
 }
 
 #[test]
-fn info_says_what_the_header_says() {
+fn info_reports_the_header() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scan.nii");
-    let mut made = Made::new();
-    made.sform(1, [[-1.5, 0.0, 0.0, 90.0], [0.0, 0.0, 3.0, -126.0], [0.0, 2.0, 0.0, -72.0]]);
-    made.i16s(40, &[4, 2, 3, 2, 2]).f32s(112, &[0.5, -4.0]);
-    files::write_whole(&path, &gzip(&made.bytes)).unwrap();
+    let mut nifti = NiftiBuilder::new();
+    nifti.sform(1, [[-1.5, 0.0, 0.0, 90.0], [0.0, 0.0, 3.0, -126.0], [0.0, 2.0, 0.0, -72.0]]);
+    nifti.i16s(40, &[4, 2, 3, 2, 2]).f32s(112, &[0.5, -4.0]);
+    files::write_whole(&path, &gzip(&nifti.bytes)).unwrap();
     let info = serde_json::to_value(files::nifti_info(&Source::File(path.clone())).unwrap()).unwrap();
     let expected = serde_json::json!({
         "file": path.display().to_string(), "image_file": null, "format": "NIfTI-1", "byte_order": "little",
@@ -337,15 +340,15 @@ fn info_says_what_the_header_says() {
         "slope": 0.5, "intercept": -4.0, "extensions": 0, "checks": [],
     });
     assert_eq!(info, expected);
-    // It reads to the end: damage behind the header is found.
-    let mut packed = gzip(&made.bytes);
+    // info reads to the end: damage after the header is detected.
+    let mut packed = gzip(&nifti.bytes);
     *packed.last_mut().unwrap() ^= 1;
     files::write_whole(&path, &packed).unwrap();
     assert!(files::nifti_info(&Source::File(path)).unwrap_err().to_string().contains("damaged gzip"));
 }
 
 #[test]
-fn what_is_no_file_is_said_in_one_line() {
+fn non_nifti_paths_and_contents_give_one_line_errors() {
     let folder = tempfile::tempdir().unwrap();
     let error = read(folder.path()).unwrap_err().to_string();
     assert!(error.contains("found a folder"), "{error}");
@@ -368,18 +371,18 @@ fn what_is_no_file_is_said_in_one_line() {
 
 #[cfg(unix)]
 #[test]
-fn a_pipe_is_refused_without_waiting_for_it() {
+fn a_pipe_is_refused_without_blocking() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pipe.nii");
-    let made = std::process::Command::new("mkfifo").arg(&path).status().unwrap();
-    assert!(made.success());
+    let nifti = std::process::Command::new("mkfifo").arg(&path).status().unwrap();
+    assert!(nifti.success());
     assert!(read(&path).unwrap_err().to_string().contains("pipe or device"));
 }
 
 #[test]
-fn a_write_that_fails_leaves_what_stood_there() {
+fn a_failed_write_leaves_the_existing_file() {
     let folder = tempfile::tempdir().unwrap();
-    let volume = Made::new().read().unwrap().volume;
+    let volume = NiftiBuilder::new().read().unwrap().volume;
     let path = folder.path().join("x.nii.gz");
     write_nifti(&path, &volume, &WriteOptions::default()).unwrap();
     let before = std::fs::read(&path).unwrap();

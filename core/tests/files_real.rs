@@ -1,4 +1,4 @@
-//! Real files, none of them written by this project: they load, or are refused by name.
+//! Real files, none of them written by this project: they load or are refused with the expected error.
 
 #![allow(
     clippy::unwrap_used,
@@ -13,7 +13,7 @@ use common::{files_below, read, real_data};
 use glam::DVec3;
 
 #[test]
-fn every_type_loads_or_is_refused_by_name() {
+fn every_data_type_loads_or_is_refused_with_its_name() {
     let Some(folder) = real_data("nifti-types") else { return };
     let refused = |name: &str| match name {
         "rgb/3D.nii" | "rgb/4D.nii" => Some("voxels of type RGB24"),
@@ -57,13 +57,13 @@ fn every_malformed_file_is_refused_in_one_line() {
     }
 }
 
-/// Dims, values and matrix with the voxel axes turned to R, A and S: only axes are exchanged and
-/// reversed, no value is computed.
-fn turned_to_ras(path: &std::path::Path) -> ([usize; 3], Vec<f64>, [DVec3; 4]) {
+/// Dimensions, values and four voxel centres with the voxel axes reordered to R, A and S: axes are only permuted and
+/// flipped, no value is interpolated.
+fn reoriented_to_ras(path: &std::path::Path) -> ([usize; 3], Vec<f64>, [DVec3; 4]) {
     let volume = read(path).unwrap().volume;
     let grid = volume.grid();
     let codes = grid.axis_codes();
-    // For each of R, A, S: the voxel axis that runs along it, and whether backwards.
+    // For each of R, A, S: the voxel axis along it, and whether it is reversed.
     let along = [['R', 'L'], ['A', 'P'], ['S', 'I']].map(|[forward, backward]| {
         let axis = codes.iter().position(|&c| c == forward || c == backward).unwrap();
         (axis, codes[axis] == backward)
@@ -89,17 +89,17 @@ fn turned_to_ras(path: &std::path::Path) -> ([usize; 3], Vec<f64>, [DVec3; 4]) {
 }
 
 #[test]
-fn all_48_orientations_are_one_volume() {
+fn all_48_orientations_give_the_same_volume() {
     let Some(folder) = real_data("nifti-orientations") else { return };
     let files: Vec<_> =
         files_below(&folder).into_iter().filter(|p| p.extension().is_some_and(|e| e == "gz")).collect();
     assert_eq!(files.len(), 48);
-    let (dims, values, places) = turned_to_ras(&folder.join("RAS.nii.gz"));
+    let (dims, values, places) = reoriented_to_ras(&folder.join("RAS.nii.gz"));
     for path in files {
         let name = path.file_name().unwrap().to_str().unwrap().to_owned();
         let codes: String = read(&path).unwrap().volume.grid().axis_codes().iter().collect();
         assert_eq!(format!("{codes}.nii.gz"), name);
-        let (other_dims, other_values, other_places) = turned_to_ras(&path);
+        let (other_dims, other_values, other_places) = reoriented_to_ras(&path);
         assert_eq!(other_dims, dims, "{name}");
         assert!(other_values == values, "{name}: values differ");
         for (a, b) in places.into_iter().zip(other_places) {

@@ -1,5 +1,4 @@
-//! Where headers put their voxels: qform against nibabel's numbers, which form is in force, and
-//! what is said about it.
+//! Voxel grids from headers: qform against nibabel, which form is in force, and the checks about it.
 
 #![allow(
     clippy::unwrap_used,
@@ -10,7 +9,7 @@
 
 mod common;
 
-use common::{Made, codes};
+use common::{NiftiBuilder, codes};
 use glam::{DMat3, DVec3};
 use glioscope_core::Sides;
 use glioscope_core::files::FileError;
@@ -30,8 +29,8 @@ const QFORMS: &[(&str, [f32; 3], [f32; 3], [f32; 3], f32, Rows)] = &[
     ("near half turn", [1.0, 1.0, 1.0], [0.7, 0.1, 0.7], [0.0, 0.0, 0.0], -1.0, [[3.278255433780686e-08, -2.2947768496572093e-07, -0.9999999999999731, 0.0], [0.28000022888163845, -0.9599999332427984, 2.2947768496572093e-07, 0.0], [0.9599999332428253, 0.28000022888163845, -3.278255433780686e-08, 0.0]]),
 ];
 
-fn rows_of(made: &Made) -> (Rows, Vec<&'static str>) {
-    let loaded = made.read().unwrap();
+fn rows_of(nifti: &NiftiBuilder) -> (Rows, Vec<&'static str>) {
+    let loaded = nifti.read().unwrap();
     let m = loaded.volume.grid().world_from_voxel();
     let rows = std::array::from_fn(|r| {
         std::array::from_fn(|c| if c < 3 { m.matrix3.col(c)[r] } else { m.translation[r] })
@@ -52,46 +51,46 @@ fn wide(rows: [[f32; 4]; 3]) -> Rows {
 }
 
 #[test]
-fn qforms_are_those_of_nibabel() {
+fn qforms_match_nibabel() {
     for &(what, pixdim, quatern, offset, qfac, expected) in QFORMS {
-        let mut made = Made::new();
-        made.f32s(76, &[qfac, pixdim[0], pixdim[1], pixdim[2]]).qform(1, quatern, offset);
-        let (rows, codes) = rows_of(&made);
+        let mut nifti = NiftiBuilder::new();
+        nifti.f32s(76, &[qfac, pixdim[0], pixdim[1], pixdim[2]]).qform(1, quatern, offset);
+        let (rows, codes) = rows_of(&nifti);
         assert_rows(rows, expected, what);
         assert_eq!(codes, Vec::<&str>::new(), "{what}");
     }
 }
 
 #[test]
-fn the_sform_is_in_force_and_the_qform_where_it_is_not_set() {
-    let mut made = Made::new();
-    made.qform(1, [0.0; 3], [7.0, 8.0, 9.0]);
+fn the_sform_takes_precedence_over_the_qform() {
+    let mut nifti = NiftiBuilder::new();
+    nifti.qform(1, [0.0; 3], [7.0, 8.0, 9.0]);
     assert_rows(
-        rows_of(&made).0,
+        rows_of(&nifti).0,
         [[1.5, 0.0, 0.0, 7.0], [0.0, 2.0, 0.0, 8.0], [0.0, 0.0, 3.0, 9.0]],
         "qform",
     );
-    // Rows without a code are nothing.
-    made.sform(0, SCANNER);
-    assert_eq!(rows_of(&made).0[0][3], 7.0);
-    made.sform(3, SCANNER);
-    assert_rows(rows_of(&made).0, wide(SCANNER), "sform");
+    // sform rows with code 0 are ignored.
+    nifti.sform(0, SCANNER);
+    assert_eq!(rows_of(&nifti).0[0][3], 7.0);
+    nifti.sform(3, SCANNER);
+    assert_rows(rows_of(&nifti).0, wide(SCANNER), "sform");
 }
 
 #[test]
-fn sheared_and_mirrored_sforms_are_kept_as_they_are() {
+fn sheared_and_mirrored_sforms_are_kept() {
     let sheared = [[1.5, 0.4, 0.0, 3.0], [0.0, 2.0, -0.7, 4.0], [0.1, 0.0, 3.0, 5.0]];
-    let mut made = Made::new();
-    let (rows, codes) = rows_of(made.sform(1, sheared));
+    let mut nifti = NiftiBuilder::new();
+    let (rows, codes) = rows_of(nifti.sform(1, sheared));
     assert_rows(rows, wide(sheared), "sheared");
     assert!(codes.contains(&"sheared"));
-    // Volume of a sheared voxel: the determinant, by hand.
+    // Volume of a sheared voxel: the determinant, computed by hand.
     let m =
         DMat3::from_cols(DVec3::new(1.5, 0.0, 0.1), DVec3::new(0.4, 2.0, 0.0), DVec3::new(0.0, -0.7, 3.0));
     let by_hand = 1.5 * (2.0 * 3.0 - 0.0) - 0.4 * (0.0 * 3.0 + 0.7 * 0.1);
     assert!((m.determinant() - by_hand).abs() < 1e-12);
-    assert!((made.read().unwrap().volume.grid().voxel_volume_mm3() - by_hand).abs() < 1e-6);
-    let grid = Made::new().sform(1, SCANNER).read().unwrap().volume.grid().clone();
+    assert!((nifti.read().unwrap().volume.grid().voxel_volume_mm3() - by_hand).abs() < 1e-6);
+    let grid = NiftiBuilder::new().sform(1, SCANNER).read().unwrap().volume.grid().clone();
     assert_eq!(grid.axis_codes(), ['L', 'A', 'S']);
     assert!(grid.world_from_voxel().matrix3.determinant() < 0.0);
 }
@@ -101,11 +100,11 @@ fn forms_that_disagree_by_more_than_half_a_voxel_are_reported() {
     let code = "sform-qform-disagree";
     let rows = |shift: f32| [[1.5, 0.0, 0.0, shift], [0.0, 2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]];
     // The finest spacing is 1.5 mm: half of it is 0.75.
-    for (shift, told) in [(0.0, false), (0.74, false), (0.76, true), (-30.0, true)] {
-        let codes = rows_of(Made::new().qform(1, [0.0; 3], [0.0; 3]).sform(1, rows(shift))).1;
-        assert_eq!(codes.contains(&code), told, "shift {shift}");
+    for (shift, reported) in [(0.0, false), (0.74, false), (0.76, true), (-30.0, true)] {
+        let codes = rows_of(NiftiBuilder::new().qform(1, [0.0; 3], [0.0; 3]).sform(1, rows(shift))).1;
+        assert_eq!(codes.contains(&code), reported, "shift {shift}");
     }
-    let mut mirrored = Made::new();
+    let mut mirrored = NiftiBuilder::new();
     let loaded = mirrored.qform(1, [0.0; 3], [0.0; 3]).sform(1, SCANNER).read().unwrap();
     let check = loaded.checks.iter().find(|c| c.code == code).unwrap();
     assert!(
@@ -116,18 +115,18 @@ fn forms_that_disagree_by_more_than_half_a_voxel_are_reported() {
 }
 
 #[test]
-fn neither_form_means_unknown_sides() {
-    let loaded = Made::new().read().unwrap();
+fn without_sform_and_qform_sides_are_unknown() {
+    let loaded = NiftiBuilder::new().read().unwrap();
     assert_eq!(loaded.volume.grid().sides(), Sides::Unknown);
     assert_eq!(codes(&loaded), ["side-unknown"]);
     assert_eq!(loaded.volume.grid().spacing_mm(), DVec3::new(1.5, 2.0, 3.0));
-    let mut made = Made::new();
-    let loaded = made.i16s(252, &[-1]).read().unwrap();
+    let mut nifti = NiftiBuilder::new();
+    let loaded = nifti.i16s(252, &[-1]).read().unwrap();
     assert_eq!(codes(&loaded), ["form-code-unknown", "side-unknown"]);
 }
 
 #[test]
-fn lengths_become_millimetres() {
+fn lengths_are_converted_to_millimetres() {
     for (unit, factor, code) in [
         (1, 1000.0, Some("units-converted")),
         (2, 1.0, None),
@@ -136,52 +135,52 @@ fn lengths_become_millimetres() {
         (5, 1.0, Some("units-unknown")),
     ] {
         // The upper bits are the unit of time.
-        let (rows, codes) = rows_of(Made::new().put(123, &[unit | 8]).sform(1, SCANNER));
+        let (rows, codes) = rows_of(NiftiBuilder::new().put(123, &[unit | 8]).sform(1, SCANNER));
         assert_rows(rows, wide(SCANNER).map(|r| r.map(|v| v * factor)), "unit");
         assert_eq!(codes, code.into_iter().collect::<Vec<_>>(), "unit {unit}");
     }
 }
 
 #[test]
-fn odd_quaternions_and_spacings_are_made_usable_and_reported() {
-    // nifti_quatern_to_mat44: (0, 0, 2) is made (0, 0, 1), a half turn.
-    let (rows, codes) = rows_of(Made::new().qform(1, [0.0, 0.0, 2.0], [0.0; 3]));
+fn invalid_quaternions_and_spacings_are_repaired_and_reported() {
+    // nifti_quatern_to_mat44: (0, 0, 2) is normalised to (0, 0, 1), a half turn.
+    let (rows, codes) = rows_of(NiftiBuilder::new().qform(1, [0.0, 0.0, 2.0], [0.0; 3]));
     assert_rows(rows, [[-1.5, 0.0, 0.0, 0.0], [0.0, -2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]], "norm");
     assert_eq!(codes, ["quaternion-norm"]);
     for (qfac, z, expected) in [(0.0, 3.0, "qfac"), (-2.0, -3.0, "qfac"), (2.0, 3.0, "qfac")] {
-        let (rows, codes) = rows_of(Made::new().f32s(76, &[qfac]).qform(1, [0.0; 3], [0.0; 3]));
+        let (rows, codes) = rows_of(NiftiBuilder::new().f32s(76, &[qfac]).qform(1, [0.0; 3], [0.0; 3]));
         assert_eq!((rows[2][2], codes), (z, vec![expected]), "qfac {qfac}");
     }
-    // nibabel's header check: negative spacings are made positive.
-    let (rows, codes) = rows_of(Made::new().f32s(84, &[-2.0]).qform(1, [0.0, 0.0, 1.0], [0.0; 3]));
+    // As in nibabel's header check, negative spacings are made positive.
+    let (rows, codes) = rows_of(NiftiBuilder::new().f32s(84, &[-2.0]).qform(1, [0.0, 0.0, 1.0], [0.0; 3]));
     assert_rows(rows, [[-1.5, 0.0, 0.0, 0.0], [0.0, -2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]], "negative");
     assert_eq!(codes, ["pixdim-negative"]);
-    // One slice without a thickness; the sform alone knows a spacing that pixdim contradicts.
-    let mut slice = Made::new();
+    // One slice without a thickness; then an sform whose spacing contradicts pixdim.
+    let mut slice = NiftiBuilder::new();
     slice.i16s(40, &[2, 6, 4]).f32s(88, &[0.0]).qform(1, [0.0; 3], [0.0; 3]);
     assert_eq!(rows_of(&slice).1, ["thickness-unknown"]);
-    let codes = rows_of(Made::new().f32s(80, &[1.0]).sform(1, SCANNER)).1;
+    let codes = rows_of(NiftiBuilder::new().f32s(80, &[1.0]).sform(1, SCANNER)).1;
     assert_eq!(codes, ["pixdim-sform-disagree"]);
 }
 
 #[test]
-fn a_place_that_cannot_be_used_falls_back_or_is_refused() {
+fn an_unusable_form_falls_back_to_the_other_or_is_refused() {
     let flat = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]];
     let nan = [[1.0, 0.0, 0.0, f32::NAN], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     let far = [[1.0, 0.0, 0.0, 1e30], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
     for rows in [flat, nan, far] {
-        let mut made = Made::new();
-        let error = made.sform(1, rows).read().unwrap_err();
+        let mut nifti = NiftiBuilder::new();
+        let error = nifti.sform(1, rows).read().unwrap_err();
         assert!(matches!(&error, FileError::Wrong { found, .. } if found.contains("sform")), "{error}");
-        let loaded = made.qform(1, [0.0; 3], [0.0; 3]).read().unwrap();
+        let loaded = nifti.qform(1, [0.0; 3], [0.0; 3]).read().unwrap();
         assert_eq!(codes(&loaded), ["sform-unusable"]);
         assert_eq!(loaded.volume.grid().spacing_mm(), DVec3::new(1.5, 2.0, 3.0));
     }
     for quatern in [[f32::NAN, 0.0, 0.0], [f32::INFINITY, 0.0, 0.0]] {
-        let mut made = Made::new();
-        assert!(made.qform(1, quatern, [0.0; 3]).read().is_err());
-        assert_eq!(codes(&made.sform(1, SCANNER).read().unwrap()), ["qform-unusable"]);
+        let mut nifti = NiftiBuilder::new();
+        assert!(nifti.qform(1, quatern, [0.0; 3]).read().is_err());
+        assert_eq!(codes(&nifti.sform(1, SCANNER).read().unwrap()), ["qform-unusable"]);
     }
-    assert!(Made::new().f32s(80, &[0.0]).read().unwrap_err().to_string().contains("pixdim[1] = 0"));
-    assert!(Made::new().f32s(88, &[f32::NAN]).sform(1, SCANNER).read().is_err());
+    assert!(NiftiBuilder::new().f32s(80, &[0.0]).read().unwrap_err().to_string().contains("pixdim[1] = 0"));
+    assert!(NiftiBuilder::new().f32s(88, &[f32::NAN]).sform(1, SCANNER).read().is_err());
 }

@@ -1,4 +1,4 @@
-//! Tracts read as nibabel reads them, and whatever is wrong with a file named in one line.
+//! Reading tracts: agreement with nibabel, and one-line errors for defective files.
 
 #![allow(
     clippy::unwrap_used,
@@ -8,7 +8,7 @@
 )]
 
 #[path = "common/tracts.rs"]
-mod made;
+mod synthetic;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,7 +17,7 @@ use glioscope_core::files::{
     FileError, LoadedTracts, Source, TractOptions, read_tract_bytes, read_tracts, write_whole,
 };
 use glioscope_core::{Progress, Sides, Tracts};
-use made::{Order, Trk, asked, fibers, tck, tck_of};
+use synthetic::{Order, Trk, fibers, nibabel_files, tck, tck_with_header};
 
 fn read(bytes: &[u8]) -> Result<LoadedTracts, FileError> {
     read_tract_bytes("made", bytes, &TractOptions::default(), &Progress::new())
@@ -27,7 +27,7 @@ fn codes(loaded: &LoadedTracts) -> Vec<&'static str> {
     loaded.checks.iter().map(|c| c.code).collect()
 }
 
-fn refused(bytes: &[u8], parts: &[&str]) {
+fn assert_refused(bytes: &[u8], parts: &[&str]) {
     let line = read(bytes).expect_err(&parts.join(" ")).to_string();
     assert!(
         line.starts_with("made: found ") && line.contains(", expected ") && !line.contains('\n'),
@@ -42,43 +42,43 @@ fn fibers_of(tracts: &Tracts) -> Vec<Vec<[f32; 3]>> {
     (0..tracts.fiber_count()).map(|n| tracts.fiber(n).to_vec()).collect()
 }
 
-/// Not a test: writes the files that `tracts_nibabel.py` shows to nibabel.
+/// Not a test: writes the files that `tracts_nibabel.py` reads with nibabel.
 #[test]
 #[ignore = "writes files for tracts_nibabel.py; needs GLIOSCOPE_TRACTS_OUT"]
-fn write_the_asked_files() {
+fn write_files_for_nibabel() {
     let out = std::env::var_os("GLIOSCOPE_TRACTS_OUT").expect("the folder to write to");
-    for (name, bytes) in asked() {
+    for (name, bytes) in nibabel_files() {
         write_whole(&Path::new(&out).join(name), &bytes).unwrap();
     }
 }
 
 #[test]
-fn places_are_those_of_nibabel() {
+fn points_match_nibabel() {
     let text = include_str!("tracts_nibabel.json");
-    let seen: BTreeMap<String, Vec<Vec<[f64; 3]>>> = serde_json::from_str(text).unwrap();
-    let asked = asked();
-    assert_eq!(seen.len(), asked.len());
+    let nibabel_fibers: BTreeMap<String, Vec<Vec<[f64; 3]>>> = serde_json::from_str(text).unwrap();
+    let nibabel_files = nibabel_files();
+    assert_eq!(nibabel_fibers.len(), nibabel_files.len());
     let folder = tempfile::tempdir().unwrap();
-    for (name, bytes) in asked {
+    for (name, bytes) in nibabel_files {
         let path = folder.path().join(name);
         write_whole(&path, &bytes).unwrap();
         let loaded = read_tracts(&Source::File(path), &TractOptions::default(), &Progress::new()).unwrap();
-        let (ours, theirs) = (fibers_of(&loaded.tracts), &seen[name]);
+        let (ours, theirs) = (fibers_of(&loaded.tracts), &nibabel_fibers[name]);
         assert_eq!(
             ours.iter().map(Vec::len).collect::<Vec<_>>(),
             theirs.iter().map(Vec::len).collect::<Vec<_>>()
         );
         for (a, b) in ours.iter().flatten().zip(theirs.iter().flatten()) {
-            // nibabel rounds its matrix and its points to f32: two units in the last place of 100 mm.
+            // nibabel rounds its matrix and points to f32: two units in the last place at 100 mm.
             let far = (0..3).any(|axis| (f64::from(a[axis]) - b[axis]).abs() > 2e-5);
             assert!(!far, "{name}: {a:?}, nibabel {b:?}");
         }
     }
 }
 
-/// TrackVis' definition by hand: the corner of the first voxel is the origin.
+/// TrackVis' definition worked out by hand: the origin is the corner of the first voxel.
 #[test]
-fn the_middle_of_a_voxel_lands_on_its_center() {
+fn a_voxel_center_in_voxelmm_maps_to_its_world_center() {
     // Voxel (3, 4, 5) in the order P, S, L of an image of 32 × 24 × 16; the matrix runs R, A, S.
     let matrix = [[2.0, 0.0, 0.0, 100.0], [0.0, 3.0, 0.0, -7.0], [0.0, 0.0, 4.0, 50.0], [0.0, 0.0, 0.0, 1.0]];
     let trk = Trk {
@@ -90,13 +90,13 @@ fn the_middle_of_a_voxel_lands_on_its_center() {
         ..Trk::new()
     };
     let loaded = read(&trk.bytes()).unwrap();
-    // R is 16 - 1 - 5 = 10 voxels from the first, A is 32 - 1 - 3 = 28, S is 4.
+    // Along R voxel 16 - 1 - 5 = 10, along A 32 - 1 - 3 = 28, along S 4.
     assert_eq!(loaded.tracts.fiber(0), [[100.0 + 2.0 * 10.0, -7.0 + 3.0 * 28.0, 50.0 + 4.0 * 4.0]]);
     assert_eq!(codes(&loaded), ["tracts-order-differs"]);
 }
 
 #[test]
-fn every_datatype_of_tck_gives_the_same_points() {
+fn every_tck_datatype_gives_the_same_points() {
     for order in [Order::Little, Order::Big] {
         for double in [false, true] {
             let loaded = read(&tck(&fibers(), order, double, "")).unwrap();
@@ -107,12 +107,12 @@ fn every_datatype_of_tck_gives_the_same_points() {
 }
 
 #[test]
-fn fibers_longer_than_a_chunk_and_fibers_without_points_stay_whole() {
+fn fibers_longer_than_a_chunk_and_empty_fibers_are_read_completely() {
     let long: Vec<[f32; 3]> = (0..60_000).map(|i| [i as f32 * 0.01, -(i as f32) * 0.02, 3.0]).collect();
     let all = vec![vec![], long.clone(), vec![[1.0; 3]], vec![], long];
     let loaded = read(&tck(&all, Order::Big, false, "count: 5\n")).unwrap();
     assert_eq!((fibers_of(&loaded.tracts), codes(&loaded)), (all.clone(), vec![]));
-    // The writers that leave out empty fibres count three.
+    // Writers that don't count empty fibres declare three.
     assert!(read(&tck(&all, Order::Big, false, "count: 3\n")).unwrap().checks.is_empty());
     let identity = std::array::from_fn(|r| std::array::from_fn(|c| f32::from(u8::from(r == c))));
     let trk = Trk {
@@ -130,20 +130,20 @@ fn fibers_longer_than_a_chunk_and_fibers_without_points_stay_whole() {
 }
 
 #[test]
-fn what_is_noticed() {
+fn irregular_files_get_checks() {
     let little = Order::Little;
-    let noticed = |bytes: &[u8]| codes(&read(bytes).unwrap());
-    assert_eq!(noticed(&tck(&fibers(), little, false, "count: 4\n")), ["tracts-count"]);
+    let codes_of = |bytes: &[u8]| codes(&read(bytes).unwrap());
+    assert_eq!(codes_of(&tck(&fibers(), little, false, "count: 4\n")), ["tracts-count"]);
     let mut longer = tck(&fibers(), little, false, "");
     longer.extend([0; 30]);
-    assert_eq!(noticed(&longer), ["tracts-trailing-bytes"]);
+    assert_eq!(codes_of(&longer), ["tracts-trailing-bytes"]);
     let message = &read(&longer).unwrap().checks[0].message;
     assert!(message.contains("found 30 bytes"), "{message}");
     let base = Trk::new();
-    assert_eq!(noticed(&Trk { count: 9, ..base.clone() }.bytes()), ["tracts-count"]);
-    assert_eq!(noticed(&Trk { count: 2, ..base.clone() }.bytes()), ["tracts-trailing-bytes"]);
+    assert_eq!(codes_of(&Trk { count: 9, ..base.clone() }.bytes()), ["tracts-count"]);
+    assert_eq!(codes_of(&Trk { count: 2, ..base.clone() }.bytes()), ["tracts-trailing-bytes"]);
     assert_eq!(
-        noticed(&Trk { voxel_order: "", ..base.clone() }.bytes()),
+        codes_of(&Trk { voxel_order: "", ..base.clone() }.bytes()),
         ["tracts-voxel-order", "tracts-order-differs"]
     );
     for unplaced in [Trk { version: 1, ..base.clone() }, Trk { vox_to_ras: [[0.0; 4]; 4], ..base.clone() }] {
@@ -158,36 +158,39 @@ fn what_is_noticed() {
 }
 
 #[test]
-fn each_mistake_has_one_line_that_names_it() {
+fn each_error_is_one_line_that_names_the_cause() {
     let (little, all) = (Order::Little, fibers());
-    refused(b"", &["found an empty file"]);
-    refused(b"TRAC", &["found other content", "mrtrix tracks"]);
-    refused(b"<!DOCTYPE html> some page", &["found other content"]);
-    refused(&[0x1f, 0x8b, 8, 0, 0, 0, 0, 0], &["found a gzip", "unpack"]);
-    refused(b"mrtrix tracks\ndatatype: Float32LE\n", &["end of the file", "a line END"]);
-    refused(&[b"mrtrix tracks\n".to_vec(), vec![b'x'; 2 << 20]].concat(), &["no line END within 1048576"]);
-    refused(&tck_of(&all, little, false, ""), &["found no datatype", "Float64BE"]);
-    refused(&tck_of(&all, little, false, "datatype: Int16\n"), &["found datatype Int16"]);
-    refused(&tck(&all, little, false, "datatype: Float32LE\n"), &["found datatype twice"]);
-    refused(&tck(&all, little, false, "count: many\n"), &["found count: many"]);
-    refused(b"mrtrix tracks\ndatatype: Float32LE\nEND\n", &["found no file"]);
+    assert_refused(b"", &["found an empty file"]);
+    assert_refused(b"TRAC", &["found other content", "mrtrix tracks"]);
+    assert_refused(b"<!DOCTYPE html> some page", &["found other content"]);
+    assert_refused(&[0x1f, 0x8b, 8, 0, 0, 0, 0, 0], &["found a gzip", "unpack"]);
+    assert_refused(b"mrtrix tracks\ndatatype: Float32LE\n", &["end of the file", "a line END"]);
+    assert_refused(
+        &[b"mrtrix tracks\n".to_vec(), vec![b'x'; 2 << 20]].concat(),
+        &["no line END within 1048576"],
+    );
+    assert_refused(&tck_with_header(&all, little, false, ""), &["found no datatype", "Float64BE"]);
+    assert_refused(&tck_with_header(&all, little, false, "datatype: Int16\n"), &["found datatype Int16"]);
+    assert_refused(&tck(&all, little, false, "datatype: Float32LE\n"), &["found datatype twice"]);
+    assert_refused(&tck(&all, little, false, "count: many\n"), &["found count: many"]);
+    assert_refused(b"mrtrix tracks\ndatatype: Float32LE\nEND\n", &["found no file"]);
     for bad in ["other.dat 0", ". 5", ". -1", ".", ". 99999999999999999999"] {
         let text = format!("mrtrix tracks\ndatatype: Float32LE\nfile: {bad}\nEND\n");
-        refused(text.as_bytes(), &[&format!("found file: {bad}")]);
+        assert_refused(text.as_bytes(), &[&format!("found file: {bad}")]);
     }
-    refused(b"mrtrix tracks\ndatatype: Float32LE\nfile: . 999\nEND\n", &["end of the file"]);
+    assert_refused(b"mrtrix tracks\ndatatype: Float32LE\nfile: . 999\nEND\n", &["end of the file"]);
     let broken = |point: [f32; 3]| tck(&[vec![[0.0; 3], point]], little, false, "");
-    refused(&broken([1.0, f32::NAN, 2.0]), &["found a point at 1, NaN, 2 mm in fibre 0"]);
-    refused(&broken([f32::NAN, f32::NAN, f32::INFINITY]), &["NaN, NaN, inf"]);
-    refused(&broken([f32::INFINITY; 3]), &["found the end marker inside fibre 0"]);
-    refused(&broken([2e7, 0.0, 0.0]), &["expected finite coordinates within 10 km"]);
+    assert_refused(&broken([1.0, f32::NAN, 2.0]), &["found a point at 1, NaN, 2 mm in fibre 0"]);
+    assert_refused(&broken([f32::NAN, f32::NAN, f32::INFINITY]), &["NaN, NaN, inf"]);
+    assert_refused(&broken([f32::INFINITY; 3]), &["found the end marker inside fibre 0"]);
+    assert_refused(&broken([2e7, 0.0, 0.0]), &["expected finite coordinates within 10 km"]);
 
     let base = Trk::new();
-    let trk = |trk: Trk, parts: &[&str]| refused(&trk.bytes(), parts);
-    refused(&base.bytes()[..999], &["found the end of the file after 999 bytes"]);
+    let trk = |trk: Trk, parts: &[&str]| assert_refused(&trk.bytes(), parts);
+    assert_refused(&base.bytes()[..999], &["found the end of the file after 999 bytes"]);
     let mut size = base.bytes();
     size[996..].iter_mut().take(4).for_each(|b| *b = 7);
-    refused(&size, &["found header size"]);
+    assert_refused(&size, &["found header size"]);
     trk(Trk { version: 3, ..base.clone() }, &["found version 3"]);
     trk(Trk { version: 0, ..base.clone() }, &["found version 0"]);
     trk(Trk { scalars: -1, ..base.clone() }, &["found -1 scalars"]);
@@ -204,11 +207,11 @@ fn each_mistake_has_one_line_that_names_it() {
     let mut projective = base.vox_to_ras;
     projective[3][0] = 0.5;
     trk(Trk { vox_to_ras: projective, ..base.clone() }, &["last row"]);
-    let mut claims = base.bytes();
-    claims[1000..1004].copy_from_slice(&i32::MAX.to_le_bytes());
-    refused(&claims, &["found 2147483647 points in fibre 0"]);
-    claims[1000..1004].copy_from_slice(&(-1_i32).to_le_bytes());
-    refused(&claims, &["found -1 points in fibre 0"]);
+    let mut false_count = base.bytes();
+    false_count[1000..1004].copy_from_slice(&i32::MAX.to_le_bytes());
+    assert_refused(&false_count, &["found 2147483647 points in fibre 0"]);
+    false_count[1000..1004].copy_from_slice(&(-1_i32).to_le_bytes());
+    assert_refused(&false_count, &["found -1 points in fibre 0"]);
     trk(Trk { fibers: vec![vec![[f32::NAN; 3]]], ..base }, &["found a point at NaN"]);
 
     let options = TractOptions { max_bytes: 1000 };
@@ -216,36 +219,36 @@ fn each_mistake_has_one_line_that_names_it() {
     assert!(line.contains("at most 1000"), "{line}");
     let stopped = Progress::new();
     stopped.cancel();
-    let outcome = read_tract_bytes("made", &base.bytes(), &TractOptions::default(), &stopped);
-    assert!(matches!(outcome, Err(FileError::Cancelled(_))));
+    let result = read_tract_bytes("made", &base.bytes(), &TractOptions::default(), &stopped);
+    assert!(matches!(result, Err(FileError::Cancelled(_))));
 }
 
-/// Cut at any byte: an error, or (a `.trk` cut between two fibres) fewer fibres and a check.
+/// Truncated at any byte: an error, or (a `.trk` cut between two fibres) fewer fibres and a check.
 #[test]
-fn every_truncation_is_noticed() {
+fn every_truncation_is_detected() {
     let whole = tck(&fibers(), Order::Big, false, "count: 3\n");
     for end in 0..whole.len() {
-        refused(&whole[..end], &[]);
+        assert_refused(&whole[..end], &[]);
     }
     for scalars in [0, 2] {
         let whole = Trk { scalars, properties: 1, ..Trk::new() }.bytes();
-        let mut read_short = 0;
+        let mut short_reads = 0;
         for end in 0..whole.len() {
             match read(&whole[..end]) {
                 Ok(loaded) => {
-                    read_short += 1;
+                    short_reads += 1;
                     assert_eq!(codes(&loaded), ["tracts-count"], "{end}");
                 }
-                Err(_) => refused(&whole[..end], &[]),
+                Err(_) => assert_refused(&whole[..end], &[]),
             }
         }
-        assert_eq!(read_short, 3, "before each of the three fibres");
+        assert_eq!(short_reads, 3, "before each of the three fibres");
     }
 }
 
-/// Damage anywhere: an error of one line, or tracts that hold together.
+/// Damage anywhere: a one-line error, or consistent tracts.
 #[test]
-fn damaged_bytes_never_end_in_more_than_an_error() {
+fn damaged_bytes_give_an_error_or_consistent_tracts() {
     let files = [
         tck(&fibers(), Order::Little, false, "count: 3\n"),
         tck(&fibers(), Order::Big, true, ""),
@@ -259,7 +262,7 @@ fn damaged_bytes_never_end_in_more_than_an_error() {
         (state >> 33) as usize
     };
     let (mut good, mut bad) = (0, 0);
-    let mut judge = |bytes: &[u8]| match read(bytes) {
+    let mut check_outcome = |bytes: &[u8]| match read(bytes) {
         Ok(loaded) => {
             good += 1;
             let t = loaded.tracts;
@@ -276,7 +279,7 @@ fn damaged_bytes_never_end_in_more_than_an_error() {
         for bit in 0..8 * file.len() {
             let mut damaged = file.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
-            judge(&damaged);
+            check_outcome(&damaged);
         }
         for _ in 0..5_000 {
             let mut damaged = file.clone();
@@ -285,7 +288,7 @@ fn damaged_bytes_never_end_in_more_than_an_error() {
                 damaged[at] = random() as u8;
             }
             damaged.truncate(damaged.len() - random() % 40);
-            judge(&damaged);
+            check_outcome(&damaged);
         }
     }
     assert!(good > 1_000 && bad > 1_000, "{good} read, {bad} refused");

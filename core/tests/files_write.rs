@@ -1,5 +1,4 @@
-//! What is written is read again as the same volume: every type, every kind of matrix, plain and
-//! gzipped.
+//! Written volumes read back the same: every data type, every kind of affine, plain and gzipped.
 
 #![allow(
     clippy::unwrap_used,
@@ -32,7 +31,7 @@ fn samples(kind: usize, bits: &[u64]) -> Samples {
     }
 }
 
-fn same_after(volume: &Volume, gzip: bool) -> Result<Volume, TestCaseError> {
+fn round_trip(volume: &Volume, gzip: bool) -> Result<Volume, TestCaseError> {
     let bytes = nifti_bytes(volume, gzip);
     let loaded = read_bytes(&bytes).map_err(|e| TestCaseError::fail(e.to_string()))?;
     prop_assert_eq!(loaded.volume.samples(), volume.samples());
@@ -46,7 +45,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn written_then_read_is_the_same(
+    fn volumes_survive_a_round_trip(
         dims in prop::array::uniform3(1usize..7),
         kind in 0usize..10,
         seed in any::<u64>(),
@@ -73,12 +72,12 @@ proptest! {
             .collect();
         let scaling = Scaling { slope: scaling.0, intercept: scaling.1 };
         let volume = Volume::new(grid, samples(kind, &bits), scaling).unwrap();
-        let again = same_after(&volume, gzip)?;
-        // 32-bit floats in the header: a thousandth of a voxel is what the writer promises.
-        prop_assert!(volume.grid().same_place(again.grid(), 1e-3));
-        prop_assert_eq!(again.grid().sides(), Sides::Known);
-        prop_assert!((again.scaling().slope - scaling.slope).abs() <= 1e-6 * scaling.slope.abs());
-        prop_assert!((again.scaling().intercept - scaling.intercept).abs() <= 1e-6 * scaling.intercept.abs());
+        let read_back = round_trip(&volume, gzip)?;
+        // 32-bit floats in the header: the writer guarantees a thousandth of a voxel.
+        prop_assert!(volume.grid().same_place(read_back.grid(), 1e-3));
+        prop_assert_eq!(read_back.grid().sides(), Sides::Known);
+        prop_assert!((read_back.scaling().slope - scaling.slope).abs() <= 1e-6 * scaling.slope.abs());
+        prop_assert!((read_back.scaling().intercept - scaling.intercept).abs() <= 1e-6 * scaling.intercept.abs());
     }
 }
 
@@ -93,20 +92,20 @@ fn version_of(volume: &Volume) -> Version {
 }
 
 #[test]
-fn the_second_format_serves_where_the_first_is_too_narrow() {
+fn nifti_2_is_written_where_nifti_1_lacks_range_or_precision() {
     let at = |x: f64| DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::new(x, 0.0, 0.0) };
     assert_eq!(version_of(&plain([32767, 1, 1], at(0.0), Sides::Known)), Version::One);
     let long = plain([32768, 1, 1], at(0.0), Sides::Known);
     assert_eq!(version_of(&long), Version::Two);
-    assert_eq!(same_after(&long, true).unwrap(), long);
+    assert_eq!(round_trip(&long, true).unwrap(), long);
     // 32-bit floats hold 1e6 + 0.1 to 0.06 only.
     let far = plain([2, 2, 2], at(1e6 + 0.1), Sides::Known);
     assert_eq!(version_of(&far), Version::Two);
-    assert_eq!(same_after(&far, false).unwrap(), far);
+    assert_eq!(round_trip(&far, false).unwrap(), far);
 }
 
 #[test]
-fn both_forms_are_written_unless_sheared_and_neither_without_sides() {
+fn sform_and_qform_are_written_unless_sheared_and_neither_with_unknown_sides() {
     let folder = tempfile::tempdir().unwrap();
     let codes = |volume: &Volume| {
         let path = folder.path().join("x.nii");
@@ -123,11 +122,11 @@ fn both_forms_are_written_unless_sheared_and_neither_without_sides() {
     sheared.matrix3.y_axis += sheared.matrix3.x_axis * 0.1;
     assert_eq!(codes(&plain([2, 2, 2], sheared, Sides::Known)), (1, 0));
     let unknown = plain([2, 3, 4], DAffine3::IDENTITY, Sides::Unknown);
-    assert_eq!(same_after(&unknown, true).unwrap(), unknown);
+    assert_eq!(round_trip(&unknown, true).unwrap(), unknown);
 }
 
 #[test]
-fn the_header_holds_nothing_that_was_not_asked_for_and_gzip_no_time() {
+fn unused_header_fields_are_zero_and_gzip_has_no_time_stamp() {
     let volume = plain([2, 2, 2], DAffine3::IDENTITY, Sides::Known);
     let bytes = nifti_bytes(&volume, false);
     assert_eq!(bytes.len(), 352 + 8);
@@ -141,19 +140,19 @@ fn the_header_holds_nothing_that_was_not_asked_for_and_gzip_no_time() {
     assert_eq!(packed[3..8], [0; 5]);
 }
 
-/// Renaming over them would put a file in their place.
+/// Renaming over a socket or folder would replace it.
 #[cfg(unix)]
 #[test]
-fn what_is_no_file_is_not_written_over_and_a_link_stays_one() {
+fn only_regular_files_are_overwritten_and_symlinks_are_kept() {
     use std::os::unix::{fs::FileTypeExt, fs::symlink, net::UnixListener};
     let folder = tempfile::tempdir().unwrap();
     let socket = folder.path().join("a.socket");
     let _listener = UnixListener::bind(&socket).unwrap();
-    let said = write_whole(&socket, b"x").unwrap_err().to_string();
-    assert!(said.contains("a.socket: found something that is no ordinary file"), "{said}");
+    let error = write_whole(&socket, b"x").unwrap_err().to_string();
+    assert!(error.contains("a.socket: found something that is no ordinary file"), "{error}");
     assert!(socket.metadata().unwrap().file_type().is_socket());
     assert!(write_whole(folder.path(), b"x").is_err());
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
 
     let (file, link) = (folder.path().join("file"), folder.path().join("link"));
     write_whole(&file, b"before").unwrap();

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Makes tracts_nibabel.json: what nibabel reads from the files of common/tracts.rs.
+"""Writes tracts_nibabel.json: what nibabel reads from the files of common/tracts.rs.
 
-    GLIOSCOPE_TRACTS_OUT=/tmp/made cargo test -p glioscope-core --test files_tracts -- --ignored write_the_asked_files
+    GLIOSCOPE_TRACTS_OUT=/tmp/made cargo test -p glioscope-core --test files_tracts -- --ignored write_files_for_nibabel
     python3 tracts_nibabel.py /tmp/made > tracts_nibabel.json
 
 Made with nibabel 5.4.2.

@@ -1,6 +1,6 @@
-//! Any bytes at all: the reader answers with a volume or an error, in little memory, and never
-//! panics. What it loads must be what it says: as many voxels as its grid, a matrix that can be
-//! inverted, and the same numbers again when they are written and read back.
+//! Arbitrary bytes: the reader returns a volume or an error, in bounded memory, and never panics. A
+//! loaded volume must be consistent: as many samples as voxels, an invertible affine, and the same
+//! samples after writing and reading back.
 #![no_main]
 
 use glioscope_core::Progress;
@@ -17,11 +17,11 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(frame < loaded.frames);
         if volume.samples().len() <= 4096 {
             let written = nifti_bytes(volume, false);
-            let again =
+            let reread =
                 read_bytes("again.nii", &written, &ReadOptions { frame: 0, ..options }, &Progress::new());
-            let again = again.expect("what was written can be read").volume;
-            // NaN is not equal to itself: compare what is stored, as text of bits would be.
-            assert_eq!(format!("{:?}", again.samples()), format!("{:?}", volume.samples()));
+            let reread = reread.expect("what was written can be read").volume;
+            // NaN isn't equal to itself: compare the debug text instead.
+            assert_eq!(format!("{:?}", reread.samples()), format!("{:?}", volume.samples()));
         }
     }
 });

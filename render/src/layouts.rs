@@ -1,5 +1,5 @@
-//! Every struct of every shader's buffers is laid out as Rust has it: offsets and sizes from naga's reflection. Each
-//! room lists its structs beside them; lights in their rows, views in [`crate::views::VIEW_LAYOUTS`].
+//! Checks that every struct in a shader's buffers has the same layout in Rust and WGSL: offsets and sizes from naga's
+//! reflection. Each module lists its structs; lighting modes in their rows, views in [`crate::views::VIEW_LAYOUTS`].
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use naga::TypeInner;
 
 use crate::{force_field, image, light::LIGHTS, solid, views::VIEW_LAYOUTS};
 
-/// A struct as Rust lays it out: its name in WGSL, its bytes, its fields with their offsets.
+/// A struct's layout in Rust: its name in WGSL, its size in bytes, its fields with their offsets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout {
     pub name: &'static str,
@@ -15,7 +15,7 @@ pub(crate) struct Layout {
     pub fields: &'static [(&'static str, usize)],
 }
 
-/// `layout!(Rust, "Name": field, …)`: every field must be named, or the bytes won't add up.
+/// `layout!(RustType, "WgslName": field, …)`: every field must be listed, as the test compares them all.
 macro_rules! layout {
     ($t:ty, $name:literal: $($field:ident),* $(,)?) => {
         crate::layouts::Layout {
@@ -28,12 +28,12 @@ macro_rules! layout {
 pub(crate) use layout;
 
 fn all() -> impl Iterator<Item = &'static Layout> {
-    let rooms = [solid::LAYOUTS, image::uniforms::LAYOUTS, force_field::LAYOUTS];
+    let modules = [solid::LAYOUTS, image::uniforms::LAYOUTS, force_field::LAYOUTS];
     let lights = LIGHTS.iter().flat_map(|row| row.suite.layouts);
-    rooms.into_iter().flatten().chain(lights).chain(VIEW_LAYOUTS.iter().copied().flatten())
+    modules.into_iter().flatten().chain(lights).chain(VIEW_LAYOUTS.iter().copied().flatten())
 }
 
-/// Structs that a buffer's type holds, itself included.
+/// Structs that a buffer's type contains, itself included.
 fn structs_of(
     module: &naga::Module,
     ty: naga::Handle<naga::Type>,
@@ -41,21 +41,19 @@ fn structs_of(
 ) {
     match &module.types[ty].inner {
         TypeInner::Array { base, .. } => structs_of(module, *base, found),
-        TypeInner::Struct { members, .. } => {
-            if !found.contains(&ty) {
-                found.push(ty);
-                members.iter().for_each(|member| structs_of(module, member.ty, found));
-            }
+        TypeInner::Struct { members, .. } if !found.contains(&ty) => {
+            found.push(ty);
+            members.iter().for_each(|member| structs_of(module, member.ty, found));
         }
         _ => {}
     }
 }
 
 #[test]
-fn rust_and_wgsl_lay_structs_out_alike() {
-    let known: BTreeMap<&str, &Layout> = all().map(|layout| (layout.name, layout)).collect();
-    let mut used: BTreeMap<&str, usize> = known.keys().map(|name| (*name, 0)).collect();
-    let mut wrong = Vec::new();
+fn struct_layouts_match_between_rust_and_wgsl() {
+    let layouts: BTreeMap<&str, &Layout> = all().map(|layout| (layout.name, layout)).collect();
+    let mut uses: BTreeMap<&str, usize> = layouts.keys().map(|name| (*name, 0)).collect();
+    let mut mismatches = Vec::new();
     for entry in glioscope_shaders::entry_points() {
         let module = naga::front::wgsl::parse_str(&glioscope_shaders::compose(entry).unwrap()).unwrap();
         let mut structs = Vec::new();
@@ -68,21 +66,21 @@ fn rust_and_wgsl_lay_structs_out_alike() {
             else {
                 unreachable!("structs only")
             };
-            let Some(layout) = known.get(name) else {
-                wrong.push(format!("{entry}: {name} is bound and in no list"));
+            let Some(layout) = layouts.get(name) else {
+                mismatches.push(format!("{entry}: {name} is bound but not listed"));
                 continue;
             };
-            *used.get_mut(layout.name).unwrap() += 1;
+            *uses.get_mut(layout.name).unwrap() += 1;
             let found: Vec<(&str, usize)> =
                 members.iter().map(|m| (m.name.as_deref().unwrap_or(""), m.offset as usize)).collect();
             if (layout.bytes, layout.fields) != (*span as usize, &found[..]) {
-                wrong.push(format!(
+                mismatches.push(format!(
                     "{entry}: {name} is {layout:?} in Rust, {span} bytes and {found:?} in WGSL"
                 ));
             }
         }
     }
-    wrong
-        .extend(used.iter().filter(|(_, n)| **n == 0).map(|(name, _)| format!("{name}: no shader binds it")));
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    mismatches
+        .extend(uses.iter().filter(|(_, n)| **n == 0).map(|(name, _)| format!("{name}: no shader binds it")));
+    assert!(mismatches.is_empty(), "{}", mismatches.join("\n"));
 }

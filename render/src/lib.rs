@@ -1,7 +1,7 @@
-//! From a scene to a frame: the plan of passes, and the passes on wgpu.
+//! Renders a scene to a frame: the plan of passes, and the passes on wgpu.
 //!
-//! Knows no window and no egui. Rooms, each knowing those before it: [`device`], [`scene`], [`solid`], [`flat`],
-//! [`image`], [`light`], [`views`].
+//! Knows no window and no egui. Modules, each depending only on those before it: [`device`], [`scene`], [`solid`],
+//! [`flat`], [`image`], [`light`], [`views`].
 
 pub mod device;
 pub mod flat;

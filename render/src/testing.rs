@@ -1,4 +1,4 @@
-//! Scenes that tests share.
+//! Graphics device and scenes shared by tests.
 
 use std::sync::{Arc, LazyLock};
 
@@ -9,12 +9,12 @@ use glioscope_core::{
 };
 
 use crate::{
-    device::{AdapterPreference, Gpu},
+    device::{AdapterPreference, Gpu, gpu::device_descriptor},
     scene::{Lens, MaskColors, Palette, RegionScene},
 };
 
-/// What tests of this crate draw with, opened once: the software adapter, or with `GLIOSCOPE_TEST_ADAPTER=real` a
-/// graphics card, which they then need.
+/// Graphics device of this crate's tests, opened once: the software adapter, or with `GLIOSCOPE_TEST_ADAPTER=real` a
+/// GPU, which is then required.
 pub static GPU: LazyLock<Gpu> = LazyLock::new(|| {
     let real = tests_want_a_card();
     let preference = if real { AdapterPreference::RealFirst } else { AdapterPreference::SoftwareOnly };
@@ -27,19 +27,29 @@ pub static GPU: LazyLock<Gpu> = LazyLock::new(|| {
     }
 });
 
-/// Whether tests are asked to draw with a graphics card.
+/// Whether tests are requested to run on a GPU.
 pub fn tests_want_a_card() -> bool {
-    std::env::var("GLIOSCOPE_TEST_ADAPTER").is_ok_and(|asked| asked == "real")
+    std::env::var("GLIOSCOPE_TEST_ADAPTER").is_ok_and(|adapter| adapter == "real")
 }
 
-/// Region volume of masks given by a function of voxel position.
+/// A device whose buffers hold at most `bytes`.
+pub fn small_device(bytes: u64) -> Gpu {
+    let adapter = GPU.adapter.clone();
+    let mut descriptor = device_descriptor(&adapter);
+    descriptor.required_limits.max_storage_buffer_binding_size = bytes;
+    descriptor.required_limits.max_buffer_size = bytes;
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
+    Gpu::from_parts(adapter, device, queue)
+}
+
+/// Region volume of masks given by a function of mask number and voxel position.
 pub fn volume(
     grid: &Grid,
     masks: usize,
     active: impl Fn(usize, [usize; 3]) -> bool,
 ) -> Option<Arc<RegionVolume>> {
     let dims = grid.dims();
-    let made: Vec<Mask> = (0..masks)
+    let masks: Vec<Mask> = (0..masks)
         .map(|k| {
             let bits = MaskBits::from_fn(dims, |l| {
                 active(k, [l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]])
@@ -47,12 +57,12 @@ pub fn volume(
             Mask::new(format!("m{k}"), grid.clone(), bits).unwrap()
         })
         .collect();
-    let index = TumorIndex::new(grid.clone(), &made.iter().collect::<Vec<_>>()).unwrap();
+    let index = TumorIndex::new(grid.clone(), &masks.iter().collect::<Vec<_>>()).unwrap();
     let regions = Regions::of(&index);
     RegionVolume::of(&index, &regions).map(Arc::new)
 }
 
-/// A number in 0..1 from a place, always the same.
+/// Deterministic noise in 0..1 at a voxel.
 pub fn noise(p: [usize; 3], seed: u32) -> f64 {
     let mut h = (p[0] as u32).wrapping_mul(0x8da6b343)
         ^ (p[1] as u32).wrapping_mul(0xd8163841)
@@ -63,7 +73,7 @@ pub fn noise(p: [usize; 3], seed: u32) -> f64 {
     f64::from(h ^ h >> 16) / f64::from(u32::MAX)
 }
 
-/// Smooth noise of about `cell` voxels.
+/// Smooth noise with features of about `cell` voxels.
 fn smooth_noise(p: [usize; 3], cell: usize, seed: u32) -> f64 {
     let base = p.map(|v| v / cell);
     let f = p.map(|v| (v % cell) as f64 / cell as f64);
@@ -76,7 +86,7 @@ fn smooth_noise(p: [usize; 3], cell: usize, seed: u32) -> f64 {
     sum
 }
 
-/// Three overlapping ellipsoids with frayed borders, like T1, T2 and PET masks of a glioma.
+/// Three overlapping ellipsoids with irregular borders, like T1, T2 and PET masks of a glioma.
 pub fn blobs(n: usize, spacing_mm: DVec3) -> Arc<RegionVolume> {
     let origin = -spacing_mm * (n as f64 / 2.0);
     let grid = Grid::axis_aligned([n; 3], spacing_mm, origin).unwrap();
@@ -98,7 +108,7 @@ pub fn blobs(n: usize, spacing_mm: DVec3) -> Arc<RegionVolume> {
     .unwrap()
 }
 
-/// A scene of a volume, seen a little from above, with a lens of `lens_fraction` of its size.
+/// A scene of a volume, viewed slightly from above, with a lens of `lens_fraction` of its size.
 pub fn scene_of(tumor: Arc<RegionVolume>, masks: usize, lens_fraction: Option<f64>) -> RegionScene {
     let center_mm = tumor.grid().center_mm();
     let radius_mm = tumor.grid().corners_mm()[0].distance(center_mm) * 0.8;

@@ -1,13 +1,13 @@
-//! The WGSL of every pass and how it is composed.
+//! WGSL source of every pass, and how it is composed.
 //!
-//! A file `wgsl/FOLDER/NAME.wgsl` is an entry point named `FOLDER/NAME`; one folder per view or light.
-//! Files in `wgsl/lib/` are libraries: a line `#include lib/NAME` is replaced by that file, once however often it
-//! is named. Nothing here knows a device.
+//! A file `wgsl/FOLDER/NAME.wgsl` is an entry point named `FOLDER/NAME`; one folder per view or lighting mode.
+//! Files in `wgsl/lib/` are libraries: a line `#include lib/NAME` is replaced by that file the first time, removed
+//! after that. Nothing here depends on a graphics device.
 
 #[cfg(test)]
 mod uniform_branches;
 
-/// Path below `wgsl/` without ending, and text of every file.
+/// Path below `wgsl/` without extension, and text, of every file.
 const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/files.rs"));
 
 /// Names of all entry points, for example `closeup/surface`.
@@ -21,9 +21,9 @@ pub enum ComposeError {
     /// No file of this name.
     #[error("shader {asked_by}: found an include of {name}, expected one of {}", known())]
     Unknown {
-        /// The file that isn't there.
+        /// The missing file.
         name: String,
-        /// What includes it.
+        /// The file that includes it.
         asked_by: String,
     },
 }
@@ -32,28 +32,33 @@ fn known() -> String {
     FILES.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
 }
 
-/// The whole text of an entry point, one of [`entry_points`].
+/// The complete source of an entry point, one of [`entry_points`].
 ///
 /// # Errors
 /// [`ComposeError`] when it, or a file that it includes, doesn't exist.
 pub fn compose(name: &str) -> Result<String, ComposeError> {
     let mut text = String::new();
-    let mut seen = Vec::new();
-    append(name, name, &mut seen, &mut text)?;
+    let mut appended = Vec::new();
+    append(name, name, &mut appended, &mut text)?;
     Ok(text)
 }
 
-fn append(file: &str, asked_by: &str, seen: &mut Vec<String>, text: &mut String) -> Result<(), ComposeError> {
-    if seen.iter().any(|s| s == file) {
+fn append(
+    file: &str,
+    asked_by: &str,
+    appended: &mut Vec<String>,
+    text: &mut String,
+) -> Result<(), ComposeError> {
+    if appended.iter().any(|s| s == file) {
         return Ok(());
     }
-    seen.push(file.to_owned());
+    appended.push(file.to_owned());
     let Some((_, source)) = FILES.iter().find(|(name, _)| *name == file) else {
         return Err(ComposeError::Unknown { name: file.to_owned(), asked_by: asked_by.to_owned() });
     };
     for line in source.lines() {
         match line.strip_prefix("#include ") {
-            Some(included) => append(included.trim(), file, seen, text)?,
+            Some(included) => append(included.trim(), file, appended, text)?,
             None => {
                 text.push_str(line);
                 text.push('\n');
@@ -68,7 +73,7 @@ mod tests {
     use super::*;
     use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-    /// One list of everything that is wrong, not the first only.
+    /// Reports every failure, not only the first.
     #[test]
     fn every_shader_composes_and_validates() {
         let mut failures = Vec::new();
@@ -93,12 +98,12 @@ mod tests {
                 }
             }
         }
-        assert!(entry_points().any(|name| name == "closeup/surface"), "the list is whole");
+        assert!(entry_points().any(|name| name == "closeup/surface"), "the list is complete");
         assert!(failures.is_empty(), "{}", failures.join("\n\n"));
     }
 
     #[test]
-    fn branches_on_uniforms_alone_are_found() {
+    fn branches_that_depend_only_on_uniforms_are_found() {
         let source = "
             struct U { a: u32, b: array<vec4<u32>, 2> }
             @group(0) @binding(0) var<uniform> u: U;
@@ -128,10 +133,10 @@ mod tests {
     }
 
     #[test]
-    fn no_branch_depends_on_uniforms_alone() {
+    fn no_branch_depends_only_on_uniforms() {
         let mut found = Vec::new();
-        // The force field's barriers want branches that are the same for a whole workgroup; on software drivers it
-        // is not used.
+        // The force field's barriers need control flow that is uniform per workgroup; it isn't used on software
+        // drivers.
         for name in entry_points().filter(|name| *name != "skeleton/force") {
             let text = compose(name).unwrap();
             assert!(!text.contains("fn varied(") || text.contains("    zero = "), "{name}: zero is not set");
@@ -144,7 +149,7 @@ mod tests {
         }
         assert!(
             found.is_empty(),
-            "found {} branches on uniforms at fixed places:\n{}",
+            "found {} branches that depend only on uniforms:\n{}",
             found.len(),
             found.join("\n")
         );
@@ -160,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_name_is_named() {
+    fn the_error_names_an_unknown_shader() {
         let e = compose("nowhere").unwrap_err().to_string();
         assert!(e.contains("nowhere") && e.contains("lib/view"), "{e}");
     }

@@ -1,12 +1,12 @@
-//! Branches and loops that depend on uniforms alone. Mesa's software driver writes such values into the shader and
-//! compiles it anew whenever any uniform of its buffer changes: tens to hundreds of milliseconds a pass and
-//! picture, hidden as long as its cache on disk knows the same values.
+//! Finds branches and loops that depend only on uniforms. Mesa's software driver inlines such values into the shader
+//! and recompiles it whenever any uniform of its buffer changes: tens to hundreds of milliseconds per pass and
+//! frame, hidden while its disk cache holds the same values.
 
 use std::collections::BTreeSet;
 
 use naga::{AddressSpace, Arena, Block, Expression, Function, Handle, LocalVariable, Module, Statement};
 
-/// What a value depends on, the most varying last.
+/// What a value depends on, in order of increasing variation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Constant,
@@ -16,7 +16,7 @@ enum Kind {
 
 struct Finder<'a> {
     module: &'a Module,
-    /// What each function so far returns.
+    /// Kind of the return value of each function so far.
     returned: Vec<Kind>,
     found: BTreeSet<String>,
 }
@@ -27,7 +27,7 @@ struct Body<'a> {
     returned: Kind,
 }
 
-/// The places, as `line: text`, where something is done or left out for the sake of uniforms alone.
+/// Branches and loops whose condition depends only on uniforms, as `function: source line`.
 pub(crate) fn uniform_branches(module: &Module, source: &str) -> Vec<String> {
     let mut finder = Finder { module, returned: Vec::new(), found: BTreeSet::new() };
     for (_, function) in module.functions.iter() {
@@ -47,7 +47,7 @@ impl Finder<'_> {
             locals: vec![Kind::Constant; function.local_variables.len()],
             returned: Kind::Constant,
         };
-        // Until nothing changes any more: loops carry values back.
+        // Iterated to a fixed point: loops carry values back.
         loop {
             let before = (body.locals.clone(), body.returned);
             self.block(&function.body, &mut body, Kind::Constant, None);
@@ -59,26 +59,32 @@ impl Finder<'_> {
         body.returned
     }
 
-    fn block(&mut self, block: &Block, body: &mut Body<'_>, under: Kind, report: Option<(&Function, &str)>) {
+    fn block(
+        &mut self,
+        block: &Block,
+        body: &mut Body<'_>,
+        enclosing: Kind,
+        report: Option<(&Function, &str)>,
+    ) {
         for statement in block {
             match statement {
-                Statement::Block(inner) => self.block(inner, body, under, report),
+                Statement::Block(inner) => self.block(inner, body, enclosing, report),
                 Statement::If { condition, accept, reject } => {
                     let kind = self.kind(*condition, body);
                     self.branch(kind, *condition, report);
-                    self.block(accept, body, under.max(kind), report);
-                    self.block(reject, body, under.max(kind), report);
+                    self.block(accept, body, enclosing.max(kind), report);
+                    self.block(reject, body, enclosing.max(kind), report);
                 }
                 Statement::Switch { selector, cases } => {
                     let kind = self.kind(*selector, body);
                     self.branch(kind, *selector, report);
                     for case in cases {
-                        self.block(&case.body, body, under.max(kind), report);
+                        self.block(&case.body, body, enclosing.max(kind), report);
                     }
                 }
                 Statement::Loop { body: inner, continuing, break_if } => {
-                    self.block(inner, body, under, report);
-                    self.block(continuing, body, under, report);
+                    self.block(inner, body, enclosing, report);
+                    self.block(continuing, body, enclosing, report);
                     if let Some(condition) = break_if {
                         let kind = self.kind(*condition, body);
                         self.branch(kind, *condition, report);
@@ -86,23 +92,23 @@ impl Finder<'_> {
                 }
                 Statement::Return { value } => {
                     let kind = value.map_or(Kind::Constant, |v| self.kind(v, body));
-                    body.returned = body.returned.max(kind).max(under);
+                    body.returned = body.returned.max(kind).max(enclosing);
                 }
                 Statement::Store { pointer, value } => {
-                    let kind = self.kind(*value, body).max(under);
+                    let kind = self.kind(*value, body).max(enclosing);
                     if let Some(local) = root(*pointer, body.expressions)
-                        && let Some(known) = body.locals.get_mut(local.index())
+                        && let Some(local_kind) = body.locals.get_mut(local.index())
                     {
-                        *known = kind.max(*known);
+                        *local_kind = kind.max(*local_kind);
                     }
                 }
                 Statement::Call { arguments, .. } => {
-                    // What is written through a pointer is not known.
+                    // Values written through a pointer are unknown.
                     for argument in arguments {
                         if let Some(local) = root(*argument, body.expressions)
-                            && let Some(known) = body.locals.get_mut(local.index())
+                            && let Some(local_kind) = body.locals.get_mut(local.index())
                         {
-                            *known = Kind::Varying;
+                            *local_kind = Kind::Varying;
                         }
                     }
                 }
@@ -155,7 +161,7 @@ impl Finder<'_> {
         }
     }
 
-    /// A value of a local variable, or of a uniform at a fixed place.
+    /// Kind of a loaded local variable, or of a uniform at a constant index.
     fn loaded(&self, pointer: Handle<Expression>, body: &Body<'_>) -> Kind {
         let mut at = pointer;
         loop {

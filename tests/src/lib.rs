@@ -162,7 +162,7 @@ pub fn doc<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a Document {
 ///
 /// # Panics
 /// When the pane has none.
-pub fn screens<'a>(harness: &'a mut Window, pane: PaneId) -> &'a mut dyn ScreenReport {
+pub fn screens(harness: &mut Window, pane: PaneId) -> &mut dyn ScreenReport {
     match harness.state_mut().panes.screen(pane) {
         Some(screen) => screen,
         None => fail(&format!("{} has no 3D view", pane.title())),

@@ -4,36 +4,42 @@
 use std::time::Duration;
 
 use glam::{DVec2, DVec3};
-use glioscope_core::{RegionVolume, Selection};
+use glioscope_core::optics::{
+    Ray, Sight,
+    hemisphere::{DepthScene, Weight, openness},
+    random::Random,
+};
+use glioscope_render::{CloseupRenderer, Quality};
 use rayon::prelude::*;
 
-use super::{AccuracyError, Axis, Bench, Curve, Family, Point, measure::Errors, scenes, sweep::Sweep};
-use crate::{
-    MaskColors, Palette, Quality, Renderer, Scene,
-    camera::FIELD_OF_VIEW_DEG,
-    reference::{
-        hemisphere::{DepthScene, Weight, openness},
-        random::Random,
-    },
-    uniforms::FAR,
+use super::{Axis, Bench, Curve, Defaults, Family, Point, errors::Errors, scenes, sweep::Sweep};
+use crate::Outcome;
+
+pub(super) const FAMILY: Family = Family {
+    name: "ambient",
+    title: "Ambient occlusion of the closeup",
+    about: "Two truths. The hemisphere is what the pass stands for: what it lacks against it no number of \
+            samples brings, because the pass knows no normals and counts half of the ball as light. Its own \
+            integral is what its samples come to. The default, 12 pairs, is where the second error has fallen \
+            to a tenth of what the first leaves in any case (which more pairs make worse, not better); the time \
+            is that of the whole frame, on this adapter hardly that of the pairs.",
+    defaults: Defaults::One,
+    curves,
 };
 
 /// First hits of the closeup, and what its occlusion is made of.
 struct Hits {
     size: [u32; 2],
     scene: DepthScene,
-    /// From the eye; infinite where nothing is.
-    depths: Vec<f64>,
+    sight: Sight,
     radius_mm: f64,
-    /// Millimetres of a pixel per millimetre of depth.
-    growth: f64,
 }
 
 impl Hits {
     fn depth(&self, x: i64, y: i64) -> f64 {
         let [w, h] = self.size.map(i64::from);
         let at = y.clamp(0, h - 1) * w + x.clamp(0, w - 1);
-        self.depths.get(at as usize).copied().unwrap_or(f64::INFINITY)
+        self.scene.depths_mm.get(at as usize).copied().unwrap_or(f64::INFINITY)
     }
 
     /// Unit normal of the face under a pixel, towards the eye: from its nearer neighbours.
@@ -65,8 +71,8 @@ impl Hits {
             .filter_map(|pixel| {
                 let number = (pixel[1] * self.size[0] + pixel[0]) as usize;
                 let (at, normal) = (self.scene.point_mm(pixel)?, self.normal(pixel)?);
-                let footprint = self.growth * self.depths.get(number)?;
-                let hidden = |ray: &crate::Ray, radius: f64| {
+                let footprint = self.sight.pixel_mm(*self.scene.depths_mm.get(number)?);
+                let hidden = |ray: &Ray, radius: f64| {
                     self.scene.hidden(ray, radius, 0.5 * footprint, 0.75 * footprint)
                 };
                 let from = at + normal * footprint;
@@ -78,88 +84,64 @@ impl Hits {
             .collect()
     }
 
-    /// What the pass comes to with ever more samples: closeup_occlusion.wgsl in `f64`, point pairs drawn
+    /// What the pass comes to with ever more samples: screen/occlusion.wgsl in `f64`, point pairs drawn
     /// at random from what its spiral is even in.
     fn own_integral(&self, pairs: u32) -> Vec<f64> {
         let [w, h] = self.size.map(f64::from);
-        (0..self.depths.len())
-            .into_par_iter()
-            .map(|number| {
-                let (Some(&depth), size) = (self.depths.get(number), self.size[0] as usize) else {
-                    return 0.0;
-                };
-                if !depth.is_finite() {
-                    return 0.0;
+        let one = |(number, &depth): (usize, &f64)| {
+            if !depth.is_finite() {
+                return 0.0;
+            }
+            let width = self.size[0] as usize;
+            let here = DVec2::new((number % width) as f64, (number / width) as f64);
+            let footprint = self.sight.pixel_mm(depth);
+            let mut random = Random::new(3, number as u64);
+            let mut hidden = 0.0;
+            for _ in 0..pairs {
+                let z = random.unit();
+                let radius = 0.2 + 0.8 * random.unit().powf(0.75);
+                let (sin, cos) = (std::f64::consts::TAU * random.unit()).sin_cos();
+                let ring = radius * (1.0 - z * z).max(0.0).sqrt() * self.radius_mm / footprint;
+                for sign in [1.0, -1.0] {
+                    let to = here + sign * DVec2::new(cos, sin) * ring;
+                    let to = to.clamp(DVec2::ZERO, DVec2::new(w - 1.0, h - 1.0)) + 0.5;
+                    let occluder = self.depth(to.x as i64, to.y as i64);
+                    let sure = (3.0 * self.radius_mm / (depth - occluder).max(1e-6)).min(1.0);
+                    hidden += if occluder < depth + sign * z * radius * self.radius_mm - 0.75 * footprint {
+                        0.5 + 0.5 * sure
+                    } else if occluder < depth {
+                        0.5 - 0.5 * sure
+                    } else {
+                        0.0
+                    };
                 }
-                let here = DVec2::new((number % size) as f64, (number / size) as f64);
-                let footprint = self.growth * depth;
-                let mut random = Random::new(3, number as u64);
-                let mut hidden = 0.0;
-                for _ in 0..pairs {
-                    let z = random.unit();
-                    let radius = 0.2 + 0.8 * random.unit().powf(0.75);
-                    let (sin, cos) = (std::f64::consts::TAU * random.unit()).sin_cos();
-                    let ring = radius * (1.0 - z * z).max(0.0).sqrt() * self.radius_mm / footprint;
-                    for sign in [1.0, -1.0] {
-                        let to = here + sign * DVec2::new(cos, sin) * ring;
-                        let to = to.clamp(DVec2::ZERO, DVec2::new(w - 1.0, h - 1.0)) + 0.5;
-                        let occluder = self.depth(to.x as i64, to.y as i64);
-                        let sure = (3.0 * self.radius_mm / (depth - occluder).max(1e-6)).min(1.0);
-                        hidden += if occluder < depth + sign * z * radius * self.radius_mm - 0.75 * footprint
-                        {
-                            0.5 + 0.5 * sure
-                        } else if occluder < depth {
-                            0.5 - 0.5 * sure
-                        } else {
-                            0.0
-                        };
-                    }
-                }
-                (2.0 * (hidden / f64::from(pairs) - 1.0)).clamp(0.0, 1.0)
-            })
-            .collect()
+            }
+            (2.0 * (hidden / f64::from(pairs) - 1.0)).clamp(0.0, 1.0)
+        };
+        self.scene.depths_mm.par_iter().enumerate().map(one).collect()
     }
 
-    /// closeup_occlusion_blur.wgsl in `f64`.
+    /// screen/blur.wgsl in `f64`.
     fn blurred(&self, dark: &[f64]) -> Vec<f64> {
         let [w, h] = self.size.map(i64::from);
-        (0..w * h)
-            .map(|number| {
-                let (x, y) = (number % w, number / w);
-                let depth = self.depth(x, y);
-                let (mut sum, mut weight) = (0.0, 0.0);
-                for (dx, dy) in (-2..2).flat_map(|dy| (-2..2).map(move |dx| (dx, dy))) {
-                    let (x, y) = ((x + dx).clamp(0, w - 1), (y + dy).clamp(0, h - 1));
-                    if (self.depth(x, y) - depth).abs() < 0.5 * self.radius_mm {
-                        sum += dark.get((y * w + x) as usize).copied().unwrap_or(0.0);
-                        weight += 1.0;
-                    }
+        let one = |number: i64| {
+            let (x, y) = (number % w, number / w);
+            let depth = self.depth(x, y);
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for (dx, dy) in (-2..2).flat_map(|dy| (-2..2).map(move |dx| (dx, dy))) {
+                let (x, y) = ((x + dx).clamp(0, w - 1), (y + dy).clamp(0, h - 1));
+                if (self.depth(x, y) - depth).abs() < 0.5 * self.radius_mm {
+                    sum += dark.get((y * w + x) as usize).copied().unwrap_or(0.0);
+                    weight += 1.0;
                 }
-                sum / f64::max(weight, 1.0)
-            })
-            .collect()
+            }
+            sum / f64::max(weight, 1.0)
+        };
+        (0..w * h).map(one).collect()
     }
 }
 
-fn scene() -> Result<Scene, AccuracyError> {
-    let time = scenes::phantom()?;
-    let tumor = RegionVolume::of(&time.index, &time.regions).map(std::sync::Arc::new);
-    let grid = tumor.as_ref().map(|t| t.grid().clone());
-    let grid = grid.ok_or_else(|| AccuracyError::Scene("a phantom without a tumour".to_owned()))?;
-    let center_mm = grid.center_mm();
-    Ok(Scene {
-        tumor,
-        selection: Selection::all(),
-        colors: MaskColors::new(Palette::Thesis, &[None; 3]),
-        lens: None,
-        camera: scenes::camera(center_mm, 0.75 * grid.corners_mm()[0].distance(center_mm)),
-        background: [255, 255, 255],
-        silhouette: [0, 0, 0],
-        plane: None,
-    })
-}
-
-pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
+fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let size = bench.effort.of([48, 48], [128, 128], [256, 256]);
     let counts: &[u32] =
         bench.effort.of(&[2, 12, 32], &[2, 6, 12, 32], &[1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 28, 32]);
@@ -171,69 +153,52 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         patience: Duration::from_millis(4000),
         on_device: true,
     };
-    let named = |&pairs: &u32| {
-        let word = if pairs == Quality::DRAFT.occlusion_samples { " (draft)" } else { "" };
-        (format!("{pairs} pairs{word}"), pairs)
-    };
-    let settings: Vec<(String, u32)> = counts.iter().map(named).collect();
-    bench.progress.say("making the head phantom");
-    let scene = scene()?;
+    let settings: Vec<(String, u32)> = counts.iter().map(|n| (format!("{n} pairs"), *n)).collect();
+    let scene = scenes::phantom_closeup()?;
+    let radius_mm = Quality::FULL.occlusion_radius_mm;
     let mut truths = None;
     let mut against_own = Vec::new();
-    let run = |renderer: &mut Renderer, &occlusion_samples: &u32| {
+    let run = |renderer: &mut CloseupRenderer, &occlusion_samples: &u32| {
         let quality = Quality { occlusion_samples, ..Quality::FULL };
         renderer.render(bench.gpu, &scene, &quality, size)?;
-        Ok(bench.wait()?)
+        Ok(bench.gpu.wait()?)
     };
-    let look = |renderer: &mut Renderer, &samples_asked: &u32| {
-        let frame = renderer.frame().ok_or_else(|| AccuracyError::of(&"no picture"))?;
-        let found = frame.occlusion(bench.gpu)?;
+    let look = |renderer: &mut CloseupRenderer, &samples_asked: &u32| {
+        let found = renderer.frame().ok_or("no picture")?.occlusion(bench.gpu)?;
         let (hits, hemisphere, own) = truths.get_or_insert_with(|| {
-            let depth = |d: &f32| if *d < FAR { frame.reference_mm + f64::from(*d) } else { f64::INFINITY };
-            let depths: Vec<f64> = found.depths.iter().map(depth).collect();
-            let radius_mm = Quality::FULL.occlusion_radius_mm;
-            let growth = 2.0 * (0.5 * FIELD_OF_VIEW_DEG).to_radians().tan() / f64::from(size[1]);
-            let scene = DepthScene {
+            let depths = DepthScene {
                 camera: scene.camera,
                 size,
-                depths_mm: depths.clone(),
+                depths_mm: found.depths_mm.clone(),
                 thickness_mm: 3.0 * radius_mm,
             };
-            let hits = Hits { size, scene, depths, radius_mm, growth };
+            let hits = Hits { size, scene: depths, sight: Sight::new(&scene.camera, size), radius_mm };
             let hemisphere = hits.hemisphere(stride, samples);
             let own = hits.blurred(&hits.own_integral(pairs));
             (hits, hemisphere, own)
         });
-        let mut errors = Errors::default();
-        for ((f, t), depth) in found.blurred.iter().zip(own.iter()).zip(&hits.depths) {
-            if depth.is_finite() {
-                errors.add(f - t);
-            }
-        }
-        against_own.push(errors);
-        let mut errors = Errors::default();
-        for (number, hidden, _) in hemisphere.iter() {
-            errors.add(found.blurred.get(*number).map_or(f64::NAN, |f| f - hidden));
-        }
+        let solid = found.dark.iter().zip(own.iter()).zip(&hits.scene.depths_mm);
+        against_own.push(Errors::of(solid.filter(|(_, d)| d.is_finite()).map(|((f, t), _)| f - t)));
+        let off = |(number, hidden, _): &(usize, f64, f64)| {
+            found.dark.get(*number).map_or(f64::NAN, |found| found - hidden)
+        };
+        let errors = Errors::of(hemisphere.iter().map(off));
         let is_default = samples_asked == Quality::FULL.occlusion_samples;
         Ok(Point { is_default, ..Point::new(f64::from(samples_asked), &errors) })
     };
-    let of_hemisphere = bench.sweep(&sweep, &mut Renderer::new(bench.gpu)?, &settings, run, look)?;
+    let of_hemisphere = bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, look)?;
     let own = |(point, errors): (&Point, &Errors)| Point {
         error_rms: errors.rms(),
         error_max: errors.max(),
         ..point.clone()
     };
     let of_own = of_hemisphere.iter().zip(&against_own).map(own).collect();
-    let mut standard_error = Errors::default();
     let hemisphere = truths.map(|t| t.1).unwrap_or_default();
-    hemisphere.iter().for_each(|(_, _, e)| standard_error.add(*e));
-    let radius_mm = Quality::FULL.occlusion_radius_mm;
-    let pixels = format!("head phantom's tumour, {}x{} pixels", size[0], size[1]);
+    let standard_error = Errors::of(hemisphere.iter().map(|(_, _, e)| *e));
     let curve = |scene: &str, truth: String, truth_error, points| Curve {
-        family: Family::Ambient,
+        family: FAMILY.name,
         kernel: "point pairs in the depth buffer".to_owned(),
-        scene: format!("{pixels}, against {scene}"),
+        scene: format!("head phantom's tumour, {}x{} pixels, against {scene}", size[0], size[1]),
         knob: "Quality::occlusion_samples",
         truth,
         truth_error,

@@ -1,5 +1,5 @@
 //! Error against run time: for every approximate kernel its knob swept, time, memory, and error against
-//! a named truth. What `glioscope accuracy` writes; defaults are judged by it.
+//! a named truth. Defaults are judged by it.
 //!
 //! A truth is another way to the same quantity, slow and in `f64`: Monte Carlo (with its standard
 //! error), brute force, a closed form, or a run asked for much more than any default; each curve names
@@ -8,96 +8,77 @@
 mod ambient;
 mod context;
 mod ellipsoids;
-mod half;
-mod measure;
-mod occlusion;
+mod errors;
+mod front;
+mod light;
+mod masks;
+mod report;
 mod resampling;
 mod scenes;
-mod skeletons;
+mod skeleton;
 mod sweep;
 #[cfg(test)]
 mod tests;
-mod view;
 
-use glioscope_core::{Cancelled, Progress};
+use std::{
+    path::PathBuf,
+    time::{Duration, Instant},
+};
+
+use clap::{Args, builder::PossibleValuesParser};
+use glioscope_render::Gpu;
 use serde::Serialize;
 
-pub use measure::{Errors, Timing, delta_e, load_average, mark_pareto, peak_bytes, quartiles};
+use self::errors::Errors;
+pub use self::skeleton::angle_deg;
+use crate::{Outcome, clock::Timing, open_gpu, say};
 
-use crate::{gpu::Gpu, renderer::RenderError};
+/// What is measured, in the order of the page.
+const FAMILIES: [&Family; 7] = [
+    &context::FAMILY,
+    &ambient::FAMILY,
+    &masks::FAMILY,
+    &light::FAMILY,
+    &ellipsoids::FAMILY,
+    &skeleton::FAMILY,
+    &resampling::FAMILY,
+];
 
 /// Kernels that are held against one and the same kind of truth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Family {
-    /// Steps of the context view's rays.
-    Context,
-    /// Ambient occlusion of the closeup.
-    Ambient,
-    /// Directional occlusion by slices and by cones.
-    Occlusion,
-    /// The light of a view, with the presets.
-    View,
-    /// Enclosing ellipsoids.
-    Ellipsoids,
-    /// The skeleton's force.
-    Skeleton,
-    /// Images brought onto another grid.
-    Resampling,
-    /// What half floats would cost; the program uses none.
-    Half,
+struct Family {
+    /// On the command line and in file names.
+    name: &'static str,
+    /// What a heading says.
+    title: &'static str,
+    /// What is swept, and what the default weighs against what.
+    about: &'static str,
+    /// What its points with [`Point::is_default`] are.
+    defaults: Defaults,
+    /// Measures it.
+    curves: fn(&Bench<'_>) -> Outcome<Vec<Curve>>,
 }
 
-impl Family {
-    /// All, in the order they are measured.
-    pub const ALL: [Self; 8] = [
-        Self::Context,
-        Self::Ambient,
-        Self::Occlusion,
-        Self::View,
-        Self::Ellipsoids,
-        Self::Skeleton,
-        Self::Resampling,
-        Self::Half,
-    ];
+/// What the program does by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Defaults {
+    /// One setting, judged on each scene.
+    One,
+    /// Presets on a path, judged over all scenes together.
+    Presets,
+}
 
-    /// Its name on the command line and in file names.
-    pub fn name(self) -> &'static str {
+impl Defaults {
+    fn word(self) -> &'static str {
         match self {
-            Self::Context => "context",
-            Self::Ambient => "ambient",
-            Self::Occlusion => "occlusion",
-            Self::View => "view",
-            Self::Ellipsoids => "ellipsoids",
-            Self::Skeleton => "skeleton",
-            Self::Resampling => "resampling",
-            Self::Half => "half",
-        }
-    }
-
-    /// What its points with [`Point::is_default`] are called.
-    pub fn default_word(self) -> &'static str {
-        if self == Self::View { "preset" } else { "default" }
-    }
-
-    /// What a heading says.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Context => "Ray step of the context view",
-            Self::Ambient => "Ambient occlusion of the closeup",
-            Self::Occlusion => "Directional occlusion: slices and cones",
-            Self::View => "Light of the context view, and its presets",
-            Self::Ellipsoids => "Enclosing ellipsoids",
-            Self::Skeleton => "Opening bound of the skeleton's force",
-            Self::Resampling => "Resampling of images",
-            Self::Half => "Half floats, which the program does not use",
+            Self::One => "default",
+            Self::Presets => "preset",
         }
     }
 }
 
 /// How much is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Effort {
+enum Effort {
     /// Two or three settings a kernel on tiny scenes: for tests, not for figures.
     Tiny,
     /// Fewer settings, smaller pictures: a check that nothing has drifted.
@@ -120,47 +101,47 @@ impl Effort {
 /// What error is drawn against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Axis {
+enum Axis {
     /// Median time: there is a front.
     Time,
-    /// The knob itself: time doesn't depend on it, or means nothing.
+    /// The knob itself: time doesn't depend on it.
     Knob,
 }
 
 /// One setting, measured.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Point {
+struct Point {
     /// The setting in words.
-    pub setting: String,
+    setting: String,
     /// The knob's value.
-    pub value: f64,
-    /// Time from begin to done; nothing where none can be told.
-    pub time: Option<Timing>,
+    value: f64,
+    /// Time from begin to done; `None` where none can be told.
+    time: Option<Timing>,
     /// Processor time of all threads, where the kernel runs on the processor (a software adapter's do)
     /// and the system says: unlike time it hardly depends on what else the machine does.
-    pub cpu: Option<Timing>,
-    /// Most memory that the whole process had resident while the setting ran (VmHWM, reset before),
-    /// the software adapter's buffers with it; nothing where the system doesn't say.
-    pub peak_bytes: Option<u64>,
+    cpu: Option<Timing>,
+    /// Most memory that the whole process had resident while the setting ran, the software adapter's buffers
+    /// with it; `None` where the system doesn't say.
+    peak_bytes: Option<u64>,
     /// Root mean square of the error.
-    pub error_rms: f64,
+    error_rms: f64,
     /// Largest absolute error.
-    pub error_max: f64,
+    error_max: f64,
     /// Root mean square and largest colour difference, CIE76 in CIELAB (D65), of the displayed
     /// picture; for pictures in colour.
-    pub delta_e: Option<[f64; 2]>,
+    delta_e: Option<[f64; 2]>,
     /// Pixels drawn to pixels asked for, of a picture; 1 of all else.
-    pub pixel_share: f64,
+    pixel_share: f64,
     /// Whether it is what the program does when nobody says otherwise, or one of its presets.
-    pub is_default: bool,
+    is_default: bool,
     /// Whether no other point of the family on this scene costs at most as much ([`Point::cost`]) and is at least as
     /// right, and one of them more.
-    pub is_pareto: bool,
+    is_pareto: bool,
 }
 
 impl Point {
     /// Errors at a knob's value; without a name, times and marks.
-    pub fn new(value: f64, errors: &Errors) -> Self {
+    fn new(value: f64, errors: &Errors) -> Self {
         Self {
             setting: String::new(),
             value,
@@ -177,108 +158,101 @@ impl Point {
     }
 
     /// What the front counts and plots show: processor time where there is some, else time.
-    pub fn cost(&self) -> Option<Timing> {
+    fn cost(&self) -> Option<Timing> {
         self.cpu.or(self.time)
     }
 }
 
 /// A kernel's knob swept on a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Curve {
-    /// What it is drawn beside.
-    pub family: Family,
+struct Curve {
+    /// The name of the [`Family`] that it is drawn beside.
+    family: &'static str,
     /// The kernel, and the variant of it.
-    pub kernel: String,
+    kernel: String,
     /// The scene.
-    pub scene: String,
+    scene: String,
     /// What the knob is.
-    pub knob: &'static str,
+    knob: &'static str,
     /// What errors are against.
-    pub truth: String,
-    /// What the truth itself is off by (root mean square), in the unit of the errors; nothing for a
+    truth: String,
+    /// What the truth itself is off by (root mean square), in the unit of the errors; `None` for a
     /// closed form.
-    pub truth_error: Option<f64>,
+    truth_error: Option<f64>,
     /// Unit of the errors.
-    pub unit: &'static str,
+    unit: &'static str,
     /// What error is drawn against.
-    pub axis: Axis,
+    axis: Axis,
     /// The settings, in the order of the knob.
-    pub points: Vec<Point>,
-}
-
-/// Why there are no curves.
-#[derive(Debug, thiserror::Error)]
-pub enum AccuracyError {
-    /// The user asked to stop.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-    /// A picture can't be drawn.
-    #[error(transparent)]
-    Render(#[from] RenderError),
-    /// A kernel of `core` refused its input, or a scene can't be made.
-    #[error("accuracy: found {0}, expected a scene that can be measured")]
-    Scene(String),
-}
-
-impl AccuracyError {
-    fn of(error: &impl ToString) -> Self {
-        Self::Scene(error.to_string())
-    }
+    points: Vec<Point>,
 }
 
 /// What a family needs to measure.
 struct Bench<'a> {
     gpu: &'a Gpu,
     effort: Effort,
-    progress: &'a Progress,
 }
 
 impl Bench<'_> {
-    /// Says what runs, counts it as done, and stops where the user asked to.
-    fn begin(&self, what: &str, setting: &str) -> Result<(), Cancelled> {
-        self.progress.say(format!("{what}: {setting}"));
-        self.progress.advance(1)
-    }
-
-    fn wait(&self) -> Result<(), RenderError> {
-        self.gpu.wait().map_err(RenderError::Device)
+    /// Says on stderr what runs.
+    fn begin(&self, what: &str, setting: &str) {
+        if self.effort > Effort::Tiny {
+            eprintln!("{what}: {setting}");
+        }
     }
 }
 
-/// Measures the families asked for on `gpu` and the CPU. Times are of whatever else the machine does,
-/// too. Progress counts settings.
+/// What `accuracy` can be told.
+#[derive(Debug, Args)]
+pub struct AccuracyArguments {
+    /// Fewer settings and smaller pictures: under a minute on two cores
+    #[arg(long)]
+    quick: bool,
+    /// Only these kernels
+    #[arg(long, value_name = "KERNEL,...", value_delimiter = ',', value_parser = PossibleValuesParser::new(FAMILIES.map(|f| f.name)))]
+    only: Vec<String>,
+    /// The folder for numbers, plots and the page
+    #[arg(long, value_name = "DIR", default_value = "out/accuracy")]
+    out: PathBuf,
+    /// Also print every number as JSON
+    #[arg(long)]
+    json: bool,
+    /// Use only the software graphics adapter
+    #[arg(long)]
+    software: bool,
+}
+
+/// Curves of a family, and how long they took, truths and settings together.
+struct Measured {
+    family: &'static Family,
+    took: Duration,
+    curves: Vec<Curve>,
+}
+
+fn measure(bench: &Bench<'_>, family: &'static Family) -> Outcome<Measured> {
+    let start = Instant::now();
+    let mut curves = (family.curves)(bench)?;
+    front::mark_pareto(&mut curves);
+    Ok(Measured { family, took: start.elapsed(), curves })
+}
+
+/// Measures the families asked for, on the adapter and the CPU. Times are of whatever else the machine does, too.
 ///
 /// # Errors
-/// [`AccuracyError`].
-pub fn curves(
-    gpu: &Gpu,
-    effort: Effort,
-    families: &[Family],
-    progress: &Progress,
-) -> Result<Vec<Curve>, AccuracyError> {
-    let bench = Bench { gpu, effort, progress };
-    // Settings of each family, about: the bar only has to move.
-    let settings = |f: &Family| match f {
-        Family::Context | Family::Ambient => 20,
-        Family::Occlusion => effort.of(10, 40, 120),
-        Family::View => effort.of(5, 16, 180),
-        Family::Ellipsoids => 20,
-        Family::Skeleton | Family::Resampling | Family::Half => 8,
-    };
-    progress.expect(families.iter().map(settings).sum());
-    let mut out = Vec::new();
-    for family in families {
-        out.extend(match family {
-            Family::Context => context::curves(&bench)?,
-            Family::Ambient => ambient::curves(&bench)?,
-            Family::Occlusion => occlusion::curves(&bench)?,
-            Family::View => view::curves(&bench)?,
-            Family::Ellipsoids => ellipsoids::curves(&bench)?,
-            Family::Skeleton => skeletons::curves(&bench)?,
-            Family::Resampling => resampling::curves(&bench)?,
-            Family::Half => half::curves(&bench)?,
-        });
+/// Where a picture can't be drawn, a scene not made, or a file not written; nothing is written before all is measured.
+pub fn run(arguments: &AccuracyArguments) -> Outcome<()> {
+    let effort = if arguments.quick { Effort::Quick } else { Effort::Whole };
+    let gpu = open_gpu(arguments.software)?;
+    let bench = Bench { gpu: &gpu, effort };
+    let begun = report::Begun::now(&gpu);
+    let asked = |f: &&Family| arguments.only.is_empty() || arguments.only.iter().any(|name| name == f.name);
+    let measured: Vec<Measured> =
+        FAMILIES.into_iter().filter(asked).map(|family| measure(&bench, family)).collect::<Outcome<_>>()?;
+    report::write(&measured, &begun, &arguments.out)?;
+    if arguments.json {
+        say(serde_json::to_string_pretty(&report::json(&measured, &begun, arguments.quick))?)
+    } else {
+        let took = report::durations(&measured);
+        say(format!("{took}\nnumbers, plots and page written to {}", arguments.out.display()))
     }
-    mark_pareto(&mut out);
-    Ok(out)
 }

@@ -5,7 +5,18 @@ use std::time::Duration;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{Grid, Progress, Samples, Scaling, Sides, Volume, resample::image_onto};
 
-use super::{AccuracyError, Axis, Bench, Curve, Family, Point, measure::Errors, sweep::Sweep};
+use super::{Axis, Bench, Curve, Defaults, Family, Point, errors::Errors, sweep::Sweep};
+use crate::Outcome;
+
+pub(super) const FAMILY: Family = Family {
+    name: "resampling",
+    title: "Resampling of images",
+    about: "There is no knob: images are brought onto another grid trilinearly. What there is to know is the \
+            error by the spacing of the image, of second order in it. Structures of less than four voxels are \
+            lost in any case. Masks go to the nearest voxel, which is exact to half a voxel and not drawn here.",
+    defaults: Defaults::One,
+    curves,
+};
 
 /// Waves of 12 and 21 mm under a soft ball of 30 mm: of range 1, about.
 fn value(p: DVec3) -> f64 {
@@ -18,19 +29,15 @@ fn value(p: DVec3) -> f64 {
 }
 
 fn voxels(grid: &Grid) -> Vec<f64> {
-    let [nx, ny, _] = grid.dims();
-    (0..grid.voxel_count())
-        .map(|l| value(grid.center_of_voxel_mm([l % nx, l / nx % ny, l / nx / ny])))
-        .collect()
+    (0..grid.voxel_count()).map(|l| value(grid.center_of_voxel_mm(grid.ijk(l)))).collect()
 }
 
-fn about_origin(dims: [usize; 3], matrix3: DMat3) -> Result<Grid, AccuracyError> {
+fn about_origin(dims: [usize; 3], matrix3: DMat3) -> Outcome<Grid> {
     let middle = DVec3::from_array(dims.map(|n| (n - 1) as f64 / 2.0));
-    Grid::new(dims, DAffine3 { matrix3, translation: -(matrix3 * middle) }, Sides::Known)
-        .map_err(|e| AccuracyError::of(&e))
+    Ok(Grid::new(dims, DAffine3 { matrix3, translation: -(matrix3 * middle) }, Sides::Known)?)
 }
 
-pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
+fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let spacings: &[f64] =
         bench.effort.of(&[3.0, 1.0], &[4.0, 2.0, 1.0, 0.5], &[6.0, 4.0, 3.0, 2.0, 1.5, 1.0, 0.75, 0.5]);
     let n = bench.effort.of(20, 64, 96);
@@ -43,35 +50,27 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         patience: Duration::from_millis(2000),
         on_device: false,
     };
-    let image = |&spacing: &f64| -> Result<(String, (f64, Volume)), AccuracyError> {
+    let image = |&spacing: &f64| -> Outcome<(String, (f64, Volume))> {
         // Wide enough for the target's corners and a cell more.
         let side = (1.75 * n as f64 / spacing).ceil() as usize + 2;
         let source = about_origin([side; 3], DMat3::from_diagonal(DVec3::splat(spacing)))?;
         let values = voxels(&source).into_iter().map(|v| v as f32).collect();
         let volume = Volume::new(source, Samples::F32(values), Scaling::NONE)
-            .ok_or_else(|| AccuracyError::Scene("values that don't fit their grid".to_owned()))?;
+            .ok_or("values that don't fit their grid")?;
         Ok((format!("{spacing} mm"), (spacing, volume)))
     };
-    let images = spacings.iter().map(image).collect::<Result<Vec<_>, _>>()?;
-    let mut found = None;
-    let points = bench.sweep(
-        &sweep,
-        &mut found,
-        &images,
-        |found, (_, volume)| {
-            *found = Some(image_onto(volume, &target, &Progress::new())?);
-            Ok(())
-        },
-        |found, (spacing, _)| {
-            let mut errors = Errors::default();
-            for (f, t) in found.iter().flat_map(|f| &f.values).zip(&truth) {
-                errors.add(f64::from(*f) - t);
-            }
-            Ok(Point::new(*spacing, &errors))
-        },
-    )?;
+    let images = spacings.iter().map(image).collect::<Outcome<Vec<_>>>()?;
+    let mut found = Vec::new();
+    let run = |found: &mut Vec<f32>, (_, volume): &(f64, Volume)| {
+        *found = image_onto(volume, &target, &Progress::new())?.values;
+        Ok(())
+    };
+    let look = |found: &mut Vec<f32>, (spacing, _): &(f64, Volume)| {
+        let errors = Errors::of(found.iter().zip(&truth).map(|(f, t)| f64::from(*f) - t));
+        Ok(Point::new(*spacing, &errors))
+    };
     Ok(vec![Curve {
-        family: Family::Resampling,
+        family: FAMILY.name,
         kernel: "trilinear".to_owned(),
         scene: format!("waves of 12 and 21 mm and a soft ball, onto {n}³ turned voxels of 1 mm"),
         knob: "spacing of the image, mm",
@@ -79,6 +78,6 @@ pub(super) fn curves(bench: &Bench<'_>) -> Result<Vec<Curve>, AccuracyError> {
         truth_error: None,
         unit: "share of the image's range",
         axis: Axis::Knob,
-        points,
+        points: bench.sweep(&sweep, &mut found, &images, run, look)?,
     }])
 }

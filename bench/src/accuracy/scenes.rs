@@ -1,104 +1,107 @@
-//! Scenes of known make: the head phantom, and soft and labelled balls.
+//! Scenes of known make: the head phantom, and soft balls.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, LazyLock};
 
 use glam::DVec3;
-use glioscope_core::{Grid, Volume, case::TimePoint, phantom};
-
-use super::AccuracyError;
-use crate::{
-    camera::{Camera, Projection},
-    occlusion::{Filter, OpticalVolume, Table},
+use glioscope_core::{
+    Grid, RegionVolume, Samples, Scaling, Selection, Volume,
+    case::TimePoint,
+    optics::{Camera, Projection},
+    phantom,
+};
+use glioscope_render::{
+    ContextScene, ContextVolume, ControlPoint, MaskColors, Palette, RegionScene, TransferFunction,
+    TransferPreset,
 };
 
-/// The phantom's first date, made once: four families look at it.
-pub(super) fn phantom() -> Result<&'static TimePoint, AccuracyError> {
-    static FIRST: OnceLock<Result<TimePoint, String>> = OnceLock::new();
-    let first = FIRST.get_or_init(|| {
+use crate::Outcome;
+
+/// The phantom's first date, made once: five families look at it.
+pub(super) fn phantom() -> Outcome<&'static TimePoint> {
+    static FIRST: LazyLock<Result<TimePoint, String>> = LazyLock::new(|| {
         let case = phantom::phantom_case().map_err(|e| e.to_string())?;
-        let first = case.time_points.into_iter().next();
-        first.ok_or_else(|| "a phantom without a date".to_owned())
+        case.time_points.into_iter().next().ok_or_else(|| "the phantom has no date".to_owned())
     });
-    first.as_ref().map_err(|e| AccuracyError::Scene(e.clone()))
+    Ok(FIRST.as_ref().map_err(Clone::clone)?)
 }
 
-/// An image of it.
-pub(super) fn image(of: &TimePoint, id: &str) -> Result<Arc<Volume>, AccuracyError> {
-    let context = of.contexts.iter().find(|c| c.id == id);
-    context
-        .map(|c| Arc::clone(&c.volume))
-        .ok_or_else(|| AccuracyError::Scene(format!("a phantom without an image {id}")))
+/// Its post-contrast image.
+pub(super) fn phantom_image() -> Outcome<Arc<ContextVolume>> {
+    let context = phantom()?.contexts.iter().find(|c| c.id == "T1c").ok_or("the phantom has no T1c")?;
+    Ok(Arc::new(ContextVolume::new(Arc::clone(&context.volume))))
+}
+
+/// Its masks in the closeup: all regions shown, no lens.
+pub(super) fn phantom_closeup() -> Outcome<RegionScene> {
+    let time = phantom()?;
+    let tumor = Arc::new(RegionVolume::of(&time.index, &time.regions).ok_or("the phantom has no tumour")?);
+    let center_mm = tumor.grid().center_mm();
+    let radius_mm = 0.75 * tumor.grid().corners_mm()[0].distance(center_mm);
+    Ok(RegionScene {
+        tumor: Some(tumor),
+        selection: Selection::all(),
+        colors: MaskColors::new(Palette::Thesis, &vec![None; time.masks.len()]),
+        lens: None,
+        camera: camera(center_mm, radius_mm),
+        background: [255, 255, 255],
+        silhouette: [0, 0, 0],
+        plane: None,
+    })
 }
 
 /// A camera a little from above and aside that sees a ball.
-pub(super) fn camera(focus_mm: DVec3, radius_mm: f64) -> Camera {
+fn camera(focus_mm: DVec3, radius_mm: f64) -> Camera {
     Camera::fit(focus_mm, radius_mm, Camera::orientation(31.3, 19.7), Projection::Perspective)
 }
 
-fn cubic(n: usize) -> Result<Grid, AccuracyError> {
-    Grid::axis_aligned([n; 3], DVec3::ONE, DVec3::splat(-(n as f64 - 1.0) / 2.0))
-        .map_err(|e| AccuracyError::of(&e))
+/// An image alone, of which the camera sees a ball of so many times its half diagonal.
+fn image_scene(volume: Arc<ContextVolume>, transfer: TransferFunction, zoom: f64) -> ContextScene {
+    let grid = volume.grid();
+    let center_mm = grid.center_mm();
+    let radius_mm = zoom * grid.corners_mm()[0].distance(center_mm);
+    ContextScene {
+        transfer: Arc::new(transfer),
+        volume: Some(volume),
+        clip: Vec::new(),
+        tumor: None,
+        selection: Selection::all(),
+        colors: MaskColors::new(Palette::Thesis, &[]),
+        lens: None,
+        tubes: Vec::new(),
+        camera: camera(center_mm + DVec3::Z, radius_mm),
+        background: [255, 255, 255],
+        silhouette: [0, 0, 0],
+    }
 }
 
-/// Values of `n`³ voxels of 1 mm about the origin, from places in -1/2 to 1/2.
-fn values(n: usize, value: impl Fn(DVec3) -> f64) -> Vec<f32> {
-    (0..n * n * n)
-        .map(|l| {
-            let at = [l % n, l / n % n, l / n / n].map(|v| v as f64);
-            value(DVec3::from_array(at) / (n as f64 - 1.0) - 0.5) as f32
-        })
-        .collect()
+/// The phantom's image as a preset shows it.
+pub(super) fn head(volume: &Arc<ContextVolume>, preset: TransferPreset) -> ContextScene {
+    let transfer = preset.transfer(volume.statistics());
+    image_scene(Arc::clone(volume), transfer, 0.62)
 }
 
-fn medium(
-    n: usize,
-    values: Vec<f32>,
-    table: Option<Table>,
-    filter: Filter,
-) -> Result<Arc<OpticalVolume>, AccuracyError> {
-    table
-        .and_then(|table| OpticalVolume::new(cubic(n).ok()?, values, table, filter, None))
-        .map(Arc::new)
-        .ok_or_else(|| AccuracyError::Scene("a table or a volume that is refused".to_owned()))
-}
-
-/// Soft overlapping balls as intensities: translucent outside, dense inside.
-pub(super) fn soft(n: usize) -> Result<Arc<OpticalVolume>, AccuracyError> {
+/// Three soft overlapping balls in `n`³ voxels of 1 mm: translucent outside, dense inside.
+pub(super) fn soft_balls(n: usize) -> Outcome<ContextScene> {
+    let grid = Grid::axis_aligned([n; 3], DVec3::ONE, DVec3::splat(-(n as f64 - 1.0) / 2.0))?;
     let ball = |at: DVec3, c: DVec3, r: f64| (1.0 - (at - c).length() / r).max(0.0);
-    let values = values(n, |at| {
-        ball(at, DVec3::new(-0.15, 0.05, 0.1), 0.32)
+    let value = |linear: usize| {
+        // From -1/2 to 1/2 over the grid.
+        let at = grid.center_of_voxel_mm(grid.ijk(linear)) / (n as f64 - 1.0);
+        let sum = ball(at, DVec3::new(-0.15, 0.05, 0.1), 0.32)
             + ball(at, DVec3::new(0.2, -0.1, 0.25), 0.2)
-            + ball(at, DVec3::new(0.05, 0.1, -0.25), 0.4)
-    });
-    // Extinctions of 48 voxels' balls, so that a coarser grid looks alike.
-    let per_mm = |e: f64| (e * 48.0 / n as f64) as f32;
-    let table = Table::new(
-        0.0,
-        0.8,
-        &[
-            [0.9, 0.5, 0.3, 0.0],
-            [0.9, 0.5, 0.3, 0.0],
-            [0.9, 0.6, 0.3, per_mm(0.12)],
-            [0.3, 0.7, 0.9, per_mm(0.35)],
-            [0.3, 0.7, 0.9, per_mm(0.6)],
-        ],
-    );
-    medium(n, values, table, Filter::Linear)
-}
-
-/// Two balls of labels, one in front of the other, as a tumour's masks: the nearer dense, the other
-/// half as much.
-pub(super) fn labels(n: usize) -> Result<Arc<OpticalVolume>, AccuracyError> {
-    let values = values(n, |at| {
-        if at.distance(DVec3::new(0.1, 0.05, 0.2)) < 0.18 {
-            2.0
-        } else if at.distance(DVec3::new(-0.05, 0.0, -0.15)) < 0.3 {
-            1.0
-        } else {
-            0.0
-        }
-    });
-    let extinction = (0.3 * 48.0 / n as f64) as f32;
-    let table = Table::of_labels(&[[0.0; 4], [0.8, 0.3, 0.2, extinction], [0.2, 0.7, 0.4, 0.5 * extinction]]);
-    medium(n, values, table, Filter::Nearest)
+            + ball(at, DVec3::new(0.05, 0.1, -0.25), 0.4);
+        sum as f32
+    };
+    let values = (0..grid.voxel_count()).map(value).collect();
+    let volume =
+        Volume::new(grid, Samples::F32(values), Scaling::NONE).ok_or("values that don't fit their grid")?;
+    let point = |value, color, opacity| ControlPoint { value, color, opacity };
+    let points = vec![
+        point(0.2, [242, 188, 148], 0.0),
+        point(0.4, [242, 203, 148], 0.11),
+        point(0.6, [148, 218, 242], 0.3),
+        point(0.8, [148, 218, 242], 0.45),
+    ];
+    let volume = Arc::new(ContextVolume::new(Arc::new(volume)));
+    Ok(image_scene(volume, TransferFunction::new(points, None)?, 0.62))
 }

@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use super::{
-    AccuracyError, Bench, Point, Timing,
-    measure::{cpu_ms, peak_bytes, quartiles, reset_peak},
+use super::{Bench, Point};
+use crate::{
+    Outcome,
+    clock::{Timing, peak_bytes, reset_peak, timed},
 };
 
 /// How settings are measured.
@@ -33,21 +34,13 @@ struct Runs {
 impl Runs {
     /// A round: once unmeasured (what is made once, or anew after another setting, is made then), then once measured.
     /// Where the first run of all has used up all patience, it is the measurement.
-    fn round(
-        &mut self,
-        sweep: &Sweep<'_>,
-        mut job: impl FnMut() -> Result<(), AccuracyError>,
-    ) -> Result<(), AccuracyError> {
+    fn round(&mut self, sweep: &Sweep<'_>, mut job: impl FnMut() -> Outcome<()>) -> Outcome<()> {
         let begin = Instant::now();
         let mut run = |times: u32| {
-            let (start, cpu) = (Instant::now(), cpu_ms());
-            for _ in 0..times {
-                job()?;
-            }
+            let (wall, cpu, done) = timed(|| (0..times).try_for_each(|_| job()));
+            done?;
             let share = 1.0 / f64::from(times);
-            let wall = start.elapsed().as_secs_f64() * 1e3;
-            let cpu = cpu.and_then(|before| Some((cpu_ms()? - before) * share));
-            Ok::<_, AccuracyError>((wall * share, cpu))
+            Outcome::Ok((wall * share, cpu.map(|ms| ms * share)))
         };
         let is_first = self.times.is_empty();
         if is_first {
@@ -60,7 +53,7 @@ impl Runs {
         if is_first && begin.elapsed() >= sweep.patience {
             self.times.push(first);
         } else {
-            // Processor time is told in steps of the scheduler's clock, up to 10 ms: short jobs count together.
+            // Short jobs count together: the clock of processor time is not told to the microsecond.
             let together = (40.0 / first.0.max(1e-3)).ceil().clamp(1.0, 1000.0) as u32;
             self.times.push(run(together)?);
         }
@@ -70,14 +63,10 @@ impl Runs {
 
     /// Medians and quartiles into the point they are of.
     fn tell(&self, sweep: &Sweep<'_>, is_software: bool, point: &mut Point) {
-        let timing = |times: &[f64]| {
-            let [q1_ms, median_ms, q3_ms] = quartiles(times)?;
-            Some(Timing { median_ms, q1_ms, q3_ms, runs: times.len() })
-        };
         let walls: Vec<f64> = self.times.iter().map(|r| r.0).collect();
         let cpus: Vec<f64> = self.times.iter().filter_map(|r| r.1).collect();
-        point.time = timing(&walls);
-        point.cpu = timing(&cpus).filter(|_| is_software || !sweep.on_device);
+        point.time = Timing::of(&walls);
+        point.cpu = Timing::of(&cpus).filter(|_| is_software || !sweep.on_device);
         point.peak_bytes = self.peak_bytes;
     }
 }
@@ -90,26 +79,21 @@ impl Bench<'_> {
         sweep: &Sweep<'_>,
         state: &mut S,
         settings: &[(String, T)],
-        mut run: impl FnMut(&mut S, &T) -> Result<(), AccuracyError>,
-        mut look: impl FnMut(&mut S, &T) -> Result<Point, AccuracyError>,
-    ) -> Result<Vec<Point>, AccuracyError> {
+        mut run: impl FnMut(&mut S, &T) -> Outcome<()>,
+        mut look: impl FnMut(&mut S, &T) -> Outcome<Point>,
+    ) -> Outcome<Vec<Point>> {
         let mut all: Vec<Runs> = settings.iter().map(|_| Runs::default()).collect();
         let mut points = Vec::new();
         for round in 0..sweep.rounds {
             for (runs, (name, setting)) in all.iter_mut().zip(settings) {
                 if round == 0 {
-                    self.begin(sweep.what, name)?;
+                    self.begin(sweep.what, name);
                 } else if runs.spent >= sweep.patience {
                     continue;
-                } else {
-                    self.progress.say(format!("{}: {name}, again", sweep.what));
-                    self.progress.check()?;
                 }
                 runs.round(sweep, || run(state, setting))?;
                 if round == 0 {
-                    let point = look(state, setting)?;
-                    let setting = format!("{name}{}", point.setting);
-                    points.push(Point { setting, ..point });
+                    points.push(Point { setting: name.clone(), ..look(state, setting)? });
                 }
             }
         }

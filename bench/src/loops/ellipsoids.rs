@@ -1,152 +1,289 @@
-//! Draws ellipsoid diagrams and times the passes: `ellipsoids [OUT_FOLDER] [real] [quick]`.
-//! Prints the adapter, where its times come from, and per pass the median of several frames.
+//! Times components and ellipsoids: Markdown and CSV for docs/ellipsoids.md, and a server for bench/peer_components.py.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "an example: it ends at the first error, and prints"
-)]
-
-use std::{sync::Arc, time::Instant};
-
-use glam::{DMat3, DQuat, DVec3};
-use glioscope_render::{
-    AdapterPreference, Camera, DrawnEllipsoid, EllipsoidRenderer, EllipsoidScene, Gpu, Lens, MaskColors,
-    Palette, Projection, Quality, SlicePlane,
+use std::{
+    io::BufRead,
+    path::{Path, PathBuf},
+    time::Instant,
 };
 
-fn median(mut v: Vec<f64>) -> f64 {
-    v.sort_by(f64::total_cmp);
-    v[v.len() / 2]
+use clap::{Args, Subcommand};
+use glam::DVec3;
+use glioscope_core::{
+    Components, Connectivity, Grid, IndexData, Mask, MaskBits, Progress, TumorIndex,
+    ellipsoid::{Method, Options, ellipsoids_of, enclose, hull_corners},
+    files::write_whole,
+};
+use rayon::ThreadPool;
+
+use super::open;
+use crate::{
+    Outcome,
+    clock::{least, median, timed},
+    say,
+};
+
+/// What `ellipsoids` can be told.
+#[derive(Debug, Args)]
+pub struct EllipsoidsArguments {
+    #[command(subcommand)]
+    task: Task,
 }
 
-/// Numbers in 0..1, always the same.
-struct Noise(u64);
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// Components and ellipsoids of the glioma case and a synthetic one, as a Markdown table
+    Table {
+        /// Holds glioma-5-algorithms
+        #[arg(default_value = "../shared/data")]
+        data: PathBuf,
+        #[arg(long, default_value_t = 15)]
+        runs: usize,
+    },
+    /// Error of the volume against time, by method and tolerance, as CSV
+    Curve {
+        /// Holds glioma-5-algorithms
+        #[arg(default_value = "../shared/data")]
+        data: PathBuf,
+        #[arg(long, default_value_t = 15)]
+        runs: usize,
+    },
+    /// Answers lines on stdin, so that another program can take turns. `components THREADS`, `labels THREADS` and
+    /// `ellipsoids THREADS` answer with seconds, CPU seconds and a count; `write INDEX LABELS` writes the index (u8)
+    /// and its labels (u32), x fastest
+    Serve {
+        #[arg(value_parser = ["glioma", "synthetic", "tiny"])]
+        index: String,
+        /// Holds glioma-5-algorithms
+        #[arg(default_value = "../shared/data")]
+        data: PathBuf,
+    },
+}
 
-impl Noise {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 33) as f64) / f64::from(1u32 << 31)
+/// Does the task.
+///
+/// # Errors
+/// Where the case can't be read, or a line of the server's is none of those it knows.
+pub fn run(arguments: &EllipsoidsArguments) -> Outcome<()> {
+    match &arguments.task {
+        Task::Table { data, runs } => table(data, *runs),
+        Task::Curve { data, runs } => curve(data, *runs),
+        Task::Serve { index, data } => serve(&index_of(index, data)?),
     }
 }
 
-/// Three masks, their overlaps, and specks around them, `count` in all.
-fn diagram(count: u32) -> EllipsoidScene {
-    let colors = MaskColors::new(Palette::Thesis, &[None; 3]);
-    let mut noise = Noise(5);
-    let shapes = [
-        (0b001, [-14.0, 2.0, 3.0], [20.0, 25.0, 19.0]),
-        (0b010, [4.0, -2.0, 0.0], [34.0, 27.0, 24.0]),
-        (0b100, [16.0, -6.0, 9.0], [17.0, 15.0, 20.0]),
-        (0b011, [-8.0, 1.0, 2.0], [14.0, 19.0, 15.0]),
-        (0b110, [14.0, -6.0, 6.0], [13.0, 11.0, 14.0]),
-        (0b101, [3.0, -3.0, 7.0], [7.0, 9.0, 10.0]),
-        (0b111, [2.0, -3.0, 6.0], [5.0, 7.0, 8.0]),
-    ];
-    let mut ellipsoids = Vec::new();
-    for id in 0..count {
-        let mut turn = || {
-            DQuat::from_axis_angle(DVec3::Y, noise.next() * 0.8)
-                * DQuat::from_axis_angle(DVec3::Z, noise.next() * 0.8)
-        };
-        let rotation = DMat3::from_quat(turn());
-        let (bits, center_mm, semi_axes_mm) = match shapes.get(id as usize) {
-            Some((bits, center, axes)) => (*bits, DVec3::from_array(*center), DVec3::from_array(*axes)),
-            None => {
-                let place = DVec3::new(noise.next(), noise.next(), noise.next()) * 2.0 - 1.0;
-                let axes = DVec3::new(noise.next(), noise.next(), noise.next()) * 2.5 + 1.0;
-                (1 + (noise.next() * 6.99) as u32, place * DVec3::new(44.0, 36.0, 32.0), axes)
-            }
-        };
-        ellipsoids.push(DrawnEllipsoid {
-            id,
-            center_mm,
-            semi_axes_mm,
-            rotation,
-            color: colors.region(bits),
-            opacity: 0.35,
-        });
-    }
-    EllipsoidScene {
-        ellipsoids: Arc::new(ellipsoids),
-        opacity: 1.0,
-        lens: None,
-        camera: Camera::fit(DVec3::ZERO, 44.0, Camera::orientation(25.0, 18.0), Projection::Perspective),
-        background: [244, 244, 242],
-        silhouette: [0, 0, 0],
-        plane: None,
+fn index_of(name: &str, data: &Path) -> Outcome<TumorIndex> {
+    match name {
+        "glioma" => glioma(data),
+        "tiny" => synthetic(64),
+        _ => synthetic(512),
     }
 }
 
-/// A made-up slice: soft rings.
-fn slice() -> SlicePlane {
-    let n = 256;
-    let rgba: Vec<u8> = (0..n * n)
-        .flat_map(|i| {
-            let (x, y) = (f64::from(i % n) / 128.0 - 1.0, f64::from(i / n) / 128.0 - 1.0);
-            let v = (127.0 + 90.0 * ((x * x + 1.4 * y * y).sqrt() * 14.0).sin()) as u8;
-            [v, v, v, 255]
-        })
+/// Three algorithms' whole tumours of one glioma, 240 x 240 x 155.
+fn glioma(data: &Path) -> Outcome<TumorIndex> {
+    let masks: Vec<String> = ["hnfnetv1-20", "isen-20", "scan-20"]
+        .iter()
+        .map(|name| format!("{name}=glioma-5-algorithms/{name}.nii.gz:1,2,4"))
         .collect();
-    SlicePlane {
-        rgba: Arc::new(rgba),
-        size_px: [n as u32; 2],
-        corner_mm: DVec3::new(-42.0, 42.0, 4.0),
-        right_mm: DVec3::X * 84.0,
-        down_mm: DVec3::Y * -84.0,
-        opacity: 0.6,
-    }
+    let case = open(data, &masks.iter().map(String::as_str).collect::<Vec<_>>(), &[])?;
+    Ok(TumorIndex::clone(&case.time_points.first().ok_or("no date")?.index))
 }
 
-fn main() {
-    let mut args = std::env::args().skip(1);
-    let folder = args.next();
-    let rest: Vec<String> = args.collect();
-    let real = rest.iter().any(|a| a == "real");
-    let preference = if real { AdapterPreference::RealFirst } else { AdapterPreference::SoftwareOnly };
-    let frames = if rest.iter().any(|a| a == "quick") { 1 } else { 7 };
-    let gpu = Gpu::headless(preference).unwrap();
-    let mut renderer = EllipsoidRenderer::new(&gpu).unwrap();
-    println!("{}; times from {}", gpu.describe(), renderer.time_source().describe());
-    let light = diagram(20);
-    let lens = Some(Lens { center_mm: DVec3::new(2.0, -3.0, 6.0), radius_mm: 21.0 });
-    let with_lens = EllipsoidScene { lens, ..light.clone() };
-    let dark = EllipsoidScene { background: [34, 36, 40], silhouette: [205, 205, 205], ..with_lens.clone() };
-    let solid = light.ellipsoids.iter().map(|e| DrawnEllipsoid { opacity: 1.0, ..*e }).collect();
-    let opaque = EllipsoidScene { ellipsoids: Arc::new(solid), ..light.clone() };
-    let mut sliced = EllipsoidScene { plane: Some(slice()), ..light.clone() };
-    sliced.camera.world_from_camera = Camera::orientation(25.0, 45.0);
-    let many = diagram(300);
-    let scenes = [
-        ("20", light),
-        ("20_lens", with_lens),
-        ("20_dark", dark),
-        ("20_opaque", opaque),
-        ("20_slice", sliced),
-        ("300", many),
-    ];
-    for (name, scene) in &scenes {
-        for size in [512, 1024] {
-            let (mut whole, mut rows, mut names) = (Vec::new(), Vec::new(), Vec::new());
-            for _ in 0..frames {
-                let start = Instant::now();
-                renderer.render(&gpu, scene, &Quality::FULL, [size, size]).unwrap();
-                gpu.wait().unwrap();
-                whole.push(start.elapsed().as_secs_f64() * 1e3);
-                let times = renderer.pass_times(&gpu).unwrap();
-                names = times.iter().map(|t| t.0.name()).collect();
-                rows.push(times.iter().map(|t| t.1).collect::<Vec<f64>>());
-            }
-            print!("{name:10} {size:5}  whole {:7.1} ms ", median(whole));
-            for (column, pass) in names.iter().enumerate() {
-                print!(" {pass} {:6.1}", median(rows.iter().map(|r| r[column]).collect()));
-            }
-            println!();
-            if let (Some(folder), Some(frame)) = (&folder, renderer.frame()) {
-                let rgba = frame.read_rgba(&gpu).unwrap();
-                let path = format!("{folder}/ellipsoids_{name}_{size}.png");
-                image::RgbaImage::from_raw(size, size, rgba).unwrap().save(path).unwrap();
+/// How much the border of the synthetic masks is frayed.
+const FRAY: f64 = 0.012;
+/// Balls beside each mask's main body: with them and the frayed border the index of 512³ has about 1,700 components.
+const SATELLITES: usize = 168;
+
+/// Three overlapping lobed tumours with frayed borders, and small satellites, `n` voxels along each side.
+fn synthetic(n: usize) -> Outcome<TumorIndex> {
+    let grid = Grid::axis_aligned([n; 3], DVec3::ONE, DVec3::ZERO)?;
+    // Shapes are those of 512 voxels.
+    let scale = 512.0 / n as f64;
+    let noise = |p: DVec3, k: f64| {
+        let wave = |a: f64, b: f64, c: f64, s: f64| {
+            (p.x * a + s).sin() * (p.y * b + 2.0 * s).sin() * (p.z * c + 3.0 * s).sin()
+        };
+        wave(0.11, 0.09, 0.13, k) + wave(0.05, 0.07, 0.06, k + 1.0) + 0.7 * wave(0.23, 0.19, 0.21, k + 2.0)
+    };
+    // A fixed scramble of the voxel's number: frays the border.
+    let fray = |linear: usize, k: u64| {
+        let mut v = (linear as u64 ^ k << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        v = (v ^ v >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        (v >> 40) as f64 / (1_u64 << 24) as f64
+    };
+    let mut masks = Vec::new();
+    for k in 0..3_u64 {
+        let shift = k as f64;
+        let center = DVec3::new(256.0 + 7.0 * shift, 250.0 - 5.0 * shift, 260.0 + 3.0 * shift);
+        let radii = DVec3::new(100.0, 92.0, 84.0 + 3.0 * shift);
+        let satellites: Vec<(DVec3, f64)> = (0..SATELLITES)
+            .map(|i| {
+                let part = |axis: usize| 60.0 + 392.0 * fray(3 * i + axis, 7);
+                (DVec3::new(part(0), part(1), part(2)), 2.0 + 4.0 * fray(i, 8 + k))
+            })
+            .collect();
+        let mut bits = MaskBits::from_fn([n; 3], |linear| {
+            let p = grid.center_of_voxel_mm(grid.ijk(linear)) * scale;
+            let q = ((p - center) / radii).length_squared();
+            q + 0.2 * noise(p, 0.2 * shift) + FRAY * fray(linear, k) <= 1.0
+        });
+        // Balls apart from the main body: painted box by box, not looked for at every voxel.
+        for (c, r) in satellites {
+            let reach = |axis: usize| {
+                ((c[axis] - r) / scale).ceil() as usize..=((c[axis] + r) / scale).floor() as usize
+            };
+            for z in reach(2) {
+                for (y, x) in reach(1).flat_map(|y| reach(0).map(move |x| (y, x))) {
+                    let p = DVec3::new(x as f64, y as f64, z as f64) * scale;
+                    let is_apart = ((p - center) / radii).length_squared() > 1.7;
+                    if is_apart && p.distance_squared(c) <= r * r {
+                        bits.set([x, y, z]);
+                    }
+                }
             }
         }
+        masks.push(Mask::new(format!("m{k}"), grid.clone(), bits).ok_or("sizes differ")?);
     }
+    Ok(TumorIndex::new(grid, &masks.iter().collect::<Vec<_>>())?)
+}
+
+fn pool(threads: usize) -> Outcome<ThreadPool> {
+    Ok(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?)
+}
+
+/// Something timed on an index; how many it found.
+type Job = fn(&TumorIndex) -> usize;
+
+fn components(index: &TumorIndex) -> usize {
+    Components::of_index(index, Connectivity::default()).map_or(0, |c| c.list().len())
+}
+
+fn labels(index: &TumorIndex) -> usize {
+    Components::of_index(index, Connectivity::default()).map_or(0, |c| {
+        std::hint::black_box(c.labels(index.grid().dims()));
+        c.list().len()
+    })
+}
+
+fn ellipsoids(index: &TumorIndex) -> usize {
+    ellipsoids_of(index, Connectivity::default(), &Options::default(), &Progress::new())
+        .map_or(0, |e| e.len())
+}
+
+fn serve(index: &TumorIndex) -> Outcome<()> {
+    let pools = [pool(1)?, pool(2)?];
+    let [nx, ny, nz] = index.grid().dims();
+    say(format!("{nx} {ny} {nz}"))?;
+    for line in std::io::stdin().lock().lines() {
+        let line = line?;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let (job, threads): (Job, &str) = match words[..] {
+            ["components", threads] => (components, threads),
+            ["labels", threads] => (labels, threads),
+            ["ellipsoids", threads] => (ellipsoids, threads),
+            ["write", to, labels_to] => {
+                let IndexData::U8(values) = index.data() else { return Err("expected up to 8 masks".into()) };
+                write_whole(Path::new(to), values)?;
+                let found = Components::of_index(index, Connectivity::default())?.labels(index.grid().dims());
+                let bytes: Vec<u8> = found.iter().flat_map(|l| l.to_le_bytes()).collect();
+                write_whole(Path::new(labels_to), &bytes)?;
+                say("written")?;
+                continue;
+            }
+            _ => return Err(format!("found {line}, expected components, labels, ellipsoids or write").into()),
+        };
+        let pool = &pools[usize::from(threads != "1")];
+        let (wall_ms, cpu_ms, count) = timed(|| pool.install(|| job(index)));
+        say(format!("{} {} {count}", wall_ms / 1e3, cpu_ms.unwrap_or(0.0) / 1e3))?;
+    }
+    Ok(())
+}
+
+fn table(data: &Path, runs: usize) -> Outcome<()> {
+    let pools = [pool(1)?, pool(2)?];
+    say("| case | what | found | threads | median wall (ms) | fastest to slowest (ms) | median CPU (ms) |")?;
+    say("|---|---|---:|---:|---:|---:|---:|")?;
+    for name in ["glioma", "synthetic"] {
+        let index = index_of(name, data)?;
+        let jobs: [(&str, Job); 3] = [
+            ("components of the index", components),
+            ("the same, with a label volume", labels),
+            ("all ellipsoids", ellipsoids),
+        ];
+        // In turns, so that other load on the machine meets all alike.
+        let mut taken = vec![(Vec::new(), Vec::new(), 0); jobs.len() * pools.len()];
+        for round in 0..=runs {
+            for (j, (_, job)) in jobs.iter().enumerate() {
+                for (t, pool) in pools.iter().enumerate() {
+                    let (wall, cpu, count) = timed(|| pool.install(|| job(&index)));
+                    // The first round warms up.
+                    if round > 0 {
+                        let into = &mut taken[j * pools.len() + t];
+                        into.0.push(wall);
+                        into.1.push(cpu.unwrap_or(f64::NAN));
+                        into.2 = count;
+                    }
+                }
+            }
+        }
+        for (i, (wall, cpu, count)) in taken.iter().enumerate() {
+            let slowest = wall.iter().copied().fold(f64::NAN, f64::max);
+            say(format!(
+                "| {name} | {} | {count} | {} | {:.1} | {:.1} to {slowest:.1} | {:.1} |",
+                jobs[i / pools.len()].0,
+                i % pools.len() + 1,
+                median(wall),
+                least(wall),
+                median(cpu)
+            ))?;
+        }
+    }
+    Ok(())
+}
+
+/// Error of the volume against time, for the largest component of several kinds.
+fn curve(data: &Path, runs: usize) -> Outcome<()> {
+    say("shape,points,method,tolerance,median_ms,iterations,relative_error,bound_minus_1")?;
+    for name in ["glioma", "synthetic"] {
+        let index = index_of(name, data)?;
+        let found = Components::of_index_mask(&index, 0, Connectivity::default())?;
+        let component = found.list().iter().max_by_key(|c| c.voxels).ok_or("no component")?;
+        shape_curve(name, &hull_corners(found.runs(component), component.start), runs)?;
+    }
+    let grid = Grid::axis_aligned([64; 3], DVec3::ONE, DVec3::ZERO)?;
+    let bits = MaskBits::from_fn(grid.dims(), |l| {
+        grid.center_of_voxel_mm(grid.ijk(l)).distance(DVec3::splat(31.5)) <= 30.0
+    });
+    let found = Components::of_mask(&bits, Connectivity::default())?;
+    let ball = found.list().first().ok_or("no component")?;
+    shape_curve("ball of radius 30", &hull_corners(found.runs(ball), ball.start), runs)
+}
+
+fn shape_curve(name: &str, points: &[DVec3], runs: usize) -> Outcome<()> {
+    let reference = enclose(points, &Options { tolerance: 1e-12, ..Options::default() }).ok_or("flat")?;
+    for method in [Method::Exchange, Method::AwaySteps, Method::Khachiyan] {
+        for exponent in 1..=9 {
+            let tolerance = 10_f64.powi(-exponent);
+            let options = Options { method, tolerance, ..Options::default() };
+            let mut taken = Vec::new();
+            let mut result = reference;
+            let begin = Instant::now();
+            // One long run says enough.
+            while taken.len() < runs.max(1) && begin.elapsed().as_secs() < 2 {
+                let (ms, _, found) = timed(|| enclose(points, &options));
+                result = found.ok_or("flat")?;
+                taken.push(ms);
+            }
+            say(format!(
+                "{name},{},{},{tolerance:e},{:.4},{},{:.2e},{:.2e}",
+                points.len(),
+                method.name(),
+                median(&taken),
+                result.iterations,
+                result.volume() / reference.volume() - 1.0,
+                result.volume_bound - 1.0
+            ))?;
+        }
+    }
+    Ok(())
 }

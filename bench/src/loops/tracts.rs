@@ -1,14 +1,18 @@
 //! How long 100,000 streamlines of 50 points take to read and to measure against a ball of voxels.
 
-#![allow(clippy::print_stdout, reason = "its answer is what it prints")]
-
-use std::error::Error;
-use std::time::Instant;
-
 use glam::DVec3;
-use glioscope_core::files::{TractOptions, read_tract_bytes};
-use glioscope_core::tract_distance::{Nearness, SelectedCells};
-use glioscope_core::{Grid, MaskBits, Progress};
+use glioscope_core::{
+    Grid, MaskBits, Progress,
+    files::{TractOptions, read_tract_bytes},
+    grid::ijk,
+    tract_distance::{Nearness, SelectedCells},
+};
+
+use crate::{
+    Outcome,
+    clock::{least, repeated},
+    say,
+};
 
 const FIBERS: usize = 100_000;
 const POINTS: usize = 50;
@@ -59,36 +63,33 @@ fn trk(points: &[[f32; 3]]) -> Vec<u8> {
     out
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+/// Prints the times.
+///
+/// # Errors
+/// Where what was made here can't be read.
+pub fn run() -> Outcome<()> {
     let points = points();
     let (options, progress) = (TractOptions::default(), Progress::new());
     let mut loaded = None;
     for (name, bytes) in [("tck", tck(&points)), ("trk", trk(&points))] {
-        let mut best = f64::INFINITY;
-        for _ in 0..5 {
-            let start = Instant::now();
-            loaded = Some(read_tract_bytes(name, &bytes, &options, &progress)?);
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        println!("read {name}: {:.1} MB in {:.1} ms (least of 5)", bytes.len() as f64 / 1e6, best * 1e3);
+        let (times, found) = repeated(5, || read_tract_bytes(name, &bytes, &options, &progress))?;
+        loaded = Some(found);
+        let megabytes = bytes.len() as f64 / 1e6;
+        say(format!("read {name}: {megabytes:.1} MB in {:.1} ms (least of 5)", least(&times)))?;
     }
     let tracts = loaded.ok_or("nothing read")?.tracts;
     for radius in [5.0, 20.0, 40.0] {
         let dims = [150, 180, 130];
         let grid = Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO)?;
-        let mask = MaskBits::from_fn(dims, |l| {
-            let p = DVec3::new((l % 150) as f64, (l / 150 % 180) as f64, (l / 27_000) as f64);
-            p.distance(DVec3::new(75.0, 90.0, 65.0)) <= radius
-        });
-        let mut best = f64::INFINITY;
-        let mut near = None;
-        for _ in 0..3 {
-            let start = Instant::now();
+        let middle = DVec3::new(75.0, 90.0, 65.0);
+        let mask =
+            MaskBits::from_fn(dims, |l| grid.center_of_voxel_mm(ijk(dims, l)).distance(middle) <= radius);
+        let (times, near) = repeated(3, || -> Outcome<Nearness> {
             let cells = SelectedCells::new(&grid, &mask).ok_or("no voxels")?;
-            near = Some(Nearness::of(&cells.nearest_of_all(&tracts, &progress)?, 10.0));
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        println!("{} voxels, {FIBERS} fibres: {:.0} ms (least of 3), {near:?}", mask.count(), best * 1e3);
+            Ok(Nearness::of(&cells.nearest_of_all(&tracts, &progress)?, 10.0))
+        })?;
+        let (voxels, ms) = (mask.count(), least(&times));
+        say(format!("{voxels} voxels, {FIBERS} fibres: {ms:.0} ms (least of 3), {near:?}"))?;
     }
     Ok(())
 }

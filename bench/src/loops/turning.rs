@@ -1,37 +1,66 @@
-//! The automatic mode on a real case: the camera turns about it, each picture is timed, then all is still.
-//! `turning DATA_FOLDER [size=WxH] [pictures=N] [only=LIGHT]`; see docs/performance.md.
+//! The automatic mode on a real case: the camera turns about it, each picture is timed, then all is still. See
+//! docs/performance.md.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "an example: it ends at the first error, and prints"
-)]
+use std::{path::PathBuf, sync::Arc};
 
-use std::{path::Path, sync::Arc, time::Instant};
-
+use clap::{Args, builder::PossibleValuesParser};
 use glam::DQuat;
-use glioscope::views::still::{Auto, BUDGET_MS};
 use glioscope_core::{
-    Progress, RegionVolume, Selection,
-    case::{CaseSpec, LoadOptions, load},
+    RegionVolume, Selection,
+    optics::{Camera, Projection},
 };
 use glioscope_render::{
-    AdapterPreference, Camera, ContextRenderer, ContextScene, ContextVolume, Gpu, MaskColors, Palette,
-    PassName, Preset, Projection, Quality, Shading, TransferPreset,
+    ContextRenderer, ContextScene, ContextVolume, Gpu, LightingMode, MaskColors, Palette, Preset, Quality,
+    TransferPreset,
+    light::{self, Auto, BUDGET_MS},
+};
+use strum::{VariantArray, VariantNames};
+
+use super::open;
+use crate::{
+    Outcome,
+    clock::{load_average, median, timed},
+    open_gpu, say,
 };
 
-fn scene(folder: &Path) -> ContextScene {
-    let file = |name: &str| folder.join(format!("glioma-5-algorithms/{name}.nii.gz")).display().to_string();
-    let masks = ["hnfnetv1-20", "isen-20", "scan-20"].map(|name| format!("{name}={}:1,2,4", file(name)));
-    let spec = CaseSpec::from_arguments(&masks, &[format!("T1c={}", file("t1c"))]).unwrap();
-    let case = load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
-    let time = &case.time_points[0];
-    let volume = Arc::new(ContextVolume::new(Arc::clone(&time.contexts[0].volume)));
+/// What `turning` can be told.
+#[derive(Debug, Args)]
+pub struct TurningArguments {
+    /// Holds glioma-5-algorithms
+    #[arg(default_value = "../shared/data")]
+    data: PathBuf,
+    /// Pixels across
+    #[arg(long, default_value_t = 700)]
+    width: u32,
+    /// Pixels down
+    #[arg(long, default_value_t = 600)]
+    height: u32,
+    /// Pictures of the turn
+    #[arg(long, default_value_t = 60)]
+    pictures: usize,
+    /// Only this light
+    #[arg(long, value_parser = PossibleValuesParser::new(<LightingMode as VariantNames>::VARIANTS))]
+    only: Option<String>,
+    /// Use only the software graphics adapter
+    #[arg(long)]
+    software: bool,
+}
+
+fn scene(arguments: &TurningArguments) -> Outcome<ContextScene> {
+    let masks = ["hnfnetv1-20", "isen-20", "scan-20"]
+        .map(|name| format!("{name}=glioma-5-algorithms/{name}.nii.gz:1,2,4"));
+    let case = open(
+        &arguments.data,
+        &masks.each_ref().map(String::as_str),
+        &["T1c=glioma-5-algorithms/t1c.nii.gz"],
+    )?;
+    let time = case.time_points.first().ok_or("no date")?;
+    let image = time.contexts.first().ok_or("no image")?;
+    let volume = Arc::new(ContextVolume::new(Arc::clone(&image.volume)));
     let (low, high) = volume.grid().bounds_mm();
-    ContextScene {
-        transfer: Arc::new(
-            TransferPreset::first_for(volume.statistics(), "T1c").transfer(volume.statistics()),
-        ),
+    let preset = TransferPreset::first_for(volume.statistics(), "T1c");
+    Ok(ContextScene {
+        transfer: Arc::new(preset.transfer(volume.statistics())),
         volume: Some(volume),
         clip: Vec::new(),
         tumor: RegionVolume::of(&time.index, &time.regions).map(Arc::new),
@@ -47,12 +76,12 @@ fn scene(folder: &Path) -> ContextScene {
         ),
         background: [244, 244, 242],
         silhouette: [0, 0, 0],
-    }
+    })
 }
 
 /// Milliseconds to move so many bytes from one buffer to another, half of them read and half written: median of
 /// five copies. Of more than 1 GiB as much of a copy of that.
-fn copy_ms(gpu: &Gpu, bytes: u64) -> f64 {
+fn copy_ms(gpu: &Gpu, bytes: u64) -> Outcome<f64> {
     let size = (bytes / 2).clamp(4, 1 << 29) / 4 * 4;
     let [from, to] = [wgpu::BufferUsages::COPY_SRC, wgpu::BufferUsages::COPY_DST].map(|usage| {
         gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -62,146 +91,148 @@ fn copy_ms(gpu: &Gpu, bytes: u64) -> f64 {
             mapped_at_creation: false,
         })
     });
-    let mut times: Vec<f64> = (0..6)
-        .map(|_| {
-            // Many at once: a graphics card's copy is shorter than handing it over.
-            let times = ((1 << 28) / size).clamp(1, 1000);
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            for _ in 0..times {
-                encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size);
-            }
-            let begin = Instant::now();
+    // Many at once: a graphics card's copy is shorter than handing it over.
+    let times = ((1 << 28) / size).clamp(1, 1000);
+    let mut taken = Vec::new();
+    for _ in 0..6 {
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for _ in 0..times {
+            encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size);
+        }
+        let (ms, _, done) = timed(|| {
             gpu.queue.submit([encoder.finish()]);
-            gpu.wait().unwrap();
-            begin.elapsed().as_secs_f64() * 1e3 / times as f64
-        })
-        .skip(1)
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2] * bytes as f64 / (2 * size) as f64
+            gpu.wait()
+        });
+        done?;
+        taken.push(ms / times as f64);
+    }
+    Ok(median(&taken[1..]) * bytes as f64 / (2 * size) as f64)
 }
 
-/// The pass of light alone at the presets, a row each: per slice, per sample, and against a copy of the bytes that it must
-/// at least move.
-fn per_sample(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) {
-    println!(
-        "\n| light | preset | frame ms | pass | pass ms | slices | ms a slice | samples, millions | ns a sample | MB that must move | copy of these ms | pass / copy |"
-    );
-    println!("|---|---|---:|---|---:|---:|---:|---:|---:|---:|---:|---:|");
-    for shading in [Shading::Slices, Shading::Cones] {
-        for preset in Preset::ALL {
-            let mut renderer = ContextRenderer::new(gpu).unwrap();
-            let quality = Quality::preset(shading, preset);
-            let pass = if shading == Shading::Slices { PassName::Slices } else { PassName::LightGrid };
+/// The passes that light the image.
+const LIGHT_PASSES: [&str; 2] = ["slices", "light_grid"];
+
+/// The pass of light alone at the presets, a row each: per slice, per sample, and against a copy of the bytes that it
+/// must at least move.
+fn per_sample(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
+    say("\n| light | preset | frame ms | passes of light, ms | slices | ms a slice | samples, millions | \
+         ns a sample | MB that must move | copy of these ms | light / copy |\n\
+         |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|")?;
+    // Screen-space light has no part in the image.
+    let modes = <LightingMode as VariantArray>::VARIANTS.iter().filter(|m| **m != LightingMode::ScreenSpace);
+    for &mode in modes {
+        for preset in <Preset as VariantArray>::VARIANTS {
+            let mut renderer = ContextRenderer::new(gpu)?;
+            let quality = light::preset(mode, *preset);
             let (mut frames, mut passes) = (Vec::new(), Vec::new());
             for _ in 0..4 {
-                let begin = Instant::now();
-                renderer.render(gpu, scene, &quality, size).unwrap();
-                gpu.wait().unwrap();
-                frames.push(begin.elapsed().as_secs_f64() * 1e3);
-                let times = renderer.pass_times(gpu).unwrap();
-                passes.push(times.iter().filter(|t| t.0 == pass).map(|t| t.1).sum::<f64>());
+                let (ms, _, done) = timed(|| -> Outcome<()> {
+                    renderer.render(gpu, scene, &quality, size)?;
+                    Ok(gpu.wait()?)
+                });
+                done?;
+                frames.push(ms);
+                let of_light = renderer
+                    .pass_times(gpu)?
+                    .into_iter()
+                    .filter(|(pass, _)| LIGHT_PASSES.contains(&pass.name()));
+                passes.push(of_light.map(|t| t.1).sum::<f64>());
             }
             // The first compiles.
-            let median = |mut v: Vec<f64>| {
-                v.remove(0);
-                v.sort_by(f64::total_cmp);
-                v[v.len() / 2]
+            let (frame, pass_ms) = (median(&frames[1..]), median(&passes[1..]));
+            let work = renderer.light_work().ok_or("no light was drawn")?;
+            let copy = copy_ms(gpu, work.bytes)?;
+            let slices = match work.slices {
+                0 => "– | –".to_owned(),
+                n => format!("{n} | {:.3}", pass_ms / f64::from(n)),
             };
-            let (frame, pass_ms) = (median(frames), median(passes));
-            let work = renderer.light_work().unwrap();
-            let copy = copy_ms(gpu, work.bytes);
-            let slices = if work.slices > 0 {
-                format!("{} | {:.3}", work.slices, pass_ms / f64::from(work.slices))
-            } else {
-                "– | –".to_owned()
-            };
-            println!(
-                "| {} | {} | {frame:.1} | {} | {pass_ms:.2} | {slices} | {:.2} | {:.2} | {:.1} | {copy:.3} | {:.1} |",
-                shading.name(),
+            say(format!(
+                "| {} | {} | {frame:.1} | {pass_ms:.2} | {slices} | {:.2} | {:.2} | {:.1} | {copy:.3} | {:.1} |",
+                mode.name(),
                 preset.name(),
-                pass.name(),
                 work.samples as f64 * 1e-6,
                 pass_ms * 1e6 / work.samples as f64,
                 work.bytes as f64 * 1e-6,
                 pass_ms / copy,
-            );
+            ))?;
         }
     }
+    Ok(())
 }
 
-fn main() {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let option = |name: &str| arguments.iter().find_map(|a| a.strip_prefix(name)?.strip_prefix('='));
-    let pictures: usize = option("pictures").map_or(60, |n| n.parse().unwrap());
-    let (width, height) = option("size").unwrap_or("700x600").split_once('x').unwrap();
-    let size: [u32; 2] = [width.parse().unwrap(), height.parse().unwrap()];
-    let gpu = Gpu::headless(AdapterPreference::RealFirst).unwrap();
-    let mut scene = scene(Path::new(&arguments[0]));
+/// Prints the tables.
+///
+/// # Errors
+/// Where the case can't be read, or a picture not drawn.
+pub fn run(arguments: &TurningArguments) -> Outcome<()> {
+    let size = [arguments.width, arguments.height];
+    let gpu = open_gpu(arguments.software)?;
+    let mut scene = scene(arguments)?;
     let start = scene.camera.world_from_camera;
-    let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    println!("{}; {width}x{height} pixels; budget {BUDGET_MS} ms; load {}", gpu.describe(), load.trim());
-    println!(
-        "| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | still: balanced, reference ms | equal to the reference |"
-    );
-    println!("|---|---:|---:|---:|---:|---:|---:|---|");
-    let only = option("only");
-    for shading in Shading::ALL.into_iter().filter(|s| only.is_none_or(|name| s.name() == name)) {
-        let mut renderer = ContextRenderer::new(&gpu).unwrap();
-        let mut auto = Auto::of(shading);
-        let mut draw = |scene: &ContextScene, quality: &Quality| {
-            let begin = Instant::now();
-            let frame = renderer.render(&gpu, scene, quality, size).unwrap();
-            let a = begin.elapsed().as_secs_f64() * 1e3;
-            gpu.wait().unwrap();
-            let took = begin.elapsed().as_secs_f64() * 1e3;
-            let out = (took, frame.size_px, frame.clone());
-            if std::env::var("SPLIT").is_ok() {
-                println!("{:?} at {:?}, begun after {a:.1} of {took:.1} ms", out.1, quality.cost);
-                println!("{:?}", renderer.pass_times(&gpu).unwrap());
-            }
-            out
-        };
-        // Compiles and uploads.
-        draw(&scene, &Quality::at_cost(shading, auto.cost()));
-        let mut times = Vec::new();
-        let mut drawn = [0; 2];
-        for n in 0..pictures {
-            scene.camera.world_from_camera = start * DQuat::from_rotation_y(0.05 * n as f64);
-            let (took, size_px, _) = draw(&scene, &Quality::at_cost(shading, auto.cost()));
-            drawn = size_px;
-            if n >= 8 && took > 1.2 * BUDGET_MS {
-                let (again, ..) = draw(&scene, &Quality::at_cost(shading, auto.cost()));
-                println!("late: {took:.0} ms; the same picture again: {again:.0} ms");
-            }
-            auto.took(took);
-            times.push(took);
-        }
-        let mut late = times.split_off(8.min(times.len()));
-        let within = late.iter().filter(|t| **t <= 1.2 * BUDGET_MS).count();
-        let count = late.len();
-        late.sort_by(f64::total_cmp);
-        let (balanced, ..) = draw(&scene, &Quality::preset(shading, Preset::Balanced));
-        let (reference, _, frame) = draw(&scene, &Quality::preset(shading, Preset::Reference));
-        let rested = frame.read_rgba(&gpu).unwrap();
-        let mut fresh = ContextRenderer::new(&gpu).unwrap();
-        let wanted = fresh.render(&gpu, &scene, &Quality::preset(shading, Preset::Reference), size).unwrap();
-        let equal = wanted.read_rgba(&gpu).unwrap() == rested;
-        println!(
-            "| {} | {:.0} | {:.0} to {:.0} | {within} of {count} | {:.4} | {}x{} | {balanced:.0}, {reference:.0} | {} |",
-            shading.name(),
-            late.get(count / 2).copied().unwrap_or_default(),
-            late.first().copied().unwrap_or_default(),
-            late.last().copied().unwrap_or_default(),
-            auto.cost(),
-            drawn[0],
-            drawn[1],
-            if equal { "yes" } else { "NO" },
-        );
-        println!("first pictures: {:?}", times.iter().map(|t| t.round()).collect::<Vec<_>>());
+    let load = load_average().map_or("unknown".to_owned(), |l| format!("{l:.1}"));
+    say(format!("{}; {}x{} pixels; budget {BUDGET_MS} ms; load {load}", gpu.describe(), size[0], size[1]))?;
+    say(
+        "| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | \
+         still: balanced, reference ms | equal to the reference |\n|---|---:|---:|---:|---:|---:|---:|---|",
+    )?;
+    let asked = |mode: &&LightingMode| arguments.only.as_deref().is_none_or(|name| mode.name() == name);
+    for &mode in <LightingMode as VariantArray>::VARIANTS.iter().filter(asked) {
+        turn(&gpu, &mut scene, mode, arguments.pictures, size)?;
+        scene.camera.world_from_camera = start;
     }
-    scene.camera.world_from_camera = start;
-    if only.is_none() {
-        per_sample(&gpu, &scene, size);
+    if arguments.only.is_none() {
+        per_sample(&gpu, &scene, size)?;
     }
+    Ok(())
+}
+
+fn turn(
+    gpu: &Gpu,
+    scene: &mut ContextScene,
+    mode: LightingMode,
+    pictures: usize,
+    size: [u32; 2],
+) -> Outcome<()> {
+    let start = scene.camera.world_from_camera;
+    let mut renderer = ContextRenderer::new(gpu)?;
+    let mut auto = Auto::of(mode);
+    let mut draw = |scene: &ContextScene, quality: &Quality| -> Outcome<(f64, [u32; 2], Vec<u8>)> {
+        let (ms, _, drawn) = timed(|| -> Outcome<_> {
+            let frame = renderer.render(gpu, scene, quality, size)?.clone();
+            gpu.wait()?;
+            Ok(frame)
+        });
+        let frame = drawn?;
+        Ok((ms, frame.size_px, frame.read_rgba(gpu)?))
+    };
+    // Compiles and uploads.
+    draw(scene, &light::at_cost(mode, auto.cost()))?;
+    let mut times = Vec::new();
+    let mut drawn = [0; 2];
+    for n in 0..pictures {
+        scene.camera.world_from_camera = start * DQuat::from_rotation_y(0.05 * n as f64);
+        let (took, size_px, _) = draw(scene, &light::at_cost(mode, auto.cost()))?;
+        drawn = size_px;
+        auto.adapt(took);
+        times.push(took);
+    }
+    let late = times.split_off(8.min(times.len()));
+    let within = late.iter().filter(|t| **t <= 1.2 * BUDGET_MS).count();
+    let fastest = late.iter().copied().fold(f64::INFINITY, f64::min);
+    let slowest = late.iter().copied().fold(0.0, f64::max);
+    let (balanced, ..) = draw(scene, &light::preset(mode, Preset::Balanced))?;
+    let (reference, _, rested) = draw(scene, &light::preset(mode, Preset::Reference))?;
+    let mut fresh = ContextRenderer::new(gpu)?;
+    let wanted = fresh.render(gpu, scene, &light::preset(mode, Preset::Reference), size)?;
+    let equal = if wanted.read_rgba(gpu)? == rested { "yes" } else { "NO" };
+    say(format!(
+        "| {} | {:.0} | {fastest:.0} to {slowest:.0} | {within} of {} | {:.4} | {}x{} | {balanced:.0}, \
+         {reference:.0} | {equal} |",
+        mode.name(),
+        median(&late),
+        late.len(),
+        auto.cost(),
+        drawn[0],
+        drawn[1],
+    ))
 }

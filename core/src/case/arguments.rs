@@ -5,21 +5,21 @@ use std::path::Path;
 use super::{CaseError, CaseSpec, ContextSpec, MaskSpec};
 use crate::files::Source;
 
-/// The parts of one argument.
+/// One interpretation of an argument.
 #[derive(Debug, PartialEq)]
-struct Parts<'a> {
+struct Interpretation<'a> {
     id: &'a str,
     file: &'a str,
     labels: Option<Vec<i64>>,
     time: Option<&'a str>,
 }
 
-/// `1,4` as labels; `None` when it is anything else.
+/// Parses labels such as `1,4`; `None` for anything else.
 fn labels(text: &str) -> Option<Vec<i64>> {
     text.split(',').map(|n| n.trim().parse().ok()).collect()
 }
 
-/// `FILE:1,4` in two; the file alone where no labels follow the last colon.
+/// Splits `FILE:1,4` into file and labels; `None` labels where none follow the last colon.
 fn split_labels(text: &str) -> (&str, Option<Vec<i64>>) {
     match text.rsplit_once(':').map(|(file, list)| (file, labels(list))) {
         Some((file, Some(list))) if !file.is_empty() => (file, Some(list)),
@@ -27,37 +27,44 @@ fn split_labels(text: &str) -> (&str, Option<Vec<i64>>) {
     }
 }
 
-/// Splits an argument. File names may hold `=`, `@` and `:` (a Windows drive): the longest reading
-/// whose file `exists` is taken. Where none exists, the last `@` that no path separator follows
-/// starts the time, and a colon followed by whole numbers alone starts the labels.
-fn split<'a>(text: &'a str, with_labels: bool, exists: &dyn Fn(&str) -> bool) -> Option<Parts<'a>> {
+/// Splits an argument, see [`CaseSpec::from_arguments`]. `exists` states whether a file exists.
+fn interpret_argument<'a>(
+    text: &'a str,
+    with_labels: bool,
+    exists: &dyn Fn(&str) -> bool,
+) -> Option<Interpretation<'a>> {
     let (id, rest) = text.split_once('=').map(|(id, rest)| (id.trim(), rest))?;
-    let reading = |file: &'a str, time: Option<&'a str>| {
+    let interpret = |file: &'a str, time: Option<&'a str>| {
         let (file, labels) = if with_labels { split_labels(file) } else { (file, None) };
-        Parts { id, file, labels, time }
+        Interpretation { id, file, labels, time }
     };
-    let whole = Parts { id, file: rest, labels: None, time: None };
-    let mut readings = vec![whole, reading(rest, None)];
+    let entire_rest = Interpretation { id, file: rest, labels: None, time: None };
+    let mut interpretations = vec![entire_rest, interpret(rest, None)];
     for (at, _) in rest.rmatch_indices('@') {
         let (before, time) = (&rest[..at], rest[at + 1..].trim());
         if !time.is_empty() {
-            readings.push(Parts { id, file: before, labels: None, time: Some(time) });
-            readings.push(reading(before, Some(time)));
+            interpretations.push(Interpretation { id, file: before, labels: None, time: Some(time) });
+            interpretations.push(interpret(before, Some(time)));
         }
     }
-    if let Some(found) = readings.iter().position(|r| exists(r.file)) {
-        return Some(readings.swap_remove(found));
+    if let Some(found) = interpretations.iter().position(|r| exists(r.file)) {
+        return Some(interpretations.swap_remove(found));
     }
     match rest.rsplit_once('@') {
         Some((before, time)) if !time.trim().is_empty() && !time.contains(['/', '\\']) => {
-            Some(reading(before, Some(time.trim())))
+            Some(interpret(before, Some(time.trim())))
         }
-        _ => Some(reading(rest, None)),
+        _ => Some(interpret(rest, None)),
     }
 }
 
-fn parse<'a>(flag: &str, form: &str, text: &'a str, with_labels: bool) -> Result<Parts<'a>, CaseError> {
-    let parts = split(text, with_labels, &|file| Path::new(file).exists());
+fn parse<'a>(
+    flag: &str,
+    form: &str,
+    text: &'a str,
+    with_labels: bool,
+) -> Result<Interpretation<'a>, CaseError> {
+    let parts = interpret_argument(text, with_labels, &|file| Path::new(file).exists());
     match parts {
         Some(parts) if !parts.id.is_empty() && !parts.file.is_empty() => Ok(parts),
         _ => Err(CaseError::Wrong { case: flag.into(), found: format!("{text:?}"), expected: form.into() }),
@@ -92,14 +99,19 @@ pub(super) fn parse_all(masks: &[String], contexts: &[String]) -> Result<CaseSpe
 mod tests {
     use super::*;
 
-    fn parts<'a>(id: &'a str, file: &'a str, labels: Option<&[i64]>, time: Option<&'a str>) -> Parts<'a> {
-        Parts { id, file, labels: labels.map(<[i64]>::to_vec), time }
+    fn parts<'a>(
+        id: &'a str,
+        file: &'a str,
+        labels: Option<&[i64]>,
+        time: Option<&'a str>,
+    ) -> Interpretation<'a> {
+        Interpretation { id, file, labels: labels.map(<[i64]>::to_vec), time }
     }
 
     #[test]
-    fn the_plain_forms() {
+    fn arguments_are_split_when_no_file_exists() {
         let none = |_: &str| false;
-        let mask = |text| split(text, true, &none).unwrap();
+        let mask = |text| interpret_argument(text, true, &none).unwrap();
         assert_eq!(mask("T1=a.nii"), parts("T1", "a.nii", None, None));
         assert_eq!(mask("T1=a.nii:1,4"), parts("T1", "a.nii", Some(&[1, 4]), None));
         assert_eq!(mask("T1=a.nii:-1@2024-01-15"), parts("T1", "a.nii", Some(&[-1]), Some("2024-01-15")));
@@ -109,23 +121,38 @@ mod tests {
         assert_eq!(mask("T1=me@home/a.nii"), parts("T1", "me@home/a.nii", None, None));
         assert_eq!(mask("T1=a=b.nii"), parts("T1", "a=b.nii", None, None));
         assert_eq!(mask("T1=a.nii:1,x"), parts("T1", "a.nii:1,x", None, None));
-        assert_eq!(split("CT=a.nii:1", false, &none).unwrap(), parts("CT", "a.nii:1", None, None));
-        assert_eq!(split("a.nii", true, &none), None);
+        assert_eq!(
+            interpret_argument("CT=a.nii:1", false, &none).unwrap(),
+            parts("CT", "a.nii:1", None, None)
+        );
+        assert_eq!(interpret_argument("a.nii", true, &none), None);
     }
 
     #[test]
-    fn a_file_that_exists_decides() {
+    fn the_longest_existing_file_name_wins() {
         let with = |file: &'static str| move |f: &str| f == file;
         let text = "T1=a@b:1@2024";
-        assert_eq!(split(text, true, &with("a@b:1@2024")).unwrap(), parts("T1", "a@b:1@2024", None, None));
-        assert_eq!(split(text, true, &with("a@b:1")).unwrap(), parts("T1", "a@b:1", None, Some("2024")));
-        assert_eq!(split(text, true, &with("a@b")).unwrap(), parts("T1", "a@b", Some(&[1]), Some("2024")));
-        assert_eq!(split(text, true, &with("a")).unwrap(), parts("T1", "a", None, Some("b:1@2024")));
-        assert_eq!(split("T1=s:3", true, &with("s:3")).unwrap(), parts("T1", "s:3", None, None));
+        assert_eq!(
+            interpret_argument(text, true, &with("a@b:1@2024")).unwrap(),
+            parts("T1", "a@b:1@2024", None, None)
+        );
+        assert_eq!(
+            interpret_argument(text, true, &with("a@b:1")).unwrap(),
+            parts("T1", "a@b:1", None, Some("2024"))
+        );
+        assert_eq!(
+            interpret_argument(text, true, &with("a@b")).unwrap(),
+            parts("T1", "a@b", Some(&[1]), Some("2024"))
+        );
+        assert_eq!(
+            interpret_argument(text, true, &with("a")).unwrap(),
+            parts("T1", "a", None, Some("b:1@2024"))
+        );
+        assert_eq!(interpret_argument("T1=s:3", true, &with("s:3")).unwrap(), parts("T1", "s:3", None, None));
     }
 
     #[test]
-    fn mistakes_name_the_flag() {
+    fn errors_name_the_flag() {
         for bad in ["a.nii", "=a.nii", "T1="] {
             let error = parse_all(&[bad.into()], &[]).unwrap_err().to_string();
             assert!(error.starts_with("--mask: found ") && error.contains("expected ID=FILE"), "{error}");

@@ -1,4 +1,4 @@
-//! What is noticed about a case: each finding has a code of `docs/checks.md`.
+//! Checks of a case: each finding has a code listed in `docs/checks.md`.
 
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ use crate::{
     resample,
 };
 
-/// Volume drift of a resampled mask, in per cent, above which it is a warning and not a note.
+/// Volume change of a resampled mask, in per cent, above which the finding is a warning instead of a note.
 pub const DRIFT_WARNING_PERCENT: f64 = 5.0;
 
 fn spacing(grid: &Grid) -> String {
@@ -25,7 +25,7 @@ fn list(labels: &[i64]) -> String {
     format!("{} {}", if labels.len() == 1 { "label" } else { "labels" }, words.join(", "))
 }
 
-/// A part of a whole in per cent, never rounded to 0 or to 100 when it is neither.
+/// `part` of `whole` in per cent; never rounded to 0 or 100 unless exact. `part` is above 0.
 fn percent(part: u64, whole: u64) -> String {
     if part == whole {
         return "all".into();
@@ -51,19 +51,19 @@ fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>
             "mask-empty",
             format!("{name}: found an empty mask ({why}), expected active voxels"),
         ));
-    } else if !m.missing.is_empty() {
+    } else if !m.missing_labels.is_empty() {
         let asked = list(labels.unwrap_or_default());
         checks.push(Check::note(
             "label-missing",
-            format!("{name}: found no voxel with {}, expected {asked}", list(&m.missing)),
+            format!("{name}: found no voxel with {}, expected {asked}", list(&m.missing_labels)),
         ));
     }
-    if m.not_whole > 0 {
+    if m.non_integer > 0 {
         checks.push(Check::warning(
             "non-integer-label-map",
             format!(
                 "{name}: found {} voxels that are no whole number, expected a label map; they are inactive",
-                m.not_whole
+                m.non_integer
             ),
         ));
     }
@@ -100,7 +100,7 @@ fn sides(spec: &CaseSpec, masks: &[NativeMask], images: &[(usize, &str, &Grid)])
     checks
 }
 
-/// Everything that shows on the masks' and images' own grids. `images`: time, id, grid.
+/// Findings on the masks' and images' native grids. `images`: time, id, grid.
 pub(super) fn before_resampling(
     spec: &CaseSpec,
     labels: &[String],
@@ -189,7 +189,7 @@ pub(super) fn before_resampling(
     checks
 }
 
-/// What resampling changed.
+/// Changes of volume by resampling.
 pub(super) fn after_resampling(labels: &[String], native: &[NativeMask], on_grid: &[Mask]) -> Vec<Check> {
     let mut checks = Vec::new();
     for (m, after) in native.iter().zip(on_grid) {
@@ -213,17 +213,16 @@ pub(super) fn after_resampling(labels: &[String], native: &[NativeMask], on_grid
     checks
 }
 
-/// Masks of one time point that neither share a voxel with another nor lie against one (26
-/// neighbours). Needs two masks that aren't empty.
-pub(super) fn touching(label: &str, masks: &[CaseMask], regions: &Regions) -> Vec<Check> {
-    let filled: Vec<usize> = (0..masks.len()).filter(|&k| regions.mask_voxels(k) > 0).collect();
-    if filled.len() < 2 {
+/// Masks of one time point that neither overlap nor touch (26-neighbourhood) another one. Needs two non-empty masks.
+pub(super) fn isolated_masks(label: &str, masks: &[CaseMask], regions: &Regions) -> Vec<Check> {
+    let non_empty: Vec<usize> = (0..masks.len()).filter(|&k| regions.mask_voxels(k) > 0).collect();
+    if non_empty.len() < 2 {
         return Vec::new();
     }
     let mut checks = Vec::new();
-    for &k in &filled {
+    for &k in &non_empty {
         let overlaps = regions.list().iter().any(|r| r.bits >> k & 1 == 1 && r.mask_count() > 1);
-        let others = || filled.iter().filter(|&&o| o != k).map(|&o| &masks[o].mask);
+        let others = || non_empty.iter().filter(|&&o| o != k).map(|&o| &masks[o].mask);
         if overlaps || others().any(|o| adjacent(&masks[k].mask, o)) {
             continue;
         }
@@ -237,7 +236,7 @@ pub(super) fn touching(label: &str, masks: &[CaseMask], regions: &Regions) -> Ve
     checks
 }
 
-/// First and one-past-last voxel of a mask's box, grown by `by` and kept inside the grid.
+/// First and one-past-last voxel of a mask's bounding box, grown by `by` voxels and clamped to the grid.
 fn grown_box(mask: &Mask, by: usize) -> Option<([usize; 3], [usize; 3])> {
     let (start, dims) = mask.bits().bounds()?;
     let n = mask.grid().dims();
@@ -261,7 +260,7 @@ fn adjacent(a: &Mask, b: &Mask) -> bool {
         .any(|z| (lo[1]..hi[1]).any(|y| (lo[0]..hi[0]).any(|x| b.bits().get([x, y, z]) && near([x, y, z]))))
 }
 
-/// Distance between two masks' boxes along the voxel axes, each in millimetres.
+/// Distance between two masks' bounding boxes in millimetres, from the gaps along the voxel axes.
 fn box_gap_mm(a: &Mask, b: &Mask) -> f64 {
     let (Some((lo_a, hi_a)), Some((lo_b, hi_b))) = (grown_box(a, 0), grown_box(b, 0)) else {
         return f64::INFINITY;

@@ -1,12 +1,12 @@
-//! A case from a path: a manifest, a folder read by its files' names, or a single file. What is
-//! guessed is said in the case's notes, which are shown before the case is.
+//! A case from a path: a manifest, a folder interpreted by its file names, or a single file. Guesses are recorded in
+//! the case's notes, which are shown before the case.
 
 use std::path::{Path, PathBuf};
 
 use super::{
     CaseError, CaseSpec, ContextSpec, LoadOptions, MaskSpec,
     manifest::{folder_name, read_manifest},
-    names::{self, Kind, Named},
+    names::{self, Kind, ParsedName},
     select,
 };
 use crate::{
@@ -18,14 +18,13 @@ use crate::{
     tumor_index::MAX_MASKS,
 };
 
-/// Most different values a file may have to pass for a label map: BraTS has 5, a whole-brain
-/// parcellation hundreds.
+/// Maximum number of distinct values in a label map: BraTS has 5, a whole-brain parcellation hundreds.
 const MAX_LABELS: usize = 64;
 
-/// Folders below the one opened that are searched: BIDS has sub-, ses- and anat.
+/// Depth of subfolders searched below the opened one: BIDS has sub-, ses- and anat.
 const MAX_DEPTH: usize = 4;
 
-/// Most files and folders that are looked at.
+/// Maximum number of files and folders visited.
 const MAX_ENTRIES: usize = 10_000;
 
 fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
@@ -33,17 +32,17 @@ fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
 }
 
 /// The case at `path`: a manifest (`.toml`), a folder with one (`case.toml`, or the only `.toml`
-/// that has a `glioscope` key), a folder without, or one image file. Files are opened only where
-/// their names don't say enough.
+/// that has a `glioscope` key), a folder without, or one image file. Files are opened only where their names are
+/// ambiguous.
 ///
 /// # Errors
-/// [`CaseError`]: nothing there, a wrong manifest, a folder without images or with those of
-/// several subjects, a file that can't be read.
+/// [`CaseError`]: no such path, an invalid manifest, a folder without images or with images of several subjects,
+/// an unreadable file.
 pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
     let kind = format::volume_names();
     let expected = &format!("a case manifest (.toml), a folder of {kind} files, or a {kind} file");
-    let there = std::fs::metadata(path).map_err(|e| wrong(path, e.to_string(), expected))?;
-    if there.is_dir() {
+    let metadata = std::fs::metadata(path).map_err(|e| wrong(path, e.to_string(), expected))?;
+    if metadata.is_dir() {
         return match manifest_in(path)? {
             Some(manifest) => read_manifest(&manifest),
             None => guess_folder(path, options, progress),
@@ -60,7 +59,7 @@ pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
     guess(folder, vec![PathBuf::from(&name)], name, options, progress)
 }
 
-/// The manifest of a folder, where it has one.
+/// The manifest of a folder, if it has one.
 fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
     let usual = folder.join("case.toml");
     if usual.is_file() {
@@ -91,17 +90,17 @@ fn read_folder(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
     Ok(paths)
 }
 
-/// Images and masks below `folder`, relative to it, in the order of their paths. Hidden ones are left
-/// out, and folders that are links.
+/// Images and masks below `folder`, relative to it, sorted by path. Hidden entries and symbolic links to folders are
+/// skipped.
 fn volume_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, CaseError> {
     let mut found = Vec::new();
-    let mut seen = 0;
-    let mut ahead = vec![(folder.to_path_buf(), 0)];
-    while let Some((here, depth)) = ahead.pop() {
+    let mut visited = 0;
+    let mut pending = vec![(folder.to_path_buf(), 0)];
+    while let Some((current, depth)) = pending.pop() {
         progress.check()?;
-        for path in read_folder(&here)? {
-            seen += 1;
-            if seen > MAX_ENTRIES {
+        for path in read_folder(&current)? {
+            visited += 1;
+            if visited > MAX_ENTRIES {
                 let text = format!("more than {MAX_ENTRIES} files and folders");
                 return Err(wrong(folder, text, "the folder of one case"));
             }
@@ -110,7 +109,7 @@ fn volume_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, Case
             };
             if path.is_dir() {
                 if depth < MAX_DEPTH && !path.is_symlink() {
-                    ahead.push((path, depth + 1));
+                    pending.push((path, depth + 1));
                 }
             } else if volume_stem(name).is_some() {
                 found.extend(path.strip_prefix(folder).map(Path::to_path_buf));
@@ -132,28 +131,31 @@ fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Re
     guess(folder, files, name, options, progress)
 }
 
-/// One file on its way into the case.
+/// A file to be added to the case.
 struct Entry {
     path: PathBuf,
-    named: Named,
+    named: ParsedName,
     is_mask: bool,
     by_content: bool,
-    /// Values above 0, where the file was read and looks like a label map.
+    /// Distinct values, where the file was read and looks like a label map.
     labels: Option<Vec<i64>>,
     id: String,
 }
 
-/// Labels of a file that looks like a label map: few different values, all whole, and not one
-/// single value all over.
-fn labels_of(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Option<Vec<i64>>, CaseError> {
+/// Distinct values of a file that looks like a label map: few, all integers, and not a single non-zero one.
+fn label_values(
+    path: &Path,
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Option<Vec<i64>>, CaseError> {
     let read = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
     let loaded = files::read(&Source::File(path.to_path_buf()), &read, progress)?;
-    let values = select::few_whole_values(&loaded.volume, MAX_LABELS);
+    let values = select::label_map_values(&loaded.volume, MAX_LABELS);
     Ok(values.filter(|v| v.len() > 1 || v == &[0]))
 }
 
-/// Ids, made different within each kind and time: by name, else by the whole name, else by folder.
-fn give_ids(entries: &mut [Entry]) {
+/// Assigns ids, unique within each kind and time: from the name's parts, else the whole name, else the path.
+fn assign_ids(entries: &mut [Entry]) {
     for e in entries.iter_mut() {
         e.id = names::id(&e.named, e.is_mask);
     }
@@ -172,9 +174,9 @@ fn give_ids(entries: &mut [Entry]) {
     }
 }
 
-/// Times from the names. One label alone is no time; a file without one beside files with one is
-/// left out. Where no name has any and ids clash, the folders' names are the times.
-fn give_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
+/// Assigns times from the names. A single time label is ignored; files without a time are left out where others have
+/// one. Where no name has a time and ids clash, the top-level folders' names are the times.
+fn assign_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
     if entries.iter().all(|e| e.named.time.is_none()) {
         let top = |e: &Entry| {
             let mut parts = e.path.iter().filter_map(|p| p.to_str());
@@ -208,8 +210,8 @@ fn give_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
     }
 }
 
-/// One label map at each time and nothing else to compare it with: each of its labels is a mask.
-/// Returns the labels of all of them together; `None` where that isn't so.
+/// Where each time has at most one mask file, a label map, each of its labels becomes a mask. Returns the labels of all
+/// times together; `None` where this doesn't apply.
 fn labels_as_masks(
     folder: &Path,
     entries: &mut [Entry],
@@ -223,7 +225,7 @@ fn labels_as_masks(
     let mut all = Vec::new();
     for e in entries.iter_mut().filter(|e| e.is_mask) {
         if !e.by_content {
-            e.labels = labels_of(&folder.join(&e.path), options, progress)?;
+            e.labels = label_values(&folder.join(&e.path), options, progress)?;
         }
         all.extend(e.labels.iter().flatten().copied().filter(|&l| l != 0));
     }
@@ -242,18 +244,18 @@ fn list<'a>(ids: impl Iterator<Item = &'a Entry>) -> Option<String> {
     (!unique.is_empty()).then(|| unique.join(", "))
 }
 
-fn say_kinds(entries: &[Entry], notes: &mut Vec<Check>) {
-    let mut say = |is_mask: bool, by_content: bool, text: &str| {
+fn note_kinds(entries: &[Entry], notes: &mut Vec<Check>) {
+    let mut note = |is_mask: bool, by_content: bool, text: &str| {
         if let Some(ids) = list(entries.iter().filter(|e| e.is_mask == is_mask && e.by_content == by_content))
         {
             let kind = if is_mask { "masks" } else { "images" };
             notes.push(Check::note("guessed-kinds", format!("{kind}: guessed {text}: {ids}")));
         }
     };
-    say(false, false, "from names");
-    say(false, true, "from contents (values of an image, not of labels)");
-    say(true, false, "from names");
-    say(true, true, "from contents (few values, all whole numbers)");
+    note(false, false, "from names");
+    note(false, true, "from contents (values of an image, not of labels)");
+    note(true, false, "from names");
+    note(true, true, "from contents (few values, all whole numbers)");
 }
 
 fn guess(
@@ -263,10 +265,10 @@ fn guess(
     options: &LoadOptions,
     progress: &Progress,
 ) -> Result<CaseSpec, CaseError> {
-    let mut named: Vec<Named> = Vec::new();
+    let mut named: Vec<ParsedName> = Vec::new();
     let mut paths = Vec::new();
     for path in files {
-        if let Some(n) = names::read_name(&path) {
+        if let Some(n) = names::parse_name(&path) {
             named.push(n);
             paths.push(path);
         }
@@ -282,17 +284,17 @@ fn guess(
     let mut entries = Vec::new();
     for (path, named) in paths.into_iter().zip(named) {
         let (mut is_mask, mut labels) = (named.kind == Kind::Mask, None);
-        let by_content = named.kind == Kind::Unsaid;
+        let by_content = named.kind == Kind::Unknown;
         if by_content {
-            labels = labels_of(&folder.join(&path), options, progress)?;
+            labels = label_values(&folder.join(&path), options, progress)?;
             is_mask = labels.is_some();
         }
         entries.push(Entry { path, named, is_mask, by_content, labels, id: String::new() });
     }
     let mut spec = CaseSpec { name, ..CaseSpec::default() };
-    give_times(&mut entries, &mut spec.notes);
-    give_ids(&mut entries);
-    say_kinds(&entries, &mut spec.notes);
+    assign_times(&mut entries, &mut spec.notes);
+    assign_ids(&mut entries);
+    note_kinds(&entries, &mut spec.notes);
     let split = labels_as_masks(folder, &mut entries, options, progress)?;
     if let Some(labels) = &split {
         let words: Vec<String> = labels.iter().map(i64::to_string).collect();

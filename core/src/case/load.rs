@@ -1,5 +1,5 @@
-//! From a case's description to the case: files read side by side, label maps made into masks,
-//! masks brought onto the case grid.
+//! Loads a described case: reads files in parallel, selects masks from label maps, resamples masks onto the case
+//! grid.
 
 use std::sync::Arc;
 
@@ -17,13 +17,13 @@ use crate::{
     tumor_index::MAX_MASKS,
 };
 
-/// One mask on its own grid.
+/// One mask on its native grid.
 pub(super) struct NativeMask {
     pub spec: usize,
     pub time: usize,
     pub mask: Mask,
-    pub missing: Vec<i64>,
-    pub not_whole: u64,
+    pub missing_labels: Vec<i64>,
+    pub non_integer: u64,
 }
 
 /// One image.
@@ -37,8 +37,8 @@ fn wrong(case: &str, found: impl Into<String>, expected: impl Into<String>) -> C
     CaseError::Wrong { case: case.to_owned(), found: found.into(), expected: expected.into() }
 }
 
-/// The labels of the time points, in the order first met, images before masks; one empty label
-/// where nothing names a time.
+/// The labels of the time points, in the order first listed, images before masks; one empty label where no time is
+/// stated.
 fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
     let images = spec.contexts.iter().map(|c| ("image", &c.id, &c.time));
     let masks = spec.masks.iter().map(|m| ("mask", &m.id, &m.time));
@@ -67,7 +67,7 @@ fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
     }
 }
 
-/// `(T1, 2024-01-15)` as messages write it.
+/// An id and its time as written in messages: `T1 (2024-01-15)`.
 pub(super) fn at_time(id: &str, time: &str) -> String {
     if time.is_empty() { id.to_owned() } else { format!("{id} ({time})") }
 }
@@ -120,7 +120,7 @@ fn check_counts(spec: &CaseSpec, labels: &[String]) -> Result<(), CaseError> {
     Ok(())
 }
 
-/// A file named in the case, with all that is made of it.
+/// A file of the case, with the images and masks that are made from it (positions in the [`CaseSpec`]).
 struct Job<'a> {
     source: &'a Source,
     contexts: Vec<usize>,
@@ -137,7 +137,7 @@ impl Job<'_> {
     }
 }
 
-/// Each file once, in the order named.
+/// One job per file, in the order listed.
 fn jobs(spec: &CaseSpec) -> Vec<Job<'_>> {
     let mut jobs: Vec<Job<'_>> = Vec::new();
     let job_of = |jobs: &mut Vec<Job<'_>>, source| match jobs.iter().position(|j| j.source == source) {
@@ -161,8 +161,8 @@ fn jobs(spec: &CaseSpec) -> Vec<Job<'_>> {
     jobs
 }
 
-/// What one file gave: its masks and its image are kept, the rest of its voxels dropped at once.
-struct Read {
+/// The result of one job: selected masks, and the image's voxels if the case uses them.
+struct FileResult {
     checks: Vec<Check>,
     grid: Grid,
     image: Option<Arc<Volume>>,
@@ -174,7 +174,7 @@ fn read_one(
     spec: &CaseSpec,
     progress: &Progress,
     read: &(dyn Fn(&Source) -> Result<Loaded, FileError> + Sync),
-) -> Result<Read, CaseError> {
+) -> Result<FileResult, CaseError> {
     progress.check()?;
     let id = job.first_id(spec);
     progress.say(format!("Reading {id}"));
@@ -190,7 +190,7 @@ fn read_one(
         .iter()
         .map(|&m| Ok((m, select::select(&loaded.volume, spec.masks[m].labels.as_deref(), progress)?)))
         .collect::<Result<Vec<_>, CaseError>>()?;
-    Ok(Read {
+    Ok(FileResult {
         checks,
         grid: loaded.volume.grid().clone(),
         image: (!job.contexts.is_empty()).then(|| Arc::new(loaded.volume)),
@@ -198,7 +198,7 @@ fn read_one(
     })
 }
 
-/// The case grid: where, and whose.
+/// The case grid, and the id of the mask or image it comes from.
 fn case_grid(
     spec: &CaseSpec,
     choice: &CaseGridChoice,
@@ -210,7 +210,7 @@ fn case_grid(
     let none = || wrong(&spec.name, "no image and no mask", "at least one");
     let (grid, id) = match choice {
         CaseGridChoice::FinestMask => {
-            // A later mask must be finer by more than rounding to win.
+            // A later mask must be finer by more than rounding error.
             let finest = masks.iter().reduce(|best, m| {
                 let (a, b) = (best.mask.grid().voxel_volume_mm3(), m.mask.grid().voxel_volume_mm3());
                 if b < a * (1.0 - 1e-6) { m } else { best }
@@ -232,7 +232,7 @@ fn case_grid(
             })?
         }
     };
-    // Masks whose sides are unknown make the index's sides unknown: overlaying them is a guess.
+    // One mask with unknown sides makes the sides of the index unknown: overlaying it is a guess.
     let unknown = masks.iter().any(|m| m.mask.grid().sides() == Sides::Unknown);
     let sides = if unknown { Sides::Unknown } else { grid.sides() };
     let grid = Grid::new(grid.dims(), grid.world_from_voxel(), sides)
@@ -240,7 +240,7 @@ fn case_grid(
     Ok((grid, id))
 }
 
-/// Reads every file of tracts; what was noticed goes to `checks`.
+/// Reads every tract file; findings are appended to `checks`.
 fn load_tracts(
     spec: &CaseSpec,
     options: &LoadOptions,
@@ -259,8 +259,7 @@ fn load_tracts(
     Ok(all)
 }
 
-/// As [`super::load`], with the images and masks given by `read`: for cases that are already in memory, and
-/// for tests.
+/// As [`super::load`], with images and masks read by `read`: for cases already in memory, and for tests.
 ///
 /// # Errors
 /// [`CaseError`].
@@ -285,8 +284,14 @@ pub fn load_with(
         for (m, selected) in outcome.selected {
             let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits)
                 .ok_or_else(|| wrong(&spec.name, "a mask of another size than its file", "the same size"))?;
-            let (missing, not_whole) = (selected.missing, selected.not_whole);
-            masks.push(NativeMask { spec: m, time: time_of(&spec.masks[m].time), mask, missing, not_whole });
+            let (missing_labels, non_integer) = (selected.missing_labels, selected.non_integer);
+            masks.push(NativeMask {
+                spec: m,
+                time: time_of(&spec.masks[m].time),
+                mask,
+                missing_labels,
+                non_integer,
+            });
         }
         if let Some(volume) = outcome.image {
             for &c in &job.contexts {
@@ -297,7 +302,7 @@ pub fn load_with(
     }
     let tracts = load_tracts(spec, options, progress, &mut checks)?;
     images.sort_by_key(|c| c.spec);
-    // One id is one mask over time, so it takes its bit in the order ids are first met.
+    // One id is one mask over time: bits are assigned in the order in which ids are first listed.
     let rank = |m: &NativeMask| spec.masks.iter().position(|s| s.id == spec.masks[m.spec].id);
     masks.sort_by_key(|m| m.spec);
     let (grid, grid_id) = case_grid(spec, &options.case_grid, &masks, &images)?;
@@ -342,7 +347,7 @@ pub fn load_with(
         let index = TumorIndex::new(grid.clone(), &here.iter().map(|m| &m.mask).collect::<Vec<_>>())
             .map_err(|e| wrong(&spec.name, e.to_string(), "masks on the case grid"))?;
         let regions = Regions::of(&index);
-        checks.extend(check::touching(&label, &here, &regions));
+        checks.extend(check::isolated_masks(&label, &here, &regions));
         let contexts = images
             .iter()
             .filter(|c| c.time == number)

@@ -1,4 +1,4 @@
-//! The case manifest: a TOML file that names a case's images and masks.
+//! The case manifest: a TOML file that lists a case's images, masks and tracts.
 //!
 //! ```toml
 //! glioscope = 1            # format version, required
@@ -30,7 +30,7 @@ use crate::files::Source;
 /// The version written, and the only one read.
 pub const VERSION: i64 = 1;
 
-/// Most bytes a manifest may have.
+/// Maximum size of a manifest in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 #[derive(Deserialize)]
@@ -71,7 +71,7 @@ struct MaskEntry {
     color: Option<Spanned<String>>,
 }
 
-/// A label in quotes, or a date without.
+/// A time: a quoted label, or a TOML date without quotes.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a text in quotes or a date")]
 enum Time {
@@ -88,7 +88,7 @@ impl Time {
     }
 }
 
-/// `#d62728` as three bytes.
+/// Parses `#d62728` as sRGB bytes.
 pub(super) fn parse_color(text: &str) -> Option<[u8; 3]> {
     let digits =
         text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
@@ -96,20 +96,20 @@ pub(super) fn parse_color(text: &str) -> Option<[u8; 3]> {
     Some([byte(0)?, byte(2)?, byte(4)?])
 }
 
-/// Where a message about part of a manifest points: `case.toml, line 7`.
-struct Place<'a> {
+/// Formats the location in error messages: `case.toml, line 7`.
+struct ErrorLocation<'a> {
     name: String,
     text: &'a str,
 }
 
-impl Place<'_> {
+impl ErrorLocation<'_> {
     fn wrong(&self, at: Option<usize>, found: impl Into<String>, expected: impl Into<String>) -> CaseError {
         let line = at.and_then(|at| self.text.get(..at)).map(|before| before.matches('\n').count() + 1);
         let case = line.map_or_else(|| self.name.clone(), |line| format!("{}, line {line}", self.name));
         CaseError::Wrong { case, found: one_line(found), expected: one_line(expected) }
     }
 
-    /// The parser's own message, turned into what was found and what was expected.
+    /// The TOML parser's message, split into what was found and what was expected.
     fn parse_error(&self, error: &toml::de::Error) -> CaseError {
         let message = one_line(error.message());
         let at = error.span().map(|s| s.start);
@@ -126,10 +126,10 @@ fn one_line(text: impl Into<String>) -> String {
     text.into().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Reads the manifest at `path`. The files it names are not touched.
+/// Reads the manifest at `path`. The files it lists are not opened.
 ///
 /// # Errors
-/// [`CaseError::Wrong`], one line with the manifest's name and, where there is one, the line.
+/// [`CaseError::Wrong`], one line with the manifest's path and, if known, the line number.
 pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
     let fail = |found: String| CaseError::Wrong {
         case: path.display().to_string(),
@@ -144,31 +144,39 @@ pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
     parse_manifest(&text, path)
 }
 
-/// Reads a manifest's text; `path` is where it stands or would stand: messages name it, files are
-/// relative to its folder, and the folder names a case without a name.
+/// Parses a manifest's text; `path` is its actual or assumed location: messages name it, files are relative to its
+/// folder, and a case without a name is named after that folder.
 ///
 /// # Errors
 /// As [`read_manifest`].
 pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
-    let place = Place { name: path.display().to_string(), text };
-    let manifest: Manifest = toml::from_str(text).map_err(|e| place.parse_error(&e))?;
+    let location = ErrorLocation { name: path.display().to_string(), text };
+    let manifest: Manifest = toml::from_str(text).map_err(|e| location.parse_error(&e))?;
     let version = *manifest.glioscope.get_ref();
     if version != VERSION {
         let at = Some(manifest.glioscope.span().start);
-        return Err(place.wrong(at, format!("manifest version {version}"), format!("glioscope = {VERSION}")));
+        return Err(location.wrong(
+            at,
+            format!("manifest version {version}"),
+            format!("glioscope = {VERSION}"),
+        ));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let text_of = |s: &Spanned<String>, what: &str| {
         let value = s.get_ref().trim();
         if value.is_empty() || value.chars().any(char::is_control) {
-            return Err(place.wrong(Some(s.span().start), format!("{what} = {:?}", s.get_ref()), "a name"));
+            return Err(location.wrong(
+                Some(s.span().start),
+                format!("{what} = {:?}", s.get_ref()),
+                "a name",
+            ));
         }
         Ok(value.to_owned())
     };
     let source_of = |s: &Spanned<String>| Ok::<_, CaseError>(Source::File(folder.join(text_of(s, "file")?)));
     let time_of = |s: &Option<Spanned<Time>>| match s {
         Some(time) if time.get_ref().label().is_empty() => {
-            Err(place.wrong(Some(time.span().start), "an empty time", "a date or a name"))
+            Err(location.wrong(Some(time.span().start), "an empty time", "a date or a name"))
         }
         other => Ok(other.as_ref().map(|t| t.get_ref().label())),
     };
@@ -179,7 +187,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         let (at, entry) = (entry.span().start, entry.get_ref());
         let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
         if spec.contexts.iter().any(|c| c.id == id && c.time == time) {
-            return Err(place.wrong(Some(at), format!("image {id} twice"), "each id once at each time"));
+            return Err(location.wrong(Some(at), format!("image {id} twice"), "each id once at each time"));
         }
         spec.contexts.push(ContextSpec { id, source, time });
     }
@@ -187,11 +195,11 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         let (at, entry) = (entry.span().start, entry.get_ref());
         let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
         if spec.masks.iter().any(|m| m.id == id && m.time == time) {
-            return Err(place.wrong(Some(at), format!("mask {id} twice"), "each id once at each time"));
+            return Err(location.wrong(Some(at), format!("mask {id} twice"), "each id once at each time"));
         }
         let labels = match &entry.labels {
             Some(labels) if labels.get_ref().is_empty() => {
-                return Err(place.wrong(
+                return Err(location.wrong(
                     Some(labels.span().start),
                     "an empty list of labels",
                     "at least one",
@@ -203,7 +211,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
             None => None,
             Some(text) => Some(parse_color(text.get_ref()).ok_or_else(|| {
                 let found = format!("color = {:?}", text.get_ref());
-                place.wrong(Some(text.span().start), found, "six hexadecimal digits as in \"#d62728\"")
+                location.wrong(Some(text.span().start), found, "six hexadecimal digits as in \"#d62728\"")
             })?),
         };
         spec.masks.push(MaskSpec { id, source, labels, time, color });
@@ -212,17 +220,17 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         let (at, entry) = (entry.span().start, entry.get_ref());
         let (id, source) = (text_of(&entry.id, "id")?, source_of(&entry.file)?);
         if spec.tracts.iter().any(|t| t.id == id) {
-            return Err(place.wrong(Some(at), format!("tracts {id} twice"), "each id once"));
+            return Err(location.wrong(Some(at), format!("tracts {id} twice"), "each id once"));
         }
         spec.tracts.push(TractsSpec { id, source });
     }
     if spec.contexts.is_empty() && spec.masks.is_empty() {
-        return Err(place.wrong(None, "no [[context]] and no [[mask]]", "at least one"));
+        return Err(location.wrong(None, "no [[context]] and no [[mask]]", "at least one"));
     }
     Ok(spec)
 }
 
-/// Name of the folder that a file lies in; its own name where that is unknown.
+/// Name of the folder that contains a file; the file's own name where that is unknown.
 pub(super) fn folder_name(path: &Path) -> String {
     let folder =
         path.parent().and_then(|p| p.canonicalize().ok()).or_else(|| path.parent().map(Path::to_owned));
@@ -268,8 +276,8 @@ struct WrittenMask<'a> {
     color: Option<String>,
 }
 
-/// The manifest of `spec`, to be written into `folder`: files in it are named relative to it,
-/// others as they are. Reading it back gives the same case (its notes aside).
+/// The manifest of `spec`, to be written into `folder`: paths of files inside it are made relative, others kept as they
+/// are. Reading it back gives the same case, except for its notes.
 ///
 /// # Errors
 /// [`CaseError::Wrong`] when a file's path is not UTF-8.
@@ -337,7 +345,7 @@ file = "dwi/cst.tck"
     }
 
     #[test]
-    fn a_full_manifest() {
+    fn a_manifest_with_every_key_is_parsed() {
         let spec = parse(GOOD).unwrap();
         assert_eq!(spec.name, "Follow-up");
         assert_eq!(spec.contexts[0].time.as_deref(), Some("2024-03-02"));
@@ -352,7 +360,7 @@ file = "dwi/cst.tck"
     }
 
     #[test]
-    fn written_and_read_back() {
+    fn a_written_manifest_reads_back_the_same() {
         let spec = parse(GOOD).unwrap();
         let text = write_manifest(&spec, Path::new("/cases/one")).unwrap();
         assert!(text.contains("file = \"t1c.nii.gz\""), "{text}");
@@ -360,7 +368,7 @@ file = "dwi/cst.tck"
     }
 
     #[test]
-    fn each_mistake_has_one_line_that_names_it() {
+    fn each_error_is_one_line_with_location_and_cause() {
         let replaced = |from: &str, to: &str| {
             assert!(GOOD.contains(from), "{from}");
             GOOD.replacen(from, to, 1)
@@ -406,7 +414,7 @@ file = "dwi/cst.tck"
     }
 
     #[test]
-    fn colors() {
+    fn colors_are_parsed() {
         assert_eq!(parse_color("#00ff7F"), Some([0, 255, 127]));
         for bad in ["00ff7f", "#00ff7", "#00ff7fff", "#+0ff7f", "#ünïx"] {
             assert_eq!(parse_color(bad), None, "{bad}");

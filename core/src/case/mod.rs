@@ -22,7 +22,7 @@ pub use discover::open_spec;
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 
-/// One image or mask that a case names, before it is read.
+/// An image listed in a case, not yet read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContextSpec {
     /// Its name in the case.
@@ -33,10 +33,10 @@ pub struct ContextSpec {
     pub time: Option<String>,
 }
 
-/// One mask that a case names, before it is read.
+/// A mask listed in a case, not yet read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaskSpec {
-    /// Its name in the case; the same id at several times is one mask over time.
+    /// Its name in the case; the same id at several time points is one mask over time.
     pub id: String,
     /// Its file.
     pub source: Source,
@@ -44,12 +44,11 @@ pub struct MaskSpec {
     pub labels: Option<Vec<i64>>,
     /// Its time point's label.
     pub time: Option<String>,
-    /// Colour the case asks for, sRGB.
+    /// Colour set by the case, sRGB.
     pub color: Option<[u8; 3]>,
 }
 
-/// One file of fibre tracts that a case names, before it is read. Tracts belong to the case, not to
-/// a time point.
+/// A file of fibre tracts listed in a case, not yet read. Tracts belong to the case, not to a time point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TractsSpec {
     /// Its name in the case.
@@ -58,10 +57,10 @@ pub struct TractsSpec {
     pub source: Source,
 }
 
-/// A case before it is read: from a manifest, a folder's names, or the command line.
+/// The description of a case, its files not yet read: from a manifest, a folder's file names, or the command line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CaseSpec {
-    /// What the case is called.
+    /// The case's name.
     pub name: String,
     /// Images.
     pub contexts: Vec<ContextSpec>,
@@ -69,13 +68,12 @@ pub struct CaseSpec {
     pub masks: Vec<MaskSpec>,
     /// Fibre tracts.
     pub tracts: Vec<TractsSpec>,
-    /// What was guessed or noticed while it was put together.
+    /// Guesses and findings made while the description was put together.
     pub notes: Vec<Check>,
 }
 
 impl CaseSpec {
-    /// The case at `path`: a manifest, a folder, or one NIfTI file, as [`open_spec`] with default
-    /// limits.
+    /// The case at `path`: a manifest, a folder, or a single image file; as [`open_spec`] with default limits.
     ///
     /// # Errors
     /// As [`open_spec`].
@@ -86,19 +84,18 @@ impl CaseSpec {
     /// A case from the values of repeated `--mask ID=FILE[:1,4][@TIME]` and
     /// `--context ID=FILE[@TIME]`, in the order given. Files are relative to the current folder.
     ///
-    /// File names may hold `=`, `@` and `:` (a Windows drive): the longest reading whose file
-    /// exists is taken. Where none exists, the last `@` that no path separator follows starts the
-    /// time, and a colon followed by whole numbers alone starts the labels.
+    /// File names may contain `=`, `@` and `:` (a Windows drive): of all interpretations whose file exists, that with
+    /// the longest file name is used. Where none exists, the last `@` not followed by a path separator starts the
+    /// time, and a colon followed only by integers starts the labels.
     ///
     /// # Errors
-    /// [`CaseError::Wrong`] for a value of another form. Whether the files exist shows when they
-    /// are read.
+    /// [`CaseError::Wrong`] for a malformed value. Missing files are reported when they are read.
     pub fn from_arguments(masks: &[String], contexts: &[String]) -> Result<Self, CaseError> {
         arguments::parse_all(masks, contexts)
     }
 
-    /// Adds the values of repeated `--tracts FILE`, each named by its file without its ending, and by
-    /// a number behind it where that name is taken.
+    /// Adds the values of repeated `--tracts FILE`. Each is named after its file without extension, with a number
+    /// appended where that name is taken.
     pub fn add_tracts(&mut self, files: &[PathBuf]) {
         for file in files {
             let stem = file.file_stem().map_or_else(|| "tracts".into(), |s| s.to_string_lossy());
@@ -115,10 +112,10 @@ impl CaseSpec {
     }
 }
 
-/// Which grid the tumour index is on.
+/// The grid of the tumour index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CaseGridChoice {
-    /// The finest mask's: smallest voxel volume, first named on ties; the first image's where
+    /// That of the finest mask: smallest voxel volume, the first listed on ties; that of the first image where
     /// there is no mask.
     #[default]
     FinestMask,
@@ -126,10 +123,10 @@ pub enum CaseGridChoice {
     Of(String),
 }
 
-/// Limits and choices of loading.
+/// Options of loading a case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// Most bytes of voxels a file may declare, and most bytes of a file of tracts.
+    /// Maximum bytes of voxels that a file may declare, and maximum size of a tract file in bytes.
     pub max_bytes: u64,
     /// The case grid.
     pub case_grid: CaseGridChoice,
@@ -141,7 +138,7 @@ impl Default for LoadOptions {
     }
 }
 
-/// An image of a time point, on its own grid.
+/// An image of a time point, on its native grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Context {
     /// Its name in the case.
@@ -155,11 +152,11 @@ pub struct Context {
 pub struct CaseMask {
     /// On the case grid; bit k of the tumour index for the k-th mask.
     pub mask: Mask,
-    /// Voxels on its own grid.
+    /// Active voxels on its native grid.
     pub native_voxels: u64,
-    /// Millilitres on its own grid, before resampling.
+    /// Volume on its native grid in millilitres, before resampling.
     pub native_volume_ml: f64,
-    /// Colour the case asks for, sRGB.
+    /// Colour set by the case, sRGB.
     pub color: Option<[u8; 3]>,
 }
 
@@ -172,14 +169,14 @@ pub struct CaseTracts {
     pub tracts: Arc<Tracts>,
 }
 
-/// The images and masks of one date.
+/// The images and masks of one time point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimePoint {
     /// An ISO date or any label; empty where the case has one time point without a name.
     pub label: String,
-    /// Images, in the order the case names them.
+    /// Images, in the order of the case.
     pub contexts: Vec<Context>,
-    /// Masks, in the order the case names them.
+    /// Masks, in the order of the tumour index's bits: that in which the case first lists their ids.
     pub masks: Vec<CaseMask>,
     /// Which masks are active where.
     pub index: Arc<TumorIndex>,
@@ -190,52 +187,52 @@ pub struct TimePoint {
 /// A loaded, checked case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What it is called.
+    /// The case's name.
     pub name: String,
     /// The grid of every tumour index.
     pub grid: Grid,
-    /// In the order first met.
+    /// Time points, in the order first listed.
     pub time_points: Vec<TimePoint>,
-    /// Fibre tracts, in the order the case names them.
+    /// Fibre tracts, in the order of the case.
     pub tracts: Vec<CaseTracts>,
-    /// Everything noticed on the way, most severe first.
+    /// All findings, most severe first.
     pub checks: Vec<Check>,
 }
 
 impl Case {
-    /// Labels of the dates, in their order.
+    /// Labels of the time points, in their order.
     pub fn time_labels(&self) -> Vec<&str> {
         self.time_points.iter().map(|t| t.label.as_str()).collect()
     }
 
-    /// Position of the date with this label.
+    /// Position of the time point with this label.
     pub fn time_at(&self, label: &str) -> Option<usize> {
         self.time_points.iter().position(|t| t.label == label)
     }
 }
 
-/// Why a case can't be opened: one line.
+/// Why a case can't be opened, in one line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CaseError {
-    /// A file of it.
+    /// One of its files can't be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The case itself.
+    /// The case itself is invalid.
     #[error("{case}: found {found}, expected {expected}")]
     Wrong {
         /// The manifest, folder or argument.
         case: String,
-        /// What is there.
+        /// What was found.
         found: String,
-        /// What should be.
+        /// What was expected.
         expected: String,
     },
-    /// The user asked to stop.
+    /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-/// Reads every file of `spec`, brings the masks onto the case grid, and checks all of it.
+/// Reads every file of `spec`, resamples the masks onto the case grid, and checks the case.
 ///
 /// # Errors
 /// [`CaseError`].

@@ -1,104 +1,103 @@
-//! From a volume's numbers to a mask's bits.
+//! Selects a mask's voxels from a volume's values.
 
 use rayon::prelude::*;
 
 use crate::{Cancelled, MaskBits, Progress, Samples, Volume};
 
-/// Values this close to a whole number are that number: a slope kept as `f32` makes 3 into
-/// 3.0000001.
-const WHOLE: f64 = 1e-2;
+/// Values this close to an integer count as that integer: a slope stored as `f32` turns 3 into 3.0000001.
+const INTEGER_TOLERANCE: f64 = 1e-2;
 
-/// A volume read as a mask.
+/// The mask selected from a volume.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Selected {
     /// Which voxels are active.
     pub bits: MaskBits,
-    /// Labels asked for that no voxel has, in the order asked.
-    pub missing: Vec<i64>,
-    /// Voxels whose value is not a whole number, where labels were asked for: none is active.
-    pub not_whole: u64,
+    /// Requested labels that no voxel has, in the order requested.
+    pub missing_labels: Vec<i64>,
+    /// Voxels with non-integer values, counted where labels are requested; they are inactive.
+    pub non_integer: u64,
 }
 
-/// What one slice says beside its bits.
+/// Statistics of one slice, besides its bits.
 #[derive(Default)]
-struct Seen {
-    /// Bit k: the k-th label asked for is there.
+struct SliceStats {
+    /// Whether the k-th requested label occurs.
     labels: Vec<bool>,
-    not_whole: u64,
+    non_integer: u64,
 }
 
-/// What a stored number means: `Some(label index)` active, `None` inactive. Index 0 stands for
-/// "above 0.5" where no labels were asked for.
+/// Class of a stored number. `Label` holds the index of the requested label and is active; without requested labels
+/// index 0 means "above 0.5".
 #[derive(Clone, Copy)]
-enum Meaning {
+enum VoxelClass {
     Inactive,
     Label(u16),
-    NotWhole,
+    NonInteger,
 }
 
-fn meaning(value: f64, labels: Option<&[i64]>) -> Meaning {
+fn classify_value(value: f64, labels: Option<&[i64]>) -> VoxelClass {
     let Some(labels) = labels else {
-        return if value > 0.5 { Meaning::Label(0) } else { Meaning::Inactive };
+        return if value > 0.5 { VoxelClass::Label(0) } else { VoxelClass::Inactive };
     };
     if value == 0.0 && !labels.contains(&0) {
-        return Meaning::Inactive;
+        return VoxelClass::Inactive;
     }
-    let whole = value.round();
-    if !value.is_finite() || (value - whole).abs() > WHOLE {
-        return Meaning::NotWhole;
+    let integer = value.round();
+    if !value.is_finite() || (value - integer).abs() > INTEGER_TOLERANCE {
+        return VoxelClass::NonInteger;
     }
-    let found = labels.iter().position(|&l| l as f64 == whole);
-    found.map_or(Meaning::Inactive, |k| Meaning::Label(k as u16))
+    let found = labels.iter().position(|&l| l as f64 == integer);
+    found.map_or(VoxelClass::Inactive, |k| VoxelClass::Label(k as u16))
 }
 
-/// Packs every line; `of` says what a stored number means. Runs of 64 stored numbers equal to
-/// `blank` (which means inactive) cost one comparison each.
-fn pack<T: Copy + PartialEq + Sync>(
+/// Packs every x-line into bits; `classify` classifies a stored number. A word of 64 numbers all equal to `blank`, an
+/// inactive number, is skipped by one vectorised comparison.
+fn pack_bits<T: Copy + PartialEq + Sync>(
     stored: &[T],
     dims: [usize; 3],
     label_count: usize,
     blank: Option<T>,
-    of: impl Fn(T) -> Meaning + Sync,
+    classify: impl Fn(T) -> VoxelClass + Sync,
     progress: &Progress,
-) -> Result<(MaskBits, Seen), Cancelled> {
+) -> Result<(MaskBits, SliceStats), Cancelled> {
     let mut bits = MaskBits::empty(dims);
     let per_line = bits.words_per_line();
-    let slice = |(out, stored): (&mut [u64], &[T])| -> Result<Seen, Cancelled> {
+    let slice = |(out, stored): (&mut [u64], &[T])| -> Result<SliceStats, Cancelled> {
         progress.check()?;
-        let mut seen = Seen { labels: vec![false; label_count], not_whole: 0 };
+        let mut stats = SliceStats { labels: vec![false; label_count], non_integer: 0 };
         for (words, line) in out.chunks_exact_mut(per_line).zip(stored.chunks_exact(dims[0])) {
             for (word, chunk) in words.iter_mut().zip(line.chunks(64)) {
-                // No early exit inside: the comparison of a whole chunk is vectorised.
+                // No early exit within a chunk, so that its comparison is vectorised.
                 if blank.is_some_and(|b| chunk.iter().fold(true, |same, &s| same & (s == b))) {
                     continue;
                 }
                 for (x, &s) in chunk.iter().enumerate() {
-                    match of(s) {
-                        Meaning::Inactive => {}
-                        Meaning::NotWhole => seen.not_whole += 1,
-                        Meaning::Label(k) => {
+                    match classify(s) {
+                        VoxelClass::Inactive => {}
+                        VoxelClass::NonInteger => stats.non_integer += 1,
+                        VoxelClass::Label(k) => {
                             *word |= 1 << x;
-                            seen.labels[usize::from(k)] = true;
+                            stats.labels[usize::from(k)] = true;
                         }
                     }
                 }
             }
         }
-        Ok(seen)
+        Ok(stats)
     };
-    let none = || Seen { labels: vec![false; label_count], not_whole: 0 };
-    let merge = |a: Seen, b: Seen| Seen {
+    let none = || SliceStats { labels: vec![false; label_count], non_integer: 0 };
+    let merge = |a: SliceStats, b: SliceStats| SliceStats {
         labels: a.labels.iter().zip(&b.labels).map(|(a, b)| a | b).collect(),
-        not_whole: a.not_whole + b.not_whole,
+        non_integer: a.non_integer + b.non_integer,
     };
     let outs = bits.words_mut().par_chunks_mut(per_line * dims[1]);
-    let seen =
+    let stats =
         outs.zip(stored.par_chunks(dims[0] * dims[1])).map(slice).try_reduce(none, |a, b| Ok(merge(a, b)))?;
-    Ok((bits, seen))
+    Ok((bits, stats))
 }
 
 /// The voxels of `volume` with one of `labels`; without labels, those above 0.5. NaN is inactive.
-/// 8- and 16-bit files are looked up in a table, others computed in `f64`.
+/// 8- and 16-bit types use a lookup table, others are computed in `f64`.
 pub(super) fn select(
     volume: &Volume,
     labels: Option<&[i64]>,
@@ -106,21 +105,22 @@ pub(super) fn select(
 ) -> Result<Selected, Cancelled> {
     let (dims, scaling) = (volume.grid().dims(), volume.scaling());
     let count = labels.map_or(1, <[i64]>::len);
-    let of = |stored: f64| meaning(scaling.apply(stored), labels);
-    let blank = matches!(of(0.0), Meaning::Inactive);
+    let classify = |stored: f64| classify_value(scaling.apply(stored), labels);
+    let blank = matches!(classify(0.0), VoxelClass::Inactive);
     macro_rules! table {
         ($v:expr, $int:ty, $unsigned:ty) => {{
-            let table: Vec<Meaning> = (0..=<$unsigned>::MAX).map(|s| of(f64::from(s as $int))).collect();
-            pack($v, dims, count, blank.then_some(0), |s| table[s as $unsigned as usize], progress)
+            let table: Vec<VoxelClass> =
+                (0..=<$unsigned>::MAX).map(|s| classify(f64::from(s as $int))).collect();
+            pack_bits($v, dims, count, blank.then_some(0), |s| table[s as $unsigned as usize], progress)
         }};
     }
     macro_rules! computed {
         ($v:expr) => {
-            pack($v, dims, count, blank.then_some(Default::default()), |s| of(s as f64), progress)
+            pack_bits($v, dims, count, blank.then_some(Default::default()), |s| classify(s as f64), progress)
         };
     }
     #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all types")]
-    let (bits, seen) = match volume.samples() {
+    let (bits, stats) = match volume.samples() {
         Samples::U8(v) => table!(v, u8, u8),
         Samples::I8(v) => table!(v, i8, u8),
         Samples::U16(v) => table!(v, u16, u16),
@@ -132,15 +132,15 @@ pub(super) fn select(
         Samples::F32(v) => computed!(v),
         Samples::F64(v) => computed!(v),
     }?;
-    let missing = labels.map_or(Vec::new(), |labels| {
-        labels.iter().zip(&seen.labels).filter(|(_, there)| !**there).map(|(&l, _)| l).collect()
+    let missing_labels = labels.map_or(Vec::new(), |labels| {
+        labels.iter().zip(&stats.labels).filter(|(_, there)| !**there).map(|(&l, _)| l).collect()
     });
-    Ok(Selected { bits, missing, not_whole: seen.not_whole })
+    Ok(Selected { bits, missing_labels, non_integer: stats.non_integer })
 }
 
-/// The whole-number values of a volume, ascending, when it has at most `most` different ones, all
-/// whole: what a label map looks like. `None` for anything else.
-pub(super) fn few_whole_values(volume: &Volume, most: usize) -> Option<Vec<i64>> {
+/// The distinct values of a volume, ascending, if it looks like a label map: at most `max_values` of them, all
+/// integers. `None` otherwise.
+pub(super) fn label_map_values(volume: &Volume, max_values: usize) -> Option<Vec<i64>> {
     let scaling = volume.scaling();
     let mut found: Vec<f64> = Vec::new();
     let mut add = |stored: f64| {
@@ -149,7 +149,7 @@ pub(super) fn few_whole_values(volume: &Volume, most: usize) -> Option<Vec<i64>>
         if new {
             found.push(value);
         }
-        (value - value.round()).abs() <= WHOLE && found.len() <= most
+        (value - value.round()).abs() <= INTEGER_TOLERANCE && found.len() <= max_values
     };
     macro_rules! each_change {
         ($v:expr) => {{
@@ -162,11 +162,11 @@ pub(super) fn few_whole_values(volume: &Volume, most: usize) -> Option<Vec<i64>>
         }};
     }
     #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all types")]
-    let few = crate::with_samples!(volume.samples(), v => each_change!(v));
+    let is_label_map = crate::with_samples!(volume.samples(), v => each_change!(v));
     let mut values: Vec<i64> = found.iter().map(|v| v.round() as i64).collect();
     values.sort_unstable();
     values.dedup();
-    few.then_some(values)
+    is_label_map.then_some(values)
 }
 
 #[cfg(test)]
@@ -187,7 +187,7 @@ mod tests {
         on
     }
 
-    /// The same small numbers in each of the ten types.
+    /// The same small numbers in each of the ten data types.
     fn in_every_type(numbers: &[u8]) -> Vec<Samples> {
         macro_rules! all {
             ($($variant:ident: $t:ty),*) => {
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn every_type_gives_the_same_voxels() {
+    fn every_data_type_selects_the_same_voxels() {
         let numbers: Vec<u8> = (0..200_u32).map(|i| (i * i % 7) as u8).collect();
         let expected = |hit: &dyn Fn(u8) -> bool| -> Vec<usize> {
             numbers.iter().enumerate().filter(|(_, n)| hit(**n)).map(|(i, _)| i).collect()
@@ -208,38 +208,38 @@ mod tests {
             assert_eq!(active(&v, None), expected(&|n| n > 0));
             assert_eq!(active(&v, Some(&[1, 4])), expected(&|n| n == 1 || n == 4));
             assert_eq!(active(&v, Some(&[0])), expected(&|n| n == 0));
-            // value = 0.25 n - 0.5: above 0.5 from 5 on; whole numbers only at 2 (0) and 6 (1).
+            // value = 0.25 n - 0.5: above 0.5 from 5 on; integers only at 2 (0) and 6 (1).
             let v = volume(samples, Scaling { slope: 0.25, intercept: -0.5 });
             assert_eq!(active(&v, None), expected(&|n| n >= 5));
             let s = select(&v, Some(&[1, 0, 9]), &Progress::new()).unwrap();
             assert_eq!(active(&v, Some(&[1, 0, 9])), expected(&|n| n == 6 || n == 2));
             assert_eq!(
-                s.missing,
+                s.missing_labels,
                 [1, 9].iter().copied().filter(|&l| l == 9 || !numbers.contains(&6)).collect::<Vec<_>>()
             );
-            assert_eq!(s.not_whole, expected(&|n| n != 2 && n != 6).len() as u64);
+            assert_eq!(s.non_integer, expected(&|n| n != 2 && n != 6).len() as u64);
         }
     }
 
     #[test]
-    fn negative_and_extreme_labels() {
+    fn negative_and_extreme_labels_are_selected() {
         let v = volume(Samples::I16(vec![-1, i16::MIN, i16::MAX, 0]), Scaling::NONE);
         assert_eq!(active(&v, Some(&[-1, i64::from(i16::MIN)])), [0, 1]);
         assert_eq!(active(&v, None), [2]);
         let v = volume(Samples::F32(vec![f32::NAN, f32::INFINITY, 0.5, 0.51, -3.0]), Scaling::NONE);
         assert_eq!(active(&v, None), [1, 3]);
         let s = select(&v, Some(&[-3]), &Progress::new()).unwrap();
-        assert_eq!((s.bits.count(), s.not_whole), (1, 4));
+        assert_eq!((s.bits.count(), s.non_integer), (1, 4));
     }
 
     #[test]
-    fn what_a_label_map_looks_like() {
+    fn label_maps_are_recognised() {
         let v = volume(Samples::U8(vec![0, 0, 4, 1, 4, 2]), Scaling::NONE);
-        assert_eq!(few_whole_values(&v, 16), Some(vec![0, 1, 2, 4]));
-        assert_eq!(few_whole_values(&v, 3), None);
+        assert_eq!(label_map_values(&v, 16), Some(vec![0, 1, 2, 4]));
+        assert_eq!(label_map_values(&v, 3), None);
         let v = volume(Samples::F32(vec![0.0, 0.3]), Scaling::NONE);
-        assert_eq!(few_whole_values(&v, 16), None);
+        assert_eq!(label_map_values(&v, 16), None);
         let v = volume(Samples::F32(vec![0.0, f32::NAN]), Scaling::NONE);
-        assert_eq!(few_whole_values(&v, 16), None);
+        assert_eq!(label_map_values(&v, 16), None);
     }
 }

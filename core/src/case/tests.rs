@@ -1,4 +1,4 @@
-//! Loading cases that are made in memory.
+//! Loading cases built in memory.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -69,7 +69,7 @@ fn has(case: &Case, code: &str) -> bool {
 }
 
 #[test]
-fn the_finest_masks_grid_is_the_cases() {
+fn the_case_grid_is_that_of_the_finest_mask() {
     let files = [
         ("coarse", boxed(&grid(2.0, 0.5), 1, 4)),
         ("fine", boxed(&grid(1.0, 0.0), 2, 8)),
@@ -80,7 +80,7 @@ fn the_finest_masks_grid_is_the_cases() {
     let case = load_plain(&spec, &files);
     // The first of the two finest.
     assert!(case.grid.same_place(&grid(1.0, 0.0), 1e-9));
-    // 3³ voxels of 8 mm³, on a grid that divides them: 27 · 8 voxels of 1 mm³.
+    // 3³ voxels of 8 mm³, resampled to a grid that subdivides them: 27 · 8 voxels of 1 mm³.
     let coarse = &case.time_points[0].masks[0];
     assert_eq!((coarse.native_voxels, coarse.mask.voxels()), (27, 216));
     assert!((coarse.native_volume_ml - 0.216).abs() < 1e-12);
@@ -96,7 +96,7 @@ fn the_finest_masks_grid_is_the_cases() {
 }
 
 #[test]
-fn masks_only_and_images_only_both_load() {
+fn cases_of_masks_only_and_of_images_only_load() {
     let files = [("a", boxed(&grid(1.0, 0.0), 1, 3)), ("b", boxed(&grid(3.0, 0.0), 1, 3))];
     let masks = load_plain(&case_of(vec![], vec![mask("A", "a", None)]), &files);
     assert_eq!(masks.time_points[0].regions.union_voxels(), 8);
@@ -108,7 +108,7 @@ fn masks_only_and_images_only_both_load() {
 }
 
 #[test]
-fn tracts_are_read_with_the_case_and_their_checks_named() {
+fn tracts_load_with_the_case_and_their_checks_name_the_id() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cst.tck");
     let head = "mrtrix tracks\ncount: 2\ndatatype: Float32LE\nfile: . 64\nEND\n";
@@ -166,7 +166,7 @@ fn a_file_named_twice_is_read_once() {
 }
 
 #[test]
-fn times_are_in_the_order_met_and_one_id_keeps_its_bit() {
+fn times_keep_the_listed_order_and_ids_their_bit() {
     let masks = vec![
         mask("A", "a", Some("2024-05-01")),
         mask("B", "b", Some("2024-05-01")),
@@ -184,15 +184,15 @@ fn times_are_in_the_order_met_and_one_id_keeps_its_bit() {
 }
 
 #[test]
-fn a_label_that_only_looks_like_a_date_is_a_name_and_warned_of() {
+fn an_impossible_date_is_a_plain_label_with_a_warning() {
     let masks = vec![mask("A", "a", Some("2024-02-31")), mask("A", "b", Some("2024-01-01"))];
     let case = load_plain(&case_of(vec![], masks), &[]);
     assert!(message(&case, "date-impossible").starts_with("times: found 2024-02-31, expected a day"));
-    assert!(!has(&case, "times-not-in-order"), "a name has no place in an order of dates");
+    assert!(!has(&case, "times-not-in-order"), "a plain label isn't ordered by date");
 }
 
 #[test]
-fn wrong_cases_are_one_line_that_names_the_culprit() {
+fn invalid_cases_are_refused_in_one_line_naming_the_cause() {
     assert!(error(&case_of(vec![], vec![])).contains("no image and no mask"));
     let mixed = case_of(vec![image("I", "i", None)], vec![mask("A", "a", Some("now"))]);
     assert!(error(&mixed).contains("image I without a time beside mask A at now"));
@@ -233,10 +233,10 @@ fn masks_outside_the_image_or_apart_are_reported() {
     assert_eq!(apart.len(), 2);
     assert!(apart[0].starts_with("A: ") && apart[0].contains("8.7 mm away"), "{apart:?}");
     assert!(case.checks.iter().all(|c| c.severity != Severity::Error));
-    // Corner to corner is touching; sharing a voxel is.
+    // Boxes that meet at a corner touch.
     let case = load_plain(&spec(vec![mask("A", "in", None), mask("B", "beside", None)]), &files);
     assert!(case.checks.is_empty(), "{:?}", case.checks);
-    // One mask has nothing to touch.
+    // A single mask has no other to touch.
     assert!(!has(&load_plain(&spec(vec![mask("A", "in", None)]), &files), "masks-do-not-touch"));
 }
 
@@ -255,7 +255,7 @@ fn unknown_sides_stay_unknown() {
 }
 
 #[test]
-fn values_that_are_no_labels_are_counted() {
+fn non_integer_values_are_counted() {
     let mut values = vec![0.0_f32; 1000];
     values[..4].copy_from_slice(&[1.0, 1.0, 0.3, f32::NAN]);
     let volume = Volume::new(grid(1.0, 0.0), Samples::F32(values), Scaling::NONE).unwrap();
@@ -268,7 +268,7 @@ fn values_that_are_no_labels_are_counted() {
 }
 
 #[test]
-fn cancelled_and_failing_reads_end_the_load() {
+fn cancelling_and_failed_reads_abort_loading() {
     let spec = case_of(vec![], vec![mask("A", "a", None)]);
     let progress = Progress::new();
     progress.cancel();

@@ -1,18 +1,18 @@
-//! Which mask is compared between which dates of a case: one resolver for window and command line.
+//! Resolves the mask and the two time points to compare: one resolver for the window and the command line.
 
 use super::ChangeError;
 use crate::case::Case;
 
-/// One mask at two dates of a case.
+/// One mask at two time points of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Choice {
     /// The mask's id.
     pub id: String,
-    /// Positions of the earlier and the later date in [`Case::time_points`].
+    /// Indices of the earlier and the later time point in [`Case::time_points`].
     pub dates: [usize; 2],
 }
 
-/// Ids of the masks that both dates have, in the order of the earlier one.
+/// Ids of the masks that both time points have, in the order of the earlier one.
 pub fn ids_at(case: &Case, dates: [usize; 2]) -> Vec<&str> {
     let [Some(from), Some(to)] = dates.map(|d| case.time_points.get(d)) else { return Vec::new() };
     let has = |id: &&str| to.masks.iter().any(|m| m.mask.id() == *id);
@@ -20,12 +20,12 @@ pub fn ids_at(case: &Case, dates: [usize; 2]) -> Vec<&str> {
 }
 
 impl Choice {
-    /// What `of`, `from` and `to` name. By default the first and the last date, and the first mask that both
-    /// have; [`Choice::assumed`] tells.
+    /// The choice named by mask id `of` and time labels `from` and `to`. Defaults: the first and the last time point,
+    /// and the first mask that both have; [`Choice::assumed`] lists the defaults used.
     ///
     /// # Errors
-    /// [`ChangeError::OneDate`] where there is nothing to compare, [`ChangeError::Choice`] for what the case
-    /// doesn't have.
+    /// [`ChangeError::OneDate`] for fewer than two time points, [`ChangeError::NoCommonMask`] where they share no mask,
+    /// [`ChangeError::Choice`] for a mask or time point that the case doesn't have, or time points in the wrong order.
     pub fn resolve(
         case: &Case,
         of: Option<&str>,
@@ -37,35 +37,35 @@ impl Choice {
             None => Ok(default),
             Some(label) => case.time_at(label).ok_or_else(|| {
                 let expected = format!("one of {}", case.time_labels().join(", "));
-                wrong(case, format!("no date {label}"), expected)
+                choice_error(case, format!("no date {label}"), expected)
             }),
         };
         Self::at(case, of, [at(from, 0)?, at(to, last)?])
     }
 
-    /// As [`Choice::resolve`] for two positions of dates.
+    /// As [`Choice::resolve`], for the indices of two time points.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Choice::resolve`].
     pub fn at(case: &Case, of: Option<&str>, dates: [usize; 2]) -> Result<Self, ChangeError> {
         let last = Self::last(case)?;
         if dates[0] >= dates[1] || dates[1] > last {
             let label = |at: usize| case.time_points.get(at).map_or("no date", |t| t.label.as_str());
             let found = format!("{} to {}", label(dates[0]), label(dates[1]));
-            return Err(wrong(case, found, "an earlier and a later date".into()));
+            return Err(choice_error(case, found, "an earlier and a later date".into()));
         }
         let ids = ids_at(case, dates);
         let id = match of {
-            Some(id) => ids.iter().find(|have| **have == id).ok_or_else(|| {
+            Some(id) => ids.iter().find(|candidate| **candidate == id).ok_or_else(|| {
                 let expected = format!("a mask of both dates: {}", ids.join(", "));
-                wrong(case, format!("no mask {id} at both dates"), expected)
+                choice_error(case, format!("no mask {id} at both dates"), expected)
             })?,
             None => ids.first().ok_or_else(|| ChangeError::NoCommonMask(case.name.clone()))?,
         };
         Ok(Self { id: (*id).to_owned(), dates })
     }
 
-    /// What [`Choice::resolve`] chose among several where nothing was asked for, a sentence each.
+    /// The defaults by which [`Choice::resolve`] chose among several candidates, one sentence each.
     pub fn assumed(
         &self,
         case: &Case,
@@ -94,6 +94,6 @@ impl Choice {
     }
 }
 
-fn wrong(case: &Case, found: String, expected: String) -> ChangeError {
+fn choice_error(case: &Case, found: String, expected: String) -> ChangeError {
     ChangeError::Choice { case: case.name.clone(), found, expected }
 }

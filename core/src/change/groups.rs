@@ -1,4 +1,4 @@
-//! Which component of one date became which of the other.
+//! Matches the components of two time points by overlap.
 
 use std::collections::BTreeMap;
 
@@ -13,24 +13,24 @@ use crate::{Component, Components, Connectivity, Grid, MaskBits, components::Too
 #[serde(rename_all = "kebab-case")]
 #[strum(serialize_all = "kebab-case")]
 pub enum Fate {
-    /// One component overlaps one of the other date.
+    /// One component overlaps one of the other time point.
     Matched,
-    /// One of the earlier date overlaps none of the later.
+    /// One of the earlier time point overlaps none of the later.
     Vanished,
-    /// One of the later date overlaps none of the earlier.
+    /// One of the later time point overlaps none of the earlier.
     Appeared,
-    /// One of the earlier date overlaps several of the later.
+    /// One of the earlier time point overlaps several of the later.
     Split,
-    /// Several of the earlier date overlap one of the later.
+    /// Several of the earlier time point overlap one of the later.
     Merged,
     /// Several overlap several.
     Regrouped,
 }
 
-/// One component of one date.
+/// One connected component at one time point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
-    /// Voxels.
+    /// Number of voxels.
     pub voxels: u64,
     /// Their volume.
     pub volume_ml: f64,
@@ -38,23 +38,23 @@ pub struct Part {
     pub centroid_mm: DVec3,
 }
 
-/// Components of two dates that overlap one another, directly or through others.
+/// Components of two time points that overlap, directly or through other components.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
     /// What became of them.
     pub fate: Fate,
-    /// Components of the earlier date, in raster order.
+    /// Components of the earlier time point, in raster order.
     pub before: Vec<Part>,
-    /// Components of the later date, in raster order.
+    /// Components of the later time point, in raster order.
     pub after: Vec<Part>,
-    /// Voxels active at both dates.
+    /// Voxels active at both time points.
     pub kept_voxels: u64,
 }
 
-/// The groups of two masks of one size, and the group of every voxel.
+/// The groups of two masks of equal dimensions, and the group of every voxel.
 pub(super) struct Groups {
     pub list: Vec<Group>,
-    /// Group of each component's label; `[0]` is no component.
+    /// Group of each component label of the earlier mask; entry 0 is the background.
     of_before: Vec<u32>,
     of_after: Vec<u32>,
     labels_before: Vec<u32>,
@@ -62,7 +62,7 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// `grid` is the masks' own.
+    /// `grid` is the grid of both masks.
     pub fn new(before: &MaskBits, after: &MaskBits, grid: &Grid) -> Result<Self, TooLarge> {
         let dims = before.dims();
         let parts = [before, after].map(|m| Components::of_mask(m, Connectivity::TwentySix));
@@ -83,7 +83,7 @@ impl Groups {
         if run.0.0 > 0 && run.0.1 > 0 {
             *overlaps.entry(run.0).or_default() += run.1;
         }
-        // Forest over both lists: the later date's labels follow the earlier's.
+        // Union-find over both lists: the later mask's components follow the earlier's.
         let (na, nb) = (a.list().len(), b.list().len());
         let mut root: Vec<usize> = (0..na + nb).collect();
         fn find(root: &mut [usize], mut i: usize) -> usize {
@@ -98,7 +98,7 @@ impl Groups {
             root[x.max(y)] = x.min(y);
         }
         let mut list: Vec<Group> = Vec::new();
-        let mut number: Vec<u32> = Vec::with_capacity(na + nb);
+        let mut group_of: Vec<u32> = Vec::with_capacity(na + nb);
         let part = |c: &Component| Part {
             voxels: c.voxels,
             volume_ml: grid.volume_ml(c.voxels),
@@ -110,17 +110,17 @@ impl Groups {
                 list.push(Group { fate: Fate::Matched, before: vec![], after: vec![], kept_voxels: 0 });
                 list.len() as u32 - 1
             } else {
-                number[r]
+                group_of[r]
             };
-            number.push(group);
-            let into = &mut list[group as usize];
+            group_of.push(group);
+            let target = &mut list[group as usize];
             match i.checked_sub(na) {
-                None => into.before.push(part(&a.list()[i])),
-                Some(i) => into.after.push(part(&b.list()[i])),
+                None => target.before.push(part(&a.list()[i])),
+                Some(i) => target.after.push(part(&b.list()[i])),
             }
         }
         for (&(x, _), &voxels) in &overlaps {
-            list[number[x as usize - 1] as usize].kept_voxels += voxels;
+            list[group_of[x as usize - 1] as usize].kept_voxels += voxels;
         }
         for group in &mut list {
             group.fate = match (group.before.len(), group.after.len()) {
@@ -132,11 +132,11 @@ impl Groups {
                 _ => Fate::Regrouped,
             };
         }
-        let with_none = |part: &[u32]| std::iter::once(u32::MAX).chain(part.iter().copied()).collect();
+        let with_background = |part: &[u32]| std::iter::once(u32::MAX).chain(part.iter().copied()).collect();
         Ok(Self {
             list,
-            of_before: with_none(&number[..na]),
-            of_after: with_none(&number[na..]),
+            of_before: with_background(&group_of[..na]),
+            of_after: with_background(&group_of[na..]),
             labels_before,
             labels_after,
         })

@@ -1,10 +1,10 @@
-//! How the surface of a mask moved between two dates: thesis 7.3.4.
+//! Change of a mask's surface between two time points: thesis 7.3.4.
 //!
-//! The skeleton of the two masks' intersection tells each outer surface voxel which part of the
-//! other surface it belongs to. What the thesis leaves open has an answer here: a partner is looked
-//! for only among components that overlap; a component without a counterpart gets no arrow but is
-//! listed; beside each length stand the plain distance to the nearest surface voxel and what can't
-//! be told from no change.
+//! An outer surface voxel lies on the surface of one mask where the other mask is inactive. The skeleton of the masks'
+//! intersection assigns it a partner on the other surface. Decisions that the thesis leaves open: partners are sought
+//! only among overlapping components; a component without a counterpart gets no arrow but is listed; each length is
+//! accompanied by the plain distance to the nearest surface voxel and by its uncertainty, the smallest change that can
+//! be distinguished from none.
 
 mod choice;
 mod groups;
@@ -31,19 +31,17 @@ pub use report::{
     ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, csv, report,
 };
 pub use stats::{COVERAGE, Histogram, Lengths, Uncertainty};
-use vectors::{Place, Site, Surfaces};
+use vectors::{CropFrame, SurfaceVoxel, Surfaces};
 
-/// Registration error taken where none is given: half a millimetre, good practice for rigid
-/// registration of one patient's brain images.
+/// Default registration error: half a millimetre, good practice for rigid registration of one patient's brain images.
 pub const DEFAULT_REGISTRATION_MM: f64 = 0.5;
 
-/// Choices of [`change`].
+/// Options of [`change`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChangeOptions {
-    /// The skeleton's.
+    /// Options of the skeleton.
     pub skeleton: SkeletonOptions,
-    /// How far off the two dates may lie from one another: standard deviation along any direction,
-    /// finite, at least 0.
+    /// Registration error between the two time points: standard deviation along any direction, finite, at least 0.
     pub registration_mm: f64,
 }
 
@@ -53,7 +51,7 @@ impl Default for ChangeOptions {
     }
 }
 
-/// Why there is no answer.
+/// Why the change can't be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ChangeError {
     /// A mask and the grid differ in size.
@@ -66,103 +64,102 @@ pub enum ChangeError {
         /// Size of the grid.
         grid: [usize; 3],
     },
-    /// The registration error is no length.
+    /// The registration error is negative or not finite.
     #[error("found a registration error of {0} mm, expected a finite number of at least 0")]
     Registration(f64),
-    /// The case has less than two dates.
+    /// The case has fewer than two time points.
     #[error("{case}: found {dates} time point, expected at least two dates to compare")]
     OneDate {
         /// The case.
         case: String,
-        /// How many it has.
+        /// Its number of time points.
         dates: usize,
     },
-    /// The two dates have no mask of one id.
+    /// The two time points have no mask id in common.
     #[error("{0}: found no mask that both dates have, expected one of the same id")]
     NoCommonMask(String),
-    /// The case has no such mask or date.
+    /// The case has no such mask or time point.
     #[error("{case}: found {found}, expected {expected}")]
     Choice {
         /// The case.
         case: String,
-        /// What was asked for.
+        /// What was requested.
         found: String,
-        /// What there is.
+        /// What is available.
         expected: String,
     },
     /// The masks have too many components or runs.
     #[error(transparent)]
     TooLarge(#[from] TooLarge),
-    /// No distance can be told.
+    /// A distance can't be computed.
     #[error(transparent)]
     Distance(#[from] DistanceError),
-    /// No skeleton can be told.
+    /// The skeleton can't be computed.
     #[error(transparent)]
     Skeleton(#[from] SkeletonError),
-    /// The cropped grid can't be used.
+    /// The cropped grid is invalid.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// The user asked to stop.
+    /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-/// What is special about one vector.
+/// Flags of one vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChangeFlags {
-    /// No voxel of the other surface shares the skeleton point: the partner is the nearest voxel of
-    /// the other surface in the same group.
+    /// No voxel of the other surface has the same nearest skeleton point: the partner is the nearest voxel of the
+    /// other surface in the same group.
     pub no_set: bool,
     /// Shorter than its uncertainty.
     pub within_uncertainty: bool,
 }
 
-/// How the surface moved at one outer surface voxel.
+/// Movement of the surface at one outer surface voxel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceChange {
     /// The voxel, on the case grid.
     pub voxel: [usize; 3],
-    /// Where the surface was, world millimetres.
+    /// Surface position at the earlier time point, world millimetres.
     pub from_mm: DVec3,
-    /// Where it is at the later date.
+    /// Surface position at the later time point, world millimetres.
     pub to_mm: DVec3,
-    /// The distance between them: above 0 growth, below 0 recession, never 0.
+    /// Distance between the two: positive for growth, negative for recession, never 0.
     pub signed_mm: f64,
-    /// From the voxel to the nearest voxel of the other mask's surface, for comparison.
+    /// Distance from the voxel to the nearest voxel of the other mask's surface, for comparison.
     pub nearest_mm: f64,
-    /// What can't be told from no change, along this vector.
+    /// Uncertainty along this vector: shorter lengths can't be distinguished from no change.
     pub uncertainty_mm: f64,
-    /// Its group, as a position in [`Change::groups`].
+    /// Its group: index into [`Change::groups`].
     pub group: u32,
-    /// What is special.
+    /// Its flags.
     pub flags: ChangeFlags,
 }
 
-/// An outer surface voxel of a component that overlaps none of the other date: it has no partner,
-/// and no arrow.
+/// An outer surface voxel of a component that overlaps no component of the other time point: it has neither partner
+/// nor arrow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unpartnered {
     /// The voxel, on the case grid.
     pub voxel: [usize; 3],
     /// Its centre, world millimetres.
     pub position_mm: DVec3,
-    /// Appeared at the later date; else vanished.
+    /// Whether it appeared at the later time point; otherwise it vanished.
     pub appeared: bool,
-    /// To the nearest voxel of the other mask's surface, whatever component; `None` where that mask
-    /// is empty.
+    /// Distance to the nearest voxel of the other mask's surface, of any component; `None` where that mask is empty.
     pub nearest_mm: Option<f64>,
-    /// Its group.
+    /// Its group: index into [`Change::groups`].
     pub group: u32,
 }
 
-/// What is special about a pair of masks. Names in JSON are stable, lower case, hyphenated.
+/// Flags of a pair of masks. Names in JSON are stable, lower case, hyphenated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, IntoStaticStr)]
 #[serde(rename_all = "kebab-case")]
 #[strum(serialize_all = "kebab-case")]
 pub enum Flag {
     /// The masks are identical.
     NoChange,
-    /// They differ, but only inside: no outer surface voxel.
+    /// They differ only inside: no outer surface voxel.
     InsideOnly,
     /// The earlier mask is empty.
     FromEmpty,
@@ -170,30 +167,30 @@ pub enum Flag {
     ToEmpty,
     /// Neither is empty, and they share no voxel.
     NoOverlap,
-    /// Some component vanished.
+    /// A component vanished.
     Vanished,
-    /// Some component appeared.
+    /// A component appeared.
     Appeared,
-    /// Some component split.
+    /// A component split.
     Split,
-    /// Some components merged.
+    /// Components merged.
     Merged,
     /// Several components became several others.
     Regrouped,
-    /// Some vectors had an empty set, see [`ChangeFlags::no_set`].
+    /// Some vectors have [`ChangeFlags::no_set`].
     NoSet,
-    /// A mask touches the border of the image: what lies beyond isn't known.
+    /// A mask touches the border of the image and may extend beyond it.
     TouchesBorder,
 }
 
-/// What was counted.
+/// Counters of the surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ChangeCounts {
     /// Surface voxels of the earlier mask.
     pub surface_from: u64,
     /// Surface voxels of the later mask.
     pub surface_to: u64,
-    /// Vectors whose set was empty.
+    /// Vectors with [`ChangeFlags::no_set`].
     pub no_set: u64,
     /// Outer surface voxels of vanished components.
     pub vanished_voxels: u64,
@@ -201,37 +198,37 @@ pub struct ChangeCounts {
     pub appeared_voxels: u64,
 }
 
-/// How a mask changed between two dates.
+/// Change of a mask between two time points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// Voxels active at both dates.
+    /// Voxels active at both time points.
     pub kept_voxels: u64,
-    /// Voxels active at the earlier date only.
+    /// Voxels active only at the earlier time point.
     pub gone_voxels: u64,
-    /// Voxels active at the later date only.
+    /// Voxels active only at the later time point.
     pub new_voxels: u64,
-    /// What is special.
+    /// Flags of the pair.
     pub flags: Vec<Flag>,
-    /// One vector for each outer surface voxel that has a partner, in memory order of the voxels.
+    /// One vector per outer surface voxel with a partner, in memory order of the voxels.
     pub vectors: Vec<SurfaceChange>,
-    /// The other outer surface voxels, in memory order.
+    /// The outer surface voxels without a partner, in memory order.
     pub unpartnered: Vec<Unpartnered>,
-    /// Components of both dates, matched by overlap.
+    /// Components of both time points, matched by overlap.
     pub groups: Vec<Group>,
-    /// Skeleton of the intersection; empty where no vector needs it.
+    /// Skeleton of the intersection; empty where it isn't needed.
     pub skeleton: Skeleton,
-    /// Voxels of the grid that have a skeleton point: the points that vectors go by.
+    /// Number of voxels that contain a skeleton point; their mean points determine the partners.
     pub skeleton_voxels: u64,
-    /// Of every vector.
+    /// Uncertainty model of the vectors.
     pub uncertainty: Uncertainty,
-    /// What was counted.
+    /// Counters of the surfaces.
     pub counts: ChangeCounts,
 }
 
 fn cropped(mask: &MaskBits, crop: Crop) -> MaskBits {
     let mut out = MaskBits::empty(crop.dims);
     let [nx, ny, _] = mask.dims();
-    // The crop holds all active voxels.
+    // The crop contains all active voxels.
     mask.for_each(|l| {
         let v = [l % nx, l / nx % ny, l / (nx * ny)];
         out.set(std::array::from_fn(|a| v[a] - crop.start[a]));
@@ -244,14 +241,14 @@ fn touches_border(mask: &MaskBits) -> bool {
         .is_some_and(|(start, size)| (0..3).any(|a| start[a] == 0 || start[a] + size[a] == mask.dims()[a]))
 }
 
-/// How `before` became `after`, two masks on `grid`.
+/// Change from `before` to `after`, two masks on `grid`.
 ///
-/// Identical masks, masks without an overlap and empty ones need no skeleton and get none. Costs
-/// that of the skeleton of the intersection, and `O(surface·log(surface))`.
+/// No skeleton is computed for identical, non-overlapping or empty masks. Cost: the skeleton of the intersection plus
+/// `O(surface·log(surface))`.
 ///
 /// # Errors
-/// [`ChangeError`] when sizes differ, the registration error is no length, 32 bits don't count the
-/// voxels, or the user stops it.
+/// [`ChangeError`] when dimensions differ, the registration error is negative or not finite, the masks have too many
+/// components or voxels for 32-bit indices, or the user cancels.
 pub fn change(
     before: &MaskBits,
     after: &MaskBits,
@@ -262,7 +259,7 @@ pub fn change(
     change_with(before, after, grid, options, None, progress)
 }
 
-/// As [`change`], with the skeleton's force from `source` where there is one and it can.
+/// As [`change`], with the skeleton's force computed by `source` if there is one and it doesn't refuse.
 ///
 /// # Errors
 /// As [`change`].
@@ -297,8 +294,8 @@ pub fn change_with(
         uncertainty: Uncertainty::new(mm, options.registration_mm),
         counts: ChangeCounts::default(),
     };
-    let mut flag = |flag: Flag, holds: bool| {
-        if holds {
+    let mut flag = |flag: Flag, is_set: bool| {
+        if is_set {
             out.flags.push(flag);
         }
     };
@@ -311,7 +308,7 @@ pub fn change_with(
     let Some(crop) = Crop::around(&[before, after], 1) else { return Ok(out) };
     progress.say("surfaces");
     let local = [cropped(before, crop), cropped(after, crop)];
-    let place = Place { grid, start: crop.start, dims: crop.dims };
+    let crop_frame = CropFrame { grid, start: crop.start, dims: crop.dims };
     let groups = groups::Groups::new(&local[0], &local[1], &grid.crop(crop.start, crop.dims)?)?;
     let has = |fate: Fate| groups.list.iter().any(|g| g.fate == fate);
     flag(Flag::Vanished, has(Fate::Vanished));
@@ -331,19 +328,20 @@ pub fn change_with(
         return Ok(out);
     }
     let mut points = Vec::new();
-    // A component without a counterpart asks nothing of the skeleton.
+    // Components without a counterpart don't need the skeleton.
     if outer().any(|s| groups.list[s.group as usize].kept_voxels > 0) {
         out.skeleton = skeleton_with(&both, grid, &options.skeleton, source, progress)?;
-        let shared: Vec<Site> = surfaces.all[0]
+        let shared_surface: Vec<SurfaceVoxel> = surfaces.all[0]
             .iter()
             .filter(|s| groups.list[s.group as usize].kept_voxels > 0)
             .copied()
             .collect();
-        points = vectors::skeleton_sites(&out.skeleton, crop.start, crop.dims, mm, &shared, &groups)?;
+        points =
+            vectors::skeleton_points(&out.skeleton, crop.start, crop.dims, mm, &shared_surface, &groups)?;
         out.skeleton_voxels = points.len() as u64;
     }
     progress.say("surface change");
-    let found = vectors::find(&surfaces, &points, &out.uncertainty, &place, progress)?;
+    let found = vectors::match_surfaces(&surfaces, &points, &out.uncertainty, &crop_frame, progress)?;
     out.counts.no_set = found.vectors.iter().filter(|v| v.flags.no_set).count() as u64;
     out.counts.appeared_voxels = found.unpartnered.iter().filter(|v| v.appeared).count() as u64;
     out.counts.vanished_voxels = found.unpartnered.len() as u64 - out.counts.appeared_voxels;

@@ -1,4 +1,4 @@
-//! The change of one mask of a case, and its numbers as `change --json` and `--csv` write them.
+//! The change report: the numbers that `change --json` and `--csv` write.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -14,46 +14,46 @@ use crate::{
     skeleton::{ForceSource, SkeletonCounts},
 };
 
-/// Every number of a change. Field names are stable.
+/// All numbers of a change. Field names are stable.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ChangeReport {
     /// The mask's id.
     pub mask: String,
-    /// Label of the earlier date.
+    /// Label of the earlier time point.
     pub from: String,
-    /// Label of the later date.
+    /// Label of the later time point.
     pub to: String,
-    /// Volume at the earlier date.
+    /// Volume at the earlier time point.
     pub from_ml: f64,
-    /// Volume at the later date.
+    /// Volume at the later time point.
     pub to_ml: f64,
-    /// Active at both.
+    /// Volume active at both time points.
     pub kept_ml: f64,
-    /// Active at the earlier only.
+    /// Volume active only at the earlier time point.
     pub gone_ml: f64,
-    /// Active at the later only.
+    /// Volume active only at the later time point.
     pub new_ml: f64,
-    /// What is special.
+    /// Flags of the pair of masks.
     pub flags: Vec<Flag>,
     /// Number of vectors: growth and recession together.
     pub vectors: usize,
-    /// Outward vectors.
+    /// Lengths of outward vectors.
     pub growth: Lengths,
-    /// Inward vectors.
+    /// Lengths of inward vectors.
     pub recession: Lengths,
-    /// How many of the vectors are shorter than their uncertainty.
+    /// Number of vectors shorter than their uncertainty.
     pub within_uncertainty: usize,
-    /// Voxels with a skeleton point.
+    /// Number of voxels that contain a skeleton point.
     pub skeleton_points: u64,
-    /// What can't be told from no change.
+    /// Uncertainty: shorter lengths can't be distinguished from no change.
     pub uncertainty_mm: UncertaintyReport,
-    /// Signed lengths, growth above 0; `None` without a vector.
+    /// Histogram of signed lengths, growth positive; `None` without vectors.
     pub histogram: Option<Histogram>,
-    /// For comparison: from the same voxels to the nearest voxel of the other surface.
+    /// For comparison: distances from the same voxels to the nearest voxel of the other surface.
     pub nearest: NearestReport,
-    /// Components matched across the dates.
+    /// Components matched across the time points.
     pub components: Vec<GroupReport>,
-    /// What was counted on the way.
+    /// Counters of the algorithms.
     pub counters: Counters,
 }
 
@@ -66,27 +66,27 @@ pub struct NearestReport {
     pub recession: Lengths,
 }
 
-/// The uncertainty along the voxel axes, and what it is made of.
+/// The uncertainty along the voxel axes, and its parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct UncertaintyReport {
     /// Along each voxel axis.
     pub axes_mm: [f64; 3],
-    /// The registration error taken.
+    /// Registration error used: standard deviation.
     pub registration_mm: f64,
     /// Coverage factor.
     pub coverage: f64,
-    /// How it is computed.
+    /// Its formula.
     pub formula: &'static str,
 }
 
-/// Counters of the kernels.
+/// Counters of the algorithms.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Counters {
-    /// Of the surfaces.
+    /// Counters of the surfaces.
     pub surface: ChangeCounts,
-    /// Of the skeleton.
+    /// Counters of the skeleton.
     pub skeleton: SkeletonCounts,
-    /// What summed the skeleton's force, and why not another.
+    /// What computed the skeleton's force; if a source refused, why.
     pub force: String,
 }
 
@@ -95,26 +95,26 @@ pub struct Counters {
 pub struct GroupReport {
     /// What became of them.
     pub fate: Fate,
-    /// Those of the earlier date.
+    /// Components of the earlier time point.
     pub from: Vec<PartReport>,
-    /// Those of the later date.
+    /// Components of the later time point.
     pub to: Vec<PartReport>,
-    /// Active at both dates.
+    /// Volume active at both time points.
     pub kept_ml: f64,
-    /// Outward vectors.
+    /// Lengths of outward vectors.
     pub growth: Lengths,
-    /// Inward vectors.
+    /// Lengths of inward vectors.
     pub recession: Lengths,
 }
 
 /// One component.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PartReport {
-    /// Voxels.
+    /// Number of voxels.
     pub voxels: u64,
     /// Their volume.
     pub volume_ml: f64,
-    /// Mean of the voxel centres.
+    /// Mean of the voxel centres, world millimetres.
     pub centroid_mm: [f64; 3],
 }
 
@@ -124,26 +124,26 @@ impl PartReport {
     }
 }
 
-/// Growth, recession.
-fn both_ways<'a>(
+/// Lengths of growth and of recession.
+fn growth_and_recession<'a>(
     vectors: impl Iterator<Item = &'a SurfaceChange>,
     length_mm: impl Fn(&SurfaceChange) -> f64,
 ) -> (Lengths, Lengths) {
-    let (out, inward): (Vec<_>, Vec<_>) =
+    let (outward, inward): (Vec<_>, Vec<_>) =
         vectors.map(|v| (v.signed_mm > 0.0, length_mm(v))).partition(|(grows, _)| *grows);
     let lengths = |list: Vec<(bool, f64)>| Lengths::of(list.into_iter().map(|(_, l)| l).collect());
-    (lengths(out), lengths(inward))
+    (lengths(outward), lengths(inward))
 }
 
-/// All numbers of `change`, which is of `mask` on `grid` between two dates.
+/// All numbers of `change`, computed for `mask` on `grid` between the time points `from` and `to`.
 pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) -> ChangeReport {
-    let (growth, recession) = both_ways(change.vectors.iter(), |v| v.signed_mm.abs());
-    let nearest = both_ways(change.vectors.iter(), |v| v.nearest_mm);
+    let (growth, recession) = growth_and_recession(change.vectors.iter(), |v| v.signed_mm.abs());
+    let nearest = growth_and_recession(change.vectors.iter(), |v| v.nearest_mm);
     let m = grid.world_from_voxel().matrix3;
     let mut by_group: Vec<Vec<&SurfaceChange>> = vec![Vec::new(); change.groups.len()];
     change.vectors.iter().for_each(|v| by_group[v.group as usize].push(v));
     let components = change.groups.iter().zip(by_group).map(|(group, vectors)| {
-        let (growth, recession) = both_ways(vectors.into_iter(), |v| v.signed_mm.abs());
+        let (growth, recession) = growth_and_recession(vectors.into_iter(), |v| v.signed_mm.abs());
         GroupReport {
             fate: group.fate,
             from: group.before.iter().map(PartReport::of).collect(),
@@ -185,8 +185,8 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
     }
 }
 
-/// Every vector, then every outer surface voxel without a partner, a row each; lengths in
-/// millimetres, places in RAS+ millimetres, what isn't known is empty.
+/// CSV with one row per vector, then one per outer surface voxel without a partner; lengths in millimetres, positions
+/// in RAS+ millimetres, unknown values empty.
 pub fn csv(change: &Change) -> Vec<u8> {
     let axes = ["x", "y", "z"];
     let head = ["voxel_i", "voxel_j", "voxel_k"].map(str::to_owned).into_iter();
@@ -197,7 +197,7 @@ pub fn csv(change: &Change) -> Vec<u8> {
     let fate = |group: u32| -> &'static str {
         change.groups.get(group as usize).map_or("", |group| group.fate.into())
     };
-    let place = |p: Option<DVec3>| match p {
+    let position_fields = |p: Option<DVec3>| match p {
         Some(p) => p.to_array().map(|mm| mm.to_string()),
         None => Default::default(),
     };
@@ -205,20 +205,27 @@ pub fn csv(change: &Change) -> Vec<u8> {
         |voxel: [usize; 3], from: Option<DVec3>, to: Option<DVec3>, numbers: [String; 5], group: u32| {
             let voxel = voxel.map(|index| index.to_string());
             let group = [group.to_string(), fate(group).to_owned()];
-            table.row(voxel.into_iter().chain(place(from)).chain(place(to)).chain(numbers).chain(group));
+            table.row(
+                voxel
+                    .into_iter()
+                    .chain(position_fields(from))
+                    .chain(position_fields(to))
+                    .chain(numbers)
+                    .chain(group),
+            );
         };
-    let yes = |flag: bool| u8::from(flag).to_string();
+    let zero_or_one = |flag: bool| u8::from(flag).to_string();
     for v in &change.vectors {
         let numbers = [v.signed_mm, v.nearest_mm, v.uncertainty_mm].map(|mm| mm.to_string());
         let [signed, nearest, uncertainty] = numbers;
-        let flags = [yes(v.flags.within_uncertainty), yes(v.flags.no_set)];
+        let flags = [zero_or_one(v.flags.within_uncertainty), zero_or_one(v.flags.no_set)];
         let [within, no_set] = flags;
         let numbers = [signed, nearest, uncertainty, within, no_set];
         row(v.voxel, Some(v.from_mm), Some(v.to_mm), numbers, v.group);
     }
     for v in &change.unpartnered {
-        let here = Some(v.position_mm);
-        let (from, to) = if v.appeared { (None, here) } else { (here, None) };
+        let position = Some(v.position_mm);
+        let (from, to) = if v.appeared { (None, position) } else { (position, None) };
         let nearest = v.nearest_mm.map(|mm| mm.to_string()).unwrap_or_default();
         let unknown = String::new;
         row(v.voxel, from, to, [unknown(), nearest, unknown(), unknown(), unknown()], v.group);
@@ -226,7 +233,8 @@ pub fn csv(change: &Change) -> Vec<u8> {
     table.into_bytes()
 }
 
-/// The change that `choice` names, with the skeleton's force from `source` where there is one and it can.
+/// Computes the change of `choice`, with the skeleton's force computed by `source` if there is one and it doesn't
+/// refuse.
 ///
 /// # Errors
 /// [`ChangeError::Choice`] for what the case doesn't have; else as [`super::change`].

@@ -1,4 +1,4 @@
-//! Lengths in short: mean, percentiles, histogram, uncertainty.
+//! Statistics of lengths: mean, percentiles, histogram, uncertainty.
 
 use glam::{DMat3, DVec3};
 use serde::Serialize;
@@ -6,26 +6,26 @@ use serde::Serialize;
 /// Coverage factor: 95 % of a normal distribution.
 pub const COVERAGE: f64 = 1.96;
 
-/// Bins a histogram has at most, about.
+/// Approximate maximum number of histogram bins.
 const BINS: f64 = 40.0;
 
-/// Lengths of one kind. All but the count are `None` when there is none.
+/// Summary of lengths. All fields but the count are `None` without any length.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Lengths {
-    /// Vectors.
+    /// Number of vectors.
     pub count: usize,
     /// Mean length.
     pub mean_mm: Option<f64>,
-    /// Median, interpolated linearly between neighbours, as the other percentile.
+    /// Median; percentiles are interpolated linearly between neighbours.
     pub p50_mm: Option<f64>,
     /// 95th percentile.
     pub p95_mm: Option<f64>,
-    /// Longest.
+    /// Maximum.
     pub max_mm: Option<f64>,
 }
 
 impl Lengths {
-    /// Of lengths in any order.
+    /// Summary of `lengths`, in any order.
     pub fn of(mut lengths: Vec<f64>) -> Self {
         lengths.sort_unstable_by(f64::total_cmp);
         let count = lengths.len();
@@ -44,19 +44,19 @@ impl Lengths {
     }
 }
 
-/// Signed lengths in bins of equal width.
+/// Histogram of signed lengths, with bins of equal width.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
     /// Width of a bin.
     pub bin_mm: f64,
-    /// Lower edge of the first bin; a bin holds its lower edge.
+    /// Lower edge of the first bin; a bin includes its lower edge.
     pub first_mm: f64,
-    /// Vectors in each bin, from the first that has any to the last.
+    /// Number of vectors per bin, from the first to the last non-empty one.
     pub counts: Vec<u64>,
 }
 
 impl Histogram {
-    /// `None` without a value. Widths are 1, 2 or 5 times a power of ten, zero is an edge.
+    /// `None` without values. Bin widths are 1, 2 or 5 times a power of ten; zero is a bin edge.
     pub fn of(signed_mm: impl Iterator<Item = f64> + Clone) -> Option<Self> {
         let (lo, hi) =
             signed_mm.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
@@ -78,15 +78,14 @@ impl Histogram {
     }
 }
 
-/// How small a change can't be told from none.
+/// Uncertainty of a length: shorter ones can't be distinguished from no change.
 ///
-/// Along the unit vector d, with s(d) the voxel's size there and r the registration error (standard
-/// deviation): `u(d) = 1.96·√(s(d)²/6 + r²)`. Each of the two surfaces lies anywhere within one
-/// voxel, which has variance s²/12. `s(d) = 1/‖V⁻¹d‖`, V the voxel's edges as columns: the spacing
-/// itself along an axis.
+/// Along the unit vector d, with s(d) the voxel size in that direction and r the registration error (standard
+/// deviation): `u(d) = 1.96·√(s(d)²/6 + r²)`. Each of the two surfaces lies anywhere within one voxel, which has
+/// variance s²/12. `s(d) = 1/‖V⁻¹d‖`, V the voxel's edges as columns: along an axis, its spacing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Registration error between the dates.
+    /// Registration error between the time points: standard deviation.
     pub registration_mm: f64,
     voxel_from_mm: DMat3,
 }
@@ -97,7 +96,7 @@ impl Uncertainty {
         Self { registration_mm, voxel_from_mm: mm_from_voxel.inverse() }
     }
 
-    /// u along `vector_mm`, of any length but 0.
+    /// u along `vector_mm`, in millimetres; the vector may have any length but 0.
     pub fn along(&self, vector_mm: DVec3) -> f64 {
         let direction = vector_mm.normalize_or_zero();
         let voxel_mm = 1.0 / (self.voxel_from_mm * direction).length();

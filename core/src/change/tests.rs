@@ -3,7 +3,7 @@ use glam::{DAffine3, DMat3};
 
 use crate::{Sides, phantom};
 
-/// The masks of shapes given by their insides, on a grid around the origin.
+/// Masks of two shapes given by their inside tests, on a grid around the origin.
 fn masks(
     half_mm: f64,
     spacing: DVec3,
@@ -25,12 +25,12 @@ fn masks(
 
 fn of(case: &(MaskBits, MaskBits, Grid)) -> Change {
     let change = change(&case.0, &case.1, &case.2, &ChangeOptions::default(), &Progress::new()).unwrap();
-    consistent(&change, case);
+    assert_consistent(&change, case);
     change
 }
 
-/// What must hold of any change.
-fn consistent(c: &Change, (before, after, grid): &(MaskBits, MaskBits, Grid)) {
+/// Invariants of any change.
+fn assert_consistent(c: &Change, (before, after, grid): &(MaskBits, MaskBits, Grid)) {
     let surfaces = [before, after].map(crate::surface::surface_of);
     for v in &c.vectors {
         let [here, other] = if v.signed_mm > 0.0 { [after, before] } else { [before, after] };
@@ -72,9 +72,9 @@ fn concentric_balls_change_by_the_difference_of_their_radii() {
     }
 }
 
-/// Distance from `p` to the ellipsoid with semi-axes `a` about the origin, along the way to the
-/// nearest point (Newton on the Lagrange multiplier).
-fn to_ellipsoid(p: DVec3, a: DVec3) -> f64 {
+/// Distance from `p` to the nearest point of the ellipsoid with semi-axes `a` about the origin (bisection on the
+/// Lagrange multiplier).
+fn ellipsoid_distance_mm(p: DVec3, a: DVec3) -> f64 {
     let f = |t: f64| -> f64 { (0..3).map(|i| (a[i] * p[i] / (t + a[i] * a[i])).powi(2)).sum::<f64>() - 1.0 };
     let (mut lo, mut hi) = (-a.min_element().powi(2) + 1e-9, 1e6);
     for _ in 0..200 {
@@ -92,7 +92,7 @@ fn an_ellipsoid_scaled_along_one_axis_grows_there_and_nowhere_else() {
         let inside = |s: DVec3| move |p: DVec3| (p / s).length() <= 1.0;
         let c = of(&masks(22.0, spacing, inside(a), inside(b)));
         assert!(c.vectors.iter().all(|v| v.signed_mm > 0.0));
-        // The truth on the axis: the tip moved by 8 mm.
+        // Ground truth on the axis: the tip moved by 8 mm.
         let tip = c.vectors.iter().filter(|v| {
             let p = v.to_mm;
             p.x.abs() > 19.0 && p.y.hypot(p.z) < 5.0
@@ -100,9 +100,9 @@ fn an_ellipsoid_scaled_along_one_axis_grows_there_and_nowhere_else() {
         let (n, mean) = tip.fold((0, 0.0), |(n, sum), v| (n + 1, sum + v.signed_mm));
         let mean = mean / f64::from(n);
         assert!(n > 0 && (mean - 8.0).abs() <= spacing.length() / 2.0, "{spacing}: {mean} of {n}");
-        // Nowhere shorter than the true distance between the surfaces, but for the voxels' size.
+        // No vector is shorter than the true distance between the surfaces, within a voxel's size.
         for v in &c.vectors {
-            let true_mm = to_ellipsoid(v.to_mm, a);
+            let true_mm = ellipsoid_distance_mm(v.to_mm, a);
             assert!(v.signed_mm >= true_mm - spacing.length(), "{v:?} {true_mm}");
         }
     }
@@ -113,17 +113,17 @@ fn a_ball_that_moves_grows_ahead_and_recedes_behind() {
     for spacing in SPACINGS {
         let step = DVec3::new(8.0, 6.0, 0.0);
         let c = of(&masks(26.0, spacing, ball(DVec3::ZERO, 14.0), ball(step, 14.0)));
-        // Outward normal of the nearer surface against the way: the side that decides the sign.
-        let (mut right, mut all) = (0, 0);
+        // Sign of the true change at the voxel: positive where it is nearer to the second ball than to the first.
+        let (mut correct, mut all) = (0, 0);
         for v in &c.vectors {
             let p = if v.signed_mm > 0.0 { v.to_mm } else { v.from_mm };
             let truth = p.length() - p.distance(step);
             if truth.abs() > spacing.length() {
                 all += 1;
-                right += usize::from((truth > 0.0) == (v.signed_mm > 0.0));
+                correct += usize::from((truth > 0.0) == (v.signed_mm > 0.0));
             }
         }
-        assert!(all > 50 && right as f64 >= 0.999 * f64::from(all), "{spacing}: {right} of {all}");
+        assert!(all > 50 && correct as f64 >= 0.999 * f64::from(all), "{spacing}: {correct} of {all}");
         let along = step.normalize_or_zero();
         let ahead: Vec<f64> = (c.vectors.iter())
             .filter(|v| v.signed_mm > 0.0 && (v.to_mm - step).normalize_or_zero().dot(along) > 0.98)
@@ -147,7 +147,7 @@ fn a_lobe_grown_on_one_side_changes_that_side_only() {
 }
 
 #[test]
-fn components_that_split_merge_vanish_and_appear_are_told_and_get_no_made_up_arrow() {
+fn split_merged_vanished_and_appeared_components_are_reported_without_spurious_vectors() {
     let (left, right) = (DVec3::new(-12.0, 0.0, 0.0), DVec3::new(12.0, 0.0, 0.0));
     let bar = |p: DVec3| p.x.abs() <= 12.0 && p.y.hypot(p.z) <= 4.0;
     let dumbbell = move |p: DVec3| ball(left, 7.0)(p) || ball(right, 7.0)(p) || bar(p);
@@ -159,7 +159,7 @@ fn components_that_split_merge_vanish_and_appear_are_told_and_get_no_made_up_arr
         let fates: Vec<Fate> = split.groups.iter().map(|g| g.fate).collect();
         assert!(fates.contains(&Fate::Split) && fates.contains(&Fate::Vanished) && fates.len() == 2);
         assert!(split.vectors.iter().all(|v| v.signed_mm < 0.0));
-        // The vanished speck has no arrow, all of it is listed.
+        // The vanished speck has no vector; all its outer voxels are listed.
         assert!(split.vectors.iter().all(|v| v.from_mm.y < 14.0));
         assert!(!split.unpartnered.is_empty());
         assert!(
@@ -176,17 +176,17 @@ fn components_that_split_merge_vanish_and_appear_are_told_and_get_no_made_up_arr
 }
 
 #[test]
-fn identical_masks_follow_no_streamline() {
+fn identical_masks_need_no_skeleton() {
     let same = |p: DVec3| (p / DVec3::new(15.0, 9.0, 7.0)).length() <= 1.0;
     let c = of(&masks(18.0, DVec3::ONE, same, same));
     assert_eq!(c.flags, [Flag::NoChange]);
     assert_eq!(c.skeleton.counts, crate::skeleton::SkeletonCounts::default());
     assert!(c.vectors.is_empty() && c.kept_voxels > 1000 && c.gone_voxels + c.new_voxels == 0);
-    // A counter that can count: with a change, streamlines are followed.
+    // With a change, the counters aren't 0: the skeleton is computed.
     let grown = |p: DVec3| (p / DVec3::new(15.0, 11.0, 7.0)).length() <= 1.0;
     let c = of(&masks(18.0, DVec3::new(1.0, 1.0, 1.0), same, grown));
     assert!(c.skeleton.counts.samples > 0 && c.skeleton_voxels > 0);
-    // A cavity that filled is a change without an outer surface.
+    // A filled cavity is a change without outer surface voxels.
     let hollow = move |p: DVec3| same(p) && p.length() > 3.0;
     let c = of(&masks(18.0, DVec3::ONE, hollow, same));
     assert_eq!(c.flags, [Flag::InsideOnly]);
@@ -208,8 +208,8 @@ fn uncertainty_in_closed_form() {
     assert_eq!(Histogram::of(std::iter::empty()), None);
 }
 
-/// Signed distance to a union of the phantom's ellipsoids, by its level (first order).
-fn outside_mm(parts: &[phantom::Ellipsoid], p: DVec3) -> f64 {
+/// First-order signed distance to a union of the phantom's ellipsoids.
+fn signed_distance_mm(parts: &[phantom::Ellipsoid], p: DVec3) -> f64 {
     let one = |e: &phantom::Ellipsoid| {
         let q = (p - e.center_mm) / e.semi_axes_mm;
         let slope = (q / e.semi_axes_mm).length();
@@ -219,7 +219,7 @@ fn outside_mm(parts: &[phantom::Ellipsoid], p: DVec3) -> f64 {
 }
 
 #[test]
-fn the_sample_changes_as_its_shapes_do() {
+fn the_sample_changes_match_its_analytic_shapes() {
     let spec = crate::sample::sample_spec();
     let case = crate::case::load(&spec, &Default::default(), &Progress::new()).unwrap();
     let truth = phantom::truth();
@@ -229,25 +229,25 @@ fn the_sample_changes_as_its_shapes_do() {
         let (report, change) = between(&case, &choice, &options, None, &Progress::new()).unwrap();
         let parts = |time: usize| &truth.time_points[time].masks.iter().find(|m| m.id == id).unwrap().parts;
         let voxel = case.grid.spacing_mm().length();
-        let (mut right, mut all) = (0, 0);
+        let (mut correct, mut all) = (0, 0);
         for v in &change.vectors {
-            // How far the surface that the voxel is on lies outside (inside) the other date's shape.
+            // True distance of the surface voxel outside (growth) or inside (recession) the other time point's shape.
             let (place, other) = if v.signed_mm > 0.0 { (v.to_mm, 0) } else { (v.from_mm, 1) };
-            let true_mm = outside_mm(parts(other), place) * v.signed_mm.signum();
+            let true_mm = signed_distance_mm(parts(other), place) * v.signed_mm.signum();
             if true_mm.abs() > voxel {
                 all += 1;
-                right += usize::from((true_mm > 0.0) == (v.signed_mm > 0.0));
+                correct += usize::from((true_mm > 0.0) == (v.signed_mm > 0.0));
             }
             assert!(v.signed_mm.abs() >= true_mm.abs() - 1.5 * voxel, "{id} {v:?} {true_mm}");
         }
-        println!("{id}: {right} of {all}, {:?} {:?}", report.growth, report.recession);
-        assert!(all > 100 && right as f64 >= 0.999 * f64::from(all), "{id}: {right} of {all}");
+        println!("{id}: {correct} of {all}, {:?} {:?}", report.growth, report.recession);
+        assert!(all > 100 && correct as f64 >= 0.999 * f64::from(all), "{id}: {correct} of {all}");
         assert!((report.kept_ml + report.gone_ml - report.from_ml).abs() < 1e-9);
         assert!(
             (report.to_ml - truth.time_points[1].masks.iter().find(|m| m.id == id).unwrap().volume_ml).abs()
                 < 0.5
         );
-        // The faces of the main body moved by known ways.
+        // The faces of the main body moved by known distances.
         let growth = truth.growth.iter().find(|g| g.id == id).unwrap();
         let most = growth.left_posterior_inferior_mm.max(growth.right_anterior_superior_mm).max_element();
         assert!(report.growth.p95_mm.unwrap() <= most.max(9.0) + 2.0 * voxel, "{id} {:?}", report.growth);
@@ -262,7 +262,7 @@ fn the_sample_changes_as_its_shapes_do() {
     assert!(change.unpartnered.iter().all(|v| v.appeared && v.position_mm.distance(satellite) < 6.5));
     let lines = String::from_utf8(csv(&change)).unwrap().lines().count();
     assert_eq!(lines, 1 + change.vectors.len() + change.unpartnered.len());
-    // Wrong questions.
+    // Invalid choices.
     for (of, from, to) in [
         (Some("T9"), None, None),
         (Some("T1"), Some("2020"), None),
@@ -275,7 +275,7 @@ fn the_sample_changes_as_its_shapes_do() {
 }
 
 #[test]
-fn stability() {
+fn degenerate_masks_and_matrices_give_finite_results() {
     let small = |dims: [usize; 3], affine: DAffine3, seed: u64, per_mille: u64| {
         let grid = Grid::new(dims, affine, Sides::Known).unwrap();
         let mask = |mut state: u64| {
@@ -301,12 +301,12 @@ fn stability() {
             assert!(!none || c.vectors.is_empty(), "{name} {other}");
         }
     }
-    // 31,000 specks.
+    // 31,000 components.
     let specks = small([128, 128, 128], id, 5, 20);
     let c = of(&specks);
     assert!(c.groups.len() > 31_000, "{}", c.groups.len());
-    // The world around a mask changes no length: far away, mirrored, turned; flat and sheared
-    // voxels, and the worst matrix that a grid takes, have finite answers.
+    // Lengths don't depend on the grid's position: far away, mirrored. Anisotropic, sheared and tiny voxels and
+    // the worst conditioned matrix that a grid accepts give finite results.
     let lobes = |p: DVec3| ball(DVec3::ZERO, 6.0)(p) || ball(DVec3::new(6.0, 2.0, 1.0), 4.0)(p);
     let (a, b, _) = masks(12.0, DVec3::ONE, lobes, |p| lobes(p) && p.x < 5.0 || ball(DVec3::Y * 5.0, 4.0)(p));
     let with = |m: DMat3, t: f64| {
@@ -330,12 +330,12 @@ fn stability() {
         assert_eq!(c.vectors.len(), here.vectors.len(), "{m:?}");
         assert!(c.vectors.iter().all(|v| v.signed_mm.is_finite() && v.signed_mm != 0.0), "{m:?} finite");
         assert!(!c.skeleton.points.is_empty(), "{m:?}");
-        // Voxels 1e8 steps long are the one case for the limit on steps.
+        // Only voxels 1e8 steps long reach the limit on steps.
         let limited = m.z_axis.z > 1e6;
         assert!(limited || c.skeleton.counts.stopped == 0, "{m:?} {:?}", c.skeleton.counts);
     }
-    let wrong = change(&a, &b, &plain(), &ChangeOptions::default(), &Progress::new());
-    assert!(matches!(wrong, Err(ChangeError::Dims { .. })));
+    let error = change(&a, &b, &plain(), &ChangeOptions::default(), &Progress::new());
+    assert!(matches!(error, Err(ChangeError::Dims { .. })));
     let nan = ChangeOptions { registration_mm: f64::NAN, ..ChangeOptions::default() };
     assert!(matches!(
         change(&full, &one, &plain(), &nan, &Progress::new()),

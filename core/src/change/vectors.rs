@@ -1,4 +1,4 @@
-//! Thesis 7.3.4: from each outer surface voxel to the other surface, by way of the skeleton.
+//! Thesis 7.3.4: vectors from each outer surface voxel to its partner on the other surface, through the skeleton.
 
 use std::collections::BTreeMap;
 
@@ -8,70 +8,71 @@ use rayon::prelude::*;
 use super::{ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, groups::Groups};
 use crate::{Cancelled, Grid, MaskBits, Progress, distance::KdTree, skeleton::Skeleton};
 
-/// Points of a set up to which looking at all beats a tree.
-const SMALL: usize = 48;
+/// Number of points up to which brute force is faster than a tree.
+const BRUTE_FORCE_MAX: usize = 48;
 
-/// Sites between looks at the progress.
+/// Surface voxels per progress update.
 const BATCH: usize = 1024;
 
-/// A surface voxel in the crop.
+/// A surface voxel of one mask in the crop.
 #[derive(Clone, Copy)]
-pub(super) struct Site {
+pub(super) struct SurfaceVoxel {
     pub linear: usize,
     pub group: u32,
-    /// Millimetres from the crop's first voxel.
-    at: DVec3,
+    /// Offset from the crop's first voxel.
+    offset_mm: DVec3,
 }
 
-/// The two surfaces, outer parts marked, in memory order.
+/// The two surfaces and their outer parts, in memory order.
 pub(super) struct Surfaces {
-    /// Of the earlier and the later mask.
-    pub all: [Vec<Site>; 2],
-    /// Those where the other mask is inactive, the same way.
-    pub outer: [Vec<Site>; 2],
+    /// All surface voxels of the earlier and the later mask.
+    pub all: [Vec<SurfaceVoxel>; 2],
+    /// Those where the other mask is inactive.
+    pub outer: [Vec<SurfaceVoxel>; 2],
 }
 
 impl Surfaces {
     pub fn new(masks: [&MaskBits; 2], groups: &Groups, mm: DMat3) -> Self {
         let [nx, ny, _] = masks[0].dims();
-        let sites = |mask: &MaskBits| {
-            let mut sites = Vec::new();
+        let voxels = |mask: &MaskBits| {
+            let mut voxels = Vec::new();
             crate::surface::surface_of(mask).for_each(|linear| {
                 let v = [linear % nx, linear / nx % ny, linear / (nx * ny)].map(|v| v as f64);
-                let at = mm * DVec3::from_array(v);
+                let offset_mm = mm * DVec3::from_array(v);
                 if let Some(group) = groups.at(linear) {
-                    sites.push(Site { linear, group, at });
+                    voxels.push(SurfaceVoxel { linear, group, offset_mm });
                 }
             });
-            sites
+            voxels
         };
-        let all = masks.map(sites);
-        let outer = |mine: usize| {
-            let other = masks[1 - mine];
-            let out = |s: &&Site| !other.get([s.linear % nx, s.linear / nx % ny, s.linear / (nx * ny)]);
-            all[mine].iter().filter(out).copied().collect()
+        let all = masks.map(voxels);
+        let outer = |side: usize| {
+            let other = masks[1 - side];
+            let out =
+                |s: &&SurfaceVoxel| !other.get([s.linear % nx, s.linear / nx % ny, s.linear / (nx * ny)]);
+            all[side].iter().filter(out).copied().collect()
         };
         Self { outer: [outer(0), outer(1)], all }
     }
 }
 
-/// Points with the tree over them, and what each is.
-struct Cloud {
+/// Points with an id each, and a k-d tree over them.
+struct PointCloud {
     tree: Option<KdTree>,
     points: Vec<DVec3>,
-    index: Vec<u32>,
+    ids: Vec<u32>,
 }
 
-impl Cloud {
-    fn new(points: Vec<DVec3>, index: Vec<u32>) -> Result<Self, ChangeError> {
-        let tree = if points.len() > SMALL { KdTree::new(&points)? } else { None };
-        Ok(Self { tree, points, index })
+impl PointCloud {
+    fn new(points: Vec<DVec3>, ids: Vec<u32>) -> Result<Self, ChangeError> {
+        let tree = if points.len() > BRUTE_FORCE_MAX { KdTree::new(&points)? } else { None };
+        Ok(Self { tree, points, ids })
     }
 
-    /// The nearest point's `index` and distance; the first of equals.
+    /// Id of the nearest point and its distance; the first on ties.
     fn nearest(&self, p: DVec3) -> Option<(u32, f64)> {
         if let Some(tree) = &self.tree {
-            return tree.nearest(p).map(|(i, d)| (self.index[i], d));
+            return tree.nearest(p).map(|(i, d)| (self.ids[i], d));
         }
         let mut best: Option<(f64, usize)> = None;
         for (i, q) in self.points.iter().enumerate() {
@@ -80,32 +81,33 @@ impl Cloud {
                 best = Some((d, i));
             }
         }
-        best.map(|(d, i)| (self.index[i], d.sqrt()))
+        best.map(|(d, i)| (self.ids[i], d.sqrt()))
     }
 }
 
-/// Clouds by a key, from `(key, point, index)` in any order.
-fn clouds(mut items: Vec<(u32, DVec3, u32)>) -> Result<BTreeMap<u32, Cloud>, ChangeError> {
-    items.sort_by_key(|&(key, _, index)| (key, index));
+/// One cloud per key, from `(key, point, id)` in any order.
+fn clouds(mut items: Vec<(u32, DVec3, u32)>) -> Result<BTreeMap<u32, PointCloud>, ChangeError> {
+    items.sort_by_key(|&(key, _, id)| (key, id));
     let parts: Vec<&[(u32, DVec3, u32)]> = items.chunk_by(|a, b| a.0 == b.0).collect();
-    let made: Result<Vec<(u32, Cloud)>, ChangeError> = parts
+    let made: Result<Vec<(u32, PointCloud)>, ChangeError> = parts
         .into_par_iter()
         .map(|part| {
-            let cloud = Cloud::new(part.iter().map(|i| i.1).collect(), part.iter().map(|i| i.2).collect())?;
+            let cloud =
+                PointCloud::new(part.iter().map(|i| i.1).collect(), part.iter().map(|i| i.2).collect())?;
             Ok((part[0].0, cloud))
         })
         .collect();
     Ok(made?.into_iter().collect())
 }
 
-/// One skeleton point a voxel of the crop: the mean of those in it, with its group. Without that the
-/// sets of the surface's voxels would be as thin as the streamlines' steps.
-pub(super) fn skeleton_sites(
+/// Reduces the skeleton to one point per voxel of the crop, the mean of those in it, with its group. Otherwise most
+/// skeleton points, as close together as streamline steps, would be nearest to no voxel of the other surface.
+pub(super) fn skeleton_points(
     skeleton: &Skeleton,
     start: [usize; 3],
     dims: [usize; 3],
     mm: DMat3,
-    both: &[Site],
+    shared_surface: &[SurfaceVoxel],
     groups: &Groups,
 ) -> Result<Vec<(u32, DVec3)>, ChangeError> {
     let mut by_voxel: BTreeMap<usize, (DVec3, f64)> = BTreeMap::new();
@@ -117,131 +119,143 @@ pub(super) fn skeleton_sites(
         sum.0 += mm * local;
         sum.1 += 1.0;
     }
-    // A point in a cavity belongs to what is around it.
-    let mut around: Option<Cloud> = None;
-    let mut sites = Vec::with_capacity(by_voxel.len());
+    // A point in a cavity belongs to the group of the nearest shared surface voxel.
+    let mut shared_cloud: Option<PointCloud> = None;
+    let mut points = Vec::with_capacity(by_voxel.len());
     for (linear, (sum, n)) in by_voxel {
-        let at = sum / n;
+        let offset_mm = sum / n;
         let group = match groups.at(linear) {
             Some(group) => Some(group),
             None => {
-                let cloud = match &around {
+                let cloud = match &shared_cloud {
                     Some(cloud) => cloud,
-                    None => around.insert(Cloud::new(
-                        both.iter().map(|s| s.at).collect(),
-                        both.iter().map(|s| s.group).collect(),
+                    None => shared_cloud.insert(PointCloud::new(
+                        shared_surface.iter().map(|s| s.offset_mm).collect(),
+                        shared_surface.iter().map(|s| s.group).collect(),
                     )?),
                 };
-                cloud.nearest(at).map(|(group, _)| group)
+                cloud.nearest(offset_mm).map(|(group, _)| group)
             }
         };
-        sites.extend(group.map(|g| (g, at)));
+        points.extend(group.map(|g| (g, offset_mm)));
     }
-    Ok(sites)
+    Ok(points)
 }
 
-/// A site, its partner, whether its set was empty, and the plain nearest distance.
-type Choice = (Site, Option<Site>, bool, Option<f64>);
+/// An outer surface voxel, its partner, whether no voxel shares its skeleton point, and the plain nearest distance.
+type Match = (SurfaceVoxel, Option<SurfaceVoxel>, bool, Option<f64>);
 
-/// What [`find`] found.
+/// Vectors, and outer surface voxels without a partner.
 #[derive(Default)]
-pub(super) struct Found {
+pub(super) struct Matches {
     pub vectors: Vec<SurfaceChange>,
     pub unpartnered: Vec<Unpartnered>,
 }
 
-/// Vectors of all outer surface voxels, by voxel in memory order.
-pub(super) fn find(
+/// Finds the partners of all outer surface voxels; results are in memory order of the voxels.
+pub(super) fn match_surfaces(
     surfaces: &Surfaces,
     skeleton: &[(u32, DVec3)],
     uncertainty: &Uncertainty,
-    place: &Place<'_>,
+    crop_frame: &CropFrame<'_>,
     progress: &Progress,
-) -> Result<Found, ChangeError> {
-    // Skeleton points of each group, and for each surface the sets of each skeleton point.
-    let points = clouds(skeleton.iter().zip(0..).map(|(&(group, at), i)| (group, at, i)).collect())?;
-    let own = |s: &Site| points.get(&s.group).and_then(|cloud| cloud.nearest(s.at)).map(|(i, _)| i);
-    let sets = |sites: &[Site]| {
-        let items: Vec<(u32, DVec3, u32)> = (sites.par_iter().zip(0..sites.len() as u32))
-            .filter_map(|(s, i)| Some((own(s)?, s.at, i)))
+) -> Result<Matches, ChangeError> {
+    // Skeleton points by group; for each surface, its voxels by nearest skeleton point.
+    let points =
+        clouds(skeleton.iter().zip(0..).map(|(&(group, offset_mm), i)| (group, offset_mm, i)).collect())?;
+    let nearest_skeleton_point =
+        |s: &SurfaceVoxel| points.get(&s.group).and_then(|cloud| cloud.nearest(s.offset_mm)).map(|(i, _)| i);
+    let sets = |voxels: &[SurfaceVoxel]| {
+        let items: Vec<(u32, DVec3, u32)> = (voxels.par_iter().zip(0..voxels.len() as u32))
+            .filter_map(|(s, i)| Some((nearest_skeleton_point(s)?, s.offset_mm, i)))
             .collect();
         clouds(items)
     };
-    let groups = |sites: &[Site]| clouds(sites.iter().zip(0..).map(|(s, i)| (s.group, s.at, i)).collect());
-    let whole =
-        |sites: &[Site]| Cloud::new(sites.iter().map(|s| s.at).collect(), (0..sites.len() as u32).collect());
+    let groups = |voxels: &[SurfaceVoxel]| {
+        clouds(voxels.iter().zip(0..).map(|(s, i)| (s.group, s.offset_mm, i)).collect())
+    };
+    let whole_surface = |voxels: &[SurfaceVoxel]| {
+        PointCloud::new(voxels.iter().map(|s| s.offset_mm).collect(), (0..voxels.len() as u32).collect())
+    };
     progress.check()?;
-    let mut found = Found::default();
-    for mine in 0..2 {
-        let outer = &surfaces.outer[mine];
+    let mut found = Matches::default();
+    for side in 0..2 {
+        let outer = &surfaces.outer[side];
         if outer.is_empty() {
             continue;
         }
-        let others = &surfaces.all[1 - mine];
-        let (sets, by_group, any) = (sets(others)?, groups(others)?, whole(others)?);
+        let others = &surfaces.all[1 - side];
+        let (sets, by_group, surface_cloud) = (sets(others)?, groups(others)?, whole_surface(others)?);
         progress.expect(outer.len() as u64);
-        let parts: Result<Vec<Vec<Choice>>, Cancelled> = outer
+        let parts: Result<Vec<Vec<Match>>, Cancelled> = outer
             .par_chunks(BATCH)
             .map(|batch| {
                 progress.advance(batch.len() as u64)?;
-                let choose = |site: &Site| {
-                    let nearest_mm = any.nearest(site.at).map(|(_, d)| d);
-                    let in_set = own(site).and_then(|s| sets.get(&s)).and_then(|set| set.nearest(site.at));
-                    let near = || by_group.get(&site.group).and_then(|cloud| cloud.nearest(site.at));
+                let choose = |surface_voxel: &SurfaceVoxel| {
+                    let nearest_mm = surface_cloud.nearest(surface_voxel.offset_mm).map(|(_, d)| d);
+                    let in_set = nearest_skeleton_point(surface_voxel)
+                        .and_then(|s| sets.get(&s))
+                        .and_then(|set| set.nearest(surface_voxel.offset_mm));
+                    let near = || {
+                        by_group
+                            .get(&surface_voxel.group)
+                            .and_then(|cloud| cloud.nearest(surface_voxel.offset_mm))
+                    };
                     let (partner, no_set) = match in_set {
                         Some((i, _)) => (Some(i), false),
                         None => (near().map(|(i, _)| i), true),
                     };
-                    (*site, partner.map(|i| others[i as usize]), no_set, nearest_mm)
+                    (*surface_voxel, partner.map(|i| others[i as usize]), no_set, nearest_mm)
                 };
                 Ok(batch.iter().map(choose).collect())
             })
             .collect();
-        for (site, partner, no_set, nearest_mm) in parts?.into_iter().flatten() {
-            let voxel = place.voxel(site.linear);
-            let grows = mine == 1;
+        for (surface_voxel, partner, no_set, nearest_mm) in parts?.into_iter().flatten() {
+            let voxel = crop_frame.voxel(surface_voxel.linear);
+            let is_growth = side == 1;
             let (Some(partner), Some(nearest_mm)) = (partner, nearest_mm) else {
-                let position_mm = place.world(voxel);
+                let position_mm = crop_frame.world(voxel);
                 found.unpartnered.push(Unpartnered {
                     voxel,
                     position_mm,
-                    appeared: grows,
+                    appeared: is_growth,
                     nearest_mm,
-                    group: site.group,
+                    group: surface_voxel.group,
                 });
                 continue;
             };
-            let (here, there) = (place.world(voxel), place.world(place.voxel(partner.linear)));
-            let way = site.at - partner.at;
-            let length = way.length();
-            let uncertainty_mm = uncertainty.along(way);
-            let (from_mm, to_mm) = if grows { (there, here) } else { (here, there) };
+            let (here_mm, partner_mm) =
+                (crop_frame.world(voxel), crop_frame.world(crop_frame.voxel(partner.linear)));
+            let vector_mm = surface_voxel.offset_mm - partner.offset_mm;
+            let length_mm = vector_mm.length();
+            let uncertainty_mm = uncertainty.along(vector_mm);
+            let (from_mm, to_mm) = if is_growth { (partner_mm, here_mm) } else { (here_mm, partner_mm) };
             found.vectors.push(SurfaceChange {
                 voxel,
                 from_mm,
                 to_mm,
-                signed_mm: if grows { length } else { -length },
+                signed_mm: if is_growth { length_mm } else { -length_mm },
                 nearest_mm,
                 uncertainty_mm,
-                group: site.group,
-                flags: ChangeFlags { no_set, within_uncertainty: length < uncertainty_mm },
+                group: surface_voxel.group,
+                flags: ChangeFlags { no_set, within_uncertainty: length_mm < uncertainty_mm },
             });
         }
     }
-    // No voxel is outer on both sides.
+    // No voxel is an outer surface voxel of both masks, so the order is unique.
     found.vectors.sort_unstable_by_key(|v| [v.voxel[2], v.voxel[1], v.voxel[0]]);
     found.unpartnered.sort_unstable_by_key(|v| [v.voxel[2], v.voxel[1], v.voxel[0]]);
     Ok(found)
 }
 
-/// Where the crop is.
-pub(super) struct Place<'a> {
+/// Position of the crop in the case grid.
+pub(super) struct CropFrame<'a> {
     pub grid: &'a Grid,
     pub start: [usize; 3],
     pub dims: [usize; 3],
 }
 
-impl Place<'_> {
+impl CropFrame<'_> {
     fn voxel(&self, linear: usize) -> [usize; 3] {
         let [nx, ny, _] = self.dims;
         let local = [linear % nx, linear / nx % ny, linear / (nx * ny)];

@@ -10,7 +10,7 @@ use crate::{
 const ALL: [(Connectivity, i64); 3] =
     [(Connectivity::Six, 1), (Connectivity::Eighteen, 2), (Connectivity::TwentySix, 3)];
 
-/// Labels by flood fill voxel after voxel, from 1 in raster order; `axes` = most axes that differ.
+/// Labels by voxel-wise flood fill, from 1 in raster order; neighbours differ along at most `axes` axes.
 fn flood(dims: [usize; 3], value: &[u32], axes: i64) -> Vec<u32> {
     let size = dims.map(|d| d as i64);
     let mut labels = vec![0; value.len()];
@@ -43,34 +43,34 @@ fn flood(dims: [usize; 3], value: &[u32], axes: i64) -> Vec<u32> {
     labels
 }
 
-/// A small generator; the top bits are good enough for masks.
+/// A linear congruential generator; its top bits are random enough for masks.
 fn random(state: &mut u64) -> u32 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 40) as u32
 }
 
-/// Counts, boxes and centroids again from the labels.
+/// Compares counts, bounding boxes and centroids with those recomputed from the labels.
 fn check_numbers(dims: [usize; 3], labels: &[u32], value: &[u32], found: &Components) {
     let count = labels.iter().max().copied().unwrap_or(0) as usize;
     assert_eq!(found.list().len(), count);
     for (i, c) in found.list().iter().enumerate().take(50) {
-        let mine: Vec<usize> = (0..labels.len()).filter(|&v| labels[v] as usize == i + 1).collect();
+        let members: Vec<usize> = (0..labels.len()).filter(|&v| labels[v] as usize == i + 1).collect();
         let at = |v: usize| [v % dims[0], v / dims[0] % dims[1], v / (dims[0] * dims[1])];
-        assert_eq!(c.voxels, mine.len() as u64);
-        assert_eq!(c.value, value[mine[0]]);
+        assert_eq!(c.voxels, members.len() as u64);
+        assert_eq!(c.value, value[members[0]]);
         let mut mean = DVec3::ZERO;
         for axis in 0..3 {
-            let low = mine.iter().map(|&v| at(v)[axis]).min().unwrap();
-            let high = mine.iter().map(|&v| at(v)[axis]).max().unwrap();
+            let low = members.iter().map(|&v| at(v)[axis]).min().unwrap();
+            let high = members.iter().map(|&v| at(v)[axis]).max().unwrap();
             assert_eq!((c.start[axis], c.dims[axis]), (low, high - low + 1));
-            mean[axis] = mine.iter().map(|&v| at(v)[axis]).sum::<usize>() as f64 / mine.len() as f64;
+            mean[axis] = members.iter().map(|&v| at(v)[axis]).sum::<usize>() as f64 / members.len() as f64;
         }
         assert!(c.centroid_voxel.distance(mean) < 1e-12);
     }
 }
 
 #[test]
-fn a_mask_is_parted_as_by_flood_fill() {
+fn mask_components_equal_flood_fill() {
     let mut state = 1;
     for dims in
         [[1, 1, 1], [1, 9, 19], [7, 1, 5], [63, 5, 3], [64, 3, 18], [65, 4, 9], [128, 3, 3], [129, 2, 17]]
@@ -90,12 +90,12 @@ fn a_mask_is_parted_as_by_flood_fill() {
 }
 
 #[test]
-fn an_index_is_parted_as_by_flood_fill() {
+fn index_components_equal_flood_fill() {
     let mut state = 2;
     for (dims, masks) in [([65, 9, 19], 2), ([17, 13, 9], 3), ([63, 5, 9], 9), ([1, 30, 17], 17)] {
         let n: usize = dims.iter().product();
         let grid = Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap();
-        // Beyond two masks most are nearly empty, so that equal values still meet.
+        // Beyond two masks most are nearly empty, so that equal values still touch.
         let masks: Vec<Mask> = (0..masks)
             .map(|k| {
                 let percent = if k < 2 { 50 } else { 4 };
@@ -115,7 +115,7 @@ fn an_index_is_parted_as_by_flood_fill() {
 }
 
 #[test]
-fn nothing_one_and_all() {
+fn empty_single_voxel_and_full_masks() {
     let none = Components::of_mask(&MaskBits::empty([70, 5, 20]), Connectivity::default()).unwrap();
     assert!(none.list().is_empty());
 
@@ -134,7 +134,7 @@ fn nothing_one_and_all() {
 }
 
 #[test]
-fn more_specks_than_sixteen_bits_count() {
+fn more_components_than_16_bits_can_count() {
     // Every third voxel along each axis: 43 cubed, none touching.
     let third = |l: usize| [l % 128, l / 128 % 128, l / (128 * 128)].iter().all(|p| p.is_multiple_of(3));
     let found = Components::of_mask(&MaskBits::from_fn([128; 3], third), Connectivity::default()).unwrap();

@@ -1,19 +1,19 @@
 //! The transform of [`super::envelope`] where all squared distances are whole multiples of one unit
-//! (equal spacings such as 1 mm, or 0.5 × 0.5 × 6 mm): nothing is rounded, so voxels where a
-//! parabola begins are whole numbers and ties are ties.
+//! (equal spacings such as 1 mm, or 0.5 × 0.5 × 6 mm): nothing is rounded, so parabolas begin
+//! at whole voxels and ties are exact.
 //!
-//! Columns are worked on in tiles: strided reads and writes move whole cache lines.
+//! Columns are processed in tiles, so that strided reads and writes move whole cache lines.
 
 use rayon::prelude::*;
 
 use super::Crop;
 use crate::MaskBits;
 
-/// Columns worked on together: their rows are whole cache lines.
+/// Columns of a tile: its rows are whole cache lines.
 const TILE: usize = 16;
 
 /// Squared spacings as whole multiples of one unit, if every sum of squares in the crop is then
-/// exact in `f64` and every product of the envelope fits an `i32`. Weights are normal numbers.
+/// exact in `f64` and every product of the envelope fits an `i32`. Weights must be normal numbers (not subnormal).
 pub(super) fn whole_weights(crop: Crop, weights: [f64; 3]) -> Option<[i32; 3]> {
     // Exponent of the lowest bit set.
     let lowest = |w: f64| {
@@ -84,7 +84,7 @@ pub(super) fn nearest_sites(sites: &MaskBits, crop: Crop, weights: [i32; 3]) -> 
                     tile.heights.push(height);
                     tile.sites.push(site);
                 }
-                tile.lowest(&along_y, width);
+                tile.lower_envelopes(&along_y, width);
                 tile.write(slab, nx, first, width);
             }
             true
@@ -115,7 +115,7 @@ pub(super) fn nearest_sites(sites: &MaskBits, crop: Crop, weights: [i32; 3]) -> 
                     tile.heights.push(height);
                     tile.sites.push(site);
                 }
-                tile.lowest(&along_z, width);
+                tile.lower_envelopes(&along_z, width);
                 tile.write(plane, nx, first, width);
             }
         },
@@ -123,8 +123,8 @@ pub(super) fn nearest_sites(sites: &MaskBits, crop: Crop, weights: [i32; 3]) -> 
     by_row
 }
 
-/// Appends each voxel's nearest site's x in the row, the smaller of two equally near. Nothing and
-/// `false` where the row has none.
+/// Appends the x of each voxel's nearest site in the row, the smaller one on ties. Appends nothing and
+/// returns `false` when the row has no site.
 pub(super) fn scan_row(sites: &MaskBits, start: [usize; 3], nx: usize, nearest: &mut Vec<u32>) -> bool {
     let per_line = sites.words_per_line();
     let line = (start[2] * sites.dims()[1] + start[1]) * per_line;
@@ -135,10 +135,10 @@ pub(super) fn scan_row(sites: &MaskBits, start: [usize; 3], nx: usize, nearest: 
         while rest != 0 {
             let x = w * 64 + rest.trailing_zeros() as usize - start[0];
             rest &= rest - 1;
-            // Up to halfway, the middle included, the one before is nearest.
-            let middle = last.map_or(0, |before| (before + x) / 2 + 1);
+            // Up to the midpoint, inclusive, the site before is nearest.
+            let past_midpoint = last.map_or(0, |before| (before + x) / 2 + 1);
             if let Some(before) = last {
-                nearest.resize(begin + middle, before as u32);
+                nearest.resize(begin + past_midpoint, before as u32);
             }
             nearest.resize(begin + x + 1, x as u32);
             last = Some(x);
@@ -149,17 +149,17 @@ pub(super) fn scan_row(sites: &MaskBits, start: [usize; 3], nx: usize, nearest: 
     true
 }
 
-/// A line's length and weight, and what is derived from them once.
+/// A line's length and weight, and values derived from them once.
 struct Axis {
     n: usize,
-    twice: i32,
-    /// `1 / (twice·d)` for each difference of rows.
+    twice_weight: i32,
+    /// `1 / (twice_weight·d)` for each difference of rows `d`.
     inverse: Vec<f64>,
 }
 
 impl Axis {
-    /// `⌊rise / (twice·d)⌋ + 1`. The quotient is moved off whole numbers by half a unit of its
-    /// numerator, far more than rounding moves it; adding 1.5·2⁵² rounds it to one.
+    /// `⌊rise / (twice_weight·d)⌋ + 1`. The quotient is shifted off whole numbers by half a unit of
+    /// its numerator, far more than the rounding error; adding 1.5·2⁵² rounds it to a whole number.
     #[inline]
     fn first_lower(&self, rise: i32, d: i32) -> i32 {
         const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
@@ -169,7 +169,7 @@ impl Axis {
 
     fn new(n: usize, weight: i32) -> Self {
         let inverse = (0..=n).map(|d| 1.0 / (2.0 * f64::from(weight) * d as f64)).collect();
-        Self { n, twice: 2 * weight, inverse }
+        Self { n, twice_weight: 2 * weight, inverse }
     }
 }
 
@@ -189,7 +189,7 @@ struct Tile {
     nearest_x: Vec<u32>,
     /// Rows that have parabolas, ascending.
     rows: Vec<i32>,
-    /// By row: height of each column's parabola, seen from voxel 0, and its site.
+    /// By row: height of each column's parabola at voxel 0, and its site.
     heights: Vec<[i32; TILE]>,
     sites: Vec<[u32; TILE]>,
     arcs: Vec<Arc>,
@@ -198,13 +198,13 @@ struct Tile {
 }
 
 impl Tile {
-    /// Fills `begins` for the first `width` columns.
-    fn lowest(&mut self, axis: &Axis, width: usize) {
+    /// Fills `begins` with the lower envelopes of the first `width` columns.
+    fn lower_envelopes(&mut self, axis: &Axis, width: usize) {
         let Self { rows, heights, sites, arcs, begins, .. } = self;
         begins.resize(axis.n, [0; TILE]);
         arcs.resize(rows.len() + 1, Arc::default());
         for c in 0..width.min(TILE) {
-            // Far below all: never taken off.
+            // A sentinel far below all parabolas: never popped.
             let mut top = Arc { row: -1, begin: 0, height: -(1 << 30), index: 0 };
             let mut depth = 0;
             for (index, (&row, heights)) in rows.iter().zip(heights.iter()).enumerate() {
@@ -212,7 +212,7 @@ impl Tile {
                 let mut d = row - top.row;
                 let mut rise = height - top.height;
                 // At voxel p the new one is lower where rise < 2·weight·d·p.
-                while rise < axis.twice * d * top.begin {
+                while rise < axis.twice_weight * d * top.begin {
                     depth -= 1;
                     top = arcs[depth];
                     d = row - top.row;
@@ -232,7 +232,8 @@ impl Tile {
         }
     }
 
-    /// Sites ascend with their parabolas' rows: the one in force is the largest so far.
+    /// Writes the sites to `plane`. They ascend with their parabolas' rows: the current one is the
+    /// largest so far.
     fn write(&mut self, plane: &mut [u32], nx: usize, first: usize, width: usize) {
         let mut site = [0; TILE];
         for (row, begins) in plane.chunks_exact_mut(nx).zip(&mut self.begins) {

@@ -1,24 +1,24 @@
-//! Nearest point among many, anywhere in space.
+//! The nearest of many points to any position.
 
 use glam::DVec3;
 
 use super::DistanceError;
 
-/// Points in a leaf: below that, looking at all of them is cheaper than splitting.
+/// Points in a leaf: up to this many, a linear scan is cheaper than splitting.
 const LEAF: usize = 16;
 
 /// A k-d tree over points in millimetres (Bentley 1975; split at the median of the widest axis,
-/// as Friedman, Bentley and Finkel 1977). Answers are exact: equal to looking at every point.
+/// as Friedman, Bentley and Finkel 1977). Results are exact: equal to those of a linear scan.
 #[derive(Clone, Debug)]
 pub struct KdTree {
     nodes: Vec<Node>,
-    /// Points in the order of the leaves.
+    /// Points in leaf order.
     points: Vec<DVec3>,
-    /// Their positions in the caller's list.
+    /// Index of each point in the caller's list.
     index: Vec<u32>,
 }
 
-/// A range of points and the smallest box that holds them.
+/// A range of points and its bounding box.
 #[derive(Clone, Debug)]
 struct Node {
     lo: DVec3,
@@ -30,12 +30,12 @@ struct Node {
 }
 
 impl KdTree {
-    /// A tree over `points_mm`, duplicates allowed. `O(n log n)`, 32 bytes a point.
+    /// A tree over `points_mm`, duplicates allowed. `O(n log n)`, 32 bytes per point.
     /// `None` when there is no point.
     ///
     /// # Errors
     /// [`DistanceError::NotFinite`] when a coordinate is NaN or infinite,
-    /// [`DistanceError::TooLarge`] from 2³² − 1 points on.
+    /// [`DistanceError::TooLarge`] for 2³² − 1 points or more.
     pub fn new(points_mm: &[DVec3]) -> Result<Option<Self>, DistanceError> {
         if points_mm.len() >= u32::MAX as usize {
             return Err(DistanceError::TooLarge(points_mm.len()));
@@ -59,10 +59,10 @@ impl KdTree {
         self.points.len()
     }
 
-    /// Position in the list given to [`KdTree::new`] of the point nearest to `p_mm`, and how far
-    /// it is: `√((Δx² + Δy²) + Δz²)` in `f64`, bit for bit the minimum over all points. Of points
-    /// at the same (rounded) square of the distance, the one first in the list. `None` when `p_mm`
-    /// isn't finite. A distance whose square overflows is infinite.
+    /// Index, in the list given to [`KdTree::new`], of the point nearest to `p_mm`, and its
+    /// distance `√((Δx² + Δy²) + Δz²)` in `f64`, bit for bit the minimum over all points. Ties in
+    /// the (rounded) squared distance go to the point first in the list. `None` when `p_mm` isn't
+    /// finite. A distance whose square overflows is infinite.
     pub fn nearest(&self, p_mm: DVec3) -> Option<(usize, f64)> {
         if !p_mm.is_finite() {
             return None;
@@ -76,9 +76,9 @@ impl KdTree {
         let Node { start, end, right, .. } = self.nodes[node];
         let Some(right) = right else {
             for (point, &index) in self.points[start..end].iter().zip(&self.index[start..end]) {
-                let found = (squared(*point - p), index);
-                if found < *best {
-                    *best = found;
+                let candidate = (squared(*point - p), index);
+                if candidate < *best {
+                    *best = candidate;
                 }
             }
             return;
@@ -91,7 +91,7 @@ impl KdTree {
             [(d_right, right), (d_left, left)]
         };
         for (bound, child) in order {
-            // A box at just the best distance may hold a tied point with a smaller index.
+            // A box at exactly the best distance may contain a tied point with a smaller index.
             if bound <= best.0 {
                 self.search(child, p, best);
             }
@@ -100,8 +100,8 @@ impl KdTree {
 }
 
 impl Node {
-    /// Square of the distance to the box. Rounding is monotone and the operations are those of
-    /// [`squared`], so it never exceeds the rounded square to any point inside.
+    /// Squared distance to the box. Rounding is monotone and the operations are those of
+    /// [`squared`], so it never exceeds the rounded squared distance to any point inside.
     fn bound(&self, p: DVec3) -> f64 {
         squared((self.lo - p).max(p - self.hi).max(DVec3::ZERO))
     }
@@ -111,25 +111,25 @@ fn squared(d: DVec3) -> f64 {
     (d.x * d.x + d.y * d.y) + d.z * d.z
 }
 
-/// Appends the node of `index`, whose first entry is the `start`th of all, and all below it.
+/// Appends the node of `index`, whose first entry is number `start` of all, and its descendants.
 fn split(points: &[DVec3], index: &mut [u32], start: usize, nodes: &mut Vec<Node>) {
     let (lo, hi) = index
         .iter()
         .map(|&i| points[i as usize])
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-    let me = nodes.len();
+    let node = nodes.len();
     nodes.push(Node { lo, hi, start, end: start + index.len(), right: None });
     if index.len() <= LEAF {
         return;
     }
     let size = hi - lo;
     let axis = (1..3).fold(0, |widest, a| if size[a] > size[widest] { a } else { widest });
-    let middle = index.len() / 2;
-    index.select_nth_unstable_by(middle, |&a, &b| {
+    let median = index.len() / 2;
+    index.select_nth_unstable_by(median, |&a, &b| {
         points[a as usize][axis].total_cmp(&points[b as usize][axis]).then(a.cmp(&b))
     });
-    let (left, right) = index.split_at_mut(middle);
+    let (left, right) = index.split_at_mut(median);
     split(points, left, start, nodes);
-    nodes[me].right = Some(nodes.len());
-    split(points, right, start + middle, nodes);
+    nodes[node].right = Some(nodes.len());
+    split(points, right, start + median, nodes);
 }

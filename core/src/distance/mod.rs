@@ -15,13 +15,13 @@ use crate::{Grid, MaskBits};
 pub use kd_tree::KdTree;
 
 /// Cosine between two voxel axes up to which they count as perpendicular. Distances are then
-/// right within the same fraction.
+/// accurate to the same fraction.
 const PERPENDICULAR: f64 = 1e-6;
 
 /// Spacings outside this range (mm) would leave `f64` when squared and summed.
 const SPACING_RANGE_MM: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
-/// Why no distance can be told.
+/// Why distances can't be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DistanceError {
     /// The sites' mask and the grid differ in size.
@@ -43,13 +43,13 @@ pub enum DistanceError {
     /// A site lies outside the crop: leaving it out would make distances too long.
     #[error("found sites outside the crop from {:?} of {:?} voxels, expected all inside", .0.start, .0.dims)]
     SitesOutside(Crop),
-    /// More voxels or points than a 32-bit index tells apart.
+    /// More voxels or points than a 32-bit index can number.
     #[error("found {0} voxels or points, expected fewer than 2^32 - 1")]
     TooLarge(usize),
-    /// Squares of the spacing would overflow or vanish.
+    /// Squares of the spacing would overflow or underflow.
     #[error("found a voxel spacing of {0} mm, expected between 1e-100 and 1e100 mm")]
     Spacing(DVec3),
-    /// A point has a NaN or an infinity.
+    /// A point has a NaN or infinite coordinate.
     #[error("found a coordinate that is not finite in point {0}, expected finite millimetres")]
     NotFinite(usize),
 }
@@ -64,15 +64,15 @@ pub struct Crop {
 }
 
 impl Crop {
-    /// All of `grid`.
+    /// The whole of `grid`.
     pub fn whole(grid: &Grid) -> Self {
         Self { start: [0; 3], dims: grid.dims() }
     }
 
-    /// The smallest box around the active voxels of all `masks` (of one size), grown by
-    /// `margin_voxels` on each side and cut at the border of the first one. `None` when all are empty.
+    /// Bounding box of the active voxels of all `masks` (of equal size), grown by `margin_voxels` on
+    /// each side and clipped to the size of the first one. `None` when all are empty.
     pub fn around(masks: &[&MaskBits], margin_voxels: usize) -> Option<Self> {
-        let image = masks.first()?.dims();
+        let mask_dims = masks.first()?.dims();
         let (lo, end) = masks.iter().filter_map(|m| m.bounds()).fold(None, |all, (start, size)| {
             let (lo, end) = all.unwrap_or(([usize::MAX; 3], [0; 3]));
             Some((
@@ -83,7 +83,7 @@ impl Crop {
         let start = lo.map(|v: usize| v.saturating_sub(margin_voxels));
         let dims = std::array::from_fn(|a| {
             let end: usize = end[a];
-            end.saturating_add(margin_voxels).min(image[a]).saturating_sub(start[a])
+            end.saturating_add(margin_voxels).min(mask_dims[a]).saturating_sub(start[a])
         });
         Some(Self { start, dims })
     }
@@ -101,13 +101,13 @@ impl Crop {
     }
 }
 
-/// For every voxel of a crop the nearest of a set of sites, measured between voxel centres.
+/// The nearest of a set of sites for every voxel of a crop, measured between voxel centres.
 ///
 /// Exact: [`FeatureTransform::distance_mm`] is bit for bit the minimum over all sites of its own
 /// formula in `f64`. Costs `O(voxels)` on perpendicular axes (Felzenszwalb and Huttenlocher 2012,
-/// section 2; sites as in Maurer, Qi and Raghavan 2003), a k-d tree query a voxel on sheared
-/// ones. Parallel; the answer doesn't depend on the number of threads. 4 bytes a voxel of the
-/// crop, 8 while it is made.
+/// section 2; sites as in Maurer, Qi and Raghavan 2003), one k-d tree query per voxel on
+/// sheared ones. Parallel; the result doesn't depend on the number of threads. 4 bytes per voxel
+/// of the crop, 8 during construction.
 #[derive(Clone, Debug)]
 pub struct FeatureTransform {
     crop: Crop,
@@ -116,12 +116,12 @@ pub struct FeatureTransform {
     sites: Vec<u32>,
 }
 
-/// How a difference of voxel indices becomes millimetres.
+/// Maps a difference of voxel indices to millimetres.
 #[derive(Clone, Copy, Debug)]
 enum Metric {
     /// Squared spacings: axes are perpendicular.
     Spacing([f64; 3]),
-    /// Millimetres of a voxel step along each axis.
+    /// Columns: the world-space step of one voxel along each axis, millimetres.
     Sheared(DMat3),
 }
 
@@ -142,14 +142,14 @@ impl Metric {
 impl FeatureTransform {
     /// The nearest active voxel of `sites` for every voxel of `crop`. `sites` has the size of
     /// `grid`; all its active voxels lie in `crop` (see [`Crop::around`]). `None` when it has none:
-    /// there is no distance then, not even an infinite one.
+    /// distances are then undefined, not infinite.
     ///
     /// Axes whose cosine is at most 1e-6 count as perpendicular, which shifts distances by at most
     /// that fraction.
     ///
     /// # Errors
-    /// [`DistanceError`] on sizes that differ, a crop that is empty or outside the grid or leaves
-    /// out a site, one of 2³² − 1 voxels or more, or a spacing beyond 1e±100 mm.
+    /// [`DistanceError`] if sizes differ; if the crop is empty, reaches outside the grid, leaves out
+    /// a site or has 2³² − 1 voxels or more; or if a spacing is outside 1e-100 to 1e100 mm.
     pub fn of(sites: &MaskBits, grid: &Grid, crop: Crop) -> Result<Option<Self>, DistanceError> {
         if sites.dims() != grid.dims() {
             return Err(DistanceError::Dims { sites: sites.dims(), grid: grid.dims() });
@@ -190,15 +190,15 @@ impl FeatureTransform {
                 ((square(i, x, w[0]) + square(j, y, w[1])) + square(k, z, w[2])).sqrt()
             }),
             Metric::Sheared(mm) => self.fill_rows(&mut all, |site, local| {
-                let place = |p: [f64; 3]| mm.x_axis * p[0] + mm.y_axis * p[1] + mm.z_axis * p[2];
-                let d = place(site) - place(local);
+                let position_mm = |p: [f64; 3]| mm.x_axis * p[0] + mm.y_axis * p[1] + mm.z_axis * p[2];
+                let d = position_mm(site) - position_mm(local);
                 ((d.x * d.x + d.y * d.y) + d.z * d.z).sqrt()
             }),
         }
         all
     }
 
-    /// `distance(site, voxel)` of every voxel, as voxels along the crop's axes.
+    /// Writes `distance(site, voxel)` of every voxel; both arguments are voxel indices in the crop.
     fn fill_rows(&self, all: &mut [f32], distance: impl Fn([f64; 3], [f64; 3]) -> f64 + Sync) {
         let [nx, ny, nz] = self.crop.dims;
         let [width, height] = [nx, ny].map(|n| n as f64);
@@ -207,28 +207,27 @@ impl FeatureTransform {
             let (j, k) = (row % ny, row / ny);
             let sites = &self.sites[(j * nz + k) * nx..][..nx];
             for (i, (out, &site)) in distances.iter_mut().zip(sites).enumerate() {
-                // Divisions by reciprocals: half a unit from every whole number, so the floor is
-                // exact for all 32 bits.
+                // Division by reciprocals: the quotients are half a unit away from whole numbers, so
+                // the floor is exact for every 32-bit index.
                 let site = f64::from(site);
                 let line = ((site + 0.5) * over_width).floor();
                 let z = ((line + 0.5) * over_height).floor();
-                let place = [site - line * width, line - z * height, z];
-                *out = distance(place, [i as f64, j as f64, k as f64]) as f32;
+                let site_ijk = [site - line * width, line - z * height, z];
+                *out = distance(site_ijk, [i as f64, j as f64, k as f64]) as f32;
             }
         });
     }
 
-    /// Where answers are known.
+    /// The crop that the distances are defined in.
     pub fn crop(&self) -> Crop {
         self.crop
     }
 
     /// The site nearest to voxel `ijk`, both as indices of the grid; `None` outside the crop.
     ///
-    /// Of sites equally near, the one first in memory (smallest `k`, then `j`, then `i`). Rounding
-    /// can make a tie of a difference, or a difference of a tie, in the last place; the answer is
-    /// then still a site at the minimum distance and the same in every run, but need not be the
-    /// first in memory.
+    /// Ties go to the site first in memory (smallest `k`, then `j`, then `i`). Rounding can create or
+    /// break a tie in the last place; the result is then still a site at the minimum distance and the
+    /// same in every run, but need not be the first in memory.
     pub fn nearest(&self, ijk: [usize; 3]) -> Option<[usize; 3]> {
         let site = self.local_site(self.crop.local(ijk)?);
         Some(std::array::from_fn(|a| self.crop.start[a] + site[a]))
@@ -237,7 +236,7 @@ impl FeatureTransform {
     /// Millimetres from the centre of voxel `ijk` to that of its nearest site, 0 on a site; `None`
     /// outside the crop. With voxel differences `d` and spacings `s`:
     /// `√((sx²·dx² + sy²·dy²) + sz²·dz²)`, and on sheared axes the length of the difference of the
-    /// two centres, counted from the crop's first voxel.
+    /// two centres, relative to the crop's first voxel.
     pub fn distance_mm(&self, ijk: [usize; 3]) -> Option<f64> {
         let local = self.crop.local(ijk)?;
         Some(self.between_mm(local, self.local_site(local)))
@@ -253,7 +252,7 @@ impl FeatureTransform {
                 ((square(0) + square(1)) + square(2)).sqrt()
             }
             Metric::Sheared(mm) => {
-                let d = place_mm(mm, site) - place_mm(mm, local);
+                let d = offset_mm(mm, site) - offset_mm(mm, local);
                 ((d.x * d.x + d.y * d.y) + d.z * d.z).sqrt()
             }
         }
@@ -261,18 +260,18 @@ impl FeatureTransform {
 
     fn local_site(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
         let [nx, _, nz] = self.crop.dims;
-        self.place(self.sites[(j * nz + k) * nx + i])
+        self.local_ijk(self.sites[(j * nz + k) * nx + i])
     }
 
-    /// A site's position as voxels along the crop's axes. Axes fit 32 bits, whose division is faster.
-    fn place(&self, site: u32) -> [usize; 3] {
+    /// A site's voxel indices in the crop. Axes fit 32 bits, whose division is faster.
+    fn local_ijk(&self, site: u32) -> [usize; 3] {
         let [nx, ny, _] = self.crop.dims.map(|n| n as u32);
         [site % nx, site / nx % ny, site / nx / ny].map(|v| v as usize)
     }
 }
 
-/// Millimetres of a voxel centre from the crop's first one: a far origin can't blur it.
-fn place_mm(mm: DMat3, local: [usize; 3]) -> DVec3 {
+/// Offset of a voxel centre from the crop's first one, in millimetres: a distant origin costs no precision.
+fn offset_mm(mm: DMat3, local: [usize; 3]) -> DVec3 {
     mm.x_axis * local[0] as f64 + mm.y_axis * local[1] as f64 + mm.z_axis * local[2] as f64
 }
 
@@ -280,19 +279,19 @@ fn place_mm(mm: DMat3, local: [usize; 3]) -> DVec3 {
 fn nearest_by_tree(sites: &MaskBits, crop: Crop, mm: DMat3) -> Result<Option<Vec<u32>>, DistanceError> {
     let [nx, ny, nz] = crop.dims;
     let [mx, my, _] = sites.dims();
-    let (mut index, mut places) = (Vec::new(), Vec::new());
+    let (mut index, mut offsets_mm) = (Vec::new(), Vec::new());
     sites.for_each(|l| {
         if let Some(local) = crop.local([l % mx, l / mx % my, l / (mx * my)]) {
             index.push(((local[2] * ny + local[1]) * nx + local[0]) as u32);
-            places.push(place_mm(mm, local));
+            offsets_mm.push(offset_mm(mm, local));
         }
     });
-    let Some(tree) = KdTree::new(&places)? else { return Ok(None) };
+    let Some(tree) = KdTree::new(&offsets_mm)? else { return Ok(None) };
     let mut nearest = vec![0; nx * ny * nz];
     nearest.par_chunks_mut(nx).enumerate().for_each(|(row, line)| {
         for (x, voxel) in line.iter_mut().enumerate() {
-            // Finite: spacings are, by far.
-            if let Some((site, _)) = tree.nearest(place_mm(mm, [x, row / nz, row % nz])) {
+            // Always found: `SPACING_RANGE_MM` keeps offsets finite.
+            if let Some((site, _)) = tree.nearest(offset_mm(mm, [x, row / nz, row % nz])) {
                 *voxel = index[site];
             }
         }

@@ -33,7 +33,7 @@ fn voxels(crop: Crop) -> impl Iterator<Item = [usize; 3]> {
     (0..nx * ny * nz).map(move |l| [s[0] + l % nx, s[1] + l / nx % ny, s[2] + l / (nx * ny)])
 }
 
-/// Smallest distance and the first site in memory that has it, by trying all.
+/// Smallest distance and the first site in memory at that distance, by brute force.
 fn brute(sites: &[[usize; 3]], ijk: [usize; 3], distance_mm: impl Fn([f64; 3]) -> f64) -> (f64, [usize; 3]) {
     sites.iter().fold((f64::INFINITY, [usize::MAX; 3]), |best, &site| {
         let d = distance_mm(std::array::from_fn(|a| ijk[a] as f64 - site[a] as f64));
@@ -41,8 +41,8 @@ fn brute(sites: &[[usize; 3]], ijk: [usize; 3], distance_mm: impl Fn([f64; 3]) -
     })
 }
 
-/// Checks all voxels of the crop against brute force, bit for bit; the site too if `exact` says
-/// that all squares are exact in `f64`, so that ties are ties.
+/// Compares all voxels of the crop with brute force, bit for bit; the site too if `exact`: all
+/// squares are then exact in `f64`, and so are ties.
 fn equals_brute_force(mask: &MaskBits, grid: &Grid, crop: Crop, exact: bool) {
     let s = grid.spacing_mm();
     let formula = |d: [f64; 3]| {
@@ -52,12 +52,12 @@ fn equals_brute_force(mask: &MaskBits, grid: &Grid, crop: Crop, exact: bool) {
     let transform = FeatureTransform::of(mask, grid, crop).unwrap().unwrap();
     for ijk in voxels(crop) {
         let (distance, site) = brute(&sites, ijk, formula);
-        let what = format!("{ijk:?} of {:?} at {s}, {} sites", grid.dims(), sites.len());
-        assert_eq!(transform.distance_mm(ijk).unwrap().to_bits(), distance.to_bits(), "{what}");
+        let context = format!("{ijk:?} of {:?} at {s}, {} sites", grid.dims(), sites.len());
+        assert_eq!(transform.distance_mm(ijk).unwrap().to_bits(), distance.to_bits(), "{context}");
         let found = transform.nearest(ijk).unwrap();
-        assert!(mask.get(found), "{what}");
+        assert!(mask.get(found), "{context}");
         if exact {
-            assert_eq!(found, site, "{what}");
+            assert_eq!(found, site, "{context}");
         }
     }
 }
@@ -134,7 +134,7 @@ fn whole_weights_are_found_and_refused() {
 }
 
 #[test]
-fn long_lines_past_the_reach_of_integers_answer() {
+fn lines_too_long_for_integer_weights_equal_brute_force() {
     for n in [23_000, 70_000] {
         for axis in 0..3 {
             let mut dims = [1; 3];
@@ -151,7 +151,7 @@ fn long_lines_past_the_reach_of_integers_answer() {
 }
 
 #[test]
-fn all_distances_at_once_are_the_single_ones() {
+fn distances_mm_equals_distance_mm_of_each_voxel() {
     let dims = [33, 21, 14];
     let mut mask = MaskBits::empty(dims);
     let mut random = Random(31);
@@ -168,7 +168,7 @@ fn all_distances_at_once_are_the_single_ones() {
 
 #[test]
 fn sites_on_a_sphere_tie_and_equal_brute_force() {
-    // Sites near one distance from the middle: the envelope's worst case.
+    // Sites at nearly equal distance from the centre: the envelope's worst case.
     let dims = [19, 19, 19];
     for (spacing, exact) in SPACINGS {
         let mask = MaskBits::from_fn(dims, |l| {
@@ -182,7 +182,7 @@ fn sites_on_a_sphere_tie_and_equal_brute_force() {
 }
 
 #[test]
-fn nothing_one_and_all() {
+fn empty_single_voxel_and_full_masks() {
     let dims = [7, 6, 5];
     let grid = grid(dims, [1.0, 2.0, 3.0]);
     let whole = Crop::whole(&grid);
@@ -201,7 +201,7 @@ fn nothing_one_and_all() {
 }
 
 #[test]
-fn a_crop_answers_in_the_grids_indices_and_only_inside() {
+fn crops_use_grid_indices_and_have_no_distances_outside() {
     let dims = [30, 24, 20];
     let grid = grid(dims, [0.5, 0.5, 6.0]);
     let mut random = Random(5);
@@ -216,14 +216,14 @@ fn a_crop_answers_in_the_grids_indices_and_only_inside() {
     let transform = FeatureTransform::of(&mask, &grid, crop).unwrap().unwrap();
     assert_eq!(transform.crop(), crop);
     assert_eq!(transform.distance_mm([0, 0, 0]), None);
-    // A margin past the border is cut there; no mask, no crop.
+    // A margin past the border is clipped; without an active voxel there is no crop.
     assert_eq!(Crop::around(&[&mask], usize::MAX), Some(Crop::whole(&grid)));
     assert_eq!(Crop::around(&[&MaskBits::empty(dims)], 1), None);
     assert_eq!(Crop::around(&[], 1), None);
 }
 
 #[test]
-fn what_cannot_be_answered_is_refused_by_name() {
+fn invalid_input_gives_the_matching_error() {
     let dims = [6, 5, 4];
     let mask = MaskBits::full(dims);
     let here = grid(dims, [1.0; 3]);
@@ -251,15 +251,15 @@ fn rotated_and_mirrored_axes_keep_millimetres() {
     let m = DMat3::from_rotation_x(0.4) * DMat3::from_rotation_z(1.1);
     let m = m * DMat3::from_diagonal(DVec3::new(-0.7, 0.9, 3.3));
     let dims = [11, 9, 7];
-    let place = DAffine3 { matrix3: m, translation: DVec3::splat(40.0) };
-    let grid = Grid::new(dims, place, Sides::Known).unwrap();
+    let world_from_voxel = DAffine3 { matrix3: m, translation: DVec3::splat(40.0) };
+    let grid = Grid::new(dims, world_from_voxel, Sides::Known).unwrap();
     let mask = Random(3).mask(dims, 20);
     assert!(mask.count() > 0);
     let transform = FeatureTransform::of(&mask, &grid, Crop::whole(&grid)).unwrap().unwrap();
     assert!(matches!(transform.metric, Metric::Spacing(_)));
     let sites = active(&mask);
     for ijk in voxels(Crop::whole(&grid)) {
-        // In the world, without the transform's own formula.
+        // In world space, independent of the transform's own formula.
         let (truth, _) = brute(&sites, ijk, |d| (m * DVec3::from_array(d)).length());
         assert!((transform.distance_mm(ijk).unwrap() - truth).abs() <= 1e-13 * truth);
     }
@@ -275,8 +275,8 @@ fn sheared_grids_equal_brute_force_bit_for_bit() {
         [shear(0.5, 0.0), shear(-0.3, 1.7), shear(1e-5, 0.0), DMat3::from_rotation_y(0.3) * shear(2.0, -1.0)]
     {
         for (dims, per_mille) in [([12, 10, 8], 30), ([1, 9, 9], 100), ([15, 1, 1], 200), ([10, 9, 7], 600)] {
-            let place = DAffine3 { matrix3: m, translation: DVec3::splat(1e6) };
-            let grid = Grid::new(dims, place, Sides::Known).unwrap();
+            let world_from_voxel = DAffine3 { matrix3: m, translation: DVec3::splat(1e6) };
+            let grid = Grid::new(dims, world_from_voxel, Sides::Known).unwrap();
             let mut mask = random.mask(dims, per_mille);
             mask.set([0, 0, 0]);
             let whole = Crop::whole(&grid);
@@ -299,10 +299,10 @@ fn sheared_grids_equal_brute_force_bit_for_bit() {
 }
 
 #[test]
-fn the_tree_equals_brute_force_with_duplicates_lines_and_far_points() {
+fn kd_tree_equals_brute_force_with_duplicate_collinear_and_distant_points() {
     let mut random = Random(17);
     for n in [1, 2, 15, 16, 17, 33, 200, 1500] {
-        // On lattices of these steps points repeat and tie; 0 puts all in one place.
+        // On lattices of these steps points repeat and tie; 0 puts all at one position.
         for (steps, offset) in [([0, 0, 0], 0.0), ([4, 4, 4], 1e6), ([100, 0, 0], -3.0), ([9, 1000, 30], 0.1)]
         {
             let mut point = || DVec3::from_array(steps.map(|s| offset + 0.3 * random.below(s + 1) as f64));
@@ -321,7 +321,7 @@ fn the_tree_equals_brute_force_with_duplicates_lines_and_far_points() {
 }
 
 #[test]
-fn the_tree_refuses_what_is_no_point() {
+fn kd_tree_rejects_non_finite_points() {
     assert!(KdTree::new(&[]).unwrap().is_none());
     let bad = [DVec3::ZERO, DVec3::new(0.0, f64::NAN, 0.0)];
     assert_eq!(KdTree::new(&bad).unwrap_err(), DistanceError::NotFinite(1));
@@ -332,7 +332,7 @@ fn the_tree_refuses_what_is_no_point() {
 }
 
 #[test]
-fn threads_do_not_change_the_answer() {
+fn thread_count_does_not_change_the_result() {
     let dims = [40, 37, 29];
     let grid = grid(dims, [0.1, 0.3, 0.7]);
     let mask = Random(23).mask(dims, 2);
@@ -371,11 +371,11 @@ fn time_of_a_brain_sized_image() {
     {
         time(what, &|| drop(std::hint::black_box(FeatureTransform::of(&surface, &grid, crop).unwrap())));
     }
-    let places: Vec<_> = active(&surface).into_iter().map(|v| grid.center_of_voxel_mm(v)).collect();
-    time("k-d tree", &|| drop(std::hint::black_box(KdTree::new(&places).unwrap())));
-    let tree = KdTree::new(&places).unwrap().unwrap();
-    time("its surface, 4 mm off, asked one by one", &|| {
-        for &p in &places {
+    let centers_mm: Vec<_> = active(&surface).into_iter().map(|v| grid.center_of_voxel_mm(v)).collect();
+    time("k-d tree", &|| drop(std::hint::black_box(KdTree::new(&centers_mm).unwrap())));
+    let tree = KdTree::new(&centers_mm).unwrap().unwrap();
+    time("queries 4 mm off its surface, one by one", &|| {
+        for &p in &centers_mm {
             std::hint::black_box(tree.nearest(p + DVec3::new(4.0, 0.0, 0.0)));
         }
     });

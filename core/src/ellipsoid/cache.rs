@@ -1,8 +1,8 @@
-//! Ellipsoids kept beside a session, so that opening it again costs nothing.
+//! A cache file of ellipsoids beside a session file, so that reopening the session computes nothing.
 //!
-//! The file holds numbers under keys made of what they were computed from: no names, no ids, no paths.
-//! It is never needed: a file that is absent, damaged, of another format or for other masks gives
-//! nothing, and what is missing is computed again.
+//! The file stores results under keys hashed from their inputs: no names, no ids, no paths. It is
+//! never needed: a file that is absent, damaged, of another format or for other masks yields no
+//! entries, and missing ones are recomputed.
 
 use std::{
     collections::BTreeMap,
@@ -20,16 +20,16 @@ use crate::{
     tumor_index::{IndexData, TumorIndex},
 };
 
-/// Raised whenever the numbers or their form change: older files then give nothing.
+/// Format version, raised whenever the numbers or their layout change: older files are then ignored.
 const FORMAT: u32 = 1;
 
-/// 128 bits that stand for everything the ellipsoids depend on: index, grid, connectivity, options and
-/// the format of the file. Not made to withstand someone who looks for two inputs with one key.
+/// A 128-bit hash of everything the ellipsoids depend on: index, grid, connectivity, options and the
+/// file format. Not cryptographic: it doesn't withstand a deliberate search for collisions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Key([u64; 2]);
 
 impl Key {
-    /// The key of what [`super::ellipsoids_of`] would compute.
+    /// The key of the result of [`super::ellipsoids_of`] for these arguments.
     pub fn of(index: &TumorIndex, connectivity: Connectivity, options: &Options) -> Self {
         let mut digest = Digest::new();
         digest.add(u64::from(FORMAT));
@@ -43,9 +43,9 @@ impl Key {
         index.grid().world_from_voxel().to_cols_array().iter().for_each(|v| digest.add(v.to_bits()));
         let slice = dims[0] * dims[1];
         let slices: Vec<Self> = match index.data() {
-            IndexData::U8(v) => v.par_chunks(slice).map(of_slice).collect(),
-            IndexData::U16(v) => v.par_chunks(slice).map(of_slice).collect(),
-            IndexData::U32(v) => v.par_chunks(slice).map(of_slice).collect(),
+            IndexData::U8(v) => v.par_chunks(slice).map(slice_key).collect(),
+            IndexData::U16(v) => v.par_chunks(slice).map(slice_key).collect(),
+            IndexData::U32(v) => v.par_chunks(slice).map(slice_key).collect(),
         };
         for Self([a, b]) in slices {
             digest.add(a);
@@ -61,14 +61,14 @@ impl fmt::Display for Key {
     }
 }
 
-/// Active voxels of one slice with their places; empty stretches cost next to nothing.
-fn of_slice<T: Copy + Into<u32>>(values: &[T]) -> Key {
+/// Hash of one slice's active voxels and their positions; empty stretches cost almost nothing.
+fn slice_key<T: Copy + Into<u32>>(values: &[T]) -> Key {
     let mut digest = Digest::new();
-    for (at, group) in values.chunks(16).enumerate() {
+    for (position, group) in values.chunks(16).enumerate() {
         if group.iter().fold(0, |any, &v| any | v.into()) == 0 {
             continue;
         }
-        digest.add(at as u64);
+        digest.add(position as u64);
         for pair in group.chunks(2) {
             digest.add(pair.iter().fold(1, |word, &v| word << 32 | u64::from(v.into())));
         }
@@ -76,8 +76,8 @@ fn of_slice<T: Copy + Into<u32>>(values: &[T]) -> Key {
     digest.key()
 }
 
-/// Two lanes of multiply, rotate and add, with the finish of MurmurHash3 (public domain): the same on
-/// every machine and in every version of the compiler, which the standard library's hasher isn't.
+/// Two lanes of multiply, rotate and add, with the finaliser of MurmurHash3 (public domain): the same
+/// on every machine and with every compiler version, unlike the standard library's hasher.
 struct Digest {
     lanes: [u64; 2],
     words: u64,
@@ -103,18 +103,18 @@ impl Digest {
     }
 
     fn key(&self) -> Key {
-        let finish = |mut v: u64| {
+        let finalize = |mut v: u64| {
             v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
             v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
             v ^ v >> 33
         };
         let (a, b) = (self.lanes[0] ^ self.words, self.lanes[1] ^ self.words);
         let (a, b) = (a.wrapping_add(b), b.wrapping_add(a.rotate_left(32)));
-        Key([finish(a), finish(b.wrapping_add(finish(a)))])
+        Key([finalize(a), finalize(b.wrapping_add(finalize(a)))])
     }
 }
 
-/// What is known, by key: one entry for each time point.
+/// Cached ellipsoids by key: one entry per time point.
 pub type Entries = BTreeMap<Key, Vec<ComponentEllipsoid>>;
 
 #[derive(Serialize, Deserialize)]
@@ -125,44 +125,46 @@ struct CacheFile {
 
 #[derive(Serialize, Deserialize)]
 struct Entry {
-    /// Digest of the key and of the list as JSON: a changed digit is noticed.
+    /// Digest of the key and of the list as JSON: detects a changed digit.
     check: String,
     components: Vec<ComponentEllipsoid>,
 }
 
-/// Where the ellipsoids of a session are kept: `visit.glioscope.json` has `visit.ellipsoids.json`.
+/// Path of a session's cache file: `visit.ellipsoids.json` for `visit.glioscope.json`.
 pub fn path_beside(session: &Path) -> PathBuf {
     let name = session.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let stem = name.strip_suffix(".json").unwrap_or(&name);
     session.with_file_name(format!("{}.ellipsoids.json", stem.strip_suffix(".glioscope").unwrap_or(stem)))
 }
 
-/// What the file at `path` knows; nothing of what is absent, damaged or of another format.
+/// The valid entries of the file at `path`: damaged ones are dropped, and a file that is absent,
+/// unreadable or of another format has none.
 pub fn load(path: &Path) -> Entries {
     let read = || serde_json::from_slice::<CacheFile>(&std::fs::read(path).ok()?).ok();
     let Some(file) = read().filter(|f| f.glioscope_ellipsoids == FORMAT) else {
         return Entries::new();
     };
-    let whole = |(name, entry): (String, Entry)| {
+    let valid = |(name, entry): (String, Entry)| {
         let key = parse_key(&name)?;
-        let check = check_of(&name, &entry.components)?;
+        let check = checksum(&name, &entry.components)?;
         (check == entry.check).then_some((key, entry.components))
     };
-    file.entries.into_iter().filter_map(whole).collect()
+    file.entries.into_iter().filter_map(valid).collect()
 }
 
-/// Writes `entries` to `path`, or leaves what stood there untouched.
+/// Writes `entries` to `path`, or leaves an existing file untouched.
 ///
 /// # Errors
-/// [`FileError::Wrong`] where it can't be written. The caller may go on without.
+/// [`FileError::Wrong`] where it can't be written. The caller may continue without a cache.
 pub fn save(path: &Path, entries: &Entries) -> Result<(), FileError> {
-    let unfit = || FileError::wrong(path.display().to_string(), "numbers JSON can't hold", "finite ones");
+    let not_finite =
+        || FileError::wrong(path.display().to_string(), "numbers JSON can't hold", "finite ones");
     let mut file = CacheFile { glioscope_ellipsoids: FORMAT, entries: BTreeMap::new() };
     for (key, components) in entries {
-        let check = check_of(&key.to_string(), components).ok_or_else(unfit)?;
+        let check = checksum(&key.to_string(), components).ok_or_else(not_finite)?;
         file.entries.insert(key.to_string(), Entry { check, components: components.clone() });
     }
-    let bytes = serde_json::to_vec(&file).map_err(|_| unfit())?;
+    let bytes = serde_json::to_vec(&file).map_err(|_| not_finite())?;
     write_whole(path, &bytes)
 }
 
@@ -172,7 +174,7 @@ fn parse_key(name: &str) -> Option<Key> {
     (key.to_string() == name).then_some(key)
 }
 
-fn check_of(name: &str, components: &[ComponentEllipsoid]) -> Option<String> {
+fn checksum(name: &str, components: &[ComponentEllipsoid]) -> Option<String> {
     let mut digest = Digest::new();
     digest.bytes(name.as_bytes());
     digest.bytes(&serde_json::to_vec(components).ok()?);

@@ -1,15 +1,15 @@
 //! REX: exchange of weight between pairs of points (Harman, Filová, Richtárik 2020), here in a fixed
-//! order instead of a random one, so that the answer is the same every time.
+//! order instead of a random one, so that results are reproducible.
 
 use super::{
     newton,
-    solve::{Allowance, N, State},
+    solve::{N, State, StopCriteria},
 };
 
 /// Points with the largest g that may gain weight in one sweep: 4 n.
 const LEADING: usize = 16;
 
-/// Sweeps between two steps of all weights at once.
+/// Sweeps between two Newton steps.
 const NEWTON_EVERY: usize = 10;
 
 type Matrix = [[f64; 4]; 4];
@@ -17,20 +17,20 @@ type Matrix = [[f64; 4]; 4];
 const IDENTITY: Matrix =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
-/// Sweeps until the allowance is reached. `None` when the weights lose a dimension, which exact
+/// Sweeps until a stop criterion is met. `None` when the weighted points become coplanar, which exact
 /// arithmetic rules out.
-pub(super) fn run(state: &mut State, allowed: &mut Allowance) -> Option<()> {
+pub(super) fn run(state: &mut State, stop: &mut StopCriteria) -> Option<()> {
     let (mut seed, mut sweeps) = (1, 0);
     loop {
         let s = state.refresh()?;
-        if s <= allowed.target || allowed.left == 0 {
+        if s <= stop.squared_scale || stop.iterations_left == 0 {
             return Some(());
         }
-        allowed.left -= 1;
+        stop.iterations_left -= 1;
         state.delete(s);
         sweep(state, &mut seed);
         sweeps += 1;
-        // Where neighbouring points share weight, pairs alone zigzag for thousands of sweeps.
+        // Where neighbouring points share weight, pairwise exchange zigzags for thousands of sweeps.
         if sweeps % NEWTON_EVERY == 0 {
             newton::step(state)?;
         }
@@ -46,19 +46,19 @@ fn sweep(state: &mut State, seed: &mut u64) {
         if full && leading.last().is_some_and(|&last| points[last].g >= points[i].g) {
             continue;
         }
-        let at = leading.partition_point(|&j| points[j].g >= points[i].g);
-        leading.insert(at, i);
+        let rank = leading.partition_point(|&j| points[j].g >= points[i].g);
+        leading.insert(rank, i);
         leading.truncate(LEADING);
     }
-    let mut carrying: Vec<usize> = (0..points.len()).filter(|&i| points[i].weight > 0.0).collect();
+    let mut support: Vec<usize> = (0..points.len()).filter(|&i| points[i].weight > 0.0).collect();
     shuffle(&mut leading, seed);
-    shuffle(&mut carrying, seed);
+    shuffle(&mut support, seed);
 
     let mut inverse = IDENTITY;
     for &j in &leading {
         let x = points[j].lifted();
         let mut a = times(&inverse, &x);
-        for &k in &carrying {
+        for &k in &support {
             if j == k || points[k].weight <= 0.0 && points[j].weight <= 0.0 {
                 continue;
             }
@@ -66,7 +66,7 @@ fn sweep(state: &mut State, seed: &mut u64) {
             let b = times(&inverse, &y);
             let (gj, gk, gjk) = (dot(&x, &a), dot(&y, &b), dot(&x, &b));
             let curvature = gj * gk - gjk * gjk;
-            // Equal points, or as good as: nothing to gain.
+            // Equal or nearly equal points: nothing to gain.
             if curvature <= 1e-14 * gj * gk {
                 continue;
             }
@@ -79,7 +79,7 @@ fn sweep(state: &mut State, seed: &mut u64) {
             if growth <= 0.5 / N {
                 continue;
             }
-            // Exact zeros where all is given: the point leaves the support.
+            // Exact zero where all weight is moved: the point leaves the support.
             points[j].weight = if moved == -points[j].weight { 0.0 } else { points[j].weight + moved };
             points[k].weight = if moved == points[k].weight { 0.0 } else { points[k].weight - moved };
             let square = moved * moved;
@@ -103,7 +103,7 @@ pub(super) fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 }
 
-/// Puts `list` into an order that follows from `seed` alone (Fisher, Yates).
+/// Shuffles `list` into an order determined by `seed` alone (Fisher, Yates).
 fn shuffle(list: &mut [usize], seed: &mut u64) {
     for i in (1..list.len()).rev() {
         *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

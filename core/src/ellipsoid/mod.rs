@@ -1,9 +1,9 @@
 //! Enclosing ellipsoids of connected components: the numbers behind the ellipsoid diagram (thesis 7.6).
 //!
-//! Each component of each mask and of each region gets the ellipsoid of smallest volume that holds all
-//! its voxel cubes, to a certified factor, and beside it the *moment ellipsoid*: same centroid, same
-//! principal axes, same volume as the component. Enclosing ellipsoids exaggerate overlap (thesis 7.7);
-//! [`ComponentEllipsoid::exaggeration`] says by how much.
+//! Each component of each mask and of each region gets the minimum-volume ellipsoid that contains all
+//! its voxel cubes, to a certified factor, and the *moment ellipsoid*: same centroid, same principal
+//! axes, same volume as the component. Enclosing ellipsoids exaggerate overlap (thesis 7.7);
+//! [`ComponentEllipsoid::exaggeration`] gives the factor.
 //!
 //! Methods, certificate and figures: docs/ellipsoids.md.
 
@@ -35,7 +35,7 @@ pub use points::hull_corners;
 pub use report::{ComponentReport, EllipsoidReport, EllipsoidsReport, OfReport, report};
 pub use solve::{Enclosing, enclose};
 
-/// How the minimum is looked for. All end with the same certificate; they differ in time.
+/// Algorithm that finds the minimum. All end with the same certificate; they differ in run time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Method {
     /// Exchange of weight between pairs of points, each by an exact line search (REX), with a Newton step on
@@ -44,19 +44,19 @@ pub enum Method {
     Exchange,
     /// Wolfe and Atwood: steps towards the farthest point or away from the nearest.
     AwaySteps,
-    /// Khachiyan: steps towards the farthest point only. What the thesis names; slow past 1e-3.
+    /// Khachiyan: steps towards the farthest point only. The thesis's method; slow for tolerances below 1e-3.
     Khachiyan,
 }
 
-/// How good an answer is asked for.
+/// Method and stop criteria.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// How the minimum is looked for.
+    /// Algorithm that finds the minimum.
     pub method: Method,
-    /// The volume is at most `1 + tolerance` times the minimum; above 0. Below 1e-13 rounding decides.
+    /// The volume is at most `1 + tolerance` times the minimum; above 0. Below 1e-13 rounding dominates.
     pub tolerance: f64,
-    /// Most sweeps (exchange) or steps (the others) a component gets. Where they don't suffice the
-    /// answer has a larger bound, and says so.
+    /// Maximum number of sweeps (exchange) or steps (the others) per component. Where they don't
+    /// suffice, [`ComponentEllipsoid::volume_bound`] is larger.
     pub max_iterations: usize,
 }
 
@@ -81,11 +81,11 @@ pub enum Of {
 pub struct ComponentEllipsoid {
     /// The mask or region it is a component of.
     pub of: Of,
-    /// Its voxels; never 0.
+    /// Number of its voxels; never 0.
     pub voxels: u64,
-    /// Their volume.
+    /// Volume of its voxels.
     pub volume_ml: f64,
-    /// The smallest ellipsoid found that holds all its voxel cubes.
+    /// The smallest ellipsoid found that contains all its voxel cubes.
     pub enclosing: Ellipsoid,
     /// The volume of `enclosing` is at most this times the minimum; at least 1.
     pub volume_bound: f64,
@@ -95,10 +95,10 @@ pub struct ComponentEllipsoid {
     pub moment: Ellipsoid,
 }
 
-/// Why there are no ellipsoids.
+/// Why ellipsoids can't be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EllipsoidError {
-    /// The user asked to stop.
+    /// Cancelled by the user.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     /// More voxels than can be labelled.
@@ -107,7 +107,7 @@ pub enum EllipsoidError {
 }
 
 /// The ellipsoids of every component of every mask, then of every region (fewest masks first, then by
-/// bits, as [`crate::Regions::list`]); the components of one in raster order of their first voxels. The
+/// bits, as [`crate::Regions::list`]); the components of each in raster order of their first voxels. The
 /// same for any number of threads. Empty masks have none.
 ///
 /// Regions are labelled in one pass, masks in one each. Progress counts components.
@@ -140,7 +140,7 @@ pub fn ellipsoids_of(
         let found = ellipsoid_of(of, component, components.runs(component), index.grid(), options);
         progress.advance(1).map(|()| found)
     };
-    // Small pieces: one component may take as long as a thousand others.
+    // Small work items: one component may take as long as a thousand others.
     Ok(jobs.par_iter().with_max_len(8).map(one).collect::<Result<_, Cancelled>>()?)
 }
 
@@ -152,7 +152,7 @@ fn ellipsoid_of(
     grid: &Grid,
     options: &Options,
 ) -> ComponentEllipsoid {
-    let place = grid.world_from_voxel();
+    let world_from_voxel = grid.world_from_voxel();
     let found = enclosing_of(component, runs, options);
     let first_corner = DVec3::from(component.start.map(|v| v as f64 - 0.5));
     let (moment_center, moment_shape) = place::moment_shape(component, runs);
@@ -160,30 +160,30 @@ fn ellipsoid_of(
         of,
         voxels: component.voxels,
         volume_ml: grid.volume_ml(component.voxels),
-        enclosing: Ellipsoid::placed(&place, first_corner + found.center, found.shape),
+        enclosing: Ellipsoid::placed(&world_from_voxel, first_corner + found.center, found.shape),
         volume_bound: found.volume_bound,
         // The grid's matrix scales both volumes alike.
         exaggeration: found.volume() / component.voxels as f64,
-        moment: Ellipsoid::placed(&place, moment_center, moment_shape),
+        moment: Ellipsoid::placed(&world_from_voxel, moment_center, moment_shape),
     }
 }
 
-/// In index space, from the first corner of the component's box.
+/// In index space, relative to the first corner of the component's bounding box.
 fn enclosing_of(component: &Component, runs: &[Run], options: &Options) -> Enclosing {
     let size = DVec3::from(component.dims.map(|d| d as f64));
-    let of_box = Enclosing {
+    let box_ellipsoid = Enclosing {
         center: size * 0.5,
         shape: DMat3::from_diagonal(size * (0.5 * 3_f64.sqrt())),
         volume_bound: 1.0,
         iterations: 0,
     };
-    let solid = component.dims.iter().try_fold(1_u64, |n, &d| n.checked_mul(d as u64));
-    if solid == Some(component.voxels) {
-        return of_box;
+    let box_voxels = component.dims.iter().try_fold(1_u64, |n, &d| n.checked_mul(d as u64));
+    if box_voxels == Some(component.voxels) {
+        return box_ellipsoid;
     }
     enclose(&hull_corners(runs, component.start), options).unwrap_or_else(|| {
-        // Corners of a voxel span space, so this is for rounding alone. The box's ellipsoid holds the
-        // voxels too, and no ellipsoid around them has less volume than they.
-        Enclosing { volume_bound: of_box.volume() / component.voxels as f64, ..of_box }
+        // Corners of a voxel span space, so only rounding leads here. The bounding box's ellipsoid
+        // contains the voxels too, and no enclosing ellipsoid has less volume than the voxels.
+        Enclosing { volume_bound: box_ellipsoid.volume() / component.voxels as f64, ..box_ellipsoid }
     })
 }

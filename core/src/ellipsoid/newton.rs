@@ -1,51 +1,51 @@
-//! One Newton step on all weights at once. Exchange finds the points that carry weight in few sweeps, but
-//! where these lie close together its pairs zigzag; seen from all of them the way is straight.
+//! One Newton step on all weights at once. Exchange finds the support (the points that carry weight) in few
+//! sweeps, but where these lie close together its pairwise steps zigzag; a joint step doesn't.
 
 use super::{
     exchange::dot,
     solve::{N, State, diagonal_product},
 };
 
-/// Most points that the step is tried on: its cost grows with the cube.
-const MOST: usize = 60;
+/// Largest support that the step is tried on: its cost is cubic in the number of points.
+const MAX_SUPPORT: usize = 60;
 
-/// Moves the weights to the top of the quadratic that fits the determinant's logarithm here (gradient g,
-/// curvature the squared products of the lifted points), as far as weights stay at least 0 and only if the
-/// determinant grows. `None` as [`State::refresh`].
+/// Moves the weights to the maximum of the local quadratic model of the determinant's logarithm (gradient g,
+/// curvature the squared dot products of the lifted points), as far as weights stay non-negative and only if
+/// the determinant grows. `None` as for [`State::refresh`].
 pub(super) fn step(state: &mut State) -> Option<()> {
     state.refresh()?;
-    let carrying: Vec<usize> = (0..state.points.len()).filter(|&i| state.points[i].weight > 0.0).collect();
-    let count = carrying.len();
-    if count > MOST {
+    let support: Vec<usize> = (0..state.points.len()).filter(|&i| state.points[i].weight > 0.0).collect();
+    let count = support.len();
+    if count > MAX_SUPPORT {
         return Some(());
     }
-    let lifted: Vec<[f64; 4]> = carrying.iter().map(|&i| state.points[i].lifted()).collect();
-    // Solves H d = g - n and H e = 1, then takes out of d what would change the sum of the weights. More
-    // than ten points make H singular; a little on its diagonal picks the shortest step.
+    let lifted: Vec<[f64; 4]> = support.iter().map(|&i| state.points[i].lifted()).collect();
+    // Solves H d = g - n and H e = 1, then removes from d what would change the sum of the weights. More
+    // than ten points make H singular; a small diagonal term selects the shortest step.
     let mut h: Vec<Vec<f64>> =
         lifted.iter().map(|a| lifted.iter().map(|b| dot(a, b).powi(2)).collect()).collect();
     (0..count).for_each(|i| h[i][i] += 1e-10 * N * N);
-    let gradient: Vec<f64> = carrying.iter().map(|&i| state.points[i].g - N).collect();
+    let gradient: Vec<f64> = support.iter().map(|&i| state.points[i].g - N).collect();
     let Some((d, e)) = solved(h, gradient) else { return Some(()) };
     let excess = d.iter().sum::<f64>() / e.iter().sum::<f64>();
     let change: Vec<f64> = d.iter().zip(&e).map(|(d, e)| d - excess * e).collect();
 
-    let before: Vec<f64> = carrying.iter().map(|&i| state.points[i].weight).collect();
-    let reach =
+    let before: Vec<f64> = support.iter().map(|&i| state.points[i].weight).collect();
+    let max_step =
         before.iter().zip(&change).filter(|(_, c)| **c < 0.0).map(|(u, c)| -u / c).fold(1.0, f64::min);
     let determinant = |state: &State| state.factor().map(|(_, shape)| diagonal_product(&shape));
     let start = determinant(state)?;
     for part in [1.0, 0.5, 0.25] {
-        for ((&i, u), c) in carrying.iter().zip(&before).zip(&change) {
-            let weight = u + part * reach * c;
-            // The one that limits the step leaves.
+        for ((&i, u), c) in support.iter().zip(&before).zip(&change) {
+            let weight = u + part * max_step * c;
+            // The point that limits the step leaves the support.
             state.points[i].weight = if weight > 1e-14 { weight } else { 0.0 };
         }
         if determinant(state).is_some_and(|now| now > start) {
             return Some(());
         }
     }
-    for (&i, &u) in carrying.iter().zip(&before) {
+    for (&i, &u) in support.iter().zip(&before) {
         state.points[i].weight = u;
     }
     Some(())
@@ -73,9 +73,9 @@ fn solved(mut m: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<(Vec<f64>, Vec<f64>)>
         }
     }
     for k in (0..n).rev() {
-        for right in [&mut b, &mut one] {
-            let known: f64 = (k + 1..n).map(|j| m[k][j] * right[j]).sum();
-            right[k] = (right[k] - known) / m[k][k];
+        for rhs in [&mut b, &mut one] {
+            let known: f64 = (k + 1..n).map(|j| m[k][j] * rhs[j]).sum();
+            rhs[k] = (rhs[k] - known) / m[k][k];
         }
     }
     Some((b, one))

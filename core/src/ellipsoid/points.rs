@@ -1,15 +1,15 @@
-//! The corners that decide a component's enclosing ellipsoid.
+//! The corners that determine a component's enclosing ellipsoid.
 //!
-//! An ellipsoid that holds all voxel cubes holds all their corners, and one that holds a convex
-//! polygon's corners holds the polygon. So of each plane of corners only the vertices of its convex
-//! hull are kept, and those come from the first and last voxel of each x-line. Everything is in whole
-//! numbers, so nothing is lost to rounding.
+//! An ellipsoid that contains all voxel cubes contains all their corners, and one that contains a
+//! convex polygon's corners contains the polygon. So of each plane of corners only the vertices of its
+//! convex hull are kept, and those come from the first and last voxel of each x-line. All coordinates
+//! are integers, so nothing is rounded.
 
 use glam::DVec3;
 
 use crate::components::Run;
 
-/// A point of a plane of corners: y, and the smallest or largest x there.
+/// One side of a polygon in a plane of corners: y, and the smallest or largest x there.
 type Side = Vec<(i64, i64)>;
 
 /// The two sides of a polygon, each with y ascending.
@@ -19,28 +19,28 @@ struct Polygon {
     right: Side,
 }
 
-/// Corners of voxels, among them every vertex of the convex hull of the voxel cubes, for runs in
+/// Corners of voxels that include every vertex of the convex hull of the voxel cubes, for runs in
 /// raster order. Corner `k` lies between voxels `start + k - 1` and `start + k` of its axis, so its
 /// voxel index is `start + k - 0.5`. Points of one component never lie in one plane: a voxel has
-/// eight corners. Empty for no run.
+/// eight corners. Empty without runs.
 pub fn hull_corners(runs: &[Run], start: [usize; 3]) -> Vec<DVec3> {
     let mut corners = Vec::new();
-    let mut before = Polygon::default();
+    let mut previous = Polygon::default();
     let mut plane = 0;
     for slice in runs.chunk_by(|a, b| a.z == b.z) {
         let z = i64::from(slice[0].z) - start[2] as i64;
-        let here = polygon(slice, start);
+        let current = polygon(slice, start);
         if z > plane {
-            // A component has voxels in every slice of its box, but any list of runs is served.
-            emit(&before, plane, &mut corners);
-            emit(&here, z, &mut corners);
+            // A component has voxels in every slice of its box, but any list of runs is accepted.
+            emit(&previous, plane, &mut corners);
+            emit(&current, z, &mut corners);
         } else {
-            emit(&merged(&before, &here), z, &mut corners);
+            emit(&merged(&previous, &current), z, &mut corners);
         }
-        before = here;
+        previous = current;
         plane = z + 1;
     }
-    emit(&before, plane, &mut corners);
+    emit(&previous, plane, &mut corners);
     corners
 }
 
@@ -65,16 +65,16 @@ fn polygon(slice: &[Run], start: [usize; 3]) -> Polygon {
     Polygon { left: convex(&out.left, 1), right: convex(&out.right, -1) }
 }
 
-fn widen(side: &mut Side, y: i64, x: i64, better: fn(i64, i64) -> i64) {
+fn widen(side: &mut Side, y: i64, x: i64, extreme: fn(i64, i64) -> i64) {
     match side.last_mut() {
-        Some((at, best)) if *at == y => *best = better(*best, x),
+        Some((at, best)) if *at == y => *best = extreme(*best, x),
         _ => side.push((y, x)),
     }
 }
 
 /// Hull of two polygons of one plane.
 fn merged(a: &Polygon, b: &Polygon) -> Polygon {
-    let side = |a: &Side, b: &Side, better: fn(i64, i64) -> i64| {
+    let side = |a: &Side, b: &Side, extreme: fn(i64, i64) -> i64| {
         let mut both: Side = Vec::with_capacity(a.len() + b.len());
         let (mut a, mut b) = (a.iter().peekable(), b.iter().peekable());
         while let Some(&(y, x)) = match (a.peek(), b.peek()) {
@@ -82,7 +82,7 @@ fn merged(a: &Polygon, b: &Polygon) -> Polygon {
             (Some(_), None) => a.next(),
             _ => b.next(),
         } {
-            widen(&mut both, y, x, better);
+            widen(&mut both, y, x, extreme);
         }
         both
     };
@@ -92,17 +92,17 @@ fn merged(a: &Polygon, b: &Polygon) -> Polygon {
     }
 }
 
-/// Drops the points of a side that are no vertex of the hull (Andrew 1979). `sign` 1 for the left.
+/// Drops the points of a side that aren't vertices of the hull (Andrew 1979). `sign` 1 for the left.
 fn convex(side: &[(i64, i64)], sign: i64) -> Side {
-    let mut kept: Side = Vec::with_capacity(side.len());
+    let mut hull_side: Side = Vec::with_capacity(side.len());
     for &(y, x) in side {
-        while let [.., (ay, ax), (by, bx)] = kept[..] {
+        while let [.., (ay, ax), (by, bx)] = hull_side[..] {
             if sign * ((by - ay) * (x - ax) - (bx - ax) * (y - ay)) > 0 {
                 break;
             }
-            kept.pop();
+            hull_side.pop();
         }
-        kept.push((y, x));
+        hull_side.push((y, x));
     }
-    kept
+    hull_side
 }

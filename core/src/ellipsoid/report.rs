@@ -1,4 +1,4 @@
-//! What `ellipsoids --json` says.
+//! The report of `ellipsoids --json`.
 
 use serde::Serialize;
 
@@ -14,9 +14,9 @@ pub struct EllipsoidsReport {
     pub connectivity: u32,
     /// `exchange`, `away-steps` or `khachiyan`.
     pub method: &'static str,
-    /// What was asked for: volumes of at most `1 + tolerance` times the minimum.
+    /// Requested tolerance: volumes of at most `1 + tolerance` times the minimum.
     pub tolerance: f64,
-    /// Date after date; within one as [`ellipsoids_of`].
+    /// By date, and within a date in the order of [`ellipsoids_of`].
     pub components: Vec<ComponentReport>,
 }
 
@@ -27,9 +27,9 @@ pub struct ComponentReport {
     pub of: OfReport,
     /// Label of the date; empty where the case has one without a name.
     pub time: String,
-    /// Its voxels.
+    /// Number of its voxels.
     pub voxels: u64,
-    /// Their volume.
+    /// Volume of its voxels.
     pub volume_ml: f64,
     /// The enclosing ellipsoid.
     #[serde(flatten)]
@@ -48,23 +48,23 @@ pub struct ComponentReport {
 pub enum OfReport {
     /// Id of the mask.
     Mask(String),
-    /// Ids of the masks that are active in the region, and no other is.
+    /// Ids of exactly the masks that are active in the region.
     Region(Vec<String>),
 }
 
 /// An ellipsoid in RAS+ millimetres.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EllipsoidReport {
-    /// Its middle.
+    /// Its centre.
     pub center_mm: [f64; 3],
-    /// Half its lengths, longest first.
+    /// Its semi-axes, longest first.
     pub semi_axes_mm: [f64; 3],
     /// Three rows of a rotation whose columns are the axes: `rotation[r][k]` is coordinate r of axis k.
     pub rotation: [[f64; 3]; 3],
 }
 
 impl EllipsoidReport {
-    /// What is reported of `ellipsoid`.
+    /// The report of `ellipsoid`.
     pub fn of(ellipsoid: &Ellipsoid) -> Self {
         Self {
             center_mm: ellipsoid.center_mm.to_array(),
@@ -75,7 +75,7 @@ impl EllipsoidReport {
 }
 
 impl ComponentReport {
-    /// What is reported of `component` of an index with these masks.
+    /// The report of `component`, whose index has these masks.
     pub fn of(component: &ComponentEllipsoid, mask_ids: &[String], time: &str) -> Self {
         let of = match component.of {
             Of::Mask(k) => OfReport::Mask(mask_ids.get(k).cloned().unwrap_or_default()),

@@ -1,7 +1,7 @@
-//! Bytes of a plain or gzipped file, read once from front to back, never further than asked for.
+//! Sequential reading of a plain or gzipped file, never further than requested.
 //!
-//! gzip (RFC 1952) is recognised by its two magic bytes, may have several members and zero padding
-//! at its end, and is read to its end so that every CRC and length is compared.
+//! gzip (RFC 1952) is recognised by its two magic bytes, may have several members and trailing zero padding, and is
+//! read to its end so that every CRC and length is verified.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
@@ -12,28 +12,28 @@ use flate2::bufread::GzDecoder;
 use super::{FileError, printable};
 use crate::Progress;
 
-/// Bytes past the last declared one that a gzip may inflate to before it is refused.
+/// Bytes beyond its declared content that a gzip may inflate to before it is refused.
 pub(crate) const SLACK_BYTES: u64 = 64 << 10;
 
-/// Deflate's best ratio: 258 bytes for two bits (RFC 1951: one bit of length and of distance code).
+/// Deflate's maximum compression ratio: 258 bytes for two bits (RFC 1951: one bit of length and of distance code).
 pub(crate) const MAX_RATIO: u64 = 1032;
 
-/// How much is read, converted and reported at once.
+/// Bytes read, converted and reported at once.
 pub(crate) const CHUNK_BYTES: usize = 256 << 10;
 
 trait Raw: BufRead + Seek {}
 impl<T: BufRead + Seek> Raw for T {}
 
-/// The file's own bytes, counted as they are used up.
+/// The file's stored bytes, counted as they are consumed.
 struct Counted<'a> {
     inner: Box<dyn Raw + 'a>,
-    used: u64,
+    consumed: u64,
 }
 
 impl Read for Counted<'_> {
     fn read(&mut self, buf: &mut [u8]) -> std::io::Result<usize> {
         let n = self.inner.read(buf)?;
-        self.used += n as u64;
+        self.consumed += n as u64;
         Ok(n)
     }
 }
@@ -44,7 +44,7 @@ impl BufRead for Counted<'_> {
     }
 
     fn consume(&mut self, amount: usize) {
-        self.used += amount as u64;
+        self.consumed += amount as u64;
         self.inner.consume(amount);
     }
 }
@@ -52,18 +52,18 @@ impl BufRead for Counted<'_> {
 enum Body<'a> {
     Plain(Counted<'a>),
     Gzip(Box<GzDecoder<Counted<'a>>>),
-    /// A gzip that is read to its end, or a reader that failed.
+    /// A gzip read to its end, or a reader that failed.
     Ended,
 }
 
-/// A file's content from front to back: plain bytes, or what its gzip members inflate to.
+/// A file's content as a stream: plain bytes, or the inflated gzip members.
 pub(crate) struct Stream<'a> {
     file: String,
     body: Body<'a>,
     gzip: bool,
     stored_bytes: u64,
     reported: u64,
-    at: u64,
+    position: u64,
     progress: &'a Progress,
 }
 
@@ -98,13 +98,13 @@ impl<'a> Stream<'a> {
     ) -> Result<Self, FileError> {
         let magic = inner.fill_buf().map_err(|e| FileError::wrong(&file, e.to_string(), "readable bytes"))?;
         let gzip = magic.starts_with(&[0x1f, 0x8b]);
-        let counted = Counted { inner, used: 0 };
+        let counted = Counted { inner, consumed: 0 };
         let body = if gzip { Body::Gzip(Box::new(GzDecoder::new(counted))) } else { Body::Plain(counted) };
         progress.expect(stored_bytes);
-        Ok(Self { file, body, gzip, stored_bytes, reported: 0, at: 0, progress })
+        Ok(Self { file, body, gzip, stored_bytes, reported: 0, position: 0, progress })
     }
 
-    /// What messages call the file.
+    /// The file's name in messages.
     pub(crate) fn file(&self) -> &str {
         &self.file
     }
@@ -115,36 +115,37 @@ impl<'a> Stream<'a> {
     }
 
     /// Content bytes read or skipped so far.
-    pub(crate) fn at(&self) -> u64 {
-        self.at
+    pub(crate) fn position(&self) -> u64 {
+        self.position
     }
 
-    /// Bytes behind those read so far; of a gzip, an idea only: its stored bytes.
-    pub(crate) fn left(&self) -> u64 {
-        self.stored_bytes.saturating_sub(self.at)
+    /// Stored bytes after the current position; for a gzip a rough estimate, as the position counts inflated bytes.
+    pub(crate) fn remaining(&self) -> u64 {
+        self.stored_bytes.saturating_sub(self.position)
     }
 
-    /// Says that the last `bytes` read were not used: they count as left over.
+    /// Marks the last `bytes` read as unused: they count as trailing bytes.
     pub(crate) fn unread(&mut self, bytes: u64) {
-        self.at = self.at.saturating_sub(bytes);
+        self.position = self.position.saturating_sub(bytes);
     }
 
     /// Refuses a claim of `declared` content bytes that the file's length rules out: a plain file
-    /// that is shorter, or a gzip that could not hold them even at deflate's best ratio.
+    /// that is shorter, or a gzip that could not hold them even at deflate's maximum ratio.
     pub(crate) fn can_hold(&self, declared: u64) -> Result<(), FileError> {
-        let most = if self.gzip { self.stored_bytes.saturating_mul(MAX_RATIO) } else { self.stored_bytes };
-        if declared <= most {
+        let max_bytes =
+            if self.gzip { self.stored_bytes.saturating_mul(MAX_RATIO) } else { self.stored_bytes };
+        if declared <= max_bytes {
             return Ok(());
         }
         let found = if self.gzip {
-            format!("{} bytes of gzip, which inflate to {most} at most", self.stored_bytes)
+            format!("{} bytes of gzip, which inflate to {max_bytes} at most", self.stored_bytes)
         } else {
             format!("{} bytes", self.stored_bytes)
         };
         Err(FileError::wrong(&self.file, found, format!("the {declared} bytes that its header declares")))
     }
 
-    /// Fills as much of `buf` as the file has left and says how much that was.
+    /// Fills as much of `buf` as the file still has and returns the number of bytes.
     pub(crate) fn fill(&mut self, buf: &mut [u8]) -> Result<usize, FileError> {
         let mut filled = 0;
         while filled < buf.len() {
@@ -153,72 +154,72 @@ impl<'a> Stream<'a> {
                 break;
             }
             filled += n;
-            self.at += n as u64;
+            self.position += n as u64;
         }
         self.report()?;
         Ok(filled)
     }
 
-    /// Fills all of `buf`; the file ending early is an error that says `expected`.
+    /// Fills all of `buf`; a truncated file is an error that states `expected`.
     pub(crate) fn fill_all(&mut self, buf: &mut [u8], expected: &str) -> Result<(), FileError> {
         if self.fill(buf)? == buf.len() { Ok(()) } else { Err(self.ends_early(expected)) }
     }
 
-    /// Passes over `bytes`; the file ending early is an error that says `expected`.
+    /// Skips `bytes`; a truncated file is an error that states `expected`.
     pub(crate) fn skip(&mut self, bytes: u64, expected: &str) -> Result<(), FileError> {
         if let Body::Plain(counted) = &mut self.body {
-            let to = self.at.saturating_add(bytes);
+            let to = self.position.saturating_add(bytes);
             if to > self.stored_bytes {
-                self.at = self.stored_bytes;
+                self.position = self.stored_bytes;
                 return Err(self.ends_early(expected));
             }
-            let sought = counted.inner.seek(SeekFrom::Start(to));
-            sought.map_err(|e| FileError::wrong(&self.file, e.to_string(), expected))?;
-            counted.used = to;
-            self.at = to;
+            let seek_result = counted.inner.seek(SeekFrom::Start(to));
+            seek_result.map_err(|e| FileError::wrong(&self.file, e.to_string(), expected))?;
+            counted.consumed = to;
+            self.position = to;
             return self.report();
         }
         let mut scratch = vec![0; CHUNK_BYTES.min(usize::try_from(bytes).unwrap_or(CHUNK_BYTES))];
-        let mut left = bytes;
-        while left > 0 {
-            let part = scratch.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+        let mut remaining = bytes;
+        while remaining > 0 {
+            let part = scratch.len().min(usize::try_from(remaining).unwrap_or(usize::MAX));
             self.fill_all(&mut scratch[..part], expected)?;
-            left -= part as u64;
+            remaining -= part as u64;
         }
         Ok(())
     }
 
-    /// Goes to the end, which for a gzip compares its last CRC, and says how many bytes were left.
-    /// A gzip with more than [`SLACK_BYTES`] left is refused without inflating them.
+    /// Reads to the end, which for a gzip verifies its last CRC, and returns the number of trailing bytes.
+    /// A gzip with more than [`SLACK_BYTES`] of them is refused without inflating the rest.
     pub(crate) fn finish(mut self) -> Result<u64, FileError> {
-        let left = if self.gzip {
+        let trailing = if self.gzip {
             let mut scratch = [0; 4096];
-            let mut left = 0;
+            let mut trailing = 0;
             loop {
                 let n = self.fill(&mut scratch)? as u64;
-                left += n;
+                trailing += n;
                 if n == 0 {
-                    break left;
+                    break trailing;
                 }
-                if left > SLACK_BYTES {
-                    let found = format!("a gzip that inflates to more than {} bytes", self.at);
-                    let expected = format!("{}, as its header declares", self.at - left);
+                if trailing > SLACK_BYTES {
+                    let found = format!("a gzip that inflates to more than {} bytes", self.position);
+                    let expected = format!("{}, as its header declares", self.position - trailing);
                     return Err(FileError::wrong(self.file, found, expected));
                 }
             }
         } else {
-            self.stored_bytes.saturating_sub(self.at)
+            self.stored_bytes.saturating_sub(self.position)
         };
         self.progress.advance(self.stored_bytes.saturating_sub(self.reported))?;
-        Ok(left)
+        Ok(trailing)
     }
 
-    /// The error of a file that has no more than [`Self::at`] bytes.
+    /// The error for a file that ends at [`Self::position`].
     pub(crate) fn ends_early(&self, expected: &str) -> FileError {
-        let found = match (self.at, self.gzip) {
+        let found = match (self.position, self.gzip) {
             (0, _) => "an empty file".to_owned(),
-            (at, false) => format!("the end of the file after {at} bytes"),
-            (at, true) => format!("the end of the gzip after {at} inflated bytes"),
+            (position, false) => format!("the end of the file after {position} bytes"),
+            (position, true) => format!("the end of the gzip after {position} inflated bytes"),
         };
         FileError::wrong(&self.file, found, expected)
     }
@@ -232,11 +233,11 @@ impl<'a> Stream<'a> {
             };
             match read {
                 Err(e) if e.kind() == ErrorKind::Interrupted => {}
-                Err(e) => return Err(self.broken(&e)),
+                Err(e) => return Err(self.read_error(&e)),
                 Ok(0) if self.gzip => self.next_member()?,
                 Ok(n) => return Ok(n),
             }
-            // A file may be a million empty members: stop must work inside this loop too.
+            // A file may have a million empty members: cancelling must work inside this loop too.
             self.progress.check()?;
         }
     }
@@ -246,10 +247,10 @@ impl<'a> Stream<'a> {
         let Body::Gzip(member) = std::mem::replace(&mut self.body, Body::Ended) else { return Ok(()) };
         let mut rest = member.into_inner();
         loop {
-            let next = rest.fill_buf().map_err(|e| self.broken(&e))?;
+            let next = rest.fill_buf().map_err(|e| self.read_error(&e))?;
             match next.first() {
                 None => {
-                    self.count_used(rest.used)?;
+                    self.report_consumed(rest.consumed)?;
                     return Ok(());
                 }
                 Some(0x1f) => {
@@ -272,10 +273,10 @@ impl<'a> Stream<'a> {
         }
     }
 
-    fn broken(&self, e: &std::io::Error) -> FileError {
+    fn read_error(&self, e: &std::io::Error) -> FileError {
         let found = match (self.gzip, e.kind()) {
             (true, ErrorKind::UnexpectedEof) => {
-                format!("a gzip that is cut off after {} inflated bytes", self.at)
+                format!("a gzip that is cut off after {} inflated bytes", self.position)
             }
             (true, ErrorKind::InvalidInput | ErrorKind::InvalidData) => {
                 format!("a damaged gzip ({e})")
@@ -286,16 +287,16 @@ impl<'a> Stream<'a> {
     }
 
     fn report(&mut self) -> Result<(), FileError> {
-        let used = match &self.body {
-            Body::Plain(plain) => plain.used,
-            Body::Gzip(member) => member.get_ref().used,
+        let consumed = match &self.body {
+            Body::Plain(plain) => plain.consumed,
+            Body::Gzip(member) => member.get_ref().consumed,
             Body::Ended => return Ok(self.progress.check()?),
         };
-        self.count_used(used)
+        self.report_consumed(consumed)
     }
 
-    fn count_used(&mut self, used: u64) -> Result<(), FileError> {
-        let new = used.saturating_sub(self.reported);
+    fn report_consumed(&mut self, consumed: u64) -> Result<(), FileError> {
+        let new = consumed.saturating_sub(self.reported);
         self.reported += new;
         Ok(self.progress.advance(new)?)
     }
@@ -313,57 +314,57 @@ mod tests {
         encoder.finish().unwrap()
     }
 
-    fn all(bytes: &[u8], declared: usize) -> Result<(Vec<u8>, u64), FileError> {
+    fn read_all(bytes: &[u8], declared: usize) -> Result<(Vec<u8>, u64), FileError> {
         let progress = Progress::new();
         let mut stream = Stream::of_bytes("t", bytes, &progress)?;
         let mut out = vec![0; declared];
         stream.fill_all(&mut out, "all")?;
-        let left = stream.finish()?;
+        let trailing = stream.finish()?;
         assert_eq!(progress.fraction().unwrap_or(1.0), 1.0);
-        Ok((out, left))
+        Ok((out, trailing))
     }
 
     #[test]
-    fn members_padding_and_rest() {
+    fn members_padding_and_trailing_bytes_are_handled() {
         let one = gz(b"hello ");
         let two = gz(b"world");
         let mut file = [one, gz(b""), two].concat();
-        assert_eq!(all(&file, 11).unwrap(), (b"hello world".to_vec(), 0));
-        assert_eq!(all(&file, 6).unwrap(), (b"hello ".to_vec(), 5));
+        assert_eq!(read_all(&file, 11).unwrap(), (b"hello world".to_vec(), 0));
+        assert_eq!(read_all(&file, 6).unwrap(), (b"hello ".to_vec(), 5));
         file.extend([0; 700]);
-        assert_eq!(all(&file, 11).unwrap().1, 0);
+        assert_eq!(read_all(&file, 11).unwrap().1, 0);
         file.push(7);
-        assert!(all(&file, 11).unwrap_err().to_string().contains("after the gzip's end"));
-        assert!(all(b"plain", 5).is_ok());
-        assert!(all(b"plain", 6).unwrap_err().to_string().contains("after 5 bytes"));
+        assert!(read_all(&file, 11).unwrap_err().to_string().contains("after the gzip's end"));
+        assert!(read_all(b"plain", 5).is_ok());
+        assert!(read_all(b"plain", 6).unwrap_err().to_string().contains("after 5 bytes"));
     }
 
     #[test]
-    fn every_cut_and_every_flipped_trailer_bit_is_an_error() {
+    fn every_truncation_and_every_flipped_trailer_bit_is_an_error() {
         let text: Vec<u8> = (0..2000u32).map(|i| (i * i % 251) as u8).collect();
         let file = gz(&text);
-        assert_eq!(all(&file, text.len()).unwrap().0, text);
+        assert_eq!(read_all(&file, text.len()).unwrap().0, text);
         for cut in 2..file.len() {
-            assert!(all(&file[..cut], text.len()).is_err(), "cut at {cut}");
+            assert!(read_all(&file[..cut], text.len()).is_err(), "cut at {cut}");
         }
         for bit in 0..64 {
             let mut bad = file.clone();
             let byte = file.len() - 8 + bit / 8;
             bad[byte] ^= 1 << (bit % 8);
-            assert!(all(&bad, text.len()).is_err(), "trailer bit {bit}");
+            assert!(read_all(&bad, text.len()).is_err(), "trailer bit {bit}");
         }
     }
 
     #[test]
-    fn a_gzip_may_not_outgrow_its_declaration() {
+    fn a_gzip_larger_than_declared_is_refused() {
         let file = gz(&vec![0; 100 + SLACK_BYTES as usize]);
-        assert_eq!(all(&file, 100).unwrap().1, SLACK_BYTES);
+        assert_eq!(read_all(&file, 100).unwrap().1, SLACK_BYTES);
         let file = gz(&vec![0; 8192 + SLACK_BYTES as usize]);
-        assert!(all(&file, 100).unwrap_err().to_string().contains("inflates to more than"));
+        assert!(read_all(&file, 100).unwrap_err().to_string().contains("inflates to more than"));
     }
 
     #[test]
-    fn a_claim_beyond_the_best_ratio_is_refused() {
+    fn a_claim_beyond_the_maximum_ratio_is_refused() {
         let zeros = vec![0u8; 4 << 20];
         let file = gz(&zeros);
         let progress = Progress::new();

@@ -1,4 +1,4 @@
-//! The table of file formats. Discovery, dialogs, filters, help and messages take their words from its rows.
+//! The table of file formats: discovery, file dialogs, help and messages are derived from its rows.
 
 use super::{
     FileError, Loaded, ReadOptions, Source, bounded_gzip::Stream, nifti, tracts::LoadedTracts, tracts_tck,
@@ -6,49 +6,52 @@ use super::{
 };
 use crate::Progress;
 
-/// Most bytes that telling a format needs.
+/// Bytes from the start of a file that format recognition needs at most.
 const SNIFFED_BYTES: usize = 512;
 
-/// What a file says about itself, in the words of its format.
+/// Header information of a file, in its format's own terms.
 pub trait FileInfo {
-    /// A line each, for people.
+    /// Human-readable text, one line per item.
     fn text(&self) -> String;
-    /// As JSON, indented; keys are stable.
+    /// Indented JSON; keys are stable.
     ///
     /// # Errors
     /// When a number is not finite.
     fn json(&self) -> serde_json::Result<String>;
 }
 
-/// A format of images and masks.
+/// Reads a file's header information.
+pub type ReadInfo = fn(&Source, &Progress) -> Result<Box<dyn FileInfo>, FileError>;
+
+/// A file format of images and masks.
 pub struct VolumeFormat {
-    /// What people call it.
+    /// Display name.
     pub name: &'static str,
-    /// Endings of its files, lower case, without the dot.
+    /// Its file extensions, lower case, without the leading dot.
     pub endings: &'static [&'static str],
-    /// Those that stand for a whole image: not the second half of a pair.
+    /// The extensions that name a whole image: not the second half of a pair.
     pub whole: &'static [&'static str],
-    /// Whether a file that begins with these (unpacked) bytes is one.
+    /// Whether a file whose (uncompressed) content begins with these bytes has this format.
     pub sniff: fn(&[u8]) -> bool,
-    /// Reads one frame: see [`super::read`].
+    /// Reads one frame, see [`super::read`].
     pub read: fn(&Source, &ReadOptions, &Progress) -> Result<Loaded, FileError>,
-    /// What the file says about itself.
-    pub info: fn(&Source, &Progress) -> Result<Box<dyn FileInfo>, FileError>,
+    /// Reads the header information, see [`super::info`].
+    pub info: ReadInfo,
 }
 
-/// A format of fibre tracts.
+/// A file format of fibre tracts.
 pub struct TractFormat {
-    /// What people call it.
+    /// Display name.
     pub name: &'static str,
-    /// Endings of its files, lower case, without the dot.
+    /// Its file extensions, lower case, without the leading dot.
     pub endings: &'static [&'static str],
-    /// The bytes that its files begin with.
+    /// The bytes its files begin with.
     pub magic: &'static [u8],
-    /// Reads on behind `magic`.
+    /// Reads the rest of the file, after `magic`.
     pub(super) read: fn(Stream<'_>) -> Result<LoadedTracts, FileError>,
 }
 
-/// Every format of images and masks; the first is taken for files that no row knows.
+/// All formats of images and masks; the first is the fallback for unrecognised files.
 pub const VOLUME_FORMATS: &[VolumeFormat] = &[VolumeFormat {
     name: "NIfTI",
     endings: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
@@ -58,36 +61,35 @@ pub const VOLUME_FORMATS: &[VolumeFormat] = &[VolumeFormat {
     info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
 }];
 
-/// Every format of fibre tracts.
+/// All formats of fibre tracts.
 pub const TRACT_FORMATS: &[TractFormat] = &[
     TractFormat { name: "MRtrix", endings: &["tck"], magic: tracts_tck::MAGIC, read: tracts_tck::read },
     TractFormat { name: "TrackVis", endings: &["trk"], magic: tracts_trk::MAGIC, read: tracts_trk::read },
 ];
 
-/// `name` without the dot and `ending`, in any case; `None` where it has another, or is nothing else.
+/// `name` without the dot and `ending`, ignoring case; `None` for another extension or an empty stem.
 fn without_ending<'a>(name: &'a str, ending: &str) -> Option<&'a str> {
     let at = name.len().checked_sub(ending.len())?;
     let (stem, tail) = (name.get(..at)?, name.get(at..)?);
     stem.strip_suffix('.').filter(|stem| !stem.is_empty() && tail.eq_ignore_ascii_case(ending))
 }
 
-/// `name` without the longest of `endings` that it has.
-fn stem<'a>(name: &'a str, endings: impl Iterator<Item = &'static str>) -> Option<&'a str> {
+/// `name` without the longest matching extension of `endings`.
+fn stem(name: &str, endings: impl Iterator<Item = &'static str>) -> Option<&str> {
     endings.filter_map(|ending| without_ending(name, ending)).min_by_key(|stem| stem.len())
 }
 
-/// The name of a file that is an image by its ending, without it; `None` for other files and for the second half of
-/// a pair.
+/// File name without its image extension; `None` for other files and for the second half of a pair.
 pub fn volume_stem(name: &str) -> Option<&str> {
     stem(name, VOLUME_FORMATS.iter().flat_map(|format| format.whole).copied())
 }
 
-/// Whether a file has an ending of images, or of halves of them.
+/// Whether a file has an image extension, second halves of pairs included.
 pub fn is_volume(name: &str) -> bool {
     stem(name, endings(VOLUME_FORMATS.iter().map(|format| format.endings))).is_some()
 }
 
-/// Whether a file has an ending of fibre tracts.
+/// Whether a file has a fibre tract extension.
 pub fn is_tracts(name: &str) -> bool {
     stem(name, tract_endings()).is_some()
 }
@@ -96,12 +98,12 @@ fn endings(of: impl Iterator<Item = &'static [&'static str]>) -> impl Iterator<I
     of.flatten().copied()
 }
 
-/// Endings of fibre tracts, without the dot.
+/// Extensions of fibre tracts, without the dot.
 pub fn tract_endings() -> impl Iterator<Item = &'static str> {
     endings(TRACT_FORMATS.iter().map(|format| format.endings))
 }
 
-/// Last parts of the endings of images, without the dot: what a file dialog filters by.
+/// Last components of the image extensions, without the dot, for the filter of a file dialog.
 pub fn volume_filter() -> Vec<&'static str> {
     let all = endings(VOLUME_FORMATS.iter().map(|format| format.endings));
     let mut last: Vec<&str> = all.filter_map(|ending| ending.rsplit('.').next()).collect();
@@ -110,33 +112,34 @@ pub fn volume_filter() -> Vec<&'static str> {
     last
 }
 
-/// The formats of images in words: `NIfTI`.
+/// Names of the image formats for messages: `NIfTI`.
 pub fn volume_names() -> String {
     VOLUME_FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(" or ")
 }
 
-/// The endings of whole images in words: `.nii, .nii.gz`.
+/// Extensions of whole images for messages: `.nii, .nii.gz`.
 pub fn volume_endings() -> String {
     let all = VOLUME_FORMATS.iter().flat_map(|format| format.whole);
     all.map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(", ")
 }
 
-/// The format of a file: by its first bytes, else by its ending, else the first of the table, whose reader tells what
-/// is wrong.
+/// The format of a file: by its first bytes, else by its extension, else the first of the table, whose reader reports
+/// what is wrong.
 pub fn volume_format(source: &Source) -> &'static VolumeFormat {
     let progress = Progress::new();
     let stream = match source {
         Source::File(path) => Stream::open(path, &progress),
         Source::Embedded { name, bytes } => Stream::of_bytes(name, bytes, &progress),
     };
-    let mut begin = [0; SNIFFED_BYTES];
-    let have = stream.and_then(|mut stream| stream.fill(&mut begin)).unwrap_or(0);
+    let mut head = [0; SNIFFED_BYTES];
+    let read_len = stream.and_then(|mut stream| stream.fill(&mut head)).unwrap_or(0);
     let name = source.name();
     let mut rows = VOLUME_FORMATS.iter();
-    rows.find(|format| (format.sniff)(&begin[..have]))
+    rows.find(|format| (format.sniff)(&head[..read_len]))
         .or_else(|| {
-            let named = |format: &&VolumeFormat| stem(&name, format.endings.iter().copied()).is_some();
-            VOLUME_FORMATS.iter().find(named)
+            let has_extension =
+                |format: &&VolumeFormat| stem(&name, format.endings.iter().copied()).is_some();
+            VOLUME_FORMATS.iter().find(has_extension)
         })
         .unwrap_or(&VOLUME_FORMATS[0])
 }
@@ -146,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_without_their_endings() {
+    fn extensions_are_stripped_ignoring_case() {
         for (name, stem) in [
             ("A.NII.GZ", "A"),
             ("SCAN.v2.NII.Gz", "SCAN.v2"),
@@ -163,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn no_two_rows_share_an_ending_and_words_are_of_the_rows() {
+    fn extensions_are_unique_and_message_texts_follow_the_table() {
         let mut all: Vec<&str> =
             endings(VOLUME_FORMATS.iter().map(|f| f.endings)).chain(tract_endings()).collect();
         let count = all.len();
@@ -178,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn content_tells_the_format_before_the_name_does() {
+    fn content_takes_precedence_over_the_file_name() {
         let mut header = vec![0; 352];
         header[..4].copy_from_slice(&348_i32.to_le_bytes());
         let bytes: &'static [u8] = header.leak();

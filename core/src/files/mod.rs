@@ -1,4 +1,4 @@
-//! Reading and writing files. Every failure names the file, what was found and what was expected.
+//! Reading and writing files. Every error names the file, what was found and what was expected.
 
 use std::path::{Path, PathBuf};
 
@@ -24,17 +24,17 @@ pub use tracts::{LoadedTracts, TractOptions, read_tract_bytes, read_tracts};
 pub enum Source {
     /// A file on disk.
     File(PathBuf),
-    /// Bytes that came with the program, under the name of the file they stand for.
+    /// Bytes embedded in the program, with the name of the file they come from.
     Embedded {
-        /// Its name, with ending.
+        /// File name with extension.
         name: &'static str,
-        /// Its content.
+        /// File content.
         bytes: &'static [u8],
     },
 }
 
 impl Source {
-    /// What messages call it.
+    /// The name used in messages.
     pub fn name(&self) -> String {
         match self {
             Self::File(path) => printable(&path.display().to_string()),
@@ -46,9 +46,9 @@ impl Source {
 /// Limits on reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Most bytes of voxels that one frame may take.
+    /// Maximum size of one frame's voxels in bytes.
     pub max_bytes: u64,
-    /// Which frame of a 4-D or 5-D file, counting on through dimensions 4, 5, 6 and 7.
+    /// Frame to read from a file of 4 or more dimensions, from 0, counted through dimensions 4 to 7.
     pub frame: usize,
 }
 
@@ -61,28 +61,28 @@ impl Default for ReadOptions {
 /// One frame of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loaded {
-    /// Its voxels and where they are.
+    /// Its voxels and their grid.
     pub volume: Volume,
-    /// Frames the file has: 1 for a 3-D file.
+    /// Number of frames in the file: 1 for a 3-D file.
     pub frames: usize,
-    /// What was noticed.
+    /// Findings.
     pub checks: Vec<Check>,
 }
 
-/// Why a file can't be read or written: one line.
+/// Why a file can't be read or written, in one line.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FileError {
-    /// The file is not what it should be.
+    /// The file is not as expected.
     #[error("{file}: found {found}, expected {expected}")]
     Wrong {
         /// Name of the file.
         file: String,
-        /// What is there.
+        /// What was found.
         found: String,
-        /// What should be.
+        /// What was expected.
         expected: String,
     },
-    /// The user asked to stop.
+    /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
@@ -97,13 +97,13 @@ impl FileError {
     }
 }
 
-/// `name` on one line: control characters and those that turn the writing direction are escaped.
+/// `name` on one line: control characters and bidirectional formatting characters are escaped.
 pub(crate) fn printable(name: &str) -> String {
-    let turns =
+    let is_bidi_control =
         |c: char| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let mut out = String::with_capacity(name.len());
     for c in name.chars() {
-        if c.is_control() || turns(c) || matches!(c, '\u{2028}' | '\u{2029}') {
+        if c.is_control() || is_bidi_control(c) || matches!(c, '\u{2028}' | '\u{2029}') {
             out.extend(c.escape_default());
         } else {
             out.push(c);
@@ -112,8 +112,8 @@ pub(crate) fn printable(name: &str) -> String {
     out
 }
 
-/// A temporary file with the permissions that the user's other new files have; tempfile's own are
-/// for secrets, and a picture that only its owner can open is no use to a colleague.
+/// Builder of temporary files with the permissions of ordinary new files; tempfile's default lets only the owner
+/// read them, which is too strict for exported results.
 fn temporary() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".glioscope-");
@@ -122,14 +122,14 @@ fn temporary() -> tempfile::Builder<'static, 'static> {
     builder
 }
 
-/// Writes the whole of `bytes` to `path`, or leaves what stood there untouched: a temporary file
-/// beside it, flushed to disk, then renamed over it. A link stays one: what it leads to is written.
+/// Writes `bytes` to `path` atomically, or leaves the existing file untouched: a temporary file in the same folder
+/// is flushed to disk, then renamed over `path`. A symbolic link is kept: its target is written.
 ///
 /// # Errors
-/// [`FileError::Wrong`] with the system's reason, or where a folder, a device or a pipe stands.
+/// [`FileError::Wrong`] with the system's reason, or where `path` is a folder, a device or a pipe.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    // Renaming over a device would put a file in its place.
-    if path.metadata().is_ok_and(|there| !there.is_file()) {
+    // Renaming over a device would replace it by a regular file.
+    if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
         return Err(FileError::wrong(
             path.display().to_string(),
             "something that is no ordinary file",
@@ -151,22 +151,22 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     Ok(())
 }
 
-/// Reads one frame of an image or mask, in whichever of [`format::VOLUME_FORMATS`] it is. Of NIfTI: `.nii`, `.nii.gz`,
-/// `.hdr`/`.img` in every mix, given by either half. gzip is recognised by content, not by name.
+/// Reads one frame of an image or mask in any of [`format::VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
+/// `.hdr`/`.img` pairs, each file gzipped or not, named by either half. gzip is recognised by content, not by name.
 ///
 /// # Errors
-/// [`FileError::Wrong`] for whatever is wrong with the file; nothing is allocated for voxels
-/// before the header has passed against the file's length and `options.max_bytes`.
-/// [`FileError::Cancelled`] when `progress` says so.
+/// [`FileError::Wrong`] for any defect of the file; nothing is allocated for voxels before the header
+/// has been checked against the file's length and `options.max_bytes`.
+/// [`FileError::Cancelled`] when `progress` is cancelled.
 pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
     (format::volume_format(source).read)(source, options, progress)
 }
 
-/// What a file of an image or mask says about itself. Reads through to its end, so that a damaged or cut-off file is
-/// found out, but keeps no voxels.
+/// Header information of an image or mask. Reads the file to its end to detect damage and truncation, but keeps no
+/// voxels.
 ///
 /// # Errors
-/// As [`read`], except that no size is too large.
+/// As [`read`], without a limit on size.
 pub fn info(source: &Source, progress: &Progress) -> Result<Box<dyn FileInfo>, FileError> {
     (format::volume_format(source).info)(source, progress)
 }

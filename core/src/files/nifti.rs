@@ -1,4 +1,4 @@
-//! Reading NIfTI: one frame's voxels, or what the header says, from one file or a pair.
+//! Reading NIfTI: one frame's voxels or the header information, from a single file or a pair.
 
 use std::path::{Path, PathBuf};
 
@@ -13,51 +13,51 @@ use super::nifti_space::{Form, length_unit};
 use super::{FileError, FileInfo, Loaded, ReadOptions, Source, printable};
 use crate::{Check, Progress, Samples, Sides, Volume};
 
-/// Most extensions that a file may have.
+/// Maximum number of header extensions in a file.
 const MAX_EXTENSIONS: u64 = 1024;
 
-/// What a file says about itself.
+/// Header information of a NIfTI file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HeaderInfo {
-    /// The file that has the header.
+    /// The file with the header.
     pub file: String,
-    /// The file that has the voxels, where that is another.
+    /// The file with the voxels, if it is another one.
     pub image_file: Option<String>,
     /// NIfTI-1 or NIfTI-2.
     pub format: Version,
-    /// Order of the bytes of a number.
+    /// Byte order of numbers.
     pub byte_order: ByteOrder,
-    /// Whether the file that has the voxels is gzipped.
+    /// Whether the file with the voxels is gzipped.
     pub gzip: bool,
-    /// All dimensions, as many as the file has.
+    /// All of the file's dimensions.
     pub dims: Vec<u64>,
     /// Product of dimensions 4 to 7.
     pub frames: u64,
-    /// Type of the stored voxels.
+    /// Data type of the stored voxels.
     pub datatype: SampleType,
     /// Bytes of one frame's voxels.
     pub frame_bytes: u64,
-    /// Distance between neighbouring voxel centres, of the form in force.
+    /// Distance between neighbouring voxel centres, from the form in force.
     pub spacing_mm: [f64; 3],
     /// Rows of the matrix from voxel centres to RAS+ millimetres, the last 0 0 0 1.
     pub world_from_voxel: [[f64; 4]; 4],
-    /// Letters that the voxel axes run towards; `None` where sides are unknown.
+    /// Orientation code of the voxel axes; `None` where sides are unknown.
     pub axis_codes: Option<String>,
-    /// Which of the header's forms made the matrix.
+    /// The form in force: what the matrix was made from.
     pub form: Form,
-    /// As the header has it.
+    /// As stored in the header.
     pub sform_code: i32,
-    /// As the header has it.
+    /// As stored in the header.
     pub qform_code: i32,
-    /// Unit of length in the header: `mm`, `µm`, `m`; `None` where it names none.
+    /// Unit of length in the header: `mm`, `µm`, `m`; `None` if unknown.
     pub unit: Option<&'static str>,
     /// Factor from stored numbers to values.
     pub slope: f64,
-    /// Summand from stored numbers to values.
+    /// Offset from stored numbers to values.
     pub intercept: f64,
     /// Number of header extensions; their content is not shown (it may hold patient data).
     pub extensions: u64,
-    /// What was noticed.
+    /// Findings.
     pub checks: Vec<Check>,
 }
 
@@ -103,7 +103,7 @@ impl FileInfo for HeaderInfo {
     }
 }
 
-/// Whether a file that begins like this is NIfTI.
+/// Whether a file that begins with these bytes is NIfTI.
 pub(super) fn sniff(begin: &[u8]) -> bool {
     begin.first_chunk::<4>().is_some_and(|first_four| recognise(*first_four).is_some())
 }
@@ -113,7 +113,7 @@ pub(super) fn read(source: &Source, options: &ReadOptions, progress: &Progress) 
     read_opened(Opened::source(source, progress)?, options, progress)
 }
 
-/// As [`super::read`], from memory; `name` stands in messages. A pair's header is refused.
+/// As [`super::read`], from memory; messages call the file `name`. A pair's header is refused.
 ///
 /// # Errors
 /// As [`super::read`].
@@ -126,16 +126,15 @@ pub fn read_bytes(
     read_opened(Opened::single(Stream::of_bytes(name, bytes, progress)?)?, options, progress)
 }
 
-/// What a file says about itself. Reads through to its end, so that a damaged or cut-off file is
-/// found out, but keeps no voxels.
+/// Header information of a file. Reads the file to its end to detect damage and truncation, but keeps no voxels.
 ///
 /// # Errors
-/// As [`super::read`], except that no size is too large.
+/// As [`super::read`], without a limit on size.
 pub fn nifti_info(source: &Source) -> Result<HeaderInfo, FileError> {
     nifti_info_with(source, &Progress::new())
 }
 
-/// As [`nifti_info`], with progress and cancel.
+/// As [`nifti_info`], with progress and cancellation.
 ///
 /// # Errors
 /// As [`nifti_info`].
@@ -144,7 +143,7 @@ pub fn nifti_info_with(source: &Source, progress: &Progress) -> Result<HeaderInf
     let (header, described, file) = (opened.header, opened.described, opened.file);
     let mut checks = described.checks.clone();
     let (image_file, gzip) = (opened.image_file, opened.voxels.is_gzip());
-    pass_over(opened.voxels, &described, &opened.own_name, &mut checks)?;
+    skip_voxels(opened.voxels, &described, &opened.base_name, &mut checks)?;
     let grid = &described.grid;
     let world_from_voxel = grid.world_from_voxel();
     let known = grid.sides() == Sides::Known;
@@ -178,12 +177,12 @@ pub fn nifti_info_with(source: &Source, progress: &Progress) -> Result<HeaderInf
     })
 }
 
-/// A checked header, and the stream of the file that has the voxels.
+/// A checked header, and the stream of the file with the voxels.
 struct Opened<'a> {
-    /// Path of the header, for errors.
+    /// Path of the header's file, for errors.
     file: String,
     /// Name of the header's file without its folder, for checks.
-    own_name: String,
+    base_name: String,
     image_file: Option<String>,
     header: Header,
     described: Described,
@@ -200,7 +199,7 @@ impl<'a> Opened<'a> {
                 Some(Half::Header) => Self::pair(path, None, progress),
                 Some(Half::Image) => {
                     if !path.exists() {
-                        // Says so in the same words as for any other file.
+                        // Fails with the same error as for any other missing file.
                         Stream::open(path, progress)?;
                     }
                     Self::pair(&Half::Image.partner(path)?, Some(path), progress)
@@ -220,26 +219,26 @@ impl<'a> Opened<'a> {
             return Err(fault.in_file(stream.file()));
         }
         stream.can_hold(described.data_offset)?;
-        Self::with_voxels_behind(header, described, stream)
+        Self::single_after_header(header, described, stream)
     }
 
-    fn with_voxels_behind(
+    fn single_after_header(
         header: Header,
         mut described: Described,
         mut stream: Stream<'a>,
     ) -> Result<Self, FileError> {
-        let own_name = own_name(stream.file());
+        let base_name = base_name(stream.file());
         let end = described.data_offset;
-        let extensions = read_extensions(&mut stream, &header, Some(end), &own_name, &mut described.checks)?;
-        stream.skip(end - stream.at(), "as many bytes before the voxels as vox_offset says")?;
+        let extensions = read_extensions(&mut stream, &header, Some(end), &base_name, &mut described.checks)?;
+        stream.skip(end - stream.position(), "as many bytes before the voxels as vox_offset says")?;
         let file = stream.file().to_owned();
-        Ok(Self { file, own_name, image_file: None, header, described, extensions, voxels: stream })
+        Ok(Self { file, base_name, image_file: None, header, described, extensions, voxels: stream })
     }
 
     fn pair(header_path: &Path, image: Option<&Path>, progress: &'a Progress) -> Result<Self, FileError> {
         let mut stream = Stream::open(header_path, progress)?;
         let (header, mut described) = read_header(&mut stream)?;
-        let (file, own_name) = (stream.file().to_owned(), own_name(stream.file()));
+        let (file, base_name) = (stream.file().to_owned(), base_name(stream.file()));
         if !header.paired {
             if image.is_some() {
                 let fault = Fault::new(
@@ -249,10 +248,10 @@ impl<'a> Opened<'a> {
                 );
                 return Err(fault.in_file(&file));
             }
-            // The magic decides, not the name: a single file under the name .hdr.
-            return Self::with_voxels_behind(header, described, stream);
+            // The magic decides, not the name: a single file named .hdr.
+            return Self::single_after_header(header, described, stream);
         }
-        let extensions = read_extensions(&mut stream, &header, None, &own_name, &mut described.checks)?;
+        let extensions = read_extensions(&mut stream, &header, None, &base_name, &mut described.checks)?;
         stream.finish()?;
         let image = match image {
             Some(path) => path.to_owned(),
@@ -262,27 +261,27 @@ impl<'a> Opened<'a> {
         voxels.can_hold(described.data_offset)?;
         voxels.skip(described.data_offset, "as many bytes before the voxels as vox_offset says")?;
         let image_file = Some(voxels.file().to_owned());
-        Ok(Self { file, own_name, image_file, header, described, extensions, voxels })
+        Ok(Self { file, base_name, image_file, header, described, extensions, voxels })
     }
 }
 
 fn read_header(stream: &mut Stream<'_>) -> Result<(Header, Described), FileError> {
     let mut bytes = [0; 540];
-    let mut have = stream.fill(&mut bytes[..348])?;
-    if have == 348
+    let mut read_len = stream.fill(&mut bytes[..348])?;
+    if read_len == 348
         && let Some(&first_four) = bytes.first_chunk()
         && let Some((version, _)) = recognise(first_four)
     {
-        have += stream.fill(&mut bytes[348..version.header_bytes()])?;
+        read_len += stream.fill(&mut bytes[348..version.header_bytes()])?;
     }
     let file = stream.file();
-    let header = Header::parse(&bytes[..have]).map_err(|fault| fault.in_file(file))?;
-    let described = header.describe(&own_name(file)).map_err(|fault| fault.in_file(file))?;
+    let header = Header::parse(&bytes[..read_len]).map_err(|fault| fault.in_file(file))?;
+    let described = header.describe(&base_name(file)).map_err(|fault| fault.in_file(file))?;
     Ok((header, described))
 }
 
-/// Counts the extensions and stops behind the last; `end` is where they must end, or `None` for
-/// the end of the file (a pair's header).
+/// Skips the header extensions and returns their number; they end at offset `end`, or at the end of the file where
+/// that is `None` (a pair's header).
 fn read_extensions(
     stream: &mut Stream<'_>,
     header: &Header,
@@ -291,29 +290,29 @@ fn read_extensions(
     checks: &mut Vec<Check>,
 ) -> Result<u64, FileError> {
     let mut extender = [0; 4];
-    let have = stream.fill(&mut extender)?;
-    if have < 4 && end.is_some() {
+    let read_len = stream.fill(&mut extender)?;
+    if read_len < 4 && end.is_some() {
         return Err(stream.ends_early("four more bytes, which say whether extensions follow"));
     }
-    if have < 4 || extender[0] == 0 {
+    if read_len < 4 || extender[0] == 0 {
         return Ok(0);
     }
-    let first = stream.at();
+    let first = stream.position();
     let last = end.unwrap_or(first + MAX_EXTENSION_BYTES);
     let mut count = 0;
-    while stream.at() < last {
+    while stream.position() < last {
         let bad = |found: String, stream: &Stream<'_>| {
             let expected = "header extensions of a multiple of 16 bytes each, in front of the voxels";
             Fault::new("extension", found, expected).in_file(stream.file())
         };
         let mut intro = [0; 8];
-        let room = last - stream.at();
-        let got = stream.fill(&mut intro[..8.min(usize::try_from(room).unwrap_or(8))])?;
-        if got == 0 && end.is_none() {
+        let room = last - stream.position();
+        let intro_len = stream.fill(&mut intro[..8.min(usize::try_from(room).unwrap_or(8))])?;
+        if intro_len == 0 && end.is_none() {
             break;
         }
-        if got < 8 {
-            return Err(bad(format!("{got} bytes where an extension should begin"), stream));
+        if intro_len < 8 {
+            return Err(bad(format!("{intro_len} bytes where an extension should begin"), stream));
         }
         let size = [intro[0], intro[1], intro[2], intro[3]];
         let size = match header.order {
@@ -339,8 +338,8 @@ fn read_extensions(
     Ok(count)
 }
 
-/// Goes through all voxels without keeping them.
-fn pass_over(
+/// Skips all voxels.
+fn skip_voxels(
     mut stream: Stream<'_>,
     described: &Described,
     name: &str,
@@ -364,7 +363,7 @@ fn finish(stream: Stream<'_>, name: &str, checks: &mut Vec<Check>) -> Result<(),
 }
 
 fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
-    let Opened { described, mut voxels, file, own_name, .. } = opened;
+    let Opened { described, mut voxels, file, base_name, .. } = opened;
     let frame_bytes = described.frame_bytes;
     if frame_bytes > options.max_bytes {
         let found = format!("{frame_bytes} bytes of voxels a frame");
@@ -380,7 +379,7 @@ fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -
             format!("more than {frame}, as frame {frame} (from 0) is asked for"),
         ));
     }
-    // describe() has made sure that these fit.
+    // describe() has checked that these don't overflow.
     let all = frame_bytes.saturating_mul(described.frames);
     voxels.can_hold(described.data_offset.saturating_add(all))?;
     let expected = format!("{all} bytes of voxels");
@@ -388,7 +387,7 @@ fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -
     let samples = read_samples(&mut voxels, &described, opened.header.order, &expected)?;
     voxels.skip(frame_bytes * (described.frames - 1 - frame), &expected)?;
     let mut checks = described.checks;
-    finish(voxels, &own_name, &mut checks)?;
+    finish(voxels, &base_name, &mut checks)?;
     progress.check()?;
     let frames = usize::try_from(described.frames).unwrap_or(usize::MAX);
     let volume = Volume::new(described.grid, samples, described.scaling)
@@ -425,7 +424,7 @@ fn read_samples(
     })
 }
 
-/// Reads `count` numbers straight into their own vector, a cache-sized piece at a time.
+/// Reads `count` numbers directly into a vector of their type, in cache-sized chunks.
 fn read_numbers<T, const N: usize>(
     stream: &mut Stream<'_>,
     count: usize,
@@ -433,7 +432,7 @@ fn read_numbers<T, const N: usize>(
     expected: &str,
 ) -> Result<Vec<T>, FileError> {
     let mut numbers = Vec::new();
-    // The system hands out pages as they are filled, so a false claim costs address space only.
+    // Pages are committed as they are filled, so a false claim costs address space only.
     numbers.try_reserve_exact(count).map_err(|_| {
         FileError::wrong(stream.file(), format!("{count} voxels of {N} bytes"), "no more than fit in memory")
     })?;
@@ -448,12 +447,12 @@ fn read_numbers<T, const N: usize>(
 }
 
 /// The file's name without its folder.
-fn own_name(file: &str) -> String {
+fn base_name(file: &str) -> String {
     let name = Path::new(file).file_name().map(|n| n.to_string_lossy().into_owned());
     name.unwrap_or_else(|| file.to_owned())
 }
 
-/// Which half of a pair a file is, after its name.
+/// Which half of a pair a file is, by its name.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Half {
     Header,
@@ -470,23 +469,23 @@ impl Half {
         }
     }
 
-    /// The other half beside `path`: compressed likewise first, then the other way; capitals too.
+    /// The other half in the same folder: gzipped like `path` first, else the opposite; in lower or upper case.
     fn partner(self, path: &Path) -> Result<PathBuf, FileError> {
         let file = printable(&path.display().to_string());
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
         let (stem, ending) = nifti_stem(name).unwrap_or((name, ""));
         let other = if self == Self::Header { ".img" } else { ".hdr" };
-        let zipped = format!("{other}.gz");
+        let gzipped = format!("{other}.gz");
         let endings =
-            if ending.ends_with(".gz") { [zipped.as_str(), other] } else { [other, zipped.as_str()] };
-        let capitals = name.ends_with(|c: char| c.is_ascii_uppercase());
+            if ending.ends_with(".gz") { [gzipped.as_str(), other] } else { [other, gzipped.as_str()] };
+        let upper_case = name.ends_with(|c: char| c.is_ascii_uppercase());
         for ending in endings {
-            let mut spellings = [ending.to_owned(), ending.to_ascii_uppercase()];
-            if capitals {
-                spellings.reverse();
+            let mut variants = [ending.to_owned(), ending.to_ascii_uppercase()];
+            if upper_case {
+                variants.reverse();
             }
-            for spelling in spellings {
-                let candidate = path.with_file_name(format!("{stem}{spelling}"));
+            for variant in variants {
+                let candidate = path.with_file_name(format!("{stem}{variant}"));
                 if candidate.is_file() {
                     return Ok(candidate);
                 }
@@ -497,8 +496,7 @@ impl Half {
     }
 }
 
-/// Splits a file name into its stem and the ending of a pair's half or of a whole file, in any case; `None` for other
-/// names.
+/// Splits a file name into its stem and its NIfTI extension, ignoring case; `None` for other names.
 fn nifti_stem(name: &str) -> Option<(&str, &'static str)> {
     const ENDINGS: [&str; 6] = [".nii.gz", ".hdr.gz", ".img.gz", ".nii", ".hdr", ".img"];
     ENDINGS.into_iter().find_map(|ending| {

@@ -1,6 +1,6 @@
-//! The NIfTI-1 and NIfTI-2 header: its fields, and whether they make sense.
+//! The NIfTI-1 and NIfTI-2 header: parsing and validation of its fields.
 //!
-//! Layout after `nifti1.h` (Cox et al., 2003) and `nifti2.h` (2011). Every finding is a [`Check`];
+//! Layout from `nifti1.h` (Cox et al., 2003) and `nifti2.h` (2011). Every finding is a [`Check`];
 //! a finding that makes the file unusable is a [`Fault`].
 
 use serde::Serialize;
@@ -9,7 +9,7 @@ use super::FileError;
 use super::nifti_space::{self, Form};
 use crate::{Check, Grid, Scaling};
 
-/// Which of the two header layouts.
+/// Header layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Version {
     /// 348 bytes, 2003.
@@ -21,7 +21,7 @@ pub enum Version {
 }
 
 impl Version {
-    /// Bytes of the header, without the four that say whether extensions follow.
+    /// Bytes of the header, without the four that state whether extensions follow.
     pub fn header_bytes(self) -> usize {
         match self {
             Self::One => 348,
@@ -30,17 +30,17 @@ impl Version {
     }
 }
 
-/// Order of the bytes of a number in the file.
+/// Byte order of numbers in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ByteOrder {
-    /// Least significant first.
+    /// Least significant byte first.
     Little,
-    /// Most significant first.
+    /// Most significant byte first.
     Big,
 }
 
-/// Type of the stored voxels, of those that can be read.
+/// Data type of the stored voxels; only types that can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "each variant is its type")]
@@ -68,7 +68,7 @@ impl SampleType {
         }
     }
 
-    /// The name that NIfTI and NumPy use.
+    /// The NIfTI and NumPy name.
     pub fn name(self) -> &'static str {
         match self {
             Self::UInt8 => "uint8",
@@ -140,9 +140,9 @@ impl SampleType {
 pub struct Fault {
     /// As [`Check::code`].
     pub code: &'static str,
-    /// What is there.
+    /// What was found.
     pub found: String,
-    /// What should be.
+    /// What was expected.
     pub expected: String,
 }
 
@@ -151,7 +151,7 @@ impl Fault {
         Self { code, found: found.into(), expected: expected.into() }
     }
 
-    /// As the error of `file`.
+    /// As an error about `file`.
     pub(crate) fn in_file(self, file: &str) -> FileError {
         FileError::Wrong { file: file.into(), found: self.found, expected: self.expected }
     }
@@ -162,7 +162,7 @@ impl Fault {
     }
 }
 
-/// The fields that matter, as the file has them; nothing is repaired here.
+/// The relevant fields as stored in the file, without repairs.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the names are those of nifti1.h")]
 pub struct Header {
@@ -185,31 +185,31 @@ pub struct Header {
     pub srow: [[f64; 4]; 3],
 }
 
-/// What a header says, checked: enough to read the voxels.
+/// The checked content of a header, sufficient to read the voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Described {
-    /// Where the voxels are.
+    /// The voxel grid.
     pub grid: Grid,
     /// What `grid` was made from.
     pub form: Form,
     /// Product of dimensions 4 to 7.
     pub frames: u64,
-    /// Type of the stored voxels.
+    /// Data type of the stored voxels.
     pub sample_type: SampleType,
     /// Bytes of one frame.
     pub frame_bytes: u64,
-    /// Where the first frame begins in the file that has the voxels.
+    /// Byte offset of the first frame in the file with the voxels.
     pub data_offset: u64,
-    /// How stored numbers become values.
+    /// Maps stored numbers to values.
     pub scaling: Scaling,
-    /// What was noticed: notes and warnings.
+    /// Notes and warnings.
     pub checks: Vec<Check>,
 }
 
-/// Most bytes before the voxels in a single file, and most bytes of extensions.
+/// Maximum size of the header extensions in bytes, in a single file and in a pair's header.
 pub const MAX_EXTENSION_BYTES: u64 = 64 << 20;
 
-/// One more than the most voxels that a frame may have, as in [`Grid::new`].
+/// Exclusive limit on the voxels of a frame, as in [`Grid::new`].
 const MAX_VOXELS: u64 = 1 << 40;
 
 struct Fields<'a> {
@@ -218,7 +218,7 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    fn take<const N: usize>(&self, at: usize) -> [u8; N] {
+    fn bytes_at<const N: usize>(&self, at: usize) -> [u8; N] {
         let mut out = [0; N];
         if let Some(part) = self.bytes.get(at..at + N) {
             out.copy_from_slice(part);
@@ -230,27 +230,27 @@ impl Fields<'_> {
     }
 
     fn i16(&self, at: usize) -> i16 {
-        i16::from_le_bytes(self.take(at))
+        i16::from_le_bytes(self.bytes_at(at))
     }
 
     fn i32(&self, at: usize) -> i32 {
-        i32::from_le_bytes(self.take(at))
+        i32::from_le_bytes(self.bytes_at(at))
     }
 
     fn i64(&self, at: usize) -> i64 {
-        i64::from_le_bytes(self.take(at))
+        i64::from_le_bytes(self.bytes_at(at))
     }
 
     fn f32(&self, at: usize) -> f64 {
-        f32::from_le_bytes(self.take(at)).into()
+        f32::from_le_bytes(self.bytes_at(at)).into()
     }
 
     fn f64(&self, at: usize) -> f64 {
-        f64::from_le_bytes(self.take(at))
+        f64::from_le_bytes(self.bytes_at(at))
     }
 }
 
-/// Bytes and order of the header that `first_four` begins; `None` when they begin none.
+/// Version and byte order of the header that begins with `first_four`; `None` if it is no NIfTI header.
 pub fn recognise(first_four: [u8; 4]) -> Option<(Version, ByteOrder)> {
     let little = i32::from_le_bytes(first_four);
     for (size, order) in [(little, ByteOrder::Little), (little.swap_bytes(), ByteOrder::Big)] {
@@ -264,11 +264,10 @@ pub fn recognise(first_four: [u8; 4]) -> Option<(Version, ByteOrder)> {
 }
 
 impl Header {
-    /// Reads the fields out of the header's bytes ([`Version::header_bytes`] of them; more may
-    /// follow).
+    /// Parses the header's bytes ([`Version::header_bytes`] of them; more may follow).
     ///
     /// # Errors
-    /// [`Fault`] when there are too few bytes, or they are no NIfTI header.
+    /// [`Fault`] when the bytes are too few or no NIfTI header.
     pub fn parse(bytes: &[u8]) -> Result<Self, Fault> {
         const SHORT: &str = "at least 348 bytes of a NIfTI header";
         let Some(&first_four) = bytes.first_chunk::<4>() else {
@@ -277,7 +276,11 @@ impl Header {
             return Err(Fault::new("header-short", found, SHORT));
         };
         let Some((version, order)) = recognise(first_four) else {
-            return Err(Fault::new("not-nifti", what_else(bytes), "a NIfTI header (size field 348 or 540)"));
+            return Err(Fault::new(
+                "not-nifti",
+                guess_format(bytes),
+                "a NIfTI header (size field 348 or 540)",
+            ));
         };
         if bytes.len() < version.header_bytes() {
             let expected = format!("{} bytes of a NIfTI header", version.header_bytes());
@@ -298,7 +301,7 @@ impl Header {
                 let found = "an ANALYZE 7.5 header, which does not say left from right";
                 return Err(Fault::new("analyze", found, "NIfTI (magic n+1 or ni1)"));
             }
-            other => return Err(Fault::new("magic", shown(other), "magic n+1 or ni1")),
+            other => return Err(Fault::new("magic", quoted_magic(other), "magic n+1 or ni1")),
         };
         Ok(Self {
             version: Version::One,
@@ -324,10 +327,12 @@ impl Header {
         let paired = match &f.bytes[4..12] {
             b"n+2\0\r\n\x1a\n" => false,
             b"ni2\0\r\n\x1a\n" => true,
-            other => return Err(Fault::new("magic", shown(other), "magic n+2 or ni2 and \\r\\n\\x1a\\n")),
+            other => {
+                return Err(Fault::new("magic", quoted_magic(other), "magic n+2 or ni2 and \\r\\n\\x1a\\n"));
+            }
         };
         let offset = f.i64(168);
-        // f64 holds every offset up to 2^53 exactly; what is larger is refused anyway.
+        // f64 represents offsets up to 2^53 exactly; larger ones are refused anyway.
         let vox_offset = offset as f64;
         Ok(Self {
             version: Version::Two,
@@ -349,8 +354,8 @@ impl Header {
         })
     }
 
-    /// Checks every field that matters. `name` begins each check's text. Allocates nothing that
-    /// grows with what the header claims.
+    /// Checks all relevant fields. Each check's message starts with `name`. Memory use doesn't depend on the
+    /// sizes that the header claims.
     ///
     /// # Errors
     /// [`Fault`]: the first finding that makes the file unusable.
@@ -376,7 +381,7 @@ impl Header {
             .filter(|&end| i64::try_from(end).is_ok())
             .ok_or_else(too_large)?;
         let mut checks = Vec::new();
-        let (grid, form) = nifti_space::place(self, dims, name, &mut checks)?;
+        let (grid, form) = nifti_space::grid_from_header(self, dims, name, &mut checks)?;
         let scaling = self.scaling(name, &mut checks);
         Ok(Described { grid, form, frames, sample_type, frame_bytes, data_offset, scaling, checks })
     }
@@ -437,9 +442,9 @@ impl Header {
             let text = format!(
                 "{name}: scl_slope {slope} and scl_inter {intercept} mean no scaling; stored values are used"
             );
-            // A slope that would scale, beside an intercept that can't be: programs differ here.
-            let lost = slope.is_finite() && slope != 0.0 && slope != 1.0;
-            checks.push(if lost {
+            // A valid slope with an invalid intercept: programs differ here.
+            let drops_slope = slope.is_finite() && slope != 0.0 && slope != 1.0;
+            checks.push(if drops_slope {
                 Check::warning("scaling-ignored", text)
             } else {
                 Check::note("scaling-ignored", text)
@@ -449,13 +454,13 @@ impl Header {
     }
 }
 
-/// A few printable bytes, quoted.
-fn shown(bytes: &[u8]) -> String {
+/// The magic bytes, escaped and quoted.
+fn quoted_magic(bytes: &[u8]) -> String {
     format!("magic \"{}\"", bytes.escape_ascii())
 }
 
-/// A guess at what a file is that is not NIfTI, for the message only.
-fn what_else(bytes: &[u8]) -> String {
+/// What a file that is not NIfTI might be, for the message only.
+fn guess_format(bytes: &[u8]) -> String {
     let text = bytes.trim_ascii_start();
     if text.starts_with(b"<") {
         "a web page or XML".into()

@@ -1,8 +1,8 @@
-//! Where a NIfTI header puts its voxels: sform, qform, units, and which is in force.
+//! The voxel grid of a NIfTI header: sform, qform, units, and which form is in force.
 //!
-//! After `nifti1.h`, "3D image (volume) orientation and location in space": method 3 (sform) where
+//! From `nifti1.h`, "3D image (volume) orientation and location in space": method 3 (sform) where
 //! `sform_code > 0`, else method 2 (qform) where `qform_code > 0`, else method 1 (pixdim alone),
-//! which does not say left from right. All arithmetic is `f64`.
+//! which does not distinguish left from right. All arithmetic is `f64`.
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde::Serialize;
@@ -10,16 +10,16 @@ use serde::Serialize;
 use super::nifti_header::{Fault, Header};
 use crate::{Check, Grid, Sides};
 
-/// Largest entry of a matrix that is taken for millimetres of a patient: ten kilometres.
+/// Largest plausible matrix entry in millimetres: ten kilometres.
 const MAX_MM: f64 = 1e7;
-/// Smallest spacing that is taken for millimetres: a hundredth of an atom.
+/// Smallest plausible spacing in millimetres: a hundredth of an atom.
 pub(crate) const MIN_SPACING_MM: f64 = 1e-9;
 
 /// What a grid was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Form {
-    /// The matrix of `srow_x`, `srow_y`, `srow_z`.
+    /// The affine of `srow_x`, `srow_y`, `srow_z`.
     Sform,
     /// Quaternion, offset and pixdim.
     Qform,
@@ -28,7 +28,7 @@ pub enum Form {
 }
 
 impl Form {
-    /// As the header calls it.
+    /// Its name in the header.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sform => "sform",
@@ -38,7 +38,7 @@ impl Form {
     }
 }
 
-/// The unit of length that `xyzt_units` names, and millimetres in one of it; `None` when unknown.
+/// The unit of length in `xyzt_units` and its size in millimetres; `None` when unknown.
 pub fn length_unit(xyzt_units: i32) -> Option<(&'static str, f64)> {
     match xyzt_units & 7 {
         1 => Some(("m", 1000.0)),
@@ -48,8 +48,8 @@ pub fn length_unit(xyzt_units: i32) -> Option<(&'static str, f64)> {
     }
 }
 
-/// Makes the grid, from the form in force.
-pub(crate) fn place(
+/// The grid and the form in force that it was made from.
+pub(crate) fn grid_from_header(
     header: &Header,
     dims: [usize; 3],
     name: &str,
@@ -66,13 +66,13 @@ pub(crate) fn place(
             ));
         }
     }
-    let sform = (header.sform_code > 0).then(|| usable(sform(header), dims, mm_per_unit));
-    let qform =
-        (header.qform_code > 0).then(|| qform(header, &spacing).and_then(|m| usable(m, dims, mm_per_unit)));
+    let sform = (header.sform_code > 0).then(|| grid_in_mm(sform(header), dims, mm_per_unit));
+    let qform = (header.qform_code > 0)
+        .then(|| qform(header, &spacing).and_then(|m| grid_in_mm(m, dims, mm_per_unit)));
     let (grid, form) = match (sform, qform) {
         (Some(Ok(s)), q) => {
             match q {
-                Some(Ok(q)) => compare(&s, &q, name, checks),
+                Some(Ok(q)) => compare_forms(&s, &q, name, checks),
                 Some(Err(why)) => {
                     checks.push(Check::note("qform-unusable", format!("{name}: qform not usable: {why}")));
                 }
@@ -102,11 +102,12 @@ pub(crate) fn place(
         }
         (None, None) => {
             let diagonal = DMat3::from_diagonal(spacing.for_placing()?);
-            let grid = usable(DAffine3 { matrix3: diagonal, translation: DVec3::ZERO }, dims, mm_per_unit)
-                .and_then(|g| {
-                    Grid::new(dims, g.world_from_voxel(), Sides::Unknown).map_err(|e| e.to_string())
-                })
-                .map_err(|why| Fault::new("place-unusable", why, "spacings above 0"))?;
+            let grid =
+                grid_in_mm(DAffine3 { matrix3: diagonal, translation: DVec3::ZERO }, dims, mm_per_unit)
+                    .and_then(|g| {
+                        Grid::new(dims, g.world_from_voxel(), Sides::Unknown).map_err(|e| e.to_string())
+                    })
+                    .map_err(|why| Fault::new("place-unusable", why, "spacings above 0"))?;
             checks.push(Check::warning(
                 "side-unknown",
                 format!("{name}: neither sform nor qform is set: left and right are unknown"),
@@ -127,7 +128,7 @@ pub(crate) fn place(
     Ok((grid, form))
 }
 
-/// pixdim 1 to 3 as stored, and the size along each axis.
+/// pixdim 1 to 3 as stored, and the number of voxels along each axis.
 struct Spacing {
     stored: [f64; 3],
     dims: [usize; 3],
@@ -146,7 +147,7 @@ impl Spacing {
         Ok(Self { stored, dims })
     }
 
-    /// Whether the spacing along `axis` is not stated and doesn't place any second voxel.
+    /// Whether the spacing along `axis` is missing and irrelevant: there is only one voxel.
     fn is_assumed(&self, axis: usize) -> bool {
         self.dims[axis] == 1 && !(self.stored[axis].is_finite() && self.stored[axis] != 0.0)
     }
@@ -242,20 +243,20 @@ fn qform(header: &Header, spacing: &Spacing) -> Result<DAffine3, String> {
     })
 }
 
-/// Rotation of the quaternion `(a, b, c, d)` with `a = sqrt(1 - b² - c² - d²)`; where that is
-/// nothing or less, `(b, c, d)` is made a unit and `a` is 0, as `nifti_quatern_to_mat44` does.
+/// Rotation of the quaternion `(a, b, c, d)` with `a = sqrt(1 - b² - c² - d²)`; where a² is below 1e-7,
+/// `(b, c, d)` is normalised and `a` is 0, as in `nifti_quatern_to_mat44`.
 fn rotation(quatern: [f64; 3]) -> Option<DMat3> {
     let [b, c, d] = quatern;
     let squares = b * b + c * c + d * d;
     if !squares.is_finite() {
         return None;
     }
-    let rest = 1.0 - squares;
-    let (a, b, c, d) = if rest < 1e-7 {
+    let a_squared = 1.0 - squares;
+    let (a, b, c, d) = if a_squared < 1e-7 {
         let unit = 1.0 / squares.sqrt();
         (0.0, b * unit, c * unit, d * unit)
     } else {
-        (rest.sqrt(), b, c, d)
+        (a_squared.sqrt(), b, c, d)
     };
     Some(DMat3::from_cols(
         DVec3::new(a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d), 2.0 * (b * d - a * c)),
@@ -276,13 +277,13 @@ fn report_quaternion(header: &Header, name: &str, checks: &mut Vec<Check>) {
     if qfac.abs() != 1.0 {
         let text =
             format!("{name}: pixdim[0] (qfac) is {qfac}, taken as {}", if qfac < 0.0 { -1 } else { 1 });
-        // The standard itself says that 0 means 1; any other value is a matter of opinion.
+        // The standard defines 0 as 1; any other value is ambiguous.
         checks.push(if qfac == 0.0 { Check::note("qfac", text) } else { Check::warning("qfac", text) });
     }
 }
 
-/// The matrix in millimetres as a grid, or why it can't be one.
-fn usable(matrix: DAffine3, dims: [usize; 3], mm_per_unit: f64) -> Result<Grid, String> {
+/// The affine, converted to millimetres, as a grid; or why it is unusable.
+fn grid_in_mm(matrix: DAffine3, dims: [usize; 3], mm_per_unit: f64) -> Result<Grid, String> {
     let mm =
         DAffine3 { matrix3: matrix.matrix3 * mm_per_unit, translation: matrix.translation * mm_per_unit };
     let grid = Grid::new(dims, mm, Sides::Known).map_err(|e| {
@@ -302,12 +303,13 @@ fn usable(matrix: DAffine3, dims: [usize; 3], mm_per_unit: f64) -> Result<Grid, 
     Ok(grid)
 }
 
-/// Half a voxel, of the finest spacing, at any outer corner is too much.
-fn compare(s: &Grid, q: &Grid, name: &str, checks: &mut Vec<Check>) {
+/// Reports forms that put an outer corner more than half the finest spacing apart.
+fn compare_forms(s: &Grid, q: &Grid, name: &str, checks: &mut Vec<Check>) {
     if s.same_place(q, 0.5) {
         return;
     }
-    let apart = s.corners_mm().iter().zip(q.corners_mm()).map(|(a, b)| a.distance(b)).fold(0.0, f64::max);
+    let distance_mm =
+        s.corners_mm().iter().zip(q.corners_mm()).map(|(a, b)| a.distance(b)).fold(0.0, f64::max);
     let determinant = |g: &Grid| g.world_from_voxel().matrix3.determinant();
     let sides = if determinant(s) * determinant(q) < 0.0 {
         "; one mirrors the other, so left and right may be swapped"
@@ -316,7 +318,7 @@ fn compare(s: &Grid, q: &Grid, name: &str, checks: &mut Vec<Check>) {
     };
     checks.push(Check::warning(
         "sform-qform-disagree",
-        format!("{name}: sform and qform are up to {apart:.2} mm apart{sides}; the sform is used"),
+        format!("{name}: sform and qform are up to {distance_mm:.2} mm apart{sides}; the sform is used"),
     ));
 }
 

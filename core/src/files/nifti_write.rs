@@ -1,4 +1,4 @@
-//! Writing NIfTI: a clean header, nothing in it that was not asked for, whole or not at all.
+//! Writing NIfTI: a minimal header without extra metadata, written atomically.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,11 +11,10 @@ use super::nifti_space::MIN_SPACING_MM;
 use super::{FileError, write_whole};
 use crate::{Grid, Samples, Sides, Volume, with_samples};
 
-/// What a written file says beside its voxels.
+/// Metadata of a written file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Goes into `descrip`: at most 79 bytes, what is not printable ASCII becomes `?`. No patient
-    /// data.
+    /// The `descrip` field: at most 79 bytes, anything but printable ASCII becomes `?`. No patient data.
     pub description: String,
 }
 
@@ -25,13 +24,13 @@ impl Default for WriteOptions {
     }
 }
 
-/// Writes `volume` as one file, gzipped where the name ends in `.gz` (any case), whole or not at
-/// all. Scaling is kept as `scl_slope` and `scl_inter`, not applied.
+/// Writes `volume` as a single file, atomically, gzipped where the name ends in `.gz` (any case). Scaling is stored as
+/// `scl_slope` and `scl_inter`, not applied.
 ///
-/// The file is NIfTI-1, or NIfTI-2 where that can't hold it: a size above 32767, or a matrix or
-/// scaling that 32-bit floats would move (a thousandth of a voxel, a millionth of the value). The
-/// sform has code 1 (scanner), and so has the qform where the voxels are not sheared. A grid whose
-/// sides are unknown gets neither: its origin is lost, as the format has no place for it.
+/// The file is NIfTI-1, or NIfTI-2 where NIfTI-1 can't represent it: a dimension above 32767, or a matrix or scaling
+/// that 32-bit floats would change (by a thousandth of a voxel, a millionth of the value). The sform has code 1
+/// (scanner), and so has the qform unless the voxels are sheared or its 32-bit quaternion would disagree with the
+/// sform. A grid whose sides are unknown gets neither: its origin is lost, as the format has no field for it.
 ///
 /// # Errors
 /// [`FileError::Wrong`] with the system's reason.
@@ -41,15 +40,14 @@ pub fn write_nifti(path: &Path, volume: &Volume, options: &WriteOptions) -> Resu
     write_whole(path, &if gzip { gzipped(bytes) } else { bytes })
 }
 
-/// The bytes that [`write_nifti`] would write with default options: the same for the same volume,
-/// on any day.
+/// The bytes that [`write_nifti`] would write with default options. Deterministic: the gzip has no time stamp.
 pub fn nifti_bytes(volume: &Volume, gzip: bool) -> Vec<u8> {
     let bytes = encode(volume, &WriteOptions::default());
     if gzip { gzipped(bytes) } else { bytes }
 }
 
-/// gzip without name and time. Compressing in memory can't fail; if it did, the plain bytes would
-/// still be a right file, as readers here go by content.
+/// gzip without file name and time stamp. Compressing in memory can't fail; if it did, the plain bytes would still be
+/// a valid file, as our readers recognise gzip by content.
 fn gzipped(bytes: Vec<u8>) -> Vec<u8> {
     let mut encoder = GzBuilder::new().mtime(0).write(Vec::new(), Compression::new(6));
     match encoder.write_all(&bytes).and_then(|()| encoder.finish()) {
@@ -69,7 +67,7 @@ fn encode(volume: &Volume, options: &WriteOptions) -> Vec<u8> {
     bytes
 }
 
-/// Type of the samples of a volume.
+/// NIfTI data type of the samples.
 pub(crate) fn sample_type(samples: &Samples) -> SampleType {
     match samples {
         Samples::U8(_) => SampleType::UInt8,
@@ -89,8 +87,8 @@ fn header_bytes(volume: &Volume, options: &WriteOptions) -> Vec<u8> {
     let version = if fits_nifti_1(volume) { Version::One } else { Version::Two };
     let qform = quaternion(volume.grid());
     let bytes = header_with(version, volume, options, qform);
-    // A quaternion of three 32-bit floats is coarse near half turns: leave it out rather than
-    // write two forms that disagree.
+    // A quaternion of three 32-bit floats is imprecise near half turns: omit it rather than write two forms that
+    // disagree.
     let disagrees = Header::parse(&bytes).is_ok_and(|header| {
         header.checks("").iter().any(|c| matches!(c.code, "sform-qform-disagree" | "qform-unusable"))
     });
@@ -99,27 +97,28 @@ fn header_bytes(volume: &Volume, options: &WriteOptions) -> Vec<u8> {
 
 fn fits_nifti_1(volume: &Volume) -> bool {
     let grid = volume.grid();
-    let narrow = |x: f64| f64::from(x as f32);
-    let narrow3 = |v: DVec3| DVec3::new(narrow(v.x), narrow(v.y), narrow(v.z));
+    let as_f32 = |x: f64| f64::from(x as f32);
+    let as_f32_vec = |v: DVec3| DVec3::new(as_f32(v.x), as_f32(v.y), as_f32(v.z));
     let m = grid.world_from_voxel();
     let rounded = DAffine3 {
         matrix3: DMat3::from_cols(
-            narrow3(m.matrix3.x_axis),
-            narrow3(m.matrix3.y_axis),
-            narrow3(m.matrix3.z_axis),
+            as_f32_vec(m.matrix3.x_axis),
+            as_f32_vec(m.matrix3.y_axis),
+            as_f32_vec(m.matrix3.z_axis),
         ),
-        translation: narrow3(m.translation),
+        translation: as_f32_vec(m.translation),
     };
     let scaling = volume.scaling();
-    let close = |x: f64| (narrow(x) - x).abs() <= 1e-6 * x.abs();
+    let close = |x: f64| (as_f32(x) - x).abs() <= 1e-6 * x.abs();
     grid.dims().iter().all(|&d| i16::try_from(d).is_ok())
         && grid.spacing_mm().min_element() > 2.0 * MIN_SPACING_MM
-        && Grid::new(grid.dims(), rounded, grid.sides()).is_ok_and(|near| grid.same_place(&near, 1e-3))
+        && Grid::new(grid.dims(), rounded, grid.sides())
+            .is_ok_and(|rounded_grid| grid.same_place(&rounded_grid, 1e-3))
         && close(scaling.slope)
         && close(scaling.intercept)
 }
 
-/// `qfac` and quaternion `b`, `c`, `d` of a grid whose axes are at right angles.
+/// `qfac` and quaternion `b`, `c`, `d` of a grid; `None` if its axes are not orthogonal.
 fn quaternion(grid: &Grid) -> Option<(f64, [f64; 3])> {
     let m = grid.world_from_voxel().matrix3;
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(|c| c / c.length());
@@ -132,16 +131,16 @@ fn quaternion(grid: &Grid) -> Option<(f64, [f64; 3])> {
     Some((qfac, [q.x, q.y, q.z]))
 }
 
-/// Writes numbers in the width that the version has at that place.
-struct Out {
+/// Header buffer that writes numbers in the width of the header version.
+struct HeaderWriter {
     bytes: Vec<u8>,
     wide: bool,
 }
 
-impl Out {
+impl HeaderWriter {
     fn put<const N: usize>(&mut self, at: usize, value: [u8; N]) {
-        if let Some(place) = self.bytes.get_mut(at..at + N) {
-            place.copy_from_slice(&value);
+        if let Some(target) = self.bytes.get_mut(at..at + N) {
+            target.copy_from_slice(&value);
         }
     }
 
@@ -172,7 +171,7 @@ fn header_with(
 ) -> Vec<u8> {
     let wide = version == Version::Two;
     let size = version.header_bytes();
-    let mut out = Out { bytes: vec![0; size + 4], wide };
+    let mut out = HeaderWriter { bytes: vec![0; size + 4], wide };
     let grid = volume.grid();
     let known = grid.sides() == Sides::Known;
     let m = grid.world_from_voxel();

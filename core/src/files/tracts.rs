@@ -1,4 +1,4 @@
-//! Reading fibre tracts: MRtrix `.tck` and TrackVis `.trk`, told apart by content.
+//! Reading fibre tracts: MRtrix `.tck` and TrackVis `.trk`, recognised by content.
 
 use super::bounded_gzip::Stream;
 use super::format::{TRACT_FORMATS, TractFormat, tract_endings};
@@ -6,14 +6,14 @@ use super::nifti_header::ByteOrder;
 use super::{FileError, Source};
 use crate::{Check, Progress, Sides, Tracts};
 
-/// Coordinates past this (10 km, as for images) are damage, not anatomy.
+/// Coordinates beyond this (10 km, as for images) are damage, not anatomy.
 const MAX_COORDINATE_MM: f64 = 1e7;
 
 /// Limits on reading tracts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TractOptions {
-    /// Most bytes that a file may have. Points take at most as much memory as the file has bytes,
-    /// and a third of it for fibres of one point.
+    /// Maximum size of a file in bytes. Points take at most as much memory as the file has bytes; the fibre offsets
+    /// add a third for fibres of one point.
     pub max_bytes: u64,
 }
 
@@ -23,24 +23,22 @@ impl Default for TractOptions {
     }
 }
 
-/// A file of tracts.
+/// The content of a tract file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadedTracts {
     /// Its fibres.
     pub tracts: Tracts,
-    /// What was noticed.
+    /// Findings.
     pub checks: Vec<Check>,
 }
 
 /// Reads a `.tck` or `.trk` file.
 ///
-/// A gzip is refused: neither format says how many bytes follow, so nothing would bound what it
-/// inflates to.
+/// A gzip is refused: neither format declares its size, so the inflated size would be unbounded.
 ///
 /// # Errors
-/// [`FileError::Wrong`] for whatever is wrong with the file; memory is bounded by its length, which
-/// is compared with `options.max_bytes` before anything is allocated. [`FileError::Cancelled`] when
-/// `progress` says so.
+/// [`FileError::Wrong`] for any defect of the file; memory is bounded by its length, which is compared with
+/// `options.max_bytes` before anything is allocated. [`FileError::Cancelled`] when `progress` is cancelled.
 pub fn read_tracts(
     source: &Source,
     options: &TractOptions,
@@ -52,7 +50,7 @@ pub fn read_tracts(
     }
 }
 
-/// As [`read_tracts`], from memory; `name` stands in messages.
+/// As [`read_tracts`], from memory; messages call the file `name`.
 ///
 /// # Errors
 /// As [`read_tracts`].
@@ -77,43 +75,43 @@ fn read_stream(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedT
     if stream.is_gzip() {
         return Err(wrong(&stream, "a gzip", &plain));
     }
-    if stream.left() > options.max_bytes {
+    if stream.remaining() > options.max_bytes {
         let expected = format!("at most {} (the limit, which can be raised)", options.max_bytes);
-        return Err(wrong(&stream, &format!("{} bytes of tracts", stream.left()), &expected));
+        return Err(wrong(&stream, &format!("{} bytes of tracts", stream.remaining()), &expected));
     }
-    // The shortest first: what is read further belongs to its reader.
+    // Shortest magic first, so that no bytes beyond the matching one are consumed.
     let mut rows: Vec<&TractFormat> = TRACT_FORMATS.iter().collect();
     rows.sort_by_key(|format| format.magic.len());
-    let mut begin = Vec::new();
+    let mut head = Vec::new();
     for format in rows {
-        let have = begin.len();
-        begin.resize(format.magic.len(), 0);
-        let more = stream.fill(&mut begin[have..])?;
-        begin.truncate(have + more);
-        if begin == format.magic {
+        let read_len = head.len();
+        head.resize(format.magic.len(), 0);
+        let added_len = stream.fill(&mut head[read_len..])?;
+        head.truncate(read_len + added_len);
+        if head == format.magic {
             return (format.read)(stream);
         }
     }
-    if begin.is_empty() {
+    if head.is_empty() {
         return Err(stream.ends_early(&expected));
     }
     Err(wrong(&stream, "other content", &expected))
 }
 
-/// Endings of fibre tracts in words: `.tck or .trk`.
+/// Extensions of fibre tracts for messages: `.tck or .trk`.
 fn endings_text() -> String {
     tract_endings().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ")
 }
 
-/// Fibres on their way from a file.
-pub(super) struct Gathered {
+/// Fibres read so far.
+pub(super) struct FiberBuilder {
     points_mm: Vec<[f32; 3]>,
     offsets: Vec<u32>,
 }
 
-impl Gathered {
-    /// Room for `points` points: no more than the file's bytes can hold.
-    pub(super) fn with_room(points: u64, file: &str) -> Result<Self, FileError> {
+impl FiberBuilder {
+    /// Capacity for `points` points: no more than the file's bytes can hold.
+    pub(super) fn with_capacity(points: u64, file: &str) -> Result<Self, FileError> {
         let wrong = |found: String| FileError::wrong(file, found, "points that memory can hold");
         let mut points_mm = Vec::new();
         usize::try_from(points)
@@ -123,17 +121,17 @@ impl Gathered {
         Ok(Self { points_mm, offsets: vec![0] })
     }
 
-    /// Fibres that are complete.
+    /// Number of complete fibres.
     pub(super) fn fibers(&self) -> usize {
         self.offsets.len() - 1
     }
 
-    /// Whether the last fibre has no end yet.
+    /// Whether the last fibre is incomplete.
     pub(super) fn is_open(&self) -> bool {
         self.offsets.last().is_some_and(|&end| (end as usize) < self.points_mm.len())
     }
 
-    /// Another point of the fibre that is open.
+    /// Adds a point to the incomplete fibre.
     pub(super) fn push(&mut self, point_mm: [f64; 3], file: &str) -> Result<(), FileError> {
         // Also false for NaN.
         if !point_mm.iter().all(|v| v.abs() <= MAX_COORDINATE_MM) {
@@ -145,9 +143,9 @@ impl Gathered {
         Ok(())
     }
 
-    /// The end of a fibre.
+    /// Ends the incomplete fibre.
     pub(super) fn end_fiber(&mut self) {
-        // Fewer than 2^32 points: see `with_room`, which callers keep to.
+        // Fewer than 2^32 points: see `with_capacity`, whose limit callers respect.
         self.offsets.push(u32::try_from(self.points_mm.len()).unwrap_or(u32::MAX));
     }
 
@@ -158,8 +156,8 @@ impl Gathered {
     }
 }
 
-/// The number at `at`; 0 where `bytes` end before.
-pub(super) fn float(bytes: &[u8], at: usize, order: ByteOrder) -> f64 {
+/// The 32-bit float at offset `at`; 0 beyond the end of `bytes`.
+pub(super) fn f32_at(bytes: &[u8], at: usize, order: ByteOrder) -> f64 {
     let four = bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
     f64::from(match order {
         ByteOrder::Little => f32::from_le_bytes(four),
@@ -167,24 +165,30 @@ pub(super) fn float(bytes: &[u8], at: usize, order: ByteOrder) -> f64 {
     })
 }
 
-/// The check of a count that a header declares.
+/// The check for a fibre count that differs from the header's.
 pub(super) fn count_check(name: &str, declared: u64, fibers: u64) -> Check {
     Check::warning("tracts-count", format!("{name}: found {fibers} fibres, expected the header's {declared}"))
 }
 
-/// What is left behind the last fibre, if anything.
-pub(super) fn trailing(stream: Stream<'_>, name: &str, checks: &mut Vec<Check>) -> Result<(), FileError> {
-    let left = stream.finish()?;
-    if left > 0 {
+/// Reports bytes after the last fibre, if any.
+pub(super) fn check_trailing(
+    stream: Stream<'_>,
+    name: &str,
+    checks: &mut Vec<Check>,
+) -> Result<(), FileError> {
+    let remaining = stream.finish()?;
+    if remaining > 0 {
         checks.push(Check::warning(
             "tracts-trailing-bytes",
-            format!("{name}: found {left} bytes behind the last fibre, expected the file's end; not read"),
+            format!(
+                "{name}: found {remaining} bytes behind the last fibre, expected the file's end; not read"
+            ),
         ));
     }
     Ok(())
 }
 
-/// `folder/name.tck` as `name.tck`.
-pub(super) fn own_name(file: &str) -> String {
+/// File name without its folder.
+pub(super) fn base_name(file: &str) -> String {
     file.rsplit(['/', '\\']).next().unwrap_or(file).to_owned()
 }

@@ -1,19 +1,19 @@
 //! MRtrix `.tck`: a text header, then triples of numbers in RAS+ millimetres; three NaNs end a
-//! fibre, three infinities the file. After MRtrix3's documentation ("Tracks file format").
+//! fibre, three infinities the file. From MRtrix3's documentation ("Tracks file format").
 
 use super::bounded_gzip::{CHUNK_BYTES, Stream};
 use super::nifti_header::ByteOrder;
-use super::tracts::{Gathered, LoadedTracts, count_check, float, own_name, trailing};
+use super::tracts::{FiberBuilder, LoadedTracts, base_name, check_trailing, count_check, f32_at};
 use super::{FileError, printable};
 use crate::Sides;
 
-/// How a file begins.
+/// First bytes of a file.
 pub(super) const MAGIC: &[u8; 13] = b"mrtrix tracks";
 
-/// Most bytes of a header: real ones keep the commands that made them, some kilobytes.
+/// Maximum header size in bytes: real headers keep their command history, some kilobytes.
 const MAX_HEADER_BYTES: usize = 1 << 20;
 
-/// How triples are stored.
+/// Number format of the triples.
 #[derive(Clone, Copy)]
 struct Numbers {
     order: ByteOrder,
@@ -26,50 +26,50 @@ struct Header {
     offset: u64,
 }
 
-/// Reads on behind [`MAGIC`].
+/// Reads the file from after [`MAGIC`].
 pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     let file = stream.file().to_owned();
     let header = header(&mut stream, &file)?;
-    stream.skip(header.offset - stream.at(), "fibres where the header's \"file\" says")?;
-    let (gathered, unread) = fibers(&mut stream, header.numbers, &file)?;
+    stream.skip(header.offset - stream.position(), "fibres where the header's \"file\" says")?;
+    let (builder, unread) = fibers(&mut stream, header.numbers, &file)?;
 
-    let name = own_name(&file);
+    let name = base_name(&file);
     let mut checks = Vec::new();
-    let total = gathered.fibers() as u64;
-    let tracts = gathered.finish(Sides::Known, &file)?;
+    let total = builder.fibers() as u64;
+    let tracts = builder.finish(Sides::Known, &file)?;
     let empty = tracts.offsets().windows(2).filter(|o| o[0] == o[1]).count() as u64;
     // Some writers count fibres without points, others don't.
     if let Some(count) = header.count.filter(|&c| c != total && c != total - empty) {
         checks.push(count_check(&name, count, total));
     }
     stream.unread(unread);
-    trailing(stream, &name, &mut checks)?;
+    check_trailing(stream, &name, &mut checks)?;
     Ok(LoadedTracts { tracts, checks })
 }
 
-/// Every triple up to the end marker; the bytes that were read behind it.
-fn fibers(stream: &mut Stream<'_>, numbers: Numbers, file: &str) -> Result<(Gathered, u64), FileError> {
+/// All fibres up to the end marker, and the number of bytes read beyond it.
+fn fibers(stream: &mut Stream<'_>, numbers: Numbers, file: &str) -> Result<(FiberBuilder, u64), FileError> {
     let triple = 3 * numbers.bytes;
-    let mut gathered = Gathered::with_room(stream.left() / triple as u64, file)?;
+    let mut builder = FiberBuilder::with_capacity(stream.remaining() / triple as u64, file)?;
     let mut buffer = vec![0; CHUNK_BYTES / triple * triple];
     loop {
-        let have = stream.fill(&mut buffer)?;
-        let whole = have / triple * triple;
+        let read_len = stream.fill(&mut buffer)?;
+        let whole = read_len / triple * triple;
         for (at, bytes) in buffer[..whole].chunks_exact(triple).enumerate() {
             let point = [0, 1, 2].map(|axis| numbers.get(bytes, axis));
             if point.iter().all(|v| v.is_nan()) {
-                gathered.end_fiber();
+                builder.end_fiber();
             } else if point.iter().all(|v| v.is_infinite()) {
-                if gathered.is_open() {
-                    let found = format!("the end marker inside fibre {}", gathered.fibers());
+                if builder.is_open() {
+                    let found = format!("the end marker inside fibre {}", builder.fibers());
                     return Err(FileError::wrong(file, found, "three NaNs at the end of every fibre"));
                 }
-                return Ok((gathered, (have - (at + 1) * triple) as u64));
+                return Ok((builder, (read_len - (at + 1) * triple) as u64));
             } else {
-                gathered.push(point, file)?;
+                builder.push(point, file)?;
             }
         }
-        if have < buffer.len() {
+        if read_len < buffer.len() {
             return Err(stream.ends_early("three infinities, which end a .tck"));
         }
     }
@@ -78,7 +78,7 @@ fn fibers(stream: &mut Stream<'_>, numbers: Numbers, file: &str) -> Result<(Gath
 impl Numbers {
     fn get(self, triple: &[u8], axis: usize) -> f64 {
         if self.bytes == 4 {
-            return float(triple, 4 * axis, self.order);
+            return f32_at(triple, 4 * axis, self.order);
         }
         let eight = triple.get(8 * axis..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
         match self.order {
@@ -88,7 +88,7 @@ impl Numbers {
     }
 }
 
-/// The header's bytes behind the magic, up to and with the line `END`.
+/// The header's text after the magic, up to `END`.
 fn header_text(stream: &mut Stream<'_>, file: &str) -> Result<String, FileError> {
     const END: &[u8] = b"\nEND";
     let mut text = Vec::new();
@@ -108,14 +108,14 @@ fn header_text(stream: &mut Stream<'_>, file: &str) -> Result<String, FileError>
     }
 }
 
-/// `text` for a message: one line, not too long.
-fn shown(text: &str) -> String {
+/// `text` for a message: one line, at most 60 characters.
+fn excerpt(text: &str) -> String {
     printable(&text.chars().take(60).collect::<String>())
 }
 
 fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
     let text = header_text(stream, file)?;
-    let behind_header = stream.at();
+    let header_end = stream.position();
     let value = |key: &str, form: &str| {
         let mut values =
             text.lines().filter_map(|l| l.split_once(':')).filter(|(k, _)| k.trim() == key).map(|(_, v)| v);
@@ -141,20 +141,20 @@ fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
         "Float32BE" => Numbers { order: ByteOrder::Big, bytes: 4 },
         "Float64LE" => Numbers { order: ByteOrder::Little, bytes: 8 },
         "Float64BE" => Numbers { order: ByteOrder::Big, bytes: 8 },
-        other => return Err(FileError::wrong(file, format!("datatype {}", shown(other)), form)),
+        other => return Err(FileError::wrong(file, format!("datatype {}", excerpt(other)), form)),
     };
     let form = ". OFFSET, with fibres in this file behind the header";
     let place = needed("file", form)?;
     let offset = place
         .strip_prefix('.')
         .and_then(|offset| offset.trim().parse().ok())
-        .filter(|&offset: &u64| offset >= behind_header)
-        .ok_or_else(|| FileError::wrong(file, format!("file: {}", shown(place)), form))?;
+        .filter(|&offset: &u64| offset >= header_end)
+        .ok_or_else(|| FileError::wrong(file, format!("file: {}", excerpt(place)), form))?;
     let form = "a whole number of fibres";
     let count = match value("count", form)? {
         None => None,
         Some(count) => Some(
-            count.parse().map_err(|_| FileError::wrong(file, format!("count: {}", shown(count)), form))?,
+            count.parse().map_err(|_| FileError::wrong(file, format!("count: {}", excerpt(count)), form))?,
         ),
     };
     Ok(Header { numbers, count, offset })

@@ -1,21 +1,21 @@
 //! TrackVis `.trk`, versions 1 and 2: a header of 1000 bytes, then for each fibre its number of
-//! points, the points with their scalars, and its properties. After trackvis.org's "Track File
-//! Format"; what that leaves open is done as nibabel 5.4 does it (`nibabel/streamlines/trk.py`).
+//! points, the points with their scalars, and its properties. From trackvis.org's "Track File
+//! Format"; where that is ambiguous, as in nibabel 5.4 (`nibabel/streamlines/trk.py`).
 //!
-//! Points are in "voxelmm": voxel size times voxels, from the *corner* of the first voxel, along
-//! the axes that `voxel_order` names. So a point p is voxel `p / voxel_size - 1/2` (centres at whole
-//! numbers) in that order. `vox_to_ras` maps voxels in its own order to RAS+: axes that it runs
-//! through otherwise are swapped and turned first. Scalars and properties are passed over.
+//! Points are in "voxelmm": voxel size times voxels, from the *corner* of the first voxel, along the axes that
+//! `voxel_order` names. So a point p is at voxel `p / voxel_size - 1/2` (centres at whole numbers) in that order.
+//! `vox_to_ras` maps voxels in an order of its own to RAS+: where the two orders differ, axes are permuted and flipped
+//! first. Scalars and properties are skipped.
 
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::FileError;
 use super::bounded_gzip::{CHUNK_BYTES, Stream};
 use super::nifti_header::ByteOrder;
-use super::tracts::{Gathered, LoadedTracts, count_check, float, own_name, trailing};
+use super::tracts::{FiberBuilder, LoadedTracts, base_name, check_trailing, count_check, f32_at};
 use crate::{Check, Grid, Sides};
 
-/// How a file begins.
+/// First bytes of a file.
 pub(super) const MAGIC: &[u8; 5] = b"TRACK";
 
 const HEADER_BYTES: usize = 1000;
@@ -24,14 +24,14 @@ struct Header {
     order: ByteOrder,
     scalars: usize,
     properties: usize,
-    /// 0: not declared.
+    /// Number of fibres; 0: not declared.
     count: u64,
     ras_from_voxelmm: DAffine3,
     sides: Sides,
     checks: Vec<Check>,
 }
 
-/// Reads on behind `begin`, the file's first bytes.
+/// Reads the file from after [`MAGIC`].
 pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     let file = stream.file().to_owned();
     let mut bytes = [0; HEADER_BYTES];
@@ -42,18 +42,18 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
         header(&bytes, &file)?;
 
     let record = 4 * (3 + scalars);
-    let mut gathered = Gathered::with_room(stream.left() / record as u64, &file)?;
+    let mut builder = FiberBuilder::with_capacity(stream.remaining() / record as u64, &file)?;
     let mut buffer = vec![0; CHUNK_BYTES / record * record];
     let mut extra = vec![0; 4 * properties];
-    while stream.left() > 0 && (count == 0 || (gathered.fibers() as u64) < count) {
-        let fiber = gathered.fibers();
+    while stream.remaining() > 0 && (count == 0 || (builder.fibers() as u64) < count) {
+        let fiber = builder.fibers();
         let mut four = [0; 4];
         stream.fill_all(&mut four, "the number of points of a fibre")?;
-        let points = int(&four, 0, order);
+        let points = i32_at(&four, 0, order);
         let needs =
             u64::try_from(points).ok().map(|n| (n * record as u64, n * record as u64 + extra.len() as u64));
-        let Some((mut bytes, _)) = needs.filter(|&(_, all)| all <= stream.left()) else {
-            let found = format!("{points} points in fibre {fiber}, with {} bytes left", stream.left());
+        let Some((mut bytes, _)) = needs.filter(|&(_, all)| all <= stream.remaining()) else {
+            let found = format!("{points} points in fibre {fiber}, with {} bytes left", stream.remaining());
             let expected = format!("points of {record} bytes and {} bytes of properties", extra.len());
             return Err(FileError::wrong(file, found, expected));
         };
@@ -61,26 +61,26 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
             let part = usize::try_from(bytes).map_or(buffer.len(), |b| b.min(buffer.len()));
             stream.fill_all(&mut buffer[..part], "the points of a fibre")?;
             for point in buffer[..part].chunks_exact(record) {
-                let p = DVec3::from_array([0, 4, 8].map(|at| float(point, at, order)));
-                gathered.push(ras_from_voxelmm.transform_point3(p).to_array(), &file)?;
+                let p = DVec3::from_array([0, 4, 8].map(|at| f32_at(point, at, order)));
+                builder.push(ras_from_voxelmm.transform_point3(p).to_array(), &file)?;
             }
             bytes -= part as u64;
         }
         stream.fill_all(&mut extra, "the properties of a fibre")?;
-        gathered.end_fiber();
+        builder.end_fiber();
     }
 
-    let name = own_name(&file);
-    let fibers = gathered.fibers() as u64;
+    let name = base_name(&file);
+    let fibers = builder.fibers() as u64;
     if count > fibers {
         checks.push(count_check(&name, count, fibers));
     }
-    let tracts = gathered.finish(sides, &file)?;
-    trailing(stream, &name, &mut checks)?;
+    let tracts = builder.finish(sides, &file)?;
+    check_trailing(stream, &name, &mut checks)?;
     Ok(LoadedTracts { tracts, checks })
 }
 
-fn int(bytes: &[u8], at: usize, order: ByteOrder) -> i32 {
+fn i32_at(bytes: &[u8], at: usize, order: ByteOrder) -> i32 {
     let four = bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
     match order {
         ByteOrder::Little => i32::from_le_bytes(four),
@@ -88,7 +88,7 @@ fn int(bytes: &[u8], at: usize, order: ByteOrder) -> i32 {
     }
 }
 
-fn short(bytes: &[u8], at: usize, order: ByteOrder) -> i16 {
+fn i16_at(bytes: &[u8], at: usize, order: ByteOrder) -> i16 {
     let two = bytes.get(at..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
     match order {
         ByteOrder::Little => i16::from_le_bytes(two),
@@ -98,39 +98,39 @@ fn short(bytes: &[u8], at: usize, order: ByteOrder) -> i16 {
 
 fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
     let wrong = |found: String, expected: &str| FileError::wrong(file, found, expected);
-    let order = match (int(bytes, 996, ByteOrder::Little), int(bytes, 996, ByteOrder::Big)) {
+    let order = match (i32_at(bytes, 996, ByteOrder::Little), i32_at(bytes, 996, ByteOrder::Big)) {
         (1000, _) => ByteOrder::Little,
         (_, 1000) => ByteOrder::Big,
         (other, _) => {
             return Err(wrong(format!("header size {other}"), "1000, in either byte order"));
         }
     };
-    let version = int(bytes, 992, order);
+    let version = i32_at(bytes, 992, order);
     if !(1..=2).contains(&version) {
         return Err(wrong(format!("version {version} of .trk"), "version 1 or 2"));
     }
-    let counted = |at: usize, what: &str| {
-        let n = short(bytes, at, order);
+    let count_at = |at: usize, what: &str| {
+        let n = i16_at(bytes, at, order);
         usize::try_from(n).map_err(|_| wrong(format!("{n} {what}"), "0 or more"))
     };
-    let (scalars, properties) = (counted(36, "scalars a point")?, counted(238, "properties a fibre")?);
-    let count = int(bytes, 988, order);
+    let (scalars, properties) = (count_at(36, "scalars a point")?, count_at(238, "properties a fibre")?);
+    let count = i32_at(bytes, 988, order);
     let count = u64::try_from(count).map_err(|_| wrong(format!("{count} fibres"), "0 or more"))?;
-    let sizes = DVec3::from_array([12, 16, 20].map(|at| float(bytes, at, order)));
+    let sizes = DVec3::from_array([12, 16, 20].map(|at| f32_at(bytes, at, order)));
     if !(sizes.is_finite() && sizes.min_element() > 0.0) {
         let found = format!("voxels of {} × {} × {} mm", sizes.x, sizes.y, sizes.z);
         return Err(wrong(found, "finite sizes above 0"));
     }
-    let dims = [6, 8, 10].map(|at| short(bytes, at, order));
+    let dims = [6, 8, 10].map(|at| i16_at(bytes, at, order));
 
-    let name = own_name(file);
+    let name = base_name(file);
     let mut checks = Vec::new();
-    let own_order = voxel_order(&bytes[948..952], &name, &mut checks).ok_or_else(|| {
+    let file_order = voxel_order(&bytes[948..952], &name, &mut checks).ok_or_else(|| {
         let found = String::from_utf8_lossy(&bytes[948..952]).escape_debug().to_string();
         wrong(format!("voxel_order {found}"), "one of each of L or R, A or P, I or S")
     })?;
-    let place = placed(bytes, order, version, file)?;
-    if place.is_none() {
+    let vox_to_ras = vox_to_ras(bytes, order, version, file)?;
+    if vox_to_ras.is_none() {
         checks.push(Check::warning(
             "tracts-place-unknown",
             format!(
@@ -139,26 +139,26 @@ fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
             ),
         ));
     }
-    let sides = if place.is_some() { Sides::Known } else { Sides::Unknown };
+    let sides = if vox_to_ras.is_some() { Sides::Known } else { Sides::Unknown };
     let (ras_from_voxel, matrix_order) =
-        place.unwrap_or_else(|| (DAffine3::from_scale(spread(sizes, own_order)), RAS));
-    if sides == Sides::Known && own_order != matrix_order {
+        vox_to_ras.unwrap_or_else(|| (DAffine3::from_scale(to_ras_axes(sizes, file_order)), RAS));
+    if sides == Sides::Known && file_order != matrix_order {
         let letters = |o: [Axis; 3]| -> String { o.iter().map(|a| a.letter()).collect() };
         checks.push(Check::note(
             "tracts-order-differs",
             format!(
                 "{name}: found voxel order {} beside a vox_to_ras of {}; axes are swapped and turned, as \
                  nibabel does",
-                letters(own_order),
+                letters(file_order),
                 letters(matrix_order)
             ),
         ));
     }
-    let turned = turn(own_order, matrix_order, dims)
+    let reordered = reorder(file_order, matrix_order, dims)
         .ok_or_else(|| wrong(format!("dimensions {dims:?}"), "sizes of at least 1, to turn an axis"))?;
     let voxel_from_voxelmm =
         DAffine3 { matrix3: DMat3::from_diagonal(sizes.recip()), translation: DVec3::splat(-0.5) };
-    let ras_from_voxelmm = ras_from_voxel * turned * voxel_from_voxelmm;
+    let ras_from_voxelmm = ras_from_voxel * reordered * voxel_from_voxelmm;
     Ok(Header { order, scalars, properties, count, ras_from_voxelmm, sides, checks })
 }
 
@@ -182,7 +182,7 @@ impl Axis {
     }
 }
 
-/// The header's `voxel_order`; `None` when it names no order. Empty is LPS, TrackVis' own.
+/// The header's `voxel_order`; `None` when it is invalid. Empty means LPS, TrackVis' default.
 fn voxel_order(field: &[u8], name: &str, checks: &mut Vec<Check>) -> Option<[Axis; 3]> {
     let letters: Vec<char> = field.iter().take_while(|&&b| b != 0).map(|&b| char::from(b)).collect();
     let text = letters.iter().collect::<String>().trim().to_ascii_uppercase();
@@ -200,8 +200,8 @@ fn voxel_order(field: &[u8], name: &str, checks: &mut Vec<Check>) -> Option<[Axi
     (0..3).all(|line| axes.iter().any(|a| a.line == line)).then_some(axes)
 }
 
-/// `sizes` along `order`'s axes as sizes along R, A and S.
-fn spread(sizes: DVec3, order: [Axis; 3]) -> DVec3 {
+/// Sizes along R, A and S from `sizes` along the axes of `order`.
+fn to_ras_axes(sizes: DVec3, order: [Axis; 3]) -> DVec3 {
     let mut out = DVec3::ONE;
     for (axis, size) in order.into_iter().zip(sizes.to_array()) {
         out[axis.line] = size;
@@ -209,15 +209,14 @@ fn spread(sizes: DVec3, order: [Axis; 3]) -> DVec3 {
     out
 }
 
-/// `vox_to_ras` and the order of its voxels; `None` where the file has none: before version 2, or
-/// with 0 as the last entry.
-fn placed(
+/// `vox_to_ras` and its voxel order; `None` where the file has none: before version 2, or with 0 as the last entry.
+fn vox_to_ras(
     bytes: &[u8],
     order: ByteOrder,
     version: i32,
     file: &str,
 ) -> Result<Option<(DAffine3, [Axis; 3])>, FileError> {
-    let at = |row: usize, column: usize| float(bytes, 440 + 4 * (4 * row + column), order);
+    let at = |row: usize, column: usize| f32_at(bytes, 440 + 4 * (4 * row + column), order);
     if version < 2 || at(3, 3) == 0.0 {
         return Ok(None);
     }
@@ -233,9 +232,9 @@ fn placed(
     Ok(Some((matrix, axes)))
 }
 
-/// Voxels in the order `to` from voxels in the order `from`, of an image of `dims` voxels in the
-/// latter. `None` when an axis of no voxels is to be turned.
-fn turn(from: [Axis; 3], to: [Axis; 3], dims: [i16; 3]) -> Option<DAffine3> {
+/// Maps voxel indices in the order `from` to the order `to`; `dims` are the image's dimensions in `from`. `None` when
+/// an axis without voxels would have to be flipped.
+fn reorder(from: [Axis; 3], to: [Axis; 3], dims: [i16; 3]) -> Option<DAffine3> {
     let (mut columns, mut translation) = ([DVec3::ZERO; 3], DVec3::ZERO);
     for (source, axis) in from.into_iter().enumerate() {
         let target = to.iter().position(|t| t.line == axis.line)?;

@@ -1,61 +1,62 @@
-//! The table of metrics between two masks. Tables, tooltips, JSON and docs take a metric's words from its row.
+//! The table of metrics between two masks: result tables, tooltips, JSON and docs are derived from its rows.
 
 use crate::{TumorIndex, regions::Regions};
 
-/// What a metric is computed from: two masks of one tumour index.
+/// Input of a metric: two masks of one tumour index.
 #[derive(Clone, Copy, Debug)]
 pub struct PairInput<'a> {
-    /// Which masks are active where.
+    /// The tumour index.
     pub index: &'a TumorIndex,
     /// Its regions.
     pub regions: &'a Regions,
-    /// Position of the one mask.
+    /// Index of the first mask.
     pub a: usize,
-    /// Position of the other.
+    /// Index of the second mask.
     pub b: usize,
 }
 
 impl PairInput<'_> {
-    /// Voxels of the regions that `wanted` says so of, given whether each mask is active.
+    /// Number of voxels in the regions that `wanted` accepts, given whether masks `a` and `b` are active there.
     fn voxels(&self, wanted: impl Fn(bool, bool) -> bool) -> u64 {
         let has = |bits: u32, k: usize| bits >> k & 1 == 1;
         let regions = self.regions.list().iter();
         regions.filter(|r| wanted(has(r.bits, self.a), has(r.bits, self.b))).map(|r| r.voxels).sum()
     }
 
-    /// Voxels of the intersection.
+    /// Number of voxels in the intersection.
     pub fn both(&self) -> u64 {
         self.voxels(|a, b| a && b)
     }
 
-    /// Voxels of the union.
+    /// Number of voxels in the union.
     pub fn either(&self) -> u64 {
         self.voxels(|a, b| a || b)
     }
 }
 
-/// A number between two masks.
+/// A metric between two masks.
 #[derive(Clone, Copy, Debug)]
 pub struct PairMetric {
     /// Its key in JSON.
     pub key: &'static str,
-    /// What tables call it.
+    /// Name in tables.
     pub name: &'static str,
-    /// How it is defined, with range and its values for empty masks: for tooltips.
+    /// Definition with range and values for empty masks, for tooltips.
     pub definition: &'static str,
-    /// Its unit; empty for a share.
+    /// Its unit; empty if dimensionless.
     pub unit: &'static str,
     /// Decimals in tables.
     pub decimals: usize,
-    /// Its value where both masks are empty; `None`: unknown.
+    /// Its value if both masks are empty; `None`: undefined.
     pub both_empty: Option<f64>,
-    /// Its value where one of them is.
+    /// Its value if exactly one mask is empty; `None`: undefined.
     pub one_empty: Option<f64>,
-    /// Its value for two masks with voxels.
+    /// Its value for two non-empty masks.
     of: fn(&PairInput<'_>) -> f64,
 }
 
-/// Every metric, in the order of tables. Empty masks as MetricsReloaded and BraTS have it: two empty masks agree.
+/// All metrics, in the order of tables. Empty masks follow the convention of MetricsReloaded and BraTS: two empty masks
+/// agree perfectly.
 pub const PAIR_METRICS: &[PairMetric] = &[
     PairMetric {
         key: "dice",
@@ -80,7 +81,7 @@ pub const PAIR_METRICS: &[PairMetric] = &[
 ];
 
 impl PairMetric {
-    /// Its value for two masks; `None` where it is unknown.
+    /// Its value for two masks; `None` where it is undefined or not finite.
     pub fn value(&self, pair: &PairInput<'_>) -> Option<f64> {
         let empty = |k: usize| pair.regions.mask_voxels(k) == 0;
         match (empty(pair.a), empty(pair.b)) {
@@ -90,7 +91,7 @@ impl PairMetric {
         }
     }
 
-    /// A value with its unit and `more` decimals than tables have.
+    /// Formats a value with its unit, with `more` decimals than in tables.
     pub fn print(&self, value: Option<f64>, more: usize) -> String {
         let Some(value) = value else { return "unknown".into() };
         let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };

@@ -1,5 +1,5 @@
-//! What is counted on a case: sizes of masks and regions, Dice and Jaccard, and their answers for
-//! empty masks.
+//! Measurements of a case: volumes of masks and regions, pairwise metrics (Dice, Jaccard) and agreement, defined for
+//! empty masks too.
 
 mod metrics;
 
@@ -9,14 +9,14 @@ pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
 
 use crate::{Check, TumorIndex, case::Case, grid::Grid, regions::Regions};
 
-/// How far two masks agree.
+/// Agreement of two masks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
-    /// Id of the one.
+    /// Id of the first mask.
     pub a: String,
-    /// Id of the other.
+    /// Id of the second mask.
     pub b: String,
-    /// A value for each of [`PAIR_METRICS`]; `None` where it is unknown.
+    /// One value per metric of [`PAIR_METRICS`]; `None` where it is undefined.
     pub values: Vec<Option<f64>>,
 }
 
@@ -44,7 +44,7 @@ impl Serialize for Pair {
     }
 }
 
-/// Every pair of masks, in the order of their ids in the index, with every metric of [`PAIR_METRICS`].
+/// All pairs of masks, in the order of the index, with all metrics of [`PAIR_METRICS`].
 pub fn pairs(index: &TumorIndex, regions: &Regions) -> Vec<Pair> {
     let ids = regions.mask_ids();
     let pair = |a: usize, b: usize| {
@@ -55,18 +55,18 @@ pub fn pairs(index: &TumorIndex, regions: &Regions) -> Vec<Pair> {
     (0..ids.len()).flat_map(|a| (a + 1..ids.len()).map(move |b| (a, b))).map(|(a, b)| pair(a, b)).collect()
 }
 
-/// Where exactly `masks` of the case's masks are active, whichever they are.
+/// The voxels where exactly `masks` masks are active, whichever they are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Agreement {
-    /// How many masks agree: 1 to the number of masks.
+    /// Number of active masks: 1 to the number of masks.
     pub masks: u32,
-    /// Voxels where exactly that many are active; may be 0.
+    /// Number of voxels where exactly that many are active; may be 0.
     pub voxels: u64,
     /// Their volume.
     pub volume_ml: f64,
 }
 
-/// How far all masks agree, voxel by voxel: one level for each number of masks, from 1 to all of them.
+/// Agreement of all masks, voxel by voxel: one level per number of active masks, from 1 to all of them.
 /// The voxels of all levels add up to the union's.
 pub fn agreement(regions: &Regions) -> Vec<Agreement> {
     let levels = 1..=regions.mask_ids().len() as u32;
@@ -79,16 +79,16 @@ pub fn agreement(regions: &Regions) -> Vec<Agreement> {
         .collect()
 }
 
-/// Every number of a case, as `measure --json` writes it. Field names are stable.
+/// All measurements of a case, as `measure --json` writes them. Field names are stable.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeasureReport {
     /// Name of the case.
     pub case: String,
-    /// The grid that everything but the native volumes is counted on.
+    /// The grid of all measurements but the native volumes.
     pub grid: GridReport,
-    /// Everything noticed, most severe first.
+    /// All findings, most severe first.
     pub warnings: Vec<Check>,
-    /// In the order of the case.
+    /// The time points, in the order of the case.
     pub time_points: Vec<TimeReport>,
 }
 
@@ -103,18 +103,18 @@ pub struct GridReport {
     pub world_from_voxel: [[f64; 4]; 4],
 }
 
-/// One date.
+/// One time point.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TimeReport {
     /// Its label; empty where the case has one time point without a name.
     pub time: String,
-    /// Every mask, in the order of the case.
+    /// All masks, in the order of the case.
     pub masks: Vec<MaskReport>,
-    /// Every region that has a voxel, fewest masks first. None when all masks are empty.
+    /// All non-empty regions, fewest masks first; none when all masks are empty.
     pub regions: Vec<RegionReport>,
-    /// Every pair of masks; see [`PAIR_METRICS`] for empty ones.
+    /// All pairs of masks; see [`PAIR_METRICS`] for empty ones.
     pub pairs: Vec<Pair>,
-    /// Voxels by how many masks are active, for 1 to all masks; see [`agreement`].
+    /// Voxels by number of active masks, from 1 to all; see [`agreement`].
     pub agreement: Vec<Agreement>,
 }
 
@@ -127,29 +127,29 @@ pub struct MaskReport {
     pub voxels: u64,
     /// Their volume.
     pub volume_ml: f64,
-    /// Active voxels on the mask's own grid, before resampling.
+    /// Active voxels on the mask's native grid, before resampling.
     pub native_voxels: u64,
-    /// Volume on the mask's own grid.
+    /// Volume on the mask's native grid.
     pub native_volume_ml: f64,
-    /// Part of the union of all masks, 0 to 1; 0 where the union is empty.
+    /// Fraction of the union of all masks, 0 to 1; 0 where the union is empty.
     pub share: f64,
 }
 
 /// One region.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RegionReport {
-    /// Ids of the masks that are active in it, and no other is.
+    /// Ids of exactly the masks that are active in it.
     pub masks: Vec<String>,
-    /// Its voxels; never 0.
+    /// Number of voxels; never 0.
     pub voxels: u64,
     /// Their volume.
     pub volume_ml: f64,
-    /// Part of the union of all masks, above 0 to 1; the shares of one date's regions add up to 1.
+    /// Fraction of the union of all masks, above 0 to 1; the shares of one time point's regions add up to 1.
     pub share: f64,
 }
 
 impl GridReport {
-    /// What is reported of `grid`.
+    /// The report of `grid`.
     pub fn of(grid: &Grid) -> Self {
         let (m, t) = (grid.world_from_voxel().matrix3, grid.world_from_voxel().translation);
         let row = |r: usize| [m.x_axis[r], m.y_axis[r], m.z_axis[r], t[r]];
@@ -161,7 +161,7 @@ impl GridReport {
     }
 }
 
-/// All numbers of `case`.
+/// All measurements of `case`.
 pub fn report(case: &Case) -> MeasureReport {
     let time_points = case.time_points.iter().map(|time| {
         let regions = &time.regions;
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn agreement_in_closed_form() {
+    fn dice_and_jaccard_match_closed_forms() {
         let p = pair_of(&[0, 1, 2, 3], &[2, 3, 4, 5, 6, 7]);
         assert!((p.value("dice").unwrap() - 4.0 / 10.0).abs() < 1e-15);
         assert!((p.value("jaccard").unwrap() - 2.0 / 8.0).abs() < 1e-15);
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_of_agreement_are_counted_voxel_by_voxel() {
+    fn agreement_levels_are_counted_per_voxel() {
         let grid = Grid::axis_aligned([4, 3, 2], DVec3::new(1.0, 2.0, 5.0), DVec3::ZERO).unwrap();
         let on: [&[usize]; 3] = [&[0, 1, 2, 3, 9], &[2, 3, 4], &[3, 11]];
         let masks: Vec<Mask> = on
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_masks_have_answers() {
+    fn empty_masks_have_defined_metrics() {
         let values = |p: Pair| ["dice", "jaccard"].map(|key| p.value(key).unwrap());
         assert_eq!(values(pair_of(&[], &[])), [1.0, 1.0]);
         assert_eq!(values(pair_of(&[1], &[])), [0.0, 0.0]);

@@ -1,40 +1,40 @@
-//! Where a 3D view is seen from.
+//! The camera of a 3D view.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantArray};
 
-/// Full opening angle of the perspective camera, top to bottom.
+/// Vertical field of view of the perspective camera (full angle).
 pub const FIELD_OF_VIEW_DEG: f64 = 30.0;
 
-/// How depth becomes size.
+/// Projection of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Projection {
-    /// What is nearer is larger.
+    /// Nearer objects appear larger.
     #[default]
     Perspective,
-    /// Millimetres are the same size everywhere.
+    /// The scale doesn't depend on depth.
     Orthographic,
 }
 
 /// An orbiting camera. Its axes in world space: x right, y up, and it looks along −z at `focus_mm`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// What it turns about and looks at, world millimetres.
+    /// Point that it orbits and looks at, world millimetres.
     pub focus_mm: DVec3,
-    /// Turns camera axes into world axes; of unit length.
+    /// Rotates camera axes to world axes; a unit quaternion.
     pub world_from_camera: DQuat,
-    /// Height of the picture at the focus, in millimetres. Positive.
+    /// Height of the view at the focus, in millimetres. Positive.
     pub height_mm: f64,
     /// Perspective or orthographic.
     pub projection: Projection,
 }
 
-/// One pixel's line of sight, in world millimetres.
+/// A ray, such as a pixel's line of sight, in world millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it starts: the eye, or the eye plane.
+    /// Its origin: for a line of sight the eye, or a point of the eye plane.
     pub origin_mm: DVec3,
     /// Unit length.
     pub direction: DVec3,
@@ -69,8 +69,8 @@ impl AnatomicalView {
 }
 
 impl Camera {
-    /// World-from-camera rotation of a viewer who stands before the patient's face at azimuth 0,
-    /// to the patient's left at 90°, behind at 180°, and above at elevation 90°, head up.
+    /// World-from-camera rotation of a viewer in front of the patient's face at azimuth 0, at the
+    /// patient's left at 90°, behind at 180°, and above at elevation 90°; the patient's head is up.
     pub fn orientation(azimuth_deg: f64, elevation_deg: f64) -> DQuat {
         let (sin_a, cos_a) = azimuth_deg.to_radians().sin_cos();
         let (sin_e, cos_e) = elevation_deg.to_radians().sin_cos();
@@ -81,7 +81,7 @@ impl Camera {
         DQuat::from_mat3(&DMat3::from_cols(right, up, back))
     }
 
-    /// A camera that sees a ball of `radius_mm` about `focus_mm` with a little room around it.
+    /// A camera that shows a ball of `radius_mm` about `focus_mm` with a small margin.
     pub fn fit(focus_mm: DVec3, radius_mm: f64, world_from_camera: DQuat, projection: Projection) -> Self {
         Self { focus_mm, world_from_camera, height_mm: (radius_mm * 2.3).max(1e-3), projection }
     }
@@ -97,13 +97,13 @@ impl Camera {
         self.height_mm / 2.0 / (FIELD_OF_VIEW_DEG / 2.0).to_radians().tan()
     }
 
-    /// Where the eye is (for the orthographic camera: the middle of the plane that rays start in).
+    /// Position of the eye (for the orthographic camera: centre of the plane in which rays start).
     pub fn eye_mm(&self) -> DVec3 {
         self.focus_mm + self.axes()[2] * self.distance_mm()
     }
 
-    /// Line of sight through a place in the picture. `pixel` counts from the top left corner,
-    /// pixel centres at halves; `size` is the picture's width and height.
+    /// Line of sight through a point of the frame. `pixel` is counted from the top left corner,
+    /// pixel centres at halves; `size` is the frame's width and height in pixels.
     pub fn ray(&self, pixel: DVec2, size: DVec2) -> Ray {
         let [right, up, back] = self.axes();
         let mm_per_pixel = self.height_mm / size.y;
@@ -119,7 +119,7 @@ impl Camera {
         }
     }
 
-    /// Where a world point is in the picture, in pixels from the top left; `None` behind the eye.
+    /// Position of a world point in the frame, in pixels from the top left; `None` behind the eye.
     pub fn project(&self, world_mm: DVec3, size: DVec2) -> Option<DVec2> {
         let [right, up, back] = self.axes();
         let from_focus = world_mm - self.focus_mm;
@@ -138,8 +138,8 @@ impl Camera {
         ))
     }
 
-    /// Turns the camera about its focus as a trackball does: `drag` in fractions of the picture's
-    /// height, x to the right, y down. Half a height is a quarter turn.
+    /// Rotates the camera about its focus like a trackball: `drag` in fractions of the frame's
+    /// height, x to the right, y down. Half a height is a rotation by 90°.
     pub fn turn(&mut self, drag: DVec2) {
         let [right, up, _] = self.axes();
         let axis = up * -drag.x + right * -drag.y;
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn seen_from_the_front_left_is_on_the_right() {
+    fn anterior_view_shows_the_patients_left_on_the_right() {
         let c = camera(0.0, 0.0, Projection::Perspective);
         let size = DVec2::new(400.0, 300.0);
         let left = c.project(c.focus_mm - DVec3::X * 10.0, size).unwrap();
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn each_anatomical_view_stands_where_it_says() {
+    fn anatomical_views_look_from_the_named_side() {
         let towards = [DVec3::Y, -DVec3::Y, -DVec3::X, DVec3::X, DVec3::Z, -DVec3::Z];
         for (view, expected) in AnatomicalView::VARIANTS.iter().zip(towards) {
             let (az, el) = view.azimuth_elevation_deg();
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_and_projection_undo_each_other() {
+    fn project_inverts_ray() {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let c = camera(33.0, -48.0, projection);
             let size = DVec2::new(640.0, 480.0);

@@ -1,14 +1,15 @@
-//! Numbers of the cone phase function.
+//! The cone phase function: its footprint, and its visibility behind layers of a medium.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The widest aperture: past it the tangent, and with it every footprint, grows without bound.
+/// Largest aperture (half angle, degrees): towards 90° the tangent, and with it every footprint, grows
+/// without bound.
 pub const WIDEST_DEG: f64 = 85.0;
 
-/// The aperture that is used for one asked for, and whether it is another. Not a number counts as 0.
-pub fn clamped_aperture(asked_deg: f64) -> (f64, bool) {
-    let used = if asked_deg.is_nan() { 0.0 } else { asked_deg.clamp(0.0, WIDEST_DEG) };
-    (used, used != asked_deg)
+/// The requested aperture clamped to 0 to [`WIDEST_DEG`], and whether that changed it. NaN counts as 0.
+pub fn clamped_aperture(requested_deg: f64) -> (f64, bool) {
+    let used = if requested_deg.is_nan() { 0.0 } else { requested_deg.clamp(0.0, WIDEST_DEG) };
+    (used, used != requested_deg)
 }
 
 /// Variance along one axis of the tangent of directions uniform in the cone's solid angle:
@@ -17,7 +18,7 @@ pub fn tangent_variance(aperture_deg: f64) -> f64 {
     0.5 * (1.0 / aperture_deg.to_radians().cos() - 1.0)
 }
 
-/// Share of light from the cone, uniform in solid angle, that crosses a slab of this optical
+/// Fraction of light from the cone, uniform in solid angle, that crosses a slab of this optical
 /// thickness: the mean of e^{−τ/cos φ}.
 pub fn slab_visibility(aperture_deg: f64, thickness: f64) -> f64 {
     means(aperture_deg, thickness).0
@@ -25,14 +26,14 @@ pub fn slab_visibility(aperture_deg: f64, thickness: f64) -> f64 {
 
 /// Means of e^{−τ/c} and of e^{−τ/c}/c over the cone.
 fn means(aperture_deg: f64, thickness: f64) -> (f64, f64) {
-    let least = aperture_deg.to_radians().cos();
+    let min_cos = aperture_deg.to_radians().cos();
     let n = 128;
     let mut sums = (0.0, 0.0);
     for i in 0..n {
-        let c = least + (1.0 - least) * (f64::from(i) + 0.5) / f64::from(n);
-        let through = (-thickness / c).exp();
-        sums.0 += through;
-        sums.1 += through / c;
+        let c = min_cos + (1.0 - min_cos) * (f64::from(i) + 0.5) / f64::from(n);
+        let transmittance = (-thickness / c).exp();
+        sums.0 += transmittance;
+        sums.1 += transmittance / c;
     }
     (sums.0 / f64::from(n), sums.1 / f64::from(n))
 }
@@ -40,9 +41,9 @@ fn means(aperture_deg: f64, thickness: f64) -> (f64, f64) {
 /// Intervals of [`decay_rates`].
 pub const RATE_INTERVALS: usize = 256;
 
-/// How fast visibility falls with optical thickness along the axis, −d ln V/dτ, for visibilities
-/// 0 to 1 in even steps: that of a slab, in which slanted light is lost first. So a stack of layers
-/// has its exact visibility whatever the slice distance.
+/// Decay rate of visibility with optical thickness along the axis, −d ln V/dτ, for visibilities 0 to 1
+/// in even steps: that of a slab, in which oblique light is lost first. So a stack of layers has its
+/// exact visibility at any slice distance.
 pub fn decay_rates(aperture_deg: f64) -> Vec<f64> {
     let mut out = vec![1.0; RATE_INTERVALS + 1];
     // ln V is convex in τ, so Newton's steps from a smaller thickness never pass the root.
@@ -50,19 +51,19 @@ pub fn decay_rates(aperture_deg: f64) -> Vec<f64> {
     for (i, rate) in out.iter_mut().enumerate().skip(1).rev() {
         let visibility = i as f64 / RATE_INTERVALS as f64;
         for _ in 0..8 {
-            let (through, slanted) = means(aperture_deg, thickness);
-            *rate = slanted / through;
-            let off = (through / visibility).ln() / *rate;
-            if off.abs() < 1e-9 {
+            let (transmittance, slope) = means(aperture_deg, thickness);
+            *rate = slope / transmittance;
+            let step = (transmittance / visibility).ln() / *rate;
+            if step.abs() < 1e-9 {
                 break;
             }
-            thickness += off;
+            thickness += step;
         }
     }
     out
 }
 
-/// A rate between the table's.
+/// A rate interpolated linearly from a table of [`decay_rates`].
 pub fn rate_at(rates: &[f64], visibility: f64) -> f64 {
     let x = visibility.clamp(0.0, 1.0) * (rates.len() - 1) as f64;
     let low = (x as usize).min(rates.len().saturating_sub(2));
@@ -72,48 +73,48 @@ pub fn rate_at(rates: &[f64], visibility: f64) -> f64 {
     }
 }
 
-/// Optical thickness that the tables of [`Decay`] end at: nothing is left there.
+/// Optical thickness at which the tables of [`Decay`] end: no light is left there.
 pub const DECAY_END: f64 = 16.0;
-/// Slices below this optical thickness are gone through in one step.
+/// Slices below this optical thickness are integrated in one step.
 pub const THIN: f64 = 0.03;
 
-/// How light from a cone falls through layers: the tables of [`through_slice`].
+/// Decay of light from a cone through layers: the tables of [`through_slice`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decay {
     /// See [`decay_rates`].
     pub rates: Vec<f64>,
-    /// At [`DECAY_END`] times the squares of 257 even steps from 0 to 1: minus the logarithms of a slab's visibility, and of the light that
-    /// what is behind it scatters, ∫ e^{−t} V(τ + t) dt; and the thickness at which the first of them is
-    /// that.
+    /// At optical thicknesses τ of [`DECAY_END`] times the squares of 257 even steps from 0 to 1: minus the
+    /// logarithm of a slab's visibility V(τ); minus the logarithm of the light scattered by an endless medium
+    /// behind it, ∫ e^{−t} V(τ + t) dt; and the thickness at which the first of them is τ.
     pub of_slab: Vec<[f64; 3]>,
 }
 
-/// The tables last asked for, and for which cone.
-static LAST: Mutex<Option<(u64, Arc<Decay>)>> = Mutex::new(None);
+/// The tables requested last, with the bits of their aperture.
+static CACHED: Mutex<Option<(u64, Arc<Decay>)>> = Mutex::new(None);
 
 impl Decay {
-    /// Of a cone of this half opening: those made last, where they are its own. Made anew they take as long
-    /// as part of a frame, and every frame asks.
+    /// Tables of a cone of this half opening angle. The tables requested last are cached: every frame requests
+    /// them, and computing them would take part of its time.
     pub fn of(aperture_deg: f64) -> Arc<Self> {
-        let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut cached = CACHED.lock().unwrap_or_else(PoisonError::into_inner);
         let key = aperture_deg.to_bits();
-        match &*last {
+        match &*cached {
             Some((known, decay)) if *known == key => Arc::clone(decay),
-            _ => Arc::clone(&last.insert((key, Arc::new(Self::new(aperture_deg)))).1),
+            _ => Arc::clone(&cached.insert((key, Arc::new(Self::new(aperture_deg)))).1),
         }
     }
 
     fn new(aperture_deg: f64) -> Self {
-        let least = aperture_deg.to_radians().cos();
+        let min_cos = aperture_deg.to_radians().cos();
         let n = 128;
         let logs = |thickness: f64| {
             let (mut visible, mut scattered) = (0.0, 0.0);
             for i in 0..n {
-                let c = least + (1.0 - least) * (f64::from(i) + 0.5) / f64::from(n);
-                // Against that along the axis, so that nothing is rounded to 0.
-                let through = (thickness - thickness / c).exp();
-                visible += through;
-                scattered += through / (1.0 + 1.0 / c);
+                let c = min_cos + (1.0 - min_cos) * (f64::from(i) + 0.5) / f64::from(n);
+                // Relative to transmittance along the axis, so that nothing underflows to 0.
+                let transmittance = (thickness - thickness / c).exp();
+                visible += transmittance;
+                scattered += transmittance / (1.0 + 1.0 / c);
             }
             [visible, scattered].map(|sum| thickness - (sum / f64::from(n)).ln())
         };
@@ -122,14 +123,14 @@ impl Decay {
             .map(|i| {
                 let at = DECAY_END * (i as f64 / RATE_INTERVALS as f64).powi(2);
                 let [visible, scattered] = logs(at);
-                // The logarithm is convex and falls by 1 at least: from a thickness too large Newton's
-                // steps come down.
+                // ln V is convex with a slope of at most −1, so the root is at most `at`, and Newton's
+                // method converges from there.
                 let mut thickness = at;
                 for _ in 0..40 {
-                    let off = logs(thickness)[0] - at;
+                    let error = logs(thickness)[0] - at;
                     let slope = (logs(thickness + 1e-4)[0] - logs(thickness - 1e-4)[0]) / 2e-4;
-                    thickness -= off / slope;
-                    if off.abs() < 1e-10 {
+                    thickness -= error / slope;
+                    if error.abs() < 1e-10 {
                         break;
                     }
                 }
@@ -139,18 +140,18 @@ impl Decay {
         Self { rates: decay_rates(aperture_deg), of_slab }
     }
 
-    fn at(&self, place: f64, which: usize) -> f64 {
-        let share = (place / DECAY_END).clamp(0.0, 1.0);
-        let low = ((RATE_INTERVALS as f64 * share.sqrt()) as usize).min(RATE_INTERVALS - 1);
+    fn at(&self, thickness: f64, column: usize) -> f64 {
+        let fraction = (thickness / DECAY_END).clamp(0.0, 1.0);
+        let low = ((RATE_INTERVALS as f64 * fraction.sqrt()) as usize).min(RATE_INTERVALS - 1);
         let i = low as f64;
-        let f = (((RATE_INTERVALS as f64).powi(2) * share - i * i) / (2.0 * i + 1.0)).clamp(0.0, 1.0);
+        let f = (((RATE_INTERVALS as f64).powi(2) * fraction - i * i) / (2.0 * i + 1.0)).clamp(0.0, 1.0);
         match self.of_slab.get(low..low + 2) {
-            Some([a, b]) => a[which] + (b[which] - a[which]) * f,
+            Some([a, b]) => a[column] + (b[column] - a[column]) * f,
             _ => 0.0,
         }
     }
 
-    /// As shaders read it: rate, and the three logarithms of `of_slab`, in single precision.
+    /// As shaders read it, in single precision: the rate, and the three values of `of_slab`.
     pub fn packed(&self) -> [[f32; 4]; RATE_INTERVALS + 1] {
         std::array::from_fn(|i| {
             let rate = self.rates.get(i).copied().unwrap_or(1.0);
@@ -160,19 +161,19 @@ impl Decay {
     }
 }
 
-/// Through a homogeneous slice of an optical thickness (along the cone's axis, finite), entered with
-/// a visibility: the light that it scatters to the eye, ∫ e^{−t} V(t) dt, and the visibility behind it.
-/// As through a slab behind a slab: what weakened the light before doesn't matter.
+/// Light through a homogeneous slice of a finite optical `thickness` (along the cone's axis), entered with
+/// `visibility`: the light that it scatters to the eye, ∫ e^{−t} V(t) dt, and the visibility behind it.
+/// As through a slab behind a slab: how the light was attenuated before doesn't matter.
 pub fn through_slice(decay: &Decay, visibility: f64, thickness: f64) -> (f64, f64) {
-    // As in single precision, where less is nothing.
+    // As in single precision, where less counts as 0.
     if visibility <= 1e-7 {
         return (0.0, 0.0);
     }
     if thickness < THIN {
-        let half_way = visibility * (-0.5 * thickness * rate_at(&decay.rates, visibility)).exp();
-        let rate = rate_at(&decay.rates, half_way);
-        let gathered = visibility * -(-(1.0 + rate) * thickness).exp_m1() / (1.0 + rate);
-        return (gathered, visibility * (-rate * thickness).exp());
+        let midpoint_visibility = visibility * (-0.5 * thickness * rate_at(&decay.rates, visibility)).exp();
+        let rate = rate_at(&decay.rates, midpoint_visibility);
+        let scattered = visibility * -(-(1.0 + rate) * thickness).exp_m1() / (1.0 + rate);
+        return (scattered, visibility * (-rate * thickness).exp());
     }
     let before = decay.at(-visibility.max(1e-30).ln(), 2);
     let end = before + thickness;
@@ -187,9 +188,9 @@ pub fn through_slice(decay: &Decay, visibility: f64, thickness: f64) -> (f64, f6
 mod tests {
     use super::*;
 
-    /// Any stack of slices is the slab that they make up, and what they scatter is what it scatters.
+    /// A stack of slices has the visibility and the scattered light of the slab that they form.
     #[test]
-    fn a_stack_of_slices_is_a_slab() {
+    fn a_stack_of_slices_equals_a_slab() {
         for aperture_deg in [0.0, 30.0, 60.0, 85.0] {
             let decay = Decay::new(aperture_deg);
             for whole in [0.01, 0.3, 1.0, 4.0, 11.0] {

@@ -1,4 +1,4 @@
-//! Ambient occlusion of a scene of first hits: what screen-space and vicinity occlusion stand for.
+//! Reference ambient occlusion of a scene of first hits, which screen-space and vicinity occlusion approximate.
 
 use glam::{DVec2, DVec3};
 
@@ -8,17 +8,17 @@ use super::{
     random::Random,
 };
 
-/// How directions of the half ball count.
+/// Weight of the directions of the hemisphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weight {
-    /// By the cosine to the normal, as a matt surface takes light.
+    /// By the cosine to the normal, as on a diffuse surface.
     Cosine,
-    /// All alike.
+    /// Uniform in solid angle.
     Uniform,
 }
 
-/// Share of the half ball about `normal` (unit) that nothing hides within `radius_mm`, and its
-/// standard error. `hidden` tells whether a ray is stopped before a distance.
+/// Fraction of the hemisphere about `normal` (unit length) that isn't occluded within `radius_mm`, and
+/// its standard error. `hidden` returns whether a ray is blocked within a distance in millimetres.
 pub fn openness(
     hidden: &dyn Fn(&Ray, f64) -> bool,
     at_mm: DVec3,
@@ -36,9 +36,9 @@ pub fn openness(
             Weight::Cosine => (1.0 - a).sqrt(),
             Weight::Uniform => 1.0 - a,
         };
-        let (sin_turn, cos_turn) = (std::f64::consts::TAU * random.unit()).sin_cos();
+        let (sin_azimuth, cos_azimuth) = (std::f64::consts::TAU * random.unit()).sin_cos();
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let direction = normal * cos + (u * cos_turn + v * sin_turn) * sin;
+        let direction = normal * cos + (u * cos_azimuth + v * sin_azimuth) * sin;
         if !hidden(&Ray { origin_mm: at_mm, direction }, radius_mm) {
             open += 1;
         }
@@ -48,33 +48,34 @@ pub fn openness(
     (mean, (mean * (1.0 - mean) / n).sqrt())
 }
 
-/// First hits of a picture: all that screen-space methods know of a scene.
+/// The depth buffer of a frame: all that screen-space methods know of a scene.
 #[derive(Clone, Debug)]
 pub struct DepthScene {
-    /// What it was seen from.
+    /// The camera of the frame.
     pub camera: Camera,
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// View depth of each pixel, millimetres from the eye plane; infinite where nothing is.
+    /// View depth of each pixel, millimetres from the eye plane; infinite where nothing was hit.
     pub depths_mm: Vec<f64>,
-    /// How far behind its first hit a thing is taken to reach.
+    /// Assumed thickness of the opaque geometry behind each first hit.
     pub thickness_mm: f64,
 }
 
 impl DepthScene {
-    /// Depth at the pixel that a world point falls in, and the point's own; `None` off the picture.
+    /// View depth stored at the pixel that a world point projects to, and the point's own; `None` outside
+    /// the frame.
     fn depths_at(&self, at_mm: DVec3) -> Option<(f64, f64)> {
         let size = DVec2::new(f64::from(self.size[0]), f64::from(self.size[1]));
         let pixel = self.camera.project(at_mm, size)?;
         if !(pixel.cmpge(DVec2::ZERO).all() && pixel.cmplt(size).all()) {
             return None;
         }
-        let own = (self.camera.eye_mm() - at_mm).dot(self.camera.axes()[2]);
-        let seen = self.depths_mm.get(pixel.y as usize * self.size[0] as usize + pixel.x as usize)?;
-        Some((*seen, own))
+        let own_mm = (self.camera.eye_mm() - at_mm).dot(self.camera.axes()[2]);
+        let stored_mm = self.depths_mm.get(pixel.y as usize * self.size[0] as usize + pixel.x as usize)?;
+        Some((*stored_mm, own_mm))
     }
 
-    /// Where a pixel's first hit is.
+    /// World position of a pixel's first hit; `None` where nothing was hit.
     pub fn point_mm(&self, pixel: [u32; 2]) -> Option<DVec3> {
         let depth = *self.depths_mm.get((pixel[1] * self.size[0] + pixel[0]) as usize)?;
         if !depth.is_finite() {
@@ -87,14 +88,14 @@ impl DepthScene {
         Some(ray.origin_mm + ray.direction * ((depth - start) / ray.direction.dot(forward)))
     }
 
-    /// Whether a ray goes behind a first hit within `radius_mm`, looked at every `step_mm`; points
-    /// nearer behind it than `bias_mm` don't count.
+    /// Whether a ray passes behind a first hit within `radius_mm`, sampled every `step_mm` or closer;
+    /// points at most `bias_mm` behind it don't count.
     pub fn hidden(&self, ray: &Ray, radius_mm: f64, step_mm: f64, bias_mm: f64) -> bool {
         let steps = (radius_mm / step_mm).ceil().clamp(1.0, 1e6) as u32;
         (0..steps).any(|i| {
             let at = ray.origin_mm + ray.direction * ((f64::from(i) + 0.5) * radius_mm / f64::from(steps));
             self.depths_at(at)
-                .is_some_and(|(seen, own)| own > seen + bias_mm && own < seen + self.thickness_mm)
+                .is_some_and(|(stored, own)| own > stored + bias_mm && own < stored + self.thickness_mm)
         })
     }
 }

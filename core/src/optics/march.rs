@@ -1,4 +1,4 @@
-//! Emission and absorption along a ray, its step halved until the answer rests.
+//! The emission-absorption integral along a ray, by ray marching with a step that is halved until it converges.
 
 use glam::DVec3;
 
@@ -7,20 +7,20 @@ use super::{
     medium::{Medium, box_interval},
 };
 
-/// A ray's radiance, and how it was come by.
+/// A ray's radiance, and how it was computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Converged {
     /// Linear radiance of the finest march.
     pub radiance: DVec3,
     /// Transmittance of the whole ray.
     pub transmittance: f64,
-    /// Its step.
+    /// Step of the finest march.
     pub step_mm: f64,
     /// Largest change of a channel at the last halving.
     pub change: f64,
 }
 
-/// Stretch of the ray, at and beyond its origin, in which the medium can be.
+/// Interval of the ray, from its origin on, inside the medium's bounding box; `None` if it misses it.
 pub fn stretch_mm(medium: &dyn Medium, ray: &Ray) -> Option<(f64, f64)> {
     let corners = medium.corners_mm();
     let min = corners.iter().fold(DVec3::INFINITY, |m, c| m.min(*c));
@@ -29,8 +29,8 @@ pub fn stretch_mm(medium: &dyn Medium, ray: &Ray) -> Option<(f64, f64)> {
     (far > 0.0).then_some((near.max(0.0), far))
 }
 
-/// Equation 8 of the directional occlusion paper by steps of at most `step_mm`, samples in their
-/// middles: radiance and transmittance. `light` is the light that reaches a place, 0 to 1.
+/// Equation 8 of the directional occlusion paper with steps of at most `step_mm`, sampled at their
+/// midpoints: radiance and transmittance. `light` is the light that reaches a point, 0 to 1.
 pub fn march(
     medium: &dyn Medium,
     ray: &Ray,
@@ -58,7 +58,7 @@ pub fn march(
     (radiance + background * transmittance, transmittance)
 }
 
-/// As [`march`], its step halved from `first_step_mm` until no channel changes by more than
+/// As [`march`], with the step halved from `first_step_mm` until no channel changes by more than
 /// `tolerance`, at most 16 times.
 pub fn converged(
     medium: &dyn Medium,

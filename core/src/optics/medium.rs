@@ -1,10 +1,10 @@
-//! What light meets: extinction and colour of every place, in world millimetres.
+//! Participating media: extinction and colour at every point, in world millimetres.
 
 use glam::DVec3;
 
 use super::camera::Ray;
 
-/// What one place does to light.
+/// Optical properties of a medium at a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Optics {
     /// Extinction per millimetre; 0 is empty, infinity opaque. Never NaN, never negative.
@@ -13,36 +13,35 @@ pub struct Optics {
     pub color: DVec3,
 }
 
-/// Optical thickness of `length_mm` of a material. Nothing of something opaque is nothing.
+/// Optical thickness of `length_mm` of a material; 0 for no length, even of an opaque one.
 pub fn thickness_of(extinction_per_mm: f64, length_mm: f64) -> f64 {
     if length_mm > 0.0 && extinction_per_mm > 0.0 { extinction_per_mm * length_mm } else { 0.0 }
 }
 
 /// A participating medium.
 pub trait Medium: Sync {
-    /// Corners of a box that holds everything that isn't empty.
+    /// Corners of a box that contains everything that isn't empty.
     fn corners_mm(&self) -> [DVec3; 8];
 
-    /// What is at a place.
+    /// Optical properties at a point.
     fn optics(&self, at_mm: DVec3) -> Optics;
 
-    /// Optical thickness of the ray from its origin on for `length_mm`, which may be infinite.
+    /// Optical thickness of the ray over `length_mm`, which may be infinite, from its origin.
     fn thickness(&self, ray: &Ray, length_mm: f64) -> f64;
 
-    /// How far along the ray the optical thickness from its origin comes to `thickness`; `None`
-    /// where it never does.
+    /// Distance along the ray at which the optical thickness from its origin reaches `thickness`;
+    /// `None` where it never does.
     fn reach_mm(&self, ray: &Ray, thickness: f64) -> Option<f64>;
 }
 
 /// A simple shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// A box along the axes, from its least to its greatest corner. One that is long in two
-    /// directions is a slab.
+    /// An axis-aligned box. One that is long in two directions is a slab.
     Box {
-        /// Least coordinates.
+        /// Corner of least coordinates.
         min_mm: DVec3,
-        /// Greatest coordinates.
+        /// Corner of greatest coordinates.
         max_mm: DVec3,
     },
     /// A ball.
@@ -55,7 +54,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Stretch of the ray inside, at and beyond its origin.
+    /// Interval of the ray inside, from its origin on; `None` if it misses.
     pub fn interval_mm(&self, ray: &Ray) -> Option<(f64, f64)> {
         let (near, far) = match *self {
             Self::Box { min_mm, max_mm } => {
@@ -90,7 +89,7 @@ impl Shape {
     }
 }
 
-/// Where a line is inside the box from 0 to `size`; may begin before its origin.
+/// Interval of a line inside the box from 0 to `size`; may begin before its origin.
 pub fn box_interval(origin: DVec3, direction: DVec3, size: DVec3) -> Option<(f64, f64)> {
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
     for axis in 0..3 {
@@ -107,7 +106,7 @@ pub fn box_interval(origin: DVec3, direction: DVec3, size: DVec3) -> Option<(f64
     (far > near).then_some((near, far))
 }
 
-/// Homogeneous shapes that don't overlap; exact.
+/// Homogeneous shapes that don't overlap; all results are exact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shapes(pub Vec<(Shape, Optics)>);
 
@@ -130,7 +129,7 @@ impl Shapes {
     }
 }
 
-/// The eight corners of a box along the axes.
+/// The eight corners of an axis-aligned box.
 pub fn corners_of(min: DVec3, max: DVec3) -> [DVec3; 8] {
     std::array::from_fn(|i| DVec3::select(glam::BVec3::new(i & 1 == 1, i & 2 == 2, i & 4 == 4), max, min))
 }

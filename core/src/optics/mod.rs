@@ -1,5 +1,5 @@
-//! Cameras and light in `f64`, without a graphics device: what a pixel sees, how light from a cone falls
-//! through matter, and the slow, exact answers that the passes on the device are compared with.
+//! Cameras and light transport in `f64`, on the CPU: rays of pixels, attenuation of a light cone in a
+//! medium, and the slow, accurate references that the GPU passes are compared with.
 
 pub mod camera;
 pub mod cone;

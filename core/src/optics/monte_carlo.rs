@@ -1,9 +1,9 @@
-//! Equations 7 to 10 of the directional occlusion paper (Schott et al. 2009) by Monte Carlo: one
-//! scattering, constant light from all around, a backward-peaked cone or an isotropic phase function.
+//! Equations 7 to 10 of the directional occlusion paper (Schott et al. 2009) by Monte Carlo: single
+//! scattering, constant ambient light, a backward-peaked cone or an isotropic phase function.
 //!
-//! Collisions are drawn from the transmittance along the ray, light directions from the phase
-//! function, and transmittance to the light comes from the medium itself. Pixels have a random
-//! stream each, so that pictures don't depend on threads.
+//! Collisions are sampled from the transmittance along the ray, light directions from the phase
+//! function; transmittance to the light is computed from the medium itself. Each pixel has its own
+//! random stream, so that frames don't depend on the number of threads.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -14,10 +14,10 @@ use super::{
     random::Random,
 };
 
-/// From where light comes to a place, and how often.
+/// Phase function: the distribution of the directions that light arrives from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Phase {
-    /// Directions in a cone about the way back to the eye, uniform in solid angle: equation 6.
+    /// Directions in a cone about the direction to the eye, uniform in solid angle: equation 6.
     Cone {
         /// Half the opening angle, degrees, below 90.
         aperture_deg: f64,
@@ -28,11 +28,11 @@ pub enum Phase {
         /// Half the opening angle, degrees, below 90.
         aperture_deg: f64,
     },
-    /// All directions alike.
+    /// All directions equally.
     Isotropic,
 }
 
-/// A mean and what is known of it.
+/// A sample mean and its standard error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Estimate {
     /// Of linear radiance, or of visibility in every channel.
@@ -41,7 +41,7 @@ pub struct Estimate {
     pub standard_error: DVec3,
 }
 
-/// Sum and sum of squares about a first value.
+/// Running mean and sum of squared deviations from it.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     n: f64,
@@ -63,17 +63,17 @@ impl Sums {
     }
 }
 
-/// Two directions at right angles to `axis` (unit) and to each other.
+/// Two unit vectors orthogonal to `axis` (unit length) and to each other.
 pub fn around(axis: DVec3) -> (DVec3, DVec3) {
     let helper = if axis.x.abs() < 0.5 { DVec3::X } else { DVec3::Y };
     let u = axis.cross(helper).normalize_or(DVec3::Z);
     (u, axis.cross(u))
 }
 
-/// A direction from the phase function about `axis` (unit, towards the eye).
+/// A direction sampled from the phase function about `axis` (unit length, towards the eye).
 pub fn direction(phase: Phase, axis: DVec3, random: &mut Random) -> DVec3 {
     let (a, b) = (random.unit(), random.unit());
-    let (sin_turn, cos_turn) = (std::f64::consts::TAU * b).sin_cos();
+    let (sin_azimuth, cos_azimuth) = (std::f64::consts::TAU * b).sin_cos();
     let cos = match phase {
         Phase::Cone { aperture_deg } => 1.0 - a * (1.0 - aperture_deg.to_radians().cos()),
         Phase::Disc { aperture_deg } => 1.0 / (1.0 + a * aperture_deg.to_radians().tan().powi(2)).sqrt(),
@@ -81,10 +81,10 @@ pub fn direction(phase: Phase, axis: DVec3, random: &mut Random) -> DVec3 {
     };
     let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
     let (u, v) = around(axis);
-    axis * cos + (u * cos_turn + v * sin_turn) * sin
+    axis * cos + (u * cos_azimuth + v * sin_azimuth) * sin
 }
 
-/// Equation 10: the share of the light that reaches a place.
+/// Equation 10: the fraction of the light that reaches a point.
 pub fn visibility(
     medium: &dyn Medium,
     at_mm: DVec3,
@@ -101,8 +101,8 @@ pub fn visibility(
     Estimate { mean: sums.mean, standard_error: sums.standard_error() }
 }
 
-/// Equation 7 along one ray with ambient light 1. A surface of an opaque medium is lit by what
-/// reaches the point just before it.
+/// Equation 7 along one ray with ambient light 1. A surface of an opaque medium is lit by the
+/// light that reaches the point just in front of it.
 pub fn radiance(
     medium: &dyn Medium,
     ray: &Ray,
@@ -112,32 +112,32 @@ pub fn radiance(
     random: &mut Random,
 ) -> Estimate {
     let total = medium.thickness(ray, f64::INFINITY);
-    let hits = -(-total).exp_m1();
-    if hits <= 0.0 {
+    let hit_probability = -(-total).exp_m1();
+    if hit_probability <= 0.0 {
         return Estimate { mean: background, standard_error: DVec3::ZERO };
     }
     let mut sums = Sums::default();
     for _ in 0..samples {
-        let thickness = -(-random.unit() * hits).ln_1p();
+        let thickness = -(-random.unit() * hit_probability).ln_1p();
         let light = direction(phase, -ray.direction, random);
         let Some(reach) = medium.reach_mm(ray, thickness) else {
-            // Rounding at the far end.
+            // Rounding at the far end of the ray.
             sums.add(DVec3::ZERO);
             continue;
         };
-        // On either side of a face: inside for the colour, before it for the light.
-        let slip = 1e-9 * (1.0 + reach);
-        let color = medium.optics(ray.origin_mm + ray.direction * (reach + slip)).color;
-        let from = Ray { origin_mm: ray.origin_mm + ray.direction * (reach - slip), direction: light };
+        // On either side of a face: behind it for the colour, in front of it for the light.
+        let offset = 1e-9 * (1.0 + reach);
+        let color = medium.optics(ray.origin_mm + ray.direction * (reach + offset)).color;
+        let from = Ray { origin_mm: ray.origin_mm + ray.direction * (reach - offset), direction: light };
         sums.add(color * (-medium.thickness(&from, f64::INFINITY)).exp());
     }
     Estimate {
-        mean: sums.mean * hits + background * (-total).exp(),
-        standard_error: sums.standard_error() * hits,
+        mean: sums.mean * hit_probability + background * (-total).exp(),
+        standard_error: sums.standard_error() * hit_probability,
     }
 }
 
-/// [`radiance`] of every pixel, row after row from the top.
+/// [`radiance`] of every pixel, row by row from the top.
 pub fn picture(
     medium: &dyn Medium,
     camera: &Camera,

@@ -1,16 +1,16 @@
 //! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea, Flood 2014).
 
-/// A generator. Streams of different seeds may be used side by side.
+/// A generator. Streams of different seeds are independent.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// The stream of `seed`; `stream` picks one of its branches, for example a pixel's.
+    /// The generator of `seed`; `stream` selects one of its streams, for example one per pixel.
     pub fn new(seed: u64, stream: u64) -> Self {
-        let mut own = Self(seed ^ stream.wrapping_mul(0xd1b5_4a32_d192_ed03));
-        // Seeds that differ in one bit must not begin alike.
-        own.0 = own.bits();
-        own
+        let mut generator = Self(seed ^ stream.wrapping_mul(0xd1b5_4a32_d192_ed03));
+        // Seeds that differ in one bit must not start with similar numbers.
+        generator.0 = generator.bits();
+        generator
     }
 
     fn bits(&mut self) -> u64 {
@@ -21,7 +21,7 @@ impl Random {
         z ^ z >> 31
     }
 
-    /// Uniform in 0 (with) to 1 (without).
+    /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }

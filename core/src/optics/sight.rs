@@ -1,17 +1,17 @@
-//! Places of pixels at view depths.
+//! World positions of pixels at view depths.
 
 use glam::{DVec2, DVec3};
 
 use super::camera::{Camera, FIELD_OF_VIEW_DEG, Projection};
 
-/// A camera and a picture size, as planes of equal view depth are walked with.
+/// A camera and a frame size, prepared for stepping through planes of equal view depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
-    /// The eye, or the middle of the plane that orthographic rays start in.
+    /// The eye, or the centre of the plane in which orthographic rays start.
     pub eye_mm: DVec3,
-    /// Unit vectors in world space.
+    /// Right in the frame; this and the next two are unit vectors in world space.
     pub right: DVec3,
-    /// Up in the picture.
+    /// Up in the frame.
     pub up: DVec3,
     /// Away from the viewer.
     pub forward: DVec3,
@@ -22,7 +22,7 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Of a camera.
+    /// For a camera and a frame size in pixels.
     pub fn new(camera: &Camera, size: [u32; 2]) -> Self {
         let [right, up, back] = camera.axes();
         let height_px = f64::from(size[1].max(1));
@@ -33,7 +33,7 @@ impl Sight {
         Self { eye_mm: camera.eye_mm(), right, up, forward: -back, size, mm_per_pixel, mm_per_pixel_per_mm }
     }
 
-    /// Millimetres that a pixel covers at a view depth; the perspective correction of equation 12.
+    /// Size of a pixel in millimetres at a view depth; the perspective correction of equation 12.
     pub fn pixel_mm(&self, depth_mm: f64) -> f64 {
         self.mm_per_pixel + self.mm_per_pixel_per_mm * depth_mm
     }
@@ -43,7 +43,7 @@ impl Sight {
         self.mm_per_pixel_per_mm
     }
 
-    /// Pixel centre in pixels from the middle of the picture, y up.
+    /// Pixel centre in pixels from the centre of the frame, y up.
     pub fn from_middle(&self, pixel: [u32; 2]) -> DVec2 {
         DVec2::new(
             f64::from(pixel[0]) + 0.5 - 0.5 * f64::from(self.size[0]),
@@ -51,26 +51,26 @@ impl Sight {
         )
     }
 
-    /// Where a pixel's line of sight is at a view depth.
+    /// World position on a pixel's line of sight at a view depth.
     pub fn at_mm(&self, pixel: [u32; 2], depth_mm: f64) -> DVec3 {
         let p = self.from_middle(pixel) * self.pixel_mm(depth_mm);
         self.eye_mm + self.right * p.x + self.up * p.y + self.forward * depth_mm
     }
 
-    /// Millimetres of the line of sight a millimetre of view depth, at least 1.
+    /// Length of a pixel's line of sight per view depth, at least 1.
     pub fn slant(&self, pixel: [u32; 2]) -> f64 {
         (1.0 + (self.from_middle(pixel) * self.mm_per_pixel_per_mm).length_squared()).sqrt()
     }
 
-    /// View depth of a place.
+    /// View depth of a point.
     pub fn depth_mm(&self, at_mm: DVec3) -> f64 {
         (at_mm - self.eye_mm).dot(self.forward)
     }
 
-    /// Least and greatest view depth of these places that are before the eye; `None` when all are
-    /// behind.
-    pub fn depths_mm(&self, places_mm: &[DVec3]) -> Option<(f64, f64)> {
-        let depths = places_mm.iter().map(|p| self.depth_mm(*p));
+    /// Least and greatest view depth of these points, the least clamped to 0; `None` when all are behind
+    /// the eye.
+    pub fn depths_mm(&self, points_mm: &[DVec3]) -> Option<(f64, f64)> {
+        let depths = points_mm.iter().map(|p| self.depth_mm(*p));
         let (near, far) = depths.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), d| (a.min(d), b.max(d)));
         (far > 0.0 && far.is_finite()).then_some((near.max(0.0), far))
     }

@@ -26,12 +26,12 @@ fn cone_mean(aperture_deg: f64, f: impl Fn(f64) -> f64) -> f64 {
 }
 
 #[test]
-fn slab_visibility_is_the_cone_s_mean_of_slanted_transmittance() {
+fn slab_visibility_is_the_mean_transmittance_over_the_cone() {
     let (medium, _) = slab(0.1, 20.0);
     for (aperture_deg, known) in [(45.0, Some(0.308)), (80.0, Some(0.180)), (20.0, None)] {
         let truth = cone_mean(aperture_deg, |cos| (-1.0 / cos).exp());
         if let Some(known) = known {
-            // algorithms.md 6, measured there.
+            // By numeric quadrature outside this code.
             assert!((truth - known).abs() < 6e-4, "{aperture_deg}: {truth}");
         }
         let at = DVec3::new(0.0, 0.0, -10.0);
@@ -43,7 +43,7 @@ fn slab_visibility_is_the_cone_s_mean_of_slanted_transmittance() {
 }
 
 #[test]
-fn disc_uniform_is_not_solid_angle_uniform() {
+fn uniform_on_the_disc_differs_from_uniform_in_solid_angle() {
     let (medium, _) = slab(0.1, 20.0);
     let at = DVec3::new(0.0, 0.0, -10.0);
     let tan2 = 80f64.to_radians().tan().powi(2);
@@ -83,22 +83,22 @@ fn an_opaque_slab_is_lit_as_a_surface() {
     let e =
         radiance(&medium, &ray, Phase::Cone { aperture_deg: 85.0 }, DVec3::ONE, 100, &mut Random::new(4, 0));
     assert_eq!(e.mean, DVec3::new(0.8, 0.5, 0.2));
-    // An isotropic phase function loses the half below.
+    // An isotropic phase function loses the half of the light from below.
     let e = radiance(&medium, &ray, Phase::Isotropic, DVec3::ONE, 10_000, &mut Random::new(4, 1));
     assert!((e.mean.x - 0.4).abs() < 4.0 * e.standard_error.x, "{e:?}");
 }
 
 #[test]
-fn isotropic_visibility_in_a_ball_s_middle() {
+fn isotropic_visibility_at_the_center_of_a_ball() {
     let ball = Shape::Ball { center_mm: DVec3::ONE, radius_mm: 4.0 };
     let medium = Shapes::one(ball, 0.2, DVec3::ONE);
     let e = visibility(&medium, DVec3::ONE, DVec3::Z, Phase::Isotropic, 64, &mut Random::new(5, 0));
     assert!((e.mean.x - (-0.8f64).exp()).abs() < 1e-12 && e.standard_error.x < 1e-12, "{e:?}");
 }
 
-/// An opaque ball in the cone hides its own solid angle.
+/// An opaque ball in the cone occludes its own solid angle.
 #[test]
-fn an_opaque_ball_hides_its_solid_angle() {
+fn an_opaque_ball_occludes_its_solid_angle() {
     let ball = Shape::Ball { center_mm: DVec3::new(0.0, 0.0, 10.0), radius_mm: 3.0 };
     let medium = Shapes::one(ball, f64::INFINITY, DVec3::ONE);
     let hidden = 1.0 - (1.0f64 - 0.09).sqrt();
@@ -111,7 +111,7 @@ fn an_opaque_ball_hides_its_solid_angle() {
 }
 
 #[test]
-fn same_seed_same_picture() {
+fn same_seed_gives_the_same_radiance() {
     let (medium, ray) = slab(0.1, 20.0);
     let run =
         |seed| radiance(&medium, &ray, Phase::Isotropic, DVec3::ZERO, 50, &mut Random::new(seed, 7)).mean;
@@ -120,7 +120,7 @@ fn same_seed_same_picture() {
 }
 
 #[test]
-fn halved_steps_come_to_the_closed_form() {
+fn halving_the_step_converges_to_the_closed_form() {
     let (medium, ray) = slab(0.1, 20.0);
     let light = |at: DVec3| (0.05 * at.z).exp();
     let out = converged(&medium, &ray, 4.0, 1e-7, &light, DVec3::ONE);
@@ -129,7 +129,7 @@ fn halved_steps_come_to_the_closed_form() {
     assert!((out.radiance.x - truth).abs() < 1e-6, "{out:?} {truth}");
     assert!(out.change <= 1e-7 && (out.transmittance - (-2.0f64).exp()).abs() < 1e-12);
     let (coarse, _) = march(&medium, &ray, 4.0, &light, DVec3::ONE);
-    assert!((coarse.x - truth).abs() > 1e-4, "a coarse step is told from a fine one");
+    assert!((coarse.x - truth).abs() > 1e-4, "a coarse step is measurably less accurate");
 }
 
 fn ramp_volume(filter: Filter, plane: Option<Plane>, offset_mm: f64) -> OpticalVolume {
@@ -140,9 +140,9 @@ fn ramp_volume(filter: Filter, plane: Option<Plane>, offset_mm: f64) -> OpticalV
     OpticalVolume::new(grid, values, table, filter, plane).unwrap()
 }
 
-/// Extinction 0.01 a voxel of x: along x its integral is that of a ramp.
+/// Extinction grows by 0.01 per voxel in x: along x its integral is that of a ramp.
 #[test]
-fn sampled_volumes_integrate_as_their_interpolants_do() {
+fn sampled_volumes_integrate_their_interpolant() {
     for offset_mm in [-8.0, 1e6] {
         let at = DVec3::new(-20.0, 0.1, offset_mm + 8.0);
         let along_x = Ray { origin_mm: at, direction: DVec3::X };
@@ -158,8 +158,8 @@ fn sampled_volumes_integrate_as_their_interpolants_do() {
             let plane = Plane { normal: DVec3::X, offset_mm: 2.5 };
             let cut = ramp_volume(filter, Some(plane), offset_mm).thickness(&along_x, f64::INFINITY);
             if filter == Filter::Nearest {
-                let kept: f64 = (0..10).map(|i| 0.01 * f64::from(i)).sum();
-                assert!((cut - kept).abs() < 1e-7, "{cut} {kept}");
+                let remaining: f64 = (0..10).map(|i| 0.01 * f64::from(i)).sum();
+                assert!((cut - remaining).abs() < 1e-7, "{cut} {remaining}");
             } else {
                 assert!(cut < 0.6 * whole);
             }
@@ -168,7 +168,7 @@ fn sampled_volumes_integrate_as_their_interpolants_do() {
 }
 
 #[test]
-fn slanted_rays_cross_voxels_exactly() {
+fn oblique_rays_traverse_voxels_exactly() {
     let v = ramp_volume(Filter::Nearest, None, -8.0);
     let ray = Ray { origin_mm: DVec3::new(-9.3, -7.7, -10.2), direction: DVec3::new(2.0, 1.3, 1.7) };
     let ray = Ray { direction: ray.direction / ray.direction.length(), ..ray };
@@ -183,7 +183,7 @@ fn slanted_rays_cross_voxels_exactly() {
 }
 
 #[test]
-fn what_is_no_number_is_counted_and_never_spreads() {
+fn non_finite_values_are_counted_and_never_propagate() {
     let grid = Grid::axis_aligned([4, 4, 4], DVec3::ONE, DVec3::ZERO).unwrap();
     let mut values = vec![1.0f32; 64];
     values[21] = f32::NAN;
@@ -200,7 +200,7 @@ fn what_is_no_number_is_counted_and_never_spreads() {
     assert!(Table::new(0.0, 0.0, &[[0.0; 4]; 2]).is_none());
 }
 
-/// Closed forms: a plane hides nothing, a wall through the point hides half, a ball its share.
+/// Closed forms: a plane occludes nothing, a wall through the point half, a ball its share of the hemisphere.
 #[test]
 fn hemisphere_closed_forms() {
     let mut random = Random::new(11, 0);
@@ -218,12 +218,12 @@ fn hemisphere_closed_forms() {
         let (open, se) = openness(&hidden, DVec3::ZERO, DVec3::Z, 50.0, weight, 20_000, &mut random);
         assert!((open - truth).abs() < 4.0 * se, "{open} {truth}");
         let (open, _) = openness(&hidden, DVec3::ZERO, DVec3::Z, 4.9, weight, 1000, &mut random);
-        assert_eq!(open, 1.0, "past the radius nothing hides");
+        assert_eq!(open, 1.0, "nothing occludes beyond the radius");
     }
 }
 
 #[test]
-fn a_step_in_a_depth_picture_hides_what_lies_below_it() {
+fn a_step_in_a_depth_buffer_occludes_its_lower_side() {
     let camera = Camera {
         focus_mm: DVec3::ZERO,
         world_from_camera: DQuat::IDENTITY,

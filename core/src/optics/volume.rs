@@ -1,5 +1,5 @@
-//! A sampled volume as a participating medium: values on a grid, a table from values to optics, a
-//! clipping plane. The same numbers go to the graphics device.
+//! A sampled volume as a participating medium: values on a grid, a transfer function from values to
+//! optical properties, a clipping plane. The GPU receives the same numbers.
 
 use crate::Grid;
 use glam::{DMat3, DVec3};
@@ -9,23 +9,23 @@ use super::{
     medium::{Medium, Optics, box_interval, thickness_of},
 };
 
-/// Extinction per millimetre that stands for infinity in single precision.
+/// Extinction per millimetre that represents infinity in single precision.
 pub const OPAQUE: f32 = 1e30;
-/// From here on a table's extinction counts as infinite.
+/// A table's extinction counts as infinite from here on.
 const COUNTS_AS_OPAQUE: f32 = 1e9;
-/// From here on an interpolated extinction does: any share of something opaque is opaque.
+/// An interpolated extinction counts as infinite from here on: any fraction of an opaque one is opaque.
 const OPAQUE_FROM: f64 = 1e20;
 
-/// How a value between voxel centres is found.
+/// Interpolation between voxel centres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
-    /// That of the voxel around the place: labels.
+    /// The value of the voxel that contains the point: for label maps.
     Nearest,
-    /// Trilinear, before the table (post-classification): intensities.
+    /// Trilinear, before the table (post-classification): for intensities.
     Linear,
 }
 
-/// Colour and extinction of evenly spaced values, linear between them, constant beyond.
+/// A transfer function: colour and extinction at evenly spaced values, linear between them, constant beyond.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     least: f32,
@@ -34,14 +34,14 @@ pub struct Table {
 }
 
 impl Table {
-    /// `entries` are linear red, green, blue and extinction per millimetre (infinity is opaque) of
-    /// values from `least` to `greatest`. `None` unless there are two at least, the range rises, colours
-    /// are finite and at least 0, and extinctions at least 0.
+    /// `entries` are linear red, green, blue and extinction per millimetre (infinity is opaque) at
+    /// values from `least` to `greatest`. `None` unless there are at least two, `least < greatest`, colours
+    /// are finite and non-negative, and extinctions are non-negative.
     pub fn new(least: f32, greatest: f32, entries: &[[f32; 4]]) -> Option<Self> {
-        let good = |e: &[f32; 4]| e[..3].iter().all(|c| c.is_finite() && *c >= 0.0) && e[3] >= 0.0;
+        let valid = |e: &[f32; 4]| e[..3].iter().all(|c| c.is_finite() && *c >= 0.0) && e[3] >= 0.0;
         if entries.len() < 2
             || !(least < greatest && (greatest - least).is_finite())
-            || !entries.iter().all(good)
+            || !entries.iter().all(valid)
         {
             return None;
         }
@@ -49,12 +49,12 @@ impl Table {
         Some(Self { least, greatest, entries: entries.iter().map(opaque).collect() })
     }
 
-    /// One entry a label, from label 0.
+    /// One entry per label, from label 0.
     pub fn of_labels(entries: &[[f32; 4]]) -> Option<Self> {
         Self::new(0.0, entries.len().saturating_sub(1) as f32, entries)
     }
 
-    /// Place of a value among the entries: `value * scale + offset`.
+    /// Maps a value to its position among the entries: `value * scale + offset`.
     fn scale_offset(&self) -> [f32; 2] {
         let scale = (self.entries.len() - 1) as f32 / (self.greatest - self.least);
         [scale, -self.least * scale]
@@ -75,16 +75,16 @@ impl Table {
     }
 }
 
-/// What is kept: places with `normal · place ≤ offset_mm`, world millimetres.
+/// A clipping plane: points with `normal · point ≤ offset_mm` are kept, world millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// Unit, towards what is cut away.
+    /// Unit normal, towards the clipped side.
     pub normal: DVec3,
     /// Distance from the origin along the normal.
     pub offset_mm: f64,
 }
 
-/// A sampled medium. Nothing is outside the box of its voxels.
+/// A sampled medium; empty outside the box of its voxels.
 #[derive(Clone, Debug)]
 pub struct OpticalVolume {
     grid: Grid,
@@ -92,15 +92,15 @@ pub struct OpticalVolume {
     table: Table,
     filter: Filter,
     plane: Option<Plane>,
-    unknown: usize,
+    non_finite: usize,
     voxel_from_mm: DMat3,
     /// The plane in index space: normal and offset.
     index_plane: Option<(DVec3, f64)>,
 }
 
 impl OpticalVolume {
-    /// Values x fastest, one a voxel, else `None`. Values that are no finite number become the least
-    /// of the table and are counted.
+    /// `values` has one value per voxel, x fastest; non-finite ones become the least of the table and are
+    /// counted. `None` if their number isn't that of the voxels, or if the plane isn't finite.
     pub fn new(
         grid: Grid,
         mut values: Vec<f32>,
@@ -114,11 +114,11 @@ impl OpticalVolume {
         if plane.is_some_and(|p| !(p.normal.is_finite() && p.offset_mm.is_finite())) {
             return None;
         }
-        let mut unknown = 0;
+        let mut non_finite = 0;
         for value in &mut values {
             if !value.is_finite() {
                 *value = table.least;
-                unknown += 1;
+                non_finite += 1;
             }
         }
         let world_from_voxel = grid.world_from_voxel();
@@ -128,30 +128,30 @@ impl OpticalVolume {
             (normal, offset + 0.5 * (normal.x + normal.y + normal.z))
         });
         let voxel_from_mm = world_from_voxel.matrix3.inverse();
-        Some(Self { grid, values, table, filter, plane, unknown, voxel_from_mm, index_plane })
+        Some(Self { grid, values, table, filter, plane, non_finite, voxel_from_mm, index_plane })
     }
 
-    /// Where it is.
+    /// Its grid.
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Voxels whose value was no finite number.
+    /// Number of voxels whose value wasn't finite.
     pub fn unknown_voxels(&self) -> usize {
-        self.unknown
+        self.non_finite
     }
 
-    /// What is cut away.
+    /// The clipping plane.
     pub fn plane(&self) -> Option<Plane> {
         self.plane
     }
 
-    /// How values between voxels are found.
+    /// The interpolation between voxel centres.
     pub fn filter(&self) -> Filter {
         self.filter
     }
 
-    /// Index space (voxel (i, j, k) fills `[i, i+1)` and so on) of a world place.
+    /// Index-space position (voxel (i, j, k) fills `[i, i+1)` and so on) of a world point.
     fn index_of(&self, at_mm: DVec3) -> DVec3 {
         self.voxel_from_mm * (at_mm - self.grid.world_from_voxel().translation) + 0.5
     }
@@ -170,7 +170,7 @@ impl OpticalVolume {
         self.table.at(self.value_of(cell))
     }
 
-    /// Optics at an index space place.
+    /// Optics at an index-space position.
     fn optics_at_index(&self, p: DVec3) -> Optics {
         let size = self.size();
         let inside = p.cmpge(DVec3::ZERO).all() && p.cmple(size).all();
@@ -199,7 +199,7 @@ impl OpticalVolume {
         self.table.at(sheet(0) + (sheet(1) - sheet(0)) * f[2])
     }
 
-    /// Index space ray, and the stretch of it (millimetres) inside the box and before the plane.
+    /// The ray in index space, and its interval (millimetres) inside the box and on the kept side of the plane.
     fn index_ray(&self, ray: &Ray) -> Option<(DVec3, DVec3, f64, f64)> {
         let o = self.index_of(ray.origin_mm);
         let d = self.voxel_from_mm * ray.direction;
@@ -220,16 +220,16 @@ impl OpticalVolume {
         (far > near).then_some((o, d, near, far))
     }
 
-    /// Stretches of constant (nearest) or nearly constant (linear, a quarter voxel) optics along a
-    /// ray, in order: from, to, extinction. Ends when `visit` says so.
-    fn stretches(&self, ray: &Ray, visit: impl FnMut(f64, f64, f64) -> bool) {
+    /// Visits the segments of constant (nearest) or nearly constant (linear, a quarter voxel) optics along
+    /// a ray, in order: from (mm), to (mm), extinction. Stops when `visit` returns `false`.
+    fn visit_segments(&self, ray: &Ray, visit: impl FnMut(f64, f64, f64) -> bool) {
         self.walk(ray, 0.25 * self.grid.spacing_mm().min_element(), visit);
     }
 
-    fn walk(&self, ray: &Ray, most_mm: f64, mut visit: impl FnMut(f64, f64, f64) -> bool) {
+    fn walk(&self, ray: &Ray, max_step_mm: f64, mut visit: impl FnMut(f64, f64, f64) -> bool) {
         let Some((o, d, near, far)) = self.index_ray(ray) else { return };
         if self.filter == Filter::Linear {
-            let steps = ((far - near) / most_mm).ceil().clamp(1.0, 1e6);
+            let steps = ((far - near) / max_step_mm).ceil().clamp(1.0, 1e6);
             let step = (far - near) / steps;
             for i in 0..steps as u64 {
                 let from = near + i as f64 * step;
@@ -246,7 +246,7 @@ impl OpticalVolume {
             std::array::from_fn(|a| (start[a].floor() as i64).clamp(0, dims[a] as i64 - 1));
         let mut from = near;
         loop {
-            // Boundaries in closed form, so that nothing sums up.
+            // Boundaries in closed form, so that rounding errors don't accumulate.
             let ends: [f64; 3] = std::array::from_fn(|a| {
                 if d[a].abs() < 1e-12 {
                     f64::INFINITY
@@ -282,9 +282,9 @@ impl Medium for OpticalVolume {
 
     fn thickness(&self, ray: &Ray, length_mm: f64) -> f64 {
         let mut sum = 0.0;
-        self.stretches(ray, |from, to, extinction| {
+        self.visit_segments(ray, |from, to, extinction| {
             sum += thickness_of(extinction, to.min(length_mm) - from);
-            // Past 100 nothing comes through in double precision worth a number.
+            // Past 100 the transmittance is negligible, even in double precision.
             to < length_mm && sum < 100.0
         });
         sum
@@ -293,7 +293,7 @@ impl Medium for OpticalVolume {
     fn reach_mm(&self, ray: &Ray, thickness: f64) -> Option<f64> {
         let mut left = thickness;
         let mut out = None;
-        self.stretches(ray, |from, to, extinction| {
+        self.visit_segments(ray, |from, to, extinction| {
             let here = thickness_of(extinction, to - from);
             if here > 0.0 && here >= left {
                 out = Some(from + left / extinction);

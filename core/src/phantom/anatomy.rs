@@ -1,11 +1,11 @@
-//! What is where in the head, and how bright each image shows it.
+//! The tissue at each point of the head, and its brightness in each image.
 
 use glam::DVec3;
 
 use super::marks::{Ellipsoid, Mark};
 use crate::Scaling;
 
-/// The three kinds of image.
+/// The three imaging modalities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Modality {
     /// T1-weighted MR with contrast agent.
@@ -17,11 +17,11 @@ pub enum Modality {
 }
 
 impl Modality {
-    /// Stored numbers are 0 to 255; PET's stand for uptake up to 5.1.
+    /// Stored numbers are 0 to 255; PET's represent uptake ratios up to 5.1.
     pub(super) fn scaling(self) -> Scaling {
         match self {
             Self::T1c | Self::Flair => Scaling::NONE,
-            // As a header's f32 keeps it.
+            // As a header's f32 stores it.
             Self::Pet => Scaling { slope: f64::from(0.02_f32), intercept: 0.0 },
         }
     }
@@ -76,14 +76,14 @@ const CAPSULE: Ellipsoid = Ellipsoid::new(at(51.0, 66.5, 22.0), at(5.0, 5.0, 5.0
 const SINUS: Ellipsoid = Ellipsoid::new(at(0.0, 62.0, -54.0), at(13.0, 20.0, 13.0));
 const CEREBELLUM: Ellipsoid = Ellipsoid::new(at(0.0, -46.0, -40.0), at(46.0, 30.0, 21.0));
 const STEM: Ellipsoid = Ellipsoid::new(at(0.0, -14.0, -38.0), at(12.0, 12.0, 34.0));
-/// The left one is squeezed by the tumour.
+/// The left one is compressed by the tumour.
 const VENTRICLES: [Ellipsoid; 3] = [
     Ellipsoid::new(at(11.0, -2.0, 14.0), at(6.0, 32.0, 9.0)),
     Ellipsoid::new(at(-8.0, -9.0, 12.0), at(3.5, 25.0, 6.5)),
     Ellipsoid::new(at(1.0, -10.0, 0.0), at(2.5, 12.0, 9.0)),
 ];
 
-/// The same on both sides: `x` is mirrored onto the right.
+/// Symmetric structures: `x` is mirrored onto the right.
 const EAR: Ellipsoid = Ellipsoid::new(at(73.0, -10.0, -18.0), at(6.0, 10.0, 17.0));
 const ORBIT: Ellipsoid = Ellipsoid::new(at(31.0, 74.0, -24.0), at(17.0, 18.0, 16.0));
 const EYE: Ellipsoid = Ellipsoid::new(at(31.0, 77.0, -24.0), at(12.0, 12.0, 12.0));
@@ -103,8 +103,8 @@ fn skin_mm(p: DVec3) -> f64 {
     if p.z < -30.0 { head_mm.min(neck_mm.max(p.z + 30.0)) } else { head_mm }
 }
 
-/// A sine made of parabolas, period 1. The system's `sin` may differ in the last bit from one
-/// machine to the next, and the sample is to be the same on all.
+/// A sine approximated by parabolas, period 1. The platform's `sin` may differ in the last bit
+/// between machines, and the sample must be the same on all.
 fn wave(turns: f64) -> f64 {
     let t = turns - turns.floor();
     if t < 0.5 { 16.0 * t * (0.5 - t) } else { -16.0 * (t - 0.5) * (1.0 - t) }
@@ -119,9 +119,9 @@ fn cerebrum(p: DVec3, depth_mm: f64) -> Tissue {
     let [sx, sy, sz] = [wave(w.x), wave(w.y), wave(w.z)];
     let [cx, cy, cz] = [wave(w.x + 0.25), wave(w.y + 0.25), wave(w.z + 0.25)];
     let fold = sx * cy + sy * cz + sz * cx;
-    // Furrows narrow with depth, the ribbon of grey lines them and the surface.
-    let furrow = 0.16 * (1.0 - depth_mm / 15.0);
-    if fold.abs() < furrow {
+    // Sulci narrow with depth; the grey ribbon lines them and the surface.
+    let sulcus = 0.16 * (1.0 - depth_mm / 15.0);
+    if fold.abs() < sulcus {
         Tissue::Fluid
     } else if depth_mm < 3.5 || fold.abs() < 0.62 * (1.0 - depth_mm / 24.0) + 0.05 {
         Tissue::Grey
@@ -144,10 +144,10 @@ fn inside_skull(p: DVec3, mirrored: DVec3, depth_mm: f64) -> Tissue {
     }
     let cerebellum_mm = CEREBELLUM.distance_mm(p);
     if cerebellum_mm < 0.0 {
-        let leaf = wave((p.z + 0.35 * p.y + 2.0 * wave(p.x / 88.0 + 0.25)) / 6.0);
-        return if leaf > 0.82 && cerebellum_mm > -9.0 {
+        let folium = wave((p.z + 0.35 * p.y + 2.0 * wave(p.x / 88.0 + 0.25)) / 6.0);
+        return if folium > 0.82 && cerebellum_mm > -9.0 {
             Tissue::Fluid
-        } else if leaf > -0.25 && cerebellum_mm > -13.0 {
+        } else if folium > -0.25 && cerebellum_mm > -13.0 {
             Tissue::Grey
         } else {
             Tissue::White
@@ -219,11 +219,11 @@ fn tumour(p: DVec3, t1: &Mark, t2: &Mark) -> Option<Tissue> {
 pub(super) fn intensity(modality: Modality, [t1, t2, pet]: &[Mark; 3], p: DVec3) -> f32 {
     let tissue = tumour(p, t1, t2).unwrap_or_else(|| healthy(p));
     let brightness = tissue.brightness()[modality as usize - 1];
-    let hot = pet.parts[0].radius_at(p);
-    if modality == Modality::Pet && hot < 1.3 {
-        // Falls through half its height at the mask's border.
-        let edge = ((1.3 - hot) / 0.6).clamp(0.0, 1.0);
-        let height = edge * edge * (3.0 - 2.0 * edge) * (1.0 - 0.25 * hot * hot);
+    let pet_radius = pet.parts[0].radius_at(p);
+    if modality == Modality::Pet && pet_radius < 1.3 {
+        // Drops to half its height at the mask's border.
+        let edge = ((1.3 - pet_radius) / 0.6).clamp(0.0, 1.0);
+        let height = edge * edge * (3.0 - 2.0 * edge) * (1.0 - 0.25 * pet_radius * pet_radius);
         let glow = 245.0 * height as f32;
         return brightness.max(glow);
     }

@@ -1,4 +1,4 @@
-//! What the three masks mark: unions of ellipsoids, at two dates.
+//! The true shapes of the three masks: unions of ellipsoids, at two dates.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -12,9 +12,9 @@ pub const MARK_IDS: [&str; 3] = ["T1", "T2", "PET"];
 /// An ellipsoid with axes along R, A and S.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ellipsoid {
-    /// Its middle.
+    /// Its centre.
     pub center_mm: DVec3,
-    /// Half its length along R, A and S.
+    /// Its semi-axes along R, A and S.
     pub semi_axes_mm: DVec3,
 }
 
@@ -24,12 +24,12 @@ impl Ellipsoid {
         Self { center_mm: (lo_mm + hi_mm) / 2.0, semi_axes_mm: (hi_mm - lo_mm) / 2.0 }
     }
 
-    /// One by its middle and half axes.
+    /// The ellipsoid with this centre and these semi-axes.
     pub const fn new(center_mm: DVec3, semi_axes_mm: DVec3) -> Self {
         Self { center_mm, semi_axes_mm }
     }
 
-    /// Distance from the middle in units of the radius in that direction: 1 on the surface.
+    /// Distance from the centre in units of the radius in that direction: 1 on the surface.
     pub fn radius_at(&self, point_mm: DVec3) -> f64 {
         ((point_mm - self.center_mm) / self.semi_axes_mm).length()
     }
@@ -39,7 +39,7 @@ impl Ellipsoid {
         self.radius_at(point_mm) <= 1.0
     }
 
-    /// Signed distance to the surface, right to first order near it; negative inside.
+    /// Signed distance to the surface, accurate to first order near it; negative inside.
     pub fn distance_mm(&self, point_mm: DVec3) -> f64 {
         let v = (point_mm - self.center_mm) / self.semi_axes_mm;
         let steepness = (v / self.semi_axes_mm).length();
@@ -56,7 +56,7 @@ impl Ellipsoid {
     }
 }
 
-/// What one mask marks at one date: the union of its parts.
+/// The true shape of one mask at one date: the union of its parts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mark {
     /// The mask's id.
@@ -71,8 +71,8 @@ impl Mark {
         self.parts.iter().any(|e| e.contains(point_mm))
     }
 
-    /// The main body's bounding box: left, posterior, inferior and right, anterior, superior
-    /// faces, as x, y, z. Growth between the dates is the difference of these.
+    /// The main body's bounding box in RAS+ millimetres: left, posterior, inferior and right, anterior,
+    /// superior faces, as x, y, z. Growth between the dates is the difference of these.
     pub fn main_faces_mm(&self) -> (DVec3, DVec3) {
         let main = self.parts[0];
         (main.center_mm - main.semi_axes_mm, main.center_mm + main.semi_axes_mm)
@@ -81,9 +81,9 @@ impl Mark {
 
 /// The mark of mask `id` at date number `time` (0 or 1); `None` for another id or date.
 ///
-/// From the first date to the second: T1 grows 5 mm forward and withdraws 3 mm from the midline,
-/// and a new lesion appears in front of and below it; T2 grows 6 mm backward and withdraws 4 mm
-/// from the left; PET grows 3 mm to the left and withdraws 4 mm from above.
+/// From the first date to the second: T1 grows 5 mm anteriorly and recedes 3 mm from the midline,
+/// and a new lesion appears in front of and below it; T2 grows 6 mm posteriorly and recedes 4 mm
+/// from the left; PET grows 3 mm to the left and recedes 4 mm from above.
 pub fn mark(id: &str, time: usize) -> Option<Mark> {
     let at = DVec3::new;
     let second = match time {

@@ -3,10 +3,10 @@ use std::sync::LazyLock;
 use super::*;
 use crate::{Regions, TumorIndex, mask::Mask};
 
-static FILES_MADE: LazyLock<Vec<PhantomFile>> = LazyLock::new(phantom);
-static TRUE: LazyLock<Truth> = LazyLock::new(truth);
+static PHANTOM_FILES: LazyLock<Vec<PhantomFile>> = LazyLock::new(phantom);
+static TRUTH: LazyLock<Truth> = LazyLock::new(truth);
 
-/// The lines' measure against 4/3 π a b c, and a union whose parts are apart against their sum.
+/// The volume measured along lines equals 4/3 π a b c, and that of a union of disjoint parts their sum.
 #[test]
 fn measured_volumes_equal_the_closed_form() {
     for time in 0..2 {
@@ -41,7 +41,7 @@ fn measured_overlap_equals_the_closed_form() {
 
 #[test]
 fn faces_move_by_the_stated_millimetres() {
-    let growth = &TRUE.growth;
+    let growth = &TRUTH.growth;
     let at = |id: &str| growth.iter().find(|g| g.id == id).unwrap();
     assert_eq!(at("T1").right_anterior_superior_mm, DVec3::new(-3.0, 5.0, 0.0));
     assert_eq!(at("T2").left_posterior_inferior_mm, DVec3::new(-4.0, 6.0, 0.0));
@@ -49,9 +49,9 @@ fn faces_move_by_the_stated_millimetres() {
     assert_eq!(at("PET").right_anterior_superior_mm, DVec3::new(0.0, 0.0, -4.0));
 }
 
-/// How far a voxel count may be off: a lattice thrown at random on a smooth body of surface S
-/// misses its volume by about 0.26 sqrt(S) h² (one standard deviation, h the cube root of the
-/// voxel volume); four of them are allowed.
+/// Allowed error of a voxel count: on a randomly placed lattice, the volume of a smooth body of surface
+/// S has an error of about 0.26 sqrt(S) h² (one standard deviation, h the cube root of the voxel
+/// volume); four of them are allowed.
 fn voxel_error_ml(mark: &Mark, grid: &Grid) -> f64 {
     let surface_mm2: f64 = mark
         .parts
@@ -67,9 +67,9 @@ fn voxel_error_ml(mark: &Mark, grid: &Grid) -> f64 {
 
 #[test]
 fn masks_have_the_true_volumes() {
-    let files = &*FILES_MADE;
+    let files = &*PHANTOM_FILES;
     assert_eq!(files.len(), FILES.len());
-    let truth = &*TRUE;
+    let truth = &*TRUTH;
     for file in files.iter().filter(|f| f.is_mask) {
         let time = TIMES.iter().position(|t| *t == file.time).unwrap();
         let Samples::U8(voxels) = file.volume.samples() else { panic!("{} is not u8", file.name) };
@@ -83,7 +83,7 @@ fn masks_have_the_true_volumes() {
     }
 }
 
-/// Regions on one fine grid, straight from the shapes, against the true ones.
+/// Regions on one fine grid, rasterised from the shapes, compared with the true ones.
 #[test]
 fn all_seven_regions_have_their_true_volumes() {
     let grid = Grid::axis_aligned([56, 106, 60], DVec3::ONE, DVec3::new(-60.3, -45.4, -10.2)).unwrap();
@@ -94,7 +94,7 @@ fn all_seven_regions_have_their_true_volumes() {
             .collect();
         let index = TumorIndex::new(grid.clone(), &masks.iter().collect::<Vec<_>>()).unwrap();
         let regions = Regions::of(&index);
-        let truth = &TRUE.time_points[time];
+        let truth = &TRUTH.time_points[time];
         assert_eq!(truth.regions.len(), 7);
         for region in &truth.regions {
             let bits = (0..3).filter(|&k| region.masks.contains(&MARK_IDS[k])).fold(0, |b, k| b | 1 << k);
@@ -106,7 +106,7 @@ fn all_seven_regions_have_their_true_volumes() {
 }
 
 #[test]
-fn the_case_loads_and_its_tumour_is_in_the_left_front() {
+fn the_case_loads_with_a_left_frontal_tumor() {
     let case = phantom_case().unwrap();
     assert_eq!(case.time_points.len(), 2);
     for time in &case.time_points {
@@ -120,11 +120,11 @@ fn the_case_loads_and_its_tumour_is_in_the_left_front() {
     assert_eq!(case.grid.sides(), Sides::Known);
 }
 
-/// What tells sides apart must be in the image: the marker capsule right, the tumour bright left,
-/// the nose in front, the neck below.
+/// Landmarks of the sides must be in the image: the marker capsule on the right, the bright tumour on
+/// the left, the nose in front, the neck below.
 #[test]
-fn the_images_show_which_side_is_which() {
-    let files = &*FILES_MADE;
+fn images_show_landmarks_of_each_side() {
+    let files = &*PHANTOM_FILES;
     let t1c = &files.iter().find(|f| f.id == "T1c").unwrap().volume;
     let at = |x: f64, y: f64, z: f64| {
         t1c.value(t1c.grid().linear(t1c.grid().voxel_at(DVec3::new(x, y, z)).unwrap()))

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::marks::{Ellipsoid, MARK_IDS, Mark, TIMES, mark};
 
-/// Distance of the lines along which overlaps are measured.
+/// Spacing of the lines along which overlaps are measured.
 pub(super) const STEP_MM: f64 = 0.0625;
 
 /// True volume of one mask's shape.
@@ -47,13 +47,13 @@ pub struct TimeTruth {
 pub struct Growth {
     /// The mask's id.
     pub id: &'static str,
-    /// Outward movement of the left, posterior and inferior faces; negative withdrew.
+    /// Outward movement of the left, posterior and inferior faces; negative where they receded.
     pub left_posterior_inferior_mm: DVec3,
-    /// Outward movement of the right, anterior and superior faces; negative withdrew.
+    /// Outward movement of the right, anterior and superior faces; negative where they receded.
     pub right_anterior_superior_mm: DVec3,
 }
 
-/// What is known about the phantom's shapes, before any voxel.
+/// What is known of the phantom's shapes, before rasterisation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Truth {
     /// How it was computed.
@@ -64,7 +64,7 @@ pub struct Truth {
     pub growth: Vec<Growth>,
 }
 
-/// Where a line along R at (`y`, `z`) is inside an ellipsoid.
+/// Interval of the line along R at (`y`, `z`) inside an ellipsoid.
 fn chord(e: &Ellipsoid, y: f64, z: f64) -> Option<(f64, f64)> {
     let v = (y - e.center_mm.y) / e.semi_axes_mm.y;
     let w = (z - e.center_mm.z) / e.semi_axes_mm.z;
@@ -73,20 +73,20 @@ fn chord(e: &Ellipsoid, y: f64, z: f64) -> Option<(f64, f64)> {
 }
 
 /// Volume of each combination of marks: exact lengths along lines in R, `step_mm` apart in A and S,
-/// each standing for its square (midpoint rule). `[bits]` in ml; `[0]` is 0.
+/// each representing its square cell (midpoint rule). `[bits]` in ml; `[0]` is 0.
 ///
-/// Error: that of the midpoint rule on the chord length, which has a root at the border; a test
-/// sets it against 4/3 π a b c.
+/// Error: that of the midpoint rule on the chord length, which falls to 0 like a square root at the
+/// border; a test compares it with 4/3 π a b c.
 pub(super) fn measured_ml(marks: &[Mark], step_mm: f64) -> Vec<f64> {
     let boxes = marks.iter().flat_map(|m| &m.parts);
     let (lo, hi) = boxes.fold((DVec3::MAX, DVec3::MIN), |(lo, hi), e| {
         (lo.min(e.center_mm - e.semi_axes_mm), hi.max(e.center_mm + e.semi_axes_mm))
     });
     let [ny, nz] = [hi.y - lo.y, hi.z - lo.z].map(|length| (length / step_mm).ceil() as usize);
-    let none = || vec![0.0; 1 << marks.len()];
+    let zeros = || vec![0.0; 1 << marks.len()];
     let slice = |k: usize| {
         let z = lo.z + (k as f64 + 0.5) * step_mm;
-        let mut lengths = none();
+        let mut lengths = zeros();
         for j in 0..ny {
             let y = lo.y + (j as f64 + 0.5) * step_mm;
             let mut ends: Vec<f64> = Vec::new();

@@ -7,7 +7,7 @@ fn grid(dims: [usize; 3], matrix3: DMat3, translation: DVec3) -> Grid {
     Grid::new(dims, DAffine3 { matrix3, translation }, Sides::Known).unwrap()
 }
 
-fn plain(dims: [usize; 3], spacing_mm: DVec3, origin_mm: DVec3) -> Grid {
+fn axis_aligned(dims: [usize; 3], spacing_mm: DVec3, origin_mm: DVec3) -> Grid {
     Grid::axis_aligned(dims, spacing_mm, origin_mm).unwrap()
 }
 
@@ -20,12 +20,12 @@ fn speckle(dims: [usize; 3], grid: Grid, seed: u64) -> Mask {
     Mask::new("speckle", grid, bits).unwrap()
 }
 
-fn onto(mask: &Mask, target: &Grid) -> MaskBits {
+fn resampled(mask: &Mask, target: &Grid) -> MaskBits {
     mask_onto(mask, target, &Progress::new()).unwrap()
 }
 
-/// The definition, voxel by voxel through the world, in the plainest way.
-fn by_definition(mask: &Mask, target: &Grid) -> MaskBits {
+/// Reference: nearest neighbour through world coordinates, voxel by voxel.
+fn reference(mask: &Mask, target: &Grid) -> MaskBits {
     let [nx, ny, _] = target.dims();
     MaskBits::from_fn(target.dims(), |l| {
         let world = target.center_of_voxel_mm([l % nx, l / nx % ny, l / nx / ny]);
@@ -34,27 +34,27 @@ fn by_definition(mask: &Mask, target: &Grid) -> MaskBits {
 }
 
 #[test]
-fn the_same_place_keeps_every_bit() {
+fn masks_already_on_the_target_grid_keep_every_bit() {
     let m = DMat3::from_rotation_y(0.4) * DMat3::from_diagonal(DVec3::new(-0.7, 1.1, 3.0));
     let dims = [67, 9, 5];
     let mask = speckle(dims, grid(dims, m, DVec3::new(3.0, -40.0, 7.0)), 1);
-    assert_eq!(&onto(&mask, mask.grid()), mask.bits());
-    // And through the affine, moved by less than a tie but more than the short cut allows.
+    assert_eq!(&resampled(&mask, mask.grid()), mask.bits());
+    // And through the affine: moved by less than half a voxel but by more than `SAME_PLACE_VOXELS`.
     let moved = grid(dims, m, DVec3::new(3.0, -40.0, 7.0) + m.x_axis * 0.01);
-    assert_eq!(&onto(&mask, &moved), mask.bits());
+    assert_eq!(&resampled(&mask, &moved), mask.bits());
 }
 
 /// Every voxel of the source becomes exactly f³ voxels when the target divides it by f.
 #[test]
-fn whole_up_sampling_multiplies_exactly() {
+fn integer_upsampling_multiplies_voxel_counts_exactly() {
     let dims = [7, 6, 5];
     for factor in [2_usize, 3, 4] {
-        for place in [DVec3::ZERO, DVec3::new(1e6, -1e6, 1e6)] {
+        for origin_mm in [DVec3::ZERO, DVec3::new(1e6, -1e6, 1e6)] {
             let spacing = DVec3::new(3.0, 1.2, 6.0);
-            let mask = speckle(dims, plain(dims, spacing, place), factor as u64);
+            let mask = speckle(dims, axis_aligned(dims, spacing, origin_mm), factor as u64);
             let fine = spacing / factor as f64;
-            let target = plain(dims.map(|n| n * factor), fine, place - spacing / 2.0 + fine / 2.0);
-            let found = onto(&mask, &target);
+            let target = axis_aligned(dims.map(|n| n * factor), fine, origin_mm - spacing / 2.0 + fine / 2.0);
+            let found = resampled(&mask, &target);
             assert_eq!(found.count(), mask.voxels() * factor.pow(3) as u64);
             for z in 0..target.dims()[2] {
                 for y in 0..target.dims()[1] {
@@ -70,16 +70,16 @@ fn whole_up_sampling_multiplies_exactly() {
     }
 }
 
-/// Quarter turns and mirrors are permutations of the voxels.
+/// Quarter turns and reflections are permutations of the voxels.
 #[test]
-fn turned_grids_permute() {
+fn axis_permutations_and_flips_permute_voxels() {
     let dims = [6, 5, 4];
-    let mask = speckle(dims, plain(dims, DVec3::ONE, DVec3::ZERO), 9);
+    let mask = speckle(dims, axis_aligned(dims, DVec3::ONE, DVec3::ZERO), 9);
     // Target axes: x along -R from 5, y along S, z along A.
     let m = DMat3::from_cols(-DVec3::X, DVec3::Z, DVec3::Y);
     let target = grid([6, 4, 5], m, DVec3::new(5.0, 0.0, 0.0));
     assert!(m.determinant() > 0.0 && DMat3::from_cols(-DVec3::X, DVec3::Y, DVec3::Z).determinant() < 0.0);
-    let found = onto(&mask, &target);
+    let found = resampled(&mask, &target);
     for z in 0..5 {
         for y in 0..4 {
             for x in 0..6 {
@@ -89,9 +89,9 @@ fn turned_grids_permute() {
     }
 }
 
-/// Oblique, sheared, mirrored, far away: as the definition says, outside of ties.
+/// Oblique, sheared, mirrored, far away: equal to the reference, ties aside.
 #[test]
-fn any_affine_equals_the_definition() {
+fn any_affine_matches_the_reference() {
     let dims = [20, 17, 9];
     let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.3, 1.0, 0.0), DVec3::new(0.1, -0.2, 1.0));
     let sources = [
@@ -99,15 +99,15 @@ fn any_affine_equals_the_definition() {
         shear * DMat3::from_diagonal(DVec3::new(-0.8, 1.1, 3.1)),
     ];
     let turned = DMat3::from_rotation_z(-0.7) * DMat3::from_rotation_y(0.2);
-    for place in [DVec3::ZERO, DVec3::splat(1e6)] {
+    for origin_mm in [DVec3::ZERO, DVec3::splat(1e6)] {
         for m in sources {
-            let mask = speckle(dims, grid(dims, m, place), 4);
+            let mask = speckle(dims, grid(dims, m, origin_mm), 4);
             let fine = turned * DMat3::from_diagonal(DVec3::new(0.9, -1.1, 1.0));
             let middle = fine * DVec3::new(20.3, 18.1, 16.4);
             let target = grid([41, 37, 33], fine, mask.grid().center_mm() - middle);
-            let found = onto(&mask, &target);
+            let found = resampled(&mask, &target);
             assert!(found.count() > 500);
-            assert_eq!(found, by_definition(&mask, &target));
+            assert_eq!(found, reference(&mask, &target));
         }
     }
 }
@@ -116,36 +116,36 @@ fn any_affine_equals_the_definition() {
 /// rounding puts the centre a little below the border.
 #[test]
 fn a_tie_goes_to_the_higher_index() {
-    let place = DVec3::new(0.1, 1e6 / 3.0, -7.7);
-    let source = plain([8, 1, 1], DVec3::new(0.3, 1.0, 1.0), place);
+    let origin_mm = DVec3::new(0.1, 1e6 / 3.0, -7.7);
+    let source = axis_aligned([8, 1, 1], DVec3::new(0.3, 1.0, 1.0), origin_mm);
     let mask = Mask::new("odd", source, MaskBits::from_fn([8, 1, 1], |l| l % 2 == 1)).unwrap();
-    let target = plain([4, 1, 1], DVec3::new(0.6, 1.0, 1.0), place + DVec3::new(0.15, 0.0, 0.0));
-    assert_eq!(onto(&mask, &target), MaskBits::full([4, 1, 1]));
+    let target = axis_aligned([4, 1, 1], DVec3::new(0.6, 1.0, 1.0), origin_mm + DVec3::new(0.15, 0.0, 0.0));
+    assert_eq!(resampled(&mask, &target), MaskBits::full([4, 1, 1]));
 }
 
 #[test]
-fn outside_is_inactive_and_counted() {
-    let full =
-        Mask::new("full", plain([4, 4, 4], DVec3::ONE, DVec3::ZERO), MaskBits::full([4, 4, 4])).unwrap();
-    let away = plain([4, 4, 4], DVec3::ONE, DVec3::splat(100.0));
-    assert_eq!(onto(&full, &away).count(), 0);
+fn voxels_outside_are_inactive_and_counted() {
+    let full = Mask::new("full", axis_aligned([4, 4, 4], DVec3::ONE, DVec3::ZERO), MaskBits::full([4, 4, 4]))
+        .unwrap();
+    let away = axis_aligned([4, 4, 4], DVec3::ONE, DVec3::splat(100.0));
+    assert_eq!(resampled(&full, &away).count(), 0);
     assert_eq!(voxels_outside(&full, &[&away]), 64);
-    let half = plain([4, 4, 2], DVec3::ONE, DVec3::ZERO);
+    let half = axis_aligned([4, 4, 2], DVec3::ONE, DVec3::ZERO);
     assert_eq!(voxels_outside(&full, &[&half]), 32);
     assert_eq!(voxels_outside(&full, &[&half, full.grid()]), 0);
-    // Two halves cover what neither does alone.
-    let other = plain([4, 4, 2], DVec3::ONE, DVec3::new(0.0, 0.0, 2.0));
+    // Two halves together cover the mask.
+    let other = axis_aligned([4, 4, 2], DVec3::ONE, DVec3::new(0.0, 0.0, 2.0));
     assert_eq!(voxels_outside(&full, &[&half, &other]), 0);
     let empty = Mask::new("empty", away, MaskBits::empty([4, 4, 4])).unwrap();
-    assert_eq!(onto(&empty, &half).count(), 0);
+    assert_eq!(resampled(&empty, &half).count(), 0);
     assert_eq!(voxels_outside(&empty, &[]), 0);
     assert_eq!(voxels_outside(&full, &[]), 64);
 }
 
-/// A linear function of the place is reproduced by trilinear interpolation, between the outermost
+/// A linear function of position is reproduced by trilinear interpolation, between the outermost
 /// centres.
 #[test]
-fn a_ramp_stays_a_ramp() {
+fn trilinear_interpolation_reproduces_a_linear_ramp() {
     let ramp = |p: DVec3| 3.0 + 0.5 * p.x - 0.25 * p.y + 2.0 * p.z;
     let dims = [12, 11, 10];
     let m = DMat3::from_rotation_x(0.2) * DMat3::from_diagonal(DVec3::new(1.0, -1.5, 2.0));
@@ -154,7 +154,7 @@ fn a_ramp_stays_a_ramp() {
         .map(|l| ramp(source.center_of_voxel_mm([l % 12, l / 12 % 11, l / 132])))
         .collect();
     let volume = Volume::new(source, Samples::F64(values), Scaling { slope: 2.0, intercept: -1.0 }).unwrap();
-    let target = plain([30, 30, 40], DVec3::new(0.7, 0.9, 0.6), DVec3::new(-6.0, -8.0, 0.0));
+    let target = axis_aligned([30, 30, 40], DVec3::new(0.7, 0.9, 0.6), DVec3::new(-6.0, -8.0, 0.0));
     let found = image_onto(&volume, &target, &Progress::new()).unwrap();
     let map = source_from_target(volume.grid(), &target);
     let mut tested = 0;
@@ -176,8 +176,8 @@ fn a_ramp_stays_a_ramp() {
 }
 
 #[test]
-fn an_image_in_its_own_place_keeps_its_values_and_edges_hold() {
-    let g = plain([5, 1, 1], DVec3::ONE, DVec3::ZERO);
+fn images_already_on_the_target_keep_their_values_and_edges_extend() {
+    let g = axis_aligned([5, 1, 1], DVec3::ONE, DVec3::ZERO);
     let volume = Volume::new(g.clone(), Samples::I16(vec![5, -3, 9, 1, 7]), Scaling::NONE).unwrap();
     let same = image_onto(&volume, &g, &Progress::new()).unwrap();
     assert_eq!((same.values, same.inside), (vec![5.0, -3.0, 9.0, 1.0, 7.0], MaskBits::full([5, 1, 1])));
@@ -186,10 +186,10 @@ fn an_image_in_its_own_place_keeps_its_values_and_edges_hold() {
     assert_eq!((at(-0.6), at(4.6)), (None, None));
 }
 
-/// A NaN touches only what it belongs to: a centre exactly on its good neighbour is not spoilt.
+/// A NaN affects only positions with a non-zero weight of it, not the centre of its finite neighbour.
 #[test]
-fn a_nan_stays_where_it_is() {
-    let g = plain([3, 1, 1], DVec3::ONE, DVec3::ZERO);
+fn nan_does_not_spread_to_zero_weight_neighbors() {
+    let g = axis_aligned([3, 1, 1], DVec3::ONE, DVec3::ZERO);
     let volume = Volume::new(g, Samples::F32(vec![1.0, f32::NAN, 3.0]), Scaling::NONE).unwrap();
     let at = |x: f64| value_at(&volume, DVec3::new(x, 0.0, 0.0)).unwrap();
     assert_eq!((at(0.0), at(2.0)), (1.0, 3.0));
@@ -197,9 +197,9 @@ fn a_nan_stays_where_it_is() {
 }
 
 #[test]
-fn a_cancelled_job_says_so() {
-    let mask = speckle([4, 4, 4], plain([4, 4, 4], DVec3::ONE, DVec3::ZERO), 1);
-    let target = plain([8, 8, 8], DVec3::splat(0.5), DVec3::ZERO);
+fn cancelling_is_reported() {
+    let mask = speckle([4, 4, 4], axis_aligned([4, 4, 4], DVec3::ONE, DVec3::ZERO), 1);
+    let target = axis_aligned([8, 8, 8], DVec3::splat(0.5), DVec3::ZERO);
     let progress = Progress::new();
     progress.cancel();
     assert_eq!(mask_onto(&mask, &target, &progress), Err(Cancelled));

@@ -1,4 +1,4 @@
-//! Where the force vanishes, and what kind of place that is.
+//! Critical points of the force: where it vanishes, and their classification.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -6,20 +6,19 @@ use rayon::prelude::*;
 use super::field::Lattice;
 use crate::MaskBits;
 
-/// Corner values below this part of the cell's largest count as zero: rounding, nothing more.
-const ZERO: f64 = 1e-12;
+/// Components below this fraction of the cell's largest corner value count as zero: rounding error.
+const RELATIVE_ZERO: f64 = 1e-12;
 
-/// How far outside its cell, in cell lengths, a zero may be found: on a shared face, both sides
-/// find it.
-const SLACK: f64 = 1e-6;
+/// Tolerance, in cell lengths, for a zero outside its cell: one on a shared face is found from both sides.
+const CELL_TOLERANCE: f64 = 1e-6;
 
-/// Boxes looked at in one cell before bisection gives up.
+/// Maximum number of boxes that bisection examines in one cell.
 const MAX_BOXES: usize = 400;
 
-/// Halvings of a cell's edge.
+/// Maximum number of halvings of a cell's edge.
 const MAX_DEPTH: u32 = 20;
 
-/// What flows where at a critical point, from the signs of the Jacobian's eigenvalues.
+/// Kind of a critical point, from the signs of the Jacobian's eigenvalues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Attracting,
@@ -31,7 +30,7 @@ pub(super) enum Kind {
 pub(super) struct CriticalPoint {
     pub at: DVec3,
     pub kind: Kind,
-    /// Unit directions of growth: eigenvectors of positive eigenvalues.
+    /// Unit directions in which the force points away: eigenvectors of positive eigenvalues.
     pub outgoing: Vec<DVec3>,
 }
 
@@ -68,23 +67,23 @@ impl Cell {
         self.0.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max)
     }
 
-    /// Whether each component changes sign (or vanishes) over the corners of a box in the cell.
+    /// Whether every component changes sign (or vanishes) over the corners of a box in the cell: necessary for a zero.
     fn may_vanish(corners: &[DVec3; 8], tolerance: f64) -> bool {
         let (lo, hi) = corners.iter().fold((corners[0], corners[0]), |(lo, hi), &v| (lo.min(v), hi.max(v)));
         lo.max_element() <= tolerance && hi.min_element() >= -tolerance
     }
 
-    /// A zero in the cell: Newton's method from the middle, bisection where that fails.
+    /// A zero in the cell: Newton's method from the centre, bisection where that fails.
     fn zero(&self) -> Option<DVec3> {
         let scale = self.scale();
-        let tolerance = ZERO * scale;
+        let tolerance = RELATIVE_ZERO * scale;
         self.newton(DVec3::splat(0.5), scale).or_else(|| self.bisect(scale, tolerance))
     }
 
     fn newton(&self, mut u: DVec3, scale: f64) -> Option<DVec3> {
         for _ in 0..12 {
             let value = self.value(u);
-            let inside = u.min_element() >= -SLACK && u.max_element() <= 1.0 + SLACK;
+            let inside = u.min_element() >= -CELL_TOLERANCE && u.max_element() <= 1.0 + CELL_TOLERANCE;
             if value.abs().max_element() <= 1e-12 * scale && inside {
                 return Some(u.clamp(DVec3::ZERO, DVec3::ONE));
             }
@@ -116,7 +115,7 @@ impl Cell {
             if let Some(u) = (depth > 0).then(|| self.newton(middle, scale)).flatten() {
                 return Some(u);
             }
-            // The first octant is looked at first.
+            // The first octant is examined first.
             boxes.extend((0..8).rev().map(|c| (lo + corner(c) * (size * 0.5), depth + 1)));
         }
         None
@@ -127,8 +126,8 @@ fn corner(c: usize) -> DVec3 {
     DVec3::new((c & 1) as f64, (c >> 1 & 1) as f64, (c >> 2) as f64)
 }
 
-/// One critical point for each cell that has any, in memory order of the cells. Those on shared
-/// faces are found more than once; [`distinct`] keeps one.
+/// At most one critical point per cell, in memory order of the cells. Those on shared faces are found more than once;
+/// [`distinct`](super::trace::distinct) removes the duplicates.
 pub(super) fn critical_points(lattice: &Lattice, cells: &MaskBits, forces: &[DVec3]) -> Vec<CriticalPoint> {
     let per_line = cells.words_per_line();
     let [_, ny, nz] = cells.dims();
@@ -143,7 +142,7 @@ pub(super) fn critical_points(lattice: &Lattice, cells: &MaskBits, forces: &[DVe
                     let at = [w * 64 + rest.trailing_zeros() as usize, line % ny, line / ny];
                     rest &= rest - 1;
                     let cell = cell_at(lattice, forces, at);
-                    if !Cell::may_vanish(&cell.0, ZERO * cell.scale()) {
+                    if !Cell::may_vanish(&cell.0, RELATIVE_ZERO * cell.scale()) {
                         continue;
                     }
                     if let Some(u) = cell.zero() {
@@ -164,9 +163,10 @@ fn cell_at(lattice: &Lattice, forces: &[DVec3], [i, j, k]: [usize; 3]) -> Cell {
 }
 
 fn classify(at: DVec3, jacobian: DMat3) -> CriticalPoint {
-    // The force is a gradient, so its true Jacobian is symmetric: what isn't is interpolation error.
+    // The force is a gradient, so its Jacobian is symmetric: the antisymmetric part is interpolation error.
     let (values, vectors) = symmetric_eigen((jacobian + jacobian.transpose()) * 0.5);
-    let outgoing: Vec<DVec3> = (0..3).filter(|&i| values[i] > 0.0).map(|i| signed(vectors.col(i))).collect();
+    let outgoing: Vec<DVec3> =
+        (0..3).filter(|&i| values[i] > 0.0).map(|i| with_fixed_sign(vectors.col(i))).collect();
     let kind = match outgoing.len() {
         0 => Kind::Attracting,
         3 => Kind::Repelling,
@@ -175,20 +175,20 @@ fn classify(at: DVec3, jacobian: DMat3) -> CriticalPoint {
     CriticalPoint { at, kind, outgoing }
 }
 
-/// The one of ±v whose largest component is positive: results don't depend on rounding's whim.
-fn signed(v: DVec3) -> DVec3 {
+/// The one of ±v whose largest component is positive, so that signs don't depend on rounding.
+fn with_fixed_sign(v: DVec3) -> DVec3 {
     let a = v.abs();
     let axis = (1..3).fold(0, |best, i| if a[i] > a[best] * (1.0 + 1e-9) { i } else { best });
     if v[axis] < 0.0 { -v } else { v }
 }
 
-/// Eigenvalues and unit eigenvectors (columns) of a symmetric matrix, by Jacobi's rotations.
+/// Eigenvalues and unit eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
 pub(super) fn symmetric_eigen(mut a: DMat3) -> ([f64; 3], DMat3) {
     let mut vectors = DMat3::IDENTITY;
     for _ in 0..30 {
         let size = (a.x_axis.x.powi(2) + a.y_axis.y.powi(2) + a.z_axis.z.powi(2)).sqrt();
-        let off = a.y_axis.x.abs().max(a.z_axis.x.abs()).max(a.z_axis.y.abs());
-        if off <= 1e-15 * size || off == 0.0 {
+        let off_diagonal = a.y_axis.x.abs().max(a.z_axis.x.abs()).max(a.z_axis.y.abs());
+        if off_diagonal <= 1e-15 * size || off_diagonal == 0.0 {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {

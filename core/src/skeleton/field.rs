@@ -1,45 +1,45 @@
-//! The force on a lattice of places inside the mask.
+//! The force on a lattice of points inside the mask.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    force::{Block, Charges, Law},
-    solid::Solid,
+    filled_mask::FilledMask,
+    force::{Block, Charges, PowerLaw},
 };
 use crate::{Cancelled, MaskBits, Progress};
 
-/// Lattice places along the edge of a block that shares one list of charges.
+/// Lattice points along the edge of a block that shares one list of charges.
 const EDGE: usize = 4;
 
-/// Most lattice places along one voxel of a thick slice.
+/// Maximum number of lattice points along one voxel of a thick slice.
 const MAX_REFINE: f64 = 6.0;
 
-/// Where the force is known: voxel centres; every c-th one where it is coarser; several along the
-/// axis of thick slices, so that places are about as far apart in all directions.
+/// The points at which the force is sampled: voxel centres; with coarse sampling every c-th one; along the axis of
+/// thick slices several per voxel, so that the spacing is about equal in all directions.
 pub(super) struct Lattice {
-    /// Places inside the mask.
+    /// Lattice points inside the mask.
     pub nodes: MaskBits,
     offset: DVec3,
     step: DVec3,
-    /// Units of a lattice step along each axis.
+    /// Maps lattice steps to units.
     pub unit_from_node: DMat3,
     origin: DVec3,
-    /// Places in the words before each word.
+    /// Number of inside points in the words before each word.
     rank: Vec<u32>,
 }
 
 impl Lattice {
-    pub fn new(solid: &Solid, coarse: usize) -> Self {
-        let dims = solid.bits.dims();
+    pub fn new(filled: &FilledMask, coarse: usize) -> Self {
+        let dims = filled.bits.dims();
         let coarse = coarse.max(1) as f64;
         let (mut offset, mut step) = (DVec3::ZERO, DVec3::ONE);
         for a in 0..3 {
-            let refine = (solid.ratio[a] / (2.0 * coarse)).round().clamp(1.0, MAX_REFINE);
+            let refine = (filled.ratio[a] / (2.0 * coarse)).round().clamp(1.0, MAX_REFINE);
             if refine > 1.0 {
                 (step[a], offset[a]) = (1.0 / refine, 0.5 / refine - 0.5);
             } else {
-                step[a] = (coarse / solid.ratio[a]).floor().max(1.0);
+                step[a] = (coarse / filled.ratio[a]).floor().max(1.0);
             }
         }
         let size: [usize; 3] =
@@ -48,8 +48,8 @@ impl Lattice {
             nodes: MaskBits::empty(size),
             offset,
             step,
-            unit_from_node: solid.unit_from_voxel * DMat3::from_diagonal(step),
-            origin: solid.unit(offset),
+            unit_from_node: filled.unit_from_voxel * DMat3::from_diagonal(step),
+            origin: filled.unit(offset),
             rank: Vec::new(),
         };
         let per_axis: [Vec<usize>; 3] =
@@ -57,7 +57,7 @@ impl Lattice {
         for k in 0..size[2] {
             for j in 0..size[1] {
                 for i in 0..size[0] {
-                    if solid.bits.get([per_axis[0][i], per_axis[1][j], per_axis[2][k]]) {
+                    if filled.bits.get([per_axis[0][i], per_axis[1][j], per_axis[2][k]]) {
                         lattice.nodes.set([i, j, k]);
                     }
                 }
@@ -73,17 +73,17 @@ impl Lattice {
         lattice
     }
 
-    /// Voxel of lattice place `n` along an axis.
+    /// Voxel that contains lattice point `n` along an axis.
     pub fn voxel(&self, n: usize, axis: usize) -> usize {
         (self.offset[axis] + n as f64 * self.step[axis] + 0.5).floor() as usize
     }
 
-    /// Units of a place between lattice nodes.
+    /// Converts a fractional lattice position to units.
     pub fn unit(&self, node: DVec3) -> DVec3 {
         self.origin + self.unit_from_node * node
     }
 
-    /// Number of an inside place; the next along x, if inside, has the next number.
+    /// Index of an inside point among all inside points; the next along x, if inside, has the next index.
     pub fn rank(&self, [i, j, k]: [usize; 3]) -> usize {
         let word = (k * self.nodes.dims()[1] + j) * self.nodes.words_per_line() + i / 64;
         let below = self.nodes.words()[word] & ((1 << (i % 64)) - 1);
@@ -111,11 +111,11 @@ impl Lattice {
         cells
     }
 
-    /// The scaled force at every inside place, by rank.
+    /// The scaled force at every inside point, by rank, computed with the tree.
     pub fn forces(
         &self,
         charges: &Charges,
-        law: Law,
+        law: PowerLaw,
         opening: f64,
         progress: &Progress,
     ) -> Result<Vec<DVec3>, Cancelled> {
@@ -143,11 +143,11 @@ impl Lattice {
     fn slab(
         &self,
         charges: &Charges,
-        law: Law,
+        law: PowerLaw,
         opening: f64,
         slab: usize,
         mut set: impl FnMut(usize, DVec3),
-        (block, list, ranks): &mut (Block, super::force::List, Vec<usize>),
+        (block, list, ranks): &mut (Block, super::force::ChargeList, Vec<usize>),
         progress: &Progress,
     ) -> Result<(), Cancelled> {
         let [nx, ny, nz] = self.nodes.dims();

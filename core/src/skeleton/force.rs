@@ -1,28 +1,28 @@
-//! The repulsive force of the boundary: charges on its faces, and a tree that sums them.
+//! The repulsive force of the boundary: charges on its faces, summed with a Barnes–Hut tree.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::solid::Solid;
+use super::filled_mask::FilledMask;
 
-/// Charges below which a node isn't split.
+/// Maximum number of charges in a leaf.
 const LEAF: usize = 8;
 
-/// Most charges along one edge of a face.
+/// Maximum number of charges along one edge of a face.
 const MAX_SPLIT: f64 = 12.0;
 
-/// One charge, or several seen from afar.
+/// A boundary charge, or a distant cluster of charges merged into one.
 #[derive(Clone, Copy, Debug)]
 pub struct Charge {
-    /// Where, in units of the finest voxel spacing.
+    /// Position, in units of the finest voxel spacing.
     pub at: DVec3,
-    /// The area of boundary that it stands for, in square units.
+    /// The boundary area that it represents, in square units.
     pub weight: f64,
 }
 
 #[derive(Clone, Debug)]
 struct Node {
-    /// Weighted mean of its charges: the first moment about it vanishes.
+    /// Weighted mean of its charges, about which their first moment vanishes.
     center: DVec3,
     weight: f64,
     /// Largest distance of a charge from `center`.
@@ -35,58 +35,59 @@ struct Node {
 
 /// The boundary's charges in a k-d tree.
 ///
-/// A node of radius ρ is taken as one charge where ρ ≤ θ·D, D its distance from the nearest place
-/// asked for (Barnes and Hut 1986). What is left out of its force is of second order: at most
-/// `(m+1)(m+2)/2·θ²/(1−θ)^(m+3)` of the node's own, far less on average; `docs/change.md` has it
-/// measured. θ = 0 is the exact sum.
+/// A node of radius ρ is summed as one charge where ρ ≤ θ·D, D its distance from the nearest requested point (Barnes
+/// and Hut 1986). The error is of second order: at most `(m+1)(m+2)/2·θ²/(1−θ)^(m+3)` of the node's own force, far
+/// less on average; see the measurements in `docs/change.md`. θ = 0 gives the exact sum.
 pub(super) struct Charges {
     nodes: Vec<Node>,
     charges: Vec<Charge>,
 }
 
-/// Force and potential at one place.
+/// Force and potential at one point.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Felt {
+pub(super) struct ForceSample {
     /// Σ w·(x−b)/‖x−b‖^(m+1).
     pub force: DVec3,
     /// Σ w·‖x−b‖^(1−m)/(m−1); the force is its negative gradient.
     pub potential: f64,
     /// Distance to the nearest charge.
-    pub nearest: f64,
+    pub nearest_distance: f64,
 }
 
-/// What acts on a small neighbourhood.
-pub(super) type List = Vec<Charge>;
+/// Charges and merged clusters that act on a small neighbourhood.
+pub(super) type ChargeList = Vec<Charge>;
 
-/// Charges at the middles of the boundary's faces, weighted by area. Faces longer than the finest
-/// spacing are cut, so that charges are about as far apart in all directions.
-pub(super) fn boundary_charges(solid: &Solid) -> Vec<Charge> {
-    let columns = [solid.unit_from_voxel.x_axis, solid.unit_from_voxel.y_axis, solid.unit_from_voxel.z_axis];
-    let cuts = solid.ratio.to_array().map(|r| r.round().clamp(1.0, MAX_SPLIT) as usize);
-    let [_, ny, nz] = solid.bits.dims();
+/// Charges at the centres of the boundary's voxel faces, weighted by area. Faces longer than the finest spacing are
+/// subdivided, so that the charges' spacing is about equal in all directions.
+pub(super) fn boundary_charges(filled: &FilledMask) -> Vec<Charge> {
+    let columns =
+        [filled.unit_from_voxel.x_axis, filled.unit_from_voxel.y_axis, filled.unit_from_voxel.z_axis];
+    let subdivisions = filled.ratio.to_array().map(|r| r.round().clamp(1.0, MAX_SPLIT) as usize);
+    let [_, ny, nz] = filled.bits.dims();
     let lines: Vec<Vec<Charge>> = (0..ny * nz)
         .into_par_iter()
         .map(|line| {
             let mut charges = Vec::new();
-            for_each_set(solid, line, |x| {
+            for_each_set(filled, line, |x| {
                 let voxel = [x, line % ny, line / ny];
-                let center = solid.center(voxel);
+                let center = filled.center(voxel);
                 for axis in 0..3 {
                     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
                     for up in [false, true] {
                         let mut beside = voxel;
                         beside[axis] = if up { voxel[axis] + 1 } else { voxel[axis] - 1 };
-                        if solid.bits.get(beside) {
+                        if filled.bits.get(beside) {
                             continue;
                         }
                         let middle = center + columns[axis] * if up { 0.5 } else { -0.5 };
-                        let parts = (cuts[u] * cuts[v]) as f64;
+                        let parts = (subdivisions[u] * subdivisions[v]) as f64;
                         let weight = columns[u].cross(columns[v]).length() / parts;
-                        for part in 0..cuts[u] * cuts[v] {
-                            let along = |n: usize, cuts: usize| (n as f64 + 0.5) / cuts as f64 - 0.5;
+                        for part in 0..subdivisions[u] * subdivisions[v] {
+                            let along =
+                                |n: usize, subdivisions: usize| (n as f64 + 0.5) / subdivisions as f64 - 0.5;
                             let at = middle
-                                + columns[u] * along(part % cuts[u], cuts[u])
-                                + columns[v] * along(part / cuts[u], cuts[v]);
+                                + columns[u] * along(part % subdivisions[u], subdivisions[u])
+                                + columns[v] * along(part / subdivisions[u], subdivisions[v]);
                             charges.push(Charge { at, weight });
                         }
                     }
@@ -98,9 +99,9 @@ pub(super) fn boundary_charges(solid: &Solid) -> Vec<Charge> {
     lines.concat()
 }
 
-fn for_each_set(solid: &Solid, line: usize, mut visit: impl FnMut(usize)) {
-    let per_line = solid.bits.words_per_line();
-    for (w, &word) in solid.bits.words()[line * per_line..][..per_line].iter().enumerate() {
+fn for_each_set(filled: &FilledMask, line: usize, mut visit: impl FnMut(usize)) {
+    let per_line = filled.bits.words_per_line();
+    for (w, &word) in filled.bits.words()[line * per_line..][..per_line].iter().enumerate() {
         let mut rest = word;
         while rest != 0 {
             visit(w * 64 + rest.trailing_zeros() as usize);
@@ -122,16 +123,17 @@ impl Charges {
         self.charges.len()
     }
 
-    /// All of them, neighbours near one another.
+    /// All charges; neighbours in the list are close to each other.
     pub fn all(&self) -> &[Charge] {
         &self.charges
     }
 
-    /// What acts on places up to `reach` from `center`, with opening bound `opening`.
-    pub fn gather(&self, center: DVec3, reach: f64, opening: f64, list: &mut List) {
+    /// Collects the charges and merged clusters that act on points within `reach` of `center`, with opening angle
+    /// `opening`.
+    pub fn gather(&self, center: DVec3, reach: f64, opening: f64, list: &mut ChargeList) {
         list.clear();
-        let mut open = vec![0];
-        while let Some(n) = open.pop() {
+        let mut pending = vec![0];
+        while let Some(n) = pending.pop() {
             let node = &self.nodes[n as usize];
             let distance = node.center.distance(center) - reach;
             if node.radius <= opening * distance {
@@ -139,7 +141,7 @@ impl Charges {
             } else if node.right == 0 {
                 list.extend_from_slice(&self.charges[node.start as usize..node.end as usize]);
             } else {
-                open.extend([node.right, n + 1]);
+                pending.extend([node.right, n + 1]);
             }
         }
     }
@@ -149,7 +151,7 @@ fn split(charges: &mut [Charge], start: usize, nodes: &mut Vec<Node>) {
     let weight: f64 = charges.iter().map(|c| c.weight).sum();
     let center = charges.iter().map(|c| c.at * c.weight).sum::<DVec3>() / weight;
     let radius = charges.iter().map(|c| c.at.distance_squared(center)).fold(0.0, f64::max).sqrt();
-    let me = nodes.len();
+    let node_index = nodes.len();
     let end = start + charges.len();
     nodes.push(Node { center, weight, radius, start: start as u32, end: end as u32, right: 0 });
     if charges.len() <= LEAF {
@@ -167,7 +169,7 @@ fn split(charges: &mut [Charge], start: usize, nodes: &mut Vec<Node>) {
     });
     let (left, right) = charges.split_at_mut(middle);
     split(left, start, nodes);
-    nodes[me].right = nodes.len() as u32;
+    nodes[node_index].right = nodes.len() as u32;
     split(right, start + middle, nodes);
 }
 
@@ -175,21 +177,21 @@ fn split(charges: &mut [Charge], start: usize, nodes: &mut Vec<Node>) {
 #[inline(always)]
 fn power<const M: u32>(inverse: f64) -> f64 {
     let half = inverse.powi(M.div_ceil(2) as i32);
-    // m + 1 odd: one more root.
+    // m + 1 odd: one factor of r^-1 is left.
     if M % 2 == 1 { half } else { half * inverse.sqrt() }
 }
 
-fn felt_with<const M: u32>(list: &[Charge], at: DVec3) -> Felt {
-    let (mut force, mut potential, mut nearest) = (DVec3::ZERO, 0.0, f64::INFINITY);
+fn sample_with<const M: u32>(list: &[Charge], at: DVec3) -> ForceSample {
+    let (mut force, mut potential, mut nearest_squared) = (DVec3::ZERO, 0.0, f64::INFINITY);
     for charge in list {
         let d = at - charge.at;
         let r2 = d.length_squared();
         let g = charge.weight * power::<M>(1.0 / r2);
         force += d * g;
         potential += g * r2;
-        nearest = nearest.min(r2);
+        nearest_squared = nearest_squared.min(r2);
     }
-    Felt { force, potential: potential / f64::from(M - 1), nearest: nearest.sqrt() }
+    ForceSample { force, potential: potential / f64::from(M - 1), nearest_distance: nearest_squared.sqrt() }
 }
 
 fn jacobian_with<const M: u32>(list: &[Charge], at: DVec3) -> DMat3 {
@@ -207,12 +209,12 @@ fn jacobian_with<const M: u32>(list: &[Charge], at: DVec3) -> DMat3 {
     DMat3::from_cols(sum[0], sum[1], sum[2])
 }
 
-/// Places to be evaluated together, as arrays that vectorise.
+/// Points to be evaluated together, in arrays that vectorise.
 #[derive(Default)]
 pub(super) struct Block {
     pub at: [Vec<f64>; 3],
     force: [Vec<f64>; 3],
-    nearest: Vec<f64>,
+    nearest_squared: Vec<f64>,
 }
 
 impl Block {
@@ -230,12 +232,13 @@ impl Block {
             f.clear();
             f.resize(n, 0.0);
         });
-        self.nearest.clear();
-        self.nearest.resize(n, f64::INFINITY);
+        self.nearest_squared.clear();
+        self.nearest_squared.resize(n, f64::INFINITY);
         let [x, y, z] = &self.at;
         let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
         let [fx, fy, fz] = &mut self.force;
-        let (fx, fy, fz, nearest) = (&mut fx[..n], &mut fy[..n], &mut fz[..n], &mut self.nearest[..n]);
+        let (fx, fy, fz, nearest_squared) =
+            (&mut fx[..n], &mut fy[..n], &mut fz[..n], &mut self.nearest_squared[..n]);
         for charge in list {
             for i in 0..n {
                 let (dx, dy, dz) = (x[i] - charge.at.x, y[i] - charge.at.y, z[i] - charge.at.z);
@@ -244,19 +247,19 @@ impl Block {
                 fx[i] += dx * g;
                 fy[i] += dy * g;
                 fz[i] += dz * g;
-                nearest[i] = if r2 < nearest[i] { r2 } else { nearest[i] };
+                nearest_squared[i] = if r2 < nearest_squared[i] { r2 } else { nearest_squared[i] };
             }
         }
     }
 }
 
-/// The exponent, 4 to 9, as code of its own for each.
+/// The power law of the force: exponent m, 4 to 9, with code specialised for each.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Law {
+pub(super) struct PowerLaw {
     m: u32,
 }
 
-impl Law {
+impl PowerLaw {
     pub fn new(m: u32) -> Self {
         Self { m: m.clamp(4, 9) }
     }
@@ -266,18 +269,18 @@ impl Law {
         self.m
     }
 
-    pub fn felt(self, list: &[Charge], at: DVec3) -> Felt {
+    pub fn sample(self, list: &[Charge], at: DVec3) -> ForceSample {
         match self.m {
-            4 => felt_with::<4>(list, at),
-            5 => felt_with::<5>(list, at),
-            6 => felt_with::<6>(list, at),
-            7 => felt_with::<7>(list, at),
-            8 => felt_with::<8>(list, at),
-            _ => felt_with::<9>(list, at),
+            4 => sample_with::<4>(list, at),
+            5 => sample_with::<5>(list, at),
+            6 => sample_with::<6>(list, at),
+            7 => sample_with::<7>(list, at),
+            8 => sample_with::<8>(list, at),
+            _ => sample_with::<9>(list, at),
         }
     }
 
-    /// Derivative of the force; symmetric.
+    /// Jacobian of the force; symmetric.
     pub fn jacobian(self, list: &[Charge], at: DVec3) -> DMat3 {
         match self.m {
             4 => jacobian_with::<4>(list, at),
@@ -289,10 +292,14 @@ impl Law {
         }
     }
 
-    /// Calls `found(i, force)` for each place of the block: the force times the m-th power of the
-    /// distance to the nearest charge, which leaves its direction and its zeros and takes away its
-    /// enormous range.
-    pub fn scaled_forces(self, list: &[Charge], block: &mut Block, mut found: impl FnMut(usize, DVec3)) {
+    /// Calls `visit_force(i, force)` for each point of the block with the force times the m-th power of the distance
+    /// to the nearest charge: this keeps direction and zeros of the force and removes its enormous range.
+    pub fn scaled_forces(
+        self,
+        list: &[Charge],
+        block: &mut Block,
+        mut visit_force: impl FnMut(usize, DVec3),
+    ) {
         match self.m {
             4 => block.sum::<4>(list),
             5 => block.sum::<5>(list),
@@ -302,8 +309,8 @@ impl Law {
             _ => block.sum::<9>(list),
         }
         let [fx, fy, fz] = &block.force;
-        for (i, r2) in block.nearest.iter().enumerate() {
-            found(i, DVec3::new(fx[i], fy[i], fz[i]) * r2.sqrt().powi(self.m as i32));
+        for (i, r2) in block.nearest_squared.iter().enumerate() {
+            visit_force(i, DVec3::new(fx[i], fy[i], fz[i]) * r2.sqrt().powi(self.m as i32));
         }
     }
 }

@@ -1,17 +1,17 @@
-//! Curve skeleton of a mask: the curves that its boundary repels everything to.
+//! Curve skeleton of a mask, along which the repulsive force of its boundary converges.
 //!
 //! After Cornea, Silver, Yuan and Balasubramanian, *Computing hierarchical curve-skeletons of 3D
 //! objects* (2005): charges on the boundary, critical points of their force, streamlines between.
-//! What differs: distances are millimetres and charges weighted by area; a ball, a line and an even
-//! thickness have answers; each step of a streamline must lower the potential, so that none circles;
-//! pieces of one component are joined, so that the skeleton is connected where the mask is.
+//! Differences: distances are in millimetres and charges weighted by area; balls, lines and parts of even thickness
+//! have skeletons; each step of a streamline must lower the potential, so that none circles; pieces of one component
+//! are joined, so that the skeleton is connected where the mask is.
 
 mod bridge;
 mod critical;
 mod field;
+mod filled_mask;
 mod force;
 mod seeds;
-mod solid;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -21,42 +21,42 @@ use glam::DVec3;
 
 use crate::{Cancelled, Grid, GridError, MaskBits, Progress, components::TooLarge, distance::DistanceError};
 use field::Lattice;
+use filled_mask::FilledMask;
 pub use force::Charge;
-use force::{Charges, Law};
-use solid::Solid;
+use force::{Charges, PowerLaw};
 pub use source::{ForceSource, ForceTask, ForceUsed, Refused};
-use trace::{Sketch, Tracer};
+use trace::{SkeletonBuilder, Tracer};
 
-/// Steps inside the mask within which a part without an inside is a mere bump.
-const BUMP: usize = 2;
+/// Uncovered voxels within this many steps of a covered one are bumps of the surface, not thin parts.
+const MAX_BUMP_STEPS: usize = 2;
 
-/// How much of the skeleton is asked for.
+/// Level of detail of the skeleton.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// Critical points, and streamlines from saddles.
+    /// Level 0: critical points, and streamlines from saddles.
     #[default]
     Core,
-    /// Also streamlines from where the force converges most.
+    /// Level 1: also streamlines from minima of the divergence of the force.
     Divergence,
-    /// Also streamlines from tips of the boundary.
+    /// Level 2: also streamlines from tips of the boundary.
     Boundary,
 }
 
-/// Choices of [`skeleton`].
+/// Options of [`skeleton`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkeletonOptions {
-    /// How much of it.
+    /// Level of detail.
     pub level: Level,
-    /// The force falls with the `exponent`-th power of the distance: 4 to 9. Higher is sharper and
-    /// lets less of a lobe be felt in the next; 5 needs no root.
+    /// The force decays with the `exponent`-th power of the distance, 4 to 9. With higher exponents a lobe affects its
+    /// neighbours less; odd exponents need no square root.
     pub exponent: u32,
-    /// Opening bound θ: boundary whose extent is below θ times its distance is summed as one charge.
-    /// 0 is the exact sum.
+    /// Opening angle θ (Barnes and Hut): a cluster of charges whose radius is at most θ times its distance is summed as
+    /// one charge. 0 gives the exact sum.
     pub opening: f64,
-    /// The force is sampled at every `coarse`-th voxel along each axis: 1 for all. Parts thinner
-    /// than that have no inside then, and keep their voxels.
+    /// The force is sampled at every `coarse`-th voxel along each axis: 1 for all. Parts thinner than that contain no
+    /// lattice cell, and their voxels are kept as they are ([`PointKind::Thin`]).
     pub coarse: usize,
-    /// Level 1 starts at minima of divergence in this lowest part of its range, 0 to 1.
+    /// Level 1 starts at local minima of the divergence in this lowest fraction of its range, 0 to 1.
     pub divergence_part: f64,
 }
 
@@ -66,50 +66,50 @@ impl Default for SkeletonOptions {
     }
 }
 
-/// Why there is no skeleton. An empty mask is no error: its skeleton is empty.
+/// Why the skeleton can't be computed. An empty mask is no error: its skeleton is empty.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SkeletonError {
-    /// The mask and the grid differ in size.
+    /// The mask and the grid differ in dimensions.
     #[error("found a mask of {mask:?} voxels, expected the grid's {grid:?}")]
     Dims {
-        /// Size of the mask.
+        /// Dimensions of the mask.
         mask: [usize; 3],
-        /// Size of the grid.
+        /// Dimensions of the grid.
         grid: [usize; 3],
     },
     /// The mask has too many voxels or runs.
     #[error(transparent)]
     TooLarge(#[from] TooLarge),
-    /// No distance can be told.
+    /// A distance can't be computed.
     #[error(transparent)]
     Distance(#[from] DistanceError),
-    /// The cropped grid can't be used.
+    /// The cropped grid is invalid.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// Nothing lies outside the mask: can't happen, as the box has a margin.
+    /// The mask has no background. Can't happen, as its box has a margin.
     #[error("found a mask without an outside, expected a margin around it")]
     NoOutside,
-    /// The user asked to stop.
+    /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-/// Where a point of the skeleton comes from.
+/// Origin of a skeleton point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointKind {
-    /// The force vanishes and points here from all sides.
+    /// Critical point that attracts from all directions.
     Attracting,
-    /// The force vanishes and points here from some sides, away to others.
+    /// Critical point that attracts from some directions and repels in others.
     Saddle,
-    /// The force vanishes and points away to all sides.
+    /// Critical point that repels in all directions.
     Repelling,
     /// On a streamline.
     Streamline,
-    /// A voxel of a part too thin to have an inside.
+    /// A voxel of a part too thin to contain a lattice cell.
     Thin,
-    /// The deepest voxel of a component that has no other point.
+    /// The deepest voxel of a component without any other point.
     Deepest,
-    /// A voxel on the way between two pieces.
+    /// A voxel on a path that joins two pieces.
     Bridge,
 }
 
@@ -120,18 +120,18 @@ pub struct SkeletonPoint {
     pub position_mm: DVec3,
     /// The same as a fractional voxel index of the grid.
     pub voxel: DVec3,
-    /// Where it comes from.
+    /// Its origin.
     pub kind: PointKind,
 }
 
-/// What was found and done.
+/// Counters of the skeleton.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct SkeletonCounts {
-    /// Voxels of cavities, counted as inside.
+    /// Voxels of cavities, treated as inside.
     pub filled_voxels: u64,
     /// Boundary charges.
     pub charges: u64,
-    /// Places where the force was sampled.
+    /// Lattice points at which the force was sampled.
     pub samples: u64,
     /// Attracting critical points.
     pub attracting: u64,
@@ -139,50 +139,48 @@ pub struct SkeletonCounts {
     pub saddles: u64,
     /// Repelling critical points; the exact force has none.
     pub repelling: u64,
-    /// Seeds of level 1 and 2.
+    /// Seeds of levels 1 and 2.
     pub seeds: u64,
-    /// Streamlines followed.
+    /// Streamlines traced.
     pub streamlines: u64,
     /// Accepted steps of all streamlines.
     pub steps: u64,
-    /// Streamlines that met a critical point or an earlier one.
+    /// Streamlines that ended at a critical point or an earlier streamline.
     pub met: u64,
-    /// Streamlines that came where the potential falls no more.
+    /// Streamlines that ended where no step lowers the potential.
     pub arrived: u64,
     /// Streamlines stopped by the limit on steps.
     pub stopped: u64,
-    /// Critical points left out as holes between charges, and streamlines whose start lies outside.
+    /// Critical points discarded as gaps between charges, and streamlines that would start outside the mask.
     pub skipped: u64,
-    /// Voxels of thin parts.
+    /// Voxels kept of thin parts.
     pub thin: u64,
-    /// Components whose deepest voxel stands in.
+    /// Components represented by their deepest voxel alone.
     pub deepest: u64,
     /// Paths that join pieces.
     pub bridges: u64,
 }
 
-/// Points, lines between them, and what was counted. The order is the same in every run, whatever
-/// the number of threads.
+/// Points, lines between them, and counters. The result is deterministic, whatever the number of threads.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Skeleton {
     /// The points.
     pub points: Vec<SkeletonPoint>,
-    /// Polylines as positions in `points`. Those of one component hang together.
+    /// Polylines as indices into `points`. Those of one component are connected.
     pub lines: Vec<Vec<u32>>,
-    /// What was found and done.
+    /// Counters.
     pub counts: SkeletonCounts,
-    /// What summed the force.
+    /// What computed the force.
     pub force: ForceUsed,
 }
 
-/// The curve skeleton of `mask`, which lies on `grid`. Cavities count as inside. Empty for an empty
-/// mask, otherwise with at least one point in each component (26-neighbourhood), the points of each
-/// joined by lines.
+/// The curve skeleton of `mask`, which lies on `grid`. Cavities are treated as inside. Empty for an empty mask,
+/// otherwise with at least one point per component (26-neighbourhood), the points of each connected by lines.
 ///
-/// Costs `O(voxels·log(boundary)/θ²)`; about 150 bytes a voxel of the mask.
+/// Cost: `O(voxels·log(boundary)/θ²)`; about 150 bytes per voxel of the mask.
 ///
 /// # Errors
-/// [`SkeletonError`] when sizes differ, 32 bits don't count the voxels, or the user stops it.
+/// [`SkeletonError`] when dimensions differ, the mask has too many voxels for 32-bit indices, or the user cancels.
 pub fn skeleton(
     mask: &MaskBits,
     grid: &Grid,
@@ -192,11 +190,11 @@ pub fn skeleton(
     skeleton_with(mask, grid, options, None, progress)
 }
 
-/// As [`skeleton`], with the force at the lattice's places from `source` where there is one and it
-/// can; [`Skeleton::force`] tells.
+/// As [`skeleton`], with the force at the lattice points computed by `source` if there is one and it doesn't refuse;
+/// [`Skeleton::force`] states which was used.
 ///
 /// # Errors
-/// As [`skeleton`]: a source that refuses is none.
+/// As [`skeleton`]: a refusal by the source is no error.
 pub fn skeleton_with(
     mask: &MaskBits,
     grid: &Grid,
@@ -208,65 +206,64 @@ pub fn skeleton_with(
         return Err(SkeletonError::Dims { mask: mask.dims(), grid: grid.dims() });
     }
     let mut counts = SkeletonCounts::default();
-    let Some(solid) = Solid::new(mask, grid)? else { return Ok(Skeleton::default()) };
+    let Some(filled) = FilledMask::new(mask, grid)? else { return Ok(Skeleton::default()) };
     progress.say("curve skeleton");
-    counts.filled_voxels = solid.filled;
-    let law = Law::new(options.exponent);
-    let charges = Charges::new(force::boundary_charges(&solid));
+    counts.filled_voxels = filled.filled_voxels;
+    let law = PowerLaw::new(options.exponent);
+    let charges = Charges::new(force::boundary_charges(&filled));
     counts.charges = charges.len() as u64;
-    let lattice = Lattice::new(&solid, options.coarse);
+    let lattice = Lattice::new(&filled, options.coarse);
     counts.samples = lattice.nodes.count();
     let cells = lattice.cells();
-    let mut sketch = Sketch::default();
+    let mut builder = SkeletonBuilder::default();
     let mut force = ForceUsed::Nothing;
     if cells.bounds().is_some() {
         let (forces, used) =
             lattice.forces_from(source, &charges, options.exponent, options.opening, progress)?;
         force = used;
         let critical = trace::distinct(&critical::critical_points(&lattice, &cells, &forces));
-        let mut tracer = Tracer::new(&solid, &charges, law, options.opening, progress);
-        tracer.core(&critical, &mut sketch, &mut counts)?;
+        let mut tracer = Tracer::new(&filled, &charges, law, options.opening, progress);
+        tracer.core(&critical, &mut builder, &mut counts)?;
         if options.level >= Level::Divergence {
             let seeds = seeds::low_divergence(&lattice, &forces, options.divergence_part);
             counts.seeds += seeds.len() as u64;
-            tracer.seeds(&seeds, &mut sketch, &mut counts)?;
+            tracer.seeds(&seeds, &mut builder, &mut counts)?;
         }
         if options.level >= Level::Boundary {
-            let seeds = seeds::curved_boundary(&solid);
+            let seeds = seeds::curved_boundary(&filled);
             counts.seeds += seeds.len() as u64;
-            tracer.seeds(&seeds, &mut sketch, &mut counts)?;
+            tracer.seeds(&seeds, &mut builder, &mut counts)?;
         }
     }
-    let covered = solid.covered(&cells, |n, axis| (lattice.voxel(n, axis), lattice.voxel(n + 1, axis)));
-    for voxel in solid.thin(&covered, BUMP) {
-        sketch.add(solid.center(voxel), PointKind::Thin, 0);
+    let covered = filled.covered(&cells, |n, axis| (lattice.voxel(n, axis), lattice.voxel(n + 1, axis)));
+    for voxel in filled.thin(&covered, MAX_BUMP_STEPS) {
+        builder.add(filled.center(voxel), PointKind::Thin, 0);
         counts.thin += 1;
     }
-    bridge::complete(&solid, &mut sketch, &mut counts, progress)?;
+    bridge::complete(&filled, &mut builder, &mut counts, progress)?;
     let world_from_voxel = grid.world_from_voxel();
-    let points = (sketch.points.iter())
+    let points = (builder.points.iter())
         .map(|&(at, kind)| {
-            let voxel = solid.grid_voxel(at);
+            let voxel = filled.grid_voxel(at);
             SkeletonPoint { position_mm: world_from_voxel.transform_point3(voxel), voxel, kind }
         })
         .collect();
-    Ok(Skeleton { points, lines: sketch.lines, counts, force })
+    Ok(Skeleton { points, lines: builder.lines, counts, force })
 }
 
-/// The boundary's force where the skeleton samples it.
+/// The boundary's force at the lattice points at which the skeleton samples it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ForceField {
     /// Fractional voxel indices of the grid, in memory order.
     pub voxels: Vec<DVec3>,
-    /// The force there times the m-th power of the distance to the nearest charge: its direction and
-    /// zeros are the force's, its size has no unit.
+    /// The force there times the m-th power of the distance to the nearest charge: direction and zeros are those of the
+    /// force, the magnitude has no physical unit.
     pub forces: Vec<DVec3>,
-    /// What summed it.
+    /// What computed it.
     pub used: ForceUsed,
 }
 
-/// The force that [`skeleton`] follows, for pictures and for measuring what θ costs. Empty for an
-/// empty mask.
+/// The force that [`skeleton`] follows, for figures and for measuring the error due to θ. Empty for an empty mask.
 ///
 /// # Errors
 /// As [`skeleton`].
@@ -279,7 +276,7 @@ pub fn force_field(
     force_field_with(mask, grid, options, None, progress)
 }
 
-/// As [`force_field`], from `source` where there is one and it can.
+/// As [`force_field`], computed by `source` if there is one and it doesn't refuse.
 ///
 /// # Errors
 /// As [`skeleton`].
@@ -293,16 +290,16 @@ pub fn force_field_with(
     if mask.dims() != grid.dims() {
         return Err(SkeletonError::Dims { mask: mask.dims(), grid: grid.dims() });
     }
-    let Some(solid) = Solid::new(mask, grid)? else { return Ok(ForceField::default()) };
-    let charges = Charges::new(force::boundary_charges(&solid));
-    let lattice = Lattice::new(&solid, options.coarse);
+    let Some(filled) = FilledMask::new(mask, grid)? else { return Ok(ForceField::default()) };
+    let charges = Charges::new(force::boundary_charges(&filled));
+    let lattice = Lattice::new(&filled, options.coarse);
     let (forces, used) =
         lattice.forces_from(source, &charges, options.exponent, options.opening, progress)?;
     let [nx, ny, _] = lattice.nodes.dims();
     let mut voxels = Vec::with_capacity(forces.len());
     lattice.nodes.for_each(|l| {
         let node = DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64);
-        voxels.push(solid.grid_voxel(lattice.unit(node)));
+        voxels.push(filled.grid_voxel(lattice.unit(node)));
     });
     Ok(ForceField { voxels, forces, used })
 }

@@ -1,4 +1,4 @@
-//! Where the lattice's forces come from: the tree of this crate, or a source that the caller brings.
+//! Computation of the forces at the lattice points: by this crate's tree, or by a source provided by the caller.
 
 use std::fmt;
 
@@ -6,58 +6,58 @@ use glam::DVec3;
 
 use super::{
     field::Lattice,
-    force::{Charge, Charges, Law},
+    force::{Charge, Charges, PowerLaw},
 };
 use crate::{Cancelled, Progress};
 
-/// What a [`ForceSource`] sums. Lengths are in units of the finest voxel spacing, from the centre of
-/// the mask's box's first voxel: numbers of moderate size, wherever the image lies.
+/// Input of a [`ForceSource`]. Positions are in units of the finest voxel spacing, relative to the centre of the first
+/// voxel of the mask's box: numbers of moderate size, wherever the image lies.
 #[derive(Clone, Copy, Debug)]
 pub struct ForceTask<'a> {
-    /// The boundary's charges, at least one; neighbours in the list are near one another.
+    /// The boundary's charges, at least one; neighbours in the list are close to each other.
     pub charges: &'a [Charge],
-    /// Where the force is asked for, inside the mask.
+    /// Points inside the mask at which the force is needed.
     pub places: &'a [DVec3],
-    /// m: the force falls with this power of the distance, 4 to 9.
+    /// m: the force decays with this power of the distance, 4 to 9.
     pub exponent: u32,
 }
 
-/// Why a [`ForceSource`] gave no forces.
+/// Why a [`ForceSource`] returned no forces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refused {
-    /// The user asked to stop.
+    /// The user cancelled.
     Cancelled(Cancelled),
-    /// It can't, or should not: one line in words. The tree is asked then.
+    /// It can't or shouldn't compute them, with the reason in one line. The tree is used instead.
     Because(String),
 }
 
-/// Sums the boundary's force in another way than this crate's tree.
+/// Computes the boundary's force in place of this crate's tree.
 pub trait ForceSource: Sync {
-    /// What it is, for the report: a few words.
+    /// Short description for the report.
     fn describe(&self) -> String;
 
-    /// At each place x, with charges of weight w at b: `Σ w·(x−b)/‖x−b‖^(m+1)`, times the m-th power
-    /// of the distance to the nearest charge. It tells `progress` how far it is.
+    /// At each point x, with charges of weight w at b: `Σ w·(x−b)/‖x−b‖^(m+1)`, times the m-th power of the distance to
+    /// the nearest charge. Reports to `progress`.
     ///
     /// # Errors
-    /// [`Refused`]: cancelled, or why the tree should do it.
+    /// [`Refused`]: cancelled, or why the tree should be used.
     fn forces(&self, task: &ForceTask<'_>, progress: &Progress) -> Result<Vec<DVec3>, Refused>;
 }
 
-/// What summed the force at the lattice's places. Streamlines between them always follow the tree.
+/// What computed the force at the lattice points. Streamlines between them always use the tree.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum ForceUsed {
-    /// No place asked for it.
+    /// The force wasn't needed.
     #[default]
     Nothing,
-    /// The tree, with its opening bound; 0 is the exact sum.
+    /// The tree.
     Tree {
-        /// θ.
+        /// Opening angle θ; 0 gives the exact sum.
         opening: f64,
-        /// Why a source that was there was not used.
+        /// Why the given source was not used.
         refused: Option<String>,
     },
-    /// A source, by what it calls itself.
+    /// A source, with its description.
     Source(String),
 }
 
@@ -75,8 +75,8 @@ impl fmt::Display for ForceUsed {
 }
 
 impl Lattice {
-    /// The scaled force at every inside place, by rank: from `source` where there is one and it can,
-    /// else from the tree.
+    /// The scaled force at every inside lattice point, by rank: computed by `source` if there is one and it doesn't
+    /// refuse, else by the tree.
     pub(super) fn forces_from(
         &self,
         source: Option<&dyn ForceSource>,
@@ -85,7 +85,7 @@ impl Lattice {
         opening: f64,
         progress: &Progress,
     ) -> Result<(Vec<DVec3>, ForceUsed), Cancelled> {
-        let law = Law::new(exponent);
+        let law = PowerLaw::new(exponent);
         let mut refused = None;
         if let Some(source) = source {
             let places = self.places();
@@ -106,7 +106,7 @@ impl Lattice {
         Ok((forces, ForceUsed::Tree { opening, refused }))
     }
 
-    /// Inside places by rank.
+    /// Inside lattice points in units, by rank.
     fn places(&self) -> Vec<DVec3> {
         let [nx, ny, _] = self.nodes.dims();
         let mut places = Vec::new();
@@ -127,10 +127,10 @@ mod tests {
         },
     };
 
-    /// Sums one charge after the other, or refuses.
-    struct Plain(Option<Refused>, usize);
+    /// Sums all charges for each point but the first `.1`, or refuses with `.0`.
+    struct DirectSum(Option<Refused>, usize);
 
-    impl ForceSource for Plain {
+    impl ForceSource for DirectSum {
         fn describe(&self) -> String {
             "plain sum".into()
         }
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_is_used_at_every_place_and_said_to_be() {
+    fn a_source_computes_the_force_at_every_lattice_point_and_is_reported() {
         let (bits, grid) = capsule();
         let exact = SkeletonOptions {
             level: Level::Divergence,
@@ -171,35 +171,37 @@ mod tests {
             ..SkeletonOptions::default()
         };
         let own = force_field(&bits, &grid, &exact, &Progress::new()).unwrap();
-        let other = force_field_with(&bits, &grid, &exact, Some(&Plain(None, 0)), &Progress::new()).unwrap();
+        let other =
+            force_field_with(&bits, &grid, &exact, Some(&DirectSum(None, 0)), &Progress::new()).unwrap();
         assert_eq!(own.voxels, other.voxels);
         for (a, b) in own.forces.iter().zip(&other.forces) {
             assert!(a.distance(*b) <= 1e-9 * (1.0 + a.length()), "{a} {b}");
         }
-        let made = skeleton_with(&bits, &grid, &exact, Some(&Plain(None, 0)), &Progress::new()).unwrap();
-        assert_eq!(made.force.to_string(), "plain sum");
+        let from_source =
+            skeleton_with(&bits, &grid, &exact, Some(&DirectSum(None, 0)), &Progress::new()).unwrap();
+        assert_eq!(from_source.force.to_string(), "plain sum");
         let own = skeleton(&bits, &grid, &exact, &Progress::new()).unwrap();
         assert_eq!(own.force.to_string(), "tree, θ 0");
-        assert_eq!(own.points.len(), made.points.len());
-        assert!(made.points.len() > 1);
-        for (a, b) in own.points.iter().zip(&made.points) {
+        assert_eq!(own.points.len(), from_source.points.len());
+        assert!(from_source.points.len() > 1);
+        for (a, b) in own.points.iter().zip(&from_source.points) {
             assert!(a.position_mm.distance(b.position_mm) < 1e-6, "{a:?} {b:?}");
         }
     }
 
     #[test]
-    fn a_source_that_refuses_leaves_the_tree_s_skeleton_and_its_reason() {
+    fn after_a_refusal_the_tree_is_used_and_the_reason_reported() {
         let (bits, grid) = capsule();
         let options = SkeletonOptions::default();
-        let with = |source: &Plain| skeleton_with(&bits, &grid, &options, Some(source), &Progress::new());
+        let with = |source: &DirectSum| skeleton_with(&bits, &grid, &options, Some(source), &Progress::new());
         let own = skeleton(&bits, &grid, &options, &Progress::new()).unwrap();
-        let refused = with(&Plain(Some(Refused::Because("too much".into())), 0)).unwrap();
+        let refused = with(&DirectSum(Some(Refused::Because("too much".into())), 0)).unwrap();
         assert_eq!((&refused.points, &refused.lines), (&own.points, &own.lines));
         assert_eq!(refused.force.to_string(), "tree, θ 0.25 (too much)");
-        let short = with(&Plain(None, 1)).unwrap();
+        let short = with(&DirectSum(None, 1)).unwrap();
         assert_eq!(short.points, own.points);
         assert!(short.force.to_string().contains("without a force"), "{}", short.force);
-        let stopped = with(&Plain(Some(Refused::Cancelled(Cancelled)), 0));
+        let stopped = with(&DirectSum(Some(Refused::Cancelled(Cancelled)), 0));
         assert_eq!(stopped, Err(SkeletonError::Cancelled(Cancelled)));
     }
 }

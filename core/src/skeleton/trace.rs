@@ -1,4 +1,4 @@
-//! From saddles and seeds along the force, until a streamline meets what is already there.
+//! Traces streamlines from saddles and seeds along the force, until they meet the skeleton.
 
 use std::collections::HashMap;
 
@@ -7,42 +7,42 @@ use glam::DVec3;
 use super::{
     PointKind, SkeletonCounts,
     critical::{CriticalPoint, Kind, symmetric_eigen},
-    force::{Charges, Felt, Law, List},
-    solid::Solid,
+    filled_mask::FilledMask,
+    force::{ChargeList, Charges, ForceSample, PowerLaw},
 };
 use crate::{Cancelled, Progress};
 
-/// Units of one step: a fifth of the finest spacing.
+/// Length of a step in units: a fifth of the finest spacing.
 const STEP: f64 = 0.2;
 
-/// A step is halved this often before the streamline counts as arrived.
+/// Number of times a step is halved before the streamline counts as arrived.
 const HALVINGS: u32 = 5;
 
-/// Units within which a streamline has met a point.
-const MEET: f64 = 0.5;
+/// Distance, in units, within which a streamline has met a point.
+const MEET_DISTANCE: f64 = 0.5;
 
-/// Units between points that are kept of a streamline.
-const KEEP: f64 = 0.5;
+/// Minimum distance, in units, between the stored points of a streamline.
+const POINT_SPACING: f64 = 0.5;
 
-/// Units around a place in which one list of charges serves.
-const REACH: f64 = 2.0;
+/// Radius, in units, within which one list of charges is valid.
+const LIST_RADIUS: f64 = 2.0;
 
-/// Critical points nearer to a charge than this, in units times the root of the anisotropy, are holes
-/// between charges or steps of thick slices. The middle of a part two voxels thick is 1 away.
-const SKIN: f64 = 0.8;
+/// Critical points nearer to a charge than this, in units times the square root of the anisotropy, are artefacts: gaps
+/// between charges or the steps of thick slices. The middle of a part two voxels thick is 1 away.
+const MIN_CHARGE_DISTANCE: f64 = 0.8;
 
-/// Accepted steps of one streamline.
+/// Maximum number of accepted steps of one streamline.
 const MAX_STEPS: usize = 20_000;
 
-/// Accepted steps in one cube of a unit's edge: straight through takes 9 at most.
+/// Maximum number of accepted steps of a streamline in one unit cube: a straight line takes at most 9.
 const MAX_VISITS: u32 = 60;
 
-/// The skeleton while it grows: points and lines between them, in units.
+/// The skeleton under construction: points and lines between them, in units.
 #[derive(Default)]
-pub(super) struct Sketch {
+pub(super) struct SkeletonBuilder {
     pub points: Vec<(DVec3, PointKind)>,
     pub lines: Vec<Vec<u32>>,
-    /// Which deed made each point.
+    /// Id of the streamline or saddle that created each point; 0 for none.
     owners: Vec<u32>,
     by_cube: HashMap<[i64; 3], Vec<u32>>,
 }
@@ -51,7 +51,7 @@ fn cube(at: DVec3) -> [i64; 3] {
     at.to_array().map(|v| v.floor() as i64)
 }
 
-impl Sketch {
+impl SkeletonBuilder {
     pub fn add(&mut self, at: DVec3, kind: PointKind, owner: u32) -> u32 {
         let index = self.points.len() as u32;
         self.points.push((at, kind));
@@ -60,16 +60,17 @@ impl Sketch {
         index
     }
 
-    /// The nearest point within [`MEET`] that `owner` didn't make.
-    fn met(&self, at: DVec3, owner: u32) -> Option<u32> {
-        let (lo, hi) = (cube(at - MEET), cube(at + MEET));
+    /// The nearest point within [`MEET_DISTANCE`] that `owner` didn't create.
+    fn point_near(&self, at: DVec3, owner: u32) -> Option<u32> {
+        let (lo, hi) = (cube(at - MEET_DISTANCE), cube(at + MEET_DISTANCE));
         let mut best: Option<(f64, u32)> = None;
         for z in lo[2]..=hi[2] {
             for y in lo[1]..=hi[1] {
                 for x in lo[0]..=hi[0] {
                     for &index in self.by_cube.get(&[x, y, z]).into_iter().flatten() {
                         let found = (self.points[index as usize].0.distance_squared(at), index);
-                        let near = found.0 <= MEET * MEET && self.owners[index as usize] != owner;
+                        let near =
+                            found.0 <= MEET_DISTANCE * MEET_DISTANCE && self.owners[index as usize] != owner;
                         if near && best.is_none_or(|b| found < b) {
                             best = Some(found);
                         }
@@ -81,10 +82,10 @@ impl Sketch {
     }
 }
 
-/// The critical points without those found twice, and without those on one spot.
+/// The critical points without duplicates: of those within [`MEET_DISTANCE`] of each other the first is kept.
 pub(super) fn distinct(points: &[CriticalPoint]) -> Vec<CriticalPoint> {
-    let mut sketch = Sketch::default();
-    // Attracting ones first: they stay whatever lies beside them.
+    let mut builder = SkeletonBuilder::default();
+    // Attracting points first, so that they are kept in preference to other kinds nearby.
     let order = |kind: Kind| move |p: &CriticalPoint| (p.kind == kind).then(|| p.clone());
     let all = [Kind::Attracting, Kind::Saddle, Kind::Repelling];
     let sorted: Vec<CriticalPoint> =
@@ -92,48 +93,49 @@ pub(super) fn distinct(points: &[CriticalPoint]) -> Vec<CriticalPoint> {
     sorted
         .into_iter()
         .filter(|p| {
-            let new = sketch.met(p.at, 0).is_none();
+            let new = builder.point_near(p.at, 0).is_none();
             if new {
-                sketch.add(p.at, PointKind::Attracting, 1);
+                builder.add(p.at, PointKind::Attracting, 1);
             }
             new
         })
         .collect()
 }
 
-/// How a streamline ended.
+/// Why a streamline ended.
 enum End {
     Met(u32),
     Arrived,
     Stopped,
 }
 
+/// Traces streamlines along the force.
 pub(super) struct Tracer<'a> {
-    pub solid: &'a Solid,
+    pub filled: &'a FilledMask,
     pub charges: &'a Charges,
-    pub law: Law,
+    pub law: PowerLaw,
     pub opening: f64,
     pub progress: &'a Progress,
-    list: List,
+    list: ChargeList,
     center: DVec3,
     next_owner: u32,
 }
 
 impl<'a> Tracer<'a> {
     pub fn new(
-        solid: &'a Solid,
+        filled: &'a FilledMask,
         charges: &'a Charges,
-        law: Law,
+        law: PowerLaw,
         opening: f64,
         progress: &'a Progress,
     ) -> Self {
         Self {
-            solid,
+            filled,
             charges,
             law,
             opening,
             progress,
-            list: List::new(),
+            list: ChargeList::new(),
             center: DVec3::INFINITY,
             next_owner: 1,
         }
@@ -143,13 +145,15 @@ impl<'a> Tracer<'a> {
     pub fn core(
         &mut self,
         critical: &[CriticalPoint],
-        sketch: &mut Sketch,
+        builder: &mut SkeletonBuilder,
         counts: &mut SkeletonCounts,
     ) -> Result<(), Cancelled> {
         let mut saddles = Vec::new();
         for point in critical {
-            // Between single charges the force leaks out of the mask: such holes are no inside.
-            if self.felt(point.at).nearest < SKIN * self.solid.ratio.max_element().sqrt() {
+            // Between single charges the force leaks out of the mask: such gaps are not inside.
+            if self.sample(point.at).nearest_distance
+                < MIN_CHARGE_DISTANCE * self.filled.ratio.max_element().sqrt()
+            {
                 counts.skipped += 1;
                 continue;
             }
@@ -164,7 +168,7 @@ impl<'a> Tracer<'a> {
                 Kind::Saddle => PointKind::Saddle,
             };
             let owner = if point.kind == Kind::Saddle { self.owner() } else { 0 };
-            let index = sketch.add(point.at, kind, owner);
+            let index = builder.add(point.at, kind, owner);
             if point.kind == Kind::Saddle {
                 saddles.push((index, owner, point));
             }
@@ -173,7 +177,7 @@ impl<'a> Tracer<'a> {
             for direction in &saddle.outgoing {
                 for side in [1.0, -1.0] {
                     let start = saddle.at + *direction * (side * STEP);
-                    self.streamline(start, Some(index), owner, sketch, counts)?;
+                    self.streamline(start, Some(index), owner, builder, counts)?;
                 }
             }
         }
@@ -184,12 +188,12 @@ impl<'a> Tracer<'a> {
     pub fn seeds(
         &mut self,
         seeds: &[DVec3],
-        sketch: &mut Sketch,
+        builder: &mut SkeletonBuilder,
         counts: &mut SkeletonCounts,
     ) -> Result<(), Cancelled> {
         for &seed in seeds {
             let owner = self.owner();
-            self.streamline(seed, None, owner, sketch, counts)?;
+            self.streamline(seed, None, owner, builder, counts)?;
         }
         Ok(())
     }
@@ -204,24 +208,24 @@ impl<'a> Tracer<'a> {
         start: DVec3,
         from: Option<u32>,
         owner: u32,
-        sketch: &mut Sketch,
+        builder: &mut SkeletonBuilder,
         counts: &mut SkeletonCounts,
     ) -> Result<(), Cancelled> {
         self.progress.check()?;
-        if !self.solid.contains(start) {
+        if !self.filled.contains(start) {
             counts.skipped += 1;
             return Ok(());
         }
         counts.streamlines += 1;
-        let mut places = vec![start];
-        let end = self.follow(&mut places, owner, sketch, counts);
+        let mut path = vec![start];
+        let end = self.follow(&mut path, owner, builder, counts);
         let mut line: Vec<u32> = from.into_iter().collect();
-        // A seed that has met the skeleton at once adds nothing.
-        if from.is_none() && places.len() == 1 && matches!(end, End::Met(_)) {
+        // A seed on the existing skeleton adds nothing.
+        if from.is_none() && path.len() == 1 && matches!(end, End::Met(_)) {
             counts.met += 1;
             return Ok(());
         }
-        line.extend(places.iter().map(|&at| sketch.add(at, PointKind::Streamline, owner)));
+        line.extend(path.iter().map(|&at| builder.add(at, PointKind::Streamline, owner)));
         match end {
             End::Met(index) => {
                 counts.met += 1;
@@ -230,74 +234,76 @@ impl<'a> Tracer<'a> {
             End::Arrived => counts.arrived += 1,
             End::Stopped => counts.stopped += 1,
         }
-        sketch.lines.push(line);
+        builder.lines.push(line);
         Ok(())
     }
 
-    /// Follows the force from the last place, Heun's method on its direction. Each accepted step
-    /// lowers the potential, so that no streamline can come back to where it was.
+    /// Follows the force from the last point of `path`, with Heun's method on its direction. Each accepted step lowers
+    /// the potential, so that no streamline can return to an earlier position.
     fn follow(
         &mut self,
-        places: &mut Vec<DVec3>,
+        path: &mut Vec<DVec3>,
         owner: u32,
-        sketch: &Sketch,
+        builder: &SkeletonBuilder,
         counts: &mut SkeletonCounts,
     ) -> End {
-        let Some(&start) = places.last() else { return End::Stopped };
+        let Some(&start) = path.last() else { return End::Stopped };
         let mut at = start;
         let mut visits: HashMap<[i64; 3], u32> = HashMap::new();
-        let mut here = self.felt(at);
+        let mut current = self.sample(at);
         for _ in 0..MAX_STEPS {
-            if let Some(index) = sketch.met(at, owner) {
+            if let Some(index) = builder.point_near(at, owner) {
                 if at != start
-                    && places.last() != Some(&at)
-                    && places.last().is_some_and(|p| p.distance(at) > 0.25)
+                    && path.last() != Some(&at)
+                    && path.last().is_some_and(|p| p.distance(at) > 0.25)
                 {
-                    places.push(at);
+                    path.push(at);
                 }
                 return End::Met(index);
             }
-            if at.distance_squared(self.center) > (REACH - 2.0 * STEP).powi(2) {
-                // A fresh list for this step's beginning and end: potentials compare.
-                self.charges.gather(at, REACH, self.opening, &mut self.list);
+            if at.distance_squared(self.center) > (LIST_RADIUS - 2.0 * STEP).powi(2) {
+                // One list for the step's start and end, so that their potentials are comparable.
+                self.charges.gather(at, LIST_RADIUS, self.opening, &mut self.list);
                 self.center = at;
-                here = self.felt(at);
+                current = self.sample(at);
             }
-            let direction = here.force.normalize_or_zero();
-            let falls = |next: DVec3| {
-                let there = self.law.felt(&self.list, next);
-                (there.potential < here.potential && self.solid.contains(next)).then_some((next, there))
+            let direction = current.force.normalize_or_zero();
+            let if_lower = |next: DVec3| {
+                let next_sample = self.law.sample(&self.list, next);
+                (next_sample.potential < current.potential && self.filled.contains(next))
+                    .then_some((next, next_sample))
             };
-            let ahead = self.law.felt(&self.list, at + direction * STEP).force.normalize_or_zero();
-            let heun = || falls(at + (direction + ahead) * (STEP / 2.0));
-            let gentle = direction.dot(ahead) > 0.5;
-            let step = gentle.then(heun).flatten().or_else(|| {
-                // The force turns back within a step: a narrow valley, along whose floor to go.
-                let along = self.valley_step(at, here.force);
-                (0..=HALVINGS).map(|n| along * 0.5_f64.powi(n as i32)).find_map(|d| falls(at + d))
+            let direction_ahead =
+                self.law.sample(&self.list, at + direction * STEP).force.normalize_or_zero();
+            let heun = || if_lower(at + (direction + direction_ahead) * (STEP / 2.0));
+            let turns_gently = direction.dot(direction_ahead) > 0.5;
+            let step = turns_gently.then(heun).flatten().or_else(|| {
+                // The force turns sharply within a step: a narrow valley, whose floor is followed.
+                let along = self.valley_step(at, current.force);
+                (0..=HALVINGS).map(|n| along * 0.5_f64.powi(n as i32)).find_map(|d| if_lower(at + d))
             });
-            let Some((next, there)) = step else {
-                if places.last().is_some_and(|p| p.distance(at) > 0.1) {
-                    places.push(at);
+            let Some((next, next_sample)) = step else {
+                if path.last().is_some_and(|p| p.distance(at) > 0.1) {
+                    path.push(at);
                 }
                 return End::Arrived;
             };
-            (at, here) = (next, there);
+            (at, current) = (next, next_sample);
             counts.steps += 1;
-            let visited = visits.entry(cube(at)).or_default();
-            *visited += 1;
-            if *visited > MAX_VISITS {
+            let visit_count = visits.entry(cube(at)).or_default();
+            *visit_count += 1;
+            if *visit_count > MAX_VISITS {
                 return End::Stopped;
             }
-            if places.last().is_some_and(|p| p.distance(at) >= KEEP) {
-                places.push(at);
+            if path.last().is_some_and(|p| p.distance(at) >= POINT_SPACING) {
+                path.push(at);
             }
         }
         End::Stopped
     }
 
-    /// A step of Newton's method on the potential, with every curvature taken as positive (as
-    /// Dauphin et al. 2014) and at most [`STEP`] long: down to the floor of a valley and on along it.
+    /// A Newton step on the potential with the absolute values of its curvatures (saddle-free Newton, Dauphin et al.
+    /// 2014), at most [`STEP`] long: it descends to the floor of a valley and follows it.
     fn valley_step(&self, at: DVec3, force: DVec3) -> DVec3 {
         let (values, vectors) = symmetric_eigen(self.law.jacobian(&self.list, at));
         let largest = values.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
@@ -310,11 +316,12 @@ impl<'a> Tracer<'a> {
         if step.is_finite() { step.clamp_length_max(STEP) } else { DVec3::ZERO }
     }
 
-    fn felt(&mut self, at: DVec3) -> Felt {
-        if at.distance_squared(self.center) > (REACH - 2.0 * STEP).powi(2) || self.list.is_empty() {
-            self.charges.gather(at, REACH, self.opening, &mut self.list);
+    /// Force and potential at `at`, with a new list of charges where the current one isn't valid.
+    fn sample(&mut self, at: DVec3) -> ForceSample {
+        if at.distance_squared(self.center) > (LIST_RADIUS - 2.0 * STEP).powi(2) || self.list.is_empty() {
+            self.charges.gather(at, LIST_RADIUS, self.opening, &mut self.list);
             self.center = at;
         }
-        self.law.felt(&self.list, at)
+        self.law.sample(&self.list, at)
     }
 }

@@ -1,14 +1,14 @@
-//! Boxes of voxels in a tree of bounding boxes.
+//! A bounding volume hierarchy of boxes of voxels.
 
 use glam::DVec3;
 
 use super::{Metric, Nearest, segment};
 use crate::MaskBits;
 
-/// Boxes in a leaf.
+/// Maximum number of boxes in a leaf.
 const LEAF: usize = 4;
 
-/// A box of voxels' cells, in voxel indices: whole numbers are centres.
+/// A box of voxel cells, in voxel indices: voxel centres are whole numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CellBox {
     pub lo: DVec3,
@@ -32,7 +32,7 @@ pub(super) fn runs(mask: &MaskBits) -> Vec<CellBox> {
     boxes
 }
 
-/// A range of boxes and the smallest box, in millimetres along the metric's axes, that holds them.
+/// A range of boxes and its bounding box, in millimetres along the metric's axes.
 #[derive(Clone, Debug)]
 struct Node {
     lo_mm: DVec3,
@@ -63,29 +63,29 @@ fn split(boxes: &mut [CellBox], start: usize, metric: &Metric, nodes: &mut Vec<N
         .iter()
         .map(|b| extent_mm(b, metric))
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), (l, h)| (lo.min(l), hi.max(h)));
-    let me = nodes.len();
+    let node = nodes.len();
     nodes.push(Node { lo_mm, hi_mm, start, end: start + boxes.len(), right: None });
     if boxes.len() <= LEAF {
         return;
     }
     let size = hi_mm - lo_mm;
     let axis = (1..3).fold(0, |widest, a| if size[a] > size[widest] { a } else { widest });
-    let middle = boxes.len() / 2;
-    boxes.select_nth_unstable_by(middle, |a, b| (a.lo + a.hi)[axis].total_cmp(&(b.lo + b.hi)[axis]));
-    let (left, right) = boxes.split_at_mut(middle);
+    let median = boxes.len() / 2;
+    boxes.select_nth_unstable_by(median, |a, b| (a.lo + a.hi)[axis].total_cmp(&(b.lo + b.hi)[axis]));
+    let (left, right) = boxes.split_at_mut(median);
     split(left, start, metric, nodes);
-    nodes[me].right = Some(nodes.len());
-    split(right, start + middle, metric, nodes);
+    nodes[node].right = Some(nodes.len());
+    split(right, start + median, metric, nodes);
 }
 
-/// A segment while the tree is searched.
+/// State of a search: the segment and the best result so far.
 struct Query<'a> {
     a: DVec3,
     b: DVec3,
     lo_mm: DVec3,
     hi_mm: DVec3,
     metric: &'a Metric,
-    limit: f64,
+    limit_mm2: f64,
     best: Option<Nearest>,
 }
 
@@ -99,26 +99,26 @@ impl BoxTree {
         Some(Self { nodes, boxes })
     }
 
-    /// The place of the segment `a` to `b` (voxel indices) nearest to any box, where that is
-    /// nearer than the root of `limit_mm2`.
+    /// The point of the segment `a` to `b` (voxel indices) nearest to any box, if it is nearer than
+    /// the square root of `limit_mm2`.
     pub(super) fn nearest(&self, a: DVec3, b: DVec3, limit_mm2: f64, metric: &Metric) -> Option<Nearest> {
         let (a_mm, b_mm) = (metric.mm * a, metric.mm * b);
         let (lo_mm, hi_mm) = (a_mm.min(b_mm), a_mm.max(b_mm));
-        let mut query = Query { a, b, lo_mm, hi_mm, metric, limit: limit_mm2, best: None };
+        let mut query = Query { a, b, lo_mm, hi_mm, metric, limit_mm2, best: None };
         self.search(0, &mut query);
         query.best
     }
 
     fn search(&self, at: usize, query: &mut Query<'_>) {
         let node = &self.nodes[at];
-        if query.bound(node) >= query.limit {
+        if query.bound(node) >= query.limit_mm2 {
             return;
         }
         let Some(right) = node.right else {
             for cells in &self.boxes[node.start..node.end] {
                 let found = segment::to_box(query.a, query.b, cells, query.metric);
-                if found.squared_mm2 < query.limit {
-                    query.limit = found.squared_mm2;
+                if found.squared_mm2 < query.limit_mm2 {
+                    query.limit_mm2 = found.squared_mm2;
                     query.best = Some(found);
                 }
             }
@@ -132,8 +132,8 @@ impl BoxTree {
 }
 
 impl Query<'_> {
-    /// Square of the distance between the boxes around the segment and around the node, less a
-    /// little for rounding: never more than the exact one between what they hold.
+    /// Squared distance between the bounding boxes of the segment and of the node, reduced slightly
+    /// for rounding: never more than the exact one between their contents.
     fn bound(&self, node: &Node) -> f64 {
         let gap = (node.lo_mm - self.hi_mm).max(self.lo_mm - node.hi_mm).max(DVec3::ZERO);
         gap.length_squared() * (1.0 - 1e-12)

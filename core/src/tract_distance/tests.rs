@@ -20,24 +20,24 @@ fn grid(dims: [usize; 3], matrix: DMat3, origin_mm: DVec3) -> Grid {
     Grid::new(dims, DAffine3 { matrix3: matrix, translation: origin_mm }, Sides::Known).unwrap()
 }
 
-fn turned() -> DMat3 {
+fn rotated() -> DMat3 {
     DMat3::from_rotation_z(0.4)
         * DMat3::from_rotation_x(-0.7)
         * DMat3::from_diagonal(DVec3::new(-0.8, 1.0, 2.5))
 }
 
 fn sheared() -> DMat3 {
-    turned() * DMat3::from_cols(DVec3::X, DVec3::new(0.2, 1.0, 0.0), DVec3::new(-0.1, 0.3, 1.0))
+    rotated() * DMat3::from_cols(DVec3::X, DVec3::new(0.2, 1.0, 0.0), DVec3::new(-0.1, 0.3, 1.0))
 }
 
-/// Distance from a place in the world to a voxel's cell on perpendicular axes.
+/// Distance from a world point to a voxel's cell on perpendicular axes.
 fn to_cell(grid: &Grid, p_mm: DVec3, ijk: [usize; 3]) -> f64 {
     let v = grid.voxel_from_world().transform_point3(p_mm);
     let center = DVec3::from_array(ijk.map(|i| i as f64));
     (((v - center).abs() - 0.5).max(DVec3::ZERO) * grid.spacing_mm()).length()
 }
 
-/// The definition, up to the step: places along every segment against every active voxel.
+/// The definition, up to the step: points along every segment compared with every active voxel.
 fn sampled(grid: &Grid, mask: &MaskBits, fiber: &[[f32; 3]], steps: usize) -> f64 {
     let points: Vec<DVec3> = fiber.iter().map(|&p| DVec3::from_array(p.map(f64::from))).collect();
     let [nx, ny, _] = mask.dims();
@@ -51,7 +51,7 @@ fn sampled(grid: &Grid, mask: &MaskBits, fiber: &[[f32; 3]], steps: usize) -> f6
     least
 }
 
-/// Every segment against every active voxel by the method for any axes: no runs, tree or chunks.
+/// Every segment compared with every active voxel by the method for any axes: no runs, tree or chunks.
 fn brute(grid: &Grid, mask: &MaskBits, fiber: &[[f32; 3]]) -> f64 {
     let metric = Metric { perpendicular: false, ..Metric::of(grid) };
     let voxel = |p: [f32; 3]| grid.voxel_from_world().transform_point3(DVec3::from_array(p.map(f64::from)));
@@ -100,7 +100,7 @@ fn closed_forms_on_one_box() {
     let corner = at(&[[12.0, 10.0, 11.0], [10.0, 12.0, 11.0]]);
     assert!((corner.distance_mm - 12.0_f64.sqrt()).abs() < 1e-12, "{corner:?}");
     assert!(corner.selection_mm.distance(DVec3::splat(9.0)) < 1e-12);
-    // One point; a point twice; inside; nothing.
+    // One point; a repeated point; inside; no point.
     assert_eq!(at(&[[6.0, 12.0, 6.0]]).distance_mm, 3.0);
     assert_eq!(at(&[[6.0, 12.0, 6.0], [6.0, 12.0, 6.0]]).distance_mm, 3.0);
     let inside = at(&[[5.0, 5.0, 5.0], [6.0, 5.0, 5.0]]);
@@ -117,16 +117,16 @@ fn a_hole_and_the_gap_between_runs_are_not_selected() {
     let cells = SelectedCells::new(&g, &full_but_the_middle).unwrap();
     let found = cells.nearest(&[[4.0, 4.0, 4.25], [4.125, 4.0, 4.25]]).unwrap();
     assert_eq!((found.distance_mm, found.selection_mm.z), (0.25, 4.5));
-    // Lines that end in an active voxel and go on with one are two runs.
+    // A line that ends in an active voxel and a next line that starts with one are two runs.
     let ends = MaskBits::from_fn([3, 2, 1], |l| l == 2 || l == 3);
     assert_eq!(boxes::runs(&ends).len(), 2);
     assert_eq!(boxes::runs(&MaskBits::full([130, 2, 3])).len(), 6);
 }
 
 #[test]
-fn the_two_methods_for_a_segment_and_a_box_agree() {
+fn both_methods_for_a_segment_and_a_box_agree() {
     let mut random = Random(3);
-    let metric = Metric::of(&grid([4; 3], turned(), DVec3::ZERO));
+    let metric = Metric::of(&grid([4; 3], rotated(), DVec3::ZERO));
     assert!(metric.perpendicular);
     for n in 0..20_000 {
         let mut a = random.vec(8.0);
@@ -141,7 +141,7 @@ fn the_two_methods_for_a_segment_and_a_box_agree() {
         let other = segment::any_axes(a, b, &cells, &metric);
         let (d1, d2) = (one.squared_mm2.sqrt(), other.squared_mm2.sqrt());
         assert!((d1 - d2).abs() < 1e-7, "{n}: {d1} {d2} {a} {b} {cells:?}");
-        // Each says where it is: the places are that far apart.
+        // The points that each returns are that far apart.
         for (found, d) in [(one, d1), (other, d2)] {
             let apart = (metric.mm * (a.lerp(b, found.along) - found.voxel)).length();
             assert!((apart - d).abs() < 1e-9, "{n}: {apart} {d}");
@@ -150,11 +150,11 @@ fn the_two_methods_for_a_segment_and_a_box_agree() {
 }
 
 #[test]
-fn equals_brute_force_on_every_kind_of_grid() {
+fn nearest_equals_brute_force_on_every_kind_of_grid() {
     let mut random = Random(11);
     let far = DVec3::new(1000.0, -2000.0, 500.0);
     for (matrix, origin) in
-        [(turned(), DVec3::ZERO), (turned(), far), (sheared(), DVec3::ZERO), (sheared(), far)]
+        [(rotated(), DVec3::ZERO), (rotated(), far), (sheared(), DVec3::ZERO), (sheared(), far)]
     {
         let g = grid([12, 9, 7], matrix, origin);
         for share in [0.003, 0.05, 0.6] {
@@ -173,9 +173,9 @@ fn equals_brute_force_on_every_kind_of_grid() {
 }
 
 #[test]
-fn is_just_below_what_sampling_finds() {
+fn exact_distance_is_just_below_the_sampled_one() {
     let mut random = Random(5);
-    let g = grid([6, 5, 4], turned(), DVec3::new(10.0, 20.0, -5.0));
+    let g = grid([6, 5, 4], rotated(), DVec3::new(10.0, 20.0, -5.0));
     for _ in 0..20 {
         let mask = speckle(&mut random, [6, 5, 4], 0.1);
         let Some(cells) = SelectedCells::new(&g, &mask) else { continue };
@@ -188,7 +188,7 @@ fn is_just_below_what_sampling_finds() {
 }
 
 #[test]
-fn all_fibers_in_order_and_how_many_are_near() {
+fn nearest_of_all_keeps_the_order_and_nearness_counts() {
     let g = Grid::axis_aligned([5; 3], DVec3::ONE, DVec3::ZERO).unwrap();
     let mask = MaskBits::from_fn([5; 3], |l| l == 62);
     let cells = SelectedCells::new(&g, &mask).unwrap();
@@ -205,9 +205,9 @@ fn all_fibers_in_order_and_how_many_are_near() {
     assert_eq!((near.nearest.unwrap().0, near.through, near.within), (2, 2, 4));
     assert_eq!(Nearness::of(&found[4..], 0.5).nearest, Some((0, found[4].unwrap())));
     assert_eq!(Nearness::of(&[None], 1.0), Nearness { nearest: None, through: 0, within: 0 });
-    let stopped = Progress::new();
-    stopped.cancel();
-    assert!(cells.nearest_of_all(&tracts, &stopped).is_err());
+    let cancelled = Progress::new();
+    cancelled.cancel();
+    assert!(cells.nearest_of_all(&tracts, &cancelled).is_err());
     let Approach { fiber_mm, .. } = near.nearest.unwrap().1;
     assert!((1.5..=2.5).contains(&fiber_mm.x) && fiber_mm.z == 2.25);
 }

@@ -1,4 +1,4 @@
-//! What the tests of files share: the real data, and headers made by hand.
+//! Shared by the tests of files and cases: access to real data, and synthetic NIfTI files.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::io::Write;
@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use glioscope_core::files::{self, FileError, Loaded, ReadOptions, Source};
 use glioscope_core::{Progress, Samples};
 
-/// The folder of real files, or `None` after saying so on the terminal (past the test harness's
-/// capture, so that a skipped test can't pass for one that ran).
+/// The folder of real files, or `None` after a message on stderr (bypassing the test harness's capture, so that a
+/// skipped test can't be mistaken for one that ran).
 pub fn real_data(folder: &str) -> Option<PathBuf> {
     let root = std::env::var_os("GLIOSCOPE_REAL_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
@@ -20,7 +20,7 @@ pub fn real_data(folder: &str) -> Option<PathBuf> {
     None
 }
 
-/// Every file below `folder`, in the order of their names.
+/// All files below `folder`, sorted by path.
 pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).unwrap() {
@@ -43,24 +43,24 @@ pub fn codes(loaded: &Loaded) -> Vec<&'static str> {
     loaded.checks.iter().map(|c| c.code).collect()
 }
 
-/// A NIfTI-1 file made by hand, little-endian: 2 x 3 x 4 voxels of int16, value = position.
+/// A synthetic little-endian NIfTI-1 file: 2 x 3 x 4 voxels of int16, value = linear index.
 #[derive(Clone)]
-pub struct Made {
+pub struct NiftiBuilder {
     pub bytes: Vec<u8>,
 }
 
-impl Made {
+impl NiftiBuilder {
     pub fn new() -> Self {
-        let mut made = Self { bytes: vec![0; 352] };
-        made.put(0, &348i32.to_le_bytes());
-        made.i16s(40, &[3, 2, 3, 4, 1, 1, 1, 1]);
-        made.i16s(70, &[4, 16]);
-        made.f32s(76, &[1.0, 1.5, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0]);
-        made.f32s(108, &[352.0, 1.0, 0.0]);
-        made.put(123, &[2]);
-        made.put(344, b"n+1\0");
-        made.bytes.extend((0..24i16).flat_map(i16::to_le_bytes));
-        made
+        let mut nifti = Self { bytes: vec![0; 352] };
+        nifti.put(0, &348i32.to_le_bytes());
+        nifti.i16s(40, &[3, 2, 3, 4, 1, 1, 1, 1]);
+        nifti.i16s(70, &[4, 16]);
+        nifti.f32s(76, &[1.0, 1.5, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0]);
+        nifti.f32s(108, &[352.0, 1.0, 0.0]);
+        nifti.put(123, &[2]);
+        nifti.put(344, b"n+1\0");
+        nifti.bytes.extend((0..24i16).flat_map(i16::to_le_bytes));
+        nifti
     }
 
     pub fn put(&mut self, at: usize, bytes: &[u8]) -> &mut Self {
@@ -76,12 +76,12 @@ impl Made {
         self.put(at, &values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())
     }
 
-    /// qform: code, quaternion b c d, offset.
+    /// Sets the qform: code, quaternion b c d, offset.
     pub fn qform(&mut self, code: i16, quatern: [f32; 3], offset: [f32; 3]) -> &mut Self {
         self.i16s(252, &[code]).f32s(256, &quatern).f32s(268, &offset)
     }
 
-    /// sform: code and rows.
+    /// Sets the sform: code and rows.
     pub fn sform(&mut self, code: i16, rows: [[f32; 4]; 3]) -> &mut Self {
         self.i16s(254, &[code]).f32s(280, &rows.concat())
     }
@@ -97,7 +97,7 @@ pub fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// All stored numbers as f64.
+/// All stored numbers as `f64`.
 pub fn numbers(samples: &Samples) -> Vec<f64> {
     (0..samples.len())
         .map(|i| match samples {

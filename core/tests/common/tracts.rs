@@ -1,4 +1,4 @@
-//! Makes small `.tck` and `.trk` files.
+//! Synthetic `.tck` and `.trk` files.
 
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
@@ -38,15 +38,15 @@ impl Order {
     }
 }
 
-/// A `.tck` with these header lines, fibres and end marker.
+/// A `.tck` file with these fibres and additional header lines.
 pub fn tck(fibers: &[Vec<[f32; 3]>], order: Order, double: bool, lines: &str) -> Vec<u8> {
     let letters = if order == Order::Little { "LE" } else { "BE" };
     let bits = if double { 64 } else { 32 };
-    tck_of(fibers, order, double, &format!("datatype: Float{bits}{letters}\n{lines}"))
+    tck_with_header(fibers, order, double, &format!("datatype: Float{bits}{letters}\n{lines}"))
 }
 
-/// As [`tck`], with all header lines but `file`.
-pub fn tck_of(fibers: &[Vec<[f32; 3]>], order: Order, double: bool, lines: &str) -> Vec<u8> {
+/// As [`tck`], with all header lines but `file` given by `lines`.
+pub fn tck_with_header(fibers: &[Vec<[f32; 3]>], order: Order, double: bool, lines: &str) -> Vec<u8> {
     let head = |offset: usize| format!("mrtrix tracks    \n{lines}file: . {offset:04}\nEND\n");
     let mut out = head(head(0).len()).into_bytes();
     let mut put = |p: [f32; 3]| {
@@ -62,7 +62,7 @@ pub fn tck_of(fibers: &[Vec<[f32; 3]>], order: Order, double: bool, lines: &str)
     out
 }
 
-/// What a `.trk` is made of.
+/// Content of a `.trk` file.
 #[derive(Clone, Debug)]
 pub struct Trk {
     pub order: Order,
@@ -77,7 +77,7 @@ pub struct Trk {
     pub fibers: Vec<Vec<[f32; 3]>>,
 }
 
-/// A matrix whose voxels run towards R, A and S, turned by some degrees.
+/// A sheared, oblique matrix whose voxel axes run roughly towards R, A and S.
 pub const OBLIQUE: [[f32; 4]; 4] =
     [[1.0, -0.25, 0.125, -20.0], [0.25, 2.0, -0.375, 10.5], [-0.0625, 0.5, 3.0, 5.0], [0.0, 0.0, 0.0, 1.0]];
 
@@ -127,8 +127,8 @@ impl Trk {
     }
 }
 
-/// The files that nibabel was asked about, by name.
-pub fn asked() -> Vec<(&'static str, Vec<u8>)> {
+/// The files whose nibabel results are in `tracts_nibabel.json`, by name.
+pub fn nibabel_files() -> Vec<(&'static str, Vec<u8>)> {
     let base = Trk::new();
     let lps =
         [[-1.0, 0.0, 0.25, 30.0], [0.0, -2.0, 0.125, 40.0], [0.0, 0.25, 3.0, -5.0], [0.0, 0.0, 0.0, 1.0]];

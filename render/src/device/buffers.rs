@@ -1,10 +1,10 @@
-//! Buffers on the device: how they are made, and what fits.
+//! Creation of buffers on the graphics device, and its size limits.
 
 use wgpu::util::DeviceExt;
 
 use super::{error::RenderError, gpu::Gpu};
 
-/// Storage that a pass writes and a test or a pick may read back.
+/// Storage that a pass writes and a test or pick may read back.
 pub(crate) const WRITTEN: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC);
 
@@ -25,7 +25,7 @@ impl Gpu {
         self.buffer(label, size_of::<T>() as u64, usage)
     }
 
-    /// A buffer with contents; not empty.
+    /// A buffer with contents, which must not be empty.
     pub(crate) fn buffer_with(
         &self,
         label: &str,
@@ -39,18 +39,18 @@ impl Gpu {
         })
     }
 
-    /// Storage that passes only read; not empty.
+    /// Storage that passes only read; `contents` must not be empty.
     pub(crate) fn storage(&self, label: &str, contents: &[u8]) -> wgpu::Buffer {
         self.buffer_with(label, contents, wgpu::BufferUsages::STORAGE)
     }
 
-    /// Bytes of the largest storage buffer.
+    /// Size limit of a storage buffer in bytes.
     pub(crate) fn storage_limit(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
     }
 
-    /// The largest storage buffer's bytes, when `found` bytes of `what` fit in it.
+    /// The size limit of a storage buffer in bytes, if `found` bytes of `what` are within it.
     ///
     /// # Errors
     /// [`RenderError::Buffer`].
@@ -60,38 +60,38 @@ impl Gpu {
     }
 }
 
-/// A storage buffer that is made anew when it is too small.
+/// A storage buffer that is reallocated when it is too small.
 pub(crate) struct GrowingBuffer {
     what: &'static str,
     buffer: wgpu::Buffer,
 }
 
 impl GrowingBuffer {
-    /// `what` it holds is named where it doesn't fit.
+    /// `what` it holds is named in the error when it doesn't fit.
     pub fn new(gpu: &Gpu, what: &'static str, bytes: u64) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         Self { what, buffer: gpu.buffer(what, bytes, usage) }
     }
 
-    /// The buffer as it is now.
+    /// The current buffer.
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }
 
-    /// Makes room for `bytes`, and a quarter more where the device has it.
+    /// Makes room for `bytes`, and a quarter more where the device allows it. Reallocation loses the contents.
     ///
     /// # Errors
-    /// [`RenderError::Buffer`] past the device's limit; the buffer stays as it is.
+    /// [`RenderError::Buffer`] past the device's limit; the buffer is then unchanged.
     pub fn grow(&mut self, gpu: &Gpu, bytes: u64) -> Result<(), RenderError> {
         if bytes > self.buffer.size() {
             let limit = gpu.check_size(self.what, bytes)?;
-            let room = (bytes + bytes / 4).next_multiple_of(16).min(limit & !15).max(bytes);
-            *self = Self::new(gpu, self.what, room);
+            let capacity = (bytes + bytes / 4).next_multiple_of(16).min(limit & !15).max(bytes);
+            *self = Self::new(gpu, self.what, capacity);
         }
         Ok(())
     }
 
-    /// Writes `bytes` at its begin, in a larger buffer where need be.
+    /// Writes `bytes` at its start, in a larger buffer if necessary.
     ///
     /// # Errors
     /// As [`GrowingBuffer::grow`].

@@ -1,32 +1,32 @@
-//! Why a picture can't be drawn.
+//! Why a frame can't be rendered.
 
-/// A picture that can't be drawn.
+/// A frame that can't be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
-    /// Nothing to draw on, or too much.
+    /// An empty frame, or one past the device's limits.
     #[error(
         "found a picture of {}x{} pixels, expected sides of 1 to {side} pixels and at most {pixels} pixels",
         found[0], found[1]
     )]
     Size {
-        /// The size asked for.
+        /// The requested size in pixels.
         found: [u32; 2],
-        /// Longest side that the device takes.
+        /// Longest side that the device supports, pixels.
         side: u32,
-        /// Most pixels that the device takes.
+        /// Most pixels that the device supports.
         pixels: u64,
     },
-    /// The regions, or the context image, don't fit on the card.
+    /// The regions, or the context image, don't fit on the graphics device.
     #[error(
         "found a volume that needs {found} bytes in one buffer, expected at most {limit} on this graphics device"
     )]
     Volume {
         /// Bytes needed.
         found: u64,
-        /// Bytes that the device takes.
+        /// Bytes that the device allows.
         limit: u64,
     },
-    /// Something else doesn't fit on the card.
+    /// Something else doesn't fit on the graphics device.
     #[error(
         "found {what} to need {found} bytes in one buffer, expected at most {limit} on this graphics device"
     )]
@@ -35,7 +35,7 @@ pub enum RenderError {
         what: &'static str,
         /// Bytes needed.
         found: u64,
-        /// Bytes that the device takes.
+        /// Bytes that the device allows.
         limit: u64,
     },
     /// Lens, camera or another part of the scene is not a number, or has no size.
@@ -44,7 +44,7 @@ pub enum RenderError {
     /// The device failed.
     #[error("the graphics device failed: {0}")]
     Device(String),
-    /// A shader of ours does not compose.
+    /// A shader of this program doesn't compose.
     #[error(transparent)]
     Shader(#[from] glioscope_shaders::ComposeError),
 }

@@ -1,4 +1,4 @@
-//! The graphics card, or Mesa's software one.
+//! The graphics device: a GPU, or Mesa's software driver.
 
 use std::{
     fmt,
@@ -7,7 +7,7 @@ use std::{
 
 use super::error::RenderError;
 
-/// Which adapter is asked for.
+/// Which adapter is requested.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AdapterPreference {
     /// Discrete, then integrated, then virtual, then software.
@@ -17,7 +17,7 @@ pub enum AdapterPreference {
     SoftwareOnly,
 }
 
-/// No card to draw with.
+/// No graphics device to render with.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
     /// Neither a real adapter nor a software one.
@@ -26,33 +26,34 @@ pub enum GpuError {
          one: on Debian or Ubuntu install the packages mesa-vulkan-drivers and libvulkan1"
     )]
     NoAdapter(String),
-    /// The adapter would not make a device.
+    /// The adapter gave no device.
     #[error("found graphics adapter {adapter}, which gave no device: {reason}")]
     NoDevice {
         /// Its name.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         reason: String,
     },
 }
 
-/// What the device has complained about since it was last asked.
+/// Device errors since the last [`Gpu::check`].
 #[derive(Debug, Default)]
-struct Complaints {
+struct DeviceErrors {
+    /// Why the device was lost; stays.
     lost: Option<String>,
     first: Option<String>,
 }
 
-/// Adapter, device and queue. Made once a program; cheap to clone.
+/// Adapter, device and queue. Created once per program; cheap to clone.
 #[derive(Clone)]
 pub struct Gpu {
-    /// The card.
+    /// The adapter.
     pub adapter: wgpu::Adapter,
-    /// The opened card.
+    /// The device opened on the adapter.
     pub device: wgpu::Device,
-    /// Where work goes.
+    /// The queue that work is submitted to.
     pub queue: wgpu::Queue,
-    complaints: Arc<Mutex<Complaints>>,
+    errors: Arc<Mutex<DeviceErrors>>,
 }
 
 impl fmt::Debug for Gpu {
@@ -71,30 +72,30 @@ fn rank(info: &wgpu::AdapterInfo) -> u32 {
     }
 }
 
-/// Features that are used where the adapter has them; none is needed.
+/// Features that are used where the adapter has them; none is required.
 pub fn wanted_features(adapter: &wgpu::Adapter) -> wgpu::Features {
     adapter.features() & wgpu::Features::TIMESTAMP_QUERY
 }
 
-/// Limits to open the device with: WebGPU's defaults, sizes of textures and buffers raised to what
-/// the adapter has, and nothing above what it has.
+/// Limits to open the device with: WebGPU's defaults, with sizes of textures and buffers raised to the
+/// adapter's limits, and nothing above these.
 pub fn wanted_limits(adapter: &wgpu::Adapter) -> wgpu::Limits {
-    let has = adapter.limits();
+    let available = adapter.limits();
     let wanted = wgpu::Limits {
-        max_buffer_size: has.max_buffer_size,
-        max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
-        ..wgpu::Limits::default().using_resolution(has.clone())
+        max_buffer_size: available.max_buffer_size,
+        max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
+        ..wgpu::Limits::default().using_resolution(available.clone())
     };
-    wanted.or_worse_values_from(&has)
+    wanted.or_worse_values_from(&available)
 }
 
-/// Descriptor of the instance, for the window's own set-up too. Labels stay on our side of the
-/// driver: Mesa's software Vulkan 22.3 (Debian 12) crashes in `vkCmdBeginDebugUtilsLabelEXT`.
+/// Descriptor of the instance, also for the window's own set-up. Labels aren't passed to the driver: Mesa's
+/// software Vulkan 22.3 (Debian 12) crashes in `vkCmdBeginDebugUtilsLabelEXT`.
 /// `WGPU_DISCARD_HAL_LABELS=0` passes them on, for graphics debuggers.
 pub fn instance_descriptor() -> wgpu::InstanceDescriptor {
     let plain = wgpu::InstanceDescriptor::new_without_display_handle();
     wgpu::InstanceDescriptor {
-        // Vulkan, Metal and Direct3D: asking for OpenGL too makes Mesa complain on stderr.
+        // Vulkan, Metal and Direct3D: with OpenGL requested too, Mesa prints errors on stderr.
         backends: wgpu::Backends::PRIMARY,
         flags: plain.flags | wgpu::InstanceFlags::DISCARD_HAL_LABELS,
         ..plain
@@ -102,7 +103,7 @@ pub fn instance_descriptor() -> wgpu::InstanceDescriptor {
     .with_env()
 }
 
-/// Descriptor of the device to open on `adapter`, for the window's own set-up too.
+/// Descriptor of the device to open on `adapter`, also for the window's own set-up.
 pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
     wgpu::DeviceDescriptor {
         label: Some("Gpu::device"),
@@ -112,7 +113,7 @@ pub fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'sta
     }
 }
 
-/// The adapter that `preference` asks for, of those that can run compute shaders.
+/// The adapter that `preference` selects among those that can run compute shaders; `None` if there is none.
 pub fn choose_adapter(adapters: &[wgpu::Adapter], preference: AdapterPreference) -> Option<&wgpu::Adapter> {
     adapters
         .iter()
@@ -150,54 +151,54 @@ impl Gpu {
     }
 
     /// The window's device. It must have been opened with [`device_descriptor`].
-    /// From here on its errors come back from [`Gpu::check`] instead of ending the program.
+    /// From then on its errors are returned by [`Gpu::check`] instead of ending the program.
     pub fn from_parts(adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        let complaints = Arc::new(Mutex::new(Complaints::default()));
-        let heard = Arc::clone(&complaints);
+        let errors = Arc::new(Mutex::new(DeviceErrors::default()));
+        let reported = Arc::clone(&errors);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-            let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
-            if heard.first.is_none() {
-                heard.first = Some(error.to_string());
+            let mut reported = reported.lock().unwrap_or_else(PoisonError::into_inner);
+            if reported.first.is_none() {
+                reported.first = Some(error.to_string());
             }
         }));
-        let heard = Arc::clone(&complaints);
+        let reported = Arc::clone(&errors);
         device.set_device_lost_callback(move |_, message| {
-            heard.lock().unwrap_or_else(PoisonError::into_inner).lost =
+            reported.lock().unwrap_or_else(PoisonError::into_inner).lost =
                 Some(if message.is_empty() { "no reason given".to_owned() } else { message });
         });
-        Self { adapter, device, queue, complaints }
+        Self { adapter, device, queue, errors }
     }
 
-    /// What has gone wrong on the device since the last call; a lost device stays lost.
+    /// Reports the first device error since the last call; a lost device stays lost.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn check(&self) -> Result<(), RenderError> {
-        // Losses are told when the device is polled; what polling itself fails at is told here too.
+        // A lost device is reported by polling; errors of the poll itself are returned last.
         let polled = self.device.poll(wgpu::PollType::Poll);
-        let mut heard = self.complaints.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(lost) = &heard.lost {
+        let mut reported = self.errors.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(lost) = &reported.lost {
             return Err(RenderError::Device(format!("it was lost: {lost}")));
         }
-        heard.first.take().map_or(Ok(()), |first| Err(RenderError::Device(first)))?;
+        reported.first.take().map_or(Ok(()), |first| Err(RenderError::Device(first)))?;
         polled.map(|_| ()).map_err(|e| RenderError::Device(e.to_string()))
     }
 
-    /// Waits until everything submitted is done.
+    /// Waits until all submitted work is done.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn wait(&self) -> Result<(), RenderError> {
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         waited.map(|_| ()).map_err(|e| RenderError::Device(e.to_string()))
     }
 
-    /// Whether the adapter computes on the CPU.
+    /// Whether the adapter runs on the CPU.
     pub fn is_software(&self) -> bool {
         self.adapter.get_info().device_type == wgpu::DeviceType::Cpu
     }
 
-    /// Name, back end, driver, and whether it is software.
+    /// Name, back end, driver, and whether it is software or hardware, as one line.
     pub fn describe(&self) -> String {
         let info = self.adapter.get_info();
         let driver = [info.driver.as_str(), info.driver_info.as_str()]
@@ -210,7 +211,7 @@ impl Gpu {
         format!("{}, {:?}, {driver}, {kind}", info.name, info.backend)
     }
 
-    /// Whether passes can be timed on the device itself.
+    /// Whether the device supports timestamp queries.
     pub fn has_timestamps(&self) -> bool {
         self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }

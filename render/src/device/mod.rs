@@ -1,5 +1,5 @@
-//! The graphics device: adapter and queue, buffers, pipelines, running and timing passes, reading back. Knows no
-//! scene and no view.
+//! The graphics device: adapter and queue, buffers, pipelines, running and timing passes, readback. Knows no scene
+//! and no view.
 
 pub(crate) mod buffers;
 pub mod error;

@@ -1,4 +1,4 @@
-//! The name of a pass. Each stands with the view or the light that the pass belongs to.
+//! The name of a render pass. Each is defined in the view or lighting mode that the pass belongs to.
 
 use std::fmt;
 
@@ -10,12 +10,12 @@ use serde::Serialize;
 pub struct PassName(&'static str);
 
 impl PassName {
-    /// A name in snake case; two passes of one view have different ones.
+    /// A name in snake case, unique within a view.
     pub(crate) const fn new(name: &'static str) -> Self {
         Self(name)
     }
 
-    /// As text.
+    /// The name as text.
     pub fn name(self) -> &'static str {
         self.0
     }

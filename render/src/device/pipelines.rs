@@ -1,10 +1,10 @@
-//! Pipelines of shader files, and layouts of what is bound to them.
+//! Pipelines of shader files, and bind group layouts.
 
 use super::{error::RenderError, gpu::Gpu};
 
-/// Format of a raster pass' picture: two numbers a sample that a later pass makes a colour of.
+/// Format of a raster pass's colour target: two integers per sample, which a later pass shades.
 pub(crate) const PICTURE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rg32Uint;
-/// Format of its depths.
+/// Format of its depth buffer.
 pub(crate) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// The composed shader file `name`.
@@ -19,11 +19,11 @@ pub(crate) fn shader_module(gpu: &Gpu, name: &str) -> Result<wgpu::ShaderModule,
     }))
 }
 
-/// A compute pipeline of entry point `main` of a shader file, with one bind group: of `layout`, else of what the
-/// shader uses.
+/// A compute pipeline of entry point `main` of a shader file, with one bind group: of `layout`, or derived from the
+/// shader.
 ///
 /// # Errors
-/// [`RenderError::Shader`] for a file that doesn't compose. What the driver refuses, [`Gpu::check`] tells.
+/// [`RenderError::Shader`] for a file that doesn't compose. Errors of the driver are reported by [`Gpu::check`].
 pub(crate) fn compute_pipeline(
     gpu: &Gpu,
     name: &str,
@@ -52,8 +52,8 @@ pub(crate) fn compute_pipeline(
     }))
 }
 
-/// A raster pipeline of shader file `name`, whose entry points are `main` (vertices) and `shade`. With
-/// `one_sided`, triangles are seen from where their corners run clockwise only.
+/// A raster pipeline of shader file `name`, whose entry points are `main` (vertices) and `shade` (fragments).
+/// `one_sided` culls triangles whose corners appear anticlockwise.
 ///
 /// # Errors
 /// [`RenderError::Shader`] for a file that doesn't compose.
@@ -96,17 +96,17 @@ pub(crate) fn raster_pipeline(
     }))
 }
 
-/// What a binding is, for [`bind_group_layout`].
+/// Kind of a binding, for [`bind_group_layout`].
 #[derive(Clone, Copy)]
 pub(crate) enum BindingKind {
     Uniform,
-    /// A uniform of so many bytes at an offset given with each dispatch.
+    /// A uniform of this many bytes, at a dynamic offset per dispatch.
     UniformAtOffset(u64),
     Read,
     Write,
 }
 
-/// A layout of buffers of these numbers and kinds, for compute passes.
+/// A layout of buffers with these binding numbers and kinds, for compute passes.
 pub(crate) fn bind_group_layout(
     gpu: &Gpu,
     label: &'static str,

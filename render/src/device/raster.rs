@@ -1,5 +1,4 @@
-//! The picture and the depths that a raster pass draws onto. What is written is not a colour but what a later pass
-//! makes one of: two numbers a sample.
+//! Render targets of a raster pass. It writes no colours but two integers per sample, which a later pass shades.
 
 use super::{
     error::RenderError,
@@ -7,38 +6,39 @@ use super::{
     pipelines::{DEPTH_FORMAT, PICTURE_FORMAT},
 };
 
-/// The picture, `samples` squared of them a pixel; one texel where nothing is drawn.
+/// Targets with `samples` squared samples per pixel; one texel where nothing is drawn.
 #[derive(Clone, Debug)]
 pub(crate) struct RasterTargets {
     pub samples: u32,
     pub picture: wgpu::TextureView,
     pub depths: wgpu::TextureView,
-    drawn: Option<[u32; 2]>,
+    /// Size in pixels; `None` where nothing is drawn.
+    size: Option<[u32; 2]>,
 }
 
 impl RasterTargets {
-    /// Those held, when they are of `size` (`None`: nothing is drawn), else new ones. At most
-    /// `most_samples` along each side of a pixel, fewer where the device takes no such picture.
+    /// The held targets if they have `size` (`None`: nothing is drawn), else new ones. `most_samples` along each
+    /// side of a pixel, or one where the device supports no texture of that size.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn reuse(
         held: &mut Option<Self>,
         gpu: &Gpu,
         size: Option<[u32; 2]>,
         most_samples: u32,
     ) -> Result<Self, RenderError> {
-        let made = match held.take().filter(|h| h.drawn == size) {
+        let targets = match held.take().filter(|h| h.size == size) {
             Some(targets) => targets,
             None => Self::new(gpu, size, most_samples)?,
         };
-        Ok(held.insert(made).clone())
+        Ok(held.insert(targets).clone())
     }
 
-    fn new(gpu: &Gpu, drawn: Option<[u32; 2]>, most_samples: u32) -> Result<Self, RenderError> {
-        let [width, height] = drawn.unwrap_or([1; 2]);
+    fn new(gpu: &Gpu, size: Option<[u32; 2]>, most_samples: u32) -> Result<Self, RenderError> {
+        let [width, height] = size.unwrap_or([1; 2]);
         let largest = gpu.device.limits().max_texture_dimension_2d;
-        let fits = drawn.is_some() && width.max(height) <= largest / most_samples;
+        let fits = size.is_some() && width.max(height) <= largest / most_samples;
         let samples = if fits { most_samples } else { 1 };
         let view = |label, format, usage| {
             gpu.device
@@ -59,13 +59,13 @@ impl RasterTargets {
                 .create_view(&wgpu::TextureViewDescriptor::default())
         };
         let read = wgpu::TextureUsages::TEXTURE_BINDING;
-        let made = Self {
+        let targets = Self {
             samples,
             picture: view("RasterTargets::picture", PICTURE_FORMAT, read),
             depths: view("RasterTargets::depths", DEPTH_FORMAT, wgpu::TextureUsages::empty()),
-            drawn,
+            size,
         };
         gpu.check()?;
-        Ok(made)
+        Ok(targets)
     }
 }

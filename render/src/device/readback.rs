@@ -1,24 +1,24 @@
-//! From the device back to the host. Each call waits for what was submitted.
+//! Readback from the device to the host. Each call waits for all submitted work.
 
 use super::{error::RenderError, gpu::Gpu};
 
-/// How long an answer may take once the device has done its work.
-const ANSWER: std::time::Duration = std::time::Duration::from_secs(30);
+/// How long the map callback may take once the device has finished its work.
+const MAP_TIMEOUT: std::time::Duration = std::time::Duration::from_secs(30);
 
-/// What a staging buffer is for.
-const READ_BACK: wgpu::BufferUsages = wgpu::BufferUsages::COPY_DST.union(wgpu::BufferUsages::MAP_READ);
+/// Usages of a staging buffer.
+const STAGING: wgpu::BufferUsages = wgpu::BufferUsages::COPY_DST.union(wgpu::BufferUsages::MAP_READ);
 
 impl Gpu {
-    /// Bytes of each part: buffer (with `COPY_SRC`), offset and size, both multiples of 4.
+    /// Contents of each part, given as buffer (with `COPY_SRC`), offset and size in bytes, both multiples of 4.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub(crate) fn read_buffers(
         &self,
         parts: &[(&wgpu::Buffer, u64, u64)],
     ) -> Result<Vec<Vec<u8>>, RenderError> {
         let total: u64 = parts.iter().map(|p| p.2).sum();
-        let staging = self.buffer("Gpu::staging", total, READ_BACK);
+        let staging = self.buffer("Gpu::staging", total, STAGING);
         let mut encoder = self
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("Gpu::read_buffers") });
@@ -41,19 +41,19 @@ impl Gpu {
             .collect())
     }
 
-    /// Contents of a mappable buffer, when all that was submitted is done.
+    /// Contents of a mappable buffer after all submitted work.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub(crate) fn map(&self, staging: &wgpu::Buffer) -> Result<Vec<u8>, RenderError> {
-        let (tell, told) = std::sync::mpsc::channel();
+        let (sender, receiver) = std::sync::mpsc::channel();
         staging.slice(..).map_async(wgpu::MapMode::Read, move |result| {
             // The receiver waits below; it is gone only after an error.
-            let _ = tell.send(result);
+            let _ = sender.send(result);
         });
         self.wait()?;
-        // Where several threads wait for the device, another one may be about to answer for this one.
-        match told.recv_timeout(ANSWER) {
+        // Where several threads wait for the device, another one may still be about to run this callback.
+        match receiver.recv_timeout(MAP_TIMEOUT) {
             Ok(Ok(())) => {
                 let view = staging.slice(..).get_mapped_range();
                 let bytes = view.map(|view| view.to_vec()).map_err(|e| RenderError::Device(e.to_string()));
@@ -65,7 +65,7 @@ impl Gpu {
         }
     }
 
-    /// What the device complained about, else `text`.
+    /// The device's own error, else `text`.
     fn failure(&self, text: String) -> RenderError {
         self.check().err().unwrap_or(RenderError::Device(text))
     }
@@ -73,11 +73,11 @@ impl Gpu {
     /// All pixels of an rgba8 texture with `COPY_SRC`, row after row from the top, 4 bytes each.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn read_rgba(&self, color: &wgpu::Texture) -> Result<Vec<u8>, RenderError> {
         let (width, height) = (color.width(), color.height());
-        let line = (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let staging = self.buffer("Gpu::staging", u64::from(line) * u64::from(height), READ_BACK);
+        let row_bytes = (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let staging = self.buffer("Gpu::staging", u64::from(row_bytes) * u64::from(height), STAGING);
         let mut encoder = self
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("Gpu::read_rgba") });
@@ -87,7 +87,7 @@ impl Gpu {
                 buffer: &staging,
                 layout: wgpu::TexelCopyBufferLayout {
                     offset: 0,
-                    bytes_per_row: Some(line),
+                    bytes_per_row: Some(row_bytes),
                     rows_per_image: None,
                 },
             },
@@ -95,6 +95,10 @@ impl Gpu {
         );
         self.queue.submit([encoder.finish()]);
         let padded = self.map(&staging)?;
-        Ok(padded.chunks_exact(line as usize).flat_map(|l| &l[..width as usize * 4]).copied().collect())
+        Ok(padded
+            .chunks_exact(row_bytes as usize)
+            .flat_map(|row| &row[..width as usize * 4])
+            .copied()
+            .collect())
     }
 }

@@ -1,5 +1,5 @@
-//! Passes: their pipelines, what each is bound to this frame, and how long each took. Pipelines are compiled once
-//! per renderer; bindings live for one frame.
+//! Runs passes: their pipelines, their bindings of this frame, and their times. Pipelines are compiled once per
+//! renderer; bindings live for one frame.
 
 use std::{ops::Range, time::Instant};
 
@@ -13,14 +13,14 @@ use super::{
 /// Where pass times come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeSource {
-    /// The device's own clock, around each pass of the frame.
+    /// The device's timestamps around each pass of the frame.
     Device,
-    /// The host's clock: each pass run again on its own, submit to done.
+    /// The host's clock: each pass run again on its own, from submission to completion.
     Host,
 }
 
 impl TimeSource {
-    /// In words, for the diagnostics panel.
+    /// Description for the diagnostics panel.
     pub fn describe(self) -> &'static str {
         match self {
             Self::Device => "timestamps of the graphics device",
@@ -35,24 +35,23 @@ struct Timer {
     staging: wgpu::Buffer,
 }
 
-/// What a rasterising pass draws, and onto what. Both are cleared first: the picture to 0, the depths
-/// to 1.
+/// What a raster pass draws, and its targets. These are cleared first: the picture to 0, the depths to 1.
 #[derive(Clone, Debug)]
 pub(crate) struct Drawing {
     pub picture: wgpu::TextureView,
     pub depths: wgpu::TextureView,
-    /// Corners of triangles, 16 bits each.
+    /// Vertex indices of triangles, 16 bits each.
     pub indices: wgpu::Buffer,
     pub index_count: u32,
     pub instances: u32,
 }
 
-/// One of many steps.
+/// One step of a pass of many.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dispatch {
-    /// Number among the pipelines.
+    /// Index into the pass's pipelines.
     pub pipeline: usize,
-    /// Into the binding that has a dynamic one.
+    /// Dynamic offset, bytes.
     pub offset: u32,
     pub workgroups: [u32; 3],
 }
@@ -62,7 +61,7 @@ enum Work {
         pipeline: wgpu::ComputePipeline,
         workgroups: [u32; 3],
     },
-    /// One after the other.
+    /// Dispatches one after the other.
     Steps {
         pipelines: Vec<wgpu::ComputePipeline>,
         steps: Vec<Dispatch>,
@@ -107,18 +106,18 @@ pub(crate) struct PassRunner {
     parts: Parts,
 }
 
-/// How far a frame has come that is run in parts.
+/// Progress of a frame that is run in parts.
 #[derive(Default)]
 struct Parts {
-    /// The bound pass that is next, and its step.
+    /// Index of the next bound pass, and of its next step.
     next: (usize, usize),
-    /// Steps at once; 0 before the first frame in parts.
+    /// Steps per submission; 0 before the first frame in parts.
     chunk: usize,
     /// Milliseconds of each pass so far.
-    spent: Vec<(PassName, f64)>,
+    elapsed_ms: Vec<(PassName, f64)>,
 }
 
-/// Workgroups of 8x8 threads, one thread a pixel.
+/// Workgroups of 8x8 threads, one thread per pixel.
 pub(crate) fn workgroups_of(size: [u32; 2]) -> [u32; 3] {
     [size[0].div_ceil(8), size[1].div_ceil(8), 1]
 }
@@ -140,16 +139,16 @@ fn group_of(
     })
 }
 
-/// The most passes of a frame that are timed.
+/// The most passes of a frame with timestamps.
 const MOST_PASSES: u32 = 32;
 
 impl PassRunner {
-    /// Compiles these shader files; others are compiled when a pass is first bound with them.
+    /// Compiles these shader files; others are compiled when first bound to a pass.
     ///
     /// # Errors
     /// [`RenderError::Shader`] for a file that doesn't compose.
     pub fn new(gpu: &Gpu, shaders: impl IntoIterator<Item = &'static str>) -> Result<Self, RenderError> {
-        // Mesa's software Vulkan writes timestamps when commands are read, not when they are done.
+        // Mesa's software Vulkan writes timestamps when commands are read, not when they complete.
         let timer = (gpu.has_timestamps() && !gpu.is_software()).then(|| {
             let count = 2 * MOST_PASSES;
             let bytes = u64::from(count) * 8;
@@ -172,11 +171,11 @@ impl PassRunner {
             }
         });
         let parts = Parts::default();
-        let mut made = Self { compute: Vec::new(), raster: Vec::new(), bound: Vec::new(), timer, parts };
+        let mut runner = Self { compute: Vec::new(), raster: Vec::new(), bound: Vec::new(), timer, parts };
         for file in shaders {
-            made.pipeline(gpu, file.into())?;
+            runner.pipeline(gpu, file.into())?;
         }
-        Ok(made)
+        Ok(runner)
     }
 
     /// Forgets the last frame's passes.
@@ -185,7 +184,7 @@ impl PassRunner {
         self.parts = Parts { chunk: self.parts.chunk, ..Parts::default() };
     }
 
-    /// Binds `entries` to `pass`, which runs after those bound before it.
+    /// Binds `entries` to `pass`, which runs after the passes bound before it.
     ///
     /// # Errors
     /// [`RenderError::Shader`] for a file that doesn't compose.
@@ -205,16 +204,16 @@ impl PassRunner {
 
     fn pipeline(&mut self, gpu: &Gpu, shader: Shader<'_>) -> Result<wgpu::ComputePipeline, RenderError> {
         let Shader { file, constants } = shader;
-        if let Some(known) = self.compute.iter().find(|c| c.file == file && c.constants == constants) {
-            return Ok(known.pipeline.clone());
+        if let Some(compiled) = self.compute.iter().find(|c| c.file == file && c.constants == constants) {
+            return Ok(compiled.pipeline.clone());
         }
         let pipeline = compute_pipeline(gpu, file, None, constants)?;
         self.compute.push(Compiled { file, constants: constants.to_vec(), pipeline: pipeline.clone() });
         Ok(pipeline)
     }
 
-    /// As [`PassRunner::bind`] for a pass that rasterises: shader file, and whether triangles are seen from one side
-    /// only (see [`raster_pipeline`]).
+    /// As [`PassRunner::bind`] for a raster pass: shader file, and whether triangles are one-sided (see
+    /// [`raster_pipeline`]).
     ///
     /// # Errors
     /// [`RenderError::Shader`] for a file that doesn't compose.
@@ -226,13 +225,13 @@ impl PassRunner {
         entries: &[(u32, wgpu::BindingResource<'_>)],
         drawing: Drawing,
     ) -> Result<(), RenderError> {
-        let known = self.raster.iter().find(|(known, _)| *known == file);
-        let pipeline = match known {
+        let compiled = self.raster.iter().find(|(compiled_file, _)| *compiled_file == file);
+        let pipeline = match compiled {
             Some((_, pipeline)) => pipeline.clone(),
             None => {
-                let made = raster_pipeline(gpu, file, one_sided)?;
-                self.raster.push((file, made.clone()));
-                made
+                let pipeline = raster_pipeline(gpu, file, one_sided)?;
+                self.raster.push((file, pipeline.clone()));
+                pipeline
             }
         };
         let group = group_of(gpu, pass, &pipeline.get_bind_group_layout(0), entries);
@@ -240,8 +239,8 @@ impl PassRunner {
         Ok(())
     }
 
-    /// As [`PassRunner::bind`] for a pass of many steps with pipelines of the caller's; one binding of `layout`
-    /// has a dynamic offset.
+    /// As [`PassRunner::bind`] for a pass of many steps with the caller's pipelines; one binding of `layout` has a
+    /// dynamic offset.
     pub fn bind_steps(
         &mut self,
         gpu: &Gpu,
@@ -254,7 +253,7 @@ impl PassRunner {
         self.bound.push(Bound { pass, group, work: Work::Steps { pipelines, steps } });
     }
 
-    /// Steps of a bound pass; 1 for those that have none.
+    /// Steps of a bound pass; 1 for a pass of one dispatch or drawing.
     fn steps_of(&self, number: usize) -> usize {
         match self.bound.get(number).map(|bound| &bound.work) {
             Some(Work::Steps { steps, .. }) => steps.len(),
@@ -349,18 +348,18 @@ impl PassRunner {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Resumes the bound passes for about so many milliseconds, a pass or some of its steps at a time, and waits for
-    /// them. Whether all is done.
+    /// Resumes the bound passes for about `milliseconds`, a pass or some of its steps at a time, and waits for them.
+    /// Returns whether all passes are done.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn run_part(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
-        let began = Instant::now();
+        let part_start = Instant::now();
         loop {
             let (number, from) = self.parts.next;
             let Some(pass) = self.bound.get(number).map(|bound| bound.pass) else { return Ok(true) };
-            let all = self.steps_of(number);
-            let until = all.min(from + self.parts.chunk.max(1));
+            let step_count = self.steps_of(number);
+            let until = step_count.min(from + self.parts.chunk.max(1));
             let start = Instant::now();
             let mut encoder = gpu
                 .device
@@ -369,28 +368,28 @@ impl PassRunner {
             gpu.queue.submit([encoder.finish()]);
             gpu.wait()?;
             let elapsed_ms = start.elapsed().as_secs_f64() * 1e3;
-            if self.parts.spent.len() <= number {
-                self.parts.spent.push((pass, 0.0));
+            if self.parts.elapsed_ms.len() <= number {
+                self.parts.elapsed_ms.push((pass, 0.0));
             }
-            if let Some((_, spent)) = self.parts.spent.get_mut(number) {
-                *spent += elapsed_ms;
+            if let Some((_, pass_ms)) = self.parts.elapsed_ms.get_mut(number) {
+                *pass_ms += elapsed_ms;
             }
-            if all > 1 && elapsed_ms > milliseconds {
+            if step_count > 1 && elapsed_ms > milliseconds {
                 self.parts.chunk = (self.parts.chunk / 2).max(1);
             } else if until - from == self.parts.chunk.max(1) && elapsed_ms < 0.2 * milliseconds {
                 self.parts.chunk = 2 * self.parts.chunk.max(1);
             }
-            self.parts.next = if until < all { (number, until) } else { (number + 1, 0) };
+            self.parts.next = if until < step_count { (number, until) } else { (number + 1, 0) };
             if self.parts.next.0 >= self.bound.len() {
                 return Ok(true);
             }
-            if began.elapsed().as_secs_f64() * 1e3 >= milliseconds {
+            if part_start.elapsed().as_secs_f64() * 1e3 >= milliseconds {
                 return Ok(false);
             }
         }
     }
 
-    /// How much of the bound passes' work [`PassRunner::run_part`] has done, 0 to 1.
+    /// Share of the bound passes' steps that [`PassRunner::run_part`] has done, 0 to 1.
     pub fn share_done(&self) -> f64 {
         let steps = |numbers: Range<usize>| numbers.map(|n| self.steps_of(n)).sum::<usize>();
         let (number, step) = self.parts.next;
@@ -399,21 +398,21 @@ impl PassRunner {
 
     /// Where [`PassRunner::times`] come from on this device.
     pub fn time_source(&self) -> TimeSource {
-        if self.timer.is_some() && self.parts.spent.is_empty() {
+        if self.timer.is_some() && self.parts.elapsed_ms.is_empty() {
             TimeSource::Device
         } else {
             TimeSource::Host
         }
     }
 
-    /// Milliseconds of each bound pass, in order. Waits for the frame. Without timestamps on the
-    /// device the passes are run again, one by one. Those of a frame in parts are what its parts took.
+    /// Milliseconds of each bound pass, in order. Waits for the frame. Without timestamps on the device, the passes
+    /// are run again, one by one. The times of a frame in parts are the sums of its parts.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn times(&self, gpu: &Gpu) -> Result<Vec<(PassName, f64)>, RenderError> {
-        if !self.parts.spent.is_empty() {
-            return Ok(self.parts.spent.clone());
+        if !self.parts.elapsed_ms.is_empty() {
+            return Ok(self.parts.elapsed_ms.clone());
         }
         if let Some(timer) = &self.timer {
             let bytes = gpu.map(&timer.staging)?;

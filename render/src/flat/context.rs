@@ -1,4 +1,4 @@
-//! An image made ready for slicing, and what is exactly under a point.
+//! An image prepared for slicing, and the stored values at a point.
 
 use std::sync::Arc;
 
@@ -7,8 +7,8 @@ use glioscope_core::{TumorIndex, Volume};
 
 use crate::flat::{sampler::Sampler, window::Histogram};
 
-/// An image with what slicing it needs, made once a volume. Voxels are not copied: slices are
-/// interpolated from the stored numbers in `f64` and scaled after.
+/// An image with what slicing it needs, made once per volume. Voxels are not copied: slices are
+/// interpolated from the stored numbers in `f64` and scaled afterwards.
 #[derive(Clone, Debug)]
 pub struct PreparedContext {
     volume: Arc<Volume>,
@@ -17,7 +17,7 @@ pub struct PreparedContext {
 }
 
 impl PreparedContext {
-    /// Counts the histogram: two passes over the voxels, on all cores.
+    /// Computes the histogram: two passes over the voxels, on all cores.
     pub fn new(volume: Arc<Volume>) -> Self {
         let histogram = Histogram::of(&volume);
         let sampler = Sampler::new(volume.grid());
@@ -29,23 +29,23 @@ impl PreparedContext {
         &self.volume
     }
 
-    /// Its range, percentiles and window presets.
+    /// Value range, percentiles and window presets.
     pub fn histogram(&self) -> &Histogram {
         &self.histogram
     }
 }
 
-/// What is stored at one place.
+/// The stored values at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readout {
-    /// Scaled value of the nearest voxel, not interpolated; may be NaN or infinite when the file
-    /// says so. `None` outside the image or without one.
+    /// Scaled value of the nearest voxel, not interpolated; NaN or infinite where the file has such a
+    /// value. `None` outside the image or without one.
     pub intensity: Option<f64>,
     /// Bit k set where mask k is active, shown or not. 0 outside the case grid.
     pub bits: u32,
 }
 
-/// The stored values at a place of the world.
+/// The stored values at a point in world space.
 pub fn readout(world_mm: DVec3, image: Option<&Volume>, index: Option<&TumorIndex>) -> Readout {
     let intensity = image.and_then(|volume| {
         let grid = volume.grid();

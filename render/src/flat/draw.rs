@@ -1,4 +1,4 @@
-//! From planes, image and masks to pixels.
+//! Draws slices: image and masks on a plane.
 
 use glioscope_core::{IndexData, Scaling, Selection, TumorIndex, with_samples};
 use rayon::prelude::*;
@@ -16,15 +16,26 @@ use crate::{
     scene::{MaskColors, Rgb},
 };
 
-/// How masks lie over the image.
+/// How masks are drawn over the image.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
     VariantNames,
 )]
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "kebab-case")]
 pub enum Overlay {
-    /// Regions in their colours, see-through.
+    /// Regions in their colours, translucent.
     Fill,
     /// Each mask's edge in its colour, opaque.
     Outline,
@@ -38,7 +49,7 @@ pub enum Overlay {
 pub struct ContextLayer<'a> {
     /// The image.
     pub image: &'a PreparedContext,
-    /// Its greys.
+    /// Grey window.
     pub window: Window,
 }
 
@@ -49,56 +60,56 @@ pub struct MaskLayer<'a> {
     pub index: &'a TumorIndex,
     /// Their colours.
     pub colors: &'a MaskColors,
-    /// Regions shown; the others count as empty, for outlines too.
+    /// Regions shown; the others count as empty, also for outlines.
     pub selection: &'a Selection,
     /// Fill, outline or both.
     pub overlay: Overlay,
-    /// Of the fill, 0 to 1.
+    /// Opacity of the fill, 0 to 1.
     pub opacity: f32,
     /// Width of outlines; 0 counts as 1.
     pub outline_px: u32,
-    /// Bits of a region that is shown but not filled: what two dates share, so that the anatomy is seen
-    /// under what didn't change.
+    /// Bits of a region that is shown but not filled: the one shared by two time points, so that the anatomy stays
+    /// visible where nothing changed.
     pub unfilled: Option<u32>,
 }
 
-/// Colours of what is not image.
+/// Colours of pixels without an image value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SliceStyle {
-    /// Where there is no image. Not a grey, so that it can't be taken for one.
+    /// Outside the image. Not a grey, so that it can't be mistaken for a value.
     pub outside: Rgb,
     /// Voxels that are NaN or infinite.
     pub not_finite: Rgb,
 }
 
 impl SliceStyle {
-    /// For dark surroundings.
+    /// For dark themes.
     pub const DARK: Self = Self { outside: [24, 27, 34], not_finite: [176, 0, 92] };
 }
 
-/// All that a slice shows.
+/// The layers of a slice.
 #[derive(Clone, Copy, Debug)]
 pub struct SliceLayers<'a> {
-    /// The image; without one, masks lie on the empty background.
+    /// The image; without one, masks are drawn on the empty background.
     pub context: Option<ContextLayer<'a>>,
     /// The masks.
     pub masks: Option<MaskLayer<'a>>,
-    /// Other colours.
+    /// Colours of pixels without an image value.
     pub style: SliceStyle,
 }
 
 /// A finished slice.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SliceImage {
-    /// Width and height.
+    /// Width and height in pixels.
     pub size: [u32; 2],
-    /// sRGB and an alpha of 255, row by row from the top left.
+    /// sRGB with alpha 255, row by row from the top left.
     pub rgba: Vec<u8>,
     /// Pixels whose nearest voxel is NaN or infinite.
     pub not_finite_pixels: u64,
 }
 
-/// Draws one slice, on all cores. A view of no pixels gives an empty picture.
+/// Draws one slice, on all cores. A view of no pixels gives an empty slice.
 pub fn render_slice(view: &SliceView, layers: &SliceLayers<'_>) -> SliceImage {
     let [width, height] = view.size_px.map(|s| s as usize);
     let mut rgba = vec![255; width * height * 4];
@@ -151,7 +162,7 @@ fn draw_image(
         for (x, pixel) in row.span.clone().zip(inside.chunks_exact_mut(4)) {
             let color = match value_at(sampler, row.place(x), at) {
                 Some(stored) => {
-                    // Casting cuts off at 0 and 255.
+                    // The cast clamps to 0 to 255.
                     let grey = (stored * scale + offset) as u8;
                     [grey, grey, grey, 255]
                 }
@@ -167,8 +178,8 @@ fn draw_image(
     rows_of(rgba, view).map(|(y, line)| draw_row(y, line)).sum()
 }
 
-/// Interpolated stored value. Beside a voxel that isn't finite, the nearest voxel's; `None` where
-/// that one isn't.
+/// Interpolated stored value. Next to a voxel that isn't finite, the nearest voxel's value; `None` where
+/// that one isn't finite.
 #[inline]
 fn value_at(sampler: &Sampler, place: Place, at: &impl Fn(usize) -> f64) -> Option<f64> {
     let value = sampler.trilinear(place, at);
@@ -212,7 +223,7 @@ fn draw_masks(view: &SliceView, masks: &MaskLayer<'_>, rgba: &mut [u8]) {
     }
 }
 
-/// Bits of the voxel under each pixel.
+/// Mask bits of the nearest voxel at each pixel.
 fn nearest_bits<T: Copy + Sync + Into<u32>>(view: &SliceView, sampler: &Sampler, index: &[T]) -> Vec<u32> {
     let width = view.size_px[0] as usize;
     let mut bits = vec![0; width * view.size_px[1] as usize];
@@ -225,17 +236,17 @@ fn nearest_bits<T: Copy + Sync + Into<u32>>(view: &SliceView, sampler: &Sampler,
     bits
 }
 
-/// Clears the bits of hidden regions, and says what colour each region left has.
+/// Clears the bits of hidden regions, and returns the fill colour of each remaining region.
 fn shown_fills(bits: &mut [u32], masks: &MaskLayer<'_>) -> Vec<(u32, Rgb)> {
-    let mut met: Vec<(u32, Option<Rgb>)> = Vec::new();
+    let mut fills: Vec<(u32, Option<Rgb>)> = Vec::new();
     let mut last = (0, 0);
     for b in bits.iter_mut().filter(|b| **b != 0) {
         if *b != last.0 {
-            let fill = match met.iter().find(|m| m.0 == *b) {
-                Some(m) => m.1,
+            let fill = match fills.iter().find(|f| f.0 == *b) {
+                Some(f) => f.1,
                 None => {
                     let fill = masks.selection.shows(*b).then(|| masks.colors.region(*b));
-                    met.push((*b, fill));
+                    fills.push((*b, fill));
                     fill
                 }
             };
@@ -243,7 +254,7 @@ fn shown_fills(bits: &mut [u32], masks: &MaskLayer<'_>) -> Vec<(u32, Rgb)> {
         }
         *b = last.1;
     }
-    met.into_iter().filter_map(|(bits, fill)| Some((bits, fill?))).collect()
+    fills.into_iter().filter_map(|(bits, fill)| Some((bits, fill?))).collect()
 }
 
 fn rows_of<'a>(

@@ -1,8 +1,8 @@
 //! The three slice views: true axial, coronal and sagittal planes of patient space (thesis 7.4).
 //!
-//! Slices are resampled on the CPU: it is exact, testable without a GPU, and a 512×512 picture takes
-//! milliseconds. Images are trilinear, masks are the nearest voxel. Nothing here draws text or lines:
-//! letters, scale bar, crosshair and lens circle come as numbers for whoever draws them.
+//! Slices are resampled on the CPU: exact, testable without a GPU, and milliseconds for 512×512 pixels. Images
+//! are interpolated trilinearly, masks by nearest neighbour. Nothing here draws text or lines: letters, scale bar,
+//! crosshair and lens circle are returned as numbers for the caller to draw.
 
 mod context;
 mod draw;

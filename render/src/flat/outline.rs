@@ -1,10 +1,10 @@
 //! Outlines of all masks of a slice at once.
 //!
 //! A mask's outline runs inside its edge. Where edges of several masks coincide, the outlines are
-//! stacked inwards in the order of the masks, each of full width, so that every mask is seen. Where
+//! stacked inwards in the order of the masks, each at full width, so that every mask is visible. Where
 //! there is no room to stack them (a part thinner than the stack) they alternate as dashes.
 //!
-//! All masks are peeled together: one `u32` of bits a pixel, eroded layer by layer.
+//! All masks are eroded together, layer by layer: one `u32` of mask bits per pixel.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ const MOST_STACKED: usize = 8;
 /// Length of the dashes where outlines can't be stacked, in outline widths.
 const DASH_WIDTHS: usize = 3;
 
-/// A part of the picture: `bits` of its pixels, row by row.
+/// A rectangle of the slice, in pixels.
 struct Area {
     x: usize,
     y: usize,
@@ -21,7 +21,7 @@ struct Area {
     height: usize,
 }
 
-/// The smallest area that holds every pixel with a bit, and the union of all bits.
+/// The bounding box of all pixels with a bit, and the union of all bits.
 fn area_of(bits: &[u32], width: usize) -> Option<(Area, u32)> {
     let mut x = (usize::MAX, 0);
     let mut y = (usize::MAX, 0);
@@ -36,8 +36,8 @@ fn area_of(bits: &[u32], width: usize) -> Option<(Area, u32)> {
     (any != 0).then(|| (Area { x: x.0, y: y.0, width: x.1 - x.0 + 1, height: y.1 - y.0 + 1 }, any))
 }
 
-/// An area's bits with one pixel more on each side: empty, or on the picture's border (`open`: left,
-/// right, top, bottom) the nearest pixel's, because what the picture cuts off has no edge there.
+/// An area's bits padded by one pixel on each side: empty, or at the slice's border (`open`: left, right,
+/// top, bottom) the nearest pixel's, because a mask that the border cuts has no edge there.
 struct Padded {
     bits: Vec<u32>,
     width: usize,
@@ -56,19 +56,19 @@ impl Padded {
 
     fn refresh_border(&mut self) {
         let (stride, last) = (self.stride(), (self.height + 1) * self.stride());
-        let kept = |open: bool, bits: u32| if open { bits } else { 0 };
+        let padding = |open: bool, bits: u32| if open { bits } else { 0 };
         for row in self.bits.chunks_exact_mut(stride) {
-            row[0] = kept(self.open[0], row[1]);
-            row[stride - 1] = kept(self.open[1], row[stride - 2]);
+            row[0] = padding(self.open[0], row[1]);
+            row[stride - 1] = padding(self.open[1], row[stride - 2]);
         }
         for x in 0..stride {
-            self.bits[x] = kept(self.open[2], self.bits[stride + x]);
-            self.bits[last + x] = kept(self.open[3], self.bits[last - stride + x]);
+            self.bits[x] = padding(self.open[2], self.bits[stride + x]);
+            self.bits[last + x] = padding(self.open[3], self.bits[last - stride + x]);
         }
     }
 
-    /// One layer off every mask. Layers that keep and that lose corners in turn are about equally
-    /// thick in all directions.
+    /// Every mask eroded by one layer: 4-connected, or 8-connected with `corners`. Alternating both makes layers
+    /// about equally thick in all directions.
     fn eroded(&self, corners: bool) -> Self {
         let stride = self.stride();
         let mut bits = vec![0; self.bits.len()];
@@ -93,8 +93,8 @@ impl Padded {
     }
 }
 
-/// The mask whose outline covers each pixel of a picture `width` pixels wide, as its bit number plus
-/// one; 0 where there is none. `bits` says which masks are active in each pixel.
+/// The mask whose outline covers each pixel of a slice `width` pixels wide, as its bit number plus
+/// one; 0 where there is none. `bits` are the active masks of each pixel.
 pub(super) fn outlines(bits: &[u32], width: usize, line_px: usize) -> Vec<u8> {
     let mut owner = vec![0; bits.len()];
     let line_px = line_px.max(1);
@@ -113,47 +113,47 @@ pub(super) fn outlines(bits: &[u32], width: usize, line_px: usize) -> Vec<u8> {
     rest.refresh_border();
 
     let stacked = (any.count_ones() as usize).min(MOST_STACKED);
-    let mut peeled = vec![rest];
+    let mut layers = vec![rest];
     for t in 0..stacked * line_px {
-        let next = peeled[t].eroded(t % 2 == 1);
-        peeled.push(next);
+        let next = layers[t].eroded(t % 2 == 1);
+        layers.push(next);
     }
-    let peel = Peel { peeled, area, line_px, stacked };
+    let erosion = Erosion { layers, area, line_px, stacked };
 
-    let area = &peel.area;
+    let area = &erosion.area;
     let rows = owner[area.y * width..][..area.height * width].par_chunks_exact_mut(width);
     rows.with_min_len(16).enumerate().for_each(|(y, row)| {
         for (x, owner) in row[area.x..][..area.width].iter_mut().enumerate() {
-            *owner = peel.owner([x, y]);
+            *owner = erosion.owner([x, y]);
         }
     });
     owner
 }
 
-/// All masks after 0, 1, 2 … layers were taken off.
-struct Peel {
-    peeled: Vec<Padded>,
+/// All masks after 0, 1, 2 … erosions.
+struct Erosion {
+    layers: Vec<Padded>,
     area: Area,
     line_px: usize,
     stacked: usize,
 }
 
-impl Peel {
+impl Erosion {
     fn owner(&self, [x, y]: [usize; 2]) -> u8 {
         let pixel = (y + 1) * (self.area.width + 2) + x + 1;
-        let depths = self.peeled.len() - 1;
-        let left = |t: usize| self.peeled[t].bits[pixel];
-        if left(0) & !left(depths) == 0 {
+        let depths = self.layers.len() - 1;
+        let bits_at = |t: usize| self.layers[t].bits[pixel];
+        if bits_at(0) & !bits_at(depths) == 0 {
             return 0;
         }
         for t in 0..depths {
-            let mut here = left(t) & !left(t + 1);
+            let mut here = bits_at(t) & !bits_at(t + 1);
             while here != 0 {
                 let mask = here.trailing_zeros();
                 here &= here - 1;
-                // Masks whose edge is as far away as this one's, or nearly: they share the stack.
+                // Masks whose edge is about as far away as this one's: they share the stack.
                 let near = [t.saturating_sub(self.line_px - 1), (t + self.line_px).min(depths)];
-                let together = left(near[0]) & !left(near[1]);
+                let together = bits_at(near[0]) & !bits_at(near[1]);
                 let slot = (together & ((1 << mask) - 1)).count_ones() as usize % self.stacked;
                 if t / self.line_px == slot {
                     return self.alternated([x, y], together, mask);
@@ -163,24 +163,24 @@ impl Peel {
         0
     }
 
-    /// `mask` where the stack of outlines of the masks `together` has room here, or else the one
-    /// whose dash it is.
+    /// `mask` where the stacked outlines of the masks `together` fit here, otherwise the mask whose dash covers the
+    /// pixel.
     fn alternated(&self, [x, y]: [usize; 2], together: u32, mask: u32) -> u8 {
         let count = together.count_ones() as usize;
         if count < 2 {
             return mask as u8 + 1;
         }
         let area = &self.area;
-        let needed = (count * self.line_px).min(self.peeled.len() - 1);
-        let deep = &self.peeled[needed - 1];
+        let needed = (count * self.line_px).min(self.layers.len() - 1);
+        let deep = &self.layers[needed - 1];
         let columns = x.saturating_sub(needed)..(x + needed + 1).min(area.width);
         let has_room = (y.saturating_sub(needed)..(y + needed + 1).min(area.height))
             .any(|v| deep.row(v)[columns.clone()].iter().any(|bits| bits & together == together));
         if has_room {
             return mask as u8 + 1;
         }
-        // Dashes by place in the picture, the second number growing otherwise than the first, so
-        // that neither a level nor an upright line stays within one colour.
+        // Dashes by pixel position, changing along both axes, so that neither a horizontal nor a vertical line
+        // keeps one colour.
         let dash = self.line_px * DASH_WIDTHS;
         let turn = ((area.x + x) / dash + (area.y + y) / dash * (count - 1)) % count;
         let nth = (0..turn).fold(together, |rest, _| rest & (rest - 1));
@@ -194,7 +194,7 @@ mod tests {
 
     const WIDTH: usize = 60;
 
-    fn picture(boxes: &[[usize; 4]]) -> Vec<u32> {
+    fn bits_of_boxes(boxes: &[[usize; 4]]) -> Vec<u32> {
         let mut bits = vec![0; WIDTH * 50];
         for (k, &[x0, y0, x1, y1]) in boxes.iter().enumerate() {
             for y in y0..y1 {
@@ -205,9 +205,9 @@ mod tests {
     }
 
     #[test]
-    fn one_box_has_its_inner_edge_and_nothing_else() {
+    fn the_outline_of_a_box_is_its_inner_edge() {
         let [x0, y0, x1, y1] = [10, 5, 30, 25];
-        let bits = picture(&[[x0, y0, x1, y1]]);
+        let bits = bits_of_boxes(&[[x0, y0, x1, y1]]);
         for line_px in 1..=3 {
             let owner = outlines(&bits, WIDTH, line_px);
             for (pixel, &o) in owner.iter().enumerate() {
@@ -220,17 +220,17 @@ mod tests {
     }
 
     #[test]
-    fn masks_that_coincide_are_stacked_each_in_full_width() {
-        let bits = picture(&[[10, 5, 40, 35]; 3]);
+    fn outlines_of_coinciding_masks_are_stacked_at_full_width() {
+        let bits = bits_of_boxes(&[[10, 5, 40, 35]; 3]);
         let owner = outlines(&bits, WIDTH, 2);
         let across: Vec<u8> = owner[20 * WIDTH + 8..][..12].to_vec();
         assert_eq!(across, [0, 0, 1, 1, 2, 2, 3, 3, 0, 0, 0, 0]);
     }
 
     #[test]
-    fn masks_too_thin_to_stack_take_turns() {
+    fn outlines_of_thin_masks_alternate_as_dashes() {
         for thin in [[10, 20, 50, 22], [20, 5, 22, 45]] {
-            let bits = picture(&[thin; 3]);
+            let bits = bits_of_boxes(&[thin; 3]);
             let owner = outlines(&bits, WIDTH, 1);
             for mask in 1..=3 {
                 let pixels = owner.iter().filter(|&&o| o == mask).count();
@@ -240,8 +240,8 @@ mod tests {
     }
 
     #[test]
-    fn edges_apart_each_have_their_own_line() {
-        let bits = picture(&[[10, 5, 40, 35], [20, 10, 50, 40]]);
+    fn separate_edges_have_separate_outlines() {
+        let bits = bits_of_boxes(&[[10, 5, 40, 35], [20, 10, 50, 40]]);
         let owner = outlines(&bits, WIDTH, 1);
         assert_eq!(owner[20 * WIDTH + 10], 1);
         assert_eq!(owner[20 * WIDTH + 20], 2);
@@ -251,8 +251,8 @@ mod tests {
     }
 
     #[test]
-    fn what_the_picture_cuts_off_has_no_edge_there() {
-        let bits = picture(&[[0, 0, WIDTH, 30]]);
+    fn masks_cut_by_the_border_have_no_outline_there() {
+        let bits = bits_of_boxes(&[[0, 0, WIDTH, 30]]);
         let owner = outlines(&bits, WIDTH, 1);
         for (pixel, &o) in owner.iter().enumerate() {
             assert_eq!(o == 1, pixel / WIDTH == 29, "{pixel}");

@@ -1,10 +1,10 @@
-//! From a row of pixels to voxels, the same way however the file stores its axes.
+//! Maps rows of pixels to voxels, independently of the file's axis order.
 //!
-//! Voxel axes are first reordered and flipped to run nearest to R, A and S. The place of the first
+//! Voxel axes are first reordered and flipped to run nearest to R, A and S. The position of the first
 //! voxel in that order is rounded to at most 2⁻¹³ of the finest spacing (about 0.1 µm for 1 mm):
 //! NIfTI affines are `f32`, so flipped copies of one image disagree by up to 10⁻⁵ mm. Voxel
-//! coordinates are rounded to 2⁻²⁰ voxel. So one image stored in any of the 48 axis orders goes
-//! through the very same arithmetic and gives the same bytes, for less than 10⁻⁴ voxel.
+//! coordinates are rounded to 2⁻²⁰ voxel. So one image stored in any of the 48 axis orders goes through
+//! identical arithmetic and gives identical bytes, at the cost of less than 10⁻⁴ voxel.
 
 use std::ops::Range;
 
@@ -13,29 +13,29 @@ use glioscope_core::Grid;
 
 use crate::flat::view::SliceView;
 
-/// Along a row, voxel coordinates are counted in 2⁻³² of a voxel: whole numbers add up exactly.
+/// Along a row, voxel coordinates are integers in units of 2⁻³² voxel, which add up exactly.
 const FRACTION_BITS: u32 = 32;
 const ONE: i64 = 1 << FRACTION_BITS;
 /// Interpolation weights have 20 bits.
 const WEIGHT_BITS: u32 = 20;
-/// Coordinates beyond this many voxels are outside of every image that fits a computer.
+/// Coordinates beyond this many voxels are outside every image that fits in memory.
 const FARTHEST: f64 = (1u64 << 28) as f64;
 
-/// The voxels of one grid with its axes reordered to run right, anterior and superior.
+/// A grid's voxels with axes reordered to run right, anterior and superior.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sampler {
     dims: [i64; 3],
     /// Steps in memory along the reordered axes; negative where flipped.
     strides: [i64; 3],
-    /// Memory place of reordered voxel 0, 0, 0.
+    /// Linear index of reordered voxel 0, 0, 0.
     first: i64,
     /// Rows of the reordered voxel-from-world matrix.
     rows: [DVec3; 3],
-    /// World place of reordered voxel 0, 0, 0.
+    /// World position of reordered voxel 0, 0, 0.
     origin_mm: DVec3,
 }
 
-/// Where a line of pixels runs inside the grid.
+/// A row of pixels inside the grid.
 pub(super) struct Row {
     /// Pixels that are inside.
     pub(super) span: Range<usize>,
@@ -43,12 +43,12 @@ pub(super) struct Row {
     step: [i64; 3],
 }
 
-/// A place inside the grid: 2⁻³² voxels along each reordered axis.
+/// A position inside the grid: units of 2⁻³² voxel along each reordered axis.
 #[derive(Clone, Copy)]
 pub(super) struct Place([i64; 3]);
 
 impl Row {
-    /// Place of pixel `x`; inside when `x` is in the span.
+    /// Position of pixel `x`; inside the grid if `x` is in the span.
     #[inline]
     pub(super) fn place(&self, x: usize) -> Place {
         let x = x as i64;
@@ -80,19 +80,19 @@ impl Sampler {
         sampler
     }
 
-    /// The line of pixels at height `y` of a view.
+    /// The pixel row `y` of a view.
     pub(super) fn row(&self, view: &SliceView, y: u32) -> Row {
         let world = view.world_at(DVec2::new(0.5, f64::from(y) + 0.5));
         let along = view.right() * view.mm_per_pixel;
-        let turned = |v: DVec3| self.rows.map(|row| row.dot(v));
-        let (start, step) = (turned(world - self.origin_mm), turned(along));
+        let in_voxels = |v: DVec3| self.rows.map(|row| row.dot(v));
+        let (start, step) = (in_voxels(world - self.origin_mm), in_voxels(along));
         let width = f64::from(view.size_px[0]);
         // NaN fails this too.
         let near = (0..3).all(|a| start[a].abs() < FARTHEST && (start[a] + step[a] * width).abs() < FARTHEST);
         if !near {
             return Row { span: 0..0, start: [0; 3], step: [0; 3] };
         }
-        // Half a weight unit is added here, so that cutting bits off rounds.
+        // Half a weight unit is added, so that truncation rounds.
         let fixed = |v: f64| (v * ONE as f64).round() as i64;
         let start = start.map(|v| fixed(v) + (1 << (FRACTION_BITS - WEIGHT_BITS - 1)));
         let step = step.map(fixed);
@@ -105,14 +105,14 @@ impl Sampler {
         Row { span, start, step }
     }
 
-    /// Memory place of the voxel whose cell holds `place`.
+    /// Linear index of the voxel whose cell contains `place`.
     #[inline]
     pub(super) fn nearest(&self, place: Place) -> usize {
         let cell = |axis: usize| ((place.0[axis] + ONE / 2) >> FRACTION_BITS) * self.strides[axis];
         (self.first + cell(0) + cell(1) + cell(2)) as usize
     }
 
-    /// Trilinear value of `at(memory place)`; past the outermost centres the edge voxels go on.
+    /// Trilinear interpolation of `at(linear index)`; beyond the outermost centres the edge voxels extend.
     #[inline]
     pub(super) fn trilinear(&self, place: Place, at: impl Fn(usize) -> f64) -> f64 {
         let mut lower = [0; 3];
@@ -141,7 +141,7 @@ impl Sampler {
     }
 }
 
-/// The whole numbers x with `low <= start + step·x < high`.
+/// The integers x with `low <= start + step·x < high`.
 fn inside_span(start: i64, step: i64, low: i64, high: i64) -> Range<i64> {
     let above = |numerator: i64, step: i64| -(-numerator).div_euclid(step);
     match step {
@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spans_are_what_trying_each_number_gives() {
+    fn spans_match_testing_each_number() {
         for step in [-7, -3, -1, 0, 1, 2, 5] {
             for start in -40..40 {
                 let span = inside_span(start, step, -11, 17);

@@ -1,4 +1,4 @@
-//! Whole slices against what closed forms say.
+//! Whole slices compared with closed forms.
 
 use std::sync::Arc;
 
@@ -56,9 +56,9 @@ fn index_of(grid: &Grid, masks: &[&dyn Fn(DVec3) -> bool]) -> TumorIndex {
     TumorIndex::new(grid.clone(), &made.iter().collect::<Vec<_>>()).unwrap()
 }
 
-/// Oblique, sheared, flipped and far from the origin, in turns and all together.
+/// Oblique, sheared, flipped and far from the origin, one at a time and all together.
 fn difficult_grids() -> Vec<Grid> {
-    let turn = DMat3::from_rotation_z(0.6) * DMat3::from_rotation_x(-0.4) * DMat3::from_rotation_y(0.25);
+    let rotation = DMat3::from_rotation_z(0.6) * DMat3::from_rotation_x(-0.4) * DMat3::from_rotation_y(0.25);
     let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.3, 1.0, 0.0), DVec3::new(-0.2, 0.25, 1.0));
     let thick = DMat3::from_diagonal(DVec3::new(0.9, 1.3, 3.0));
     let flip = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
@@ -66,11 +66,11 @@ fn difficult_grids() -> Vec<Grid> {
     let far = DVec3::new(1e6, -1e6, 1e6);
     [
         (thick, DVec3::ZERO),
-        (turn * thick, DVec3::new(-20.0, 5.0, 3.0)),
+        (rotation * thick, DVec3::new(-20.0, 5.0, 3.0)),
         (shear * thick, DVec3::ZERO),
         (flip * thick, DVec3::ZERO),
         (thick, far),
-        (turn * shear * flip * swap * thick, far),
+        (rotation * shear * flip * swap * thick, far),
     ]
     .map(|(matrix3, translation)| {
         Grid::new([31, 24, 13], DAffine3 { matrix3, translation }, Sides::Known).unwrap()
@@ -79,7 +79,7 @@ fn difficult_grids() -> Vec<Grid> {
 }
 
 #[test]
-fn a_linear_image_is_itself_in_every_pixel_of_every_grid() {
+fn slices_of_a_linear_image_are_exact_on_every_grid() {
     let gradient = DVec3::new(2.0, -3.0, 5.0);
     for (n, grid) in difficult_grids().into_iter().enumerate() {
         let middle = grid.center_mm();
@@ -107,8 +107,8 @@ fn a_linear_image_is_itself_in_every_pixel_of_every_grid() {
                 let (mut compared, mut outside) = (0, 0);
                 for level in [-20.0, 40.0, 90.0] {
                     let window = Window::of_level(level, 51.0);
-                    let picture = image_only(&view, &image, window);
-                    for (at, color) in pixels(&picture) {
+                    let slice = image_only(&view, &image, window);
+                    for (at, color) in pixels(&slice) {
                         let world = view.world_at(at);
                         let voxel = grid.voxel_from_world().transform_point3(world);
                         if grid.voxel_at(world).is_none() {
@@ -118,8 +118,8 @@ fn a_linear_image_is_itself_in_every_pixel_of_every_grid() {
                             let exact =
                                 ((value(world) - window.low) / window.width() * 255.0).clamp(0.0, 255.0);
                             let error = (f64::from(color[0]) - exact).abs();
-                            // Half a grey of rounding, and 31 greys a mm times the 5e-5 mm by which a
-                            // grid's place is rounded.
+                            // Half a grey of rounding, and 31 greys per mm times the 5e-5 mm by which a
+                            // grid's position is rounded.
                             assert!(error <= 0.502, "{n} {plane:?} {at}: {color:?}, expected {exact}");
                             assert!(color[0] == color[1] && color[1] == color[2] && color[3] == 255);
                             compared += 1;
@@ -133,7 +133,7 @@ fn a_linear_image_is_itself_in_every_pixel_of_every_grid() {
 }
 
 #[test]
-fn masks_fill_the_area_of_their_section() {
+fn the_filled_area_equals_the_mask_s_cross_section() {
     let grid = Grid::axis_aligned([40, 30, 20], DVec3::new(1.0, 2.0, 3.0), DVec3::splat(-15.0)).unwrap();
     // Voxels whose cells make up exactly this box.
     let (lo, hi) = (DVec3::new(-5.5, -4.0, 4.5), DVec3::new(12.5, 20.0, 28.5));
@@ -149,9 +149,9 @@ fn masks_fill_the_area_of_their_section() {
             convention: Convention::Radiological,
         };
         let selection = Selection::all();
-        let picture = masks_only(&view, mask_layer(&index, &colors, &selection, Overlay::Fill));
-        let red = pixels(&picture).filter(|p| p.1 == [255, 0, 0, 255]).count();
-        let empty = pixels(&picture).filter(|p| p.1 == opaque(STYLE.outside)).count();
+        let slice = masks_only(&view, mask_layer(&index, &colors, &selection, Overlay::Fill));
+        let red = pixels(&slice).filter(|p| p.1 == [255, 0, 0, 255]).count();
+        let empty = pixels(&slice).filter(|p| p.1 == opaque(STYLE.outside)).count();
         let size = hi - lo;
         let area = size.x * size.y * size.z / size[plane.axis()];
         assert_eq!(red as f64 * 0.25 * 0.25, area, "{plane:?}");
@@ -160,7 +160,7 @@ fn masks_fill_the_area_of_their_section() {
 }
 
 #[test]
-fn an_oblique_mask_is_where_its_world_says() {
+fn masks_on_difficult_grids_are_at_their_world_position() {
     for grid in difficult_grids() {
         let middle = grid.center_mm();
         let inside = |w: DVec3| (w - middle).length() < 9.0 && (w - middle).x > -3.0;
@@ -175,9 +175,9 @@ fn an_oblique_mask_is_where_its_world_says() {
                 size_px: [64, 50],
                 convention: Convention::Radiological,
             };
-            let picture = masks_only(&view, mask_layer(&index, &colors, &selection, Overlay::Fill));
+            let slice = masks_only(&view, mask_layer(&index, &colors, &selection, Overlay::Fill));
             let mut active = 0;
-            for (at, color) in pixels(&picture) {
+            for (at, color) in pixels(&slice) {
                 let expected = index.at_mm(view.world_at(at)) == 1;
                 assert_eq!(color == [255, 0, 0, 255], expected, "{plane:?} {at}");
                 active += usize::from(expected);
@@ -187,8 +187,8 @@ fn an_oblique_mask_is_where_its_world_says() {
     }
 }
 
-/// The same voxels in memory order `order` (which RAS axis each voxel axis runs along), flipped
-/// where `flips` says so, with the affine that keeps every voxel in its place.
+/// The same voxels in memory order `order` (which RAS axis each voxel axis runs along), flipped along the
+/// axes in `flips`, with the affine that keeps every voxel at its world position.
 fn stored_as(order: [usize; 3], flips: [bool; 3], value: &dyn Fn([usize; 3]) -> i16) -> (Volume, TumorIndex) {
     const RAS_DIMS: [usize; 3] = [17, 14, 11];
     let spacing = DVec3::new(0.93, 1.1, 2.3);
@@ -235,7 +235,7 @@ fn all_48_axis_orders_give_the_same_bytes() {
             let flips = [flip & 1 == 1, flip & 2 == 2, flip & 4 == 4];
             let (volume, index) = stored_as(order, flips, &value);
             let image = PreparedContext::new(Arc::new(volume));
-            let mut pictures = Vec::new();
+            let mut slices = Vec::new();
             for plane in Plane::ALL {
                 for convention in [Convention::Radiological, Convention::Neurological] {
                     let center_mm = DVec3::new(0.4, -0.3, 15.0);
@@ -245,21 +245,21 @@ fn all_48_axis_orders_give_the_same_bytes() {
                         Some(ContextLayer { image: &image, window: image.histogram().initial_window() });
                     let masks =
                         MaskLayer { opacity: 0.4, ..mask_layer(&index, &colors, &selection, Overlay::Both) };
-                    pictures.push(render_slice(
+                    slices.push(render_slice(
                         &view,
                         &SliceLayers { context, masks: Some(masks), style: STYLE },
                     ));
                 }
             }
             if first.is_empty() {
-                first = pictures;
+                first = slices;
             } else {
-                assert!(first == pictures, "{order:?} {flips:?} differ");
+                assert!(first == slices, "{order:?} {flips:?} differ");
             }
         }
     }
     assert!(first[0] != first[1], "the conventions mirror the axial slice");
-    assert!(first[4] == first[5], "and leave the sagittal one alone");
+    assert!(first[4] == first[5], "and don't change the sagittal one");
 }
 
 #[test]
@@ -281,8 +281,8 @@ fn a_marker_on_the_left_is_at_the_letter_l() {
             for convention in [Convention::Radiological, Convention::Neurological] {
                 let through = grid.center_of_voxel_mm(ijk);
                 let view = SliceView::fit(plane, convention, grid.bounds_mm(), through, [100, 100]);
-                let picture = image_only(&view, &image, Window { low: 0.0, high: 1000.0 });
-                let (at, _) = pixels(&picture)
+                let slice = image_only(&view, &image, Window { low: 0.0, high: 1000.0 });
+                let (at, _) = pixels(&slice)
                     .filter(|p| p.1[0] == p.1[1] && p.1[1] == p.1[2])
                     .max_by_key(|p| p.1[0])
                     .unwrap();
@@ -300,7 +300,7 @@ fn a_marker_on_the_left_is_at_the_letter_l() {
 }
 
 #[test]
-fn what_is_not_finite_has_its_colour_and_does_not_spread() {
+fn non_finite_voxels_have_their_own_colour_and_do_not_spread() {
     let grid = Grid::axis_aligned([9, 9, 3], DVec3::ONE, DVec3::ZERO).unwrap();
     let mut values = vec![100.0f32; 243];
     values[grid.linear([4, 4, 1])] = f32::NAN;
@@ -316,9 +316,9 @@ fn what_is_not_finite_has_its_colour_and_does_not_spread() {
         size_px: [100, 100],
         convention: Convention::Neurological,
     };
-    let picture = image_only(&view, &image, Window { low: 0.0, high: 255.0 });
-    assert_eq!(picture.not_finite_pixels, 200, "two voxels of 10 by 10 pixels");
-    for (at, color) in pixels(&picture) {
+    let slice = image_only(&view, &image, Window { low: 0.0, high: 255.0 });
+    assert_eq!(slice.not_finite_pixels, 200, "two voxels of 10 by 10 pixels");
+    for (at, color) in pixels(&slice) {
         let expected = match grid.voxel_at(view.world_at(at)) {
             None => STYLE.outside,
             Some([4, 4, _] | [2, 6, _]) => STYLE.not_finite,
@@ -345,13 +345,13 @@ fn hidden_regions_are_neither_filled_nor_outlined() {
         convention: Convention::Neurological,
     };
     let half = MaskLayer { opacity: 0.5, ..mask_layer(&index, &colors, &selection, Overlay::Both) };
-    let picture = masks_only(&view, half);
+    let slice = masks_only(&view, half);
     let [r, g, b] = STYLE.outside;
     let over = |c: [u8; 3]| {
         let mean = |a: u8, b: u8| (f64::midpoint(f64::from(a), f64::from(b)) + 0.5) as u8;
         [mean(r, c[0]), mean(g, c[1]), mean(b, c[2]), 255]
     };
-    for (at, color) in pixels(&picture) {
+    for (at, color) in pixels(&slice) {
         let expected = match at.x as usize {
             9 => [255, 0, 0, 255],
             20 => [0, 255, 0, 255],
@@ -364,7 +364,7 @@ fn hidden_regions_are_neither_filled_nor_outlined() {
 }
 
 #[test]
-fn readouts_are_what_is_stored() {
+fn readouts_are_the_stored_values() {
     let grid = Grid::axis_aligned([4, 4, 4], DVec3::ONE, DVec3::ZERO).unwrap();
     let stored = (0..64).collect();
     let volume =
@@ -380,7 +380,7 @@ fn readouts_are_what_is_stored() {
 }
 
 #[test]
-fn views_of_nothing_are_empty_or_background() {
+fn views_without_an_image_are_empty_or_background() {
     let grid = Grid::axis_aligned([1, 1, 1], DVec3::ONE, DVec3::ZERO).unwrap();
     let image =
         PreparedContext::new(Arc::new(Volume::new(grid, Samples::U8(vec![9]), Scaling::NONE).unwrap()));
@@ -427,8 +427,8 @@ fn a_slice_takes_milliseconds() {
         let mut times: Vec<f64> = (0..21)
             .map(|_| {
                 let start = std::time::Instant::now();
-                let picture = render_slice(&view, &SliceLayers { context, masks, style: STYLE });
-                assert_eq!(picture.rgba.len(), 512 * 512 * 4);
+                let slice = render_slice(&view, &SliceLayers { context, masks, style: STYLE });
+                assert_eq!(slice.rgba.len(), 512 * 512 * 4);
                 start.elapsed().as_secs_f64() * 1e3
             })
             .collect();
@@ -438,7 +438,7 @@ fn a_slice_takes_milliseconds() {
     }
 }
 
-/// The folder of real files, or `None` after saying that the test is skipped.
+/// The folder of real files, or `None` after reporting that the test is skipped.
 fn real_data(test: &str) -> Option<std::path::PathBuf> {
     let folder = std::env::var_os("GLIOSCOPE_REAL_DATA").map_or_else(
         || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
@@ -469,20 +469,20 @@ fn one_brain_in_48_files_gives_the_same_slices() {
                 .unwrap();
         let image = PreparedContext::new(Arc::new(loaded.volume));
         let grid = image.volume().grid();
-        let mut pictures = Vec::new();
+        let mut slices = Vec::new();
         for plane in Plane::ALL {
             for convention in [Convention::Radiological, Convention::Neurological] {
                 let through = DVec3::new(3.3, -12.7, 8.1);
                 let view = SliceView::fit(plane, convention, grid.bounds_mm(), through, [128, 128]);
-                pictures.push(image_only(&view, &image, image.histogram().initial_window()));
+                slices.push(image_only(&view, &image, image.histogram().initial_window()));
             }
         }
-        let varied = pixels(&pictures[0]).filter(|p| p.1[0] > 60 && p.1[0] < 200).count();
+        let varied = pixels(&slices[0]).filter(|p| p.1[0] > 60 && p.1[0] < 200).count();
         assert!(varied > 500, "{}: {varied} pixels of brain", path.display());
         if first.is_empty() {
-            first = pictures;
+            first = slices;
         } else {
-            assert!(first == pictures, "{} differs", path.display());
+            assert!(first == slices, "{} differs", path.display());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Which plane of the patient a picture shows, and which way round.
+//! The anatomical plane that a slice shows, and its orientation on the screen.
 
 use glam::{DVec2, DVec3};
 use glioscope_core::Grid;
@@ -9,17 +9,29 @@ use crate::scene::Lens;
 
 /// One of the three anatomical planes.
 #[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
     VariantNames,
 )]
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "kebab-case")]
 pub enum Plane {
-    /// Seen along the body: normal superior.
+    /// Normal superior.
     Axial,
-    /// Seen from the front or the back: normal anterior.
+    /// Normal anterior.
     Coronal,
-    /// Seen from the side: normal right.
+    /// Normal right.
     Sagittal,
 }
 
@@ -36,7 +48,7 @@ impl Plane {
         }
     }
 
-    /// Which of the world axes R, A, S (0, 1, 2) the plane's normal is.
+    /// Index of the plane's normal among the world axes R, A, S (0, 1, 2).
     pub fn axis(self) -> usize {
         match self {
             Self::Axial => 2,
@@ -50,53 +62,63 @@ impl Plane {
         [DVec3::X, DVec3::Y, DVec3::Z][self.axis()]
     }
 
-    /// Distance between neighbouring slices of `grid` along the normal, in millimetres: what one
-    /// notch of scrolling moves. On an oblique grid, that of the voxel axis nearest the normal.
+    /// Distance between neighbouring slices of `grid` along the normal, in millimetres: one notch of
+    /// scrolling. On an oblique grid, that of the voxel axis nearest the normal.
     pub fn step_mm(self, grid: &Grid) -> f64 {
         let letters = [['L', 'R'], ['P', 'A'], ['I', 'S']][self.axis()];
         let nearest = grid.axis_codes().iter().position(|code| letters.contains(code)).unwrap_or(0);
         let m = grid.world_from_voxel().matrix3;
         let column = [m.x_axis, m.y_axis, m.z_axis][nearest];
         let along = column[self.axis()].abs();
-        // A heavily sheared axis may hardly move along the normal it was matched with.
+        // A heavily sheared axis may hardly advance along the normal that it was matched with.
         if along > 0.1 * column.length() { along } else { column.length() }
     }
 }
 
-/// Whether the picture shows the patient's left on its right.
+/// Whether the patient's left is displayed on the right.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
     VariantNames,
 )]
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "kebab-case")]
 pub enum Convention {
-    /// Axial and coronal: the patient's left is on the picture's right, as if seen from the feet
-    /// and from the front.
+    /// Axial and coronal: the patient's left is on the right, as seen from the feet and from the front.
     #[default]
     Radiological,
-    /// Axial and coronal: the patient's left is on the picture's left.
+    /// Axial and coronal: the patient's left is on the left.
     Neurological,
 }
 
-/// A piece of a plane, as a picture.
+/// A rectangle of a plane, sampled by pixels.
 ///
 /// Coronal and sagittal have superior up, axial has anterior up. Sagittal has anterior on the left
-/// in both conventions: they are about left and right, which a sagittal slice doesn't show.
+/// in both conventions: these concern left and right, which a sagittal slice doesn't show.
 ///
 /// Pixel coordinates count from the top left corner, pixel centres at halves, as in
-/// [`Camera::ray`](crate::Camera::ray).
+/// [`Camera::ray`](glioscope_core::optics::Camera::ray).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SliceView {
     /// Which plane.
     pub plane: Plane,
-    /// The point of the plane in the middle of the picture, world millimetres.
+    /// The point of the plane at the centre of the slice, world millimetres.
     pub center_mm: DVec3,
-    /// Size of a pixel. Positive.
+    /// Pixel size. Positive.
     pub mm_per_pixel: f64,
     /// Width and height in pixels.
     pub size_px: [u32; 2],
-    /// Which side is left.
+    /// Which side the patient's left is on.
     pub convention: Convention,
 }
 
@@ -105,14 +127,14 @@ pub struct SliceView {
 pub struct ScaleBar {
     /// Its length: 1, 2 or 5 times a power of ten.
     pub mm: f64,
-    /// Its length in the picture.
+    /// Its length in pixels.
     pub px: f64,
 }
 
 impl SliceView {
-    /// The slice through `through_mm` that shows all of the box `bounds_mm` (smallest and largest
-    /// world coordinates) in its middle, with 3 % to spare on each side. Middle and scale are rounded
-    /// (1 µm, a thousandth), so that noise of the last digits doesn't reach the picture.
+    /// The slice through `through_mm` that shows all of the bounding box `bounds_mm` (smallest and largest
+    /// world coordinates), centred, with a margin of 3 % on each side. Centre and scale are rounded
+    /// (1 µm, a thousandth), so that rounding noise of the box doesn't change any pixel.
     pub fn fit(
         plane: Plane,
         convention: Convention,
@@ -135,7 +157,7 @@ impl SliceView {
         view
     }
 
-    /// World direction of the picture's right; of unit length.
+    /// World direction to the right; unit length.
     pub fn right(&self) -> DVec3 {
         match (self.plane, self.convention) {
             (Plane::Sagittal, _) => DVec3::NEG_Y,
@@ -144,7 +166,7 @@ impl SliceView {
         }
     }
 
-    /// World direction of the picture's bottom; of unit length.
+    /// World direction downwards; unit length.
     pub fn down(&self) -> DVec3 {
         match self.plane {
             Plane::Axial => DVec3::NEG_Y,
@@ -152,7 +174,7 @@ impl SliceView {
         }
     }
 
-    /// World place of a pixel coordinate.
+    /// World position of a pixel coordinate.
     pub fn world_at(&self, pixel: DVec2) -> DVec3 {
         let from_middle = (pixel - self.middle_px()) * self.mm_per_pixel;
         self.center_mm + self.right() * from_middle.x + self.down() * from_middle.y
@@ -171,7 +193,7 @@ impl SliceView {
         (world_mm - self.center_mm)[self.plane.axis()]
     }
 
-    /// Anatomical letters of the picture's left, right, top and bottom edges. Don't show them where
+    /// Anatomical letters of the left, right, top and bottom edges. Don't show them where
     /// the image's [`Sides`](glioscope_core::Sides) are unknown.
     pub fn letters(&self) -> [char; 4] {
         let letter = |towards: DVec3| {
@@ -181,7 +203,7 @@ impl SliceView {
         [-self.right(), self.right(), -self.down(), self.down()].map(letter)
     }
 
-    /// Where the plane is: `S 12.5 mm`. `+12.5 mm` where the sides are unknown.
+    /// Position of the plane: `S 12.5 mm`. `+12.5 mm` where the sides are unknown.
     pub fn position_label(&self, sides_known: bool) -> String {
         let at = self.center_mm[self.plane.axis()];
         if sides_known { signed_letter(self.plane.axis(), at) } else { format!("{at:+.1} mm") }
@@ -194,13 +216,13 @@ impl SliceView {
         if !(max_mm > 0.0 && max_mm.is_finite() && self.mm_per_pixel > 0.0) {
             return None;
         }
-        // Down the list 5, 2, 1 of the decade that holds it; the tiny slack keeps 10 from becoming 5.
+        // The largest of 5, 2, 1 times its decade that fits; the tolerance keeps 10 from becoming 5.
         let decade = 10f64.powi((max_mm * (1.0 + 1e-12)).log10().floor() as i32);
         let mm = [5.0, 2.0, 1.0].map(|m| m * decade).into_iter().find(|&mm| mm <= max_mm * (1.0 + 1e-12))?;
         Some(ScaleBar { mm, px: mm / self.mm_per_pixel })
     }
 
-    /// Circle in which the plane cuts the lens: middle and radius in pixels. `None` when it misses.
+    /// Circle in which the plane cuts the lens: centre and radius in pixels. `None` when it misses.
     pub fn lens_circle(&self, lens: &Lens) -> Option<(DVec2, f64)> {
         let distance = self.distance_mm(lens.center_mm);
         let squared = lens.radius_mm * lens.radius_mm - distance * distance;
@@ -215,7 +237,7 @@ impl SliceView {
 /// `R 12.5 mm` for +12.5 on world axis 0, `L 12.5 mm` for −12.5.
 fn signed_letter(axis: usize, mm: f64) -> String {
     let letters = [['L', 'R'], ['P', 'A'], ['I', 'S']][axis];
-    // What is written as 0.0 has no side worth a minus sign.
+    // A value printed as 0.0 counts as positive.
     let letter = letters[usize::from(mm > -0.05)];
     format!("{letter} {:.1} mm", mm.abs())
 }
@@ -242,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_are_where_the_patient_s_sides_are() {
+    fn letters_match_the_patient_s_sides() {
         use Convention::{Neurological, Radiological};
         let expected = [
             (Plane::Axial, Radiological, ['R', 'L', 'A', 'P']),
@@ -255,7 +277,7 @@ mod tests {
         for (plane, convention, letters) in expected {
             let v = view(plane, convention);
             assert_eq!(v.letters(), letters, "{plane:?} {convention:?}");
-            // And a step towards each letter lands nearer that edge.
+            // A step towards each letter moves towards that edge.
             let steps = [
                 ('R', DVec3::X),
                 ('L', -DVec3::X),
@@ -274,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_and_millimetres_undo_each_other() {
+    fn pixel_of_inverts_world_at() {
         for plane in Plane::ALL {
             let v = view(plane, Convention::Radiological);
             for pixel in [DVec2::new(0.5, 0.5), DVec2::new(399.5, 17.25)] {
@@ -312,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn the_lens_is_cut_where_the_plane_meets_it() {
+    fn the_lens_circle_is_the_section_of_the_lens() {
         let v = view(Plane::Coronal, Convention::Radiological);
         let lens = Lens { center_mm: v.center_mm + DVec3::new(10.0, 3.0, 4.0), radius_mm: 5.0 };
         let (middle, radius) = v.lens_circle(&lens).unwrap();
@@ -322,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fitted_view_holds_the_box_and_little_more() {
+    fn a_fitted_view_contains_the_box_with_a_small_margin() {
         let bounds = (DVec3::new(-100.0, -50.0, 0.0), DVec3::new(100.0, 150.0, 90.0));
         for plane in Plane::ALL {
             let through = DVec3::new(7.0, 8.0, 9.0);
@@ -336,13 +358,13 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_one_slice() {
+    fn step_mm_is_the_slice_distance() {
         let grid = Grid::axis_aligned([4, 5, 6], DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO).unwrap();
         assert_eq!(Plane::ALL.map(|p| p.step_mm(&grid)), [3.0, 2.0, 1.0]);
     }
 
     #[test]
-    fn places_are_written_with_their_letters() {
+    fn position_labels_have_anatomical_letters() {
         assert_eq!(place_label(DVec3::new(-3.0, 12.54, -0.01), true), "L 3.0  A 12.5  S 0.0 mm");
         assert_eq!(place_label(DVec3::new(-3.0, 12.54, 0.0), false), "x -3.0  y 12.5  z 0.0 mm");
         assert_eq!(view(Plane::Coronal, Convention::Radiological).position_label(true), "P 20.0 mm");

@@ -1,4 +1,4 @@
-//! Which values are black and which are white, and good choices for an image.
+//! Grey windows, and presets from an image's histogram.
 
 use glioscope_core::{Scaling, Volume, with_samples};
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Window {
     /// Black.
     pub low: f64,
-    /// White. Where it isn't above `low`, the picture is a step: white above `low`, else black.
+    /// White. Where it isn't above `low`, the window is a step: white above `low`, else black.
     pub high: f64,
 }
 
@@ -19,17 +19,17 @@ impl Window {
         Self { low: level - width / 2.0, high: level + width / 2.0 }
     }
 
-    /// Middle grey.
+    /// The value of middle grey.
     pub fn level(self) -> f64 {
         (self.low + self.high) / 2.0
     }
 
-    /// From black to white.
+    /// Difference of the values of white and black.
     pub fn width(self) -> f64 {
         self.high - self.low
     }
 
-    /// Grey of a value, rounded to the nearest of 0 to 255. NaN is black: callers show it otherwise.
+    /// Grey of a value, rounded to the nearest of 0 to 255. NaN gives black: callers must handle it.
     pub fn grey(self, value: f64) -> u8 {
         let (scale, offset) = self.scale_offset();
         (value * scale + offset) as u8
@@ -38,7 +38,7 @@ impl Window {
     /// `value · scale + offset`, cast to `u8`, is [`Window::grey`].
     pub(super) fn scale_offset(self) -> (f64, f64) {
         let width = self.width();
-        // A width this small next to the level can't be resolved: make the step of it.
+        // A width this small relative to the level can't be resolved: use a step.
         if width > 1e-12 * self.low.abs().max(self.high.abs()) {
             let scale = 255.0 / width;
             (scale, 0.5 - self.low * scale)
@@ -50,8 +50,8 @@ impl Window {
 
     /// The window after dragging by `dx`, `dy` screen points (y down): right widens, by a factor of e
     /// every 300 points; down raises the level and so darkens, by the width every 300 points.
-    /// Dragging back undoes it. `range` (smallest and largest value) bounds the result: level stays
-    /// within it, width between a millionth and four times of it.
+    /// Dragging back restores it. `range` (smallest and largest value) bounds the result: the level stays
+    /// within it, the width between a millionth and four times its width.
     #[must_use]
     pub fn drag(self, dx: f64, dy: f64, range: (f64, f64)) -> Self {
         let whole = (range.1 - range.0).max(f64::MIN_POSITIVE);
@@ -64,17 +64,17 @@ impl Window {
 /// A named window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Preset {
-    /// What the menu says; says so where the kind of image was guessed.
+    /// Menu text; states where the kind of image was guessed.
     pub name: &'static str,
     /// The window.
     pub window: Window,
 }
 
-/// Share of finite voxels with one and the same value, the smallest or 0, above which that value
-/// counts as background: padding of a CT, or what skull stripping left.
+/// Share of finite voxels with the same value, the smallest or 0, above which that value counts as
+/// background: padding of a CT, or the zeros that skull stripping leaves.
 const BACKGROUND_SHARE: f64 = 0.05;
 
-/// How an image's values are spread. NaN and infinities are left out of everything but their count.
+/// Distribution of an image's values. NaN and infinities are only counted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
     range: Option<(f64, f64)>,
@@ -98,7 +98,7 @@ macro_rules! stored {
 }
 stored!(u8, i8, u16, i16, u32, i32, u64, i64, f32, f64);
 
-/// An integer in the order of the values it stands for; both zeros give the same.
+/// An integer key in the order of the values; equal for both zeros.
 fn ordered(value: f32) -> u32 {
     let bits = (value + 0.0).to_bits();
     if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
@@ -108,7 +108,7 @@ fn from_ordered(key: u32) -> f32 {
     f32::from_bits(if key >> 31 == 1 { key & !(1 << 31) } else { !key })
 }
 
-/// Voxels by the upper half of [`ordered`].
+/// Voxel counts by the upper half of [`ordered`].
 struct Tally {
     by_key: Vec<u64>,
     range: Option<(f64, f64)>,
@@ -173,7 +173,7 @@ fn tally<T: Stored>(stored: &[T], scaling: Scaling) -> Tally {
         .reduce(Tally::new, Tally::merge)
 }
 
-/// For each upper key in `uppers`, its voxels by the lower half of [`ordered`].
+/// For each upper key in `uppers`, its voxel counts by the lower half of [`ordered`].
 fn tally_lower<T: Stored>(stored: &[T], scaling: Scaling, uppers: [u32; 2]) -> [Vec<u32>; 2] {
     let new = || [vec![0u32; 1 << 16], vec![0u32; 1 << 16]];
     stored
@@ -198,7 +198,7 @@ fn tally_lower<T: Stored>(stored: &[T], scaling: Scaling, uppers: [u32; 2]) -> [
         })
 }
 
-/// Position of the entry that holds the `rank`-th (from 0) of `counts`, and the rank within it.
+/// Index of the entry that contains the `rank`-th (from 0) of `counts`, and the rank within it.
 fn entry_of_rank(counts: impl Iterator<Item = u64>, rank: u64) -> Option<(u32, u64)> {
     let mut before = 0;
     for (entry, count) in (0..).zip(counts) {
@@ -228,7 +228,7 @@ impl Histogram {
         let finite: u64 = t.by_key.iter().sum();
         let (background, voxels) =
             if t.zeros > t.at_smallest { (0.0, t.zeros) } else { (range.0, t.at_smallest) };
-        // An image that is one value throughout has no background.
+        // A constant image has no background.
         let is_background = voxels as f64 > BACKGROUND_SHARE * finite as f64 && voxels < finite;
         let key = ordered(background as f32);
         let mut rest = finite;
@@ -246,11 +246,11 @@ impl Histogram {
                 *count = (u64::from(*count).saturating_sub(voxels)) as u32;
             }
             entry_of_rank(lower[i].iter().map(|&c| u64::from(c)), entries[i].1).map_or(range.0, |(low, _)| {
-                // Beyond f32's range the key says infinity.
+                // Beyond f32's range the key is that of infinity.
                 f64::from(from_ordered(uppers[i] << 16 | low)).clamp(range.0, range.1)
             })
         });
-        // In Hounsfield units air is −1000, bone at least 300, and no scanner goes far beyond.
+        // In Hounsfield units air is −1000, bone at least 300, and scanners don't go far beyond.
         let looks_like_ct = (-4100.0..=-900.0).contains(&range.0)
             && (300.0..=40000.0).contains(&range.1)
             && t.air as f64 > 0.02 * finite as f64;
@@ -274,7 +274,7 @@ impl Histogram {
     }
 
     /// The value that counts as background and is left out of the percentiles: the smallest or 0,
-    /// where more than 5 % of the finite voxels have exactly it.
+    /// where more than 5 % of the finite voxels have exactly this value.
     pub fn background(&self) -> Option<f64> {
         self.background
     }
@@ -284,13 +284,13 @@ impl Histogram {
         self.p01_p99
     }
 
-    /// Whether the values look like Hounsfield units: a guess (air below −900 takes part of the
-    /// volume, and something is at least as dense as bone), named as one wherever it shows.
+    /// Whether the values look like Hounsfield units: a guess (the smallest is at most −900, air takes part of
+    /// the volume, and something is at least as dense as bone), labelled as a guess wherever it is displayed.
     pub fn looks_like_ct(&self) -> bool {
         self.looks_like_ct
     }
 
-    /// Windows to offer, the one to begin with first. Never empty.
+    /// Window presets, the initial one first. Never empty.
     pub fn presets(&self) -> Vec<Preset> {
         let of = |range: Option<(f64, f64)>| match range {
             Some((low, high)) if high > low => Window { low, high },
@@ -314,7 +314,7 @@ impl Histogram {
         presets
     }
 
-    /// The window to begin with: the first of [`Histogram::presets`].
+    /// The initial window: the first of [`Histogram::presets`].
     pub fn initial_window(&self) -> Window {
         self.presets().first().map_or(Window { low: 0.0, high: 1.0 }, |p| p.window)
     }
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_are_those_of_a_sorted_list() {
+    fn percentiles_equal_those_of_a_sorted_list() {
         // 100 003 scattered values, a background of zeros, NaN and infinities.
         let mut values: Vec<f32> = (0..100_003u32)
             .map(|i| (i.wrapping_mul(2_654_435_761) % 1_000_003) as f32 * 1e-3 + 10.0)
@@ -343,7 +343,7 @@ mod tests {
         values.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY]);
         let h = histogram(Samples::F32(values), Scaling { slope: -2.0, intercept: 5.0 });
         assert_eq!(h.not_finite(), 3);
-        // Zero became 5 = the largest value: no background under a negative slope; so try both.
+        // Zero became 5, the largest value: no background with a negative slope; so test both.
         assert_eq!(h.background(), None);
         let all =
             histogram(Samples::F32(sorted.iter().copied().chain([0.0; 30_000]).collect()), Scaling::NONE);
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn order_of_keys_is_order_of_values() {
+    fn keys_are_in_the_order_of_values() {
         let values = [-f32::MAX, -7.5, -1e-30, 0.0, 1e-30, 2.0, f32::MAX];
         assert_eq!(ordered(-0.0), ordered(0.0));
         assert!(values.windows(2).all(|w| ordered(w[0]) < ordered(w[1])));
@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn padding_is_background_and_one_value_throughout_is_not() {
+    fn padding_is_background_and_a_constant_image_has_none() {
         let ct: Vec<i16> = (0..2000).map(|i| if i < 500 { -1024 } else { i - 1000 }).collect();
         let h = histogram(Samples::I16(ct), Scaling::NONE);
         assert_eq!(h.background(), Some(-1024.0));
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_has_air_and_bone_looks_like_ct() {
+    fn only_images_with_air_and_bone_look_like_ct() {
         let ct: Vec<i16> = (0..4000).map(|i| if i < 2000 { -1000 } else { i - 2500 }).collect();
         let h = histogram(Samples::I16(ct), Scaling::NONE);
         assert!(h.looks_like_ct());
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn greys_are_linear_and_cut_off() {
+    fn greys_are_linear_and_clamped() {
         let w = Window { low: -100.0, high: 155.0 };
         for (value, grey) in [(-1e9, 0), (-100.0, 0), (-99.4, 1), (0.0, 100), (154.6, 255), (1e300, 255)] {
             assert_eq!(w.grey(value), grey, "{value}");
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn dragging_back_undoes_and_never_turns_the_window_over() {
+    fn dragging_is_reversible_and_never_inverts_the_window() {
         let w = Window { low: 0.0, high: 100.0 };
         let range = (-1000.0, 3000.0);
         let wide = w.drag(300.0, 0.0, range);

@@ -1,8 +1,11 @@
-//! The boundary's force for core's curve skeleton, summed on the graphics device: exactly, every
+//! The boundary's repulsive force for core's curve skeleton, summed on the graphics device: exactly, every
 //! charge on every place.
 //!
-//! Work is cut into dispatches of at most [`MOST_PLACES`] × [`MOST_CHARGES`] pairs, so that no driver's
-//! watchdog ends one and frames get in between.
+//! Work is split into dispatches of at most [`MOST_PLACES`] × [`MOST_CHARGES`] pairs, so that no driver's
+//! watchdog ends one and frames can be drawn in between.
+
+#[cfg(test)]
+mod tests;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -13,19 +16,19 @@ use glioscope_core::{
 
 use crate::device::{Gpu, RenderError, buffers::WRITTEN, pipelines::compute_pipeline};
 
-/// Its shader.
+/// The shader.
 const SHADER: &str = "skeleton/force";
-/// Threads of a workgroup, as the shader has them.
+/// Threads of a workgroup, as in the shader.
 const TILE: u32 = 128;
-/// Places of one dispatch.
+/// Most places of one dispatch.
 const MOST_PLACES: usize = 1 << 16;
-/// Charges of one dispatch.
+/// Most charges of one dispatch.
 const MOST_CHARGES: usize = 1 << 12;
-/// More pairs of place and charge are left to the tree, whose work grows as places times a logarithm.
+/// Most pairs of place and charge; more are left to the tree, whose work grows as places times a logarithm.
 const MOST_PAIRS: u64 = 1 << 34;
-/// Bits of a coordinate: differences of two fit in 32 with a sign.
+/// Bits of a coordinate: differences of two fit in 32 signed bits.
 const BITS: i32 = 29;
-/// Least bits of it behind the point.
+/// Fewest fractional bits of a coordinate.
 const FRACTION_BITS: i32 = 13;
 
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -48,14 +51,14 @@ pub(crate) struct Point {
     pub weight: f32,
 }
 
-/// Sums a boundary's force on a graphics device. Each sum compiles its pipeline and makes its buffers:
-/// 16 bytes a charge and 2 MiB for places.
+/// Sums a boundary's force on a graphics device. Each sum compiles its pipeline and creates its buffers:
+/// 16 bytes per charge and 2 MiB for places.
 #[derive(Clone, Debug)]
 pub struct ForceField {
     gpu: Gpu,
 }
 
-/// Whole numbers of a small power of two, from the middle of all places and charges.
+/// Fixed-point coordinates in units of a small power of two, from the centre of all places and charges.
 struct Scale {
     middle: DVec3,
     units: f64,
@@ -78,7 +81,7 @@ impl Scale {
                 1 << (BITS - FRACTION_BITS)
             ));
         }
-        // The weakest force of interest: in the deepest place. Its power must not vanish in an f32.
+        // The weakest force of interest is at the deepest place: its power must not underflow f32.
         let deepest = size.min_element() * 0.5;
         let limit = 10f64.powf(32.0 / f64::from(task.exponent + 1));
         if deepest > limit {
@@ -103,7 +106,7 @@ impl ForceField {
     /// # Errors
     /// [`RenderError::Shader`] for a file that doesn't compose.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
-        // Composed here, so that one that doesn't is known before the first sum.
+        // Composed here so that an error is known before the first sum.
         glioscope_shaders::compose(SHADER)?;
         Ok(Self { gpu: gpu.clone() })
     }
@@ -165,9 +168,9 @@ impl ForceField {
             }
             let bytes = (chunk.len() * size_of::<[f32; 4]>()) as u64;
             let read = gpu.read_buffers(&[(&forces_sum, 0, bytes)]).map_err(failed)?;
-            let found: Vec<[f32; 4]> =
+            let sums: Vec<[f32; 4]> =
                 read.first().map(|b| bytemuck::pod_collect_to_vec(b)).unwrap_or_default();
-            forces.extend(found.into_iter().map(|[x, y, z, r2]| {
+            forces.extend(sums.into_iter().map(|[x, y, z, r2]| {
                 let scaled = f64::from(r2).sqrt().powi(task.exponent as i32);
                 DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * scaled
             }));
@@ -197,19 +200,19 @@ impl ForceSource for ForceField {
         self.gpu.check_size("the skeleton's charges", bytes).map_err(|e| Refused::Because(e.to_string()))?;
         let scale = Scale::of(task).map_err(Refused::Because)?;
         progress.expect(task.places.len() as u64);
-        // Errors are this sum's own: no frame should be blamed for them.
+        // Error scopes keep this sum's errors from being reported for a frame.
         let memory = self.gpu.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.gpu.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let found = self.sum(task, &scale, progress);
+        let forces = self.sum(task, &scale, progress);
         let errors = [pollster::block_on(validation.pop()), pollster::block_on(memory.pop())];
         if let Some(error) = errors.into_iter().flatten().next() {
             return Err(Refused::Because(format!("the graphics device failed: {error}")));
         }
-        found
+        forces
     }
 }
 
-/// For the test of layouts.
+/// For the layout test.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(

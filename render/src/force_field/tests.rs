@@ -1,19 +1,27 @@
-//! The force on Mesa's software adapter, held against core's exact sum in f64. A missing adapter fails.
+//! The force on Mesa's software adapter, compared with core's exact sum in f64. A missing adapter fails.
 
 use glam::{DMat3, DVec3};
-use glioscope_core::{skeleton::{force_field, force_field_with, skeleton, skeleton_with, Charge, ForceSource, ForceTask, Level, Refused, Skeleton, SkeletonOptions}, Grid, MaskBits, Progress};
+use glioscope_core::{
+    Grid, MaskBits, Progress,
+    skeleton::{
+        Charge, ForceSource, ForceTask, Level, Refused, Skeleton, SkeletonOptions, force_field,
+        force_field_with, skeleton, skeleton_with,
+    },
+};
 
-use crate::{device::{Gpu}, ForceField};
+use crate::{
+    ForceField,
+    testing::{GPU, small_device},
+};
 
 const EXACT: SkeletonOptions =
     SkeletonOptions { level: Level::Core, exponent: 5, opening: 0.0, coarse: 1, divergence_part: 0.3 };
 
 fn device() -> ForceField {
-    let gpu = test_gpu();
-    ForceField::new(&gpu).unwrap()
+    ForceField::new(&GPU).unwrap()
 }
 
-/// Voxels within `radius_mm` of a segment along x of the given half length, about the grid's middle.
+/// Voxels within `radius_mm` of a segment along x of the given half length, around the grid's centre.
 fn capsule(
     radius_mm: f64,
     half_mm: f64,
@@ -49,10 +57,10 @@ fn shapes() -> Vec<(&'static str, MaskBits, Grid)> {
     made.map(|(name, (bits, grid))| (name, bits, grid)).to_vec()
 }
 
-/// Sorted angles in degrees, and the greatest difference over the size of the greatest force.
+/// Sorted angles in degrees, and the largest difference relative to the largest force.
 fn difference(exact: &[DVec3], found: &[DVec3]) -> (Vec<f64>, f64) {
     assert_eq!(exact.len(), found.len());
-    // A force that vanishes has no direction.
+    // A vanishing force has no direction.
     let mut angles: Vec<f64> = (exact.iter().zip(found))
         .filter(|(e, _)| e.length() > 1e-6)
         .map(|(e, f)| e.cross(*f).length().atan2(e.dot(*f)).to_degrees())
@@ -64,10 +72,10 @@ fn difference(exact: &[DVec3], found: &[DVec3]) -> (Vec<f64>, f64) {
 }
 
 #[test]
-fn the_device_s_force_is_the_exact_sum() {
+fn the_device_s_force_equals_the_exact_sum() {
     let device = device();
     for (name, bits, grid) in shapes() {
-        // Every law on one shape, the default on all.
+        // Every exponent on one shape, the default on all.
         for exponent in if name == "capsule" { 4..=9 } else { 5..=5 } {
             let options = SkeletonOptions { exponent, ..EXACT };
             let exact = force_field(&bits, &grid, &options, &Progress::new()).unwrap();
@@ -99,10 +107,10 @@ fn farthest(from: &Skeleton, to: &Skeleton) -> f64 {
 }
 
 #[test]
-fn the_skeleton_is_that_of_the_exact_sum() {
+fn the_skeleton_equals_that_of_the_exact_sum() {
     let device = device();
     for (name, bits, grid) in shapes() {
-        // Lines too, not only middles.
+        // Lines too, not only centres.
         let options = SkeletonOptions { level: Level::Divergence, ..EXACT };
         let exact = skeleton(&bits, &grid, &options, &Progress::new()).unwrap();
         let found = skeleton_with(&bits, &grid, &options, Some(&device), &Progress::new()).unwrap();
@@ -112,26 +120,24 @@ fn the_skeleton_is_that_of_the_exact_sum() {
     }
 }
 
-fn small_device(bytes: u64) -> ForceField {
-    let adapter = test_gpu().adapter;
-    let mut descriptor = crate::gpu::device_descriptor(&adapter);
-    descriptor.required_limits.max_storage_buffer_binding_size = bytes;
-    descriptor.required_limits.max_buffer_size = bytes;
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    ForceField::new(&Gpu::from_parts(adapter, device, queue)).unwrap()
-}
-
 #[test]
-fn what_does_not_fit_is_left_to_the_tree_with_a_reason() {
+fn tasks_past_the_device_s_limits_are_left_to_the_tree_with_a_reason() {
     let (bits, grid) = capsule(9.0, 0.0, DVec3::ONE, DMat3::IDENTITY, DVec3::ZERO);
     let options = SkeletonOptions::default();
     let tree = skeleton(&bits, &grid, &options, &Progress::new()).unwrap();
-    let small = skeleton_with(&bits, &grid, &options, Some(&small_device(10_000)), &Progress::new()).unwrap();
+    let small = skeleton_with(
+        &bits,
+        &grid,
+        &options,
+        Some(&ForceField::new(&small_device(10_000)).unwrap()),
+        &Progress::new(),
+    )
+    .unwrap();
     assert_eq!(small.points, tree.points);
-    let said = small.force.to_string();
+    let source = small.force.to_string();
     assert!(
-        said.starts_with("tree, θ 0.25 (") && said.contains("charges") && said.contains("10000"),
-        "{said}"
+        source.starts_with("tree, θ 0.25 (") && source.contains("charges") && source.contains("10000"),
+        "{source}"
     );
 
     let device = device();
@@ -163,7 +169,7 @@ fn what_does_not_fit_is_left_to_the_tree_with_a_reason() {
 }
 
 #[test]
-fn parts_of_the_work_add_up() {
+fn parts_of_the_work_sum_to_the_whole() {
     // More places and more charges than one dispatch takes.
     let at = |n: usize, of: f64| {
         let n = n as f64;

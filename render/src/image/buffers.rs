@@ -1,4 +1,4 @@
-//! An image on the device, and how it is shown: values once per image, tables once per transfer function.
+//! An image and its transfer function on the device: values once per image, tables once per transfer function.
 
 use std::sync::Arc;
 
@@ -13,11 +13,11 @@ use super::{
 };
 use crate::device::{Gpu, RenderError};
 
-/// From a brick's middle to its faces: from voxel centre to voxel centre, and half a voxel more at the image's
+/// Half the side of a brick in voxels: half its cells between voxel centres, and half a voxel more for the image's
 /// edge.
 const HALF_BRICK: f64 = 0.5 * BRICK as f64 + 0.5;
 
-/// The values of an image, as lib/image reads them.
+/// An image's values as lib/image reads them.
 struct Uploaded {
     volume: Arc<ContextVolume>,
     shape: FieldShape,
@@ -27,7 +27,7 @@ struct Uploaded {
 
 /// Buffers of an image and its transfer function.
 pub(crate) struct ImageBuffers {
-    up: Uploaded,
+    uploaded: Uploaded,
     transfer: Arc<TransferFunction>,
     tables: Tables,
     visible: wgpu::Buffer,
@@ -36,42 +36,42 @@ pub(crate) struct ImageBuffers {
 }
 
 impl ImageBuffers {
-    /// The buffers of `volume` and `transfer`: those held as far as they are theirs, else new ones.
+    /// The buffers of `volume` and `transfer`: the held ones where they belong to these, else new ones.
     ///
     /// # Errors
     /// [`RenderError::Volume`] for an image that doesn't fit at an eighth of its resolution;
-    /// [`RenderError::Device`] with what the driver says. Nothing is held then.
+    /// [`RenderError::Device`] with the driver's message. Nothing is held then.
     pub fn reuse<'a>(
         held: &'a mut Option<Self>,
         gpu: &Gpu,
         volume: &Arc<ContextVolume>,
         transfer: &Arc<TransferFunction>,
     ) -> Result<&'a Self, RenderError> {
-        // The one before may be large: let it go first.
-        let kept = held.take().filter(|image| Arc::ptr_eq(&image.up.volume, volume));
-        let image = match kept {
+        // The previous image may be large: freed before the next is uploaded.
+        let reusable = held.take().filter(|image| Arc::ptr_eq(&image.uploaded.volume, volume));
+        let image = match reusable {
             Some(image) if Arc::ptr_eq(&image.transfer, transfer) || image.transfer == *transfer => image,
-            Some(image) => Self::shown(gpu, image.up, transfer),
-            None => Self::shown(gpu, upload(gpu, volume)?, transfer),
+            Some(image) => Self::with_transfer(gpu, image.uploaded, transfer),
+            None => Self::with_transfer(gpu, upload(gpu, volume)?, transfer),
         };
         Ok(held.insert(image))
     }
 
-    fn shown(gpu: &Gpu, up: Uploaded, transfer: &Arc<TransferFunction>) -> Self {
-        let tables = Tables::of(transfer, up.volume.scale(), &up.ranges);
+    fn with_transfer(gpu: &Gpu, uploaded: Uploaded, transfer: &Arc<TransferFunction>) -> Self {
+        let tables = Tables::of(transfer, uploaded.volume.scale(), &uploaded.ranges);
         Self {
             transfer: Arc::clone(transfer),
             visible: gpu.storage("ImageBuffers::visible", bytemuck::cast_slice(&tables.visible)),
             table: gpu.storage("ImageBuffers::table", bytemuck::cast_slice(&tables.colors)),
             factors: gpu.storage("ImageBuffers::factors", bytemuck::cast_slice(&tables.factors)),
             tables,
-            up,
+            uploaded,
         }
     }
 
     /// Grid and bricks of the values.
     pub fn shape(&self) -> &FieldShape {
-        &self.up.shape
+        &self.uploaded.shape
     }
 
     /// The transfer function as tables.
@@ -79,14 +79,14 @@ impl ImageBuffers {
         &self.tables
     }
 
-    /// A bit a brick: whether anything shows in it.
+    /// A bit per brick: whether anything in it is visible.
     pub fn visible_bits(&self) -> &[u32] {
         &self.tables.visible
     }
 
-    /// Ranges of view depth (from the eye) that visible bricks reach, in no order.
+    /// Ranges of view depth (from the eye) of visible bricks, unordered.
     pub fn depths_mm(&self, sight: &Sight) -> impl Iterator<Item = (f64, f64)> {
-        let world = self.up.shape.grid.world_from_voxel();
+        let world = self.uploaded.shape.grid.world_from_voxel();
         let reach: f64 = (0..3).map(|a| world.matrix3.col(a).dot(sight.forward).abs()).sum();
         let reach = reach * HALF_BRICK;
         self.visible_middles().filter_map(move |middle| {
@@ -97,7 +97,7 @@ impl ImageBuffers {
 
     /// Corners of visible bricks, world millimetres.
     pub fn visible_corners_mm(&self) -> impl Iterator<Item = [DVec3; 8]> {
-        let world = self.up.shape.grid.world_from_voxel();
+        let world = self.uploaded.shape.grid.world_from_voxel();
         self.visible_middles().map(move |middle| {
             std::array::from_fn(|i| {
                 let to = DVec3::from_array(std::array::from_fn(|a| if i >> a & 1 == 1 { 1.0 } else { -1.0 }));
@@ -106,9 +106,9 @@ impl ImageBuffers {
         })
     }
 
-    /// Middles of visible bricks among voxel centres.
+    /// Centres of visible bricks, in voxel-centre coordinates.
     fn visible_middles(&self) -> impl Iterator<Item = DVec3> + '_ {
-        let [x, y, z] = self.up.shape.brick_dims;
+        let [x, y, z] = self.uploaded.shape.brick_dims;
         let is_visible =
             |b: &usize| self.tables.visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1);
         let brick = move |b: usize| [b % x, b / x % y, b / x / y];
@@ -117,22 +117,22 @@ impl ImageBuffers {
             .map(move |b| DVec3::from_array(brick(b).map(|c| (c * BRICK) as f64 - 0.5)) + HALF_BRICK)
     }
 
-    /// What the picture lacks of the image, if anything.
+    /// Warning where the image is drawn at reduced resolution.
     pub fn warning(&self) -> Option<String> {
-        self.up.shape.warning(&self.up.volume)
+        self.uploaded.shape.warning(&self.uploaded.volume)
     }
 
-    /// The march's uniform.
+    /// The ray march's uniform.
     pub fn uniform(&self, look: &ImageLook<'_>) -> Context {
-        uniforms::context(look, &self.up.volume, &self.up.shape, &self.tables)
+        uniforms::context(look, &self.uploaded.volume, &self.uploaded.shape, &self.tables)
     }
 
     /// Values of all voxels.
     pub fn values(&self) -> &wgpu::Buffer {
-        &self.up.values
+        &self.uploaded.values
     }
 
-    /// A bit a brick: whether anything shows in it.
+    /// A bit per brick: whether anything in it is visible.
     pub fn visible(&self) -> &wgpu::Buffer {
         &self.visible
     }
@@ -142,7 +142,7 @@ impl ImageBuffers {
         &self.table
     }
 
-    /// Factors of the opacity by gradient.
+    /// Factors of the opacity by gradient magnitude.
     pub fn factors(&self) -> &wgpu::Buffer {
         &self.factors
     }

@@ -1,4 +1,4 @@
-//! An image of the anatomy: made ready for ray casting, its transfer function, and both on the device.
+//! The context image (anatomy): prepared for ray casting, its transfer function, and both on the device.
 
 pub(crate) mod buffers;
 pub mod transfer;
@@ -18,33 +18,33 @@ use crate::device::PassName;
 
 /// Ray march through the image.
 pub(crate) const CONTEXT: PassName = PassName::new("context");
-/// Its opacity by gradient magnitude: a part of that pass, without a time of its own.
+/// Opacity by gradient magnitude: part of that pass, not timed separately.
 pub(crate) const GRADIENT_OPACITY: PassName = PassName::new("gradient_opacity");
 
 /// The most clipping planes of a scene.
 pub const MOST_CLIP_PLANES: usize = 6;
 
-/// Keeps the half of space where `normal · p <= offset_mm`. `normal` need not be of unit length, but
-/// then `offset_mm` is in its lengths too; it must be finite and not zero.
+/// Keeps the half-space where `normal · p <= offset_mm`. `normal` needn't have unit length, but
+/// `offset_mm` then scales with it; it must be finite and not zero.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClipPlane {
-    /// Points to what is cut away, world axes.
+    /// Points towards the removed half, world axes.
     pub normal: DVec3,
-    /// Where the plane is along it.
+    /// Position of the plane along the normal.
     pub offset_mm: f64,
 }
 
-/// How an image is seen in a frame.
+/// How an image is drawn in a frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageLook<'a> {
     pub clip: &'a [ClipPlane],
     pub camera: &'a Camera,
-    /// View depth of the plane that depths are counted from.
+    /// View depth of the reference plane, from which depths are measured.
     pub reference_mm: f64,
     /// See `Quality::context_step_mm`.
     pub step_mm: f64,
-    /// Whether the gradient's opacity counts.
+    /// Whether opacity depends on the gradient.
     pub by_gradient: bool,
-    /// Whether samples of neighbouring rays are shifted.
+    /// Whether the samples of each ray are shifted by a per-pixel jitter.
     pub jitter: bool,
 }

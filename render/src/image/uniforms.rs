@@ -12,9 +12,9 @@ use crate::{scene::Quality, solid::view::index_axes};
 pub(crate) const JITTER: u32 = 1;
 pub(crate) const TWO_D: u32 = 2;
 
-/// Light that a face gets that is seen edge-on, of 1.
+/// Brightness of a surface seen edge-on, of 1.
 pub(crate) const AMBIENT: f64 = 0.35;
-/// What is added where a face is seen straight on.
+/// Specular term of a surface seen face-on.
 pub(crate) const SPECULAR: f64 = 0.12;
 
 /// See lib/image.
@@ -54,14 +54,14 @@ pub(crate) struct Marched {
     pub unused: u32,
 }
 
-/// The ray step for `wanted_mm`, within what a ray may have.
+/// The ray step for `wanted_mm`, bounded by the most samples of a ray.
 pub(crate) fn step_mm(volume: &ContextVolume, wanted_mm: f64) -> f64 {
     let corners = volume.grid().corners_mm();
     let diagonal = corners[0].distance(corners[7]).max(corners[1].distance(corners[6]));
     let least = diagonal / f64::from(Quality::MOST_CONTEXT_STEPS);
-    // Voxels of more than a millimetre are sampled as often as those of one.
+    // Voxels above 1 mm get as many samples per voxel as those of 1 mm.
     let wanted = wanted_mm * volume.grid().spacing_mm().min_element().max(1.0);
-    // NaN is no step.
+    // NaN gives the smallest step.
     if wanted > least { wanted.min(1e6) } else { least }
 }
 
@@ -81,8 +81,8 @@ pub(crate) fn context(
     for (to, plane) in clips.iter_mut().zip(look.clip) {
         let length = plane.normal.length();
         let normal = plane.normal / length;
-        let room = plane.offset_mm / length - normal.dot(origin_mm);
-        *to = DVec4::new(normal.dot(world_right), normal.dot(world_up), -normal.dot(world_back), room)
+        let distance_mm = plane.offset_mm / length - normal.dot(origin_mm);
+        *to = DVec4::new(normal.dot(world_right), normal.dot(world_up), -normal.dot(world_back), distance_mm)
             .as_vec4()
             .to_array();
     }
@@ -112,7 +112,7 @@ pub(crate) fn context(
     }
 }
 
-/// What of a [`Field`] is kept when its values are on the card.
+/// The part of a [`Field`] that is kept when its values are on the device.
 pub(crate) struct FieldShape {
     pub grid: glioscope_core::Grid,
     pub brick_dims: [usize; 3],
@@ -124,7 +124,7 @@ impl FieldShape {
         Self { grid: field.grid.clone(), brick_dims: field.brick_dims(), halvings: field.halvings }
     }
 
-    /// What the picture lacks of the image, if anything.
+    /// Warning where the image is drawn at reduced resolution.
     pub fn warning(&self, volume: &ContextVolume) -> Option<String> {
         let [x, y, z] = volume.grid().dims();
         (self.halvings > 0).then(|| {
@@ -137,7 +137,7 @@ impl FieldShape {
     }
 }
 
-/// A number in 0..1 from a pixel, as `hash` of lib/image.
+/// A number in 0..1 from a pixel, as `hash` of lib/image_march.
 pub(crate) fn jitter(pixel: [u32; 2]) -> f64 {
     let mut h = pixel[0].wrapping_mul(0x8da6_b343).wrapping_add(pixel[1].wrapping_mul(0xd816_3841));
     h = (h ^ h >> 16).wrapping_mul(0x7feb_352d);
@@ -154,7 +154,7 @@ impl Marched {
     }
 }
 
-/// For the test of layouts.
+/// For the layout test.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(

@@ -1,4 +1,4 @@
-//! A context image made ready for ray casting.
+//! A context image prepared for ray casting.
 
 use std::sync::{Arc, OnceLock};
 
@@ -13,10 +13,10 @@ use crate::{
 
 /// Cells of interpolation (between voxel centres) along a brick's side.
 pub(crate) const BRICK: usize = 8;
-/// Stands for a value that is not finite, see context_march.wgsl.
+/// Represents a value that is not finite, see lib/image.
 pub(crate) const NOT_FINITE: f32 = -1e30;
 
-/// An image for the context view: made once an image, on all cores. Holds the image, no copy of its
+/// An image for the context view: made once per image, on all cores. Holds the image, no copy of its
 /// values.
 #[derive(Debug)]
 pub struct ContextVolume {
@@ -27,13 +27,13 @@ pub struct ContextVolume {
 }
 
 impl ContextVolume {
-    /// Counts the image's histograms.
+    /// Computes the image's histograms.
     pub fn new(image: Arc<Volume>) -> Self {
         let statistics = flat::Histogram::of(&image);
         Self::of(image, statistics)
     }
 
-    /// The same from an image that is prepared for slices: one pass instead of three.
+    /// The same from an image already prepared for slices: one pass over the voxels instead of three.
     pub fn of_prepared(prepared: &PreparedContext) -> Self {
         Self::of(Arc::clone(prepared.volume()), prepared.histogram().clone())
     }
@@ -48,60 +48,60 @@ impl ContextVolume {
         &self.image
     }
 
-    /// Where its voxels are.
+    /// The image's grid.
     pub fn grid(&self) -> &Grid {
         self.image.grid()
     }
 
-    /// Range, percentiles, and whether it looks like CT: what presets are made from.
+    /// Range, percentiles, and whether it looks like CT: the basis of presets.
     pub fn statistics(&self) -> &flat::Histogram {
         &self.statistics
     }
 
-    /// Voxels by value.
+    /// Voxel counts by value.
     pub fn histogram(&self) -> &ValueHistogram {
         &self.histogram
     }
 
-    /// Voxels by value and gradient magnitude; counted when first asked for.
+    /// Voxel counts by value and gradient magnitude; computed on first use.
     pub fn gradient_histogram(&self) -> &GradientHistogram {
         self.gradients.get_or_init(|| GradientHistogram::of(&self.image, &self.statistics))
     }
 
-    /// Smallest value and width of the range: what stored values 0 and 1 stand for.
+    /// Smallest value and width of the range, which stored values 0 to 1 cover.
     pub(crate) fn scale(&self) -> (f64, f64) {
         match self.statistics.range() {
             Some((low, high)) if high > low && (high - low).is_finite() => (low, high - low),
-            // One value throughout, or a range that overflows.
+            // A constant image, or a range that overflows.
             Some((low, _)) => (low, 1.0),
             None => (0.0, 1.0),
         }
     }
 
-    /// Depth below a cut at which shading has all its strength.
+    /// Depth below a cut at which shading reaches full strength.
     pub(crate) fn cut_fade_mm(&self) -> f64 {
         3.0 * self.grid().spacing_mm().min_element()
     }
 
-    /// Gradient magnitude (image units per mm) at which shading has half its strength: 8 % of the
-    /// range between the percentiles per voxel.
+    /// Gradient magnitude (image units per mm) of half-strength shading: 8 % of the range between the percentiles
+    /// per voxel.
     pub(crate) fn half_shaded(&self) -> f64 {
         let width = self.statistics.p01_p99().map_or(0.0, |(low, high)| high - low);
         if width > 0.0 { 0.08 * width / self.grid().spacing_mm().min_element() } else { 1.0 }
     }
 }
 
-/// The image as the card gets it: values of its range as 0 to 1, on its own grid or a coarser one.
+/// The image as uploaded to the device: values scaled from their range to 0 to 1, on its own grid or a coarser one.
 pub(crate) struct Field {
     pub grid: Grid,
     pub values: Vec<f32>,
-    /// How often the image was halved along each axis.
+    /// How often the image was halved along each axis, 0 to 3.
     pub halvings: u32,
 }
 
 impl Field {
-    /// All values of an image, halved along every axis until they fit into `bytes`. `None` when even
-    /// an eighth of the resolution does not.
+    /// All values of an image, halved along every axis until they fit into `bytes`. `None` when not even
+    /// an eighth of the resolution fits.
     pub fn fitting(volume: &ContextVolume, bytes: u64) -> Option<Self> {
         let (low, width) = volume.scale();
         let image = volume.image();
@@ -115,7 +115,7 @@ impl Field {
             let values = (0..whole.voxel_count()).into_par_iter().with_min_len(1 << 16).map(stored).collect();
             return Some(Self { grid: whole.clone(), values, halvings: 0 });
         }
-        // A full copy of an image this large is not made.
+        // Halved directly from the image: one this large isn't copied in full.
         let mut field = halved(whole, stored)?;
         for halvings in 1..=3 {
             if fits(&field.0) {
@@ -132,8 +132,8 @@ impl Field {
         self.grid.dims().map(|d| d.saturating_sub(1).max(1).div_ceil(BRICK))
     }
 
-    /// Smallest and largest stored value of each brick's cells, with the voxels that it shares with
-    /// the next: what is interpolated in it lies between. Empty (min above max) where nothing is finite.
+    /// Smallest and largest stored value of each brick, including the voxels shared with the next bricks: bounds of
+    /// all interpolated values in it. Empty (min above max) where nothing is finite.
     pub fn ranges(&self) -> Vec<[f32; 2]> {
         let dims = self.grid.dims();
         let bricks = self.brick_dims();
@@ -159,7 +159,7 @@ impl Field {
     }
 }
 
-/// Means of 2x2x2 voxels (what is finite of them), on a grid of the same place.
+/// Means of the finite values of 2x2x2 voxels, on a grid at the same position.
 fn halved(grid: &Grid, value: impl Fn(usize) -> f32 + Sync) -> Option<(Grid, Vec<f32>)> {
     let dims = grid.dims();
     let half = dims.map(|d| d.div_ceil(2));
@@ -191,29 +191,29 @@ fn halved(grid: &Grid, value: impl Fn(usize) -> f32 + Sync) -> Option<(Grid, Vec
     Some((coarse, values))
 }
 
-/// A transfer function as a table over stored values, and the bricks that it shows anything of.
+/// A transfer function as tables over stored values, and the bricks in which it makes anything visible.
 #[derive(Clone)]
 pub(crate) struct Tables {
-    /// Red, green, blue, opacity of 1 mm, at equal distances of value.
+    /// Red, green, blue, opacity of 1 mm, at equidistant values.
     pub colors: Vec<[f32; 4]>,
-    /// From stored values to places in `colors`.
+    /// Scale and offset from stored values to positions in `colors`.
     pub color_place: (f64, f64),
-    /// Factors of the opacity, at equal distances of gradient.
+    /// Factors of the opacity, at equidistant gradient magnitudes.
     pub factors: Vec<f32>,
-    /// From gradients of stored values per mm to places in `factors`.
+    /// Scale and offset from gradients of stored values per mm to positions in `factors`.
     pub factor_place: (f64, f64),
-    /// A bit a brick.
+    /// A bit per brick.
     pub visible: Vec<u32>,
-    /// Whether the gradient counts.
+    /// Whether the opacity depends on the gradient.
     pub two_d: bool,
 }
 
-/// Entries of the tables.
+/// Numbers of entries of the tables.
 const COLORS: usize = 2048;
 const FACTORS: usize = 512;
 
-/// First place and distance of `n` places that cover `low..=high` with one to spare on either side.
-fn places(low: f64, high: f64, n: usize) -> (f64, f64) {
+/// First of `n` equidistant positions and their distance, covering `low..=high` with one to spare on either side.
+fn positions(low: f64, high: f64, n: usize) -> (f64, f64) {
     let smallest = 1e-9 * low.abs().max(high.abs()).max(1e-30);
     let distance = ((high - low).max(smallest)) / (n - 3) as f64;
     (low - distance, distance)
@@ -225,7 +225,7 @@ impl Tables {
             v.fold((f64::INFINITY, f64::NEG_INFINITY), |r, x| (r.0.min(x), r.1.max(x)))
         };
         let (first, last) = ends(&mut transfer.points().iter().map(|p| p.value));
-        let (start, distance) = places(first, last, COLORS);
+        let (start, distance) = positions(first, last, COLORS);
         let colors = (0..COLORS)
             .map(|i| {
                 let ([r, g, b], a) = transfer.opacity_at(start + distance * i as f64);
@@ -235,18 +235,18 @@ impl Tables {
         let color_place = (scale.1 / distance, (scale.0 - start) / distance);
         let (low, high) =
             transfer.gradient().map_or((0.0, 1.0), |points| ends(&mut points.iter().map(|p| p.gradient)));
-        let (factor_start, factor_distance) = places(low, high, FACTORS);
+        let (factor_start, factor_distance) = positions(low, high, FACTORS);
         let factors = (0..FACTORS)
             .map(|i| transfer.gradient_factor(factor_start + factor_distance * i as f64) as f32)
             .collect();
         let factor_place = (scale.1 / factor_distance, -factor_start / factor_distance);
-        // What the table says of a value is a mean of what the function says within one distance of it.
-        // Stored values are rounded, too.
-        let room = distance + 1e-6 * scale.1;
+        // A table lookup is a mean of the function within one table distance of the value. Stored values are rounded,
+        // too.
+        let margin = distance + 1e-6 * scale.1;
         let mut visible = vec![0u32; ranges.len().div_ceil(32).max(1)];
         for (b, [low, high]) in ranges.iter().enumerate() {
             let value = |stored: f32| scale.0 + scale.1 * f64::from(stored);
-            if low <= high && transfer.max_opacity(value(*low) - room, value(*high) + room) > 0.0 {
+            if low <= high && transfer.max_opacity(value(*low) - margin, value(*high) + margin) > 0.0 {
                 visible[b / 32] |= 1 << (b % 32);
             }
         }
@@ -254,13 +254,12 @@ impl Tables {
         Self { colors, color_place, factors, factor_place, visible, two_d }
     }
 
-    /// The constant of image.wgsl that says whether it does.
+    /// The pipeline constant of lib/image for `two_d`.
     pub fn gradient_counts(&self) -> (&'static str, f64) {
         ("gradient_counts", f64::from(u8::from(self.two_d)))
     }
 
-    /// Extinction per millimetre of a voxel, as image.wgsl has it of its centre; 0 where the image is not
-    /// finite.
+    /// Extinction per millimetre at a voxel's centre, as in lib/image; 0 where the image is not finite.
     pub fn extinction_at(&self, field: &Field, cell: [usize; 3]) -> f64 {
         let dims = field.grid.dims();
         let value =
@@ -286,7 +285,7 @@ impl Tables {
                     f64::from(value(there))
                 };
                 let (low, high) = (cell[a].saturating_sub(1), (cell[a] + 1).min(dims[a] - 1));
-                // Edge voxels go on: the distance is two voxels there too.
+                // Edge voxels extend: the distance is two voxels there too.
                 0.5 * (at(high) - at(low))
             };
             let difference = DVec3::new(axis(0), axis(1), axis(2));

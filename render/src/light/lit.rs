@@ -1,4 +1,4 @@
-//! What a light is: the trait that its passes implement, its row in the table, and what a view hands it.
+//! The interface of a lighting mode: the trait that its passes implement, its row in the table, and its inputs.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ pub(crate) enum LitKind {
     Masks,
     /// An image, with masks and other opaque geometry in it.
     Image,
-    /// Opaque geometry of which depths are all there is.
+    /// Opaque geometry known by its depths alone.
     Depths,
 }
 
@@ -25,12 +25,12 @@ pub(crate) enum LitKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Opaque {
     Nowhere,
-    /// Within the box of the masks, where there are any.
+    /// Within the bounding box of the masks, if any.
     InMasks,
     Anywhere,
 }
 
-/// The image of a frame and how it looks.
+/// The image of a frame and its transfer function.
 #[derive(Clone, Copy)]
 pub(crate) struct LitImage<'a> {
     pub buffers: &'a ImageBuffers,
@@ -41,7 +41,7 @@ pub(crate) struct LitImage<'a> {
 }
 
 impl<'a> LitImage<'a> {
-    /// Its buffers where lib/image has them.
+    /// Its buffers at the binding numbers of lib/image.
     pub fn entries(&self) -> [(u32, wgpu::BindingResource<'a>); 5] {
         [
             (11, self.context.as_entire_binding()),
@@ -53,9 +53,9 @@ impl<'a> LitImage<'a> {
     }
 }
 
-/// What of a frame the passes of light read and write.
+/// What the light passes read and write in a frame.
 pub(crate) struct LitScene<'a> {
-    /// Where the plan shows one.
+    /// The image, if the plan shows it.
     pub image: Option<LitImage<'a>>,
     pub tumor: Option<&'a Arc<RegionVolume>>,
     pub selection: &'a Selection,
@@ -64,48 +64,49 @@ pub(crate) struct LitScene<'a> {
     pub size: [u32; 2],
     pub quality: &'a Quality,
     pub opaque: Opaque,
-    /// Whether depths at which rays through the image end stand behind those of opaque geometry in `depths`.
+    /// Whether `depths` holds, after the opaque depths of all pixels, the depths at which rays through the image end.
     pub ends_apart: bool,
     pub view: &'a wgpu::Buffer,
-    /// Of opaque geometry.
+    /// Depths of opaque geometry.
     pub depths: &'a wgpu::Buffer,
     pub surfaces: &'a wgpu::Buffer,
     pub marched: &'a wgpu::Buffer,
     pub occlusion: &'a wgpu::Buffer,
-    /// How dark opaque geometry is, and the colour that bleeds onto it: what composing reads.
+    /// Darkness of opaque geometry and the colour that bleeds onto it; read by the composing pass.
     pub blurred: &'a wgpu::Buffer,
-    /// Table of bricks and their words; `None` without masks as bricks.
+    /// Brick table and brick words; `None` where no masks are stored as bricks.
     pub bricks: Option<[&'a wgpu::Buffer; 2]>,
-    /// Colours by the number of a surface.
+    /// Colours by surface number.
     pub colors: &'a wgpu::Buffer,
 }
 
-/// What the passes of light of a frame have to do, to compare their times with.
+/// Work of a frame's light passes, to compare their times with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LightWork {
     /// Slices, empty ones included; 0 with cones.
     pub slices: u32,
-    /// Pixels of all slices, without those left out; or sub-cones of all cells of the image's light.
+    /// Slices: pixels processed over all slices. Cones: sub-cones over all cells of the image's light grid.
     pub samples: u64,
-    /// Bytes that these must at least move. Slices: lights both ways, ray intervals and depths, but not what
-    /// matter moves besides. Cones: image, prefiltered extinction and cells once.
+    /// Lower bound of the bytes moved. Slices: lights read and written, ray intervals and depths, without the image,
+    /// the eye buffer and the notes. Cones: image, prefiltered extinction and cells once.
     pub bytes: u64,
 }
 
-/// The march through the image, lit by this light.
+/// The ray march through the image, lit by this mode.
 pub(crate) struct LitMarch<'a> {
     pub shader: &'static str,
-    /// Besides what every march is bound to.
+    /// Bindings in addition to those of every march.
     pub entries: Vec<(u32, wgpu::BindingResource<'a>)>,
 }
 
-/// The passes of one lighting mode on the device. Made when a frame first needs it, dropped when another mode does.
+/// The passes of one lighting mode on the device. Created when a frame first needs them, dropped when a frame uses
+/// another mode.
 pub(crate) trait Light: Send {
-    /// Binds what `plan` has of its passes: behind what finds depths, before what composes. Returns what is other
-    /// than asked for, in words.
+    /// Binds those of its passes that are in `plan`: after the passes that write depths, before the composing pass.
+    /// Returns notes on settings that were changed.
     ///
     /// # Errors
-    /// [`RenderError`]: something doesn't fit on the device, or the driver refuses a shader.
+    /// [`RenderError`]: something doesn't fit on the device, or the driver rejects a shader.
     fn bind(
         &mut self,
         gpu: &Gpu,
@@ -114,12 +115,12 @@ pub(crate) trait Light: Send {
         scene: &LitScene<'_>,
     ) -> Result<Vec<String>, RenderError>;
 
-    /// How the march through the image is lit by it; `None`: by the headlight.
+    /// The ray march lit by this mode; `None`: lit by the headlight.
     fn lit_march(&self) -> Option<LitMarch<'_>> {
         None
     }
 
-    /// What the last frame's image asked of it; `None` without an image lit by it.
+    /// Work for the last frame's image; `None` without an image lit by this mode.
     fn work(&self) -> Option<LightWork> {
         None
     }
@@ -130,73 +131,73 @@ pub(crate) trait Light: Send {
         Probe::default()
     }
 
-    /// Leaves no pixel out of any step.
+    /// Processes every pixel in every step.
     #[cfg(test)]
     fn run_everywhere(&mut self) {}
 }
 
-/// What a light holds that tests compare with its twin.
+/// Buffers of a lighting mode that tests compare with its twin.
 #[cfg(test)]
 #[derive(Default)]
 pub(crate) struct Probe<'a> {
-    /// What the slices noted of each pixel, see slices/finish.
+    /// Per pixel: light on opaque geometry, and the depth where half is hidden; see slices/finish.
     pub notes: Option<&'a wgpu::Buffer>,
-    /// Light that the slices carry.
-    pub carried: Option<&'a wgpu::Buffer>,
-    /// Radiance and transmittance of each pixel by slices, in linear light.
+    /// Light carried from slice to slice.
+    pub carried_light: Option<&'a wgpu::Buffer>,
+    /// Radiance and transmittance per pixel from the slices, in linear light.
     pub eye: Option<&'a wgpu::Buffer>,
-    /// The grid of light about the image, and its uniform.
+    /// The light grid of the image, and its uniform.
     pub grid: Option<[&'a wgpu::Buffer; 2]>,
 }
 
-/// What the suite needs to know of a light to test it.
+/// What the test suite needs from a lighting mode.
 #[cfg(test)]
 #[derive(Clone, Copy)]
 pub(crate) struct Suite {
     /// Structs of its shaders.
     pub layouts: &'static [crate::layouts::Layout],
-    /// Settings that each must stand every scene; those of [`crate::scene::LightSettings::DEFAULT`] but for these.
+    /// Variants to test in every scene, with [`crate::scene::LightSettings::DEFAULT`] otherwise.
     pub variants: &'static [crate::scene::SliceVariant],
-    /// Largest difference between what its passes leave and their twin in `f64`, over scenes of its own.
-    pub off_twin: fn() -> f64,
+    /// Largest difference between the results of its passes and of their `f64` twin, over scenes of its own.
+    pub max_twin_error: fn() -> f64,
 }
 
-/// Errors on opaque surfaces and in tissue, root mean square of linear radiance against Monte Carlo, at points of
-/// [`LightRow::at_cost`].
+/// Costs as for [`LightRow::at_cost`], each with its errors on opaque surfaces and in tissue: root mean square of
+/// linear radiance against Monte Carlo.
 pub(crate) type Measured = &'static [(f64, [f64; 2])];
 
-/// A lighting mode: what menus call it, which passes it has, how good it is.
+/// A lighting mode: its title, its passes and its measured accuracy.
 pub struct LightRow {
     /// Its name in sessions and on the command line.
     pub mode: LightingMode,
-    /// What menus call it.
+    /// Title in menus.
     pub title: &'static str,
-    /// One line more, for tooltips.
+    /// One-line description, for tooltips.
     pub summary: &'static str,
-    /// Whether a picture at rest may take long: the window then draws it in parts.
+    /// Whether a frame of a scene at rest may take long; the window then draws it in parts.
     pub takes_long: bool,
-    /// Whether [`crate::scene::LightSettings::aperture_deg`] counts.
+    /// Whether [`crate::scene::LightSettings::aperture_deg`] has an effect.
     pub has_aperture: bool,
-    /// Cost, of balanced's, at which the reference is.
+    /// Cost of [`Preset::Reference`](crate::scene::Preset::Reference), relative to balanced.
     pub most_cost: f64,
-    /// Cost that the automatic mode begins with: in time on two cores with a software adapter.
+    /// Initial cost of the automatic mode: fast enough on two cores with a software adapter.
     pub first_cost: f64,
     pub(crate) passes: fn(LitKind) -> &'static [PassName],
-    /// Why one of `passes` is left out, where there is no opaque geometry or no image for these reasons.
-    pub(crate) left_out: fn(
+    /// Why one of `passes` is omitted, given the reasons why there is no opaque geometry or no image.
+    pub(crate) omission_reason: fn(
         PassName,
         &Quality,
         no_opaque: Option<&'static str>,
         no_image: Option<&'static str>,
     ) -> Option<&'static str>,
-    /// Flags of the view's uniform that the passes stand for.
+    /// Flags of the view's uniform that each pass sets.
     pub(crate) flags: &'static [(PassName, u32)],
-    /// The pass that draws the image, where it isn't the march.
+    /// The pass that draws the image, if not the ray march.
     pub(crate) image_pass: Option<PassName>,
-    /// Those of its passes that arrows must be merged for among opaque geometry, the first the one that darkens them;
-    /// empty: arrows are drawn over the finished light.
+    /// Its passes that need arrows merged into the opaque geometry; the first one shades the arrows. Empty: arrows are
+    /// drawn over the shaded frame.
     pub(crate) reads_arrows: fn(&Quality) -> &'static [PassName],
-    /// The knobs that take about `cost` times as long as balanced; `cost` is above 0, at most `most_cost`.
+    /// The quality that takes about `cost` times as long as balanced; `cost` is above 0, at most `most_cost`.
     pub(crate) at_cost: fn(cost: f64) -> Quality,
     pub(crate) measured: Measured,
     #[cfg(test)]
@@ -204,12 +205,12 @@ pub struct LightRow {
     pub(crate) start: fn(&Gpu) -> Box<dyn Light>,
 }
 
-/// Why there is no light where occlusion has no strength.
+/// Why light passes are omitted at occlusion strength 0.
 pub(crate) fn no_strength(quality: &Quality) -> Option<&'static str> {
-    is_none(quality.occlusion_strength).then_some("occlusion strength is 0")
+    is_off(quality.occlusion_strength).then_some("occlusion strength is 0")
 }
 
-/// Whether a knob asks for nothing; not a number is nothing.
-pub(crate) fn is_none(x: f64) -> bool {
+/// Whether a setting is off: 0, negative or NaN.
+pub(crate) fn is_off(x: f64) -> bool {
     x.is_nan() || x <= 0.0
 }

@@ -1,6 +1,7 @@
-//! How the 3D views find light: one row per lighting mode, one folder per row. All fill the same buffers, so that the
-//! composing passes don't know which it was. [`suite`] holds the tests that every row inherits.
+//! Lighting of the 3D views: one row per lighting mode, one folder per row. All modes write the same buffers, so the
+//! composing passes don't depend on the mode. [`suite`] holds the tests that every row inherits.
 
+mod budget;
 pub(crate) mod cones;
 pub(crate) mod lit;
 pub(crate) mod screen;
@@ -11,6 +12,7 @@ pub(crate) mod vicinity;
 
 use strum::VariantArray;
 
+pub use budget::{Auto, BUDGET_MS};
 pub use lit::{LightRow, LightWork};
 
 use crate::{
@@ -19,21 +21,21 @@ use crate::{
 };
 use lit::{Light, LitKind, LitMarch, LitScene};
 
-/// A row per [`LightingMode`], in its order, which is that of menus.
+/// One row per [`LightingMode`], in its order, which is also the order of menus.
 pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] = [screen::ROW, slices::ROW, cones::ROW];
 
 const _: () = {
     let mut at = 0;
     while at < LIGHTS.len() {
-        assert!(LIGHTS[at].mode as usize == at, "rows stand in the order of LightingMode");
+        assert!(LIGHTS[at].mode as usize == at, "rows are in the order of LightingMode");
         at += 1;
     }
 };
 
-/// Cost of [`Preset::Draft`], of balanced's.
+/// Cost of [`Preset::Draft`], relative to balanced.
 const DRAFT_COST: f64 = 1.0 / 8.0;
 
-/// The reason that a view which has no image gives.
+/// Why image passes are omitted in a view that has no image.
 pub(crate) const NO_IMAGE: &str = "opaque foreground without context";
 
 /// The row of a mode.
@@ -47,25 +49,25 @@ pub(crate) fn passes(mode: LightingMode, kind: LitKind) -> &'static [PassName] {
     (row(mode).passes)(kind)
 }
 
-/// Why `pass` of the quality's light is left out, where `no_opaque` and `no_image` say why there is no opaque geometry
-/// or no image; `None` for those that run, and for passes that are none of light.
-pub(crate) fn left_out(
+/// Why `pass` of the quality's lighting mode is omitted; `None` if it runs or isn't a light pass. `no_opaque` and
+/// `no_image` give the reason why there is no opaque geometry or no image.
+pub(crate) fn omission_reason(
     pass: PassName,
     quality: &Quality,
     no_opaque: Option<&'static str>,
     no_image: Option<&'static str>,
 ) -> Option<&'static str> {
-    (row(quality.lighting.mode).left_out)(pass, quality, no_opaque, no_image)
+    (row(quality.lighting.mode).omission_reason)(pass, quality, no_opaque, no_image)
 }
 
-/// Flags of the view's uniform that the light's passes of `plan` stand for.
+/// Flags of the view's uniform that the light passes of `plan` set.
 pub(crate) fn flags(mode: LightingMode, plan: &Plan) -> u32 {
     row(mode).flags.iter().filter(|(pass, _)| plan.has(*pass)).fold(0, |all, (_, flag)| all | flag)
 }
 
-/// The quality that takes about `cost` times as long as [`Preset::Balanced`], within what there is: one path through
-/// the knobs, along which error falls as time rises (docs/accuracy.md). By cones, costs above 4 take up to three times
-/// that.
+/// The quality that takes about `cost` times as long as [`Preset::Balanced`], clamped to the mode's range; not finite
+/// counts as 1. One path through the settings, along which error falls as time rises (docs/accuracy.md). With cones,
+/// costs above 4 take up to three times that.
 pub fn at_cost(mode: LightingMode, cost: f64) -> Quality {
     let row = row(mode);
     let cost = if cost.is_finite() { cost.clamp(1e-3, row.most_cost) } else { 1.0 };
@@ -84,9 +86,9 @@ pub fn preset(mode: LightingMode, preset: Preset) -> Quality {
     }
 }
 
-/// What the light of a view is off by, on the head phantom's opaque surfaces and in its tissue: root mean
-/// square of linear radiance against Monte Carlo, between what was measured along the path
-/// (docs/accuracy.md). `None` for screen-space light, which is another model, and where knobs were set by hand.
+/// Expected lighting error on the head phantom's opaque surfaces and in its tissue: root mean square of linear radiance
+/// against Monte Carlo, interpolated between measurements along the path (docs/accuracy.md). `None` for screen-space
+/// light, which is a different model, and for custom settings.
 pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
     let is_default = quality.lighting.aperture_deg == LightSettings::DEFAULT.aperture_deg;
     let cost = quality.cost.filter(|_| is_default)?;
@@ -97,7 +99,7 @@ pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
     Some(std::array::from_fn(|scene| e0[scene] * (e1[scene] / e0[scene]).powf(share)))
 }
 
-/// The light of a renderer: that of the mode last asked for.
+/// The light passes of a renderer, of the lighting mode last used.
 #[derive(Default)]
 pub(crate) struct LightPasses {
     light: Option<(LightingMode, Box<dyn Light>)>,
@@ -107,7 +109,7 @@ pub(crate) struct LightPasses {
 }
 
 impl LightPasses {
-    /// See [`Light::bind`]. A plan without any of its passes lets go of what they hold.
+    /// See [`Light::bind`]. A plan without any of its passes releases their buffers.
     ///
     /// # Errors
     /// As there.
@@ -120,8 +122,8 @@ impl LightPasses {
     ) -> Result<Vec<String>, RenderError> {
         let mode = scene.quality.lighting.mode;
         let row = row(mode);
-        let kept = self.light.take().filter(|(held, _)| *held == mode);
-        let (_, light) = self.light.insert(kept.unwrap_or_else(|| (mode, (row.start)(gpu))));
+        let cached = self.light.take().filter(|(cached_mode, _)| *cached_mode == mode);
+        let (_, light) = self.light.insert(cached.unwrap_or_else(|| (mode, (row.start)(gpu))));
         #[cfg(test)]
         if self.everywhere {
             light.run_everywhere();
@@ -151,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn presets_are_on_the_path_and_the_expected_error_falls() {
+    fn presets_are_on_the_cost_path_and_their_expected_error_falls() {
         for row in LIGHTS.iter().filter(|row| !row.measured.is_empty()) {
             let errors = Preset::VARIANTS.iter().map(|p| expected_error(&preset(row.mode, *p)).unwrap());
             let errors: Vec<[f64; 2]> = errors.collect();
@@ -159,17 +161,17 @@ mod tests {
                 assert!(errors.windows(2).all(|pair| pair[0][scene] > pair[1][scene]), "{errors:?}");
             }
             assert_eq!(preset(row.mode, Preset::Balanced), at_cost(row.mode, 1.0));
-            // Knobs of one's own have no place on the path.
-            let mut own = preset(row.mode, Preset::Balanced);
-            own.lighting.aperture_deg = 30.0;
-            assert_eq!(expected_error(&own), None);
+            // Custom settings are not on the path.
+            let mut custom = preset(row.mode, Preset::Balanced);
+            custom.lighting.aperture_deg = 30.0;
+            assert_eq!(expected_error(&custom), None);
         }
         let screen = preset(LightingMode::ScreenSpace, Preset::Reference);
         assert_eq!((screen, expected_error(&screen)), (Quality::FULL, None));
     }
 
     #[test]
-    fn every_cost_has_knobs_within_their_ranges() {
+    fn every_cost_gives_settings_within_their_ranges() {
         for &mode in LightingMode::VARIANTS {
             for cost in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-9, 0.01, 0.3, 1.0, 3.0, 5.0, 1e9] {
                 let Quality { resolution_scale, context_step_mm, lighting: l, .. } = at_cost(mode, cost);

@@ -1,4 +1,5 @@
-//! What views draw and how well: regions, lens, colours, a slice, quality, and the plan of passes. Touches no device.
+//! The scenes that views draw, and at which quality: regions, lens, colours, a slice, quality settings, and the plan of
+//! passes. Uses no graphics device.
 
 pub mod lens;
 pub mod palette;
@@ -16,7 +17,7 @@ pub use plane::SlicePlane;
 pub use quality::{LightSettings, LightingMode, MutualOcclusion, Preset, Quality, SliceVariant};
 pub use regions::RegionScene;
 
-/// Whether two are one, or neither is there: what comparing scenes costs nothing with.
+/// Whether both are the same object or both absent: a comparison of scenes without cost.
 pub(crate) fn same<T>(a: Option<&Arc<T>>, b: Option<&Arc<T>>) -> bool {
     match (a, b) {
         (Some(a), Some(b)) => Arc::ptr_eq(a, b),

@@ -1,24 +1,35 @@
-//! Which colour a mask and a region have, in every view.
+//! Colours of masks and regions, the same in every view.
 //!
 //! Up to three masks: [`Palette::Thesis`] gives them red, green and blue and adds them in overlaps
 //! (thesis 7.3); [`Palette::ColorBlindSafe`] gives seven colours of Okabe and Ito's set (2008) that
-//! mix as paint does (red and yellow make orange). Four masks and more, or masks with colours of
-//! their own: a region has the mean of its masks' colours in linear light, moved a little towards
-//! white with every further mask, so that agreement is brighter. A legend stands beside it.
+//! mix as paint does (red and yellow make orange). Four or more masks, or masks with custom colours: a
+//! region has the mean of its masks' colours in linear light, moved slightly towards white with every
+//! further mask, so that agreement is brighter. Views show a legend.
 //!
-//! [`Coloring::Agreement`] gives a region the colour of how many masks are active in it, from a
-//! sequential ramp; masks keep their own colours.
+//! [`Coloring::Agreement`] colours a region by the number of masks active in it, from a sequential ramp;
+//! masks keep their own colours.
 
 use glioscope_core::optics::srgb;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
-/// sRGB, 8 bits a channel, gamma-encoded.
+/// sRGB, 8 bits per channel, gamma-encoded.
 pub type Rgb = [u8; 3];
 
 /// A colour scheme.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
     VariantNames,
 )]
 #[serde(rename_all = "snake_case")]
@@ -27,13 +38,24 @@ pub enum Palette {
     /// Additive red, green and blue.
     #[default]
     Thesis,
-    /// Told apart with every common colour vision deficiency.
+    /// Distinguishable with every common colour vision deficiency.
     ColorBlindSafe,
 }
 
-/// What a region's colour says.
+/// What a region's colour shows.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
     VariantNames,
 )]
 #[serde(rename_all = "snake_case")]
@@ -47,11 +69,11 @@ pub enum Coloring {
 }
 
 /// The ramp's ends in Oklab (lightness, green to red, blue to yellow): a deep blue, legible on dark
-/// grey, and a light yellow, legible on near white. Blue to yellow with rising lightness is told apart
-/// with every common colour vision deficiency.
-/// Half-way it leans to green, away from the greys of tissue outside the lens.
+/// grey, and a light yellow, legible on near white. Blue to yellow with increasing lightness is
+/// distinguishable with every common colour vision deficiency.
 const RAMP: [[f64; 3]; 2] = [[0.42, -0.005, -0.145], [0.92, -0.03, 0.15]];
 
+/// Shift of the ramp's middle towards green, away from the greys of tissue outside the lens.
 const RAMP_BEND: f64 = -0.075;
 
 const OKABE_ITO_REGIONS: [Rgb; 8] = [
@@ -97,7 +119,7 @@ fn encoded(linear: f64) -> u8 {
     (srgb::encode(linear) * 255.0).round() as u8
 }
 
-/// Colour of a place where `masks` of `of` masks are active: dark blue for one, light yellow for all, in
+/// Colour where `masks` of `of` masks are active: dark blue for one, light yellow for all, in
 /// equal steps of Oklab lightness (Ottosson 2020). Levels outside 1 to `of` get the nearest end.
 pub fn agreement_color(masks: u32, of: usize) -> Rgb {
     let last = of.max(1) as f64 - 1.0;
@@ -125,11 +147,11 @@ pub struct MaskColors {
 }
 
 impl MaskColors {
-    /// Colours for masks in the order of their bits; `asked[k]` is the colour that the case asks
-    /// for mask k, which wins.
-    pub fn new(palette: Palette, asked: &[Option<Rgb>]) -> Self {
-        let by_table = asked.len() <= 3 && asked.iter().all(Option::is_none);
-        let masks = asked
+    /// Colours for masks in the order of their bits; `custom[k]`, the case's own colour of mask k, takes
+    /// precedence.
+    pub fn new(palette: Palette, custom: &[Option<Rgb>]) -> Self {
+        let by_table = custom.len() <= 3 && custom.iter().all(Option::is_none);
+        let masks = custom
             .iter()
             .enumerate()
             .map(|(k, own)| {
@@ -150,7 +172,7 @@ impl MaskColors {
         Self { coloring, ..self }
     }
 
-    /// What a region's colour says.
+    /// What a region's colour shows.
     pub fn coloring(&self) -> Coloring {
         self.coloring
     }
@@ -188,7 +210,7 @@ impl MaskColors {
         }
     }
 
-    /// What the legend says about the scheme.
+    /// The legend's description of the scheme.
     pub fn scheme(&self) -> &'static str {
         if self.coloring == Coloring::Agreement {
             return "How many masks are active, whichever they are.";
@@ -207,7 +229,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn three_masks_add_as_in_the_thesis() {
+    fn colours_of_three_masks_add_as_in_the_thesis() {
         let c = MaskColors::new(Palette::Thesis, &[None, None, None]);
         assert_eq!(c.region(0b011), [255, 255, 0]);
         assert_eq!(c.region(0b100), [0, 0, 255]);
@@ -216,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn no_two_regions_of_three_or_four_masks_look_the_same() {
+    fn regions_of_up_to_four_masks_have_distinct_colours() {
         for palette in [Palette::Thesis, Palette::ColorBlindSafe] {
             for masks in 1..=4 {
                 let c = MaskColors::new(palette, &vec![None; masks]);
@@ -227,34 +249,34 @@ mod tests {
     }
 
     #[test]
-    fn the_case_s_own_colour_wins() {
+    fn a_custom_colour_takes_precedence() {
         let c = MaskColors::new(Palette::Thesis, &[Some([1, 2, 3]), None]);
         assert_eq!(c.mask(0), [1, 2, 3]);
         assert_eq!(c.region(1), [1, 2, 3]);
     }
 
-    /// CIE 1976 lightness of a colour as a viewer without one kind of cone sees it (Machado, Oliveira and
-    /// Fernandes 2009, severity 1), and as a viewer with all of them does.
+    /// CIE 1976 lightness of a colour for a viewer with normal colour vision, and for viewers without one kind of
+    /// cone (Machado, Oliveira and Fernandes 2009, severity 1).
     fn lightness_for_each_viewer(rgb: Rgb) -> [f64; 4] {
         let c = rgb.map(linear);
-        let seen = |rows: [[f64; 3]; 3]| {
+        let lightness_of = |rows: [[f64; 3]; 3]| {
             let [r, g, b] = rows.map(|row| row.iter().zip(c).map(|(m, c)| m * c).sum::<f64>());
             let y = (0.2126 * r + 0.7152 * g + 0.0722 * b).clamp(0.0, 1.0);
             if y > 0.008856 { 116.0 * y.cbrt() - 16.0 } else { 903.3 * y }
         };
         [
-            seen([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
-            seen([
+            lightness_of([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            lightness_of([
                 [0.152286, 1.052583, -0.204868],
                 [0.114503, 0.786281, 0.099216],
                 [-0.003882, -0.048116, 1.051998],
             ]),
-            seen([
+            lightness_of([
                 [0.367322, 0.860646, -0.227968],
                 [0.280085, 0.672501, 0.047413],
                 [-0.011820, 0.042940, 0.968881],
             ]),
-            seen([
+            lightness_of([
                 [1.255528, -0.076749, -0.178779],
                 [-0.078411, 0.930809, 0.147602],
                 [0.004733, 0.691367, 0.303900],
@@ -263,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn more_agreement_is_lighter_for_every_viewer() {
+    fn agreement_colours_get_lighter_for_every_viewer() {
         for masks in 2..=9 {
             let colors =
                 MaskColors::new(Palette::Thesis, &vec![None; masks]).with_coloring(Coloring::Agreement);
@@ -271,18 +293,18 @@ mod tests {
                 (1..=masks).map(|k| lightness_for_each_viewer(colors.region((1 << k) - 1))).collect();
             for pair in ramp.windows(2) {
                 for (less, more) in pair[0].iter().zip(pair[1]) {
-                    // 50 units of lightness in equal steps, but for a quarter of one.
+                    // 50 units of lightness in equal steps, with a tolerance of a quarter of a step.
                     assert!(more - less > 0.75 * 50.0 / (masks - 1) as f64, "{masks} {pair:?}");
                 }
             }
-            // Seen on the closeup's dark and light backgrounds, grey 36 and 244.
+            // Visible on the closeup's dark and light backgrounds, grey 36 and 244.
             let ends = [ramp[0][0], ramp[masks - 1][0]];
             assert!(ends[0] > 14.0 + 12.0 && ends[1] < 96.0 - 3.0, "{ends:?}");
         }
     }
 
     #[test]
-    fn agreement_is_counted_and_masks_keep_their_colours() {
+    fn agreement_colours_depend_on_the_count_and_masks_keep_theirs() {
         let own = MaskColors::new(Palette::ColorBlindSafe, &[None; 5]);
         let colors = own.clone().with_coloring(Coloring::Agreement);
         assert_eq!(colors.region(0b00110), colors.region(0b11000));
@@ -294,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn encoding_is_undone_by_decoding() {
+    fn encoding_inverts_decoding() {
         for channel in 0..=255 {
             assert_eq!(encoded(linear(channel)), channel);
         }

@@ -1,18 +1,18 @@
-//! Which passes a scene needs, and why the others are left out. Pure: no device is touched.
+//! The passes that a scene needs, and why the others are omitted. Pure: uses no graphics device.
 
 use crate::device::PassName;
 
 /// The passes of one frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// What runs, in order.
+    /// The passes that run, in order.
     pub passes: Vec<PassName>,
-    /// What doesn't, and why.
+    /// The omitted passes, and why.
     pub omitted: Vec<(PassName, &'static str)>,
 }
 
 impl Plan {
-    /// The passes of `order` that `reason` has none against, and the others with theirs.
+    /// Splits `order` into the passes without a `reason` to omit them, and the others with theirs.
     pub(crate) fn of(
         order: impl IntoIterator<Item = PassName>,
         reason: impl Fn(PassName) -> Option<&'static str>,
@@ -32,7 +32,7 @@ impl Plan {
         self.passes.contains(&pass)
     }
 
-    /// Why `pass` is left out; `None` where it runs or isn't one of the view's.
+    /// Why `pass` is omitted; `None` where it runs or doesn't belong to the view.
     pub fn reason(&self, pass: PassName) -> Option<&'static str> {
         self.omitted.iter().find(|(name, _)| *name == pass).map(|(_, reason)| *reason)
     }

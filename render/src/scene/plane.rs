@@ -1,4 +1,4 @@
-//! A textured rectangle in a 3D view: a slice where it lies in the patient.
+//! A textured rectangle in a 3D view: a slice at its position in the patient.
 
 use std::sync::Arc;
 
@@ -6,21 +6,21 @@ use glam::DVec3;
 
 use crate::device::RenderError;
 
-/// A picture on a rectangle, blended at its depth. Two are equal when they draw the same: pictures by
-/// identity.
+/// A texture on a rectangle, blended at its depth. Two are equal when they draw the same; textures are
+/// compared by identity.
 #[derive(Clone, Debug)]
 pub struct SlicePlane {
-    /// Row after row, 4 bytes a texel (gamma-encoded sRGB, alpha not premultiplied).
+    /// Row after row, 4 bytes per texel (gamma-encoded sRGB, alpha not premultiplied).
     pub rgba: Arc<Vec<u8>>,
     /// Texels across and down.
     pub size_px: [u32; 2],
     /// The outer corner of the first texel.
     pub corner_mm: DVec3,
-    /// From there along the whole first row.
+    /// From that corner along the whole first row.
     pub right_mm: DVec3,
-    /// From there along the whole first column.
+    /// From that corner along the whole first column.
     pub down_mm: DVec3,
-    /// 0 (not seen) to 1; multiplies the picture's own alpha.
+    /// 0 (invisible) to 1; multiplies the texture's alpha.
     pub opacity: f64,
 }
 
@@ -37,12 +37,12 @@ impl PartialEq for SlicePlane {
 }
 
 impl SlicePlane {
-    /// Whether anything of it could be seen.
+    /// Whether anything of it could be visible.
     pub(crate) fn shows(&self) -> bool {
         self.opacity > 0.0
     }
 
-    /// Refuses what is no picture or has no area.
+    /// Rejects an incomplete texture, a rectangle without area, and non-finite numbers.
     pub(crate) fn check(&self) -> Result<(), RenderError> {
         let [width, height] = self.size_px.map(u64::from);
         let whole = width * height > 0 && self.rgba.len() as u64 == width * height * 4;

@@ -1,10 +1,9 @@
-//! How much work a picture may be: the knobs, and the names of points on them. Which knobs a preset stands for says
-//! [`crate::light`].
+//! Quality settings of a frame, and named presets of them. [`crate::light`] defines the settings of each preset.
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
-/// Points on the measured front of error against time (docs/accuracy.md).
+/// Points on the measured Pareto front of error and time (docs/accuracy.md).
 #[derive(
     Clone,
     Copy,
@@ -22,22 +21,22 @@ use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "kebab-case")]
 pub enum Preset {
-    /// For slow machines and moving pictures.
+    /// For slow machines and while the camera moves.
     Draft,
-    /// Where more time gains little.
+    /// Where more time improves little.
     Balanced,
     /// For figures.
     Reference,
 }
 
 impl Preset {
-    /// What the command line and menus call it.
+    /// Its name on the command line and in menus.
     pub fn name(self) -> &'static str {
         self.into()
     }
 }
 
-/// How light is found. Each mode has a row in [`crate::light::LIGHTS`].
+/// How light is computed. Each mode has a row in [`crate::light::LIGHTS`].
 #[derive(
     Clone,
     Copy,
@@ -66,13 +65,13 @@ pub enum LightingMode {
 }
 
 impl LightingMode {
-    /// What the command line calls it.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         self.into()
     }
 }
 
-/// How slices carry occlusion from one to the next.
+/// How occlusion is propagated from slice to slice.
 #[derive(
     Clone,
     Copy,
@@ -90,9 +89,9 @@ impl LightingMode {
 #[serde(rename_all = "snake_case")]
 pub enum SliceVariant {
     /// Footprint tan θ·√(d·d_ref) with the variance of solid-angle-uniform directions, exact on any
-    /// stack of layers. For soft media: its footprint is wider than the cone near by, so that a tilted
-    /// opaque surface darkens itself, the more the finer the slices (measured; opaque labels are for the
-    /// cones).
+    /// stack of layers. For soft media: at short distances its footprint is wider than the cone, so that a
+    /// tilted opaque surface darkens itself, the more the finer the slices (measured; use cones for opaque
+    /// labels).
     #[strum(serialize = "mended")]
     Mended,
     /// The paper's Algorithm 3: footprint d·tan θ, samples attenuated over the slice distance.
@@ -103,24 +102,24 @@ pub enum SliceVariant {
     PaperExact,
 }
 
-/// Which of image and opaque geometry may darken which (Schott et al. 2012, figure 2). Of the slices.
+/// Which of image and opaque geometry occlude each other (Schott et al. 2012, figure 2). For the slices mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MutualOcclusion {
-    /// The image itself.
+    /// The image occludes itself.
     pub image_on_image: bool,
-    /// Opaque geometry the image.
+    /// Opaque geometry occludes the image.
     pub opaque_on_image: bool,
-    /// The image opaque geometry.
+    /// The image occludes opaque geometry.
     pub image_on_opaque: bool,
-    /// Opaque surfaces each other: vicinity occlusion.
+    /// Opaque surfaces occlude each other: vicinity occlusion.
     pub opaque_on_opaque: bool,
 }
 
 impl MutualOcclusion {
-    /// Everything darkens everything.
+    /// All of them.
     pub const ALL: Self =
         Self { image_on_image: true, opaque_on_image: true, image_on_opaque: true, opaque_on_opaque: true };
-    /// Nothing darkens anything.
+    /// None of them.
     pub const NONE: Self = Self {
         image_on_image: false,
         opaque_on_image: false,
@@ -129,44 +128,45 @@ impl MutualOcclusion {
     };
 }
 
-/// The knobs of light.
+/// Settings of the lighting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightSettings {
-    /// How light is found.
+    /// Lighting mode.
     pub mode: LightingMode,
-    /// Half the opening of the cone that light comes from, about the way to the eye; degrees, 0 to 85.
+    /// Half the opening angle of the cone that light arrives through, around the direction to the eye; degrees, 0
+    /// to 85.
     pub aperture_deg: f64,
-    /// How the slices carry occlusion.
+    /// How occlusion is propagated from slice to slice.
     pub variant: SliceVariant,
-    /// The slices' points along a side of the footprint, 1 to 13.
+    /// Slices: samples along a side of the footprint, 1 to 13.
     pub slice_grid: u32,
-    /// Distance of slices.
+    /// Slices: distance between slices.
     pub slice_mm: f64,
-    /// Distance of an occluder whose penumbra is the true cone's, of the mended slices.
+    /// Mended slices: distance of an occluder whose penumbra is exactly the cone's.
     pub reference_mm: f64,
-    /// Sub-cones, 1 to [`LightSettings::MOST_SUB_CONES`].
+    /// Cones: sub-cones, 1 to [`LightSettings::MOST_SUB_CONES`].
     pub sub_cones: u32,
-    /// Coarsest level of prefiltered extinction that cones read.
+    /// Cones: coarsest level of prefiltered extinction that is read.
     pub coarsest_level: u32,
-    /// Steps along a sub-cone, in cells of the level read.
+    /// Cones: step along a sub-cone, in cells of the level read.
     pub cone_step: f64,
-    /// Side of the image's cells of light; those of one voxel are the finest.
+    /// Cones: side of the image's light cells; cells of one voxel are the finest.
     pub cell_mm: f64,
-    /// Points of vicinity occlusion, 1 to [`LightSettings::MOST_VICINITY`].
+    /// Vicinity occlusion: samples, 1 to [`LightSettings::MOST_VICINITY`].
     pub vicinity_samples: u32,
-    /// Its virtual slice distance: it reaches tan(aperture) times as far.
+    /// Vicinity occlusion: virtual slice distance; its radius is tan(aperture) times this.
     pub vicinity_mm: f64,
-    /// What darkens what.
+    /// What occludes what.
     pub mutual: MutualOcclusion,
 }
 
 impl LightSettings {
     /// The most sub-cones of a view.
     pub const MOST_SUB_CONES: u32 = 128;
-    /// The most points of vicinity occlusion, as many as the paper takes.
+    /// The most samples of vicinity occlusion, as many as in the paper.
     pub const MOST_VICINITY: u32 = 118;
 
-    /// What presets start from.
+    /// The settings that presets start from.
     pub const DEFAULT: Self = Self {
         mode: LightingMode::ScreenSpace,
         aperture_deg: 60.0,
@@ -184,32 +184,31 @@ impl LightSettings {
     };
 }
 
-/// How much work a frame may be.
+/// Quality settings of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// Point pairs that ambient occlusion tests at each pixel, 1 to [`Quality::MOST_SAMPLES`].
+    /// Sample pairs of ambient occlusion per pixel, 1 to [`Quality::MOST_SAMPLES`].
     pub occlusion_samples: u32,
-    /// How far it reaches.
+    /// Radius of ambient occlusion.
     pub occlusion_radius_mm: f64,
     /// 0 (none) to 1 (hidden places black).
     pub occlusion_strength: f64,
-    /// How much hidden places take on the colour of what hides them, 0 to 1.
+    /// Colour bleeding from occluders to occluded places, 0 to 1.
     pub color_bleeding: f64,
-    /// Distance between samples of the context image along a ray, millimetres; where its finest
-    /// spacing is above 1 mm, that many times as much. Above 0; anything else
-    /// is taken for the finest step there is, as are steps that would need more than
-    /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal.
+    /// Distance between samples of the context image along a ray, millimetres; multiplied by the image's finest
+    /// spacing in millimetres where that is above 1. Above 0; other values, and steps that would need more than
+    /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal, are replaced by the finest step.
     pub context_step_mm: f64,
-    /// Pixels drawn to pixels asked for, along each side; above 0, at most 1.
+    /// Ratio of drawn to requested pixels along each side; above 0, at most 1.
     pub resolution_scale: f64,
-    /// How light is found, and how well.
+    /// Lighting mode and its settings.
     pub lighting: LightSettings,
-    /// Where on the path of [`crate::light::at_cost`] this is; `None` beside it, and for screen-space light.
+    /// Position on the path of [`crate::light::at_cost`]; `None` off that path, and for screen-space light.
     pub cost: Option<f64>,
 }
 
 impl Quality {
-    /// The most point pairs of ambient occlusion.
+    /// The most sample pairs of ambient occlusion.
     pub const MOST_SAMPLES: u32 = 32;
     /// The most samples of the context image along a ray.
     pub const MOST_CONTEXT_STEPS: u32 = 8192;
@@ -230,15 +229,15 @@ impl Quality {
     pub const DRAFT: Self =
         Self { occlusion_samples: 6, context_step_mm: 1.0, resolution_scale: 0.5, ..Self::FULL };
 
-    /// How dark what no light reaches is, 0 to 1.
+    /// Darkness of unlit places, 0 to 1.
     pub(crate) fn strength(&self) -> f32 {
         self.occlusion_strength.clamp(0.0, 1.0) as f32
     }
 
-    /// Pixels to draw for a place of `asked_px`; 0 stays 0.
-    pub(crate) fn drawn_px(&self, asked_px: [u32; 2]) -> [u32; 2] {
+    /// Frame size to draw for a requested size; 0 stays 0.
+    pub(crate) fn drawn_px(&self, requested_px: [u32; 2]) -> [u32; 2] {
         let scale = if self.resolution_scale > 0.0 { self.resolution_scale.min(1.0) } else { 1.0 };
-        asked_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) })
+        requested_px.map(|p| if p == 0 { 0 } else { ((f64::from(p) * scale).ceil() as u32).max(1) })
     }
 }
 

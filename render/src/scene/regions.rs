@@ -11,8 +11,8 @@ use super::{
     same,
 };
 
-/// Regions to draw: the closeup's scene, and what other views draw the tumour from. Two are equal when they draw
-/// the same picture: volumes by identity, which costs nothing per frame.
+/// Regions to draw: the closeup's scene, from which other views also draw the tumour. Two are equal when they draw
+/// the same frame; volumes are compared by identity, which costs nothing per frame.
 #[derive(Clone, Debug)]
 pub struct RegionScene {
     /// The regions; `None` where no voxel is active.
@@ -21,15 +21,15 @@ pub struct RegionScene {
     pub selection: Selection,
     /// Their colours.
     pub colors: MaskColors,
-    /// The lens; `None` when it is off: then the selection holds everywhere.
+    /// The lens; `None` when it is off: then the selection applies everywhere.
     pub lens: Option<Lens>,
-    /// Where it is seen from.
+    /// The camera.
     pub camera: Camera,
-    /// What is behind everything.
+    /// Background colour.
     pub background: Rgb,
     /// Colour of silhouettes: black on light backgrounds; a light one where black would vanish.
     pub silhouette: Rgb,
-    /// A slice among what is seen: hidden behind the surface, blended over what is behind it.
+    /// A slice in the scene: hidden behind surfaces, blended over what is behind it.
     pub plane: Option<SlicePlane>,
 }
 

@@ -1,27 +1,27 @@
-//! The region volume cut into bricks of 8x8x8 voxels, as the shaders read it.
+//! The region volume divided into bricks of 8x8x8 voxels, as the shaders read it.
 
 use glioscope_core::{IndexData, RegionVolume};
 use rayon::prelude::*;
 
 /// Voxels along a brick's side.
 pub(crate) const SIDE: usize = 8;
-/// Marks a brick of one region number alone (which may be 0).
+/// Flag of a brick with a single region number (which may be 0).
 pub(crate) const UNIFORM: u32 = 0x8000_0000;
 
 /// See lib/march.wgsl.
 pub(crate) struct Bricks {
     /// Bricks along each axis.
     pub dims: [usize; 3],
-    /// Bit set of region numbers modulo 32, and where the brick's numbers start.
+    /// Bit set of region numbers modulo 32; start of the brick's numbers in `words`, or [`UNIFORM`] with the number.
     pub table: Vec<[u32; 2]>,
     /// Region numbers of the bricks that aren't uniform, packed; never empty.
     pub words: Vec<u32>,
-    /// 2, 1 or 0: four, two or one number a word.
+    /// 2, 1 or 0: four, two or one number per word.
     pub log2_ids_per_word: u32,
 }
 
 impl Bricks {
-    /// Cuts `volume` up. Past the volume's end a brick holds zeros.
+    /// Divides `volume` into bricks. Beyond the volume's end a brick holds zeros.
     pub fn of(volume: &RegionVolume) -> Self {
         let voxels = volume.grid().dims();
         let dims = voxels.map(|d| d.div_ceil(SIDE));

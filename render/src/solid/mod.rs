@@ -1,5 +1,5 @@
-//! Opaque geometry on the device: region volumes as bricks, fibre tubes, a slice as a plane; the uniform and the targets
-//! that every 3D view has.
+//! Opaque geometry on the device: region volumes as bricks, fibre tubes, a slice as a plane; the uniform and the render
+//! targets of every 3D view.
 
 pub(crate) mod bricks;
 pub(crate) mod plane;
@@ -12,12 +12,12 @@ pub(crate) mod view;
 
 use crate::device::PassName;
 
-/// First shown voxel along each ray, inside the lens or everywhere when it is off.
+/// First shown voxel along each ray: inside the lens, or anywhere when it is off.
 pub(crate) const SURFACE: PassName = PassName::new("surface");
-/// What lies around it: the closeup's faint outer level, the change view's veil.
+/// What surrounds it: the closeup's faint outer level, the change view's veil.
 pub(crate) const OUTSIDE: PassName = PassName::new("outside");
 
-/// For the test of layouts.
+/// For the layout test.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = {
     use crate::layouts::layout;

@@ -31,10 +31,10 @@ pub(crate) struct PlaneUniform {
 
 fn uniform_of(plane: &SlicePlane, camera: &Camera, reference_mm: f64) -> PlaneUniform {
     let [right, up, back] = camera.axes();
-    let turned = |v: DVec3| DVec3::new(v.dot(right), v.dot(up), -v.dot(back));
-    let (u, v) = (turned(plane.right_mm), turned(plane.down_mm));
+    let in_camera_axes = |v: DVec3| DVec3::new(v.dot(right), v.dot(up), -v.dot(back));
+    let (u, v) = (in_camera_axes(plane.right_mm), in_camera_axes(plane.down_mm));
     let normal = u.cross(v);
-    // The dual basis: also right where the sides are not square to each other.
+    // The dual basis: also correct where the sides are not perpendicular.
     let area2 = normal.length_squared();
     let single = |v: DVec3| v.as_vec3().to_array();
     PlaneUniform {
@@ -49,7 +49,7 @@ fn uniform_of(plane: &SlicePlane, camera: &Camera, reference_mm: f64) -> PlaneUn
     }
 }
 
-/// The slice on the card: its place once a frame, its picture once an `Arc`.
+/// The slice on the device: its position written once per frame, its texels once per `Arc`.
 pub(crate) struct PlaneBuffers {
     uniform: wgpu::Buffer,
     texels: wgpu::Buffer,
@@ -65,11 +65,11 @@ impl PlaneBuffers {
         }
     }
 
-    /// Writes what this frame needs, and the flag into `view`. A slice that is not there, or has no
-    /// opacity, costs nothing and leaves the flag out.
+    /// Writes what this frame needs, and sets the flag in `view`. Without a slice, or with opacity 0, nothing is
+    /// written and the flag isn't set.
     ///
     /// # Errors
-    /// [`RenderError`] for a slice that is not one, or is too large for the device.
+    /// [`RenderError`] for an invalid slice, or one too large for the device.
     pub fn update(
         &mut self,
         gpu: &Gpu,
@@ -79,7 +79,7 @@ impl PlaneBuffers {
         view: &mut View,
     ) -> Result<(), RenderError> {
         let Some(plane) = plane else {
-            self.let_go(gpu);
+            self.release(gpu);
             return Ok(());
         };
         plane.check()?;
@@ -97,7 +97,7 @@ impl PlaneBuffers {
         Ok(())
     }
 
-    fn let_go(&mut self, gpu: &Gpu) {
+    fn release(&mut self, gpu: &Gpu) {
         if self.uploaded.take().is_some() {
             self.texels = texels_of(gpu, &[0; 4]);
         }

@@ -1,8 +1,8 @@
-//! What the passes of a 3D view write: made once per size.
+//! Render targets of a 3D view's passes: created once per size.
 
 use crate::device::{Gpu, RenderError, buffers::WRITTEN};
 
-/// Buffers of one picture size, row after row; and the picture.
+/// Buffers of one frame size, row after row; and the colour texture.
 #[derive(Clone, Debug)]
 pub(crate) struct Targets {
     pub size: [u32; 2],
@@ -14,12 +14,12 @@ pub(crate) struct Targets {
     pub color: wgpu::Texture,
 }
 
-/// Bytes a pixel of the largest buffer.
+/// Bytes per pixel of the largest buffer.
 const LARGEST: u64 = 16;
 
 impl Targets {
     /// # Errors
-    /// [`RenderError::Size`] for an empty picture, or one past the device's limits.
+    /// [`RenderError::Size`] for an empty frame, or one past the device's limits.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, RenderError> {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let side = gpu.device.limits().max_texture_dimension_2d;

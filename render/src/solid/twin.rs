@@ -1,13 +1,13 @@
-//! The closeup's rays on the CPU in `f64`, found another way than the shaders do: every boundary
-//! that a ray crosses is listed and sorted, and each stretch between two of them is looked up by
-//! its middle. No stepping, no bricks, no reference plane.
+//! The closeup's ray casting on the CPU in `f64`, by a method independent of the shaders': all boundaries
+//! that a ray crosses are listed and sorted, and each segment between two of them is looked up at its
+//! middle. No stepping, no bricks, no reference plane.
 
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::scene::RegionScene;
 
-/// Rays that pass this near a cell edge (voxels) may fall either way in `f32`.
+/// Rays that pass this close to a cell edge (voxels) may be on either side of it in `f32`.
 pub const DELICATE_VOXELS: f64 = 1e-4;
 
 /// A first hit.
@@ -19,21 +19,21 @@ pub struct Hit {
     pub depth_mm: f64,
 }
 
-/// What one pixel's ray meets.
+/// The hits of one pixel's ray.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
     /// First voxel of a shown region, in the lens or anywhere when it is off.
     pub inner: Option<Hit>,
-    /// First voxel of any region outside the lens; before it where `inner` is hit.
+    /// First voxel of any region outside the lens; only in front of it where `inner` is hit.
     pub outer: Option<Hit>,
-    /// Whether the ray passes within [`DELICATE_VOXELS`] of a cell's edge before its hit, meets the
-    /// lens as near to a cell's face, or grazes the lens.
+    /// Whether the ray passes within [`DELICATE_VOXELS`] of a cell's edge before its hit, meets the lens that
+    /// close to a cell's face, or grazes the lens.
     pub delicate: bool,
-    /// Voxels that the ray moves a millimetre of view depth.
+    /// Voxels that the ray advances per millimetre of view depth.
     pub voxels_per_mm: f64,
 }
 
-/// All pixels of a picture of `size`, row after row from the top.
+/// All pixels of a frame of `size`, row after row from the top.
 pub fn cast(scene: &RegionScene, size: [u32; 2]) -> Vec<Pixel> {
     let pixels: Vec<[u32; 2]> = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y])).collect();
     pixels.into_par_iter().map(|pixel| cast_one(scene, size, pixel)).collect()
@@ -48,7 +48,7 @@ fn cast_one(scene: &RegionScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
     let depth_per_mm = ray.direction.dot(-scene.camera.axes()[2]);
     let voxel_from_mm: DMat3 = grid.world_from_voxel().matrix3.inverse();
     let o = voxel_from_mm * (ray.origin_mm - grid.world_from_voxel().translation) + DVec3::splat(0.5);
-    // An axis that the ray would need a light year to cross is one that it doesn't move along.
+    // A direction component this small counts as 0, as in the shaders.
     let d = voxel_from_mm * ray.direction;
     let d = DVec3::select(d.abs().cmplt(DVec3::splat(1e-12)), DVec3::ZERO, d);
     let mut out = Pixel { voxels_per_mm: d.length() / depth_per_mm, ..Pixel::default() };
@@ -67,7 +67,7 @@ fn cast_one(scene: &RegionScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
         }
     }
     if near >= far {
-        // Past an edge of the box, perhaps by less than f32 can tell.
+        // Past an edge of the box, perhaps by less than f32 resolves.
         out.delicate = near_edge(o, d, near) || near_edge(o, d, far);
         return out;
     }
@@ -91,7 +91,7 @@ fn cast_one(scene: &RegionScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
         let along = to.dot(ray.direction);
         let off = (to - ray.direction * along).length();
         let half2 = (lens.radius_mm - off) * (lens.radius_mm + off);
-        // Near the rim the depth of the lens grows without bound against an error across.
+        // Near the rim an error across the ray changes the depth on the lens without bound.
         out.delicate |= half2.abs() < (0.02 * lens.radius_mm).powi(2);
         if half2 > 0.0 {
             events.extend(
@@ -117,7 +117,7 @@ fn cast_one(scene: &RegionScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
             .is_none_or(|l| (ray.origin_mm + ray.direction * middle).distance(l.center_mm) < l.radius_mm);
         if in_lens && out.inner.is_none() && shown[number as usize] {
             out.inner = Some(hit);
-            // What follows is hidden by it.
+            // Everything behind it is hidden.
             return out;
         }
         if !in_lens && number != 0 && out.outer.is_none() {
@@ -127,8 +127,8 @@ fn cast_one(scene: &RegionScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
     out
 }
 
-/// Whether the point at `t`, on a cell's face or on the lens, is so near to another face that the
-/// ray passes within [`DELICATE_VOXELS`] of the edge where they meet.
+/// Whether the point at `t`, on a cell's face or on the lens, is so close to another face that the
+/// ray passes within [`DELICATE_VOXELS`] of their common edge.
 fn near_edge(o: DVec3, d: DVec3, t: f64) -> bool {
     let at = o + d * t;
     let off: [f64; 3] = std::array::from_fn(|a| (at[a] - at[a].round()).abs());
@@ -151,9 +151,9 @@ mod tests {
     use glioscope_core::Grid;
     use glioscope_core::optics::{Camera, Projection};
 
-    /// Closed form: a cube of 3 mm about the origin, seen from the front, from far away.
+    /// Closed form: a cube of 3 mm around the origin, in orthographic front view.
     #[test]
-    fn a_cube_s_face_is_where_geometry_puts_it() {
+    fn a_cube_s_front_face_has_its_exact_position() {
         let grid = Grid::axis_aligned([3, 3, 3], DVec3::ONE, DVec3::splat(-1.0)).unwrap();
         let mut scene = testing::scene_of(testing::volume(&grid, 1, |_, _| true).unwrap(), 1, None);
         scene.camera = Camera::fit(DVec3::ZERO, 4.0, Camera::orientation(0.0, 0.0), Projection::Orthographic);

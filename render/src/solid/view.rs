@@ -1,4 +1,4 @@
-//! The uniform of every 3D view, laid out as the shaders read it. A test compares every offset with naga's.
+//! The uniform of every 3D view, with the shaders' layout. A test compares every offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec2, DVec3};
@@ -62,7 +62,7 @@ pub(crate) struct OutsideHit {
     pub color: u32,
 }
 
-/// Depth from which a pixel is empty, `FAR` of lib/view.
+/// Depth of an empty pixel, `FAR` of lib/view.
 pub(crate) const FAR: f32 = 1e30;
 
 pub(crate) fn rgba(rgb: [u8; 3]) -> [f32; 4] {
@@ -74,13 +74,13 @@ fn single(v: DVec3) -> [f32; 3] {
     v.as_vec3().to_array()
 }
 
-/// View depth of the plane that depths are counted from: the middle of what is drawn, never behind
-/// the eye.
+/// View depth of the reference plane, from which depths are measured: through the centre of what is drawn,
+/// never behind the eye.
 pub(crate) fn reference_to(camera: &Camera, middle_mm: DVec3) -> f64 {
     (camera.eye_mm() - middle_mm).dot(camera.axes()[2]).max(0.0)
 }
 
-/// As [`reference_to`] the middle of the tumour's box.
+/// As [`reference_to`] for the centre of the tumour's box, or the focus without a tumour.
 pub(crate) fn reference_mm(scene: &RegionScene) -> f64 {
     let middle_mm = scene.tumor.as_ref().map_or(scene.camera.focus_mm, |t| t.grid().center_mm());
     reference_to(&scene.camera, middle_mm)
@@ -93,7 +93,7 @@ pub(crate) fn in_camera_space(camera: &Camera, reference_mm: f64, world_mm: DVec
     DVec3::new(to.dot(right), to.dot(up), -to.dot(back) - reference_mm)
 }
 
-/// What the uniform of every 3D view holds, whatever is drawn; `size` in pixels drawn.
+/// The part of the uniform that every 3D view has, whatever it draws; `size` in drawn pixels.
 pub(crate) fn camera_view(
     camera: &Camera,
     reference_mm: f64,
@@ -131,10 +131,10 @@ pub(crate) fn camera_view(
     out
 }
 
-/// Index space of a volume on `grid` as seen by `camera`: corner, right, up, forward.
+/// Camera axes in the index space of a volume on `grid`: corner, right, up, forward.
 pub(crate) fn index_axes(camera: &Camera, reference_mm: f64, grid: &Grid) -> [[f32; 3]; 4] {
     let [right, up, back] = camera.axes();
-    // Differences to the grid's own origin first: an offset of 1e6 mm costs no digit then.
+    // Relative to the grid's own origin first: an offset of 1e6 mm then costs no precision.
     let world_from_voxel = grid.world_from_voxel();
     let voxel_from_mm: DMat3 = world_from_voxel.matrix3.inverse();
     let corner_mm = camera.eye_mm() - world_from_voxel.translation - back * reference_mm;
@@ -146,8 +146,8 @@ pub(crate) fn index_axes(camera: &Camera, reference_mm: f64, grid: &Grid) -> [[f
     ]
 }
 
-/// The uniform of a scene with depths counted from `reference_mm`; `size` in pixels drawn, `flags` as the plan and
-/// the light ask for.
+/// The uniform of a scene with depths measured from `reference_mm`; `size` in drawn pixels, `flags` as the plan and
+/// the lighting mode require.
 pub(crate) fn region_view(
     scene: &RegionScene,
     reference_mm: f64,
@@ -174,10 +174,10 @@ pub(crate) fn region_view(
     out
 }
 
-/// The drawn pixel at the middle of an asked one, which is inside `asked_px`.
-pub(crate) fn drawn_pixel(pixel: [u32; 2], asked_px: [u32; 2], drawn_px: [u32; 2]) -> [u32; 2] {
+/// The drawn pixel at the centre of a requested one, which is inside `requested_px`.
+pub(crate) fn drawn_pixel(pixel: [u32; 2], requested_px: [u32; 2], drawn_px: [u32; 2]) -> [u32; 2] {
     std::array::from_fn(|a| {
-        let at = (f64::from(pixel[a]) + 0.5) * f64::from(drawn_px[a]) / f64::from(asked_px[a]);
+        let at = (f64::from(pixel[a]) + 0.5) * f64::from(drawn_px[a]) / f64::from(requested_px[a]);
         (at as u32).min(drawn_px[a] - 1)
     })
 }
@@ -197,7 +197,7 @@ pub(crate) fn world_at(
     ray.origin_mm + ray.direction * ((reference_mm + f64::from(depth)) / along)
 }
 
-/// For the test of layouts.
+/// For the layout test.
 #[cfg(test)]
 pub(crate) const LAYOUTS: [crate::layouts::Layout; 2] = [
     crate::layouts::layout!(

@@ -1,4 +1,4 @@
-//! What tests read back of a frame's targets, whole.
+//! Readback of whole targets of a frame, for tests.
 
 use super::view3d::{Frame, View3d};
 use crate::{device::Gpu, image::uniforms::Marched, solid::view::OutsideHit};
@@ -10,17 +10,17 @@ impl<V: View3d> Frame<V> {
         bytemuck::pod_collect_to_vec(&gpu.read_buffers(&[(buffer, 0, bytes)]).unwrap()[0])
     }
 
-    /// Depths of what is seen first, from the reference plane; `FAR` where there is nothing.
+    /// Depths of first hits, relative to the reference plane; `FAR` on the background.
     pub(crate) fn read_depths(&self, gpu: &Gpu) -> Vec<f32> {
         self.read(gpu, &self.targets.depths)
     }
 
-    /// What that is: region number and face, or which fibre or arrow.
+    /// First hits: region number and face, or number of the fibre or arrow.
     pub(crate) fn read_surfaces(&self, gpu: &Gpu) -> Vec<[u32; 2]> {
         self.read(gpu, &self.targets.surfaces)
     }
 
-    /// Both.
+    /// Depths and surfaces of first hits.
     pub(crate) fn read_surface(&self, gpu: &Gpu) -> (Vec<f32>, Vec<[u32; 2]>) {
         (self.read_depths(gpu), self.read_surfaces(gpu))
     }
@@ -30,12 +30,12 @@ impl<V: View3d> Frame<V> {
         self.read(gpu, &self.targets.outsides)
     }
 
-    /// What the march left.
+    /// Output of the ray march.
     pub(crate) fn read_marched(&self, gpu: &Gpu) -> Vec<Marched> {
         self.read(gpu, &self.targets.outsides)
     }
 
-    /// Darkness and the colour that bleeds, packed.
+    /// Darkness and bleeding colour, packed.
     pub(crate) fn read_blurred(&self, gpu: &Gpu) -> Vec<u32> {
         self.read(gpu, &self.targets.blurred)
     }

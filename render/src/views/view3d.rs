@@ -1,4 +1,4 @@
-//! What every 3D view shares: one renderer for all of them, its frames, and what a view has to say for itself.
+//! What the 3D views share: one renderer for all of them, its frames, and the trait that each view implements.
 //!
 //! Lifetimes: pipelines once per [`Renderer`]; a view's buffers once per input; targets once per size (about 40
 //! bytes per pixel, and what the view adds); uniforms and bindings once per frame.
@@ -20,36 +20,36 @@ use crate::{
     },
 };
 
-/// What the last pass of most views is called: colours, lines, ring.
+/// The last pass of most views: colours, lines, lens ring.
 pub(crate) const COMPOSE: PassName = PassName::new("compose");
 
-/// A 3D view: what it draws, which passes that takes, and what is under a pixel. Implemented by each view's folder.
+/// A 3D view: its scene, its passes, and its picks. Implemented in each view's folder.
 pub trait View3d: Sized {
-    /// What it draws. Comparing two costs nothing per voxel.
+    /// What it draws. Comparing two scenes doesn't compare voxels.
     type Scene: Clone + PartialEq;
     /// What is under a pixel.
     type Pick;
-    /// What a frame holds besides what all have.
+    /// View-specific data of a frame.
     #[doc(hidden)]
     type Kept;
-    /// Whether a picture may be drawn in parts: see [`Renderer::begin`].
+    /// Whether a frame may be drawn in parts: see [`Renderer::begin`].
     const IN_PARTS: bool;
 
     /// Shader files that every scene needs, compiled at once.
     #[doc(hidden)]
     const SHADERS: &'static [&'static str];
 
-    /// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+    /// The passes that `scene` needs at `quality`. Omitting the others changes no pixel.
     fn plan(scene: &Self::Scene, quality: &Quality) -> Plan;
 
-    /// Refuses what can't be drawn.
+    /// Rejects a scene that can't be drawn.
     ///
     /// # Errors
     /// [`RenderError::Scene`].
     #[doc(hidden)]
     fn check(scene: &Self::Scene) -> Result<(), RenderError>;
 
-    /// Buffers that last.
+    /// Creates the buffers that outlive a frame.
     #[doc(hidden)]
     fn start(gpu: &Gpu) -> Result<Self, RenderError>;
 
@@ -62,7 +62,7 @@ pub trait View3d: Sized {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &Self::Scene,
-        spare: Option<Self::Kept>,
+        previous: Option<Self::Kept>,
     ) -> Result<Prepared<Self::Kept>, RenderError>;
 
     /// What is under a drawn pixel.
@@ -73,27 +73,27 @@ pub trait View3d: Sized {
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<Self::Pick>, RenderError>;
 }
 
-/// What tests turn off to see that it changes nothing, or only what it should.
+/// What tests turn off to check that the frame doesn't change, or only as expected.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Switches {
-    /// Leave out empty bricks, and what is behind something opaque.
+    /// Skip empty bricks, and what is behind opaque fragments.
     pub skipping: bool,
-    /// Shift the samples of neighbouring rays.
+    /// Offset the samples of neighbouring rays differently.
     pub jitter: bool,
 }
 
 impl Switches {
     pub(crate) const ON: Self = Self { skipping: true, jitter: true };
 
-    /// All on but for skipping, where it is off.
+    /// All on, except skipping where it is `false`.
     #[cfg(test)]
     pub(crate) fn skipping(skipping: bool) -> Self {
         Self { skipping, ..Self::ON }
     }
 }
 
-/// A picture that is being prepared.
+/// A frame being prepared.
 #[doc(hidden)]
 pub struct Draw<'a> {
     pub(crate) gpu: &'a Gpu,
@@ -113,41 +113,41 @@ impl Draw<'_> {
         self.targets.size
     }
 
-    /// Workgroups that have a thread for each pixel.
+    /// Workgroups with one thread per pixel.
     pub(crate) fn workgroups(&self) -> [u32; 3] {
         workgroups_of(self.targets.size)
     }
 
-    /// Hands the view's uniform to the device.
+    /// Writes the view's uniform.
     pub(crate) fn write_view(&self, view: &View) {
         self.gpu.queue.write_buffer(self.view, 0, bytemuck::bytes_of(view));
     }
 }
 
-/// What a view found out while it prepared a picture.
+/// The results of preparing a frame.
 #[doc(hidden)]
 pub struct Prepared<K> {
     pub(crate) kept: K,
     pub(crate) camera: Camera,
-    /// View depth of the plane that depths are counted from.
+    /// View depth of the plane that depths are relative to.
     pub(crate) reference_mm: f64,
     pub(crate) warnings: Vec<String>,
     pub(crate) notes: Vec<String>,
 }
 
-/// A finished picture. Its textures are reused by the next picture of the same size.
+/// A finished frame. Its textures are reused by the next frame of the same size.
 pub struct Frame<V: View3d> {
     /// rgba8unorm, gamma-encoded sRGB, opaque. Usable as an egui texture.
     pub color: wgpu::Texture,
     /// Pixels drawn: the size of `color`. At most `asked_px`, see `Quality::resolution_scale`.
     pub size_px: [u32; 2],
-    /// Pixels asked for: what [`Frame::pick`] counts in.
+    /// Pixels requested: those of [`Frame::pick`].
     pub asked_px: [u32; 2],
-    /// What ran, and what was left out.
+    /// The passes that ran, and those omitted.
     pub plan: Plan,
-    /// What the picture shows less of than the scene has, in words for the user.
+    /// What the frame lacks of the scene, in words for the user.
     pub warnings: Vec<String>,
-    /// What of the light is other than asked for, in words.
+    /// Notes of the light passes in words: changed settings, omitted work.
     pub notes: Vec<String>,
     pub(crate) targets: Targets,
     pub(crate) camera: Camera,
@@ -182,16 +182,16 @@ impl<V: View3d> Frame<V> {
     /// All pixels, row after row from the top, 4 bytes each: `size_px[0] * size_px[1] * 4` bytes.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn read_rgba(&self, gpu: &Gpu) -> Result<Vec<u8>, RenderError> {
         gpu.read_rgba(&self.color)
     }
 
-    /// What is under pixel (`x`, `y`) of the asked size, counted from the top left; `None` past the edge and where
-    /// there is nothing. Reads a few bytes back: call it as often as the mouse moves.
+    /// What is under pixel (`x`, `y`) of the requested size, counted from the top left; `None` outside the frame and on
+    /// the background. Reads back only a few bytes, so it may be called at every mouse move.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn pick(&self, gpu: &Gpu, x: u32, y: u32) -> Result<Option<V::Pick>, RenderError> {
         if x >= self.asked_px[0] || y >= self.asked_px[1] {
             return Ok(None);
@@ -199,7 +199,7 @@ impl<V: View3d> Frame<V> {
         V::pick(self, gpu, drawn_pixel([x, y], self.asked_px, self.size_px))
     }
 
-    /// Place of a drawn pixel in buffers that are row after row.
+    /// Index of a drawn pixel in row-major buffers.
     pub(crate) fn linear(&self, pixel: [u32; 2]) -> u64 {
         u64::from(pixel[1]) * u64::from(self.size_px[0]) + u64::from(pixel[0])
     }
@@ -212,7 +212,7 @@ pub struct Renderer<V: View3d> {
     view_uniform: wgpu::Buffer,
     pub(crate) view: V,
     frame: Option<Frame<V>>,
-    /// Drawn in parts, and not whole yet.
+    /// Drawn in parts, and not complete yet.
     pending: Option<Frame<V>>,
 }
 
@@ -220,9 +220,9 @@ impl<V: View3d> Renderer<V> {
     /// Compiles the pipelines.
     ///
     /// # Errors
-    /// [`RenderError::Device`] when the driver refuses a shader.
+    /// [`RenderError::Device`] if the driver rejects a shader.
     pub fn new(gpu: &Gpu) -> Result<Self, RenderError> {
-        let made = Self {
+        let renderer = Self {
             passes: PassRunner::new(gpu, V::SHADERS.iter().copied())?,
             lights: LightPasses::default(),
             view_uniform: gpu.uniform::<View>("Renderer::view"),
@@ -231,14 +231,14 @@ impl<V: View3d> Renderer<V> {
             pending: None,
         };
         gpu.check()?;
-        Ok(made)
+        Ok(renderer)
     }
 
-    /// Draws `scene` at `quality` for a place of `size_px` pixels. Returns when the work is submitted; reading the
+    /// Draws `scene` at `quality` for an area of `size_px` pixels. Returns when the work is submitted; reading the
     /// frame waits for it.
     ///
     /// # Errors
-    /// [`RenderError`]; nothing is drawn then, and the frame before is gone.
+    /// [`RenderError`]; nothing is drawn then, and the previous frame is dropped.
     pub fn render(
         &mut self,
         gpu: &Gpu,
@@ -249,7 +249,7 @@ impl<V: View3d> Renderer<V> {
         self.render_planned(gpu, scene, quality, size_px, V::plan(scene, quality), Switches::ON)
     }
 
-    /// The last frame, if drawing it went well.
+    /// The last frame, if drawing it succeeded.
     pub fn frame(&self) -> Option<&Frame<V>> {
         self.frame.as_ref()
     }
@@ -264,18 +264,18 @@ impl<V: View3d> Renderer<V> {
         plan: Plan,
         switches: Switches,
     ) -> Result<&Frame<V>, RenderError> {
-        let spare = self.frame.take();
-        let frame = self.prepare(gpu, scene, quality, asked_px, (plan, switches), spare)?;
+        let previous = self.frame.take();
+        let frame = self.prepare(gpu, scene, quality, asked_px, (plan, switches), previous)?;
         self.passes.run(gpu);
         gpu.check()?;
         Ok(self.frame.insert(frame))
     }
 
-    /// Begins a picture that [`Renderer::resume`] draws in parts, where this view can; the last frame stays until it
-    /// is whole. Where it can't, it is drawn at once. Drawing another one drops it.
+    /// Begins a frame that [`Renderer::resume`] draws in parts; the last frame stays until it is complete. Views that
+    /// can't be drawn in parts draw it at once. Drawing another frame drops it.
     ///
     /// # Errors
-    /// [`RenderError`]; nothing is begun then.
+    /// [`RenderError`]; no frame is pending then.
     pub fn begin(
         &mut self,
         gpu: &Gpu,
@@ -292,20 +292,20 @@ impl<V: View3d> Renderer<V> {
         Ok(())
     }
 
-    /// Resumes what was begun, for about so many milliseconds. Whether it is whole: then it is
-    /// [`Renderer::frame`]. Nothing to do is done.
+    /// Resumes the pending frame for about `milliseconds`. Returns whether it is complete, and so is
+    /// [`Renderer::frame`]; true if none is pending.
     ///
     /// # Errors
-    /// [`RenderError::Device`]; what was begun is dropped then.
+    /// [`RenderError::Device`]; the pending frame is dropped then.
     pub fn resume(&mut self, gpu: &Gpu, milliseconds: f64) -> Result<bool, RenderError> {
-        let Some(begun) = self.pending.take() else { return Ok(true) };
+        let Some(pending) = self.pending.take() else { return Ok(true) };
         let done = self.passes.run_part(gpu, milliseconds)?;
         gpu.check()?;
-        *(if done { &mut self.frame } else { &mut self.pending }) = Some(begun);
+        *(if done { &mut self.frame } else { &mut self.pending }) = Some(pending);
         Ok(done)
     }
 
-    /// How much of what was begun is done, 0 to 1; `None` where nothing is pending.
+    /// Completed share of the pending frame, 0 to 1; `None` if none is pending.
     pub fn share_done(&self) -> Option<f64> {
         self.pending.as_ref().map(|_| self.passes.share_done())
     }
@@ -317,14 +317,14 @@ impl<V: View3d> Renderer<V> {
         quality: &Quality,
         asked_px: [u32; 2],
         (mut plan, switches): (Plan, Switches),
-        spare: Option<Frame<V>>,
+        previous: Option<Frame<V>>,
     ) -> Result<Frame<V>, RenderError> {
         self.pending = None;
         self.passes.clear();
         gpu.check()?;
         V::check(scene)?;
         let size = quality.drawn_px(asked_px);
-        let (targets, kept) = match spare {
+        let (targets, kept) = match previous {
             Some(frame) if frame.targets.size == size => (frame.targets, Some(frame.kept)),
             _ => (Targets::new(gpu, size)?, None),
         };
@@ -354,12 +354,12 @@ impl<V: View3d> Renderer<V> {
         })
     }
 
-    /// Where [`Renderer::pass_times`] come from on this device.
+    /// How [`Renderer::pass_times`] are measured on this device.
     pub fn time_source(&self) -> TimeSource {
         self.passes.time_source()
     }
 
-    /// What the last frame's image asked of the light's passes; `None` without an image lit by them.
+    /// Work of the light passes for the last frame's image; `None` without an image lit by them.
     pub fn light_work(&self) -> Option<LightWork> {
         self.lights.work()
     }
@@ -368,7 +368,7 @@ impl<V: View3d> Renderer<V> {
     /// Without timestamps on the device the passes are run again, one by one.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn pass_times(&self, gpu: &Gpu) -> Result<Vec<(PassName, f64)>, RenderError> {
         if self.frame.is_some() { self.passes.times(gpu) } else { Ok(Vec::new()) }
     }

@@ -1,12 +1,12 @@
-// Arrows of the surface change: a shaft and a cone, six-sided, one instance an arrow. What is written is
-// not a colour but what compose makes one of. Thin arrows keep a width in pixels, so that none is lost.
+// Arrows of the surface change: a shaft and a cone, six-sided, one instance per arrow. Writes not a colour but
+// what compose shades. Thin arrows have a minimum width in pixels, so that none disappears.
 #include lib/view
 #include lib/change
 
 struct Arrow {
-    start: vec3<f32>,    // world directions, millimetres from the origin of all
+    start: vec3<f32>,    // world directions, millimetres from the common origin
     what: u32,           // its number from 1, GROWS, FAINT
-    along: vec3<f32>,    // from its start to its point
+    along: vec3<f32>,    // from its start to its tip
     unused: u32,
 }
 
@@ -25,7 +25,7 @@ fn in_camera(p: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(change.right, p), dot(change.up, p), dot(change.away, p));
 }
 
-// Corners 0 to 5: the shaft's start; 6 to 11: its end; 12 to 17: the head's rim; 18: the point.
+// Corners 0 to 5: the shaft's start; 6 to 11: its end; 12 to 17: the head's rim; 18: the tip.
 @vertex
 fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) number: u32) -> Corner {
     zero = corner >> 31u;
@@ -38,7 +38,7 @@ fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) number: u32
     let radius = max(change.radius_mm, 0.5 * pixel_mm);
     let head_radius = max(change.head_radius_mm, 1.7 * pixel_mm);
     let head_length = min(max(change.head_length_mm, 3.4 * pixel_mm), 0.6 * length_mm);
-    // The axis that the arrow runs along least makes a good second one.
+    // The coordinate axis least parallel to the arrow.
     let a = abs(axis);
     let least = select(
         select(vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0, 1.0, 0.0), a.y <= a.z),
@@ -60,11 +60,11 @@ fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) number: u32
     return Corner(clip, place, arrow.what);
 }
 
-// Its what with 6 bits of brightness on top, and its depth.
+// The arrow's `what`, with 6 bits of brightness on top, and its depth.
 @fragment
 fn shade(corner: Corner) -> @location(0) vec2<u32> {
     let normal = cross(dpdx(corner.place), dpdy(corner.place));
-    // Towards the eye, which is at the depth where a pixel covers nothing; the same for all when
+    // Line of sight from the eye, which is at the depth of footprint 0; the same for all pixels when
     // orthographic.
     let sight = vec3<f32>(corner.place.xy * view.mm_per_pixel_per_mm / footprint_mm(corner.place.z), 1.0);
     let facing = abs(dot(normal, sight)) / max(length(normal) * length(sight), 1e-30);

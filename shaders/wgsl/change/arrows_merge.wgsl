@@ -1,5 +1,5 @@
-// Arrows among what is solid, for the passes of light: the nearest of the surface and a pixel's samples of
-// arrows. Of a pixel that an arrow covers in part the whole counts as the arrow.
+// Merges arrows into the opaque geometry for the lighting passes: the nearest of the surface and a pixel's
+// arrow samples. A pixel that an arrow covers in part counts as the arrow.
 #include lib/view
 #include lib/change
 #include lib/tubes
@@ -7,7 +7,7 @@
 @group(0) @binding(4) var<storage, read_write> depths: array<f32>;
 @group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
 @group(0) @binding(25) var arrow_picture: texture_2d<u32>;
-@group(0) @binding(39) var<storage, read_write> solids: array<f32>;         // of all pixels, then where rays end
+@group(0) @binding(39) var<storage, read_write> solids: array<f32>;         // of all pixels, then where eye rays end
 @group(0) @binding(40) var<storage, read_write> faces: array<vec2<u32>>;    // of solids: region number, face
 
 @compute @workgroup_size(8, 8)
@@ -30,9 +30,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         face = select(face, vec2<u32>(0u, TUBE | (found.x & ARROW_NUMBER)), nearer);
     }
     solids[at] = solid;
-    // Beside an arrow that covers its pixel in part the image is seen up to the surface.
+    // Beside an arrow that covers its pixel in part, the image is visible up to the surface.
     solids[at + view.size.x * view.size.y] = front;
     faces[at] = face;
-    // The march reads it where the dates share nothing, too.
+    // The march reads it also without a surface, where the time points share nothing.
     depths[at] = front;
 }

@@ -1,4 +1,4 @@
-// The change view's picture: the surface with the height map over it, or the part that both dates
+// Composes the change view's frame: the surface with the height map over it, or the part that both time points
 // share with arrows around it and the rest as a veil; the context image around and behind.
 #include lib/view
 #include lib/lines
@@ -16,9 +16,9 @@
 
 const GROWS = 0x1000000u;
 const FAINT = 0x2000000u;
-// Opacity of the veil, where it is three voxels thick and more.
+// Opacity of the veil where it is at least three voxels thick.
 const VEIL = 0.14;
-// Light that is left along an arrow's edge.
+// Brightness along an arrow's edge.
 const EDGE = 0.45;
 
 fn tone_of(grows: bool) -> vec3<f32> {
@@ -30,7 +30,7 @@ fn darkened(color: vec3<f32>, occlusion: vec4<f32>) -> vec3<f32> {
     return color * (1.0 - dark) + occlusion.rgb * (dark * view.color_bleeding);
 }
 
-// Stripes where there is no length to tell: a component came or went.
+// Stripes where no change length is defined: a connected component appeared or disappeared.
 fn hatched(color: vec3<f32>, kind: u32, pixel: vec2<u32>) -> vec3<f32> {
     let place = f32(pixel.x + pixel.y) / (8.0 * view.line_scale);
     let stripe = smoothstep(0.15, 0.3, abs(fract(place) - 0.5));
@@ -43,7 +43,7 @@ struct ArrowSample {
     color: vec3<f32>,
 }
 
-// Darker along the edge where it hides another arrow, or all that is behind.
+// A sample of the arrows: darker along edges in front of another arrow or of no arrow.
 fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
     let sample = vec2<i32>(pixel * change.samples + vec2<u32>(n % change.samples, n / change.samples));
     let found = textureLoad(arrow_picture, sample, 0).xy;
@@ -52,7 +52,7 @@ fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
     }
     let depth = bitcast<f32>(found.y);
     let last = vec2<i32>(view.size * change.samples) - 1;
-    // Arrows of few pixels would be edge all over.
+    // Arrows of few pixels would be all edge.
     let size_px = change.head_radius_mm / footprint_mm(depth);
     let dark = mix(1.0, EDGE, smoothstep(0.7, 3.5, size_px));
     var edge = 1.0;
@@ -66,7 +66,7 @@ fn arrow_at(pixel: vec2<u32>, n: u32) -> ArrowSample {
     return ArrowSample(found.x, depth, pale * (edge * f32(found.x >> 26u) / 63.0));
 }
 
-// Outlines of the veil, where it hides something or nothing.
+// Outlines of the veil, against farther surfaces and the background.
 fn veil_line_at(here: vec2<i32>, depth: f32, face: u32) -> f32 {
     var line = 0.0;
     for (var n = 0u; n < 8u; n++) {
@@ -93,8 +93,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let here = vec2<i32>(id.xy);
     let at = linear_index(id.xy);
     var color = view.background.rgb;
-    // One light a pixel, that of what is nearest in it. Where that is an arrow, surface that the pixel shows
-    // beside it takes the arrow's: both are in one pixel along the arrow's edge only.
+    // One light per pixel, that of its nearest surface. Where that is an arrow, the tumour surface beside it in the
+    // pixel gets the arrow's light: both are in one pixel only along the arrow's edge.
     var o = vec4<f32>(0.0);
     if (flags() & HAS_OCCLUSION) != 0u {
         o = unpack4x8unorm(blurred[at]);
@@ -127,7 +127,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     plain = mix(plain, INNER, view.inner_line_strength * lines.grey);
     plain = mix(plain, view.silhouette.rgb, lines.black);
     if (varied(change.flags) & HAS_ARROWS) != 0u {
-        // What is before the surface hides its lines; what is behind their edge is under them.
+        // Arrows in front of the surface hide its lines; arrows behind the outlined edge are under them.
         var sum = vec3<f32>(0.0);
         let count = varied(change.samples * change.samples);
         for (var n = 0u; n < count; n++) {

@@ -1,4 +1,4 @@
-// The height filter along the picture's rows.
+// The height filter along the frame's rows.
 #include lib/view
 #include lib/change
 #include lib/change_filter

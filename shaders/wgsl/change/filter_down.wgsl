@@ -1,4 +1,4 @@
-// The height filter along the picture's columns.
+// The height filter along the frame's columns.
 #include lib/view
 #include lib/change
 #include lib/change_filter

@@ -1,5 +1,5 @@
-// How far the surface moved at each pixel's voxel, with its sign, and how sure that is: 1, less
-// within the uncertainty. Below 0 where there is no surface, or none that has a partner.
+// Signed displacement of the surface at each pixel's voxel, and its certainty: 1, less within the
+// uncertainty; below 0 where there is no surface, or none with a counterpart.
 #include lib/view
 #include lib/change
 
@@ -11,7 +11,7 @@ struct Length {
 
 @group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
 @group(0) @binding(17) var<storage, read> cells: array<u32>;
-@group(0) @binding(18) var<storage, read> lengths: array<Length>;  // open addressing, half empty at least
+@group(0) @binding(18) var<storage, read> lengths: array<Length>;  // open addressing, at most half full
 @group(0) @binding(19) var<storage, read_write> heights: array<vec2<f32>>;
 
 // A voxel that is not in the table did not move.
@@ -20,11 +20,11 @@ fn looked_up(cell: u32) -> vec2<f32> {
     let last = varied((1u << change.log2_slots) - 1u);
     var slot = (key * 0x9e3779b1u) >> (32u - change.log2_slots);
     for (var n = 0u; n <= last; n++) {
-        let found = lengths[slot];
-        if found.key == key {
-            return vec2<f32>(found.signed_mm, found.sure);
+        let entry = lengths[slot];
+        if entry.key == key {
+            return vec2<f32>(entry.signed_mm, entry.sure);
         }
-        if found.key == 0u {
+        if entry.key == 0u {
             break;
         }
         slot = (slot + 1u) & last;

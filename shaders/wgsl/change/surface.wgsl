@@ -1,5 +1,4 @@
-// As closeup_surface, and which voxel it is: what length of change belongs to it is looked up by that
-// (thesis 7.3.4).
+// As closeup/surface, and the number of the voxel, by which its change length is looked up (thesis 7.3.4).
 #include lib/view
 #include lib/march
 #include lib/first_hit

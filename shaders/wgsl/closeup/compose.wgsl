@@ -1,4 +1,4 @@
-// The picture: flat region colours, occlusion, contour lines, the faint outside, the slice, the lens ring.
+// Composes the frame: flat region colours, occlusion, contour lines, the faint outside, the slice, the lens ring.
 #include lib/view
 #include lib/plane
 #include lib/ring
@@ -16,7 +16,7 @@ struct Outside {
 @group(0) @binding(8) var<storage, read> blurred: array<u32>;
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
 
-// Silhouettes and large steps of the outer level, where it hides what the lens shows or nothing.
+// Silhouettes and large depth steps of the outer level, where it is in front of what the lens shows.
 fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {
     let at = linear_index(vec2<u32>(here));
     let depth = outsides[at].depth;
@@ -51,14 +51,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var color = view.background.rgb;
     var front = FAR;
     let slice = plane_at(id.xy);
-    var slice_waits = slice.depth < FAR;
+    var slice_pending = slice.depth < FAR;
     let has_surface = (flags() & HAS_SURFACE) != 0u;
     let has_outside = (flags() & HAS_OUTSIDE) != 0u;
     if has_surface {
         front = depths[at];
     }
-    // What the slice is behind of hides it, or is drawn over it.
-    slice_waits = slice_waits && slice.depth < front;
+    // Surfaces in front of the slice hide it or are drawn over it.
+    slice_pending = slice_pending && slice.depth < front;
     if front < FAR {
         color = unpack4x8unorm(regions[surfaces[at].x]).rgb;
         if (flags() & HAS_OCCLUSION) != 0u {
@@ -67,30 +67,30 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
         }
     } else if has_outside {
-        if slice_waits && slice.depth >= outsides[at].depth {
+        if slice_pending && slice.depth >= outsides[at].depth {
             color = with_plane(color, slice);
-            slice_waits = false;
+            slice_pending = false;
         }
         let outer = unpack4x8unorm(outsides[at].color);
         color = outer.rgb + (1.0 - outer.a) * color;
     }
     if has_surface {
         let lines = lines_at(here, front);
-        if slice_waits && slice.depth >= lines.depth {
+        if slice_pending && slice.depth >= lines.depth {
             color = with_plane(color, slice);
-            slice_waits = false;
+            slice_pending = false;
         }
         color = mix(color, INNER, view.inner_line_strength * lines.grey);
         color = mix(color, view.silhouette.rgb, lines.black);
     }
     if has_outside {
-        if slice_waits && slice.depth >= outsides[at].depth {
+        if slice_pending && slice.depth >= outsides[at].depth {
             color = with_plane(color, slice);
-            slice_waits = false;
+            slice_pending = false;
         }
         color = mix(color, view.silhouette.rgb, view.outer_line_strength * outer_line_at(here, front));
     }
-    if slice_waits {
+    if slice_pending {
         color = with_plane(color, slice);
     }
     color = with_ring(color, id.xy);

@@ -1,6 +1,6 @@
 // The outer level (thesis 7.3.3): all regions outside the lens, faint, composited front to back
-// where the region changes, and the first hit kept apart for the outer contour lines. Where the
-// lens shows tissue the composite is discarded, so only that first hit is searched.
+// where the region changes, and the first hit stored separately for the outer contour lines. Where
+// the lens shows tissue the composite isn't used, so only the first hit is searched.
 #include lib/view
 #include lib/march
 
@@ -14,7 +14,7 @@ struct Outside {
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(6) var<storage, read_write> outsides: array<Outside>;
 
-const MOST_OPAQUE = 0.97;    // nothing behind changes a picture of 8 bits by much
+const MOST_OPAQUE = 0.97;    // nothing behind changes 8-bit colours by much
 
 struct Level {
     first: Outside,
@@ -34,7 +34,7 @@ fn composite(ray: Ray, near: f32, far: f32, axis: u32, only_first: bool, level: 
         let within = w.cell >> vec3<u32>(3u);
         let uniform_brick = skipping && (brick.y & UNIFORM) != 0u;
         var number = number_at(w.cell, brick);
-        // On to the next change of region, or out of the brick.
+        // Advances to the next region boundary, or out of the brick.
         while number == (*level).number && !uniform_brick {
             step_cell(ray, &w);
             if w.t >= far || any((w.cell >> vec3<u32>(3u)) != within) {
@@ -76,12 +76,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var level = Level(Outside(FAR, 0u, NO_FACE, 0u), vec3<f32>(0.0), 1.0, 0u);
     let ray = ray_of(id.xy);
     let span = box_interval(ray);
-    // Lens off: the selection holds everywhere and nothing is outside.
+    // Lens off: the selection applies everywhere and nothing is outside.
     if span.near < span.far && (flags() & LENS_ON) != 0u {
         let hidden = (flags() & HAS_SURFACE) != 0u && depths[at] < FAR;
         let lens = lens_interval(id.xy);
         let meets = lens.x < lens.y;
-        // Before the lens, then behind it: one loop, as masked lanes of a vector pay for both.
+        // In front of the lens, then behind it: one loop, as masked vector lanes would pay for two.
         var from_to = vec2<f32>(span.near, select(span.far, min(span.far, lens.x), meets));
         var axis = span.axis;
         for (var behind = false; ; behind = true) {

@@ -1,5 +1,5 @@
-// Light that reaches cells of the context image from a cone towards the eye: one thread a cell that a
-// picture can look up, some of them a dispatch.
+// Light that reaches cells of the context image through a cone towards the eye: one thread per cell that a
+// frame can look up, a part of them per dispatch.
 #include lib/view
 #include lib/march
 #include lib/context
@@ -9,10 +9,10 @@
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(37) var<storage, read_write> light_grid: array<vec2<f32>>;
-@group(0) @binding(30) var<storage, read> needed: array<u32>;   // numbers of cells
+@group(0) @binding(30) var<storage, read> needed: array<u32>;   // numbers of the cells
 
 struct LightPart {
-    first: u32,                     // of those needed
+    first: u32,                     // index in `needed`
     unused_a: u32,
     unused_b: u32,
     unused_c: u32,
@@ -24,33 +24,33 @@ fn middle_of(c: vec3<f32>) -> vec2<f32> {
     return c.xy / max(footprint_mm(c.z), 1e-12);
 }
 
-// What is behind a pixel's solid surface is taken for solid: the picture knows no more of it.
+// Everything behind a pixel's opaque surface counts as opaque: the depths hold no more of it.
 fn is_hidden(c: vec3<f32>) -> bool {
     let m = middle_of(c);
     let size = vec2<f32>(view.size);
     let at = floor(vec2<f32>(m.x, -m.y) + 0.5 * size);
-    // Not `&&`: with a load on its right side Mesa 22.3's software driver crashes when it compiles this.
+    // Not `&&`: with a load on its right side, Mesa 22.3's software driver crashes when it compiles this.
     let inside = all(at >= vec2<f32>(0.0)) & all(at < size) & ((flags() & (HAS_SURFACE | HAS_TUBES)) != 0u);
     let there = linear_index(vec2<u32>(clamp(at, vec2<f32>(0.0), size - 1.0)));
     return inside & (depths[there] < c.z - cones.voxel_mm);
 }
 
-// Clipping planes.
+// Interval that the clipping planes leave.
 fn kept_span(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     var span = vec2<f32>(0.0, FAR);
     for (var n = 0u; n < 6u; n++) {
         let plane = context.clips[n];
-        let room = plane.w - dot(plane.xyz, c);
+        let to_plane = plane.w - dot(plane.xyz, c);
         let rate = dot(plane.xyz, w);
-        let at = room / select(1.0, rate, abs(rate) > 1e-12);
-        let gone = select(FAR, -1.0, room < 0.0);
-        span.y = min(span.y, select(select(FAR, at, rate > 1e-12), gone, abs(rate) <= 1e-12));
+        let at = to_plane / select(1.0, rate, abs(rate) > 1e-12);
+        let parallel_end = select(FAR, -1.0, to_plane < 0.0);
+        span.y = min(span.y, select(select(FAR, at, rate > 1e-12), parallel_end, abs(rate) <= 1e-12));
         span.x = max(span.x, select(0.0, at, rate < -1e-12));
     }
     return span;
 }
 
-// Not in the masks' box and not before that.
+// Neither inside the masks' box nor in front of it.
 fn is_kept(c: vec3<f32>) -> bool {
     let span = box_interval(ray_through(middle_of(c)));
     return !((view.dims.x > 0u) & (span.near < span.far) & (c.z < span.far));
@@ -60,7 +60,7 @@ fn near_extinction(p: vec3<f32>) -> f32 {
     return extinction_of(material_at(p - 0.5));
 }
 
-// Images are interpolated: there is nothing exact to walk.
+// Images are interpolated: there is no exact traversal.
 fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     return sub_cone(c, w);
 }

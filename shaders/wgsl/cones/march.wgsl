@@ -1,5 +1,5 @@
-// The context image along each ray as context_march, in linear light: each sample is lit by the light
-// that reaches it from a cone towards the eye.
+// Ray march of the context image as in context/march, in linear light: each sample is lit by the light that
+// reaches it through a cone towards the eye.
 #include lib/view
 #include lib/march
 #include lib/context

@@ -1,6 +1,6 @@
-// Light that reaches what is solid from a cone towards the eye: through the masks, and through the context
-// image where there is one. Tubes and arrows are no medium: what they hide, from each other and from the
-// masks, is found in their vicinity.
+// Light that reaches opaque geometry through a cone towards the eye: past the masks, and through the context
+// image where there is one. Tubes and arrows are no medium: their occlusion of each other and of the masks is
+// vicinity occlusion.
 #include lib/view
 #include lib/march
 #include lib/cones
@@ -13,10 +13,10 @@
 
 @group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
 
-// Of a voxel, towards the eye: off the face that was hit.
+// Offset from the hit face towards the eye, in voxels.
 const SLIP = 1e-3;
 
-// Cones go through the masks already.
+// Tubes and arrows only: the cones account for the masks.
 fn counts(at: u32) -> bool {
     return is_tube(surfaces[at].y);
 }
@@ -29,7 +29,7 @@ fn kept_span(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(0.0, FAR);
 }
 
-// Outside a lens that cuts nothing is shown.
+// Outside a cutting lens nothing is shown.
 fn is_kept(c: vec3<f32>) -> bool {
     return (flags() & (LENS_ON | LENS_ONLY_DRAWN)) != LENS_ON || distance(c, view.lens.xyz) <= view.lens.w;
 }
@@ -42,7 +42,7 @@ fn near_extinction(p: vec3<f32>) -> f32 {
     return select(0.0, cones.dark, is_shown(number_at(cell, brick_of(cell))));
 }
 
-// From voxel to voxel until one is shown.
+// Voxel traversal up to the first shown voxel.
 fn exact_ray(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     let ray = ray_from(index_of(c), w.x * cones.right + w.y * cones.up + w.z * cones.forward);
     let dims = vec3<i32>(view.dims);

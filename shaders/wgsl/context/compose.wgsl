@@ -1,4 +1,4 @@
-// The context view's picture: the tumour with occlusion and lines, fibre tubes beside it, the context
+// Composes the context view's frame: the tumour with occlusion and lines, fibre tubes beside it, the context
 // image around and behind, the lens ring (thesis 7.3.2).
 #include lib/view
 #include lib/ring
@@ -30,12 +30,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         front = depths[at];
     }
     if front < FAR {
-        let seen = surfaces[at];
-        if has_tubes && is_tube(seen.y) {
-            let edge = tube_edge(here, front, seen.y, fibers[seen.y & ~TUBE].radius_mm);
+        let surface = surfaces[at];
+        if has_tubes && is_tube(surface.y) {
+            let edge = tube_edge(here, front, surface.y, fibers[surface.y & ~TUBE].radius_mm);
             color = unpack4x8unorm(tube_shades[at]).rgb * edge;
         } else {
-            color = unpack4x8unorm(regions[seen.x]).rgb;
+            color = unpack4x8unorm(regions[surface.x]).rgb;
         }
         if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
@@ -43,7 +43,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
         }
     }
-    // Nothing of it is before the tumour.
+    // Nothing of the image is in front of the tumour.
     if (flags() & HAS_CONTEXT) != 0u {
         color = image_over(marched[at], color);
     }

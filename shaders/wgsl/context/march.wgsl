@@ -1,5 +1,5 @@
-// The context image along each ray, emission and absorption (thesis 7.3.2), lit by a headlight from its
-// gradients. A ray that meets the box of the masks starts behind it, and ends at what is solid.
+// Emission-absorption ray march of the context image (thesis 7.3.2), lit by a headlight on its gradients.
+// A ray that meets the masks' box starts behind it; rays end at opaque geometry.
 #include lib/view
 #include lib/march
 #include lib/context
@@ -8,9 +8,9 @@
 
 const WANTS_GRADIENT = true;
 
-// Headlight. Where the image is flat, a gradient is noise: shading fades out there. `inside` is how
-// far from where the ray was let in: on a cut through tissue one wants to read the image, not a relief
-// of its noise.
+// Headlight. Where the image is flat, a gradient is noise: shading fades out there. `inside_mm` is the distance
+// from where the ray enters the image: a cut through tissue must be readable as an image, not as a relief of its
+// noise.
 fn appearance(
     color: vec3<f32>, gradient: vec3<f32>, ray: vec3<f32>, inside_mm: f32, at: vec3<f32>,
 ) -> vec3<f32> {

@@ -1,5 +1,5 @@
 // The ellipsoid diagram (thesis 7.6): each pixel's fragments lit and blended front to back, grey
-// outside the ring, with outlines; the slice among them at its depth; the lens ring on top.
+// outside the lens ring, with outlines; the slice blended at its depth; the lens ring on top.
 #include lib/view
 #include lib/ellipsoid
 #include lib/plane
@@ -20,7 +20,7 @@ struct Counters {
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     zero = id.x >> 31u;
     if all(id == vec3<u32>(0u)) {
-        // Lists made again alone, to be timed, start from zero.
+        // So that the lists pass starts from zero when it is run again alone to be timed.
         counters.last_nodes = counters.nodes;
         counters.last_wraps = counters.wraps;
         counters.nodes = 0u;
@@ -33,7 +33,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if (flags() & HAS_SURFACE) != 0u {
         let list = lists[linear_index(id.xy)];
         if list.w != 0u {
-            return; // without room: the next pass draws it
+            return; // no room: the next pass draws it
         }
         for (var n = 0u; n < list.y && blend.through > 0.0; n++) {
             add_fragment(&blend, nodes[list.x + n], id.xy, n == 0u);

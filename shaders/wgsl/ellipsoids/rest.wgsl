@@ -1,5 +1,5 @@
-// Pixels whose list had no room: their fragments are found again, so many at a time, and blended as in
-// ellipsoids/compose. Apart from it, as its many variables would slow every other picture down.
+// Pixels whose list had no room: their fragments are found again, a batch at a time, and blended as in
+// ellipsoids/compose. A pass of its own, as its many variables would slow down every other frame.
 #include lib/view
 #include lib/ellipsoid
 #include lib/plane
@@ -8,9 +8,9 @@
 
 const BATCH = 16u;
 
-// The nearest fragments of all that are behind `last` (of all, where there is no last one yet), sorted;
-// at the end of a batch that is not full they lie at FAR. Few turns of loops: Mesa's software driver
-// (llvmpipe) ends a shader's loops after 65,535 of all of them together, and unrolls the inner ones.
+// The nearest fragments of those behind `last` (of all fragments if `any`), sorted; a batch that is not full is
+// padded with depth FAR. Few loop iterations: Mesa's software driver (llvmpipe) ends a shader's loops after
+// 65,535 iterations of all of them together, and unrolls the inner ones.
 fn gather(pixel: vec2<u32>, any: bool, last: vec2<u32>, batch: ptr<function, array<vec2<u32>, BATCH>>) {
     let p = from_middle(pixel);
     let tile = tile_of(pixel);

@@ -1,23 +1,23 @@
 // What the passes of the change view share (thesis 7.3.4).
 
 struct Change {
-    right: vec3<f32>,           // camera axes in world directions: what arrows are turned by
-    full_mm: f32,               // length drawn opaque
+    right: vec3<f32>,           // camera axes in world directions: rotate the arrows
+    full_mm: f32,               // change length drawn opaque
     up: vec3<f32>,
-    smooth_mm: f32,             // standard deviation of the filter, in the picture plane
+    smooth_mm: f32,             // standard deviation of the filter, in the view plane
     away: vec3<f32>,
-    gap_mm: f32,                // step in depth that the filter does not cross
-    origin: vec3<f32>,          // camera space, of the point that arrows are counted from
+    gap_mm: f32,                // depth step that the filter does not cross
+    origin: vec3<f32>,          // camera space: origin of the arrows' coordinates
     radius_mm: f32,             // of an arrow's shaft
     base: vec3<f32>,            // colour of a surface that did not change
     head_radius_mm: f32,
     grow: vec3<f32>,
     head_length_mm: f32,
     shrink: vec3<f32>,
-    log2_slots: u32,            // of the table of lengths
+    log2_slots: u32,            // of the hash table of lengths
     clip_offset: f32,           // clip depth of depth 0
-    clip_scale: f32,            // clip depth of a millimetre
-    samples: u32,               // of the arrows' picture along each side of a pixel
+    clip_scale: f32,            // clip depth per millimetre
+    samples: u32,               // of the arrows along each side of a pixel
     flags: u32,
     kinds: array<vec4<u32>, 2>, // of region numbers 0 to 7
 }
@@ -27,9 +27,9 @@ const STYLE_ARROWS = 2u;
 const HAS_HEIGHTS = 4u;
 const HAS_ARROWS = 8u;
 const HAS_HULL = 16u;
-const LIT_ARROWS = 32u;          // the light of a pixel is that of its nearest arrow, where it has one
+const LIT_ARROWS = 32u;          // a pixel's light is that of its nearest arrow, if any
 
-// In what is noted of an arrow: its number from 1.
+// Bits of an arrow's `what` that hold its number, from 1.
 const ARROW_NUMBER = 0xffffffu;
 
 // Index bits of the regions: active before, after, in a component without a counterpart.

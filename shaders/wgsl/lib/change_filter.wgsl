@@ -1,12 +1,12 @@
-// One direction of the Gauss filter over the heights. It walks from each pixel to both sides, and
-// ends where the surface does: at the background, at a step in depth that is a silhouette, at a
-// surface that has no height.
+// One direction of the separable Gaussian filter over the heights. It runs from each pixel to both sides
+// and stops where the surface ends: at the background, at a depth step (a silhouette), at a surface
+// without a height.
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(19) var<storage, read> unfiltered: array<vec2<f32>>;
 @group(0) @binding(20) var<storage, read_write> filtered: array<vec2<f32>>;
 
-// Pixels that the filter looks at to either side at most.
+// Largest filter radius, pixels.
 const MOST_REACH = 96.0;
 
 fn filter_along(pixel: vec2<u32>, direction: vec2<i32>) {

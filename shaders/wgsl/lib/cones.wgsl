@@ -1,22 +1,24 @@
-// Light from a cone towards the eye: sub-cones of even solid angle, each followed through levels of
-// prefiltered extinction, finer near by and coarser farther on (after Crassin et al. 2011). Shared by
-// the image's grid of light and by surfaces.
+// Light that arrives through a cone towards the eye: sub-cones of equal solid angle, each traced through
+// levels of prefiltered extinction, finer nearby and coarser farther away (after Crassin et al. 2011).
+// Shared by the image's light grid and by surfaces.
 //
-// The including file gives `near_extinction(p)`: extinction per millimetre at a place, unfiltered;
-// `kept_span(c, w)`: millimetres from place c in direction w between which nothing is cut away;
-// `is_kept(c)`: whether the medium is there at all; `is_hidden(c)`: whether something solid is. Places p
-// are in the medium's index space, voxel (i, j, k) filling [i, i+1) and so on; places c in camera space.
+// The including file provides
+// - `near_extinction(p)`: unfiltered extinction per millimetre at p;
+// - `kept_span(c, w)`: interval in millimetres along direction w from c that no clipping plane cuts away;
+// - `is_kept(c)`: whether the medium exists at c;
+// - `is_hidden(c)`: whether c counts as inside opaque geometry.
+// Points p are in the medium's index space, voxel (i, j, k) filling [i, i+1) and so on; points c in camera space.
 
 struct Level {
     dims: vec3<u32>,
-    start: u32,                     // of its cells among all
-    scale: vec3<f32>,               // cells a voxel
+    start: u32,                     // index of its first cell in `prefiltered`
+    scale: vec3<f32>,               // cells per voxel
     pad: u32,
 }
 
 struct Cones {
-    right: vec3<f32>,               // of the medium's index space, one millimetre
-    tangent: f32,                   // of a sub-cone's half opening
+    right: vec3<f32>,               // medium's index space, one millimetre
+    tangent: f32,                   // of a sub-cone's half opening angle
     up: vec3<f32>,
     cone_step: f32,                 // cells
     forward: vec3<f32>,
@@ -25,22 +27,22 @@ struct Cones {
     voxel_mm: f32,
     dims: vec3<u32>,                // voxels
     count: u32,                     // sub-cones
-    dark: f32,                      // no extinction counts for more
-    rounds: u32,                    // steps of a sub-cone, at most
+    dark: f32,                      // upper bound of the extinction, per millimetre
+    rounds: u32,                    // most steps of a sub-cone
     unused_a: u32,
     unused_b: u32,
     levels: array<Level, 16>,
-    axes: array<vec4<f32>, 128>,    // unit: right and up at right angles to the sight, and towards the eye
+    axes: array<vec4<f32>, 128>,    // unit: right and up perpendicular to the line of sight, and towards the eye
 }
 
 @group(0) @binding(26) var<uniform> cones: Cones;
 @group(0) @binding(27) var<storage, read> prefiltered: array<f32>;
 
-// Past this optical thickness nothing is left that a pixel could show.
+// Optical thickness beyond which no visible light is left.
 const ENOUGH = 12.0;
 const LAST_LEVEL = 15u;
 
-// Whether sub-cones are rays from cell to cell (`exact_ray` of the including file), for labels.
+// Whether sub-cones are exact voxel traversals (`exact_ray` of the including file), for label maps.
 override exact: bool = false;
 
 fn level_at(p: vec3<f32>, number: u32) -> f32 {
@@ -77,8 +79,8 @@ fn index_of(c: vec3<f32>) -> vec3<f32> {
     return cones.corner + c.x * cones.right + c.y * cones.up + c.z * cones.forward;
 }
 
-// Share of one sub-cone's light that reaches `c` from direction `w`, both in camera space: through the
-// medium alone, and past what is solid as well.
+// Transmittance of one sub-cone from direction `w` to `c`, both in camera space: of the medium alone, and
+// of the medium and opaque geometry.
 fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     let o = index_of(c);
     let d = w.x * cones.right + w.y * cones.up + w.z * cones.forward;
@@ -86,10 +88,10 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     let moves = abs(d) > vec3<f32>(1e-12);
     let safe = select(vec3<f32>(1.0), d, moves);
     let ends = select(vec3<f32>(FAR), max(-o / safe, (size - o) / safe), moves);
-    // What is lit may lie outside: a tube does.
+    // The lit point may lie outside the medium, for example on a tube.
     let begins = select(vec3<f32>(-FAR), min(-o / safe, (size - o) / safe), moves);
     let misses = any(!moves & ((o < vec3<f32>(0.0)) | (o > size)));
-    // Light starts at the eye's plane. Not an `if`: Mesa 22.3's software driver crashes when it compiles one
+    // Light starts at the eye plane. Not an `if`: Mesa 22.3's software driver crashes when it compiles one
     // here with a uniform read in it.
     let to_eye = (view.nearest_mm - c.z) / select(-1.0, w.z, w.z < 0.0);
     let leaves = min(min(ends.x, ends.y), ends.z);
@@ -99,27 +101,27 @@ fn sub_cone(c: vec3<f32>, w: vec3<f32>) -> vec2<f32> {
     var t = max(max(begins.x, max(begins.y, begins.z)), 0.0);
     var thickness = 0.0;
     var open = 1.0;
-    // No cone needs more rounds: a guard against numbers gone wrong. Nothing branches in here: Mesa's
-    // software driver runs both sides anyway.
+    // No cone needs more rounds: a guard against invalid numbers. No branches in here: Mesa's software
+    // driver executes both sides anyway.
     for (var round = 0u; (round < cones.rounds) & (t < far) & (thickness < ENOUGH); round++) {
         let width = clamp(2.0 * t * cones.tangent, cones.voxel_mm, widest);
         let step = min(cones.cone_step * width, far - t);
         let middle = t + 0.5 * step;
-        let there = c + middle * w;
-        let here = clamp(2.0 * middle * cones.tangent, cones.voxel_mm, widest);
-        let extinction = extinction_at(o + middle * d, log2(here / cones.voxel_mm));
-        let counts = (middle >= kept.x) & (middle <= kept.y) & is_kept(there);
+        let place = c + middle * w;
+        let middle_width = clamp(2.0 * middle * cones.tangent, cones.voxel_mm, widest);
+        let extinction = extinction_at(o + middle * d, log2(middle_width / cones.voxel_mm));
+        let counts = (middle >= kept.x) & (middle <= kept.y) & is_kept(place);
         thickness += select(0.0, extinction * step, counts);
-        open = select(open, 0.0, is_hidden(there));
+        open = select(open, 0.0, is_hidden(place));
         t = select(far, t + step, t + step > t);
     }
     return exp(-thickness) * vec2<f32>(1.0, open);
 }
 
-// Share of the cone's light that reaches a place of camera space: through the medium alone, and past
-// what is solid as well.
+// Mean transmittance of the cone to `c` in camera space: of the medium alone, and of the medium and opaque
+// geometry.
 fn light_from_cone(c: vec3<f32>) -> vec2<f32> {
-    // Towards the eye, and two directions at right angles to that.
+    // Direction to the eye, and two perpendicular to it.
     let off = c.xy * (view.mm_per_pixel_per_mm / max(footprint_mm(c.z), 1e-12));
     let axis = vec3<f32>(-off, -1.0) / sqrt(1.0 + dot(off, off));
     let u = normalize(vec3<f32>(1.0, 0.0, 0.0) - axis * axis.x);

@@ -1,9 +1,9 @@
-// Ellipsoids as quadrics: a ray is taken to the space where the ellipsoid is the unit ball.
+// Ellipsoids as quadrics: rays are transformed to unit space, where the ellipsoid is the unit ball.
 
 struct Ellipsoid {
     center: vec3<f32>,          // camera space
     opacity: f32,               // its own times that of the scene
-    unit_from_x: vec3<f32>,     // where one millimetre to the right goes
+    unit_from_x: vec3<f32>,     // unit space, one millimetre to the right
     color: u32,                 // rgb in the low bytes
     unit_from_y: vec3<f32>,     // up
     id: u32,
@@ -12,17 +12,16 @@ struct Ellipsoid {
 }
 
 @group(0) @binding(1) var<storage, read> ellipsoids: array<Ellipsoid>;
-@group(0) @binding(2) var<storage, read> tiles: array<u32>; // where each tile's numbers start; the numbers
+@group(0) @binding(2) var<storage, read> tiles: array<u32>; // start of each tile's list; the lists of ellipsoid numbers
 
-// Ellipsoids are listed by tiles of so many pixels along each side.
+// Ellipsoids are listed by tiles of this side, pixels.
 const TILE = 16u;
 // The faces of a fragment.
 const FRONT = 0u;
 const BACK = 1u;
 
-// A fragment is its depth and twice its ellipsoid's number plus the face. Order is by depth, then by
-// number (which follows the id), then front before back: equal depths have an order too, whatever order
-// the scene lists its ellipsoids in.
+// A fragment is its depth and twice its ellipsoid's number plus the face. Sorted by depth, then number
+// (which follows the id), then front before back: the order of equal depths doesn't depend on the scene's.
 fn is_behind(a: vec2<u32>, b: vec2<u32>) -> bool {
     let s = bitcast<f32>(a.x);
     let t = bitcast<f32>(b.x);
@@ -41,8 +40,8 @@ struct Chord {
     along: vec3<f32>,           // unit space, per millimetre of depth
 }
 
-// Depths count from the plane through the centre, and the discriminant is what the closest approach
-// leaves of the radius: no large numbers are subtracted from each other (not b^2 - 4ac).
+// Depths are relative to the plane through the centre, and the discriminant is the radius less the closest
+// approach: no cancellation of large numbers, as in b^2 - 4ac.
 fn chord_of(e: Ellipsoid, p: vec2<f32>) -> Chord {
     let across = p * footprint_mm(e.center.z) - e.center.xy;
     let start = across.x * e.unit_from_x + across.y * e.unit_from_y;
@@ -61,8 +60,8 @@ fn chord_of(e: Ellipsoid, p: vec2<f32>) -> Chord {
     return c;
 }
 
-// How far a ray is inside the outline, in pixels, to first order: of the closest approach only the ray's
-// motion sideways counts, as it is least along the ray.
+// Distance of a ray inside the outline, pixels, to first order: only sideways motion of the ray changes the
+// closest approach, which is a minimum along the ray.
 fn inset_px(e: Ellipsoid, c: Chord) -> f32 {
     let off = length(c.nearest);
     let growth = vec2<f32>(dot(c.nearest, e.unit_from_x), dot(c.nearest, e.unit_from_y));
@@ -70,7 +69,7 @@ fn inset_px(e: Ellipsoid, c: Chord) -> f32 {
     return max(1.0 - off, 0.0) / max(per_pixel, 1e-9);
 }
 
-// How much of a pixel an ellipsoid covers that begins so far out.
+// Pixel coverage of an ellipsoid at this distance inside its outline.
 fn coverage_of(inset: f32) -> f32 {
     return clamp(inset, 0.0, 1.0);
 }

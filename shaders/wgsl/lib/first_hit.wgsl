@@ -1,5 +1,5 @@
 // The first voxel of a shown region along a pixel's ray: inside the lens, or anywhere when the lens
-// is off or only drawn. A face that the lens cuts open is hit at the lens.
+// is off or only drawn. A voxel that the lens cuts is hit on the lens.
 
 struct Hit {
     depth: f32,          // FAR where there is none
@@ -25,7 +25,7 @@ fn first_hit(pixel: vec2<u32>) -> Hit {
     }
     let skipping = (flags() & NO_SKIPPING) == 0u;
     var w = start_walk(ray, span.near, span.axis);
-    // Bricks outside, cells inside: the work of a jump is then done once a brick, not once a cell.
+    // Outer loop over bricks, inner over cells: skipping is then tested once per brick, not once per cell.
     for (var n = most_steps(); n > 0u && w.t < span.far; n--) {
         let brick = brick_of(w.cell);
         let within = w.cell >> vec3<u32>(3u);

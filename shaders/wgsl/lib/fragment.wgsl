@@ -1,17 +1,17 @@
-// How the fragments of ellipsoids look, and how they are blended, whichever pass found them.
+// Shading and blending of ellipsoid fragments, for every pass that finds them.
 
 @group(0) @binding(6) var<storage, read> lists: array<vec4<u32>>;
 @group(0) @binding(8) var<storage, read> blurred: array<u32>;
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
 
-const AMBIENT = 0.42;           // of the colour, where the surface is seen edge on
-const GLOSS = 0.28;             // of white, on front faces
+const AMBIENT = 0.42;           // share of the colour where the surface is seen edge-on
+const GLOSS = 0.28;             // share of white in highlights, on front faces
 const GLOSS_EXPONENT = 24.0;
-const THICKEST = 2.5;           // a shell seen on edge is looked through so many times
-const OUTLINE_PX = 1.3;         // for a picture 512 pixels high
-const OUTLINE = 3.0;            // an outline's opacity to its surface's
+const THICKEST = 2.5;           // longest path through a shell seen edge-on, in shell thicknesses
+const OUTLINE_PX = 1.3;         // for a frame 512 pixels high
+const OUTLINE = 3.0;            // opacity of an outline relative to its surface's
 
-// What a surface shows: premultiplied, with alpha. `greyed`: how far outside the ring the pixel is.
+// Premultiplied colour and alpha. `greyed`: 0 inside the lens ring, 1 outside.
 fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool, greyed: f32) -> vec4<f32> {
     let e = ellipsoids[node.y >> 1u];
     let face = node.y & 1u;
@@ -20,7 +20,7 @@ fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool, greyed: f32) ->
     let unit = chord.nearest + select(chord.half, -chord.half, face == FRONT) * chord.along;
     let normal = vec3<f32>(dot(unit, e.unit_from_x), dot(unit, e.unit_from_y), dot(unit, e.unit_from_z));
     let ray = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
-    // The light is at the eye: light, viewer and half way between are one direction.
+    // Headlight: light, view and half vector are one direction.
     let facing = min(abs(dot(normal, ray)) / max(length(normal) * length(ray), 1e-30), 1.0);
 
     var color = unpack4x8unorm(e.color).rgb;
@@ -44,7 +44,7 @@ fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool, greyed: f32) ->
     return vec4<f32>(alpha * color, alpha);
 }
 
-// A pixel while fragments are added to it, nearest first.
+// A pixel's state while fragments are blended, nearest first.
 struct Blend {
     color: vec3<f32>,
     through: f32,
@@ -56,7 +56,7 @@ struct Blend {
 fn start_blend(pixel: vec2<u32>) -> Blend {
     let slice = plane_at(pixel);
     // Grey where the line of sight misses the lens. Enclosing ellipsoids are larger than a lens that
-    // fits the tumour: judged by depth as well, all that faces the viewer would be grey.
+    // fits the tumour: with a depth test as well, every front face would be grey.
     let greyed = select(0.0, clamp(0.5 + off_ring_px(pixel), 0.0, 1.0), (flags() & LENS_ON) != 0u);
     return Blend(vec3<f32>(0.0), 1.0, slice, slice.depth < FAR, greyed);
 }

@@ -1,26 +1,26 @@
-// The context image: how its samples are found and classified, and where along a pixel's ray it is.
-// Counted in voxel centres: the image's box is -0.5 to dims - 0.5.
+// The context image: sampling, classification, and its interval along a pixel's ray.
+// Coordinates are in voxel centres: the image's box is -0.5 to dims - 0.5.
 
 struct Context {
     corner: vec3<f32>,           // of the image: index space, where the view axis meets the reference plane
     step_mm: f32,
     right: vec3<f32>,            // index space, one millimetre to the right
-    table_scale: f32,            // from stored values to places in the table
+    table_scale: f32,            // from stored values to positions in `table`
     up: vec3<f32>,
     table_offset: f32,
     forward: vec3<f32>,
-    factor_scale: f32,           // from gradients of stored values per mm to places among the factors
+    factor_scale: f32,           // from gradients of stored values per mm to positions in `factors`
     dims: vec3<u32>,
     factor_offset: f32,
     bricks: vec3<u32>,
     flags: u32,
-    half_shaded: f32,            // gradient (stored values per mm) at which shading has half its strength
+    half_shaded: f32,            // gradient (stored values per mm) of half-strength shading
     ambient: f32,
     specular: f32,
     pad: u32,
-    clips: array<vec4<f32>, 6>,  // camera space: what has dot(xyz, p) <= w is kept
-    cut_fade_mm: f32,            // depth below a cut at which shading has all its strength
-    table_last: u32,             // number of the table's last entry
+    clips: array<vec4<f32>, 6>,  // camera space: dot(xyz, p) <= w is kept
+    cut_fade_mm: f32,            // depth below a cut at which shading reaches full strength
+    table_last: u32,             // index of the table's last entry
     factor_last: u32,
     unused: u32,
 }
@@ -28,31 +28,31 @@ struct Context {
 const JITTER = 1u;
 const TWO_D = 2u;
 
-// Whether a pipeline knows of gradients at all: Mesa's software driver runs both sides of a branch.
+// Whether the pipeline evaluates gradients at all: Mesa's software driver executes both sides of a branch.
 override gradient_counts: bool = true;
 
-// Stored values are 0 to 1; what is not finite is far below, and so is every mean that it is part of.
+// Stored values are 0 to 1; one that isn't finite is stored far below, and so are interpolated values near it.
 const NOT_FINITE = -0.5;
 const TOO_STEEP = 1e9;
 @group(0) @binding(11) var<uniform> context: Context;
 @group(0) @binding(12) var<storage, read> values: array<f32>;
-@group(0) @binding(13) var<storage, read> visible: array<u32>;       // a bit a brick
+@group(0) @binding(13) var<storage, read> visible: array<u32>;       // a bit per brick
 @group(0) @binding(14) var<storage, read> table: array<vec4<f32>>;   // rgb, opacity of 1 mm
 @group(0) @binding(15) var<storage, read> factors: array<f32>;
 
 #include lib/weighed
 
-// Of four lines along the other two axes.
+// Bilinear interpolation of four values.
 fn across(v: vec4<f32>, w: vec2<f32>) -> f32 {
     return weighed(weighed(v.x, v.y, w.x), weighed(v.z, v.w, w.x), w.y);
 }
 
 struct Place {
-    cell: vec3<u32>,     // of voxel centres: its lower corner
+    cell: vec3<u32>,     // lower corner, in voxel centres
     weight: vec3<f32>,
 }
 
-// `q` counts voxel centres; past the outermost ones the edge voxels go on.
+// `q` in voxel centres; beyond the outermost ones the edge voxels extend.
 fn place_of(q: vec3<f32>) -> Place {
     let inside = clamp(q, vec3<f32>(0.0), vec3<f32>(context.dims - 1u));
     var p: Place;
@@ -83,7 +83,7 @@ fn four(at: u32, a: u32, b: u32) -> vec4<f32> {
     return vec4<f32>(values[at], values[at + a], values[at + b], values[at + a + b]);
 }
 
-// Gradient per mm in camera space: central differences of one voxel, of the interpolated image.
+// Gradient per mm in camera space, by central differences of the interpolated image, one voxel to each side.
 fn gradient_at(p: Place, at: u32, step: vec3<u32>, c: Corners) -> vec3<f32> {
     let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
     let before = at - select(vec3<u32>(0u), stride, p.cell > vec3<u32>(0u));
@@ -106,7 +106,7 @@ fn gradient_at(p: Place, at: u32, step: vec3<u32>, c: Corners) -> vec3<f32> {
     let lower = vec3<f32>(x0, y0, z0);
     let upper = vec3<f32>(x1, y1, z1);
     let difference = 0.5 * ((upper - first) * (1.0 - w) + (last - lower) * w);
-    // A gradient turns with the inverse transpose: these axes of the camera, in index space, are its rows.
+    // Gradients transform by the inverse transpose, whose rows are the camera axes in index space.
     return vec3<f32>(
         dot(context.right, difference), dot(context.up, difference), dot(context.forward, difference));
 }
@@ -123,7 +123,7 @@ fn factor_of(gradient: f32) -> f32 {
     return weighed(factors[i], factors[i + 1u], x - f32(i));
 }
 
-// Opacity of a length of material of which 1 mm has opacity `per_mm`.
+// Opacity of `length_mm` of a material of which 1 mm has opacity `per_mm`.
 fn opacity_over(per_mm: f32, length_mm: f32) -> f32 {
     return select(1.0 - exp2(length_mm * log2(max(1.0 - per_mm, 1e-30))), 1.0, per_mm >= 1.0);
 }
@@ -132,8 +132,8 @@ fn shows_anything(place: Place) -> bool {
     return ((flags() & NO_SKIPPING) != 0u) | is_visible(place.cell >> vec3<u32>(3u));
 }
 
-// Colour, and opacity of 1 mm, in a brick of which anything shows; the steepness counts where the transfer
-// function asks for it.
+// Colour, and opacity of 1 mm, in a visible brick; 2-D transfer functions scale the opacity by the gradient
+// magnitude.
 fn material_of(place: Place) -> vec4<f32> {
     let stride = vec3<u32>(1u, context.dims.x, context.dims.x * context.dims.y);
     let to_next = select(vec3<u32>(0u), stride, context.dims > vec3<u32>(1u));
@@ -148,36 +148,36 @@ fn material_of(place: Place) -> vec4<f32> {
     return material;
 }
 
-// At a place among voxel centres.
+// Material at a point in voxel centres; transparent in invisible bricks.
 fn material_at(q: vec3<f32>) -> vec4<f32> {
     let place = place_of(q);
     let material = material_of(place);
     return select(vec4<f32>(0.0), material, shows_anything(place));
 }
 
-// Per millimetre; at most what leaves nothing.
+// Extinction per millimetre, capped where nothing is transmitted.
 fn extinction_of(material: vec4<f32>) -> f32 {
     return -log(max(1.0 - material.a, 1e-30));
 }
 
 struct ImageRay {
     o: vec3<f32>,        // voxel centres, at depth 0
-    d: vec3<f32>,        // and how far a millimetre of depth goes
-    along: vec3<f32>,    // camera space, a millimetre of depth
-    near: f32,           // depths between which the image is seen
+    d: vec3<f32>,        // per millimetre of depth
+    along: vec3<f32>,    // camera space, per millimetre of depth
+    near: f32,           // depths between which the image is visible
     far: f32,
 }
 
-// Where a ray of the picture is among voxel centres at depth 0, and how far a millimetre of depth goes; `p` in
-// pixels from the picture's middle.
+// A pixel's ray in voxel centres: its point at depth 0, and its direction per millimetre of depth; `p` in pixels
+// from the frame's centre.
 fn image_line(p: vec2<f32>) -> array<vec3<f32>, 2> {
     let aside = p.x * context.right + p.y * context.up;
     return array<vec3<f32>, 2>(
         context.corner + view.mm_per_pixel * aside - 0.5, context.forward + view.mm_per_pixel_per_mm * aside);
 }
 
-// Where the image is along a ray of the picture: in its box, in front of
-// `ahead`, not cut away, not in the masks' box and not before that.
+// The interval of a pixel's ray where the image is visible: in its box, nearer than depth `ahead`, not
+// clipped, neither inside the masks' box nor in front of it.
 fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
     var near = view.nearest_mm;
     var far = ahead;
@@ -201,22 +201,21 @@ fn image_ray(p: vec2<f32>, ahead: f32) -> ImageRay {
     // Clipping planes.
     let start = vec3<f32>(p * view.mm_per_pixel, 0.0);
     let along = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
-    // Those that are none cut nothing: a loop of a fixed length is not compiled anew for another number.
+    // Unused planes cut nothing: a loop of fixed length is not recompiled for another number.
     for (var n = 0u; n < 6u; n++) {
         let plane = context.clips[n];
-        let room = plane.w - dot(plane.xyz, start);
+        let to_plane = plane.w - dot(plane.xyz, start);
         let rate = dot(plane.xyz, along);
         if rate > 0.0 {
-            far = min(far, room / rate);
+            far = min(far, to_plane / rate);
         } else if rate < 0.0 {
-            near = max(near, room / rate);
-        } else if room < 0.0 {
+            near = max(near, to_plane / rate);
+        } else if to_plane < 0.0 {
             far = near;
         }
     }
 
-    // What lies before the masks' box is dropped, and nothing of the image is inside it.
-    // A box without voxels is never entered.
+    // The image is left out in front of the masks' box and inside it. A box without voxels is never entered.
     let span = box_interval(ray_through(p));
     near = select(near, max(near, span.far), span.near < span.far);
     return ImageRay(o, d, along, near, far);

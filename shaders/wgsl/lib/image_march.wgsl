@@ -1,19 +1,19 @@
-// The march of an image along a pixel's ray, front to back. The including file gives
-// `WANTS_GRADIENT` (whether `appearance` looks at it) and
-// `appearance(color, gradient, sight, inside_mm, at) -> vec3<f32>`: what a sample shows.
+// Ray march through the image, front to back. The including file provides `WANTS_GRADIENT` (whether
+// `appearance` uses the gradient) and
+// `appearance(color, gradient, sight, inside_mm, at) -> vec3<f32>`: the shaded colour of a sample.
 //
-// A ray's interval is cut into cells of one step's length, the first one shortened by the jitter and
-// the last by the interval's end. Each is sampled in its middle, with the opacity of its own length:
-// a homogeneous stretch has its closed form whatever the step and the jitter. Which samples a ray
-// has does not depend on the bricks that are jumped over.
+// A ray's interval is divided into segments of one step, the first one shortened by the jitter and the
+// last by the interval's end. Each is sampled at its middle, with the opacity of its own length: a
+// homogeneous medium gives its closed form for any step and jitter. Skipped bricks don't change the
+// positions of the samples.
 
-// What is left of the light behind, at which a ray ends.
+// Transmittance at which a ray ends.
 const DARK = 0.005;
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(6) var<storage, read_write> marched: array<Marched>;
 
-// In 0..1, the same for a pixel always.
+// A number in 0..1, always the same for a pixel.
 fn hash(pixel: vec2<u32>) -> f32 {
     var h = pixel.x * 0x8da6b343u + pixel.y * 0xd8163841u;
     h = (h ^ (h >> 16u)) * 0x7feb352du;
@@ -44,7 +44,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let step = context.step_mm / mm_per_depth;
         let jittered = (varied(context.flags) & JITTER) != 0u;
         let first = near + select(1.0, hash(id.xy), jittered) * step;
-        // No ray needs more: the step is chosen so. A guard against numbers gone wrong.
+        // The step is chosen so that no ray needs more: a guard against invalid numbers.
         let count = min(u32(max((far - first) / step, 0.0)) + 2u, 40000u);
         let two_d = (varied(context.flags) & TWO_D) != 0u;
         let skipping = (flags() & NO_SKIPPING) == 0u;
@@ -54,13 +54,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let inv = select(vec3<f32>(0.0), 1.0 / d, moves);
         let ahead = select(vec3<u32>(0u), vec3<u32>(1u), d > vec3<f32>(0.0));
         var color = vec3<f32>(0.0);
-        var through = 1.0;
+        var transmittance = 1.0;
         var k = 0u;
         while k < count {
             var place: Place;
             var begin: f32;
             var end: f32;
-            // To the next sample in a brick where anything shows.
+            // Advances to the next sample in a visible brick.
             while k < count {
                 begin = select(first + (f32(k) - 1.0) * step, near, k == 0u);
                 end = min(first + f32(k) * step, far);
@@ -72,7 +72,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 let boundary = vec3<f32>((brick + ahead) << vec3<u32>(3u));
                 let crossing = select(vec3<f32>(FAR), (boundary - o) * inv, moves);
                 let past = min(crossing.x, min(crossing.y, crossing.z));
-                // The first sample behind the brick, or the one before where rounding leaves a doubt.
+                // The first sample behind the brick, or the one before where rounding makes that uncertain.
                 let next = ceil((past - first) / step + 0.5 - 0.02);
                 k = max(k + 1u, u32(clamp(next, 0.0, f32(count))));
             }
@@ -83,7 +83,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let corners = corners_at(here, to_next);
             let value = weighed(across(corners.low, place.weight.xy), across(corners.high, place.weight.xy), place.weight.z);
             var material = looked_up(value);
-            // The jitter may leave the first cell no length.
+            // Jitter may leave the first segment without length.
             if value > NOT_FINITE && material.a > 0.0 && begin < end {
                 var gradient = vec3<f32>(0.0);
                 if WANTS_GRADIENT || gradient_counts && two_d {
@@ -102,22 +102,22 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
                 let whole = k > 0u && end < far;
                 let opacity = opacity_over(material.a, select(length_mm, context.step_mm, whole));
                 let at = o + 0.5 * (begin + end) * d;
-                color += through * opacity * appearance(material.rgb, gradient, sight, inside_mm, at);
-                let left = through * (1.0 - opacity);
-                if through > 0.5 && left <= 0.5 {
+                color += transmittance * opacity * appearance(material.rgb, gradient, sight, inside_mm, at);
+                let remaining = transmittance * (1.0 - opacity);
+                if transmittance > 0.5 && remaining <= 0.5 {
                     out.depth = 0.5 * (begin + end);
                 }
-                through = left;
-                if through < DARK {
-                    color /= 1.0 - through;
-                    through = 0.0;
+                transmittance = remaining;
+                if transmittance < DARK {
+                    color /= 1.0 - transmittance;
+                    transmittance = 0.0;
                     break;
                 }
             }
             k += 1u;
         }
         out.red_green = pack2x16unorm(color.rg);
-        out.blue_opacity = pack2x16unorm(vec2<f32>(color.b, 1.0 - through));
+        out.blue_opacity = pack2x16unorm(vec2<f32>(color.b, 1.0 - transmittance));
     }
     marched[at] = out;
 }

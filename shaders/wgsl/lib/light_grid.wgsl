@@ -1,10 +1,10 @@
-// The image's light on a coarse grid of its own, read between cells.
+// The image's light on a coarse grid, interpolated between cells.
 
 struct LightGrid {
     cells: vec3<u32>,
-    needed: u32,                    // how many of them are known
-    scale: vec3<f32>,               // cells a voxel
-    strength: f32,                  // how dark what no light reaches is, 0 to 1
+    needed: u32,                    // number of cells that are computed
+    scale: vec3<f32>,               // cells per voxel
+    strength: f32,                  // darkness of unlit places, 0 to 1
     corner: vec3<f32>,              // index space, where the view axis meets the reference plane
     pad1: u32,
     right: vec3<f32>,               // index space, one millimetre
@@ -13,21 +13,20 @@ struct LightGrid {
     pad3: u32,
     forward: vec3<f32>,
     pad4: u32,
-    right_from_index: vec4<f32>,    // camera space of a place: dot(xyz, place) + w
+    right_from_index: vec4<f32>,    // camera space of an index-space point: dot(xyz, p) + w
     up_from_index: vec4<f32>,
     depth_from_index: vec4<f32>,
 }
 
 @group(0) @binding(38) var<uniform> grid: LightGrid;
 
-// Exact between equals.
+// Linear interpolation, exact between equal values.
 fn towards(a: vec2<f32>, b: vec2<f32>, share: f32) -> vec2<f32> {
     return a + (b - a) * share;
 }
 
-// What the cells hold is bound as `light_grid` by the file that includes this one.
-// At a place of the image's index space: what the image lets through, and what is left of it past solid
-// surfaces. Voxel (i, j, k) fills [i, i+1) and so on.
+// The including file binds the cells' values as `light_grid`. Transmittance at a point of the image's index
+// space: of the image alone, and of the image and opaque surfaces. Voxel (i, j, k) fills [i, i+1) and so on.
 fn grid_light(p: vec3<f32>) -> vec2<f32> {
     let at = clamp(p * grid.scale - 0.5, vec3<f32>(0.0), vec3<f32>(grid.cells) - 1.0);
     let low = min(vec3<u32>(at), max(grid.cells, vec3<u32>(2u)) - 2u);

@@ -1,4 +1,4 @@
-// Between what pictures store (sRGB, IEC 61966-2-1) and linear light.
+// Conversion between encoded colours (sRGB, IEC 61966-2-1) and linear light.
 
 fn decoded(c: vec3<f32>) -> vec3<f32> {
     return select(pow((c + 0.055) / 1.055, vec3<f32>(2.4)), c / 12.92, c <= vec3<f32>(0.04045));

@@ -1,5 +1,4 @@
-// Silhouettes and contour lines of the surface that closeup_surface found, for the passes that
-// compose a picture.
+// Silhouettes and contour lines of the surface that the surface pass found, for the composing passes.
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>; // region number, face
@@ -10,23 +9,23 @@ fn clamped(at: vec2<i32>) -> u32 {
     return linear_index(vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1)));
 }
 
-// Step in depth between p and q that no slant explains: both sides are also carried on in a
-// straight line from the pixels beyond (pp, p | q, qq), and the best explanation is taken.
+// Depth step between p and q that no slanted surface explains: the least of their difference and of those to
+// both sides' linear extrapolations from the pixels beyond (pp, p | q, qq).
 fn step_mm(pp: f32, p: f32, q: f32, qq: f32) -> f32 {
     return min(abs(q - p), min(abs(q - 2.0 * p + pp), abs(p - 2.0 * q + qq)));
 }
 
-// How much of a pixel a line covers that is `width` pixels wide and runs `away` pixels off.
+// Pixel coverage of a line that is `width` pixels wide, at a distance of `away` pixels.
 fn coverage(width: f32, away: f32) -> f32 {
     return clamp(0.5 * width + 0.5 - away, 0.0, min(width, 1.0));
 }
 
-// Wider where it is nearer to the viewer (thesis 7.3.1: depth-based line thickness).
+// Line width: wider nearer the viewer (thesis 7.3.1: depth-based line thickness).
 fn width_at(depth: f32) -> f32 {
     return view.line_scale * mix(1.35, 0.65, clamp(0.5 + 0.5 * depth / view.depth_span_mm, 0.0, 1.0));
 }
 
-// The neighbours that lines are looked for towards: at 1, 1.4 and 2 pixels.
+// Offsets of the neighbours searched for lines: 1, 1.4 and 2 pixels away.
 fn neighbour(n: u32) -> vec2<i32> {
     let side = select(1, -1, (n & 1u) == 1u);
     switch n >> 1u {
@@ -40,13 +39,13 @@ fn neighbour(n: u32) -> vec2<i32> {
 }
 
 struct Lines {
-    black: f32,          // silhouettes: the background, or far more than a voxel behind
+    black: f32,          // silhouettes: against the background, or steps of far more than a voxel
     grey: f32,           // steps of a voxel and more; edges between faces, fainter
-    depth: f32,          // of what is outlined, where that is nearer than what is here
+    depth: f32,          // of the outlined surface, where nearer than this pixel's
 }
 
-// Two pixels of one plane have the same face (and so have two of the background): no line is
-// between them. First all such neighbours are sorted out, then the few others looked at closely.
+// Two pixels on one plane have the same face (and so have two of the background): no line lies between
+// them. Such neighbours are discarded first, then the few others examined.
 fn lines_at(here: vec2<i32>, front: f32) -> Lines {
     let face = surfaces[linear_index(vec2<u32>(here))].y;
     var others = 0u;
@@ -56,7 +55,7 @@ fn lines_at(here: vec2<i32>, front: f32) -> Lines {
     return lines_towards(here, front, others);
 }
 
-// How many of the neighbours lines reach.
+// Number of neighbours that are searched.
 fn line_reach() -> u32 {
     return varied(select(8u, 12u, view.line_scale > 1.2));
 }
@@ -77,10 +76,10 @@ fn lines_towards(here: vec2<i32>, front: f32, neighbours: u32) -> Lines {
         let border = max(front, q) >= FAR;
         let deep = select(smoothstep(3.0, 6.0, steps), 1.0, border);
         lines.black = max(lines.black, deep * coverage(max(1.7 * width, 1.4), away));
-        // Bricks smaller than a few pixels would turn grey all over.
-        let brick_px = view.voxel_mm / footprint_mm(nearer);
-        let raised = smoothstep(0.3, 0.9, steps) * smoothstep(1.0, 3.5, brick_px);
-        let edge = 0.45 * smoothstep(2.0, 7.0, brick_px);
+        // Voxels smaller than a few pixels would turn grey all over.
+        let voxel_px = view.voxel_mm / footprint_mm(nearer);
+        let raised = smoothstep(0.3, 0.9, steps) * smoothstep(1.0, 3.5, voxel_px);
+        let edge = 0.45 * smoothstep(2.0, 7.0, voxel_px);
         lines.grey = max(lines.grey, select(max(raised, edge), 0.0, border) * coverage(0.9 * width, away));
     }
     return lines;

@@ -1,9 +1,9 @@
-// Exact voxel traversal (Amanatides and Woo 1987). The depth of every cell boundary is computed
-// from its whole number in closed form, never summed up; boundaries at one depth are crossed x
-// before y before z. So the cells visited don't depend on which bricks were jumped over.
+// Exact voxel traversal (Amanatides and Woo 1987). The depth of every cell boundary is computed from its
+// integer index in closed form, never accumulated; boundaries at equal depth are crossed x before y before
+// z. So the visited cells don't depend on which bricks were skipped.
 //
-// A brick is 8x8x8 voxels: (bit set of its region numbers modulo 32, where its numbers start).
-// A brick of one number alone stores none: its second word is UNIFORM | number.
+// A brick of 8x8x8 voxels is (bit set of its region numbers modulo 32, start of its numbers).
+// A brick with a single number stores none: its second word is UNIFORM | number.
 
 @group(0) @binding(1) var<storage, read> bricks: array<vec2<u32>>;
 @group(0) @binding(2) var<storage, read> voxels: array<u32>;
@@ -24,21 +24,21 @@ struct Ray {
 struct Interval {
     near: f32,
     far: f32,
-    axis: u32,           // of the face entered through; 3: none
+    axis: u32,           // of the face of entry; 3: none
 }
 
 fn ray_of(pixel: vec2<u32>) -> Ray {
     return ray_through(from_middle(pixel));
 }
 
-// Through a place of the picture, in pixels from its middle.
+// Ray through a point of the frame, in pixels from its centre.
 fn ray_through(p: vec2<f32>) -> Ray {
     let across = p.x * view.right + p.y * view.up;
     return ray_from(
         view.corner + view.mm_per_pixel * across, view.forward + view.mm_per_pixel_per_mm * across);
 }
 
-// From a place of index space, in a direction of it.
+// Ray from a point in a direction, index space.
 fn ray_from(o: vec3<f32>, d: vec3<f32>) -> Ray {
     var ray: Ray;
     ray.o = o;
@@ -60,7 +60,7 @@ fn first_axis(t: vec3<f32>) -> u32 {
     return select(select(2u, 1u, t.y <= t.z), 0u, t.x <= t.y && t.x <= t.z);
 }
 
-// Where the ray is inside the volume's box.
+// Interval in which the ray is inside the volume's box.
 fn box_interval(ray: Ray) -> Interval {
     let dims = vec3<i32>(view.dims);
     let still_outside = !ray.moves & ((ray.o < vec3<f32>(0.0)) | (ray.o >= vec3<f32>(dims)));
@@ -69,7 +69,7 @@ fn box_interval(ray: Ray) -> Interval {
     var i: Interval;
     i.near = max(in_.x, max(in_.y, in_.z));
     i.far = min(out.x, min(out.y, out.z));
-    // Of boundaries at one depth the last crossed names the face.
+    // Of boundaries at equal depth the last one crossed gives the face.
     i.axis = select(select(0u, 1u, in_.y == i.near), 2u, in_.z == i.near);
     if i.near < view.nearest_mm {
         i.near = view.nearest_mm;
@@ -81,8 +81,8 @@ fn box_interval(ray: Ray) -> Interval {
     return i;
 }
 
-// The cell that the ray is in when it has crossed every boundary before `t`, and those at `t` of
-// the axes in `ties`. `near` is any cell close by.
+// The ray's cell after crossing every boundary before `t`, and those at `t` of the axes in `ties`.
+// `near` is any nearby cell.
 fn settle(ray: Ray, near: vec3<i32>, t: f32, ties: vec3<bool>) -> vec3<i32> {
     var cell = near;
     for (var n = 0; n < 8; n++) {
@@ -107,7 +107,7 @@ fn settle(ray: Ray, near: vec3<i32>, t: f32, ties: vec3<bool>) -> vec3<i32> {
 struct Walk {
     cell: vec3<i32>,
     t: f32,              // depth where the cell was entered
-    axis: u32,           // through which face; 3: the ray started in it
+    axis: u32,           // of the face of entry; 3: the ray started in the cell
 }
 
 fn start_walk(ray: Ray, t: f32, axis: u32) -> Walk {
@@ -120,7 +120,7 @@ fn start_walk(ray: Ray, t: f32, axis: u32) -> Walk {
     return w;
 }
 
-// One cell on.
+// Advances by one cell.
 fn step_cell(ray: Ray, w: ptr<function, Walk>) {
     let next = crossing(ray, (*w).cell + ray.ahead);
     let axis = first_axis(next);
@@ -130,15 +130,15 @@ fn step_cell(ray: Ray, w: ptr<function, Walk>) {
     (*w).axis = axis;
 }
 
-// To the first cell past this brick: the same cell that single steps would come to.
+// Advances to the first cell past this brick: the same cell that single steps would reach.
 fn step_brick(ray: Ray, w: ptr<function, Walk>) {
     let boundary = (((*w).cell >> vec3<u32>(3u)) + ray.ahead) << vec3<u32>(3u);
     let next = crossing(ray, boundary);
     let axis = first_axis(next);
     let on = vec3<u32>(axis) == vec3<u32>(0u, 1u, 2u);
     let t = min(next.x, min(next.y, next.z));
-    // The crossing axis lands beside its boundary; of the others, those of lower number that cross
-    // at the very same depth have gone first.
+    // Along the crossing axis the cell adjoins the boundary; of the other axes, those of lower number that
+    // cross at exactly the same depth have been crossed before.
     let ties = vec3<u32>(0u, 1u, 2u) <= vec3<u32>(axis);
     let low = ((*w).cell >> vec3<u32>(3u)) << vec3<u32>(3u);
     let guess = clamp(vec3<i32>(floor(ray.o + t * ray.d)), low, low + 7);
@@ -173,7 +173,7 @@ fn is_shown(number: u32) -> bool {
     return number != 0u && (regions[number] & SHOWN) != 0u;
 }
 
-// Which face, as one number: neighbours on one plane have the same.
+// The face of entry as one number, equal for neighbours on one plane.
 fn face_of(ray: Ray, w: Walk) -> u32 {
     if w.axis == 3u {
         return 3u;

@@ -26,7 +26,7 @@ fn texel(x: i32, y: i32) -> vec4<f32> {
     return vec4<f32>(c.rgb * c.a, c.a);
 }
 
-// Texel centres lie at halves; between them the picture is bilinear.
+// Texel centres lie at halves; bilinear between them.
 fn plane_at(pixel: vec2<u32>) -> PlaneHit {
     var hit = PlaneHit(FAR, vec4<f32>(0.0));
     if (flags() & HAS_PLANE) == 0u {
@@ -34,7 +34,7 @@ fn plane_at(pixel: vec2<u32>) -> PlaneHit {
     }
     let p = from_middle(pixel);
     let direction = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
-    // From the depth of the corner on.
+    // Relative to the depth of the corner.
     let start = vec3<f32>(p * footprint_mm(plane.corner.z) - plane.corner.xy, 0.0);
     let facing = dot(direction, plane.normal);
     if abs(facing) < 1e-6 {

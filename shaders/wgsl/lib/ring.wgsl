@@ -2,8 +2,8 @@
 
 const RING = vec3<f32>(0.86, 0.08, 0.08);
 
-// How far outside the ball's outline a pixel is, in pixels: where its ray passes the centre, less the
-// radius. FAR where the ball is behind the eye.
+// Distance of a pixel outside the lens's outline, in pixels: its ray's closest approach to the centre, less
+// the radius. FAR where the lens is behind the eye.
 fn off_ring_px(pixel: vec2<u32>) -> f32 {
     let p = from_middle(pixel);
     let direction = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);

@@ -1,10 +1,10 @@
-// A step of directional occlusion by slices (Schott et al. 2009) through the context image, with solid
-// surfaces among it (Schott et al. 2012). See render/src/light/slices.
+// A step of directional occlusion by slices (Schott et al. 2009) through the context image, with opaque
+// surfaces in it (Schott et al. 2012). See render/src/light/slices.
 
 struct Slices {
     slice_mm: f32,
     flags: u32,
-    strength: f32,                  // how dark what no light reaches is, 0 to 1
+    strength: f32,                  // darkness of unlit places, 0 to 1
     pad: u32,
     decay: array<vec4<f32>, 257>,   // see lib/decay
 }
@@ -12,13 +12,13 @@ struct Slices {
 struct Part {
     depth: f32,                     // front of the first slice
     slices: u32,
-    side: u32,                      // points along a side of the footprint
-    stride: i32,                    // lattice: pixels between them
+    side: u32,                      // samples along a side of the footprint
+    stride: i32,                    // lattice: pixels between samples
     center: f32,                    // lattice: weight of the pixel itself
     radius: f32,                    // disc: pixels
     radius_mm: f32,
-    share: f32,                     // weight of one point
-    turn: u32,                      // which half of the lights is read
+    share: f32,                     // weight of one sample
+    turn: u32,                      // which half of `lights` is read
     is_last: u32,
     origin: vec2<u32>,              // pixel of the first thread
 }
@@ -26,19 +26,19 @@ struct Part {
 const VOLUME_ON_VOLUME = 1u;
 
 override variant: u32 = 2u;
-// Whether anything solid is in the picture. Then two lights are carried: behind the image alone, which
-// lights what is solid, and behind both, which lights the image.
+// Whether the frame has opaque geometry. Then two lights are propagated: behind the image alone, which lights
+// opaque geometry, and behind both, which lights the image.
 override with_solid: bool = false;
-// Whether both are kept, though no light that is found here has met anything solid: then they are the same.
+// Whether both are stored although no light of this step has reached opaque geometry: then they are equal.
 override two_lights: bool = false;
-// Most steps have one slice. A loop costs Mesa's software driver a third of the step.
+// Most steps have one slice. On Mesa's software driver a loop costs a third of the step's time.
 override one_slice: bool = false;
-// Whether solid surfaces leave the image its light.
+// Whether opaque surfaces don't darken the image.
 override solid_lets_through: bool = false;
-// Whether the eye sees the image past what is solid, beside it in the same pixel: up to depths of their own,
-// which stand behind the others.
+// Whether eye rays pass opaque geometry that covers its pixel in part: they then end at depths of their own,
+// stored behind the others in `depths`.
 override ends_apart: bool = false;
-// The first step, which finds everything fresh; and steps in which nothing of the image is.
+// The first step, which starts from the initial state; and steps that contain nothing of the image.
 override is_first: bool = false;
 override is_empty: bool = false;
 
@@ -48,7 +48,8 @@ const MENDED = 2u;
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
 @group(0) @binding(31) var<uniform> slices: Slices;
-// The step, and what stands behind it. What branches and loops depend on is read at `zero`: see lib/zero.
+// This step, and whatever follows it in the buffer. Values that branches and loops depend on are read at index
+// `zero`: see lib/zero.
 @group(0) @binding(32) var<uniform> parts: array<Part, 2>;
 @group(0) @binding(33) var<storage, read_write> lights: array<f32>;
 @group(0) @binding(34) var<storage, read_write> eye: array<vec4<f32>>;    // radiance, transmittance
@@ -65,12 +66,12 @@ fn light_place(at: u32, turn: u32) -> u32 {
     return select(turn * pixels + at, 2u * (turn * pixels + at), two_lights);
 }
 
-// Where the depths stand between which a pixel sees the image: behind both halves.
+// Index in `lights` of the depths between which a pixel shows the image: behind both halves.
 fn range_place(at: u32) -> u32 {
     return light_place(0u, 2u) + 2u * at;
 }
 
-// The edge of the picture goes on.
+// Beyond the frame its edge pixels extend.
 fn texel(at: vec2<i32>) -> vec2<f32> {
     let p = clamp(at, vec2<i32>(0), vec2<i32>(view.size) - 1);
     let place = light_place(linear_index(vec2<u32>(p)), parts[zero].turn);
@@ -80,7 +81,7 @@ fn texel(at: vec2<i32>) -> vec2<f32> {
     return vec2<f32>(lights[place + select(0u, 1u, two_lights)]);
 }
 
-// Bilinear, from a pixel's corner on.
+// Bilinear; `at` is in pixels from the frame's corner.
 fn smooth_texel(at: vec2<f32>) -> vec2<f32> {
     let low = floor(at - 0.5);
     let f = at - 0.5 - low;
@@ -90,7 +91,7 @@ fn smooth_texel(at: vec2<f32>) -> vec2<f32> {
     return mix(a, b, f.y);
 }
 
-// Algorithms 2 and 3 of the first paper: an extinction for each light.
+// Algorithms 2 and 3 of the first paper: one extinction per light.
 fn disc(pixel: vec2<u32>, extinction: vec2<f32>) -> vec2<f32> {
     let center = vec2<f32>(pixel) + 0.5;
     let d = slices.slice_mm;

@@ -1,5 +1,5 @@
-// What of the light reaches a solid surface, as the composing pass reads it: the share by which the
-// picture, which is encoded, is darker.
+// Light that reaches an opaque surface, as the composing pass reads it: the share by which the encoded
+// colour is darkened.
 #include lib/linear
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;

@@ -1,8 +1,8 @@
-// Lines where fibre tubes are among what is seen: the tumour's lines are not drawn on tubes, and tubes
-// have edges of their own. For passes that include lib/lines and lib/tubes.
+// Lines of frames with fibre tubes: the tumour's lines are not drawn on tubes, and tubes have edges of their
+// own. For passes that include lib/lines and lib/tubes.
 
-// As lines_at. Between a tube and the tumour, or what is behind both, there is a line only where the
-// tumour is before the tube: it is the tumour's silhouette, and as wide as everywhere.
+// As lines_at. Between a tube and the tumour, or the background, there is a line only where the tumour is in
+// front of the tube: the tumour's silhouette, as wide as everywhere.
 fn lines_among_tubes(here: vec2<i32>, front: f32) -> Lines {
     let face = surfaces[linear_index(vec2<u32>(here))].y;
     let on_tube = is_tube(face);
@@ -23,12 +23,12 @@ fn lines_among_tubes(here: vec2<i32>, front: f32) -> Lines {
     return lines;
 }
 
-// Light that is left where a tube hides something behind it, and where it is behind a nearer one.
+// Brightness of a tube's edge that hides something, and of a tube beside a nearer one.
 const TUBE_EDGE = 0.55;
 const TUBE_BEHIND = 0.6;
 
-// What a tube's colour is multiplied by: darker along its edge, where that is wide enough to have
-// one, and beside a tube that passes in front, so that a bundle can be followed.
+// Factor of a tube's colour: darker along its edge, where the tube is wide enough to have one, and beside a
+// tube that passes in front, so that tubes of a bundle can be followed.
 fn tube_edge(here: vec2<i32>, depth: f32, face: u32, radius_mm: f32) -> f32 {
     let width_px = 2.0 * radius_mm / footprint_mm(depth);
     let own = mix(1.0, TUBE_EDGE, smoothstep(2.0, 6.0, width_px));

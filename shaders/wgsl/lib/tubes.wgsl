@@ -1,6 +1,6 @@
-// Fibre tubes, or arrows of change, among what is seen first along each ray.
+// Fibre tubes, or change arrows, among the first hits.
 
-// In the place of a face: the low bits are the fibre's or arrow's number.
+// Flag in the place of a face: the low bits are the fibre's or arrow's number.
 const TUBE = 0x80000000u;
 
 struct Fiber {

@@ -1,10 +1,10 @@
 // Vicinity occlusion (Algorithm 5 of Schott et al. 2012), from depths alone.
 //
-// The including file gives `counts(at)`: whether what pixel number `at` shows hides anything.
+// The including file provides `counts(at)`: whether the surface at pixel number `at` is an occluder.
 
 struct Vicinity {
     radius_mm: f32,
-    slope: f32,                     // mm nearer to the eye a mm aside, from which on a neighbour is in the cone
+    slope: f32,                     // mm nearer to the eye per mm sideways, beyond which a neighbour is in the cone
     count: u32,
     flags: u32,
     points: array<vec4<f32>, 118>,  // in the unit disc
@@ -12,12 +12,12 @@ struct Vicinity {
 
 const VICINITY = 1u;
 const PARTIAL = 2u;
-// A surface that falls this much a pixel hides itself: points fall in whole pixels.
+// Depth bias, in footprints. Samples fall on whole pixels, so surfaces steeper than this would occlude themselves.
 const BIAS_PX = 1.0;
 
 @group(0) @binding(36) var<uniform> vicinity: Vicinity;
 
-// Share of the points about a pixel that nothing nearer hides.
+// Share of the points around a pixel without a nearer occluder.
 fn open(pixel: vec2<u32>, depth: f32) -> f32 {
     let footprint = footprint_mm(depth);
     let bias = BIAS_PX * footprint;
@@ -27,7 +27,7 @@ fn open(pixel: vec2<u32>, depth: f32) -> f32 {
     for (var i = 0u; i < varied(vicinity.count); i++) {
         let q = vicinity.points[i].xy;
         let to = floor(middle + reach * q);
-        // What is off the picture hides nothing.
+        // Points outside the frame are not occluded.
         if all(to >= vec2<f32>(0.0)) && all(to < vec2<f32>(view.size)) {
             let nearest = depth - bias - vicinity.slope * vicinity.radius_mm * length(q);
             let there = linear_index(vec2<u32>(to));

@@ -1,7 +1,7 @@
-// What every pass of a 3D view shares: the camera, the volume's shape, the look.
+// Shared by all passes of a 3D view: camera, volume shape, appearance.
 //
-// Camera space: x right, y up, s = view depth in millimetres, counted from a reference plane near
-// the data, so that neither a camera far away nor a volume 1e6 mm off costs digits.
+// Camera space: x right, y up, s = view depth in millimetres from a reference plane near the data, so that
+// neither a distant camera nor a volume 1e6 mm from the origin costs precision.
 // Index space: voxel (i, j, k) of the cropped volume fills [i, i+1) x [j, j+1) x [k, k+1).
 
 #include lib/zero
@@ -28,9 +28,9 @@ struct View {
     occlusion_radius_mm: f32,
     occlusion_strength: f32,
     color_bleeding: f32,
-    line_scale: f32,                // widths of lines, 1 for a picture 512 pixels high
+    line_scale: f32,                // widths of lines, 1 for a frame 512 pixels high
     depth_span_mm: f32,             // half the diagonal of the volume's box
-    outside_opacity: f32,           // of one region change outside the lens
+    outside_opacity: f32,           // of each region boundary outside the lens
     inner_line_strength: f32,
     outer_line_strength: f32,
 }
@@ -41,13 +41,13 @@ const HAS_OUTSIDE = 4u;
 const HAS_OCCLUSION = 8u;
 const NO_SKIPPING = 16u;
 const MANY_REGIONS = 32u;
-const LENS_ONLY_DRAWN = 64u;     // the lens is a ring, it cuts nothing
+const LENS_ONLY_DRAWN = 64u;     // the lens is only a ring, it cuts nothing
 const HAS_CONTEXT = 128u;
 const HAS_PLANE = 256u;
 const HAS_TUBES = 512u;          // tubes or arrows are among depths and surfaces
 const LINEAR_LIGHT = 1024u;        // the march's colours are in linear light
 
-// Depth of a pixel where nothing was hit.
+// Depth of a pixel without a hit.
 const FAR = 1e30;
 // Its face.
 const NO_FACE = 0xffffffffu;
@@ -58,18 +58,18 @@ fn flags() -> u32 {
     return varied(view.flags);
 }
 
-// Whether rays spread from an eye; else they are parallel.
+// Whether rays spread from an eye (perspective); else they are parallel.
 fn spreads() -> bool {
     return view.mm_per_pixel_per_mm + f32(zero) > 0.0;
 }
 
-// Pixel centre in pixels from the middle of the picture, y up.
+// Pixel centre in pixels from the centre of the frame, y up.
 fn from_middle(pixel: vec2<u32>) -> vec2<f32> {
     let at = vec2<f32>(pixel) + 0.5 - 0.5 * vec2<f32>(view.size);
     return vec2<f32>(at.x, -at.y);
 }
 
-// Millimetres that a pixel covers at a depth.
+// Footprint of a pixel at a depth, millimetres.
 fn footprint_mm(depth: f32) -> f32 {
     return view.mm_per_pixel + depth * view.mm_per_pixel_per_mm;
 }

@@ -1,4 +1,4 @@
-// Averages occlusion over the 4x4 tile of turns, not across steps in depth (Mittring 2007).
+// Averages occlusion over the 4x4 tile of rotations, not across depth steps (Mittring 2007).
 #include lib/view
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;

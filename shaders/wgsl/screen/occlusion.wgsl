@@ -1,7 +1,7 @@
-// Screen-space ambient occlusion from depth alone (Mittring 2007; thesis 7.3.1). Points come in
-// pairs about the surface point, so a plane at any slant is exactly half hidden: that half is
-// taken as light, what exceeds it as shadow. Occluders further in front than three radii count less,
-// or every foreground would throw a hard halo on what lies far behind.
+// Screen-space ambient occlusion from depth alone (Mittring 2007; thesis 7.3.1). Sample points come in
+// pairs about the surface point, so on a plane at any slant exactly half are hidden: that half counts
+// as unoccluded, the excess as occlusion. Occluders further in front than three radii count less; otherwise
+// every foreground would cast a hard halo on surfaces far behind.
 #include lib/view
 
 @group(0) @binding(3) var<storage, read> regions: array<u32>;
@@ -10,7 +10,7 @@
 @group(0) @binding(7) var<storage, read_write> occlusion: array<u32>; // bleeding rgb, occlusion
 @group(0) @binding(9) var<uniform> kernel: array<vec4<f32>, 32>;      // one point of each pair
 
-// A place enclosed on all sides but the viewer's would be dark by a half without it.
+// Without it, the occlusion of a place enclosed on all sides but the viewer's would be one half.
 const GAIN = 2.0;
 
 @compute @workgroup_size(8, 8)
@@ -29,7 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let footprint = footprint_mm(depth);
     let radius_px = radius_mm / footprint;
     let bias = 0.75 * footprint;
-    // A 4x4 tile of turns, undone by the 4x4 blur.
+    // A 4x4 tile of rotations, averaged out by the 4x4 blur.
     let tile = (id.x & 3u) + 4u * (id.y & 3u);
     let turn = f32((tile * 7u + (tile >> 2u) * 5u) & 15u) * (6.2831853 / 16.0);
     let c = cos(turn);
@@ -50,7 +50,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let to = clamp(here + sign * offset, vec2<f32>(0.0), last);
             let there = linear_index(vec2<u32>(to + 0.5));
             let occluder = depths[there];
-            // What is far in front says little about this place: then half, as on a plane.
+            // An occluder far in front is weak evidence: then half, as on a plane.
             let sure = min(3.0 * radius_mm / max(depth - occluder, 1e-6), 1.0);
             let inside = occluder < depth + sign * k.z * radius_mm - bias;
             hidden += select(select(0.0, 0.5 - 0.5 * sure, occluder < depth), 0.5 + 0.5 * sure, inside);

@@ -1,8 +1,8 @@
-// The boundary's force (Cornea et al. 2005): every charge on every place, one thread a place, charges
-// staged in workgroup memory. One dispatch sums a part of the charges onto a part of the places, and
-// adds to what earlier ones found.
+// The boundary's repulsive force (Cornea et al. 2005): every charge on every place, one thread per place,
+// charges staged in workgroup memory. One dispatch adds the force of a part of the charges to a part of the
+// places.
 //
-// Places and charges are whole numbers of a small unit: their differences are exact, also where
+// Coordinates of places and charges are integers of a small unit: their differences are exact, even where
 // a driver reorders sums.
 
 const TILE = 128u;
@@ -14,7 +14,7 @@ struct ForceWork {
     first_charge: u32,
     end_charge: u32,
     places: u32,
-    is_first: u32,              // 1: nothing was found before
+    is_first: u32,              // 1: no earlier dispatch wrote the result
     length_of_unit: f32,
     unused_a: u32,
     unused_b: u32,
@@ -29,7 +29,7 @@ struct Point {
 @group(0) @binding(0) var<uniform> work: ForceWork;
 @group(0) @binding(1) var<storage, read> charges: array<Point>;
 @group(0) @binding(2) var<storage, read> places: array<Point>;
-@group(0) @binding(3) var<storage, read_write> felt: array<vec4<f32>>;      // force, square of the least distance
+@group(0) @binding(3) var<storage, read_write> felt: array<vec4<f32>>;      // force, squared least distance
 
 var<workgroup> tile: array<Point, TILE>;
 
@@ -59,7 +59,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
             tile[local] = charges[first + local];
         }
         workgroupBarrier();
-        // A sum for each tile keeps small terms from vanishing in a large one.
+        // A partial sum per tile keeps small terms from vanishing in a large sum.
         var part = vec3<f32>(0.0);
         for (var i = 0u; i < count; i++) {
             let charge = tile[i];

@@ -1,5 +1,5 @@
-// What the steps of slices find where none has been: light of 1, an eye that saw nothing. And where each
-// pixel's ray is in the image, which is too much to find anew in each step.
+// Initial state of the slice steps: full light, no radiance, full transmittance. And each pixel's depth interval
+// in the image, which is too costly to find anew in each step.
 #include lib/view
 #include lib/march
 #include lib/context

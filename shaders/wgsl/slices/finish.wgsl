@@ -1,10 +1,10 @@
-// What the slices left, as the march leaves it: colours in linear light.
+// The slices' result in the form of the ray march's: colours in linear light.
 #include lib/view
 #include lib/context
 
 @group(0) @binding(6) var<storage, read_write> marched: array<Marched>;
 @group(0) @binding(34) var<storage, read> eye: array<vec4<f32>>;    // radiance, transmittance
-// Light of the image on what is solid; depth where half is hidden.
+// Light on opaque geometry behind the image; depth where transmittance falls to one half.
 @group(0) @binding(35) var<storage, read> notes: array<vec2<f32>>;
 
 @compute @workgroup_size(8, 8)

@@ -1,5 +1,5 @@
 // One step of slices through the context image: eye, occlusion and partial occlusion at once
-// (Algorithms 1 to 4 of Schott et al. 2012 in one pass). It finds what slices/begin left, or a step before.
+// (Algorithms 1 to 4 of Schott et al. 2012 in one pass). Continues from slices/begin or the previous step.
 #include lib/view
 #include lib/march
 #include lib/context
@@ -7,13 +7,13 @@
 #include lib/linear
 #include lib/slices
 
-// Extinction that stands for something solid, per millimetre.
+// Extinction that represents opaque geometry, per millimetre.
 const SOLID = 1e20;
 
 struct Pixel {
     at: u32,
     line: array<vec3<f32>, 2>,
-    range: vec2<f32>,            // depths between which the image is seen
+    range: vec2<f32>,            // depths between which the image is visible
     slant: f32,
     solid: f32,
     last: f32,                   // where the eye's ray ends
@@ -23,11 +23,12 @@ var<private> state: vec4<f32>;
 var<private> note: vec2<f32>;
 var<private> light: vec2<f32>;
 
-// Depths of the slice in the image, and what is in their middle.
+// Depth interval of the slice in the image.
 fn span_of(pixel: Pixel, front: f32) -> vec2<f32> {
     return vec2<f32>(max(front, pixel.range.x), min(front + slices.slice_mm, pixel.range.y));
 }
 
+// The middle of that interval in the image.
 fn place_in(pixel: Pixel, span: vec2<f32>) -> Place {
     return place_of(pixel.line[0] + 0.5 * (span.x + span.y) * pixel.line[1]);
 }
@@ -41,38 +42,38 @@ fn mended(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
     let hides = with_solid && pixel.solid < front + slices.slice_mm;
     let meets = hides && pixel.solid >= front;
     let end = max(span.y, span.x);
-    // Up to what is solid; up to where the eye's ray ends; all of the slice.
+    // Optical thickness up to opaque geometry, up to the end of the eye ray, and of the whole slice.
     let until = clamp(pixel.solid, span.x, end);
     var ends = until;
     if ends_apart {
         ends = clamp(pixel.last, until, end);
     }
-    let seen = extinction * (until - span.x);
-    let shown = extinction * (ends - span.x);
+    let to_solid = extinction * (until - span.x);
+    let to_end = extinction * (ends - span.x);
     let whole = extinction * (end - span.x);
-    let slice = through_slice(light.y, shown);
-    let lit = mix(absorbed(shown), slice.x, slices.strength);
-    state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-shown));
+    let slice = through_slice(light.y, to_end);
+    let lit = mix(absorbed(to_end), slice.x, slices.strength);
+    state = vec4<f32>(state.rgb + decoded(material.rgb) * (lit * state.a), state.a * exp(-to_end));
     if with_solid {
         let after = select(light.x, through_slice(light.x, whole).y, whole > 0.0);
-        // At what is solid: between before and behind the slice (Algorithm 4), as light falls.
-        let share = select(1.0, seen / whole, whole > 0.0);
+        // At opaque geometry: between in front of and behind the slice (Algorithm 4), as light attenuates.
+        let share = select(1.0, to_solid / whole, whole > 0.0);
         let at_solid = light.x * pow(max(after, 1e-30) / max(light.x, 1e-30), share);
         note.x = select(note.x, select(after, at_solid, meets), !hides | meets);
         light.x = after;
         if solid_lets_through {
             light.y = select(light.y, through_slice(light.y, whole).y, shades() & (whole > 0.0));
         } else {
-            light.y = select(select(light.y, slice.y, shades() & (shown > 0.0)), 0.0, hides);
+            light.y = select(select(light.y, slice.y, shades() & (to_end > 0.0)), 0.0, hides);
         }
     } else {
-        light.y = select(light.y, slice.y, shades() & (shown > 0.0));
+        light.y = select(light.y, slice.y, shades() & (to_end > 0.0));
         light.x = light.y;
     }
 }
 
-// As the paper has it: a slice is a sheet in its middle, its opacity that of the distance to what is solid
-// where that is nearer.
+// As in the paper: a slice is a plane at its middle, with the opacity of the distance to opaque geometry where
+// that is nearer.
 fn as_the_paper(id: vec2<u32>, pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
     let extinction = extinction_of(material);
     let casts = !solid_lets_through;
@@ -143,7 +144,7 @@ fn main(@builtin(global_invocation_id) thread: vec3<u32>) {
         let place = place_in(pixel, span);
         let shows = (span.x < span.y) & shows_anything(place);
         let back = front + slices.slice_mm;
-        // Where nothing is, eye and notes stay, and need not move.
+        // Where the slice is empty, eye and notes don't change and needn't be read or written.
         if shows | (with_solid & (((solid >= front) & (solid < back)) | (parts[zero].is_last == 1u))) {
             load(at);
             let before = state.a;

@@ -1,7 +1,7 @@
-// Fibre tracts as chains of capsules: an instance a point, which begins a segment (or is a ball, where
-// its fibre has no other point). A rectangle around each is drawn, and its fragments meet the capsule
-// in closed form. What is written is not a colour: the fibre's number and how the place faces the
-// viewer, and its depth.
+// Fibre tracts as chains of capsules: one instance per point, which begins a segment (or is a ball, where
+// its fibre has no other point). A rectangle around each is drawn, and its fragments are intersected with
+// the capsule in closed form. Writes not a colour but the fibre's number with the facing ratio (cosine
+// between normal and line of sight), and the depth.
 #include lib/view
 #include lib/tubes
 
@@ -41,32 +41,32 @@ fn in_camera(p: vec3<f32>) -> vec3<f32> {
     return tubes.origin + vec3<f32>(dot(tubes.right, p), dot(tubes.up, p), dot(tubes.away, p));
 }
 
-// In front of the eye, where rays spread from one.
+// Distance in front of the eye, where rays spread from one.
 fn from_eye(depth: f32) -> f32 {
     return footprint_mm(depth) / view.mm_per_pixel_per_mm;
 }
 
-// Where a ball's picture begins and ends along a direction of the picture: pixels from the middle.
+// Extent of a ball's projection along a direction of the frame: pixels from the centre.
 // The ball is in front of the eye, or rays are parallel.
 fn reach_px(c: vec3<f32>, radius: f32, along: vec2<f32>) -> vec2<f32> {
     let x = dot(c.xy, along);
     if !spreads() {
         return vec2<f32>(x - radius, x + radius) / view.mm_per_pixel;
     }
-    // Slopes of the two lines through the eye that touch it.
+    // Slopes of the two tangents through the eye.
     let w = from_eye(c.z);
     let squared = (w - radius) * (w + radius);
     let root = radius * sqrt(x * x + squared);
     return vec2<f32>(x * w - root, x * w + root) / (squared * view.mm_per_pixel_per_mm);
 }
 
-// Whether both balls are past one side of what the eye sees.
+// Whether both balls are outside the same side of the view frustum.
 fn is_aside(a: vec3<f32>, b: vec3<f32>, radius: f32) -> bool {
     let edge = 0.5 * vec2<f32>(view.size) * view.mm_per_pixel_per_mm;
-    let room = radius * sqrt(1.0 + edge * edge);
+    let margin = radius * sqrt(1.0 + edge * edge);
     let at_a = abs(a.xy) - edge * from_eye(a.z);
     let at_b = abs(b.xy) - edge * from_eye(b.z);
-    return any((sign(a.xy) == sign(b.xy)) & (at_a > room) & (at_b > room));
+    return any((sign(a.xy) == sign(b.xy)) & (at_a > margin) & (at_b > margin));
 }
 
 @vertex
@@ -85,7 +85,7 @@ fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) at: u32) ->
     }
     let least = tubes.least_px * footprint_mm(0.5 * (a.z + b.z));
     let radius = max(fibers[number].radius_mm, least);
-    // A rectangle along the segment around the pictures of both its balls.
+    // A rectangle along the segment around the projections of both its balls.
     var along = vec2<f32>(1.0, 0.0);
     var low = -0.5 * vec2<f32>(view.size);
     var high = -low;
@@ -109,7 +109,7 @@ fn main(@builtin(vertex_index) corner: u32, @builtin(instance_index) at: u32) ->
         let b1 = reach_px(b, radius, along);
         let a2 = reach_px(a, radius, across);
         let b2 = reach_px(b, radius, across);
-        // Rounding may not cost a pixel.
+        // So that rounding loses no pixel.
         low = vec2<f32>(min(a1.x, b1.x), min(a2.x, b2.x)) - 0.25;
         high = vec2<f32>(max(a1.y, b1.y), max(a2.y, b2.y)) + 0.25;
     }
@@ -123,8 +123,8 @@ struct Shade {
     @builtin(frag_depth) depth: f32,
 }
 
-// Depths of all sizes in order, from 0 to 1: to 1e-5 mm near the reference plane, to 2e-3 mm a metre
-// away. So one point far off costs the others no digits.
+// Maps depths of any size to 0 to 1 in order, with a resolution of 1e-5 mm near the reference plane and 2e-3 mm
+// a metre away. So one distant point doesn't cost the others precision.
 fn order_of(depth: f32) -> f32 {
     return min(0.5 + 0.5 * depth / (200.0 + abs(depth)), 0.9999999);
 }
@@ -134,7 +134,7 @@ struct Met {
     normal: vec3<f32>,
 }
 
-// A ball about the ray's origin less `o`.
+// First hit of a ball; `o` is the ray's origin from the ball's centre.
 fn ball(o: vec3<f32>, d: vec3<f32>, radius: f32) -> Met {
     let dd = dot(d, d);
     let nearest = -dot(o, d) / dd;
@@ -144,8 +144,8 @@ fn ball(o: vec3<f32>, d: vec3<f32>, radius: f32) -> Met {
     return Met(select(FAR, t, half2 >= 0.0), o + t * d);
 }
 
-// A capsule about the segment from -h to h: where the ray o + t d enters it. Inside the endless
-// cylinder the capsule ends in its balls, of which the ray meets that on the side it comes from first.
+// Where the ray o + t d enters the capsule around the segment from -h to h. Within the infinite cylinder the
+// capsule ends in its balls; the ray meets first the one on the side it comes from.
 fn capsule(o: vec3<f32>, d: vec3<f32>, h: vec3<f32>, radius: f32) -> Met {
     let dd = dot(d, d);
     let hh = dot(h, h);
@@ -154,7 +154,7 @@ fn capsule(o: vec3<f32>, d: vec3<f32>, h: vec3<f32>, radius: f32) -> Met {
     if hh <= 1e-12 * dd {
         return ball(o, d, radius);
     }
-    // Less what runs along the axis.
+    // Without the components along the axis.
     let a = dd - dh * dh / hh;
     let b = dot(o, d) - oh * dh / hh;
     let c = dot(o, o) - oh * oh / hh - radius * radius;
@@ -167,7 +167,7 @@ fn capsule(o: vec3<f32>, d: vec3<f32>, h: vec3<f32>, radius: f32) -> Met {
         return Met(FAR, vec3<f32>(0.0));
     }
     let root = sqrt(root2);
-    // The form that doesn't cancel.
+    // The root in the form without cancellation.
     let t = select(c / max(root - b, 1e-30), (-b - root) / a, b > 0.0);
     let y = (oh + t * dh) / hh;
     if abs(y) <= 1.0 {
@@ -179,13 +179,13 @@ fn capsule(o: vec3<f32>, d: vec3<f32>, h: vec3<f32>, radius: f32) -> Met {
 @fragment
 fn shade(corner: Corner) -> Shade {
     let p = from_middle(vec2<u32>(corner.clip.xy));
-    // From the segment's middle depth on, so that no digits are lost.
+    // Relative to the segment's middle, which keeps precision.
     let middle = 0.5 * (corner.a + corner.b);
     let d = vec3<f32>(p * view.mm_per_pixel_per_mm, 1.0);
     let o = vec3<f32>(p * footprint_mm(middle.z) - middle.xy, 0.0);
     let met = capsule(o, d, 0.5 * (corner.b - corner.a), corner.radius);
     let depth = middle.z + met.t;
-    // Also what the eye is inside of.
+    // Also a capsule that contains the eye.
     if met.t >= FAR || !(depth > view.nearest_mm) {
         discard;
     }

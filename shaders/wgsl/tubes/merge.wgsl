@@ -1,6 +1,5 @@
-// Puts the tubes among what is seen first along each ray: where one is before the tumour, its depth and
-// number stand in the place of the tumour's, and its shaded colour beside them. The light is at the
-// eye and subtle.
+// Merges the tubes into the first hits: where one is in front of the tumour, its depth and number replace the
+// tumour's, and its shaded colour is stored beside them. A subtle headlight.
 #include lib/view
 #include lib/tubes
 

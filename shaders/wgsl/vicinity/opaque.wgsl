@@ -1,5 +1,5 @@
-// Light that reaches what is solid: vicinity occlusion (Algorithm 5 of Schott et al. 2012) from depths
-// alone, times what the slices let through to it (Algorithm 6).
+// Light that reaches opaque geometry: vicinity occlusion (Algorithm 5 of Schott et al. 2012) from depths
+// alone, times the light that the slices transmit to it (Algorithm 6).
 #include lib/view
 #include lib/solid_light
 #include lib/vicinity

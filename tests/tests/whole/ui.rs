@@ -208,7 +208,7 @@ fn a_session_is_saved_whole_and_opens_as_it_was() {
     assert_eq!(session::load(&path).unwrap(), saved);
 
     let mut other = sample();
-    issue(&mut other, AppCommand::OpenSession(path.clone()));
+    issue(&mut other, AppCommand::OpenSession(path));
     for _ in 0..400 {
         other.run_steps(1);
         if other.state().work.job.is_none() {

@@ -1,252 +1,209 @@
-//! A family's curves on a scene as lines, dots and words: error against time, both logarithmic. One
-//! description for SVG and for egui.
+//! A family's curves on a scene: error against time, both logarithmic.
 
-use egui::{Align2, Color32, FontId, Pos2, Stroke, pos2, vec2};
-use glioscope_render::accuracy::{Axis, Curve, Point};
+use plotters::{
+    coord::Shift,
+    prelude::*,
+    style::text_anchor::{HPos, Pos, VPos},
+};
+
+use crate::{
+    Outcome,
+    accuracy::{Axis, Curve, Defaults, Family, Measured, Point},
+};
 
 /// Pixels.
-pub(super) const SIZE: [u32; 2] = [900, 520];
-
-const LEFT: f32 = 66.0;
-const RIGHT: f32 = 878.0;
-const TOP: f32 = 78.0;
-const BOTTOM: f32 = 462.0;
-const INK: [u8; 3] = [40, 40, 40];
-const FAINT: [u8; 3] = [222, 222, 222];
-const GREY: [u8; 3] = [130, 130, 130];
+const SIZE: (u32, u32) = (900, 520);
+const INK: RGBColor = RGBColor(40, 40, 40);
+const FAINT: RGBColor = RGBColor(222, 222, 222);
+const GREY: RGBColor = RGBColor(130, 130, 130);
 /// Told apart with common colour vision deficiencies (Okabe and Ito 2008).
-const COLORS: [[u8; 3]; 5] = [[0, 114, 178], [213, 94, 0], [0, 158, 115], [204, 121, 167], [86, 180, 233]];
-
+const COLORS: [RGBColor; 5] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+];
 const TRUTH: &str = "the truth itself is off by this";
-
-/// Which end of a text is at its place.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Anchor {
-    Start,
-    Middle,
-    End,
-}
-
-/// Something drawn; places in pixels from the top left.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Mark {
-    Line {
-        from: [f32; 2],
-        to: [f32; 2],
-        color: [u8; 3],
-        width: f32,
-        dashed: bool,
-    },
-    /// Filled, or a ring.
-    Dot {
-        at: [f32; 2],
-        radius: f32,
-        color: [u8; 3],
-        filled: bool,
-    },
-    /// Its middle line is at the place's height.
-    Text {
-        at: [f32; 2],
-        anchor: Anchor,
-        size: f32,
-        color: [u8; 3],
-        text: String,
-    },
-}
+/// Size of the words beside points.
+const SMALL: f64 = 11.5;
 
 /// A picture to be.
-#[derive(Clone, Debug)]
-pub(super) struct Plot {
-    /// File name without ending.
-    pub name: String,
-    /// The scene it shows.
-    pub scene: String,
-    /// Numbers of the curves in it.
-    pub curves: Vec<usize>,
-    pub marks: Vec<Mark>,
+pub(super) struct Plot<'a> {
+    pub family: &'static Family,
+    /// The curves on one scene.
+    pub curves: Vec<&'a Curve>,
+    /// Which of the family's scenes, from 1.
+    number: usize,
 }
 
-/// A plot for each family and scene, in the order of the curves.
-pub(super) fn plots(curves: &[Curve]) -> Vec<Plot> {
-    let mut out: Vec<Plot> = Vec::new();
-    let mut last = None;
-    for (number, curve) in curves.iter().enumerate() {
-        let key = (curve.family, curve.scene.clone());
-        match out.last_mut() {
-            Some(plot) if last.as_ref() == Some(&key) => plot.curves.push(number),
-            _ => {
-                let count = curves[..number].iter().filter(|c| c.family == curve.family);
-                let mut scenes: Vec<&str> = count.map(|c| c.scene.as_str()).collect();
-                scenes.dedup();
-                let name = match scenes.len() {
-                    0 => format!("accuracy-{}", curve.family.name()),
-                    n => format!("accuracy-{}-{}", curve.family.name(), n + 1),
-                };
-                let scene = curve.scene.clone();
-                out.push(Plot { name, scene, curves: vec![number], marks: Vec::new() });
+/// A plot for each scene, in the order of the curves.
+pub(super) fn of_family(measured: &Measured) -> Vec<Plot<'_>> {
+    let mut out: Vec<Plot<'_>> = Vec::new();
+    for curve in &measured.curves {
+        let same = |plot: &&mut Plot<'_>| plot.curves.iter().any(|c| c.scene == curve.scene);
+        match out.iter_mut().find(same) {
+            Some(plot) => plot.curves.push(curve),
+            None => {
+                let number = out.len() + 1;
+                out.push(Plot { family: measured.family, curves: vec![curve], number });
             }
         }
-        last = Some(key);
-    }
-    for plot in &mut out {
-        let own: Vec<&Curve> = plot.curves.iter().filter_map(|n| curves.get(*n)).collect();
-        plot.marks = marks(&own);
     }
     out
 }
 
-/// A logarithmic scale from values to pixels.
-struct Scale {
-    low: f64,
-    high: f64,
-    from: f32,
-    to: f32,
-}
-
-impl Scale {
-    fn of(values: impl Iterator<Item = f64>, from: f32, to: f32) -> Self {
-        let positive = values.filter(|v| *v > 0.0 && v.is_finite());
-        let (low, high) = positive.fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), v| (l.min(v), h.max(v)));
-        if low > high {
-            return Self { low: 0.1, high: 10.0, from, to };
+impl Plot<'_> {
+    /// Its name in the folder `images`.
+    pub fn file_name(&self) -> String {
+        match self.number {
+            1 => format!("accuracy-{}.svg", self.family.name),
+            n => format!("accuracy-{}-{n}.svg", self.family.name),
         }
-        Self { low: low / 1.5, high: high * 1.5, from, to }
     }
 
-    /// What is not positive lies on the lower edge.
-    fn at(&self, value: f64) -> f32 {
-        let share = (value.max(self.low) / self.low).ln() / (self.high / self.low).ln();
-        self.from + (self.to - self.from) * share.clamp(0.0, 1.0) as f32
+    /// The picture.
+    ///
+    /// # Errors
+    /// Where the backend refuses what is drawn.
+    pub fn svg(&self) -> Outcome<String> {
+        let mut svg = String::new();
+        {
+            let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+            draw(self, &root).map_err(|e| e.to_string())?;
+            root.present().map_err(|e| e.to_string())?;
+        }
+        Ok(svg)
     }
 
-    /// Round values in it: powers of ten, with 2 and 5 between where there are few.
-    fn ticks(&self) -> Vec<f64> {
-        let decades = (self.high / self.low).log10();
-        let steps: &[f64] = match decades {
-            d if d > 2.5 => &[1.0],
-            d if d > 0.7 => &[1.0, 2.0, 5.0],
-            _ => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0],
+    fn colored(&self) -> impl Iterator<Item = (&Curve, RGBColor)> {
+        self.curves.iter().copied().zip(COLORS.into_iter().cycle())
+    }
+
+    fn points(&self) -> impl Iterator<Item = (&Point, RGBColor)> {
+        self.colored().flat_map(|(curve, color)| curve.points.iter().map(move |p| (p, color)))
+    }
+
+    fn axis(&self) -> Axis {
+        self.curves.first().map_or(Axis::Time, |c| c.axis)
+    }
+
+    /// Where a point lies: cost or knob, and error.
+    fn place(&self, point: &Point) -> Option<(f64, f64)> {
+        let along = match self.axis() {
+            Axis::Time => point.cost()?.median_ms,
+            Axis::Knob => point.value,
         };
-        let apart = (decades / 9.0).ceil().max(1.0) as usize;
-        let first = self.low.log10().floor() as i32;
-        (first..=self.high.log10().ceil() as i32)
-            .step_by(apart)
-            .flat_map(|e| steps.iter().map(move |s| s * 10f64.powi(e)))
-            .filter(|v| *v >= self.low && *v <= self.high)
-            .collect()
+        Some((along, point.error_rms))
+    }
+
+    fn truth_error(&self) -> Option<f64> {
+        self.curves.iter().filter_map(|c| c.truth_error).reduce(f64::max)
     }
 }
 
-fn tick_name(value: f64) -> String {
-    if (1e-3..1e5).contains(&value) {
+/// From below the least of these to above the greatest, for a logarithmic axis: what is not positive has no place.
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let positive = values.filter(|v| *v > 0.0 && v.is_finite());
+    let (low, high) = positive.fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), v| (l.min(v), h.max(v)));
+    if low > high { (0.1, 10.0) } else { (low / 1.5, high * 1.5) }
+}
+
+fn tick(value: &f64) -> String {
+    if (1e-3..1e5).contains(value) {
         format!("{}", (value * 1e6).round() / 1e6)
     } else {
-        format!("{value:e}")
+        format!("{value:.0e}")
     }
 }
 
-fn line(from: [f32; 2], to: [f32; 2], color: [u8; 3], width: f32, dashed: bool) -> Mark {
-    Mark::Line { from, to, color, width, dashed }
+fn text(size: f64, color: RGBColor, anchor: HPos) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&color).pos(Pos::new(anchor, VPos::Center))
 }
 
-fn text(at: [f32; 2], anchor: Anchor, size: f32, color: [u8; 3], text: impl Into<String>) -> Mark {
-    Mark::Text { at, anchor, size, color, text: text.into() }
-}
-
-fn marks(curves: &[&Curve]) -> Vec<Mark> {
-    let Some(first) = curves.first() else { return Vec::new() };
-    let along = |p: &Point| match first.axis {
-        Axis::Time => p.cost().map(|t| t.median_ms),
-        Axis::Knob => Some(p.value),
-    };
-    let points = || curves.iter().flat_map(|c| &c.points);
-    let x = Scale::of(points().filter_map(along), LEFT, RIGHT);
-    let truth_errors = || curves.iter().filter_map(|c| c.truth_error);
-    // Room for the legend: no point lies under it.
-    let top = TOP + 17.0 * (curves.len() + 1) as f32;
-    let y = Scale::of(points().map(|p| p.error_rms).chain(truth_errors()), BOTTOM, top);
-    let mut out = Vec::new();
-    out.push(text([12.0, 18.0], Anchor::Start, 16.0, INK, first.family.title()));
-    out.push(text([12.0, 38.0], Anchor::Start, 12.0, GREY, first.scene.clone()));
-    out.push(text([12.0, 62.0], Anchor::Start, 12.0, INK, format!("error (RMS), {}", first.unit)));
-    let horizontal = match first.axis {
-        Axis::Time if points().any(|p| p.cpu.is_some()) => {
-            "median processor time of all threads, ms; bars from first to third quartile".to_owned()
+fn draw<'p, DB: DrawingBackend>(
+    plot: &'p Plot<'p>,
+    root: &DrawingArea<DB, Shift>,
+) -> Result<(), DrawingAreaErrorKind<DB::ErrorType>> {
+    let Some(first) = plot.curves.first() else { return Ok(()) };
+    root.fill(&WHITE)?;
+    root.draw(&Text::new(plot.family.title, (12, 18), text(16.0, INK, HPos::Left)))?;
+    root.draw(&Text::new(first.scene.as_str(), (12, 38), text(12.0, GREY, HPos::Left)))?;
+    root.draw(&Text::new(format!("error (RMS), {}", first.unit), (12, 60), text(12.0, INK, HPos::Left)))?;
+    if plot.axis() == Axis::Time {
+        let words = format!("filled: on the measured front; ringed: {}", plot.family.defaults.word());
+        root.draw(&Text::new(words, (878, 60), text(12.0, GREY, HPos::Right)))?;
+    }
+    let along = match plot.axis() {
+        Axis::Time if plot.points().any(|(p, _)| p.cpu.is_some()) => {
+            "median processor time of all threads, ms; bars from first to third quartile"
         }
-        Axis::Time => "median time, ms; bars from first to third quartile".to_owned(),
-        Axis::Knob => first.knob.to_owned(),
+        Axis::Time => "median time, ms; bars from first to third quartile",
+        Axis::Knob => first.knob,
     };
-    out.push(text([(LEFT + RIGHT) / 2.0, 506.0], Anchor::Middle, 12.0, INK, horizontal));
-    for value in x.ticks() {
-        let at = x.at(value);
-        out.push(line([at, TOP], [at, BOTTOM], FAINT, 1.0, false));
-        out.push(text([at, BOTTOM + 14.0], Anchor::Middle, 11.0, INK, tick_name(value)));
+    let places = || plot.points().filter_map(|(p, _)| plot.place(p));
+    let (left, right) = range(places().map(|p| p.0));
+    let (low, high) = range(places().map(|p| p.1).chain(plot.truth_error()));
+    let mut chart = ChartBuilder::on(root)
+        .margin_top(72)
+        .margin_right(22)
+        .x_label_area_size(46)
+        .y_label_area_size(66)
+        // Room above for the legend: no point lies under it.
+        .build_cartesian_2d((left..right).log_scale(), (low..high * 4.0).log_scale())?;
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(FAINT)
+        .axis_style(INK)
+        .x_labels(10)
+        .y_labels(8)
+        .x_label_formatter(&tick)
+        .y_label_formatter(&tick)
+        .x_desc(along)
+        .label_style(text(11.0, INK, HPos::Center))
+        .axis_desc_style(text(12.0, INK, HPos::Center))
+        .draw()?;
+    if let Some(off) = plot.truth_error() {
+        chart.draw_series(DashedLineSeries::new([(left, off), (right, off)], 6, 4, GREY.stroke_width(1)))?;
     }
-    for value in y.ticks() {
-        let at = y.at(value);
-        out.push(line([LEFT, at], [RIGHT, at], FAINT, 1.0, false));
-        out.push(text([LEFT - 6.0, at], Anchor::End, 11.0, INK, tick_name(value)));
-    }
-    out.push(line([LEFT, TOP], [LEFT, BOTTOM], INK, 1.0, false));
-    out.push(line([LEFT, BOTTOM], [RIGHT, BOTTOM], INK, 1.0, false));
-    if let Some(error) = truth_errors().reduce(f64::max) {
-        let at = y.at(error);
-        out.push(line([LEFT, at], [RIGHT, at], GREY, 1.0, true));
-    }
-    let place = |p: &Point| along(p).map(|v| [x.at(v), y.at(p.error_rms)]);
-    let mut front: Vec<[f32; 2]> = points().filter(|p| p.is_pareto).filter_map(place).collect();
-    front.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    out.extend(front.windows(2).map(|w| line(w[0], w[1], GREY, 2.0, false)));
-    for (curve, color) in curves.iter().zip(COLORS.into_iter().cycle()) {
+    let mut front: Vec<(f64, f64)> =
+        plot.points().filter(|(p, _)| p.is_pareto).filter_map(|(p, _)| plot.place(p)).collect();
+    front.sort_by(|a, b| a.0.total_cmp(&b.0));
+    chart.draw_series(LineSeries::new(front, GREY.stroke_width(2)))?;
+    for (curve, color) in plot.colored() {
         for run in sweeps(&curve.points) {
-            let places: Vec<[f32; 2]> = run.iter().filter_map(place).collect();
-            out.extend(places.windows(2).map(|w| line(w[0], w[1], color, 1.0, false)));
+            let places = run.iter().filter_map(|p| plot.place(p));
+            chart.draw_series(LineSeries::new(places, color.stroke_width(1)))?;
         }
-        for (point, at) in curve.points.iter().filter_map(|p| Some((p, place(p)?))) {
-            if let Some(t) = point.cost().filter(|_| first.axis == Axis::Time) {
-                out.push(line([x.at(t.q1_ms), at[1]], [x.at(t.q3_ms), at[1]], color, 1.0, false));
-            }
-            let filled = point.is_pareto || first.axis == Axis::Knob;
-            out.push(Mark::Dot { at, radius: if filled { 4.5 } else { 3.5 }, color, filled });
-            if point.is_default {
-                out.push(Mark::Dot { at, radius: 9.0, color: INK, filled: false });
-            }
-        }
-    }
-    let legend = legend(curves);
-    let around = |[x, y]: [f32; 2]| Area { left: x - 5.0, right: x + 5.0, top: y - 5.0, bottom: y + 5.0 };
-    let mut labels = Labels { taken: points().filter_map(place).map(around).collect() };
-    labels.taken.push(Area {
-        left: 0.6 * RIGHT,
-        right: RIGHT,
-        top: 0.0,
-        bottom: TOP + 17.0 * legend.len() as f32 / 2.0,
-    });
-    if let Some(error) = truth_errors().reduce(f64::max) {
-        let at = y.at(error);
-        out.push(labels.always([LEFT - 5.0, at], TRUTH, GREY));
-        labels.taken.push(Area { left: LEFT, right: RIGHT, top: at - 2.0, bottom: at + 2.0 });
-    }
-    // What is the default first, then the front, then the ends of what is swept in one go.
-    let colored = || curves.iter().zip(COLORS.into_iter().cycle());
-    let word = first.family.default_word();
-    for (point, color) in colored().flat_map(|(c, color)| c.points.iter().map(move |p| (p, color))) {
-        if let Some(at) = place(point).filter(|_| point.is_default) {
-            out.push(labels.always(at, &format!("{word}: {}", point.setting), mixed(color)));
+        let series = chart.draw_series(curve.points.iter().filter_map(|p| {
+            let place = plot.place(p)?;
+            let (radius, filled) =
+                if p.is_pareto || curve.axis == Axis::Knob { (4, true) } else { (3, false) };
+            Some(Circle::new(place, radius, ShapeStyle { color: color.into(), filled, stroke_width: 1 }))
+        }))?;
+        series.label(curve.kernel.clone()).legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
+        if plot.axis() == Axis::Time {
+            chart.draw_series(curve.points.iter().filter_map(|p| {
+                let (cost, error) = (p.cost()?, p.error_rms);
+                Some(PathElement::new([(cost.q1_ms, error), (cost.q3_ms, error)], color.stroke_width(1)))
+            }))?;
         }
     }
-    for (curve, color) in colored() {
-        let whole = sweeps(&curve.points).next().is_some_and(|run| run.len() == curve.points.len());
-        let last = curve.points.len().saturating_sub(1);
-        for (number, point) in curve.points.iter().enumerate().filter(|(_, p)| !p.is_default) {
-            let wanted = point.is_pareto || (whole && (number == 0 || number == last));
-            if let Some(at) = place(point).filter(|_| wanted) {
-                out.extend(labels.if_free(at, &point.setting, mixed(color)));
-            }
-        }
+    let rings = plot.points().filter(|(p, _)| p.is_default).filter_map(|(p, _)| plot.place(p));
+    chart.draw_series(rings.map(|place| Circle::new(place, 8, INK.stroke_width(1))))?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .margin(4)
+        .label_font(text(12.0, INK, HPos::Left))
+        .draw()?;
+    let place = |p: &Point| plot.place(p).map(|place| chart.backend_coord(&place));
+    for label in labels(plot, place, plot.truth_error().map(|off| chart.backend_coord(&(left, off)).1)) {
+        let anchor = if label.leftwards { HPos::Right } else { HPos::Left };
+        root.draw(&Text::new(label.words, label.at, text(SMALL, label.color, anchor)))?;
     }
-    out.extend(legend);
-    out
+    Ok(())
 }
 
 /// Neighbours whose knob rises, or falls, all along: three at least, or all that there are.
@@ -267,148 +224,106 @@ fn sweeps(points: &[Point]) -> impl Iterator<Item = &[Point]> {
     runs.into_iter()
 }
 
-/// Darker, so that small words of it can be read.
-fn mixed(color: [u8; 3]) -> [u8; 3] {
-    color.map(|c| (f32::from(c) * 0.7) as u8)
+/// Words beside a point.
+#[derive(Clone, Debug)]
+struct Label {
+    words: String,
+    /// Middle of the left end, or of the right one.
+    at: (i32, i32),
+    leftwards: bool,
+    color: RGBColor,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Area {
-    left: f32,
-    right: f32,
-    top: f32,
-    bottom: f32,
-}
+/// Pixels: left, top, right, bottom.
+type Area = [i32; 4];
 
-impl Area {
-    fn meets(&self, other: &Self) -> bool {
-        self.left < other.right
-            && other.left < self.right
-            && self.top < other.bottom
-            && other.top < self.bottom
+impl Label {
+    fn area(&self) -> Area {
+        // No letter of the usual fonts is wider on average.
+        let width = (0.54 * SMALL * self.words.chars().count() as f64) as i32;
+        let left = if self.leftwards { self.at.0 - width } else { self.at.0 };
+        [left, self.at.1 - 6, left + width, self.at.1 + 6]
     }
 }
 
-/// Words beside points, where they hide neither a point nor each other.
-struct Labels {
-    taken: Vec<Area>,
+fn meet(a: &Area, b: &Area) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
-impl Labels {
-    const SIZE: f32 = 11.5;
-
-    /// The sides of a point that words fit at.
-    fn sides([x, y]: [f32; 2], words: &str) -> Vec<([f32; 2], Anchor, Area)> {
-        // No letter of the plots' is wider on average.
-        let width = 0.54 * Self::SIZE * words.chars().count() as f32;
-        let mut out = Vec::new();
-        for dy in [-12.0, 13.0, -24.0, 25.0] {
-            for (at, anchor, left) in [
-                ([x + 10.0, y + dy], Anchor::Start, x + 10.0),
-                ([x - 10.0, y + dy], Anchor::End, x - 10.0 - width),
-            ] {
-                let half = 0.55 * Self::SIZE;
-                let own = Area { left, right: left + width, top: at[1] - half, bottom: at[1] + half };
-                if own.left > LEFT && own.right < SIZE[0] as f32 && own.top > TOP && own.bottom < BOTTOM {
-                    out.push((at, anchor, own));
-                }
+/// Names of points where they hide neither a point nor each other: the defaults, then the front, then the ends of what
+/// is swept in one go. `place` is in pixels; `truth` the height of the truth's own error.
+fn labels(plot: &Plot<'_>, place: impl Fn(&Point) -> Option<(i32, i32)>, truth: Option<i32>) -> Vec<Label> {
+    let around = |(x, y): (i32, i32)| [x - 5, y - 5, x + 5, y + 5];
+    let mut taken: Vec<Area> = plot.points().filter_map(|(p, _)| place(p)).map(around).collect();
+    // The legend.
+    taken.push([600, 0, SIZE.0 as i32, 84 + 18 * plot.curves.len() as i32]);
+    let mut out = Vec::new();
+    let mut put = |taken: &mut Vec<Area>, (x, y): (i32, i32), words: &str, color: RGBColor, always: bool| {
+        let sides = [-12, 13, -24, 25].into_iter().flat_map(|dy| [(10, dy), (-10, dy)]);
+        let mut beside = sides.map(|(dx, dy)| Label {
+            words: words.to_owned(),
+            at: (x + dx, y + dy),
+            leftwards: dx < 0,
+            color,
+        });
+        let free = |label: &Label| {
+            let area = label.area();
+            let inside = area[0] > 70 && area[2] < SIZE.0 as i32 && area[1] > 74 && area[3] < 470;
+            inside && !taken.iter().any(|t| meet(t, &area))
+        };
+        let label = beside.clone().find(free).or(beside.next().filter(|_| always));
+        taken.extend(label.iter().map(Label::area));
+        out.extend(label);
+    };
+    if let Some(y) = truth {
+        put(&mut taken, (66, y), TRUTH, GREY, true);
+        taken.push([66, y - 2, SIZE.0 as i32, y + 2]);
+    }
+    let dark = |c: RGBColor| RGBColor(c.0 / 10 * 7, c.1 / 10 * 7, c.2 / 10 * 7);
+    let word = plot.family.defaults.word();
+    for (point, color) in plot.points().filter(|(p, _)| p.is_default) {
+        let words = match plot.family.defaults {
+            Defaults::One => format!("{word}: {}", point.setting),
+            Defaults::Presets => point.setting.clone(),
+        };
+        if let Some(at) = place(point) {
+            put(&mut taken, at, &words, dark(color), true);
+        }
+    }
+    for (curve, color) in plot.colored() {
+        let whole = sweeps(&curve.points).next().is_some_and(|run| run.len() == curve.points.len());
+        let last = curve.points.len().saturating_sub(1);
+        for (number, point) in curve.points.iter().enumerate().filter(|(_, p)| !p.is_default) {
+            let wanted = point.is_pareto || (whole && (number == 0 || number == last));
+            if let Some(at) = place(point).filter(|_| wanted) {
+                put(&mut taken, at, &point.setting, dark(color), false);
             }
         }
-        out
-    }
-
-    fn if_free(&mut self, at: [f32; 2], words: &str, color: [u8; 3]) -> Option<Mark> {
-        let free = |own: &Area| !self.taken.iter().any(|t| t.meets(own));
-        let (at, anchor, own) = Self::sides(at, words).into_iter().find(|(_, _, own)| free(own))?;
-        self.taken.push(own);
-        Some(text(at, anchor, Self::SIZE, color, words))
-    }
-
-    /// At the first side where nothing else has room.
-    fn always(&mut self, at: [f32; 2], words: &str, color: [u8; 3]) -> Mark {
-        self.if_free(at, words, color).unwrap_or_else(|| {
-            let anchor = if at[0] > 0.6 * RIGHT { Anchor::End } else { Anchor::Start };
-            let off = if anchor == Anchor::End { -10.0 } else { 10.0 };
-            text([at[0] + off, at[1] - 12.0], anchor, Self::SIZE, color, words)
-        })
-    }
-}
-
-/// Names of the curves in their colours, at the upper right, where time is spent and error is large.
-fn legend(curves: &[&Curve]) -> Vec<Mark> {
-    let mut out = Vec::new();
-    let mut y = TOP + 12.0;
-    for (curve, color) in curves.iter().zip(COLORS.into_iter().cycle()) {
-        out.push(Mark::Dot { at: [RIGHT - 8.0, y], radius: 4.0, color, filled: true });
-        out.push(text([RIGHT - 18.0, y], Anchor::End, 12.0, color, curve.kernel.clone()));
-        y += 17.0;
-    }
-    if curves.iter().any(|c| c.axis == Axis::Time) {
-        let words = "filled: on the front; ringed: default";
-        out.push(text([RIGHT - 18.0, y], Anchor::End, 11.0, GREY, words));
     }
     out
 }
 
-fn color_of([r, g, b]: [u8; 3]) -> Color32 {
-    Color32::from_rgb(r, g, b)
-}
-
-/// The marks on a white ground.
-pub(super) fn paint(ui: &egui::Ui, marks: &[Mark]) {
-    let painter = ui.painter();
-    let place = |[x, y]: [f32; 2]| -> Pos2 { pos2(x, y) };
-    let all = egui::Rect::from_min_size(Pos2::ZERO, vec2(SIZE[0] as f32, SIZE[1] as f32));
-    painter.rect_filled(all, 0.0, Color32::WHITE);
-    for mark in marks {
-        match mark {
-            Mark::Line { from, to, color, width, dashed } => {
-                let stroke = Stroke::new(*width, color_of(*color));
-                if *dashed {
-                    painter.extend(egui::Shape::dashed_line(&[place(*from), place(*to)], stroke, 6.0, 4.0));
-                } else {
-                    painter.line_segment([place(*from), place(*to)], stroke);
-                }
-            }
-            Mark::Dot { at, radius, color, filled: true } => {
-                painter.circle_filled(place(*at), *radius, color_of(*color));
-            }
-            Mark::Dot { at, radius, color, filled: false } => {
-                painter.circle_stroke(place(*at), *radius, Stroke::new(1.3, color_of(*color)));
-            }
-            Mark::Text { at, anchor, size, color, text } => {
-                let align = match anchor {
-                    Anchor::Start => Align2::LEFT_CENTER,
-                    Anchor::Middle => Align2::CENTER_CENTER,
-                    Anchor::End => Align2::RIGHT_CENTER,
-                };
-                painter.text(place(*at), align, text, FontId::proportional(*size), color_of(*color));
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use glioscope_render::accuracy::{Errors, Family, Timing};
-
     use super::*;
+    use crate::{
+        accuracy::{FAMILIES, errors::Errors},
+        clock::Timing,
+    };
 
     fn curve(values: &[f64]) -> Curve {
         let point = |(number, value): (usize, &f64)| {
             let ms = 10.0 + number as f64;
-            let mut errors = Errors::default();
-            errors.add(1.0 / ms);
             Point {
                 setting: format!("a setting in several words, number {number}"),
-                time: Some(Timing { median_ms: ms, q1_ms: ms, q3_ms: ms, runs: 1 }),
+                time: Timing::of(&[ms]),
                 is_default: number == 2,
                 is_pareto: true,
-                ..Point::new(*value, &errors)
+                ..Point::new(*value, &Errors::of([1.0 / ms]))
             }
         };
         Curve {
-            family: Family::Occlusion,
+            family: "context",
             kernel: "kernel".to_owned(),
             scene: String::new(),
             knob: "",
@@ -436,23 +351,16 @@ mod tests {
     #[test]
     fn words_keep_clear_of_each_other() {
         let crowd = curve(&[0.0; 60]);
-        let marks = marks(&[&crowd]);
-        let areas: Vec<(Area, &str)> = marks
-            .iter()
-            .filter_map(|m| match m {
-                Mark::Text { at, anchor, size, text, .. } if *size == Labels::SIZE => {
-                    let width = 5.0 * text.chars().count() as f32;
-                    let left = if *anchor == Anchor::End { at[0] - width } else { at[0] };
-                    Some((Area { left, right: left + width, top: at[1] - 5.0, bottom: at[1] + 5.0 }, &**text))
-                }
-                _ => None,
-            })
-            .collect();
-        assert!(areas.iter().any(|a| a.1.starts_with("default: ")));
-        assert!(areas.len() > 4 && areas.len() < 60, "{}", areas.len());
-        for (n, (a, words)) in areas.iter().enumerate() {
-            assert!(a.left > LEFT - 1.0 && a.right < SIZE[0] as f32, "{words}");
-            assert!(areas[..n].iter().all(|b| !b.0.meets(a)), "{words}");
+        let plot = Plot { family: FAMILIES[0], curves: vec![&crowd], number: 1 };
+        let place = |p: &Point| plot.place(p).map(|(x, y)| ((40.0 * x - 300.0) as i32, (4000.0 * y) as i32));
+        let labels = labels(&plot, place, Some(440));
+        assert!(labels.iter().any(|l| l.words.starts_with("default: ")));
+        assert!(labels.len() > 4 && labels.len() < 60, "{}", labels.len());
+        for (n, label) in labels.iter().enumerate() {
+            let area = label.area();
+            assert!(area[0] > 65 && area[2] < SIZE.0 as i32, "{label:?}");
+            assert!(labels[..n].iter().all(|other| !meet(&other.area(), &area)), "{label:?}");
         }
+        assert!(plot.svg().unwrap().contains("number 2"));
     }
 }

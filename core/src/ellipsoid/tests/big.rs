@@ -1,4 +1,4 @@
-//! Sizes that break what is written carelessly.
+//! Large inputs: cubes of 512³ voxels, and many components.
 
 use super::{all, index_of, random, unit_grid};
 use crate::{
@@ -18,21 +18,21 @@ fn a_full_cube_of_512() {
 }
 
 #[test]
-fn a_cube_of_512_with_a_voxel_missing_goes_through_the_solver() {
+fn a_cube_of_512_missing_one_voxel_uses_the_solver() {
     let mut bits = MaskBits::full([512; 3]);
     bits.words_mut()[(200 * 512 + 100) * 8] &= !(1 << 7);
     let components = Components::of_mask(&bits, Connectivity::default()).unwrap();
     let component = &components.list()[0];
     let found =
         enclose(&hull_corners(components.runs(component), component.start), &Options::default()).unwrap();
-    let want = glam::DVec3::splat(256.0 * 3_f64.sqrt());
-    let have = glam::DVec3::new(found.shape.x_axis.x, found.shape.y_axis.y, found.shape.z_axis.z);
-    assert!((have / want).distance(glam::DVec3::ONE) < 1e-7);
+    let expected = glam::DVec3::splat(256.0 * 3_f64.sqrt());
+    let found_axes = glam::DVec3::new(found.shape.x_axis.x, found.shape.y_axis.y, found.shape.z_axis.z);
+    assert!((found_axes / expected).distance(glam::DVec3::ONE) < 1e-7);
 }
 
 #[test]
-fn thirty_one_thousand_specks() {
-    // 2 % of 128³ at random, as in the notes: about 31,800 components of one or a few voxels.
+fn thirty_one_thousand_small_components() {
+    // 2 % of 128³ at random: about 31,800 components of one or a few voxels.
     let mut state = 9;
     let bits = MaskBits::from_fn([128; 3], |_| random(&mut state).is_multiple_of(50));
     let found = all(&index_of(&unit_grid([128; 3]), &[bits]));

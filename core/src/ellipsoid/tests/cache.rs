@@ -1,4 +1,4 @@
-//! The file beside a session.
+//! The cache file beside a session.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use crate::{
 };
 
 #[test]
-fn keys_follow_everything_that_the_answer_depends_on() {
+fn keys_depend_on_every_input() {
     let dims = [21, 10, 9];
     let bits = blob(dims, &mut 6, 2);
     let mut other = bits.clone();
@@ -24,8 +24,8 @@ fn keys_follow_everything_that_the_answer_depends_on() {
         keys.push(Key::of(&index_of(&unit_grid(dims), &masks), Connectivity::Six, &options));
     }
     let index = index_of(&unit_grid(dims), std::slice::from_ref(&bits));
-    let turned = index_of(&skewed_grid(dims, 0.0), &[bits]);
-    keys.push(Key::of(&turned, Connectivity::Six, &options));
+    let rotated = index_of(&skewed_grid(dims, 0.0), &[bits]);
+    keys.push(Key::of(&rotated, Connectivity::Six, &options));
     keys.push(Key::of(&index, Connectivity::TwentySix, &options));
     for changed in [
         Options { method: Method::AwaySteps, ..options },
@@ -42,7 +42,7 @@ fn keys_follow_everything_that_the_answer_depends_on() {
 }
 
 #[test]
-fn one_voxel_that_moves_changes_the_key() {
+fn moving_one_voxel_changes_the_key() {
     let dims = [40, 3, 3];
     let mut keys = Vec::new();
     for x in 0..40 {
@@ -61,7 +61,7 @@ fn one_voxel_that_moves_changes_the_key() {
 }
 
 #[test]
-fn what_is_saved_comes_back_to_the_bit_and_damage_gives_nothing() {
+fn saved_entries_load_bit_for_bit_and_damaged_ones_are_dropped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("case.ellipsoids.json");
     assert!(cache::load(&path).is_empty());
@@ -81,7 +81,7 @@ fn what_is_saved_comes_back_to_the_bit_and_damage_gives_nothing() {
 
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(!text.contains("m0"), "no names");
-    // Whatever byte is changed, no wrong number comes back: an entry is whole or absent.
+    // Whichever byte is changed, no wrong number is loaded: an entry is intact or absent.
     for at in (0..text.len()).step_by(7) {
         let mut bytes = text.clone().into_bytes();
         bytes[at] = if bytes[at] == b'1' { b'2' } else { b'1' };

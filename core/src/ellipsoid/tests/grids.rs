@@ -66,7 +66,7 @@ fn every_corner_is_inside() {
 }
 
 #[test]
-fn a_voxel_a_line_a_sheet_and_a_diagonal() {
+fn voxel_line_sheet_and_diagonal_are_enclosed() {
     let dims = [90, 90, 90];
     let mut diagonal = MaskBits::empty(dims);
     (0..90).for_each(|i| diagonal.set([i, i, i]));
@@ -88,7 +88,7 @@ fn a_voxel_a_line_a_sheet_and_a_diagonal() {
 }
 
 #[test]
-fn far_away_sheared_and_mirrored_is_the_same_but_for_rounding() {
+fn distant_sheared_and_mirrored_grids_agree_up_to_rounding() {
     let dims = [40, 30, 20];
     let bits = blob(dims, &mut 4, 3);
     let plain = all(&index_of(&unit_grid(dims), std::slice::from_ref(&bits)));
@@ -96,15 +96,15 @@ fn far_away_sheared_and_mirrored_is_the_same_but_for_rounding() {
         DMat3::from_cols(DVec3::new(0.8, 0.0, 0.1), DVec3::new(0.3, 1.1, 0.0), DVec3::new(-0.4, 0.7, 3.0));
     for matrix in [DMat3::IDENTITY, DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)), shear, -shear] {
         for offset in [0.0, 1e6] {
-            let place = DAffine3 { matrix3: matrix, translation: DVec3::splat(offset) };
-            let grid = Grid::new(dims, place, Sides::Known).unwrap();
+            let world_from_voxel = DAffine3 { matrix3: matrix, translation: DVec3::splat(offset) };
+            let grid = Grid::new(dims, world_from_voxel, Sides::Known).unwrap();
             let placed = all(&index_of(&grid, std::slice::from_ref(&bits)));
             assert_eq!(plain.len(), placed.len());
             for (p, q) in plain.iter().zip(&placed) {
                 assert_eq!(p.exaggeration, q.exaggeration);
                 assert_eq!(p.volume_bound, q.volume_bound);
                 for (p, q) in [(p.enclosing, q.enclosing), (p.moment, q.moment)] {
-                    assert!(place.transform_point3(p.center_mm).distance(q.center_mm) <= 1e-9);
+                    assert!(world_from_voxel.transform_point3(p.center_mm).distance(q.center_mm) <= 1e-9);
                     // Each ellipsoid as its matrix Q = R diag(a²) Rᵀ, which has no signs or order.
                     let form = |e: &crate::ellipsoid::Ellipsoid| {
                         e.rotation
@@ -127,18 +127,18 @@ fn moments_equal_brute_force() {
     let bits = blob(dims, &mut 15, 1);
     let grid = skewed_grid(dims, -500.0);
     let found = all(&index_of(&grid, std::slice::from_ref(&bits)))[0];
-    // Mean and covariance in the world, each voxel a solid parallelepiped: M Mᵀ / 12 of its own.
-    let mut places = Vec::new();
+    // Mean and covariance in world space; each voxel is a solid parallelepiped, which adds M Mᵀ / 12.
+    let mut positions = Vec::new();
     bits.for_each(|l| {
         let voxel = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
-        places.push(grid.center_of_voxel_mm(voxel));
+        positions.push(grid.center_of_voxel_mm(voxel));
     });
-    let n = places.len() as f64;
-    let mean = places.iter().sum::<DVec3>() / n;
+    let n = positions.len() as f64;
+    let mean = positions.iter().sum::<DVec3>() / n;
     let outer = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
     let m = grid.world_from_voxel().matrix3;
     let covariance =
-        places.iter().fold(m * m.transpose() * (1.0 / 12.0), |sum, &p| sum + outer(p - mean) * (1.0 / n));
+        positions.iter().fold(m * m.transpose() * (1.0 / 12.0), |sum, &p| sum + outer(p - mean) * (1.0 / n));
     assert!(found.moment.center_mm.distance(mean) < 1e-9);
     let axes = found.moment.rotation.transpose() * covariance * found.moment.rotation;
     let scale = axes.x_axis.x / found.moment.semi_axes_mm.x.powi(2);
@@ -148,7 +148,7 @@ fn moments_equal_brute_force() {
 }
 
 #[test]
-fn empty_masks_give_none_and_each_is_said_of_what() {
+fn empty_masks_have_none_and_reports_name_the_mask_or_region() {
     let dims = [12, 9, 8];
     let grid = unit_grid(dims);
     assert!(all(&index_of(&grid, &[])).is_empty());
@@ -192,7 +192,7 @@ fn empty_masks_give_none_and_each_is_said_of_what() {
 }
 
 #[test]
-fn connectivity_and_cancel() {
+fn connectivity_is_used_and_cancelling_stops() {
     let dims = [4, 4, 4];
     let mut bits = MaskBits::empty(dims);
     bits.set([0, 0, 0]);

@@ -1,4 +1,4 @@
-//! Truths: closed forms, all corners of all voxels, other methods, a run to 1e-12.
+//! References: closed forms, all corners of all voxels, other methods, a solution to 1e-12.
 
 mod big;
 mod cache;
@@ -10,7 +10,7 @@ use glam::{DAffine3, DVec3};
 use super::{ComponentEllipsoid, Ellipsoid, Of, Options, ellipsoids_of};
 use crate::{Connectivity, Grid, Mask, MaskBits, Progress, Sides, TumorIndex, components::Components};
 
-/// A small generator; the top bits are good enough for masks.
+/// A linear congruential generator; its top bits are random enough for masks.
 fn random(state: &mut u64) -> u32 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 40) as u32
@@ -58,8 +58,8 @@ fn blob(dims: [usize; 3], state: &mut u64, balls: usize) -> MaskBits {
     })
 }
 
-/// Highest level of any corner of any voxel of each component, from labels, not from runs; in the order
-/// of the components of one mask or region pass.
+/// Highest [`Ellipsoid::level`] over all voxel corners of each component, from labels instead of runs; in
+/// the order of the components.
 fn highest_levels(components: &Components, grid: &Grid, ellipsoids: &[Ellipsoid]) -> Vec<f64> {
     let dims = grid.dims();
     let mut highest = vec![0.0_f64; ellipsoids.len()];
@@ -74,8 +74,9 @@ fn highest_levels(components: &Components, grid: &Grid, ellipsoids: &[Ellipsoid]
         );
         for corner in 0..8 {
             let side = |bit: usize| if corner >> bit & 1 == 1 { 0.5 } else { -0.5 };
-            let place = voxel + DVec3::new(side(0), side(1), side(2));
-            let level = ellipsoids[label as usize - 1].level(grid.world_from_voxel().transform_point3(place));
+            let position = voxel + DVec3::new(side(0), side(1), side(2));
+            let level =
+                ellipsoids[label as usize - 1].level(grid.world_from_voxel().transform_point3(position));
             highest[label as usize - 1] = highest[label as usize - 1].max(level);
         }
     }
@@ -88,27 +89,27 @@ fn check_corners(index: &TumorIndex, tolerance: f64) {
     let mut checked = 0;
     for mask in 0..index.mask_ids().len() {
         let components = Components::of_index_mask(index, mask, Connectivity::default()).unwrap();
-        let mine: Vec<Ellipsoid> =
+        let component_ellipsoids: Vec<Ellipsoid> =
             found.iter().filter(|c| c.of == Of::Mask(mask)).map(|c| c.enclosing).collect();
-        assert_eq!(mine.len(), components.list().len());
-        checked += mine.len();
-        for level in highest_levels(&components, index.grid(), &mine) {
+        assert_eq!(component_ellipsoids.len(), components.list().len());
+        checked += component_ellipsoids.len();
+        for level in highest_levels(&components, index.grid(), &component_ellipsoids) {
             assert!((level - 1.0).abs() < tolerance, "{level}");
         }
     }
     let components = Components::of_index(index, Connectivity::default()).unwrap();
-    // From raster order to the order of the answer: stable by masks and bits.
+    // From raster order to the order of the result: stable by mask count and bits.
     let mut order: Vec<usize> = (0..components.list().len()).collect();
     order.sort_by_key(|&i| (components.list()[i].value.count_ones(), components.list()[i].value));
     let regions: Vec<&ComponentEllipsoid> = found.iter().skip(checked).collect();
     assert_eq!(regions.len(), order.len());
-    let mut mine = vec![regions[0].enclosing; order.len()];
+    let mut component_ellipsoids = vec![regions[0].enclosing; order.len()];
     for (at, &i) in order.iter().enumerate() {
         assert_eq!(regions[at].of, Of::Region(components.list()[i].value));
         assert_eq!(regions[at].voxels, components.list()[i].voxels);
-        mine[i] = regions[at].enclosing;
+        component_ellipsoids[i] = regions[at].enclosing;
     }
-    for level in highest_levels(&components, index.grid(), &mine) {
+    for level in highest_levels(&components, index.grid(), &component_ellipsoids) {
         assert!((level - 1.0).abs() < tolerance, "{level}");
     }
 }

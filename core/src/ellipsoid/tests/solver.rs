@@ -35,9 +35,12 @@ fn boxes_have_the_closed_form_with_every_method() {
             points.extend(box_corners(size));
             let options = Options { method, tolerance: 1e-10, ..Options::default() };
             let found = enclose(&points, &options).unwrap();
-            let want = size * (3_f64.sqrt() / 2.0);
+            let expected = size * (3_f64.sqrt() / 2.0);
             for axis in 0..3 {
-                assert!((found.shape.col(axis)[axis] / want[axis] - 1.0).abs() < 1e-9, "{method:?} {size}");
+                assert!(
+                    (found.shape.col(axis)[axis] / expected[axis] - 1.0).abs() < 1e-9,
+                    "{method:?} {size}"
+                );
             }
             assert!(found.center.distance(size * 0.5) < 1e-9 * size.length());
             assert!(found.volume_bound <= 1.0 + 1e-10);
@@ -49,7 +52,7 @@ fn boxes_have_the_closed_form_with_every_method() {
 fn methods_agree_and_bounds_hold_on_random_blobs() {
     let dims = [40, 30, 25];
     let mut state = 11;
-    let mut seen = 0;
+    let mut checked = 0;
     for round in 0..12 {
         let bits = blob(dims, &mut state, 1 + round % 4);
         let components = Components::of_mask(&bits, Connectivity::default()).unwrap();
@@ -64,22 +67,22 @@ fn methods_agree_and_bounds_hold_on_random_blobs() {
                 assert!(found.volume_bound <= 1.0 + tolerance, "{method:?} {}", found.volume_bound);
                 assert!(ratio >= 1.0 - 1e-11 && ratio <= found.volume_bound + 1e-11, "{method:?} {ratio}");
                 assert!(highest_level(&points, &found) <= 1.0 + 1e-11);
-                seen += 1;
+                checked += 1;
             }
         }
     }
-    assert!(seen > 40, "{seen}");
+    assert!(checked > 40, "{checked}");
 }
 
 #[test]
-fn an_early_end_gives_a_larger_bound_that_still_holds() {
+fn stopping_early_gives_a_larger_valid_bound() {
     let bits = blob([40, 40, 40], &mut 5, 3);
     let components = Components::of_mask(&bits, Connectivity::default()).unwrap();
     let component = components.list().iter().max_by_key(|c| c.voxels).unwrap();
     let points = hull_corners(components.runs(component), component.start);
     let best = enclose(&points, &Options { tolerance: 1e-12, ..Options::default() }).unwrap();
     for method in METHODS {
-        let mut before = f64::INFINITY;
+        let mut least_bound = f64::INFINITY;
         for max_iterations in [0, 1, 3, 10] {
             let options = Options { method, tolerance: 1e-12, max_iterations };
             let found = enclose(&points, &options).unwrap();
@@ -87,14 +90,14 @@ fn an_early_end_gives_a_larger_bound_that_still_holds() {
             assert!(found.volume_bound > 1.0 + 1e-7 && ratio <= found.volume_bound, "{method:?} {ratio}");
             assert!(highest_level(&points, &found) <= 1.0 + 1e-11);
             assert_eq!(found.iterations, max_iterations);
-            before = before.min(found.volume_bound);
+            least_bound = least_bound.min(found.volume_bound);
         }
-        assert!(before < 3.0);
+        assert!(least_bound < 3.0);
     }
 }
 
 #[test]
-fn a_ball_of_voxels_is_nearly_a_ball_and_certified() {
+fn a_ball_of_voxels_has_a_certified_ball() {
     for radius in [1.0, 2.5, 6.0, 20.0] {
         let n = 45;
         let center = DVec3::splat(22.0);
@@ -107,19 +110,19 @@ fn a_ball_of_voxels_is_nearly_a_ball_and_certified() {
         let runs = components.runs(component);
         let found = enclosing_of(component, runs, &Options::default());
         assert!(found.volume_bound <= 1.0 + 1e-7);
-        // Its symmetry makes it a ball about the centre, through the farthest corner.
+        // By symmetry the optimum is a ball about the centre, through the farthest corner.
         let corners = hull_corners(runs, component.start);
-        let middle = DVec3::from(component.dims.map(|d| d as f64 / 2.0));
-        let far = corners.iter().map(|c| c.distance(middle)).fold(0.0, f64::max);
-        let truth = 4.0 / 3.0 * std::f64::consts::PI * far.powi(3);
+        let center_of_box = DVec3::from(component.dims.map(|d| d as f64 / 2.0));
+        let farthest = corners.iter().map(|c| c.distance(center_of_box)).fold(0.0, f64::max);
+        let truth = 4.0 / 3.0 * std::f64::consts::PI * farthest.powi(3);
         assert!((found.volume() / truth - 1.0).abs() < 1e-7, "{radius}");
-        assert!(found.center.distance(middle) < 1e-3);
+        assert!(found.center.distance(center_of_box) < 1e-3);
     }
 }
 
 #[test]
 fn a_simplex_has_the_closed_form() {
-    // Any tetrahedron is an affine picture of the regular one: volume 4/3 π 3^{3/2} times sqrt(det of
+    // Any tetrahedron is an affine image of the regular one: volume 4/3 π 3^{3/2} times sqrt(det of
     // the covariance of its four equally weighted corners).
     let mut state = 8;
     let mut next = || f64::from(random(&mut state) % 4001) / 1000.0 - 2.0;
@@ -140,7 +143,7 @@ fn a_simplex_has_the_closed_form() {
 }
 
 #[test]
-fn what_spans_no_space_has_no_answer() {
+fn coplanar_points_have_no_ellipsoid() {
     let options = Options::default();
     assert_eq!(enclose(&[], &options), None);
     assert_eq!(enclose(&[DVec3::ONE; 9], &options), None);
@@ -151,7 +154,7 @@ fn what_spans_no_space_has_no_answer() {
 }
 
 #[test]
-fn hull_corners_hold_every_extreme_corner() {
+fn hull_corners_include_every_extreme_corner() {
     let mut state = 21;
     for round in 0..40 {
         let dims = [9, 7, 6];
@@ -160,7 +163,7 @@ fn hull_corners_hold_every_extreme_corner() {
         let components = Components::of_mask(&bits, Connectivity::default()).unwrap();
         let labels = components.labels(dims);
         for (label, component) in (1..).zip(components.list()) {
-            let kept = hull_corners(components.runs(component), component.start);
+            let hull = hull_corners(components.runs(component), component.start);
             let mut every = Vec::new();
             for (l, _) in labels.iter().enumerate().filter(|(_, at)| **at == label) {
                 let voxel = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
@@ -170,13 +173,13 @@ fn hull_corners_hold_every_extreme_corner() {
                     every.push(DVec3::new(at(0), at(1), at(2)));
                 }
             }
-            // No corner is made up, and none is farther in any direction than those kept.
-            assert!(kept.iter().all(|k| every.contains(k)));
+            // Each is a voxel corner, and no voxel corner is farther in any direction.
+            assert!(hull.iter().all(|corner| every.contains(corner)));
             for _ in 0..60 {
                 let mut part = || f64::from(random(&mut state) % 21) - 10.0;
                 let d = DVec3::new(part(), part(), part());
                 let reach = |points: &[DVec3]| points.iter().map(|p| p.dot(d)).fold(f64::MIN, f64::max);
-                assert_eq!(reach(&kept), reach(&every));
+                assert_eq!(reach(&hull), reach(&every));
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What the transfer-function editor shows behind its curve.
+//! Histograms shown behind the curve of the transfer-function editor.
 
 use glam::DVec3;
 use glioscope_core::{Grid, Volume};
@@ -14,24 +14,24 @@ pub struct ValueHistogram {
     outside: u64,
 }
 
-/// The range of values that is worth an axis: all of them, or where a few outliers would squeeze
-/// the rest, the 1st to 99th percentile and half as much again on either side.
+/// The range of values for an axis: all of them, or where a few outliers would compress the rest, the
+/// 1st to 99th percentile extended by half that range on either side.
 fn robust_range(statistics: &flat::Histogram) -> (f64, f64) {
     let Some((min, max)) = statistics.range() else { return (0.0, 1.0) };
     let (mut low, mut high) = (min, max);
     if let Some((p01, p99)) = statistics.p01_p99().filter(|p| p.1 > p.0) {
-        let room = 0.5 * (p99 - p01);
-        low = low.max(p01 - room);
-        high = high.min(p99 + room);
+        let margin = 0.5 * (p99 - p01);
+        low = low.max(p01 - margin);
+        high = high.min(p99 + margin);
     }
     if high - low > 0.0 && (high - low).is_finite() { (low, high) } else { (low - 0.5, low + 0.5) }
 }
 
 impl ValueHistogram {
-    /// Bins.
+    /// Number of bins.
     pub const BINS: usize = 256;
 
-    /// Counts the finite voxels of a volume, whose statistics the caller has. One pass on all cores.
+    /// Counts the finite voxels of a volume with known `statistics`. One pass on all cores.
     pub fn of(volume: &Volume, statistics: &flat::Histogram) -> Self {
         let range = robust_range(statistics);
         let bins_per_unit = Self::BINS as f64 / (range.1 - range.0);
@@ -58,23 +58,22 @@ impl ValueHistogram {
         Self { range, counts, outside }
     }
 
-    /// Lower end of the first bin and upper end of the last, image units; the second is above the
-    /// first.
+    /// Lower end of the first bin and upper end of the last, image units; the second is greater.
     pub fn range(&self) -> (f64, f64) {
         self.range
     }
 
-    /// Voxels of each bin.
+    /// Voxel count of each bin.
     pub fn counts(&self) -> &[u64] {
         &self.counts
     }
 
-    /// Finite voxels beyond the range.
+    /// Number of finite voxels beyond the range.
     pub fn outside(&self) -> u64 {
         self.outside
     }
 
-    /// Heights to draw: log(1 + count) over the largest such, 0 to 1.
+    /// Heights to draw: log(1 + count) relative to the largest, 0 to 1.
     pub fn log_heights(&self) -> Vec<f64> {
         log_heights(&self.counts)
     }
@@ -94,12 +93,12 @@ pub struct GradientHistogram {
 }
 
 impl GradientHistogram {
-    /// Bins along each axis.
+    /// Number of bins along each axis.
     pub const BINS: usize = 128;
 
-    /// Counts every voxel whose value and neighbours are finite: a second or so for 512³, so only
+    /// Counts every voxel whose value and neighbours are finite: about a second for 512³, so only
     /// when a 2-D editor is open. Values as in [`ValueHistogram`]; gradients are central differences
-    /// in mm, counted up to half the value range per millimetre of the finest spacing (steeper ones
+    /// in image units per mm, counted up to half the value range divided by the finest spacing (steeper ones
     /// in the last bin).
     pub fn of(volume: &Volume, statistics: &flat::Histogram) -> Self {
         let range = robust_range(statistics);
@@ -108,7 +107,7 @@ impl GradientHistogram {
         let highest_gradient = 0.5 * (range.1 - range.0) / grid.spacing_mm().min_element();
         let scale = Self::BINS as f64 / (range.1 - range.0);
         let gradient_scale = Self::BINS as f64 / highest_gradient;
-        let turn = mm_from_index_gradient(grid);
+        let mm_gradient = mm_from_index_gradient(grid);
         let last = Self::BINS - 1;
         let empty = || vec![0u64; Self::BINS * Self::BINS];
         let counts = (0..dims[1] * dims[2])
@@ -126,7 +125,8 @@ impl GradientHistogram {
                         down[axis] = ijk[axis].saturating_sub(1);
                         0.5 * (volume.value(grid.linear(up)) - volume.value(grid.linear(down)))
                     };
-                    let gradient = turn(DVec3::new(difference(0), difference(1), difference(2))).length();
+                    let gradient =
+                        mm_gradient(DVec3::new(difference(0), difference(1), difference(2))).length();
                     if gradient.is_finite() {
                         let column = (((value - range.0) * scale) as usize).min(last);
                         let row = ((gradient * gradient_scale) as usize).min(last);
@@ -142,23 +142,23 @@ impl GradientHistogram {
         Self { range, highest_gradient, counts }
     }
 
-    /// Values at the left and right end, image units.
+    /// Values at the lower and upper end, image units.
     pub fn range(&self) -> (f64, f64) {
         self.range
     }
 
-    /// Gradient magnitude at the top end, image units per millimetre; the lowest is 0.
+    /// Gradient magnitude at the upper end, image units per millimetre; the lowest is 0.
     pub fn highest_gradient(&self) -> f64 {
         self.highest_gradient
     }
 
-    /// Voxels: [`GradientHistogram::BINS`] rows of as many bins, gradient rising from row to row,
-    /// value along each.
+    /// Voxel counts: [`GradientHistogram::BINS`] rows of as many bins, gradient increasing from row to row,
+    /// value along each row.
     pub fn counts(&self) -> &[u64] {
         &self.counts
     }
 
-    /// Brightness to draw: log(1 + count) over the largest such, 0 to 1.
+    /// Brightness to draw: log(1 + count) relative to the largest, 0 to 1.
     pub fn log_heights(&self) -> Vec<f64> {
         log_heights(&self.counts)
     }
@@ -166,6 +166,6 @@ impl GradientHistogram {
 
 /// From differences per voxel to the gradient per millimetre.
 pub(crate) fn mm_from_index_gradient(grid: &Grid) -> impl Fn(DVec3) -> DVec3 + use<> {
-    let turn = grid.world_from_voxel().matrix3.inverse().transpose();
-    move |per_voxel| turn * per_voxel
+    let per_mm_from_per_voxel = grid.world_from_voxel().matrix3.inverse().transpose();
+    move |per_voxel| per_mm_from_per_voxel * per_voxel
 }

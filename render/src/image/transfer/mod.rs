@@ -1,6 +1,6 @@
-//! Transfer functions of the context view: which colour and opacity a value has (thesis 7.3.2).
+//! Transfer functions of the context view: colour and opacity of each value (thesis 7.3.2).
 //!
-//! Pure numbers: no device, no window. Values are in the image's own units, gradients in these per
+//! Uses no device and no window. Values are in the image's own units, gradients in these per
 //! millimetre, opacities per millimetre of material.
 
 mod histogram;
@@ -15,7 +15,7 @@ pub use preset::TransferPreset;
 
 use crate::scene::Rgb;
 
-/// What one value looks like; linear between neighbours, constant past the first and the last.
+/// Colour and opacity of one value; linear between neighbours, constant beyond the first and the last.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlPoint {
     /// Image value. Finite.
@@ -26,8 +26,8 @@ pub struct ControlPoint {
     pub opacity: f64,
 }
 
-/// How much of the opacity is left at a gradient magnitude; linear between neighbours, constant past
-/// the first and the last.
+/// Factor of the opacity at a gradient magnitude; linear between neighbours, constant beyond the first
+/// and the last.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GradientPoint {
     /// Image units per millimetre. Finite, at least 0.
@@ -36,7 +36,7 @@ pub struct GradientPoint {
     pub factor: f64,
 }
 
-/// A transfer function that can't be.
+/// An invalid transfer function.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TransferError {
     /// Too few control points.
@@ -52,31 +52,31 @@ pub enum TransferError {
     Number {
         /// Which number.
         what: &'static str,
-        /// Of which point, from 0.
+        /// Index of the point, from 0.
         number: usize,
-        /// The number.
+        /// The invalid number.
         found: f64,
-        /// What it should be.
+        /// The valid range.
         expected: &'static str,
     },
-    /// A point stands before its predecessor.
+    /// A point is below its predecessor.
     #[error(
         "transfer function: found {found} as {what} of point {number} after {before}, expected rising ones"
     )]
     Order {
         /// Which number.
         what: &'static str,
-        /// Of which point, from 0.
+        /// Index of the point, from 0.
         number: usize,
-        /// The number.
+        /// Its number.
         found: f64,
-        /// That of the point before.
+        /// The number of the point before.
         before: f64,
     },
 }
 
 /// Colour and opacity of values, piecewise linear. Valid by construction: at least two control
-/// points, in rising order (equal values make a step), every number finite and in its range.
+/// points, in ascending order (equal values make a step), every number finite and in its range.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Stored")]
 pub struct TransferFunction {
@@ -84,7 +84,7 @@ pub struct TransferFunction {
     gradient: Option<Vec<GradientPoint>>,
 }
 
-/// As it is read, not yet checked.
+/// As deserialized, not yet checked.
 #[derive(Deserialize)]
 struct Stored {
     points: Vec<ControlPoint>,
@@ -100,7 +100,7 @@ impl TryFrom<Stored> for TransferFunction {
     }
 }
 
-/// The place of `x` among rising `at(0..n)`: the two neighbours and the weight of the upper one.
+/// Position of `x` among ascending `at(0..n)`: the two neighbours and the weight of the upper one.
 fn place(n: usize, at: impl Fn(usize) -> f64, x: f64) -> (usize, usize, f64) {
     let (mut low, mut high) = (0, n);
     // The first that is above x.
@@ -115,7 +115,7 @@ fn place(n: usize, at: impl Fn(usize) -> f64, x: f64) -> (usize, usize, f64) {
     match low {
         0 => (0, 0, 0.0),
         _ if low == n => (n - 1, n - 1, 0.0),
-        // Halved, so that a width past f64 is none.
+        // Halved, so that the difference doesn't overflow f64.
         _ => {
             let (a, b) = (at(low - 1), at(low));
             (low - 1, low, (x / 2.0 - a / 2.0) / (b / 2.0 - a / 2.0))
@@ -123,7 +123,7 @@ fn place(n: usize, at: impl Fn(usize) -> f64, x: f64) -> (usize, usize, f64) {
     }
 }
 
-fn rising(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), TransferError> {
+fn check_ascending(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), TransferError> {
     let mut before = f64::NEG_INFINITY;
     for (number, found) in values.enumerate() {
         if !found.is_finite() {
@@ -137,7 +137,7 @@ fn rising(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), T
     Ok(())
 }
 
-fn shares(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), TransferError> {
+fn check_fractions(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), TransferError> {
     for (number, found) in values.enumerate() {
         if !(0.0..=1.0).contains(&found) {
             return Err(TransferError::Number { what, number, found, expected: "0 to 1" });
@@ -147,11 +147,11 @@ fn shares(what: &'static str, values: impl Iterator<Item = f64>) -> Result<(), T
 }
 
 impl TransferFunction {
-    /// A function through `points`; `gradient` makes it a 2-D one, `None` leaves gradient magnitudes
-    /// out of the opacity (and out of the work).
+    /// A function through `points`; `gradient` makes it a 2-D one, with `None` the opacity doesn't depend on
+    /// gradient magnitudes (and these aren't computed).
     ///
     /// # Errors
-    /// [`TransferError`] for fewer than two points, falling values, and numbers not finite or out of
+    /// [`TransferError`] for fewer than two points, descending values, and numbers not finite or out of
     /// their range.
     pub fn new(
         points: Vec<ControlPoint>,
@@ -160,19 +160,19 @@ impl TransferFunction {
         if points.len() < 2 {
             return Err(TransferError::Few { what: "control points", found: points.len() });
         }
-        rising("value", points.iter().map(|p| p.value))?;
-        shares("opacity", points.iter().map(|p| p.opacity))?;
+        check_ascending("value", points.iter().map(|p| p.value))?;
+        check_fractions("opacity", points.iter().map(|p| p.opacity))?;
         check_gradient(gradient.as_deref())?;
         Ok(Self { points, gradient })
     }
 
-    /// Nothing is seen: what a scene without an image has.
+    /// The transparent function, of a scene without an image.
     pub fn transparent() -> Self {
         let point = |value| ControlPoint { value, color: [0; 3], opacity: 0.0 };
         Self { points: vec![point(0.0), point(1.0)], gradient: None }
     }
 
-    /// The control points, in rising order; at least two.
+    /// The control points, in ascending order; at least two.
     pub fn points(&self) -> &[ControlPoint] {
         &self.points
     }
@@ -182,7 +182,7 @@ impl TransferFunction {
         self.gradient.as_deref()
     }
 
-    /// Makes it a 2-D function, or a 1-D one with `None`. Unchanged after an error.
+    /// Makes it a 2-D function, or with `None` a 1-D one. Unchanged after an error.
     ///
     /// # Errors
     /// As [`TransferFunction::new`].
@@ -192,8 +192,8 @@ impl TransferFunction {
         Ok(())
     }
 
-    /// Changes point `number`: its value is kept between its neighbours, its opacity in 0 to 1; what
-    /// is not a number is left as it was. Does nothing past the last point.
+    /// Changes point `number`: its value is clamped to its neighbours', its opacity to 0 to 1; NaN leaves a
+    /// number unchanged. Does nothing past the last point.
     pub fn set_point(&mut self, number: usize, to: ControlPoint) {
         let low = number.checked_sub(1).and_then(|n| self.points.get(n)).map_or(f64::MIN, |p| p.value);
         let high = self.points.get(number + 1).map_or(f64::MAX, |p| p.value);
@@ -208,8 +208,8 @@ impl TransferFunction {
         }
     }
 
-    /// Puts a point at `value` with the colour and opacity that the function has there, which changes
-    /// nothing but rounding; gives its number. `None` for a value that isn't finite.
+    /// Inserts a point at `value` with the function's colour and opacity there, which changes the function only by
+    /// rounding; returns its index. `None` for a value that isn't finite.
     pub fn add_point(&mut self, value: f64) -> Option<usize> {
         if !value.is_finite() {
             return None;
@@ -221,16 +221,16 @@ impl TransferFunction {
         Some(number)
     }
 
-    /// Takes point `number` out; says whether it did. Two points always stay.
+    /// Removes point `number` and returns whether it did. Two points always remain.
     pub fn remove_point(&mut self, number: usize) -> bool {
-        let takes = self.points.len() > 2 && number < self.points.len();
-        if takes {
+        let removes = self.points.len() > 2 && number < self.points.len();
+        if removes {
             self.points.remove(number);
         }
-        takes
+        removes
     }
 
-    /// Whether nothing is ever seen.
+    /// Whether the opacity is 0 everywhere.
     pub fn is_transparent(&self) -> bool {
         self.points.iter().all(|p| p.opacity == 0.0)
             || self.gradient.as_ref().is_some_and(|g| g.iter().all(|p| p.factor == 0.0))
@@ -265,8 +265,8 @@ impl TransferFunction {
         (color, opacity * self.gradient_factor(gradient))
     }
 
-    /// The largest opacity (before the gradient's factor) of any value in `low..=high`: that of the
-    /// ends and of the control points between, exact as the function is linear between these. 0 for
+    /// The largest opacity (before the gradient's factor) of any value in `low..=high`: the maximum over
+    /// the ends and the control points between, exact as the function is linear between these. 0 for
     /// an empty range.
     pub fn max_opacity(&self, low: f64, high: f64) -> f64 {
         if low.is_nan() || high.is_nan() || low > high {
@@ -280,8 +280,8 @@ impl TransferFunction {
             .fold(self.opacity_at(low).1.max(self.opacity_at(high).1), f64::max)
     }
 
-    /// Opacity of `length_mm` of a material, of which 1 mm has opacity `per_mm`:
-    /// 1 − (1 − `per_mm`)^length. What is opaque at 1 mm is so at any length above 0.
+    /// Opacity of `length_mm` of a material of which 1 mm has opacity `per_mm`:
+    /// 1 − (1 − `per_mm`)^length. A material opaque at 1 mm is so at any length above 0.
     pub fn opacity_over(per_mm: f64, length_mm: f64) -> f64 {
         if length_mm <= 0.0 {
             0.0
@@ -298,7 +298,7 @@ fn check_gradient(gradient: Option<&[GradientPoint]>) -> Result<(), TransferErro
     if points.len() < 2 {
         return Err(TransferError::Few { what: "gradient points", found: points.len() });
     }
-    rising("gradient", points.iter().map(|p| p.gradient))?;
+    check_ascending("gradient", points.iter().map(|p| p.gradient))?;
     if let Some(p) = points.first().filter(|p| p.gradient < 0.0) {
         return Err(TransferError::Number {
             what: "gradient",
@@ -307,5 +307,5 @@ fn check_gradient(gradient: Option<&[GradientPoint]>) -> Result<(), TransferErro
             expected: "at least 0",
         });
     }
-    shares("factor", points.iter().map(|p| p.factor))
+    check_fractions("factor", points.iter().map(|p| p.factor))
 }

@@ -1,4 +1,4 @@
-//! Good transfer functions to begin with, placed by an image's own percentiles.
+//! Initial transfer functions, fitted to an image's percentiles.
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
@@ -9,19 +9,29 @@ use crate::{
     scene::Rgb,
 };
 
-/// A named transfer function. The kind of image is the user's word or a guess, never a fact.
+/// A named transfer function. The kind of image is the user's choice or a guess, never certain.
 #[derive(
-    Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, EnumString, IntoStaticStr, VariantArray,
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
     VariantNames,
 )]
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "kebab-case")]
 pub enum TransferPreset {
-    /// MR: the surface of what is not background, skin or brain, opaque.
+    /// MR: the surface of everything but background (skin or brain), opaque.
     MrSurface,
-    /// MR: tissue seen through, brighter is denser.
+    /// MR: translucent tissue, denser where brighter.
     MrTissue,
-    /// MR: borders between tissues alone (2-D).
+    /// MR: only borders between tissues (2-D).
     MrBorders,
     /// CT: skin, opaque.
     CtSkin,
@@ -29,9 +39,9 @@ pub enum TransferPreset {
     CtSoft,
     /// CT: bone.
     CtBone,
-    /// PET: hot spots, from red to white, seen through what is cold.
+    /// PET: hot spots, from red to white, visible through cold tissue.
     PetHot,
-    /// PET: the whole body as faint haze, hot spots dense.
+    /// PET: the whole body as a faint haze, hot spots dense.
     PetBody,
 }
 
@@ -39,7 +49,7 @@ pub enum TransferPreset {
 type Row = (f64, Rgb, f64);
 
 impl TransferPreset {
-    /// What the menu says.
+    /// Menu text.
     pub fn name(self) -> &'static str {
         match self {
             Self::MrSurface => "MR surface",
@@ -53,22 +63,22 @@ impl TransferPreset {
         }
     }
 
-    /// The one to begin with. CT is recognised by its numbers ([`flat::Histogram::looks_like_ct`]),
-    /// PET by the image's name (the words PET, FDG, SUV, PT); anything else is taken for MR.
+    /// The initial preset. CT is recognised by its values ([`flat::Histogram::looks_like_ct`]),
+    /// PET by the image's name (the words PET, FDG, SUV, PT); anything else counts as MR.
     pub fn first_for(statistics: &flat::Histogram, name: &str) -> Self {
-        let says_pet = name
+        let named_pet = name
             .split(|c: char| !c.is_ascii_alphabetic())
             .any(|word| ["pet", "fdg", "suv", "pt"].iter().any(|pet| word.eq_ignore_ascii_case(pet)));
-        match (says_pet, statistics.looks_like_ct()) {
+        match (named_pet, statistics.looks_like_ct()) {
             (true, _) => Self::PetHot,
             (false, true) => Self::CtSkin,
             (false, false) => Self::MrSurface,
         }
     }
 
-    /// The function for an image with these statistics. CT presets are in Hounsfield units whatever
-    /// the image; the others follow the percentiles. An image without a finite value, or of one value
-    /// throughout, gets a range of 1 about it.
+    /// The function for an image with these statistics. CT presets are in Hounsfield units for any image;
+    /// the others follow the percentiles. For an image without a finite value the range is 0 to 1, for a
+    /// constant one a range of 1 around its value.
     pub fn transfer(self, statistics: &flat::Histogram) -> TransferFunction {
         let (low, high) = match statistics.p01_p99() {
             Some((low, high)) if high > low => (low, high),
@@ -78,7 +88,7 @@ impl TransferPreset {
         let width = high - low;
         // Shares of the range between the percentiles, as values.
         let scaled = |rows: &[Row]| -> Vec<Row> {
-            // What is background starts below: nothing of it may be seen.
+            // Background values are below the first row, where opacity is 0: they must stay invisible.
             rows.iter().map(|&(share, color, opacity)| (low + share * width, color, opacity)).collect()
         };
         match self {
@@ -166,7 +176,7 @@ impl TransferPreset {
     }
 }
 
-/// The tables above are in order and in range; a test goes through them all.
+/// Unchecked: the tables above are in order and in range, which a test verifies for all.
 fn build(rows: &[Row], gradient: Option<[(f64, f64); 3]>) -> TransferFunction {
     TransferFunction {
         points: rows.iter().map(|&(value, color, opacity)| ControlPoint { value, color, opacity }).collect(),
@@ -175,7 +185,7 @@ fn build(rows: &[Row], gradient: Option<[(f64, f64); 3]>) -> TransferFunction {
 }
 
 impl TransferFunction {
-    /// The function to begin with for an image with these statistics and this name:
+    /// The initial function for an image with these statistics and this name:
     /// [`TransferPreset::first_for`].
     pub fn default_for(statistics: &flat::Histogram, name: &str) -> Self {
         TransferPreset::first_for(statistics, name).transfer(statistics)

@@ -1,5 +1,6 @@
 use glam::DVec3;
 use glioscope_core::{Grid, Samples, Scaling, Volume};
+use strum::VariantArray;
 
 use crate::{flat, image::transfer::*, testing::noise};
 
@@ -16,7 +17,7 @@ fn ramp() -> TransferFunction {
 }
 
 #[test]
-fn linear_between_points_constant_past_them_a_step_where_two_meet() {
+fn functions_are_piecewise_linear_with_constant_ends_and_steps() {
     let f = ramp();
     for (value, grey, opacity) in [
         (-5.0, 0.0, 0.0),
@@ -39,7 +40,7 @@ fn linear_between_points_constant_past_them_a_step_where_two_meet() {
 }
 
 #[test]
-fn the_gradient_multiplies_opacity() {
+fn the_gradient_factor_scales_opacity() {
     let mut f = ramp();
     let two_d =
         vec![GradientPoint { gradient: 1.0, factor: 0.25 }, GradientPoint { gradient: 3.0, factor: 0.75 }];
@@ -50,7 +51,7 @@ fn the_gradient_multiplies_opacity() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_name() {
+fn invalid_functions_are_rejected_with_the_offending_number() {
     let two = |a: ControlPoint, b: ControlPoint| TransferFunction::new(vec![a, b], None).unwrap_err();
     let few = TransferFunction::new(vec![point(0.0, 0, 0.0)], None).unwrap_err();
     assert!(few.to_string().contains("1 control points"), "{few}");
@@ -70,7 +71,7 @@ fn what_cannot_be_is_refused_by_name() {
 }
 
 #[test]
-fn editing_keeps_order_range_and_two_points() {
+fn editing_preserves_order_ranges_and_two_points() {
     let mut f = ramp();
     f.set_point(0, point(50.0, 7, -3.0));
     assert_eq!(f.points()[0], point(10.0, 7, 0.0));
@@ -92,7 +93,7 @@ fn editing_keeps_order_range_and_two_points() {
 }
 
 #[test]
-fn transparent_is_what_never_shows() {
+fn is_transparent_means_zero_opacity_everywhere() {
     assert!(!ramp().is_transparent());
     let zero = TransferFunction::new(vec![point(0.0, 0, 0.0), point(1.0, 255, 0.0)], None).unwrap();
     assert!(zero.is_transparent());
@@ -105,7 +106,7 @@ fn transparent_is_what_never_shows() {
     assert!(f.is_transparent());
 }
 
-/// Against many samples; the maximum of a piecewise linear function is at its ends and corners.
+/// Compared with many samples; the maximum of a piecewise linear function is at its ends and corners.
 #[test]
 fn the_largest_opacity_of_a_range_is_exact() {
     let peaks = TransferFunction::new(
@@ -134,7 +135,7 @@ fn the_largest_opacity_of_a_range_is_exact() {
 }
 
 #[test]
-fn two_halves_hide_as_much_as_the_whole() {
+fn opacities_of_two_halves_compose_to_the_whole() {
     for per_mm in [0.0, 1e-12, 0.3, 0.999] {
         for length in [1e-3, 0.5, 1.0, 7.0] {
             let whole = TransferFunction::opacity_over(per_mm, length);
@@ -145,7 +146,7 @@ fn two_halves_hide_as_much_as_the_whole() {
     }
     assert_eq!(TransferFunction::opacity_over(1.0, 1e-9), 1.0);
     assert_eq!(TransferFunction::opacity_over(1.0, 0.0), 0.0);
-    // Far below what 1 − x keeps.
+    // Far below the precision of 1 − x.
     assert!((TransferFunction::opacity_over(1e-20, 2.0) - 2e-20).abs() < 1e-30);
 }
 
@@ -165,13 +166,13 @@ fn every_preset_is_valid_for_every_image() {
     ];
     for image in &images {
         let statistics = flat::Histogram::of(image);
-        for preset in TransferPreset::ALL {
+        for preset in TransferPreset::VARIANTS {
             let f = preset.transfer(&statistics);
             let checked =
                 TransferFunction::new(f.points().to_vec(), f.gradient().map(<[GradientPoint]>::to_vec));
             assert_eq!(checked.as_ref(), Ok(&f), "{preset:?}");
             assert!(!f.is_transparent());
-            // Background does not show.
+            // Background is invisible.
             assert_eq!(f.sample(f.points()[0].value - 1.0, 0.0).1, 0.0, "{preset:?}");
         }
     }
@@ -183,7 +184,7 @@ fn every_preset_is_valid_for_every_image() {
 }
 
 #[test]
-fn bins_hold_every_voxel_once() {
+fn histograms_count_every_voxel_once() {
     let mut values: Vec<f32> = (0..10_000).map(|i| (i % 100) as f32).collect();
     values.extend([f32::NAN, f32::INFINITY, 1e9]);
     let image = line(values);
@@ -192,7 +193,7 @@ fn bins_hold_every_voxel_once() {
     assert_eq!(h.counts().iter().sum::<u64>(), 10_000);
     let (low, high) = h.range();
     assert!(low == 0.0 && (99.0..200.0).contains(&high), "{low} {high}");
-    // Value 50 is in the bin that says so.
+    // Value 50 is in its bin.
     let bin = ((50.0 - low) / (high - low) * 256.0) as usize;
     assert_eq!(h.counts()[bin], 100);
     let heights = h.log_heights();
@@ -203,7 +204,7 @@ fn bins_hold_every_voxel_once() {
     assert!(h.log_heights().iter().all(|&x| x == 0.0));
 }
 
-/// Closed form: value = 2x + 3y mm⁻¹ on a grid of 1 x 2 x 3 mm has a gradient of √13 everywhere inside.
+/// Closed form: value = 2x + 3y (x, y in mm) on a grid of 1 x 2 x 3 mm has a gradient of √13 everywhere inside.
 #[test]
 fn gradients_are_per_millimetre() {
     let spacing = DVec3::new(1.0, 2.0, 3.0);
@@ -218,8 +219,8 @@ fn gradients_are_per_millimetre() {
 }
 
 #[test]
-fn what_is_saved_is_checked_when_read() {
-    // Without a format crate here: serde's own value deserializers.
+fn deserialized_functions_are_checked() {
+    // Serde's own value deserializers, as this crate has no format crate.
     use serde::de::{
         IntoDeserializer,
         value::{Error, MapDeserializer},

@@ -1,12 +1,12 @@
-//! Cells of light about a context image: which there are, and which of them a picture can look up.
+//! The light grid of a context image: its cells, and which of them a frame can sample.
 
 use glam::DVec3;
 use glioscope_core::{Grid, RegionVolume};
 
-/// The most cells.
+/// Maximum number of cells.
 const MOST_CELLS: usize = 1 << 26;
 
-/// The shape of a grid of light.
+/// The shape of a light grid.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cells {
     /// Cells along each axis.
@@ -16,7 +16,7 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// Cells about `side_mm` long, of whole voxels: one at least, and no more cells than fit.
+    /// Cells about `side_mm` long, of whole voxels, at least one; longer if there would be too many cells.
     pub fn new(grid: &Grid, side_mm: f64) -> Self {
         let spacing = grid.spacing_mm();
         let dims = grid.dims();
@@ -32,16 +32,16 @@ impl Cells {
         }
     }
 
-    /// Cells in all.
+    /// Total number of cells.
     pub fn count(&self) -> usize {
         self.dims.iter().product()
     }
 
-    /// Numbers of the cells that are read somewhere between these voxels (first and last centre along
-    /// each axis, which may lie outside the image).
+    /// Marks the cells that are sampled anywhere between these voxels (first and last centre along each
+    /// axis, which may lie outside the image).
     fn mark(&self, marks: &mut [bool], first: [f64; 3], last: [f64; 3]) {
         let span = |a: usize| {
-            // Light is read between the middles of two cells.
+            // Light is interpolated between the centres of cells.
             let at = |voxel: f64| (voxel + 0.5) / self.voxels[a] as f64 - 0.5;
             let most = self.dims[a] as f64 - 1.0;
             (at(first[a]).floor().clamp(0.0, most) as usize)..=(at(last[a]).ceil().clamp(0.0, most) as usize)
@@ -57,8 +57,8 @@ impl Cells {
         }
     }
 
-    /// Numbers of the cells that a picture can look up: about the bricks (of `brick` voxels, cells between
-    /// voxel centres) in which anything shows, and about the masks.
+    /// Numbers of the cells that a frame can sample: around the visible bricks (of `brick` voxels per side,
+    /// between voxel centres), and around the masks.
     pub fn needed(
         &self,
         grid: &Grid,

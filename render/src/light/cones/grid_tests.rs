@@ -1,10 +1,10 @@
-//! The grid of light against its twin in `f64`, and what coarse levels make of a cut.
+//! The light grid against its twin in `f64`, and the effect of coarse levels at a clipping plane.
 
 use glam::DVec3;
 use glioscope_core::optics::{Projection, Sight};
 use rayon::prelude::*;
 
-use super::{grid::Cells, parts_of, twin::LitImage as Twin};
+use super::{cell_dispatches, grid::Cells, twin::ConeTwin};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
     image::{buffers::ImageBuffers, volume::BRICK},
@@ -16,11 +16,11 @@ use crate::{
 
 const SIZE: [u32; 2] = [44, 36];
 
-/// For the suite: largest difference of the grid of light from its twin.
-pub(super) fn off_twin() -> f64 {
+/// For the suite: largest difference of the light grid from its twin.
+pub(super) fn max_twin_error() -> f64 {
     let mut largest = 0.0f64;
     let clip = ClipPlane { normal: DVec3::new(0.6, -1.6, 1.0), offset_mm: 10.0 };
-    let mut doubted = (0, 0);
+    let mut differing = (0, 0);
     for (two_d, with_tumor, projection, cut) in [
         (false, false, Projection::Perspective, false),
         (false, true, Projection::Perspective, true),
@@ -44,28 +44,29 @@ pub(super) fn off_twin() -> f64 {
                 cell_mm,
                 ..LightSettings::DEFAULT
             };
-            let (worst, doubts, cells) = off_twin_of(&scene, &lighting);
+            let (worst, ambiguous, cells) = twin_error(&scene, &lighting);
             println!(
                 "2-D {two_d}, tumour {with_tumor}, {projection:?}, cut {cut}, {sub_cones} sub-cones to level \
-                 {coarsest_level}: {worst:.2e} in {cells} cells, {doubts} in doubt"
+                 {coarsest_level}: {worst:.2e} in {cells} cells, {ambiguous} ambiguous"
             );
             largest = largest.max(worst);
-            doubted = (doubted.0 + doubts, doubted.1 + cells);
+            differing = (differing.0 + ambiguous, differing.1 + cells);
         }
     }
-    println!("{doubted:?} cells another by rounding");
-    assert!(doubted.0 * 100 < doubted.1, "{doubted:?}");
+    println!("{differing:?} cells differ by rounding");
+    assert!(differing.0 * 100 < differing.1, "{differing:?}");
     largest
 }
 
-/// Largest difference of a cell from the twin, how many cells differ where the twin is in doubt, and cells.
-fn off_twin_of(scene: &ContextScene, lighting: &LightSettings) -> (f64, usize, usize) {
+/// Largest difference of a cell from the twin, number of cells that differ where the twin is ambiguous, and number of
+/// cells.
+fn twin_error(scene: &ContextScene, lighting: &LightSettings) -> (f64, usize, usize) {
     let quality = Quality { lighting: *lighting, ..Quality::FULL };
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
     let frame = renderer.render(&GPU, scene, &quality, SIZE).unwrap();
     assert!(frame.notes.is_empty(), "{:?}", frame.notes);
     let reference_mm = scene.reference_mm();
-    let solid: Vec<f64> = if frame.plan.has(SURFACE) {
+    let opaque_mm: Vec<f64> = if frame.plan.has(SURFACE) {
         let depths = frame.read_depths(&GPU);
         depths.iter().map(|d| if *d < FAR { f64::from(*d) + reference_mm } else { f64::INFINITY }).collect()
     } else {
@@ -83,56 +84,60 @@ fn off_twin_of(scene: &ContextScene, lighting: &LightSettings) -> (f64, usize, u
     let needed = cells.needed(grid, BRICK, bricks, &image, scene.tumor.as_deref());
     assert_eq!(found.len(), cells.count());
     let sight = Sight::new(&scene.camera, SIZE);
-    let twin = Twin::new(scene, &sight, &solid, lighting).unwrap();
+    let twin = ConeTwin::new(scene, &sight, &opaque_mm, lighting).unwrap();
     let offs: Vec<(f64, bool, [f64; 2])> = needed
         .par_iter()
         .map(|&n| {
             let n = n as usize;
             let ijk =
                 [n % cells.dims[0], n / cells.dims[0] % cells.dims[1], n / cells.dims[0] / cells.dims[1]];
-            // Its middle, counted from voxel faces; the last cells may reach past the image.
+            // Its centre, counted from voxel faces; the last cells may extend past the image.
             let index = DVec3::from_array(std::array::from_fn(|a| {
                 ((ijk[a] as f64 + 0.5) * cells.voxels[a] as f64).min(grid.dims()[a] as f64)
             }));
             let lit = twin.at(grid.world_from_voxel().transform_point3(index - 0.5));
-            let off = [lit.through - f64::from(found[n][0]), lit.past_solid - f64::from(found[n][1])];
-            (off[0].abs().max(off[1].abs()), lit.in_doubt, [lit.through, lit.past_solid])
+            let off = [lit.image_only - f64::from(found[n][0]), lit.with_opaque - f64::from(found[n][1])];
+            (off[0].abs().max(off[1].abs()), lit.is_ambiguous, [lit.image_only, lit.with_opaque])
         })
         .collect();
-    // Something to tell: cells of all kinds of light, some darkened by what is solid.
+    // Some cells are dark, and some are darkened by opaque geometry.
     let dark = offs.iter().filter(|(.., l)| l[0] < 0.7).count();
     let hidden = offs.iter().filter(|(.., l)| l[1] < 0.9 * l[0]).count();
     assert!(dark * 20 > offs.len(), "{dark} of {}", offs.len());
     assert!((hidden > 10) == scene.tumor.is_some(), "{hidden}");
-    let doubts = offs.iter().filter(|(off, doubt, _)| *off > 1e-3 && *doubt).count();
-    let worst = offs.iter().filter(|(off, doubt, _)| *off <= 1e-3 || !*doubt).fold(0.0f64, |a, o| a.max(o.0));
-    (worst, doubts, offs.len())
+    let excused = offs.iter().filter(|(off, ambiguous, _)| *off > 1e-3 && *ambiguous).count();
+    let compared = offs.iter().filter(|(off, ambiguous, _)| *off <= 1e-3 || !*ambiguous);
+    let worst = compared.fold(0.0f64, |a, o| a.max(o.0));
+    (worst, excused, offs.len())
 }
 
-/// A picture cut by a plane against one of an image that really ends there, the cut towards the viewer.
-/// Voxels, cells of light and coarse cells on the plane are means with what is cut away. Measured in linear
-/// light: soft 0.009 at most at level 0 (RMS 0.002) and 0.014 to level 3 (RMS 0.003); dense 0.085 at every
-/// level (RMS 0.016), so that there coarse levels add nothing to what interpolation makes.
+/// A clipped image compared with one that really ends there, the cut towards the viewer. Voxels, light
+/// cells and coarse cells on the plane are averaged with what is clipped. Measured in linear light: soft
+/// 0.009 at most at level 0 (RMS 0.002) and 0.014 up to level 3 (RMS 0.003); dense 0.085 at every level
+/// (RMS 0.016), so that there coarse levels add nothing to the error of interpolation.
 #[test]
-fn a_cut_is_nearly_an_end() {
+fn a_clipped_image_resembles_a_cropped_one() {
     let base = scene(false, false, Projection::Perspective);
     let whole = base.volume.as_ref().unwrap();
     let dims = whole.grid().dims();
-    // Between voxels 16 and 17, where no level has a face; the cut looks at the viewer.
-    let kept = whole.grid().crop([17, 0, 0], [19, dims[1], dims[2]]).unwrap();
-    let values: Vec<f64> = (0..kept.voxel_count())
+    // Between voxels 16 and 17, where no level has a face; the cut faces the viewer.
+    let cropped = whole.grid().crop([17, 0, 0], [19, dims[1], dims[2]]).unwrap();
+    let values: Vec<f64> = (0..cropped.voxel_count())
         .map(|l| {
             let p = [17 + l % 19, l / 19 % dims[1], l / 19 / dims[1]];
             whole.image().value(whole.grid().linear(p))
         })
         .collect();
-    let offset_mm = -kept.bounds_mm().0.x;
+    let offset_mm = -cropped.bounds_mm().0.x;
     let clip = vec![ClipPlane { normal: -DVec3::X, offset_mm }];
     for (name, opacity, most) in [("soft", 0.35, 0.02), ("dense", 1.0, 0.1)] {
         let mut at_voxels = None;
         let cut = ContextScene { transfer: transfer(false, opacity), clip: clip.clone(), ..base.clone() };
-        let ends =
-            ContextScene { volume: Some(image_of(&kept, values.clone())), clip: Vec::new(), ..cut.clone() };
+        let ends = ContextScene {
+            volume: Some(image_of(&cropped, values.clone())),
+            clip: Vec::new(),
+            ..cut.clone()
+        };
         for coarsest_level in [0, 1, 2, 3] {
             let mut quality = lit(LightingMode::Cones);
             quality.lighting = LightSettings { coarsest_level, cell_mm: 1.0, ..quality.lighting };
@@ -152,18 +157,18 @@ fn a_cut_is_nearly_an_end() {
             }
             println!("{name}, to level {coarsest_level}: at most {worst:.4}, RMS {:.4}", f64::sqrt(sum / n));
             assert!(worst < most && n > 500.0, "{name} {coarsest_level}: {worst}");
-            let of_voxels = *at_voxels.get_or_insert(worst);
-            assert!(worst < of_voxels + 0.006, "{name} {coarsest_level}: coarse cells add little");
+            let at_voxels = *at_voxels.get_or_insert(worst);
+            assert!(worst < at_voxels + 0.006, "{name} {coarsest_level}: coarse cells add little");
         }
     }
 }
 
-/// Every cell is in one part, no part is longer than the device takes, and the card takes all at once.
+/// Every cell is in one dispatch, no dispatch exceeds the device's limits, and a GPU takes all in one.
 #[test]
-fn parts_hold_every_cell_once() {
+fn every_cell_is_in_exactly_one_dispatch() {
     for cells in [0u32, 1, 63, 64, 1000, 1024, 1025, 300_000, 1 << 26] {
         for is_software in [false, true] {
-            let (bytes, steps) = parts_of(cells, is_software);
+            let (bytes, steps) = cell_dispatches(cells, is_software);
             let mut next = 0;
             for step in &steps {
                 let at = step.offset as usize;

@@ -1,7 +1,7 @@
-//! Light by cones traced through prefiltered extinction: a grid of light about the image, and light on the masks.
+//! Lighting by cones traced through prefiltered extinction: a light grid of the image, and light on the masks.
 //!
 //! Lifetimes: prefiltered extinction of the image once per image and transfer function, that of the masks
-//! once per selection; the grid once per these and a side of its cells; uniforms once per frame.
+//! once per selection; the grid once per these and cell size; uniforms once per frame.
 
 mod grid;
 #[cfg(test)]
@@ -23,7 +23,7 @@ use glioscope_core::{Grid, RegionVolume, Selection, optics::Camera};
 
 use self::{
     grid::Cells,
-    settings::{ConeSettings, ConesUsed, sub_cones},
+    settings::{ClampedSettings, ConeSettings, sub_cones},
     uniforms::{Cones, LEVELS, Level, LightGrid, LightPart},
 };
 use super::{
@@ -46,7 +46,7 @@ use crate::{
     solid::view::{HAS_OCCLUSION, LINEAR_LIGHT, in_camera_space, index_axes},
 };
 
-/// Light that reaches cells of the context image.
+/// Light that reaches the cells of the context image's light grid.
 pub(crate) const LIGHT_GRID: PassName = PassName::new("light_grid");
 /// Light that reaches opaque geometry.
 pub(crate) const SOLID_CONES: PassName = PassName::new("solid_cones");
@@ -62,13 +62,13 @@ pub(super) const ROW: LightRow = LightRow {
     passes: |kind| match kind {
         LitKind::Masks => &[SOLID_CONES],
         LitKind::Image => &[LIGHT_GRID, SOLID_CONES],
-        // No medium for cones: light comes from the vicinity.
+        // No medium for cones: vicinity occlusion instead.
         LitKind::Depths => &[LIGHT_GRID, VICINITY],
     },
-    left_out: |pass, quality, no_opaque, no_image| match pass {
+    omission_reason: |pass, quality, no_opaque, no_image| match pass {
         LIGHT_GRID => no_image,
         SOLID_CONES => no_opaque.or(no_strength(quality)),
-        VICINITY => vicinity::left_out(quality, no_opaque, no_image),
+        VICINITY => vicinity::omission_reason(quality, no_opaque, no_image),
         _ => None,
     },
     flags: &[(SOLID_CONES, HAS_OCCLUSION), (VICINITY, HAS_OCCLUSION), (LIGHT_GRID, LINEAR_LIGHT)],
@@ -80,7 +80,7 @@ pub(super) const ROW: LightRow = LightRow {
     suite: super::lit::Suite {
         layouts: uniforms::LAYOUTS,
         variants: &[LightSettings::DEFAULT.variant],
-        off_twin: grid_tests::off_twin,
+        max_twin_error: grid_tests::max_twin_error,
     },
     start: |gpu| Box::new(ConeLight::new(gpu)),
 };
@@ -103,7 +103,7 @@ const MEASURED: Measured = &[
 ];
 
 fn at_cost(cost: f64) -> Quality {
-    // Down from balanced, up from it.
+    // Below and above balanced.
     let (less, more) = (cost.min(1.0), cost.max(1.0));
     let finer = |balanced: f64, down: f64, up: f64| balanced * less.powf(-down) * more.powf(-up);
     Quality {
@@ -111,7 +111,7 @@ fn at_cost(cost: f64) -> Quality {
         context_step_mm: finer(0.75, 0.3, 0.15).clamp(0.5, 2.0),
         lighting: LightSettings {
             cell_mm: finer(4.0, 0.25, 0.25).clamp(1.0, 12.0),
-            // Down to the draft, longer steps are as right.
+            // Down to the draft, longer steps are as accurate.
             cone_step: less.powf(-1.0 / 3.0).min(2.0),
             sub_cones: (6.0 * less.powf(0.3) * more.powf(0.25)).round().max(3.0) as u32,
             coarsest_level: match cost {
@@ -125,17 +125,17 @@ fn at_cost(cost: f64) -> Quality {
     }
 }
 
-/// Numbers of the bindings of [`ConeLight::grid`].
+/// Binding numbers of [`ConeLight::grid`].
 const GRID_BINDINGS: [u32; 2] = [37, 38];
 
-/// Optical thickness of a voxel past which nothing comes through.
-const DARK: f64 = 40.0;
+/// Optical thickness at which a voxel is opaque.
+const OPAQUE_THICKNESS: f64 = 40.0;
 
-/// Steps of all of a place's sub-cones, at most: Mesa's software driver silently ends a thread's loops
-/// after 65,535 rounds of all of them together.
+/// Maximum number of steps of a thread, over all its sub-cones: Mesa's software driver silently ends a thread's loops
+/// after 65,535 rounds in total.
 const MOST_ROUNDS: u32 = 60_000;
 
-/// Prefiltered extinction on the card.
+/// Prefiltered extinction on the device.
 struct Medium {
     grid: Grid,
     cells: wgpu::Buffer,
@@ -173,19 +173,19 @@ impl Medium {
         Ok(Self { grid: grid.clone(), cells, levels, count })
     }
 
-    /// The uniform, and what is other than asked for, in words.
-    fn light(&self, camera: &Camera, reference_mm: f64, settings: &LightSettings) -> (Cones, Vec<String>) {
-        let asked = ConeSettings {
+    /// The uniform, and notes on changed settings.
+    fn uniform(&self, camera: &Camera, reference_mm: f64, settings: &LightSettings) -> (Cones, Vec<String>) {
+        let requested = ConeSettings {
             aperture_deg: settings.aperture_deg,
             sub_cones: settings.sub_cones,
             coarsest_level: settings.coarsest_level.min(self.count as u32 - 1),
             cone_step: settings.cone_step,
         };
-        let ConesUsed { settings, mut notes } = asked.within(LightSettings::MOST_SUB_CONES);
+        let ClampedSettings { settings, mut notes } = requested.clamped(LightSettings::MOST_SUB_CONES);
         let voxel_mm = self.grid.spacing_mm().min_element();
         let corners = self.grid.corners_mm();
         let longest_mm = (0..4).map(|i| corners[i].distance(corners[7 - i])).fold(0.0, f64::max);
-        // Each has a round of its own, one for each plane, and what rounding may add.
+        // Rounds of a sub-cone, less one of its own, one per clipping plane, and a margin for rounding.
         let rounds = MOST_ROUNDS / settings.sub_cones - MOST_CLIP_PLANES as u32 - 3;
         let step = settings.cone_step;
         let mut settings = settings;
@@ -200,7 +200,7 @@ impl Medium {
             *to = [axis[0] as f32, axis[1] as f32, axis[2] as f32, 0.0];
         }
         let [corner, right, up, forward] = index_axes(camera, reference_mm, &self.grid);
-        let light = Cones {
+        let uniform = Cones {
             right,
             up,
             forward,
@@ -211,14 +211,14 @@ impl Medium {
             voxel_mm: voxel_mm as f32,
             dims: self.grid.dims().map(|d| d as u32),
             count: settings.sub_cones,
-            dark: (DARK / voxel_mm) as f32,
+            dark: (OPAQUE_THICKNESS / voxel_mm) as f32,
             rounds: rounds + 2,
             unused_a: 0,
             unused_b: 0,
             levels: self.levels,
             axes,
         };
-        (light, notes)
+        (uniform, notes)
     }
 }
 
@@ -227,9 +227,8 @@ struct ImageLight {
     transfer: Arc<TransferFunction>,
     tumor: Option<Arc<RegionVolume>>,
     medium: Medium,
-    side_mm: f64,
-    /// Whether every cell is found: tubes may run anywhere, and
-    /// arrows past the masks' box.
+    cell_mm: f64,
+    /// Whether every cell is computed: tubes may be anywhere, and arrows outside the masks' bounding box.
     everywhere: bool,
     cells: Cells,
     needed: wgpu::Buffer,
@@ -244,23 +243,24 @@ struct MaskLight {
     medium: Medium,
 }
 
-/// Bytes from one part's uniform to the next, and of it.
+/// Bytes from one dispatch's uniform to the next, and bytes of one.
 const STRIDE: usize = 256;
 const PART_BYTES: u64 = size_of::<LightPart>() as u64;
 
-/// Cells of a dispatch where the processor draws: so few that a window needn't wait for them (docs/performance.md). A
-/// graphics card takes all at once.
-const CELLS_AT_ONCE: u32 = 1024;
-/// The most dispatches; then they take more cells.
-const MOST_PARTS: u32 = 4096;
+/// Cells per dispatch on a software adapter: few enough that a window needn't wait for them (docs/performance.md). A
+/// GPU takes all in one dispatch.
+const CELLS_PER_DISPATCH: u32 = 1024;
+/// Maximum number of dispatches; with more cells, each takes more.
+const MOST_DISPATCHES: u32 = 4096;
 
-/// The uniforms of the parts that so many cells are found in, and their dispatches; one where there are none.
-pub(super) fn parts_of(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
-    let at_once = if is_software { CELLS_AT_ONCE.max(cells.div_ceil(MOST_PARTS)) } else { cells.max(1) };
-    let at_once = at_once.next_multiple_of(64);
+/// The uniforms and the dispatches that process this many cells; one dispatch for no cells.
+pub(super) fn cell_dispatches(cells: u32, is_software: bool) -> (Vec<u8>, Vec<Dispatch>) {
+    let per_dispatch =
+        if is_software { CELLS_PER_DISPATCH.max(cells.div_ceil(MOST_DISPATCHES)) } else { cells.max(1) };
+    let per_dispatch = per_dispatch.next_multiple_of(64);
     let (mut bytes, mut steps) = (Vec::new(), Vec::new());
-    for first in (0..cells.max(1)).step_by(at_once as usize) {
-        let groups = (cells.max(1) - first).min(at_once).div_ceil(64);
+    for first in (0..cells.max(1)).step_by(per_dispatch as usize) {
+        let groups = (cells.max(1) - first).min(per_dispatch).div_ceil(64);
         let across = groups.min(4096);
         let workgroups = [across, groups.div_ceil(across), 1];
         steps.push(Dispatch { pipeline: 0, offset: bytes.len() as u32, workgroups });
@@ -278,7 +278,7 @@ struct ConeLight {
     image_uniform: wgpu::Buffer,
     mask_uniform: wgpu::Buffer,
     grid_uniform: wgpu::Buffer,
-    nothing: wgpu::Buffer,
+    placeholder: wgpu::Buffer,
     image: Option<ImageLight>,
     masks: Option<MaskLight>,
     vicinity: VicinityLight,
@@ -300,8 +300,8 @@ impl Light for ConeLight {
             self.image = None;
         }
         if plan.has(SOLID_CONES) {
-            let of_masks = self.bind_masks(gpu, passes, plan, scene)?;
-            notes.extend(of_masks.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
+            let mask_notes = self.bind_masks(gpu, passes, plan, scene)?;
+            notes.extend(mask_notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
         } else {
             self.masks = None;
         }
@@ -351,14 +351,14 @@ impl ConeLight {
             image_uniform: gpu.uniform::<Cones>("ConeLight::image_uniform"),
             mask_uniform: gpu.uniform::<Cones>("ConeLight::mask_uniform"),
             grid_uniform: gpu.uniform::<LightGrid>("ConeLight::grid_uniform"),
-            nothing: gpu.buffer("ConeLight::nothing", 16, WRITTEN),
+            placeholder: gpu.buffer("ConeLight::placeholder", 16, WRITTEN),
             image: None,
             masks: None,
             vicinity: VicinityLight::new(gpu),
         }
     }
 
-    /// The grid of light about the image, and its uniform.
+    /// The light grid of the image, and its uniform.
     fn grid(&self) -> Option<[&wgpu::Buffer; 2]> {
         self.image.as_ref().map(|image| [&image.light, &self.grid_uniform])
     }
@@ -373,21 +373,21 @@ impl ConeLight {
         let everywhere = scene.opaque == Opaque::Anywhere;
         let Some(image) = scene.image else { return Ok(Vec::new()) };
         let LitImage { buffers, volume, transfer, .. } = image;
-        let kept = self.image.take().filter(|held| {
-            Arc::ptr_eq(&held.volume, volume)
-                && (Arc::ptr_eq(&held.transfer, transfer) || held.transfer == *transfer)
+        let cached = self.image.take().filter(|light| {
+            Arc::ptr_eq(&light.volume, volume)
+                && (Arc::ptr_eq(&light.transfer, transfer) || light.transfer == *transfer)
         });
-        let mut held = match kept {
-            Some(held)
-                if held.side_mm == settings.cell_mm
-                    && held.everywhere == everywhere
-                    && same(held.tumor.as_ref(), scene.tumor) =>
+        let mut held = match cached {
+            Some(light)
+                if light.cell_mm == settings.cell_mm
+                    && light.everywhere == everywhere
+                    && same(light.tumor.as_ref(), scene.tumor) =>
             {
-                held
+                light
             }
-            kept => {
-                let medium = match kept {
-                    Some(held) => held.medium,
+            cached => {
+                let medium = match cached {
+                    Some(light) => light.medium,
                     None => image_medium(gpu, buffers, volume)?,
                 };
                 let cells = Cells::new(&medium.grid, settings.cell_mm);
@@ -407,7 +407,7 @@ impl ConeLight {
                     transfer: Arc::clone(transfer),
                     tumor: scene.tumor.cloned(),
                     medium,
-                    side_mm: settings.cell_mm,
+                    cell_mm: settings.cell_mm,
                     everywhere,
                     cells,
                     needed: gpu.storage("ImageLight::needed", bytemuck::cast_slice(&listed)),
@@ -417,15 +417,15 @@ impl ConeLight {
                 }
             }
         };
-        let (light, notes) = held.medium.light(scene.camera, scene.reference_mm, settings);
-        // Numbers of cells, and two lights of each.
+        let (uniform, notes) = held.medium.uniform(scene.camera, scene.reference_mm, settings);
+        // Per cell its number and two lights.
         let cells_bytes = (4 + 8) * u64::from(held.needed_count);
         held.work = LightWork {
             slices: 0,
-            samples: u64::from(held.needed_count) * u64::from(light.count),
+            samples: u64::from(held.needed_count) * u64::from(uniform.count),
             bytes: cells_bytes + held.medium.cells.size() + buffers.values().size(),
         };
-        gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&light));
+        gpu.queue.write_buffer(&self.image_uniform, 0, bytemuck::bytes_of(&uniform));
         let strength = scene.quality.strength();
         let grid = LightGrid { strength, ..grid_uniform(&held, scene.camera, scene.reference_mm) };
         gpu.queue.write_buffer(&self.grid_uniform, 0, bytemuck::bytes_of(&grid));
@@ -439,8 +439,8 @@ impl ConeLight {
             (38, self.grid_uniform.as_entire_binding()),
             (30, held.needed.as_entire_binding()),
         ];
-        let (firsts, steps) = parts_of(held.needed_count, gpu.is_software());
-        let parts = gpu.buffer_with("ConeLight::parts", &firsts, wgpu::BufferUsages::UNIFORM);
+        let (uniforms, steps) = cell_dispatches(held.needed_count, gpu.is_software());
+        let parts = gpu.buffer_with("ConeLight::parts", &uniforms, wgpu::BufferUsages::UNIFORM);
         let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &parts,
             offset: 0,
@@ -452,19 +452,20 @@ impl ConeLight {
         Ok(notes)
     }
 
-    /// Made when a scene first needs it.
+    /// Compiled when first needed.
     fn image_pipeline(
         &mut self,
         gpu: &Gpu,
         gradient_counts: (&'static str, f64),
     ) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, made)) = self.image_pipelines.iter().find(|(with, _)| *with == gradient_counts.1) {
-            return Ok(made.clone());
+        if let Some((_, pipeline)) = self.image_pipelines.iter().find(|(with, _)| *with == gradient_counts.1)
+        {
+            return Ok(pipeline.clone());
         }
-        let made = compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &[gradient_counts])?;
+        let pipeline = compute_pipeline(gpu, "cones/image", Some(&self.image_layout), &[gradient_counts])?;
         gpu.check()?;
-        self.image_pipelines.push((gradient_counts.1, made.clone()));
-        Ok(made)
+        self.image_pipelines.push((gradient_counts.1, pipeline.clone()));
+        Ok(pipeline)
     }
 
     fn bind_masks(
@@ -475,24 +476,24 @@ impl ConeLight {
         scene: &LitScene<'_>,
     ) -> Result<Vec<String>, RenderError> {
         let settings = &scene.quality.lighting;
-        let held = self
+        let cached = self
             .masks
             .take()
-            .filter(|held| same(held.tumor.as_ref(), scene.tumor) && held.selection == *scene.selection);
-        let held = match held {
-            Some(held) => held,
+            .filter(|light| same(light.tumor.as_ref(), scene.tumor) && light.selection == *scene.selection);
+        let held = match cached {
+            Some(light) => light,
             None => MaskLight {
                 tumor: scene.tumor.cloned(),
                 selection: scene.selection.clone(),
                 medium: mask_medium(gpu, scene)?,
             },
         };
-        let (light, notes) = held.medium.light(scene.camera, scene.reference_mm, settings);
-        gpu.queue.write_buffer(&self.mask_uniform, 0, bytemuck::bytes_of(&light));
-        let lit = self.image.as_ref().filter(|_| plan.has(LIGHT_GRID));
-        // At the voxels themselves a sub-cone is a ray.
+        let (uniform, notes) = held.medium.uniform(scene.camera, scene.reference_mm, settings);
+        gpu.queue.write_buffer(&self.mask_uniform, 0, bytemuck::bytes_of(&uniform));
+        let image_light = self.image.as_ref().filter(|_| plan.has(LIGHT_GRID));
+        // At level 0 a sub-cone is a ray through the voxels.
         let exact = f64::from(u8::from(settings.coarsest_level == 0));
-        let [bricks, words] = scene.bricks.unwrap_or([&self.nothing; 2]);
+        let [bricks, words] = scene.bricks.unwrap_or([&self.placeholder; 2]);
         let entries = [
             (0, scene.view.as_entire_binding()),
             (1, bricks.as_entire_binding()),
@@ -503,7 +504,7 @@ impl ConeLight {
             (8, scene.blurred.as_entire_binding()),
             (26, self.mask_uniform.as_entire_binding()),
             (27, held.medium.cells.as_entire_binding()),
-            (37, lit.map_or(&self.nothing, |image| &image.light).as_entire_binding()),
+            (37, image_light.map_or(&self.placeholder, |image| &image.light).as_entire_binding()),
             (36, self.vicinity.uniform().as_entire_binding()),
             (38, self.grid_uniform.as_entire_binding()),
         ];
@@ -514,7 +515,7 @@ impl ConeLight {
     }
 }
 
-/// The regions shown, opaque. One empty voxel where there are no masks.
+/// The regions shown, as opaque voxels. One empty voxel if there are no masks.
 fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
     let Some(tumor) = scene.tumor else {
         let grid = Grid::axis_aligned([1; 3], DVec3::ONE, scene.camera.focus_mm)
@@ -523,10 +524,10 @@ fn mask_medium(gpu: &Gpu, scene: &LitScene<'_>) -> Result<Medium, RenderError> {
     };
     let grid = tumor.grid();
     let shown: Vec<bool> = tumor.bits_of_id().iter().map(|&bits| scene.selection.shows(bits)).collect();
-    let dark = DARK / grid.spacing_mm().min_element();
+    let opaque_per_mm = OPAQUE_THICKNESS / grid.spacing_mm().min_element();
     Medium::new(gpu, grid, |cell| {
         let id = tumor.id(grid.linear(cell)) as usize;
-        if shown.get(id).copied().unwrap_or(false) { dark } else { 0.0 }
+        if shown.get(id).copied().unwrap_or(false) { opaque_per_mm } else { 0.0 }
     })
 }
 
@@ -542,11 +543,11 @@ fn image_medium(gpu: &Gpu, buffers: &ImageBuffers, volume: &ContextVolume) -> Re
 fn grid_uniform(held: &ImageLight, camera: &Camera, reference_mm: f64) -> LightGrid {
     let grid = &held.medium.grid;
     let [corner, right, up, forward] = index_axes(camera, reference_mm, grid);
-    // Camera space of index space (0, 0, 0), and of one voxel along each axis.
+    // In camera space: the origin of index space, and one voxel along each axis.
     let world = grid.world_from_voxel();
-    let place = |index: DVec3| in_camera_space(camera, reference_mm, world.transform_point3(index - 0.5));
-    let zero = place(DVec3::ZERO);
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| place(axis) - zero);
+    let at = |index: DVec3| in_camera_space(camera, reference_mm, world.transform_point3(index - 0.5));
+    let zero = at(DVec3::ZERO);
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| at(axis) - zero);
     let row = |n: usize| [axes[0][n] as f32, axes[1][n] as f32, axes[2][n] as f32, zero[n] as f32];
     LightGrid {
         cells: held.cells.dims.map(|d| d as u32),

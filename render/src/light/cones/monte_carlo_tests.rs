@@ -1,4 +1,4 @@
-//! Cones come to Monte Carlo of the same integral, in the image and on masks.
+//! Cones converge to Monte Carlo of the same integral, in the image and on masks.
 
 use glam::DVec3;
 use glioscope_core::optics::{
@@ -15,7 +15,7 @@ use crate::{
     testing::{GPU, volume},
 };
 
-/// Root mean square, over pixels that anything is in, of the error and of the standard error.
+/// Root mean square, over pixels with opacity above 0.01, of the error and of the standard error.
 fn errors(found: &[[f64; 4]], truth: &[Estimate]) -> (f64, f64) {
     let (mut error, mut se, mut n) = (0.0, 0.0, 0.0);
     for (f, e) in found.iter().zip(truth).filter(|(f, _)| f[3] > 0.01) {
@@ -29,10 +29,10 @@ fn errors(found: &[[f64; 4]], truth: &[Estimate]) -> (f64, f64) {
     ((error / n).sqrt(), (se / n).sqrt())
 }
 
-/// With more sub-cones, finer levels and smaller cells the view's error falls, to within two standard
-/// errors of Monte Carlo.
+/// With more sub-cones, finer levels and smaller cells the error falls to within two standard errors of
+/// Monte Carlo.
 #[test]
-fn cones_of_a_view_come_to_monte_carlo() {
+fn cones_in_the_image_converge_to_monte_carlo() {
     let size = [12, 11];
     let scene = scene(false, false, Projection::Perspective);
     let aperture_deg = 60.0;
@@ -55,9 +55,9 @@ fn cones_of_a_view_come_to_monte_carlo() {
     assert!(results[2].0 <= 2.0 * results[2].1, "{results:?}");
 }
 
-/// Light on the masks alone, in the closeup: against Monte Carlo of opaque labels.
+/// Light on masks alone, in the closeup, compared with Monte Carlo of opaque labels.
 #[test]
-fn cones_on_masks_come_to_monte_carlo() {
+fn cones_on_masks_converge_to_monte_carlo() {
     let size = [26, 24];
     let grid = cubic(20, DVec3::new(1.0, 1.0, 1.5));
     let inside = |p: [usize; 3]| {
@@ -89,7 +89,7 @@ fn cones_on_masks_come_to_monte_carlo() {
         let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
         let blurred = frame.read_blurred(&GPU);
         let (mut sum, mut se, mut n) = (0.0, 0.0, 0);
-        // Where the pixel's ray hits the surface, all of it.
+        // Where the pixel's ray hits the surface.
         for (dark, e) in blurred.iter().zip(&truth).filter(|(_, e)| e.mean.x > 0.0) {
             let encoded = 1.0 - f64::from(dark >> 24) / 255.0;
             let light = srgb::decode(encoded);
@@ -102,6 +102,6 @@ fn cones_on_masks_come_to_monte_carlo() {
     });
     println!("masks by cones: {errors:?}");
     assert!(errors[0].0 > errors[1].0 && errors[1].0 > errors[2].0, "{errors:?}");
-    // And what 8 bits round to.
+    // Plus the rounding to 8 bits.
     assert!(errors[2].0 <= 2.0 * errors[2].1 + 0.004, "{errors:?}");
 }

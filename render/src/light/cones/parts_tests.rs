@@ -1,4 +1,4 @@
-//! A picture drawn in parts is the one drawn at once, and another one drops it.
+//! A frame drawn in parts equals one drawn at once, and drawing another drops it.
 
 use glam::DQuat;
 use glioscope_core::optics::Projection;
@@ -28,24 +28,24 @@ fn read(frame: Option<&Frame<Context>>) -> Vec<u8> {
     frame.unwrap().read_rgba(&GPU).unwrap()
 }
 
-/// Calls until it is whole; 0 milliseconds are a part a call.
+/// Calls until the frame is complete; with 0 milliseconds one part per call.
 fn calls(renderer: &mut ContextRenderer, milliseconds: f64) -> usize {
     let mut calls = 1;
     while !renderer.resume(&GPU, milliseconds).unwrap() {
         calls += 1;
-        assert!(calls < 1000, "it comes to an end");
+        assert!(calls < 1000, "it terminates");
     }
     calls
 }
 
 #[test]
-fn in_parts_and_at_once_are_equal_pixel_by_pixel() {
+fn a_frame_drawn_in_parts_equals_one_drawn_at_once() {
     let scene = scene(false, true, Projection::Perspective);
     let draft = Quality { resolution_scale: 0.5, ..fine() };
     for quality in
         [fine(), Quality { resolution_scale: 0.5, ..fine() }, lit(LightingMode::Cones), Quality::FULL]
     {
-        let wanted = at_once(&scene, &quality);
+        let expected = at_once(&scene, &quality);
         let mut renderer = ContextRenderer::new(&GPU).unwrap();
         let before = renderer.render(&GPU, &scene, &draft, SIZE).unwrap().read_rgba(&GPU).unwrap();
         assert_eq!(renderer.share_done(), None);
@@ -59,28 +59,28 @@ fn in_parts_and_at_once_are_equal_pixel_by_pixel() {
             assert!(now > share && now < 1.0, "{share} {now}");
             share = now;
             if parts % 9 == 1 {
-                assert!(read(renderer.frame()) == before, "the last picture stays, part {parts}");
+                assert!(read(renderer.frame()) == before, "the last frame stays, part {parts}");
             }
         }
         let slices = quality.lighting.mode == LightingMode::Slices;
         assert!(parts > if slices { 20 } else { 2 }, "{parts} parts");
         assert_eq!(renderer.share_done(), None);
-        assert!(read(renderer.frame()) == wanted, "{:?}", quality.lighting.mode);
+        assert!(read(renderer.frame()) == expected, "{:?}", quality.lighting.mode);
         let frame = renderer.frame().unwrap();
         assert_eq!(frame.size_px, quality.drawn_px(SIZE));
-        // What its parts took is known, without drawing it again.
+        // The times of its parts are known, without drawing it again.
         let times = renderer.pass_times(&GPU).unwrap();
         assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), frame.plan.passes);
         assert!(times.iter().all(|t| t.1 > 0.0) && renderer.resume(&GPU, 0.0).unwrap());
-        // Much time does it in one call.
+        // With enough time one call is enough.
         renderer.begin(&GPU, &scene, &quality, SIZE).unwrap();
         assert_eq!(calls(&mut renderer, 1e9), 1);
-        assert!(read(renderer.frame()) == wanted);
+        assert!(read(renderer.frame()) == expected);
     }
 }
 
 #[test]
-fn a_moved_camera_drops_what_was_begun() {
+fn a_moved_camera_drops_the_pending_frame() {
     let scene = scene(false, true, Projection::Perspective);
     let mut turned = scene.clone();
     turned.camera.world_from_camera *= DQuat::from_rotation_y(0.4);
@@ -96,7 +96,7 @@ fn a_moved_camera_drops_what_was_begun() {
     assert!(renderer.render(&GPU, &turned, &fine(), SIZE).unwrap().read_rgba(&GPU).unwrap() == second);
     assert_eq!(renderer.share_done(), None);
     assert!(renderer.resume(&GPU, 0.0).unwrap(), "nothing is left to do");
-    assert!(read(renderer.frame()) == second, "and the picture stays");
+    assert!(read(renderer.frame()) == second, "and the frame stays");
     // In parts: from the beginning again.
     renderer.begin(&GPU, &scene, &fine(), SIZE).unwrap();
     for _ in 0..15 {
@@ -105,7 +105,7 @@ fn a_moved_camera_drops_what_was_begun() {
     renderer.begin(&GPU, &turned, &fine(), SIZE).unwrap();
     assert!(calls(&mut renderer, 0.0) > 20);
     assert!(read(renderer.frame()) == second);
-    // What fails to begin leaves the last picture.
+    // A frame that fails to begin leaves the last one.
     let mut broken = scene.clone();
     broken.camera.height_mm = f64::NAN;
     assert!(renderer.begin(&GPU, &broken, &fine(), SIZE).is_err());

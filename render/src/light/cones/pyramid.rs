@@ -3,11 +3,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Optical thickness of a cell past which nothing comes through.
-const DARK: f64 = 40.0;
+/// Optical thickness at which a cell is opaque.
+const OPAQUE_THICKNESS: f64 = 40.0;
 
-/// One level: each cell's extinction is that of a homogeneous cell that lets as much light through,
-/// the mean of its columns along the three axes.
+/// One level: each cell's extinction is that of a homogeneous cell of the same transmittance, averaged
+/// over the three axes, the transmittance along an axis being the mean over its columns.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Level {
     /// Cells along each axis.
@@ -20,8 +20,8 @@ pub(crate) struct Level {
     pub extinction: Vec<f32>,
 }
 
-/// The levels above the voxels of a medium, from fine to coarse; its extinction per millimetre (finite) `extinction`
-/// tells: no copy of the voxels is made. At each level the axes whose cells are shortest are halved, so that thick
+/// The levels above the voxels of a medium, from fine to coarse. `extinction` gives that of a voxel per millimetre
+/// (finite), so that the voxels aren't copied. At each level the axes with the shortest cells are halved, so that thick
 /// slices become cubes first.
 pub(crate) fn levels(
     dims: [usize; 3],
@@ -74,7 +74,7 @@ fn halved(level: &Shape, spacing_mm: DVec3, inside: impl Fn([usize; 3]) -> f64 +
                 at(std::array::from_fn(|a| if joins[a] { 2 * to[a] + shift[a] } else { to[a] }))
             };
             let children: [f64; 8] = std::array::from_fn(child);
-            // Most cells are in the air.
+            // Most cells are in air.
             if children == [0.0; 8] {
                 return 0.0;
             }
@@ -85,7 +85,7 @@ fn halved(level: &Shape, spacing_mm: DVec3, inside: impl Fn([usize; 3]) -> f64 +
                     .map(|i| (-0.5 * (children[i] + children[i | 1 << axis]) * length).exp())
                     .sum::<f64>()
                     / 4.0;
-                (-through.ln()).min(DARK) / length
+                (-through.ln()).min(OPAQUE_THICKNESS) / length
             };
             ((along(0) + along(1) + along(2)) / 3.0) as f32
         })
@@ -97,9 +97,9 @@ fn halved(level: &Shape, spacing_mm: DVec3, inside: impl Fn([usize; 3]) -> f64 +
 mod tests {
     use super::*;
 
-    /// A level's cell lets through what its voxels do, and thick slices become cubes first.
+    /// A level's cell transmits as much as its voxels do, and thick slices become cubes first.
     #[test]
-    fn levels_keep_what_comes_through() {
+    fn levels_preserve_transmittance() {
         let ball = |[x, y, z]: [usize; 3], extinction: f64| {
             let at = DVec3::new(x as f64, y as f64, z as f64) / 31.0 - 0.5;
             if at.length() < 0.3 { extinction } else { 0.0 }
@@ -114,7 +114,7 @@ mod tests {
             assert!(level.extinction.iter().all(|e| e.is_finite() && (0.0..=0.0501).contains(e)));
             let cell: u32 = level.voxels.iter().product();
             let mass: f64 = level.extinction.iter().map(|e| f64::from(*e)).sum::<f64>() * f64::from(cell);
-            // Thin as it is, filtering changes the mass by little, and never to more.
+            // In a thin medium filtering changes the mass by little, and never raises it.
             assert!(mass < whole * 1.001 && mass > 0.6 * whole, "{} {mass} {whole}", level.cell_mm);
         }
         let opaque = levels([32; 3], DVec3::ONE, |cell| ball(cell, 40.0));

@@ -1,35 +1,34 @@
-//! The knobs of cone-traced occlusion.
+//! The settings of cone-traced occlusion.
 
 use glioscope_core::optics::cone::clamped_aperture;
 
-/// What cone-traced occlusion is asked for.
+/// Settings of cone-traced occlusion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ConeSettings {
     /// Half the cone's opening, degrees; clamped to 0 to 85.
     pub aperture_deg: f64,
     /// Sub-cones, at least 1.
     pub sub_cones: u32,
-    /// Coarsest level that is read; 0 reads the volume itself.
+    /// Coarsest level that is sampled; 0 samples the volume itself.
     pub coarsest_level: u32,
-    /// Steps along a sub-cone, in cells of the level read; 1/16 to 4.
+    /// Step along a sub-cone, in cells of the level sampled; 1/16 to 4.
     pub cone_step: f64,
 }
 
-/// [`ConeSettings`] as used, and what is other than asked for.
+/// [`ConeSettings`] within their ranges.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ConesUsed {
-    /// Within their ranges.
+pub(crate) struct ClampedSettings {
     pub settings: ConeSettings,
-    /// In words.
+    /// One for each setting that was changed.
     pub notes: Vec<String>,
 }
 
 impl ConeSettings {
     /// Within range, with at most this many sub-cones.
-    pub fn within(&self, most_sub_cones: u32) -> ConesUsed {
+    pub fn clamped(&self, most_sub_cones: u32) -> ClampedSettings {
         let mut notes = Vec::new();
-        let (aperture_deg, other) = clamped_aperture(self.aperture_deg);
-        if other {
+        let (aperture_deg, is_clamped) = clamped_aperture(self.aperture_deg);
+        if is_clamped {
             notes.push(format!("aperture {} degrees: {aperture_deg} is used", self.aperture_deg));
         }
         let sub_cones = self.sub_cones.clamp(1, most_sub_cones);
@@ -40,10 +39,10 @@ impl ConeSettings {
         if cone_step != self.cone_step {
             notes.push(format!("cone step {}: {cone_step} is used", self.cone_step));
         }
-        ConesUsed { settings: Self { aperture_deg, sub_cones, cone_step, ..*self }, notes }
+        ClampedSettings { settings: Self { aperture_deg, sub_cones, cone_step, ..*self }, notes }
     }
 
-    /// Samples along a sub-cone of this length, at most.
+    /// Maximum number of samples along a sub-cone of this length.
     pub fn samples(&self, length_mm: f64, voxel_mm: f64, coarsest: u32) -> u32 {
         let widest = voxel_mm * f64::from(coarsest).exp2();
         let (mut t, mut n) = (0.0, 0);
@@ -54,7 +53,7 @@ impl ConeSettings {
         n.max(1)
     }
 
-    /// Tangent of a sub-cone's own half opening: equal shares of the solid angle.
+    /// Tangent of a sub-cone's half opening: sub-cones have equal shares of the solid angle.
     pub fn sub_tangent(&self) -> f64 {
         let cos = 1.0 - (1.0 - self.aperture_deg.to_radians().cos()) / f64::from(self.sub_cones);
         ((1.0 - cos) * (1.0 + cos)).sqrt() / cos
@@ -68,7 +67,7 @@ pub(crate) fn sub_cones(settings: &ConeSettings) -> Vec<[f64; 3]> {
     let n = settings.sub_cones;
     (0..n)
         .map(|i| {
-            // The one and only sub-cone looks along the axis.
+            // A single sub-cone points along the axis.
             let share = if n == 1 { 0.0 } else { (f64::from(i) + 0.5) / f64::from(n) };
             let cos = 1.0 - drop * share;
             let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt();
@@ -93,11 +92,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_range_is_replaced_and_said() {
-        let asked = ConeSettings { aperture_deg: 99.0, sub_cones: 0, coarsest_level: 1, cone_step: f64::NAN };
-        let used = asked.within(128);
-        let ConeSettings { aperture_deg, sub_cones, cone_step, .. } = used.settings;
+    fn out_of_range_settings_are_clamped_with_notes() {
+        let requested =
+            ConeSettings { aperture_deg: 99.0, sub_cones: 0, coarsest_level: 1, cone_step: f64::NAN };
+        let clamped = requested.clamped(128);
+        let ConeSettings { aperture_deg, sub_cones, cone_step, .. } = clamped.settings;
         assert_eq!((aperture_deg, sub_cones, cone_step), (85.0, 1, 1.0));
-        assert_eq!(used.notes.len(), 3, "{:?}", used.notes);
+        assert_eq!(clamped.notes.len(), 3, "{:?}", clamped.notes);
     }
 }

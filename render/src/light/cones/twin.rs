@@ -1,6 +1,6 @@
-//! Light from a cone towards the eye at places of a context image, by sub-cones through prefiltered
-//! extinction, on the CPU in `f64`: what cones of a view keep in their grid of light. World space, the
-//! transfer function itself, no bricks.
+//! Light from a cone towards the eye at points of a context image, by sub-cones through prefiltered
+//! extinction, on the CPU in `f64`: what the light grid holds. In world space, with the transfer function
+//! itself and without bricks.
 
 use glam::{DMat3, DVec3};
 use glioscope_core::optics::{Projection, Ray, Sight};
@@ -17,29 +17,29 @@ use crate::{
     },
 };
 
-/// No voxel's optical thickness counts for more.
-const DARK: f64 = 40.0;
+/// Maximum optical thickness of a voxel.
+const OPAQUE_THICKNESS: f64 = 40.0;
 /// Optical thickness past which a sub-cone ends.
-const ENOUGH: f64 = 12.0;
-/// A verdict that this many millimetres, or pixels, would turn may be another in single precision.
-const DOUBT: f64 = 1e-3;
+const END_THICKNESS: f64 = 12.0;
+/// A comparison decided by less than this many millimetres or pixels may differ in single precision.
+const AMBIGUOUS: f64 = 1e-3;
 
-/// Light at a place.
+/// Light at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lit {
-    /// Share that the image lets through.
-    pub through: f64,
-    /// Share that solid surfaces let through besides.
-    pub past_solid: f64,
-    /// Whether rounding may decide what was kept or hidden.
-    pub in_doubt: bool,
+pub struct Light {
+    /// Share that the image transmits.
+    pub image_only: f64,
+    /// Share that both image and opaque surfaces transmit.
+    pub with_opaque: f64,
+    /// Whether rounding may decide what was clipped or hidden.
+    pub is_ambiguous: bool,
 }
 
-/// Finds light in the image of a scene.
-pub struct LitImage<'a> {
+/// Computes light in the image of a scene.
+pub struct ConeTwin<'a> {
     scene: &'a ContextScene,
     sight: &'a Sight,
-    solid_mm: &'a [f64],
+    opaque_mm: &'a [f64],
     settings: ConeSettings,
     axes: Vec<[f64; 3]>,
     levels: Vec<Level>,
@@ -49,13 +49,13 @@ pub struct LitImage<'a> {
     voxel_mm: f64,
 }
 
-impl<'a> LitImage<'a> {
-    /// `solid_mm` are view depths from the eye, rows from the top, infinite where there is nothing solid;
-    /// `None` without an image.
+impl<'a> ConeTwin<'a> {
+    /// `opaque_mm` are view depths from the eye, rows from the top, infinite where there is no opaque
+    /// surface; `None` without an image.
     pub fn new(
         scene: &'a ContextScene,
         sight: &'a Sight,
-        solid_mm: &'a [f64],
+        opaque_mm: &'a [f64],
         lighting: &LightSettings,
     ) -> Option<Self> {
         let grid = scene.volume.as_ref()?.grid();
@@ -71,7 +71,7 @@ impl<'a> LitImage<'a> {
         Some(Self {
             scene,
             sight,
-            solid_mm,
+            opaque_mm,
             settings,
             axes: sub_cones(&settings),
             levels,
@@ -82,26 +82,26 @@ impl<'a> LitImage<'a> {
         })
     }
 
-    /// At a place in the world, millimetres.
-    pub fn at(&self, at_mm: DVec3) -> Lit {
-        let axis = -self.sight_through(at_mm).direction;
+    /// At a point in the world, millimetres.
+    pub fn at(&self, at_mm: DVec3) -> Light {
+        let axis = -self.line_of_sight(at_mm).direction;
         let right = self.sight.right;
         let u = right - axis * axis.dot(right);
         let u = u / u.length();
-        // The card's axes are right, up and away from the eye, a left-handed frame: its cross product.
+        // The device's axes are right, up and away from the eye, a left-handed frame: its cross product.
         let v = u.cross(axis);
-        let mut out = Lit { through: 0.0, past_solid: 0.0, in_doubt: false };
+        let mut out = Light { image_only: 0.0, with_opaque: 0.0, is_ambiguous: false };
         for a in &self.axes {
             let one = self.sub_cone(at_mm, u * a[0] + v * a[1] + axis * a[2]);
-            out.through += one.through / self.axes.len() as f64;
-            out.past_solid += one.past_solid / self.axes.len() as f64;
-            out.in_doubt |= one.in_doubt;
+            out.image_only += one.image_only / self.axes.len() as f64;
+            out.with_opaque += one.with_opaque / self.axes.len() as f64;
+            out.is_ambiguous |= one.is_ambiguous;
         }
         out
     }
 
-    /// The line of sight through a place, from the eye or its plane.
-    fn sight_through(&self, at_mm: DVec3) -> Ray {
+    /// The line of sight through a point, from the eye or its plane.
+    fn line_of_sight(&self, at_mm: DVec3) -> Ray {
         match self.scene.camera.projection {
             Projection::Perspective => {
                 let away = at_mm - self.sight.eye_mm;
@@ -116,14 +116,14 @@ impl<'a> LitImage<'a> {
 
     fn extinction(&self, index: DVec3, level: f64) -> f64 {
         let of = |n: usize| match n.checked_sub(1).map(|n| self.levels.get(n)) {
-            None => extinction(self.scene, index - 0.5).min(DARK / self.voxel_mm),
-            Some(level) => level.map_or(0.0, |level| between(level, index)),
+            None => extinction(self.scene, index - 0.5).min(OPAQUE_THICKNESS / self.voxel_mm),
+            Some(level) => level.map_or(0.0, |level| trilinear(level, index)),
         };
         let (low, share) = (level.floor(), level - level.floor());
         of(low as usize) * (1.0 - share) + if share > 0.0 { of(low as usize + 1) * share } else { 0.0 }
     }
 
-    fn sub_cone(&self, at_mm: DVec3, w: DVec3) -> Lit {
+    fn sub_cone(&self, at_mm: DVec3, w: DVec3) -> Light {
         let o = self.voxel_from_world.transform_point3(at_mm) + 0.5;
         let d = self.voxel_from_mm * w;
         let (mut t, mut far) = (0.0f64, f64::INFINITY);
@@ -144,78 +144,78 @@ impl<'a> LitImage<'a> {
         let tangent = self.settings.sub_tangent();
         let widest = self.voxel_mm * f64::from(self.settings.coarsest_level).exp2();
         let mut thickness = 0.0;
-        let mut out = Lit { through: 1.0, past_solid: 1.0, in_doubt: false };
-        while t < far && thickness < ENOUGH {
+        let mut out = Light { image_only: 1.0, with_opaque: 1.0, is_ambiguous: false };
+        while t < far && thickness < END_THICKNESS {
             let width = (2.0 * t * tangent).clamp(self.voxel_mm, widest);
             let step = (self.settings.cone_step * width).min(far - t);
             let middle = t + 0.5 * step;
             let width = (2.0 * middle * tangent).clamp(self.voxel_mm, widest);
             let there = at_mm + w * middle;
-            let (kept, unsure) = self.is_kept(there);
-            let (hidden, unclear) = self.is_hidden(there);
-            out.in_doubt |= unsure || unclear;
-            if kept {
+            let (in_image, ambiguous_image) = self.is_in_image(there);
+            let (hidden, ambiguous_hidden) = self.is_hidden(there);
+            out.is_ambiguous |= ambiguous_image || ambiguous_hidden;
+            if in_image {
                 thickness += step * self.extinction(o + d * middle, (width / self.voxel_mm).log2());
             }
             if hidden {
-                out.past_solid = 0.0;
+                out.with_opaque = 0.0;
             }
             t += step;
         }
-        out.through = (-thickness).exp();
-        out.past_solid *= out.through;
+        out.image_only = (-thickness).exp();
+        out.with_opaque *= out.image_only;
         out
     }
 
-    /// Not cut away, not in the masks' box and not before that; and whether that is in doubt.
-    fn is_kept(&self, at_mm: DVec3) -> (bool, bool) {
-        let (mut kept, mut unsure) = (true, false);
+    /// Not clipped, not in the masks' bounding box and not in front of that; and whether that is ambiguous.
+    fn is_in_image(&self, at_mm: DVec3) -> (bool, bool) {
+        let (mut in_image, mut ambiguous) = (true, false);
         for plane in &self.scene.clip {
-            let room = (plane.offset_mm - plane.normal.dot(at_mm)) / plane.normal.length();
-            kept &= room >= 0.0;
-            unsure |= room.abs() < DOUBT;
+            let inside_mm = (plane.offset_mm - plane.normal.dot(at_mm)) / plane.normal.length();
+            in_image &= inside_mm >= 0.0;
+            ambiguous |= inside_mm.abs() < AMBIGUOUS;
         }
         if let Some(tumor) = &self.scene.tumor {
-            let ray = self.sight_through(at_mm);
+            let ray = self.line_of_sight(at_mm);
             let (enter, leave) = box_interval(tumor.grid(), &ray);
             let along = (at_mm - ray.origin_mm).dot(ray.direction);
             let meets = enter.max(0.0) < leave;
-            kept &= !(meets && along < leave);
-            // At the box's end, or past its very edge.
-            let corner = (enter.max(0.0) - leave).abs() < 30.0 * DOUBT;
-            unsure |= corner || (meets && (along - leave).abs() < DOUBT);
+            in_image &= !(meets && along < leave);
+            // At the far side of the box, or grazing its edge.
+            let grazes = (enter.max(0.0) - leave).abs() < 30.0 * AMBIGUOUS;
+            ambiguous |= grazes || (meets && (along - leave).abs() < AMBIGUOUS);
         }
-        (kept, unsure)
+        (in_image, ambiguous)
     }
 
-    /// Behind what is solid at its pixel by more than a voxel; and whether that is in doubt.
+    /// Behind its pixel's opaque surface by more than a voxel; and whether that is ambiguous.
     fn is_hidden(&self, at_mm: DVec3) -> (bool, bool) {
         let depth = self.sight.depth_mm(at_mm);
         let off = (at_mm - self.sight.eye_mm) / self.sight.pixel_mm(depth).max(1e-12);
         let [width, height] = self.sight.size.map(f64::from);
         let (x, y) = (off.dot(self.sight.right) + 0.5 * width, 0.5 * height - off.dot(self.sight.up));
-        let verdict = |x: f64, y: f64, depth: f64| {
+        let is_behind = |x: f64, y: f64, depth: f64| {
             let (x, y) = (x.floor(), y.floor());
             let inside = x >= 0.0 && y >= 0.0 && x < width && y < height;
-            let solid = self.solid_mm.get((y.max(0.0) * width + x.max(0.0)) as usize).filter(|_| inside);
-            solid.is_some_and(|solid| *solid < depth - self.voxel_mm)
+            let opaque = self.opaque_mm.get((y.max(0.0) * width + x.max(0.0)) as usize).filter(|_| inside);
+            opaque.is_some_and(|opaque| *opaque < depth - self.voxel_mm)
         };
-        let hidden = verdict(x, y, depth);
-        let shifts = [(DOUBT, 0.0, 0.0), (0.0, DOUBT, 0.0), (0.0, 0.0, DOUBT)];
-        let turned = shifts.iter().any(|(i, j, k)| {
-            [1.0, -1.0].iter().any(|s| verdict(x + s * i, y + s * j, depth + s * k) != hidden)
+        let hidden = is_behind(x, y, depth);
+        let shifts = [(AMBIGUOUS, 0.0, 0.0), (0.0, AMBIGUOUS, 0.0), (0.0, 0.0, AMBIGUOUS)];
+        let ambiguous = shifts.iter().any(|(i, j, k)| {
+            [1.0, -1.0].iter().any(|s| is_behind(x + s * i, y + s * j, depth + s * k) != hidden)
         });
-        (hidden, turned)
+        (hidden, ambiguous)
     }
 }
 
-/// Extinction per millimetre at a place among voxel centres.
+/// Extinction per millimetre at voxel coordinates `q`.
 fn extinction(scene: &ContextScene, q: DVec3) -> f64 {
     -(1.0 - sample(scene, q).1).max(1e-30).ln()
 }
 
-/// Trilinear between a level's cells; `index` counts voxel faces.
-fn between(level: &Level, index: DVec3) -> f64 {
+/// Trilinear between a level's cells; `index` counts from voxel faces.
+fn trilinear(level: &Level, index: DVec3) -> f64 {
     let mut sum = 0.0;
     for corner in 0..8usize {
         let mut weight = 1.0;

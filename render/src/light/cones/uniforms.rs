@@ -1,4 +1,4 @@
-//! What the shaders of this light read, laid out as they read it. A test compares every offset with naga's.
+//! Uniforms with the memory layout of the shaders. A test compares every offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -12,7 +12,7 @@ pub(crate) struct Level {
     pub pad: u32,
 }
 
-/// Levels that the shaders know: 2^15 voxels a side are past any buffer.
+/// Levels in the shaders' uniform: 2^15 voxels per side exceed any buffer.
 pub(crate) const LEVELS: usize = 16;
 
 /// `Cones` of lib/cones.

@@ -1,11 +1,11 @@
-//! Screen-space light: ambient occlusion from depths alone, and the march's own headlight on the image's gradients.
+//! Screen-space light: ambient occlusion from depths alone, and the ray march's headlight on the image's gradients.
 
 #[cfg(test)]
 mod twin_tests;
 
 use glam::DVec4;
 
-use super::lit::{Light, LightRow, LitScene, is_none, no_strength};
+use super::lit::{Light, LightRow, LitScene, is_off, no_strength};
 use crate::{
     device::{
         Gpu, PassName, RenderError,
@@ -29,7 +29,7 @@ pub(super) const ROW: LightRow = LightRow {
     most_cost: 16.0,
     first_cost: 0.125,
     passes: |_| &[OCCLUSION, OCCLUSION_BLUR],
-    left_out: |pass, quality, no_opaque, _| match pass {
+    omission_reason: |pass, quality, no_opaque, _| match pass {
         OCCLUSION | OCCLUSION_BLUR => no_opaque.or_else(|| no_occlusion(quality)),
         _ => None,
     },
@@ -42,16 +42,16 @@ pub(super) const ROW: LightRow = LightRow {
     suite: super::lit::Suite {
         layouts: &[],
         variants: &[crate::scene::LightSettings::DEFAULT.variant],
-        off_twin: twin_tests::off_twin,
+        max_twin_error: twin_tests::max_twin_error,
     },
     start: |gpu| Box::new(ScreenLight::new(gpu)),
 };
 
-/// Why `quality` leaves ambient occlusion out, if it does.
+/// Why `quality` omits ambient occlusion; `None` if it doesn't.
 fn no_occlusion(quality: &Quality) -> Option<&'static str> {
     if let Some(reason) = no_strength(quality) {
         Some(reason)
-    } else if is_none(quality.occlusion_radius_mm) {
+    } else if is_off(quality.occlusion_radius_mm) {
         Some("occlusion radius is 0")
     } else if quality.occlusion_samples == 0 {
         Some("occlusion has no samples")
@@ -60,7 +60,7 @@ fn no_occlusion(quality: &Quality) -> Option<&'static str> {
     }
 }
 
-/// At balanced there is nothing to gain any more: what is left is bias.
+/// Above balanced nothing changes: the remaining error is bias.
 fn at_cost(cost: f64) -> Quality {
     let less = cost.min(1.0);
     Quality {
@@ -71,7 +71,7 @@ fn at_cost(cost: f64) -> Quality {
     }
 }
 
-/// The table of point pairs, and for how many it is.
+/// The table of point pairs, and its number of samples.
 struct ScreenLight {
     kernel: wgpu::Buffer,
     kernel_samples: u32,
@@ -124,13 +124,13 @@ impl Light for ScreenLight {
     }
 }
 
-/// One point of each pair that ambient occlusion tests: a spiral over the half ball, denser near
-/// the middle.
+/// One point of each pair that ambient occlusion tests: a spiral over the unit hemisphere, denser near
+/// the centre.
 pub(crate) fn occlusion_kernel(samples: u32) -> Kernel {
     let n = samples.clamp(1, Quality::MOST_SAMPLES);
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     std::array::from_fn(|i| {
-        // The spiral's height orders the points; their radii must not follow it.
+        // The points are ordered by height on the spiral; their radii must not correlate with it.
         let shuffled = (i * 7 + 3) as u32 % n;
         let z = 1.0 - (i as f64 + 0.5) / f64::from(n);
         let ring = (1.0 - z * z).max(0.0).sqrt();

@@ -1,4 +1,4 @@
-//! The slices on the CPU in `f64`.
+//! The slices through an analytic medium, on the CPU in `f64`.
 
 use glam::DVec3;
 use glioscope_core::optics::{
@@ -13,10 +13,10 @@ use crate::{
     scene::SliceVariant,
 };
 
-/// One pixel: light so far, and what still comes through.
+/// One pixel: accumulated radiance, and remaining transmittance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
-    /// Linear radiance before the background.
+    /// Linear radiance in front of the background.
     pub radiance: DVec3,
     /// Transmittance to the background.
     pub transmittance: f64,
@@ -57,7 +57,7 @@ fn texel(before: &[f64], size: [u32; 2], x: i64, y: i64) -> f64 {
     before.get(y * size[0] as usize + x).copied().unwrap_or(1.0)
 }
 
-/// Bilinear at a place in pixels from the top left, pixel centres at halves; the edge goes on.
+/// Bilinear at a position in pixels from the top left, pixel centres at halves; clamped to the edge.
 fn bilinear(before: &[f64], size: [u32; 2], x: f64, y: f64) -> f64 {
     let (x, y) = (x - 0.5, y - 0.5);
     let (fx, fy) = (x - x.floor(), y - y.floor());

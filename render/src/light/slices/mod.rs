@@ -1,8 +1,8 @@
-//! Light by slices (directional occlusion, Schott et al. 2009, and its combination with opaque geometry, 2012): draws
-//! the image, and finds what it lets through to opaque surfaces, which vicinity occlusion darkens besides.
+//! Lighting by slices (directional occlusion, Schott et al. 2009, and its combination with opaque geometry, 2012):
+//! draws the image, and computes the light it transmits to opaque surfaces, which vicinity occlusion darkens as well.
 //!
-//! Lifetimes: pipelines are made when a variant is first drawn; buffers (40 bytes per pixel, with opaque geometry 48)
-//! once per size; the uniforms of the steps, 256 bytes for each of their rectangles, once per frame.
+//! Lifetimes: pipelines are created when a variant is first drawn; buffers (40 bytes per pixel, with opaque geometry
+//! 48) once per size; the uniforms of the steps, 256 bytes for each of their rectangles, once per frame.
 
 #[cfg(test)]
 pub(crate) mod medium_twin;
@@ -22,7 +22,7 @@ use glioscope_core::optics::{Sight, cone::Decay};
 
 use self::{
     plan::{Kernel, SlicePlan, SliceSettings, Step, disc_points},
-    reach::{Rect, ScreenBounds, SolidParts, StepReach, reach},
+    reach::{OpaqueBounds, Rect, ScreenBounds, StepRects, step_rects},
 };
 use super::{
     lit::{Light, LightRow, LightWork, LitImage, LitKind, LitScene, Measured, Opaque},
@@ -41,7 +41,7 @@ use crate::{
 
 /// The context image by slices, with directional occlusion.
 pub(crate) const SLICES: PassName = PassName::new("slices");
-/// Hands the slices' picture on.
+/// Converts the slices' result to the ray march's format.
 pub(crate) const SLICES_FINISH: PassName = PassName::new("slices_finish");
 
 pub(super) const ROW: LightRow = LightRow {
@@ -56,9 +56,9 @@ pub(super) const ROW: LightRow = LightRow {
         LitKind::Image => &[SLICES, SLICES_FINISH, VICINITY],
         LitKind::Masks | LitKind::Depths => &[SLICES, VICINITY],
     },
-    left_out: |pass, quality, no_opaque, no_image| match pass {
+    omission_reason: |pass, quality, no_opaque, no_image| match pass {
         SLICES | SLICES_FINISH => no_image,
-        VICINITY => vicinity::left_out(quality, no_opaque, no_image),
+        VICINITY => vicinity::omission_reason(quality, no_opaque, no_image),
         _ => None,
     },
     flags: &[(VICINITY, HAS_OCCLUSION), (SLICES, HAS_CONTEXT | LINEAR_LIGHT)],
@@ -72,16 +72,16 @@ pub(super) const ROW: LightRow = LightRow {
     suite: super::lit::Suite {
         layouts: uniforms::LAYOUTS,
         variants: &[SliceVariant::PaperExact, SliceVariant::PaperApproximate, SliceVariant::Mended],
-        off_twin: twin_tests::off_twin,
+        max_twin_error: twin_tests::max_twin_error,
     },
     start: |gpu| Box::new(SliceLight::new(gpu)),
 };
 
-/// Cost of the reference: slices thinner than its 0.7 mm gain nothing.
+/// Cost of the reference: slices thinner than its 0.7 mm don't reduce the error.
 const MOST_COST: f64 = 1.0 / 0.7;
 
-/// `bench accuracy --only view` on 2026-11-26, head phantom T1c, transfer functions MR surface and MR tissue; held
-/// against docs/accuracy.md by a test.
+/// `bench accuracy --only view` on 2026-11-26, head phantom T1c, transfer functions MR surface and MR tissue;
+/// compared with docs/accuracy.md by a test.
 const MEASURED: Measured = &[
     (0.004, [0.0926, 0.0436]),
     (0.015, [0.0220, 0.0337]),
@@ -94,16 +94,16 @@ const MEASURED: Measured = &[
     (MOST_COST, [0.0107, 0.0307]),
 ];
 
-/// Thicker slices lose opaque surfaces: as long as there are pixels to spare, these go first. More points in a
-/// footprint bring nothing.
+/// Thicker slices miss opaque surfaces, so the resolution is lowered first, down to its minimum. More points in a
+/// footprint don't reduce the error.
 fn at_cost(cost: f64) -> Quality {
-    // Down from balanced, up from it.
+    // Below and above balanced.
     let (less, more) = (cost.min(1.0), cost.max(1.0));
-    let without_pixels = (less / 0.018).min(1.0);
+    let below_min_resolution = (less / 0.018).min(1.0);
     Quality {
         resolution_scale: less.powf(0.4).max(0.2),
         lighting: LightSettings {
-            slice_mm: (less.powf(-0.13) * without_pixels.powf(-0.53)).min(6.0) / more,
+            slice_mm: (less.powf(-0.13) * below_min_resolution.powf(-0.53)).min(6.0) / more,
             vicinity_samples: (64.0 * less.powf(0.4) * more.powf(1.72)).round().clamp(12.0, 118.0) as u32,
             ..LightSettings::DEFAULT
         },
@@ -111,7 +111,7 @@ fn at_cost(cost: f64) -> Quality {
     }
 }
 
-/// What the slices are asked for.
+/// The part of the light settings that the slices use.
 pub(crate) fn slice_settings(settings: &LightSettings) -> SliceSettings {
     SliceSettings {
         variant: settings.variant,
@@ -122,8 +122,8 @@ pub(crate) fn slice_settings(settings: &LightSettings) -> SliceSettings {
     }
 }
 
-/// Ranges in order, those that touch as one.
-pub(super) fn joined(mut all: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+/// The ranges in order, with those that touch or overlap merged.
+pub(super) fn merged_ranges(mut all: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut out: Vec<(f64, f64)> = Vec::new();
     for (near, far) in all {
@@ -138,41 +138,41 @@ pub(super) fn joined(mut all: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 /// Bytes from one step's uniform to the next.
 const STRIDE: u64 = 256;
 
-/// What a pipeline is made for.
+/// What a pipeline is specialised for.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Wanted {
-    /// See slices/begin: what comes before the steps.
-    begins: bool,
+struct PipelineKey {
+    /// Whether it is slices/begin, which initialises the buffers before the steps.
+    is_begin: bool,
     variant: SliceVariant,
-    solid: bool,
-    /// Whether two lights are kept, be there something solid or not.
+    with_opaque: bool,
+    /// Whether two lights are stored per pixel, whether or not the rectangle has opaque geometry.
     two_lights: bool,
     one_slice: bool,
-    /// Whether what is solid leaves the image its light.
-    lets_through: bool,
-    /// Whether the eye's rays end elsewhere than at what is solid.
-    apart: bool,
-    gradient: bool,
-    first: bool,
-    empty: bool,
+    /// Whether opaque geometry doesn't occlude the image.
+    opaque_transmits: bool,
+    /// Whether the eye's rays end at depths other than those of opaque geometry.
+    ends_apart: bool,
+    uses_gradient: bool,
+    is_first: bool,
+    is_empty: bool,
 }
 
 struct Buffers {
     size: [u32; 2],
-    lights_a_pixel: u64,
+    lights_per_pixel: u64,
     lights: wgpu::Buffer,
     eye: wgpu::Buffer,
     notes: wgpu::Buffer,
 }
 
 impl Buffers {
-    fn new(gpu: &Gpu, size: [u32; 2], lights_a_pixel: u64) -> Self {
+    fn new(gpu: &Gpu, size: [u32; 2], lights_per_pixel: u64) -> Self {
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let buffer = |label, bytes: u64| gpu.buffer(label, bytes, WRITTEN);
         Self {
             size,
-            lights_a_pixel,
-            lights: buffer("SliceLight::lights", 8 * pixels * (lights_a_pixel + 1)),
+            lights_per_pixel,
+            lights: buffer("SliceLight::lights", 8 * pixels * (lights_per_pixel + 1)),
             eye: buffer("SliceLight::eye", 16 * pixels),
             notes: buffer("SliceLight::notes", 8 * pixels),
         }
@@ -182,12 +182,12 @@ impl Buffers {
 /// The passes on the device.
 struct SliceLight {
     layout: wgpu::BindGroupLayout,
-    pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
+    pipelines: Vec<(PipelineKey, wgpu::ComputePipeline)>,
     slices: wgpu::Buffer,
     buffers: Option<Buffers>,
     vicinity: VicinityLight,
     work: Option<LightWork>,
-    /// For tests: every step is taken for the whole picture, as if opaque geometry were anywhere.
+    /// For tests: every step processes the whole frame, as if opaque geometry were anywhere.
     everywhere: bool,
 }
 
@@ -205,8 +205,8 @@ impl Light for SliceLight {
             notes = self.bind_slices(gpu, passes, scene, &image)?;
         }
         if plan.has(VICINITY) {
-            let through = self.buffers.as_ref().map(|b| &b.notes);
-            self.vicinity.bind(gpu, passes, scene, through)?;
+            let notes = self.buffers.as_ref().map(|b| &b.notes);
+            self.vicinity.bind(gpu, passes, scene, notes)?;
         }
         Ok(notes)
     }
@@ -220,7 +220,7 @@ impl Light for SliceLight {
         let buffers = self.buffers.as_ref();
         super::lit::Probe {
             notes: buffers.map(|b| &b.notes),
-            carried: buffers.map(|b| &b.lights),
+            carried_light: buffers.map(|b| &b.lights),
             eye: buffers.map(|b| &b.eye),
             grid: None,
         }
@@ -261,7 +261,7 @@ impl SliceLight {
         }
     }
 
-    /// Binds the steps of a frame, and what hands them on. Returns what is other than asked for.
+    /// Binds the steps of a frame and the finishing pass. Returns notes on changed settings and omitted slices.
     ///
     /// # Errors
     /// [`RenderError`]; nothing is bound then.
@@ -273,88 +273,95 @@ impl SliceLight {
         image: &LitImage<'_>,
     ) -> Result<Vec<String>, RenderError> {
         let settings = &scene.quality.lighting;
-        let apart = scene.ends_apart;
-        let opaque = scene.opaque != Opaque::Nowhere;
-        let lights_a_pixel = if opaque { 2 } else { 1 };
-        if self.buffers.as_ref().is_none_or(|b| b.size != scene.size || b.lights_a_pixel != lights_a_pixel) {
+        let has_opaque = scene.opaque != Opaque::Nowhere;
+        let lights_per_pixel = if has_opaque { 2 } else { 1 };
+        if self
+            .buffers
+            .as_ref()
+            .is_none_or(|b| b.size != scene.size || b.lights_per_pixel != lights_per_pixel)
+        {
             self.buffers = None;
-            self.buffers = Some(Buffers::new(gpu, scene.size, lights_a_pixel));
+            self.buffers = Some(Buffers::new(gpu, scene.size, lights_per_pixel));
             gpu.check()?;
         }
         let sight = Sight::new(scene.camera, scene.size);
-        let occupied = joined(image.buffers.depths_mm(&sight).collect());
+        let occupied = merged_ranges(image.buffers.depths_mm(&sight).collect());
         let whole = occupied.first().zip(occupied.last()).map(|(first, last)| (first.0, last.1));
         let mut plan = SlicePlan::new(&slice_settings(settings), &sight, whole, &occupied);
         if plan.steps.is_empty() {
-            // One that finds nothing: what the passes after it read is then written all the same.
+            // An empty step, so that the buffers that later passes read are written.
             let kernel = Kernel::Lattice { side: 1, stride_px: 1, center: 0.0 };
             plan.steps.push(Step { depth_mm: scene.reference_mm, slices: 1, kernel, empty: true });
         }
         let mutual = &settings.mutual;
-        let solid_parts = match (scene.opaque, scene.tumor) {
-            (Opaque::Nowhere, _) => SolidParts::None,
+        let opaque_bounds = match (scene.opaque, scene.tumor) {
+            (Opaque::Nowhere, _) => OpaqueBounds::None,
             (Opaque::InMasks, Some(tumor)) => ScreenBounds::of(&sight, &tumor.grid().corners_mm())
-                .map_or(SolidParts::None, SolidParts::Within),
-            _ => SolidParts::Anywhere,
+                .map_or(OpaqueBounds::None, OpaqueBounds::Within),
+            _ => OpaqueBounds::Anywhere,
         };
-        let darkens = (mutual.opaque_on_image, mutual.image_on_image);
-        let reached = if self.everywhere {
-            vec![StepReach::everywhere(scene.size); plan.steps.len()]
+        let occluders = (mutual.opaque_on_image, mutual.image_on_image);
+        let all_rects = if self.everywhere {
+            vec![StepRects::everywhere(scene.size); plan.steps.len()]
         } else {
             let corners = image.buffers.visible_corners_mm();
             let bricks: Vec<_> = corners.filter_map(|c| ScreenBounds::of(&sight, &c)).collect();
-            reach(&plan, &sight, &bricks, solid_parts, darkens)
+            step_rects(&plan, &sight, &bricks, opaque_bounds, occluders)
         };
-        let mut work = Work::default();
-        let begins = Wanted {
-            begins: true,
+        let mut dispatches = StepDispatches::default();
+        let begin_key = PipelineKey {
+            is_begin: true,
             variant: settings.variant,
-            solid: false,
-            two_lights: opaque,
+            with_opaque: false,
+            two_lights: has_opaque,
             one_slice: false,
-            lets_through: false,
-            apart: false,
-            gradient: false,
-            first: false,
-            empty: false,
+            opaque_transmits: false,
+            ends_apart: false,
+            uses_gradient: false,
+            is_first: false,
+            is_empty: false,
         };
         let whole = Rect::whole(scene.size).in_workgroups(scene.size);
-        work.add(self.pipeline(gpu, begins)?, begins, uniforms::Part::default(), whole);
+        dispatches.add(self.pipeline(gpu, begin_key)?, begin_key, uniforms::Part::default(), whole);
         let mended = settings.variant == SliceVariant::Mended;
-        let mut done = LightWork { slices: plan.slices(), ..LightWork::default() };
-        for (number, (step, reached)) in plan.steps.iter().zip(&reached).enumerate() {
-            let mut part = part(step, number, scene.reference_mm);
+        let mut light_work = LightWork { slices: plan.slices(), ..LightWork::default() };
+        for (number, (step, rects)) in plan.steps.iter().zip(&all_rects).enumerate() {
+            let mut part = step_uniform(step, number, scene.reference_mm);
             part.is_last = u32::from(number + 1 == plan.steps.len());
-            let among = reached.among_solid.iter().map(|rect| (rect, opaque));
-            for (rect, solid) in among.chain(reached.alike.iter().map(|rect| (rect, false))) {
-                let wanted = Wanted {
-                    begins: false,
-                    solid,
+            let with_opaque = rects.with_opaque.iter().map(|rect| (rect, has_opaque));
+            let without = rects.without_opaque.iter().map(|rect| (rect, false));
+            for (rect, with_opaque) in with_opaque.chain(without) {
+                let key = PipelineKey {
+                    is_begin: false,
+                    with_opaque,
                     one_slice: mended && step.slices == 1,
-                    lets_through: solid && !mutual.opaque_on_image,
-                    apart: solid && apart,
-                    gradient: image.buffers.tables().two_d,
-                    first: !mended && number == 0,
-                    empty: step.empty,
-                    ..begins
+                    opaque_transmits: with_opaque && !mutual.opaque_on_image,
+                    ends_apart: with_opaque && scene.ends_apart,
+                    uses_gradient: image.buffers.tables().two_d,
+                    is_first: !mended && number == 0,
+                    is_empty: step.empty,
+                    ..begin_key
                 };
-                work.add(self.pipeline(gpu, wanted)?, wanted, part, *rect);
+                dispatches.add(self.pipeline(gpu, key)?, key, part, *rect);
                 let range = if step.empty { 0 } else { 8 };
-                let depths = 4 * u64::from(solid) + 4 * u64::from(wanted.apart);
-                done.samples += rect.pixels() * u64::from(step.slices);
-                done.bytes += rect.pixels() * (2 * 4 * lights_a_pixel + range + depths);
+                let depths = 4 * u64::from(with_opaque) + 4 * u64::from(key.ends_apart);
+                light_work.samples += rect.pixels() * u64::from(step.slices);
+                light_work.bytes += rect.pixels() * (2 * 4 * lights_per_pixel + range + depths);
             }
         }
-        let drawn: u64 =
-            reached.iter().flat_map(|r| r.among_solid.iter().chain(&r.alike)).map(Rect::pixels).sum();
-        let all = whole.pixels() * plan.steps.len() as u64;
-        if drawn < all {
-            let share = 100.0 * (1.0 - drawn as f64 / all as f64);
+        let processed: u64 = all_rects
+            .iter()
+            .flat_map(|r| r.with_opaque.iter().chain(&r.without_opaque))
+            .map(Rect::pixels)
+            .sum();
+        let total = whole.pixels() * plan.steps.len() as u64;
+        if processed < total {
+            let share = 100.0 * (1.0 - processed as f64 / total as f64);
             plan.notes.push(format!(
                 "{share:.0} % of the slices' pixels are left out: no light is lost there yet, or none asked for any more"
             ));
         }
-        self.work = Some(done);
+        self.work = Some(light_work);
         let Some(buffers) = &self.buffers else { return Ok(Vec::new()) };
         let flags = if mutual.image_on_image { uniforms::IMAGE_ON_IMAGE } else { 0 };
         let slices = uniforms::Slices {
@@ -365,11 +372,11 @@ impl SliceLight {
             decay: plan.decay.as_deref().map_or([[0.0; 4]; 257], Decay::packed),
         };
         gpu.queue.write_buffer(&self.slices, 0, bytemuck::bytes_of(&slices));
-        // The last one's binding reaches past it.
-        let mut bytes = vec![0u8; (work.parts.len() + 1) * STRIDE as usize];
-        for (part, place) in work.parts.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
+        // A binding spans two parts, so the last one extends past its own.
+        let mut bytes = vec![0u8; (dispatches.parts.len() + 1) * STRIDE as usize];
+        for (part, slot) in dispatches.parts.iter().zip(bytes.chunks_exact_mut(STRIDE as usize)) {
             let part = bytemuck::bytes_of(part);
-            place[..part.len()].copy_from_slice(part);
+            slot[..part.len()].copy_from_slice(part);
         }
         let parts = gpu.buffer_with("SliceLight::parts", &bytes, wgpu::BufferUsages::UNIFORM);
         let part = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -388,7 +395,8 @@ impl SliceLight {
         ];
         let entries = [&entries[..], &image.entries()].concat();
         let workgroups = workgroups_of(scene.size);
-        let steps = (work.pipelines.into_iter().map(|(_, made)| made).collect(), work.steps);
+        let steps =
+            (dispatches.pipelines.into_iter().map(|(_, pipeline)| pipeline).collect(), dispatches.steps);
         passes.bind_steps(gpu, SLICES, &self.layout, &entries, steps);
         let finish = [
             (0, scene.view.as_entire_binding()),
@@ -400,11 +408,12 @@ impl SliceLight {
         Ok(plan.notes)
     }
 
-    fn pipeline(&mut self, gpu: &Gpu, wanted: Wanted) -> Result<wgpu::ComputePipeline, RenderError> {
-        if let Some((_, made)) = self.pipelines.iter().find(|(made, _)| *made == wanted) {
-            return Ok(made.clone());
+    /// The pipeline of a key, compiled when first needed.
+    fn pipeline(&mut self, gpu: &Gpu, key: PipelineKey) -> Result<wgpu::ComputePipeline, RenderError> {
+        if let Some((_, pipeline)) = self.pipelines.iter().find(|(known, _)| *known == key) {
+            return Ok(pipeline.clone());
         }
-        let variant = match wanted.variant {
+        let variant = match key.variant {
             SliceVariant::PaperExact => 0.0,
             SliceVariant::PaperApproximate => 1.0,
             SliceVariant::Mended => 2.0,
@@ -412,40 +421,40 @@ impl SliceLight {
         let flag = |on: bool| f64::from(u8::from(on));
         let constants = [
             ("variant", variant),
-            ("with_solid", flag(wanted.solid)),
-            ("two_lights", flag(wanted.two_lights)),
-            ("one_slice", flag(wanted.one_slice)),
-            ("solid_lets_through", flag(wanted.lets_through)),
-            ("ends_apart", flag(wanted.apart)),
-            ("gradient_counts", flag(wanted.gradient)),
-            ("is_first", flag(wanted.first)),
-            ("is_empty", flag(wanted.empty)),
+            ("with_solid", flag(key.with_opaque)),
+            ("two_lights", flag(key.two_lights)),
+            ("one_slice", flag(key.one_slice)),
+            ("solid_lets_through", flag(key.opaque_transmits)),
+            ("ends_apart", flag(key.ends_apart)),
+            ("gradient_counts", flag(key.uses_gradient)),
+            ("is_first", flag(key.is_first)),
+            ("is_empty", flag(key.is_empty)),
         ];
-        let made = if wanted.begins {
-            let constants = [("two_lights", flag(wanted.two_lights))];
+        let pipeline = if key.is_begin {
+            let constants = [("two_lights", flag(key.two_lights))];
             compute_pipeline(gpu, "slices/begin", Some(&self.layout), &constants)?
         } else {
             compute_pipeline(gpu, "slices/step", Some(&self.layout), &constants)?
         };
         gpu.check()?;
-        self.pipelines.push((wanted, made.clone()));
-        Ok(made)
+        self.pipelines.push((key, pipeline.clone()));
+        Ok(pipeline)
     }
 }
 
 /// Dispatches of a frame.
 #[derive(Default)]
-struct Work {
-    pipelines: Vec<(Wanted, wgpu::ComputePipeline)>,
+struct StepDispatches {
+    pipelines: Vec<(PipelineKey, wgpu::ComputePipeline)>,
     parts: Vec<uniforms::Part>,
     steps: Vec<Dispatch>,
 }
 
-impl Work {
-    fn add(&mut self, made: wgpu::ComputePipeline, wanted: Wanted, part: uniforms::Part, rect: Rect) {
-        let known = self.pipelines.iter().position(|(w, _)| *w == wanted);
-        let pipeline = known.unwrap_or_else(|| {
-            self.pipelines.push((wanted, made));
+impl StepDispatches {
+    fn add(&mut self, pipeline: wgpu::ComputePipeline, key: PipelineKey, part: uniforms::Part, rect: Rect) {
+        let index = self.pipelines.iter().position(|(known, _)| *known == key);
+        let pipeline = index.unwrap_or_else(|| {
+            self.pipelines.push((key, pipeline));
             self.pipelines.len() - 1
         });
         let (origin, workgroups) = rect.dispatch();
@@ -455,7 +464,8 @@ impl Work {
     }
 }
 
-fn part(step: &Step, number: usize, reference_mm: f64) -> uniforms::Part {
+/// The uniform of step `number`, for the whole frame.
+fn step_uniform(step: &Step, number: usize, reference_mm: f64) -> uniforms::Part {
     let mut out = uniforms::Part {
         depth: (step.depth_mm - reference_mm) as f32,
         slices: step.slices,

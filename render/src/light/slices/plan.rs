@@ -1,4 +1,4 @@
-//! Which slices, in which steps, with which footprint. Pure: no device is touched.
+//! The slices of a frame, their grouping into steps, and the steps' footprints. Pure: no device is touched.
 
 use std::sync::Arc;
 
@@ -9,61 +9,61 @@ use glioscope_core::optics::{
 
 use crate::scene::SliceVariant;
 
-/// The most slices; a smaller slice distance is enlarged to these, and the plan says so.
+/// Maximum number of slices; a smaller slice distance is enlarged to fit, with a note in the plan.
 pub(crate) const MOST_SLICES: u32 = 8192;
-/// The most slices of one step.
+/// Maximum number of slices per step.
 const MOST_PER_STEP: u32 = 32;
-/// Blur of a step, variance along an axis in square pixels, from which on a step ends: a disc of one
-/// pixel's radius has it. Less is put off to the next step.
-const BLUR_OF_A_STEP: f64 = 0.25;
-/// No footprint reaches farther, in pixels.
-const FARTHEST_PX: f64 = 64.0;
+/// Blur, variance along an axis in square pixels, at which a step ends: that of a disc of one pixel's
+/// radius. Slices with less are combined into one step.
+const BLUR_PER_STEP_PX2: f64 = 0.25;
+/// Maximum reach of a footprint, pixels.
+const MOST_REACH_PX: f64 = 64.0;
 
-/// What directional occlusion is asked for.
+/// Settings of directional occlusion by slices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SliceSettings {
-    /// The paper's or the mended one.
+    /// One of the paper's or the mended one.
     pub variant: SliceVariant,
     /// Half the cone's opening, degrees; clamped to 0 to 85.
     pub aperture_deg: f64,
-    /// Samples along a side of the footprint; clamped to 1 to 13. In the mended variant the most
-    /// that a step takes; it takes fewer where they hold its footprint.
+    /// Samples along a side of the footprint; clamped to 1 to 13. In the mended variant the maximum:
+    /// a step takes fewer where they cover its footprint.
     pub grid: u32,
-    /// Distance of slices along the view axis; at most the volume's depth, at least that of
+    /// Slice distance along the view axis; at most the volume's depth, at least the distance that gives
     /// [`MOST_SLICES`].
     pub slice_mm: f64,
-    /// Distance of an occluder whose penumbra has the true cone's width; the mended variant alone.
-    /// Nearer ones are blurred more than truly, farther ones less.
+    /// Distance of an occluder whose penumbra has the true cone's width; mended variant only. Penumbrae
+    /// of nearer occluders are too wide, of farther ones too narrow.
     pub reference_mm: f64,
 }
 
-/// Where a step reads the occlusion before it.
+/// The footprint in which a step samples the light of the step before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kernel {
-    /// A grid of points in a disc about the pixel, bilinear, all of one weight.
+    /// A grid of points in a disc around the pixel, bilinear, equally weighted.
     Disc {
         /// Points along a side of the square around the disc.
         grid: u32,
         /// Its radius in pixels.
         radius_px: f64,
-        /// Its radius.
+        /// Its radius in millimetres.
         radius_mm: f64,
     },
-    /// Whole pixels on a square lattice, so that nothing is interpolated and the variance is what it
-    /// should be: weight `center` for the pixel itself, the rest shared by all points alike.
+    /// Whole pixels on a square lattice, so that nothing is interpolated and the variance is exact:
+    /// weight `center` for the pixel itself, the rest shared equally by all points.
     Lattice {
         /// Points along a side.
         side: u32,
-        /// Pixels between neighbours; even where `side` is.
+        /// Pixels between neighbouring points; even if `side` is even.
         stride_px: u32,
-        /// Weight of the pixel itself, beside its share as a point.
+        /// Weight of the pixel itself, in addition to its share as a point.
         center: f64,
     },
 }
 
 impl Kernel {
-    /// The lattice of at most `grid` points a side whose variance along an axis is `variance_px2`, or
-    /// the widest within reach.
+    /// The lattice of at most `grid` points per side whose variance along an axis is `variance_px2`, or
+    /// the widest within the maximum reach.
     pub fn lattice(grid: u32, variance_px2: f64) -> Self {
         if grid <= 1 || variance_px2.is_nan() || variance_px2 <= 0.0 {
             return Self::Lattice { side: 1, stride_px: 1, center: 0.0 };
@@ -73,7 +73,7 @@ impl Kernel {
         let spread = |side: u32| (f64::from(side).powi(2) - 1.0) / 12.0 * unit * unit;
         let least = if even { 2 } else { 3 };
         let side = (least..=grid).step_by(2).find(|n| spread(*n) >= variance_px2).unwrap_or(grid);
-        let most = (2.0 * FARTHEST_PX / (f64::from(side - 1) * unit)).floor().max(1.0);
+        let most = (2.0 * MOST_REACH_PX / (f64::from(side - 1) * unit)).floor().max(1.0);
         let stride = (variance_px2 / spread(side)).sqrt().ceil().clamp(1.0, most);
         let share = (variance_px2 / (spread(side) * stride * stride)).min(1.0);
         Self::Lattice { side, stride_px: (stride * unit) as u32, center: 1.0 - share }
@@ -92,7 +92,7 @@ impl Kernel {
         }
     }
 
-    /// How many pixels away it reads, at most.
+    /// Maximum distance of a sample from the pixel along an axis, pixels.
     pub fn reach_px(&self) -> u32 {
         match *self {
             Self::Lattice { side, stride_px, .. } => (side - 1) * stride_px / 2,
@@ -101,7 +101,7 @@ impl Kernel {
     }
 }
 
-/// Places of a uniform grid in the unit disc: middles of the cells of the square around it.
+/// Points of a uniform grid in the unit disc: centres of the cells of the surrounding square.
 pub(crate) fn disc_points(grid: u32) -> Vec<[f64; 2]> {
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(grid) * 2.0 - 1.0;
     (0..grid)
@@ -110,7 +110,7 @@ pub(crate) fn disc_points(grid: u32) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Some slices behind each other: occlusion is read once, through the kernel, before them.
+/// Consecutive slices: the light is sampled once, through the kernel, before them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     /// View depth of the front of the first slice.
@@ -119,14 +119,14 @@ pub(crate) struct Step {
     pub slices: u32,
     /// The footprint.
     pub kernel: Kernel,
-    /// Nothing is in these slices.
+    /// Whether nothing is visible in these slices.
     pub empty: bool,
 }
 
-/// The slices of one picture.
+/// The slices of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SlicePlan {
-    /// Which way.
+    /// The variant used.
     pub variant: SliceVariant,
     /// The aperture used.
     pub aperture_deg: f64,
@@ -134,16 +134,16 @@ pub(crate) struct SlicePlan {
     pub slice_mm: f64,
     /// Front to back.
     pub steps: Vec<Step>,
-    /// How light falls through a slice; of the mended variant.
+    /// Decay of light through a slice; mended variant only.
     pub decay: Option<Arc<Decay>>,
-    /// What is other than asked for, and what was left out.
+    /// Notes on changed settings and omitted slices.
     pub notes: Vec<String>,
 }
 
 impl SlicePlan {
-    /// Slices through the view depths from `near_mm` to `far_mm`, which are at or before the eye's.
-    /// Those that touch none of the `occupied_mm` depths (in order) are marked as empty; those before
-    /// the first and behind the last are left out.
+    /// Slices through the view depths `depths_mm`, nearest and farthest, in front of the eye; none for
+    /// `None`. Slices that touch none of the `occupied_mm` ranges (in order) are marked as empty; those
+    /// before the first and behind the last are omitted.
     pub fn new(
         settings: &SliceSettings,
         sight: &Sight,
@@ -151,8 +151,8 @@ impl SlicePlan {
         occupied_mm: &[(f64, f64)],
     ) -> Self {
         let mut notes = Vec::new();
-        let (aperture_deg, other) = clamped_aperture(settings.aperture_deg);
-        if other {
+        let (aperture_deg, is_clamped) = clamped_aperture(settings.aperture_deg);
+        if is_clamped {
             notes.push(format!("aperture {} degrees: {aperture_deg} is used", settings.aperture_deg));
         }
         let grid = settings.grid.clamp(1, 13);
@@ -177,17 +177,17 @@ impl SlicePlan {
         };
         let span = far - near;
         let least = span / f64::from(MOST_SLICES);
-        let asked = settings.slice_mm;
-        plan.slice_mm = if !(asked.is_finite() && asked > 0.0) {
+        let requested = settings.slice_mm;
+        plan.slice_mm = if !(requested.is_finite() && requested > 0.0) {
             span / 256.0
-        } else if asked > span && span > 0.0 {
-            // A slice is looked at in its middle, which must lie in the volume.
+        } else if requested > span && span > 0.0 {
+            // A slice is sampled at its middle, which must lie in the volume.
             span
         } else {
-            asked.max(least)
+            requested.max(least)
         };
-        if plan.slice_mm != asked {
-            plan.notes.push(format!("slice distance {asked} mm: {} mm is used", plan.slice_mm));
+        if plan.slice_mm != requested {
+            plan.notes.push(format!("slice distance {requested} mm: {} mm is used", plan.slice_mm));
         }
         let d = plan.slice_mm;
         let count = ((span / d) - 1e-9).ceil().max(1.0) as u32;
@@ -209,16 +209,16 @@ impl SlicePlan {
             let radius_mm = d * aperture_deg.to_radians().tan();
             for slice in from..until {
                 let depth_mm = near + f64::from(slice) * d;
-                // A pixel before the eye has no size: the slice's far side counts then.
+                // At the middle of the slice: at the eye itself a pixel has no size.
                 let pixel_mm = sight.pixel_mm(depth_mm + 0.5 * d);
-                let radius_px = (radius_mm / pixel_mm).min(FARTHEST_PX);
+                let radius_px = (radius_mm / pixel_mm).min(MOST_REACH_PX);
                 let kernel = Kernel::Disc { grid, radius_px, radius_mm };
                 plan.steps.push(Step { depth_mm, slices: 1, kernel, empty: is_empty(slice) });
             }
         }
         let far_px = plan.steps.iter().map(|s| s.kernel.reach_px()).max().unwrap_or(0);
-        if f64::from(far_px) >= FARTHEST_PX {
-            plan.notes.push(format!("footprints reach {FARTHEST_PX} pixels at most"));
+        if f64::from(far_px) >= MOST_REACH_PX {
+            plan.notes.push(format!("footprints reach {MOST_REACH_PX} pixels at most"));
         }
         if grid == 1 && aperture_deg > 0.0 {
             plan.notes.push("grid 1x1: occlusion is carried straight back, without a penumbra".to_owned());
@@ -239,17 +239,17 @@ impl SlicePlan {
         let reference_mm = settings.reference_mm;
         let reference_mm = if reference_mm.is_finite() && reference_mm > 0.0 { reference_mm } else { 0.0 };
         let variance_mm2 = tangent_variance(self.aperture_deg) * d * reference_mm;
-        // Half of a step's blur comes before it, half behind it: second order in the step.
+        // Half of a step's blur is applied before it, half behind it: second order in the step.
         let mut blur_before = 0.0;
         let mut step: Option<(Step, f64)> = None;
         for slice in slices {
             let depth_mm = near + f64::from(slice) * d;
             let blur = variance_mm2 / sight.pixel_mm(depth_mm + 0.5 * d).powi(2);
-            let blur = blur.min(FARTHEST_PX * FARTHEST_PX);
+            let blur = blur.min(MOST_REACH_PX * MOST_REACH_PX);
             let empty = is_empty(slice);
             match &mut step {
                 Some((s, total))
-                    if s.empty == empty && s.slices < MOST_PER_STEP && *total < BLUR_OF_A_STEP =>
+                    if s.empty == empty && s.slices < MOST_PER_STEP && *total < BLUR_PER_STEP_PX2 =>
                 {
                     s.slices += 1;
                     *total += blur;
@@ -271,7 +271,7 @@ impl SlicePlan {
         }
     }
 
-    /// Slices in all.
+    /// Total number of slices.
     pub fn slices(&self) -> u32 {
         self.steps.iter().map(|s| s.slices).sum()
     }

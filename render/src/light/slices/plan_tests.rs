@@ -14,7 +14,7 @@ fn settings(variant: SliceVariant) -> SliceSettings {
     SliceSettings { variant, aperture_deg: 60.0, grid: 5, slice_mm: 1.0, reference_mm: 10.0 }
 }
 
-/// Lattices have the variance asked for, whatever it is, until their reach ends.
+/// Lattices have any requested variance, up to the maximum reach.
 #[test]
 fn lattices_have_their_variance() {
     for grid in 2..=13 {
@@ -43,10 +43,10 @@ fn plan_for(medium: &dyn Medium, sight: &Sight, s: &SliceSettings) -> SlicePlan 
     SlicePlan::new(s, sight, depths, depths.as_slice())
 }
 
-/// A slab of any thickness, cut into slices of any distance, has its closed form in the mended
-/// variant; the paper's depends on the slices and loses no light to the slant.
+/// In the mended variant a slab of any thickness and slice distance has its closed form; the paper's
+/// variant depends on the slices and attenuates slanted paths like straight ones.
 #[test]
-fn a_slab_is_exact_when_mended() {
+fn mended_slab_matches_its_closed_form() {
     let sight = Sight::new(&down_z(20.0, Projection::Orthographic), [4, 4]);
     for aperture_deg in [0.0f64, 45.0, 80.0] {
         for extinction in [0.05, 0.5, 1e6] {
@@ -70,17 +70,17 @@ fn a_slab_is_exact_when_mended() {
             }
         }
     }
-    // The paper's: light is not slanted, and a slice doesn't shade itself.
+    // The paper's: slanted paths aren't longer, and a slice doesn't shade itself.
     let medium = Shapes::one(box_of(DVec3::new(1e4, 1e4, 10.0)), 0.05, DVec3::ONE);
     let s = SliceSettings { aperture_deg: 80.0, slice_mm: 0.05, ..settings(SliceVariant::PaperApproximate) };
     let eye = twin::render(&medium, &sight, &plan_for(&medium, &sight, &s))[5];
-    assert!((eye.radiance.x - 0.5 * (1.0 - (-2.0f64).exp())).abs() < 2e-3, "as if every path went straight");
+    assert!((eye.radiance.x - 0.5 * (1.0 - (-2.0f64).exp())).abs() < 2e-3, "as if every path were straight");
     assert!(cone::slab_visibility(80.0, 1.0) < 0.181 && (-1f64).exp() > 0.36);
 }
 
-/// Width (standard deviation, mm) of the penumbra that an opaque half plane leaves `gap` mm behind it.
+/// Width (standard deviation, mm) of the penumbra `gap` mm behind an opaque half plane.
 fn penumbra_mm(variant: SliceVariant, slice_mm: f64, gap: f64, reference_mm: f64) -> f64 {
-    // Pixels of a quarter millimetre: what bilinear sampling adds is small then.
+    // Pixels of a quarter millimetre, so that the blur of bilinear sampling is small.
     let size = [1200, 1];
     let sight = Sight::new(&down_z(0.25, Projection::Orthographic), size);
     let edge = Shape::Box { min_mm: DVec3::new(-1e4, -1e4, gap), max_mm: DVec3::new(0.0, 1e4, gap + 5.0) };
@@ -91,24 +91,24 @@ fn penumbra_mm(variant: SliceVariant, slice_mm: f64, gap: f64, reference_mm: f64
     let depths = Some((sight.depth_mm(DVec3::Z * (gap + 5.0)), sight.depth_mm(DVec3::Z * -1.0)));
     let s = SliceSettings { aperture_deg: 45.0, grid: 13, slice_mm, reference_mm, variant };
     let plan = SlicePlan::new(&s, &sight, depths, depths.as_slice());
-    // The light that arrives at the floor: occlusion itself, not what the eye sees of it.
-    let eyes = twin::light_behind(&medium, &sight, &plan, gap + 5.0);
-    let slope: Vec<f64> = eyes.windows(2).map(|w| w[1] - w[0]).collect();
+    // The light that arrives at the floor, not the radiance seen by the eye.
+    let light = twin::light_behind(&medium, &sight, &plan, gap + 5.0);
+    let slope: Vec<f64> = light.windows(2).map(|w| w[1] - w[0]).collect();
     let sum: f64 = slope.iter().sum();
     let mean = slope.iter().enumerate().map(|(i, s)| i as f64 * s).sum::<f64>() / sum;
     (slope.iter().enumerate().map(|(i, s)| (i as f64 - mean).powi(2) * s).sum::<f64>() / sum).sqrt() * 0.25
 }
 
-/// algorithms.md 6: at 45° and L = 50 mm the paper's penumbra is 7.9 mm with 10 slices, 3.5 with 50.
+/// By hand, from the variance of the footprint: at 45° and L = 50 mm the paper's penumbra is 7.9 mm with 10 slices, 3.5 with 50.
 #[test]
-fn the_paper_s_penumbra_drifts_and_the_mended_one_rests() {
+fn paper_penumbra_depends_on_slice_distance_the_mended_one_does_not() {
     let paper: Vec<f64> =
         [5.0, 2.5, 1.25].iter().map(|d| penumbra_mm(SliceVariant::PaperApproximate, *d, 50.0, 0.0)).collect();
     println!("paper: {paper:?}");
     assert!((paper[0] - 7.9).abs() < 0.6, "{paper:?}");
     for pair in paper.windows(2) {
         let ratio = pair[0] / pair[1];
-        assert!((1.3..1.5).contains(&ratio), "falls by the root of two a halving: {paper:?}");
+        assert!((1.3..1.5).contains(&ratio), "falls by the square root of two per halving: {paper:?}");
     }
     let mended: Vec<f64> =
         [5.0, 2.5, 1.25, 0.625].iter().map(|d| penumbra_mm(SliceVariant::Mended, *d, 50.0, 50.0)).collect();

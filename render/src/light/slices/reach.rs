@@ -5,7 +5,7 @@ use glioscope_core::optics::Sight;
 
 use crate::light::slices::plan::{SlicePlan, Step};
 
-/// Pixels from `low` up to `high`, which is none of them; empty where one isn't below the other.
+/// Pixels from `low` up to, not including, `high`; empty if `low` isn't below `high` along both axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Rect {
     pub low: [i32; 2],
@@ -23,13 +23,13 @@ impl Rect {
         (0..2).any(|a| self.low[a] >= self.high[a])
     }
 
-    fn with(self, other: Self) -> Self {
+    fn union(self, other: Self) -> Self {
         let axis = |a: usize| (self.low[a].min(other.low[a]), self.high[a].max(other.high[a]));
         let [x, y] = [axis(0), axis(1)];
         Self { low: [x.0, y.0], high: [x.1, y.1] }
     }
 
-    fn within(self, other: Self) -> Self {
+    fn intersection(self, other: Self) -> Self {
         let axis = |a: usize| (self.low[a].max(other.low[a]), self.high[a].min(other.high[a]));
         let [x, y] = [axis(0), axis(1)];
         Self { low: [x.0, y.0], high: [x.1, y.1] }
@@ -43,9 +43,9 @@ impl Rect {
         Self { low: self.low.map(|c| c - by), high: self.high.map(|c| c + by) }
     }
 
-    /// To whole workgroups, within a picture of `size`.
+    /// Clipped to a frame of `size`, then extended to whole workgroups.
     pub fn in_workgroups(self, size: [u32; 2]) -> Self {
-        let inside = self.within(Self::whole(size));
+        let inside = self.intersection(Self::whole(size));
         if inside.is_empty() {
             return Self::EMPTY;
         }
@@ -55,7 +55,7 @@ impl Rect {
         }
     }
 
-    /// What of it is not in `hole`, a part of it.
+    /// The four rectangles around `hole`, which lies in it.
     fn around(self, hole: Self) -> [Self; 4] {
         let ([x0, y0], [x1, y1]) = (self.low, self.high);
         let ([a0, b0], [a1, b1]) = (hole.low, hole.high);
@@ -63,7 +63,7 @@ impl Rect {
         [of([x0, y0], [x1, b0]), of([x0, b0], [a0, b1]), of([a1, b0], [x1, b1]), of([x0, b1], [x1, y1])]
     }
 
-    /// The first pixel, and workgroups across and down.
+    /// The first pixel, and the number of workgroups across and down.
     pub fn dispatch(&self) -> ([u32; 2], [u32; 3]) {
         let groups = [0, 1].map(|a| ((self.high[a] - self.low[a]) / SIDE) as u32);
         (self.low.map(|c| c as u32), [groups[0], groups[1], 1])
@@ -77,10 +77,10 @@ impl Rect {
     }
 }
 
-/// Of a workgroup.
+/// Pixels along a workgroup's side.
 const SIDE: i32 = 8;
 
-/// Something in the picture: the pixels that may see it, and its view depths.
+/// Bounds of an object on the screen: the pixels that it may project to, and its view depths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenBounds {
     pub rect: Rect,
@@ -88,14 +88,14 @@ pub(crate) struct ScreenBounds {
 }
 
 impl ScreenBounds {
-    /// What has these corners; `None` behind the eye. One pixel more on every side, for rounding.
+    /// Bounds of a box with these corners; `None` behind the eye. One pixel is added on every side, for rounding.
     pub fn of(sight: &Sight, corners_mm: &[glam::DVec3]) -> Option<Self> {
         let depths_mm = sight.depths_mm(corners_mm)?;
         let mut rect = Rect::EMPTY;
         for at in corners_mm {
             let depth = sight.depth_mm(*at);
             let pixel_mm = sight.pixel_mm(depth);
-            // What reaches behind the eye may be anywhere.
+            // A box that reaches behind the eye may project to any pixel.
             if depth <= 0.0 || pixel_mm.is_nan() || pixel_mm <= 0.0 {
                 return Some(Self { rect: Rect::whole(sight.size), depths_mm });
             }
@@ -105,142 +105,144 @@ impl ScreenBounds {
             let (x, y) = (edge(0), edge(1));
             let low = [x, y].map(|c| c.floor() as i32 - 1);
             let high = [x, y].map(|c| c.ceil() as i32 + 1);
-            rect = rect.with(Rect { low, high });
+            rect = rect.union(Rect { low, high });
         }
         Some(Self { rect, depths_mm })
     }
 }
 
-/// What solid surfaces there may be.
+/// Where opaque surfaces may be.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum SolidParts {
+pub(crate) enum OpaqueBounds {
     None,
     Within(ScreenBounds),
     Anywhere,
 }
 
-/// Rectangles of whole workgroups, which do not overlap, for a step.
+/// The pixels that a step must process: disjoint rectangles of whole workgroups.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct StepReach {
-    /// Where solid surfaces are, or the lights before and behind them may differ.
-    pub among_solid: Vec<Rect>,
-    /// Elsewhere: both lights are one.
-    pub alike: Vec<Rect>,
+pub(crate) struct StepRects {
+    /// Where opaque surfaces are, or where their light and that of the image may differ.
+    pub with_opaque: Vec<Rect>,
+    /// Elsewhere: both lights are equal.
+    pub without_opaque: Vec<Rect>,
 }
 
-impl StepReach {
+impl StepRects {
     pub fn everywhere(size: [u32; 2]) -> Self {
-        Self { among_solid: vec![Rect::whole(size).in_workgroups(size)], alike: Vec::new() }
+        Self { with_opaque: vec![Rect::whole(size).in_workgroups(size)], without_opaque: Vec::new() }
     }
 }
 
-/// What the picture's steps must be taken for. `casts`: solid surfaces take the image's light; `shades`: the image
-/// does.
-pub(crate) fn reach(
+/// The pixels that each step of the frame must process. `occluders`: whether opaque surfaces occlude the image, and
+/// whether the image occludes itself.
+pub(crate) fn step_rects(
     plan: &SlicePlan,
     sight: &Sight,
     image: &[ScreenBounds],
-    solid: SolidParts,
-    ways: (bool, bool),
-) -> Vec<StepReach> {
-    reach_in_groups(plan, sight, image, solid, ways, MOST_LOOKED_AT)
+    opaque: OpaqueBounds,
+    occluders: (bool, bool),
+) -> Vec<StepRects> {
+    step_rects_in_groups(plan, sight, image, opaque, occluders, MOST_GROUPS)
 }
 
-/// As [`reach`], with so many groups of steps that each step looks at.
-pub(crate) fn reach_in_groups(
+/// As [`step_rects`], where each step is compared with at most `most_groups` groups of steps.
+pub(crate) fn step_rects_in_groups(
     plan: &SlicePlan,
     sight: &Sight,
     image: &[ScreenBounds],
-    solid: SolidParts,
-    (casts, shades): (bool, bool),
+    opaque: OpaqueBounds,
+    (opaque_occludes, image_occludes): (bool, bool),
     most_groups: usize,
-) -> Vec<StepReach> {
+) -> Vec<StepRects> {
     let steps = &plan.steps;
     let size = sight.size;
-    // Shaders count in single precision.
-    let room = 0.01 * plan.slice_mm + 1e-3;
-    let front = |k: usize| steps[k].depth_mm - room;
-    let back = |k: usize| steps[k].depth_mm + f64::from(steps[k].slices) * plan.slice_mm + room;
+    // Shaders compute in single precision.
+    let margin_mm = 0.01 * plan.slice_mm + 1e-3;
+    let front = |k: usize| steps[k].depth_mm - margin_mm;
+    let back = |k: usize| steps[k].depth_mm + f64::from(steps[k].slices) * plan.slice_mm + margin_mm;
     let numbers: Vec<usize> = (0..steps.len()).collect();
-    let mut matter = vec![Rect::EMPTY; steps.len()];
-    for seen in image {
-        let first = numbers.partition_point(|k| back(*k) < seen.depths_mm.0);
-        for k in (first..steps.len()).take_while(|k| front(*k) <= seen.depths_mm.1) {
-            matter[k] = matter[k].with(seen.rect);
+    let mut visible = vec![Rect::EMPTY; steps.len()];
+    for brick in image {
+        let first = numbers.partition_point(|k| back(*k) < brick.depths_mm.0);
+        for k in (first..steps.len()).take_while(|k| front(*k) <= brick.depths_mm.1) {
+            visible[k] = visible[k].union(brick.rect);
         }
     }
     let last = steps.len().saturating_sub(1);
     let whole = Rect::whole(size);
-    // Solid surfaces from the step on in which they begin, and up to where they end.
-    let (begun, awaited): (Vec<Rect>, Vec<Rect>) = (0..steps.len())
-        .map(|k| match solid {
-            SolidParts::None => (Rect::EMPTY, Rect::EMPTY),
-            SolidParts::Anywhere => (whole, whole),
-            SolidParts::Within(s) => {
+    // Opaque surfaces: from the step on in which they begin, and up to the step in which they end.
+    let (opaque_begun, opaque_ahead): (Vec<Rect>, Vec<Rect>) = (0..steps.len())
+        .map(|k| match opaque {
+            OpaqueBounds::None => (Rect::EMPTY, Rect::EMPTY),
+            OpaqueBounds::Anywhere => (whole, whole),
+            OpaqueBounds::Within(s) => {
                 let when = |is: bool| if is { s.rect } else { Rect::EMPTY };
                 (when(back(k) >= s.depths_mm.0 || k == last), when(front(k) <= s.depths_mm.1))
             }
         })
         .unzip();
     let spread = Spread::of(steps);
-    // Each step looks at all others: of very many, at some together.
-    let together = steps.len().div_ceil(most_groups.max(1)).max(1);
+    // Each step is compared with all others, which are grouped if there are very many.
+    let group_size = steps.len().div_ceil(most_groups.max(1)).max(1);
     let groups = |of: &dyn Fn(usize) -> Rect| -> Vec<Rect> {
         let numbers: Vec<usize> = (0..steps.len()).collect();
-        numbers.chunks(together).map(|g| g.iter().fold(Rect::EMPTY, |all, j| all.with(of(*j)))).collect()
+        numbers.chunks(group_size).map(|g| g.iter().fold(Rect::EMPTY, |all, j| all.union(of(*j)))).collect()
     };
-    // Backwards: whose light is asked for, then or through a later footprint.
-    let wanted = groups(&|j| matter[j].with(awaited[j]));
-    let asked = |k: usize| {
-        let later = wanted.iter().enumerate().skip(k / together).filter(|(_, rect)| !rect.is_empty());
-        later.fold(Rect::EMPTY, |all, (g, wanted)| {
-            all.with(wanted.grown(spread.between(k, last.min((g + 1) * together - 1))))
+    // Backwards: where light is needed, in this step or through a later footprint.
+    let receivers = groups(&|j| visible[j].union(opaque_ahead[j]));
+    let needed = |k: usize| {
+        let later = receivers.iter().enumerate().skip(k / group_size).filter(|(_, rect)| !rect.is_empty());
+        later.fold(Rect::EMPTY, |all, (g, rect)| {
+            all.union(rect.grown(spread.between(k, last.min((g + 1) * group_size - 1))))
         })
     };
-    // Forwards: where light may have been lost, and where by something solid.
-    let casting = groups(&|j| matter[j].with(if casts { begun[j] } else { Rect::EMPTY }));
-    let begun = groups(&|j| begun[j]);
-    let carried = |of: &[Rect], k: usize| {
-        let before = of.iter().enumerate().take(k / together + 1).filter(|(_, rect)| !rect.is_empty());
+    // Forwards: where light may have been lost, and where opaque surfaces may have made the two lights differ.
+    let losses = groups(&|j| visible[j].union(if opaque_occludes { opaque_begun[j] } else { Rect::EMPTY }));
+    let opaque_losses = groups(&|j| opaque_begun[j]);
+    let spread_to = |of: &[Rect], k: usize| {
+        let before = of.iter().enumerate().take(k / group_size + 1).filter(|(_, rect)| !rect.is_empty());
         let all = before.fold(Rect::EMPTY, |all, (g, rect)| {
-            all.with(rect.grown(spread.between((g * together).min(k), k)))
+            all.union(rect.grown(spread.between((g * group_size).min(k), k)))
         });
-        all.within(whole)
+        all.intersection(whole)
     };
     let mut out = Vec::with_capacity(steps.len());
     for k in 0..steps.len() {
-        let here = carried(&casting, k).within(asked(k)).in_workgroups(size);
-        let apart = carried(&begun, k);
-        let among = if shades || matches!(solid, SolidParts::None) { apart } else { whole };
-        let among = among.in_workgroups(size).within(here);
-        out.push(if here.is_empty() {
-            StepReach::default()
-        } else if among.is_empty() {
-            StepReach { among_solid: Vec::new(), alike: vec![here] }
+        let active = spread_to(&losses, k).intersection(needed(k)).in_workgroups(size);
+        let differ = spread_to(&opaque_losses, k);
+        let differ = if image_occludes || matches!(opaque, OpaqueBounds::None) { differ } else { whole };
+        let differ = differ.in_workgroups(size).intersection(active);
+        out.push(if active.is_empty() {
+            StepRects::default()
+        } else if differ.is_empty() {
+            StepRects { with_opaque: Vec::new(), without_opaque: vec![active] }
         } else {
-            let alike = here.around(among).into_iter().filter(|r| !r.is_empty()).collect();
-            StepReach { among_solid: vec![among], alike }
+            let without_opaque = active.around(differ).into_iter().filter(|r| !r.is_empty()).collect();
+            StepRects { with_opaque: vec![differ], without_opaque }
         });
     }
     out
 }
 
-/// Groups of steps that a step looks at.
-const MOST_LOOKED_AT: usize = 128;
+/// Maximum number of groups of steps that a step is compared with.
+const MOST_GROUPS: usize = 128;
 
-/// What light a step takes from pixels farther away than [`Spread::between`] says, over all of a picture's steps: less
-/// than single precision tells apart.
+/// Share of the light that arrives from farther away than [`Spread::between`], over all steps of a frame: below single
+/// precision.
 const NEGLIGIBLE: f64 = 1e-8;
 
-/// How far light is carried from step to step. Footprints are the steps of a random walk: it strays as far as all of them
-/// reach together, but almost never farther than Bernstein's inequality says for the sum of their variances.
+/// How far light spreads from step to step. Footprints are the steps of a random walk: its displacement is at most the
+/// sum of their reaches, but almost never exceeds the bound that Bernstein's inequality gives for the sum of their
+/// variances.
 struct Spread {
-    /// Of the footprints of the steps up to each, itself among them: pixels, and square pixels along an axis.
+    /// Summed reach of the footprints of the steps up to and including each.
     reach_px: Vec<u32>,
+    /// Their summed variance along an axis.
     variance_px2: Vec<f64>,
     widest_px: f64,
-    /// Logarithm of one by the odds to stray farther.
-    odds: f64,
+    /// -ln of the probability of exceeding the bound.
+    neg_log_p: f64,
 }
 
 impl Spread {
@@ -253,17 +255,17 @@ impl Spread {
         });
         let (reach_px, variance_px2) = sums.unzip();
         let widest_px = steps.iter().map(|step| f64::from(step.kernel.reach_px())).fold(0.0, f64::max);
-        // Two directions of two axes, and at whichever step it strays first.
-        let odds = (4.0 * steps.len().max(1) as f64 / NEGLIGIBLE).ln();
-        Self { reach_px, variance_px2, widest_px, odds }
+        // Union bound over two directions of two axes, and over the steps.
+        let neg_log_p = (4.0 * steps.len().max(1) as f64 / NEGLIGIBLE).ln();
+        Self { reach_px, variance_px2, widest_px, neg_log_p }
     }
 
-    /// Pixels that the footprints of the steps behind `first`, up to `last` and with it, carry light.
+    /// Distance, in pixels, that the footprints of the steps after `first`, up to and including `last`, spread light.
     fn between(&self, first: usize, last: usize) -> u32 {
         let reach = self.reach_px[last] - self.reach_px[first];
         let variance = self.variance_px2[last] - self.variance_px2[first];
-        let third = self.odds * self.widest_px / 3.0;
-        let strays = third + (third * third + 2.0 * self.odds * variance.max(0.0)).sqrt();
-        reach.min(strays.ceil() as u32)
+        let third = self.neg_log_p * self.widest_px / 3.0;
+        let bound = third + (third * third + 2.0 * self.neg_log_p * variance.max(0.0)).sqrt();
+        reach.min(bound.ceil() as u32)
     }
 }

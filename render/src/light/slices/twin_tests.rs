@@ -34,12 +34,12 @@ fn drawn(scene: &ContextScene, quality: &Quality, size: [u32; 2]) -> Drawn {
         depths,
         notes: bytemuck::pod_collect_to_vec(&notes),
     };
-    assert!(out.eye.iter().flatten().all(|v| v.is_finite()), "a number in every pixel");
+    assert!(out.eye.iter().flatten().all(|v| v.is_finite()), "finite in every pixel");
     out
 }
 
 /// Largest difference of radiance, transmittance and light on opaque geometry from the twin.
-fn off_twin_of(scene: &ContextScene, lighting: LightSettings) -> f64 {
+fn twin_error(scene: &ContextScene, lighting: LightSettings) -> f64 {
     let quality = Quality { lighting, ..Quality::FULL };
     let found = drawn(scene, &quality, SIZE);
     let sight = Sight::new(&scene.camera, SIZE);
@@ -48,12 +48,12 @@ fn off_twin_of(scene: &ContextScene, lighting: LightSettings) -> f64 {
     let whole = Some((gpu_image[0].0, gpu_image.last().unwrap().1));
     let plan = SlicePlan::new(&settings, &sight, whole, &gpu_image);
     let reference_mm = scene.reference_mm();
-    let solid: Vec<f64> = found
+    let opaque_mm: Vec<f64> = found
         .depths
         .iter()
         .map(|d| if *d < FAR { f64::from(*d) + reference_mm } else { f64::INFINITY })
         .collect();
-    let twin = twin::slices(scene, &sight, &plan, &solid, &lighting.mutual, quality.occlusion_strength);
+    let twin = twin::slices(scene, &sight, &plan, &opaque_mm, &lighting.mutual, quality.occlusion_strength);
     let mut worst = 0.0f64;
     let mut dark = 0;
     for (i, expected) in twin.iter().enumerate() {
@@ -61,18 +61,18 @@ fn off_twin_of(scene: &ContextScene, lighting: LightSettings) -> f64 {
         for c in 0..4 {
             worst = worst.max((f64::from(found.eye[i][c]) - e[c]).abs());
         }
-        if solid[i].is_finite() {
-            worst = worst.max((f64::from(found.notes[i][0]) - expected.on_solid).abs());
-            dark += usize::from(expected.on_solid < 0.8);
+        if opaque_mm[i].is_finite() {
+            worst = worst.max((f64::from(found.notes[i][0]) - expected.on_opaque).abs());
+            dark += usize::from(expected.on_opaque < 0.8);
         }
     }
-    assert!(twin.iter().filter(|t| t.eye.transmittance < 0.8).count() > 100, "an image in the picture");
+    assert!(twin.iter().filter(|t| t.eye.transmittance < 0.8).count() > 100, "the image is visible");
     assert!(scene.tumor.is_none() || dark > 5, "the image darkens {dark} pixels of the tumour");
     worst
 }
 
 /// For the suite: every variant, with and without tumour, gradients, clipping planes.
-pub(super) fn off_twin() -> f64 {
+pub(super) fn max_twin_error() -> f64 {
     let mut worst = 0.0f64;
     for (two_d, with_tumor, projection) in [
         (false, false, Projection::Perspective),
@@ -95,7 +95,7 @@ pub(super) fn off_twin() -> f64 {
                     slice_mm,
                     ..LightSettings::DEFAULT
                 };
-                let off = off_twin_of(&scene, lighting);
+                let off = twin_error(&scene, lighting);
                 println!("{two_d} {with_tumor} {projection:?} {variant:?} {slice_grid}: {off:.2e}");
                 worst = worst.max(off);
             }
@@ -105,14 +105,14 @@ pub(super) fn off_twin() -> f64 {
 }
 
 #[test]
-fn mutual_occlusions_one_by_one_are_their_twin() {
+fn each_mutual_occlusion_matches_the_twin() {
     let scene = scene(false, true, Projection::Perspective);
     for (image_on_image, opaque_on_image) in [(false, false), (true, false), (false, true)] {
         for variant in [SliceVariant::PaperApproximate, SliceVariant::Mended] {
             let mutual = MutualOcclusion { image_on_image, opaque_on_image, ..MutualOcclusion::ALL };
             let lighting =
                 LightSettings { mode: LightingMode::Slices, variant, mutual, ..LightSettings::DEFAULT };
-            let off = off_twin_of(&scene, lighting);
+            let off = twin_error(&scene, lighting);
             assert!(off <= 1e-3, "{mutual:?} {variant:?}: {off}");
         }
     }

@@ -1,5 +1,5 @@
-//! The stability table of algorithms.md 9 for light on masks, in the closeup, through every row of [`LIGHTS`]. What it
-//! finds is kept in 8 bits, always a share: what counts is that each scene has the picture it must have.
+//! Extreme scenes for light on masks, in the closeup, with every row of [`LIGHTS`]. Darkness is
+//! stored in 8 bits and so is always a valid share: the tests check that each scene gives the expected frame.
 
 use glam::{DMat3, DQuat, DVec3};
 use glioscope_core::{
@@ -22,45 +22,45 @@ use crate::{
 const SIZE: [u32; 2] = [33, 17];
 
 #[derive(PartialEq)]
-struct Left {
+struct Rendered {
     depths: Vec<f32>,
-    /// 0 to 255.
+    /// Darkness, 0 to 255.
     dark: Vec<u32>,
     rgba: Vec<u8>,
 }
 
-impl Left {
+impl Rendered {
     fn hits(&self) -> usize {
         self.depths.iter().filter(|d| **d < FAR).count()
     }
 
-    /// How dark what was hit is, 0 to 255.
+    /// Mean darkness of the pixels that were hit, 0 to 255.
     fn darkness(&self) -> f64 {
         self.dark.iter().map(|d| f64::from(*d)).sum::<f64>() / self.hits().max(1) as f64
     }
 }
 
-fn drawn(
+fn render(
     renderer: &mut CloseupRenderer,
     scene: &RegionScene,
     lighting: LightSettings,
     size: [u32; 2],
-) -> Left {
+) -> Rendered {
     let quality = Quality { lighting, occlusion_strength: 1.0, ..Quality::FULL };
     let mut once = || {
         let frame = renderer.render(&GPU, scene, &quality, size).unwrap();
         let pixels = (size[0] * size[1]) as usize;
         let row = light::row(lighting.mode);
         let dark = row.flags.iter().any(|(pass, flag)| flag & HAS_OCCLUSION != 0 && frame.plan.has(*pass));
-        let solid = frame.plan.has(SURFACE);
-        Left {
-            depths: if solid { frame.read_surface(&GPU).0 } else { vec![FAR; pixels] },
+        let has_opaque = frame.plan.has(SURFACE);
+        Rendered {
+            depths: if has_opaque { frame.read_surface(&GPU).0 } else { vec![FAR; pixels] },
             dark: if dark { blurred(frame, row) } else { vec![0; pixels] },
             rgba: frame.read_rgba(&GPU).unwrap(),
         }
     };
     let found = once();
-    assert!(found == once(), "the same again");
+    assert!(found == once(), "two frames are equal");
     for (i, (depth, dark)) in found.depths.iter().zip(&found.dark).enumerate() {
         assert!(depth.is_finite() && (*dark == 0 || *depth < FAR), "{i}: {depth} {dark}");
     }
@@ -68,7 +68,7 @@ fn drawn(
     found
 }
 
-/// How dark each pixel is; directional light leaves no colour of its own.
+/// Darkness of each pixel; directional light has no colour bleeding.
 fn blurred(frame: &Frame<Closeup>, row: &LightRow) -> Vec<u32> {
     let packed = frame.read_blurred(&GPU);
     assert!(!row.has_aperture || packed.iter().all(|d| d & 0xff_ffff == 0), "{:?}: no colour", row.mode);
@@ -87,7 +87,7 @@ fn eye_at(scene: &RegionScene, at: DVec3, towards: DVec3, projection: Projection
 }
 
 #[test]
-fn every_scene_of_masks_through_every_way() {
+fn every_mask_scene_in_every_lighting_mode() {
     let box_of = |dims: [usize; 3], spacing: DVec3| {
         let middle = DVec3::from_array(dims.map(|d| (d as f64 - 1.0) / 2.0));
         Grid::axis_aligned(dims, spacing, -spacing * middle).unwrap()
@@ -98,7 +98,7 @@ fn every_scene_of_masks_through_every_way() {
         DMat3::from_cols(DVec3::new(1.0, 0.2, 0.0), DVec3::new(0.5, -0.9, 0.1), DVec3::new(0.0, 0.3, 1.2));
     let mut hidden = cube.clone();
     (1..4).for_each(|bits| hidden.selection.set(bits, false));
-    let solid = |masks| {
+    let block = |masks| {
         scene_of(
             volume(&box_of([10, 9, 8], DVec3::ONE), masks, |_, p| p[2] < 4 || p[0] < 4).unwrap(),
             masks,
@@ -147,34 +147,40 @@ fn every_scene_of_masks_through_every_way() {
         ),
         ("empty selection", hidden, SIZE, false),
         ("one pixel", cube.clone(), [1, 1], true),
-        ("one mask", solid(1), SIZE, true),
-        ("five masks on the same voxels", solid(5), SIZE, true),
+        ("one mask", block(1), SIZE, true),
+        ("five masks on the same voxels", block(5), SIZE, true),
     ];
     for row in &LIGHTS {
-        let way = row.mode;
+        let mode = row.mode;
         let mut renderer = CloseupRenderer::new(&GPU).unwrap();
         let mut before: Option<Vec<u32>> = None;
         for (name, scene, size, shows) in &rows {
             for (coarsest_level, sub_cones) in [(3, 4), (0, 16)] {
-                let lighting =
-                    LightSettings { mode: way, coarsest_level, sub_cones, ..LightSettings::DEFAULT };
-                let found = drawn(&mut renderer, scene, lighting, *size);
-                println!("{way:?} {name}: {} hit, darkness {:.1}", found.hits(), found.darkness());
-                assert_eq!(found.hits() > 0, *shows, "{way:?} {name}");
+                let lighting = LightSettings { mode, coarsest_level, sub_cones, ..LightSettings::DEFAULT };
+                let found = render(&mut renderer, scene, lighting, *size);
+                println!("{mode:?} {name}: {} hit, darkness {:.1}", found.hits(), found.darkness());
+                assert_eq!(found.hits() > 0, *shows, "{mode:?} {name}");
                 if row.has_aperture {
-                    // Light from the eye alone reaches all that is seen, whatever the shape.
+                    // Light from the eye alone reaches every visible point of any shape.
                     let alone = LightSettings { aperture_deg: 0.0, ..lighting };
-                    let straight = drawn(&mut renderer, scene, alone, *size);
-                    assert!(straight.dark.iter().all(|d| *d == 0), "{way:?} {name}: {}", straight.darkness());
+                    let straight = render(&mut renderer, scene, alone, *size);
+                    assert!(
+                        straight.dark.iter().all(|d| *d == 0),
+                        "{mode:?} {name}: {}",
+                        straight.darkness()
+                    );
                 }
                 match *name {
                     "plain" | "voxels 1:12" => {
-                        // At this size screen-space light may see no pit at all.
-                        assert!(!row.has_aperture || found.darkness() > 2.0, "{way:?} {name}: pits are dark");
+                        // At this size screen-space light may find no pit.
+                        assert!(
+                            !row.has_aperture || found.darkness() > 2.0,
+                            "{mode:?} {name}: pits are dark"
+                        );
                     }
                     "one mask" if coarsest_level == 0 => before = Some(found.dark),
                     "five masks on the same voxels" if coarsest_level == 0 => {
-                        assert!(before.as_ref() == Some(&found.dark), "{way:?}: as one mask");
+                        assert!(before.as_ref() == Some(&found.dark), "{mode:?}: as one mask");
                     }
                     _ => {}
                 }
@@ -184,7 +190,7 @@ fn every_scene_of_masks_through_every_way() {
 }
 
 #[test]
-fn every_knob_of_light_on_masks() {
+fn every_light_setting_on_masks() {
     let grid = Grid::axis_aligned([12; 3], DVec3::ONE, DVec3::splat(-5.5)).unwrap();
     let scene = of_grid(&grid);
     let base = LightSettings { sub_cones: 4, ..LightSettings::DEFAULT };
@@ -194,7 +200,7 @@ fn every_knob_of_light_on_masks() {
     let level = |coarsest_level| LightSettings { coarsest_level, ..base };
     let samples = |vicinity_samples| LightSettings { vicinity_samples, ..base };
     let reach = |vicinity_mm| LightSettings { vicinity_mm, ..base };
-    // What is past an end, and that end.
+    // A value out of range, and the limit that it is clamped to.
     let pairs = [
         (aperture(89.9), aperture(85.0)),
         (aperture(f64::NAN), aperture(0.0)),
@@ -213,17 +219,17 @@ fn every_knob_of_light_on_masks() {
         (reach(1e300), reach(1e6)),
     ];
     for row in &LIGHTS {
-        let way = row.mode;
+        let mode = row.mode;
         let mut renderer = CloseupRenderer::new(&GPU).unwrap();
-        let plain = drawn(&mut renderer, &scene, LightSettings { mode: way, ..base }, SIZE);
-        assert!(!row.has_aperture || plain.darkness() > 2.0, "{way:?}");
-        let mut others = 0;
+        let plain = render(&mut renderer, &scene, LightSettings { mode, ..base }, SIZE);
+        assert!(!row.has_aperture || plain.darkness() > 2.0, "{mode:?}");
+        let mut differing = 0;
         for (past, end) in pairs {
-            let [past, end] = [past, end]
-                .map(|l| (l, drawn(&mut renderer, &scene, LightSettings { mode: way, ..l }, SIZE)));
-            assert!(past.1 == end.1, "{way:?}: {:?} is not {:?}", past.0, end.0);
-            others += usize::from(end.1.dark != plain.dark);
+            let [past, end] =
+                [past, end].map(|l| (l, render(&mut renderer, &scene, LightSettings { mode, ..l }, SIZE)));
+            assert!(past.1 == end.1, "{mode:?}: {:?} is not {:?}", past.0, end.0);
+            differing += usize::from(end.1.dark != plain.dark);
         }
-        assert!(!row.has_aperture || others > 5, "{way:?}: knobs do something");
+        assert!(!row.has_aperture || differing > 5, "{mode:?}: settings have an effect");
     }
 }

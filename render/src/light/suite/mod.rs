@@ -1,5 +1,5 @@
-//! What every light is tested by: its twin in `f64`, Monte Carlo, what is left out, the table of stability. A row of
-//! [`LIGHTS`] inherits all of it.
+//! Tests of every lighting mode: against its twin in `f64`, omitted passes, the stability table. A row of [`LIGHTS`]
+//! inherits all of them.
 
 mod image;
 mod masks;
@@ -30,7 +30,7 @@ pub(crate) fn lit(mode: LightingMode) -> Quality {
     Quality { lighting: LightSettings { mode, ..LightSettings::DEFAULT }, ..Quality::FULL }
 }
 
-/// Soft lumps inside a ball, nothing at the image's faces.
+/// Soft lumps inside a ball, 0 at the image's faces.
 pub(crate) fn lumps(grid: &Grid) -> Arc<ContextVolume> {
     let dims = grid.dims();
     let values = (0..grid.voxel_count())
@@ -65,7 +65,7 @@ pub(crate) fn cubic(n: usize, spacing_mm: DVec3) -> Grid {
     Grid::axis_aligned([n; 3], spacing_mm, -spacing_mm * (n as f64 - 1.0) / 2.0).unwrap()
 }
 
-/// An image with a frayed ball of a tumour in its middle.
+/// An image with a ragged ball as tumour in its middle.
 pub(crate) fn scene(two_d: bool, with_tumor: bool, projection: Projection) -> ContextScene {
     let grid = cubic(36, DVec3::ONE);
     let tumor_grid = Grid::axis_aligned([11; 3], DVec3::splat(0.9), DVec3::new(-5.0, -3.0, -4.5)).unwrap();
@@ -89,44 +89,44 @@ pub(crate) fn scene(two_d: bool, with_tumor: bool, projection: Projection) -> Co
     }
 }
 
-/// Ranges of view depth in which the scene's image shows, joined.
+/// Ranges of view depth in which the scene's image is visible, merged.
 pub(crate) fn visible_depths_mm(scene: &ContextScene, sight: &Sight) -> Vec<(f64, f64)> {
-    let mut held = None;
+    let mut cached = None;
     let volume = scene.volume.as_ref().unwrap();
-    let buffers = ImageBuffers::reuse(&mut held, &GPU, volume, &scene.transfer).unwrap();
-    slices::joined(buffers.depths_mm(sight).collect())
+    let buffers = ImageBuffers::reuse(&mut cached, &GPU, volume, &scene.transfer).unwrap();
+    slices::merged_ranges(buffers.depths_mm(sight).collect())
 }
 
-/// Pixels of a scene, drawn where something else was in every buffer before.
-fn bits(whole: &ContextScene, scene: &ContextScene, quality: &Quality) -> Vec<u8> {
+/// Pixels of a scene, drawn after `whole` has filled every buffer.
+fn rgba_after(whole: &ContextScene, scene: &ContextScene, quality: &Quality) -> Vec<u8> {
     let mut renderer = ContextRenderer::new(&GPU).unwrap();
     renderer.render(&GPU, whole, quality, SIZE).unwrap();
     renderer.render(&GPU, scene, quality, SIZE).unwrap().read_rgba(&GPU).unwrap()
 }
 
 #[test]
-fn every_light_is_its_twin() {
+fn every_lighting_mode_matches_its_twin() {
     for row in &LIGHTS {
-        let off = (row.suite.off_twin)();
+        let off = (row.suite.max_twin_error)();
         println!("{:?}: largest difference from the twin {off:.2e}", row.mode);
         assert!(off <= 1e-3, "{:?}: {off}", row.mode);
     }
 }
 
-/// What is left out of every light, why, and that it changes no pixel.
+/// The passes that every lighting mode omits, the reasons, and that it changes no pixel.
 #[test]
-fn what_light_does_not_need_changes_no_pixel() {
+fn omitted_light_passes_change_no_pixel() {
     let whole = scene(true, true, Projection::Perspective);
     for row in &LIGHTS {
         let (mode, quality) = (row.mode, lit(row.mode));
         let reasons = |scene: &ContextScene| {
             let plan = context_plan(scene, &quality);
-            let of_light = (row.passes)(LitKind::Image).iter();
-            of_light.map(|pass| plan.reason(*pass)).collect::<Vec<_>>()
+            let light_passes = (row.passes)(LitKind::Image).iter();
+            light_passes.map(|pass| plan.reason(*pass)).collect::<Vec<_>>()
         };
         assert!(reasons(&whole).iter().all(Option::is_none), "{mode:?}: a whole scene needs every pass");
-        // An opaque foreground without context needs no light in the image: as with an image of which the
-        // transfer function shows so little that no light is lost.
+        // Opaque geometry without an image looks as with an image that the transfer function makes so
+        // transparent that no light is lost.
         let alone = ContextScene { volume: None, ..whole.clone() };
         let points = [(1e6, [0; 3], 0.0), (2e6, [255; 3], 1e-9)]
             .map(|(value, color, opacity)| ControlPoint { value, color, opacity });
@@ -141,21 +141,21 @@ fn what_light_does_not_need_changes_no_pixel() {
                 .collect::<Vec<_>>(),
             "{mode:?}"
         );
-        let (a, b) = (bits(&whole, &alone, &quality), bits(&whole, &unseen, &quality));
-        let other: Vec<_> = (0..a.len()).filter(|&i| a[i] != b[i]).map(|i| (i / 4, a[i], b[i])).collect();
-        assert!(other.is_empty(), "{mode:?}: {} {:?}", other.len(), other.first());
-        // Nothing needs light: every pass of it is left out, with the reason.
+        let (a, b) = (rgba_after(&whole, &alone, &quality), rgba_after(&whole, &unseen, &quality));
+        let differing: Vec<_> = (0..a.len()).filter(|&i| a[i] != b[i]).map(|i| (i / 4, a[i], b[i])).collect();
+        assert!(differing.is_empty(), "{mode:?}: {} {:?}", differing.len(), differing.first());
+        // Nothing needs light: every light pass is omitted, with the reason.
         let nothing = ContextScene { tumor: None, ..alone };
         let known = ["no context image", "no mask is active"];
         assert!(reasons(&nothing).iter().all(|r| r.is_some_and(|r| known.contains(&r))), "{mode:?}");
-        // No opaque geometry: only passes in the image are left, as with a selection of nothing.
+        // No opaque geometry: only the image's passes remain, as with an empty selection.
         let no_masks = ContextScene { tumor: None, ..whole.clone() };
         let mut hidden = whole.clone();
         hidden.selection.set(1, false);
-        let left_out = |scene: &ContextScene| reasons(scene).iter().map(Option::is_some).collect::<Vec<_>>();
-        assert!(left_out(&no_masks).contains(&true), "{mode:?}: passes on opaque geometry");
-        assert_eq!(left_out(&no_masks), left_out(&hidden), "{mode:?}");
-        // A 1-D transfer function needs no gradients: as a 2-D one whose factor is 1 everywhere.
+        let omitted = |scene: &ContextScene| reasons(scene).iter().map(Option::is_some).collect::<Vec<_>>();
+        assert!(omitted(&no_masks).contains(&true), "{mode:?}: passes on opaque geometry");
+        assert_eq!(omitted(&no_masks), omitted(&hidden), "{mode:?}");
+        // A 1-D transfer function needs no gradients, and looks as a 2-D one whose factor is 1 everywhere.
         let flat: Vec<GradientPoint> =
             [0.0, 1e6].map(|gradient| GradientPoint { gradient, factor: 1.0 }).to_vec();
         let points = whole.transfer.points().to_vec();
@@ -166,13 +166,13 @@ fn what_light_does_not_need_changes_no_pixel() {
         let reason = context_plan(&plain, &quality).reason(GRADIENT_OPACITY);
         assert_eq!(reason, Some("transfer function is 1-D"));
         assert!(context_plan(&with, &quality).has(GRADIENT_OPACITY));
-        assert!(bits(&whole, &plain, &quality) == bits(&whole, &with, &quality), "{mode:?}");
+        assert!(rgba_after(&whole, &plain, &quality) == rgba_after(&whole, &with, &quality), "{mode:?}");
     }
 }
 
-/// Opaque geometry that hides nothing changes no pixel of the image, whichever way that light then has.
+/// Opaque geometry that hides nothing changes no pixel of the image, although other light passes then run.
 #[test]
-fn opaque_geometry_out_of_the_way_changes_no_pixel_of_the_image() {
+fn opaque_geometry_behind_the_camera_does_not_change_the_image() {
     let alone = scene(false, false, Projection::Perspective);
     // A tumour behind the camera.
     let mut behind = alone.clone();
@@ -182,8 +182,8 @@ fn opaque_geometry_out_of_the_way_changes_no_pixel_of_the_image() {
     for row in &LIGHTS {
         let quality = lit(row.mode);
         assert!(context_plan(&behind, &quality).has(SURFACE));
-        let (image, with) = (bits(&alone, &alone, &quality), bits(&alone, &behind, &quality));
-        // Depths are counted from another plane then: to a last digit of the picture.
+        let (image, with) = (rgba_after(&alone, &alone, &quality), rgba_after(&alone, &behind, &quality));
+        // Depths are then relative to another plane, so the last digit may differ.
         let worst = image.iter().zip(&with).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         assert!(worst <= 1, "{:?}: {worst}", row.mode);
     }

@@ -1,5 +1,5 @@
-//! Light on opaque geometry: vicinity occlusion, times what slices let through. A part of the lights that go by
-//! slices and cones.
+//! Light on opaque geometry: vicinity occlusion, times the light that slices transmit. Used by the modes slices and
+//! cones.
 
 #[cfg(test)]
 pub(crate) mod twin;
@@ -9,7 +9,7 @@ pub(crate) mod uniforms;
 
 use glioscope_core::optics::{cone::clamped_aperture, poisson::poisson_disc};
 
-use super::lit::{LitScene, is_none, no_strength};
+use super::lit::{LitScene, is_off, no_strength};
 use crate::{
     device::{
         Gpu, PassName, RenderError,
@@ -19,33 +19,35 @@ use crate::{
     scene::{LightSettings, Quality, SliceVariant},
 };
 
-/// Light that reaches opaque geometry, by vicinity occlusion and what slices let through.
+/// Light that reaches opaque geometry: vicinity occlusion, times the light that slices transmit.
 pub(crate) const VICINITY: PassName = PassName::new("vicinity");
 
-/// Why the pass is left out, see [`super::left_out`].
-pub(crate) fn left_out(
+/// Why the pass is omitted, see [`super::omission_reason`].
+pub(crate) fn omission_reason(
     quality: &Quality,
     no_opaque: Option<&'static str>,
     no_image: Option<&'static str>,
 ) -> Option<&'static str> {
     let light = &quality.lighting;
-    let lit = light.mutual.image_on_opaque && no_image.is_none();
-    let none = !light.mutual.opaque_on_opaque || is_none(radius_mm(light));
-    no_opaque.or(no_strength(quality)).or((none && !lit).then_some("nothing darkens what is solid"))
+    let by_image = light.mutual.image_on_opaque && no_image.is_none();
+    let by_vicinity = light.mutual.opaque_on_opaque && !is_off(radius_mm(light));
+    no_opaque
+        .or(no_strength(quality))
+        .or((!by_vicinity && !by_image).then_some("nothing darkens what is solid"))
 }
 
-/// How far vicinity occlusion reaches.
+/// Radius of vicinity occlusion, 0 to 1e6; 0 if not finite.
 pub(crate) fn radius_mm(settings: &LightSettings) -> f64 {
     let (aperture, _) = clamped_aperture(settings.aperture_deg);
     let reach = settings.vicinity_mm * aperture.to_radians().tan();
     if reach.is_finite() { reach.clamp(0.0, 1e6) } else { 0.0 }
 }
 
-/// Its uniform, and what is bound where no slices ran.
+/// The uniform of the pass, and a placeholder for the slices' notes.
 pub(crate) struct VicinityLight {
     uniform: wgpu::Buffer,
     no_notes: wgpu::Buffer,
-    /// Points in the unit disc for a count.
+    /// The number of samples, and as many points in the unit disc.
     points: Option<(u32, Vec<[f64; 2]>)>,
 }
 
@@ -58,34 +60,34 @@ impl VicinityLight {
         }
     }
 
-    /// Binds the pass; `through` are the slices' notes where they ran.
+    /// Binds the pass; `notes` are the slices' notes if they ran.
     ///
     /// # Errors
-    /// [`RenderError`] when the driver refuses the shader.
+    /// [`RenderError`] if the driver rejects the shader.
     pub fn bind(
         &mut self,
         gpu: &Gpu,
         passes: &mut PassRunner,
         scene: &LitScene<'_>,
-        through: Option<&wgpu::Buffer>,
+        notes: Option<&wgpu::Buffer>,
     ) -> Result<(), RenderError> {
-        self.write(gpu, &scene.quality.lighting, through.is_some());
+        self.write(gpu, &scene.quality.lighting, notes.is_some());
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
             (8, scene.blurred.as_entire_binding()),
-            (35, through.unwrap_or(&self.no_notes).as_entire_binding()),
+            (35, notes.unwrap_or(&self.no_notes).as_entire_binding()),
             (36, self.uniform.as_entire_binding()),
         ];
         passes.bind(gpu, VICINITY, "vicinity/opaque", &entries, workgroups_of(scene.size))
     }
 
-    /// Its uniform, for passes that find vicinity occlusion besides.
+    /// Its uniform, for other passes that compute vicinity occlusion.
     pub fn uniform(&self) -> &wgpu::Buffer {
         &self.uniform
     }
 
-    /// Writes the uniform; `sliced` where slices ran.
+    /// Writes the uniform; `sliced`: whether slices ran.
     pub fn write(&mut self, gpu: &Gpu, settings: &LightSettings, sliced: bool) {
         let data = self.data(settings, sliced);
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&data));
@@ -117,8 +119,8 @@ impl VicinityLight {
     }
 }
 
-/// Millimetres nearer to the eye a millimetre aside from which on a neighbour is in the cone. The
-/// paper's own form has none: there a plane seen at a slant hides half of itself.
+/// How much nearer to the eye a neighbour must be to lie in the cone, in millimetres per millimetre of lateral
+/// distance. 0 in the paper's form, where a plane seen at a slant occludes half of itself.
 pub(crate) fn slope(settings: &LightSettings) -> f32 {
     let (aperture, _) = clamped_aperture(settings.aperture_deg);
     match settings.variant {

@@ -2,25 +2,24 @@
 
 use crate::solid::view::FAR;
 
-/// How much nearer than the surface a first hit must be to hide something, in footprints of a pixel at
-/// the surface: samples fall in whole pixels, so a surface that is steeper than this hides itself.
+/// How much nearer than the surface a first hit must be to occlude it, in pixel footprints at the
+/// surface: samples fall in whole pixels, so a surface steeper than this occludes itself.
 pub const BIAS_PX: f64 = 1.0;
 
-/// Half the extent of the samples: the radius at which a cone of this half opening meets the virtual
-/// slice distance (section 3.1.5). The aperture is clamped as everywhere.
+/// Radius of the samples: that of a cone of this half opening at the virtual slice distance (section
+/// 3.1.5). The aperture is clamped as elsewhere.
 pub fn radius_mm(virtual_slice_mm: f64, aperture_deg: f64) -> f64 {
     virtual_slice_mm * glioscope_core::optics::cone::clamped_aperture(aperture_deg).0.to_radians().tan()
 }
 
-/// Share of the samples that no nearer first hit hides, 0 to 1, for each pixel of `depths` (view depths
-/// in millimetres, rows from the top; what is no number above 0 and below 1e30, as the passes write it for
-/// nothing, is background). `samples` lie in
-/// the unit disc, x to the right and y down; they are spread over `radius_mm` at the depth of the
-/// pixel's own first hit, where a pixel is `footprint_mm` wide, and each looks at the pixel that it falls
-/// in. Only what is nearer by `slope` times its distance aside counts: with 1/tan θ what is in the cone, with 0
-/// all, as in the paper. Samples off the picture or on the background hide nothing. Background pixels, and all without
-/// samples, with a radius or a footprint that is no positive number, or where the sizes don't match:
-/// 1 (in the last case none).
+/// Share of the samples that no nearer first hit occludes, 0 to 1, for each pixel of `depths` (view depths
+/// in millimetres, rows from the top). Depths that are not above 0 and below 1e30 are background. `samples`
+/// lie in the unit disc, x to the right and y down; they are spread over `radius_mm` at the depth of the
+/// pixel's own first hit, where a pixel is `footprint_mm` wide, and each reads the pixel that it falls
+/// in. Only a hit nearer by `slope` times its lateral distance counts: with 1/tan θ those in the cone, with 0
+/// all, as in the paper. Samples outside the frame or on the background occlude nothing. 1 for background pixels, and
+/// for all pixels without samples or with a radius or a footprint that is not positive and finite; empty if the sizes
+/// don't match.
 pub fn vicinity(
     depths: &[f32],
     size: [u32; 2],
@@ -45,10 +44,10 @@ pub fn vicinity(
         let hides = |sample: &&[f64; 2]| {
             let [x, y] = [0, 1].map(|a| (middle[a] + sample[a] * radius_px).floor());
             let inside = x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64;
-            let seen = inside.then(|| depths.get(y as usize * width + x as usize)).flatten();
-            seen.and_then(|d| hit(*d)).is_some_and(|d| {
-                let aside_mm = sample[0].hypot(sample[1]) * radius_mm;
-                d < own - BIAS_PX * pixel_mm - slope * aside_mm
+            let there = inside.then(|| depths.get(y as usize * width + x as usize)).flatten();
+            there.and_then(|d| hit(*d)).is_some_and(|d| {
+                let lateral_mm = sample[0].hypot(sample[1]) * radius_mm;
+                d < own - BIAS_PX * pixel_mm - slope * lateral_mm
             })
         };
         1.0 - samples.iter().filter(hides).count() as f64 / samples.len() as f64
@@ -67,14 +66,14 @@ mod tests {
         (0..w * h).map(|i| depth(f64::from(i % w) + 0.5, f64::from(i / w) + 0.5)).collect()
     }
 
-    /// Share of the unit disc beyond a line at a distance from its middle.
+    /// Share of the unit disc beyond a line at distance `h` from its centre.
     fn segment(h: f64) -> f64 {
         let h = h.clamp(-1.0, 1.0);
         (h.acos() - h * (1.0 - h * h).sqrt()) / std::f64::consts::PI
     }
 
-    /// Left a nearer surface, right a farther one that it hides from: what is hidden is the segment of
-    /// the disc that reaches over the edge. Closed form.
+    /// A nearer surface on the left, a farther one on the right: the occluded share is the segment of the
+    /// disc beyond the edge. Closed form.
     #[test]
     fn a_step_hides_the_segment_beyond_it() {
         let depths = image(|x, _| if x < 20.0 { 100.0 } else { 130.0 });
@@ -87,7 +86,7 @@ mod tests {
         for (samples, tolerance) in [(dense, 0.01), (poisson_disc(118), 0.05), (poisson_disc(32), 0.1)] {
             let found = vicinity(&depths, SIZE, footprint, 13.0, 0.0, &samples);
             for x in 0..48usize {
-                // Away from the upper and lower rim, where samples leave the picture.
+                // Away from the upper and lower rim, where samples leave the frame.
                 let f = found[20 * 48 + x];
                 // Whole pixels: the edge is where a pixel's column begins.
                 let truth =
@@ -97,9 +96,9 @@ mod tests {
         }
     }
 
-    /// The same scene twice as far away under the same angle: footprints and radius grow alike.
+    /// The same scene four times as far away under the same angle: footprints and radius grow alike.
     #[test]
-    fn the_picture_keeps_when_the_scene_grows() {
+    fn scaling_the_scene_changes_nothing() {
         let scene = |scale: f32| image(move |x, y| scale * (100.0 + (3.0 * x.sin() + 4.0 * y.cos()) as f32));
         let samples = poisson_disc(64);
         let near = vicinity(&scene(1.0), SIZE, |d| 0.01 * d, 6.0, 0.0, &samples);
@@ -115,7 +114,7 @@ mod tests {
             let found = vicinity(depths, SIZE, |_| footprint, radius, 0.0, samples);
             found.len() == depths.len() && found.iter().all(|f| *f == 1.0)
         };
-        // One pixel of slope a pixel: within the bias.
+        // Rises by less than a footprint within the radius: within the bias.
         let slope = image(|x, _| (100.0 + 0.2 * x) as f32);
         assert!(open(&slope, 1.0, 4.0, &samples));
         let coincident = image(|_, _| 77.0);
@@ -126,7 +125,7 @@ mod tests {
             assert!(open(&stepped, footprint, radius, &samples), "{footprint} {radius}");
         }
         assert!(open(&stepped, 1.0, 8.0, &[]));
-        // A background of any make hides nothing and isn't hidden.
+        // Background of any encoding occludes nothing and isn't occluded.
         for background in [f32::INFINITY, f32::NAN, FAR, 0.0, -1.0] {
             let depths = image(|x, _| if x < 20.0 { background } else { 130.0 });
             assert!(open(&depths, 1.0, 8.0, &samples), "{background}");

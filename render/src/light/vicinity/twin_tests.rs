@@ -15,7 +15,7 @@ use crate::{
 };
 
 #[test]
-fn vicinity_is_its_twin() {
+fn vicinity_pass_matches_its_twin() {
     let mut scene = scene(false, true, Projection::Perspective);
     scene.volume = None;
     scene.camera.height_mm *= 0.3;
@@ -32,7 +32,7 @@ fn vicinity_is_its_twin() {
         assert!(!frame.plan.has(SLICES));
         let depths = frame.read_depths(&GPU);
         let found = frame.read_blurred(&GPU);
-        // The twin counts depths from the eye.
+        // The twin's depths start at the eye.
         let reference_mm = scene.reference_mm();
         let absolute: Vec<f32> =
             depths.iter().map(|d| if *d < FAR { d + reference_mm as f32 } else { *d }).collect();
@@ -45,20 +45,20 @@ fn vicinity_is_its_twin() {
             f64::from(slope(&lighting)),
             &poisson_disc(64),
         );
-        let (mut dark, mut seen, mut other) = (0, 0, 0);
+        let (mut dark, mut hits, mut differing) = (0, 0, 0);
         for i in 0..depths.len() {
             if depths[i] < FAR {
                 let light = twin[i];
                 let off = (f64::from(found[i] >> 24) / 255.0 - (1.0 - srgb::encode(light))).abs();
-                // One point more or less, where its place is a pixel's very edge.
-                other += usize::from(off > 0.003);
+                // One sample more or less, where it falls on a pixel's edge.
+                differing += usize::from(off > 0.003);
                 assert!(off < 0.02, "{variant:?} {i}: {off}");
                 dark += usize::from(light < 0.9);
-                seen += 1;
+                hits += 1;
             } else {
                 assert_eq!(found[i], 0);
             }
         }
-        assert!(seen > 300 && dark > 30 && other * 50 < seen, "{variant:?}: {seen} {dark} {other}");
+        assert!(hits > 300 && dark > 30 && differing * 50 < hits, "{variant:?}: {hits} {dark} {differing}");
     }
 }

@@ -1,4 +1,4 @@
-//! What the shaders of this light read, laid out as they read it. A test compares every offset with naga's.
+//! Uniforms with the memory layout of the shaders. A test compares every offset with naga's.
 
 use bytemuck::{Pod, Zeroable};
 

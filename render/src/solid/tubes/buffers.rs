@@ -1,4 +1,5 @@
-//! Tubes on the card: points once a list of shown sets, targets once a size, the uniform once a frame.
+//! Tubes on the device: points written once per list of shown sets, targets created once per size, the uniform written
+//! once per frame.
 
 use std::sync::Arc;
 
@@ -14,12 +15,12 @@ use crate::{
     },
 };
 
-/// In what a point is, as in tubes/draw: the low bits are its fibre's number.
+/// Flags in [`TubePoint::what`], as in tubes/draw: the low bits are the fibre's number.
 const LAST: u32 = 0x100_0000;
 const ALONE: u32 = 0x200_0000;
-/// The most fibres of one picture: their numbers from 1 have 24 bits.
+/// The most fibres of one frame: their numbers from 1 have 24 bits.
 const MOST_FIBERS: usize = 0xff_fffe;
-/// In the place of a face, `TUBE` of lib/tubes.
+/// Flag in the place of a face, `TUBE` of lib/tubes.
 const TUBE: u32 = 0x8000_0000;
 /// No face at all, `NO_FACE` of lib/view.
 const NO_FACE: u32 = u32::MAX;
@@ -28,7 +29,7 @@ pub(crate) const LEAST_PX: f64 = 0.75;
 /// Corners of the rectangle around a capsule, in two triangles.
 const CORNERS: [u16; 6] = [0, 1, 2, 2, 1, 3];
 
-/// The number of the fibre that a face stands for, if it is one's.
+/// The fibre number in a face, if it is a tube's.
 pub(crate) fn fiber_number(face: u32) -> Option<u32> {
     (face & TUBE != 0 && face != NO_FACE).then_some(face & !TUBE)
 }
@@ -63,30 +64,30 @@ pub(crate) struct TubesUniform {
     pub unused_c: f32,
 }
 
-/// The points of every set that is shown.
-struct Shown {
+/// The points of all shown sets.
+struct ShownSets {
     sets: Vec<Arc<TubeSet>>,
-    /// What all points are counted from, world millimetres.
+    /// Common origin of all points, world millimetres.
     origin_mm: DVec3,
     points: wgpu::Buffer,
     count: u32,
     fibers: wgpu::Buffer,
 }
 
-/// What the passes write, and read of one another.
+/// Targets of the tube passes.
 struct Targets {
     size: [u32; 2],
     raster: RasterTargets,
     shades: wgpu::Buffer,
 }
 
-/// Everything that a renderer holds for tubes. Without tubes: a few bytes.
+/// All buffers that a renderer holds for tubes. Without tubes: a few bytes.
 pub(crate) struct TubeBuffers {
     uniform: wgpu::Buffer,
     corners: wgpu::Buffer,
-    /// Bound in the place of buffers that aren't there.
-    nothing: wgpu::Buffer,
-    shown: Option<Shown>,
+    /// Bound in place of absent buffers.
+    placeholder: wgpu::Buffer,
+    shown: Option<ShownSets>,
     targets: Option<Targets>,
 }
 
@@ -100,19 +101,18 @@ impl TubeBuffers {
                 bytemuck::cast_slice(&CORNERS),
                 wgpu::BufferUsages::INDEX,
             ),
-            nothing: gpu.storage("TubeBuffers::nothing", &[0; 16]),
+            placeholder: gpu.storage("TubeBuffers::placeholder", &[0; 16]),
             shown: None,
             targets: None,
         }
     }
 
-    /// Makes ready what the passes of `tubes` need: points where other sets are shown than before,
-    /// targets where the size is another, the uniform. With `tubes` `None` (no such pass runs) all of it
-    /// is let go.
+    /// Prepares the passes of `tubes`: points if the shown sets changed, targets if the size changed, the
+    /// uniform. With `tubes` `None` (no such pass runs) everything is released.
     ///
     /// # Errors
     /// [`RenderError::Buffer`] past the device's limits, [`RenderError::Scene`] past 16,777,214 fibres,
-    /// [`RenderError::Device`] with what the driver says; nothing is held then.
+    /// [`RenderError::Device`] with the driver's message; nothing is held then.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -124,12 +124,12 @@ impl TubeBuffers {
         let (shown, targets) = (self.shown.take(), self.targets.take());
         let Some(tubes) = tubes else { return Ok(()) };
         let sets: Vec<&Arc<TubeSet>> = tubes.iter().filter(|t| t.draws()).map(|t| &t.set).collect();
-        let own = |s: &Shown| {
+        let is_same = |s: &ShownSets| {
             s.sets.len() == sets.len() && s.sets.iter().zip(&sets).all(|(a, b)| Arc::ptr_eq(a, b))
         };
-        let shown = match shown.filter(own) {
+        let shown = match shown.filter(is_same) {
             Some(shown) => shown,
-            None => Shown::new(gpu, &sets)?,
+            None => ShownSets::new(gpu, &sets)?,
         };
         let targets = match targets.filter(|t| t.size == view.size) {
             Some(targets) => targets,
@@ -141,7 +141,7 @@ impl TubeBuffers {
         Ok(())
     }
 
-    /// What the rasterising pass draws and its bindings besides the view; `None` before
+    /// The drawing of the raster pass and its bindings besides the view; `None` before
     /// [`TubeBuffers::prepare`].
     pub fn drawing(&self) -> Option<(Drawing, [(u32, wgpu::BindingResource<'_>); 3])> {
         let (shown, targets) = (self.shown.as_ref()?, self.targets.as_ref()?);
@@ -160,23 +160,23 @@ impl TubeBuffers {
         Some((drawing, entries))
     }
 
-    /// The picture that the rasterising pass drew; `None` without tubes.
+    /// The colour target of the raster pass; `None` without tubes.
     pub fn picture(&self) -> Option<&wgpu::TextureView> {
         self.targets.as_ref().map(|t| &t.raster.picture)
     }
 
     /// Colour and radius of each fibre.
     pub fn fibers(&self) -> &wgpu::Buffer {
-        self.shown.as_ref().map_or(&self.nothing, |s| &s.fibers)
+        self.shown.as_ref().map_or(&self.placeholder, |s| &s.fibers)
     }
 
     /// Shaded colour and facing of the tube at each pixel, packed; 0 where there is none.
     pub fn shades(&self) -> &wgpu::Buffer {
-        self.targets.as_ref().map_or(&self.nothing, |t| &t.shades)
+        self.targets.as_ref().map_or(&self.placeholder, |t| &t.shades)
     }
 }
 
-impl Shown {
+impl ShownSets {
     fn new(gpu: &Gpu, sets: &[&Arc<TubeSet>]) -> Result<Self, RenderError> {
         let fibers: usize = sets.iter().map(|s| s.fiber_count()).sum();
         if fibers > MOST_FIBERS {
@@ -185,17 +185,17 @@ impl Shown {
         let points: usize = sets.iter().map(|s| s.point_count()).sum();
         gpu.check_size("the fibre tracts", (points.max(fibers) * size_of::<TubePoint>()) as u64)?;
         let origin_mm = sets.iter().max_by_key(|s| s.point_count()).map_or(DVec3::ZERO, |s| s.origin_mm());
-        let mut packed = Vec::with_capacity(points.max(1));
-        let mut looks = Vec::with_capacity(fibers.max(1));
+        let mut packed_points = Vec::with_capacity(points.max(1));
+        let mut fiber_table = Vec::with_capacity(fibers.max(1));
         for set in sets {
-            // In f64: an offset of 1e6 mm costs no digit then.
+            // In f64: an offset of 1e6 mm then costs no precision.
             let shift = set.origin_mm() - origin_mm;
             let [r, g, b] = set.color().map(u32::from);
             for n in 0..set.fiber_count() {
-                let number = looks.len() as u32;
-                looks.push(Fiber { color: r | g << 8 | b << 16, radius_mm: set.radius_mm() as f32 });
+                let number = fiber_table.len() as u32;
+                fiber_table.push(Fiber { color: r | g << 8 | b << 16, radius_mm: set.radius_mm() as f32 });
                 let fiber = set.fiber(n);
-                packed.extend(fiber.iter().enumerate().map(|(at, &p)| {
+                packed_points.extend(fiber.iter().enumerate().map(|(at, &p)| {
                     let place = (DVec3::from_array(p.map(f64::from)) + shift).as_vec3().to_array();
                     let flag = match (fiber.len(), at + 1 == fiber.len()) {
                         (1, _) => ALONE,
@@ -206,22 +206,22 @@ impl Shown {
                 }));
             }
         }
-        let count = packed.len() as u32;
-        if packed.is_empty() {
-            packed.push(TubePoint { what: LAST, ..TubePoint::default() });
+        let count = packed_points.len() as u32;
+        if packed_points.is_empty() {
+            packed_points.push(TubePoint { what: LAST, ..TubePoint::default() });
         }
-        if looks.is_empty() {
-            looks.push(Fiber::default());
+        if fiber_table.is_empty() {
+            fiber_table.push(Fiber::default());
         }
-        let made = Self {
+        let shown = Self {
             sets: sets.iter().map(|&s| Arc::clone(s)).collect(),
             origin_mm,
-            points: gpu.storage("Shown::points", bytemuck::cast_slice(&packed)),
+            points: gpu.storage("ShownSets::points", bytemuck::cast_slice(&packed_points)),
             count,
-            fibers: gpu.storage("Shown::fibers", bytemuck::cast_slice(&looks)),
+            fibers: gpu.storage("ShownSets::fibers", bytemuck::cast_slice(&fiber_table)),
         };
         gpu.check()?;
-        Ok(made)
+        Ok(shown)
     }
 }
 
@@ -235,7 +235,7 @@ impl Targets {
     }
 }
 
-/// The uniform of points that are counted from `origin_mm`.
+/// The uniform for points relative to `origin_mm`.
 fn uniform(origin_mm: DVec3, camera: &Camera, reference_mm: f64, view: &View) -> TubesUniform {
     let [right, up, back] = camera.axes();
     let single = |v: DVec3| v.as_vec3().to_array();

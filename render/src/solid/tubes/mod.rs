@@ -1,8 +1,8 @@
-//! Fibre tracts as tubes: prepared once a file of tracts, drawn beside the tumour by the context view.
+//! Fibre tracts as tubes: prepared once per file of tracts, drawn with the tumour by the context view.
 //!
-//! A tube is a chain of capsules, one a segment, which share a ball at every joint: no bend has a gap,
-//! and a ray meets each in closed form. Tubes narrower than a pixel and a half are drawn that wide, so
-//! that none is lost from afar. Lit from the eye: the brightness of a place says how it faces the viewer.
+//! A tube is a chain of capsules, one per segment, which share a ball at every joint: no bend has a gap,
+//! and rays are intersected in closed form. Tubes narrower than a pixel and a half are drawn that wide, so
+//! that none disappears at a distance. Lit by a headlight: brightness depends on how a place faces the viewer.
 
 pub(crate) mod buffers;
 mod simplify;
@@ -21,11 +21,11 @@ use crate::{device::PassName, scene::Rgb};
 
 /// Fibre tracts as tubes.
 pub(crate) const TUBES: PassName = PassName::new("tubes");
-/// Puts them among what is seen first along each ray.
+/// Merges them into the first hits of the rays.
 pub(crate) const TUBES_MERGE: PassName = PassName::new("tubes_merge");
 
-/// Colours of files of tracts, in the order a case names them: muted, where masks are vivid, so that
-/// no tube is taken for a mask (a test measures how far apart they are).
+/// Colours of files of tracts, in the order of the case: muted, where masks are vivid, so that no tube is mistaken
+/// for a mask (a test measures their distance).
 const COLORS: [Rgb; 6] =
     [[226, 194, 130], [104, 152, 196], [172, 144, 206], [140, 164, 96], [196, 122, 104], [120, 178, 170]];
 
@@ -34,13 +34,13 @@ pub fn tract_color(n: usize) -> Rgb {
     COLORS[n % COLORS.len()]
 }
 
-/// One file of fibre tracts, ready to be drawn. Two are the same when their `Arc` is.
+/// One file of fibre tracts, prepared for drawing. Compared by the identity of their `Arc`.
 #[derive(Clone, Debug)]
 pub struct TubeSet {
     origin_mm: DVec3,
-    /// From the origin.
+    /// Relative to the origin.
     points: Vec<[f32; 3]>,
-    /// Where each fibre's points begin, and their number at the end.
+    /// Start of each fibre's points; the number of points at the end.
     offsets: Vec<u32>,
     color: Rgb,
     radius_mm: f64,
@@ -64,30 +64,29 @@ impl PartialEq for DrawnTubes {
 }
 
 impl DrawnTubes {
-    /// Whether it leaves anything in the picture.
+    /// Whether it draws anything.
     pub(crate) fn draws(&self) -> bool {
         self.shown && !self.set.points.is_empty()
     }
 }
 
 impl TubeSet {
-    /// How far a drawn fibre may be from the one in the file.
+    /// Largest distance between a drawn fibre and the one in the file.
     pub const TOLERANCE_MM: f64 = 0.1;
-    /// The longest segment drawn. A tube's least width on the screen is taken at a segment's middle.
+    /// The longest segment drawn. A tube's minimum width on the screen is evaluated at a segment's middle.
     pub const LONGEST_MM: f64 = 20.0;
-    /// The most points drawn of one file: 64 MB on the card.
+    /// The most points drawn of one file: 64 MB on the device.
     pub const MOST_POINTS: usize = 4 << 20;
-    /// Half the width of a tube: about how far apart tracking leaves fibres.
+    /// Half the width of a tube: about the distance between tracked fibres.
     pub const RADIUS_MM: f64 = 0.5;
 
-    /// Prepares `tracts`. Polylines lose the points that they don't need: what is drawn and what is in
-    /// the file are nowhere further than [`TubeSet::TOLERANCE_MM`] from one another. Of more than
-    /// [`TubeSet::MOST_POINTS`] only every second, third, … fibre is drawn: see [`TubeSet::left_out`].
-    /// A fibre of one point is a ball, one without points nothing. `radius_mm` outside 0.01 to 100 is
-    /// taken for the nearest of these.
+    /// Prepares `tracts`. Polylines are simplified: the drawn line and the file's are nowhere further than
+    /// [`TubeSet::TOLERANCE_MM`] apart. Past [`TubeSet::MOST_POINTS`] only every second, third, … fibre is
+    /// drawn: see [`TubeSet::left_out`]. A fibre of one point is a ball, one without points nothing.
+    /// `radius_mm` is clamped to 0.01 to 100; NaN gives [`TubeSet::RADIUS_MM`].
     ///
     /// # Errors
-    /// When `progress` says so.
+    /// [`Cancelled`] when `progress` is cancelled.
     pub fn new(tracts: &Tracts, color: Rgb, radius_mm: f64, progress: &Progress) -> Result<Self, Cancelled> {
         Self::with_most(tracts, color, radius_mm, Self::MOST_POINTS, progress)
     }
@@ -99,14 +98,14 @@ impl TubeSet {
         most_points: usize,
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
-        let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-        // Any point among the others will do. The middle of their box won't: one stray point moves it far.
-        let origin_mm = tracts.points_mm().get(tracts.points_mm().len() / 2).map(wide).unwrap_or_default();
+        let to_f64 = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        // Any point among the others is suitable. The centre of their box isn't: one outlier moves it far.
+        let origin_mm = tracts.points_mm().get(tracts.points_mm().len() / 2).map(to_f64).unwrap_or_default();
         let fibers: Vec<Vec<DVec3>> = (0..tracts.fiber_count())
             .into_par_iter()
             .map(|n| {
                 progress.check()?;
-                let fiber: Vec<DVec3> = tracts.fiber(n).iter().map(|p| wide(p) - origin_mm).collect();
+                let fiber: Vec<DVec3> = tracts.fiber(n).iter().map(|p| to_f64(p) - origin_mm).collect();
                 Ok(simplify::simplified(&fiber, Self::TOLERANCE_MM, Self::LONGEST_MM))
             })
             .collect::<Result<_, Cancelled>>()?;
@@ -114,7 +113,7 @@ impl TubeSet {
         let every = total.div_ceil(most_points.max(1)).max(1);
         let (mut points, mut offsets, mut left_out) = (Vec::new(), vec![0], 0);
         for (n, fiber) in fibers.iter().enumerate() {
-            // Those that are kept may be the long ones.
+            // Every n-th fibre may still have too many points.
             if n % every == 0 && points.len() + fiber.len() <= most_points {
                 points.extend(fiber.iter().map(|p| p.as_vec3().to_array()));
             } else if !fiber.is_empty() {
@@ -131,12 +130,12 @@ impl TubeSet {
         self.offsets.len() - 1
     }
 
-    /// Number of points that are drawn.
+    /// Number of drawn points.
     pub fn point_count(&self) -> usize {
         self.points.len()
     }
 
-    /// Fibres that have points and are not drawn, as the file has too many.
+    /// Number of fibres with points that are not drawn, as the file has too many.
     pub fn left_out(&self) -> usize {
         self.left_out
     }
@@ -151,7 +150,7 @@ impl TubeSet {
         self.radius_mm
     }
 
-    /// The drawn points of fibre `n` from [`TubeSet::origin_mm`].
+    /// The drawn points of fibre `n`, relative to [`TubeSet::origin_mm`].
     pub(crate) fn fiber(&self, n: usize) -> &[[f32; 3]] {
         match (self.offsets.get(n), self.offsets.get(n + 1)) {
             (Some(&from), Some(&to)) => self.points.get(from as usize..to as usize).unwrap_or_default(),
@@ -159,14 +158,13 @@ impl TubeSet {
         }
     }
 
-    /// What its points are counted from, world millimetres: a place among them.
+    /// Origin of its points, world millimetres: one of the points.
     pub(crate) fn origin_mm(&self) -> DVec3 {
         self.origin_mm
     }
 }
 
-/// Where in a list of drawn sets fibre number `number` of a picture is: which set, and which of its
-/// fibres.
+/// Position of a frame's fibre `number` in a list of drawn sets: index of the set, and of the fibre in it.
 pub(crate) fn fiber_of(tubes: &[DrawnTubes], number: u32) -> Option<(usize, usize)> {
     let mut left = number as usize;
     for (at, drawn) in tubes.iter().enumerate().filter(|(_, drawn)| drawn.draws()) {

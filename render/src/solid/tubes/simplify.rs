@@ -1,8 +1,8 @@
-//! Polylines with fewer points.
+//! Simplification of polylines.
 
 use glam::DVec3;
 
-/// Points that one segment may stand for: what is tried grows with its square.
+/// Most points that one segment may replace: the cost grows with its square.
 const MOST_SKIPPED: usize = 64;
 
 /// Distance of `p` from the segment `a` to `b`.
@@ -13,11 +13,10 @@ pub(super) fn off_segment(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     p.distance(a + t * along)
 }
 
-/// Some of the points of `line`, its ends among them, such that each segment between two is at most
-/// `longest` long (or was so before) and has every point it stands for within `tolerance`. What lies
-/// within a distance of a segment is convex, so the whole of the line between the two is that near to
-/// the segment; and as the line runs from one end to the other, all of the segment is that near to the
-/// line.
+/// A subset of the points of `line` that includes its ends, such that every point that a segment replaces is within
+/// `tolerance` of it. Segments are at most `longest` long; longer ones of `line` are subdivided. The points within a
+/// distance of a segment form a convex set, so the whole replaced part of the line is that close to the segment; and
+/// as that part runs from one end to the other, all of the segment is that close to the line.
 pub(super) fn simplified(line: &[DVec3], tolerance: f64, longest: f64) -> Vec<DVec3> {
     let Some(&first) = line.first() else { return Vec::new() };
     let mut out = vec![first];
@@ -31,7 +30,7 @@ pub(super) fn simplified(line: &[DVec3], tolerance: f64, longest: f64) -> Vec<DV
         while to + 1 < line.len() && to - at < MOST_SKIPPED && fits(to + 1) {
             to += 1;
         }
-        // A long step of the file's own is cut, not kept: it may run from far to near.
+        // A long segment of the file is subdivided: it may run from far to near.
         let (a, b) = (line[at], line[to]);
         let parts = (a.distance(b) / longest).ceil().clamp(1.0, 4096.0) as usize;
         out.extend((1..parts).map(|n| a.lerp(b, n as f64 / parts as f64)));
@@ -45,7 +44,7 @@ pub(super) fn simplified(line: &[DVec3], tolerance: f64, longest: f64) -> Vec<DV
 mod tests {
     use super::*;
 
-    /// Greatest distance of points of `a`, in steps of a hundredth of a segment, from the line `b`.
+    /// Largest distance from the line `b` of points of `a`, in steps of a hundredth of a segment.
     fn one_sided(a: &[DVec3], b: &[DVec3]) -> f64 {
         let near = |p: DVec3| b.windows(2).map(|s| off_segment(p, s[0], s[1])).fold(f64::INFINITY, f64::min);
         a.windows(2)
@@ -55,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn both_lines_are_near_each_other_and_few_points_are_left() {
+    fn simplified_lines_are_within_tolerance_with_fewer_points() {
         let helix: Vec<DVec3> = (0..600)
             .map(|n| {
                 let t = f64::from(n) * 0.02;
@@ -74,8 +73,8 @@ mod tests {
     }
 
     #[test]
-    fn turns_back_and_long_steps_are_kept() {
-        // Out and back on itself: the far end may not be lost.
+    fn reversals_are_kept_and_long_segments_subdivided() {
+        // Out and back on itself: the far end must be kept.
         let back: Vec<DVec3> = [0.0, 1.0, 2.0, 3.0, 2.0, 1.0].map(|x| DVec3::X * x).to_vec();
         let few = simplified(&back, 0.1, 20.0);
         assert_eq!(few, [0.0, 3.0, 1.0].map(|x| DVec3::X * x));

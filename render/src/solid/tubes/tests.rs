@@ -1,4 +1,4 @@
-//! Tubes on Mesa's software adapter, held against rays in f64 and closed forms. A missing adapter fails.
+//! Tubes on Mesa's software adapter, compared with rays in `f64` and closed forms. A missing adapter fails.
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -16,7 +16,7 @@ use crate::{
     light::screen::OCCLUSION,
     scene::{Coloring, MaskColors, Palette, Quality},
     solid::view::FAR,
-    testing::{GPU, grid, volume},
+    testing::{GPU, grid, small_device, volume},
     views::view3d::Switches,
 };
 
@@ -55,7 +55,7 @@ fn set(fibers: &[&[[f32; 3]]], color: Rgb, radius_mm: f64) -> DrawnTubes {
     DrawnTubes { set: Arc::new(set), shown: true }
 }
 
-/// Tubes alone, seen from a little above.
+/// Tubes alone, viewed slightly from above.
 fn scene(tubes: Vec<DrawnTubes>) -> ContextScene {
     ContextScene {
         volume: None,
@@ -72,10 +72,10 @@ fn scene(tubes: Vec<DrawnTubes>) -> ContextScene {
     }
 }
 
-/// Depths from the eye, numbers of fibres, shaded colours and facing.
-type Seen = Vec<(Option<(f64, u32)>, [u8; 4])>;
+/// Per pixel: depth from the eye and fibre number of a hit; shaded colour and facing.
+type TubePixels = Vec<(Option<(f64, u32)>, [u8; 4])>;
 
-fn seen(bench: &mut Bench, scene: &ContextScene, size: [u32; 2]) -> Seen {
+fn tube_pixels(bench: &mut Bench, scene: &ContextScene, size: [u32; 2]) -> TubePixels {
     let Bench { gpu, renderer } = bench;
     let frame = renderer.render(gpu, scene, &FLAT, size).unwrap();
     let (depths, surfaces) = (frame.read_depths(gpu), frame.read_surfaces(gpu));
@@ -89,9 +89,9 @@ fn seen(bench: &mut Bench, scene: &ContextScene, size: [u32; 2]) -> Seen {
     depths.iter().zip(&surfaces).map(hit).zip(shades).collect()
 }
 
-/// Against the twin: hits and their depths, where the ray isn't all but tangent.
+/// Compares hits and their depths with the twin, except where the ray is nearly tangent. Returns the hits.
 fn compare(bench: &mut Bench, name: &str, scene: &ContextScene, size: [u32; 2]) -> usize {
-    let found = seen(bench, scene, size);
+    let found = tube_pixels(bench, scene, size);
     let expected = tubes_seen(&scene.tubes, &scene.camera, size);
     let (mut hits, mut strayed, mut worst, mut worst_facing) = (0, 0, 0.0_f64, 0.0_f64);
     for ((found, shade), expected) in found.iter().zip(&expected) {
@@ -100,7 +100,7 @@ fn compare(bench: &mut Bench, name: &str, scene: &ContextScene, size: [u32; 2]) 
             (Some((depth, number)), Some(e)) => {
                 hits += 1;
                 if e.facing < 0.1 || *number != e.number {
-                    // A step on may be another tube.
+                    // The neighbouring pixel may show another tube.
                     strayed += usize::from(e.facing >= 0.1);
                     continue;
                 }
@@ -124,7 +124,7 @@ const BENT: &[[f32; 3]] = &[[-8.0, 0.0, -8.0], [-8.0, 0.0, 6.0], [6.0, 0.0, 6.0]
 const POINT: &[[f32; 3]] = &[[3.0, 2.0, -5.0]];
 
 #[test]
-fn tubes_are_where_rays_meet_them() {
+fn tube_hits_match_the_twin() {
     let mut bench = bench();
     for (name, fibers) in [
         ("straight", vec![STRAIGHT]),
@@ -146,7 +146,7 @@ fn tubes_are_where_rays_meet_them() {
 }
 
 #[test]
-fn a_tube_seen_from_its_end_from_inside_and_from_far_off() {
+fn tubes_match_the_twin_end_on_from_inside_and_far_from_the_origin() {
     let mut bench = bench();
     let along: &[[f32; 3]] = &[[0.0, -12.0, 0.0], [0.0, 12.0, 0.0]];
     for projection in BOTH {
@@ -154,7 +154,7 @@ fn a_tube_seen_from_its_end_from_inside_and_from_far_off() {
         s.camera.projection = projection;
         s.camera.world_from_camera = Camera::orientation(0.0, 0.0);
         assert!(compare(&mut bench, "end on", &s, [96, 80]) > 100);
-        // The eye among the tubes, beside one, inside of one.
+        // The eye among the tubes, beside one, inside one.
         for (focus, height) in [(DVec3::ZERO, 3.0), (DVec3::new(2.0, 3.0, 1.0), 5.0), (DVec3::ZERO, 14.0)] {
             s.camera.focus_mm = focus;
             s.camera.height_mm = height;
@@ -162,18 +162,18 @@ fn a_tube_seen_from_its_end_from_inside_and_from_far_off() {
         }
         // All behind the viewer.
         s.camera.focus_mm = s.camera.axes()[2] * -500.0;
-        assert!(seen(&mut bench, &s, [32, 32]).iter().all(|(hit, _)| hit.is_none()));
+        assert!(tube_pixels(&mut bench, &s, [32, 32]).iter().all(|(hit, _)| hit.is_none()));
     }
-    // The same picture 1,000 km away, but for what f32 costs in the file's own coordinates.
+    // The same frame at 1e6 mm, except for the f32 precision of the file's own coordinates.
     let far: Vec<[f32; 3]> = BENT.iter().map(|p| p.map(|x| x + 1e6)).collect();
     let mut s = scene(vec![set(&[&far], [200, 100, 50], 1.2), set(&[POINT], [9; 3], 1.0)]);
     s.camera.focus_mm = DVec3::splat(1e6);
     assert!(compare(&mut bench, "far off", &s, [96, 80]) > 300);
 }
 
-/// One stray point far off takes no digits from the others: which tube is in front stays right.
+/// One distant outlier doesn't cost the others precision: which tube is in front stays correct.
 #[test]
-fn a_stray_point_spoils_nothing() {
+fn an_outlier_does_not_reduce_precision() {
     let mut bench = bench();
     let stray: &[[f32; 3]] = &[[3e6, -2e6, 1e6]];
     for projection in BOTH {
@@ -186,7 +186,7 @@ fn a_stray_point_spoils_nothing() {
 
 /// Every ray that passes a bend within its radius meets it: there is no gap on the outside.
 #[test]
-fn a_right_angle_has_no_gap() {
+fn a_right_angle_bend_has_no_gap() {
     let mut bench = bench();
     let (size, radius) = ([128, 128], 1.5);
     for projection in BOTH {
@@ -194,7 +194,7 @@ fn a_right_angle_has_no_gap() {
             let mut s = scene(vec![set(&[BENT], [200, 100, 50], radius)]);
             s.camera.projection = projection;
             s.camera.world_from_camera = Camera::orientation(azimuth, 15.0);
-            let found = seen(&mut bench, &s, size);
+            let found = tube_pixels(&mut bench, &s, size);
             let corner = DVec3::new(-8.0, 0.0, 6.0);
             let mut tested = 0;
             for (n, (hit, _)) in found.iter().enumerate() {
@@ -212,14 +212,14 @@ fn a_right_angle_has_no_gap() {
     }
 }
 
-/// From so far that it is a hundredth of a pixel wide, a tube is a line without a gap, and no wider.
+/// A tube so distant that it is a hundredth of a pixel wide is a line without a gap, and no wider.
 #[test]
-fn thin_tubes_keep_a_width() {
+fn thin_tubes_have_a_minimum_width() {
     let mut bench = bench();
     for projection in BOTH {
         let mut s = scene(vec![set(&[&[[-900.0, 0.0, -300.0], [900.0, 0.0, 300.0]]], [20; 3], 0.05)]);
         s.camera = Camera::fit(DVec3::ZERO, 1000.0, Camera::orientation(0.0, 0.0), projection);
-        let found = seen(&mut bench, &s, [256, 256]);
+        let found = tube_pixels(&mut bench, &s, [256, 256]);
         let column = |x: usize| (0..256).filter(|y| found[y * 256 + x].0.is_some()).count();
         let counts: Vec<usize> = (0..256).map(column).collect();
         let first = counts.iter().position(|&n| n > 0).unwrap();
@@ -238,7 +238,7 @@ fn ball() -> Arc<glioscope_core::RegionVolume> {
 }
 
 #[test]
-fn the_tumor_hides_what_is_behind_it_and_nothing_else() {
+fn the_tumor_hides_only_the_tubes_behind_it() {
     let mut bench = bench();
     let size = [120, 120];
     let across = |y: f32, z: f32| vec![[-13.0, y, z], [13.0, y, z]];
@@ -256,7 +256,7 @@ fn the_tumor_hides_what_is_behind_it_and_nothing_else() {
         let plain = plain.read_rgba(gpu).unwrap();
         let frame = renderer.render(gpu, &s, &FLAT, size).unwrap().clone();
         let (surfaces, depths) = (frame.read_surfaces(gpu), frame.read_depths(gpu));
-        let picture = frame.read_rgba(gpu).unwrap();
+        let pixels = frame.read_rgba(gpu).unwrap();
         let twin = tubes_seen(&s.tubes, &s.camera, size);
         let reference_mm = s.reference_mm();
         let mut counts = [[0; 2]; 2];
@@ -274,10 +274,10 @@ fn the_tumor_hides_what_is_behind_it_and_nothing_else() {
                 None => assert_eq!((surfaces[n], depths[n]), (plain_surfaces[n], plain_depths[n])),
             }
         }
-        // The nearer one over the ball and beside it, the farther one beside it only.
+        // The nearer one in front of the ball and beside it, the farther one only beside it.
         assert!(counts[0][0] > 100 && counts[0][1] > 100 && counts[1][0] > 100, "{counts:?}");
         assert_eq!(counts[1][1], 0, "{projection:?}");
-        // Nothing changes further from a tube than lines reach.
+        // Pixels further from a tube than lines reach don't change.
         let near_tube = |n: usize| {
             let (x, y) = ((n % 120) as i64, (n / 120) as i64);
             (-3..=3).any(|dy: i64| {
@@ -288,15 +288,15 @@ fn the_tumor_hides_what_is_behind_it_and_nothing_else() {
             })
         };
         for n in (0..surfaces.len()).filter(|&n| !near_tube(n)) {
-            assert_eq!(picture[n * 4..n * 4 + 4], plain[n * 4..n * 4 + 4], "{n}");
+            assert_eq!(pixels[n * 4..n * 4 + 4], plain[n * 4..n * 4 + 4], "{n}");
         }
-        // The number of the fibre in its file, over an asked pixel.
+        // The number of the fibre in its file, picked at a pixel.
         let at = surfaces.iter().position(|s| fiber_number(s[1]) == Some(1)).unwrap() as u32;
         let pick = frame.pick(gpu, at % 120, at / 120).unwrap().unwrap();
         assert_eq!((pick.bits, pick.fiber), (None, Some(PickedFiber { set: 1, fiber: 0 })));
         let off = pick.world_mm - DVec3::new(pick.world_mm.x.clamp(-13.0, 13.0), -9.0, 3.0);
         assert!((off.length() - 0.8).abs() < 1e-3, "{off}");
-        // Hidden sets count for nothing, and numbers stay those of the scene's list.
+        // Hidden sets aren't counted, and set indices stay those of the scene's list.
         s.tubes[0].shown = false;
         let frame = renderer.render(gpu, &s, &FLAT, size).unwrap().clone();
         let pick = frame.pick(gpu, at % 120, at / 120).unwrap().unwrap();
@@ -305,7 +305,7 @@ fn the_tumor_hides_what_is_behind_it_and_nothing_else() {
 }
 
 #[test]
-fn a_tube_has_no_lines_of_the_tumor_on_it() {
+fn the_tumor_s_lines_are_not_drawn_on_tubes() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let before: &[[f32; 3]] = &[[-13.0, 9.0, 0.0], [13.0, 9.0, 0.0]];
@@ -314,21 +314,21 @@ fn a_tube_has_no_lines_of_the_tumor_on_it() {
     s.camera.world_from_camera = Camera::orientation(0.0, 0.0);
     s.silhouette = [0, 0, 255];
     let frame = renderer.render(gpu, &s, &FLAT, [160, 160]).unwrap();
-    let (surfaces, picture) = (frame.read_surfaces(gpu), frame.read_rgba(gpu).unwrap());
+    let (surfaces, pixels) = (frame.read_surfaces(gpu), frame.read_rgba(gpu).unwrap());
     let mut tube = 0;
-    for (surface, p) in surfaces.iter().zip(picture.chunks_exact(4)) {
+    for (surface, p) in surfaces.iter().zip(pixels.chunks_exact(4)) {
         if fiber_number(surface[1]).is_some() {
             tube += 1;
             assert!(p[0] > p[1] && p[1] > p[2], "{p:?}");
         }
     }
-    let blue = picture.chunks_exact(4).filter(|p| p[2] > p[0].max(p[1]).saturating_add(60)).count();
+    let blue = pixels.chunks_exact(4).filter(|p| p[2] > p[0].max(p[1]).saturating_add(60)).count();
     assert!(tube > 1000 && blue > 50, "{tube} {blue}");
 }
 
-/// A homogeneous image before a tube: 1 − (1 − α)^L of it over the tube's colour.
+/// A homogeneous image in front of a tube: opacity 1 − (1 − α)^L over the tube's colour.
 #[test]
-fn the_image_before_a_tube_is_seen_over_it() {
+fn the_image_in_front_of_a_tube_is_composited_over_it() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let grid = Grid::axis_aligned([24; 3], DVec3::ONE, DVec3::splat(-11.5)).unwrap();
@@ -341,7 +341,7 @@ fn the_image_before_a_tube_is_seen_over_it() {
     s.camera = Camera::fit(DVec3::ZERO, 8.0, Camera::orientation(0.0, 0.0), Projection::Orthographic);
     let frame = renderer.render(gpu, &s, &FLAT, [64, 64]).unwrap().clone();
     let (marched, depths) = (frame.read_marched(gpu), frame.read_depths(gpu));
-    let picture = frame.read_rgba(gpu).unwrap();
+    let pixels = frame.read_rgba(gpu).unwrap();
     let shades = renderer.view.read_tube_shades(gpu);
     let face_mm = s.camera.distance_mm() - 12.0 - s.reference_mm();
     let mut over = 0;
@@ -350,12 +350,12 @@ fn the_image_before_a_tube_is_seen_over_it() {
         let rgba = marched[n].rgba();
         let opacity = TransferFunction::opacity_over(alpha, length);
         assert!((rgba[3] - opacity).abs() < 5e-4, "{n}: {} {opacity}", rgba[3]);
-        // Inside of the tube, where no edge darkens it.
+        // Inside the tube's outline, where no edge darkens it.
         if shades[n][3] > 230 {
             over += 1;
             for c in 0..3 {
                 let expected = rgba[c] + (1.0 - rgba[3]) * f64::from(shades[n][c]) / 255.0;
-                let found = f64::from(picture[n * 4 + c]) / 255.0;
+                let found = f64::from(pixels[n * 4 + c]) / 255.0;
                 assert!((found - expected).abs() < 2.0 / 255.0, "{n}: {found} {expected}");
             }
             let pick = frame.pick(gpu, n as u32 % 64, n as u32 / 64).unwrap().unwrap();
@@ -366,7 +366,7 @@ fn the_image_before_a_tube_is_seen_over_it() {
 }
 
 #[test]
-fn occlusion_darkens_tubes_too() {
+fn occlusion_darkens_tubes() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     // A grid of tubes in two layers.
@@ -381,14 +381,14 @@ fn occlusion_darkens_tubes_too() {
     s.camera.world_from_camera = Camera::orientation(0.0, 0.0);
     let mut mean = |quality: &Quality| {
         let frame = renderer.render(gpu, &s, quality, [160, 160]).unwrap();
-        let (surfaces, picture) = (frame.read_surfaces(gpu), frame.read_rgba(gpu).unwrap());
+        let (surfaces, pixels) = (frame.read_surfaces(gpu), frame.read_rgba(gpu).unwrap());
         let lower: Vec<f64> = surfaces
             .iter()
-            .zip(picture.chunks_exact(4))
+            .zip(pixels.chunks_exact(4))
             .filter(|(s, _)| fiber_number(s[1]).is_some_and(|n| n % 2 == 1))
             .map(|(_, p)| f64::from(p[0]))
             .collect();
-        assert!(picture.chunks_exact(4).all(|p| p[0] == p[1] && p[1] == p[2]), "bleeding is black");
+        assert!(pixels.chunks_exact(4).all(|p| p[0] == p[1] && p[1] == p[2]), "bleeding is black");
         lower.iter().sum::<f64>() / lower.len() as f64
     };
     let (flat, occluded) = (mean(&FLAT), mean(&Quality::FULL));
@@ -396,7 +396,7 @@ fn occlusion_darkens_tubes_too() {
 }
 
 #[test]
-fn without_tubes_nothing_runs_and_no_pixel_changes() {
+fn without_tubes_no_tube_pass_runs_and_no_pixel_changes() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let mut s = scene(vec![set(&[BENT], [200, 100, 50], 1.0)]);
@@ -420,7 +420,7 @@ fn without_tubes_nothing_runs_and_no_pixel_changes() {
         (1..4).for_each(|bits| s.selection.set(bits, false));
         s
     };
-    // Tubes alone are darkened by one another, too.
+    // Tubes alone occlude each other, too.
     assert!(context_plan(&unselected(&whole), &Quality::FULL).has(OCCLUSION));
     for (name, scene) in [
         ("hidden", s.clone()),
@@ -435,13 +435,13 @@ fn without_tubes_nothing_runs_and_no_pixel_changes() {
         let before = renderer.render(gpu, &whole, &Quality::FULL, [80, 72]).unwrap().read_rgba(gpu).unwrap();
         let lean = renderer.render(gpu, &scene, &Quality::FULL, [80, 72]).unwrap().read_rgba(gpu).unwrap();
         assert!(renderer.view.read_tube_shades(gpu).is_empty(), "nothing is held");
-        // With the passes, after a picture that leaves tubes in every buffer.
+        // With the passes, after a frame that leaves tubes in every buffer.
         renderer.render(gpu, &whole, &Quality::FULL, [80, 72]).unwrap();
         let all = renderer.render_planned(gpu, &scene, &Quality::FULL, [80, 72], full, Switches::ON).unwrap();
         assert!(all.read_rgba(gpu).unwrap() == lean, "{name}");
         assert!(before != lean, "{name}");
     }
-    // What is held is used again, and gone with the tubes.
+    // Held buffers are reused, and released with the tubes.
     let first = renderer.render(gpu, &whole, &Quality::FULL, [80, 72]).unwrap().read_rgba(gpu).unwrap();
     let again = renderer.render(gpu, &whole, &Quality::FULL, [80, 72]).unwrap().read_rgba(gpu).unwrap();
     assert!(first == again);
@@ -450,7 +450,7 @@ fn without_tubes_nothing_runs_and_no_pixel_changes() {
 }
 
 #[test]
-fn tracts_become_sets() {
+fn tube_sets_are_prepared_from_tracts() {
     let long: Vec<[f32; 3]> = (0..500).map(|n| [n as f32 * 0.1, (n as f32 * 0.02).sin(), 7.0]).collect();
     let fibers = tracts(&[&long, &[], &long[..40], POINT]);
     let whole = TubeSet::new(&fibers, [1, 2, 3], f64::NAN, &Progress::new()).unwrap();
@@ -480,13 +480,8 @@ fn tracts_become_sets() {
 }
 
 #[test]
-fn more_than_the_card_holds_is_refused_by_name() {
-    let bench = bench();
-    let mut descriptor = crate::device::gpu::device_descriptor(&bench.gpu.adapter);
-    descriptor.required_limits.max_storage_buffer_binding_size = 100_000;
-    descriptor.required_limits.max_buffer_size = 100_000;
-    let (device, queue) = pollster::block_on(bench.gpu.adapter.request_device(&descriptor)).unwrap();
-    let gpu = Gpu::from_parts(bench.gpu.adapter.clone(), device, queue);
+fn too_many_points_for_the_device_are_an_error_that_names_them() {
+    let gpu = small_device(100_000);
     let mut renderer = ContextRenderer::new(&gpu).unwrap();
     let zigzag: Vec<[f32; 3]> = (0..7000).map(|n| [n as f32, (n % 2) as f32 * 5.0, 0.0]).collect();
     let s = scene(vec![set(&[&zigzag], [9; 3], 1.0)]);
@@ -527,7 +522,7 @@ fn distance(a: Rgb, b: Rgb) -> f64 {
 }
 
 #[test]
-fn tracts_have_colors_of_their_own() {
+fn tract_colors_are_distinct_from_each_other_and_from_masks() {
     let all: Vec<Rgb> = (0..6).map(tract_color).collect();
     assert_eq!(tract_color(6), all[0]);
     for (n, &a) in all.iter().enumerate() {
@@ -545,17 +540,17 @@ fn tracts_have_colors_of_their_own() {
 }
 
 #[test]
-fn turned_scenes_turn_the_picture() {
-    // Tubes and camera turned together leave every pixel's depth where it was.
+fn rotating_scene_and_camera_keeps_the_frame() {
+    // Tubes and camera rotated together leave every pixel's fibre unchanged.
     let mut bench = bench();
-    let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(-0.4);
+    let rotation = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(-0.4);
     let s = scene(vec![set(&[STRAIGHT, BENT], [90; 3], 1.1)]);
-    let turned = |f: &[[f32; 3]]| -> Vec<[f32; 3]> {
-        f.iter().map(|p| (turn * DVec3::from_array(p.map(f64::from))).as_vec3().to_array()).collect()
+    let rotated = |f: &[[f32; 3]]| -> Vec<[f32; 3]> {
+        f.iter().map(|p| (rotation * DVec3::from_array(p.map(f64::from))).as_vec3().to_array()).collect()
     };
-    let mut t = scene(vec![set(&[&turned(STRAIGHT), &turned(BENT)], [90; 3], 1.1)]);
-    t.camera.world_from_camera = turn * s.camera.world_from_camera;
-    let (a, b) = (seen(&mut bench, &s, [80, 80]), seen(&mut bench, &t, [80, 80]));
+    let mut t = scene(vec![set(&[&rotated(STRAIGHT), &rotated(BENT)], [90; 3], 1.1)]);
+    t.camera.world_from_camera = rotation * s.camera.world_from_camera;
+    let (a, b) = (tube_pixels(&mut bench, &s, [80, 80]), tube_pixels(&mut bench, &t, [80, 80]));
     let differ = a.iter().zip(&b).filter(|(a, b)| a.0.map(|h| h.1) != b.0.map(|h| h.1)).count();
     assert!(differ * 100 < a.iter().filter(|a| a.0.is_some()).count(), "{differ}");
 }

@@ -1,16 +1,16 @@
-//! Where rays meet tubes, in f64 and the plain way: the nearest of all balls and cylinders.
+//! Intersections of rays with tubes in `f64`, by brute force: the nearest of all balls and cylinders.
 
 use glam::{DVec2, DVec3};
 use glioscope_core::optics::{Camera, Projection, Ray};
 
 use crate::solid::tubes::{DrawnTubes, buffers::LEAST_PX};
 
-/// What a ray meets first.
+/// A ray's first hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TwinHit {
-    /// From the eye, along the axis of view.
+    /// View depth, from the eye.
     pub depth_mm: f64,
-    /// Among the fibres of all sets that are drawn.
+    /// Fibre number among all drawn sets.
     pub number: u32,
     /// Cosine between the ray and the surface's normal.
     pub facing: f64,
@@ -39,13 +39,13 @@ fn side(ray: &Ray, a: DVec3, b: DVec3, radius: f64) -> Option<(f64, DVec3)> {
     (0.0..=a.distance(b)).contains(&along).then(|| (t, (o + t * d) / radius))
 }
 
-/// What each pixel of a picture shows of `tubes`, row after row.
+/// First hit of `tubes` at each pixel of a frame, row after row.
 pub(super) fn tubes_seen(tubes: &[DrawnTubes], camera: &Camera, size: [u32; 2]) -> Vec<Option<TwinHit>> {
     let away = -camera.axes()[2];
     let eye = camera.eye_mm();
     let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
     let line_scale = (size_px.y / 512.0).clamp(0.6, 4.0);
-    // Millimetres that a pixel covers at a depth from the eye.
+    // Footprint of a pixel in millimetres at a depth from the eye.
     let footprint = |depth: f64| match camera.projection {
         Projection::Orthographic => camera.height_mm / size_px.y,
         Projection::Perspective => camera.height_mm / size_px.y * depth / camera.distance_mm(),
@@ -73,8 +73,8 @@ pub(super) fn tubes_seen(tubes: &[DrawnTubes], camera: &Camera, size: [u32; 2]) 
             let slant = ray.direction.dot(away);
             let mut best: Option<TwinHit> = None;
             for &(a, b, radius, number) in &capsules {
-                // A capsule is entered where the first of its three parts is; one that holds the eye
-                // is not seen.
+                // A capsule is entered at the first of its three parts; one that contains the eye is
+                // invisible.
                 let parts = [ball(&ray, a, radius), ball(&ray, b, radius), side(&ray, a, b, radius)];
                 let Some((t, normal)) =
                     parts.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0)).filter(|hit| hit.0 > 0.0)

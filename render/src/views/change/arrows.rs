@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use super::surface::ChangeSurface;
 use crate::device::{Gpu, RenderError};
 
-/// In `what`, as in change/compose: the low bits are the number from 1.
+/// Bits of `what`, as in change/compose; the low bits are the arrow's number, from 1.
 const GROWS: u32 = 0x100_0000;
 const FAINT: u32 = 0x200_0000;
 const MOST: usize = 0xff_ffff;
@@ -32,23 +32,23 @@ pub(super) struct ArrowBuffers {
 }
 
 impl ArrowBuffers {
-    /// The instances of `surface` at `threshold_mm`: those held, when they are its own, else new ones.
+    /// The instances of `surface` at `threshold_mm`: the cached ones if they match, else new ones.
     ///
     /// # Errors
     /// [`RenderError::Buffer`] past the device's limits; [`RenderError::Scene`] past 16,777,215 arrows;
-    /// nothing is held then.
+    /// nothing is cached then.
     pub fn reuse<'a>(
-        held: &'a mut Option<Self>,
+        cached: &'a mut Option<Self>,
         gpu: &Gpu,
         surface: &Arc<ChangeSurface>,
         threshold_mm: f64,
     ) -> Result<&'a Self, RenderError> {
-        let own = |b: &Self| Arc::ptr_eq(&b.surface, surface) && b.threshold_mm == threshold_mm;
-        let made = match held.take().filter(own) {
+        let matches = |b: &Self| Arc::ptr_eq(&b.surface, surface) && b.threshold_mm == threshold_mm;
+        let made = match cached.take().filter(matches) {
             Some(buffers) => buffers,
             None => Self::new(gpu, surface, threshold_mm)?,
         };
-        Ok(held.insert(made))
+        Ok(cached.insert(made))
     }
 
     fn new(gpu: &Gpu, surface: &Arc<ChangeSurface>, threshold_mm: f64) -> Result<Self, RenderError> {
@@ -67,7 +67,7 @@ impl ArrowBuffers {
                 let grows = if v.signed_mm > 0.0 { GROWS } else { 0 };
                 let faint = if v.flags.within_uncertainty { FAINT } else { 0 };
                 Some(GpuArrow {
-                    // Differences in f64: an offset of 1e6 mm costs no digit then.
+                    // Differences in f64, so that an offset of 1e6 mm costs no precision.
                     start: (v.from_mm - middle_mm).as_vec3().to_array(),
                     what: number | grows | faint,
                     along: (v.to_mm - v.from_mm).as_vec3().to_array(),
@@ -90,7 +90,7 @@ impl ArrowBuffers {
 /// Sides of shaft and head, `SIDES` of change/arrows.
 const SIDES: u16 = 6;
 
-/// Triangles over the corners that change/arrows makes, clockwise as seen from outside.
+/// Triangles over the vertices that change/arrows generates, clockwise as seen from outside.
 pub(super) fn triangles() -> Vec<u16> {
     let mut out = Vec::new();
     let next = |i: u16| (i + 1) % SIDES;

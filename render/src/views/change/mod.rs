@@ -1,13 +1,13 @@
-//! The change view (thesis 7.3.4): how the surface of a mask moved between two dates, as a height map
-//! over the surface or as arrows, inside the anatomy.
+//! The change view (thesis 7.3.4): how the surface of a mask moved between two time points, as a height
+//! map over the surface or as arrows, inside the anatomy.
 //!
-//! Both ends of every vector lie in the union of the two masks, so nothing of an arrow could be seen
-//! around that. With arrows the solid surface is therefore what both dates share, and the rest of the
-//! union is a veil; components without a counterpart stay solid in both styles.
+//! Both ends of every vector lie in the union of the two masks, so an opaque union would hide all arrows.
+//! With arrows the opaque surface is therefore the intersection of both time points, and the rest of the
+//! union is a translucent hull; components without a counterpart stay opaque in both styles.
 //!
 //! Lifetimes: the union's bricks and the table of lengths once per surface; arrows once per surface and threshold; the
-//! image as in the context view; targets as all views, 48 bytes per pixel more, with arrows 48, with arrows that take
-//! light 16.
+//! image as in the context view; targets as all views, plus 48 bytes per pixel, with arrows another 48, with shaded
+//! arrows another 16.
 
 mod arrows;
 mod passes;
@@ -48,7 +48,7 @@ pub(crate) const HEIGHT_FILTER_ACROSS: PassName = PassName::new("height_filter_a
 pub(crate) const HEIGHT_FILTER_DOWN: PassName = PassName::new("height_filter_down");
 /// Arrows of surface change.
 pub(crate) const ARROWS: PassName = PassName::new("arrows");
-/// Puts arrows among opaque geometry, for the passes of light.
+/// Merges arrows into the opaque geometry, for the light passes.
 pub(crate) const ARROWS_MERGE: PassName = PassName::new("arrows_merge");
 
 /// How change is drawn.
@@ -73,21 +73,21 @@ pub enum ChangeStyle {
     /// As colours over the surface of the union.
     #[default]
     Height,
-    /// As arrows around what both dates share.
+    /// As arrows around the intersection of both time points.
     Arrows,
 }
 
-/// How much of what is drawn, and in which colours.
+/// The style of change, its lengths and its colours.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChangeLook {
     /// Height map or arrows.
     pub style: ChangeStyle,
-    /// Length from which on the height map is opaque, millimetres; above 0.
+    /// Length at which the height map becomes opaque, millimetres; above 0.
     pub full_mm: f64,
-    /// Standard deviation of the height map's Gauss filter, millimetres in the picture plane. At least
-    /// 0: then it is not filtered. It looks at 3 of them, and at 96 pixels at most.
+    /// Standard deviation of the height map's Gaussian filter, millimetres in the image plane; at least
+    /// 0, which disables it. The filter extends over 3 standard deviations, and at most 96 pixels.
     pub smooth_mm: f64,
-    /// Shorter arrows are not built, millimetres; at least 0.
+    /// Minimum length of arrows, millimetres; at least 0.
     pub threshold_mm: f64,
     /// Colour of growth.
     pub grow: Rgb,
@@ -96,11 +96,11 @@ pub struct ChangeLook {
 }
 
 impl ChangeLook {
-    /// Growth and recession as the thesis has them: red and green.
+    /// Growth and recession as in the thesis: red and green.
     pub const THESIS: [Rgb; 2] = [[214, 30, 30], [20, 150, 40]];
-    /// A pair that the colour-blind tell apart: vermilion and blue of Okabe and Ito (2008).
+    /// A colour-blind-safe pair: vermilion and blue of Okabe and Ito (2008).
     pub const COLOR_BLIND_SAFE: [Rgb; 2] = [[213, 94, 0], [0, 114, 178]];
-    /// Of the surface that did not change, on light and dark backgrounds.
+    /// Colour of the unchanged surface, for light and dark backgrounds.
     pub const BASE: Rgb = [222, 218, 208];
 
     /// Growth and recession in a palette.
@@ -119,33 +119,33 @@ impl Default for ChangeLook {
     }
 }
 
-/// The anatomy around, as the context view shows it.
+/// The surrounding anatomy, drawn as in the context view.
 #[derive(Clone, Debug)]
 pub struct ChangeContext {
-    /// The image; `None` without one: then the surface stands alone.
+    /// The image; `None`: the surface is drawn alone.
     pub volume: Option<Arc<ContextVolume>>,
-    /// How its values look.
+    /// Its transfer function.
     pub transfer: Arc<TransferFunction>,
-    /// What of the image is cut away, at most [`crate::image::MOST_CLIP_PLANES`]; the surface stays
-    /// whole.
+    /// Clipping planes of the image, at most [`crate::image::MOST_CLIP_PLANES`]; the surface is not
+    /// clipped.
     pub clip: Vec<ClipPlane>,
 }
 
-/// A change view to draw. Two are equal when they draw the same picture: volumes by identity, which
-/// costs nothing a frame.
+/// A change view to draw. Two are equal if they draw the same frame; volumes are compared by identity,
+/// which is cheap.
 #[derive(Clone, Debug)]
 pub struct ChangeScene {
-    /// The two masks and their change; `None` when both are empty.
+    /// The two masks and their change; `None` if both are empty.
     pub surface: Option<Arc<ChangeSurface>>,
     /// How it is drawn.
     pub look: ChangeLook,
-    /// Colour of what did not change.
+    /// Colour of the unchanged surface.
     pub base: Rgb,
     /// The image around it.
     pub context: ChangeContext,
-    /// Where it is seen from.
+    /// The camera.
     pub camera: Camera,
-    /// What is behind everything.
+    /// Background colour.
     pub background: Rgb,
     /// Colour of silhouettes.
     pub silhouette: Rgb,
@@ -161,7 +161,7 @@ impl PartialEq for ChangeScene {
 }
 
 impl ChangeScene {
-    /// What the passes that are the context view's take: the union as a tumour.
+    /// The scene for the passes shared with the context view: the union as tumour.
     pub(crate) fn context_scene(&self) -> ContextScene {
         let mut selection = Selection::all();
         if self.look.style == ChangeStyle::Arrows {
@@ -183,7 +183,7 @@ impl ChangeScene {
         }
     }
 
-    /// Refuses what can't be drawn.
+    /// Rejects a scene that can't be drawn.
     pub(crate) fn check(&self) -> Result<(), RenderError> {
         let ChangeLook { full_mm, smooth_mm, threshold_mm, .. } = self.look;
         let length = |mm: f64| mm.is_finite() && mm >= 0.0;
@@ -197,10 +197,10 @@ impl ChangeScene {
     }
 }
 
-/// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+/// The passes that `scene` needs at `quality`. Omitting the others changes no pixel.
 ///
-/// With directional occlusion arrows are opaque as the surface is: they darken image, surface and each other,
-/// and are darkened. In screen space they are drawn over the finished light.
+/// With directional occlusion arrows are opaque geometry like the surface: they occlude the image, the surface
+/// and each other, and are occluded. With screen-space light they are drawn over the shaded frame.
 pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
     let context = scene.context_scene();
     let around = context_plan(&context, quality);
@@ -216,13 +216,13 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
     let as_arrows = (look.style == ChangeStyle::Arrows).then_some("style is arrows");
     let no_heights = no_vectors.or(as_arrows);
     let no_filter = no_heights.or((look.smooth_mm <= 0.0).then_some("smoothing is 0"));
-    let veil = |s: &ChangeSurface| {
+    let has_hull = |s: &ChangeSurface| {
         s.volume().bits_of_id().iter().any(|&bits| bits == surface::BEFORE || bits == surface::AFTER)
     };
     let no_outside = match surface {
         None => Some("no mask is active"),
         Some(_) if as_height.is_some() => as_height,
-        Some(s) if !veil(s) => Some("nothing is in one date only"),
+        Some(s) if !has_hull(s) => Some("nothing is in one date only"),
         Some(_) => None,
     };
     let no_arrows = as_height.or(no_vectors).or_else(|| {
@@ -230,14 +230,14 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
         (!drawn).then_some("every arrow is shorter than the threshold")
     });
     let omitted = |pass| {
-        // Of regions, only those of one date can be hidden here.
-        let shown = |r| if r == "selection is empty" { "the dates share nothing" } else { r };
-        around.reason(pass).map(shown)
+        // Only the regions of one time point can be hidden here.
+        let reworded = |r| if r == "selection is empty" { "the dates share nothing" } else { r };
+        around.reason(pass).map(reworded)
     };
     let readers = (light::row(quality.lighting.mode).reads_arrows)(quality);
-    // Where arrows are among opaque geometry there is some, be there a surface or not.
+    // Merged arrows are opaque geometry, with or without a surface.
     let no_light = |pass| match no_arrows {
-        None if !readers.is_empty() => light::left_out(pass, quality, None, no_image(&context)),
+        None if !readers.is_empty() => light::omission_reason(pass, quality, None, no_image(&context)),
         _ => omitted(pass),
     };
     let no_merge = no_arrows
@@ -246,14 +246,14 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
     let merge = [ARROWS_MERGE].into_iter().filter(|_| !readers.is_empty());
     let before = [SURFACE, OUTSIDE, ARROWS].into_iter().chain(merge);
     let after = [HEIGHTS, HEIGHT_FILTER_ACROSS, HEIGHT_FILTER_DOWN, COMPOSE];
-    let of_light = light::passes(quality.lighting.mode, LitKind::Image);
+    let light_passes = light::passes(quality.lighting.mode, LitKind::Image);
     Plan::of(around_light(quality, before, after), |pass| match pass {
         OUTSIDE => no_outside,
         HEIGHTS => no_heights,
         HEIGHT_FILTER_ACROSS | HEIGHT_FILTER_DOWN => no_filter,
         ARROWS => no_arrows,
         ARROWS_MERGE => no_merge,
-        _ if of_light.contains(&pass) => no_light(pass),
+        _ if light_passes.contains(&pass) => no_light(pass),
         _ => omitted(pass),
     })
 }

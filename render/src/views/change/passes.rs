@@ -38,11 +38,11 @@ pub struct ChangePick {
     pub voxel: [usize; 3],
     /// The point that the pixel shows, RAS+ millimetres: on the voxel's face, or on the arrow.
     pub world_mm: DVec3,
-    /// Its change as it was found: no filter, no rounding. `None` where the surface did not move, or
+    /// Its change as computed, neither filtered nor rounded. `None` where the surface did not move, or
     /// has no partner.
     pub vector: Option<SurfaceChange>,
-    /// Whether the surface is that of a component without a counterpart, and if so whether it
-    /// appeared; else it vanished.
+    /// For a component without a counterpart: whether it appeared, else it vanished. `None` for
+    /// others.
     pub unpartnered: Option<bool>,
 }
 
@@ -83,7 +83,7 @@ pub struct Change {
     pub(super) opaque_targets: Option<OpaqueTargets>,
 }
 
-/// What a frame's picks are looked up in.
+/// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
 pub struct Kept {
@@ -93,7 +93,7 @@ pub struct Kept {
     pub(super) vectors: Arc<Vec<u32>>,
 }
 
-/// What this frame's passes draw arrows with.
+/// The arrows of a frame, and their targets.
 struct ArrowPart {
     vectors: Arc<Vec<u32>>,
     targets: RasterTargets,
@@ -145,10 +145,10 @@ impl View3d for Change {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &ChangeScene,
-        spare: Option<Kept>,
+        previous: Option<Kept>,
     ) -> Result<Prepared<Kept>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
-        let own = spare.map_or_else(|| ChangeTargets::new(gpu, size), |kept| kept.own);
+        let own = previous.map_or_else(|| ChangeTargets::new(gpu, size), |kept| kept.own);
         let context_scene = scene.context_scene();
         let reference_mm = context_scene.reference_mm();
         RegionBuffers::reuse(&mut self.regions, gpu, scene.surface.as_ref().map(|s| s.volume()))?;
@@ -167,7 +167,7 @@ impl View3d for Change {
             regions.show(gpu, &tumor, &mut view);
         }
         draw.write_view(&view);
-        // The whole union, whatever is shown of it.
+        // The whole union, whichever part of it is shown.
         let numbers = scene.surface.as_ref().map_or(0, |s| s.volume().bits_of_id().len());
         let hull = View { selected: (1..numbers).fold(0, |set, n| set | 1 << n), ..view };
         gpu.queue.write_buffer(&self.hull_view, 0, bytemuck::bytes_of(&hull));
@@ -218,8 +218,8 @@ impl View3d for Change {
         Ok(Prepared { kept, camera: scene.camera, reference_mm, warnings, notes })
     }
 
-    /// The arrow in front (where it covers at least a quarter of the pixel), else the surface; the veil is looked
-    /// through.
+    /// The arrow in front (where it covers at least a quarter of the pixel), else the surface; the translucent hull is
+    /// ignored.
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<ChangePick>, RenderError> {
         let Kept { own, surface, vectors } = &frame.kept;
         let Some(surface) = surface else { return Ok(None) };
@@ -242,7 +242,7 @@ impl View3d for Change {
             }));
         }
         let depth: f32 = bytemuck::pod_read_unaligned(depth);
-        // NaN is no depth.
+        // NaN is not a depth.
         if !frame.plan.has(SURFACE) || depth.is_nan() || depth >= FAR {
             return Ok(None);
         }
@@ -258,14 +258,14 @@ impl View3d for Change {
 }
 
 impl Frame<Change> {
-    /// Arrows drawn; 0 as a height map.
+    /// Number of arrows drawn; 0 for a height map.
     pub fn arrow_count(&self) -> usize {
         self.kept.vectors.len()
     }
 }
 
 impl Change {
-    /// The table of lengths where the plan looks them up; the logarithm of its size.
+    /// Uploads the table of lengths if the plan uses it; returns the binary logarithm of its size.
     fn prepare_lengths(&mut self, draw: &Draw<'_>, scene: &ChangeScene) -> Result<u32, RenderError> {
         let Some(surface) = scene.surface.as_ref().filter(|_| draw.plan.has(HEIGHTS)) else { return Ok(1) };
         let made = match self.lengths.take().filter(|l| Arc::ptr_eq(&l.surface, surface)) {
@@ -295,7 +295,7 @@ impl Change {
         })
     }
 
-    /// What is seen first of the opaque part of the union, and of all of it.
+    /// First hits of the opaque part of the union, and of all of it.
     fn bind_surfaces(&self, draw: &mut Draw<'_>, own: &ChangeTargets) -> Result<(), RenderError> {
         let (gpu, targets, workgroups) = (draw.gpu, draw.targets, draw.workgroups());
         let Some(regions) = &self.regions else { return Ok(()) };
@@ -326,7 +326,7 @@ impl Change {
         Ok(())
     }
 
-    /// Arrows into a picture of their own, and among opaque geometry where light asks for that.
+    /// Arrows in a texture of their own, and merged into the opaque geometry if light passes need that.
     fn bind_arrows(&self, draw: &mut Draw<'_>, part: &ArrowPart) -> Result<(), RenderError> {
         let (gpu, targets, workgroups) = (draw.gpu, draw.targets, draw.workgroups());
         if let Some(arrows) = self.arrows.as_ref().filter(|_| draw.plan.has(ARROWS)) {

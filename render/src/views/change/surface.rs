@@ -1,4 +1,4 @@
-//! Two masks and how the surface moved between them, as the shaders read it.
+//! Two masks and the surface change between them, in the shaders' layout.
 
 use std::sync::Arc;
 
@@ -11,17 +11,17 @@ use glioscope_core::{
 
 /// Index bit of the earlier mask, as in lib/change.wgsl.
 pub(crate) const BEFORE: u32 = 1;
-/// Of the later mask.
+/// Index bit of the later mask.
 pub(crate) const AFTER: u32 = 2;
-/// Of components without a counterpart, beside that of their date.
+/// Index bit of components without a counterpart, in addition to that of their time point.
 #[cfg(test)]
 pub(crate) const ALONE: u32 = 4;
 
-/// How sure a length within its uncertainty is: the opacity that is left of its colour.
+/// Confidence of a length within its uncertainty: the opacity of its colour.
 pub(crate) const FAINT: f32 = 0.35;
 
-/// The union of the masks of two dates, cut into what is active before, after and in both, with the
-/// change of its surface. Made once a pair of dates.
+/// The union of the masks of two time points, divided into the regions active before, after and in both,
+/// with the change of its surface. Made once per pair of time points.
 #[derive(Debug)]
 pub struct ChangeSurface {
     volume: Arc<RegionVolume>,
@@ -30,7 +30,7 @@ pub struct ChangeSurface {
     change: Arc<Change>,
 }
 
-/// `Length` of change_heights.wgsl.
+/// `Length` of change/heights.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Length {
@@ -39,12 +39,12 @@ pub(crate) struct Length {
     pub sure: f32,
 }
 
-/// Of a table that has `2^log2_slots` slots, as change_heights.wgsl.
+/// First slot to probe in a table of `2^log2_slots` slots, as in change/heights.
 fn first_slot(key: u32, log2_slots: u32) -> usize {
     (key.wrapping_mul(0x9e37_79b1) >> (32 - log2_slots)) as usize
 }
 
-/// Marks the components of `mask` that the voxels of `seeds` are in.
+/// Marks the connected components of `mask` that contain the voxels of `seeds`.
 fn flood(mask: &MaskBits, seeds: impl Iterator<Item = [usize; 3]>, marked: &mut MaskBits) {
     let dims = mask.dims();
     let mut open: Vec<[usize; 3]> = Vec::new();
@@ -69,8 +69,8 @@ fn flood(mask: &MaskBits, seeds: impl Iterator<Item = [usize; 3]>, marked: &mut 
 }
 
 impl ChangeSurface {
-    /// Of two masks on `grid` and what `glioscope_core::change::change` found between them. `None`
-    /// when both masks are empty, or not of the grid's size.
+    /// From two masks on `grid` and the result of `glioscope_core::change::change` for them. `None` if
+    /// both masks are empty, or one is not of the grid's size.
     pub fn new(before: &MaskBits, after: &MaskBits, grid: &Grid, change: Arc<Change>) -> Option<Self> {
         if before.dims() != grid.dims() || after.dims() != grid.dims() {
             return None;
@@ -108,13 +108,13 @@ impl ChangeSurface {
         Some(Self { volume, start, change })
     }
 
-    /// Where the union is, and what each voxel of it is: index bit 0 the earlier mask, bit 1 the
-    /// later, bit 2 components without a counterpart.
+    /// The union and its regions: index bit 0 for the earlier mask, bit 1 for the later, bit 2 for
+    /// components without a counterpart.
     pub fn volume(&self) -> &Arc<RegionVolume> {
         &self.volume
     }
 
-    /// What was found between the dates.
+    /// The change between the time points.
     pub fn change(&self) -> &Arc<Change> {
         &self.change
     }
@@ -133,13 +133,13 @@ impl ChangeSurface {
         list.get(list.binary_search_by_key(&key(voxel), |s| key(s.voxel)).ok()?)
     }
 
-    /// Numbers, among the change's vectors, of those that are no shorter than `threshold_mm`.
+    /// Indices of those of the change's vectors that are at least `threshold_mm` long.
     pub fn arrows(&self, threshold_mm: f64) -> impl Iterator<Item = usize> + '_ {
         let long = move |v: &SurfaceChange| v.signed_mm.abs() >= threshold_mm;
         self.change.vectors.iter().enumerate().filter(move |(_, v)| long(v)).map(|(i, _)| i)
     }
 
-    /// The point that arrows are counted from.
+    /// The point that arrows' coordinates are relative to.
     pub(crate) fn middle_mm(&self) -> DVec3 {
         self.volume.grid().center_mm()
     }
@@ -151,8 +151,8 @@ impl ChangeSurface {
         std::array::from_fn(|a| self.start[a] + v[a])
     }
 
-    /// The table of lengths by voxel, at most half full, and the logarithm of its size. `None` when
-    /// 32 bits don't count the voxels.
+    /// The table of lengths by voxel, at most half full, and the binary logarithm of its size. `None` if
+    /// the voxels can't be numbered in 32 bits.
     pub(crate) fn lengths(&self) -> Option<(Vec<Length>, u32)> {
         let grid = self.volume.grid();
         if grid.voxel_count() >= u32::MAX as usize {
@@ -175,7 +175,7 @@ impl ChangeSurface {
     }
 }
 
-/// A voxel of the case grid in a box of it.
+/// A voxel of the case grid relative to a box of it; `None` outside the box.
 fn local(voxel: [usize; 3], start: [usize; 3], dims: [usize; 3]) -> Option<[usize; 3]> {
     let v: [usize; 3] = std::array::from_fn(|a| voxel[a].wrapping_sub(start[a]));
     (0..3).all(|a| v[a] < dims[a]).then_some(v)

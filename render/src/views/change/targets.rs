@@ -1,13 +1,13 @@
-//! What the change view's own passes write: made once per size.
+//! Targets of the change view's own passes: created once per size.
 
 use crate::device::{Gpu, RenderError, buffers::WRITTEN};
 
-/// Buffers of one picture size, row after row.
+/// Buffers of one frame size, row-major.
 #[derive(Clone, Debug)]
 pub(super) struct ChangeTargets {
     /// Number of the first hit's voxel.
     pub cells: wgpu::Buffer,
-    /// Length and sureness.
+    /// Length and confidence.
     pub heights: wgpu::Buffer,
     pub across: wgpu::Buffer,
     pub filtered: wgpu::Buffer,
@@ -34,7 +34,7 @@ impl ChangeTargets {
     }
 }
 
-/// Opaque geometry with arrows among it, where passes of light ask for that.
+/// Opaque geometry with merged arrows, if light passes need it.
 #[derive(Clone, Debug)]
 pub(super) struct OpaqueTargets {
     size: [u32; 2],
@@ -45,18 +45,18 @@ pub(super) struct OpaqueTargets {
 }
 
 impl OpaqueTargets {
-    /// Those held, when they are of `size` (`None`: not asked for), else new ones.
+    /// The cached targets if they have `size`, else new ones; none if `size` is `None`.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn reuse(
-        held: &mut Option<Self>,
+        cached: &mut Option<Self>,
         gpu: &Gpu,
         size: Option<[u32; 2]>,
     ) -> Result<Option<Self>, RenderError> {
-        let kept = held.take();
+        let reusable = cached.take();
         let Some(size) = size else { return Ok(None) };
-        let made = match kept.filter(|h| h.size == size) {
+        let made = match reusable.filter(|targets| targets.size == size) {
             Some(targets) => targets,
             None => {
                 let pixels = u64::from(size[0]) * u64::from(size[1]);
@@ -70,6 +70,6 @@ impl OpaqueTargets {
                 made
             }
         };
-        Ok(Some(held.insert(made).clone()))
+        Ok(Some(cached.insert(made).clone()))
     }
 }

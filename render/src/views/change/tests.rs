@@ -1,4 +1,4 @@
-//! The change view on Mesa's software adapter. A missing adapter fails.
+//! The change view on Mesa's software adapter. Fails without an adapter.
 
 mod lit;
 mod plans;
@@ -108,9 +108,9 @@ fn scene(surface: Arc<ChangeSurface>) -> ChangeScene {
     }
 }
 
-/// Grown on one side, shrunk on the other, frayed, with a component that appears and one that
+/// Grown on one side, shrunk on the other, ragged, with a component that appears and one that
 /// vanishes.
-fn frayed(grid: &Grid) -> Arc<ChangeSurface> {
+fn ragged(grid: &Grid) -> Arc<ChangeSurface> {
     let dims = grid.dims().map(|d| d as f64);
     let size = DVec3::from_array(dims);
     let lump = move |shift: f64, seed: u32| {
@@ -123,8 +123,8 @@ fn frayed(grid: &Grid) -> Arc<ChangeSurface> {
     };
     let spot = move |x: f64| move |v: DVec3| ((v + 0.5) / size - DVec3::new(x, 0.9, 0.85)).length() < 0.1;
     let (before, after) = (lump(-0.05, 1), lump(0.06, 2));
-    let (gone, come) = (spot(0.1), spot(0.9));
-    surface(grid, move |v| before(v) || gone(v), move |v| after(v) || come(v))
+    let (vanished, appeared) = (spot(0.1), spot(0.9));
+    surface(grid, move |v| before(v) || vanished(v), move |v| after(v) || appeared(v))
 }
 
 struct Read {
@@ -162,13 +162,13 @@ fn draw(bench: &mut Bench, scene: &ChangeScene, size: [u32; 2]) -> Read {
     read(&bench.gpu, &frame)
 }
 
-/// How red minus how green each pixel is.
+/// Red minus green of each pixel.
 fn redness(read: &Read) -> Vec<i32> {
     read.rgba.chunks_exact(4).map(|p| i32::from(p[0]) - i32::from(p[1])).collect()
 }
 
 #[test]
-fn regions_are_what_each_voxel_was() {
+fn regions_are_before_after_both_and_unpartnered() {
     let grid = cubic(32);
     let s = surface(
         &grid,
@@ -188,7 +188,7 @@ fn regions_are_what_each_voxel_was() {
         let alone = ball(DVec3::new(26.0, 26.0, 5.0), 3.0)(at) || ball(DVec3::new(26.0, 5.0, 26.0), 3.0)(at);
         assert_eq!(bits & ALONE != 0, alone, "{v:?}");
     }
-    // Whole components, not their surfaces alone.
+    // Whole components, not only their surfaces.
     assert_eq!(counts[5], 123);
     assert_eq!(counts[6], 123);
     for vector in &s.change().vectors {
@@ -205,7 +205,7 @@ fn regions_are_what_each_voxel_was() {
 
 #[test]
 fn every_length_is_in_the_table_once() {
-    let s = frayed(&cubic(40));
+    let s = ragged(&cubic(40));
     let (table, log2_slots) = s.lengths().unwrap();
     let used: Vec<&Length> = table.iter().filter(|l| l.key != 0).collect();
     assert_eq!(used.len(), s.change().vectors.len());
@@ -229,7 +229,7 @@ fn lookup_and_filter_agree_with_their_twin() {
     let size = [112, 96];
     let mut bench = bench();
     for (name, grid) in cases {
-        let mut s = scene(frayed(&grid));
+        let mut s = scene(ragged(&grid));
         s.look.smooth_mm = 1.5;
         for (azimuth, projection) in [
             (35.0, Projection::Perspective),
@@ -293,7 +293,7 @@ fn growth_is_red_all_over_and_recession_green() {
 }
 
 #[test]
-fn what_grew_on_one_side_is_red_on_that_side_only() {
+fn growth_on_one_side_is_red_on_that_side_only() {
     let grid = cubic(40);
     let center = DVec3::splat(19.0);
     let before = ball(center, 9.0);
@@ -317,7 +317,7 @@ fn what_grew_on_one_side_is_red_on_that_side_only() {
     assert!(left > 500 && right > 250, "{left} {right}");
 }
 
-/// A small ball that grew, before a large one that shrank.
+/// A small ball that grew, in front of a large one that shrank.
 #[test]
 fn the_filter_does_not_leak_across_silhouettes() {
     let grid = grid([44, 60, 44], DMat3::IDENTITY, DVec3::ZERO);
@@ -345,7 +345,7 @@ fn the_filter_does_not_leak_across_silhouettes() {
         }
     }
     assert!(of_near > 300 && of_far > 1000, "{of_near} {of_far}");
-    // Both are side by side in the picture: without the test in depth they would mix.
+    // Both are side by side in the frame: without the depth test they would mix.
     let side_by_side = found.cells.windows(2).zip(found.depths.windows(2)).any(|(c, d)| {
         let y = |c: u32| s.surface.as_ref().unwrap().voxel(c as usize)[1];
         d[0] < FAR && d[1] < FAR && (y(c[0]) > 41) != (y(c[1]) > 41)
@@ -354,16 +354,16 @@ fn the_filter_does_not_leak_across_silhouettes() {
 }
 
 #[test]
-fn a_component_without_a_partner_is_hatched_and_says_so() {
+fn a_component_without_a_partner_is_hatched_and_picked_as_such() {
     let grid = cubic(34);
-    let kept = ball(DVec3::new(8.0, 16.0, 16.0), 6.0);
+    let unchanged = ball(DVec3::new(8.0, 16.0, 16.0), 6.0);
     let mut bench = bench();
     for appears in [true, false] {
         let other = ball(DVec3::new(25.0, 16.0, 16.0), 7.0);
         let mut s = scene(surface(
             &grid,
-            |v| kept(v) || (!appears && other(v)),
-            |v| kept(v) || (appears && other(v)),
+            |v| unchanged(v) || (!appears && other(v)),
+            |v| unchanged(v) || (appears && other(v)),
         ));
         s.camera.world_from_camera = Camera::orientation(0.0, 0.0);
         for style in [ChangeStyle::Height, ChangeStyle::Arrows] {
@@ -382,7 +382,7 @@ fn a_component_without_a_partner_is_hatched_and_says_so() {
             let strong = hatched.iter().filter(|&&i| red[i] * sign > 70).count();
             let weak = hatched.iter().filter(|&&i| red[i] * sign < 50).count();
             assert!(strong * 5 > hatched.len() && weak * 5 > hatched.len(), "{strong} {weak}");
-            // The other did not change, and has no colour.
+            // The unchanged ball has no colour.
             for i in (0..red.len()).filter(|&i| found.depths[i] < FAR) {
                 assert!(found.surfaces[i][0] as usize == alone.unwrap() || red[i].abs() < 16);
             }
@@ -391,7 +391,7 @@ fn a_component_without_a_partner_is_hatched_and_says_so() {
 }
 
 #[test]
-fn what_is_within_the_uncertainty_is_faint() {
+fn changes_within_the_uncertainty_are_faint() {
     let grid = cubic(24);
     let center = DVec3::splat(11.0);
     let masks = [mask(&grid, ball(center, 6.0)), mask(&grid, ball(center, 9.0))];
@@ -412,8 +412,8 @@ fn what_is_within_the_uncertainty_is_faint() {
 }
 
 #[test]
-fn one_arrow_a_vector_above_the_threshold() {
-    let mut s = scene(frayed(&cubic(36)));
+fn one_arrow_per_vector_above_the_threshold() {
+    let mut s = scene(ragged(&cubic(36)));
     s.look.style = ChangeStyle::Arrows;
     let lengths: Vec<f64> =
         s.surface.as_ref().unwrap().change().vectors.iter().map(|v| v.signed_mm.abs()).collect();
@@ -429,11 +429,11 @@ fn one_arrow_a_vector_above_the_threshold() {
         counts.push(renderer.frame().unwrap().arrow_count());
     }
     assert!(counts.windows(2).all(|c| c[0] > c[1]) && counts[3] > 0, "{counts:?}");
-    // The same ones stay on the card.
-    let held = renderer.view.arrows.as_ref().unwrap().instances.clone();
+    // The instances on the device are reused.
+    let cached = renderer.view.arrows.as_ref().unwrap().instances.clone();
     s.camera.height_mm *= 0.9;
     renderer.render(gpu, &s, &FLAT, [64, 64]).unwrap();
-    assert_eq!(renderer.view.arrows.as_ref().unwrap().instances, held);
+    assert_eq!(renderer.view.arrows.as_ref().unwrap().instances, cached);
     s.look.style = ChangeStyle::Height;
     assert_eq!(renderer.render(gpu, &s, &FLAT, [64, 64]).unwrap().arrow_count(), 0);
     assert!(renderer.view.arrows.is_none());
@@ -446,8 +446,8 @@ fn one_arrow_a_vector_above_the_threshold() {
 /// The change between two masks with one vector left.
 fn single(grid: &Grid, masks: [&MaskBits; 2], which: impl Fn(&Change) -> usize) -> Arc<ChangeSurface> {
     let mut found = changed(grid, masks);
-    let kept = found.vectors[which(&found)];
-    found.vectors = vec![kept];
+    let vector = found.vectors[which(&found)];
+    found.vectors = vec![vector];
     Arc::new(ChangeSurface::new(masks[0], masks[1], grid, Arc::new(found)).unwrap())
 }
 
@@ -486,15 +486,15 @@ fn a_known_arrow_is_picked_with_its_unfiltered_length() {
                 let off = pick.world_mm - known.from_mm;
                 let aside = (off - off.dot(along) * along).length();
                 assert!(aside < 0.75, "{aside} mm beside it");
-                let seen = s.camera.project(pick.world_mm, DVec2::splat(160.0)).unwrap();
-                assert!(seen.distance(at) < 1.0);
+                let projected = s.camera.project(pick.world_mm, DVec2::splat(160.0)).unwrap();
+                assert!(projected.distance(at) < 1.0);
             }
             let rgba = frame.read_rgba(gpu).unwrap();
             let sign = if known.signed_mm > 0.0 { 1 } else { -1 };
             let tinted =
                 rgba.chunks_exact(4).filter(|p| (i32::from(p[0]) - i32::from(p[1])) * sign > 70).count();
             assert!(tinted > 20, "{tinted} pixels of arrow");
-            // The surface beside it is plain, and says that it did not move.
+            // The surface beside it is plain, and picked as unmoved.
             let at = s.camera.project(center, DVec2::splat(160.0)).unwrap();
             let pick = frame.pick(gpu, at.x as u32, at.y as u32).unwrap().unwrap();
             assert_eq!(pick.vector, None);
@@ -506,7 +506,7 @@ fn a_known_arrow_is_picked_with_its_unfiltered_length() {
 
 #[test]
 fn the_height_map_picks_the_unfiltered_length() {
-    let mut s = scene(frayed(&cubic(36)));
+    let mut s = scene(ragged(&cubic(36)));
     s.look.smooth_mm = 6.0;
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
@@ -531,9 +531,9 @@ fn the_height_map_picks_the_unfiltered_length() {
     assert!(vectors > 50 && partnerless > 0, "{vectors} {partnerless}");
 }
 
-/// An arrow of a twentieth of a pixel across, 1e6 mm from the origin of the world.
+/// An arrow a twentieth of a pixel wide, 1e6 mm from the origin of the world.
 #[test]
-fn a_needle_of_an_arrow_survives_far_off() {
+fn a_thin_arrow_far_from_the_origin_has_no_gaps() {
     let grid = grid([140, 7, 7], DMat3::IDENTITY, DVec3::new(1e6, -1e6, 1e6));
     let rod = |end: f64| {
         move |v: DVec3| v.x >= 2.0 && v.x <= end && (v.y - 3.0).abs() <= 1.0 && (v.z - 3.0).abs() <= 1.0
@@ -565,7 +565,7 @@ fn a_needle_of_an_arrow_survives_far_off() {
             assert!(steps > 12, "{steps}");
             for n in 1..steps {
                 let at = a.lerp(b, n as f64 / steps as f64);
-                // Its shaft starts inside the solid part.
+                // Its shaft starts inside the opaque part.
                 let pick = frame.pick(gpu, at.x as u32, at.y as u32).unwrap();
                 if n > 1 {
                     assert_eq!(pick.and_then(|p| p.vector), Some(known), "{n} of {steps}");
@@ -576,11 +576,11 @@ fn a_needle_of_an_arrow_survives_far_off() {
 }
 
 #[test]
-fn the_same_scene_is_the_same_picture() {
+fn rendering_is_deterministic() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let mut other = ChangeRenderer::new(gpu).unwrap();
-    let mut s = scene(frayed(&cubic(36)));
+    let mut s = scene(ragged(&cubic(36)));
     s.look.threshold_mm = 0.0;
     let mut pictures = Vec::new();
     for style in [ChangeStyle::Height, ChangeStyle::Arrows] {

@@ -1,5 +1,5 @@
-//! Lookup and filter on the CPU in `f64`, found another way than the shaders do: voxels from the
-//! twins' rays and a map of the vectors, filters from every pair of pixels of a line.
+//! Lookup and filter on the CPU in `f64`, by another method than the shaders': voxels from the twin's
+//! rays and a map of the vectors, filters from every pair of pixels of a line.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use crate::{
     views::change::{ChangeScene, surface, uniforms::gap_mm},
 };
 
-/// Length and sureness at each pixel; `None` where the ray is delicate, `Some(None)` where there is no
+/// Length and confidence at each pixel; `None` where the ray is delicate, `Some(None)` where there is no
 /// height.
 pub(super) fn heights(scene: &ChangeScene, size: [u32; 2]) -> Vec<Option<Option<(f64, f64)>>> {
     let surface = scene.surface.as_ref().unwrap();
@@ -37,7 +37,7 @@ pub(super) fn heights(scene: &ChangeScene, size: [u32; 2]) -> Vec<Option<Option<
             let at = DVec2::new(f64::from(i % size[0]) + 0.5, f64::from(i / size[0]) + 0.5);
             let ray = camera.ray(at, DVec2::new(f64::from(size[0]), f64::from(size[1])));
             let depth_per_mm = ray.direction.dot(-camera.axes()[2]);
-            // A little behind the face.
+            // Slightly behind the face.
             let inside = hit.depth_mm + 2.0 * twin::DELICATE_VOXELS / pixel.voxels_per_mm / 10.0;
             let place = ray.origin_mm + ray.direction * (inside / depth_per_mm);
             let local = grid.voxel_at(place)?;

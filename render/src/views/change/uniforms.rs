@@ -44,18 +44,18 @@ pub(crate) struct Change {
     pub kinds: [[u32; 4]; 2],
 }
 
-/// Step in depth between neighbouring pixels that the filter doesn't cross: where a silhouette begins
-/// to be drawn, but never less than a stair of the coarsest voxels.
+/// Step in depth between neighbouring pixels that the filter doesn't cross: that at which silhouettes are
+/// drawn, but at least a step of the coarsest voxels.
 pub(crate) fn gap_mm(surface: &ChangeSurface) -> f64 {
     let spacing = surface.volume().grid().spacing_mm();
     (3.0 * spacing.min_element()).max(1.5 * spacing.max_element())
 }
 
-/// Clip depths of what lies between `near` and `far`: offset and scale for homogeneous coordinates
-/// whose weight is what a pixel covers.
+/// Clip depths for view depths from `near` to `far`: offset and scale for homogeneous coordinates
+/// whose weight is the footprint of a pixel.
 fn clip_depths(view: &View, near: f64, far: f64) -> [f32; 2] {
     let footprint = |depth: f64| f64::from(view.mm_per_pixel) + depth * f64::from(view.mm_per_pixel_per_mm);
-    // All of it is behind the viewer, or it has no size: nothing passes.
+    // Everything is behind the viewer or has no size: clip all of it.
     if far <= near || footprint(far) <= 0.0 {
         return [-1.0, 0.0];
     }
@@ -80,7 +80,7 @@ pub(crate) fn change(
         let [r, g, b, _] = rgba(c);
         [r, g, b]
     };
-    // The edge of a voxel's volume as a cube.
+    // Edge of a cube of a voxel's volume.
     let size_mm = grid.voxel_volume_mm3().cbrt();
     let head_length_mm = 1.5 * size_mm;
     let depths = grid.corners_mm().map(|c| in_camera_space(&scene.camera, reference_mm, c).z);

@@ -1,4 +1,5 @@
-//! The tumour intersection closeup (thesis 7.3.3): the regions of all masks by exact voxel ray casting, through the lens.
+//! The tumour intersection closeup (thesis 7.3.3): the regions of all masks by exact voxel ray casting, through the
+//! lens.
 //!
 //! Lifetimes: a region volume's bricks once per `Arc` (cut on all cores, then one upload); the uniform, about 200
 //! bytes, and a small table of colours once per frame.
@@ -36,7 +37,7 @@ pub struct Pick {
     pub bits: u32,
     /// The point on the voxel's face that the pixel shows, RAS+ millimetres.
     pub world_mm: DVec3,
-    /// Whether the selection holds there: in the lens, or anywhere when it is off. Else it is
+    /// Whether the selection applies there: in the lens, or anywhere if it is off. Otherwise it is
     /// faint outer tissue.
     pub inside_lens: bool,
 }
@@ -47,7 +48,7 @@ pub struct Closeup {
     plane: PlaneBuffers,
 }
 
-/// What a frame's picks are looked up in.
+/// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
 pub struct Kept {
@@ -55,12 +56,12 @@ pub struct Kept {
     lens: Option<Lens>,
 }
 
-/// Whether every corner of the volume's box is in the ball.
+/// Whether the lens contains every corner of the volume's box.
 fn covers(lens: &Lens, corners_mm: &[DVec3; 8]) -> bool {
     corners_mm.iter().all(|c| c.distance(lens.center_mm) <= lens.radius_mm)
 }
 
-/// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+/// The passes that `scene` needs at `quality`. Omitting the others changes no pixel.
 pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
     let tumor = scene.tumor.as_deref();
     let no_surface = scene.nothing_shown();
@@ -77,7 +78,7 @@ pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
     Plan::of(order, |pass| match pass {
         SURFACE => no_surface,
         OUTSIDE => no_outside,
-        _ => light::left_out(pass, quality, no_surface, Some(NO_IMAGE)),
+        _ => light::omission_reason(pass, quality, no_surface, Some(NO_IMAGE)),
     })
 }
 
@@ -104,7 +105,7 @@ impl View3d for Closeup {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &RegionScene,
-        _spare: Option<Kept>,
+        _previous: Option<Kept>,
     ) -> Result<Prepared<Kept>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
         let regions = RegionBuffers::reuse(&mut self.regions, gpu, scene.tumor.as_ref())?;
@@ -210,20 +211,20 @@ impl View3d for Closeup {
     }
 }
 
-/// What ambient occlusion takes, pixel by pixel, rows from the top.
+/// Ambient occlusion per pixel, rows from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Occlusion {
-    /// View depths from the eye; infinite where nothing is.
+    /// View depths from the eye; infinite on the background.
     pub depths_mm: Vec<f64>,
-    /// Share of light that is taken from each pixel, blurred.
+    /// Share of light removed from each pixel, blurred.
     pub dark: Vec<f64>,
 }
 
 impl Frame<Closeup> {
-    /// What ambient occlusion takes from each pixel drawn. For measuring: reads everything back.
+    /// Ambient occlusion of each pixel drawn. For measurements: reads everything back.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn occlusion(&self, gpu: &Gpu) -> Result<Occlusion, RenderError> {
         let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
         let read =
@@ -233,7 +234,7 @@ impl Frame<Closeup> {
         let from_eye = |d: &f32| if *d < FAR { self.reference_mm + f64::from(*d) } else { f64::INFINITY };
         Ok(Occlusion {
             depths_mm: depths.iter().map(from_eye).collect(),
-            // The last of four 8-bit channels; the others are the colour that bleeds.
+            // The last of four 8-bit channels; the others are the bleeding colour.
             dark: blurred.chunks_exact(4).map(|p| f64::from(p[3]) / 255.0).collect(),
         })
     }

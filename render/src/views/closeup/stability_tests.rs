@@ -1,5 +1,5 @@
-//! The stability table of algorithms.md 9 for the closeup's ambient occlusion. Its values are stored in 8
-//! bits and so always lie in 0 to 1: what counts is that each row keeps the picture it must have.
+//! Extreme scenes for the closeup's ambient occlusion. Its values are stored in 8
+//! bits and so always lie in 0 to 1: the tests check that each row gives the expected frame.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ struct Bench {
     renderer: CloseupRenderer,
 }
 
-/// What is hidden, the picture, and whether anything is hit, pixel by pixel.
+/// Per pixel: darkness, colour, and whether anything is hit.
 struct Drawn {
     dark: Vec<f64>,
     rgba: Vec<u8>,
@@ -51,7 +51,7 @@ impl Bench {
     fn draw(&mut self, scene: &RegionScene, quality: &Quality) -> Drawn {
         let frame = self.renderer.render(&self.gpu, scene, quality, SIZE).unwrap();
         let found = frame.occlusion(&self.gpu).unwrap();
-        assert!(found.depths_mm.iter().all(|d| !d.is_nan()), "a depth, or that of nothing");
+        assert!(found.depths_mm.iter().all(|d| !d.is_nan()), "finite, or infinite on the background");
         let hit: Vec<bool> = found.depths_mm.iter().map(|d| d.is_finite()).collect();
         Drawn { dark: found.dark, rgba: frame.read_rgba(&self.gpu).unwrap(), hit }
     }
@@ -74,7 +74,7 @@ fn eye_plane_at(scene: &RegionScene, at: DVec3, projection: Projection) -> Regio
 }
 
 #[test]
-fn masks_that_coincide_hide_what_one_does() {
+fn coincident_masks_occlude_like_one() {
     let mut bench = Bench::new();
     let one = bench.draw(&step(1, DVec3::ONE, DVec3::ZERO), &Quality::FULL);
     assert!(one.hits() > 1000 && one.mean() > 0.005, "{}", one.mean());
@@ -84,15 +84,15 @@ fn masks_that_coincide_hide_what_one_does() {
     }
 }
 
-/// A slice exactly in the floor's face: each pixel is with it or without, the same every time.
+/// A slice exactly in the floor's face: each pixel shows it or doesn't, the same every time.
 #[test]
-fn a_slice_in_a_face_takes_or_leaves_each_pixel() {
+fn a_slice_in_a_face_is_drawn_deterministically() {
     let mut bench = Bench::new();
     for projection in [Projection::Perspective, Projection::Orthographic] {
         let mut scene = step(1, DVec3::ONE, DVec3::ZERO);
         scene.camera.projection = projection;
         let plain = bench.draw(&scene, &Quality::FULL);
-        // Without shades the surface has one colour, but where lines are.
+        // Without occlusion the surface has one colour, except for lines.
         let flat = Quality { occlusion_strength: 0.0, ..Quality::FULL };
         let bare = bench.draw(&scene, &flat);
         let at = scene.camera.project(DVec3::new(8.0, 15.0, 13.5), DVec2::splat(96.0)).unwrap();
@@ -106,23 +106,23 @@ fn a_slice_in_a_face_takes_or_leaves_each_pixel() {
             down_mm: DVec3::Y * -240.0,
             opacity: 0.4,
         });
-        assert_eq!(bench.draw(&scene, &Quality::FULL).dark, plain.dark, "a slice hides no light");
+        assert_eq!(bench.draw(&scene, &Quality::FULL).dark, plain.dark, "a slice occludes no light");
         let with = bench.draw(&scene, &flat);
         assert!(with.rgba == bench.draw(&scene, &flat).rgba, "it doesn't flicker");
-        let mut taken = [0, 0];
+        let mut counts = [0, 0];
         for (a, b) in bare.rgba.chunks(4).zip(with.rgba.chunks(4)).filter(|(a, _)| *a == color) {
             let over = |c: usize| 0.4 * [10.0, 110.0, 210.0][c] + 0.6 * f64::from(a[c]);
             let blended = (0..3).all(|c| (f64::from(b[c]) - over(c)).abs() <= 1.01);
             assert!(a == b || blended, "{a:?} {b:?}");
-            taken[usize::from(blended)] += 1;
+            counts[usize::from(blended)] += 1;
         }
-        println!("{projection:?}: without and with the slice {taken:?}");
-        assert!(taken[0] > 100, "the block stands before it");
+        println!("{projection:?}: without and with the slice {counts:?}");
+        assert!(counts[0] > 100, "the block is in front of it");
     }
 }
 
 #[test]
-fn far_and_flat_grids_are_dark_in_their_corners() {
+fn distant_and_anisotropic_grids_are_dark_in_corners() {
     let mut bench = Bench::new();
     let here = bench.draw(&step(1, DVec3::ONE, DVec3::ZERO), &Quality::FULL);
     let there = bench.draw(&step(1, DVec3::ONE, DVec3::splat(1e6)), &Quality::FULL);
@@ -153,9 +153,9 @@ fn far_and_flat_grids_are_dark_in_their_corners() {
     }
 }
 
-/// Within the body the eye plane's own cut is flat: nothing hides it.
+/// Inside the object, the cut by the eye's plane is flat: nothing occludes it.
 #[test]
-fn near_planes_and_eyes_within_are_flat() {
+fn near_plane_cuts_and_eyes_inside_are_unoccluded() {
     let mut bench = Bench::new();
     let scene = step(1, DVec3::ONE, DVec3::ZERO);
     let mut down = scene.clone();
@@ -174,12 +174,12 @@ fn near_planes_and_eyes_within_are_flat() {
     assert!(cut.hit[inside] && cut.hit[floor]);
     assert!(cut.dark[inside] < 0.02 && cut.dark[floor] < 0.02, "{} {}", cut.dark[inside], cut.dark[floor]);
     assert!(cut.dark[corner] > 0.03, "{}", cut.dark[corner]);
-    // An eye inside the body sees its voxel at once, everywhere, and all at one depth.
+    // An eye inside the object sees its own voxel in every pixel, at one depth.
     for projection in [Projection::Perspective, Projection::Orthographic] {
         let within = bench.draw(&eye_plane_at(&down, DVec3::new(6.2, 15.1, 3.3), projection), &Quality::FULL);
         assert!(within.hit[48 * 96 + 48] && within.dark[48 * 96 + 48] < 0.02, "{projection:?}");
     }
-    // At a face and along the diagonal of the box: a picture.
+    // At a face and along the diagonal of the box something is drawn.
     for at in [DVec3::new(19.5, 14.5, 19.5), DVec3::new(39.5, 29.5, 19.5)] {
         let mut s = scene.clone();
         s.camera.world_from_camera = glam::DQuat::from_rotation_arc(DVec3::Z, DVec3::ONE / 3f64.sqrt());
@@ -188,9 +188,9 @@ fn near_planes_and_eyes_within_are_flat() {
     }
 }
 
-/// Knobs past their ends.
+/// Settings out of range.
 #[test]
-fn radii_and_strengths_of_any_number() {
+fn radii_strengths_and_samples_out_of_range() {
     let mut bench = Bench::new();
     let scene = step(1, DVec3::ONE, DVec3::ZERO);
     let plain = bench.draw(&scene, &Quality { occlusion_strength: 0.0, ..Quality::FULL });
@@ -199,7 +199,7 @@ fn radii_and_strengths_of_any_number() {
         assert!(bench.draw(&scene, &of(radius)).rgba == plain.rgba, "{radius}: as without");
     }
     let tiny = bench.draw(&scene, &of(1e-6));
-    assert_eq!(tiny.mean(), 0.0, "nothing hides within a nanometre");
+    assert_eq!(tiny.mean(), 0.0, "nothing occludes within a nanometre");
     for radius in [1e6, 1e300, f64::INFINITY] {
         let d = bench.draw(&scene, &of(radius));
         assert!(d.mean() < 1.0 && d.hits() == plain.hits(), "{radius}: {}", d.mean());

@@ -1,4 +1,4 @@
-//! The image of a view and its march: shared by the views that show anatomy.
+//! The image of a view and its ray march: shared by the views that show anatomy.
 
 use super::ContextScene;
 use crate::{
@@ -26,7 +26,7 @@ impl ImagePart {
         Self { image: None, context: gpu.uniform::<uniforms::Context>("ImagePart::context") }
     }
 
-    /// Uploads what the plan shows of the scene's image. Returns what the picture lacks of it, in words.
+    /// Uploads the scene's image if the plan shows it. Returns a warning if it is drawn at a lower resolution.
     ///
     /// # Errors
     /// [`RenderError::Volume`] for an image that doesn't fit at an eighth of its resolution.
@@ -45,7 +45,7 @@ impl ImagePart {
         Ok(image.warning())
     }
 
-    /// The image as light sees it, where the plan shows one.
+    /// The image for the light passes, if the plan shows it.
     pub fn lit<'a>(&'a self, scene: &'a ContextScene, plan: &Plan) -> Option<LitImage<'a>> {
         let (buffers, volume) =
             self.image.as_ref().zip(scene.volume.as_ref()).filter(|_| shows_image(plan))?;
@@ -53,10 +53,10 @@ impl ImagePart {
     }
 }
 
-/// Binds the march through the image, lit by the light bound before, where the plan has it.
+/// Binds the ray march through the image, lit by the light passes bound before, if the plan has it.
 ///
 /// # Errors
-/// [`RenderError::Shader`] for a file that doesn't compose.
+/// [`RenderError::Shader`] for a shader file that doesn't compose.
 pub(crate) fn bind_march(draw: &mut Draw<'_>, image: Option<&LitImage<'_>>) -> Result<(), RenderError> {
     let Some(image) = image.filter(|_| draw.plan.has(CONTEXT)) else { return Ok(()) };
     let entries = [

@@ -1,5 +1,5 @@
 //! The context view (thesis 7.3.2): an image of the anatomy by ray casting, with the whole tumour
-//! seen in it from every side.
+//! visible in it from every side.
 //!
 //! Lifetimes: an image's values once per `Arc` (4 bytes per voxel on the device); tables (40 KB, and a bit per brick)
 //! once per transfer function; the tumour's bricks once per `Arc`; fibre tracts once per list of those shown (16 bytes
@@ -47,11 +47,11 @@ use crate::{
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContextPick {
     /// The point that the pixel shows, RAS+ millimetres: on the voxel's face for the tumour; for the
-    /// image where half of what lies behind is hidden, to a step of the ray.
+    /// image where half of what lies behind is hidden, to within a step of the ray.
     pub world_mm: DVec3,
     /// Index bits of the tumour's region; `None` for anything else.
     pub bits: Option<u32>,
-    /// The fibre of a tract; `None` for anything else. Neither: tissue of the context image.
+    /// The fibre of a tract; `None` for anything else. If both are `None`: tissue of the context image.
     pub fiber: Option<PickedFiber>,
 }
 
@@ -71,7 +71,7 @@ pub struct Context {
     pub(crate) tubes: TubeBuffers,
 }
 
-/// What a frame's picks are looked up in.
+/// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
 pub struct Kept {
@@ -103,7 +103,7 @@ impl View3d for Context {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &ContextScene,
-        _spare: Option<Kept>,
+        _previous: Option<Kept>,
     ) -> Result<Prepared<Kept>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
         let regions = RegionBuffers::reuse(&mut self.regions, gpu, scene.tumor.as_ref())?;
@@ -167,7 +167,7 @@ impl View3d for Context {
             view: draw.view,
             depths: &targets.depths,
             surfaces: &targets.surfaces,
-            // As large as what the closeup keeps of its outer level, in its place.
+            // The buffer of the closeup's outer level, which has the same size per pixel.
             marched: &targets.outsides,
             occlusion: &targets.occlusion,
             blurred: &targets.blurred,
@@ -225,8 +225,8 @@ impl View3d for Context {
             let surface: [u32; 2] = bytemuck::pod_read_unaligned(surface);
             geometry = (depth < FAR).then_some((depth, surface));
         }
-        // What hides more than half of what is behind it is what is seen. The march ends at the
-        // tumour and at tubes.
+        // The image is picked where it hides more than half of what is behind it. The march ends at
+        // the tumour and at tubes.
         if let Some(marched) = read.next() {
             let marched: Marched = bytemuck::pod_read_unaligned(marched);
             if marched.depth < FAR {
@@ -244,11 +244,11 @@ impl View3d for Context {
 }
 
 impl Frame<Context> {
-    /// What the march left for each pixel drawn, rows from the top: premultiplied red, green, blue (encoded, 0 to 1)
-    /// and opacity. For measuring: reads everything back.
+    /// Output of the ray march for each pixel drawn, rows from the top: premultiplied red, green, blue (encoded, 0 to
+    /// 1) and opacity. For measurements: reads everything back.
     ///
     /// # Errors
-    /// [`RenderError::Device`] with what the driver says.
+    /// [`RenderError::Device`] with the driver's message.
     pub fn image_rgba(&self, gpu: &Gpu) -> Result<Vec<[f64; 4]>, RenderError> {
         let n = u64::from(self.size_px[0]) * u64::from(self.size_px[1]);
         let read = gpu.read_buffers(&[(&self.targets.outsides, 0, n * 16)])?;

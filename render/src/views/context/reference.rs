@@ -1,5 +1,5 @@
 //! The context view's rays on the CPU in `f64`, straight from the definitions: world space, the image's
-//! own numbers, the transfer function itself instead of a table, no bricks, no early end.
+//! own values, the transfer function itself instead of a table, no bricks, no early ray termination.
 
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{
@@ -18,23 +18,23 @@ use crate::image::{
     volume::{Field, Tables},
 };
 
-/// How finely and where a ray is sampled.
+/// Sampling along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// Length of a cell, millimetres along the ray.
     pub step_mm: f64,
-    /// Whether the first cell is shortened by the pixel's own number, as the card does.
+    /// Whether the first cell is shortened by the pixel's jitter, as on the device.
     pub jitter: bool,
 }
 
-/// What the context image adds to each pixel of a picture of `size`, row after row from the top:
-/// premultiplied red, green, blue, and opacity. As if the tumour hid nothing; its box is open.
+/// The context image in each pixel of a frame of `size`, rows from the top: premultiplied red, green,
+/// blue, and opacity. The tumour hides nothing, but the image is omitted in and in front of its box.
 pub fn march(scene: &ContextScene, size: [u32; 2], sampling: Sampling) -> Vec<[f64; 4]> {
     let pixels: Vec<[u32; 2]> = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| [x, y])).collect();
     pixels.into_par_iter().map(|pixel| march_one(scene, size, pixel, sampling)).collect()
 }
 
-/// Where a ray is in a grid's box, in millimetres along it; empty where the first is not less.
+/// Interval of a ray in a grid's box, in millimetres along it; empty if the first is not less.
 pub(crate) fn box_interval(grid: &Grid, ray: &Ray) -> (f64, f64) {
     let (o, d) = in_index_space(grid, ray);
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -53,15 +53,15 @@ pub(crate) fn box_interval(grid: &Grid, ray: &Ray) -> (f64, f64) {
     (near, far)
 }
 
-/// Origin and direction with voxel centres at whole numbers.
+/// A ray's origin and direction in index space, with voxel centres at integers.
 pub(crate) fn in_index_space(grid: &Grid, ray: &Ray) -> (DVec3, DVec3) {
     let world = grid.world_from_voxel();
     let inverse: DMat3 = world.matrix3.inverse();
     (inverse * (ray.origin_mm - world.translation), inverse * ray.direction)
 }
 
-/// Trilinear value; NaN where a voxel that counts is not finite. Past the outermost centres the edge
-/// voxels go on.
+/// Trilinear value; NaN where a voxel with weight is not finite. Clamped to the edge voxels past the
+/// outermost centres.
 fn value_at(image: &Volume, q: DVec3) -> f64 {
     let dims = image.grid().dims();
     let mut sum = 0.0;
@@ -92,9 +92,9 @@ fn gradient_at(image: &Volume, q: DVec3) -> DVec3 {
     image.grid().world_from_voxel().matrix3.inverse().transpose() * per_voxel
 }
 
-/// Where the image is seen along a ray, millimetres: in its box, not cut away, not in the box of the
-/// masks and not before that. `None` where it is not at all.
-pub(crate) fn seen(scene: &ContextScene, ray: &Ray) -> Option<(f64, f64)> {
+/// The interval of a ray, in millimetres along it, where the image is visible: in its box, not clipped, not in
+/// the bounding box of the masks and not in front of that. `None` if there is none.
+pub(crate) fn visible_interval(scene: &ContextScene, ray: &Ray) -> Option<(f64, f64)> {
     let (near, mut far) = box_interval(scene.volume.as_ref()?.grid(), ray);
     let mut near = near.max(0.0);
     for plane in &scene.clip {
@@ -118,8 +118,8 @@ pub(crate) fn seen(scene: &ContextScene, ray: &Ray) -> Option<(f64, f64)> {
 }
 
 #[cfg(test)]
-/// Encoded colour and opacity of 1 mm at a place among voxel centres; nothing where the image isn't
-/// finite, or there is none.
+/// Encoded colour and opacity of 1 mm at voxel coordinates `q`; transparent where the image isn't
+/// finite, and without an image.
 pub(crate) fn sample(scene: &ContextScene, q: DVec3) -> ([f64; 3], f64) {
     let Some(volume) = &scene.volume else { return ([0.0; 3], 0.0) };
     let value = value_at(volume.image(), q);
@@ -133,7 +133,7 @@ fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sa
     let image = volume.image();
     let center = DVec2::new(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
     let ray = scene.camera.ray(center, DVec2::new(f64::from(size[0]), f64::from(size[1])));
-    let Some((near, far)) = seen(scene, &ray) else { return [0.0; 4] };
+    let Some((near, far)) = visible_interval(scene, &ray) else { return [0.0; 4] };
     let (o, d) = in_index_space(image.grid(), &ray);
     let mut out = [0.0; 4];
     let mut begin = near;
@@ -155,7 +155,7 @@ fn march_one(scene: &ContextScene, size: [u32; 2], pixel: [u32; 2], sampling: Sa
         }
         out[3] += through * opacity;
         begin = end;
-        // Not summed up: the cells stay where they belong.
+        // Not summed up, so that rounding errors don't accumulate.
         cell += 1.0;
         end = first + sampling.step_mm * cell;
     }
@@ -174,8 +174,8 @@ fn shaded(color: [f64; 3], gradient: DVec3, ray: DVec3, half_shaded: f64, inside
 }
 
 impl ContextScene {
-    /// The image as a participating medium: the values and tables that the device has, colours in linear light. Clipping
-    /// planes and the tumour's box are left out. `None` without an image, or with one past 4 GiB at an eighth of its
+    /// The image as a participating medium: the values and tables of the device, colours in linear light. Clipping
+    /// planes and the tumour's box are ignored. `None` without an image, or with one over 4 GiB at an eighth of its
     /// resolution.
     pub fn medium(&self) -> Option<OpticalVolume> {
         let volume = self.volume.as_ref()?;

@@ -1,4 +1,4 @@
-//! What a context view shows, and which passes that takes.
+//! The scene of a context view, and its plan.
 
 use std::sync::Arc;
 
@@ -19,30 +19,30 @@ use crate::{
     views::view3d::COMPOSE,
 };
 
-/// A context view to draw. Two are equal when they draw the same picture: volumes by identity, which
-/// costs nothing a frame.
+/// A context view to draw. Two are equal if they draw the same frame; volumes are compared by identity,
+/// which is cheap.
 #[derive(Clone, Debug)]
 pub struct ContextScene {
-    /// The image; `None` without one: then the tumour stands alone.
+    /// The image; `None`: the tumour is drawn alone.
     pub volume: Option<Arc<ContextVolume>>,
-    /// How its values look.
+    /// Its transfer function.
     pub transfer: Arc<TransferFunction>,
-    /// What of the image is cut away, at most [`MOST_CLIP_PLANES`]; the tumour stays whole.
+    /// Clipping planes of the image, at most [`MOST_CLIP_PLANES`]; the tumour is not clipped.
     pub clip: Vec<ClipPlane>,
-    /// The regions; `None` where no voxel is active. Its box is opened in the image whether or not
-    /// anything in it is shown.
+    /// The regions; `None` if no voxel is active. The image is omitted in and in front of its bounding
+    /// box, whether or not any region is shown.
     pub tumor: Option<Arc<RegionVolume>>,
-    /// Which regions are shown. The lens does not cut here.
+    /// Which regions are shown. The lens does not clip here.
     pub selection: Selection,
     /// Their colours.
     pub colors: MaskColors,
     /// The lens, whose ring is drawn; `None` when it is off.
     pub lens: Option<Lens>,
-    /// Fibre tracts beside it. They are cut no more than the tumour is.
+    /// Fibre tracts; like the tumour, they are not clipped.
     pub tubes: Vec<DrawnTubes>,
-    /// Where it is seen from.
+    /// The camera.
     pub camera: Camera,
-    /// What is behind everything.
+    /// Background colour.
     pub background: Rgb,
     /// Colour of the tumour's silhouettes.
     pub silhouette: Rgb,
@@ -78,7 +78,7 @@ impl PartialEq for ContextScene {
 }
 
 impl ContextScene {
-    /// The tumour's part, as the passes that it shares with the closeup take it.
+    /// The tumour's part, for the passes shared with the closeup.
     pub(crate) fn tumor_scene(&self) -> RegionScene {
         RegionScene {
             tumor: self.tumor.clone(),
@@ -92,14 +92,14 @@ impl ContextScene {
         }
     }
 
-    /// View depth of the plane that depths are counted from: through the middle of the tumour, or of
+    /// View depth of the plane that depths are relative to: through the centre of the tumour, or of
     /// the image without one.
     pub(crate) fn reference_mm(&self) -> f64 {
         let grid = self.tumor.as_ref().map(|t| t.grid()).or(self.volume.as_ref().map(|v| v.grid()));
         reference_to(&self.camera, grid.map_or(self.camera.focus_mm, |g| g.center_mm()))
     }
 
-    /// Refuses what can't be drawn.
+    /// Rejects a scene that can't be drawn.
     pub(crate) fn check(&self) -> Result<(), RenderError> {
         check_view(&self.camera, self.lens.as_ref())?;
         if self.clip.len() > MOST_CLIP_PLANES {
@@ -117,7 +117,7 @@ impl ContextScene {
     }
 }
 
-/// Why the image isn't drawn; `None` where it is.
+/// Why the image isn't drawn; `None` if it is.
 pub(crate) fn no_image(scene: &ContextScene) -> Option<&'static str> {
     if scene.volume.is_none() {
         Some("no context image")
@@ -128,7 +128,7 @@ pub(crate) fn no_image(scene: &ContextScene) -> Option<&'static str> {
     }
 }
 
-/// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+/// The passes that `scene` needs at `quality`. Omitting the others changes no pixel.
 pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
     let no_surface = nothing_shown(scene.tumor.as_deref(), &scene.selection);
     let no_tubes = if scene.tubes.iter().any(DrawnTubes::draws) {
@@ -138,7 +138,7 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
     } else {
         Some("no fibre tracts")
     };
-    // Any opaque geometry will do.
+    // Either kind of opaque geometry is enough.
     let no_opaque = no_surface.filter(|_| no_tubes.is_some());
     let no_image = no_image(scene);
     let is_1d = scene.transfer.gradient().is_none().then_some("transfer function is 1-D");
@@ -148,12 +148,12 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
         TUBES | TUBES_MERGE => no_tubes,
         CONTEXT => no_image,
         GRADIENT_OPACITY => no_image.or(is_1d),
-        _ => light::left_out(pass, quality, no_opaque, no_image),
+        _ => light::omission_reason(pass, quality, no_opaque, no_image),
     })
 }
 
-/// Passes of a view with an image: those before the light, the light's, the march unless the light draws the image
-/// itself, and those after.
+/// Passes of a view with an image: `before`, the light passes, the ray march unless a light pass draws the image,
+/// gradient opacity, and `after`.
 pub(crate) fn around_light(
     quality: &Quality,
     before: impl IntoIterator<Item = PassName>,

@@ -1,5 +1,5 @@
-//! The context view on Mesa's software adapter, held against its twin and against geometry. A missing
-//! adapter fails.
+//! The context view on Mesa's software adapter, compared with its twin and with geometry. Fails without
+//! an adapter.
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -19,7 +19,7 @@ use crate::{
     image::{CONTEXT, ContextVolume, ControlPoint, GRADIENT_OPACITY, GradientPoint, TransferFunction},
     light::screen::{OCCLUSION, OCCLUSION_BLUR},
     scene::{Lens, MaskColors, Palette},
-    testing::{GPU, grid, noise, volume},
+    testing::{GPU, grid, noise, small_device, volume},
     views::{ContextRenderer, view3d::Switches},
 };
 
@@ -81,7 +81,7 @@ fn scene(image: Arc<ContextVolume>, transfer: Arc<TransferFunction>) -> ContextS
     }
 }
 
-/// Smooth lumps of values from 0 to about 100, 0 outside a ball.
+/// Smooth lumps with values from 0 to about 100, and 0 outside a ball.
 fn lumps(grid: &Grid) -> Arc<ContextVolume> {
     let dims = grid.dims();
     image(grid, |p| {
@@ -102,7 +102,7 @@ fn soft_2d() -> Arc<TransferFunction> {
     )
 }
 
-/// A tumour of two overlapping balls in the middle of `at`, on a grid of its own.
+/// The scene with a tumour of two overlapping balls in the middle of `grid`, the tumour's own.
 fn with_tumor(mut scene: ContextScene, grid: &Grid) -> ContextScene {
     let dims = grid.dims();
     scene.tumor = volume(grid, 2, |k, p| {
@@ -119,17 +119,17 @@ fn draw(
     scene: &ContextScene,
     quality: &Quality,
     size: [u32; 2],
-    ways: Switches,
+    switches: Switches,
 ) -> Vec<Marched> {
     let plan = context_plan(scene, quality);
     bench
         .renderer
-        .render_planned(&bench.gpu, scene, quality, size, plan, ways)
+        .render_planned(&bench.gpu, scene, quality, size, plan, switches)
         .unwrap()
         .read_marched(&bench.gpu)
 }
 
-/// Mean and greatest difference of any channel, in 255ths, where no tumour hides the image.
+/// Mean and maximum difference of any channel, in 255ths, where no tumour hides the image.
 fn difference(bench: &mut Bench, scene: &ContextScene, size: [u32; 2], jitter: bool) -> (f64, f64) {
     let step_mm = 0.6;
     let quality = Quality { context_step_mm: step_mm, ..FLAT };
@@ -138,22 +138,22 @@ fn difference(bench: &mut Bench, scene: &ContextScene, size: [u32; 2], jitter: b
     let depths = if scene.tumor.is_some() { frame.read_depths(&bench.gpu) } else { vec![FAR; found.len()] };
     let twin = march(scene, size, Sampling { step_mm, jitter });
     let mut differences = Vec::new();
-    let mut seen = 0;
+    let mut visible = 0;
     for ((found, twin), depth) in found.iter().zip(&twin).zip(depths) {
         if depth < FAR {
-            assert_eq!(found.rgba()[3], 0.0, "the image before the tumour");
+            assert_eq!(found.rgba()[3], 0.0, "the image in front of the tumour");
             continue;
         }
-        seen += usize::from(twin[3] > 0.1);
+        visible += usize::from(twin[3] > 0.1);
         differences.extend(found.rgba().iter().zip(twin).map(|(a, b)| (a - b).abs() * 255.0));
     }
-    assert!(seen * 30 > found.len(), "only {seen} pixels show the image");
+    assert!(visible * 30 > found.len(), "only {visible} pixels show the image");
     let worst = differences.iter().copied().fold(0.0, f64::max);
     (differences.iter().sum::<f64>() / differences.len() as f64, worst)
 }
 
 #[test]
-fn the_card_and_its_twin_agree() {
+fn gpu_matches_its_twin() {
     let far = DVec3::new(1e6, -1e6, 1e6);
     let shear =
         DMat3::from_cols(DVec3::new(-0.9, 0.1, 0.2), DVec3::new(0.3, 1.1, -0.1), DVec3::new(0.4, -0.2, 2.0));
@@ -167,7 +167,7 @@ fn the_card_and_its_twin_agree() {
     let mut bench = bench();
     for (name, grid) in cases {
         let center = grid.center_mm();
-        // The tumour's grid is another one, turned against the image's.
+        // The tumour has its own grid, rotated against the image's.
         let turned = DMat3::from_rotation_z(0.4) * DMat3::from_diagonal(DVec3::new(-0.8, 0.7, 1.1));
         let tumor = self::grid([12, 14, 9], turned, center - turned * DVec3::new(6.0, 7.0, 4.5));
         for (kind, function) in [("1-D", soft()), ("2-D", soft_2d())] {
@@ -198,7 +198,7 @@ fn the_card_and_its_twin_agree() {
 }
 
 #[test]
-fn cameras_inside_and_all_behind() {
+fn cameras_inside_and_past_the_image() {
     let mut bench = bench();
     let mut s = scene(lumps(&cubic(40)), soft());
     for projection in [Projection::Perspective, Projection::Orthographic] {
@@ -232,7 +232,7 @@ fn a_homogeneous_slab_has_its_closed_form() {
                 draw(&mut bench, &s, &Quality { context_step_mm: step, ..FLAT }, [16, 16], Switches::ON);
             for m in found {
                 let rgba = m.rgba();
-                // What is as good as opaque ends early, and is made opaque.
+                // Nearly opaque rays end early, and count as opaque.
                 let close =
                     |a: f64, b: f64| (a - b).abs() < 2e-4 || (expected > 0.995 && (a - b).abs() < 5.1e-3);
                 assert!(close(rgba[3], expected), "{alpha} {step}: {} {expected}", rgba[3]);
@@ -244,7 +244,7 @@ fn a_homogeneous_slab_has_its_closed_form() {
 
 /// Halving the step of the midpoint rule divides the error by four.
 #[test]
-fn smaller_steps_come_nearer_the_truth() {
+fn smaller_steps_reduce_the_error() {
     let ball = image(&cubic(32), |p| {
         let r: f64 = p.iter().map(|&x| (x as f64 - 15.5).powi(2)).sum();
         100.0 * (-r / 60.0).exp()
@@ -272,7 +272,7 @@ fn smaller_steps_come_nearer_the_truth() {
 }
 
 #[test]
-fn jumping_over_bricks_changes_no_bit() {
+fn skipping_empty_bricks_changes_no_bit() {
     let mut bench = bench();
     let shear =
         DMat3::from_cols(DVec3::new(-0.9, 0.1, 0.2), DVec3::new(0.3, 1.1, -0.1), DVec3::new(0.4, -0.2, 2.0));
@@ -316,8 +316,8 @@ fn clipping_planes_cut_the_image_where_they_are() {
             assert_eq!(pick.bits, None);
             let off = normal.dot(pick.world_mm) - normal.dot(DVec3::splat(19.0));
             assert!(off < 1e-3, "{off} beyond the plane");
-            let seen = s.camera.project(pick.world_mm, DVec2::splat(64.0)).unwrap();
-            assert!(seen.distance(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) < 1e-6);
+            let projected = s.camera.project(pick.world_mm, DVec2::splat(64.0)).unwrap();
+            assert!(projected.distance(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)) < 1e-6);
             // Within the first step behind the plane, or on a side of the cube.
             if off > -0.6 { on_plane += 1 } else { elsewhere += 1 }
         }
@@ -332,14 +332,14 @@ fn clipping_planes_cut_the_image_where_they_are() {
     let whole = draw(&mut bench, &s, &FLAT, size, Switches::ON);
     let count = |m: &[Marched]| m.iter().filter(|m| m.blue_opacity >> 16 > 60000).count();
     assert!(count(&half) * 2 == count(&whole), "{} {}", count(&half), count(&whole));
-    // Beyond everything, it keeps nothing.
+    // A plane beyond everything clips all of it.
     s.clip = vec![ClipPlane { normal: DVec3::Z, offset_mm: -1e5 }];
     assert_eq!(count(&draw(&mut bench, &s, &FLAT, size, Switches::ON)), 0);
 }
 
-/// The whole tumour from 26 sides, as if the opaque image around it were not there.
+/// The whole tumour from 26 directions, as without the opaque image around it.
 #[test]
-fn the_whole_tumour_is_seen_from_every_side() {
+fn the_whole_tumour_is_visible_from_every_side() {
     let mut bench = bench();
     let opaque = transfer(&[(0.0, [128; 3], 1.0), (1.0, [128; 3], 1.0)], None);
     let tumor = grid([14, 12, 10], DMat3::from_rotation_x(0.5), DVec3::splat(14.0));
@@ -360,12 +360,12 @@ fn the_whole_tumour_is_seen_from_every_side() {
         let tumor: Vec<usize> = (0..depths.len()).filter(|&i| depths[i] < FAR).collect();
         assert!(tumor.len() > 60, "{x} {y} {z}: {} pixels of tumour", tumor.len());
         assert!(tumor.iter().all(|&i| found[i * 4..i * 4 + 4] == expected[i * 4..i * 4 + 4]), "{x} {y} {z}");
-        // Everything else of the image is there.
+        // The rest of the image is visible.
         let grey =
             found.chunks(4).filter(|p| p[0] == p[1] && p[1] == p[2] && (30..160).contains(&p[0])).count();
         assert!(grey > 1500, "{x} {y} {z}: {grey}");
     }
-    // Picks say which is which.
+    // Picks distinguish tumour and image.
     let Bench { gpu, renderer } = &mut *bench;
     let frame = renderer.render(gpu, &with, &FLAT, size).unwrap().clone();
     let depths = frame.read_depths(gpu);
@@ -375,7 +375,7 @@ fn the_whole_tumour_is_seen_from_every_side() {
         let bits = pick.and_then(|p| p.bits);
         assert_eq!(bits.is_some(), *depth < FAR);
         if let (Some(pick), Some(bits)) = (pick, bits) {
-            // Just behind the face is a voxel of that region, but for rays that cross its very edge.
+            // Just behind the face is a voxel of that region, except for rays that graze its edge.
             let regions = with.tumor.as_ref().unwrap();
             let center = DVec2::new((i % 80) as f64 + 0.5, (i / 80) as f64 + 0.5);
             let behind = pick.world_mm + with.camera.ray(center, DVec2::splat(80.0)).direction * 2e-3;
@@ -388,7 +388,7 @@ fn the_whole_tumour_is_seen_from_every_side() {
 }
 
 #[test]
-fn what_is_not_finite_is_not_seen() {
+fn values_that_are_not_finite_are_invisible() {
     let mut bench = bench();
     let grid = cubic(24);
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300] {
@@ -417,13 +417,13 @@ fn omitted(scene: &ContextScene, quality: &Quality) -> Vec<(PassName, &'static s
     omitted
 }
 
-fn everything() -> Plan {
+fn every_pass() -> Plan {
     let passes = around_light(&Quality::FULL, [SURFACE, TUBES, TUBES_MERGE], [COMPOSE]);
     Plan { passes, omitted: Vec::new() }
 }
 
 #[test]
-fn each_reason_leaves_out_its_passes_and_no_pixel() {
+fn each_reason_omits_its_passes_and_changes_no_pixel() {
     let tumor = grid([12, 12, 10], DMat3::IDENTITY, DVec3::splat(14.0));
     let whole = with_tumor(scene(lumps(&cubic(40)), soft_2d()), &tumor);
     assert_eq!(omitted(&whole, &Quality::FULL), []);
@@ -445,7 +445,7 @@ fn each_reason_leaves_out_its_passes_and_no_pixel() {
 
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
-    let mut picture = |scene: &ContextScene, plan: Plan| {
+    let mut rgba_of = |scene: &ContextScene, plan: Plan| {
         renderer
             .render_planned(gpu, scene, &Quality::FULL, [96, 96], plan, Switches::ON)
             .unwrap()
@@ -455,18 +455,18 @@ fn each_reason_leaves_out_its_passes_and_no_pixel() {
     for (name, scene) in
         [("1-D", &one_d), ("transparent", &transparent), ("unselected", &unselected), ("no mask", &no_mask)]
     {
-        let lean = picture(scene, context_plan(scene, &Quality::FULL));
-        // Leave something else in every buffer first.
-        picture(&whole, everything());
-        assert!(picture(scene, everything()) == lean, "{name}");
+        let lean = rgba_of(scene, context_plan(scene, &Quality::FULL));
+        // Fill every buffer with something else first.
+        rgba_of(&whole, every_pass());
+        assert!(rgba_of(scene, every_pass()) == lean, "{name}");
     }
-    // Without an image there is nothing to march through: as with one that shows nothing.
-    let lean = picture(&no_image, context_plan(&no_image, &Quality::FULL));
-    assert!(picture(&transparent, everything()) == lean, "no image");
+    // Without an image the march can't run: compared with a transparent one.
+    let lean = rgba_of(&no_image, context_plan(&no_image, &Quality::FULL));
+    assert!(rgba_of(&transparent, every_pass()) == lean, "no image");
 }
 
 #[test]
-fn nothing_at_all_is_background_and_what_cannot_be_is_named() {
+fn empty_scenes_show_the_background_and_invalid_scenes_are_errors() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let mut s = scene(lumps(&cubic(16)), soft());
@@ -494,7 +494,7 @@ fn nothing_at_all_is_background_and_what_cannot_be_is_named() {
     bad.camera.height_mm = f64::NAN;
     assert!(matches!(renderer.render(gpu, &bad, &Quality::FULL, [8, 8]), Err(RenderError::Scene(_))));
     assert!(matches!(renderer.render(gpu, &same, &Quality::FULL, [0, 8]), Err(RenderError::Size { .. })));
-    // Steps that can't be are the finest there is.
+    // Invalid steps count as the finest.
     for step in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let quality = Quality { context_step_mm: step, ..Quality::FULL };
         assert!(renderer.render(gpu, &same, &quality, [8, 8]).is_ok());
@@ -504,28 +504,20 @@ fn nothing_at_all_is_background_and_what_cannot_be_is_named() {
 }
 
 #[test]
-fn an_image_too_large_for_the_card_is_shown_coarser_and_says_so() {
-    let bench = bench();
-    let small = |bytes: u64| {
-        let mut descriptor = crate::device::gpu::device_descriptor(&bench.gpu.adapter);
-        descriptor.required_limits.max_storage_buffer_binding_size = bytes;
-        descriptor.required_limits.max_buffer_size = bytes;
-        let (device, queue) = pollster::block_on(bench.gpu.adapter.request_device(&descriptor)).unwrap();
-        Gpu::from_parts(bench.gpu.adapter.clone(), device, queue)
-    };
+fn an_image_over_the_device_limit_is_drawn_coarser_with_a_warning() {
     let s = scene(lumps(&cubic(60)), soft());
-    let gpu = small(200_000);
+    let gpu = small_device(200_000);
     let mut renderer = ContextRenderer::new(&gpu).unwrap();
     let frame = renderer.render(&gpu, &s, &FLAT, [64, 64]).unwrap();
     let warning = frame.warnings[0].clone();
     assert!(warning.contains("60x60x60") && warning.contains("1/2"), "{warning}");
     let coarse = frame.read_marched(&gpu);
-    // In its place, and much the same.
+    // In the same place, and similar.
     let twin = march(&s, [64, 64], Sampling { step_mm: 0.5, jitter: true });
     let mean = coarse.iter().zip(&twin).map(|(a, b)| (a.rgba()[3] - b[3]).abs()).sum::<f64>() / 4096.0;
     assert!(mean < 0.02, "{mean}");
     let large = scene(image(&cubic(60), |p| noise(p, 1)), soft());
-    let gpu = small(70_000);
+    let gpu = small_device(70_000);
     let mut renderer = ContextRenderer::new(&gpu).unwrap();
     let frame = renderer.render(&gpu, &large, &FLAT, [16, 16]).unwrap();
     assert!(frame.warnings[0].contains("1/4"));

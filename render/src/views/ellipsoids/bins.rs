@@ -1,4 +1,4 @@
-//! Ellipsoids as the shaders read them, and which tiles of the picture each may touch. Pure.
+//! Ellipsoids in the shaders' layout, and the tiles of the frame that each may touch. Pure.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
@@ -27,8 +27,8 @@ pub(crate) struct GpuEllipsoid {
     pub unused: u32,
 }
 
-/// The ellipsoids that are drawn, in the order of their numbers: by id, then by all else, so that no
-/// order of the scene's list is seen in the picture.
+/// The ellipsoids that are drawn, in the order of their numbers: by id, then by all other fields, so that
+/// the order of the scene's list doesn't affect the frame.
 pub(super) fn in_order(scene: &EllipsoidScene) -> Vec<DrawnEllipsoid> {
     let key = |e: &DrawnEllipsoid| {
         let mut bits = [0; 16];
@@ -48,14 +48,16 @@ pub(super) fn in_order(scene: &EllipsoidScene) -> Vec<DrawnEllipsoid> {
     drawn
 }
 
-/// Turns world axes into camera space: right, up, away.
+/// Rotates world axes into camera space: right, up, away.
 fn camera_from_world(scene: &EllipsoidScene) -> DMat3 {
     let [right, up, back] = scene.camera.axes();
     DMat3::from_cols(right, up, -back).transpose()
 }
 
+/// The ellipsoids in the shaders' layout.
+///
 /// # Errors
-/// [`RenderError::Scene`] for an ellipsoid that is not one.
+/// [`RenderError::Scene`] for an invalid ellipsoid.
 pub(super) fn packed(
     scene: &EllipsoidScene,
     drawn: &[DrawnEllipsoid],
@@ -73,12 +75,12 @@ pub(super) fn packed(
             let columns = [unit_from_camera.x_axis, unit_from_camera.y_axis, unit_from_camera.z_axis]
                 .map(|c| c.as_vec3());
             let center = in_camera_space(&scene.camera, reference_mm, e.center_mm).as_vec3();
-            let whole = off < 1e-3
+            let is_valid = off < 1e-3
                 && e.semi_axes_mm.is_finite()
                 && e.semi_axes_mm.min_element() > 0.0
                 && center.is_finite()
                 && columns.iter().all(|c| c.is_finite());
-            if !whole {
+            if !is_valid {
                 return Err(RenderError::Scene(format!("{e:?}")));
             }
             let [r, g, b] = e.color.map(u32::from);
@@ -99,7 +101,7 @@ pub(super) fn packed(
 /// Pixels from low up to, not including, high, in x and y.
 pub(super) type PixelBox = [[u32; 2]; 2];
 
-/// A box around the pixels whose middles may see the ellipsoid; `None` where there are none.
+/// A box around the pixels whose centres may show the ellipsoid; `None` if there are none.
 pub(super) fn pixel_box(scene: &EllipsoidScene, e: &DrawnEllipsoid, size: [u32; 2]) -> Option<PixelBox> {
     let camera = &scene.camera;
     let axes = camera_from_world(scene) * e.rotation * DMat3::from_diagonal(e.semi_axes_mm);
@@ -132,7 +134,7 @@ pub(super) fn pixel_box(scene: &EllipsoidScene, e: &DrawnEllipsoid, size: [u32; 
             }
         };
         let half = f64::from(size[axis]) / 2.0;
-        // Pixels count down from the top. One more on each side pays for rounding.
+        // Rows are counted from the top. One more pixel on each side allows for rounding.
         let (from, to) = if axis == 0 {
             (half + low / mm_per_pixel, half + high / mm_per_pixel)
         } else {
@@ -148,12 +150,12 @@ pub(super) fn pixel_box(scene: &EllipsoidScene, e: &DrawnEllipsoid, size: [u32; 
     (low[0] < high[0] && low[1] < high[1]).then_some(out)
 }
 
-/// Which ellipsoids each tile must look at.
+/// The ellipsoids that each tile must test.
 #[derive(Debug)]
 pub(super) struct Bins {
-    /// Where each tile's numbers start, the end of the last, then the numbers, rising in a tile.
+    /// Start of each tile's numbers, end of the last tile's, then the numbers, ascending within a tile.
     pub tiles: Vec<u32>,
-    /// No frame has more fragments than this.
+    /// Upper bound of the number of fragments.
     pub most_fragments: u64,
 }
 

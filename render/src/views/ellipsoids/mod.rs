@@ -1,12 +1,12 @@
 //! The ellipsoid diagram (thesis 7.6).
 //!
-//! Every ellipsoid is a quadric that rays are cast at; nothing is meshed. A pixel's fragments go
-//! through an A-buffer, see `ellipsoids/lists`.
+//! Every ellipsoid is ray cast as a quadric; nothing is meshed. A pixel's fragments go through an
+//! A-buffer, see `ellipsoids/lists`.
 //!
 //! Lifetimes: the ellipsoids (64 bytes each) and the tiles' lists once per frame. The nodes of the A-buffer grow and
-//! are kept: where the boxes around the ellipsoids tell beforehand that all fragments will have room, nothing is read
-//! back. Else they are counted first, the buffer grows, and the frame is drawn again. Past the largest buffer
-//! the pixels left over find their fragments again in batches: slower, the same picture. None is dropped.
+//! are reused: if the ellipsoids' bounding boxes show in advance that all fragments fit, nothing is read back.
+//! Otherwise the fragments are counted first, the buffer grows, and the frame is drawn again. Beyond the largest buffer
+//! the remaining pixels recompute their fragments in batches: slower, but the same frame. No fragment is dropped.
 
 mod bins;
 mod passes;
@@ -34,21 +34,21 @@ use crate::{
 pub(crate) const LISTS: PassName = PassName::new("ellipsoid_lists");
 /// The diagram's colours, outlines, slice, ring.
 pub(crate) const COMPOSE: PassName = PassName::new("ellipsoid_compose");
-/// Its pixels whose fragments have no room on the device. Only drawing tells whether there are any: the frame's plan
-/// names it, the scene's doesn't.
+/// Its pixels whose fragments don't fit on the device. Whether there are any is known only when drawing: the pass is in
+/// the frame's plan, not in the scene's.
 pub(crate) const REST: PassName = PassName::new("ellipsoid_rest");
 
 /// One ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrawnEllipsoid {
-    /// What a pick names, and what orders fragments at one and the same depth. Ids should differ;
-    /// where they don't, the ellipsoids' other numbers order them.
+    /// Returned by picks; also orders fragments of equal depth. Ids should differ; where they don't, the
+    /// ellipsoids' other fields order them.
     pub id: u32,
     /// Its centre, world millimetres.
     pub center_mm: DVec3,
     /// Half its extents along its axes; positive.
     pub semi_axes_mm: DVec3,
-    /// Its columns are the axes: unit vectors, square to each other.
+    /// Its columns are the axes: unit vectors, orthogonal to each other.
     pub rotation: DMat3,
     /// Its colour.
     pub color: Rgb,
@@ -56,19 +56,19 @@ pub struct DrawnEllipsoid {
     pub opacity: f64,
 }
 
-/// A diagram to draw. Two are equal when they draw the same picture: lists by identity, which costs
-/// nothing a frame.
+/// A diagram to draw. Two are equal if they draw the same frame; lists are compared by identity, which
+/// is cheap.
 #[derive(Clone, Debug)]
 pub struct EllipsoidScene {
     /// The ellipsoids. Their order changes no pixel.
     pub ellipsoids: Arc<Vec<DrawnEllipsoid>>,
     /// Multiplies the opacity of each, 0 to 1.
     pub opacity: f64,
-    /// The lens: what lies outside its ring is grey. `None` when it is off.
+    /// The lens; ellipsoids are grey outside its ring. `None` when it is off.
     pub lens: Option<Lens>,
-    /// Where it is seen from.
+    /// The camera.
     pub camera: Camera,
-    /// What is behind everything.
+    /// Background colour.
     pub background: Rgb,
     /// Colour of outlines.
     pub silhouette: Rgb,
@@ -90,12 +90,12 @@ impl PartialEq for EllipsoidScene {
 }
 
 impl EllipsoidScene {
-    /// What an ellipsoid is drawn with: its own opacity times that of the scene.
+    /// Opacity that an ellipsoid is drawn with: its own times that of the scene.
     pub(crate) fn opacity_of(&self, ellipsoid: &DrawnEllipsoid) -> f64 {
         (ellipsoid.opacity * self.opacity).clamp(0.0, 1.0)
     }
 
-    /// The middle of the box around all that is drawn; the camera's focus where that is nothing.
+    /// The centre of the bounding box of all ellipsoids drawn; the camera's focus if there are none.
     pub(crate) fn middle_mm(&self) -> DVec3 {
         let mut bounds: Option<(DVec3, DVec3)> = None;
         for e in self.ellipsoids.iter().filter(|e| self.opacity_of(e) > 0.0) {
@@ -109,10 +109,10 @@ impl EllipsoidScene {
     }
 }
 
-/// The passes that `scene` needs at `quality`. Leaving the others out changes no pixel.
+/// The passes that `scene` needs at `quality`. Omitting the others changes no pixel.
 ///
-/// There is no image, hence nothing for slices and no medium for cones: with either, light comes from the
-/// vicinity of each pixel's nearest fragment, and is the same.
+/// There is no image, hence nothing for slices and no medium for cones: both modes use vicinity occlusion
+/// of each pixel's nearest fragment, with the same result.
 pub fn ellipsoid_plan(scene: &EllipsoidScene, quality: &Quality) -> Plan {
     let nothing = if scene.ellipsoids.is_empty() {
         Some("no ellipsoids")
@@ -124,6 +124,6 @@ pub fn ellipsoid_plan(scene: &EllipsoidScene, quality: &Quality) -> Plan {
     let light = light::passes(quality.lighting.mode, LitKind::Depths).iter().copied();
     Plan::of([LISTS].into_iter().chain(light).chain([COMPOSE]), |pass| match pass {
         LISTS => nothing,
-        _ => light::left_out(pass, quality, nothing, Some(NO_IMAGE)),
+        _ => light::omission_reason(pass, quality, nothing, Some(NO_IMAGE)),
     })
 }

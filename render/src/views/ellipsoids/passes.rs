@@ -24,11 +24,11 @@ use crate::{
     views::view3d::{Draw, Frame, Prepared, View3d},
 };
 
-/// Bytes of a fragment: its depth, whose it is.
-const NODE: u64 = 8;
-/// Up to so many fragments room is made for what the boxes could hold, without counting (32 MiB).
+/// Bytes of a fragment: its depth and its ellipsoid.
+const NODE_BYTES: u64 = 8;
+/// Up to this many fragments, the nodes are allocated for the boxes' upper bound, without counting (32 MiB).
 const FEW_NODES: u64 = 1 << 22;
-/// Bytes that the nodes may grow to, where the device allows it.
+/// Maximum size of the nodes, if the device allows it.
 const MOST_BYTES: u64 = 1 << 29;
 
 /// What is under a pixel.
@@ -36,7 +36,7 @@ const MOST_BYTES: u64 = 1 << 29;
 pub struct EllipsoidPick {
     /// The nearest ellipsoid's id.
     pub id: u32,
-    /// The point on its surface, RAS+ millimetres. A slice hides nothing from it.
+    /// The point on its surface, RAS+ millimetres. Slices don't hide it.
     pub world_mm: DVec3,
     /// Whether that point is in the lens; always, when the lens is off.
     pub inside_lens: bool,
@@ -50,14 +50,14 @@ pub struct Ellipsoids {
     pub(super) nodes: GrowingBuffer,
     counters: wgpu::Buffer,
     plane: PlaneBuffers,
-    /// Fragments are counted from so many on, instead of trusting the boxes.
+    /// Above this upper bound, fragments are counted.
     pub(super) few_nodes: u64,
     /// How often fragments were counted and the nodes grew.
     #[cfg(test)]
     pub(super) grown: u32,
 }
 
-/// What a frame's picks are looked up in.
+/// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
 pub struct Kept {
@@ -90,7 +90,7 @@ impl View3d for Ellipsoids {
             ellipsoids: GrowingBuffer::new(gpu, "the ellipsoids", size_of::<GpuEllipsoid>() as u64),
             colors: GrowingBuffer::new(gpu, "the colours of ellipsoids", 16),
             tiles: GrowingBuffer::new(gpu, "the ellipsoids of every tile", 16),
-            nodes: GrowingBuffer::new(gpu, "the fragments of ellipsoids", NODE * 2),
+            nodes: GrowingBuffer::new(gpu, "the fragments of ellipsoids", NODE_BYTES * 2),
             counters: gpu.buffer("Ellipsoids::counters", 16, counters),
             plane: PlaneBuffers::new(gpu),
             few_nodes: FEW_NODES,
@@ -104,7 +104,7 @@ impl View3d for Ellipsoids {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &EllipsoidScene,
-        _spare: Option<Kept>,
+        _previous: Option<Kept>,
     ) -> Result<Prepared<Kept>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
         let reference_mm = reference_to(&scene.camera, scene.middle_mm());
@@ -174,7 +174,7 @@ impl View3d for Ellipsoids {
 }
 
 impl Ellipsoids {
-    /// Ellipsoids, tiles, and room for every fragment; false where there may be too little.
+    /// Uploads ellipsoids and tiles, and allocates nodes; false if not all fragments may fit.
     fn upload(
         &mut self,
         draw: &mut Draw<'_>,
@@ -191,30 +191,30 @@ impl Ellipsoids {
             self.colors.write(gpu, bytemuck::cast_slice(&colors))?;
         }
         self.tiles.write(gpu, bytemuck::cast_slice(&bins.tiles))?;
-        let room = self.nodes.buffer().size() / NODE;
-        if bins.most_fragments <= room {
+        let capacity = self.nodes.buffer().size() / NODE_BYTES;
+        if bins.most_fragments <= capacity {
             return Ok(true);
         }
         let most = gpu.storage_limit().min(MOST_BYTES) & !15;
-        if bins.most_fragments <= self.few_nodes && bins.most_fragments * NODE <= most {
-            self.nodes.grow(gpu, bins.most_fragments * NODE)?;
+        if bins.most_fragments <= self.few_nodes && bins.most_fragments * NODE_BYTES <= most {
+            self.nodes.grow(gpu, bins.most_fragments * NODE_BYTES)?;
             return Ok(true);
         }
-        if room * NODE >= most {
+        if capacity * NODE_BYTES >= most {
             return Ok(false);
         }
-        let asked = self.count(draw)?;
-        if asked > room {
-            self.nodes.grow(gpu, asked.saturating_mul(NODE).min(most))?;
+        let needed = self.count(draw)?;
+        if needed > capacity {
+            self.nodes.grow(gpu, needed.saturating_mul(NODE_BYTES).min(most))?;
             #[cfg(test)]
             {
                 self.grown += 1;
             }
         }
-        Ok(asked <= self.nodes.buffer().size() / NODE)
+        Ok(needed <= self.nodes.buffer().size() / NODE_BYTES)
     }
 
-    /// How many nodes the frame asks for: its lists made once, with whatever room there is.
+    /// Number of nodes that the frame needs: makes its lists once, with the present buffer.
     fn count(&mut self, draw: &mut Draw<'_>) -> Result<u64, RenderError> {
         draw.gpu.queue.write_buffer(&self.counters, 0, &[0; 16]);
         self.bind_lists(draw)?;

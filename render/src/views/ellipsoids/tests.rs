@@ -1,4 +1,4 @@
-//! The diagram on Mesa's software adapter, held against its twin. A missing adapter fails.
+//! The diagram on Mesa's software adapter, compared with its twin. Fails without an adapter.
 
 mod lit;
 
@@ -13,7 +13,7 @@ use crate::{
     light::screen::{OCCLUSION, OCCLUSION_BLUR},
     scene::LightingMode,
     solid::view::FAR,
-    testing::{GPU, noise},
+    testing::{GPU, noise, small_device},
     views::{EllipsoidRenderer, view3d::Switches},
 };
 
@@ -36,7 +36,7 @@ fn bench() -> MutexGuard<'static, Bench> {
         .unwrap_or_else(PoisonError::into_inner)
 }
 
-fn everything() -> Plan {
+fn every_pass() -> Plan {
     Plan { passes: vec![LISTS, OCCLUSION, OCCLUSION_BLUR, COMPOSE], omitted: Vec::new() }
 }
 
@@ -52,7 +52,7 @@ fn scene_of(ellipsoids: Vec<DrawnEllipsoid>, center_mm: DVec3, radius_mm: f64) -
     }
 }
 
-/// Ellipsoids within about 40 mm of a place; axes from `thin` to 1 times up to 25 mm.
+/// Random ellipsoids within about 40 mm of a point, with axes of `thin` to 1 times a size of up to 25 mm.
 fn random(count: u32, seed: u32, center_mm: DVec3, thin: f64) -> EllipsoidScene {
     let number = |i: u32, what: usize| noise([i as usize, what, 7], seed);
     let ellipsoids = (0..count)
@@ -108,7 +108,7 @@ struct Tally {
 }
 
 /// Draws without occlusion and compares every pixel with the twin: the same fragments in the same order,
-/// depths within `depth_mm`, colours within 2 of 255; but for pixels that the twin calls delicate.
+/// depths within `depth_mm`, colours within 2 of 255; except for pixels that the twin marks as delicate.
 fn compare(name: &str, scene: &EllipsoidScene, size: [u32; 2], depth_mm: f64) -> Tally {
     compare_by(&mut bench(), name, scene, size, depth_mm)
 }
@@ -147,7 +147,7 @@ fn compare_by(bench: &mut Bench, name: &str, scene: &EllipsoidScene, size: [u32;
 }
 
 #[test]
-fn random_scenes_have_the_twin_s_order_and_colours() {
+fn random_scenes_match_the_twin_in_order_and_colours() {
     for (seed, count) in [(1, 5), (2, 40), (3, 120)] {
         let mut scene = random(count, seed, DVec3::ZERO, 0.4);
         for projection in [Projection::Perspective, Projection::Orthographic] {
@@ -228,7 +228,7 @@ fn the_order_of_the_list_changes_no_bit() {
     }
     scene.ellipsoids = Arc::new(all.clone());
     scene.lens = Some(Lens { center_mm: DVec3::ZERO, radius_mm: 22.0 });
-    let plan = everything();
+    let plan = every_pass();
     let first = bits(&mut bench, &scene, &Quality::FULL, plan.clone(), true);
     for turn in 1..6_usize {
         let mut other = all.clone();
@@ -255,12 +255,12 @@ fn coincident_ellipsoids_do_not_flicker() {
         let tally = compare("coincident", &scene, [90, 70], 1e-3);
         assert!(tally.most >= 6);
         let mut bench = bench();
-        let once = bits(&mut bench, &scene, &Quality::FULL, everything(), true);
-        assert!(bits(&mut bench, &scene, &Quality::FULL, everything(), true) == once);
+        let once = bits(&mut bench, &scene, &Quality::FULL, every_pass(), true);
+        assert!(bits(&mut bench, &scene, &Quality::FULL, every_pass(), true) == once);
     }
 }
 
-/// Shells in shells, all of which cover the whole picture.
+/// Nested shells, each of which covers the whole frame.
 fn layers(count: u32) -> EllipsoidScene {
     let shells = (0..count).map(|i| DrawnEllipsoid {
         id: i * 7919 % 1009,
@@ -285,7 +285,7 @@ fn three_hundred_layers_lose_nothing() {
     let size = [48, 40];
     let gpu = bench().gpu.clone();
     let mut counting = Bench { renderer: EllipsoidRenderer::new(&gpu).unwrap(), gpu: gpu.clone() };
-    // Nothing is made room for beforehand: counting has to find the number.
+    // No nodes are allocated in advance: counting has to find the number.
     counting.renderer.view.few_nodes = 64;
     let tally = compare_by(&mut counting, "300 layers", &scene, size, 1e-3);
     assert_eq!((tally.fragments, tally.most, tally.delicate), (600 * 48 * 40, 600, 0), "{tally:?}");
@@ -294,12 +294,12 @@ fn three_hundred_layers_lose_nothing() {
     assert_eq!(counting.renderer.view.grown, 1);
     let drawn = |bench: &mut Bench| {
         let Bench { gpu, renderer } = bench;
-        let picture = renderer.render(gpu, &scene, &FLAT, [100, 90]).unwrap().read_rgba(gpu).unwrap();
-        (lists(gpu, renderer), picture)
+        let rgba = renderer.render(gpu, &scene, &FLAT, [100, 90]).unwrap().read_rgba(gpu).unwrap();
+        (lists(gpu, renderer), rgba)
     };
     let by_counting = drawn(&mut counting);
     assert_eq!(counting.renderer.view.grown, 2, "more pixels, more nodes");
-    // What the boxes bound makes the same picture.
+    // Allocating by the boxes' upper bound gives the same frame.
     let mut bounded = Bench { renderer: EllipsoidRenderer::new(&gpu).unwrap(), gpu };
     bounded.renderer.view.few_nodes = 1 << 40;
     assert!(drawn(&mut bounded) == by_counting);
@@ -308,17 +308,8 @@ fn three_hundred_layers_lose_nothing() {
     assert_eq!(counted, 600 * 100 * 90);
 }
 
-fn small_device(bytes: u64) -> Gpu {
-    let adapter = bench().gpu.adapter.clone();
-    let mut descriptor = crate::device::gpu::device_descriptor(&adapter);
-    descriptor.required_limits.max_storage_buffer_binding_size = bytes;
-    descriptor.required_limits.max_buffer_size = bytes;
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).unwrap();
-    Gpu::from_parts(adapter, device, queue)
-}
-
 #[test]
-fn fragments_past_the_device_s_largest_buffer_are_drawn_all_the_same() {
+fn fragments_beyond_the_largest_buffer_are_drawn() {
     let gpu = small_device(400_000);
     let mut small = Bench { renderer: EllipsoidRenderer::new(&gpu).unwrap(), gpu };
     let mut mixed = random(200, 20, DVec3::ZERO, 0.4);
@@ -336,7 +327,7 @@ fn fragments_past_the_device_s_largest_buffer_are_drawn_all_the_same() {
     shells.camera.height_mm = 20.0;
     shells.camera.focus_mm = shells.camera.axes()[2] * 20.0;
     for scene in [shells, mixed] {
-        let draw = |bench: &mut Bench| bits(bench, &scene, &Quality::FULL, everything(), true);
+        let draw = |bench: &mut Bench| bits(bench, &scene, &Quality::FULL, every_pass(), true);
         let expected = {
             let mut whole = bench();
             let expected = draw(&mut whole);
@@ -362,7 +353,7 @@ fn fragments_past_the_device_s_largest_buffer_are_drawn_all_the_same() {
 }
 
 #[test]
-fn more_ellipsoids_than_a_buffer_holds_are_refused_by_name() {
+fn more_ellipsoids_than_a_buffer_holds_are_an_error() {
     let gpu = small_device(400_000);
     let mut renderer = EllipsoidRenderer::new(&gpu).unwrap();
     let e = renderer.render(&gpu, &random(7000, 1, DVec3::ZERO, 0.4), &FLAT, [8, 8]).unwrap_err();
@@ -375,7 +366,7 @@ fn more_ellipsoids_than_a_buffer_holds_are_refused_by_name() {
 }
 
 #[test]
-fn what_a_plan_leaves_out_changes_no_pixel() {
+fn omitted_passes_change_no_pixel() {
     let mut bench = bench();
     let busy = random(40, 10, DVec3::ZERO, 0.4);
     let lens = Some(Lens { center_mm: DVec3::ZERO, radius_mm: 22.0 });
@@ -386,9 +377,9 @@ fn what_a_plan_leaves_out_changes_no_pixel() {
         assert_eq!(planned.passes, [COMPOSE]);
         assert!(planned.omitted.len() == 3 && planned.omitted.iter().all(|o| o.1 == reason));
         let lean = bits(&mut bench, &scene, &Quality::FULL, planned, true);
-        // Leave something else in every buffer first.
-        bits(&mut bench, &busy, &Quality::FULL, everything(), true);
-        let all = bits(&mut bench, &scene, &Quality::FULL, everything(), true);
+        // Fill every buffer with something else first.
+        bits(&mut bench, &busy, &Quality::FULL, every_pass(), true);
+        let all = bits(&mut bench, &scene, &Quality::FULL, every_pass(), true);
         assert!(lean[..] == all[..lean.len()], "{reason}");
         let Bench { gpu, renderer } = &mut *bench;
         assert_eq!(renderer.frame().unwrap().pick(gpu, 45, 35).unwrap(), None);
@@ -396,21 +387,21 @@ fn what_a_plan_leaves_out_changes_no_pixel() {
     let planned = ellipsoid_plan(&busy, &FLAT);
     assert_eq!(planned.passes, [LISTS, COMPOSE]);
     let lean = bits(&mut bench, &busy, &FLAT, planned, true);
-    assert!(lean == bits(&mut bench, &busy, &FLAT, everything(), true), "strength 0");
+    assert!(lean == bits(&mut bench, &busy, &FLAT, every_pass(), true), "strength 0");
     let whole = bits(&mut bench, &busy, &Quality::FULL, ellipsoid_plan(&busy, &Quality::FULL), true);
-    assert!(whole != lean, "occlusion is seen");
-    // A slice that isn't seen is as good as none.
+    assert!(whole != lean, "occlusion is visible");
+    // An invisible slice changes nothing.
     for opacity in [0.0, 1.0] {
         let mut with = busy.clone();
         let behind = with.camera.eye_mm() + with.camera.axes()[2] * 50.0;
         let corner_mm = if opacity > 0.0 { behind } else { DVec3::splat(-20.0) };
         with.plane = Some(plane(corner_mm, DVec3::X * 40.0, DVec3::Y * 40.0, opacity));
-        assert!(bits(&mut bench, &with, &FLAT, everything(), true) == lean);
+        assert!(bits(&mut bench, &with, &FLAT, every_pass(), true) == lean);
     }
 }
 
 #[test]
-fn what_is_behind_an_opaque_surface_is_left_out_unseen() {
+fn fragments_behind_opaque_surfaces_are_skipped_without_effect() {
     let mut bench = bench();
     for seed in 11..14 {
         let mut scene = random(60, seed, DVec3::ZERO, 0.4);
@@ -422,7 +413,7 @@ fn what_is_behind_an_opaque_surface_is_left_out_unseen() {
         let mut fragments = Vec::new();
         let mut pictures = Vec::new();
         for skipping in [true, false] {
-            pictures.push(bits(&mut bench, &scene, &Quality::FULL, everything(), skipping));
+            pictures.push(bits(&mut bench, &scene, &Quality::FULL, every_pass(), skipping));
             fragments.push(lists(&bench.gpu, &bench.renderer).iter().map(Vec::len).sum::<usize>());
         }
         assert!(pictures[0] == pictures[1]);
@@ -431,7 +422,7 @@ fn what_is_behind_an_opaque_surface_is_left_out_unseen() {
 }
 
 #[test]
-fn a_pick_is_the_twin_s_nearest_fragment() {
+fn a_pick_is_the_nearest_fragment_of_the_twin() {
     let mut scene = random(40, 14, DVec3::new(1e5, 0.0, -1e5), 0.4);
     scene.lens = Some(Lens { center_mm: DVec3::new(1e5, 0.0, -1e5), radius_mm: 38.0 });
     let mut bench = bench();
@@ -493,7 +484,7 @@ fn a_slice_is_blended_at_its_depth() {
         ));
         compare("a slice", &scene, [80, 64], 1e-3);
     }
-    // Closed form: one texel over the whole picture, 40 % of it seen.
+    // Closed form: one texel of opacity 0.4 over the left half of the frame.
     let mut scene = random(0, 1, DVec3::ZERO, 0.5);
     let [right, up, back] = scene.camera.axes();
     let rgba = Arc::new(vec![10, 110, 210, 255]);
@@ -509,7 +500,7 @@ fn a_slice_is_blended_at_its_depth() {
     let Bench { gpu, renderer } = &mut *bench;
     let rgba = renderer.render(gpu, &scene, &FLAT, [40, 30]).unwrap().read_rgba(gpu).unwrap();
     for (i, pixel) in rgba.chunks(4).enumerate() {
-        // Its right edge is at the middle.
+        // Its right edge is in the middle.
         let expected = if i % 40 < 20 { [148, 188, 228, 255] } else { [240, 240, 240, 255] };
         assert_eq!(pixel, expected, "{i}");
     }
@@ -526,7 +517,7 @@ fn a_slice_is_blended_at_its_depth() {
 }
 
 #[test]
-fn outlines_greys_and_creases_look_as_they_should() {
+fn outlines_greys_and_creases_have_the_expected_colours() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let ball = |x: f64, id: u32, color: [u8; 3]| DrawnEllipsoid {
@@ -568,7 +559,7 @@ fn outlines_greys_and_creases_look_as_they_should() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_named_and_times_leave_the_picture_alone() {
+fn invalid_ellipsoids_are_errors_and_timing_keeps_the_frame() {
     let mut bench = bench();
     let Bench { gpu, renderer } = &mut *bench;
     let good = random(20, 17, DVec3::ZERO, 0.4);
@@ -588,7 +579,7 @@ fn what_cannot_be_drawn_is_named_and_times_leave_the_picture_alone() {
     let first = renderer.render(gpu, &good, &Quality::FULL, [64, 64]).unwrap().read_rgba(gpu).unwrap();
     for _ in 0..2 {
         let times = renderer.pass_times(gpu).unwrap();
-        assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), everything().passes);
+        assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), every_pass().passes);
         assert!(renderer.frame().unwrap().read_rgba(gpu).unwrap() == first);
     }
     let frame = renderer.frame().unwrap();

@@ -1,5 +1,5 @@
-//! The diagram on the CPU in `f64`, found another way than the shaders do: quadratics in world space,
-//! no tiles, no reference plane; how far an outline is off comes from neighbouring rays.
+//! The diagram on the CPU in `f64`, by another method than the shaders': quadratics in world space, no
+//! tiles, no reference plane; distances to outlines from neighbouring rays.
 
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::optics::{Projection, Ray};
@@ -27,8 +27,8 @@ pub struct Pixel {
     pub color: DVec3,
     /// Within two pixels of the lens's ring, which the twin doesn't draw.
     pub on_ring: bool,
-    /// A ray that grazes an ellipsoid, or meets two surfaces within 1e-3 mm that are not one: `f32`
-    /// may count or order them the other way.
+    /// A ray that grazes an ellipsoid, or meets two distinct surfaces within 1e-3 mm: `f32` may count or
+    /// order them differently.
     pub delicate: bool,
 }
 
@@ -42,8 +42,8 @@ fn quadratic(ray: Ray, e: &DrawnEllipsoid) -> (f64, f64, f64, f64) {
     (a, ray.direction.dot(form * o), o.dot(form * o) - 1.0, from)
 }
 
-/// Square of a ray's least distance from the centre, where the surface has 1.
-fn least2(ray: Ray, e: &DrawnEllipsoid) -> f64 {
+/// Square of a ray's minimum distance from the centre, the surface being at 1.
+fn min_distance2(ray: Ray, e: &DrawnEllipsoid) -> f64 {
     let (a, b, c, _) = quadratic(ray, e);
     (c + 1.0 - b * b / a).max(0.0)
 }
@@ -77,7 +77,7 @@ fn cast_one(scene: &EllipsoidScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
     }
     for e in scene.ellipsoids.iter() {
         let opacity = (e.opacity * scene.opacity).clamp(0.0, 1.0);
-        let r = least2(ray, e).sqrt();
+        let r = min_distance2(ray, e).sqrt();
         out.delicate |= opacity > 0.0 && (r - 1.0).abs() < 1e-4;
         if opacity == 0.0 || r >= 1.0 {
             continue;
@@ -85,7 +85,7 @@ fn cast_one(scene: &EllipsoidScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
         let h = 1e-3;
         // The square has no kink on the axis, and its slope is 2 r times that of r.
         let slope = |d: DVec2| {
-            let square = |sign: f64| least2(ray_at(middle + d * (sign * h)), e);
+            let square = |sign: f64| min_distance2(ray_at(middle + d * (sign * h)), e);
             (square(1.0) - square(-1.0)) / (2.0 * h) / (2.0 * r).max(1e-12)
         };
         let inset_px = (1.0 - r) / DVec2::new(slope(DVec2::X), slope(DVec2::Y)).length().max(1e-12);

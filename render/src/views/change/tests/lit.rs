@@ -1,4 +1,4 @@
-//! Arrows as solids among directional occlusion.
+//! Arrows as opaque geometry with directional occlusion.
 
 use glioscope_core::optics::Sight;
 
@@ -17,7 +17,7 @@ const SIZE: [u32; 2] = [80, 72];
 const PIXELS: usize = 80 * 72;
 const LIT: [LightingMode; 2] = [LightingMode::Slices, LightingMode::Cones];
 
-/// Knobs of its own: presets come and go with what is measured, counts of darker pixels with them.
+/// Fixed settings: presets change with measurements, and counts of darker pixels would change with them.
 fn lit(mode: LightingMode) -> Quality {
     let lighting = LightSettings {
         mode,
@@ -30,7 +30,7 @@ fn lit(mode: LightingMode) -> Quality {
     Quality { lighting, ..Quality::FULL }
 }
 
-/// A ball that grew, with some arrows all around; `masks` are seen in its place.
+/// Some arrows of a ball that grew, with `masks` drawn in place of the ball.
 fn arrows_on(masks: [&MaskBits; 2]) -> ChangeScene {
     let grid = cubic(34);
     let center = DVec3::splat(16.0);
@@ -80,13 +80,13 @@ fn without(plan: &Plan, pass: PassName) -> Plan {
     plan
 }
 
-/// Depths of what is solid, and depths at which rays end.
-fn solids(bench: &Bench) -> [Vec<f32>; 2] {
+/// Depths of opaque geometry, and depths at which rays through the image end.
+fn opaque_depths(bench: &Bench) -> [Vec<f32>; 2] {
     let buffer = &bench.renderer.view.opaque_targets.as_ref().unwrap().depths;
     let read = bench.gpu.read_buffers(&[(buffer, 0, buffer.size())]).unwrap().remove(0);
     let both: Vec<f32> = bytemuck::pod_collect_to_vec(&read);
-    let (solid, ends) = both.split_at(PIXELS);
-    [solid.to_vec(), ends.to_vec()]
+    let (opaque, ends) = both.split_at(PIXELS);
+    [opaque.to_vec(), ends.to_vec()]
 }
 
 fn eye(bench: &Bench) -> Vec<[f32; 4]> {
@@ -103,14 +103,14 @@ fn the_surface_beside_an_arrow_is_darker() {
         let plan = change_plan(&s, &quality);
         assert!(plan.has(ARROWS_MERGE), "{plan:?}");
         let with = found(&mut bench, &s, &quality, plan.clone());
-        let [solid, ends] = solids(&bench);
+        let [opaque, ends] = opaque_depths(&bench);
         let off = found(&mut bench, &s, &quality, without(&plan, ARROWS_MERGE));
         assert!(bench.renderer.view.opaque_targets.is_none());
         let (mut beside, mut darker, mut on_arrows, mut dark_arrows) = (0, 0, 0, 0);
         for i in 0..PIXELS {
             let (number, depth) = with.tops[i];
             assert_eq!(with.tops[i], off.tops[i]);
-            assert_eq!(solid[i], if number > 0 { depth } else { with.depths[i] });
+            assert_eq!(opaque[i], if number > 0 { depth } else { with.depths[i] });
             assert_eq!(ends[i], with.depths[i]);
             let (a, b) = (with.brightness(i), off.brightness(i));
             if number > 0 {
@@ -131,7 +131,7 @@ fn the_surface_beside_an_arrow_is_darker() {
 }
 
 #[test]
-fn an_arrow_behind_dense_image_is_darker() {
+fn an_arrow_behind_a_dense_image_is_darker() {
     let mut bench = bench();
     let alone = arrows();
     let s = with_image(alone.clone());
@@ -140,7 +140,7 @@ fn an_arrow_behind_dense_image_is_darker() {
         let plain = found(&mut bench, &alone, &quality, change_plan(&alone, &quality));
         let behind = found(&mut bench, &s, &quality, change_plan(&s, &quality));
         let (mut count, mut before, mut after) = (0, 0, 0);
-        // No image is seen beside these.
+        // Arrows in front of the surface: no image is visible beside them in the same pixel.
         for i in (0..PIXELS).filter(|&i| plain.tops[i].0 > 0 && plain.depths[i] < FAR) {
             let (a, b) = (plain.brightness(i), behind.brightness(i));
             assert!(b <= a, "{mode:?} {i}: {b} {a}");
@@ -153,7 +153,7 @@ fn an_arrow_behind_dense_image_is_darker() {
     }
 }
 
-/// Arrows darken the image behind them; what of it is seen beside them stays.
+/// Arrows darken the image behind them, but don't hide it beside them in the same pixel.
 #[test]
 fn an_arrow_darkens_the_image_and_hides_none_of_it_beside_itself() {
     let mut bench = bench();
@@ -164,20 +164,20 @@ fn an_arrow_darkens_the_image_and_hides_none_of_it_beside_itself() {
         let found = found(&mut bench, &s, &quality, plan);
         (found, eye(&bench))
     });
-    let (mut seen, mut darker) = (0, 0);
+    let (mut in_front, mut darker) = (0, 0);
     for i in 0..PIXELS {
         let (a, b) = (with.1[i], off.1[i]);
         assert!((a[3] - b[3]).abs() < 1e-5, "{i}: {a:?} {b:?}");
         assert!((0..3).all(|c| a[c] <= b[c] + 1e-5), "{i}: {a:?} {b:?}");
-        seen += u32::from(with.0.tops[i].0 > 0 && b[3] < 0.5);
+        in_front += u32::from(with.0.tops[i].0 > 0 && b[3] < 0.5);
         darker += u32::from(a[0] < 0.9 * b[0] - 1e-3);
     }
-    println!("{seen} pixels of arrows before image, {darker} darker");
-    assert!(seen > 100 && darker > 30, "{seen} {darker}");
+    println!("{in_front} pixels of arrows in front of the image, {darker} darker");
+    assert!(in_front > 100 && darker > 30, "{in_front} {darker}");
 }
 
 #[test]
-fn slices_beside_arrows_are_their_twin() {
+fn slices_beside_arrows_match_their_twin() {
     let mut bench = bench();
     let s = with_image(arrows());
     let around = s.context_scene();
@@ -194,13 +194,13 @@ fn slices_beside_arrows_are_their_twin() {
             let occupied = visible_depths_mm(&around, &sight);
             let whole = Some((occupied[0].0, occupied.last().unwrap().1));
             let plan = SlicePlan::new(&settings, &sight, whole, &occupied);
-            let depths = solids(&bench).map(|depths| {
+            let depths = opaque_depths(&bench).map(|depths| {
                 let from_eye = |d: &f32| f64::from(*d) + around.reference_mm();
                 depths.iter().map(|d| if *d < FAR { from_eye(d) } else { f64::INFINITY }).collect::<Vec<_>>()
             });
             let both = [&depths[0][..], &depths[1][..]];
             let strength = quality.occlusion_strength;
-            let twin = twin::slices_apart(&around, &sight, &plan, both, &mutual, strength);
+            let twin = twin::slices_with_ray_ends(&around, &sight, &plan, both, &mutual, strength);
             let (mut worst, mut apart) = (0.0_f64, 0);
             for ((eye, twin), ends) in eye(&bench).iter().zip(&twin).zip(depths[0].iter().zip(&depths[1])) {
                 let expected = twin.eye.radiance.extend(twin.eye.transmittance);
@@ -214,7 +214,7 @@ fn slices_beside_arrows_are_their_twin() {
 }
 
 #[test]
-fn arrows_are_merged_only_where_light_asks_for_it() {
+fn arrows_are_merged_only_if_light_passes_need_it() {
     let s = arrows();
     let with = with_image(s.clone());
     let look = |look: ChangeLook| ChangeScene { look, ..with.clone() };
@@ -228,7 +228,7 @@ fn arrows_are_merged_only_where_light_asks_for_it() {
     };
     let screen = change_plan(&with, &Quality::FULL);
     assert!(screen.has(ARROWS) && !screen.has(ARROWS_MERGE));
-    assert!(screen.omitted.iter().all(|o| o.0 != ARROWS_MERGE), "an alternative, not left out");
+    assert!(screen.omitted.iter().all(|o| o.0 != ARROWS_MERGE), "another mode's pass, not an omitted one");
     let mut bench = bench();
     for mode in LIT {
         let quality = lit(mode);
@@ -244,19 +244,19 @@ fn arrows_are_merged_only_where_light_asks_for_it() {
             let mut all = lean.clone();
             all.passes.extend([ARROWS, ARROWS_MERGE].iter().filter(|p| !lean.has(**p)));
             let lean = found(&mut bench, scene, quality, lean);
-            // ARROWS in every buffer first.
+            // Fill every buffer with arrows first.
             found(&mut bench, &with, &lit(mode), change_plan(&with, &lit(mode)));
             let all = found(&mut bench, scene, quality, all);
             assert!(lean.rgba == all.rgba, "{mode:?}: {expected}");
         }
-        // Nothing of the surface is solid, the arrows are.
+        // No part of the surface is opaque, but the arrows are.
         let halves = [|v: DVec3| v.z < 16.0, |v: DVec3| v.z >= 16.0]
             .map(|half| mask(&grid, move |v| half(v) && ball(DVec3::splat(16.0), 12.0)(v)));
         let apart = arrows_on([&halves[0], &halves[1]]);
         let plan = change_plan(&apart, &quality);
         assert!(!plan.has(SURFACE) && plan.has(ARROWS) && plan.has(ARROWS_MERGE), "{plan:?}");
         assert!(plan.has(if mode == LightingMode::Cones { SOLID_CONES } else { VICINITY }));
-        // The surface's depths of this frame are left in the buffer.
+        // Leaves the depths of a surface in the buffer.
         found(&mut bench, &with, &quality, change_plan(&with, &quality));
         let drawn = found(&mut bench, &apart, &quality, plan.clone());
         assert!(drawn.depths.iter().all(|d| *d >= FAR));
@@ -265,7 +265,7 @@ fn arrows_are_merged_only_where_light_asks_for_it() {
         let darker = |i: &usize| drawn.brightness(*i) < off.brightness(*i);
         assert!((0..PIXELS).filter(on).filter(darker).count() > 10);
     }
-    // Where no pass of light would read it.
+    // Not where no light pass would read it.
     let mutual = MutualOcclusion {
         opaque_on_image: false,
         opaque_on_opaque: false,
@@ -280,17 +280,17 @@ fn arrows_are_merged_only_where_light_asks_for_it() {
     assert_eq!(plan.passes.len() + plan.omitted.len(), every.len());
 }
 
-/// In parts and at once are the same pixels; the picture before stays until then.
+/// A frame drawn in parts equals one drawn at once; the previous frame stays until then.
 #[test]
-fn a_change_view_comes_in_parts() {
+fn a_change_view_can_be_drawn_in_parts() {
     let Bench { gpu, renderer } = &mut *bench();
     let scene = with_image(arrows());
     let quality = lit(LightingMode::Slices);
-    let wanted = renderer.render(gpu, &scene, &quality, SIZE).unwrap().read_rgba(gpu).unwrap();
+    let expected = renderer.render(gpu, &scene, &quality, SIZE).unwrap().read_rgba(gpu).unwrap();
     let mut other = scene.clone();
     other.camera.height_mm *= 1.4;
     let before = renderer.render(gpu, &other, &quality, SIZE).unwrap().read_rgba(gpu).unwrap();
-    assert!(before != wanted);
+    assert!(before != expected);
     renderer.begin(gpu, &scene, &quality, SIZE).unwrap();
     let mut parts = 0;
     while !renderer.resume(gpu, 0.0).unwrap() {
@@ -301,5 +301,5 @@ fn a_change_view_comes_in_parts() {
     }
     assert!(parts > 10, "{parts}");
     assert_eq!(renderer.share_done(), None);
-    assert!(renderer.frame().unwrap().read_rgba(gpu).unwrap() == wanted);
+    assert!(renderer.frame().unwrap().read_rgba(gpu).unwrap() == expected);
 }

@@ -1,4 +1,4 @@
-//! Plans, layouts, refusals.
+//! Plans, clipping, hiding, invalid looks, extreme cameras.
 
 use crate::views::change::tests::*;
 
@@ -12,16 +12,16 @@ pub(super) fn with_image(mut scene: ChangeScene) -> ChangeScene {
 }
 
 #[test]
-fn each_reason_leaves_out_its_passes_and_changes_no_pixel() {
+fn each_reason_omits_its_passes_and_changes_no_pixel() {
     let grid = cubic(30);
     let center = DVec3::splat(14.0);
-    let plain = scene(frayed(&cubic(30)));
+    let plain = scene(ragged(&cubic(30)));
     let full = with_image(plain.clone());
     let look = |scene: &ChangeScene, look: ChangeLook| ChangeScene { look, ..scene.clone() };
     let smooth = ChangeLook { smooth_mm: 1.0, ..plain.look };
     let arrows = ChangeLook { style: ChangeStyle::Arrows, ..smooth };
     let same = scene(surface(&grid, ball(center, 8.0), ball(center, 8.0)));
-    let came = scene(surface(&grid, |_| false, ball(center, 8.0)));
+    let appeared = scene(surface(&grid, |_| false, ball(center, 8.0)));
     let mut clear = full.clone();
     clear.context.transfer = transfer(0.0);
     const FILTER: [PassName; 2] = [HEIGHT_FILTER_ACROSS, HEIGHT_FILTER_DOWN];
@@ -91,7 +91,7 @@ fn each_reason_leaves_out_its_passes_and_changes_no_pixel() {
         ),
         (
             "from empty",
-            look(&came, smooth),
+            look(&appeared, smooth),
             vec![
                 (&[OUTSIDE, ARROWS], "style is height map"),
                 (&ALL_HEIGHTS, "no surface voxel has a partner"),
@@ -103,25 +103,26 @@ fn each_reason_leaves_out_its_passes_and_changes_no_pixel() {
     let Bench { gpu, renderer } = &mut *bench;
     for (name, scene, expected) in cases {
         let plan = change_plan(&scene, &FLAT);
-        let mut wanted: Vec<(PassName, &str)> =
+        let mut expected_omissions: Vec<(PassName, &str)> =
             vec![(OCCLUSION, "occlusion strength is 0"), (OCCLUSION_BLUR, "occlusion strength is 0")];
-        wanted.extend(expected.iter().flat_map(|(passes, reason)| passes.iter().map(|&p| (p, *reason))));
-        wanted.sort();
+        expected_omissions
+            .extend(expected.iter().flat_map(|(passes, reason)| passes.iter().map(|&p| (p, *reason))));
+        expected_omissions.sort();
         let mut omitted = plan.omitted.clone();
         omitted.sort();
-        assert_eq!(omitted, wanted, "{name}");
+        assert_eq!(omitted, expected_omissions, "{name}");
         // With every pass that can be run at all.
         let mut everything = every_pass(LightingMode::ScreenSpace);
         if scene.context.volume.is_none() {
             everything.passes.retain(|p| !IMAGE.contains(p));
         }
-        // Occlusion of strength 0 shows nothing, too.
+        // Occlusion of strength 0 has no effect either.
         let found = renderer.render(gpu, &scene, &FLAT, [72, 64]).unwrap().read_rgba(gpu).unwrap();
         let all = renderer.render_planned(gpu, &scene, &FLAT, [72, 64], everything, Switches::ON).unwrap();
         assert!(all.read_rgba(gpu).unwrap() == found, "{name}");
         assert!(found.chunks_exact(4).any(|p| p[..3] != [255; 3]), "{name}");
     }
-    // Nothing at all: a picture of the background.
+    // An empty scene: only the background.
     let empty = ChangeScene { surface: None, ..plain };
     let plan = change_plan(&empty, &FLAT);
     assert_eq!(plan.passes, [COMPOSE]);
@@ -133,9 +134,9 @@ fn each_reason_leaves_out_its_passes_and_changes_no_pixel() {
 }
 
 #[test]
-fn the_image_is_around_the_surface_and_can_be_cut() {
+fn the_image_surrounds_the_surface_and_can_be_clipped() {
     let mut bench = bench();
-    let alone = scene(frayed(&cubic(30)));
+    let alone = scene(ragged(&cubic(30)));
     let with = with_image(alone.clone());
     let [expected, found] = [&alone, &with].map(|s| draw(&mut bench, s, [80, 80]));
     let mut around = 0;
@@ -154,7 +155,7 @@ fn the_image_is_around_the_surface_and_can_be_cut() {
     assert!(with != alone && with != cut && with == with.clone());
 }
 
-/// Rays that pass an arrow's axis closely meet it, or something nearer.
+/// Rays that pass close to an arrow's axis meet the arrow, or something nearer.
 #[test]
 fn arrows_hide_what_is_behind_them_and_are_hidden_by_the_surface() {
     let grid = cubic(34);
@@ -171,7 +172,7 @@ fn arrows_hide_what_is_behind_them_and_are_hidden_by_the_surface() {
         let frame = renderer.render(gpu, &s, &FLAT, [size; 2]).unwrap().clone();
         let found = read(gpu, &frame);
         let vectors = &s.surface.as_ref().unwrap().change().vectors;
-        let (mut seen, mut hidden) = (0, 0);
+        let (mut visible, mut hidden) = (0, 0);
         for y in (0..size).step_by(5) {
             for x in (0..size).step_by(5) {
                 let middle = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -186,7 +187,7 @@ fn arrows_hide_what_is_behind_them_and_are_hidden_by_the_surface() {
                         let across = axis - axis.dot(ray.direction) * ray.direction;
                         let aside = off - off.dot(ray.direction) * ray.direction;
                         let t = (-aside.dot(across) / across.length_squared().max(1e-12)).clamp(0.0, 1.0);
-                        // The point itself has no width.
+                        // The tip has no width.
                         let close = t < 0.9 && (aside + t * across).length() < 0.04;
                         close.then(|| along_ray(v.from_mm + t * axis))
                     })
@@ -197,20 +198,20 @@ fn arrows_hide_what_is_behind_them_and_are_hidden_by_the_surface() {
                 assert!(met <= nearest + 0.02, "{x} {y}: met {met}, an arrow is at {nearest}");
                 if found.depths[(y * size + x) as usize] < FAR && nearest.is_finite() {
                     let is_arrow = pick.is_some_and(|p| p.vector.is_some());
-                    seen += usize::from(is_arrow);
+                    visible += usize::from(is_arrow);
                     hidden += usize::from(!is_arrow);
                 }
             }
         }
-        println!("{projection:?}: {seen} seen, {hidden} hidden");
-        assert!(seen > 20 && hidden > 5, "{seen} {hidden}");
+        println!("{projection:?}: {visible} visible, {hidden} hidden");
+        assert!(visible > 20 && hidden > 5, "{visible} {hidden}");
     }
 }
 
 #[test]
-fn what_is_no_look_is_refused() {
+fn invalid_looks_are_errors() {
     let mut bench = bench();
-    let s = scene(frayed(&cubic(20)));
+    let s = scene(ragged(&cubic(20)));
     let Bench { gpu, renderer } = &mut *bench;
     for look in [
         ChangeLook { full_mm: 0.0, ..s.look },
@@ -227,11 +228,11 @@ fn what_is_no_look_is_refused() {
     assert!(matches!(renderer.render(gpu, &s, &FLAT, [0, 8]), Err(RenderError::Size { .. })));
 }
 
-/// Cameras in, behind and far from everything.
+/// Cameras inside, behind and far from everything.
 #[test]
-fn every_camera_gives_a_picture() {
+fn every_camera_draws_a_frame() {
     let mut bench = bench();
-    let mut s = scene(frayed(&cubic(30)));
+    let mut s = scene(ragged(&cubic(30)));
     s.look.threshold_mm = 0.0;
     for style in [ChangeStyle::Height, ChangeStyle::Arrows] {
         s.look.style = style;

@@ -1,4 +1,4 @@
-//! Light by vicinity in the place of screen space.
+//! Vicinity occlusion instead of screen-space light.
 
 use glioscope_core::optics::{Sight, poisson::poisson_disc, srgb};
 
@@ -24,7 +24,7 @@ fn drawn(bench: &mut Bench, scene: &EllipsoidScene, quality: &Quality) -> Vec<u8
 }
 
 #[test]
-fn vicinity_takes_the_place_of_screen_space() {
+fn slices_and_cones_use_vicinity_occlusion() {
     let mut bench = bench();
     let scene = random(40, 10, DVec3::ZERO, 0.4);
     let [slices, cones] = [LightingMode::Slices, LightingMode::Cones].map(lit);
@@ -56,7 +56,7 @@ fn vicinity_takes_the_place_of_screen_space() {
     }
 }
 
-/// A small ball before a wall of one: what of the wall is close to it in the picture is darker.
+/// A small ball in front of a wall, which is a large ball: the wall is darker close to the small one in the frame.
 #[test]
 fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let mut bench = bench();
@@ -76,7 +76,7 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let with = EllipsoidScene { ellipsoids: Arc::new(both), ..alone.clone() };
     let quality = lit(LightingMode::Slices);
     let n = (SIZE[0] * SIZE[1]) as usize;
-    let picture = |bench: &mut Bench, scene: &EllipsoidScene| {
+    let render = |bench: &mut Bench, scene: &EllipsoidScene| {
         let Bench { gpu, renderer } = bench;
         let frame = renderer.render(gpu, scene, &quality, SIZE).unwrap();
         let read = gpu
@@ -92,8 +92,8 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
         let blurred: Vec<u32> = bytemuck::pod_collect_to_vec(&read[2]);
         (frame.read_rgba(gpu).unwrap(), depths, ids, blurred, frame.reference_mm)
     };
-    let (plain, _, _, open, _) = picture(&mut bench, &alone);
-    let (found, depths, ids, blurred, reference_mm) = picture(&mut bench, &with);
+    let (plain, _, _, open, _) = render(&mut bench, &alone);
+    let (found, depths, ids, blurred, reference_mm) = render(&mut bench, &with);
     let lighting = quality.lighting;
     let sight = Sight::new(&with.camera, SIZE);
     let from_eye: Vec<f32> =
@@ -103,13 +103,13 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let points = poisson_disc(lighting.vicinity_samples);
     let pixel_mm = |depth| sight.pixel_mm(depth);
     let twin = vicinity::twin::vicinity(&from_eye, SIZE, pixel_mm, radius_mm, slope, &points);
-    let (mut near, mut darker, mut far, mut other) = (0, 0, 0, 0);
+    let (mut near, mut darker, mut far, mut differing) = (0, 0, 0, 0);
     for i in 0..n {
         let light = twin[i];
         let off = (f64::from(blurred[i] >> 24) / 255.0 - (1.0 - srgb::encode(light))).abs();
-        // One point more or less, where its place is a pixel's very edge.
+        // One sample more or less, where it falls on a pixel's edge.
         assert!(off < 0.02, "{i}: {off}");
-        other += usize::from(off > 0.003);
+        differing += usize::from(off > 0.003);
         if ids[i] != 1 {
             continue;
         }
@@ -123,6 +123,9 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
             darker += usize::from(a + 3 < b);
         }
     }
-    println!("{darker} of {near} darker, {far} far off, {other} other than the twin");
-    assert!(near > 100 && darker == near && far > 1000 && other * 50 < n, "{darker} {near} {far} {other}");
+    println!("{darker} of {near} darker, {far} far off, {differing} different from the twin");
+    assert!(
+        near > 100 && darker == near && far > 1000 && differing * 50 < n,
+        "{darker} {near} {far} {differing}"
+    );
 }

@@ -1,19 +1,19 @@
-//! The mask as the skeleton sees it: cropped with one voxel of margin, cavities filled, in units of
-//! the finest spacing.
+//! The mask that the skeleton is computed from: cropped with a margin of one voxel, cavities filled, in units of the
+//! finest spacing.
 
 use glam::{DMat3, DVec3};
 
 use super::SkeletonError;
 use crate::{Components, Connectivity, Grid, MaskBits, Sides, distance::Crop, distance::FeatureTransform};
 
-/// A mask without cavities in a box of its own, with a margin of one inactive voxel on each side
-/// (also where the image ends).
+/// A mask with its cavities filled, cropped to a box with a margin of one inactive voxel on each side (also at the
+/// image's border).
 ///
-/// Its unit of length is the finest voxel spacing, its origin the centre of the box's first voxel:
-/// neither a far origin nor tiny voxels can blur or overflow a power of a distance.
-pub(super) struct Solid {
+/// The unit of length is the finest voxel spacing, the origin the centre of the box's first voxel: powers of distances
+/// neither lose precision far from the world origin nor overflow with tiny voxels.
+pub(super) struct FilledMask {
     pub bits: MaskBits,
-    /// Units of a voxel step along each axis.
+    /// Maps voxels to units: its columns are the voxel steps.
     pub unit_from_voxel: DMat3,
     voxel_from_unit: DMat3,
     /// Grid voxel of the box's voxel (1, 1, 1).
@@ -21,10 +21,10 @@ pub(super) struct Solid {
     /// Length of a voxel step along each axis, in units: at least 1.
     pub ratio: DVec3,
     /// Active voxels that were cavities.
-    pub filled: u64,
+    pub filled_voxels: u64,
 }
 
-impl Solid {
+impl FilledMask {
     /// `None` when the mask is empty.
     pub fn new(mask: &MaskBits, grid: &Grid) -> Result<Option<Self>, SkeletonError> {
         let Some((start, size)) = mask.bounds() else { return Ok(None) };
@@ -39,7 +39,7 @@ impl Solid {
         let unit_mm = grid.spacing_mm().min_element();
         let unit_from_voxel = grid.world_from_voxel().matrix3 * (1.0 / unit_mm);
         Ok(Some(Self {
-            filled: bits.count() - before,
+            filled_voxels: bits.count() - before,
             bits,
             unit_from_voxel,
             voxel_from_unit: unit_from_voxel.inverse(),
@@ -48,60 +48,59 @@ impl Solid {
         }))
     }
 
-    /// Whether box voxel `ijk` is active; outside the box nothing is.
+    /// Whether box voxel `ijk` is active; false outside the box.
     pub fn get(&self, ijk: [i64; 3]) -> bool {
         let dims = self.bits.dims();
         (0..3).all(|a| ijk[a] >= 0 && ijk[a] < dims[a] as i64) && self.bits.get(ijk.map(|v| v as usize))
     }
 
-    /// Units of a place in voxels of the box.
+    /// Converts a box voxel position to units.
     pub fn unit(&self, voxel: DVec3) -> DVec3 {
         self.unit_from_voxel * voxel
     }
 
-    /// Units of a voxel's centre.
+    /// Centre of a box voxel in units.
     pub fn center(&self, [i, j, k]: [usize; 3]) -> DVec3 {
         self.unit(DVec3::new(i as f64, j as f64, k as f64))
     }
 
-    /// Box voxel that holds the place, if any does.
+    /// Box voxel that contains a position; may lie outside the box.
     pub fn voxel_at(&self, unit: DVec3) -> [i64; 3] {
         (self.voxel_from_unit * unit).to_array().map(|v| (v + 0.5).floor() as i64)
     }
 
-    /// Whether the place lies in an active voxel.
+    /// Whether a position lies in an active voxel.
     pub fn contains(&self, unit: DVec3) -> bool {
         self.get(self.voxel_at(unit))
     }
 
-    /// Fractional voxel index on the case grid.
+    /// Fractional voxel index on the case grid of a position.
     pub fn grid_voxel(&self, unit: DVec3) -> DVec3 {
         let start = DVec3::new(self.start[0] as f64, self.start[1] as f64, self.start[2] as f64);
         self.voxel_from_unit * unit + (start - 1.0)
     }
 
-    /// Position of a voxel of the box in memory.
+    /// Linear index of a box voxel.
     pub fn linear(&self, [i, j, k]: [usize; 3]) -> usize {
         let [nx, ny, _] = self.bits.dims();
         (k * ny + j) * nx + i
     }
 
-    /// The reverse of [`Solid::linear`].
+    /// The inverse of [`FilledMask::linear`].
     pub fn voxel(&self, linear: usize) -> [usize; 3] {
         let [nx, ny, _] = self.bits.dims();
         [linear % nx, linear / nx % ny, linear / (nx * ny)]
     }
 
-    /// Distance of every voxel to the nearest inactive one, in units.
+    /// Distance transform: distance of every voxel to the nearest inactive one, in units.
     pub fn depth(&self) -> Result<FeatureTransform, SkeletonError> {
         let affine = glam::DAffine3 { matrix3: self.unit_from_voxel, translation: DVec3::ZERO };
         let grid = Grid::new(self.bits.dims(), affine, Sides::Unknown)?;
-        let outside = inverted(&self.bits);
+        let outside = complement(&self.bits);
         FeatureTransform::of(&outside, &grid, Crop::whole(&grid))?.ok_or(SkeletonError::NoOutside)
     }
 
-    /// Voxels that a cell of `cells` covers: where the mask has an inside. `span(cell, axis)` gives
-    /// the first and last voxel of a cell along an axis.
+    /// Voxels covered by a cell of `cells`. `span(cell, axis)` gives the first and last voxel of a cell along an axis.
     pub fn covered(&self, cells: &MaskBits, span: impl Fn(usize, usize) -> (usize, usize)) -> MaskBits {
         let mut covered = MaskBits::empty(self.bits.dims());
         let [nx, ny, _] = cells.dims();
@@ -119,35 +118,35 @@ impl Solid {
         covered
     }
 
-    /// Active voxels that can't be reached from `covered` within `reach` steps (26-neighbourhood,
-    /// inside the mask), in memory order: parts too thin to have an inside, but no mere bumps.
-    pub fn thin(&self, covered: &MaskBits, reach: usize) -> Vec<[usize; 3]> {
-        let mut seen = covered.clone();
+    /// Active voxels that can't be reached from `covered` within `max_steps` steps (26-neighbourhood, inside the
+    /// mask), in memory order: parts too thin to contain a cell, but not bumps of the surface.
+    pub fn thin(&self, covered: &MaskBits, max_steps: usize) -> Vec<[usize; 3]> {
+        let mut reached = covered.clone();
         let mut front: Vec<[usize; 3]> = Vec::new();
-        // Only bare voxels are looked at: few in a solid mask.
-        let mut bare = Vec::new();
+        // Only uncovered voxels are visited: few in a compact mask.
+        let mut uncovered = Vec::new();
         self.bits.for_each(|l| {
             let ijk = self.voxel(l);
             if !covered.get(ijk) {
-                bare.push(ijk);
+                uncovered.push(ijk);
                 if neighbours(ijk).any(|n| covered.get(n)) {
                     front.push(ijk);
                 }
             }
         });
-        for _ in 0..reach {
-            front.iter().for_each(|&ijk| seen.set(ijk));
+        for _ in 0..max_steps {
+            front.iter().for_each(|&ijk| reached.set(ijk));
             let mut next: Vec<[usize; 3]> = front
                 .iter()
                 .flat_map(|&ijk| neighbours(ijk))
-                .filter(|&n| self.bits.get(n) && !seen.get(n))
+                .filter(|&n| self.bits.get(n) && !reached.get(n))
                 .collect();
             next.sort_unstable();
             next.dedup();
             front = next;
         }
-        bare.retain(|&ijk| !seen.get(ijk));
-        bare
+        uncovered.retain(|&ijk| !reached.get(ijk));
+        uncovered
     }
 }
 
@@ -156,16 +155,16 @@ pub(super) fn neighbours([i, j, k]: [usize; 3]) -> impl Iterator<Item = [usize; 
     (0..27).filter(|&n| n != 13).map(move |n| [i + n % 3 - 1, j + n / 3 % 3 - 1, k + n / 9 - 1])
 }
 
-/// Inactive voxels become active and the reverse.
-fn inverted(bits: &MaskBits) -> MaskBits {
+/// Active and inactive voxels exchanged.
+fn complement(bits: &MaskBits) -> MaskBits {
     let mut out = MaskBits::full(bits.dims());
     out.words_mut().iter_mut().zip(bits.words()).for_each(|(o, b)| *o &= !b);
     out
 }
 
-/// Makes active what isn't connected to the box's first voxel across faces.
+/// Activates the background components that aren't connected to the box's first voxel across faces.
 fn fill_cavities(bits: &mut MaskBits) -> Result<(), SkeletonError> {
-    let background = Components::of_mask(&inverted(bits), Connectivity::Six)?;
+    let background = Components::of_mask(&complement(bits), Connectivity::Six)?;
     // Raster order: the first component holds the margin.
     for cavity in background.list().iter().skip(1) {
         for run in background.runs(cavity) {

@@ -1,0 +1,125 @@
+//! Which points are worth having, and what is said of the defaults.
+
+use std::fmt::Write;
+
+use super::{Axis, Curve, Defaults, Point};
+
+/// Marks the points that no other of the same scene is better than, where error stands against time. The curves are
+/// those of one family.
+pub(super) fn mark_pareto(curves: &mut [Curve]) {
+    let cost = |p: &Point| p.cost().map(|t| (t.median_ms, p.error_rms)).filter(|c| !c.1.is_nan());
+    for number in 0..curves.len() {
+        let Some(own) = curves.get(number).filter(|c| c.axis == Axis::Time) else { continue };
+        let rivals: Vec<(f64, f64)> = curves
+            .iter()
+            .filter(|c| c.scene == own.scene)
+            .flat_map(|c| c.points.iter().filter_map(cost))
+            .collect();
+        let better =
+            |(t, e): (f64, f64)| rivals.iter().any(|&(rt, re)| rt <= t && re <= e && (rt < t || re < e));
+        for point in curves.get_mut(number).into_iter().flat_map(|c| &mut c.points) {
+            point.is_pareto = cost(point).is_some_and(|own| !better(own));
+        }
+    }
+}
+
+/// Shares of `own`'s cost and error that `rival` has, where it beats it: neither is above 1, and one is below.
+fn beaten_by(own: &Point, rival: &Point) -> Option<[f64; 2]> {
+    let shares = [rival.cost()?.median_ms / own.cost()?.median_ms, rival.error_rms / own.error_rms];
+    (shares.iter().all(|s| *s <= 1.0) && shares != [1.0; 2]).then_some(shares)
+}
+
+/// How much is left, by which the best of several rivals is told.
+fn left<'a>(shares: impl IntoIterator<Item = &'a [f64; 2]>) -> f64 {
+    shares.into_iter().flatten().product()
+}
+
+/// What the page says of the default among the curves of one scene; nothing where there is none.
+pub(super) fn of_scene(curves: &[&Curve]) -> Vec<String> {
+    curves.iter().flat_map(|c| &c.points).filter(|p| p.is_default).map(|p| verdict(curves, p)).collect()
+}
+
+/// Whether a default lies on the front, and what beats it where it doesn't.
+fn verdict(curves: &[&Curve], own: &Point) -> String {
+    let name = &own.setting;
+    if own.is_pareto {
+        return format!("The default ({name}) lies on the measured front.");
+    }
+    let best_of = |curves: &[&Curve]| -> Option<String> {
+        let rivals = curves.iter().flat_map(|c| c.points.iter().map(move |p| (&c.kernel, p)));
+        let (kernel, p, [t, e]) = rivals
+            .filter_map(|(kernel, p)| Some((kernel, p, beaten_by(own, p)?)))
+            .min_by(|a, b| left([&a.2]).total_cmp(&left([&b.2])))?;
+        Some(format!("{kernel}, {}, takes {t:.2} of its time and has {e:.2} of its error", p.setting))
+    };
+    let is_own = |c: &&&Curve| c.points.iter().any(|p| std::ptr::eq(p, own));
+    let own_kernel: Vec<&Curve> = curves.iter().filter(is_own).copied().collect();
+    match (best_of(&own_kernel), best_of(curves)) {
+        (Some(_), Some(best)) => {
+            format!("**The default ({name}) does not lie on the measured front**: {best}.")
+        }
+        (None, Some(best)) => {
+            format!("The default ({name}) lies on the front of its own kernel; of the others, {best}.")
+        }
+        (_, None) => format!("The default ({name}) has no time, or no error."),
+    }
+}
+
+/// Whether the presets lie on the front of their own kernel over all scenes: whether no setting with at least as many
+/// pixels is as fast and as right on each of them. Pixels aren't weighed against light: what contours of masks lose with
+/// them no error here counts. A line each, as a list.
+pub(super) fn of_presets(defaults: Defaults, curves: &[Curve]) -> String {
+    let mut out = String::new();
+    let measured: Vec<(&Curve, &Point)> = curves
+        .iter()
+        .filter(|_| defaults == Defaults::Presets)
+        .flat_map(|c| c.points.iter().map(move |p| (c, p)))
+        .collect();
+    let mut said: Vec<(&str, &str)> = Vec::new();
+    for (curve, point) in measured.iter().filter(|(_, p)| p.is_default) {
+        let name = (curve.kernel.as_str(), point.setting.as_str());
+        if said.contains(&name) {
+            continue;
+        }
+        said.push(name);
+        let same = |(c, p): &&(&Curve, &Point)| (c.kernel.as_str(), p.setting.as_str()) == name;
+        let own: Vec<_> = measured.iter().filter(same).collect();
+        // Times and errors of a rival to the preset's, on each scene; nothing where it is no rival on one.
+        let ratios = |rival: &(&Curve, &Point)| -> Option<Vec<[f64; 2]>> {
+            let on_scene = |(c, p): &&(&Curve, &Point)| {
+                let beside = |(rc, rp): &&(&Curve, &Point)| {
+                    rc.scene == c.scene && rc.kernel == rival.0.kernel && rp.setting == rival.1.setting
+                };
+                let (_, rp) = measured.iter().find(beside)?;
+                beaten_by(p, rp).filter(|_| rp.pixel_share >= p.pixel_share - 1e-9)
+            };
+            own.iter().map(on_scene).collect()
+        };
+        // Settings beside a kernel's path are named after it.
+        let rivals = measured.iter().filter(|(c, _)| c.kernel.starts_with(&curve.kernel));
+        let better = rivals.filter_map(|r| Some((r, ratios(r)?)));
+        let line = match better.min_by(|a, b| left(&a.1).total_cmp(&left(&b.1))) {
+            None => format!(
+                "- {}, {}: on the measured front; nothing with as many pixels is as fast and as right on every scene.",
+                name.0, name.1
+            ),
+            Some(((c, p), ratios)) => {
+                let words: Vec<String> = ratios
+                    .iter()
+                    .map(|[t, e]| format!("{t:.2} of its time and {e:.2} of its error"))
+                    .collect();
+                format!(
+                    "- **{}, {}: not on the measured front**; {}, {}, takes {}.",
+                    name.0,
+                    name.1,
+                    c.kernel,
+                    p.setting,
+                    words.join(", then ")
+                )
+            }
+        };
+        // Writing to a string can't fail.
+        let _ = writeln!(out, "{line}");
+    }
+    out
+}

@@ -1,0 +1,314 @@
+//! The light of a view, along the path of its presets and beside it, against Monte Carlo at some of its
+//! pixels.
+
+use std::time::Duration;
+
+use glam::{DVec2, DVec3};
+use glioscope_core::optics::{
+    medium::Medium,
+    monte_carlo::{Estimate, Phase, radiance},
+    random::Random,
+};
+use glioscope_render::{
+    ContextRenderer, ContextScene, LightSettings, LightingMode, Preset, Quality, SliceVariant,
+    TransferPreset, light,
+};
+use rayon::prelude::*;
+use strum::VariantArray;
+
+use super::{
+    Axis, Bench, Curve, Defaults, Effort, Family, Point,
+    errors::{Errors, delta_e_of, displayed},
+    scenes,
+    sweep::Sweep,
+};
+use crate::Outcome;
+
+pub(super) const FAMILY: Family = Family {
+    name: "light",
+    title: "Light of the context view, and its presets",
+    about: "What the window draws, with the black of places that no light reaches not softened, against Monte \
+            Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are on \
+            and that the automatic mode moves along; beside it pixels against thickness of slices or side of \
+            cells, from which the path was chosen, and one knob changed from draft or balanced. Slices of 1 mm \
+            have half the error of 2 mm where surfaces are opaque; those of 0.7 mm, the reference, gain a \
+            twentieth, thinner ones nothing; nor do more points than 2x2 in a footprint. Down the path pixels go \
+            first, to a fifth along each side, and slices grow a little thicker with them. Cones are there sooner, \
+            and serve what is solid; slices are righter where surfaces are opaque. The paper's own slices are drawn \
+            beside: their penumbra depends on the number of slices, so that more of them are no better. Screen-space \
+            light is another model, held against no truth of light.",
+    defaults: Defaults::Presets,
+    curves,
+};
+
+/// A picture of linear radiance and opacity, drawn at a size for another one.
+struct Drawn {
+    size: [u32; 2],
+    pixels: Vec<[f64; 4]>,
+}
+
+impl Drawn {
+    /// What is shown at a pixel of the asked size: between the drawn ones.
+    fn at(&self, pixel: [u32; 2], asked: [u32; 2]) -> [f64; 4] {
+        let place: [f64; 2] = std::array::from_fn(|a| {
+            let x = (f64::from(pixel[a]) + 0.5) / f64::from(asked[a]) * f64::from(self.size[a]) - 0.5;
+            x.clamp(0.0, f64::from(self.size[a] - 1))
+        });
+        let mut out = [0.0; 4];
+        for corner in 0..4u32 {
+            let mut weight = 1.0;
+            let at: [u32; 2] = std::array::from_fn(|a| {
+                let up = corner >> a & 1;
+                weight *= if up == 1 { place[a].fract() } else { 1.0 - place[a].fract() };
+                (place[a] as u32 + up).min(self.size[a] - 1)
+            });
+            let found = self.pixels.get((at[1] * self.size[0] + at[0]) as usize).copied().unwrap_or_default();
+            out.iter_mut().zip(found).for_each(|(o, f)| *o += weight * f);
+        }
+        out
+    }
+}
+
+/// Pixels to look at, always the same, and what Monte Carlo finds there.
+struct Truth {
+    pixels: Vec<([u32; 2], Estimate)>,
+    samples: u32,
+    standard_error: f64,
+}
+
+impl Truth {
+    fn of(scene: &ContextScene, size: [u32; 2], count: usize, samples: u32) -> Outcome<Self> {
+        let medium = scene.medium().ok_or("an image that is no medium")?;
+        let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
+        let ray_of =
+            |[x, y]: [u32; 2]| scene.camera.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5, size_px);
+        let mut random = Random::new(11, 0);
+        let mut chosen = Vec::new();
+        for _ in 0..50 * count {
+            let pixel = size.map(|s| ((random.unit() * f64::from(s)) as u32).min(s - 1));
+            // Pixels that nothing is in would water the error down.
+            if medium.thickness(&ray_of(pixel), f64::INFINITY) > 0.02 {
+                chosen.push(pixel);
+            }
+            if chosen.len() == count {
+                break;
+            }
+        }
+        let phase = Phase::Cone { aperture_deg: LightSettings::DEFAULT.aperture_deg };
+        let one = |(i, pixel)| {
+            let mut random = Random::new(5, i as u64);
+            (pixel, radiance(&medium, &ray_of(pixel), phase, DVec3::ZERO, samples, &mut random))
+        };
+        let pixels: Vec<([u32; 2], Estimate)> = chosen.into_par_iter().enumerate().map(one).collect();
+        let errors = pixels.iter().flat_map(|(_, e)| e.standard_error.to_array());
+        let standard_error = Errors::of(errors).rms();
+        Ok(Self { pixels, samples, standard_error })
+    }
+}
+
+/// A way of light with knobs of its own beside the path: what the path was chosen from.
+fn beside(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
+    let balanced = light::preset(mode, Preset::Balanced);
+    let mut out = Vec::new();
+    let mut with = |of: Quality, name: String, change: &dyn Fn(&mut LightSettings)| {
+        let mut quality = of;
+        change(&mut quality.lighting);
+        out.push((name, quality));
+    };
+    // Pixels against what takes the most time besides.
+    for &scale in effort.of(&[][..], &[], &[0.4, 1.0]) {
+        let of = Quality { resolution_scale: scale, ..balanced };
+        match mode {
+            LightingMode::ScreenSpace => {}
+            LightingMode::Slices => {
+                for mm in [4.0, 2.0, 1.4, 1.0, 0.7, 0.5] {
+                    with(of, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = mm);
+                }
+            }
+            LightingMode::Cones => {
+                for mm in [12.0, 8.0, 4.0, 2.0] {
+                    with(of, format!("pixels {scale}, cells of {mm} mm"), &|l| l.cell_mm = mm);
+                }
+            }
+        }
+    }
+    if effort < Effort::Whole {
+        return out;
+    }
+    // One knob of a preset changed.
+    for preset in [Preset::Draft, Preset::Balanced] {
+        let (of, name) = (light::preset(mode, preset), preset.name());
+        let is_draft = preset == Preset::Draft;
+        match mode {
+            LightingMode::ScreenSpace => {}
+            LightingMode::Slices => {
+                for grid in [3, 5] {
+                    with(of, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);
+                }
+                for mm in [1.0, 1.7].into_iter().filter(|_| is_draft) {
+                    with(of, format!("{name}, {mm} mm"), &|l| l.slice_mm = mm);
+                }
+            }
+            LightingMode::Cones => {
+                for cones in if is_draft { vec![2, 4] } else { vec![2, 4, 16, 32] } {
+                    with(of, format!("{name}, {cones} sub-cones"), &|l| l.sub_cones = cones);
+                }
+                for level in if is_draft { vec![2, 5] } else { vec![1, 2, 5] } {
+                    with(of, format!("{name}, levels to {level}"), &|l| l.coarsest_level = level);
+                }
+                for step in [1.0, 2.0, 3.0] {
+                    with(of, format!("{name}, steps of {step}"), &|l| l.cone_step = step);
+                }
+                for mm in [5.6, 8.0].into_iter().filter(|_| is_draft) {
+                    with(of, format!("{name}, cells of {mm} mm"), &|l| l.cell_mm = mm);
+                }
+            }
+        }
+    }
+    out
+}
+
+/// The preset that `quality` is here, where nothing is solid, wherever it was found.
+fn preset_of(quality: &Quality) -> Option<Preset> {
+    let is_same = |preset: &Preset| {
+        let mut same = Quality { cost: quality.cost, ..light::preset(quality.lighting.mode, *preset) };
+        same.lighting.vicinity_samples = quality.lighting.vicinity_samples;
+        same == *quality
+    };
+    Preset::VARIANTS.iter().copied().find(is_same)
+}
+
+/// Settings by name, with the knob's value.
+type Settings = Vec<(String, (f64, Quality))>;
+
+/// What is drawn, by kernel and knob.
+fn settings(effort: Effort) -> Vec<(String, &'static str, Settings)> {
+    let costs_of = |mode: LightingMode| -> Vec<f64> {
+        let most = light::row(mode).most_cost;
+        let costs: &[f64] = effort.of(
+            &[0.03],
+            &[0.03, 0.125, 1.0],
+            &[0.004, 0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0],
+        );
+        // The reference by cones is for those who have the time.
+        let last = if mode == LightingMode::Cones { effort.of(2.0, 2.0, most) } else { most };
+        costs.iter().copied().filter(|c| *c < last).chain([last]).collect()
+    };
+    let mut out = Vec::new();
+    for mode in [LightingMode::Cones, LightingMode::Slices] {
+        let on_path = |cost: f64| {
+            let quality = light::at_cost(mode, cost);
+            let name = preset_of(&quality).map(|preset| preset.name().to_owned());
+            (name.unwrap_or_else(|| format!("cost {cost}")), (cost, quality))
+        };
+        let path = costs_of(mode).into_iter().map(on_path).collect();
+        out.push((mode.name().to_owned(), "light::at_cost", path));
+        // What is a preset already is measured once.
+        let others: Settings = beside(mode, effort)
+            .into_iter()
+            .filter(|(_, q)| preset_of(q).is_none())
+            .map(|(n, q)| (n, (f64::NAN, q)))
+            .collect();
+        if !others.is_empty() {
+            out.push((format!("{}, beside the path", mode.name()), "LightSettings", others));
+        }
+    }
+    if effort == Effort::Whole {
+        let paper = |mm: f64| {
+            let mut quality = light::preset(LightingMode::Slices, Preset::Balanced);
+            quality.lighting.slice_mm = mm;
+            quality.lighting.variant = SliceVariant::PaperApproximate;
+            (format!("{mm} mm"), (mm, quality))
+        };
+        let paper = [8.0, 4.0, 2.0, 1.0].map(paper).to_vec();
+        out.push(("the paper's slices".to_owned(), "LightSettings::slice_mm", paper));
+    }
+    out
+}
+
+fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
+    let size = bench.effort.of([48, 48], [96, 96], [256, 256]);
+    let (count, samples) = bench.effort.of((40, 48), (150, 128), (700, 768));
+    let presets: &[TransferPreset] = bench.effort.of(
+        &[TransferPreset::MrSurface],
+        &[TransferPreset::MrSurface],
+        &[TransferPreset::MrSurface, TransferPreset::MrTissue],
+    );
+    let image = scenes::phantom_image()?;
+    let head = |preset: &TransferPreset| {
+        (format!("head phantom T1c, {}", preset.name()), scenes::head(&image, *preset))
+    };
+    let mut stage: Vec<(String, ContextScene)> = presets.iter().map(head).collect();
+    if bench.effort == Effort::Whole {
+        stage.push(("soft balls, 48³ voxels of 1 mm".to_owned(), scenes::soft_balls(48)?));
+    }
+    let mut out = Vec::new();
+    for (name, scene) in &stage {
+        bench.begin("light: Monte Carlo", name);
+        let truth = Truth::of(scene, size, count, samples)?;
+        for (kernel, knob, settings) in settings(bench.effort) {
+            let points = measured(bench, &kernel, &settings, scene, size, &truth)?;
+            out.push(Curve {
+                family: FAMILY.name,
+                kernel,
+                scene: format!(
+                    "{name}, {}x{} pixels asked for, {} of them looked at",
+                    size[0],
+                    size[1],
+                    truth.pixels.len()
+                ),
+                knob,
+                truth: format!(
+                    "Monte Carlo, cone of {} degrees, {} samples a pixel",
+                    LightSettings::DEFAULT.aperture_deg,
+                    truth.samples
+                ),
+                truth_error: Some(truth.standard_error),
+                unit: "linear radiance, 0 to 1",
+                axis: Axis::Time,
+                points,
+            });
+        }
+    }
+    Ok(out)
+}
+
+fn measured(
+    bench: &Bench<'_>,
+    kernel: &str,
+    settings: &Settings,
+    scene: &ContextScene,
+    size: [u32; 2],
+    truth: &Truth,
+) -> Outcome<Vec<Point>> {
+    let sweep = Sweep {
+        what: &format!("light: {kernel}"),
+        rounds: bench.effort.of(1, 1, 3),
+        patience: Duration::from_millis(4000),
+        on_device: true,
+    };
+    let run = |renderer: &mut ContextRenderer, (_, quality): &(f64, Quality)| {
+        // The model itself: what no light reaches is black.
+        renderer.render(bench.gpu, scene, &Quality { occlusion_strength: 1.0, ..*quality }, size)?;
+        Ok(bench.gpu.wait()?)
+    };
+    let look = |renderer: &mut ContextRenderer, (value, quality): &(f64, Quality)| {
+        let frame = renderer.frame().ok_or("no picture")?;
+        let drawn = Drawn { size: frame.size_px, pixels: frame.image_rgba(bench.gpu)? };
+        let mut errors = Errors::default();
+        let mut pairs = Vec::new();
+        for (pixel, estimate) in &truth.pixels {
+            let [r, g, b, _] = drawn.at(*pixel, size);
+            let found = DVec3::new(r, g, b);
+            (found - estimate.mean).to_array().into_iter().for_each(|e| errors.add(e));
+            pairs.push((displayed(found), displayed(estimate.mean)));
+        }
+        Ok(Point {
+            is_default: preset_of(quality).is_some(),
+            delta_e: Some(delta_e_of(pairs.into_iter())),
+            pixel_share: quality.resolution_scale * quality.resolution_scale,
+            ..Point::new(*value, &errors)
+        })
+    };
+    bench.sweep(&sweep, &mut ContextRenderer::new(bench.gpu)?, settings, run, look)
+}

@@ -1,0 +1,165 @@
+//! Directional light on masks in the closeup, by cones and from the vicinity, against Monte Carlo of the same cone
+//! among opaque voxels.
+
+use std::time::Duration;
+
+use glam::{DVec2, DVec3};
+use glioscope_core::optics::{
+    monte_carlo::{Estimate, Phase, radiance},
+    random::Random,
+    srgb,
+    volume::{Filter, OpticalVolume, Table},
+};
+use glioscope_render::{
+    CloseupRenderer, LightSettings, LightingMode, Preset, Quality, RegionScene, light::preset,
+};
+use rayon::prelude::*;
+use strum::VariantArray;
+
+use super::{Axis, Bench, Curve, Defaults, Effort, Family, Point, errors::Errors, scenes, sweep::Sweep};
+use crate::Outcome;
+
+pub(super) const FAMILY: Family = Family {
+    name: "masks",
+    title: "Directional light on masks",
+    about: "How much light of the cone about the way to the eye reaches each voxel face of the closeup. Cones are \
+            traced through the selected regions: the error left by many of them is that of the 8 bits that the \
+            darkness is kept in. The vicinity, which slices and views without an image go by, knows the depth \
+            buffer within a few millimetres and nothing else: what it lacks no number of points brings. Points of \
+            a preset of either light are marked; the masks are a small part of what these were chosen for.",
+    defaults: Defaults::Presets,
+    curves,
+};
+
+/// The masks as a medium: every voxel of a region is opaque and white.
+fn medium(scene: &RegionScene) -> Outcome<OpticalVolume> {
+    let tumor = scene.tumor.as_ref().ok_or("a closeup without masks")?;
+    let solid = |linear| if tumor.id(linear) == 0 { 0.0 } else { 1.0 };
+    let values = (0..tumor.grid().voxel_count()).map(solid).collect();
+    let table = Table::of_labels(&[[0.0; 4], [1.0, 1.0, 1.0, f32::INFINITY]]).ok_or("a table refused")?;
+    let volume = OpticalVolume::new(tumor.grid().clone(), values, table, Filter::Nearest, None);
+    Ok(volume.ok_or("labels that don't fit their grid")?)
+}
+
+/// Light at every `stride`-th pixel that shows a mask.
+fn truth(scene: &RegionScene, size: [u32; 2], stride: u32, samples: u32) -> Outcome<Vec<(usize, Estimate)>> {
+    let medium = medium(scene)?;
+    let phase = Phase::Cone { aperture_deg: LightSettings::DEFAULT.aperture_deg };
+    let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
+    let along = |length: u32| (stride / 2..length).step_by(stride as usize);
+    let places: Vec<[u32; 2]> = along(size[1]).flat_map(|y| along(size[0]).map(move |x| [x, y])).collect();
+    let one = |[x, y]: [u32; 2]| {
+        let ray = scene.camera.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5, size_px);
+        let number = y as usize * size[0] as usize + x as usize;
+        let mut random = Random::new(4, number as u64);
+        (number, radiance(&medium, &ray, phase, DVec3::ZERO, samples, &mut random))
+    };
+    // White and opaque: radiance is the light that reaches the first face.
+    Ok(places.into_par_iter().map(one).filter(|(_, e)| e.mean.x > 0.0).collect())
+}
+
+/// Settings by name.
+type Settings = Vec<(String, (f64, LightSettings))>;
+
+/// What is drawn, by kernel and knob.
+fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
+    let cones = LightSettings { mode: LightingMode::Cones, ..LightSettings::DEFAULT };
+    // By slices, masks without an image are lit from the vicinity alone.
+    let vicinity = LightSettings { mode: LightingMode::Slices, ..LightSettings::DEFAULT };
+    let counts: &[u32] = effort.of(&[1, 16], &[2, 8, 32], &[1, 2, 4, 6, 8, 16, 32, 64, 128]);
+    let levels: &[u32] = effort.of(&[0], &[3, 1], &[5, 3, 2, 1, 0]);
+    let mut out = Vec::new();
+    let named = |level: u32| if level == 0 { "voxels".to_owned() } else { format!("levels to {level}") };
+    let mut by_cones: Settings = Vec::new();
+    for &coarsest_level in levels {
+        for &sub_cones in counts {
+            let light = LightSettings { sub_cones, coarsest_level, ..cones };
+            let name = format!("{sub_cones} sub-cones, {}", named(coarsest_level));
+            by_cones.push((name, (f64::from(sub_cones), light)));
+        }
+    }
+    out.push(("cones", "LightSettings::sub_cones and coarsest_level", by_cones));
+    let points: &[u32] = effort.of(&[4, 64], &[8, 64], &[1, 2, 4, 8, 16, 32, 64, 118]);
+    let reaches: &[f64] = effort.of(&[3.0][..], &[3.0], &[1.0, 3.0, 6.0]);
+    let mut from_vicinity: Settings = Vec::new();
+    for &vicinity_mm in reaches {
+        for &vicinity_samples in points {
+            let light = LightSettings { vicinity_samples, vicinity_mm, ..vicinity };
+            let name = format!("{vicinity_samples} points, {vicinity_mm} mm");
+            from_vicinity.push((name, (f64::from(vicinity_samples), light)));
+        }
+    }
+    out.push(("vicinity", "LightSettings::vicinity_samples and vicinity_mm", from_vicinity));
+    // Presets whose knobs are none of these are added, so that each is measured.
+    for (at, mode) in [LightingMode::Cones, LightingMode::Slices].into_iter().enumerate() {
+        for of in Preset::VARIANTS {
+            let light = preset(mode, *of).lighting;
+            let own = &mut out[at].2;
+            let value = f64::from(if at == 0 { light.sub_cones } else { light.vicinity_samples });
+            own.retain(|(_, (_, other))| !is_same(other, &light));
+            own.push((of.name().to_owned(), (value, light)));
+        }
+    }
+    out
+}
+
+/// Whether the masks alone are lit alike.
+fn is_same(a: &LightSettings, b: &LightSettings) -> bool {
+    let on_masks = |l: &LightSettings| match l.mode {
+        LightingMode::Cones => (l.sub_cones, l.coarsest_level, l.cone_step),
+        _ => (l.vicinity_samples, 0, l.vicinity_mm),
+    };
+    a.mode == b.mode && on_masks(a) == on_masks(b)
+}
+
+fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
+    let size = bench.effort.of([40, 40], [96, 96], [192, 192]);
+    let (stride, samples) = bench.effort.of((2, 256), (3, 1024), (4, 4096));
+    let scene = scenes::phantom_closeup()?;
+    bench.begin("masks", "Monte Carlo");
+    let truth = truth(&scene, size, stride, samples)?;
+    let truth_error = Errors::of(truth.iter().map(|(_, e)| e.standard_error.x)).rms();
+    let mut out = Vec::new();
+    for (kernel, knob, settings) in settings(bench.effort) {
+        let sweep = Sweep {
+            what: &format!("masks: {kernel}"),
+            rounds: bench.effort.of(1, 2, 5),
+            patience: Duration::from_millis(2500),
+            on_device: true,
+        };
+        let run = |renderer: &mut CloseupRenderer, (_, lighting): &(f64, LightSettings)| {
+            // The light itself: what none reaches is black.
+            let quality = Quality { lighting: *lighting, occlusion_strength: 1.0, ..Quality::FULL };
+            renderer.render(bench.gpu, &scene, &quality, size)?;
+            Ok(bench.gpu.wait()?)
+        };
+        let look = |renderer: &mut CloseupRenderer, (value, lighting): &(f64, LightSettings)| {
+            let found = renderer.frame().ok_or("no picture")?.occlusion(bench.gpu)?;
+            let off = |(number, estimate): &(usize, Estimate)| {
+                // Darkness is kept as it is displayed.
+                let light = found.dark.get(*number).map_or(f64::NAN, |dark| srgb::decode(1.0 - dark));
+                light - estimate.mean.x
+            };
+            let errors = Errors::of(truth.iter().map(off));
+            let of = |p: &&Preset| is_same(&preset(lighting.mode, **p).lighting, lighting);
+            let is_default = Preset::VARIANTS.iter().any(|p| of(&p));
+            Ok(Point { is_default, ..Point::new(*value, &errors) })
+        };
+        out.push(Curve {
+            family: FAMILY.name,
+            kernel: kernel.to_owned(),
+            scene: format!("head phantom's tumour, {}x{} pixels", size[0], size[1]),
+            knob,
+            truth: format!(
+                "Monte Carlo, cone of {} degrees among opaque voxels, {samples} samples in each of {} pixels",
+                LightSettings::DEFAULT.aperture_deg,
+                truth.len()
+            ),
+            truth_error: Some(truth_error),
+            unit: "share of light, 0 to 1",
+            axis: Axis::Time,
+            points: bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, look)?,
+        });
+    }
+    Ok(out)
+}

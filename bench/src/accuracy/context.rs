@@ -1,4 +1,4 @@
-//! The context view's ray step against the same integral in `f64`, sixteen times as fine.
+//! The context view's ray step against the same integral in `f64`, eight times as fine.
 
 use std::time::Duration;
 
@@ -43,7 +43,7 @@ fn errors(found: &[[f64; 4]], truth: &[[f64; 4]]) -> (Errors, [f64; 2]) {
 
 fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let size = bench.effort.of([24, 24], [64, 64], [144, 144]);
-    let finest = bench.effort.of(0.25, 0.0625, 0.03125);
+    let finest = bench.effort.of(0.25, 0.0625, 0.0625);
     let steps: &[f64] = bench.effort.of(
         &[8.0, 1.0, 0.5],
         &[4.0, 2.0, 1.0, 0.5, 0.25],

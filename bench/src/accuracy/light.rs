@@ -283,7 +283,7 @@ fn measured(
 ) -> Outcome<Vec<Point>> {
     let sweep = Sweep {
         what: &format!("light: {kernel}"),
-        rounds: bench.effort.of(1, 1, 3),
+        rounds: bench.effort.of(1, 1, 2),
         patience: Duration::from_millis(4000),
         on_device: true,
     };

@@ -1,0 +1,95 @@
+//! The peers' scripts on tiny inputs: they run to their end, and answer what this program does.
+
+#![allow(clippy::unwrap_used, reason = "in a test a failed unwrap is a failed test")]
+
+use std::{path::Path, process::Command};
+
+use glam::DVec3;
+use glioscope_core::{
+    Grid, Progress, Samples, Scaling, Volume,
+    case::{CaseSpec, LoadOptions, load},
+    files::{WriteOptions, write_nifti},
+};
+use serde_json::Value;
+
+const BENCH: &str = env!("CARGO_BIN_EXE_glioscope-bench");
+
+/// What a script prints, run by the Python that has the peers; `None`, said aloud, without one. `./x test` makes it.
+fn printed(script: &str, arguments: &[&str]) -> Option<String> {
+    let Some(python) = std::env::var_os("GLIOSCOPE_PEERS_PYTHON").filter(|p| !p.is_empty()) else {
+        println!("SKIPPED: bench/{script}: GLIOSCOPE_PEERS_PYTHON names no Python with the peers");
+        return None;
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join(script);
+    let output = Command::new(python).arg(&script).args(arguments).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{}: {stderr}", script.display());
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+/// A ball of label 4 in 24³ voxels, as a file; its name.
+fn ball(folder: &Path, name: &str, radius_mm: f64) -> String {
+    let grid = Grid::axis_aligned([24; 3], DVec3::new(1.0, 1.0, 1.5), DVec3::ZERO).unwrap();
+    let center_mm = grid.center_mm();
+    let is_inside = |l| grid.center_of_voxel_mm(grid.ijk(l)).distance(center_mm) <= radius_mm;
+    let values = (0..grid.voxel_count()).map(|l| if is_inside(l) { 4 } else { 0 }).collect();
+    let path = folder.join(name);
+    let volume = Volume::new(grid, Samples::U8(values), Scaling::NONE).unwrap();
+    write_nifti(&path, &volume, &WriteOptions::default()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn components_are_those_of_cc3d_and_scipy() {
+    let Some(table) = printed("peer_components.py", &[BENCH, "--cases", "tiny", "--runs", "1"]) else {
+        return;
+    };
+    // The script ends with an error unless all part the index alike.
+    assert!(table.contains("cc3d and SciPy part the index alike"), "{table}");
+    for program in ["cc3d", "SciPy", "glioscope, 1 thread", "glioscope with a label volume, 2 threads"] {
+        assert!(table.lines().any(|l| l.starts_with(&format!("| {program}"))), "{program}: {table}");
+    }
+}
+
+#[test]
+fn distances_are_those_of_edt_and_scipy() {
+    let folder = tempfile::tempdir().unwrap();
+    let [a, b] = [("a.nii", 8.0), ("b.nii", 9.0)].map(|(name, radius)| ball(folder.path(), name, radius));
+    let arguments = [BENCH, &a, &b, "4", "--threads=1", "--reps=1", "--ball=32"];
+    let Some(table) = printed("peer_change.py", &arguments) else { return };
+    let rows = |case: &str, peer: &str| -> Vec<String> {
+        let begin = format!("distance,{case},{peer},1,");
+        table.lines().filter(|l| l.starts_with(&begin)).map(str::to_owned).collect()
+    };
+    // edt answers in single precision.
+    let farthest_mm = |case: &str, peer: &str| -> f64 {
+        let answer = rows(case, peer).concat();
+        answer.rsplit(',').next().unwrap().trim_end_matches(" mm farthest").parse().unwrap()
+    };
+    for case in ["files", "whole", "odd", "ball"] {
+        let (edt, scipy) = (farthest_mm(case, "edt"), farthest_mm(case, "SciPy with indices"));
+        assert!(edt > 5.0 && (edt / scipy - 1.0).abs() < 1e-6, "{case}: {table}");
+        assert_eq!(rows(case, "glioscope sites").len(), 2, "before and after the peers: {table}");
+    }
+    for peer in ["scikit-image Lee", "kimimaro TEASAR"] {
+        assert!(table.contains(&format!("skeleton,files,{peer},")), "{peer}: {table}");
+    }
+}
+
+#[test]
+fn counts_are_those_of_numpy() {
+    let folder = tempfile::tempdir().unwrap();
+    let masks = [("a", 8.0), ("b", 9.0)]
+        .map(|(id, radius)| format!("{id}={}:4", ball(folder.path(), &format!("{id}.nii.gz"), radius)));
+    let arguments = ["--json", "--mask", &masks[0], "--mask", &masks[1]];
+    let Some(answer) = printed("peer_measure.py", &arguments) else { return };
+    let answer: Value = serde_json::from_str(&answer).unwrap();
+    let case =
+        load(&CaseSpec::from_arguments(&masks, &[]).unwrap(), &LoadOptions::default(), &Progress::new())
+            .unwrap();
+    let regions = &case.time_points[0].regions;
+    let theirs = answer["time_points"][0]["regions"].as_array().unwrap();
+    let counts: Vec<u64> = theirs.iter().map(|r| r["voxels"].as_u64().unwrap()).collect();
+    assert_eq!(counts, regions.list().iter().map(|r| r.voxels).collect::<Vec<_>>());
+    assert!(counts.len() == 2 && counts.iter().all(|n| *n > 500), "{counts:?}");
+}

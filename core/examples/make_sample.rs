@@ -1,6 +1,6 @@
 //! Writes the files of the embedded sample: `cargo run -p glioscope-core --example make_sample --
-//! data-samples`. Run it from the workspace's root after changing the phantom, and commit what it
-//! writes.
+//! data-samples`. Run it from the workspace's root after changing the phantom, and commit the
+//! files.
 
 use std::error::Error;
 use std::io::Write;

@@ -26,6 +26,7 @@ use crate::{
     Grid, MaskBits, Progress, Samples, Scaling, Sides, Volume,
     case::{Case, CaseError, CaseSpec, ContextSpec, LoadOptions, MaskSpec, load_with},
     files::{FileError, Loaded, Source},
+    grid::ijk,
 };
 
 pub use anatomy::Modality;
@@ -205,8 +206,8 @@ pub fn phantom_case() -> Result<Case, CaseError> {
 
 /// A mark's voxels on any grid: what a perfect rater would draw there.
 pub fn mark_on(mark: &Mark, grid: &Grid) -> MaskBits {
-    let [nx, ny, _] = grid.dims();
-    let center_mm = |l: usize| grid.center_of_voxel_mm([l % nx, l / nx % ny, l / nx / ny]);
+    let dims = grid.dims();
+    let center_mm = |l: usize| grid.center_of_voxel_mm(ijk(dims, l));
     MaskBits::from_fn(grid.dims(), |linear| mark.contains(center_mm(linear)))
 }
 

@@ -363,7 +363,7 @@ mod tests {
         let (start, dims) = regions.bounds().unwrap();
         assert_eq!(volume.grid().dims(), dims);
         for linear in 0..volume.grid().voxel_count() {
-            let ijk = [linear % dims[0], linear / dims[0] % dims[1], linear / dims[0] / dims[1]];
+            let ijk = volume.grid().ijk(linear);
             let full = index.grid().linear(std::array::from_fn(|a| ijk[a] + start[a]));
             assert_eq!(volume.bits_of_id()[volume.id(linear) as usize], index.get(full));
         }

@@ -7,7 +7,7 @@
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use crate::{Cancelled, Grid, Mask, MaskBits, Progress, Volume, with_samples};
+use crate::{Cancelled, Grid, Mask, MaskBits, Progress, Volume, grid::ijk, with_samples};
 
 /// Grids whose corners agree within this distance, in voxels, count as the same: nothing is resampled.
 pub const SAME_PLACE_VOXELS: f64 = 1e-3;
@@ -113,10 +113,10 @@ pub fn voxels_outside(mask: &Mask, grids: &[&Grid]) -> u64 {
     if maps.iter().any(|map| (0..8).all(|c| inside(map, corner(c)))) {
         return 0;
     }
-    let [nx, ny, _] = mask.bits().dims();
+    let dims = mask.bits().dims();
     let mut outside = 0;
     mask.bits().for_each(|linear| {
-        let ijk = [linear % nx, linear / nx % ny, linear / nx / ny];
+        let ijk = ijk(dims, linear);
         outside += u64::from(!maps.iter().any(|map| inside(map, ijk)));
     });
     outside

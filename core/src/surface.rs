@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::{Grid, MaskBits};
+use crate::{Grid, MaskBits, grid::ijk};
 
 /// The surface of `mask`: its active voxels with at least one inactive neighbour across a face
 /// (6-neighbourhood). Voxels outside the image count as inactive, so a mask that touches the
@@ -48,9 +48,9 @@ pub fn surface_of(mask: &MaskBits) -> MaskBits {
 /// The voxels of [`surface_of`] as indices `[i, j, k]` of the mask's grid, in memory order (`i`
 /// fastest). Empty for an empty mask.
 pub fn surface_voxels(mask: &MaskBits) -> Vec<[usize; 3]> {
-    let [nx, ny, _] = mask.dims();
+    let dims = mask.dims();
     let mut voxels = Vec::new();
-    surface_of(mask).for_each(|l| voxels.push([l % nx, l / nx % ny, l / (nx * ny)]));
+    surface_of(mask).for_each(|l| voxels.push(ijk(dims, l)));
     voxels
 }
 

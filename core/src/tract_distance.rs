@@ -44,6 +44,13 @@ pub struct SelectedCells {
     metric: Metric,
 }
 
+/// A box of voxel cells, in voxel indices: voxel centres are whole numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct CellBox {
+    lo: DVec3,
+    hi: DVec3,
+}
+
 /// Maps voxel indices to millimetres, up to a rotation: upper triangular, and diagonal where the axes
 /// are perpendicular.
 #[derive(Clone, Copy, Debug)]

@@ -15,7 +15,7 @@ use std::path::Path;
 use common::real_data;
 use glioscope_core::case::{self, Case, CaseSpec, LoadOptions};
 use glioscope_core::measure::{self, TimeReport};
-use glioscope_core::{Progress, Severity};
+use glioscope_core::{Progress, Severity, grid::ijk};
 use serde_json::Value;
 
 fn expected(name: &str) -> Value {
@@ -147,7 +147,7 @@ fn sarcoma_masks_on_three_grids() {
     let (mut sum, mut n) = (glam::DVec3::ZERO, 0.0);
     let dims = case.grid.dims();
     pet_bits.for_each(|l| {
-        sum += case.grid.center_of_voxel_mm([l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]]);
+        sum += case.grid.center_of_voxel_mm(ijk(dims, l));
         n += 1.0;
     });
     let native = &expected["masks"][2]["native_centroid_mm"];

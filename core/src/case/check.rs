@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{
     CaseMask, CaseSpec,
-    load::{NativeMask, at_time},
+    native::{NativeMask, at_time},
 };
 use crate::{
     Check, Grid, Mask, Regions, Sides,

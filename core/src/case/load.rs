@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::{
     Case, CaseError, CaseGridChoice, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, TimePoint,
     TractsSpec, check,
+    native::{NativeMask, at_time},
     select::{self, Selected},
 };
 use crate::{
@@ -16,15 +17,6 @@ use crate::{
     resample,
     tumor_index::MAX_MASKS,
 };
-
-/// One mask on its native grid.
-pub(super) struct NativeMask {
-    pub spec: usize,
-    pub time: usize,
-    pub mask: Mask,
-    pub missing_labels: Vec<i64>,
-    pub non_integer: u64,
-}
 
 /// One image.
 struct NativeContext {
@@ -65,11 +57,6 @@ fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
         (None, Some(_)) => Ok(vec![String::new()]),
         (Some(_), None) => Ok(labels),
     }
-}
-
-/// An id and its time as written in messages: `T1 (2024-01-15)`.
-pub(super) fn at_time(id: &str, time: &str) -> String {
-    if time.is_empty() { id.to_owned() } else { format!("{id} ({time})") }
 }
 
 fn check_names(spec: &CaseSpec) -> Result<(), CaseError> {

@@ -6,6 +6,7 @@ mod discover;
 mod load;
 mod manifest;
 mod names;
+mod native;
 mod select;
 
 use std::{

@@ -22,6 +22,7 @@ use crate::{
     Cancelled, Grid, GridError, MaskBits, Progress,
     components::TooLarge,
     distance::{Crop, DistanceError},
+    grid::ijk,
     skeleton::{ForceSource, Skeleton, SkeletonError, SkeletonOptions, skeleton_with},
 };
 
@@ -227,10 +228,10 @@ pub struct Change {
 
 fn cropped(mask: &MaskBits, crop: Crop) -> MaskBits {
     let mut out = MaskBits::empty(crop.dims);
-    let [nx, ny, _] = mask.dims();
+    let dims = mask.dims();
     // The crop contains all active voxels.
     mask.for_each(|l| {
-        let v = [l % nx, l / nx % ny, l / (nx * ny)];
+        let v = ijk(dims, l);
         out.set(std::array::from_fn(|a| v[a] - crop.start[a]));
     });
     out

@@ -1,7 +1,7 @@
 use super::*;
 use glam::{DAffine3, DMat3};
 
-use crate::{Sides, phantom};
+use crate::{Sides, grid::ijk, phantom};
 
 /// Masks of two shapes given by their inside tests, on a grid around the origin.
 fn masks(
@@ -16,7 +16,7 @@ fn masks(
     let grid = Grid::axis_aligned(dims, spacing, origin).unwrap();
     let bits = |inside: &dyn Fn(DVec3) -> bool| {
         MaskBits::from_fn(dims, |l| {
-            let v = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
+            let v = ijk(dims, l);
             inside(grid.center_of_voxel_mm(v))
         })
     };
@@ -44,8 +44,8 @@ fn assert_consistent(c: &Change, (before, after, grid): &(MaskBits, MaskBits, Gr
     }
     let outer = |mine: usize, other: &MaskBits| {
         let mut n = 0;
-        let [nx, ny, _] = other.dims();
-        surfaces[mine].for_each(|l| n += usize::from(!other.get([l % nx, l / nx % ny, l / (nx * ny)])));
+        let dims = other.dims();
+        surfaces[mine].for_each(|l| n += usize::from(!other.get(ijk(dims, l))));
         n
     };
     assert_eq!(c.vectors.len() + c.unpartnered.len(), outer(0, after) + outer(1, before));

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::{ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, groups::Groups};
-use crate::{Cancelled, Grid, MaskBits, Progress, distance::KdTree, skeleton::Skeleton};
+use crate::{Cancelled, Grid, MaskBits, Progress, distance::KdTree, grid::ijk, skeleton::Skeleton};
 
 /// Number of points up to which brute force is faster than a tree.
 const BRUTE_FORCE_MAX: usize = 48;
@@ -33,11 +33,11 @@ pub(super) struct Surfaces {
 
 impl Surfaces {
     pub fn new(masks: [&MaskBits; 2], groups: &Groups, mm: DMat3) -> Self {
-        let [nx, ny, _] = masks[0].dims();
+        let dims = masks[0].dims();
         let voxels = |mask: &MaskBits| {
             let mut voxels = Vec::new();
             crate::surface::surface_of(mask).for_each(|linear| {
-                let v = [linear % nx, linear / nx % ny, linear / (nx * ny)].map(|v| v as f64);
+                let v = ijk(dims, linear).map(|v| v as f64);
                 let offset_mm = mm * DVec3::from_array(v);
                 if let Some(group) = groups.at(linear) {
                     voxels.push(SurfaceVoxel { linear, group, offset_mm });
@@ -48,8 +48,7 @@ impl Surfaces {
         let all = masks.map(voxels);
         let outer = |side: usize| {
             let other = masks[1 - side];
-            let out =
-                |s: &&SurfaceVoxel| !other.get([s.linear % nx, s.linear / nx % ny, s.linear / (nx * ny)]);
+            let out = |s: &&SurfaceVoxel| !other.get(ijk(dims, s.linear));
             all[side].iter().filter(out).copied().collect()
         };
         Self { outer: [outer(0), outer(1)], all }
@@ -257,8 +256,8 @@ pub(super) struct CropFrame<'a> {
 
 impl CropFrame<'_> {
     fn voxel(&self, linear: usize) -> [usize; 3] {
-        let [nx, ny, _] = self.dims;
-        let local = [linear % nx, linear / nx % ny, linear / (nx * ny)];
+        let dims = self.dims;
+        let local = ijk(dims, linear);
         std::array::from_fn(|a| self.start[a] + local[a])
     }
 

@@ -3,6 +3,7 @@ use glam::DVec3;
 use super::{Components, Connectivity};
 use crate::{
     grid::Grid,
+    grid::ijk,
     mask::{Mask, MaskBits},
     tumor_index::TumorIndex,
 };
@@ -55,7 +56,7 @@ fn check_numbers(dims: [usize; 3], labels: &[u32], value: &[u32], found: &Compon
     assert_eq!(found.list().len(), count);
     for (i, c) in found.list().iter().enumerate().take(50) {
         let members: Vec<usize> = (0..labels.len()).filter(|&v| labels[v] as usize == i + 1).collect();
-        let at = |v: usize| [v % dims[0], v / dims[0] % dims[1], v / (dims[0] * dims[1])];
+        let at = |v: usize| ijk(dims, v);
         assert_eq!(c.voxels, members.len() as u64);
         assert_eq!(c.value, value[members[0]]);
         let mut mean = DVec3::ZERO;

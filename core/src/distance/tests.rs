@@ -1,7 +1,7 @@
 use glam::DAffine3;
 
 use super::*;
-use crate::Sides;
+use crate::{Sides, grid::ijk};
 
 struct Random(u64);
 
@@ -21,9 +21,9 @@ fn grid(dims: [usize; 3], spacing_mm: [f64; 3]) -> Grid {
 }
 
 fn active(mask: &MaskBits) -> Vec<[usize; 3]> {
-    let [nx, ny, _] = mask.dims();
+    let dims = mask.dims();
     let mut list = Vec::new();
-    mask.for_each(|l| list.push([l % nx, l / nx % ny, l / (nx * ny)]));
+    mask.for_each(|l| list.push(ijk(dims, l)));
     list
 }
 

@@ -3,7 +3,7 @@
 
 use super::{
     newton,
-    solve::{N, State, StopCriteria},
+    state::{Matrix, N, State, StopCriteria, dot, times},
 };
 
 /// Points with the largest g that may gain weight in one sweep: 4 n.
@@ -11,8 +11,6 @@ const LEADING: usize = 16;
 
 /// Sweeps between two Newton steps.
 const NEWTON_EVERY: usize = 10;
-
-type Matrix = [[f64; 4]; 4];
 
 const IDENTITY: Matrix =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
@@ -93,14 +91,6 @@ fn sweep(state: &mut State, seed: &mut u64) {
             a = times(&inverse, &x);
         }
     }
-}
-
-pub(super) fn times(m: &Matrix, v: &[f64; 4]) -> [f64; 4] {
-    std::array::from_fn(|r| dot(&m[r], v))
-}
-
-pub(super) fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 }
 
 /// Shuffles `list` into an order determined by `seed` alone (Fisher, Yates).

@@ -25,6 +25,7 @@ mod place;
 mod points;
 mod report;
 mod solve;
+mod state;
 mod steps;
 
 #[cfg(test)]

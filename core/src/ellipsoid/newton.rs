@@ -1,10 +1,7 @@
 //! One Newton step on all weights at once. Exchange finds the support (the points that carry weight) in few
 //! sweeps, but where these lie close together its pairwise steps zigzag; a joint step doesn't.
 
-use super::{
-    exchange::dot,
-    solve::{N, State, diagonal_product},
-};
+use super::state::{N, State, diagonal_product, dot};
 
 /// Largest support that the step is tried on: its cost is cubic in the number of points.
 const MAX_SUPPORT: usize = 60;

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::solve::{cholesky, diagonal_product};
+use super::state::{cholesky, diagonal_product};
 use crate::{
     components::{Component, Run},
     grid::orthogonal_columns,

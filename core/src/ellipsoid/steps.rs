@@ -1,9 +1,6 @@
 //! First-order methods: Khachiyan's, and with away steps Wolfe and Atwood's (Todd, Yıldırım 2007).
 
-use super::{
-    exchange::{dot, times},
-    solve::{N, State, StopCriteria},
-};
+use super::state::{N, State, StopCriteria, dot, times};
 
 /// Steps between two fresh factorisations.
 const REFRESH: usize = 50;

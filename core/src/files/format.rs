@@ -1,24 +1,13 @@
 //! The table of file formats: discovery, file dialogs, help and messages are derived from its rows.
 
 use super::{
-    FileError, Loaded, ReadOptions, Source, bounded_gzip::Stream, nifti, tracts::LoadedTracts, tracts_tck,
-    tracts_trk,
+    FileError, FileInfo, Loaded, ReadOptions, Source, bounded_gzip::Stream, nifti, tracts::LoadedTracts,
+    tracts_tck, tracts_trk,
 };
 use crate::Progress;
 
 /// Bytes from the start of a file that format recognition needs at most.
 const SNIFFED_BYTES: usize = 512;
-
-/// Header information of a file, in its format's own terms.
-pub trait FileInfo {
-    /// Human-readable text, one line per item.
-    fn text(&self) -> String;
-    /// Indented JSON; keys are stable.
-    ///
-    /// # Errors
-    /// When a number is not finite.
-    fn json(&self) -> serde_json::Result<String>;
-}
 
 /// Reads a file's header information.
 pub type ReadInfo = fn(&Source, &Progress) -> Result<Box<dyn FileInfo>, FileError>;
@@ -33,9 +22,9 @@ pub struct VolumeFormat {
     pub whole: &'static [&'static str],
     /// Whether a file whose (uncompressed) content begins with these bytes has this format.
     pub sniff: fn(&[u8]) -> bool,
-    /// Reads one frame, see [`super::read`].
+    /// Reads one frame, see [`super::read()`].
     pub read: fn(&Source, &ReadOptions, &Progress) -> Result<Loaded, FileError>,
-    /// Reads the header information, see [`super::info`].
+    /// Reads the header information, see [`super::info()`].
     pub info: ReadInfo,
 }
 

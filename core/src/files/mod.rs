@@ -2,22 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{Cancelled, Check, Progress, Volume};
+use crate::{Cancelled, Check, Volume};
 
 mod bounded_gzip;
 pub mod format;
 mod nifti;
+mod nifti_describe;
 pub mod nifti_header;
 pub mod nifti_space;
 mod nifti_write;
+mod read;
 mod tracts;
 mod tracts_tck;
 mod tracts_trk;
 
-pub use format::FileInfo;
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
-pub use tracts::{LoadedTracts, TractOptions, read_tract_bytes, read_tracts};
+pub use read::{info, read, read_tract_bytes, read_tracts};
+pub use tracts::{LoadedTracts, TractOptions};
 
 /// Where a file's bytes come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -67,6 +69,17 @@ pub struct Loaded {
     pub frames: usize,
     /// Findings.
     pub checks: Vec<Check>,
+}
+
+/// Header information of a file, in its format's own terms.
+pub trait FileInfo {
+    /// Human-readable text, one line per item.
+    fn text(&self) -> String;
+    /// Indented JSON; keys are stable.
+    ///
+    /// # Errors
+    /// When a number is not finite.
+    fn json(&self) -> serde_json::Result<String>;
 }
 
 /// Why a file can't be read or written, in one line.
@@ -149,24 +162,4 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     file.as_file().sync_all().map_err(fail)?;
     file.persist(path).map_err(|e| fail(e.error))?;
     Ok(())
-}
-
-/// Reads one frame of an image or mask in any of [`format::VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
-/// `.hdr`/`.img` pairs, each file gzipped or not, named by either half. gzip is recognised by content, not by name.
-///
-/// # Errors
-/// [`FileError::Wrong`] for any defect of the file; nothing is allocated for voxels before the header
-/// has been checked against the file's length and `options.max_bytes`.
-/// [`FileError::Cancelled`] when `progress` is cancelled.
-pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
-    (format::volume_format(source).read)(source, options, progress)
-}
-
-/// Header information of an image or mask. Reads the file to its end to detect damage and truncation, but keeps no
-/// voxels.
-///
-/// # Errors
-/// As [`read`], without a limit on size.
-pub fn info(source: &Source, progress: &Progress) -> Result<Box<dyn FileInfo>, FileError> {
-    (format::volume_format(source).info)(source, progress)
 }

@@ -6,9 +6,8 @@ use glam::DMat4;
 use serde::Serialize;
 
 use super::bounded_gzip::{CHUNK_BYTES, Stream};
-use super::nifti_header::{
-    ByteOrder, Described, Fault, Header, MAX_EXTENSION_BYTES, SampleType, Version, recognise,
-};
+use super::nifti_describe::Described;
+use super::nifti_header::{ByteOrder, Fault, Header, MAX_EXTENSION_BYTES, SampleType, Version, recognise};
 use super::nifti_space::{Form, length_unit};
 use super::{FileError, FileInfo, Loaded, ReadOptions, Source, printable};
 use crate::{Check, Progress, Samples, Sides, Volume};

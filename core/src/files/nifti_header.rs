@@ -1,4 +1,4 @@
-//! The NIfTI-1 and NIfTI-2 header: parsing and validation of its fields.
+//! The NIfTI-1 and NIfTI-2 header: its fields.
 //!
 //! Layout from `nifti1.h` (Cox et al., 2003) and `nifti2.h` (2011). Every finding is a [`Check`];
 //! a finding that makes the file unusable is a [`Fault`].
@@ -6,8 +6,7 @@
 use serde::Serialize;
 
 use super::FileError;
-use super::nifti_space::{self, Form};
-use crate::{Check, Grid, Scaling};
+use crate::Check;
 
 /// Header layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -100,7 +99,7 @@ impl SampleType {
         }
     }
 
-    fn from_code(code: i16) -> Result<Self, Fault> {
+    pub(super) fn from_code(code: i16) -> Result<Self, Fault> {
         const ALL: [SampleType; 10] = [
             SampleType::UInt8,
             SampleType::Int8,
@@ -185,32 +184,8 @@ pub struct Header {
     pub srow: [[f64; 4]; 3],
 }
 
-/// The checked content of a header, sufficient to read the voxels.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Described {
-    /// The voxel grid.
-    pub grid: Grid,
-    /// What `grid` was made from.
-    pub form: Form,
-    /// Product of dimensions 4 to 7.
-    pub frames: u64,
-    /// Data type of the stored voxels.
-    pub sample_type: SampleType,
-    /// Bytes of one frame.
-    pub frame_bytes: u64,
-    /// Byte offset of the first frame in the file with the voxels.
-    pub data_offset: u64,
-    /// Maps stored numbers to values.
-    pub scaling: Scaling,
-    /// Notes and warnings.
-    pub checks: Vec<Check>,
-}
-
 /// Maximum size of the header extensions in bytes, in a single file and in a pair's header.
 pub const MAX_EXTENSION_BYTES: u64 = 64 << 20;
-
-/// Exclusive limit on the voxels of a frame, as in [`Grid::new`].
-const MAX_VOXELS: u64 = 1 << 40;
 
 struct Fields<'a> {
     bytes: &'a [u8],
@@ -352,105 +327,6 @@ impl Header {
             qoffset: std::array::from_fn(|i| f.f64(376 + 8 * i)),
             srow: std::array::from_fn(|r| std::array::from_fn(|c| f.f64(400 + 32 * r + 8 * c))),
         })
-    }
-
-    /// Checks all relevant fields. Each check's message starts with `name`. Memory use doesn't depend on the
-    /// sizes that the header claims.
-    ///
-    /// # Errors
-    /// [`Fault`]: the first finding that makes the file unusable.
-    pub fn describe(&self, name: &str) -> Result<Described, Fault> {
-        let (dims, frames) = self.shape()?;
-        let sample_type = SampleType::from_code(self.datatype)?;
-        let bits = sample_type.bytes() * 8;
-        if usize::try_from(self.bitpix) != Ok(bits) {
-            let found = format!("bitpix {} with datatype {}", self.bitpix, sample_type.name());
-            return Err(Fault::new("bitpix-datatype", found, format!("bitpix {bits}")));
-        }
-        let too_large = || {
-            let found = format!("dimensions {:?}", &self.dim[1..=self.dim[0].clamp(1, 7) as usize]);
-            Fault::new("dim-overflow", found, "fewer than 2^40 voxels a frame and 2^63 bytes in all")
-        };
-        let voxels = dims.iter().try_fold(1u64, |product, &d| product.checked_mul(d as u64));
-        let voxels = voxels.filter(|&n| n < MAX_VOXELS).ok_or_else(too_large)?;
-        let frame_bytes = voxels * sample_type.bytes() as u64;
-        let data_offset = self.data_offset()?;
-        frame_bytes
-            .checked_mul(frames)
-            .and_then(|all| all.checked_add(data_offset))
-            .filter(|&end| i64::try_from(end).is_ok())
-            .ok_or_else(too_large)?;
-        let mut checks = Vec::new();
-        let (grid, form) = nifti_space::grid_from_header(self, dims, name, &mut checks)?;
-        let scaling = self.scaling(name, &mut checks);
-        Ok(Described { grid, form, frames, sample_type, frame_bytes, data_offset, scaling, checks })
-    }
-
-    /// All findings about the header alone, errors included.
-    pub fn checks(&self, name: &str) -> Vec<Check> {
-        self.describe(name).map_or_else(|fault| vec![fault.check(name)], |d| d.checks)
-    }
-
-    fn shape(&self) -> Result<([usize; 3], u64), Fault> {
-        let rank = match usize::try_from(self.dim[0]) {
-            Ok(rank @ 1..=7) => rank,
-            _ => {
-                return Err(Fault::new("dim-rank", format!("dim[0] = {}", self.dim[0]), "1 to 7 dimensions"));
-            }
-        };
-        let mut dims = [1; 3];
-        let mut frames = 1u64;
-        for axis in 1..=rank {
-            let size = self.dim[axis];
-            let positive = usize::try_from(size).ok().filter(|&n| n > 0);
-            let Some(n) = positive else {
-                return Err(Fault::new("dim-size", format!("dim[{axis}] = {size}"), "at least 1"));
-            };
-            if axis <= 3 {
-                dims[axis - 1] = n;
-            } else {
-                frames = frames.checked_mul(n as u64).ok_or_else(|| {
-                    Fault::new(
-                        "dim-overflow",
-                        format!("dimensions {:?}", &self.dim[1..=rank]),
-                        "fewer frames",
-                    )
-                })?;
-            }
-        }
-        Ok((dims, frames))
-    }
-
-    fn data_offset(&self) -> Result<u64, Fault> {
-        let first = if self.paired { 0 } else { self.version.header_bytes() as u64 + 4 };
-        let last = if self.paired { 1 << 53 } else { first + MAX_EXTENSION_BYTES };
-        let offset = self.vox_offset;
-        if offset.fract() == 0.0 && offset >= first as f64 && offset <= last as f64 {
-            return Ok(offset as u64);
-        }
-        let found = format!("vox_offset {offset}");
-        Err(Fault::new("vox-offset", found, format!("a whole number of bytes from {first} to {last}")))
-    }
-
-    /// "If the scl_slope field is nonzero, then each voxel value should be scaled" (`nifti1.h`).
-    fn scaling(&self, name: &str, checks: &mut Vec<Check>) -> Scaling {
-        let (slope, intercept) = (self.scl_slope, self.scl_inter);
-        if slope.is_finite() && slope != 0.0 && intercept.is_finite() {
-            return Scaling { slope, intercept };
-        }
-        if !(slope == 0.0 && intercept == 0.0) {
-            let text = format!(
-                "{name}: scl_slope {slope} and scl_inter {intercept} mean no scaling; stored values are used"
-            );
-            // A valid slope with an invalid intercept: programs differ here.
-            let drops_slope = slope.is_finite() && slope != 0.0 && slope != 1.0;
-            checks.push(if drops_slope {
-                Check::warning("scaling-ignored", text)
-            } else {
-                Check::note("scaling-ignored", text)
-            });
-        }
-        Scaling::NONE
     }
 }
 

@@ -1,10 +1,9 @@
-//! Reading fibre tracts: MRtrix `.tck` and TrackVis `.trk`, recognised by content.
+//! What the formats of fibre tracts share: fibres being read, and the checks of what was read.
 
+use super::FileError;
 use super::bounded_gzip::Stream;
-use super::format::{TRACT_FORMATS, TractFormat, tract_endings};
 use super::nifti_header::ByteOrder;
-use super::{FileError, Source};
-use crate::{Check, Progress, Sides, Tracts};
+use crate::{Check, Sides, Tracts};
 
 /// Coordinates beyond this (10 km, as for images) are damage, not anatomy.
 const MAX_COORDINATE_MM: f64 = 1e7;
@@ -30,77 +29,6 @@ pub struct LoadedTracts {
     pub tracts: Tracts,
     /// Findings.
     pub checks: Vec<Check>,
-}
-
-/// Reads a `.tck` or `.trk` file.
-///
-/// A gzip is refused: neither format declares its size, so the inflated size would be unbounded.
-///
-/// # Errors
-/// [`FileError::Wrong`] for any defect of the file; memory is bounded by its length, which is compared with
-/// `options.max_bytes` before anything is allocated. [`FileError::Cancelled`] when `progress` is cancelled.
-pub fn read_tracts(
-    source: &Source,
-    options: &TractOptions,
-    progress: &Progress,
-) -> Result<LoadedTracts, FileError> {
-    match source {
-        Source::File(path) => read_stream(Stream::open(path, progress)?, options),
-        Source::Embedded { name, bytes } => read_tract_bytes(name, bytes, options, progress),
-    }
-}
-
-/// As [`read_tracts`], from memory; messages call the file `name`.
-///
-/// # Errors
-/// As [`read_tracts`].
-pub fn read_tract_bytes(
-    name: &str,
-    bytes: &[u8],
-    options: &TractOptions,
-    progress: &Progress,
-) -> Result<LoadedTracts, FileError> {
-    read_stream(Stream::of_bytes(name, bytes, progress)?, options)
-}
-
-fn read_stream(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
-    let each = TRACT_FORMATS.iter().map(|format| {
-        let magic = String::from_utf8_lossy(format.magic);
-        format!("a .{} that begins with \"{magic}\"", format.endings.join(" or ."))
-    });
-    let expected = format!("tracts: {}", each.collect::<Vec<_>>().join(" or "));
-    let plain = format!("a plain {} (unpack it first)", endings_text());
-    let wrong =
-        |stream: &Stream<'_>, found: &str, expected: &str| FileError::wrong(stream.file(), found, expected);
-    if stream.is_gzip() {
-        return Err(wrong(&stream, "a gzip", &plain));
-    }
-    if stream.remaining() > options.max_bytes {
-        let expected = format!("at most {} (the limit, which can be raised)", options.max_bytes);
-        return Err(wrong(&stream, &format!("{} bytes of tracts", stream.remaining()), &expected));
-    }
-    // Shortest magic first, so that no bytes beyond the matching one are consumed.
-    let mut rows: Vec<&TractFormat> = TRACT_FORMATS.iter().collect();
-    rows.sort_by_key(|format| format.magic.len());
-    let mut head = Vec::new();
-    for format in rows {
-        let read_len = head.len();
-        head.resize(format.magic.len(), 0);
-        let added_len = stream.fill(&mut head[read_len..])?;
-        head.truncate(read_len + added_len);
-        if head == format.magic {
-            return (format.read)(stream);
-        }
-    }
-    if head.is_empty() {
-        return Err(stream.ends_early(&expected));
-    }
-    Err(wrong(&stream, "other content", &expected))
-}
-
-/// Extensions of fibre tracts for messages: `.tck or .trk`.
-fn endings_text() -> String {
-    tract_endings().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ")
 }
 
 /// Fibres read so far.

@@ -1,7 +1,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::*;
-use crate::{Samples, Scaling, Sides};
+use crate::{Samples, Scaling, Sides, grid::ijk};
 
 fn grid(dims: [usize; 3], matrix3: DMat3, translation: DVec3) -> Grid {
     Grid::new(dims, DAffine3 { matrix3, translation }, Sides::Known).unwrap()
@@ -26,9 +26,9 @@ fn resampled(mask: &Mask, target: &Grid) -> MaskBits {
 
 /// Reference: nearest neighbour through world coordinates, voxel by voxel.
 fn reference(mask: &Mask, target: &Grid) -> MaskBits {
-    let [nx, ny, _] = target.dims();
+    let dims = target.dims();
     MaskBits::from_fn(target.dims(), |l| {
-        let world = target.center_of_voxel_mm([l % nx, l / nx % ny, l / nx / ny]);
+        let world = target.center_of_voxel_mm(ijk(dims, l));
         mask.grid().voxel_at(world).is_some_and(|ijk| mask.bits().get(ijk))
     })
 }

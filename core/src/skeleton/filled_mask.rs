@@ -4,7 +4,9 @@
 use glam::{DMat3, DVec3};
 
 use super::SkeletonError;
-use crate::{Components, Connectivity, Grid, MaskBits, Sides, distance::Crop, distance::FeatureTransform};
+use crate::{
+    Components, Connectivity, Grid, MaskBits, Sides, distance::Crop, distance::FeatureTransform, grid::ijk,
+};
 
 /// A mask with its cavities filled, cropped to a box with a margin of one inactive voxel on each side (also at the
 /// image's border).
@@ -29,9 +31,9 @@ impl FilledMask {
     pub fn new(mask: &MaskBits, grid: &Grid) -> Result<Option<Self>, SkeletonError> {
         let Some((start, size)) = mask.bounds() else { return Ok(None) };
         let mut bits = MaskBits::empty(size.map(|n| n + 2));
-        let [nx, ny, _] = mask.dims();
+        let dims = mask.dims();
         mask.for_each(|l| {
-            let ijk = [l % nx, l / nx % ny, l / (nx * ny)];
+            let ijk = ijk(dims, l);
             bits.set(std::array::from_fn(|a| ijk[a] - start[a] + 1));
         });
         let before = bits.count();
@@ -88,8 +90,8 @@ impl FilledMask {
 
     /// The inverse of [`FilledMask::linear`].
     pub fn voxel(&self, linear: usize) -> [usize; 3] {
-        let [nx, ny, _] = self.bits.dims();
-        [linear % nx, linear / nx % ny, linear / (nx * ny)]
+        let dims = self.bits.dims();
+        ijk(dims, linear)
     }
 
     /// Distance transform: distance of every voxel to the nearest inactive one, in units.
@@ -103,9 +105,9 @@ impl FilledMask {
     /// Voxels covered by a cell of `cells`. `span(cell, axis)` gives the first and last voxel of a cell along an axis.
     pub fn covered(&self, cells: &MaskBits, span: impl Fn(usize, usize) -> (usize, usize)) -> MaskBits {
         let mut covered = MaskBits::empty(self.bits.dims());
-        let [nx, ny, _] = cells.dims();
+        let dims = cells.dims();
         cells.for_each(|l| {
-            let cell = [l % nx, l / nx % ny, l / (nx * ny)];
+            let cell = ijk(dims, l);
             let [x, y, z] = std::array::from_fn(|a| span(cell[a], a));
             for k in z.0..=z.1 {
                 for j in y.0..=y.1 {

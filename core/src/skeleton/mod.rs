@@ -19,7 +19,9 @@ mod trace;
 
 use glam::DVec3;
 
-use crate::{Cancelled, Grid, GridError, MaskBits, Progress, components::TooLarge, distance::DistanceError};
+use crate::{
+    Cancelled, Grid, GridError, MaskBits, Progress, components::TooLarge, distance::DistanceError, grid::ijk,
+};
 use field::Lattice;
 use filled_mask::FilledMask;
 pub use force::Charge;
@@ -295,10 +297,10 @@ pub fn force_field_with(
     let lattice = Lattice::new(&filled, options.coarse);
     let (forces, used) =
         lattice.forces_from(source, &charges, options.exponent, options.opening, progress)?;
-    let [nx, ny, _] = lattice.nodes.dims();
+    let dims = lattice.nodes.dims();
     let mut voxels = Vec::with_capacity(forces.len());
     lattice.nodes.for_each(|l| {
-        let node = DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64);
+        let node = DVec3::from_array(ijk(dims, l).map(|v| v as f64));
         voxels.push(filled.grid_voxel(lattice.unit(node)));
     });
     Ok(ForceField { voxels, forces, used })

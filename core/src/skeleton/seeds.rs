@@ -6,7 +6,7 @@ use super::{
     field::Lattice,
     filled_mask::{FilledMask, neighbours},
 };
-use crate::surface;
+use crate::{grid::ijk, surface};
 
 /// Radius, in units, of the ball in which a boundary voxel's curvature is measured.
 const CURVATURE_RADIUS: f64 = 3.0;
@@ -24,7 +24,7 @@ pub(super) fn low_divergence(lattice: &Lattice, forces: &[DVec3], part: f64) -> 
     let mut divergence = vec![f64::NAN; forces.len()];
     let mut candidates = Vec::new();
     nodes.for_each(|l| {
-        let n = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
+        let n = ijk(dims, l);
         let beside = |a: usize, up: bool| {
             let mut m = n;
             m[a] = if up { n[a] + 1 } else { n[a].wrapping_sub(1) };

@@ -8,7 +8,7 @@ use super::{
     field::Lattice,
     force::{Charge, Charges, PowerLaw},
 };
-use crate::{Cancelled, Progress};
+use crate::{Cancelled, Progress, grid::ijk};
 
 /// Input of a [`ForceSource`]. Positions are in units of the finest voxel spacing, relative to the centre of the first
 /// voxel of the mask's box: numbers of moderate size, wherever the image lies.
@@ -108,10 +108,10 @@ impl Lattice {
 
     /// Inside lattice points in units, by rank.
     fn places(&self) -> Vec<DVec3> {
-        let [nx, ny, _] = self.nodes.dims();
+        let dims = self.nodes.dims();
         let mut places = Vec::new();
         self.nodes.for_each(|l| {
-            places.push(self.unit(DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64)));
+            places.push(self.unit(DVec3::from_array(ijk(dims, l).map(|v| v as f64))));
         });
         places
     }

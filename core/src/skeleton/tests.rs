@@ -1,4 +1,5 @@
 use super::*;
+use crate::grid::ijk;
 use glam::DMat3;
 
 /// A shape with a known medial axis, in millimetres: `axis` gives the distance to it.
@@ -73,7 +74,7 @@ fn voxelised(shape: &Shape, spacing_mm: DVec3) -> (MaskBits, Grid) {
     let origin = DVec3::from_array(dims.map(|n| -((n - 1) as f64) / 2.0)) * spacing_mm + shift;
     let grid = Grid::axis_aligned(dims, spacing_mm, origin).unwrap();
     let bits = MaskBits::from_fn(dims, |l| {
-        let ijk = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
+        let ijk = ijk(dims, l);
         (shape.inside)(grid.center_of_voxel_mm(ijk))
     });
     (bits, grid)
@@ -174,7 +175,7 @@ fn mirrored_swapped_and_shifted_masks_have_the_same_skeleton() {
         let of_dims = |dims: [usize; 3]| Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap();
         let places = |s: &Skeleton| s.points.iter().map(|p| p.voxel).collect::<Vec<_>>();
         let first = places(&of(&bits, &grid, level));
-        let voxel = |l: usize, d: [usize; 3]| [l % d[0], l / d[0] % d[1], l / (d[0] * d[1])];
+        let voxel = |l: usize, d: [usize; 3]| ijk(d, l);
 
         let mirrored = MaskBits::from_fn(dims, |l| {
             let v = voxel(l, dims);
@@ -211,8 +212,10 @@ fn mirrored_swapped_and_shifted_masks_have_the_same_skeleton() {
 /// A mask of the voxels with `inside(x, y, z)`, in a box of `dims`.
 fn mask_from(dims: [usize; 3], inside: impl Fn(usize, usize, usize) -> bool) -> (MaskBits, Grid) {
     let grid = Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap();
-    let bits =
-        MaskBits::from_fn(dims, |l| inside(l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])));
+    let bits = MaskBits::from_fn(dims, |l| {
+        let [x, y, z] = ijk(dims, l);
+        inside(x, y, z)
+    });
     (bits, grid)
 }
 

@@ -2,26 +2,19 @@
 
 use glam::DVec3;
 
-use super::{Metric, Nearest, segment};
-use crate::MaskBits;
+use super::{CellBox, Metric, Nearest, segment};
+use crate::{MaskBits, grid::ijk};
 
 /// Maximum number of boxes in a leaf.
 const LEAF: usize = 4;
 
-/// A box of voxel cells, in voxel indices: voxel centres are whole numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct CellBox {
-    pub lo: DVec3,
-    pub hi: DVec3,
-}
-
 /// Each run of active voxels along x as one box.
 pub(super) fn runs(mask: &MaskBits) -> Vec<CellBox> {
-    let [nx, ny, _] = mask.dims();
+    let dims = mask.dims();
     let mut boxes: Vec<CellBox> = Vec::new();
     let mut last = None;
     mask.for_each(|linear| {
-        let [x, y, z] = [linear % nx, linear / nx % ny, linear / (nx * ny)].map(|v| v as f64);
+        let [x, y, z] = ijk(dims, linear).map(|v| v as f64);
         let continues = x > 0.0 && last == Some(linear.wrapping_sub(1));
         last = Some(linear);
         match boxes.last_mut().filter(|_| continues) {

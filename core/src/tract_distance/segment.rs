@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3, DVec4};
 
-use super::{Metric, Nearest, boxes::CellBox};
+use super::{CellBox, Metric, Nearest};
 
 /// Nearest points of the segment from `a` to `b` and `cells`, all in voxel indices.
 pub(super) fn to_box(a: DVec3, b: DVec3, cells: &CellBox, metric: &Metric) -> Nearest {

@@ -1,7 +1,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::{Approach, Metric, Nearness, SelectedCells, boxes, boxes::CellBox, segment};
-use crate::{Grid, MaskBits, Progress, Sides, Tracts};
+use super::{Approach, CellBox, Metric, Nearness, SelectedCells, boxes, segment};
+use crate::{Grid, MaskBits, Progress, Sides, Tracts, grid::ijk};
 
 struct Random(u64);
 
@@ -40,12 +40,12 @@ fn to_cell(grid: &Grid, p_mm: DVec3, ijk: [usize; 3]) -> f64 {
 /// The definition, up to the step: points along every segment compared with every active voxel.
 fn sampled(grid: &Grid, mask: &MaskBits, fiber: &[[f32; 3]], steps: usize) -> f64 {
     let points: Vec<DVec3> = fiber.iter().map(|&p| DVec3::from_array(p.map(f64::from))).collect();
-    let [nx, ny, _] = mask.dims();
+    let dims = mask.dims();
     let mut least = f64::INFINITY;
     for ends in points.windows(2) {
         for step in 0..=steps {
             let p = ends[0].lerp(ends[1], step as f64 / steps as f64);
-            mask.for_each(|l| least = least.min(to_cell(grid, p, [l % nx, l / nx % ny, l / (nx * ny)])));
+            mask.for_each(|l| least = least.min(to_cell(grid, p, ijk(dims, l))));
         }
     }
     least
@@ -55,11 +55,11 @@ fn sampled(grid: &Grid, mask: &MaskBits, fiber: &[[f32; 3]], steps: usize) -> f6
 fn brute(grid: &Grid, mask: &MaskBits, fiber: &[[f32; 3]]) -> f64 {
     let metric = Metric { perpendicular: false, ..Metric::of(grid) };
     let voxel = |p: [f32; 3]| grid.voxel_from_world().transform_point3(DVec3::from_array(p.map(f64::from)));
-    let [nx, ny, _] = mask.dims();
+    let dims = mask.dims();
     let mut least = f64::INFINITY;
     for ends in fiber.windows(2) {
         mask.for_each(|l| {
-            let center = DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64);
+            let center = DVec3::from_array(ijk(dims, l).map(|v| v as f64));
             let cell = CellBox { lo: center - 0.5, hi: center + 0.5 };
             let found = segment::to_box(voxel(ends[0]), voxel(ends[1]), &cell, &metric);
             least = least.min(found.squared_mm2.sqrt());

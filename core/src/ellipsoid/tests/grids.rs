@@ -6,6 +6,7 @@ use super::{all, blob, check_corners, index_of, random, skewed_grid, unit_grid};
 use crate::{
     Connectivity, Grid, MaskBits, Progress, Sides,
     ellipsoid::{ComponentReport, EllipsoidError, Of, OfReport, Options, ellipsoids_of},
+    grid::ijk,
 };
 
 fn solid(dims: [usize; 3], start: [usize; 3], size: [usize; 3]) -> MaskBits {
@@ -130,7 +131,7 @@ fn moments_equal_brute_force() {
     // Mean and covariance in world space; each voxel is a solid parallelepiped, which adds M Mᵀ / 12.
     let mut positions = Vec::new();
     bits.for_each(|l| {
-        let voxel = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
+        let voxel = ijk(dims, l);
         positions.push(grid.center_of_voxel_mm(voxel));
     });
     let n = positions.len() as f64;

@@ -7,6 +7,7 @@ use crate::{
     Connectivity,
     components::Components,
     ellipsoid::{Enclosing, Method, Options, enclose, enclosing_of, hull_corners},
+    grid::ijk,
 };
 
 const METHODS: [Method; 3] = [Method::Exchange, Method::AwaySteps, Method::Khachiyan];
@@ -166,7 +167,7 @@ fn hull_corners_include_every_extreme_corner() {
             let hull = hull_corners(components.runs(component), component.start);
             let mut every = Vec::new();
             for (l, _) in labels.iter().enumerate().filter(|(_, at)| **at == label) {
-                let voxel = [l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])];
+                let voxel = ijk(dims, l);
                 for corner in 0..8 {
                     let at =
                         |axis: usize| (voxel[axis] - component.start[axis] + (corner >> axis & 1)) as f64;

@@ -1,0 +1,99 @@
+//! Reading a file in whatever format it has: that of the table's row that recognises it.
+
+use super::{
+    FileError, FileInfo, Loaded, LoadedTracts, ReadOptions, Source, TractOptions,
+    bounded_gzip::Stream,
+    format::{TRACT_FORMATS, TractFormat, tract_endings, volume_format},
+};
+use crate::Progress;
+
+/// Reads one frame of an image or mask in any of [`VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
+/// `.hdr`/`.img` pairs, each file gzipped or not, named by either half. gzip is recognised by content, not by name.
+///
+/// # Errors
+/// [`FileError::Wrong`] for any defect of the file; nothing is allocated for voxels before the header
+/// has been checked against the file's length and `options.max_bytes`.
+/// [`FileError::Cancelled`] when `progress` is cancelled.
+pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
+    (volume_format(source).read)(source, options, progress)
+}
+
+/// Header information of an image or mask. Reads the file to its end to detect damage and truncation, but keeps no
+/// voxels.
+///
+/// # Errors
+/// As [`read`], without a limit on size.
+pub fn info(source: &Source, progress: &Progress) -> Result<Box<dyn FileInfo>, FileError> {
+    (volume_format(source).info)(source, progress)
+}
+
+/// Reads a `.tck` or `.trk` file.
+///
+/// A gzip is refused: neither format declares its size, so the inflated size would be unbounded.
+///
+/// # Errors
+/// [`FileError::Wrong`] for any defect of the file; memory is bounded by its length, which is compared with
+/// `options.max_bytes` before anything is allocated. [`FileError::Cancelled`] when `progress` is cancelled.
+pub fn read_tracts(
+    source: &Source,
+    options: &TractOptions,
+    progress: &Progress,
+) -> Result<LoadedTracts, FileError> {
+    match source {
+        Source::File(path) => read_stream(Stream::open(path, progress)?, options),
+        Source::Embedded { name, bytes } => read_tract_bytes(name, bytes, options, progress),
+    }
+}
+
+/// As [`read_tracts`], from memory; messages call the file `name`.
+///
+/// # Errors
+/// As [`read_tracts`].
+pub fn read_tract_bytes(
+    name: &str,
+    bytes: &[u8],
+    options: &TractOptions,
+    progress: &Progress,
+) -> Result<LoadedTracts, FileError> {
+    read_stream(Stream::of_bytes(name, bytes, progress)?, options)
+}
+
+fn read_stream(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
+    let each = TRACT_FORMATS.iter().map(|format| {
+        let magic = String::from_utf8_lossy(format.magic);
+        format!("a .{} that begins with \"{magic}\"", format.endings.join(" or ."))
+    });
+    let expected = format!("tracts: {}", each.collect::<Vec<_>>().join(" or "));
+    let plain = format!("a plain {} (unpack it first)", endings_text());
+    let wrong =
+        |stream: &Stream<'_>, found: &str, expected: &str| FileError::wrong(stream.file(), found, expected);
+    if stream.is_gzip() {
+        return Err(wrong(&stream, "a gzip", &plain));
+    }
+    if stream.remaining() > options.max_bytes {
+        let expected = format!("at most {} (the limit, which can be raised)", options.max_bytes);
+        return Err(wrong(&stream, &format!("{} bytes of tracts", stream.remaining()), &expected));
+    }
+    // Shortest magic first, so that no bytes beyond the matching one are consumed.
+    let mut rows: Vec<&TractFormat> = TRACT_FORMATS.iter().collect();
+    rows.sort_by_key(|format| format.magic.len());
+    let mut head = Vec::new();
+    for format in rows {
+        let read_len = head.len();
+        head.resize(format.magic.len(), 0);
+        let added_len = stream.fill(&mut head[read_len..])?;
+        head.truncate(read_len + added_len);
+        if head == format.magic {
+            return (format.read)(stream);
+        }
+    }
+    if head.is_empty() {
+        return Err(stream.ends_early(&expected));
+    }
+    Err(wrong(&stream, "other content", &expected))
+}
+
+/// Extensions of fibre tracts for messages: `.tck or .trk`.
+fn endings_text() -> String {
+    tract_endings().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ")
+}

@@ -1,4 +1,4 @@
-//! Why something that was asked for can't be done, as one line for people.
+//! The error type of the window and the command line; each error displays as one line.
 
 use std::path::Path;
 
@@ -8,44 +8,44 @@ use glioscope_core::{
 };
 use glioscope_render::{GpuError, RenderError};
 
-/// Why something can't be done.
+/// Why an operation failed.
 #[derive(Debug, thiserror::Error)]
 pub enum AppError {
-    /// A file.
+    /// A file can't be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A case.
+    /// A case can't be opened.
     #[error(transparent)]
     Case(#[from] CaseError),
-    /// Two dates.
+    /// Two time points can't be compared.
     #[error(transparent)]
     Change(#[from] ChangeError),
-    /// Ellipsoids.
+    /// Ellipsoids can't be computed.
     #[error("ellipsoids: {0}")]
     Ellipsoids(#[from] EllipsoidError),
-    /// Distances of fibres.
+    /// Distances of fibres can't be computed.
     #[error(transparent)]
     Distance(#[from] DistanceError),
-    /// A tumour index.
+    /// A tumour index can't be built.
     #[error(transparent)]
     Index(#[from] IndexError),
-    /// A picture.
+    /// A frame can't be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The graphics adapter.
+    /// No usable graphics adapter or device.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The user asked to stop.
+    /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
-    /// Something else that was given.
+    /// Any other invalid input, or a failure without an error type of its own.
     #[error("{place}: found {found}, expected {expected}")]
     Wrong {
         /// The file, option or part of the program.
         place: String,
-        /// What is there.
+        /// What was found.
         found: String,
-        /// What should be.
+        /// What was expected.
         expected: String,
     },
     /// The window can't be opened.
@@ -54,28 +54,28 @@ pub enum AppError {
          mesa-vulkan-drivers and libvulkan1"
     )]
     Window(String),
-    /// A result has no reason to wait for, in a sentence for the pane that would show it.
+    /// A result is unavailable; why, as a sentence for the pane that would show it.
     #[error("{0}")]
-    Nothing(&'static str),
+    Unavailable(&'static str),
 }
 
 impl AppError {
-    /// At `place` is `found` instead of `expected`.
+    /// An [`AppError::Wrong`]: at `place`, `found` instead of `expected`.
     pub fn wrong(place: impl Into<String>, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::Wrong { place: place.into(), found: found.into(), expected: expected.into() }
     }
 
-    /// As [`AppError::wrong`] for a file.
+    /// [`AppError::wrong`] for a file.
     pub fn file(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::wrong(path.display().to_string(), found, expected)
     }
 
-    /// As [`AppError::wrong`] for an option of the command line.
+    /// [`AppError::wrong`] for an option of the command line, given without its dashes.
     pub fn option(name: &str, found: &str, expected: impl Into<String>) -> Self {
         Self::wrong(format!("--{name}"), format!("\"{found}\""), expected)
     }
 
-    /// As [`AppError::wrong`] for arguments as a whole.
+    /// [`AppError::wrong`] for the arguments as a whole.
     pub fn arguments(found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::wrong("arguments", found, expected)
     }

@@ -1,6 +1,7 @@
-//! Numbers as people read them. Full precision is in `--json`.
+//! Numbers formatted for display. `--json` has full precision.
 
-/// Millilitres with sensible digits: `12.34 ml`, `0.0123 ml`.
+/// A volume with one to four decimals, more for smaller values: `12.34 ml`, `0.012 ml`. `unknown` where it isn't
+/// finite.
 pub fn ml(value: f64) -> String {
     if !value.is_finite() {
         return "unknown".into();
@@ -17,16 +18,16 @@ pub fn ml(value: f64) -> String {
     format!("{value:.digits$} ml")
 }
 
-/// A share as per cent: `14.2 %`, `0.03 %`.
-pub fn percent(share: f64) -> String {
-    if !share.is_finite() {
+/// A fraction as a percentage: `14.2 %`, `0.03 %`. `unknown` where it isn't finite.
+pub fn percent(fraction: f64) -> String {
+    if !fraction.is_finite() {
         return "unknown".into();
     }
-    let value = share * 100.0;
+    let value = fraction * 100.0;
     if value == 0.0 || value >= 1.0 { format!("{value:.1} %") } else { format!("{value:.2} %") }
 }
 
-/// A count with thin spaces between the thousands: `1 234 567`.
+/// A count with thin spaces as thousands separators: `1 234 567`.
 pub fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::with_capacity(digits.len() * 4 / 3);
@@ -39,18 +40,18 @@ pub fn count(n: u64) -> String {
     out
 }
 
-/// A length as it is written everywhere: `23.4 mm`.
+/// A length with one decimal: `23.4 mm`.
 pub fn length_mm(length_mm: f64) -> String {
     format!("{length_mm:.1} mm")
 }
 
-/// A number without needless zeros: `20`, `0.5`.
+/// A number without trailing zeros: `20`, `0.5`.
 pub fn plain(value: f64) -> String {
     format!("{value}")
 }
 
-/// The longest of 1, 2, 5 times a power of ten millimetres that takes at most `max_points`, with
-/// its length in points. `None` when nothing fits.
+/// Length of a scale bar of at most `max_points` logical points: the largest of 1, 2 or 5 times a power of ten
+/// millimetres, and its length in points. `None` where `max_points` cover at most 1e-9 mm, or no finite length.
 pub fn nice_length_mm(mm_per_point: f64, max_points: f64) -> Option<(f64, f64)> {
     let max_mm = mm_per_point * max_points;
     if !(max_mm.is_finite() && max_mm > 1e-9) {
@@ -66,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn digits_that_can_be_read() {
+    fn digits_depend_on_magnitude() {
         assert_eq!(ml(0.0), "0.0 ml");
         assert_eq!(ml(12.345), "12.35 ml");
         assert_eq!(ml(0.0123), "0.012 ml");
@@ -77,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn thousands_are_set_apart() {
+    fn thousands_are_separated() {
         assert_eq!(
             [0, 999, 1000, 1_234_567].map(count),
             ["0", "999", "1\u{2009}000", "1\u{2009}234\u{2009}567"]

@@ -1,4 +1,4 @@
-//! The program.
+//! Entry point of the program.
 
 fn main() -> std::process::ExitCode {
     glioscope::cli::main()

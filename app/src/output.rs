@@ -1,4 +1,4 @@
-//! Pictures and numbers as files, whole or not at all.
+//! Writes pictures and numbers to files, whole or not at all.
 
 use std::path::Path;
 
@@ -11,10 +11,10 @@ use crate::{
     model::{Ruler, RulerFormat, rulers},
 };
 
-/// Writes an RGBA picture, 8 bits a channel.
+/// Writes an RGBA picture as PNG, 8 bits per channel.
 ///
 /// # Errors
-/// [`AppError`] that names the file.
+/// [`AppError`] naming the file.
 pub fn write_png(path: &Path, size: [u32; 2], rgba: &[u8]) -> Result<(), AppError> {
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
@@ -25,10 +25,10 @@ pub fn write_png(path: &Path, size: [u32; 2], rgba: &[u8]) -> Result<(), AppErro
     Ok(write_whole(path, &bytes)?)
 }
 
-/// Writes a picture of the window, or the part of it in `crop` (logical points).
+/// Writes a picture of the window as PNG, cropped to `crop` (logical points) where given.
 ///
 /// # Errors
-/// [`AppError`] that names the file.
+/// [`AppError`] naming the file.
 pub fn write_window_png(
     path: &Path,
     image: &ColorImage,
@@ -36,9 +36,15 @@ pub fn write_window_png(
     pixels_per_point: f32,
 ) -> Result<(), AppError> {
     let [width, height] = image.size;
-    let clamp = |points: f32, most: usize| ((points * pixels_per_point).round().max(0.0) as usize).min(most);
+    let to_pixels =
+        |points: f32, max: usize| ((points * pixels_per_point).round().max(0.0) as usize).min(max);
     let (x0, y0, x1, y1) = crop.map_or((0, 0, width, height), |r| {
-        (clamp(r.left(), width), clamp(r.top(), height), clamp(r.right(), width), clamp(r.bottom(), height))
+        (
+            to_pixels(r.left(), width),
+            to_pixels(r.top(), height),
+            to_pixels(r.right(), width),
+            to_pixels(r.bottom(), height),
+        )
     });
     if x1 <= x0 || y1 <= y0 {
         return Err(AppError::file(path, "an empty picture", "one with pixels"));
@@ -54,7 +60,7 @@ pub fn write_window_png(
 /// Writes `value` as indented JSON.
 ///
 /// # Errors
-/// [`AppError`] that names the file.
+/// [`AppError`] naming the file.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), AppError> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .map_err(|e| AppError::file(path, format!("numbers that JSON can't hold ({e})"), "finite ones"))?;
@@ -62,17 +68,17 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), AppE
     Ok(write_whole(path, &bytes)?)
 }
 
-/// Writes lines measured; the ending of `path` says how.
+/// Writes measured lines in the format given by the extension of `path`.
 ///
 /// # Errors
-/// [`AppError`] that names the file.
+/// [`AppError`] naming the file.
 pub fn write_rulers(path: &Path, case: &Case, lines: &[Ruler]) -> Result<(), AppError> {
     match RulerFormat::of(path) {
         Some(RulerFormat::Csv) => Ok(write_whole(path, &rulers::as_csv(case, lines))?),
         Some(RulerFormat::Json) => write_json(path, &rulers::as_json(case, lines)),
         None => {
-            let ending = path.extension().unwrap_or_default().to_string_lossy().into_owned();
-            Err(AppError::file(path, format!("the ending \"{ending}\""), ".csv or .json"))
+            let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+            Err(AppError::file(path, format!("the ending \"{extension}\""), ".csv or .json"))
         }
     }
 }

@@ -1,43 +1,37 @@
-//! What can be typed.
+//! Arguments of the command line.
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
-use glioscope_core::{
-    case::{Case, CaseError, CaseGridChoice, LoadOptions},
-    files::format::volume_names,
-};
 use glioscope_render::{
     ChangeStyle, ClipPlane, LightingMode, MutualOcclusion, Preset, SliceVariant, TransferPreset,
     flat::Overlay,
 };
 
 use super::{
+    case::{CaseArguments, MaskArguments},
     change::ChangeArguments,
     ellipsoids::Neighbors,
-    parse::{self, LensArgument, View, word},
-    terminal,
+    parse::{self, LensArgument, View, keyword},
     tracts::TractArguments,
 };
-use crate::{error::AppError, model::CaseRef, world::load};
-
 /// Compares tumour segmentations. Without a subcommand it opens the window.
 #[derive(Debug, Parser)]
 #[command(name = "glioscope", version, about, args_conflicts_with_subcommands = true)]
 pub struct Cli {
-    /// What to do without a window.
+    /// The subcommand; without one the window opens.
     #[command(subcommand)]
     pub task: Option<Task>,
-    /// The case to open; the embedded sample without one.
+    /// The case to open; default: the embedded sample.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// How the window opens.
+    /// Options of the window.
     #[command(flatten)]
     pub window: WindowArguments,
 }
 
-/// How the window opens.
+/// Options of the window.
 #[derive(Clone, Debug, Default, Args)]
 pub struct WindowArguments {
     /// Use only the software graphics adapter.
@@ -56,22 +50,22 @@ pub enum Task {
         /// The case.
         #[command(flatten)]
         case: CaseArguments,
-        /// How the window opens.
+        /// Options of the window.
         #[command(flatten)]
         window: WindowArguments,
     },
-    /// Say what a file or a case is, without reading voxels where it can be helped.
+    /// Describe a file or a case, without reading voxels where possible.
     Info {
         /// An image, a manifest or a folder.
         target: Option<PathBuf>,
-        /// The case, where it is given in parts.
+        /// The case, given as masks and images.
         #[command(flatten)]
         case: MaskArguments,
         /// As JSON.
         #[arg(long)]
         json: bool,
     },
-    /// Count masks, regions and their agreement.
+    /// Measure masks, regions and their agreement.
     Measure {
         /// The case.
         #[command(flatten)]
@@ -96,15 +90,15 @@ pub enum Task {
         #[arg(long)]
         json: bool,
     },
-    /// Say how near fibre tracts run to the masks.
+    /// Report the distances of fibre tracts to the masks.
     Tracts(TractArguments),
-    /// Say how the surface of a mask moved between two dates.
+    /// Report how the surface of a mask moved between two dates.
     Change(Box<ChangeArguments>),
     /// Draw one view into a PNG.
     Render(Box<RenderArguments>),
     /// Write the pictures of every view and all numbers into a folder.
     Report {
-        /// The case; the embedded sample without one.
+        /// The case; default: the embedded sample.
         #[command(flatten)]
         case: CaseArguments,
         /// The folder.
@@ -122,120 +116,28 @@ pub enum Task {
     },
 }
 
-/// Masks and images given one by one.
-#[derive(Clone, Debug, Default, Args)]
-pub struct MaskArguments {
-    /// A mask: ID=FILE[:1,4][@TIME]. Repeat for more.
-    #[arg(long = "mask", value_name = "ID=FILE[:LABELS][@TIME]")]
-    pub masks: Vec<String>,
-    /// An image: ID=FILE[@TIME]. Repeat for more.
-    #[arg(long = "context", value_name = "ID=FILE[@TIME]")]
-    pub contexts: Vec<String>,
-    /// Use the embedded sample.
-    #[arg(long, conflicts_with_all = ["masks", "contexts"])]
-    pub sample: bool,
-    /// The mask or image whose grid the case gets; else the finest mask's.
-    #[arg(long, value_name = "ID")]
-    pub case_grid: Option<String>,
-    /// Most bytes of voxels that a file may declare.
-    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30)]
-    pub max_bytes: u64,
-}
-
-/// How a case is named.
-#[derive(Clone, Debug, Default, Args)]
-pub struct CaseArguments {
-    /// How the case is named.
-    #[arg(help = case_help())]
-    pub path: Option<PathBuf>,
-    /// The case in parts.
-    #[command(flatten)]
-    pub parts: MaskArguments,
-    /// Fibre tracts beside those of the case: a .tck or .trk file. Repeat for more.
-    #[arg(long = "tracts", value_name = "FILE")]
-    pub tracts: Vec<PathBuf>,
-}
-
-impl CaseArguments {
-    /// The case named; `None` when nothing is.
-    ///
-    /// # Errors
-    /// When it is named twice.
-    pub fn reference(&self) -> Result<Option<CaseRef>, AppError> {
-        let parts = &self.parts;
-        let in_parts = !parts.masks.is_empty() || !parts.contexts.is_empty();
-        match (&self.path, in_parts, parts.sample) {
-            (Some(path), false, false) => Ok(Some(CaseRef::Path(path.clone()))),
-            (None, true, false) => {
-                Ok(Some(CaseRef::Arguments { masks: parts.masks.clone(), contexts: parts.contexts.clone() }))
-            }
-            (None, false, true) => Ok(Some(CaseRef::Sample)),
-            (None, false, false) => Ok(None),
-            _ => {
-                Err(AppError::arguments("a case named twice", "a path, or --mask and --context, or --sample"))
-            }
-        }
-    }
-
-    /// Limits and choices of loading.
-    pub fn options(&self) -> LoadOptions {
-        LoadOptions {
-            max_bytes: self.parts.max_bytes,
-            case_grid: self.parts.case_grid.clone().map_or(CaseGridChoice::FinestMask, CaseGridChoice::Of),
-        }
-    }
-
-    /// Reads the case with a progress bar on the terminal; its reference beside it.
-    ///
-    /// # Errors
-    /// [`AppError`]; also when no case is named and `or_sample` is false.
-    pub fn load(&self, or_sample: bool) -> Result<(CaseRef, Case), AppError> {
-        let reference = match self.reference()? {
-            Some(reference) => reference,
-            None if or_sample => CaseRef::Sample,
-            None => {
-                return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
-            }
-        };
-        let options = self.options();
-        let (spec, case) = terminal::with_progress(|progress| -> Result<_, CaseError> {
-            let mut spec = load::spec_of(&reference, &options, progress)?;
-            spec.add_tracts(&self.tracts);
-            glioscope_core::case::load(&spec, &options, progress).map(|case| (spec, case))
-        })?;
-        terminal::guess(&spec);
-        terminal::notes(&case.checks);
-        Ok((reference, case))
-    }
-}
-
-/// What a case can be named by.
-fn case_help() -> String {
-    format!("A manifest (case.toml), a folder, a {} file or a session file", volume_names())
-}
-
-/// How the 3D views are lit, and how well.
+/// Lighting of the 3D views.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct LightArguments {
     /// The lighting mode.
-    #[arg(long, value_name = "MODE", value_parser = word::<LightingMode>())]
+    #[arg(long, value_name = "MODE", value_parser = keyword::<LightingMode>())]
     pub light: Option<LightingMode>,
-    /// How well; reference without it.
-    #[arg(long, value_name = "PRESET", value_parser = word::<Preset>())]
+    /// Quality preset; default: reference.
+    #[arg(long, value_name = "PRESET", value_parser = keyword::<Preset>())]
     pub quality: Option<Preset>,
     /// Half the opening angle of the cone that light comes from, in degrees: 0 to 85.
     #[arg(long, value_name = "DEG", value_parser = parse::within(0.0..=85.0), allow_hyphen_values = true)]
     pub aperture: Option<f64>,
-    /// How slices carry occlusion; paper: with approximate distances.
-    #[arg(long, value_name = "VARIANT", value_parser = word::<SliceVariant>())]
+    /// Slices: how occlusion is propagated; paper: with approximate distances.
+    #[arg(long, value_name = "VARIANT", value_parser = keyword::<SliceVariant>())]
     pub slices: Option<SliceVariant>,
-    /// Points along a side of the slices' footprint: 1 to 13.
+    /// Slices: samples along a side of the footprint, 1 to 13.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=13))]
     pub footprint: Option<u32>,
-    /// Distance of slices.
+    /// Slices: distance between slices.
     #[arg(long, value_name = "MM", value_parser = parse::above_zero(100.0), allow_hyphen_values = true)]
     pub slice_mm: Option<f64>,
-    /// What darkens what, of image-image, opaque-image, image-opaque and opaque-opaque, or none; slices only.
+    /// Slices: pairs A-B where A darkens B, of image-image, opaque-image, image-opaque and opaque-opaque; or none.
     #[arg(long, value_name = "A-B,...", value_parser = parse::darkens)]
     pub darkens: Option<MutualOcclusion>,
 }
@@ -243,7 +145,7 @@ pub struct LightArguments {
 /// Arguments of `render`.
 #[derive(Debug, Args)]
 pub struct RenderArguments {
-    /// The case; the embedded sample without one.
+    /// The case; default: the embedded sample.
     #[command(flatten)]
     pub case: CaseArguments,
     /// What is drawn.
@@ -265,7 +167,7 @@ pub struct RenderArguments {
     #[arg(long)]
     pub orthographic: bool,
     /// The crosshair in millimetres.
-    #[arg(long, value_name = "X,Y,Z", value_parser = parse::place, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse::point, allow_hyphen_values = true)]
     pub cursor: Option<DVec3>,
     /// The image that slices show, by id; `none` for none.
     #[arg(long, value_name = "ID")]
@@ -276,13 +178,13 @@ pub struct RenderArguments {
     /// Patient's left on the left.
     #[arg(long)]
     pub neurological: bool,
-    /// How masks lie on slices.
-    #[arg(long, value_parser = word::<Overlay>())]
+    /// How masks are drawn on slices.
+    #[arg(long, value_parser = keyword::<Overlay>())]
     pub overlay: Option<Overlay>,
     /// The date, by its label.
     #[arg(long, value_name = "LABEL")]
     pub time: Option<String>,
-    /// Colours that common colour vision deficiencies tell apart.
+    /// Colours that remain distinguishable with common colour vision deficiencies.
     #[arg(long)]
     pub color_blind_safe: bool,
     /// Colours show how many masks are active, not which.
@@ -292,13 +194,13 @@ pub struct RenderArguments {
     #[arg(long)]
     pub whole_masks: bool,
     /// The context view's transfer function.
-    #[arg(long, value_name = "PRESET", value_parser = word::<TransferPreset>())]
+    #[arg(long, value_name = "PRESET", value_parser = keyword::<TransferPreset>())]
     pub transfer: Option<TransferPreset>,
-    /// Cut the context image open: SIDE=MM with right, left, front, back, top or bottom; what lies
-    /// beyond that coordinate on that side is taken away. Repeat for more.
+    /// Clip the context image: SIDE=MM with right, left, front, back, top or bottom removes what lies beyond that
+    /// coordinate on that side. Repeat for more.
     #[arg(long = "clip", value_name = "SIDE=MM", value_parser = parse::clip)]
     pub clips: Vec<ClipPlane>,
-    /// Ellipsoids of the components' own volume instead of enclosing ones.
+    /// Ellipsoids of the components' volume instead of enclosing ones.
     #[arg(long)]
     pub moment: bool,
     /// Opacity of ellipsoids, 0 to 1.
@@ -308,7 +210,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "ML", value_parser = parse::within(0.0..=1e6), allow_hyphen_values = true)]
     pub hide_below: Option<f64>,
     /// Change view: how change is drawn.
-    #[arg(long, value_name = "STYLE", value_parser = word::<ChangeStyle>())]
+    #[arg(long, value_name = "STYLE", value_parser = keyword::<ChangeStyle>())]
     pub style: Option<ChangeStyle>,
     /// Change view and dates: the mask compared, by id; without it the first that both dates have.
     #[arg(long, value_name = "ID")]
@@ -319,13 +221,13 @@ pub struct RenderArguments {
     /// Change view and dates: the later date, by its label; without it the last.
     #[arg(long, value_name = "LABEL")]
     pub to: Option<String>,
-    /// Change view: the shortest arrow.
+    /// Change view: minimum length of arrows.
     #[arg(long, value_name = "MM", value_parser = parse::within(0.0..=1000.0), allow_hyphen_values = true)]
     pub threshold: Option<f64>,
-    /// Slices: outlines of both dates and what changed.
+    /// Slices: the outlines of both dates, and the change.
     #[arg(long)]
     pub changed_rim: bool,
-    /// How the 3D views are lit.
+    /// Lighting of the 3D views.
     #[command(flatten)]
     pub light: LightArguments,
     /// Show the axial slice as a plane in closeup and ellipsoid diagram.
@@ -346,13 +248,13 @@ pub struct RenderArguments {
     /// Use only the software graphics adapter.
     #[arg(long)]
     pub software: bool,
-    /// Print the plan: what is drawn, what is left out and why.
+    /// Print the render plan: passes that run, passes left out and why.
     #[arg(long)]
     pub explain: bool,
     /// Print adapter, pass times and the expected error of the light as JSON.
     #[arg(long)]
     pub stats: bool,
-    /// The picture.
+    /// The PNG file to write.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! `glioscope change`.
+//! `glioscope change`: change of a mask between two time points.
 
 use std::path::PathBuf;
 
@@ -9,19 +9,19 @@ use glioscope_core::{
     skeleton::{Level, SkeletonOptions},
 };
 
-use super::{CaseArguments, resolve, terminal};
+use super::{case::CaseArguments, resolve, terminal};
 use crate::{error::AppError, format};
 
-/// How much of the skeleton vectors go by.
+/// Level of detail of the skeleton.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum LevelArgument {
-    /// The core.
+    /// Core skeleton.
     #[value(name = "0")]
     Core,
-    /// With branches of low divergence.
+    /// Also branches from minima of the divergence.
     #[value(name = "1")]
     Divergence,
-    /// With tips of the boundary.
+    /// Also branches from tips of the boundary.
     #[value(name = "2")]
     Boundary,
 }
@@ -57,11 +57,11 @@ pub struct ChangeArguments {
     /// Also write every vector to this file.
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// How far off the dates may lie from one another, in millimetres (standard deviation).
+    /// Registration error between the dates, in millimetres (standard deviation).
     #[arg(long, value_name = "X", default_value_t = change::DEFAULT_REGISTRATION_MM, allow_hyphen_values = true)]
     pub registration_mm: f64,
-    /// How much of the skeleton vectors go by: 0 core, 1 with branches of low divergence, 2 with tips
-    /// of the boundary.
+    /// Level of detail of the skeleton: 0 core, 1 also branches from minima of the divergence, 2 also branches from
+    /// tips of the boundary.
     #[arg(long, value_name = "0|1|2", value_enum, default_value = "0", hide_possible_values = true)]
     pub level: LevelArgument,
 }
@@ -74,9 +74,9 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());
     let choice = resolve::change(&case, of, from, to)?;
-    let compared =
+    let result =
         terminal::with_progress(|progress| change::between(&case, &choice, &options, None, progress));
-    let (report, found) = compared.map_err(|error| match error {
+    let (report, change) = result.map_err(|error| match error {
         ChangeError::Registration(mm) => AppError::wrong(
             "--registration-mm",
             format!("a registration error of {mm} mm"),
@@ -85,12 +85,12 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
         error => error.into(),
     })?;
     if let Some(path) = &arguments.csv {
-        write_whole(path, &change::csv(&found))?;
+        write_whole(path, &change::csv(&change))?;
     }
     if arguments.json { terminal::print_json(&report) } else { terminal::print(&table(&report)) }
 }
 
-/// The numbers as a text for people.
+/// The report as a text table.
 fn table(r: &ChangeReport) -> String {
     let mut lines = vec![
         format!("{} from {} to {}", r.mask, r.from, r.to),

@@ -1,4 +1,4 @@
-//! `glioscope ellipsoids`.
+//! `glioscope ellipsoids`: enclosing ellipsoids of connected components.
 
 use clap::ValueEnum;
 use glioscope_core::{
@@ -6,19 +6,19 @@ use glioscope_core::{
     ellipsoid::{EllipsoidReport, EllipsoidsReport, OfReport, Options, report},
 };
 
-use super::{CaseArguments, terminal};
+use super::{case::CaseArguments, terminal};
 use crate::{error::AppError, format};
 
-/// Neighbours of a voxel.
+/// Connectivity: neighbours of a voxel.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Neighbors {
-    /// Face.
+    /// Neighbours across faces.
     #[value(name = "6")]
     Six,
-    /// Face or edge.
+    /// Neighbours across faces and edges.
     #[value(name = "18")]
     Eighteen,
-    /// Face, edge or corner.
+    /// Neighbours across faces, edges and corners.
     #[value(name = "26")]
     TwentySix,
 }
@@ -41,14 +41,14 @@ pub(super) fn run(
 ) -> Result<(), AppError> {
     let (_, case) = case.load(false)?;
     let options = Options { tolerance, ..Options::default() };
-    let found = terminal::with_progress(|progress| {
+    let ellipsoids = terminal::with_progress(|progress| {
         progress.say("ellipsoids");
         report(&case, neighbors.into(), &options, progress)
     })?;
-    if json { terminal::print_json(&found) } else { terminal::print(&table(&found)) }
+    if json { terminal::print_json(&ellipsoids) } else { terminal::print(&table(&ellipsoids)) }
 }
 
-/// The numbers as a text for people, largest first within each mask or region.
+/// The report as a text table; within each mask or region, the largest component first.
 fn table(report: &EllipsoidsReport) -> String {
     let mut lines = vec![
         report.case.clone(),
@@ -58,18 +58,19 @@ fn table(report: &EllipsoidsReport) -> String {
             report.connectivity
         ),
     ];
-    for of in report.components.chunk_by(|a, b| a.of == b.of && a.time == b.time) {
-        let name = match &of[0].of {
+    for components in report.components.chunk_by(|a, b| a.of == b.of && a.time == b.time) {
+        let name = match &components[0].of {
             OfReport::Mask(id) => format!("mask {id}"),
             OfReport::Region(ids) => format!("region {}", ids.join("+")),
         };
-        let time = if of[0].time.is_empty() { String::new() } else { format!(", {}", of[0].time) };
+        let time =
+            if components[0].time.is_empty() { String::new() } else { format!(", {}", components[0].time) };
         lines.push(format!("\n{name}{time}"));
         lines.push(format!(
             "{:>12} {:>14} {:>26} {:>24} {:>12} {:>12}",
             "voxels", "volume", "centre R, A, S (mm)", "semi-axes (mm)", "enclosing", "bound - 1"
         ));
-        let mut sorted: Vec<_> = of.iter().collect();
+        let mut sorted: Vec<_> = components.iter().collect();
         sorted.sort_by_key(|c| std::cmp::Reverse(c.voxels));
         for c in sorted {
             let EllipsoidReport { center_mm: [r, a, s], semi_axes_mm: [x, y, z], .. } = c.enclosing;
@@ -93,7 +94,7 @@ mod tests {
     use glioscope_core::{Progress, case, sample};
 
     #[test]
-    fn the_table_names_every_mask_and_region_of_the_sample() {
+    fn table_lists_every_mask_and_region_of_the_sample() {
         let case =
             case::load(&sample::sample_spec(), &case::LoadOptions::default(), &Progress::new()).unwrap();
         let found = report(&case, Connectivity::default(), &Options::default(), &Progress::new()).unwrap();

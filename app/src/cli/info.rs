@@ -1,4 +1,4 @@
-//! `glioscope info`.
+//! `glioscope info`: describes a file or a case.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,10 @@ use glioscope_core::{
 };
 use serde_json::json;
 
-use super::{CaseArguments, arguments::MaskArguments, terminal};
+use super::{
+    case::{CaseArguments, MaskArguments},
+    terminal,
+};
 use crate::{error::AppError, model::CaseRef, world::load};
 
 pub(super) fn run(target: Option<PathBuf>, parts: &MaskArguments, as_json: bool) -> Result<(), AppError> {

@@ -1,11 +1,11 @@
-//! What was typed about light.
+//! Lighting settings from the command line.
 
 use glioscope_render::{LightSettings, Preset, light};
 
 use super::arguments::LightArguments;
 use crate::model::LightChoice;
 
-/// The light that the arguments ask for.
+/// The lighting given by the arguments: the preset's, or custom settings based on it.
 pub(super) fn light(arguments: &LightArguments) -> LightChoice {
     let LightArguments { light: mode, quality, aperture, slices, footprint, slice_mm, darkens } = *arguments;
     let default = LightChoice::default();
@@ -36,17 +36,17 @@ mod tests {
     use glioscope_render::{LightingMode, MutualOcclusion, SliceVariant};
 
     #[test]
-    fn settings_of_ones_own_start_from_the_preset() {
+    fn custom_settings_start_from_the_preset() {
         assert_eq!(light(&LightArguments::default()), LightChoice::default());
-        let typed = LightArguments {
+        let arguments = LightArguments {
             light: Some(LightingMode::Slices),
             slices: Some(SliceVariant::PaperExact),
             darkens: Some(MutualOcclusion::NONE),
             ..LightArguments::default()
         };
-        let found = light(&typed);
-        let own = found.own.unwrap();
-        assert_eq!((found.mode, own.mode), (LightingMode::Slices, LightingMode::Slices));
+        let choice = light(&arguments);
+        let own = choice.own.unwrap();
+        assert_eq!((choice.mode, own.mode), (LightingMode::Slices, LightingMode::Slices));
         assert_eq!((own.variant, own.mutual), (SliceVariant::PaperExact, MutualOcclusion::NONE));
         assert_eq!(own.slice_mm, light::preset(LightingMode::Slices, Preset::Reference).lighting.slice_mm);
     }

@@ -1,19 +1,19 @@
-//! `glioscope measure`.
+//! `glioscope measure`: volumes and agreement of masks and regions.
 
 use glioscope_core::{case::Case, measure};
 
-use super::{CaseArguments, terminal};
+use super::{case::CaseArguments, terminal};
 use crate::{error::AppError, format};
 
-/// Decimals more than a table in a window has room for.
-const MORE_DECIMALS: usize = 1;
+/// Additional decimals compared with the tables of the window.
+const EXTRA_DECIMALS: usize = 1;
 
 pub(super) fn run(case: &CaseArguments, json: bool) -> Result<(), AppError> {
     let (_, case) = case.load(false)?;
     if json { terminal::print_json(&measure::report(&case)) } else { terminal::print(&table(&case)) }
 }
 
-/// The numbers as a text for people.
+/// The report as a text table.
 fn table(case: &Case) -> String {
     let spacing = case.grid.spacing_mm();
     let [nx, ny, nz] = case.grid.dims();
@@ -53,7 +53,7 @@ fn table(case: &Case) -> String {
             let name = format!("{} and {}", pair.a, pair.b);
             let values: Vec<String> = pair
                 .metrics()
-                .map(|(metric, value)| format!("{} {}", metric.name, metric.print(value, MORE_DECIMALS)))
+                .map(|(metric, value)| format!("{} {}", metric.name, metric.print(value, EXTRA_DECIMALS)))
                 .collect();
             lines.push(format!("{name:24} {}", values.join("  ")));
         }

@@ -1,20 +1,20 @@
-//! The command line: the same numbers and pictures without a window.
+//! The command line: the window's numbers and pictures without a window.
 //!
-//! Exit codes: 0 done, 1 the answer is "not so" where a command asks, 2 wrong input, with one line
-//! on stderr.
+//! Exit codes: 0 success; 2 failure, with one line on stderr.
 
 mod arguments;
+mod case;
 mod change;
 mod ellipsoids;
 mod info;
 mod light;
 mod measure;
+mod offscreen_app;
 mod parse;
 mod render;
 mod report;
 mod resolve;
 mod sample;
-mod studio;
 mod terminal;
 mod tracts;
 
@@ -25,7 +25,8 @@ use clap::{
     error::{ContextKind, ContextValue, ErrorKind},
 };
 
-pub use arguments::{CaseArguments, Cli, Task, WindowArguments};
+pub use arguments::{Cli, Task, WindowArguments};
+pub use case::CaseArguments;
 
 use crate::{
     error::AppError,
@@ -36,9 +37,9 @@ use crate::{
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(error) => return refuse(&error),
+        Err(error) => return print_clap_error(&error),
     };
-    match perform(cli) {
+    match execute(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             terminal::error(&error.to_string());
@@ -47,7 +48,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn perform(cli: Cli) -> Result<(), AppError> {
+fn execute(cli: Cli) -> Result<(), AppError> {
     match cli.task {
         None => open(&cli.case, cli.window),
         Some(Task::Open { case, window }) => open(&case, window),
@@ -75,10 +76,10 @@ fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), AppError> {
     })
 }
 
-/// Help and version as they are; what is wrong in one line.
-fn refuse(error: &clap::Error) -> ExitCode {
+/// Prints help and version unchanged, and errors as one line.
+fn print_clap_error(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
-        // A closed pipe is nobody's mistake.
+        // A closed pipe is no error.
         let _ = error.print();
         return ExitCode::SUCCESS;
     }
@@ -86,7 +87,7 @@ fn refuse(error: &clap::Error) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// `--view: found "x", expected closeup or window`; other mistakes in clap's own words.
+/// A clap error as one line: `--view: found "x", expected closeup, window`; other errors in clap's own words.
 fn one_line(error: &clap::Error) -> String {
     let text = |kind: ContextKind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.clone()),
@@ -103,9 +104,9 @@ fn one_line(error: &clap::Error) -> String {
         return format!("{option}: found \"{found}\", expected {expected}");
     }
     let rendered = error.render().to_string();
-    let said: Vec<&str> =
+    let lines: Vec<&str> =
         rendered.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:")).collect();
-    let line = said.into_iter().filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ");
+    let line = lines.into_iter().filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" ");
     line.strip_prefix("error: ").unwrap_or(&line).to_owned()
 }
 
@@ -113,21 +114,21 @@ fn one_line(error: &clap::Error) -> String {
 mod tests {
     use super::*;
 
-    fn refused(arguments: &[&str]) -> String {
-        let all = std::iter::once("glioscope").chain(arguments.iter().copied());
-        let line = one_line(&Cli::try_parse_from(all).unwrap_err());
+    fn error_line(arguments: &[&str]) -> String {
+        let args = std::iter::once("glioscope").chain(arguments.iter().copied());
+        let line = one_line(&Cli::try_parse_from(args).unwrap_err());
         assert!(!line.contains('\n'), "{line}");
         line
     }
 
     #[test]
-    fn what_is_wrong_is_one_line() {
-        let line = refused(&["render", "--view", "nosuch"]);
+    fn argument_errors_are_one_line() {
+        let line = error_line(&["render", "--view", "nosuch"]);
         assert!(line.starts_with("--view: found \"nosuch\", expected closeup, context"), "{line}");
-        let line = refused(&["render", "--size", "0x0"]);
+        let line = error_line(&["render", "--size", "0x0"]);
         assert_eq!(line, "--size: found \"0x0\", expected WIDTHxHEIGHT, each from 16 to 8192");
-        let line = refused(&["measure", "--nonsense"]);
+        let line = error_line(&["measure", "--nonsense"]);
         assert!(line.contains("--nonsense"), "{line}");
-        assert!(refused(&["sample"]).contains("--out"));
+        assert!(error_line(&["sample"]).contains("--out"));
     }
 }

@@ -1,4 +1,4 @@
-//! Values of options as they are typed. Errors are what was expected; the rest of the line is [`super::one_line`]'s.
+//! Parsers of option values. Their errors state what was expected; [`super::one_line`] adds the rest of the message.
 
 use std::ops::RangeInclusive;
 
@@ -9,19 +9,19 @@ use strum::VariantArray;
 
 use crate::{model::PaneId, views::transfer::SIDES};
 
-/// One of the words of an enum, as strum spells them.
-pub fn word<T>() -> impl TypedValueParser<Value = T>
+/// A variant of an enum, by its strum name.
+pub fn keyword<T>() -> impl TypedValueParser<Value = T>
 where
     T: VariantArray + Into<&'static str> + Copy + Send + Sync + 'static,
 {
-    let words = T::VARIANTS.iter().map(|value| -> &'static str { (*value).into() });
-    PossibleValuesParser::new(words).try_map(|text| {
-        let spelled = |value: &&T| -> bool { Into::<&'static str>::into(**value) == text };
-        T::VARIANTS.iter().find(spelled).copied().ok_or("a word of the list")
+    let names = T::VARIANTS.iter().map(|value| -> &'static str { (*value).into() });
+    PossibleValuesParser::new(names).try_map(|text| {
+        let has_name = |value: &&T| -> bool { Into::<&'static str>::into(**value) == text };
+        T::VARIANTS.iter().find(has_name).copied().ok_or("a word of the list")
     })
 }
 
-/// What `--view` names.
+/// The value of `--view`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum View {
     /// One pane.
@@ -30,12 +30,12 @@ pub enum View {
     Window,
 }
 
-/// A pane that makes a picture, or the window.
+/// A pane that can be exported as a picture, or the window.
 pub fn view() -> impl TypedValueParser<Value = View> {
     let panes = || PaneId::all().filter_map(|pane| Some((pane.row().cli?, View::Pane(pane))));
-    let all = move || panes().chain([("window", View::Window)]);
-    PossibleValuesParser::new(all().map(|(word, _)| word)).try_map(move |text| {
-        all().find(|(word, _)| *word == text).map(|(_, view)| view).ok_or("a view of the list")
+    let views = move || panes().chain([("window", View::Window)]);
+    PossibleValuesParser::new(views().map(|(name, _)| name)).try_map(move |text| {
+        views().find(|(name, _)| *name == text).map(|(_, view)| view).ok_or("a view of the list")
     })
 }
 
@@ -48,7 +48,7 @@ pub fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "WIDTHxHEIGHT, each from 16 to 8192".into())
 }
 
-/// A number of a range.
+/// A number within a range.
 pub fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| {
         let number = text.trim().parse::<f64>().ok().filter(|number| range.contains(number));
@@ -56,41 +56,42 @@ pub fn within(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String
     }
 }
 
-/// A number above 0 and at most `most`.
-pub fn above_zero(most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+/// A number above 0 and at most `max`.
+pub fn above_zero(max: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| {
-        let number = text.trim().parse::<f64>().ok().filter(|number| *number > 0.0 && *number <= most);
-        number.ok_or_else(|| format!("above 0, at most {most}"))
+        let number = text.trim().parse::<f64>().ok().filter(|number| *number > 0.0 && *number <= max);
+        number.ok_or_else(|| format!("above 0, at most {max}"))
     }
 }
 
+/// Exactly `N` finite numbers separated by commas.
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let parsed: Option<Vec<f64>> =
         text.split(',').map(|s| s.trim().parse().ok().filter(|n: &f64| n.is_finite())).collect();
     <[f64; N]>::try_from(parsed?).ok()
 }
 
-/// Azimuth and elevation.
+/// Azimuth and elevation, degrees.
 pub fn camera(text: &str) -> Result<[f64; 2], String> {
     numbers(text).ok_or_else(|| "AZIMUTH,ELEVATION in degrees".into())
 }
 
-/// A place.
-pub fn place(text: &str) -> Result<DVec3, String> {
+/// A point, world millimetres.
+pub fn point(text: &str) -> Result<DVec3, String> {
     numbers(text).map(DVec3::from_array).ok_or_else(|| "X,Y,Z in millimetres".into())
 }
 
-/// Ends of a window.
+/// The limits of a window: low, high.
 pub fn low_high(text: &str) -> Result<[f64; 2], String> {
     numbers(text).ok_or_else(|| "LOW,HIGH".into())
 }
 
-/// A lens, or that there is none.
+/// The value of `--lens`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LensArgument {
     /// No lens.
     Off,
-    /// This one.
+    /// A lens.
     At(Lens),
 }
 
@@ -107,7 +108,7 @@ pub fn lens(text: &str) -> Result<LensArgument, String> {
     Ok(LensArgument::At(Lens { center_mm: DVec3::new(x, y, z), radius_mm }))
 }
 
-/// A plane that cuts the image open.
+/// A clipping plane of the image.
 pub fn clip(text: &str) -> Result<ClipPlane, String> {
     let expected = || format!("SIDE=MM with {}", SIDES.map(|(side, _)| side).join(", "));
     let (side, mm) = text.split_once('=').ok_or_else(expected)?;
@@ -116,11 +117,11 @@ pub fn clip(text: &str) -> Result<ClipPlane, String> {
     Ok(ClipPlane { normal, offset_mm: mm * normal.element_sum() })
 }
 
-/// What may darken what: a comma between pairs, or `none`.
+/// Pairs A-B where A occludes B, separated by commas, or `none`.
 pub fn darkens(text: &str) -> Result<MutualOcclusion, String> {
     let mut out = MutualOcclusion::NONE;
     for name in text.split(',').map(str::trim).filter(|name| *name != "none") {
-        // Opaque geometry used to be called solid.
+        // Opaque geometry was formerly called solid.
         match name.replace("solid", "opaque").as_str() {
             "image-image" => out.image_on_image = true,
             "opaque-image" => out.opaque_on_image = true,
@@ -137,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_and_numbers_are_checked() {
+    fn sizes_and_numbers_are_validated() {
         assert_eq!(size("512x256").unwrap(), [512, 256]);
         for bad in ["512", "0x5", "512x", "9999x512", "axb"] {
             assert!(size(bad).is_err(), "{bad}");
@@ -159,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn what_darkens_what_is_named_in_pairs() {
+    fn darkens_parses_pairs() {
         let found = darkens("image-image, opaque-opaque").unwrap();
         assert!(found.image_on_image && found.opaque_on_opaque);
         assert!(!found.opaque_on_image && !found.image_on_opaque);

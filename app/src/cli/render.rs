@@ -1,4 +1,4 @@
-//! `glioscope render`: one view into a PNG, and what it took.
+//! `glioscope render`: draws one view into a PNG, and reports its plan and pass times.
 
 use std::collections::BTreeMap;
 
@@ -14,10 +14,9 @@ use serde_json::json;
 use super::{
     arguments::RenderArguments,
     light,
+    offscreen_app::{DrawReport, OffscreenApp, gpu},
     parse::{LensArgument, View},
-    resolve,
-    studio::{Drawn, Studio, gpu},
-    terminal,
+    resolve, terminal,
 };
 use crate::{
     command::Workstation,
@@ -28,11 +27,11 @@ use crate::{
     world::{Loaded, World},
 };
 
-/// Puts what was typed into the document.
+/// Applies the arguments to the document.
 fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppError> {
     let Workstation { doc: Some(doc), world, .. } = work else { return Ok(()) };
     if let (Some(label), Some(case)) = (&arguments.time, world.case()) {
-        doc.nav.time = resolve::date(case, label)?;
+        doc.nav.time = resolve::time_point_index(case, label)?;
     }
     let Some(time_point) = world.time_point(doc) else { return Ok(()) };
     let Document { edit, nav, .. } = doc;
@@ -76,7 +75,7 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
     apply_3d(arguments, doc, world)
 }
 
-/// What was typed about the context view, the ellipsoid diagram and light.
+/// Applies the arguments of the 3D views: transfer function, clipping, ellipsoids, lighting, change and zoom.
 fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> Result<(), AppError> {
     if let (Some(preset), Some((id, image))) = (arguments.transfer, world.context(doc)) {
         let (id, transfer) = (id.to_owned(), preset.transfer(image.histogram()));
@@ -104,7 +103,7 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
     Ok(())
 }
 
-/// What was typed about two dates.
+/// Applies the arguments of the comparison of two time points.
 fn apply_change(
     arguments: &RenderArguments,
     setting: &mut ChangeSetting,
@@ -118,7 +117,7 @@ fn apply_change(
     let compares = matches!(arguments.view, View::Pane(pane) if pane.row().needs_dates)
         || arguments.changed_rim
         || [of, from, to].iter().any(Option::is_some);
-    // One date is shown as such.
+    // A case with one time point is drawn without a comparison.
     if compares && case.time_points.len() > 1 {
         let choice = resolve::change(case, of, from, to)?;
         (setting.of, setting.dates) = (Some(choice.id), Some(choice.dates));
@@ -128,8 +127,8 @@ fn apply_change(
 
 pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     let view = arguments.view;
-    let draws = arguments.out.is_some() || arguments.stats;
-    if !draws && !arguments.explain {
+    let needs_frame = arguments.out.is_some() || arguments.stats;
+    if !needs_frame && !arguments.explain {
         return Err(AppError::arguments("no --out FILE", "where to write the picture"));
     }
     let (reference, case) = arguments.case.load(true)?;
@@ -138,96 +137,99 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     let is_closeup = view == View::Pane(PaneId::Closeup);
     let scene = closeup::scene_of(&work, arguments.dark).filter(|_| is_closeup);
     let quality = work.doc.as_ref().map(|doc| doc.edit.light.at_rest()).unwrap_or_default();
-    // The closeup's plan needs no device; the other 3D views' scenes hold results and are planned when they are drawn.
-    let mut drawn =
-        Drawn { plan: scene.as_ref().map(|scene| closeup_plan(scene, &quality)), ..Drawn::default() };
+    // The closeup can be planned without a device; the scenes of the other 3D views need results, so they are planned
+    // when drawn.
+    let mut report = DrawReport {
+        plan: scene.as_ref().map(|scene| closeup_plan(scene, &quality)),
+        ..DrawReport::default()
+    };
     let mut adapter = String::new();
-    if draws || !is_closeup {
+    if needs_frame || !is_closeup {
         let gpu = gpu(arguments.software)?;
         adapter = gpu.describe();
         let rgba = match scene.filter(|_| arguments.plain) {
-            Some(scene) => plain_closeup(&gpu, &scene, &quality, arguments, &mut drawn)?,
+            Some(scene) => plain_closeup(&gpu, &scene, &quality, arguments, &mut report)?,
             None => {
-                let mut studio = Studio::new(work, &gpu, arguments.dark)?;
-                let rgba = studio.picture(view, arguments.size, arguments.scale as f32)?;
+                let mut app = OffscreenApp::new(work, &gpu, arguments.dark)?;
+                let rgba = app.capture(view, arguments.size, arguments.scale as f32)?;
                 if let View::Pane(pane) = view {
-                    drawn = studio.drawn(pane, arguments.stats)?;
+                    report = app.draw_report(pane, arguments.stats)?;
                 }
                 rgba
             }
         };
-        for warning in &drawn.warnings {
+        for warning in &report.warnings {
             terminal::warning("picture-coarser", warning);
         }
         if let Some(path) = &arguments.out {
             output::write_png(path, arguments.size, &rgba)?;
         }
     }
-    if let Some(plan) = drawn.plan.as_ref().filter(|_| arguments.explain) {
-        terminal::print(&explained(plan))?;
+    if let Some(plan) = report.plan.as_ref().filter(|_| arguments.explain) {
+        terminal::print(&plan_text(plan))?;
     }
     if arguments.stats {
-        print_stats(&adapter, arguments.size, &drawn)?;
+        print_stats(&adapter, arguments.size, &report)?;
     }
     Ok(())
 }
 
-/// The closeup without legend, cube and scale bar.
+/// Renders the closeup without legend, cube and scale bar.
 fn plain_closeup(
     gpu: &Gpu,
     scene: &RegionScene,
     quality: &Quality,
     arguments: &RenderArguments,
-    drawn: &mut Drawn,
+    report: &mut DrawReport,
 ) -> Result<Vec<u8>, AppError> {
     let mut renderer = CloseupRenderer::new(gpu)?;
-    // The first frame compiles and uploads; the second is the one whose passes are timed.
+    // The first frame includes compilation and upload; the passes of the second are timed.
     for _ in 0..usize::from(arguments.stats) {
         renderer.render(gpu, scene, quality, arguments.size)?;
     }
     let frame = renderer.render(gpu, scene, quality, arguments.size)?;
     let rgba = frame.read_rgba(gpu)?;
-    (drawn.warnings, drawn.notes) = (frame.warnings.clone(), frame.notes.clone());
-    drawn.quality = Some(*quality);
+    (report.warnings, report.notes) = (frame.warnings.clone(), frame.notes.clone());
+    report.quality = Some(*quality);
     if arguments.stats {
         let passes = renderer.pass_times(gpu)?;
-        drawn.times = Some(PassTimes { passes, source: renderer.time_source().describe() });
+        report.times = Some(PassTimes { passes, source: renderer.time_source().describe() });
     }
     Ok(rgba)
 }
 
-/// A plan in words: a line per pass.
-fn explained(plan: &Plan) -> String {
+/// A plan as text: one line per pass.
+fn plan_text(plan: &Plan) -> String {
     let runs = plan.passes.iter().map(|pass| format!("runs     {}", pass.name()));
     let omitted = plan.omitted.iter().map(|(pass, reason)| format!("left out {}: {reason}", pass.name()));
     runs.chain(omitted).collect::<Vec<_>>().join("\n")
 }
 
-fn print_stats(adapter: &str, size: [u32; 2], drawn: &Drawn) -> Result<(), AppError> {
-    let passes: Vec<_> = drawn
+fn print_stats(adapter: &str, size: [u32; 2], report: &DrawReport) -> Result<(), AppError> {
+    let passes: Vec<_> = report
         .times
         .iter()
         .flat_map(|t| &t.passes)
         .map(|(pass, ms)| json!({"name": pass.name(), "ms": ms}))
         .collect();
-    let omitted: Vec<_> = drawn
+    let omitted: Vec<_> = report
         .plan
         .iter()
         .flat_map(|p| &p.omitted)
         .map(|(pass, reason)| json!({"name": pass.name(), "reason": reason}))
         .collect();
-    let light = drawn.quality.map(|quality| {
+    let light = report.quality.map(|quality| {
         let error = expected_error(&quality)
             .map(|[surfaces, tissue]| json!({"surfaces": surfaces, "tissue": tissue}));
-        json!({"mode": quality.lighting.mode, "expected_error": error, "notes": drawn.notes})
+        json!({"mode": quality.lighting.mode, "expected_error": error, "notes": report.notes})
     });
     terminal::print_json(&json!({
         "adapter": adapter,
         "size": size,
-        "timed_by": drawn.times.as_ref().map(|t| t.source),
+        "timed_by": report.times.as_ref().map(|t| t.source),
         "passes": passes,
         "omitted": omitted,
         "light": light,
-        "warnings": drawn.warnings,
+        "warnings": report.warnings,
     }))
 }

@@ -1,18 +1,18 @@
-//! `glioscope report`: every picture and every number of a case, in a folder.
+//! `glioscope report`: writes all pictures and numbers of a case into a folder.
 
 use std::path::Path;
 
 use glioscope_core::measure;
 
 use super::{
-    CaseArguments,
+    case::CaseArguments,
+    offscreen_app::{OffscreenApp, gpu},
     parse::View,
-    studio::{Studio, gpu},
     terminal,
 };
 use crate::{command::Workstation, error::AppError, model::PaneId, output, world::Loaded};
 
-/// Pixels of the window's picture.
+/// Size of the window's picture.
 const WINDOW_PX: [u32; 2] = [1600, 1000];
 
 pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), AppError> {
@@ -20,14 +20,16 @@ pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<()
     std::fs::create_dir_all(out)
         .map_err(|e| AppError::file(out, e.to_string(), "a folder that can be made"))?;
     output::write_json(&out.join("measure.json"), &measure::report(&case))?;
-    let dates = case.time_points.len();
-    let mut studio =
-        Studio::new(Workstation::with_case(reference, Loaded::new(case)), &gpu(software)?, false)?;
-    // One date has nothing to compare.
-    let panes = PaneId::all().map(|pane| (pane, pane.row())).filter(|(_, row)| dates > 1 || !row.needs_dates);
+    let time_point_count = case.time_points.len();
+    let mut app =
+        OffscreenApp::new(Workstation::with_case(reference, Loaded::new(case)), &gpu(software)?, false)?;
+    // A single time point has nothing to compare with.
+    let panes = PaneId::all()
+        .map(|pane| (pane, pane.row()))
+        .filter(|(_, row)| time_point_count > 1 || !row.needs_dates);
     let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, View::Pane(pane), row.report_px?)));
     for (name, view, size) in std::iter::once(("window", View::Window, WINDOW_PX)).chain(pictures) {
-        let rgba = studio.picture(view, size, 1.0)?;
+        let rgba = app.capture(view, size, 1.0)?;
         output::write_png(&out.join(format!("{name}.png")), size, &rgba)?;
     }
     terminal::print(&format!("pictures and numbers written to {}", out.display()))

@@ -1,4 +1,4 @@
-//! What names on the command line stand for in a case: dates, masks, regions, images.
+//! Resolves names on the command line to time points, masks, regions and images of a case.
 
 use glioscope_core::{
     Regions, Selection,
@@ -9,35 +9,35 @@ use glioscope_core::{
 use super::terminal;
 use crate::error::AppError;
 
-/// The position of the date with this label.
+/// Index of the time point with this label.
 ///
 /// # Errors
-/// [`AppError::Wrong`] with the labels of the case.
-pub fn date(case: &Case, label: &str) -> Result<usize, AppError> {
+/// [`AppError::Wrong`] listing the labels of the case.
+pub fn time_point_index(case: &Case, label: &str) -> Result<usize, AppError> {
     let labels = || format!("one of {}", case.time_labels().join(", "));
     case.time_at(label).ok_or_else(|| AppError::option("time", label, labels()))
 }
 
-/// The date with this label; without one the only date.
+/// The time point with this label; without a label, the only time point.
 ///
 /// # Errors
-/// As [`date`], and without a label among several dates.
-pub fn only_date<'a>(case: &'a Case, label: Option<&str>) -> Result<&'a TimePoint, AppError> {
+/// As [`time_point_index`]; also without a label where the case has several time points.
+pub fn time_point<'a>(case: &'a Case, label: Option<&str>) -> Result<&'a TimePoint, AppError> {
     match (label, case.time_points.as_slice()) {
         (None, [only]) => Ok(only),
         (None, several) => {
             let found = format!("no date beside {} dates", several.len());
             Err(AppError::wrong("--time", found, format!("one of {}", case.time_labels().join(", "))))
         }
-        (Some(label), all) => Ok(&all[date(case, label)?]),
+        (Some(label), all) => Ok(&all[time_point_index(case, label)?]),
     }
 }
 
-/// The mask and the dates that `--of`, `--from` and `--to` name. What was chosen among several without being asked for
-/// is told on stderr.
+/// The mask and the time points given by `--of`, `--from` and `--to`. Defaults chosen among several candidates are
+/// printed to stderr.
 ///
 /// # Errors
-/// [`AppError::Change`].
+/// [`AppError::Change`] as [`Choice::resolve`].
 pub fn change(
     case: &Case,
     of: Option<&str>,
@@ -51,10 +51,10 @@ pub fn change(
     Ok(choice)
 }
 
-/// The selection that `--select` names.
+/// The selection given by `--select`: `all`, `none`, or regions as `T1,T1+PET`.
 ///
 /// # Errors
-/// [`AppError::Wrong`] with the masks of the case.
+/// [`AppError::Wrong`] listing the masks of the case.
 pub fn selection(text: &str, regions: &Regions) -> Result<Selection, AppError> {
     match text {
         "all" => return Ok(Selection::all()),
@@ -62,19 +62,20 @@ pub fn selection(text: &str, regions: &Regions) -> Result<Selection, AppError> {
         _ => {}
     }
     let ids = regions.mask_ids();
-    let mask = |id: &str| {
+    let mask_index = |id: &str| {
         let k = ids.iter().position(|known| known == id.trim());
         k.ok_or_else(|| AppError::option("select", id, format!("masks of the case: {}", ids.join(", "))))
     };
-    let region = |name: &str| name.split('+').try_fold(0_u32, |bits, id| mask(id).map(|k| bits | 1 << k));
+    let region =
+        |name: &str| name.split('+').try_fold(0_u32, |bits, id| mask_index(id).map(|k| bits | 1 << k));
     let shown = text.split(',').map(region).collect::<Result<Vec<u32>, AppError>>()?;
     Ok(Selection::only(regions, &shown))
 }
 
-/// The image with this id; `None` for `none`.
+/// Checks the image id given by `--image`; `None` for `none`.
 ///
 /// # Errors
-/// [`AppError::Wrong`] with the images of the date.
+/// [`AppError::Wrong`] listing the images of the time point.
 pub fn image(time_point: &TimePoint, id: &str) -> Result<Option<String>, AppError> {
     let ids: Vec<&str> = time_point.contexts.iter().map(|c| c.id.as_str()).collect();
     if id != "none" && !ids.contains(&id) {

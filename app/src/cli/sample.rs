@@ -1,4 +1,4 @@
-//! `glioscope sample`.
+//! `glioscope sample`: writes the embedded sample case as files.
 
 use std::path::Path;
 

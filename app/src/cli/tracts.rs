@@ -1,4 +1,4 @@
-//! `glioscope tracts`.
+//! `glioscope tracts`: distances of fibre tracts to the selection.
 
 use clap::Args;
 use glioscope_core::{
@@ -8,7 +8,7 @@ use glioscope_core::{
 };
 use serde::Serialize;
 
-use super::{CaseArguments, parse, resolve, terminal};
+use super::{case::CaseArguments, parse, resolve, terminal};
 use crate::{error::AppError, format};
 
 /// Arguments of `tracts`.
@@ -31,7 +31,7 @@ pub struct TractArguments {
     pub json: bool,
 }
 
-/// How near every file of tracts runs to the selection.
+/// Distances of all tract files to the selection.
 #[derive(Debug, PartialEq, Serialize)]
 struct TractsReport {
     case: String,
@@ -44,25 +44,25 @@ struct TractsReport {
     tracts: Vec<TractReport>,
 }
 
-/// One file of tracts. Distances are from the voxels' cells, not their centres.
+/// One tract file. Distances are measured to the voxels' cells, not their centres.
 #[derive(Debug, PartialEq, Serialize)]
 struct TractReport {
     id: String,
     fibers: usize,
     points: usize,
-    /// Whether the file says where the fibres are in the patient; if not, the rest is unknown.
+    /// Whether left and right are known for the file and the case grid; if not, the fields below are null.
     placed: bool,
-    /// Distance of the nearest fibre; null without fibres, without a selection, or without a place.
+    /// Distance of the nearest fibre; null without fibres, without a selection, or if not placed.
     nearest_mm: Option<f64>,
-    /// Its number in the file, from 0.
+    /// Index of that fibre in the file, from 0.
     nearest_fiber: Option<usize>,
-    /// Where on it, R, A and S.
+    /// Nearest point on it, R, A and S.
     place_mm: Option<[f64; 3]>,
-    /// The place of the selection nearest to that.
+    /// Nearest point of the selection, R, A and S.
     selection_mm: Option<[f64; 3]>,
-    /// Fibres that enter the selection.
+    /// Number of fibres that enter the selection.
     through: Option<usize>,
-    /// Fibres at most `within_mm` away, those through the selection included.
+    /// Number of fibres at most `within_mm` away, including those through the selection.
     within: Option<usize>,
 }
 
@@ -71,13 +71,13 @@ pub(super) fn run(arguments: &TractArguments) -> Result<(), AppError> {
     if case.tracts.is_empty() {
         return Err(AppError::arguments("no tracts", "--tracts FILE or [[tracts]] in the manifest"));
     }
-    let time_point = resolve::only_date(&case, arguments.time.as_deref())?;
+    let time_point = resolve::time_point(&case, arguments.time.as_deref())?;
     let selection = resolve::selection(&arguments.select, &time_point.regions)?;
-    let found = terminal::with_progress(|progress| {
+    let distances = terminal::with_progress(|progress| {
         progress.say("distances of fibres");
         report(&case, time_point, &selection, arguments.within, progress)
     })?;
-    if arguments.json { terminal::print_json(&found) } else { terminal::print(&table(&found)) }
+    if arguments.json { terminal::print_json(&distances) } else { terminal::print(&table(&distances)) }
 }
 
 fn report(
@@ -88,21 +88,21 @@ fn report(
     progress: &Progress,
 ) -> Result<TractsReport, AppError> {
     let (index, regions) = (&time_point.index, &time_point.regions);
-    let shown: Vec<_> = regions.list().iter().filter(|r| selection.shows(r.bits)).collect();
+    let selected: Vec<_> = regions.list().iter().filter(|r| selection.shows(r.bits)).collect();
     let bits = MaskBits::from_fn(index.grid().dims(), |linear| selection.shows(index.get(linear)));
     let cells = SelectedCells::new(index.grid(), &bits);
     let voxels = bits.count();
     let mut tracts = Vec::new();
     for CaseTracts { id, tracts: fibers } in &case.tracts {
         let placed = fibers.sides() == Sides::Known && index.grid().sides() == Sides::Known;
-        let near = match cells.as_ref().filter(|_| placed) {
+        let nearness = match cells.as_ref().filter(|_| placed) {
             Some(cells) => {
-                let all = cells.nearest_of_all(fibers, progress)?;
-                Some(Nearness::of(&all, within_mm))
+                let approaches = cells.nearest_of_all(fibers, progress)?;
+                Some(Nearness::of(&approaches, within_mm))
             }
             None => None,
         };
-        let nearest = near.and_then(|n| n.nearest);
+        let nearest = nearness.and_then(|n| n.nearest);
         tracts.push(TractReport {
             id: id.clone(),
             fibers: fibers.fiber_count(),
@@ -112,14 +112,14 @@ fn report(
             nearest_fiber: nearest.map(|(fiber, _)| fiber),
             place_mm: nearest.map(|(_, a)| a.fiber_mm.to_array()),
             selection_mm: nearest.map(|(_, a)| a.selection_mm.to_array()),
-            through: near.map(|n| n.through),
-            within: near.map(|n| n.within),
+            through: nearness.map(|n| n.through),
+            within: nearness.map(|n| n.within),
         });
     }
     Ok(TractsReport {
         case: case.name.clone(),
         time: time_point.label.clone(),
-        selected: shown.iter().map(|r| regions.name(r.bits)).collect(),
+        selected: selected.iter().map(|r| regions.name(r.bits)).collect(),
         selected_voxels: voxels,
         selected_ml: index.grid().volume_ml(voxels),
         within_mm,
@@ -127,7 +127,7 @@ fn report(
     })
 }
 
-/// The numbers as a text for people.
+/// The report as a text table.
 fn table(report: &TractsReport) -> String {
     let within = format!("within {} mm", report.within_mm);
     let selected = if report.selected.is_empty() { "nothing".into() } else { report.selected.join(", ") };
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use glioscope_core::{Tracts, case, sample};
 
-    /// The sample with straight fibres along R past its first region's middle.
+    /// The sample with two straight fibres along R: one 100 mm above the grid, one through the tumour's centroid.
     fn with_tracts(sides: Sides) -> Case {
         let mut case =
             case::load(&sample::sample_spec(), &case::LoadOptions::default(), &Progress::new()).unwrap();
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_numbers_are_those_of_the_fibers() {
+    fn report_gives_nearest_fiber_and_counts() {
         let case = with_tracts(Sides::Known);
         let time_point = &case.time_points[0];
         let found = report(&case, time_point, &Selection::all(), 10.0, &Progress::new()).unwrap();
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn no_distance_is_reported_of_fibers_without_a_place() {
+    fn fibers_of_unknown_position_have_no_distances() {
         let case = with_tracts(Sides::Unknown);
         let found = report(&case, &case.time_points[0], &Selection::all(), 10.0, &Progress::new()).unwrap();
         assert_eq!((found.tracts[0].nearest_mm, found.tracts[0].within), (None, None));

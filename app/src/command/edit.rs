@@ -1,4 +1,4 @@
-//! Commands that change what undo covers.
+//! Commands that change state covered by undo.
 
 use std::collections::BTreeSet;
 
@@ -13,10 +13,10 @@ use glioscope_render::{
 };
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
-use super::{Entry, Listed, Menu, Words};
+use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
-        ChangeSetting, Document, EllipsoidLook, OverlapMode, OwnOpacity, PaneId, Ruler,
+        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, OverlapMode, PaneId, Ruler,
         document::{default_lens, tumor_radius_mm},
         layout,
         overlap::{regions_of_mask, with_mask_toggled},
@@ -24,10 +24,10 @@ use crate::{
     world::World,
 };
 
-/// A command that changes what undo covers.
+/// A command that changes state covered by undo.
 #[derive(Clone, Debug, PartialEq, EnumDiscriminants)]
 #[strum_discriminants(name(EditKind), vis(pub(super)), derive(EnumIter))]
-#[allow(missing_docs, reason = "words() tells what each does")]
+#[allow(missing_docs, reason = "label() describes each")]
 pub enum EditCommand {
     Undo,
     Redo,
@@ -54,7 +54,7 @@ pub enum EditCommand {
     ToggleTracts(String),
     ToggleAllTracts,
     SetEllipsoidLook(EllipsoidLook),
-    SetEllipsoidOpacities(Vec<OwnOpacity>),
+    SetEllipsoidOpacities(Vec<EllipsoidOpacity>),
     SetChange(Box<ChangeSetting>),
     // Light.
     SetLightingMode(LightingMode),
@@ -79,52 +79,52 @@ pub enum EditCommand {
 const CTRL: Modifiers = Modifiers::COMMAND;
 
 impl EditCommand {
-    /// The commands of a kind that need no argument.
+    /// The commands of `kind` that need no further input.
     pub(super) fn listed(kind: EditKind) -> Vec<Listed> {
-        let one = |command: Self| Listed::new(command);
+        let listed = |command: Self| Listed::new(command);
         match kind {
-            EditKind::Undo => vec![one(Self::Undo).keys(CTRL, Key::Z).menu(Menu::Edit, 0)],
+            EditKind::Undo => vec![listed(Self::Undo).keys(CTRL, Key::Z).menu(Menu::Edit, 0)],
             EditKind::Redo => {
-                vec![one(Self::Redo).keys(CTRL | Modifiers::SHIFT, Key::Z).menu(Menu::Edit, 0)]
+                vec![listed(Self::Redo).keys(CTRL | Modifiers::SHIFT, Key::Z).menu(Menu::Edit, 0)]
             }
-            EditKind::ShowAllRegions => vec![one(Self::ShowAllRegions).key(Key::A).menu(Menu::Edit, 1)],
+            EditKind::ShowAllRegions => vec![listed(Self::ShowAllRegions).key(Key::A).menu(Menu::Edit, 1)],
             EditKind::SetOverlapMode => OverlapMode::VARIANTS
                 .iter()
-                .map(|mode| one(Self::SetOverlapMode(*mode)).menu(Menu::View, 2))
+                .map(|mode| listed(Self::SetOverlapMode(*mode)).menu(Menu::View, 2))
                 .collect(),
             EditKind::SetPalette => Palette::VARIANTS
                 .iter()
-                .map(|palette| one(Self::SetPalette(*palette)).menu(Menu::Colors, 0))
+                .map(|palette| listed(Self::SetPalette(*palette)).menu(Menu::Colors, 0))
                 .collect(),
             EditKind::SetColoring => Coloring::VARIANTS
                 .iter()
-                .map(|coloring| one(Self::SetColoring(*coloring)).menu(Menu::Colors, 1))
+                .map(|coloring| listed(Self::SetColoring(*coloring)).menu(Menu::Colors, 1))
                 .collect(),
-            EditKind::ToggleLens => vec![one(Self::ToggleLens).key(Key::L).menu(Menu::Tools, 0)],
-            EditKind::LensToCursor => vec![one(Self::LensToCursor).key(Key::C).menu(Menu::Tools, 0)],
-            EditKind::FitTumor => vec![one(Self::FitTumor).key(Key::F).menu(Menu::View, 3)],
-            EditKind::ToggleAllTracts => vec![one(Self::ToggleAllTracts).key(Key::T)],
+            EditKind::ToggleLens => vec![listed(Self::ToggleLens).key(Key::L).menu(Menu::Tools, 0)],
+            EditKind::LensToCursor => vec![listed(Self::LensToCursor).key(Key::C).menu(Menu::Tools, 0)],
+            EditKind::FitTumor => vec![listed(Self::FitTumor).key(Key::F).menu(Menu::View, 3)],
+            EditKind::ToggleAllTracts => vec![listed(Self::ToggleAllTracts).key(Key::T)],
             EditKind::SetLightingMode => LightingMode::VARIANTS
                 .iter()
-                .map(|mode| one(Self::SetLightingMode(*mode)).menu(Menu::Light, 0))
+                .map(|mode| listed(Self::SetLightingMode(*mode)).menu(Menu::Light, 0))
                 .collect(),
             EditKind::SetPreset => std::iter::once(None)
                 .chain(Preset::VARIANTS.iter().copied().map(Some))
-                .map(|preset| one(Self::SetPreset(preset)).menu(Menu::Light, 1))
+                .map(|preset| listed(Self::SetPreset(preset)).menu(Menu::Light, 1))
                 .collect(),
             EditKind::SetOverlay => Overlay::VARIANTS
                 .iter()
-                .map(|overlay| one(Self::SetOverlay(*overlay)).menu(Menu::Slices, 1))
+                .map(|overlay| listed(Self::SetOverlay(*overlay)).menu(Menu::Slices, 1))
                 .collect(),
-            EditKind::NextOverlay => vec![one(Self::NextOverlay).key(Key::O)],
+            EditKind::NextOverlay => vec![listed(Self::NextOverlay).key(Key::O)],
             EditKind::TogglePane => PaneId::all()
                 .map(|pane| {
-                    let listed = one(Self::TogglePane(pane)).menu(Menu::View, 1);
-                    if pane == PaneId::Diagnostics { listed.key(Key::D) } else { listed }
+                    let entry = listed(Self::TogglePane(pane)).menu(Menu::View, 1);
+                    if pane == PaneId::Diagnostics { entry.key(Key::D) } else { entry }
                 })
                 .collect(),
-            EditKind::MaximizePane => PaneId::all().map(|pane| one(Self::MaximizePane(pane))).collect(),
-            EditKind::ResetLayout => vec![one(Self::ResetLayout).menu(Menu::View, 1)],
+            EditKind::MaximizePane => PaneId::all().map(|pane| listed(Self::MaximizePane(pane))).collect(),
+            EditKind::ResetLayout => vec![listed(Self::ResetLayout).menu(Menu::View, 1)],
             EditKind::ToggleRegion
             | EditKind::OnlyRegion
             | EditKind::SetRegion
@@ -149,73 +149,74 @@ impl EditCommand {
         }
     }
 
-    pub(super) fn words(&self) -> Words {
+    pub(super) fn label(&self) -> Label {
         match self {
-            Self::Undo => Words::new("Undo"),
-            Self::Redo => Words::new("Redo"),
-            Self::ToggleRegion(_) => Words::new("Show or hide the region"),
-            Self::OnlyRegion(_) => Words::new("Show only this region"),
-            Self::SetRegion(_, true) => Words::new("Show the region"),
-            Self::SetRegion(_, false) => Words::new("Hide the region"),
-            Self::ShowAllRegions => Words::new("Show all regions"),
-            Self::ToggleMask(_) => Words::new("Show or hide the mask"),
-            Self::OnlyMask(_) => Words::new("Show only this mask"),
-            Self::SetOverlapMode(mode) => Words::new(match mode {
+            Self::Undo => Label::new("Undo"),
+            Self::Redo => Label::new("Redo"),
+            Self::ToggleRegion(_) => Label::new("Show or hide the region"),
+            Self::OnlyRegion(_) => Label::new("Show only this region"),
+            Self::SetRegion(_, true) => Label::new("Show the region"),
+            Self::SetRegion(_, false) => Label::new("Hide the region"),
+            Self::ShowAllRegions => Label::new("Show all regions"),
+            Self::ToggleMask(_) => Label::new("Show or hide the mask"),
+            Self::OnlyMask(_) => Label::new("Show only this mask"),
+            Self::SetOverlapMode(mode) => Label::new(match mode {
                 OverlapMode::Regions => "Diagram selects regions",
                 OverlapMode::WholeMasks => "Diagram selects whole masks (no overlaps)",
             })
-            .more("Regions: each overlap apart. Whole masks: overlaps are not told apart"),
-            Self::SetPalette(palette) => Words::new(match palette {
+            .detail("Regions: each overlap apart. Whole masks: overlaps are not told apart"),
+            Self::SetPalette(palette) => Label::new(match palette {
                 Palette::Thesis => "Colours: red, green, blue",
                 Palette::ColorBlindSafe => "Colours: colour-blind safe",
             }),
             Self::SetColoring(Coloring::Masks) => {
-                Words::new("Colours: which masks").more("A region has the colours of its masks, mixed")
+                Label::new("Colours: which masks").detail("A region has the colours of its masks, mixed")
             }
-            Self::SetColoring(Coloring::Agreement) => Words::new("Colours: how many masks agree")
-                .more("Dark blue where one mask is active, light yellow where all are"),
-            Self::ToggleLens => Words::new("Lens on or off")
-                .more("Inside the lens: the selection, in full. Outside: everything, faint"),
-            Self::SetLensRadius(_) => Words::new("Lens radius"),
-            Self::SetLensCenter(_) | Self::DragLensCenter(_) => Words::new("Move the lens"),
+            Self::SetColoring(Coloring::Agreement) => Label::new("Colours: how many masks agree")
+                .detail("Dark blue where one mask is active, light yellow where all are"),
+            Self::ToggleLens => Label::new("Lens on or off")
+                .detail("Inside the lens: the selection, in full. Outside: everything, faint"),
+            Self::SetLensRadius(_) => Label::new("Lens radius"),
+            Self::SetLensCenter(_) | Self::DragLensCenter(_) => Label::new("Move the lens"),
             Self::LensToCursor => {
-                Words::new("Move the lens to the crosshair").more("The camera turns about the lens")
+                Label::new("Move the lens to the crosshair").detail("The camera turns about the lens")
             }
-            Self::FitTumor => Words::new("Fit the tumour"),
-            Self::SetTransfer(_, Some(_)) => Words::new("Transfer function"),
-            Self::SetTransfer(_, None) => Words::new("Transfer function to begin with"),
-            Self::SetClips(_) => Words::new("Cut the image open"),
-            Self::ToggleTracts(id) => Words::new(format!("Show or hide fibre tracts {id}")),
-            Self::ToggleAllTracts => Words::new("Show or hide all fibre tracts").more("In the context view"),
-            Self::SetEllipsoidLook(_) => Words::new("Look of the ellipsoid diagram"),
-            Self::SetEllipsoidOpacities(_) => Words::new("Opacity of an ellipsoid"),
-            Self::SetChange(_) => Words::new("Compare dates"),
+            Self::FitTumor => Label::new("Fit the tumour"),
+            Self::SetTransfer(_, Some(_)) => Label::new("Transfer function"),
+            Self::SetTransfer(_, None) => Label::new("Transfer function to begin with"),
+            Self::SetClips(_) => Label::new("Cut the image open"),
+            Self::ToggleTracts(id) => Label::new(format!("Show or hide fibre tracts {id}")),
+            Self::ToggleAllTracts => {
+                Label::new("Show or hide all fibre tracts").detail("In the context view")
+            }
+            Self::SetEllipsoidLook(_) => Label::new("Look of the ellipsoid diagram"),
+            Self::SetEllipsoidOpacities(_) => Label::new("Opacity of an ellipsoid"),
+            Self::SetChange(_) => Label::new("Compare dates"),
             Self::SetLightingMode(mode) => {
                 let row = light::row(*mode);
-                Words::new(format!("Light: {}", row.title.to_lowercase())).more(row.summary)
+                Label::new(format!("Light: {}", row.title.to_lowercase())).detail(row.summary)
             }
-            Self::SetPreset(None) => {
-                Words::new("Quality: automatic").more("Fluent while something moves, then as good as it gets")
-            }
-            Self::SetPreset(Some(preset)) => Words::new(format!("Quality: {}", preset.name()))
-                .more("The same whether something moves or not"),
-            Self::SetAperture(_) => Words::new("Aperture of the light"),
-            Self::AddRuler(_) => Words::new("Keep the line measured"),
-            Self::RenameRuler(..) => Words::new("Name the line"),
-            Self::DeleteRuler(_) => Words::new("Delete the line"),
-            Self::SetWindow(..) => Words::new("Window and level"),
+            Self::SetPreset(None) => Label::new("Quality: automatic")
+                .detail("Fluent while something moves, then as good as it gets"),
+            Self::SetPreset(Some(preset)) => Label::new(format!("Quality: {}", preset.name()))
+                .detail("The same whether something moves or not"),
+            Self::SetAperture(_) => Label::new("Aperture of the light"),
+            Self::AddRuler(_) => Label::new("Keep the line measured"),
+            Self::RenameRuler(..) => Label::new("Name the line"),
+            Self::DeleteRuler(_) => Label::new("Delete the line"),
+            Self::SetWindow(..) => Label::new("Window and level"),
             Self::SetOverlay(overlay) => {
                 let word: &str = overlay.into();
-                Words::new(format!("Masks on slices: {word}"))
+                Label::new(format!("Masks on slices: {word}"))
             }
-            Self::NextOverlay => Words::new("Masks on slices: next of fill, outline, both"),
-            Self::SetOverlayOpacity(_) => Words::new("Opacity of masks"),
-            Self::TogglePane(pane) => Words::new(format!("Show or hide {}", pane.title())),
+            Self::NextOverlay => Label::new("Masks on slices: next of fill, outline, both"),
+            Self::SetOverlayOpacity(_) => Label::new("Opacity of masks"),
+            Self::TogglePane(pane) => Label::new(format!("Show or hide {}", pane.title())),
             Self::MaximizePane(pane) => {
-                Words::new(format!("Maximise {}", pane.title())).more("Again brings the other panes back")
+                Label::new(format!("Maximise {}", pane.title())).detail("Again brings the other panes back")
             }
-            Self::SetLayout(_) => Words::new("Arrange panes"),
-            Self::ResetLayout => Words::new("Default layout"),
+            Self::SetLayout(_) => Label::new("Arrange panes"),
+            Self::ResetLayout => Label::new("Default layout"),
         }
     }
 
@@ -253,7 +254,8 @@ impl EditCommand {
         }
     }
 
-    /// Does it to the document. [`Self::Undo`] and [`Self::Redo`] are the history's.
+    /// Applies the command to the document. [`Self::Undo`] and [`Self::Redo`] do nothing here: the history handles
+    /// them.
     pub(super) fn apply(&self, doc: &mut Document, world: &World) {
         let Some(time_point) = world.time_point(doc) else { return };
         let regions = &time_point.regions;
@@ -290,7 +292,7 @@ impl EditCommand {
                     nav.camera.focus_mm = *center_mm;
                 }
             }
-            // The camera waits until the drag is over: it would carry the surface off under the pointer.
+            // The camera doesn't follow during a drag: it would move the surface away from the pointer.
             Self::DragLensCenter(center_mm) => {
                 if center_mm.is_finite() {
                     edit.lens.center_mm = *center_mm;
@@ -334,14 +336,14 @@ impl EditCommand {
                     edit.rulers.push((**ruler).clone());
                 }
             }
-            Self::RenameRuler(at, name) => {
-                if let Some(ruler) = edit.rulers.get_mut(*at) {
+            Self::RenameRuler(index, name) => {
+                if let Some(ruler) = edit.rulers.get_mut(*index) {
                     ruler.name.clone_from(name);
                 }
             }
-            Self::DeleteRuler(at) => {
-                if *at < edit.rulers.len() {
-                    edit.rulers.remove(*at);
+            Self::DeleteRuler(index) => {
+                if *index < edit.rulers.len() {
+                    edit.rulers.remove(*index);
                 }
             }
             Self::SetWindow(id, window) => {
@@ -350,8 +352,8 @@ impl EditCommand {
             Self::SetOverlay(overlay) => edit.overlay = *overlay,
             Self::NextOverlay => {
                 let all = Overlay::VARIANTS;
-                let at = all.iter().position(|overlay| *overlay == edit.overlay).unwrap_or_default();
-                edit.overlay = all[(at + 1) % all.len()];
+                let current = all.iter().position(|overlay| *overlay == edit.overlay).unwrap_or_default();
+                edit.overlay = all[(current + 1) % all.len()];
             }
             Self::SetOverlayOpacity(opacity) => edit.overlay_opacity = opacity.clamp(0.0, 1.0),
             Self::TogglePane(pane) => layout::toggle(&mut edit.layout, *pane),

@@ -1,4 +1,4 @@
-//! Commands that change where the user looks.
+//! Commands that change the navigation state.
 
 use egui::{Key, Modifiers};
 use glam::{DVec2, DVec3};
@@ -6,16 +6,16 @@ use glioscope_core::optics::{AnatomicalView, Camera, Projection};
 use glioscope_render::flat::{Convention, Plane, SliceView};
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
-use super::{Entry, Listed, Menu, Words};
+use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{Document, PaneId},
     world::World,
 };
 
-/// A command that changes where the user looks.
+/// A command that changes the navigation state, which undo doesn't cover.
 #[derive(Clone, Debug, PartialEq, EnumDiscriminants)]
 #[strum_discriminants(name(LookKind), vis(pub(super)), derive(EnumIter))]
-#[allow(missing_docs, reason = "words() tells what each does")]
+#[allow(missing_docs, reason = "label() describes each")]
 pub enum LookCommand {
     // 3D views.
     SetCamera(Camera),
@@ -24,7 +24,7 @@ pub enum LookCommand {
     FitLens,
     SetZoom(PaneId, f64),
     TogglePlane,
-    // The crosshair, and dates.
+    // Crosshair and time points.
     SetCursor(DVec3),
     ToggleFollowPointer,
     SetTime(usize),
@@ -41,9 +41,9 @@ pub enum LookCommand {
 }
 
 impl LookCommand {
-    /// The commands of a kind that need no argument.
+    /// The commands of `kind` that need no further input.
     pub(super) fn listed(kind: LookKind) -> Vec<Listed> {
-        let one = |command: Self| Listed::new(command);
+        let listed = |command: Self| Listed::new(command);
         match kind {
             LookKind::LookFrom => AnatomicalView::VARIANTS
                 .iter()
@@ -56,24 +56,24 @@ impl LookCommand {
                         AnatomicalView::Superior => Key::Num5,
                         AnatomicalView::Inferior => Key::Num6,
                     };
-                    one(Self::LookFrom(*view)).key(key).menu(Menu::LookFrom, 0)
+                    listed(Self::LookFrom(*view)).key(key).menu(Menu::LookFrom, 0)
                 })
                 .collect(),
             LookKind::ToggleProjection => {
-                vec![one(Self::ToggleProjection).key(Key::P).menu(Menu::View, 3)]
+                vec![listed(Self::ToggleProjection).key(Key::P).menu(Menu::View, 3)]
             }
             LookKind::FitLens => {
-                vec![one(Self::FitLens).keys(Modifiers::SHIFT, Key::F).menu(Menu::View, 3)]
+                vec![listed(Self::FitLens).keys(Modifiers::SHIFT, Key::F).menu(Menu::View, 3)]
             }
-            LookKind::TogglePlane => vec![one(Self::TogglePlane).key(Key::X).menu(Menu::View, 2)],
-            LookKind::ToggleFollowPointer => vec![one(Self::ToggleFollowPointer).menu(Menu::View, 2)],
-            LookKind::ToggleRuler => vec![one(Self::ToggleRuler).key(Key::M).menu(Menu::Tools, 1)],
-            LookKind::NextContext => vec![one(Self::NextContext).key(Key::I)],
+            LookKind::TogglePlane => vec![listed(Self::TogglePlane).key(Key::X).menu(Menu::View, 2)],
+            LookKind::ToggleFollowPointer => vec![listed(Self::ToggleFollowPointer).menu(Menu::View, 2)],
+            LookKind::ToggleRuler => vec![listed(Self::ToggleRuler).key(Key::M).menu(Menu::Tools, 1)],
+            LookKind::NextContext => vec![listed(Self::NextContext).key(Key::I)],
             LookKind::SetConvention => Convention::VARIANTS
                 .iter()
-                .map(|convention| one(Self::SetConvention(*convention)).menu(Menu::Slices, 0))
+                .map(|convention| listed(Self::SetConvention(*convention)).menu(Menu::Slices, 0))
                 .collect(),
-            LookKind::ResetSlices => vec![one(Self::ResetSlices).key(Key::R).menu(Menu::Slices, 2)],
+            LookKind::ResetSlices => vec![listed(Self::ResetSlices).key(Key::R).menu(Menu::Slices, 2)],
             LookKind::SetCamera
             | LookKind::SetZoom
             | LookKind::SetCursor
@@ -85,35 +85,37 @@ impl LookCommand {
         }
     }
 
-    pub(super) fn words(&self) -> Words {
+    pub(super) fn label(&self) -> Label {
         match self {
-            Self::SetCamera(_) => Words::new("Turn"),
+            Self::SetCamera(_) => Label::new("Turn"),
             Self::LookFrom(view) => {
                 let side: &str = view.into();
-                Words::new(format!("Look from {side}"))
+                Label::new(format!("Look from {side}"))
             }
-            Self::ToggleProjection => Words::new("Perspective or orthographic"),
-            Self::FitLens => Words::new("Fit the lens"),
-            Self::SetZoom(pane, _) => Words::new(format!("Zoom {}", pane.title())),
+            Self::ToggleProjection => Label::new("Perspective or orthographic"),
+            Self::FitLens => Label::new("Fit the lens"),
+            Self::SetZoom(pane, _) => Label::new(format!("Zoom {}", pane.title())),
             Self::TogglePlane => {
-                Words::new("Axial slice in the 3D views").more("Semi-transparent, through the crosshair")
+                Label::new("Axial slice in the 3D views").detail("Semi-transparent, through the crosshair")
             }
-            Self::SetCursor(_) => Words::new("Move the crosshair"),
-            Self::ToggleFollowPointer => Words::new("Crosshair follows the pointer")
-                .more("Off: click a view to move the crosshair of all"),
-            Self::SetTime(_) => Words::new("Show this date"),
-            Self::ToggleRuler => Words::new("Ruler on or off")
-                .more("Drag in the closeup from surface to surface, or in a slice"),
-            Self::ShowRuler(_) => Words::new("Show the line").more("Crosshair and closeup go to its middle"),
-            Self::SetContext(_) => Words::new("Show this image"),
-            Self::NextContext => Words::new("Next image on the slices"),
-            Self::SetConvention(convention) => Words::new(match convention {
+            Self::SetCursor(_) => Label::new("Move the crosshair"),
+            Self::ToggleFollowPointer => Label::new("Crosshair follows the pointer")
+                .detail("Off: click a view to move the crosshair of all"),
+            Self::SetTime(_) => Label::new("Show this date"),
+            Self::ToggleRuler => Label::new("Ruler on or off")
+                .detail("Drag in the closeup from surface to surface, or in a slice"),
+            Self::ShowRuler(_) => {
+                Label::new("Show the line").detail("Crosshair and closeup go to its middle")
+            }
+            Self::SetContext(_) => Label::new("Show this image"),
+            Self::NextContext => Label::new("Next image on the slices"),
+            Self::SetConvention(convention) => Label::new(match convention {
                 Convention::Radiological => "Radiological: patient's left on the right",
                 Convention::Neurological => "Neurological: patient's left on the left",
             }),
-            Self::SetSliceZoom(_) => Words::new("Zoom the slices"),
-            Self::SetPan(..) => Words::new("Move the slice"),
-            Self::ResetSlices => Words::new("Fit the slices"),
+            Self::SetSliceZoom(_) => Label::new("Zoom the slices"),
+            Self::SetPan(..) => Label::new("Move the slice"),
+            Self::ResetSlices => Label::new("Fit the slices"),
         }
     }
 
@@ -127,7 +129,7 @@ impl LookCommand {
         }
     }
 
-    /// Does it to the document.
+    /// Applies the command to the document.
     pub(super) fn apply(&self, doc: &mut Document, world: &World) {
         let Some(time_point) = world.time_point(doc) else { return };
         let Document { edit, nav, .. } = doc;
@@ -154,20 +156,20 @@ impl LookCommand {
                 }
             }
             Self::TogglePlane => nav.show_plane = !nav.show_plane,
-            Self::SetCursor(mm) => {
-                if mm.is_finite() {
-                    nav.cursor_mm = *mm;
+            Self::SetCursor(cursor_mm) => {
+                if cursor_mm.is_finite() {
+                    nav.cursor_mm = *cursor_mm;
                 }
             }
             Self::ToggleFollowPointer => nav.follow_pointer = !nav.follow_pointer,
             Self::SetTime(time) => nav.time = (*time).min(world.time_point_count().saturating_sub(1)),
             Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,
-            Self::ShowRuler(at) => show_ruler(doc, world, *at),
+            Self::ShowRuler(index) => show_ruler(doc, world, *index),
             Self::SetContext(id) => nav.context.clone_from(id),
             Self::NextContext => {
                 let ids: Vec<&String> = time_point.contexts.iter().map(|c| &c.id).collect();
-                let here = nav.context.as_ref().and_then(|id| ids.iter().position(|i| *i == id));
-                let next = here.map_or(0, |at| at + 1);
+                let current = nav.context.as_ref().and_then(|id| ids.iter().position(|i| *i == id));
+                let next = current.map_or(0, |index| index + 1);
                 nav.context = ids.get(next).or(ids.first()).map(|id| (*id).clone());
             }
             Self::SetConvention(convention) => nav.convention = *convention,
@@ -187,9 +189,9 @@ impl LookCommand {
     }
 }
 
-/// Puts the crosshair, the closeup and the slices at the middle of a line; the lens stays.
-fn show_ruler(doc: &mut Document, world: &World, at: usize) {
-    let Some(ruler) = doc.edit.rulers.get(at) else { return };
+/// Centres the crosshair, the closeup and the slices on the midpoint of a line; the lens stays where it is.
+fn show_ruler(doc: &mut Document, world: &World, index: usize) {
+    let Some(ruler) = doc.edit.rulers.get(index) else { return };
     let middle_mm = ruler.middle_mm();
     if ruler.time < world.time_point_count() {
         doc.nav.time = ruler.time;
@@ -199,7 +201,7 @@ fn show_ruler(doc: &mut Document, world: &World, at: usize) {
     if doc.nav.mm_per_point.is_none() {
         return;
     }
-    // Zoomed slices may not show the place: they are moved so that it is in their middle.
+    // Zoomed slices may not contain the point: pan them so that it is at their centre.
     let bounds_mm = match (world.context(doc), world.case()) {
         (Some((_, image)), _) => image.volume().grid().bounds_mm(),
         (None, Some(case)) => case.grid.bounds_mm(),
@@ -207,7 +209,8 @@ fn show_ruler(doc: &mut Document, world: &World, at: usize) {
     };
     for plane in Plane::ALL {
         let fitted = SliceView::fit(plane, doc.nav.convention, bounds_mm, middle_mm, [1, 1]);
-        let off_mm = middle_mm - fitted.center_mm;
-        doc.nav.pan_mm[plane as usize] = DVec2::new(off_mm.dot(fitted.right()), off_mm.dot(fitted.down()));
+        let offset_mm = middle_mm - fitted.center_mm;
+        doc.nav.pan_mm[plane as usize] =
+            DVec2::new(offset_mm.dot(fitted.right()), offset_mm.dot(fitted.down()));
     }
 }

@@ -1,27 +1,27 @@
-//! The menus, and where they hang.
+//! The menus and their hierarchy.
 
 use strum::{EnumIter, IntoEnumIterator};
 
-/// A menu of the bar, or one within another.
+/// A menu of the menu bar, or a submenu.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, EnumIter)]
 pub enum Menu {
     /// Cases, sessions, exports.
     File,
-    /// Cases opened before.
+    /// Recently opened cases.
     Recent,
     /// Undo, selection.
     Edit,
-    /// Panes, colours, light, directions.
+    /// Panes, colours, lighting, viewing directions.
     View,
     /// Colours of regions.
     Colors,
     /// Lighting mode and quality.
     Light,
-    /// Sides and masks on slices.
+    /// Display convention, and masks on slices.
     Slices,
     /// Fibre tracts of the case.
     Tracts,
-    /// The six anatomical views.
+    /// The six anatomical viewing directions.
     LookFrom,
     /// Lens and ruler.
     Tools,
@@ -30,10 +30,10 @@ pub enum Menu {
 }
 
 impl Menu {
-    /// The menus of the bar.
+    /// The menus of the menu bar.
     pub const BAR: [Self; 5] = [Self::File, Self::Edit, Self::View, Self::Tools, Self::Help];
 
-    /// What it is called.
+    /// Its title.
     pub fn title(self) -> &'static str {
         match self {
             Self::File => "File",
@@ -50,7 +50,7 @@ impl Menu {
         }
     }
 
-    /// The menu it is in, and the group there; `None` for those of the bar.
+    /// The menu that contains it, and its group there; `None` for those of the menu bar.
     pub fn parent(self) -> Option<(Self, u8)> {
         match self {
             Self::File | Self::Edit | Self::View | Self::Tools | Self::Help => None,
@@ -60,14 +60,14 @@ impl Menu {
         }
     }
 
-    /// Whether what it holds depends on the case alone, not on the list of commands.
+    /// Whether its entries depend on the case, not on the list of commands.
     pub fn is_dynamic(self) -> bool {
         self == Self::Tracts
     }
 }
 
 impl Menu {
-    /// The groups within it, in order: those of commands and of menus.
+    /// Its groups of commands and submenus, in order.
     pub fn groups(self) -> Vec<u8> {
         let commands = super::listed().iter().filter_map(|listed| listed.menu);
         let menus = Self::iter().filter_map(Self::parent);
@@ -78,7 +78,7 @@ impl Menu {
         groups
     }
 
-    /// The menus in one of its groups.
+    /// The submenus in one of its groups.
     pub fn inner(self, group: u8) -> impl Iterator<Item = Self> {
         Self::iter().filter(move |menu| menu.parent() == Some((self, group)))
     }
@@ -87,10 +87,10 @@ impl Menu {
 /// How a menu shows a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
-    /// As something to do.
+    /// A plain action.
     Plain,
-    /// As something that is on or off.
+    /// A check box, on or off.
     Switch(bool),
-    /// As one of several, chosen or not.
+    /// A radio button, selected or not.
     Choice(bool),
 }

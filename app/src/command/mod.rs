@@ -1,6 +1,5 @@
-//! Everything a user can do. Each group is an enum in a file of its own, with a row per command that its text,
-//! tooltip, shortcut, menu entry and place in the palette come from, and what it does to the document.
-//! [`Workstation::apply`] is the one place that applies them.
+//! Commands: all user actions. Each group is an enum in its own file, which defines the text, tooltip, shortcut, menu
+//! entry and palette entry of each command, and its effect on the document. Only [`Workstation::apply`] applies them.
 
 pub mod app;
 pub mod edit;
@@ -19,14 +18,14 @@ pub use look::LookCommand;
 pub use menu::{Entry, Menu};
 pub use workstation::Workstation;
 
-/// Something the user did or asks for.
+/// A user action.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// Reaches outside the document: files, dialogs, the window.
+    /// Acts outside the document: on files, dialogs and the window.
     App(AppCommand),
-    /// Changes what undo covers.
+    /// Changes state that undo covers.
     Edit(EditCommand),
-    /// Changes where the user looks.
+    /// Changes the navigation state.
     Look(LookCommand),
 }
 
@@ -48,49 +47,49 @@ impl From<LookCommand> for Command {
     }
 }
 
-/// Commands that a view writes.
+/// Commands issued by a view.
 #[derive(Debug, Default)]
 pub struct Commands(Vec<Command>);
 
 impl Commands {
-    /// Adds one.
+    /// Appends a command.
     pub fn push(&mut self, command: impl Into<Command>) {
         self.0.push(command.into());
     }
 
-    /// The commands, in their order.
+    /// The commands, in the order issued.
     pub fn into_vec(self) -> Vec<Command> {
         self.0
     }
 }
 
-/// What a command is called.
+/// The label of a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Words {
-    /// In menus, on buttons and in the palette.
+pub struct Label {
+    /// Text in menus, on buttons and in the palette.
     pub text: Cow<'static, str>,
-    /// One sentence more, for tooltips; empty for none.
-    pub more: &'static str,
+    /// Additional sentence for tooltips; may be empty.
+    pub detail: &'static str,
 }
 
-impl Words {
+impl Label {
     fn new(text: impl Into<Cow<'static, str>>) -> Self {
-        Self { text: text.into(), more: "" }
+        Self { text: text.into(), detail: "" }
     }
 
-    fn more(self, more: &'static str) -> Self {
-        Self { more, ..self }
+    fn detail(self, detail: &'static str) -> Self {
+        Self { detail, ..self }
     }
 }
 
-/// A command that needs nothing more to be said: it is in the palette, and may have a shortcut and a menu entry.
+/// A command without further input: it is in the palette, and may have a shortcut and a menu entry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listed {
     /// The command.
     pub command: Command,
-    /// Keys that do it.
+    /// Its keyboard shortcut.
     pub keys: Option<KeyboardShortcut>,
-    /// Its menu, and the group within it; separators stand between groups.
+    /// Its menu, and the group within that; separators are drawn between groups.
     pub menu: Option<(Menu, u8)>,
 }
 
@@ -112,7 +111,7 @@ impl Listed {
     }
 }
 
-/// All commands that need no argument: every kind of every group is asked for its own, so that none can be left out.
+/// All commands without further input, collected from every kind of every group, so that none can be missed.
 pub fn listed() -> &'static [Listed] {
     static LISTED: LazyLock<Vec<Listed>> = LazyLock::new(|| {
         let app = app::AppKind::iter().flat_map(AppCommand::listed);
@@ -123,38 +122,38 @@ pub fn listed() -> &'static [Listed] {
 }
 
 impl Command {
-    fn words(&self) -> Words {
+    fn label(&self) -> Label {
         match self {
-            Self::App(command) => command.words(),
-            Self::Edit(command) => command.words(),
-            Self::Look(command) => command.words(),
+            Self::App(command) => command.label(),
+            Self::Edit(command) => command.label(),
+            Self::Look(command) => command.label(),
         }
     }
 
-    /// What menus, buttons and the palette call it.
+    /// Its text in menus, on buttons and in the palette.
     pub fn text(&self) -> String {
-        self.words().text.into_owned()
+        self.label().text.into_owned()
     }
 
-    /// More words, for tooltips.
+    /// Its tooltip: text, shortcut and detail.
     pub fn tooltip(&self) -> String {
-        let Words { text, more } = self.words();
+        let Label { text, detail } = self.label();
         let keys = self.shortcut_text().map(|keys| format!(" ({keys})")).unwrap_or_default();
-        if more.is_empty() { format!("{text}{keys}") } else { format!("{text}{keys}. {more}") }
+        if detail.is_empty() { format!("{text}{keys}") } else { format!("{text}{keys}. {detail}") }
     }
 
-    /// Keys that do it.
+    /// Its keyboard shortcut.
     pub fn shortcut(&self) -> Option<KeyboardShortcut> {
         listed().iter().find(|listed| listed.command == *self)?.keys
     }
 
-    /// Those keys in words: `Ctrl+S`.
+    /// Its keyboard shortcut as text: `Ctrl+S`.
     pub fn shortcut_text(&self) -> Option<String> {
         self.shortcut().map(|keys| keys.format(&ModifierNames::NAMES, false))
     }
 
-    /// What runs of one gesture share: commands with the same key, one soon after the other, are
-    /// undone together. `None`: each is undone by itself.
+    /// Key of its gesture: commands with the same key in quick succession are undone together. `None`: each is undone
+    /// separately.
     pub fn gesture(&self) -> Option<&'static str> {
         match self {
             Self::Edit(command) => command.gesture(),
@@ -162,7 +161,7 @@ impl Command {
         }
     }
 
-    /// How a menu shows it now.
+    /// How a menu shows it in the current state.
     pub fn entry(&self, work: &Workstation) -> Entry {
         match (self, &work.doc) {
             (Self::Edit(command), Some(doc)) => command.entry(doc),
@@ -171,7 +170,7 @@ impl Command {
         }
     }
 
-    /// Whether it can do anything now.
+    /// Whether it is available in the current state.
     pub fn enabled(&self, work: &Workstation) -> bool {
         match self {
             Self::App(command) => command.enabled(work),
@@ -188,13 +187,13 @@ mod tests {
     use std::collections::BTreeMap;
 
     #[test]
-    fn no_two_commands_share_keys_or_words() {
+    fn shortcuts_and_texts_are_unique() {
         let mut keys: BTreeMap<String, String> = BTreeMap::new();
         let mut texts: BTreeMap<String, &Command> = BTreeMap::new();
         for Listed { command, .. } in listed() {
             if let Some(shortcut) = command.shortcut_text() {
-                let before = keys.insert(shortcut.clone(), command.text());
-                assert_eq!(before, None, "{shortcut}");
+                let previous = keys.insert(shortcut.clone(), command.text());
+                assert_eq!(previous, None, "{shortcut}");
             }
             assert!(!command.text().is_empty() && !command.tooltip().is_empty());
             assert_eq!(texts.insert(command.text(), command), None);
@@ -202,13 +201,13 @@ mod tests {
         assert!(keys.len() > 25, "{keys:?}");
     }
 
-    /// A command's keys and its menu stand in its entry of the list, so that nothing has keys that the window doesn't
-    /// look for.
+    /// Shortcuts and menus are defined only in [`listed`], so no command has a shortcut that the window doesn't handle.
     #[test]
     fn every_menu_has_commands_and_tooltips_name_the_keys() {
         for menu in Menu::iter().filter(|menu| !menu.is_dynamic()) {
-            let has = listed().iter().any(|listed| listed.menu.is_some_and(|(of, _)| of == menu));
-            assert!(has, "{menu:?}");
+            let has_command =
+                listed().iter().any(|listed| listed.menu.is_some_and(|(parent, _)| parent == menu));
+            assert!(has_command, "{menu:?}");
         }
         let lens = Command::from(EditCommand::ToggleLens);
         assert_eq!(lens.shortcut_text().as_deref(), Some("L"));

@@ -1,5 +1,5 @@
-//! Document, world and history together: what commands act on. Knows no window, so tests and the
-//! command line drive it too.
+//! Document, world and history together: the state that commands act on. Independent of the window, so that tests and
+//! the command line use it too.
 
 use std::{
     path::{Path, PathBuf},
@@ -19,51 +19,52 @@ use crate::{
     },
 };
 
-/// A case whose files were guessed from their names.
+/// A case whose files' roles were guessed from their names.
 pub struct Guess {
-    /// What was asked for.
+    /// The case requested.
     pub case: CaseRef,
-    /// What was guessed, with the reasons in its notes.
+    /// The guess, with its reasons in the notes.
     pub spec: CaseSpec,
-    /// Files of fibre tracts beside it.
+    /// Files of fibre tracts in addition to the case's.
     pub tracts: Vec<PathBuf>,
-    /// A document to continue with.
+    /// The document to restore, from a session file.
     pub document: Option<Document>,
 }
 
 /// The running program's state.
 #[derive(Default)]
 pub struct Workstation {
-    /// What is saved; `None` while no case is open.
+    /// The document; `None` while no case is open.
     pub doc: Option<Document>,
-    /// What is alive.
+    /// The loaded case.
     pub world: World,
     /// Undo and redo.
     pub history: History,
-    /// A case being read.
+    /// The load in progress.
     pub job: Option<LoadJob>,
-    /// A guess that the user has to see before it is used.
+    /// A guess that awaits the user's confirmation.
     pub guess: Option<Guess>,
-    /// Uses guesses without asking: for scripted pictures.
+    /// Accept guesses without confirmation: for scripted pictures.
     pub accept_guesses: bool,
-    /// Where the session was last saved or read.
+    /// Path where the session was last saved or read.
     pub session_path: Option<PathBuf>,
-    /// Limits and choices of loading.
+    /// Options of loading.
     pub options: LoadOptions,
-    /// The last thing that went wrong, until dismissed.
+    /// The last error, until dismissed.
     pub error: Option<AppError>,
-    /// What was just done, for the status line.
+    /// The last completed action, for the status line.
     pub notice: Option<String>,
 }
 
 impl Workstation {
-    /// A workstation with a case open.
+    /// A workstation with an open case.
     pub fn with_case(case: CaseRef, loaded: Loaded) -> Self {
-        let mut it = Self::default();
-        it.install(case, loaded, None);
-        it
+        let mut work = Self::default();
+        work.install(case, loaded, None);
+        work
     }
 
+    /// Replaces the current case; starts with `document`, or with the initial one.
     fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
         self.world = World::new(loaded);
         self.history = History::default();
@@ -76,14 +77,14 @@ impl Workstation {
         }
     }
 
-    /// Starts opening a case; the current one stays until the new one is whole. Fibre tracts are those of
-    /// `document`.
+    /// Starts opening a case; the current one remains until the new one is loaded completely. Additional fibre tracts
+    /// are those of `document`.
     pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: Waker) {
         let tracts = document.as_ref().map(|doc| doc.tracts.clone()).unwrap_or_default();
         self.open_with(case, tracts, document, wake);
     }
 
-    /// As [`Workstation::open`], with files of fibre tracts beside the case.
+    /// As [`Workstation::open`], with the additional files of fibre tracts given.
     pub fn open_with(
         &mut self,
         case: CaseRef,
@@ -99,25 +100,25 @@ impl Workstation {
         self.job = Some(LoadJob::start(case, tracts, None, self.options.clone(), document, wake));
     }
 
-    /// Opens the case again with more files of fibre tracts, as it is looked at now.
+    /// Opens the case again with additional files of fibre tracts, keeping the current document.
     pub fn add_tracts(&mut self, files: &[PathBuf], wake: Waker) {
         let Some(mut document) = self.doc.clone() else { return };
         document.tracts.extend_from_slice(files);
         self.open(document.case.clone(), Some(document), wake);
     }
 
-    /// Reads the case as it was guessed.
+    /// Reads the case as guessed.
     pub fn accept_guess(&mut self, wake: Waker) {
         if let Some(Guess { case, spec, tracts, document }) = self.guess.take() {
             self.job = Some(LoadJob::start(case, tracts, Some(spec), self.options.clone(), document, wake));
         }
     }
 
-    /// Opens a session file and the case it names, with `more` fibre tracts.
-    pub fn open_session(&mut self, path: &Path, more: &[PathBuf], wake: Waker) {
+    /// Opens a session file and the case it refers to, with additional `tracts`.
+    pub fn open_session(&mut self, path: &Path, tracts: &[PathBuf], wake: Waker) {
         match session::load(path) {
             Ok(mut document) => {
-                document.tracts.extend_from_slice(more);
+                document.tracts.extend_from_slice(tracts);
                 self.session_path = Some(path.to_owned());
                 self.open(document.case.clone(), Some(document), wake);
             }
@@ -125,7 +126,7 @@ impl Workstation {
         }
     }
 
-    /// Takes the finished load, if there is one. Returns the case that was opened.
+    /// Takes over a finished load, if any. Returns the case that was opened.
     pub fn poll(&mut self) -> Option<CaseRef> {
         let result = self.job.as_ref()?.job.poll()?;
         let job = self.job.take()?;
@@ -167,8 +168,7 @@ impl Workstation {
         }
     }
 
-    /// Applies a command to the document, and remembers it for undo. Commands that reach outside it
-    /// change nothing here.
+    /// Applies a command to the document and records it for undo. [`Command::App`] has no effect here.
     pub fn apply(&mut self, command: &Command, now: Instant) {
         let Some(doc) = &mut self.doc else { return };
         match command {
@@ -180,7 +180,7 @@ impl Workstation {
                 } else {
                     self.history.redo(&mut doc.edit);
                 }
-                // The camera turns about the lens, wherever it goes.
+                // The camera orbits the lens, so it follows it.
                 if doc.edit.lens.center_mm != center_mm {
                     doc.nav.camera.focus_mm = doc.edit.lens.center_mm;
                 }
@@ -206,7 +206,7 @@ mod tests {
     use glioscope_core::{Progress, case};
 
     #[test]
-    fn what_is_held_is_one_gesture_however_long_it_rests() {
+    fn a_drag_is_one_gesture_whatever_its_pauses() {
         let (options, progress) = (LoadOptions::default(), Progress::new());
         let spec = spec_of(&CaseRef::Sample, &options, &progress).unwrap();
         let loaded = Loaded::new(case::load(&spec, &options, &progress).unwrap());
@@ -214,20 +214,20 @@ mod tests {
         let start = Instant::now();
         let later = start + Duration::from_secs(4);
         let radius = |work: &Workstation| work.doc.as_ref().unwrap().edit.lens.radius_mm;
-        let set = |radius_mm: f64| Command::from(EditCommand::SetLensRadius(radius_mm));
-        let first = radius(&work);
+        let set_radius = |radius_mm: f64| Command::from(EditCommand::SetLensRadius(radius_mm));
+        let initial_mm = radius(&work);
         work.history.hold(true);
-        work.apply(&set(20.0), start);
-        work.apply(&set(21.0), later);
+        work.apply(&set_radius(20.0), start);
+        work.apply(&set_radius(21.0), later);
         work.history.hold(false);
-        // Another press soon after: another gesture.
+        // Another press soon after is another gesture.
         work.history.hold(true);
-        work.apply(&set(22.0), later);
+        work.apply(&set_radius(22.0), later);
         work.history.hold(false);
         work.apply(&EditCommand::Undo.into(), later);
         assert_eq!(radius(&work), 21.0);
         work.apply(&EditCommand::Undo.into(), later);
-        assert_eq!(radius(&work), first);
+        assert_eq!(radius(&work), initial_mm);
         assert!(!work.history.can_undo());
     }
 }

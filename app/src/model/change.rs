@@ -1,4 +1,4 @@
-//! Which dates are compared and how that is drawn, as the user chose it.
+//! Settings of the comparison of two time points, and of how the change is drawn.
 
 use glioscope_core::{
     case::Case,
@@ -7,24 +7,25 @@ use glioscope_core::{
 use glioscope_render::ChangeStyle;
 use serde::{Deserialize, Serialize};
 
-/// What is compared, and how it is drawn.
+/// The mask and time points compared, and how their change is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChangeSetting {
-    /// The mask, by id; `None`: the first that both dates have.
+    /// The mask, by id; `None`: the first that both time points have.
     pub of: Option<String>,
-    /// The two dates, as positions in the case; `None`: the first and the last.
+    /// Indices of the two time points in the case; `None`: the first and the last.
     pub dates: Option<[usize; 2]>,
     /// Height map or arrows.
     pub style: ChangeStyle,
-    /// Change that is drawn opaque; `None`: the 95th percentile of what changed.
+    /// Length at which the height map becomes opaque; `None`: the larger 95th percentile of growth and recession, at
+    /// least 1 mm.
     pub full_mm: Option<f64>,
-    /// Width of the Gauss filter over the height map.
+    /// Standard deviation of the height map's Gaussian filter.
     pub smooth_mm: f64,
-    /// Shorter arrows are left out.
+    /// Minimum length of arrows; shorter ones are omitted.
     pub threshold_mm: f64,
-    /// How far off the dates may lie from one another.
+    /// Registration error between the two time points: standard deviation along any direction.
     pub registration_mm: f64,
-    /// Whether slices show both outlines and what changed instead of the masks.
+    /// Whether slices show the outlines of both time points and the change instead of the masks.
     pub on_slices: bool,
 }
 
@@ -44,11 +45,11 @@ impl Default for ChangeSetting {
 }
 
 impl ChangeSetting {
-    /// What is compared in `case`. A mask or dates that it doesn't have give way to the default, as for a session
-    /// that was saved with other files.
+    /// The mask and time points compared in `case`. Where the case lacks the chosen ones (as with a session saved with
+    /// other files), the defaults apply.
     ///
     /// # Errors
-    /// [`ChangeError`]: nothing can be compared.
+    /// [`ChangeError`] where nothing can be compared.
     pub fn chosen(&self, case: &Case) -> Result<Choice, ChangeError> {
         let dates = self.dates.filter(|dates| Choice::at(case, None, *dates).is_ok());
         let dates = dates.unwrap_or([0, case.time_points.len().saturating_sub(1)]);
@@ -56,8 +57,8 @@ impl ChangeSetting {
         Choice::at(case, of, dates)
     }
 
-    /// The dates after one was chosen as the earlier or the later end; the other end moves on where it
-    /// has to. `None` where the case has no such pair.
+    /// The pair of time points after `date` (an index) is chosen as the earlier or the later one. The other one moves
+    /// where the order requires it; `None` where the case has no such pair.
     pub fn with_date(&self, case: &Case, date: usize, as_earlier: bool) -> Option<[usize; 2]> {
         let [from, to] = self.chosen(case).ok()?.dates;
         let last = case.time_points.len().checked_sub(1)?;
@@ -76,7 +77,7 @@ mod tests {
     use glioscope_core::{Progress, case::LoadOptions, sample};
 
     #[test]
-    fn the_first_mask_at_first_and_last_date_is_compared_until_something_else_is_chosen() {
+    fn defaults_are_the_first_mask_at_the_first_and_last_time_point() {
         let spec = sample::sample_spec();
         let case = glioscope_core::case::load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
         let mut setting = ChangeSetting::default();
@@ -87,7 +88,7 @@ mod tests {
         setting.of = Some("nothing of the kind".into());
         assert_eq!(setting.chosen(&case).unwrap().id, "T1");
         setting.dates = Some([1, 7]);
-        assert_eq!(setting.chosen(&case).unwrap().dates, [0, 1], "dates that aren't there");
+        assert_eq!(setting.chosen(&case).unwrap().dates, [0, 1], "time points that the case doesn't have");
         assert_eq!(setting.with_date(&case, 1, false), Some([0, 1]));
         assert_eq!(setting.with_date(&case, 0, false), None, "nothing is earlier than the first");
         assert_eq!(setting.with_date(&case, 1, true), None, "nothing is later than the last");

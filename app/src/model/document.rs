@@ -1,7 +1,7 @@
-//! What is saved: which case, what the user chose, and where they look.
+//! The document: which case is open, the user's settings, and the navigation state.
 //!
-//! [`Edit`] is what undo covers; [`Navigation`] is not, so that undoing a selection doesn't also
-//! throw the camera back. Volumes, jobs and device resources are in [`crate::world`].
+//! Undo covers [`Edit`] but not [`Navigation`], so that undoing a selection doesn't also move the camera. Volumes, jobs
+//! and device resources are in [`crate::world`].
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     change::ChangeSetting,
-    ellipsoids::{EllipsoidLook, OwnOpacity},
+    ellipsoids::{EllipsoidLook, EllipsoidOpacity},
     layout,
     light::LightChoice,
     overlap::OverlapMode,
@@ -31,7 +31,7 @@ use super::{
     rulers::Ruler,
 };
 
-/// How to open the case again.
+/// The source from which the case is opened.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CaseRef {
@@ -49,16 +49,16 @@ pub enum CaseRef {
     },
 }
 
-/// What undo covers.
+/// The state that undo covers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Edit {
-    /// Regions shown.
+    /// Visible regions.
     pub selection: Selection,
     /// Whether the lens is on.
     pub lens_on: bool,
     /// The lens.
     pub lens: Lens,
-    /// Window of each context the user changed, by id.
+    /// Windows changed by the user, by context id.
     pub windows: BTreeMap<String, Window>,
     /// How masks are drawn on slices.
     pub overlay: Overlay,
@@ -66,45 +66,45 @@ pub struct Edit {
     pub overlay_opacity: f32,
     /// Colour scheme.
     pub palette: Palette,
-    /// Whether a region's colour says which masks are active or how many.
+    /// Whether a region's colour shows which masks are active or how many.
     #[serde(default)]
     pub coloring: Coloring,
-    /// Lines measured, in the order they were drawn.
+    /// Measured lines, in the order they were drawn.
     #[serde(default)]
     pub rulers: Vec<Ruler>,
     /// Whether the diagram selects regions or whole masks.
     pub overlap_mode: OverlapMode,
-    /// Transfer function of each context the user changed, by id.
+    /// Transfer functions changed by the user, by context id.
     #[serde(default)]
     pub transfers: BTreeMap<String, TransferFunction>,
-    /// Planes that cut the context open.
+    /// Clipping planes of the context image.
     #[serde(default)]
     pub clips: Vec<ClipPlane>,
-    /// Fibre tracts that are not drawn, by id.
+    /// Ids of hidden fibre tracts.
     #[serde(default)]
     pub hidden_tracts: BTreeSet<String>,
     /// How the ellipsoid diagram is drawn.
     #[serde(default)]
     pub ellipsoids: EllipsoidLook,
-    /// Ellipsoids with an opacity of their own.
+    /// Opacities of single ellipsoids.
     #[serde(default)]
-    pub ellipsoid_opacities: Vec<OwnOpacity>,
+    pub ellipsoid_opacities: Vec<EllipsoidOpacity>,
     /// How the 3D views are lit.
     #[serde(default)]
     pub light: LightChoice,
-    /// Which dates are compared, and how that is drawn.
+    /// Comparison of two time points.
     #[serde(default)]
     pub change: ChangeSetting,
-    /// Where panes are.
+    /// Layout of the panes.
     pub layout: Tree<PaneId>,
-    /// The pane that fills the window, if one does.
+    /// The maximised pane, if any.
     pub maximized: Option<PaneId>,
 }
 
-/// Where the user looks.
+/// The navigation state, which undo doesn't cover.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Navigation {
-    /// Which time point is current.
+    /// Index of the current time point.
     pub time: usize,
     /// The closeup's camera.
     pub camera: Camera,
@@ -112,21 +112,21 @@ pub struct Navigation {
     pub cursor_mm: DVec3,
     /// Which context the slices show, by id; `None` for none.
     pub context: Option<String>,
-    /// Which side left is drawn on.
+    /// Which side the patient's left is drawn on.
     pub convention: Convention,
-    /// Magnification of the slices: millimetres a logical point; `None` fits the image.
+    /// Scale of the slices in millimetres per logical point; `None` fits the image.
     pub mm_per_point: Option<f64>,
-    /// In-plane shift of each slice's middle from the image's, in picture millimetres (right, down).
+    /// Offset of each slice view's centre from the image's centre, in-plane millimetres (right, down).
     pub pan_mm: [DVec2; 3],
     /// Whether the crosshair follows the pointer over every view.
     pub follow_pointer: bool,
-    /// Magnification of each 3D view whose orientation follows the closeup; 1, which fits, where none is named.
+    /// Magnification of each 3D view whose orientation follows the closeup's; absent entries are 1, which fits.
     #[serde(default)]
     pub zooms: BTreeMap<PaneId, f64>,
     /// Whether the axial slice is shown as a plane in closeup and ellipsoid diagram.
     #[serde(default)]
     pub show_plane: bool,
-    /// Whether dragging measures. A way to use the mouse, not worth saving.
+    /// Whether dragging measures lines. A mouse mode, so not saved.
     #[serde(skip)]
     pub ruler_on: bool,
 }
@@ -138,22 +138,23 @@ impl Navigation {
     }
 }
 
-/// A case and how it is looked at.
+/// The whole saved state of a case.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Document {
     /// The case.
     pub case: CaseRef,
-    /// Files of fibre tracts beside those that the case names.
+    /// Files of fibre tracts in addition to the case's.
     #[serde(default)]
     pub tracts: Vec<PathBuf>,
-    /// What undo covers.
+    /// State that undo covers.
     pub edit: Edit,
-    /// What it doesn't.
+    /// State that undo doesn't cover.
     pub nav: Navigation,
 }
 
-/// A lens about the tumour of `time_point`: on its centroid, with the radius of a ball of half again the union's
-/// volume, so that the start shows an inside and an outside.
+/// The initial lens at `time_point`: centred on the tumour's centroid, with the radius of a ball of 1.5 times the
+/// union's volume (at least twice the largest voxel spacing), so that there is something inside and outside. Without
+/// active voxels: the grid's centre and 20 mm.
 pub fn default_lens(time_point: &TimePoint) -> Lens {
     let regions = &time_point.regions;
     let center_mm = regions.centroid_mm().unwrap_or_else(|| time_point.index.grid().center_mm());
@@ -163,7 +164,8 @@ pub fn default_lens(time_point: &TimePoint) -> Lens {
     Lens { center_mm, radius_mm: if regions.union_voxels() == 0 { 20.0 } else { ball_mm.max(smallest_mm) } }
 }
 
-/// Half the diagonal of the active voxels' box: what the camera has to hold.
+/// Radius that the camera must fit: half the diagonal of the active voxels' bounding box, or of the grid where none is
+/// active.
 pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
     let grid = time_point.index.grid();
     let corners = time_point
@@ -175,9 +177,9 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
 }
 
 impl Document {
-    /// How a freshly opened case looks: everything shown, the lens on the tumour, seen from the
-    /// front, a little from the left and above.
-    pub fn new(case: CaseRef, time_point: &TimePoint, dates: usize) -> Self {
+    /// The initial document of a case with `time_point_count` time points: everything visible, the lens on the
+    /// tumour, seen from the front, slightly from the left and above.
+    pub fn new(case: CaseRef, time_point: &TimePoint, time_point_count: usize) -> Self {
         let lens = default_lens(time_point);
         let camera = Camera::fit(
             lens.center_mm,
@@ -206,7 +208,7 @@ impl Document {
                 ellipsoid_opacities: Vec::new(),
                 light: LightChoice::default(),
                 change: ChangeSetting::default(),
-                layout: layout::default_layout(dates),
+                layout: layout::default_layout(time_point_count),
                 maximized: None,
             },
             nav: Navigation {
@@ -225,23 +227,23 @@ impl Document {
         }
     }
 
-    /// The lines measured on the time point shown, with their places in the list.
+    /// The lines measured at the current time point, with their indices.
     pub fn rulers_shown(&self) -> impl Iterator<Item = (usize, &Ruler)> {
         self.edit.rulers.iter().enumerate().filter(|(_, ruler)| ruler.time == self.nav.time)
     }
 
-    /// A name that no line has yet: `Line 3`.
+    /// An unused line name: `Line 3`.
     pub fn new_ruler_name(&self) -> String {
         let taken = |name: &str| self.edit.rulers.iter().any(|ruler| ruler.name == name);
         (self.edit.rulers.len() + 1..).map(|n| format!("Line {n}")).find(|n| !taken(n)).unwrap_or_default()
     }
 
-    /// The window of an image: the user's, or the image's own.
+    /// The window of an image: set by the user, or initial from its histogram.
     pub fn window_of(&self, id: &str, image: &PreparedContext) -> Window {
         self.edit.windows.get(id).copied().unwrap_or_else(|| image.histogram().initial_window())
     }
 
-    /// The lens where it is on.
+    /// The lens, if it is on.
     pub fn active_lens(&self) -> Option<Lens> {
         self.edit.lens_on.then_some(self.edit.lens)
     }

@@ -1,21 +1,21 @@
-//! How the ellipsoid diagram is drawn, as the user chose it.
+//! Display settings of the ellipsoid diagram.
 
 use glioscope_core::ellipsoid::{ComponentEllipsoid, Ellipsoid};
 use serde::{Deserialize, Serialize};
 
-/// Which ellipsoid stands for a component.
+/// Which ellipsoid represents a connected component.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EllipsoidKind {
-    /// The smallest that holds every voxel: exaggerates overlap.
+    /// The minimum-volume ellipsoid enclosing every voxel: exaggerates overlap.
     #[default]
     Enclosing,
-    /// Same centroid, axes and volume as the component: doesn't hold every voxel.
+    /// Centroid, principal axes and volume of the component: doesn't enclose every voxel.
     Moment,
 }
 
 impl EllipsoidKind {
-    /// This kind of `component`.
+    /// The ellipsoid of this kind of `component`.
     pub fn of(self, component: &ComponentEllipsoid) -> &Ellipsoid {
         match self {
             Self::Enclosing => &component.enclosing,
@@ -24,16 +24,16 @@ impl EllipsoidKind {
     }
 }
 
-/// How the diagram is drawn.
+/// Display settings of the diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EllipsoidLook {
-    /// Which ellipsoids.
+    /// Which ellipsoids are drawn.
     pub kind: EllipsoidKind,
-    /// Opacity of all, 0 to 1.
+    /// Opacity of all ellipsoids, 0 to 1.
     pub opacity: f64,
     /// Components below this volume are hidden.
     pub smallest_ml: f64,
-    /// Which voxels are neighbours: 6, 18 or 26.
+    /// Connectivity of components: 6, 18 or 26 neighbours per voxel.
     pub neighbors: u32,
 }
 
@@ -43,14 +43,14 @@ impl Default for EllipsoidLook {
     }
 }
 
-/// The opacity of one ellipsoid, where the user set one.
+/// The opacity that the user set for one ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct OwnOpacity {
-    /// Position of its date in the case.
+pub struct EllipsoidOpacity {
+    /// Index of its time point in the case.
     pub time: usize,
-    /// The neighbourhood that made its component.
+    /// The connectivity that its component was found with.
     pub neighbors: u32,
-    /// Its number among the components of that date.
+    /// Its number among the components of that time point.
     pub id: u32,
     /// 0 to 1, multiplied by the opacity of all.
     pub opacity: f64,

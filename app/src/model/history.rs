@@ -1,36 +1,36 @@
-//! Undo and redo: snapshots of what undo covers, one per command or per gesture.
+//! Undo and redo: snapshots of [`Edit`], one per command or gesture.
 
 use std::time::{Duration, Instant};
 
 use super::document::Edit;
 
-/// A pause that ends a gesture.
-const REST: Duration = Duration::from_millis(800);
-/// Snapshots kept.
-const DEPTH: usize = 200;
+/// A pause of this length ends a gesture, unless a pointer button is down.
+const GESTURE_PAUSE: Duration = Duration::from_millis(800);
+/// Maximum number of undo steps.
+const MAX_UNDO: usize = 200;
 
-/// What was, and what was undone.
+/// Snapshots to undo and to redo.
 #[derive(Debug, Default)]
 pub struct History {
     past: Vec<Edit>,
     future: Vec<Edit>,
     gesture: Option<(&'static str, Instant)>,
-    held: bool,
+    pointer_down: bool,
 }
 
 impl History {
-    /// Call after a command changed `before` into something else, at `now`. Commands of one `gesture`, one soon
-    /// after the other, are undone together; those of none are undone one by one.
+    /// Records that a command changed `before`, at `now`. Commands of the same `gesture` in quick succession, or while
+    /// a pointer button is down, are undone together; commands without a gesture are undone one by one.
     pub fn record(&mut self, before: Edit, gesture: Option<&'static str>, now: Instant) {
         let continues = match (self.gesture, gesture) {
             (Some((last, at)), Some(this)) => {
-                last == this && (self.held || now.saturating_duration_since(at) < REST)
+                last == this && (self.pointer_down || now.saturating_duration_since(at) < GESTURE_PAUSE)
             }
             _ => false,
         };
         if !continues {
             self.past.push(before);
-            if self.past.len() > DEPTH {
+            if self.past.len() > MAX_UNDO {
                 self.past.remove(0);
             }
         }
@@ -38,16 +38,16 @@ impl History {
         self.gesture = gesture.map(|g| (g, now));
     }
 
-    /// Notes whether a pointer button is down. What happens between press and release is one gesture,
-    /// however long it rests; the next press begins another.
-    pub fn hold(&mut self, held: bool) {
-        if held != self.held {
+    /// Records whether a pointer button is down. Everything from press to release is one gesture, whatever its pauses;
+    /// the next press starts another.
+    pub fn hold(&mut self, pointer_down: bool) {
+        if pointer_down != self.pointer_down {
             self.gesture = None;
-            self.held = held;
+            self.pointer_down = pointer_down;
         }
     }
 
-    /// Takes back the last change; `false` when there is none.
+    /// Undoes the last change; `false` when there is none.
     pub fn undo(&mut self, current: &mut Edit) -> bool {
         self.gesture = None;
         let Some(before) = self.past.pop() else { return false };
@@ -55,7 +55,7 @@ impl History {
         true
     }
 
-    /// Does again what was undone; `false` when there is nothing.
+    /// Redoes the last undone change; `false` when there is none.
     pub fn redo(&mut self, current: &mut Edit) -> bool {
         self.gesture = None;
         let Some(after) = self.future.pop() else { return false };
@@ -63,12 +63,12 @@ impl History {
         true
     }
 
-    /// Whether there is something to take back.
+    /// Whether there is a change to undo.
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
-    /// Whether there is something to do again.
+    /// Whether there is a change to redo.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
     }

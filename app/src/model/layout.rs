@@ -1,20 +1,20 @@
-//! Where panes are: the default is Fig. 7.1's arrangement.
+//! The layout of panes; the default follows the thesis's Fig. 7.1.
 
 use super::pane::PaneId;
 use egui_tiles::{Container, Linear, LinearDir, Tiles, Tree};
 
-/// Closeup over context at the left, ellipsoids over the overlap diagram with its table (behind it what
-/// is in the lens, and the measurements), three slices at the right. With several dates the change view
-/// is behind the closeup, and the dates behind the context view.
-pub fn default_layout(dates: usize) -> Tree<PaneId> {
+/// Left: closeup above context view. Middle: ellipsoid diagram above overlap diagram, with the lens and measurements
+/// panes as tabs behind it. Right: the three slices. With several time points, the change view is a tab behind the
+/// closeup, and the dates pane one behind the context view.
+pub fn default_layout(time_point_count: usize) -> Tree<PaneId> {
     let mut tiles = Tiles::default();
     let views = [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids];
     let [closeup, context, ellipsoids] = views.map(|pane| tiles.insert_pane(pane));
-    let (closeup, context) = match dates {
+    let (closeup, context) = match time_point_count {
         0 | 1 => (closeup, context),
         _ => {
-            let others = [PaneId::Change, PaneId::Dates].map(|pane| tiles.insert_pane(pane));
-            (tiles.insert_tab_tile(vec![closeup, others[0]]), tiles.insert_tab_tile(vec![context, others[1]]))
+            let behind = [PaneId::Change, PaneId::Dates].map(|pane| tiles.insert_pane(pane));
+            (tiles.insert_tab_tile(vec![closeup, behind[0]]), tiles.insert_tab_tile(vec![context, behind[1]]))
         }
     };
     let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements].map(|pane| tiles.insert_pane(pane));
@@ -39,19 +39,19 @@ fn linear(
     tiles.insert_container(Container::Linear(container))
 }
 
-/// One pane alone over the whole window.
+/// A single pane that fills the window.
 pub fn single(pane: PaneId) -> Tree<PaneId> {
     let mut tiles = Tiles::default();
     let root = tiles.insert_pane(pane);
     Tree::new(egui::Id::unique("layout"), root, tiles)
 }
 
-/// Whether `pane` has a place in `layout`.
+/// Whether `layout` contains `pane`.
 pub fn contains(layout: &Tree<PaneId>, pane: PaneId) -> bool {
     layout.tiles.find_pane(&pane).is_some()
 }
 
-/// Gives `pane` a place at the right, or takes it away.
+/// Adds `pane` at the end of the root container, or removes it where it is present.
 pub fn toggle(layout: &mut Tree<PaneId>, pane: PaneId) {
     if let Some(tile) = layout.tiles.find_pane(&pane) {
         layout.remove_recursively(tile);
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_default_has_every_view_and_toggling_undoes_itself() {
+    fn default_layout_has_the_main_views_and_toggling_twice_restores_it() {
         let mut layout = default_layout(1);
         for pane in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids, PaneId::Overlap, PaneId::Coronal] {
             assert!(contains(&layout, pane));

@@ -1,4 +1,4 @@
-//! How the 3D views are lit, as the user chose it.
+//! Lighting settings of the 3D views.
 
 use glioscope_render::{LightSettings, LightingMode, Preset, Quality, light};
 use serde::{Deserialize, Serialize};
@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 pub struct LightChoice {
     /// The lighting mode.
     pub mode: LightingMode,
-    /// A fixed quality; `None`: within a time budget while something moves, the reference when still.
+    /// A fixed quality; `None`: automatic, within a time budget during interaction and the reference at rest.
     pub preset: Option<Preset>,
-    /// Half the opening angle of the cone that light comes from, degrees.
+    /// Half the opening angle of the cone that light arrives through, degrees.
     pub aperture_deg: f64,
-    /// The user's own settings instead of the preset's.
+    /// Custom settings instead of the preset's.
     #[serde(default)]
     pub own: Option<LightSettings>,
 }
@@ -25,14 +25,14 @@ impl Default for LightChoice {
 }
 
 impl LightChoice {
-    /// `quality`, which was found for this lighting mode, with this choice's aperture or own settings.
+    /// `quality`, which must be for this lighting mode, with this choice's aperture or custom settings.
     pub fn at(&self, quality: Quality) -> Quality {
         let lighting =
             self.own.unwrap_or(LightSettings { aperture_deg: self.aperture_deg, ..quality.lighting });
         Quality { lighting, cost: quality.cost.filter(|_| self.own.is_none()), ..quality }
     }
 
-    /// The quality of a picture at rest and of files: the preset, or the reference without one.
+    /// The quality of views at rest and of exported files: the preset, or the reference without one.
     pub fn at_rest(&self) -> Quality {
         self.at(light::preset(self.mode, self.preset.unwrap_or(Preset::Reference)))
     }

@@ -1,4 +1,4 @@
-//! What is saved: the document with all its types, where panes are, undo, and the session file. Knows no view.
+//! Saved state: the document and its types, the layout of panes, undo, and the session file. Independent of views.
 
 pub mod change;
 pub mod document;
@@ -13,7 +13,7 @@ pub mod session;
 
 pub use change::ChangeSetting;
 pub use document::{CaseRef, Document, Edit, Navigation};
-pub use ellipsoids::{EllipsoidKind, EllipsoidLook, OwnOpacity};
+pub use ellipsoids::{EllipsoidKind, EllipsoidLook, EllipsoidOpacity};
 pub use history::History;
 pub use light::LightChoice;
 pub use overlap::OverlapMode;

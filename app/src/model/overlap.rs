@@ -1,37 +1,37 @@
-//! What the overlap diagram selects: regions or whole masks.
+//! Selection by region or by whole mask, as in the overlap diagram.
 
 use glioscope_core::{Regions, Selection};
 use serde::{Deserialize, Serialize};
 use strum::VariantArray;
 
-/// What a click turns on or off.
+/// Whether a click toggles a region or a whole mask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray)]
 #[serde(rename_all = "snake_case")]
 pub enum OverlapMode {
-    /// Regions: every overlap on its own.
+    /// Regions: every overlap separately.
     #[default]
     Regions,
     /// Whole masks; overlaps are not considered (thesis 7.7).
     WholeMasks,
 }
 
-/// How much of a region or mask is shown.
+/// How much of a region or mask is visible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// All of it.
     All,
-    /// Some of a mask's regions.
+    /// Some of the mask's regions, but not all.
     Some,
-    /// Nothing, or it has no voxel.
+    /// None of it, or it has no voxels.
     None,
 }
 
-/// Regions that mask `k` is part of.
+/// Bits of the regions that mask `k` is part of.
 pub fn regions_of_mask(regions: &Regions, k: usize) -> Vec<u32> {
     regions.list().iter().map(|r| r.bits).filter(|bits| bits >> k & 1 == 1).collect()
 }
 
-/// How much of mask `k` the selection shows.
+/// How much of mask `k` is visible with this selection.
 pub fn mask_shown(regions: &Regions, selection: &Selection, k: usize) -> Shown {
     let of_mask = regions_of_mask(regions, k);
     let shown = of_mask.iter().filter(|bits| selection.shows(**bits)).count();
@@ -42,16 +42,15 @@ pub fn mask_shown(regions: &Regions, selection: &Selection, k: usize) -> Shown {
     }
 }
 
-/// The selection that shows exactly the voxels of the given masks: a region is shown when any of
-/// its masks is among them. Bit k of `masks` is mask k.
+/// The selection of exactly the voxels of the given masks: every region that contains at least one of them. Bit k of
+/// `masks` is mask k.
 pub fn whole_masks(regions: &Regions, masks: u32) -> Selection {
     let shown: Vec<u32> = regions.list().iter().map(|r| r.bits).filter(|b| b & masks != 0).collect();
     Selection::only(regions, &shown)
 }
 
-/// `selection` after mask `k` is turned on or off as a whole: the masks shown whole, with k added or
-/// taken out, and their voxels shown. A mask that lies wholly inside another shown one stays visible
-/// as part of that one.
+/// `selection` after mask `k` is toggled as a whole: exactly the voxels of the fully visible masks, with k added or
+/// removed. A mask that lies entirely inside another visible one stays visible as part of it.
 pub fn with_mask_toggled(regions: &Regions, selection: &Selection, k: usize) -> Selection {
     let whole = (0..regions.mask_ids().len().min(32))
         .filter(|&k| mask_shown(regions, selection, k) == Shown::All)

@@ -1,10 +1,10 @@
-//! Which panes there are, and what tabs, menus, files and the command line call them.
+//! The panes, and their names in tabs, menus, files and the command line.
 
 use glioscope_render::flat::Plane;
 use serde::{Deserialize, Serialize};
 use strum::{EnumIter, IntoEnumIterator};
 
-/// One pane of the window, in the order of menus.
+/// A pane of the window; variants are in menu order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, EnumIter)]
 #[serde(rename_all = "snake_case")]
 pub enum PaneId {
@@ -14,19 +14,19 @@ pub enum PaneId {
     Context,
     /// The ellipsoid diagram.
     Ellipsoids,
-    /// The surface change between two dates.
+    /// The surface change between two time points.
     Change,
-    /// All dates, and volumes over time.
+    /// All time points, and volumes over time.
     Dates,
     /// The overlap diagram with its bar and the table of regions.
     Overlap,
-    /// The table of what is in the lens.
+    /// The table of the volumes inside the lens.
     Lens,
-    /// The list of lines measured.
+    /// The list of measured lines.
     Measurements,
     /// The transfer function of the context view.
     Transfer,
-    /// Plan, pass times and adapter.
+    /// Render plan, pass times and graphics adapter.
     Diagnostics,
     /// The axial slice.
     Axial,
@@ -36,18 +36,18 @@ pub enum PaneId {
     Sagittal,
 }
 
-/// What a pane is called, and how it takes part in reports.
+/// A pane's names, and its part in reports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PaneRow {
-    /// In sentences: `the closeup`.
+    /// Name in sentences: `the closeup`.
     pub title: &'static str,
-    /// On its tab.
+    /// Title of its tab.
     pub tab: &'static str,
-    /// For `--view` and in file names; `None`: it makes no picture.
+    /// Name for `--view` and file names; `None`: it can't be exported as a picture.
     pub cli: Option<&'static str>,
-    /// Pixels of its picture in a report; `None`: it isn't in one.
+    /// Size of its picture in a report, pixels; `None`: not included.
     pub report_px: Option<[u32; 2]>,
-    /// Whether it compares dates: left out where a case has one.
+    /// Whether it compares time points: reports omit it where the case has one.
     pub needs_dates: bool,
 }
 
@@ -60,7 +60,7 @@ impl PaneRow {
         Self { report_px: Some(report_px), ..self }
     }
 
-    const fn of_dates(self) -> Self {
+    const fn needs_dates(self) -> Self {
         Self { needs_dates: true, ..self }
     }
 }
@@ -73,8 +73,8 @@ impl PaneId {
             Self::Closeup => row("the closeup", "Closeup", "closeup").report([900, 900]),
             Self::Context => row("the context view", "Context", "context").report([900, 900]),
             Self::Ellipsoids => row("the ellipsoid diagram", "Ellipsoids", "ellipsoids").report([900, 900]),
-            Self::Change => row("the change view", "Change", "change").report([900, 900]).of_dates(),
-            Self::Dates => row("the dates", "Dates", "dates").report([700, 900]).of_dates(),
+            Self::Change => row("the change view", "Change", "change").report([900, 900]).needs_dates(),
+            Self::Dates => row("the dates", "Dates", "dates").report([700, 900]).needs_dates(),
             Self::Overlap => row("the overlap diagram", "Overlap", "overlap").report([700, 900]),
             Self::Lens => row("what is in the lens", "In the lens", "lens"),
             Self::Measurements => row("measurements", "Measurements", "measurements"),
@@ -86,22 +86,22 @@ impl PaneId {
         }
     }
 
-    /// What sentences call it.
+    /// Its name in sentences.
     pub const fn title(self) -> &'static str {
         self.row().title
     }
 
-    /// What its tab says.
+    /// The title of its tab.
     pub const fn tab(self) -> &'static str {
         self.row().tab
     }
 
-    /// Every pane, in the order of menus.
+    /// Every pane, in menu order.
     pub fn all() -> impl Iterator<Item = Self> {
         Self::iter()
     }
 
-    /// The pane of a slice.
+    /// The pane of a slice plane.
     pub const fn of_plane(plane: Plane) -> Self {
         match plane {
             Plane::Axial => Self::Axial,
@@ -117,10 +117,11 @@ mod tests {
     use std::collections::BTreeSet;
 
     #[test]
-    fn no_two_panes_share_a_word() {
-        for word in [|row: PaneRow| Some(row.title), |row: PaneRow| Some(row.tab), |row: PaneRow| row.cli] {
-            let words: Vec<&str> = PaneId::all().filter_map(|pane| word(pane.row())).collect();
-            assert_eq!(words.iter().collect::<BTreeSet<_>>().len(), words.len(), "{words:?}");
+    fn pane_names_are_unique() {
+        for name_of in [|row: PaneRow| Some(row.title), |row: PaneRow| Some(row.tab), |row: PaneRow| row.cli]
+        {
+            let names: Vec<&str> = PaneId::all().filter_map(|pane| name_of(pane.row())).collect();
+            assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len(), "{names:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Lines measured, and all of them as CSV or JSON.
+//! Measured lines, and their export as CSV or JSON.
 
 use std::path::PathBuf;
 
@@ -10,93 +10,93 @@ use strum::{IntoStaticStr, VariantArray};
 
 use super::pane::PaneId;
 
-/// A straight line that was measured.
+/// A measured straight line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ruler {
-    /// What the user calls it.
+    /// Its name, editable by the user.
     pub name: String,
     /// One end, world millimetres.
     pub from_mm: DVec3,
-    /// The other end.
+    /// The other end, world millimetres.
     pub to_mm: DVec3,
-    /// Where it was drawn: in the closeup between first-hit points, or in a slice.
+    /// The pane it was drawn in: the closeup, between first-hit points, or a slice.
     pub view: PaneId,
-    /// The time point it was drawn on: it is shown there only.
+    /// Index of the time point it was drawn at; it is shown only there.
     pub time: usize,
 }
 
 impl Ruler {
-    /// How long it is.
+    /// Its length.
     pub fn length_mm(&self) -> f64 {
         self.from_mm.distance(self.to_mm)
     }
 
-    /// Its middle.
+    /// Its midpoint, world millimetres.
     pub fn middle_mm(&self) -> DVec3 {
         self.from_mm.midpoint(self.to_mm)
     }
 
-    /// What lists and exports call the view it was drawn in.
+    /// The name of its view in lists and exports.
     pub fn view_name(&self) -> &'static str {
         self.view.row().cli.unwrap_or_default()
     }
 }
 
-/// How lines are written.
+/// File format of exported lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, IntoStaticStr, VariantArray)]
 #[strum(serialize_all = "lowercase")]
 pub enum RulerFormat {
-    /// A row per line measured.
+    /// One row per line.
     Csv,
-    /// With the case's doubts.
+    /// Includes the case's doubts.
     Json,
 }
 
 impl RulerFormat {
-    /// The ending of its files, without the dot.
-    pub fn ending(self) -> &'static str {
+    /// Its file extension, without the dot.
+    pub fn extension(self) -> &'static str {
         self.into()
     }
 
-    /// What people call it.
+    /// Its name for display.
     pub fn name(self) -> String {
-        self.ending().to_uppercase()
+        self.extension().to_uppercase()
     }
 
-    /// The format that the ending of `path` names.
+    /// The format of a file, by its extension.
     pub fn of(path: &std::path::Path) -> Option<Self> {
-        let ending = path.extension()?;
-        Self::VARIANTS.iter().copied().find(|format| ending.eq_ignore_ascii_case(format.ending()))
+        let extension = path.extension()?;
+        Self::VARIANTS.iter().copied().find(|format| extension.eq_ignore_ascii_case(format.extension()))
     }
 
-    /// `path` with this format's ending, where it has none of them.
-    pub fn on(self, path: PathBuf) -> PathBuf {
+    /// `path` with this format's extension appended, unless it already has the extension of a format.
+    pub fn with_extension(self, path: PathBuf) -> PathBuf {
         if Self::of(&path).is_some() {
             return path;
         }
         let mut name = path.into_os_string();
         name.push(".");
-        name.push(self.ending());
+        name.push(self.extension());
         PathBuf::from(name)
     }
 
-    /// A file name to propose.
+    /// Suggested file name.
     pub fn file_name(self) -> String {
-        format!("lines.{}", self.ending())
+        format!("lines.{}", self.extension())
     }
 }
 
-/// Why lengths or sides of this case may not be what they seem, one sentence each.
+/// Reasons to doubt the lengths or sides of this case, one sentence each.
 pub fn doubts(case: &Case) -> Vec<&'static str> {
-    let found = |code: &str| case.checks.iter().any(|check| check.code == code);
+    let has_check = |code: &str| case.checks.iter().any(|check| check.code == code);
     let mut out = Vec::new();
     if case.grid.sides() == Sides::Unknown {
         out.push("Side unknown: left and right can't be told.");
     }
-    if found("units-unknown") {
+    if has_check("units-unknown") {
         out.push("Unit of length unknown: a file names none, and mm is assumed.");
     }
-    if found("thickness-unknown") {
+    if has_check("thickness-unknown") {
         out.push("Thickness unknown: a file doesn't say how thick its slice is.");
     }
     out
@@ -106,22 +106,22 @@ fn time_label(case: &Case, ruler: &Ruler) -> String {
     case.time_points.get(ruler.time).map(|t| t.label.clone()).unwrap_or_default()
 }
 
-/// All lines as CSV. A name that a spreadsheet would take for a formula gets an apostrophe before it.
+/// All lines as CSV. Names that a spreadsheet would interpret as a formula are prefixed with an apostrophe.
 pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
-    // RAS+ is only claimed where it is known.
+    // Columns are named after the RAS+ axes only where the sides are known.
     let axes = if case.grid.sides() == Sides::Known { ["r", "a", "s"] } else { ["x", "y", "z"] };
     let ends = ["from", "to"].into_iter().flat_map(|end| axes.map(|axis| format!("{end}_{axis}_mm")));
     let head = ["name", "time", "view", "length_mm"].map(str::to_owned);
     let mut table = csv::Table::new(head.into_iter().chain(ends));
     for ruler in rulers {
-        let ends = [ruler.from_mm, ruler.to_mm].into_iter().flat_map(|end| end.to_array());
+        let coordinates_mm = [ruler.from_mm, ruler.to_mm].into_iter().flat_map(|end| end.to_array());
         let head = [
             csv::text(&ruler.name),
             csv::text(&time_label(case, ruler)),
             ruler.view_name().to_owned(),
             ruler.length_mm().to_string(),
         ];
-        table.row(head.into_iter().chain(ends.map(|mm| mm.to_string())));
+        table.row(head.into_iter().chain(coordinates_mm.map(|mm| mm.to_string())));
     }
     table.into_bytes()
 }

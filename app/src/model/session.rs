@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 
 use super::document::Document;
 
-/// Ending of a session file.
-pub const ENDING: &str = "glioscope.json";
-/// The version this program writes, and the newest it reads. [`of_version_1`] brings the one before up to it.
+/// Extension of session files.
+pub const EXTENSION: &str = "glioscope.json";
+/// The version this program writes, and the newest it reads. [`upgrade_version_1`] converts the previous one.
 const VERSION: u64 = 2;
 
 #[derive(Serialize, Deserialize)]
@@ -19,15 +19,15 @@ struct SessionFile {
     document: Document,
 }
 
-/// Whether a path has the ending of a session file.
+/// Whether a path has the extension of a session file, in any case.
 pub fn is_session(path: &Path) -> bool {
-    path.to_string_lossy().to_lowercase().ends_with(ENDING)
+    path.to_string_lossy().to_lowercase().ends_with(EXTENSION)
 }
 
-/// Saves the document. Images are not copied: the case is named by its path.
+/// Saves the document. Images are not copied: the file refers to the case by its path.
 ///
 /// # Errors
-/// [`FileError`]; what stood at `path` is untouched then.
+/// [`FileError`]; an existing file at `path` is then unchanged.
 pub fn save(path: &Path, document: &Document) -> Result<(), FileError> {
     let file = SessionFile { glioscope_session: VERSION, document: document.clone() };
     let text = serde_json::to_string_pretty(&file)
@@ -38,13 +38,13 @@ pub fn save(path: &Path, document: &Document) -> Result<(), FileError> {
 /// Reads a session.
 ///
 /// # Errors
-/// [`FileError`]; a newer version's file is refused, not guessed at.
+/// [`FileError`]; also for a file of a newer version.
 pub fn load(path: &Path) -> Result<Document, FileError> {
     let bytes = std::fs::read(path).map_err(|e| wrong(path, &e.to_string(), "a session file"))?;
     let mut value: Value = serde_json::from_slice(&bytes)
         .map_err(|e| wrong(path, &format!("broken JSON ({e})"), "a session file"))?;
     match value.get("glioscope_session").and_then(Value::as_u64) {
-        Some(1) => of_version_1(&mut value),
+        Some(1) => upgrade_version_1(&mut value),
         Some(VERSION) => {}
         Some(version) => {
             return Err(wrong(
@@ -64,8 +64,8 @@ fn wrong(path: &Path, found: &str, expected: &str) -> FileError {
     FileError::Wrong { file: path.display().to_string(), found: found.into(), expected: expected.into() }
 }
 
-/// Words that version 1 wrote as Rust does, by their place in the document.
-const CAPITALISED: [&str; 6] = [
+/// JSON pointers to values that version 1 wrote in PascalCase instead of snake_case.
+const PASCAL_CASE: [&str; 6] = [
     "/edit/overlay",
     "/edit/palette",
     "/edit/coloring",
@@ -74,7 +74,7 @@ const CAPITALISED: [&str; 6] = [
     "/nav/camera/projection",
 ];
 
-/// Fields that have other names since: the object they are in, before, after.
+/// Fields renamed since version 1: JSON pointer to their object, old name, new name.
 const RENAMED: [(&str, &str, &str); 5] = [
     ("/edit/light", "shading", "mode"),
     ("/edit/light/own", "shading", "mode"),
@@ -83,24 +83,24 @@ const RENAMED: [(&str, &str, &str); 5] = [
     ("/edit/light/own/mutual", "solid_on_solid", "opaque_on_opaque"),
 ];
 
-/// Magnifications that stood one by one: field, pane.
+/// Fields of single panes' magnifications in version 1, now in `zooms`: field, pane.
 const ZOOMS: [(&str, &str); 3] =
     [("context_zoom", "context"), ("ellipsoid_zoom", "ellipsoids"), ("change_zoom", "change")];
 
-/// Brings a file of version 1 up to [`VERSION`]. What isn't as expected stays as it is: reading names it.
-fn of_version_1(file: &mut Value) {
+/// Upgrades a file of version 1 to [`VERSION`]. Anything unexpected is left unchanged; deserialising then reports it.
+fn upgrade_version_1(file: &mut Value) {
     file["glioscope_session"] = json!(VERSION);
     let Some(document) = file.get_mut("document") else { return };
-    for place in CAPITALISED {
-        if let Some(Value::String(word)) = document.pointer_mut(place) {
+    for pointer in PASCAL_CASE {
+        if let Some(Value::String(word)) = document.pointer_mut(pointer) {
             *word = snake_case(word);
         }
     }
-    for (place, before, after) in RENAMED {
-        if let Some(object) = document.pointer_mut(place).and_then(Value::as_object_mut)
-            && let Some(value) = object.remove(before)
+    for (pointer, old, new) in RENAMED {
+        if let Some(object) = document.pointer_mut(pointer).and_then(Value::as_object_mut)
+            && let Some(value) = object.remove(old)
         {
-            object.insert(after.into(), value);
+            object.insert(new.into(), value);
         }
     }
     if let Some(nav) = document.pointer_mut("/nav").and_then(Value::as_object_mut) {
@@ -108,31 +108,31 @@ fn of_version_1(file: &mut Value) {
         let zooms: serde_json::Map<String, Value> = zooms.collect();
         nav.insert("zooms".into(), zooms.into());
     }
-    for place in ["/edit/layout", "/edit/maximized", "/edit/rulers"] {
-        if let Some(part) = document.pointer_mut(place) {
-            name_slices(part);
+    for pointer in ["/edit/layout", "/edit/maximized", "/edit/rulers"] {
+        if let Some(part) = document.pointer_mut(pointer) {
+            flatten_slice_panes(part);
         }
     }
 }
 
-/// `{"slice": "Axial"}`, wherever a pane is named, becomes `"axial"`.
-fn name_slices(value: &mut Value) {
+/// Replaces `{"slice": "Axial"}`, version 1's name of a slice pane, with `"axial"` throughout `value`.
+fn flatten_slice_panes(value: &mut Value) {
     match value {
         Value::Object(object) if object.len() == 1 && object.contains_key("slice") => {
             if let Some(Value::String(plane)) = object.remove("slice") {
                 *value = snake_case(&plane).into();
             }
         }
-        Value::Object(object) => object.values_mut().for_each(name_slices),
-        Value::Array(list) => list.iter_mut().for_each(name_slices),
+        Value::Object(object) => object.values_mut().for_each(flatten_slice_panes),
+        Value::Array(list) => list.iter_mut().for_each(flatten_slice_panes),
         _ => {}
     }
 }
 
 fn snake_case(word: &str) -> String {
     let mut out = String::with_capacity(word.len() + 2);
-    for (at, letter) in word.char_indices() {
-        if letter.is_ascii_uppercase() && at > 0 {
+    for (i, letter) in word.char_indices() {
+        if letter.is_ascii_uppercase() && i > 0 {
             out.push('_');
         }
         out.push(letter.to_ascii_lowercase());

@@ -1,5 +1,5 @@
-//! The change view (thesis 7.3.4): where the surface of one mask grew, shrank or stayed between two
-//! dates, as a height map or as arrows, in its anatomy.
+//! The change view (thesis 7.3.4): where the surface of one mask grew, shrank or stayed between two time points, as a
+//! height map or as arrows, within the image.
 
 use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
@@ -13,24 +13,24 @@ use super::{
     draw,
     pane::{Input, Pane, Stage},
     ruler,
-    view3d::{Canvas, Picked, ScreenReport, View, canvas::linked_camera, marks, ring},
+    view3d::{Canvas, Picked, ScreenReport, View, linked_camera, marks, ring},
 };
 use crate::{
     command::{Commands, EditCommand},
     model::{ChangeSetting, PaneId, document::tumor_radius_mm},
     world::{
-        comparison::Compared,
+        comparison::Comparison,
         jobs::{Lookup, progress_text},
     },
 };
 
-/// From line to line of the legend.
+/// Line height of the legend.
 const LINE_POINTS: f32 = 16.0;
 
 /// The pane of the change view.
 #[derive(Default)]
 pub struct ChangePane {
-    /// Its picture.
+    /// Its 3D view.
     pub canvas: Canvas<Change>,
 }
 
@@ -40,26 +40,26 @@ pub fn colors_of(palette: Palette) -> ([u8; 3], [u8; 3]) {
     (shrink, grow)
 }
 
-/// Colours of the two dates as two masks: what is at the earlier date alone is gone, at the later
-/// alone new.
+/// Colours of one mask at the two time points: only at the earlier one is recession, only at the later one growth.
 pub fn pair_colors(palette: Palette) -> MaskColors {
     let (shrink, grow) = colors_of(palette);
     MaskColors::new(palette, &[Some(shrink), Some(grow)])
 }
 
-/// The change drawn opaque where the user chose none.
-fn full_mm(setting: &ChangeSetting, compared: &Compared) -> f64 {
-    let most = |l: &Lengths| l.p95_mm.unwrap_or(0.0);
+/// The change in mm that is drawn in full colour: the user's choice, or the larger 95th percentile of growth and
+/// recession, at least 1 mm.
+fn full_change_mm(setting: &ChangeSetting, compared: &Comparison) -> f64 {
+    let p95_mm = |l: &Lengths| l.p95_mm.unwrap_or(0.0);
     let report = &compared.report;
-    setting.full_mm.unwrap_or_else(|| most(&report.growth).max(most(&report.recession)).max(1.0))
+    setting.full_mm.unwrap_or_else(|| p95_mm(&report.growth).max(p95_mm(&report.recession)).max(1.0))
 }
 
-fn look(input: &Input<'_>, compared: &Compared) -> ChangeLook {
+fn change_look(input: &Input<'_>, compared: &Comparison) -> ChangeLook {
     let setting = &input.doc.edit.change;
     let (shrink, grow) = colors_of(input.doc.edit.palette);
     ChangeLook {
         style: setting.style,
-        full_mm: full_mm(setting, compared),
+        full_mm: full_change_mm(setting, compared),
         smooth_mm: setting.smooth_mm,
         threshold_mm: setting.threshold_mm,
         grow,
@@ -67,8 +67,8 @@ fn look(input: &Input<'_>, compared: &Compared) -> ChangeLook {
     }
 }
 
-/// Why nothing can be compared, as the pane shows it.
-pub fn nothing_text(error: &ChangeError) -> String {
+/// Why there is no comparison, as the pane's message.
+pub fn no_comparison_text(error: &ChangeError) -> String {
     match error {
         ChangeError::OneDate { .. } => "One date: nothing to compare with.".into(),
         ChangeError::NoCommonMask(_) => "The two dates have no mask of the same name.".into(),
@@ -86,7 +86,7 @@ impl Pane for ChangePane {
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         if let Err(why) = chosen {
-            draw::message(ui, rect, &nothing_text(&why));
+            draw::message(ui, rect, &no_comparison_text(&why));
             return;
         }
         let Some(graphics) = stage.graphics else {
@@ -120,7 +120,7 @@ impl Pane for ChangePane {
         let camera = linked_camera(&nav.camera, focus_mm, radius_mm, nav.zoom(PaneId::Change));
         let scene = ChangeScene {
             surface: compared.surface.clone(),
-            look: look(&input, &compared),
+            look: change_look(&input, &compared),
             base: ChangeLook::BASE,
             context: ChangeContext {
                 volume,
@@ -132,19 +132,19 @@ impl Pane for ChangePane {
             silhouette: [0, 0, 0],
         };
         let view = View { doc: input.doc, pane: PaneId::Change, camera, rect };
-        let outcome = self.canvas.steer(ui, graphics, &view, &response, out);
+        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
         let under = self.canvas.hover().map(|pick| pick_text(&compared, pick));
-        partner(ui, &view, self.canvas.hover());
+        partner_line(ui, &view, self.canvas.hover());
         legend(ui, &input, rect, &compared, &scene.look);
         marks::corners(ui, rect, input.sides_known(), (&camera, "at the middle"), true);
-        self.canvas.finish(ui, &view, &response, &outcome, under.as_deref());
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, under.as_deref());
         response.widget_info(|| {
             let [from, to] = &compared.labels;
             let what = format!("Change of {} from {from} to {to}", compared.report.mask);
-            WidgetInfo::labeled(Role::Canvas, true, self.canvas.spoken(&what, under.as_deref()))
+            WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, under.as_deref()))
         });
     }
 
@@ -163,16 +163,16 @@ impl Picked for ChangePick {
     }
 }
 
-/// The unfiltered value under the pointer, and what is special about it.
-pub fn pick_text(compared: &Compared, pick: &ChangePick) -> String {
+/// The unfiltered change under the pointer, with its uncertainty and flags.
+pub fn pick_text(compared: &Comparison, pick: &ChangePick) -> String {
     let [from, to] = &compared.labels;
     match (&pick.vector, pick.unpartnered) {
         (Some(v), _) => {
-            let what = if v.signed_mm > 0.0 { "grew" } else { "shrank" };
-            let sure = if v.flags.within_uncertainty { ", within uncertainty" } else { "" };
+            let verb = if v.signed_mm > 0.0 { "grew" } else { "shrank" };
+            let uncertain = if v.flags.within_uncertainty { ", within uncertainty" } else { "" };
             let fallback = if v.flags.no_set { "\npartner: nearest surface" } else { "" };
             format!(
-                "{what} {:.1} mm{sure} (± {:.1} mm)\nnearest surface {:.1} mm{fallback}",
+                "{verb} {:.1} mm{uncertain} (± {:.1} mm)\nnearest surface {:.1} mm{fallback}",
                 v.signed_mm.abs(),
                 v.uncertainty_mm,
                 v.nearest_mm
@@ -184,8 +184,8 @@ pub fn pick_text(compared: &Compared, pick: &ChangePick) -> String {
     }
 }
 
-/// The line from a point to its partner.
-fn partner(ui: &Ui, view: &View<'_>, hover: Option<&ChangePick>) {
+/// The line from the surface point under the pointer to its partner.
+fn partner_line(ui: &Ui, view: &View<'_>, hover: Option<&ChangePick>) {
     let Some(v) = hover.and_then(|pick| pick.vector.as_ref()) else { return };
     let ends = [v.from_mm, v.to_mm].map(|mm| ring::pos_of(&view.camera, view.rect, mm));
     if let [Some(from), Some(to)] = ends {
@@ -218,7 +218,7 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands)
             new.style = style;
         }
     }
-    let (value, prefix, name, tip, most) = match setting.style {
+    let (value, prefix, name, tip, max_mm) = match setting.style {
         ChangeStyle::Height => (
             &mut new.smooth_mm,
             "smooth ",
@@ -230,7 +230,7 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands)
             (&mut new.threshold_mm, "from ", "Shortest arrow", "Shorter arrows are left out", 50.0)
         }
     };
-    let drag = egui::DragValue::new(value).range(0.0..=most).speed(0.05).fixed_decimals(1).suffix(" mm");
+    let drag = egui::DragValue::new(value).range(0.0..=max_mm).speed(0.05).fixed_decimals(1).suffix(" mm");
     let response = ui.add(drag.prefix(prefix));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, name));
     response.on_hover_text(tip);
@@ -244,8 +244,8 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands)
     }
 }
 
-/// Colours with their numbers, and what was counted.
-fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Compared, look: &ChangeLook) {
+/// Colour ramps with their range and statistics, and the flags.
+fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &ChangeLook) {
     let dark = ui.visuals().dark_mode;
     let ink = draw::ink(dark);
     let painter = ui.painter().with_clip_rect(rect);
@@ -266,9 +266,9 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Compared, look: &Ch
             (Some(color), text)
         })
         .collect();
-    let sure =
+    let uncertain =
         format!("{} of {} within uncertainty (drawn faint)", report.within_uncertainty, report.vectors);
-    lines.push((None, sure));
+    lines.push((None, uncertain));
     lines.extend(report.flags.iter().filter_map(|flag| Some((None, flag_text(*flag)?.to_owned()))));
     if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
@@ -292,7 +292,7 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Compared, look: &Ch
     }
 }
 
-/// From the unchanged surface's colour to the full one.
+/// A colour ramp from the unchanged surface's colour to full change.
 fn ramp(painter: &egui::Painter, at: egui::Pos2, [r, g, b]: [u8; 3]) {
     let [from_r, from_g, from_b] = ChangeLook::BASE.map(f32::from);
     for step in 0..23_u8 {
@@ -303,7 +303,7 @@ fn ramp(painter: &egui::Painter, at: egui::Pos2, [r, g, b]: [u8; 3]) {
     }
 }
 
-/// A flag in words; `None` for one that the numbers already tell.
+/// A flag as text; `None` where the statistics already show it.
 fn flag_text(flag: Flag) -> Option<&'static str> {
     Some(match flag {
         Flag::NoChange => "no change: the masks are identical",

@@ -1,5 +1,4 @@
-//! The tumour intersection closeup (thesis 7.3.3): the renderer's picture, the orientation cube, the
-//! legend, and what the mouse does.
+//! The tumour intersection closeup (thesis 7.3.3): rendered frame, orientation cube, legend and mouse input.
 
 use egui::{Align2, Color32, FontId, Painter, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
@@ -24,15 +23,15 @@ use crate::{
 /// The pane of the closeup.
 #[derive(Default)]
 pub struct CloseupPane {
-    /// Its picture.
+    /// Its 3D view.
     pub canvas: Canvas<Closeup>,
 }
 
 impl CloseupPane {
-    /// A pane whose pipelines are compiled, so that a device that can't is known at the start.
+    /// A pane with compiled pipelines, so that an unsuitable device is detected at the start.
     ///
     /// # Errors
-    /// [`RenderError`], when the device can't run the passes.
+    /// [`RenderError`] if the device can't run the passes.
     pub fn compiled(gpu: &Gpu) -> Result<Self, RenderError> {
         let mut pane = Self::default();
         pane.canvas.screen.compile(gpu)?;
@@ -46,7 +45,7 @@ impl Picked for Pick {
     }
 }
 
-/// The closeup of `doc` without a slice plane.
+/// The closeup's scene of `doc`, without a slice plane.
 pub fn scene(doc: &Document, world: &World, dark: bool) -> RegionScene {
     RegionScene {
         tumor: world.tumor(doc).cloned(),
@@ -60,7 +59,7 @@ pub fn scene(doc: &Document, world: &World, dark: bool) -> RegionScene {
     }
 }
 
-/// As [`scene`], of a workstation; `None` without a case.
+/// As [`scene`], for a workstation; `None` without a case.
 pub fn scene_of(work: &Workstation, dark: bool) -> Option<RegionScene> {
     work.doc.as_ref().map(|doc| scene(doc, &work.world, dark))
 }
@@ -88,7 +87,7 @@ impl Pane for CloseupPane {
             plane,
         };
         let view = View { doc, pane: PaneId::Closeup, camera: doc.nav.camera, rect };
-        let outcome = self.canvas.steer(ui, graphics, &view, &response, out);
+        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
         let draft = if outcome.measures() {
             let pick_at = |pos| self.canvas.pick(graphics, rect, pos).map(|p| p.world_mm);
             ruler::drag(ui, &response, doc, PaneId::Closeup, &pick_at, out)
@@ -99,13 +98,13 @@ impl Pane for CloseupPane {
             return;
         }
         let agreement = agreement(stage);
-        decorate(ui, &input, rect, &agreement);
+        draw_marks(ui, &input, rect, &agreement);
         ruler::draw_3d(&ui.painter().with_clip_rect(rect), doc, &doc.nav.camera, rect, draft);
         let under = self.canvas.hover().map(|pick| pick_text(&input, pick));
         let words = draft.as_ref().map(ruler::draft_text).or_else(|| under.clone());
-        self.canvas.finish(ui, &view, &response, &outcome, words.as_deref());
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, words.as_deref());
         response.widget_info(|| {
-            let mut spoken = self.canvas.spoken("Closeup", under.as_deref());
+            let mut spoken = self.canvas.accessible_text("Closeup", under.as_deref());
             if !agreement.is_empty() {
                 let rows: Vec<&str> = agreement.iter().map(|(_, words)| words.as_str()).collect();
                 spoken = format!("{spoken}\n{}", rows.join("; "));
@@ -123,7 +122,7 @@ impl Pane for CloseupPane {
     }
 }
 
-/// What a pick says: region, millilitres, place.
+/// A pick as text: region, volume, position.
 pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
     let regions = &input.time_point.regions;
     let ml = regions.get(pick.bits).map_or_else(|| "unknown".into(), |r| format::ml(r.volume_ml));
@@ -132,8 +131,8 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
     format!("{} {ml}{side}\n{place}", regions.name(pick.bits))
 }
 
-/// Cube, legend, scale bar and notes.
-fn decorate(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
+/// Draws the orientation cube, scale bar, legend and notes.
+fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     let painter = ui.painter().with_clip_rect(rect);
     let ink = draw::ink(ui.visuals().dark_mode);
     marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, "at the lens"), false);
@@ -154,10 +153,10 @@ fn decorate(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     painter.text(at, anchor, words, FontId::proportional(15.0), ink);
 }
 
-/// Colour and words.
+/// Colour and text.
 type LegendRow = ([u8; 3], String);
 
-/// Colours and what they stand for: masks, or how many of them are active.
+/// Draws the colours with their meaning: masks, or the number of masks active at a voxel.
 fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, ink: Color32, agreement: &[LegendRow]) {
     let ids = input.time_point.regions.mask_ids().iter().enumerate();
     let rows: Vec<LegendRow> = match input.colors.coloring() {
@@ -182,7 +181,7 @@ fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, ink: Color32, agreem
     }
 }
 
-/// Colour and words of each level of agreement, fewest masks first; none where colours don't show it.
+/// Legend rows of the levels of agreement, fewest masks first; empty in other colourings and until they are computed.
 fn agreement(stage: &mut Stage<'_>) -> Vec<LegendRow> {
     if stage.input.colors.coloring() != Coloring::Agreement {
         return Vec::new();

@@ -1,11 +1,11 @@
-//! All dates of the case: which is shown, which two are compared, and how volumes went (thesis 7.3.4).
+//! All time points of the case: which is shown, which two are compared, and volumes over time (thesis 7.3.4).
 
 use egui::{Color32, Role, Ui, WidgetInfo};
 use egui_plot::{Legend, Line, MarkerShape, Plot, PlotPoints, Points, VLine};
 use glioscope_core::{Selection, case::TimePoint, change::Choice, dates};
 
 use super::{
-    change::{nothing_text, pair_colors},
+    change::{no_comparison_text, pair_colors},
     draw,
     overlap::{self, OverlapInput},
     pane::{Input, Pane, Stage},
@@ -15,24 +15,25 @@ use crate::{
     format,
     model::OverlapMode,
     world::{
-        comparison::Compared,
+        comparison::Comparison,
         jobs::{Lookup, progress_text},
     },
 };
 
-/// Seconds that a date is shown while dates are played.
+/// Seconds that each date is shown during playback.
 const SECONDS_PER_DATE: f64 = 0.9;
 
 /// The pane of dates.
 #[derive(Default)]
 pub struct DatesPane {
-    /// When the date last changed, while dates are played.
-    playing: Option<f64>,
+    /// Time of the last step in seconds of egui's clock, during playback.
+    playing_since: Option<f64>,
+    /// Whether the chart shows regions instead of masks.
     regions: bool,
 }
 
-/// Where each date is along the time axis: days since the first where all are ISO dates in rising
-/// order, else their numbers. Beside it what the axis counts.
+/// Position of each date on the time axis: days since the first if all labels are ISO dates in rising order, else their
+/// index from 0. Second, the label of the axis.
 pub fn positions(labels: &[&str]) -> (Vec<f64>, &'static str) {
     match dates::days_since_first(labels) {
         Some(days) => (days, "days since the first date"),
@@ -63,9 +64,9 @@ impl DatesPane {
                 }
             }
             if labels.len() > 1 {
-                let text = if self.playing.is_some() { "Stop" } else { "Play" };
+                let text = if self.playing_since.is_some() { "Stop" } else { "Play" };
                 if ui.button(text).on_hover_text("Show one date after the other").clicked() {
-                    self.playing = match self.playing {
+                    self.playing_since = match self.playing_since {
                         Some(_) => None,
                         None => Some(ui.input(|i| i.time)),
                     };
@@ -73,7 +74,7 @@ impl DatesPane {
             }
         });
         let chosen = input.doc.edit.change.chosen(input.case);
-        pair(ui, &input, &labels, chosen.as_ref().ok(), out);
+        pair_choice(ui, &input, &labels, chosen.as_ref().ok(), out);
         ui.horizontal_wrapped(|ui| {
             ui.selectable_value(&mut self.regions, false, "Masks");
             ui.selectable_value(&mut self.regions, true, "Regions");
@@ -82,7 +83,7 @@ impl DatesPane {
         let height = (ui.available_height() * 0.55).clamp(120.0, 320.0);
         chart(ui, &input, &labels, self.regions, chosen.as_ref().ok(), height, out);
         if let Err(why) = &chosen {
-            ui.weak(nothing_text(why));
+            ui.weak(no_comparison_text(why));
             return;
         }
         match stage.results.comparison.get(input.case, &input.doc.edit.change, stage.ask) {
@@ -98,10 +99,10 @@ impl DatesPane {
     }
 
     fn play(&mut self, ui: &Ui, input: &Input<'_>, out: &mut Commands) {
-        let Some(since) = self.playing else { return };
+        let Some(since) = self.playing_since else { return };
         let now = ui.input(|i| i.time);
         if now - since >= SECONDS_PER_DATE {
-            self.playing = Some(now);
+            self.playing_since = Some(now);
             let next = (input.doc.nav.time + 1) % input.case.time_points.len().max(1);
             out.push(LookCommand::SetTime(next));
         }
@@ -124,7 +125,7 @@ fn choose(input: &Input<'_>, date: usize, as_earlier: bool, out: &mut Commands) 
     }
 }
 
-fn pair(ui: &mut Ui, input: &Input<'_>, labels: &[&str], chosen: Option<&Choice>, out: &mut Commands) {
+fn pair_choice(ui: &mut Ui, input: &Input<'_>, labels: &[&str], chosen: Option<&Choice>, out: &mut Commands) {
     let Some(chosen) = chosen else { return };
     for (end, words) in ["Compare from", "Compare to"].into_iter().enumerate() {
         ui.horizontal_wrapped(|ui| {
@@ -144,7 +145,7 @@ fn pair(ui: &mut Ui, input: &Input<'_>, labels: &[&str], chosen: Option<&Choice>
     }
 }
 
-/// Volumes over time; a click chooses the date nearest to it.
+/// Volumes over time; a click chooses the nearest date for the comparison.
 fn chart(
     ui: &mut Ui,
     input: &Input<'_>,
@@ -154,7 +155,7 @@ fn chart(
     height: f32,
     out: &mut Commands,
 ) {
-    let (at, counts) = positions(labels);
+    let (at, axis_label) = positions(labels);
     let lines = if regions { region_lines(input) } else { mask_lines(input) };
     let plot = Plot::new("volumes over time")
         .height(height)
@@ -163,7 +164,7 @@ fn chart(
         .allow_scroll(false)
         .allow_boxed_zoom(false)
         .include_y(0.0)
-        .x_axis_label(counts)
+        .x_axis_label(axis_label)
         .y_axis_label("ml")
         .legend(Legend::default());
     let shown = plot.show(ui, |plot| {
@@ -181,7 +182,7 @@ fn chart(
         }
         for date in chosen.into_iter().flat_map(|c| c.dates) {
             if let Some(&x) = at.get(date) {
-                // Without a name it has no place in the legend.
+                // Without a name it has no legend entry.
                 plot.vline(VLine::new("", x).color(Color32::GRAY).width(1.0));
             }
         }
@@ -209,7 +210,7 @@ fn chart(
 
 type ChartLine = (String, [u8; 3], Vec<Option<f64>>);
 
-/// Every mask of any date, in the order first met.
+/// Volumes of the masks of all dates, in order of first occurrence.
 fn mask_lines(input: &Input<'_>) -> Vec<ChartLine> {
     let mut ids: Vec<&str> = Vec::new();
     for mask in input.case.time_points.iter().flat_map(|t| &t.masks) {
@@ -231,13 +232,13 @@ fn mask_lines(input: &Input<'_>) -> Vec<ChartLine> {
     ids.into_iter().map(|id| (id.to_owned(), color(id), volumes(id))).collect()
 }
 
-/// Every region of any date, by its name.
+/// Volumes of the regions of all dates, matched by name.
 fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
     let mut names: Vec<(String, [u8; 3])> = Vec::new();
     for time_point in &input.case.time_points {
         for region in time_point.regions.list() {
             let name = time_point.regions.name(region.bits);
-            if !names.iter().any(|(have, _)| *have == name) {
+            if !names.iter().any(|(known, _)| *known == name) {
                 let same = input
                     .time_point
                     .regions
@@ -259,14 +260,14 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
     names
         .into_iter()
         .map(|(name, color)| {
-            let v = volumes(&name);
-            (name, color, v)
+            let volumes_ml = volumes(&name);
+            (name, color, volumes_ml)
         })
         .collect()
 }
 
-/// What was kept, went and came, as numbers and as an overlap diagram of the mask with itself.
-fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Compared) {
+/// Unchanged, lost and new volume of the compared mask, as numbers and as an overlap diagram of the two dates.
+fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Comparison) {
     let report = &compared.report;
     ui.horizontal_wrapped(|ui| {
         ui.strong(&report.mask);
@@ -292,7 +293,7 @@ fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Compared) {
         colors: &colors,
         mode: OverlapMode::Regions,
     };
-    // It says sizes only: what a click would select isn't a region of the case.
+    // Clicks are ignored: these regions aren't regions of the case.
     overlap::show_diagram(ui, &diagram, &mut Commands::default());
 }
 
@@ -301,7 +302,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn iso_dates_are_days_apart_and_other_labels_are_numbered() {
+    fn iso_dates_are_placed_in_days_and_other_labels_by_number() {
         assert_eq!(positions(&["2024-01-15", "2024-04-15"]), (vec![0.0, 91.0], "days since the first date"));
         assert_eq!(positions(&["before", "after"]), (vec![0.0, 1.0], "date number"));
         assert_eq!(positions(&["2024-02-31", "2024-04-15"]).1, "date number", "no such day");

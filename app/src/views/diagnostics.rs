@@ -1,4 +1,4 @@
-//! What was drawn, what was left out and why, how long each pass took, and on what.
+//! Diagnostics: adapter, size and quality of each 3D view's frame, time of each render pass, omitted passes with reason.
 
 use egui::{Grid, RichText, ScrollArea, Ui};
 use glioscope_render::{Gpu, Quality, light};
@@ -34,7 +34,7 @@ impl Pane for DiagnosticsPane {
     }
 }
 
-/// How light was found, and how far off it is likely to be.
+/// Lighting mode and its expected error, as text.
 pub fn light_text(quality: &Quality) -> String {
     let mode = light::row(quality.lighting.mode).title;
     match light::expected_error(quality) {

@@ -1,29 +1,29 @@
-//! What views draw alike: colours of backgrounds and text, plates under words, messages, warnings.
+//! Drawing shared by the views: colours of background and text, plates under text, messages, warnings.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Ui, vec2};
 
-/// Colour of warnings over pictures.
+/// Colour of warnings over 3D views.
 pub fn warning_ink(dark: bool) -> Color32 {
     if dark { Color32::from_rgb(255, 170, 60) } else { Color32::from_rgb(176, 78, 0) }
 }
 
-/// Colour of what is behind everything in 3D views.
+/// Background colour of 3D views, sRGB.
 pub fn background(dark: bool) -> [u8; 3] {
     if dark { [34, 36, 40] } else { [244, 244, 242] }
 }
 
-/// Colour of text and marks over it.
+/// Colour of text and marks over [`background`].
 pub fn ink(dark: bool) -> Color32 {
     if dark { Color32::from_gray(230) } else { Color32::from_gray(30) }
 }
 
-/// A patch of the background under words that stand over an image.
+/// Draws a translucent patch of the background colour under text over an image.
 pub fn plate(painter: &Painter, rect: Rect, dark: bool) {
     let [r, g, b] = background(dark);
     painter.rect_filled(rect.expand2(vec2(4.0, 2.0)), 3.0, Color32::from_rgba_unmultiplied(r, g, b, 190));
 }
 
-/// A message in the middle of a view that can't be drawn.
+/// Draws a message in the middle of a view that can't be drawn.
 pub fn message(ui: &Ui, rect: Rect, text: &str) {
     let color = ui.visuals().text_color();
     let width = (rect.width() - 40.0).max(50.0);
@@ -31,7 +31,7 @@ pub fn message(ui: &Ui, rect: Rect, text: &str) {
     ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
 }
 
-/// What a picture shows less of than it should, at its upper edge.
+/// Draws a view's warnings at its upper edge.
 pub fn warnings(ui: &Ui, rect: Rect, warnings: &[String]) {
     if warnings.is_empty() {
         return;
@@ -45,14 +45,14 @@ pub fn warnings(ui: &Ui, rect: Rect, warnings: &[String]) {
     painter.galley(place.min, galley, ink);
 }
 
-/// A note in the middle of the lower edge, for what is on its way.
+/// Draws a note in the middle of the lower edge, for work in progress.
 pub fn note(ui: &Ui, rect: Rect, words: &str) {
     let at = rect.center_bottom() - vec2(0.0, 14.0);
     let painter = ui.painter().with_clip_rect(rect);
     painter.text(at, Align2::CENTER_BOTTOM, words, FontId::proportional(12.0), ink(ui.visuals().dark_mode));
 }
 
-/// Words beside the pointer, kept inside the view.
+/// Draws text beside the pointer, kept inside the view.
 pub fn beside_pointer(painter: &Painter, rect: Rect, pointer: Pos2, text: String) {
     let galley = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
     let mut corner = pointer + vec2(14.0, 14.0);
@@ -63,12 +63,12 @@ pub fn beside_pointer(painter: &Painter, rect: Rect, pointer: Pos2, text: String
     painter.galley(corner, galley, Color32::WHITE);
 }
 
-/// A margin around text and tables.
+/// Adds a margin around text and tables.
 pub fn padded(ui: &mut Ui, show: impl FnOnce(&mut Ui)) {
     egui::Frame::new().inner_margin(6).show(ui, show);
 }
 
-/// A colour of masks and regions, as egui has it.
+/// An sRGB colour as egui's type.
 pub fn color([r, g, b]: [u8; 3]) -> Color32 {
     Color32::from_rgb(r, g, b)
 }

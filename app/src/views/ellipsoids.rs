@@ -1,5 +1,5 @@
-//! The ellipsoid diagram (thesis 7.6): an ellipsoid for every component of what is shown, a 3D Venn
-//! diagram of sorts.
+//! The ellipsoid diagram (thesis 7.6), similar to a 3D Venn diagram: an ellipsoid for every connected component of the
+//! selected regions or masks.
 
 use std::sync::Arc;
 
@@ -17,13 +17,13 @@ use glioscope_render::{
 use super::{
     draw,
     pane::{Input, Pane, Stage},
-    view3d::{Canvas, Picked, ScreenReport, View, canvas::linked_camera, marks},
+    view3d::{Canvas, Picked, ScreenReport, View, linked_camera, marks},
 };
 use crate::{
     command::{Commands, EditCommand},
     format,
     model::{
-        EllipsoidKind, EllipsoidLook, OverlapMode, OwnOpacity, PaneId,
+        EllipsoidKind, EllipsoidLook, EllipsoidOpacity, OverlapMode, PaneId,
         document::tumor_radius_mm,
         overlap::{Shown, mask_shown},
     },
@@ -33,14 +33,14 @@ use crate::{
 /// The pane of the ellipsoid diagram.
 #[derive(Default)]
 pub struct EllipsoidPane {
-    /// Its picture.
+    /// Its 3D view.
     pub canvas: Canvas<Ellipsoids>,
     drawn: Option<(DrawnKey, Arc<Vec<DrawnEllipsoid>>)>,
-    /// What the context menu is about.
+    /// The ellipsoid of the context menu.
     clicked: Option<EllipsoidPick>,
 }
 
-/// Whether a component belongs to what is selected: regions, or whole masks in that mode.
+/// Whether a component is of a shown region or, in whole-mask mode, of a fully shown mask.
 fn is_selected(input: &Input<'_>, of: Of) -> bool {
     let edit = &input.doc.edit;
     match (of, edit.overlap_mode) {
@@ -52,22 +52,22 @@ fn is_selected(input: &Input<'_>, of: Of) -> bool {
     }
 }
 
-/// What is drawn of `found`, and how many selected components are too small.
-pub fn drawn(input: &Input<'_>, found: &[ComponentEllipsoid]) -> (Vec<DrawnEllipsoid>, usize) {
+/// The ellipsoids to draw, and the number of selected components that are too small.
+pub fn drawn(input: &Input<'_>, components: &[ComponentEllipsoid]) -> (Vec<DrawnEllipsoid>, usize) {
     let look = &input.doc.edit.ellipsoids;
-    let mut small = 0;
+    let mut too_small = 0;
     let mut list = Vec::new();
     let (time, neighbors) = (input.doc.nav.time, look.neighbors);
-    let own = |id| {
-        let of_this = |o: &&OwnOpacity| o.time == time && o.neighbors == neighbors && o.id == id;
+    let opacity_of = |id| {
+        let of_this = |o: &&EllipsoidOpacity| o.time == time && o.neighbors == neighbors && o.id == id;
         input.doc.edit.ellipsoid_opacities.iter().find(of_this).map_or(1.0, |o| o.opacity)
     };
-    for (component, id) in found.iter().zip(0_u32..) {
+    for (component, id) in components.iter().zip(0_u32..) {
         if !is_selected(input, component.of) {
             continue;
         }
         if component.volume_ml < look.smallest_ml {
-            small += 1;
+            too_small += 1;
             continue;
         }
         let ellipsoid = look.kind.of(component);
@@ -81,23 +81,24 @@ pub fn drawn(input: &Input<'_>, found: &[ComponentEllipsoid]) -> (Vec<DrawnEllip
             semi_axes_mm: ellipsoid.semi_axes_mm,
             rotation: ellipsoid.rotation,
             color,
-            opacity: own(id),
+            opacity: opacity_of(id),
         });
     }
-    (list, small)
+    (list, too_small)
 }
 
-/// A camera that holds every ellipsoid (whose box has corners that none reaches), shown or not, so that a click on the diagram moves nothing.
-fn camera(input: &Input<'_>, found: &[ComponentEllipsoid]) -> Camera {
+/// A camera that fits all ellipsoids that are large enough, selected or not, so that a change of the selection doesn't
+/// move it. Their bounding box has empty corners, so less than its diagonal is fitted.
+fn camera(input: &Input<'_>, components: &[ComponentEllipsoid]) -> Camera {
     let look = &input.doc.edit.ellipsoids;
     let nav = &input.doc.nav;
-    let large = || found.iter().filter(|c| c.volume_ml >= look.smallest_ml).map(|c| look.kind.of(c));
+    let large = || components.iter().filter(|c| c.volume_ml >= look.smallest_ml).map(|c| look.kind.of(c));
     let (low, high) = large().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), e| {
-        // Half the box's side along each world axis.
-        let reach = DVec3::from_array(std::array::from_fn(|a| {
+        // Half the sides of the ellipsoid's bounding box along the world axes.
+        let half_mm = DVec3::from_array(std::array::from_fn(|a| {
             (0..3).map(|i| (e.rotation.col(i)[a] * e.semi_axes_mm[i]).powi(2)).sum::<f64>().sqrt()
         }));
-        (low.min(e.center_mm - reach), high.max(e.center_mm + reach))
+        (low.min(e.center_mm - half_mm), high.max(e.center_mm + half_mm))
     });
     let (focus_mm, radius_mm) = if low.is_finite() && high.is_finite() {
         ((low + high) / 2.0, (high - low).length() / 2.0)
@@ -107,16 +108,16 @@ fn camera(input: &Input<'_>, found: &[ComponentEllipsoid]) -> Camera {
     linked_camera(&nav.camera, focus_mm, radius_mm * 0.72, nav.zoom(PaneId::Ellipsoids))
 }
 
-/// Everything the list of drawn ellipsoids depends on besides what was found.
+/// Everything that the list of drawn ellipsoids depends on.
 #[derive(PartialEq)]
 struct DrawnKey {
     look: EllipsoidLook,
     mode: OverlapMode,
     selection: Selection,
     colors: MaskColors,
-    opacities: Vec<OwnOpacity>,
+    opacities: Vec<EllipsoidOpacity>,
     time: usize,
-    found: Handle<Vec<ComponentEllipsoid>>,
+    components: Handle<Vec<ComponentEllipsoid>>,
 }
 
 impl Pane for EllipsoidPane {
@@ -131,8 +132,8 @@ impl Pane for EllipsoidPane {
         };
         let edit = &input.doc.edit;
         let (time, neighbors) = (input.doc.nav.time, edit.ellipsoids.neighbors);
-        let found = match stage.results.ellipsoids.get(input.case, time, neighbors, stage.session, ask) {
-            Lookup::Ready(found) => found.clone(),
+        let components = match stage.results.ellipsoids.get(input.case, time, neighbors, stage.session, ask) {
+            Lookup::Ready(components) => components.clone(),
             Lookup::Working(progress) => {
                 draw::message(ui, rect, &progress_text(progress));
                 ui.request_repaint_after(std::time::Duration::from_millis(100));
@@ -143,29 +144,29 @@ impl Pane for EllipsoidPane {
                 return;
             }
         };
-        let (list, small) = self.list(&input, &found);
+        let (list, too_small) = self.list(&input, &components);
         let plane = input.doc.nav.show_plane.then(|| stage.results.plane.get(input.doc, input.context));
         let scene = EllipsoidScene {
             ellipsoids: list,
             opacity: edit.ellipsoids.opacity,
             lens: input.doc.active_lens(),
-            camera: camera(&input, &found),
+            camera: camera(&input, &components),
             background: draw::background(ui.visuals().dark_mode),
             silhouette: [0, 0, 0],
             plane: plane.flatten(),
         };
         let view = View { doc: input.doc, pane: PaneId::Ellipsoids, camera: scene.camera, rect };
-        let outcome = self.canvas.steer(ui, graphics, &view, &response, out);
+        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
-        let under = self.canvas.hover().and_then(|pick| pick_text(&input, &found, pick));
-        self.own_opacity(&response, &input, &found, out);
-        notes(ui, &input, rect, scene.ellipsoids.len(), small, &scene.camera);
-        self.canvas.finish(ui, &view, &response, &outcome, under.as_deref());
+        let under = self.canvas.hover().and_then(|pick| pick_text(&input, &components, pick));
+        self.opacity_menu(&response, &input, &components, out);
+        notes(ui, &input, rect, scene.ellipsoids.len(), too_small, &scene.camera);
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, under.as_deref());
         response.widget_info(|| {
             let what = format!("Ellipsoid diagram, {} ellipsoids", scene.ellipsoids.len());
-            WidgetInfo::labeled(Role::Canvas, true, self.canvas.spoken(&what, under.as_deref()))
+            WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, under.as_deref()))
         });
     }
 
@@ -179,12 +180,12 @@ impl Pane for EllipsoidPane {
 }
 
 impl EllipsoidPane {
-    /// What is drawn of `found`, the same list as long as it is of the same; and how many selected components are too
-    /// small.
+    /// The ellipsoids to draw, as the same shared list while its inputs are unchanged; and the number of selected
+    /// components that are too small.
     fn list(
         &mut self,
         input: &Input<'_>,
-        found: &Arc<Vec<ComponentEllipsoid>>,
+        components: &Arc<Vec<ComponentEllipsoid>>,
     ) -> (Arc<Vec<DrawnEllipsoid>>, usize) {
         let edit = &input.doc.edit;
         let key = DrawnKey {
@@ -194,23 +195,23 @@ impl EllipsoidPane {
             colors: input.colors.clone(),
             opacities: edit.ellipsoid_opacities.clone(),
             time: input.doc.nav.time,
-            found: Handle::of(found),
+            components: Handle::of(components),
         };
-        let (list, small) = drawn(input, found);
+        let (list, too_small) = drawn(input, components);
         let list = match self.drawn.take() {
-            Some((before, list)) if before == key => list,
+            Some((drawn_key, list)) if drawn_key == key => list,
             _ => Arc::new(list),
         };
         self.drawn = Some((key, list.clone()));
-        (list, small)
+        (list, too_small)
     }
 
-    /// The opacity of the ellipsoid under a right click, and all of them as they were.
-    fn own_opacity(
+    /// Context menu: opacity of the clicked ellipsoid, and reset of all individual opacities.
+    fn opacity_menu(
         &mut self,
         response: &egui::Response,
         input: &Input<'_>,
-        found: &[ComponentEllipsoid],
+        components: &[ComponentEllipsoid],
         out: &mut Commands,
     ) {
         if response.secondary_clicked() {
@@ -219,17 +220,20 @@ impl EllipsoidPane {
         let all = &input.doc.edit.ellipsoid_opacities;
         response.context_menu(|ui| {
             let mut new = all.clone();
-            if let Some((pick, component)) = self.clicked.and_then(|p| Some((p, found.get(p.id as usize)?))) {
+            if let Some((pick, component)) =
+                self.clicked.and_then(|p| Some((p, components.get(p.id as usize)?)))
+            {
                 let (time, neighbors) = (input.doc.nav.time, input.doc.edit.ellipsoids.neighbors);
-                let is_this = |o: &OwnOpacity| o.time == time && o.neighbors == neighbors && o.id == pick.id;
-                let before = all.iter().find(|o| is_this(o)).map_or(1.0, |o| o.opacity);
-                let mut opacity = before;
+                let is_this =
+                    |o: &EllipsoidOpacity| o.time == time && o.neighbors == neighbors && o.id == pick.id;
+                let current = all.iter().find(|o| is_this(o)).map_or(1.0, |o| o.opacity);
+                let mut opacity = current;
                 ui.label(format!("{} {}", name_of(input, component.of), format::ml(component.volume_ml)));
                 let response = ui.add(Slider::new(&mut opacity, 0.0..=1.0).fixed_decimals(2).text("opacity"));
                 response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Opacity of this ellipsoid"));
-                if opacity != before {
+                if opacity != current {
                     new.retain(|o| !is_this(o));
-                    new.push(OwnOpacity { time, neighbors, id: pick.id, opacity });
+                    new.push(EllipsoidOpacity { time, neighbors, id: pick.id, opacity });
                 }
             } else {
                 ui.weak("No ellipsoid here");
@@ -245,7 +249,7 @@ impl EllipsoidPane {
     }
 }
 
-/// What a component is of.
+/// Name of a component's mask or region.
 fn name_of(input: &Input<'_>, of: Of) -> String {
     let regions = &input.time_point.regions;
     match of {
@@ -260,9 +264,9 @@ impl Picked for EllipsoidPick {
     }
 }
 
-/// What the pointer says: whose component, its size, and by how much the ellipsoid exaggerates it.
-fn pick_text(input: &Input<'_>, found: &[ComponentEllipsoid], pick: &EllipsoidPick) -> Option<String> {
-    let component = found.get(pick.id as usize)?;
+/// The component under the pointer as text: its region or mask, volume, and the ellipsoid's volume ratio and axes.
+fn pick_text(input: &Input<'_>, components: &[ComponentEllipsoid], pick: &EllipsoidPick) -> Option<String> {
+    let component = components.get(pick.id as usize)?;
     let name = name_of(input, component.of);
     let look = &input.doc.edit.ellipsoids;
     let axes = look.kind.of(component).semi_axes_mm * 2.0;
@@ -323,16 +327,16 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
     }
 }
 
-/// How many are shown and hidden, the cube, the scale bar.
-fn notes(ui: &Ui, input: &Input<'_>, rect: Rect, count: usize, small: usize, camera: &Camera) {
+/// Draws the numbers of shown and hidden components, the orientation cube and the scale bar.
+fn notes(ui: &Ui, input: &Input<'_>, rect: Rect, count: usize, too_small: usize, camera: &Camera) {
     let ink = draw::ink(ui.visuals().dark_mode);
     let painter = ui.painter().with_clip_rect(rect);
     let mut text = format!("{count} component{}", if count == 1 { "" } else { "s" });
-    if small > 0 {
+    if too_small > 0 {
         let limit = format::plain(input.doc.edit.ellipsoids.smallest_ml);
-        text += &format!(", {small} below {limit} ml hidden");
+        text += &format!(", {too_small} below {limit} ml hidden");
     }
-    if count == 0 && small == 0 {
+    if count == 0 && too_small == 0 {
         text = "Nothing is selected".into();
     }
     painter.text(rect.left_top() + vec2(10.0, 8.0), Align2::LEFT_TOP, text, FontId::proportional(12.0), ink);

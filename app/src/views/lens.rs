@@ -1,5 +1,4 @@
-//! What is in the lens: millilitres and shares of every region inside it, counted anew when the lens
-//! moves.
+//! Contents of the lens: volume and shares of every region inside it, recounted when the lens changes.
 
 use egui::{Align, Layout, RichText, ScrollArea, Sense, Ui, vec2};
 use egui_extras::{Column, TableBuilder};
@@ -13,9 +12,10 @@ use crate::{
     format,
 };
 
-const ROW: f32 = 19.0;
+/// Height of a row, points.
+const ROW_PT: f32 = 19.0;
 
-/// The pane of what is in the lens.
+/// The pane of the lens's contents.
 #[derive(Default)]
 pub struct LensPane;
 
@@ -29,20 +29,20 @@ fn content(ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
     let input = stage.input;
     let lens = input.doc.edit.lens;
     let (true, Some(tumor)) = (input.doc.edit.lens_on, input.tumor) else {
-        nothing(ui, input.tumor.is_none(), out);
+        empty_message(ui, input.tumor.is_none(), out);
         return;
     };
-    let Some((found, is_current)) = stage.results.numbers.in_lens(tumor, lens, stage.ask) else {
+    let Some((counts, is_current)) = stage.results.numbers.in_lens(tumor, lens, stage.ask) else {
         ui.weak("Counting what is in the lens…");
         return;
     };
-    let voxels: u64 = found.iter().map(|(_, n)| n).sum();
+    let voxels: u64 = counts.iter().map(|(_, n)| n).sum();
     let ml = |voxels: u64| tumor.grid().volume_ml(voxels);
     let ball_ml = 4.0 / 3.0 * std::f64::consts::PI * lens.radius_mm.powi(3) / 1000.0;
     let counted = if is_current {
         format::ml(ml(voxels))
     } else {
-        // The numbers below are of where the lens was.
+        // The counts below are of the previous lens.
         "…".to_owned()
     };
     ui.label(format!(
@@ -56,11 +56,11 @@ fn content(ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         if !is_current {
             ui.multiply_opacity(0.5);
         }
-        table(ui, &input, &found, voxels, &ml);
+        table(ui, &input, &counts, voxels, &ml);
     });
 }
 
-fn nothing(ui: &mut Ui, no_tumor: bool, out: &mut Commands) {
+fn empty_message(ui: &mut Ui, no_tumor: bool, out: &mut Commands) {
     ui.vertical_centered(|ui| {
         ui.add_space(ui.available_height() * 0.3);
         if no_tumor {
@@ -75,20 +75,20 @@ fn nothing(ui: &mut Ui, no_tumor: bool, out: &mut Commands) {
     });
 }
 
-/// One row: a region's name and colour, and what is written of it.
+/// One row: a region and its values; `bits` is 0 in the row of the total.
 struct Row {
     bits: u32,
     name: String,
     cells: [String; 3],
 }
 
-fn rows(input: &Input<'_>, found: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) -> f64) -> Vec<Row> {
+fn rows(input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) -> f64) -> Vec<Row> {
     let regions = &input.time_point.regions;
-    let mut found = found.to_vec();
-    found.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+    let mut counts = counts.to_vec();
+    counts.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
     let share =
         |n: u64, of: u64| if of == 0 { "0.0 %".into() } else { format::percent(n as f64 / of as f64) };
-    let mut rows: Vec<Row> = found
+    let mut rows: Vec<Row> = counts
         .into_iter()
         .map(|(bits, n)| {
             let alone = bits.count_ones() == 1 && regions.mask_ids().len() > 1;
@@ -107,8 +107,8 @@ fn rows(input: &Input<'_>, found: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) -
     rows
 }
 
-fn table(ui: &mut Ui, input: &Input<'_>, found: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) -> f64) {
-    let rows = rows(input, found, voxels, ml);
+fn table(ui: &mut Ui, input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) -> f64) {
+    let rows = rows(input, counts, voxels, ml);
     ui.spacing_mut().item_spacing.x = 4.0;
     TableBuilder::new(ui)
         .id_salt("in the lens")
@@ -119,7 +119,7 @@ fn table(ui: &mut Ui, input: &Input<'_>, found: &[(u32, u64)], voxels: u64, ml: 
         .column(Column::exact(64.0))
         .column(Column::exact(58.0))
         .column(Column::exact(66.0))
-        .header(ROW, |mut row| {
+        .header(ROW_PT, |mut row| {
             row.col(|ui| {
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| ui.strong("In the lens"));
             });
@@ -135,7 +135,7 @@ fn table(ui: &mut Ui, input: &Input<'_>, found: &[(u32, u64)], voxels: u64, ml: 
         })
         .body(|mut body| {
             for line in rows {
-                body.row(ROW, |mut row| {
+                body.row(ROW_PT, |mut row| {
                     row.col(|ui| {
                         ui.with_layout(Layout::left_to_right(Align::Center), |ui| name(ui, input, &line));
                     });

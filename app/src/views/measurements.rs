@@ -1,4 +1,4 @@
-//! The list of lines measured: names, lengths, going to one, deleting, exporting.
+//! The list of rulers: naming, lengths, showing, deleting and exporting.
 
 use egui::{Align, Layout, RichText, ScrollArea, TextEdit, Ui};
 use egui_extras::{Column, TableBuilder};
@@ -15,9 +15,10 @@ use crate::{
     model::{RulerFormat, rulers},
 };
 
-const ROW: f32 = 24.0;
+/// Height of a row, points.
+const ROW_PT: f32 = 24.0;
 
-/// The pane of lines measured.
+/// The pane of the ruler list.
 #[derive(Default)]
 pub struct MeasurementsPane;
 
@@ -73,7 +74,7 @@ fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         .column(Column::exact(78.0).clip(true))
         .column(Column::exact(54.0))
         .column(Column::exact(62.0))
-        .header(ROW - 4.0, |mut row| {
+        .header(ROW_PT - 4.0, |mut row| {
             for title in ["Line", "Length", "In", "", ""] {
                 row.col(|ui| {
                     ui.strong(title);
@@ -82,7 +83,7 @@ fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         })
         .body(|mut body| {
             for (at, line) in rulers.iter().enumerate() {
-                body.row(ROW, |mut row| {
+                body.row(ROW_PT, |mut row| {
                     row.col(|ui| name(ui, at, &line.name, out));
                     row.col(|ui| {
                         ui.label(format::length_mm(line.length_mm()));

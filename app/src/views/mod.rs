@@ -1,4 +1,4 @@
-//! One file or folder for each pane. A pane reads the document and the case, draws, and writes commands.
+//! One file or folder per pane. A pane reads the document and the case, draws, and pushes commands.
 
 pub mod change;
 pub mod closeup;
@@ -29,8 +29,8 @@ use crate::{
 use pane::{Input, Pane, Stage};
 use view3d::{Graphics, ScreenReport};
 
-/// The table of panes.
-fn start(id: PaneId) -> Box<dyn Pane> {
+/// A new pane of each kind.
+fn new_pane(id: PaneId) -> Box<dyn Pane> {
     match id {
         PaneId::Closeup => Box::<closeup::CloseupPane>::default(),
         PaneId::Context => Box::<context::ContextPane>::default(),
@@ -48,34 +48,34 @@ fn start(id: PaneId) -> Box<dyn Pane> {
     }
 }
 
-/// What all panes share while they are drawn.
+/// State that all panes are drawn with.
 pub struct Shared<'a> {
-    /// What they may read.
+    /// Read-only state.
     pub input: Input<'a>,
     /// The graphics device; `None` without an adapter.
     pub graphics: Option<&'a Graphics>,
-    /// Results they may ask for.
+    /// Derived results, computed on request.
     pub results: &'a mut Results,
-    /// How results are asked for.
+    /// How results are requested.
     pub ask: &'a Ask,
-    /// The session file, beside which results are kept.
+    /// The session file; results are saved beside it.
     pub session: Option<&'a Path>,
 }
 
-/// All panes. A 3D view's pipelines are compiled when it is first shown, the closeup's at once.
+/// All panes. A 3D view's pipelines are compiled when it is first shown; with [`Panes::on`], the closeup's at once.
 pub struct Panes(BTreeMap<PaneId, Box<dyn Pane>>);
 
 impl Default for Panes {
     fn default() -> Self {
-        Self(PaneId::all().map(|id| (id, start(id))).collect())
+        Self(PaneId::all().map(|id| (id, new_pane(id))).collect())
     }
 }
 
 impl Panes {
-    /// All panes on a device, so that one that can't is known at the start.
+    /// All panes, with the closeup's pipelines compiled, so that an unsuitable device is detected at the start.
     ///
     /// # Errors
-    /// [`RenderError`], when the device can't run the closeup's passes.
+    /// [`RenderError`] if the device can't run the closeup's passes.
     pub fn on(graphics: &Graphics) -> Result<Self, RenderError> {
         let mut panes = Self::default();
         panes.0.insert(PaneId::Closeup, Box::new(closeup::CloseupPane::compiled(&graphics.gpu)?));
@@ -98,17 +98,17 @@ impl Panes {
         self.0.insert(id, pane);
     }
 
-    /// Whether what a pane drew last is final.
+    /// Whether a pane was last drawn in its final quality.
     pub fn ready(&self, id: PaneId) -> bool {
         self.0.get(&id).is_some_and(|pane| pane.ready())
     }
 
-    /// What the 3D view of a pane drew; `None` for panes without one.
+    /// Report of a pane's 3D view; `None` for panes without one.
     pub fn screen(&mut self, id: PaneId) -> Option<&mut dyn ScreenReport> {
         self.0.get_mut(&id)?.screen()
     }
 
-    /// A pane as what it is, for tests.
+    /// A pane downcast to its type, for tests; `None` for another type.
     pub fn get<P: Pane>(&self, id: PaneId) -> Option<&P> {
         let pane: &dyn Any = self.0.get(&id)?.as_ref();
         pane.downcast_ref()

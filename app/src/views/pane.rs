@@ -1,4 +1,4 @@
-//! What a pane is, and what it may read.
+//! The trait of panes, and what a pane may read and draw with.
 
 use std::{any::Any, path::Path, sync::Arc};
 
@@ -13,62 +13,62 @@ use super::view3d::screen::{Graphics, ScreenReport};
 use crate::{
     command::Commands,
     model::{Document, PaneId},
-    world::{Results, comparison::Compared, image::Named, jobs::Ask},
+    world::{Results, comparison::Comparison, image::NamedImage, jobs::Ask},
 };
 
-/// What a pane may read.
+/// Read-only state for drawing a pane.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
-    /// What the user chose.
+    /// The user's choices.
     pub doc: &'a Document,
     /// The case.
     pub case: &'a Arc<Case>,
-    /// The date shown.
+    /// The time point shown.
     pub time_point: &'a TimePoint,
-    /// Its regions, cropped; `None` where no voxel is active.
+    /// Its regions, cropped to their bounding box; `None` if no voxel is active.
     pub tumor: Option<&'a Arc<RegionVolume>>,
     /// Colours of its masks.
     pub colors: &'a MaskColors,
     /// The image the slices show, with its id.
-    pub context: Option<Named<'a>>,
-    /// The comparison of two dates that the document asks for, where it has been computed.
-    pub compared: Option<&'a Arc<Compared>>,
+    pub context: Option<NamedImage<'a>>,
+    /// The comparison of two time points chosen in the document; `None` until it is computed.
+    pub compared: Option<&'a Arc<Comparison>>,
 }
 
 impl Input<'_> {
-    /// Whether the case tells left from right.
+    /// Whether left and right are known in the case.
     pub fn sides_known(&self) -> bool {
         self.case.grid.sides() == Sides::Known
     }
 }
 
-/// What a pane draws with.
+/// Everything a pane is drawn with.
 pub struct Stage<'a> {
-    /// What it may read.
+    /// Read-only state.
     pub input: Input<'a>,
     /// The graphics device; `None` without an adapter.
     pub graphics: Option<&'a Graphics>,
-    /// Results it may ask for.
+    /// Derived results, computed on request.
     pub results: &'a mut Results,
-    /// How results are asked for. Those for files wait, and no draft is drawn for them.
+    /// How results are requested. For picture files they are waited for, and no draft is drawn.
     pub ask: &'a Ask,
-    /// The session file, beside which results are kept.
+    /// The session file; results are saved beside it.
     pub session: Option<&'a Path>,
-    /// What the other panes' 3D views drew.
+    /// Reports of the other panes' 3D views.
     pub screens: Vec<(PaneId, &'a mut dyn ScreenReport)>,
 }
 
-/// A pane of the window. What it remembers between frames is never saved.
+/// A pane of the window. Its own state lasts between frames and is never saved.
 pub trait Pane: Any {
-    /// Draws into all of `ui` and pushes what the user did.
+    /// Draws the pane into all of `ui` and pushes the user's commands.
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands);
 
-    /// Whether what was drawn last is final: for pictures of the window.
+    /// Whether the pane was last drawn in its final quality; screenshots wait for it.
     fn ready(&self) -> bool {
         true
     }
 
-    /// What its 3D view drew; `None` for panes without one.
+    /// Report of its 3D view; `None` for panes without one.
     fn screen(&mut self) -> Option<&mut dyn ScreenReport> {
         None
     }

@@ -1,5 +1,4 @@
-//! Measuring with the mouse, the same in every view: a drag from one place to another, and how lines
-//! are drawn.
+//! Measuring with the mouse, the same in every view: a ruler is dragged from one point to another; drawing of rulers.
 
 use egui::{
     Align2, Color32, FontId, Id, IdSalt, Key, Painter, PointerButton, Pos2, Rect, Response, Shape, Stroke,
@@ -15,26 +14,26 @@ use crate::{
     model::{Document, PaneId, Ruler},
 };
 
-/// Lines in every view: seen on black, on white and on every mask, with a dark halo.
+/// Colour of rulers in every view: with the dark halo, visible on black, on white and on every mask.
 const INK: Color32 = Color32::from_rgb(255, 221, 51);
 const HALO: Color32 = Color32::from_black_alpha(200);
 
-/// A line that is being drawn.
+/// A ruler being drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Draft {
-    /// Where it begins.
+    /// Start point.
     pub from_mm: DVec3,
-    /// Where it ends now; `None` where there is nothing to measure to.
+    /// Current end point; `None` if there is nothing under the pointer.
     pub to_mm: Option<DVec3>,
 }
 
-fn memory(response: &Response) -> Id {
+fn draft_id(response: &Response) -> Id {
     response.id.with(IdSalt::new("ruler"))
 }
 
-/// Draws a line with the primary button while the ruler is on; call it every frame. `pick_at` says what
-/// is under a place of the view: nothing can be measured from or to where it says `None`. Escape gives
-/// up. A finished line goes to `out`; the one being drawn is given back.
+/// Handles drawing of a ruler with the primary button while the ruler is on; call it every frame. `pick_at` gives the
+/// world point at a position of the view; a ruler can't start or end where it is `None`. Escape cancels. A finished ruler
+/// is pushed to `out`; returns the ruler being drawn.
 pub fn drag(
     ui: &Ui,
     response: &Response,
@@ -43,11 +42,11 @@ pub fn drag(
     pick_at: &dyn Fn(Pos2) -> Option<DVec3>,
     out: &mut Commands,
 ) -> Option<Draft> {
-    let id = memory(response);
+    let id = draft_id(response);
     let mut draft: Option<Draft> = ui.data(|data| data.get_temp(id)).flatten();
     let (origin, pointer, moved, escape) = ui.input(|i| {
         let moved = i.pointer.delta() != egui::Vec2::ZERO;
-        // With a key held a drag does something else.
+        // A drag with a modifier key has another effect.
         let origin = i.pointer.press_origin().filter(|_| !i.modifiers.any());
         (origin, i.pointer.interact_pos(), moved, i.key_pressed(Key::Escape))
     });
@@ -70,22 +69,22 @@ pub fn drag(
         let name = doc.new_ruler_name();
         out.push(EditCommand::AddRuler(Box::new(Ruler { name, from_mm, to_mm, view, time: doc.nav.time })));
     }
-    let held = response.is_pointer_button_down_on();
-    let draft = draft.filter(|_| held);
+    let pressed = response.is_pointer_button_down_on();
+    let draft = draft.filter(|_| pressed);
     ui.data_mut(|data| data.insert_temp(id, draft));
     draft
 }
 
-/// How a line is drawn.
+/// How a ruler is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
-    /// As measured.
+    /// Solid line with end ticks and length.
     Solid,
-    /// Not in this plane.
+    /// Dashed: not in the slice shown.
     Faint,
 }
 
-/// Draws a line between two places of the screen, with its length beside its middle.
+/// Draws a line between two screen positions, with `text` beside its middle unless it is empty or the line is faint.
 pub fn line(painter: &Painter, ends: [Pos2; 2], look: Look, text: &str) {
     let [from, to] = ends;
     match look {
@@ -117,7 +116,7 @@ fn label(painter: &Painter, at: Pos2, text: &str) {
     painter.galley(rect.min, galley, INK);
 }
 
-/// Draws the lines of the time point shown over a 3D view, and the one being drawn.
+/// Draws the rulers of the time point shown over a 3D view, and the one being drawn.
 pub fn draw_3d(painter: &Painter, doc: &Document, camera: &Camera, rect: Rect, draft: Option<Draft>) {
     for (_, ruler) in doc.rulers_shown() {
         let ends = [ruler.from_mm, ruler.to_mm].map(|end| ring::pos_of(camera, rect, end));
@@ -133,7 +132,7 @@ pub fn draw_3d(painter: &Painter, doc: &Document, camera: &Camera, rect: Rect, d
     }
 }
 
-/// What stands beside the pointer while a line is drawn.
+/// Text beside the pointer while a ruler is drawn.
 pub fn draft_text(draft: &Draft) -> String {
     match draft.to_mm {
         Some(to_mm) => format::length_mm(draft.from_mm.distance(to_mm)),

@@ -1,5 +1,5 @@
-//! The transfer-function editor of the context view: histogram, control points, presets, gradient
-//! magnitude as the second dimension, and the planes that cut the image open.
+//! The transfer-function editor of the context view: histogram, control points, presets, gradient magnitude as the second
+//! dimension, and clip planes.
 
 use std::sync::Arc;
 
@@ -21,18 +21,23 @@ use crate::{
     world::{image::transfer_of, jobs::Lookup},
 };
 
-/// Points within this distance are grabbed.
+/// Largest distance at which a control point is grabbed, points.
 const GRAB_POINTS: f32 = 9.0;
+
 /// The pane of the transfer-function editor.
 #[derive(Default)]
 pub struct TransferPane {
-    picture: Option<(Arc<GradientHistogram>, TransferFunction, TextureHandle)>,
+    /// Texture of the joint histogram, with its inputs.
+    joint_texture: Option<(Arc<GradientHistogram>, TransferFunction, TextureHandle)>,
+    /// Index of the chosen control point.
     chosen: Option<usize>,
-    held: Option<usize>,
-    held_gradient: Option<usize>,
+    /// Index of the control point being dragged.
+    dragged: Option<usize>,
+    /// Index of the gradient point being dragged.
+    dragged_gradient: Option<usize>,
 }
 
-/// Opacity to height: the root spreads out the small ones, which is where tissue is.
+/// Height in the curve, 0 to 1, of an opacity: the square root spreads small opacities, which tissue has.
 fn height(opacity: f64) -> f32 {
     opacity.clamp(0.0, 1.0).sqrt() as f32
 }
@@ -70,7 +75,7 @@ fn editor(ui: &mut Ui, state: &mut TransferPane, stage: &mut Stage<'_>, out: &mu
         }
     };
     curve(ui, volume.histogram(), &mut new, state);
-    chosen(ui, &mut new, state);
+    chosen_point(ui, &mut new, state);
     second_dimension(ui, (image, &volume), &mut new, state, stage);
     if new != current {
         out.push(EditCommand::SetTransfer(id.to_owned(), Some(new)));
@@ -101,7 +106,7 @@ fn presets(
     });
 }
 
-/// Value against opacity, over the histogram.
+/// Edits opacity against value, over the histogram.
 fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, state: &mut TransferPane) {
     let size = vec2(ui.available_width(), 150.0);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
@@ -118,9 +123,9 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     let bars = histogram.log_heights();
     let bar = rect.width() / bars.len().max(1) as f32;
     let ink = visuals.weak_text_color().gamma_multiply(0.35);
-    for (i, tall) in bars.iter().enumerate() {
+    for (i, bar_height) in bars.iter().enumerate() {
         let left = rect.left() + i as f32 * bar;
-        let top = rect.bottom() - *tall as f32 * rect.height();
+        let top = rect.bottom() - *bar_height as f32 * rect.height();
         painter.rect_filled(
             Rect::from_min_max(pos2(left, top), pos2(left + bar + 0.5, rect.bottom())),
             0.0,
@@ -144,26 +149,27 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
         );
         painter.rect_filled(under, 0.0, pair[0].1.gamma_multiply(0.45));
     }
-    // Through the points themselves: steps are upright.
+    // Drawn through the control points, so that steps are vertical.
     let corners: Vec<Pos2> = std::iter::once(pos2(rect.left(), y_of(new.sample(low, f64::INFINITY).1)))
         .chain(new.points().iter().map(|p| pos2(x_of(p.value), y_of(p.opacity))))
         .chain([pos2(rect.right(), y_of(new.sample(high, f64::INFINITY).1))])
         .collect();
     painter.add(egui::Shape::line(corners, Stroke::new(1.5, visuals.text_color())));
-    let places: Vec<Pos2> = new.points().iter().map(|p| pos2(x_of(p.value), y_of(p.opacity))).collect();
-    let near = |at: Pos2| {
-        let closest = places.iter().enumerate().min_by(|a, b| a.1.distance(at).total_cmp(&b.1.distance(at)));
+    let positions: Vec<Pos2> = new.points().iter().map(|p| pos2(x_of(p.value), y_of(p.opacity))).collect();
+    let grabbed_at = |at: Pos2| {
+        let closest =
+            positions.iter().enumerate().min_by(|a, b| a.1.distance(at).total_cmp(&b.1.distance(at)));
         closest.filter(|(_, p)| p.distance(at) <= GRAB_POINTS).map(|(i, _)| i)
     };
     if response.drag_started() {
-        state.held = response.interact_pointer_pos().and_then(near);
-        state.chosen = state.held.or(state.chosen);
+        state.dragged = response.interact_pointer_pos().and_then(grabbed_at);
+        state.chosen = state.dragged.or(state.chosen);
     }
     if response.drag_stopped() {
-        state.held = None;
+        state.dragged = None;
     }
     if let (Some(number), Some(at)) =
-        (state.held, response.interact_pointer_pos().filter(|_| response.dragged()))
+        (state.dragged, response.interact_pointer_pos().filter(|_| response.dragged()))
         && let Some(point) = new.points().get(number).copied()
     {
         let per_mm = opacity((rect.bottom() - at.y) / rect.height());
@@ -172,7 +178,7 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     if response.clicked()
         && let Some(at) = response.interact_pointer_pos()
     {
-        state.chosen = near(at).or_else(|| {
+        state.chosen = grabbed_at(at).or_else(|| {
             let number = new.add_point(value_at(at.x))?;
             let point = *new.points().get(number)?;
             new.set_point(
@@ -188,7 +194,7 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     if response.has_focus() && ui.input(deletes) {
         remove_chosen(new, state);
     }
-    for (number, (at, point)) in places.iter().zip(new.points()).enumerate() {
+    for (number, (at, point)) in positions.iter().zip(new.points()).enumerate() {
         let [r, g, b] = point.color;
         let radius = if state.chosen == Some(number) { 6.0 } else { 4.5 };
         painter.circle(*at, radius, Color32::from_rgb(r, g, b), Stroke::new(1.5, visuals.text_color()));
@@ -204,12 +210,12 @@ fn remove_chosen(new: &mut TransferFunction, state: &mut TransferPane) {
         && new.remove_point(number)
     {
         state.chosen = None;
-        state.held = None;
+        state.dragged = None;
     }
 }
 
-/// Numbers and colour of the chosen point.
-fn chosen(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferPane) {
+/// Edits value, opacity and colour of the chosen point.
+fn chosen_point(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferPane) {
     let Some((number, point)) = state.chosen.and_then(|n| new.points().get(n).map(|p| (n, *p))) else {
         ui.weak("No point is chosen");
         return;
@@ -237,7 +243,7 @@ fn chosen(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferPane) {
     }
 }
 
-/// The gradient magnitude as a factor of opacity, over the joint histogram.
+/// Edits the factor of opacity against gradient magnitude, below the joint histogram.
 fn second_dimension(
     ui: &mut Ui,
     (image, volume): (&Arc<PreparedContext>, &Arc<ContextVolume>),
@@ -248,10 +254,10 @@ fn second_dimension(
     let mut on = new.gradient().is_some();
     let text = "Second dimension: gradient magnitude";
     let tip = "Opacity also depends on how steeply the value changes: borders stand out, flat tissue fades";
-    let switched = ui.checkbox(&mut on, text).on_hover_text(tip).changed();
+    let toggled = ui.checkbox(&mut on, text).on_hover_text(tip).changed();
     if !on {
-        if switched {
-            // A valid function stays valid without it.
+        if toggled {
+            // A valid function stays valid without the gradient.
             let _ = new.set_gradient(None);
         }
         return;
@@ -268,10 +274,10 @@ fn second_dimension(
         }
     };
     let highest = joint.highest_gradient();
-    if switched {
+    if toggled {
         let points = [(0.0, 0.0), (0.05, 0.1), (0.2, 1.0), (1.0, 1.0)];
         let ramp = points.map(|(share, factor)| GradientPoint { gradient: share * highest, factor });
-        // The ramp is valid: rising, from 0 to 1.
+        // The ramp is valid: gradients ascend and factors are within 0 to 1.
         let _ = new.set_gradient(Some(ramp.to_vec()));
     }
     joint_picture(ui, &joint, new, state);
@@ -281,18 +287,19 @@ fn second_dimension(
     response.widget_info(|| WidgetInfo::labeled(Role::Canvas, true, "Factor of each gradient magnitude"));
     let painter = ui.painter().with_clip_rect(rect.expand(6.0));
     painter.rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
-    let place = |p: &GradientPoint| {
+    let position = |p: &GradientPoint| {
         let x = (p.gradient / highest).clamp(0.0, 1.0) as f32;
         pos2(rect.left() + x * rect.width(), rect.bottom() - p.factor as f32 * rect.height())
     };
     if response.drag_started()
         && let Some(at) = response.interact_pointer_pos()
     {
-        let by =
-            |a: &GradientPoint, b: &GradientPoint| place(a).distance(at).total_cmp(&place(b).distance(at));
-        state.held_gradient = (0..points.len()).min_by(|&a, &b| by(&points[a], &points[b]));
+        let by_distance = |a: &GradientPoint, b: &GradientPoint| {
+            position(a).distance(at).total_cmp(&position(b).distance(at))
+        };
+        state.dragged_gradient = (0..points.len()).min_by(|&a, &b| by_distance(&points[a], &points[b]));
     }
-    if let (Some(number), Some(at)) = (state.held_gradient, response.interact_pointer_pos())
+    if let (Some(number), Some(at)) = (state.dragged_gradient, response.interact_pointer_pos())
         && response.dragged()
     {
         let below = number.checked_sub(1).and_then(|n| points.get(n)).map_or(0.0, |p| p.gradient);
@@ -302,10 +309,10 @@ fn second_dimension(
             point.gradient = (share * highest).clamp(below, above);
             point.factor = f64::from(((rect.bottom() - at.y) / rect.height()).clamp(0.0, 1.0));
         }
-        // Kept between its neighbours, it stays valid.
+        // Clamped between its neighbours, the point keeps the function valid.
         let _ = new.set_gradient(Some(points.clone()));
     }
-    let line: Vec<Pos2> = points.iter().map(place).collect();
+    let line: Vec<Pos2> = points.iter().map(position).collect();
     painter.add(egui::Shape::line(line.clone(), Stroke::new(1.5, ui.visuals().text_color())));
     for at in line {
         painter.circle_filled(at, 4.5, ui.visuals().text_color());
@@ -313,35 +320,36 @@ fn second_dimension(
     ui.weak(format!("gradient magnitude, 0 to {} per mm", format::plain(highest)));
 }
 
-/// Where voxels are in value and gradient magnitude, tinted as the function colours them.
+/// Joint histogram of value and gradient magnitude, tinted with the transfer function's colours.
 fn joint_picture(
     ui: &mut Ui,
     joint: &Arc<GradientHistogram>,
     transfer: &TransferFunction,
     state: &mut TransferPane,
 ) {
-    let fresh = matches!(&state.picture, Some((of, with, _)) if Arc::ptr_eq(of, joint) && with == transfer);
-    if !fresh {
+    let is_current =
+        matches!(&state.joint_texture, Some((of, with, _)) if Arc::ptr_eq(of, joint) && with == transfer);
+    if !is_current {
         let bins = GradientHistogram::BINS;
         let (low, high) = joint.range();
         let share = |i: usize| (i as f64 + 0.5) / bins as f64;
         let mut pixels = vec![Color32::BLACK; bins * bins];
-        for (i, tall) in joint.log_heights().iter().enumerate() {
+        for (i, log_height) in joint.log_heights().iter().enumerate() {
             let (row, column) = (i / bins, i % bins);
             let value = low + share(column) * (high - low);
             let (color, per_mm) = transfer.sample(value, share(row) * joint.highest_gradient());
-            let seen = per_mm.sqrt();
-            // A few voxels are seen as well as many.
-            let tall = if *tall > 0.0 { 0.25 + 0.75 * tall } else { 0.0 };
-            let mixed = color.map(|c| (255.0 * tall * (0.45 * (1.0 - seen) + c * seen)) as u8);
-            // Steeper is higher.
+            let tint = per_mm.sqrt();
+            // Bins with few voxels are visible too.
+            let brightness = if *log_height > 0.0 { 0.25 + 0.75 * log_height } else { 0.0 };
+            let mixed = color.map(|c| (255.0 * brightness * (0.45 * (1.0 - tint) + c * tint)) as u8);
+            // Larger gradients are further up.
             pixels[(bins - 1 - row) * bins + column] = Color32::from_rgb(mixed[0], mixed[1], mixed[2]);
         }
         let image = ColorImage::new([bins, bins], pixels);
         let texture = ui.ctx().load_texture("joint histogram", image, TextureOptions::NEAREST);
-        state.picture = Some((joint.clone(), transfer.clone(), texture));
+        state.joint_texture = Some((joint.clone(), transfer.clone(), texture));
     }
-    if let Some((_, _, texture)) = &state.picture {
+    if let Some((_, _, texture)) = &state.joint_texture {
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 110.0), Sense::hover());
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
         ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
@@ -351,7 +359,7 @@ fn joint_picture(
     }
 }
 
-/// The sides that a plane can take away: name, direction.
+/// Sides of the patient that a clip plane can cut off: name, outward normal.
 pub const SIDES: [(&str, DVec3); 6] = [
     ("right", DVec3::X),
     ("left", DVec3::NEG_X),
@@ -361,7 +369,7 @@ pub const SIDES: [(&str, DVec3); 6] = [
     ("bottom", DVec3::NEG_Z),
 ];
 
-/// What a plane cuts off, in words.
+/// Name of the side that a clip plane cuts off.
 fn side_name(normal: DVec3) -> &'static str {
     SIDES.iter().find(|(_, n)| n.distance(normal) < 1e-9).map_or("slanted", |(name, _)| name)
 }

@@ -1,19 +1,19 @@
-//! The About box: what this is, what it is not, and on what it runs.
+//! The About dialog: version, intended use, graphics device and licence.
 
 use egui::{Align2, Context, RichText, Ui};
 
 use glioscope_render::Gpu;
 
-/// The line that must never be missing.
+/// Notice of the intended use; it must always be shown.
 pub const NOTICE: &str =
     "For research use only. Not a medical device: not for diagnosis or treatment decisions.";
 
-/// Version and target.
+/// Version, operating system and architecture.
 pub fn version() -> String {
     format!("Glioscope {} ({} {})", env!("CARGO_PKG_VERSION"), std::env::consts::OS, std::env::consts::ARCH)
 }
 
-/// Draws it where it is open.
+/// Draws the dialog if it is open.
 pub fn show(ui: &mut Ui, open: &mut bool, gpu: Option<&Gpu>) {
     if !*open {
         return;

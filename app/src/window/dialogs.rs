@@ -1,5 +1,5 @@
-//! File dialogs on their own thread: a desktop whose file chooser never answers must not hang the
-//! window, and one that has none must not look like "cancel".
+//! File dialogs on their own thread, so that a file chooser that never answers doesn't block the window. A desktop without
+//! a file chooser is told apart from a cancelled dialog.
 
 use std::{
     path::PathBuf,
@@ -15,10 +15,10 @@ use crate::{
     world::jobs::Waker,
 };
 
-/// A chooser that answers sooner than this without a file wasn't there (it takes a person longer).
-const TOO_FAST: Duration = Duration::from_millis(150);
+/// An answer without a file in less time than this means that there is no file chooser: a person takes longer.
+const MIN_ANSWER_TIME: Duration = Duration::from_millis(150);
 
-/// What a dialog is for.
+/// Purpose of a dialog.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Purpose {
     /// Open a case or session file.
@@ -31,35 +31,35 @@ pub enum Purpose {
     Picture(Option<PaneId>),
     /// Write the measurements.
     Measurements,
-    /// Write the lines measured.
+    /// Write the rulers.
     Rulers(RulerFormat),
 }
 
 impl Purpose {
-    /// A name to propose for the file that is written; `None` where one is opened.
+    /// Proposed name of the file to write; `None` for dialogs that open a file or folder.
     pub fn file_name(&self) -> Option<String> {
         Some(match self {
             Self::OpenFile | Self::OpenFolder => return None,
-            Self::SaveSession => format!("case.{}", session::ENDING),
+            Self::SaveSession => format!("case.{}", session::EXTENSION),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
             Self::Measurements => "measurements.json".to_owned(),
             Self::Rulers(format) => format.file_name(),
         })
     }
 
-    /// What to do with the path chosen.
+    /// The command for the chosen path.
     pub fn command(&self, path: PathBuf) -> Command {
         match self {
             Self::OpenFile | Self::OpenFolder => open_command(path),
             Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
             Self::Picture(pane) => AppCommand::ScreenshotTo(*pane, path).into(),
             Self::Measurements => AppCommand::ExportMeasurementsTo(path).into(),
-            Self::Rulers(format) => AppCommand::ExportRulersTo(format.on(path)).into(),
+            Self::Rulers(format) => AppCommand::ExportRulersTo(format.with_extension(path)).into(),
         }
     }
 }
 
-/// What to do with a path someone chose: a session or a case.
+/// The command that opens a path as a session or a case.
 pub fn open_command(path: PathBuf) -> Command {
     if session::is_session(&path) {
         AppCommand::OpenSession(path).into()
@@ -68,12 +68,12 @@ pub fn open_command(path: PathBuf) -> Command {
     }
 }
 
-/// What can be opened, in words: for prompts.
+/// Kinds of files that can be opened, as text for prompts.
 pub fn openable() -> String {
     format!("a manifest (case.toml), a folder, a {} file or a session file", volume_names())
 }
 
-/// Endings, without the dot, of what can be opened as a case.
+/// File extensions of cases, without the dot.
 fn case_filter() -> Vec<&'static str> {
     let mut endings = volume_filter();
     endings.extend(["toml", "json"]);
@@ -82,19 +82,19 @@ fn case_filter() -> Vec<&'static str> {
 
 /// A dialog that is open.
 pub struct Dialog {
-    /// What to do with the answer.
+    /// Its purpose.
     pub purpose: Purpose,
     since: Instant,
     receive: mpsc::Receiver<Option<PathBuf>>,
 }
 
-/// What became of a dialog.
+/// State of a dialog.
 pub enum Answer {
     /// Still open.
     Waiting,
     /// The user chose this.
     Chosen(PathBuf),
-    /// The user chose nothing.
+    /// The user cancelled.
     Cancelled,
     /// There is no file chooser on this desktop.
     Unavailable,
@@ -104,10 +104,10 @@ impl Dialog {
     /// Opens it. `wake` is called when it has an answer.
     pub fn open(purpose: Purpose, wake: Waker) -> Self {
         let (send, receive) = mpsc::channel();
-        let asked = purpose.clone();
+        let thread_purpose = purpose.clone();
         std::thread::spawn(move || {
             let dialog = rfd::FileDialog::new();
-            let answer = match (&asked, asked.file_name()) {
+            let answer = match (&thread_purpose, thread_purpose.file_name()) {
                 (Purpose::OpenFolder, _) => dialog.set_title("Open a folder as a case").pick_folder(),
                 (_, None) => dialog
                     .set_title("Open a case")
@@ -121,11 +121,11 @@ impl Dialog {
         Self { purpose, since: Instant::now(), receive }
     }
 
-    /// What became of it.
+    /// Its current state.
     pub fn poll(&self) -> Answer {
         match self.receive.try_recv() {
             Ok(Some(path)) => Answer::Chosen(path),
-            Ok(None) if self.since.elapsed() < TOO_FAST => Answer::Unavailable,
+            Ok(None) if self.since.elapsed() < MIN_ANSWER_TIME => Answer::Unavailable,
             Ok(None) => Answer::Cancelled,
             Err(mpsc::TryRecvError::Empty) => Answer::Waiting,
             Err(mpsc::TryRecvError::Disconnected) => Answer::Unavailable,
@@ -133,7 +133,7 @@ impl Dialog {
     }
 }
 
-/// Whether a dropped file is of fibre tracts, which are added to the case that is open.
+/// Whether a dropped file contains fibre tracts, which are added to the open case.
 pub fn is_tracts(path: &std::path::Path) -> bool {
     let ending = path.extension().unwrap_or_default();
     tract_endings().any(|tracts| ending.eq_ignore_ascii_case(tracts))
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_purpose_has_its_file_and_its_command() {
+    fn each_purpose_gives_its_file_name_and_command() {
         let path = || PathBuf::from("/somewhere/x.nii");
         assert_eq!(Purpose::OpenFile.command(path()), AppCommand::Open(CaseRef::Path(path())).into());
         let session = PathBuf::from("/somewhere/x.glioscope.json");

@@ -8,8 +8,8 @@ use glioscope_core::files::format::volume_names;
 use super::dialogs::{is_tracts, open_command};
 use crate::command::{AppCommand, Commands};
 
-/// Adds dropped fibre tracts to the open case, and opens the first other file or folder; how many others
-/// there were.
+/// Adds dropped fibre tracts to the open case, and opens the first other file or folder. Returns the number of other
+/// files and folders.
 pub fn dropped(ctx: &Context, case_is_open: bool, out: &mut Commands) -> usize {
     let paths: Vec<PathBuf> =
         ctx.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());

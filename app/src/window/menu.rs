@@ -1,4 +1,4 @@
-//! The menu bar with the choices used most, and the welcome page.
+//! The menu bar with the toolbar, and the welcome page.
 
 use egui::{Button, ComboBox, Slider, Ui};
 use glioscope_core::{files::format::volume_names, optics::Projection};
@@ -12,7 +12,7 @@ use crate::{
     model::Document,
 };
 
-/// What menus are drawn from.
+/// Input of the menus.
 struct Bar<'a> {
     work: &'a Workstation,
     recent: &'a Recent,
@@ -73,7 +73,7 @@ impl Bar<'_> {
         }
     }
 
-    /// Without a case only the program's own choices are left in the menu of views.
+    /// Without a case, the View menu has only the commands of the program itself.
     fn shows_in_view(&self, command: &Command) -> bool {
         self.work.doc.is_some() || matches!(command, Command::App(_))
     }
@@ -111,7 +111,7 @@ impl Bar<'_> {
     }
 }
 
-/// One row of a menu, as the command wants to be shown.
+/// One menu entry, of the kind given by the command.
 fn entry(ui: &mut Ui, work: &Workstation, command: &Command, out: &mut Commands) {
     let (text, enabled) = (command.text(), command.enabled(work));
     let clicked = match command.entry(work) {
@@ -197,7 +197,7 @@ fn lens_and_ruler(ui: &mut Ui, doc: &Document, out: &mut Commands) {
         out.push(toggle);
     }
     let mut radius_mm = doc.edit.lens.radius_mm;
-    // Fixed decimals or a clamp would change a radius that only is shown.
+    // Fixed decimals or clamping would change the radius without user input.
     let slider = Slider::new(&mut radius_mm, 1.0..=150.0)
         .logarithmic(true)
         .suffix(" mm")
@@ -223,12 +223,12 @@ fn lens_and_ruler(ui: &mut Ui, doc: &Document, out: &mut Commands) {
     }
 }
 
-/// Names a choice for screen readers, which don't see what stands around it.
+/// Labels a combo box for screen readers.
 fn named(combo: &egui::Response, name: &str) {
     combo.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
 }
 
-/// What is shown while no case is open.
+/// The page shown while no case is open.
 pub fn welcome(ui: &mut Ui, loading: bool, recent: &Recent, out: &mut Commands) {
     ui.vertical_centered(|ui| {
         ui.add_space(ui.available_height() * 0.22);

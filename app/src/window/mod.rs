@@ -1,5 +1,4 @@
-//! The window: menu, warnings, panes, status line. Views write commands; they are carried out after
-//! everything is drawn.
+//! The window: menu, warnings, panes, status line. Commands of the views are carried out after everything is drawn.
 
 pub mod about;
 pub mod dialogs;
@@ -40,22 +39,22 @@ use panes::PaneArea;
 use pictures::Pictures;
 use recent::Recent;
 
-/// Parts of the window that are open or not; never saved.
+/// Which dialogs and lists are open; never saved.
 #[derive(Default)]
-struct Open {
-    /// The About box.
+struct OpenParts {
+    /// The About dialog.
     about: bool,
     /// The list of warnings.
     warnings: bool,
-    /// The box where a path is typed.
+    /// The dialog to type a path, with the text so far.
     path: Option<String>,
 }
 
-/// A picture of the window that is taken once everything is drawn; then the program quits.
-struct Scripted {
+/// A screenshot that is taken once everything is drawn; then the program quits.
+struct ScriptedPicture {
     path: PathBuf,
-    asked: bool,
-    failed: Option<AppError>,
+    requested: bool,
+    error: Option<AppError>,
 }
 
 /// The program with a window.
@@ -64,27 +63,27 @@ pub struct GlioscopeApp {
     pub work: Workstation,
     /// The graphics device; `None` without an adapter.
     pub graphics: Option<Graphics>,
-    /// What views show, by pane.
+    /// The panes with their state.
     pub panes: Panes,
-    /// What is derived from the case.
+    /// Results derived from the case.
     pub results: Results,
     ask: Ask,
-    open: Open,
+    open: OpenParts,
     palette: CommandPalette,
     recent: Recent,
     dialog: Option<Dialog>,
     pane_rects: HashMap<PaneId, Rect>,
     pictures: Pictures,
-    /// A file that is written on a worker: what is told when it is.
+    /// A file being written on a worker, with the notice for its end.
     export: Option<Job<&'static str>>,
-    scripted: Option<Scripted>,
+    scripted: Option<ScriptedPicture>,
 }
 
 impl GlioscopeApp {
-    /// A window on a workstation.
+    /// A window for a workstation.
     ///
     /// # Errors
-    /// [`RenderError`], when the device can't draw the closeup.
+    /// [`RenderError`] if the device can't run the closeup's passes.
     pub fn new(work: Workstation, graphics: Option<Graphics>, recent: Recent) -> Result<Self, RenderError> {
         let panes = graphics.as_ref().map_or_else(|| Ok(Panes::default()), Panes::on)?;
         Ok(Self {
@@ -93,7 +92,7 @@ impl GlioscopeApp {
             results: Results::new(graphics.as_ref().map(|graphics| graphics.gpu.clone())),
             graphics,
             ask: Ask::default(),
-            open: Open::default(),
+            open: OpenParts::default(),
             palette: CommandPalette::default(),
             recent,
             dialog: None,
@@ -104,22 +103,21 @@ impl GlioscopeApp {
         })
     }
 
-    /// Takes a picture of the window once the case is loaded and drawn in full, then quits.
+    /// Takes a screenshot once the case is loaded and drawn in final quality, then quits.
     #[must_use]
     pub fn picture_and_quit(mut self, path: PathBuf) -> Self {
-        self.scripted = Some(Scripted { path, asked: false, failed: None });
+        self.scripted = Some(ScriptedPicture { path, requested: false, error: None });
         self
     }
 
-    /// For pictures and tests: results are waited for, and 3D views are drawn in full at once, never as a draft
-    /// first.
+    /// For picture files and tests: waits for results, and draws 3D views in final quality without a draft.
     #[must_use]
     pub fn refined(mut self) -> Self {
         self.ask.wait = true;
         self
     }
 
-    /// Where a pane was drawn last.
+    /// Rectangle of a pane in the last frame; `None` if it wasn't drawn.
     pub fn pane_rect(&self, pane: PaneId) -> Option<Rect> {
         self.pane_rects.get(&pane).copied()
     }
@@ -134,7 +132,7 @@ impl GlioscopeApp {
         self.export.is_some()
     }
 
-    /// Draws everything and does what the user asked for.
+    /// Draws everything and carries out the user's commands.
     pub fn draw(&mut self, ui: &mut Ui) {
         let ctx = ui.ctx().clone();
         self.ask.wake = Waker::of(&ctx);
@@ -153,15 +151,15 @@ impl GlioscopeApp {
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
         let now = Instant::now();
-        // What a pointer does from press to release is undone together.
-        let held = ctx.input(|i| i.pointer.any_down());
-        if held {
+        // All edits from press to release of the pointer are one undo step.
+        let pressed = ctx.input(|i| i.pointer.any_down());
+        if pressed {
             self.work.history.hold(true);
         }
         for command in out.into_vec() {
             self.perform(&ctx, &command, now);
         }
-        if !held {
+        if !pressed {
             self.work.history.hold(false);
         }
         if dropped_files > 1 {
@@ -172,19 +170,19 @@ impl GlioscopeApp {
         self.picture_once_ready(&ctx);
     }
 
-    /// Why the scripted picture wasn't taken, where it wasn't.
+    /// Takes the error of the scripted screenshot, if it failed.
     pub fn scripted_error(&mut self) -> Option<AppError> {
-        self.scripted.as_mut()?.failed.take()
+        self.scripted.as_mut()?.error.take()
     }
 
     fn picture_once_ready(&mut self, ctx: &Context) {
         let Some(scripted) = &mut self.scripted else { return };
         if let Some(error) = self.work.error.take() {
-            scripted.failed = Some(error);
+            scripted.error = Some(error);
             ctx.send_viewport_cmd(egui::ViewportCommand::Close);
             return;
         }
-        if scripted.asked {
+        if scripted.requested {
             return;
         }
         let ready = self.work.job.is_none()
@@ -192,8 +190,8 @@ impl GlioscopeApp {
             && !self.results.working()
             && self.pane_rects.keys().all(|pane| self.panes.ready(*pane));
         if ready {
-            scripted.asked = true;
-            self.pictures.ask(ctx, None, &scripted.path);
+            scripted.requested = true;
+            self.pictures.request(ctx, None, &scripted.path);
         } else {
             ctx.request_repaint_after(Duration::from_millis(50));
         }
@@ -207,7 +205,7 @@ impl GlioscopeApp {
         self.with_panes(ui, out, panes::show);
     }
 
-    /// Draws one pane alone into all of `ui`: for pictures. Nothing where no case is open.
+    /// Draws one pane alone into all of `ui`, for picture files; nothing if no case is open.
     pub fn one_pane(&mut self, ui: &mut Ui, pane: PaneId) {
         self.with_panes(ui, &mut Commands::default(), |ui, area| area.pane(ui, pane));
     }
@@ -218,10 +216,10 @@ impl GlioscopeApp {
         let colors = world.colors(doc);
         let setting = &doc.edit.change;
         if setting.on_slices {
-            // The change view asks for it too, but it need not be open.
+            // The change view requests it too, but may not be open.
             self.results.comparison.get(case, setting, &self.ask);
         }
-        let compared = self.results.comparison.kept(case, setting).cloned();
+        let compared = self.results.comparison.cached(case, setting).cloned();
         let input = Input {
             doc,
             case,
@@ -247,7 +245,7 @@ impl GlioscopeApp {
         self.pane_rects = area.rects;
     }
 
-    /// Takes what threads finished since the last frame.
+    /// Receives results of other threads since the last frame.
     fn receive(&mut self, ctx: &Context) {
         if let Some(CaseRef::Path(path)) = self.work.poll() {
             self.recent.add(&path);
@@ -257,7 +255,7 @@ impl GlioscopeApp {
             Some(Answer::Cancelled) => self.dialog = None,
             Some(Answer::Unavailable) => {
                 if let Some(dialog) = self.dialog.take() {
-                    self.without_dialog(&dialog.purpose);
+                    self.report_missing_chooser(&dialog.purpose);
                 }
             }
             Some(Answer::Chosen(path)) => {
@@ -284,8 +282,8 @@ impl GlioscopeApp {
         }
     }
 
-    /// No file chooser on this desktop: say so, and offer what works without one.
-    fn without_dialog(&mut self, purpose: &Purpose) {
+    /// Without a file chooser on this desktop: opens the dialog to type a path, or reports an error when saving.
+    fn report_missing_chooser(&mut self, purpose: &Purpose) {
         match purpose.file_name() {
             None => self.open.path = Some(String::new()),
             Some(name) => {
@@ -298,17 +296,18 @@ impl GlioscopeApp {
         }
     }
 
-    /// Results that took time are kept beside a saved session.
-    fn keep_results(&self, session: &Path) {
+    /// Saves slowly computed results beside a saved session.
+    fn save_results(&self, session: &Path) {
         if let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case()) {
-            self.results.ellipsoids.keep(session, case, doc.nav.time, doc.edit.ellipsoids.neighbors);
+            self.results.ellipsoids.write_cache(session, case, doc.nav.time, doc.edit.ellipsoids.neighbors);
         }
     }
 
     /// Carries out one command.
     pub fn perform(&mut self, ctx: &Context, command: &Command, now: Instant) {
-        let moves = matches!(command, Command::Look(LookCommand::SetCursor(_) | LookCommand::SetCamera(_)));
-        if !moves {
+        let is_navigation =
+            matches!(command, Command::Look(LookCommand::SetCursor(_) | LookCommand::SetCamera(_)));
+        if !is_navigation {
             self.work.notice = None;
         }
         match command {
@@ -318,19 +317,19 @@ impl GlioscopeApp {
     }
 }
 
-/// Commands whose keys were pressed.
+/// Pushes the commands whose shortcuts were pressed.
 fn shortcuts(ctx: &Context, out: &mut Commands) {
     if ctx.egui_wants_keyboard_input() {
         return;
     }
-    // The longest first: Ctrl+Shift+Z must not be taken for Ctrl+Z.
-    let mut keyed: Vec<_> =
+    // Most modifiers first: otherwise Ctrl+Shift+Z would match Ctrl+Z.
+    let mut with_shortcut: Vec<_> =
         listed().iter().filter_map(|listed| Some((listed.keys?, &listed.command))).collect();
-    keyed.sort_by_key(|(keys, _)| {
+    with_shortcut.sort_by_key(|(keys, _)| {
         std::cmp::Reverse(u8::from(keys.modifiers.shift) + u8::from(keys.modifiers.command))
     });
     ctx.input_mut(|input| {
-        for (keys, command) in keyed {
+        for (keys, command) in with_shortcut {
             if input.consume_shortcut(&keys) {
                 out.push(command.clone());
             }

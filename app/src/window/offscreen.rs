@@ -1,4 +1,4 @@
-//! Any egui view as a picture, without a window: the command line's pictures are the window's.
+//! Renders any egui view without a window, so that pictures from the command line equal those of the window.
 
 use std::{sync::Arc, time::Duration};
 
@@ -7,13 +7,14 @@ use egui_wgpu::{RendererOptions, ScreenDescriptor};
 use glioscope_render::{Gpu, RenderError};
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-const WAIT: Duration = Duration::from_secs(60);
+/// Longest wait for the device.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 fn failed(why: impl Into<String>) -> RenderError {
     RenderError::Device(why.into())
 }
 
-/// egui on a device without a window.
+/// egui on a graphics device without a window.
 pub struct Offscreen {
     gpu: Gpu,
     renderer: Arc<RwLock<egui_wgpu::Renderer>>,
@@ -21,7 +22,7 @@ pub struct Offscreen {
 }
 
 impl Offscreen {
-    /// egui's renderer on `gpu`, light or dark.
+    /// egui on `gpu`, in the light or dark theme.
     pub fn new(gpu: &Gpu, dark: bool) -> Self {
         let options = RendererOptions::PREDICTABLE;
         let renderer = Arc::new(RwLock::new(egui_wgpu::Renderer::new(&gpu.device, FORMAT, options)));
@@ -30,15 +31,15 @@ impl Offscreen {
         Self { gpu: gpu.clone(), renderer, ctx }
     }
 
-    /// The renderer, to share textures with it.
+    /// egui's renderer, to register textures with.
     pub fn renderer(&self) -> Arc<RwLock<egui_wgpu::Renderer>> {
         self.renderer.clone()
     }
 
-    /// Draws `ui` until it has come to rest and returns its pixels, row by row, RGBA.
+    /// Draws `ui` until its layout has settled and returns its pixels: RGBA, 8 bits, row by row, opaque. `size` in pixels.
     ///
     /// # Errors
-    /// [`RenderError::Device`].
+    /// [`RenderError::Device`] if the device fails or takes longer than 60 s.
     pub fn picture(
         &self,
         size: [u32; 2],
@@ -47,7 +48,7 @@ impl Offscreen {
     ) -> Result<Vec<u8>, RenderError> {
         let points = vec2(size[0] as f32, size[1] as f32) / pixels_per_point;
         let mut output = None;
-        // Sizes settle over a few passes, as they do in a window.
+        // Layout settles over a few passes, as in a window.
         for pass in 0..4 {
             let mut input = RawInput {
                 screen_rect: Some(Rect::from_min_size(pos2(0.0, 0.0), points)),
@@ -57,7 +58,7 @@ impl Offscreen {
             let viewport = input.viewports.entry(egui::ViewportId::ROOT).or_default();
             viewport.native_pixels_per_point = Some(pixels_per_point);
             let mut new = self.ctx.run_ui(input, &mut draw);
-            self.take_textures(&mut new.textures_delta);
+            self.update_textures(&mut new.textures_delta);
             output = Some(new);
         }
         let Some(output) = output else { return Err(failed("nothing was drawn")) };
@@ -65,7 +66,7 @@ impl Offscreen {
         self.paint(size, pixels_per_point, &triangles)
     }
 
-    fn take_textures(&self, delta: &mut egui::TexturesDelta) {
+    fn update_textures(&self, delta: &mut egui::TexturesDelta) {
         let mut renderer = self.renderer.write();
         for (id, images) in delta.set.drain() {
             for image in images {
@@ -142,7 +143,7 @@ impl Offscreen {
         let slice = buffer.slice(..);
         slice.map_async(wgpu::MapMode::Read, |_| {});
         device
-            .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(WAIT) })
+            .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) })
             .map_err(|e| failed(format!("it did not finish: {e}")))?;
         let mapped =
             slice.get_mapped_range().map_err(|e| failed(format!("the picture can't be read back: {e}")))?;

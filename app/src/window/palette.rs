@@ -1,4 +1,4 @@
-//! The command palette: every command by its words.
+//! The command palette: finds every command by its text.
 
 use egui::{Align2, Key, RichText, ScrollArea, TextEdit, Ui};
 use nucleo_matcher::{
@@ -8,7 +8,7 @@ use nucleo_matcher::{
 
 use crate::command::{Command, Commands, listed};
 
-/// Whether it is open, what was typed, and which row is chosen.
+/// State of the palette: whether it is open, the query, and the index of the chosen row.
 #[derive(Default)]
 pub struct CommandPalette {
     open: bool,
@@ -41,23 +41,23 @@ impl CommandPalette {
         *self = Self { open: true, ..Self::default() };
     }
 
-    /// Draws it where it is open; the command that was chosen goes to `out`.
+    /// Draws it if it is open; pushes the chosen command to `out`.
     pub fn show(&mut self, ui: &mut Ui, out: &mut Commands) {
         if !self.open {
             return;
         }
-        let found = matching(&self.query);
+        let matches = matching(&self.query);
         let (up, down, enter, escape) = ui.input_mut(|i| {
             let mut pressed = |key| i.consume_key(egui::Modifiers::NONE, key);
             (pressed(Key::ArrowUp), pressed(Key::ArrowDown), pressed(Key::Enter), pressed(Key::Escape))
         });
         self.chosen = match (up, down) {
             (true, _) => self.chosen.saturating_sub(1),
-            (_, true) => (self.chosen + 1).min(found.len().saturating_sub(1)),
-            _ => self.chosen.min(found.len().saturating_sub(1)),
+            (_, true) => (self.chosen + 1).min(matches.len().saturating_sub(1)),
+            _ => self.chosen.min(matches.len().saturating_sub(1)),
         };
         let mut done = escape;
-        if enter && let Some(command) = found.get(self.chosen) {
+        if enter && let Some(command) = matches.get(self.chosen) {
             out.push((*command).clone());
             done = true;
         }
@@ -77,10 +77,10 @@ impl CommandPalette {
                 response.request_focus();
                 ui.add_space(4.0);
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                    if found.is_empty() {
+                    if matches.is_empty() {
                         ui.label("No command has these words.");
                     }
-                    for (row, command) in found.iter().enumerate() {
+                    for (row, command) in matches.iter().enumerate() {
                         let chosen = row == self.chosen;
                         let clicked = ui
                             .horizontal(|ui| {
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_in_any_case_find_their_command() {
+    fn matching_finds_words_in_any_case() {
         let found = matching("only lens");
         assert!(found.len() < listed().len());
         assert_eq!(matching("UNDO").first(), Some(&&Command::from(crate::command::EditCommand::Undo)));

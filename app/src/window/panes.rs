@@ -1,4 +1,4 @@
-//! The panes of the window: which is drawn where.
+//! The layout of panes in the window.
 
 use std::collections::HashMap;
 
@@ -11,15 +11,15 @@ use crate::{
     views::{Panes, Shared},
 };
 
-/// What drawing the panes needs, and what it leaves behind.
+/// Inputs and outputs of drawing the panes.
 pub struct PaneArea<'a> {
     /// The panes.
     pub panes: &'a mut Panes,
-    /// What they share.
+    /// State that they are drawn with.
     pub shared: Shared<'a>,
-    /// Where each was drawn.
+    /// Rectangles of the panes drawn.
     pub rects: HashMap<PaneId, Rect>,
-    /// What the user did.
+    /// The user's commands.
     pub out: &'a mut Commands,
 }
 
@@ -40,8 +40,7 @@ pub fn show(ui: &mut Ui, area: &mut PaneArea<'_>) {
     }
     let mut layout = edit.layout.clone();
     layout.ui(area, ui);
-    // The first draw simplifies the tree; the user didn't do that, but it must be kept all the
-    // same, or every frame would do it again.
+    // The first draw simplifies the tree; this is stored too, or it would be repeated every frame.
     if layout != edit.layout {
         area.out.push(EditCommand::SetLayout(Box::new(layout)));
     }
@@ -71,7 +70,7 @@ fn pane_buttons(ui: &mut Ui, pane: PaneId, maximized: bool, out: &mut Commands) 
     }
 }
 
-/// Signs drawn by hand: the default fonts have none for these.
+/// Icons drawn as shapes, because egui's default fonts lack them.
 #[derive(Clone, Copy)]
 enum Icon {
     Maximise,

@@ -1,4 +1,4 @@
-//! Carrying out the commands that reach outside the document.
+//! Carries out commands that affect more than the document.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use crate::{
 };
 
 impl GlioscopeApp {
-    fn ask_for_file(&mut self, ctx: &Context, purpose: Purpose) {
+    fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
         self.dialog = Some(Dialog::open(purpose, Waker::of(ctx)));
     }
 
@@ -27,8 +27,8 @@ impl GlioscopeApp {
         let wake = || Waker::of(ctx);
         match command {
             AppCommand::OpenDialog => self.open.path = Some(String::new()),
-            AppCommand::BrowseFiles => self.ask_for_file(ctx, Purpose::OpenFile),
-            AppCommand::BrowseFolders => self.ask_for_file(ctx, Purpose::OpenFolder),
+            AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
+            AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
             AppCommand::Open(case) => self.work.open(case.clone(), None, wake()),
             AppCommand::OpenSample => self.work.open(CaseRef::Sample, None, wake()),
             AppCommand::OpenSession(path) => {
@@ -40,15 +40,15 @@ impl GlioscopeApp {
             AppCommand::SaveSession => match self.work.session_path.clone() {
                 Some(path) => {
                     self.work.save(path.clone());
-                    self.keep_results(&path);
+                    self.save_results(&path);
                 }
-                None => self.ask_for_file(ctx, Purpose::SaveSession),
+                None => self.open_file_dialog(ctx, Purpose::SaveSession),
             },
-            AppCommand::SaveSessionAs => self.ask_for_file(ctx, Purpose::SaveSession),
+            AppCommand::SaveSessionAs => self.open_file_dialog(ctx, Purpose::SaveSession),
             AppCommand::SaveSessionTo(path) => {
                 self.work.save(path.clone());
                 self.recent.add(path);
-                self.keep_results(path);
+                self.save_results(path);
             }
             AppCommand::AcceptGuess(true) => self.work.accept_guess(wake()),
             AppCommand::AcceptGuess(false) => self.work.guess = None,
@@ -57,12 +57,12 @@ impl GlioscopeApp {
                     load.job.progress.cancel();
                 }
             }
-            AppCommand::ScreenshotWindow => self.ask_for_file(ctx, Purpose::Picture(None)),
-            AppCommand::ScreenshotPane(pane) => self.ask_for_file(ctx, Purpose::Picture(Some(*pane))),
+            AppCommand::ScreenshotWindow => self.open_file_dialog(ctx, Purpose::Picture(None)),
+            AppCommand::ScreenshotPane(pane) => self.open_file_dialog(ctx, Purpose::Picture(Some(*pane))),
             AppCommand::ScreenshotTo(pane, path) => self.take_picture(ctx, *pane, path),
-            AppCommand::ExportMeasurements => self.ask_for_file(ctx, Purpose::Measurements),
+            AppCommand::ExportMeasurements => self.open_file_dialog(ctx, Purpose::Measurements),
             AppCommand::ExportMeasurementsTo(path) => self.export_measurements(ctx, path),
-            AppCommand::ExportRulers(format) => self.ask_for_file(ctx, Purpose::Rulers(*format)),
+            AppCommand::ExportRulers(format) => self.open_file_dialog(ctx, Purpose::Rulers(*format)),
             AppCommand::ExportRulersTo(path) => self.export_rulers(path),
             AppCommand::ShowPalette => self.palette.open(),
             AppCommand::ShowAbout => self.open.about = true,
@@ -81,11 +81,11 @@ impl GlioscopeApp {
                 self.work.error =
                     Some(AppError::wrong(pane.title(), "a pane that isn't open", "an open one"));
             }
-            _ => self.pictures.ask(ctx, crop, path),
+            _ => self.pictures.request(ctx, crop, path),
         }
     }
 
-    /// On a worker: the numbers of a large case take a while.
+    /// Runs on a worker: measuring a large case takes a while.
     fn export_measurements(&mut self, ctx: &Context, path: &Path) {
         let Some(case) = self.work.world.case().cloned() else { return };
         let path = path.to_owned();

@@ -1,4 +1,4 @@
-//! Pictures of the window: asked for, received, written.
+//! Screenshots of the window: requested, received and written to files.
 
 use std::{
     path::{Path, PathBuf},
@@ -9,7 +9,7 @@ use egui::{ColorImage, Context, Rect};
 
 use crate::{error::AppError, output, world::jobs::Waker};
 
-/// A picture of the window that arrived, and what to do with it.
+/// A received screenshot, with what to crop and where to write it.
 struct Picture {
     image: Arc<ColorImage>,
     crop: Option<Rect>,
@@ -17,7 +17,7 @@ struct Picture {
     path: PathBuf,
 }
 
-/// Pictures on their way.
+/// Requested screenshots.
 pub struct Pictures {
     send: mpsc::Sender<Picture>,
     receive: mpsc::Receiver<Picture>,
@@ -31,18 +31,18 @@ impl Default for Pictures {
 }
 
 impl Pictures {
-    /// Asks for a picture of the window, or of the part of it in `crop`, to be written to `path`.
-    pub fn ask(&self, ctx: &Context, crop: Option<Rect>, path: &Path) {
+    /// Requests a screenshot of the window, or of its part in `crop` (points), to be written to `path`.
+    pub fn request(&self, ctx: &Context, crop: Option<Rect>, path: &Path) {
         let (send, path, wake) = (self.send.clone(), path.to_owned(), Waker::of(ctx));
         let pixels_per_point = ctx.pixels_per_point();
         ctx.request_screenshot(move |image| {
-            // The window may be closing: then nobody writes the picture.
+            // Fails only while the window closes, when nothing is written any more.
             let _ = send.send(Picture { image, crop, pixels_per_point, path });
             wake.wake();
         });
     }
 
-    /// Writes what has arrived since; the path of each, or why it couldn't be written.
+    /// Writes the screenshots received since the last call; returns the path or error of each.
     pub fn write(&self) -> Vec<Result<PathBuf, AppError>> {
         let write = |Picture { image, crop, pixels_per_point, path }: Picture| {
             output::write_window_png(&path, &image, crop, pixels_per_point).map(|()| path)

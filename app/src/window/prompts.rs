@@ -1,4 +1,4 @@
-//! Boxes over the window: how a folder was read, and where a path is typed.
+//! Dialogs within the window: how a folder without a manifest was read, and a field for a path.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use egui::Ui;
 use super::dialogs::{open_command, openable};
 use crate::command::{AppCommand, Commands, Workstation, workstation::Guess};
 
-/// Shows how a folder's names were read, before that is used.
+/// Shows how a folder's files were interpreted, for the user to accept or reject.
 pub fn guess(ui: &mut Ui, work: &Workstation, out: &mut Commands) {
     let Some(guess) = &work.guess else { return };
     if work.accept_guesses {
@@ -65,7 +65,7 @@ fn guess_row(ui: &mut Ui, kind: &str, id: &str, file: &str, labels: &str, time: 
     ui.end_row();
 }
 
-/// The box where a path is typed, where it is open.
+/// The dialog to type a path, if it is open.
 pub fn open_path(ui: &mut Ui, open: &mut Option<String>, out: &mut Commands) {
     let Some(path) = open else { return };
     let mut close = false;

@@ -1,11 +1,12 @@
-//! The list of cases opened before, in the user's configuration folder. Losing it loses nothing
-//! else, so its failures are silent.
+//! The list of recently opened cases, in the user's configuration folder. Nothing else depends on it, so its errors are
+//! ignored.
 
 use std::path::{Path, PathBuf};
 
 use glioscope_core::files::write_whole;
 
-const MOST: usize = 12;
+/// Largest number of paths in the list.
+const MAX_PATHS: usize = 12;
 
 /// Paths of cases and sessions, newest first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -15,7 +16,7 @@ pub struct Recent {
 }
 
 impl Recent {
-    /// The user's list. `GLIOSCOPE_CONFIG` names another folder to keep it in.
+    /// The user's list; `GLIOSCOPE_CONFIG` overrides the configuration folder.
     pub fn of_user() -> Self {
         let folder = std::env::var_os("GLIOSCOPE_CONFIG").map(PathBuf::from).or_else(|| {
             directories::ProjectDirs::from("", "", "glioscope").map(|d| d.config_dir().to_owned())
@@ -23,7 +24,7 @@ impl Recent {
         folder.map_or_else(Self::default, |folder| Self::in_folder(&folder))
     }
 
-    /// The list kept in `folder`.
+    /// The list stored in `folder`; empty if there is none.
     pub fn in_folder(folder: &Path) -> Self {
         let file = folder.join("recent.json");
         let paths =
@@ -31,27 +32,27 @@ impl Recent {
         Self { file: Some(file), paths }
     }
 
-    /// Newest first.
+    /// The paths, newest first.
     pub fn paths(&self) -> &[PathBuf] {
         &self.paths
     }
 
-    /// Puts `path` first and keeps the list.
+    /// Moves or adds `path` to the front and saves the list.
     pub fn add(&mut self, path: &Path) {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         self.paths.retain(|p| *p != path);
         self.paths.insert(0, path);
-        self.paths.truncate(MOST);
-        self.keep();
+        self.paths.truncate(MAX_PATHS);
+        self.save();
     }
 
-    /// Forgets all.
+    /// Empties the list and saves it.
     pub fn clear(&mut self) {
         self.paths.clear();
-        self.keep();
+        self.save();
     }
 
-    fn keep(&self) {
+    fn save(&self) {
         let Some(file) = &self.file else { return };
         if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.paths)) {
             let _ = std::fs::create_dir_all(folder);
@@ -65,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn newest_first_once_each_and_kept() {
+    fn paths_are_unique_newest_first_and_saved() {
         let folder = tempfile::tempdir().unwrap();
         let mut recent = Recent::in_folder(folder.path());
         for name in ["/a", "/b", "/a"] {

@@ -1,4 +1,4 @@
-//! Opens the real window.
+//! Opens the program's window.
 
 use std::sync::{Arc, mpsc};
 
@@ -15,7 +15,7 @@ use crate::{
     world::jobs::Waker,
 };
 
-/// Takes the adapter that `preference` asks for, of those that can draw to the window.
+/// Selects the adapter by `preference` among those that can present to the window.
 pub fn adapter_selector(preference: AdapterPreference) -> NativeAdapterSelectorMethod {
     Arc::new(move |adapters, surface| {
         let usable: Vec<_> =
@@ -32,9 +32,9 @@ pub fn adapter_selector(preference: AdapterPreference) -> NativeAdapterSelectorM
 pub struct Start {
     /// What to open; `None` opens the sample.
     pub case: Option<CaseRef>,
-    /// Files of fibre tracts beside it.
+    /// Files of fibre tracts to add.
     pub tracts: Vec<std::path::PathBuf>,
-    /// Limits and choices of loading.
+    /// Options of loading.
     pub options: LoadOptions,
     /// Whether only the software adapter is used.
     pub software: bool,
@@ -45,7 +45,7 @@ pub struct Start {
 /// Opens the window and returns when it is closed.
 ///
 /// # Errors
-/// [`AppError`]: no display, or no graphics adapter and what to install; or why a scripted picture wasn't taken.
+/// [`AppError`] without a display or a graphics adapter, with what to install, and if a scripted screenshot failed.
 pub fn run(start: Start) -> Result<(), AppError> {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     let preference =
@@ -66,27 +66,27 @@ pub fn run(start: Start) -> Result<(), AppError> {
         },
         ..eframe::NativeOptions::default()
     };
-    let (send, failed) = mpsc::channel();
+    let (error_sender, errors) = mpsc::channel();
     let create = move |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
-        Ok(Box::new(Windowed { app: app(cc, start)?, failed: send }))
+        Ok(Box::new(Windowed { app: app(cc, start)?, errors: error_sender }))
     };
     eframe::run_native("Glioscope", options, Box::new(create))
         .map_err(|e| AppError::Window(e.to_string()))?;
-    failed.try_recv().map_or(Ok(()), Err)
+    errors.try_recv().map_or(Ok(()), Err)
 }
 
-/// The program in its window, which reports why a scripted picture wasn't taken.
+/// The program in its window; sends the error of a scripted screenshot.
 struct Windowed {
     app: GlioscopeApp,
-    failed: mpsc::Sender<AppError>,
+    errors: mpsc::Sender<AppError>,
 }
 
 impl eframe::App for Windowed {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
         self.app.draw(ui);
         if let Some(error) = self.app.scripted_error() {
-            // The window closes, and with it the program ends.
-            let _ = self.failed.send(error);
+            // The receiver exists until the window has closed.
+            let _ = self.errors.send(error);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What stands above and below the panes: the case's warnings, the status line.
+//! The warnings above the panes and the status line below them.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::{
     world::jobs::progress_text,
 };
 
-/// Warnings of the case: a strip that stays as long as they hold. `open`: whether all are listed.
+/// Strip of the case's warnings, shown as long as there are any. `open`: whether all are listed.
 pub fn strip(ui: &mut Ui, checks: &[Check], open: &mut bool) {
     let (serious, notes): (Vec<&Check>, Vec<&Check>) =
         checks.iter().partition(|check| check.severity >= Severity::Warning);
@@ -44,7 +44,7 @@ pub fn strip(ui: &mut Ui, checks: &[Check], open: &mut bool) {
     });
 }
 
-/// What is being read, what went wrong, what was done; a button dismisses an error.
+/// Status line: loading progress, and the last error, which can be dismissed, or notice.
 pub fn status(ui: &mut Ui, work: &mut Workstation, out: &mut Commands) {
     ui.horizontal(|ui| {
         if let Some(load) = &work.job {

@@ -1,4 +1,4 @@
-//! One mask at two dates: what the change view, the dates pane and the slices show of it.
+//! Comparison of a mask at two time points, for the change view, the dates pane and the slices.
 
 use std::sync::Arc;
 
@@ -13,25 +13,25 @@ use glioscope_render::{ChangeSurface, ForceField, Gpu};
 use super::jobs::{Ask, Derived, Handle, Lookup};
 use crate::{error::AppError, model::ChangeSetting};
 
-/// The result of a comparison.
-pub struct Compared {
-    /// What was compared.
+/// A mask compared at two time points.
+pub struct Comparison {
+    /// The mask and the time points.
     pub choice: Choice,
-    /// Labels of the two dates.
+    /// Labels of the two time points.
     pub labels: [String; 2],
-    /// Vectors and components.
+    /// Change vectors and component groups.
     pub change: Arc<Change>,
-    /// Its numbers.
+    /// Summary of the change.
     pub report: ChangeReport,
-    /// For the change view; `None` where the mask is empty at both dates.
+    /// Surface for the change view; `None` where the mask is empty at both time points.
     pub surface: Option<Arc<ChangeSurface>>,
-    /// Bit 0: at the earlier date, bit 1: at the later.
+    /// Bit 0: active at the earlier time point, bit 1: at the later.
     pub index: Arc<TumorIndex>,
-    /// Gone (1), new (2) and kept (3).
+    /// Regions of `index`: gone (1), new (2) and kept (3).
     pub regions: Regions,
 }
 
-/// What a comparison depends on.
+/// Inputs of a comparison.
 #[derive(PartialEq)]
 struct Key {
     case: Handle<Case>,
@@ -39,26 +39,27 @@ struct Key {
     registration_mm: f64,
 }
 
-/// Comparisons, the one last asked for.
+/// The comparison last requested.
 #[derive(Default)]
 pub struct Comparisons {
-    kept: Derived<Key, Compared>,
+    result: Derived<Key, Comparison>,
     gpu: Option<Gpu>,
 }
 
 impl Comparisons {
-    /// None yet. `gpu` may sum the skeleton's force; without one the tree does.
+    /// No comparison yet. A hardware `gpu` computes the skeleton's force as an exact sum where that fits; otherwise the
+    /// tree does.
     pub fn new(gpu: Option<Gpu>) -> Self {
-        Self { kept: Derived::default(), gpu }
+        Self { result: Derived::default(), gpu }
     }
 
-    /// The comparison that `setting` asks for, begun now if need be; `None` where nothing can be compared.
+    /// The comparison given by `setting`, started now if necessary; `None` where nothing can be compared.
     pub fn get(
         &mut self,
         case: &Arc<Case>,
         setting: &ChangeSetting,
         ask: &Ask,
-    ) -> Option<Lookup<'_, Compared>> {
+    ) -> Option<Lookup<'_, Comparison>> {
         let key = key(case, setting)?;
         let (case, choice, registration_mm) = (case.clone(), key.choice.clone(), key.registration_mm);
         let gpu = self.gpu.clone();
@@ -67,25 +68,25 @@ impl Comparisons {
             let source = source.as_ref().map(|s| s as &dyn ForceSource);
             compute(&case, choice, registration_mm, source, progress)
         };
-        Some(self.kept.get(key, ask, work))
+        Some(self.result.get(key, ask, work))
     }
 
-    /// The comparison that `setting` asks for, if it is here: nothing is begun.
-    pub fn kept(&self, case: &Arc<Case>, setting: &ChangeSetting) -> Option<&Arc<Compared>> {
-        self.kept.kept(&key(case, setting)?)
+    /// The comparison given by `setting`, if it is available: starts no job.
+    pub fn cached(&self, case: &Arc<Case>, setting: &ChangeSetting) -> Option<&Arc<Comparison>> {
+        self.result.cached(&key(case, setting)?)
     }
 
-    /// The comparison last computed, whether or not it is current.
-    pub fn last(&self) -> Option<&Arc<Compared>> {
-        self.kept.last()
+    /// The comparison last computed, which may be for older settings.
+    pub fn last(&self) -> Option<&Arc<Comparison>> {
+        self.result.last()
     }
 
-    /// Whether a worker is at it.
+    /// Whether a worker is computing it.
     pub fn working(&self) -> bool {
-        self.kept.working()
+        self.result.working()
     }
 
-    /// What sums the skeleton's force, and why, for the diagnostics.
+    /// What computes the skeleton's force, and why, for the diagnostics pane.
     pub fn force_text(&self) -> String {
         let choice = match &self.gpu {
             None => "Skeleton's force: tree, as there is no graphics adapter.",
@@ -101,9 +102,9 @@ impl Comparisons {
     }
 }
 
-/// The exact sum on a real graphics device; on a software one the tree is faster.
+/// The exact sum on a hardware graphics device; on a software one the tree is faster.
 fn force_source(gpu: Option<&Gpu>) -> Option<ForceField> {
-    // Without its shader the tree does it.
+    // Where the shader can't be compiled, the tree is used.
     gpu.filter(|gpu| !gpu.is_software()).and_then(|gpu| ForceField::new(gpu).ok())
 }
 
@@ -118,29 +119,29 @@ fn compute(
     registration_mm: f64,
     source: Option<&dyn ForceSource>,
     progress: &Progress,
-) -> Result<Compared, AppError> {
+) -> Result<Comparison, AppError> {
     progress.say("comparing the dates");
     let options = ChangeOptions { registration_mm, ..ChangeOptions::default() };
-    let (report, found) = change::between(case, &choice, &options, source, progress)?;
+    let (report, change) = change::between(case, &choice, &options, source, progress)?;
     let labels = [report.from.clone(), report.to.clone()];
     let pair: Vec<Mask> = choice
         .dates
         .iter()
         .zip(&labels)
-        .filter_map(|(at, label)| {
-            let time = case.time_points.get(*at)?;
-            let found = time.masks.iter().find(|m| m.mask.id() == choice.id)?;
-            Mask::new(label, case.grid.clone(), found.mask.bits().clone())
+        .filter_map(|(index, label)| {
+            let time_point = case.time_points.get(*index)?;
+            let case_mask = time_point.masks.iter().find(|m| m.mask.id() == choice.id)?;
+            Mask::new(label, case.grid.clone(), case_mask.mask.bits().clone())
         })
         .collect();
     let [before, after] = pair.as_slice() else {
         return Err(ChangeError::NoCommonMask(case.name.clone()).into());
     };
     let index = TumorIndex::new(case.grid.clone(), &[before, after])?;
-    let change = Arc::new(found);
+    let change = Arc::new(change);
     let surface = ChangeSurface::new(before.bits(), after.bits(), &case.grid, change.clone()).map(Arc::new);
     let regions = Regions::of(&index);
-    Ok(Compared { choice, labels, change, report, surface, index: Arc::new(index), regions })
+    Ok(Comparison { choice, labels, change, report, surface, index: Arc::new(index), regions })
 }
 
 #[cfg(test)]
@@ -155,11 +156,11 @@ mod tests {
     }
 
     #[test]
-    fn the_sample_s_change_is_that_of_the_kernel() {
+    fn change_of_the_sample_matches_its_regions_and_uses_the_tree() {
         let case = case();
         let (setting, ask) = (ChangeSetting::default(), Ask { wait: true, ..Ask::default() });
         let mut comparisons = Comparisons::default();
-        assert!(comparisons.kept(&case, &setting).is_none(), "nothing is begun by looking");
+        assert!(comparisons.cached(&case, &setting).is_none(), "a lookup starts no job");
         let Some(Lookup::Ready(found)) = comparisons.get(&case, &setting, &ask) else {
             panic!("not compared")
         };
@@ -167,12 +168,12 @@ mod tests {
             (found.regions.get(1).map_or(0, |r| r.voxels), found.regions.get(2).map_or(0, |r| r.voxels));
         assert_eq!((gone, new), (found.change.gone_voxels, found.change.new_voxels));
         assert_eq!(found.report.counters.force, "tree, θ 0.25");
-        assert!(comparisons.kept(&case, &setting).is_some());
+        assert!(comparisons.cached(&case, &setting).is_some());
         assert!(comparisons.force_text().ends_with("no graphics adapter. Last: tree, θ 0.25."));
     }
 
     #[test]
-    fn a_software_adapter_leaves_the_force_to_the_tree_and_the_diagnostics_tell_it() {
+    fn on_a_software_adapter_the_tree_computes_the_force_and_diagnostics_report_it() {
         let gpu = Gpu::headless(AdapterPreference::SoftwareOnly).unwrap();
         assert!(force_source(Some(&gpu)).is_none());
         let mut comparisons = Comparisons::new(Some(gpu));

@@ -1,4 +1,4 @@
-//! Ellipsoids of all components of a date, kept beside the session file that shows them.
+//! Ellipsoids of all connected components of a time point, cached in a file next to the session file.
 
 use std::{path::Path, sync::Arc};
 
@@ -18,15 +18,15 @@ struct Key {
     neighbors: u32,
 }
 
-/// Ellipsoids, those last asked for.
+/// The ellipsoids last requested.
 #[derive(Default)]
 pub struct Ellipsoids {
-    kept: Derived<Key, Vec<ComponentEllipsoid>>,
+    result: Derived<Key, Vec<ComponentEllipsoid>>,
 }
 
 impl Ellipsoids {
-    /// The ellipsoids of the date at `time`, for components of so many neighbours: read from beside `session`
-    /// where they are kept there.
+    /// The ellipsoids of the time point with index `time`, for components of connectivity `neighbors` (6, 18 or 26).
+    /// Read from the cache file of `session` where that has them.
     pub fn get(
         &mut self,
         case: &Arc<Case>,
@@ -36,24 +36,26 @@ impl Ellipsoids {
         ask: &Ask,
     ) -> Lookup<'_, Vec<ComponentEllipsoid>> {
         let key = Key { case: Handle::of(case), time, neighbors };
-        let (case, kept_at) = (case.clone(), session.map(cache::path_beside));
-        self.kept.get(key, ask, move |progress| compute(&case, time, neighbors, kept_at.as_deref(), progress))
+        let (case, cache_file) = (case.clone(), session.map(cache::path_beside));
+        self.result
+            .get(key, ask, move |progress| compute(&case, time, neighbors, cache_file.as_deref(), progress))
     }
 
-    /// The ellipsoids last computed: none while no view has shown any.
+    /// The ellipsoids last computed; `None` before the first.
     pub fn last(&self) -> Option<&Arc<Vec<ComponentEllipsoid>>> {
-        self.kept.last()
+        self.result.last()
     }
 
-    /// Whether a worker is at them.
+    /// Whether a worker is computing them.
     pub fn working(&self) -> bool {
-        self.kept.working()
+        self.result.working()
     }
 
-    /// Keeps what was computed of the date at `time` beside a session that was just saved.
-    pub fn keep(&self, session: &Path, case: &Arc<Case>, time: usize, neighbors: u32) {
+    /// Writes the ellipsoids of the time point with index `time`, where computed, to the cache file of a session that
+    /// was just saved.
+    pub fn write_cache(&self, session: &Path, case: &Arc<Case>, time: usize, neighbors: u32) {
         let key = Key { case: Handle::of(case), time, neighbors };
-        if let (Some(found), Some(time_point)) = (self.kept.kept(&key), case.time_points.get(time)) {
+        if let (Some(found), Some(time_point)) = (self.result.cached(&key), case.time_points.get(time)) {
             save(&cache::path_beside(session), &cache_key(time_point, neighbors), found);
         }
     }
@@ -63,19 +65,19 @@ fn compute(
     case: &Case,
     time: usize,
     neighbors: u32,
-    kept_at: Option<&Path>,
+    cache_file: Option<&Path>,
     progress: &Progress,
 ) -> Result<Vec<ComponentEllipsoid>, AppError> {
-    let time_point = case.time_points.get(time).ok_or(AppError::Nothing("no such date"))?;
+    let time_point = case.time_points.get(time).ok_or(AppError::Unavailable("no such date"))?;
     let key = cache_key(time_point, neighbors);
-    if let Some(kept) = kept_at.and_then(|path| cache::load(path).remove(&key)) {
-        return Ok(kept);
+    if let Some(cached) = cache_file.and_then(|path| cache::load(path).remove(&key)) {
+        return Ok(cached);
     }
     let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
     let options = ellipsoid::Options::default();
     progress.say("enclosing components in ellipsoids");
     let found = ellipsoid::ellipsoids_of(&time_point.index, connectivity, &options, progress)?;
-    if let Some(path) = kept_at {
+    if let Some(path) = cache_file {
         save(path, &key, &found);
     }
     Ok(found)
@@ -86,8 +88,7 @@ fn cache_key(time_point: &TimePoint, neighbors: u32) -> cache::Key {
     cache::Key::of(&time_point.index, connectivity, &ellipsoid::Options::default())
 }
 
-/// Adds to the file beside the session. Without it they are computed again next time: nothing is lost,
-/// so a folder that can't be written is no error.
+/// Adds an entry to the cache file. Failure to write it is ignored: the ellipsoids are then computed again next time.
 fn save(path: &Path, key: &cache::Key, found: &[ComponentEllipsoid]) {
     let mut entries = cache::load(path);
     entries.insert(*key, found.to_vec());

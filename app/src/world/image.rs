@@ -1,4 +1,4 @@
-//! The image of the 3D views: its volume with histograms, and its transfer function.
+//! The image of the 3D views: volume, histograms and transfer function.
 
 use std::sync::Arc;
 
@@ -9,10 +9,10 @@ use glioscope_render::{
 use super::jobs::{Ask, Derived, Handle, Lookup};
 use crate::model::Document;
 
-/// An image and its id.
-pub type Named<'a> = (&'a str, &'a Arc<PreparedContext>);
+/// The id of an image and the image.
+pub type NamedImage<'a> = (&'a str, &'a Arc<PreparedContext>);
 
-/// The image last shown.
+/// Results for the image last shown.
 #[derive(Default)]
 pub struct ImageResult {
     volume: Derived<Handle<PreparedContext>, ContextVolume>,
@@ -21,8 +21,12 @@ pub struct ImageResult {
 }
 
 impl ImageResult {
-    /// The image as a volume; `None` where the slices show none.
-    pub fn volume(&mut self, context: Option<Named<'_>>, ask: &Ask) -> Option<Lookup<'_, ContextVolume>> {
+    /// The image as a volume; `None` without an image.
+    pub fn volume(
+        &mut self,
+        context: Option<NamedImage<'_>>,
+        ask: &Ask,
+    ) -> Option<Lookup<'_, ContextVolume>> {
         let (_, image) = context?;
         let prepared = image.clone();
         Some(self.volume.get(Handle::of(image), ask, move |progress| {
@@ -31,7 +35,7 @@ impl ImageResult {
         }))
     }
 
-    /// How its voxels spread over value and gradient magnitude.
+    /// Its voxel counts by value and gradient magnitude.
     pub fn gradients(
         &mut self,
         image: &Arc<PreparedContext>,
@@ -42,16 +46,16 @@ impl ImageResult {
         self.gradients.get(Handle::of(image), ask, move |_| Ok(volume.gradient_histogram().clone()))
     }
 
-    /// The transfer function of the image: the same `Arc` as long as it is the same function, so that nothing is
-    /// uploaded again.
-    pub fn transfer(&mut self, doc: &Document, context: Option<Named<'_>>) -> Arc<TransferFunction> {
-        let wanted = match context {
+    /// The transfer function of the image; transparent without one. The `Arc` stays the same while the function does,
+    /// so that it isn't uploaded again.
+    pub fn transfer(&mut self, doc: &Document, context: Option<NamedImage<'_>>) -> Arc<TransferFunction> {
+        let transfer = match context {
             Some((id, image)) => transfer_of(doc, id, image),
             None => TransferFunction::transparent(),
         };
         match &self.transfer {
-            Some(have) if **have == wanted => have.clone(),
-            _ => self.transfer.insert(Arc::new(wanted)).clone(),
+            Some(cached) if **cached == transfer => cached.clone(),
+            _ => self.transfer.insert(Arc::new(transfer)).clone(),
         }
     }
 
@@ -60,14 +64,14 @@ impl ImageResult {
         self.volume.last()
     }
 
-    /// Whether a worker is at it.
+    /// Whether a worker is preparing it.
     pub fn working(&self) -> bool {
         self.volume.working()
     }
 }
 
-/// The user's transfer function of an image, or the one to begin with.
+/// The transfer function of an image: the user's, or the initial preset's.
 pub fn transfer_of(doc: &Document, id: &str, image: &PreparedContext) -> TransferFunction {
-    let first = || TransferPreset::first_for(image.histogram(), id).transfer(image.histogram());
-    doc.edit.transfers.get(id).cloned().unwrap_or_else(first)
+    let initial = || TransferPreset::first_for(image.histogram(), id).transfer(image.histogram());
+    doc.edit.transfers.get(id).cloned().unwrap_or_else(initial)
 }

@@ -1,5 +1,5 @@
-//! Results that a view asks for: computed on a worker when first needed, kept under the key of
-//! their inputs, dropped when nobody asks for that key any more.
+//! Results that views request: computed on a worker when first needed, cached under the key of their inputs, and
+//! replaced by the result for the next key requested.
 
 use std::{
     fmt,
@@ -11,30 +11,30 @@ use glioscope_core::Progress;
 
 use crate::error::AppError;
 
-/// Wakes the window from another thread.
+/// Callback that wakes the window from another thread.
 #[derive(Clone)]
 pub struct Waker(Arc<dyn Fn() + Send + Sync>);
 
 impl Waker {
-    /// Calls `wake` each time.
+    /// A waker that calls `wake`.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
         Self(Arc::new(wake))
     }
 
-    /// Asks a window for another frame.
+    /// A waker that requests a repaint of the window.
     pub fn of(ctx: &egui::Context) -> Self {
         let ctx = ctx.clone();
         Self::new(move || ctx.request_repaint())
     }
 
-    /// Wakes it.
+    /// Calls the callback.
     pub fn wake(&self) {
         (self.0)();
     }
 }
 
 impl Default for Waker {
-    /// Wakes nobody.
+    /// A waker that does nothing.
     fn default() -> Self {
         Self::new(|| {})
     }
@@ -46,23 +46,23 @@ impl fmt::Debug for Waker {
     }
 }
 
-/// How results are asked for.
+/// How results are requested.
 #[derive(Clone, Debug, Default)]
 pub struct Ask {
-    /// Compute here and now instead of on a worker: for files.
+    /// Compute on the calling thread instead of on a worker: for export to files.
     pub wait: bool,
-    /// Called when a worker is done.
+    /// Called when a worker has finished.
     pub wake: Waker,
 }
 
-/// Which volume or case a result is of, without keeping it alive: what results are kept under.
+/// Identity of the volume or case that a result belongs to, as part of its cache key. Doesn't keep it alive.
 #[derive(Debug)]
 pub struct Handle<T>(Weak<T>);
 
 impl<T> Handle<T> {
-    /// The handle of what `of` holds.
-    pub fn of(of: &Arc<T>) -> Self {
-        Self(Arc::downgrade(of))
+    /// The identity of `owner`'s value.
+    pub fn of(owner: &Arc<T>) -> Self {
+        Self(Arc::downgrade(owner))
     }
 }
 
@@ -80,23 +80,23 @@ impl<T> PartialEq for Handle<T> {
 
 /// The state of a result.
 pub enum Lookup<'a, V> {
-    /// It is here.
+    /// It is available.
     Ready(&'a Arc<V>),
-    /// A worker is at it.
+    /// A worker is computing it.
     Working(&'a Progress),
-    /// It can't be had; why.
+    /// It can't be computed, and why.
     Failed(&'a AppError),
 }
 
 /// A worker that computes one value.
 pub struct Job<V> {
-    /// How far it is; asks it to stop.
+    /// Its progress; also cancels it.
     pub progress: Progress,
     receive: mpsc::Receiver<Result<V, AppError>>,
 }
 
 impl<V: Send + 'static> Job<V> {
-    /// Starts `compute` on a worker, which wakes the window when it is done.
+    /// Starts `compute` on a worker, which calls `wake` when it has finished.
     pub fn start(
         wake: Waker,
         compute: impl FnOnce(&Progress) -> Result<V, AppError> + Send + 'static,
@@ -105,14 +105,14 @@ impl<V: Send + 'static> Job<V> {
         let (send, receive) = mpsc::channel();
         let worker_progress = progress.clone();
         thread::spawn(move || {
-            // The window may be gone: then nobody wants the value.
+            // Fails where the receiver is gone, and the value with it is not needed.
             let _ = send.send(compute(&worker_progress));
             wake.wake();
         });
         Self { progress, receive }
     }
 
-    /// The value, once there is one.
+    /// The result, once it is available; never blocks.
     pub fn poll(&self) -> Option<Result<V, AppError>> {
         match self.receive.try_recv() {
             Ok(result) => Some(result),
@@ -124,7 +124,7 @@ impl<V: Send + 'static> Job<V> {
     }
 }
 
-/// Progress as words: what is being done and how far.
+/// Progress for display: label and percentage.
 pub fn progress_text(progress: &Progress) -> String {
     let label = progress.label();
     match progress.fraction() {
@@ -133,20 +133,20 @@ pub fn progress_text(progress: &Progress) -> String {
     }
 }
 
-/// One kind of result, the one last asked for.
+/// A cached result: the one for the key last requested.
 pub struct Derived<K, V> {
-    kept: Option<(K, Result<Arc<V>, AppError>)>,
+    cached: Option<(K, Result<Arc<V>, AppError>)>,
     job: Option<(K, Job<V>)>,
 }
 
 impl<K, V> Default for Derived<K, V> {
     fn default() -> Self {
-        Self { kept: None, job: None }
+        Self { cached: None, job: None }
     }
 }
 
 impl<K: PartialEq, V: Send + 'static> Derived<K, V> {
-    /// The result for `key`: kept, or begun now with `compute`. A job for another key is cancelled.
+    /// The result for `key`: from the cache, or started now with `compute`. A job for another key is cancelled.
     pub fn get(
         &mut self,
         key: K,
@@ -154,36 +154,36 @@ impl<K: PartialEq, V: Send + 'static> Derived<K, V> {
         compute: impl FnOnce(&Progress) -> Result<V, AppError> + Send + 'static,
     ) -> Lookup<'_, V> {
         self.receive();
-        let kept = self.kept.as_ref().is_some_and(|(have, _)| *have == key);
-        if let Some((_, job)) = self.job.take_if(|(of, _)| *of != key || kept) {
+        let is_cached = self.cached.as_ref().is_some_and(|(cached_key, _)| *cached_key == key);
+        if let Some((_, job)) = self.job.take_if(|(job_key, _)| *job_key != key || is_cached) {
             job.progress.cancel();
         }
-        if !kept && self.job.is_none() {
+        if !is_cached && self.job.is_none() {
             if ask.wait {
-                self.kept = Some((key, compute(&Progress::new()).map(Arc::new)));
+                self.cached = Some((key, compute(&Progress::new()).map(Arc::new)));
             } else {
                 self.job = Some((key, Job::start(ask.wake.clone(), compute)));
             }
         }
-        match (&self.job, &self.kept) {
+        match (&self.job, &self.cached) {
             (Some((_, job)), _) => Lookup::Working(&job.progress),
             (None, Some((_, Ok(value)))) => Lookup::Ready(value),
             (None, Some((_, Err(why)))) => Lookup::Failed(why),
-            (None, None) => Lookup::Failed(&AppError::Nothing("nothing was computed")),
+            (None, None) => Lookup::Failed(&AppError::Unavailable("nothing was computed")),
         }
     }
 
-    /// The result for `key`, if it is here: nothing is begun.
-    pub fn kept(&self, key: &K) -> Option<&Arc<V>> {
-        self.kept.as_ref().filter(|(have, _)| have == key)?.1.as_ref().ok()
+    /// The result for `key`, if it is available: starts no job.
+    pub fn cached(&self, key: &K) -> Option<&Arc<V>> {
+        self.cached.as_ref().filter(|(cached_key, _)| cached_key == key)?.1.as_ref().ok()
     }
 
-    /// The result last computed, whether or not it is current.
+    /// The result last computed, which may be for an older key.
     pub fn last(&self) -> Option<&Arc<V>> {
-        self.kept.as_ref()?.1.as_ref().ok()
+        self.cached.as_ref()?.1.as_ref().ok()
     }
 
-    /// Whether a worker is at it.
+    /// Whether a worker is computing one.
     pub fn working(&self) -> bool {
         self.job.is_some()
     }
@@ -192,7 +192,7 @@ impl<K: PartialEq, V: Send + 'static> Derived<K, V> {
         if let Some(result) = self.job.as_ref().and_then(|(_, job)| job.poll())
             && let Some((key, _)) = self.job.take()
         {
-            self.kept = Some((key, result.map(Arc::new)));
+            self.cached = Some((key, result.map(Arc::new)));
         }
     }
 }
@@ -201,41 +201,47 @@ impl<K: PartialEq, V: Send + 'static> Derived<K, V> {
 mod tests {
     use super::*;
 
-    fn waiting() -> Ask {
+    fn blocking() -> Ask {
         Ask { wait: true, ..Ask::default() }
     }
 
     #[test]
     fn a_result_is_computed_once_per_key_and_a_stale_job_is_cancelled() {
         let mut derived: Derived<u32, u32> = Derived::default();
-        let Lookup::Ready(first) = derived.get(1, &waiting(), |_| Ok(10)) else { panic!("not ready") };
+        let Lookup::Ready(first) = derived.get(1, &blocking(), |_| Ok(10)) else { panic!("not ready") };
         assert_eq!(**first, 10);
-        let again = derived.get(1, &waiting(), |_| panic!("computed twice"));
+        let again = derived.get(1, &blocking(), |_| panic!("computed twice"));
         assert!(matches!(again, Lookup::Ready(v) if **v == 10));
 
-        let (woken, wait) = mpsc::channel();
+        let (woken, wakes) = mpsc::channel();
         let slow = |progress: &Progress| loop {
             progress.check()?;
             thread::yield_now();
         };
-        let asked = |who: u32| {
+        let on_worker = |who: u32| {
             let woken = woken.clone();
             Ask { wait: false, wake: Waker::new(move || woken.send(who).unwrap()) }
         };
-        assert!(matches!(derived.get(2, &asked(2), slow), Lookup::Working(_)));
-        assert!(matches!(derived.get(3, &asked(3), |_| Ok(30)), Lookup::Working(_)));
+        assert!(matches!(derived.get(2, &on_worker(2), slow), Lookup::Working(_)));
+        assert!(matches!(derived.get(3, &on_worker(3), |_| Ok(30)), Lookup::Working(_)));
         drop(woken);
-        let mut who: Vec<u32> = wait.iter().take(2).collect();
+        let mut who: Vec<u32> = wakes.iter().take(2).collect();
         who.sort_unstable();
         assert_eq!(who, [2, 3], "both workers ended");
         assert!(matches!(derived.get(3, &Ask::default(), |_| Ok(0)), Lookup::Ready(v) if **v == 30));
     }
 
     #[test]
-    fn a_failure_is_reported_and_not_tried_again() {
+    fn a_failure_is_reported_and_not_retried() {
         let mut derived: Derived<u32, u32> = Derived::default();
-        let no = || Err(AppError::Nothing("no"));
-        assert!(matches!(derived.get(1, &waiting(), move |_| no()), Lookup::Failed(AppError::Nothing("no"))));
-        assert!(matches!(derived.get(1, &waiting(), |_| Ok(1)), Lookup::Failed(AppError::Nothing("no"))));
+        let failure = || Err(AppError::Unavailable("no"));
+        assert!(matches!(
+            derived.get(1, &blocking(), move |_| failure()),
+            Lookup::Failed(AppError::Unavailable("no"))
+        ));
+        assert!(matches!(
+            derived.get(1, &blocking(), |_| Ok(1)),
+            Lookup::Failed(AppError::Unavailable("no"))
+        ));
     }
 }

@@ -17,11 +17,11 @@ use crate::{
     model::{CaseRef, Document},
 };
 
-/// The case that a reference names, before it is read. A folder's files are opened where their names
-/// don't say enough.
+/// The description of the case that a reference names, before it is read. Files of a folder are opened only where
+/// their names are ambiguous.
 ///
 /// # Errors
-/// [`CaseError`]: the manifest, folder or argument is wrong.
+/// [`CaseError`]: the manifest, folder or argument is invalid.
 pub fn spec_of(case: &CaseRef, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
     match case {
         CaseRef::Sample => Ok(sample::sample_spec()),
@@ -30,29 +30,29 @@ pub fn spec_of(case: &CaseRef, options: &LoadOptions, progress: &Progress) -> Re
     }
 }
 
-/// What a worker hands back.
+/// Result of a [`LoadJob`].
 pub enum Opened {
-    /// The case's files were guessed from names: the user sees the guess before it is used.
+    /// The roles of the files were guessed from their names: the user confirms the guess before the case is read.
     Guessed(CaseSpec),
-    /// The case is read.
+    /// The case has been read.
     Loaded(Box<Loaded>),
 }
 
 /// A worker that opens a case.
 pub struct LoadJob {
-    /// What is being opened.
+    /// The case being opened.
     pub case: CaseRef,
-    /// Files of fibre tracts beside those that it names.
+    /// Files of fibre tracts in addition to the case's.
     pub tracts: Vec<PathBuf>,
-    /// A document to continue with, from a session file.
+    /// The document to restore, from a session file.
     pub document: Option<Document>,
     /// The worker.
     pub job: Job<Opened>,
 }
 
 impl LoadJob {
-    /// Starts opening `case` and `tracts` beside it, or reading `accepted`, a spec that the user has
-    /// seen.
+    /// Starts opening `case` with additional `tracts`; where given, `accepted`, a guess that the user has confirmed, is
+    /// read instead of resolving `case` again.
     pub fn start(
         case: CaseRef,
         tracts: Vec<PathBuf>,
@@ -61,8 +61,9 @@ impl LoadJob {
         document: Option<Document>,
         wake: Waker,
     ) -> Self {
-        let (wanted, beside) = (case.clone(), tracts.clone());
-        let job = Job::start(wake, move |progress| open(&wanted, &beside, accepted, &options, progress));
+        let (job_case, job_tracts) = (case.clone(), tracts.clone());
+        let job =
+            Job::start(wake, move |progress| open(&job_case, &job_tracts, accepted, &options, progress));
         Self { case, tracts, document, job }
     }
 }

@@ -1,4 +1,4 @@
-//! What is alive: the loaded case and what is derived from it. Never saved.
+//! Runtime state: the loaded case and the results derived from it. Never saved.
 
 pub mod comparison;
 pub mod ellipsoids;
@@ -19,18 +19,18 @@ use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
 
 use crate::model::Document;
 
-/// A case and what every view needs of it, made once per load.
+/// A case and the data that every view needs of it, derived once per load.
 pub struct Loaded {
     /// The case.
     pub case: Arc<Case>,
-    /// Images ready to slice, in the order of each time point's contexts.
+    /// Images prepared for slicing: per time point, in the order of its contexts.
     contexts: Vec<Vec<Arc<PreparedContext>>>,
-    /// Cropped regions of each time point; `None` where no voxel is active.
+    /// Cropped region volume of each time point; `None` where no voxel is active.
     tumors: Vec<Option<Arc<RegionVolume>>>,
 }
 
 impl Loaded {
-    /// Derives what views need.
+    /// Prepares the images and crops the regions.
     pub fn new(case: Case) -> Self {
         let contexts = case
             .time_points
@@ -43,14 +43,14 @@ impl Loaded {
     }
 }
 
-/// The loaded case.
+/// The loaded case, if any.
 #[derive(Default)]
 pub struct World {
     loaded: Option<Loaded>,
 }
 
 impl World {
-    /// A world with a case in it.
+    /// A world with a loaded case.
     pub fn new(loaded: Loaded) -> Self {
         Self { loaded: Some(loaded) }
     }
@@ -60,68 +60,68 @@ impl World {
         self.loaded.as_ref().map(|l| &l.case)
     }
 
-    /// Number of dates.
+    /// Number of time points; 0 without a case.
     pub fn time_point_count(&self) -> usize {
         self.case().map_or(0, |c| c.time_points.len())
     }
 
-    /// The date the document looks at.
+    /// The document's current time point, or the first where the case has no such index.
     pub fn time_point(&self, doc: &Document) -> Option<&TimePoint> {
         let case = self.case()?;
         case.time_points.get(doc.nav.time).or_else(|| case.time_points.first())
     }
 
-    /// The image that the slices show.
+    /// The image that the slices show, with its id; `None` where none is selected or the current time point lacks it.
     pub fn context(&self, doc: &Document) -> Option<(&str, &Arc<PreparedContext>)> {
         let time_point = self.time_point(doc)?;
         let id = doc.nav.context.as_ref()?;
-        let at = time_point.contexts.iter().position(|c| c.id == *id)?;
-        let prepared = self.loaded.as_ref()?.contexts.get(doc.nav.time)?.get(at)?;
-        Some((time_point.contexts[at].id.as_str(), prepared))
+        let index = time_point.contexts.iter().position(|c| c.id == *id)?;
+        let prepared = self.loaded.as_ref()?.contexts.get(doc.nav.time)?.get(index)?;
+        Some((time_point.contexts[index].id.as_str(), prepared))
     }
 
-    /// Colours of the masks of the current date.
+    /// Colours of the masks of the current time point.
     pub fn colors(&self, doc: &Document) -> MaskColors {
-        let asked: Vec<_> =
+        let preferred: Vec<_> =
             self.time_point(doc).map(|t| t.masks.iter().map(|m| m.color).collect()).unwrap_or_default();
-        MaskColors::new(doc.edit.palette, &asked).with_coloring(doc.edit.coloring)
+        MaskColors::new(doc.edit.palette, &preferred).with_coloring(doc.edit.coloring)
     }
 
-    /// The regions of the current date, cropped; `None` where no voxel is active.
+    /// The cropped region volume of the current time point; `None` where no voxel is active.
     pub fn tumor(&self, doc: &Document) -> Option<&Arc<RegionVolume>> {
         self.loaded.as_ref()?.tumors.get(doc.nav.time)?.as_ref()
     }
 
-    /// Everything noticed about the case.
+    /// Findings of the checks of the case.
     pub fn checks(&self) -> &[Check] {
         self.case().map_or(&[], |c| &c.checks)
     }
 }
 
-/// Everything that is derived from a case when a view first needs it.
+/// Results derived from a case, each when a view first needs it.
 #[derive(Default)]
 pub struct Results {
-    /// The image of context and change view, with its histograms.
+    /// The image of context and change view as a volume, with its histograms.
     pub image: image::ImageResult,
-    /// The comparison of two dates.
+    /// The comparison of two time points.
     pub comparison: comparison::Comparisons,
-    /// Ellipsoids of all components.
+    /// Ellipsoids of all connected components.
     pub ellipsoids: ellipsoids::Ellipsoids,
-    /// Fibre tracts as tubes, and their distances.
+    /// Fibre tracts as tubes, and the selection for distance queries.
     pub tracts: tracts::TractResult,
-    /// Agreement of masks, and what is in the lens.
+    /// Agreement of masks, and voxel counts inside the lens.
     pub numbers: numbers::Numbers,
     /// The axial slice as a plane in 3D.
     pub plane: slice_plane::PlaneResult,
 }
 
 impl Results {
-    /// Nothing yet. `gpu` may compute where it is faster.
+    /// No results yet. `gpu`, where given, may be used for computation where it is faster.
     pub fn new(gpu: Option<Gpu>) -> Self {
         Self { comparison: comparison::Comparisons::new(gpu), ..Self::default() }
     }
 
-    /// Whether a worker is at something that a picture waits for.
+    /// Whether a worker is computing a result that pictures wait for.
     pub fn working(&self) -> bool {
         self.image.working()
             || self.comparison.working()

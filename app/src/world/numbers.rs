@@ -1,4 +1,4 @@
-//! Numbers that tables show: how far masks agree, and what is in the lens. Counted on a worker.
+//! Numbers in tables, computed on a worker: agreement of masks, and voxel counts inside the lens.
 
 use std::sync::Arc;
 
@@ -12,16 +12,16 @@ use glioscope_render::Lens;
 
 use super::jobs::{Ask, Derived, Handle, Lookup};
 
-/// How far the masks of a date agree.
+/// Agreement of the masks of a time point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgreementNumbers {
-    /// Every pair of masks, with every metric.
+    /// Every pair of masks with all metrics.
     pub pairs: Vec<Pair>,
-    /// Voxels by how many masks are active.
+    /// Voxel counts by number of active masks.
     pub levels: Vec<Agreement>,
 }
 
-/// Voxels of each region, by its bits.
+/// Region bits and their voxel counts.
 pub type RegionVoxels = Vec<(u32, u64)>;
 
 #[derive(Clone, PartialEq)]
@@ -30,16 +30,16 @@ struct LensKey {
     lens: Lens,
 }
 
-/// Numbers, those last asked for.
+/// The numbers last requested.
 #[derive(Default)]
 pub struct Numbers {
     agreement: Derived<Handle<TumorIndex>, AgreementNumbers>,
     lens: Derived<LensKey, RegionVoxels>,
-    lens_counts: u64,
+    lens_jobs: u64,
 }
 
 impl Numbers {
-    /// How far the masks of `time_point` agree.
+    /// Agreement of the masks of `time_point`.
     pub fn agreement(&mut self, time_point: &TimePoint, ask: &Ask) -> Lookup<'_, AgreementNumbers> {
         let (index, regions) = (time_point.index.clone(), time_point.regions.clone());
         self.agreement.get(Handle::of(&time_point.index), ask, move |_| {
@@ -50,8 +50,8 @@ impl Numbers {
         })
     }
 
-    /// Voxels of each region of `tumor` inside `lens`. While a moved lens is counted, the numbers are those of
-    /// before: whether they are current stands beside them. `None` before the first are there.
+    /// Voxel counts of the regions of `tumor` inside `lens`, and whether they are current: while a moved lens is being
+    /// counted, the previous counts are returned with `false`. `None` until the first are available.
     pub fn in_lens(
         &mut self,
         tumor: &Arc<RegionVolume>,
@@ -59,28 +59,28 @@ impl Numbers {
         ask: &Ask,
     ) -> Option<(Arc<RegionVoxels>, bool)> {
         let key = LensKey { tumor: Handle::of(tumor), lens };
-        if self.lens.kept(&key).is_none() && !self.lens.working() {
-            self.lens_counts += 1;
+        if self.lens.cached(&key).is_none() && !self.lens.working() {
+            self.lens_jobs += 1;
         }
-        let of = tumor.clone();
-        let work = move |_: &_| Ok(voxels_inside(&of, lens.center_mm, lens.radius_mm));
+        let volume = tumor.clone();
+        let work = move |_: &_| Ok(voxels_inside(&volume, lens.center_mm, lens.radius_mm));
         let current = match self.lens.get(key, ask, work) {
-            Lookup::Ready(found) => Some(found.clone()),
+            Lookup::Ready(counts) => Some(counts.clone()),
             Lookup::Working(_) | Lookup::Failed(_) => None,
         };
         match (current, self.lens.last()) {
-            (Some(found), _) => Some((found, true)),
-            (None, Some(before)) => Some((before.clone(), false)),
+            (Some(counts), _) => Some((counts, true)),
+            (None, Some(previous)) => Some((previous.clone(), false)),
             (None, None) => None,
         }
     }
 
-    /// How often a lens was counted: a test that an idle view counts nothing reads it.
-    pub fn lens_counts(&self) -> u64 {
-        self.lens_counts
+    /// Number of lens counts started so far: for the test that an idle view starts none.
+    pub fn lens_jobs(&self) -> u64 {
+        self.lens_jobs
     }
 
-    /// Whether a worker is at one.
+    /// Whether a worker is computing any.
     pub fn working(&self) -> bool {
         self.agreement.working() || self.lens.working()
     }
@@ -93,7 +93,7 @@ mod tests {
     use glioscope_core::{Grid, Mask, MaskBits, Regions};
 
     #[test]
-    fn a_lens_that_rests_is_counted_once() {
+    fn an_unchanged_lens_is_counted_once() {
         let grid = Grid::axis_aligned([8, 8, 8], DVec3::ONE, DVec3::ZERO).unwrap();
         let mask = Mask::new("a", grid.clone(), MaskBits::from_fn([8, 8, 8], |_| true)).unwrap();
         let index = TumorIndex::new(grid, &[&mask]).unwrap();
@@ -105,15 +105,15 @@ mod tests {
         let ask = Ask { wait: true, ..Ask::default() };
         let steps =
             [(&tumor, small, 7, 1), (&tumor, small, 7, 1), (&tumor, large, 19, 2), (&other, large, 19, 3)];
-        for (tumor, lens, voxels, counts) in steps {
+        for (tumor, lens, voxels, jobs) in steps {
             let (found, current) = numbers.in_lens(tumor, lens, &ask).unwrap();
             assert_eq!((found.as_slice(), current), ([(1, voxels)].as_slice(), true));
-            assert_eq!(numbers.lens_counts(), counts);
+            assert_eq!(numbers.lens_jobs(), jobs);
         }
     }
 
     #[test]
-    fn agreement_is_counted_on_a_worker() {
+    fn agreement_is_computed_on_a_worker() {
         let grid = Grid::axis_aligned([4, 1, 1], DVec3::ONE, DVec3::ZERO).unwrap();
         let mask = |id: &str, from: usize| {
             Mask::new(id, grid.clone(), MaskBits::from_fn([4, 1, 1], |l| l >= from)).unwrap()
@@ -124,7 +124,7 @@ mod tests {
             TimePoint { label: String::new(), contexts: Vec::new(), masks: Vec::new(), index, regions };
         let mut numbers = Numbers::default();
         let ask = Ask::default();
-        assert!(matches!(numbers.agreement(&time_point, &ask), Lookup::Working(_)), "not while drawing");
+        assert!(matches!(numbers.agreement(&time_point, &ask), Lookup::Working(_)), "computed while drawing");
         let found = loop {
             if let Lookup::Ready(found) = numbers.agreement(&time_point, &ask) {
                 break found.clone();
@@ -135,23 +135,23 @@ mod tests {
     }
 
     #[test]
-    fn a_moved_lens_keeps_the_numbers_of_before_until_a_worker_has_counted() {
+    fn a_moved_lens_keeps_the_previous_counts_until_a_worker_is_done() {
         let grid = Grid::axis_aligned([8, 8, 8], DVec3::ONE, DVec3::ZERO).unwrap();
         let mask = Mask::new("a", grid.clone(), MaskBits::from_fn([8, 8, 8], |_| true)).unwrap();
         let index = TumorIndex::new(grid, &[&mask]).unwrap();
         let tumor = Arc::new(RegionVolume::of(&index, &Regions::of(&index)).unwrap());
         let small = Lens { center_mm: DVec3::splat(3.0), radius_mm: 1.0 };
         let mut numbers = Numbers::default();
-        let (waiting, working) = (Ask { wait: true, ..Ask::default() }, Ask::default());
-        assert!(numbers.in_lens(&tumor, small, &working).is_none(), "nothing is counted while drawing");
+        let (blocking, on_worker) = (Ask { wait: true, ..Ask::default() }, Ask::default());
+        assert!(numbers.in_lens(&tumor, small, &on_worker).is_none(), "counted while drawing");
         numbers = Numbers::default();
-        numbers.in_lens(&tumor, small, &waiting);
+        numbers.in_lens(&tumor, small, &blocking);
         let large = Lens { radius_mm: 1.5, ..small };
-        let (found, current) = numbers.in_lens(&tumor, large, &working).unwrap();
+        let (found, current) = numbers.in_lens(&tumor, large, &on_worker).unwrap();
         assert_eq!((found.as_slice(), current), ([(1, 7)].as_slice(), false));
         while numbers.working() {
-            numbers.in_lens(&tumor, large, &working);
+            numbers.in_lens(&tumor, large, &on_worker);
         }
-        assert_eq!(*numbers.in_lens(&tumor, large, &working).unwrap().0, [(1, 19)]);
+        assert_eq!(*numbers.in_lens(&tumor, large, &on_worker).unwrap().0, [(1, 19)]);
     }
 }

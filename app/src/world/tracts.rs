@@ -1,4 +1,4 @@
-//! Fibre tracts as tubes, made once per case, and how far a fibre runs from the selection.
+//! Fibre tracts as tubes, prepared once per case, and the selection for distance queries.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use glioscope_render::{TubeSet, tract_color};
 use super::jobs::{Ask, Derived, Handle, Lookup};
 use crate::error::AppError;
 
-/// What the distance of a fibre depends on besides the fibre.
+/// Inputs of [`SelectedCells`].
 #[derive(PartialEq)]
 struct CellsKey {
     case: Handle<Case>,
@@ -20,32 +20,32 @@ struct CellsKey {
     selection: Selection,
 }
 
-/// What is derived from a case's fibre tracts.
+/// Results derived from a case's fibre tracts.
 #[derive(Default)]
 pub struct TractResult {
     sets: Derived<Handle<Case>, Vec<Arc<TubeSet>>>,
-    /// The selection, ready to be asked for distances; `None` where it is empty.
+    /// The selection, prepared for distance queries; `None` where it is empty.
     cells: Derived<CellsKey, Option<SelectedCells>>,
 }
 
-/// Whether `tracts` may be drawn beside the masks of `case`: only where both say which side is which.
+/// Whether `tracts` may be drawn with the masks of `case`: only where left and right are known for both.
 pub fn is_placed(case: &Case, tracts: &Tracts) -> bool {
     tracts.sides() == Sides::Known && case.grid.sides() == Sides::Known
 }
 
 impl TractResult {
-    /// A set for each of the case's files of tracts, in their order; an empty one where the place is not
-    /// known. `None` without a file.
+    /// One tube set per tract file of the case, in their order; empty for files whose position is unknown
+    /// ([`is_placed`]). `None` where the case has no tracts.
     pub fn sets(&mut self, case: &Arc<Case>, ask: &Ask) -> Option<Lookup<'_, Vec<Arc<TubeSet>>>> {
         if case.tracts.is_empty() {
             return None;
         }
-        let of = case.clone();
-        Some(self.sets.get(Handle::of(case), ask, move |progress| prepare(&of, progress)))
+        let job_case = case.clone();
+        Some(self.sets.get(Handle::of(case), ask, move |progress| prepare(&job_case, progress)))
     }
 
-    /// The cells of what `selection` shows of the date at `time`, to ask for distances; `None` within where it is
-    /// empty.
+    /// The selected voxels of the time point with index `time`, prepared for distance queries; `None` inside the result
+    /// where none is selected.
     pub fn cells(
         &mut self,
         case: &Arc<Case>,
@@ -61,18 +61,18 @@ impl TractResult {
         })
     }
 
-    /// Whether a worker is at something that changes the picture.
+    /// Whether a worker is preparing tubes.
     pub fn working(&self) -> bool {
         self.sets.working()
     }
 }
 
 fn prepare(case: &Case, progress: &Progress) -> Result<Vec<Arc<TubeSet>>, AppError> {
-    let nothing = Tracts::new(Vec::new(), vec![0], Sides::Unknown);
+    let no_tracts = Tracts::new(Vec::new(), vec![0], Sides::Unknown);
     let mut sets = Vec::new();
     for (n, CaseTracts { id, tracts }) in case.tracts.iter().enumerate() {
         progress.say(format!("preparing {id}"));
-        let drawn = nothing.as_ref().filter(|_| !is_placed(case, tracts)).unwrap_or(tracts);
+        let drawn = no_tracts.as_ref().filter(|_| !is_placed(case, tracts)).unwrap_or(tracts);
         sets.push(Arc::new(TubeSet::new(drawn, tract_color(n), TubeSet::RADIUS_MM, progress)?));
     }
     Ok(sets)

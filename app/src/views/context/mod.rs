@@ -1,4 +1,4 @@
-//! The context view (thesis 7.3.2): the tumour in its anatomy, seen through it from every side.
+//! The context view (thesis 7.3.2): the tumour within the volume-rendered image, visible through it from every side.
 
 mod tract_list;
 
@@ -10,7 +10,7 @@ use glioscope_render::{ContextPick, ContextScene, flat, views::context::Context}
 use super::{
     draw,
     pane::{Input, Pane, Stage},
-    view3d::{Canvas, Picked, ScreenReport, View, canvas::linked_camera, marks},
+    view3d::{Canvas, Picked, ScreenReport, View, linked_camera, marks},
 };
 use crate::{
     command::Commands,
@@ -21,7 +21,7 @@ use crate::{
 /// The pane of the context view.
 #[derive(Default)]
 pub struct ContextPane {
-    /// Its picture.
+    /// Its 3D view.
     pub canvas: Canvas<Context>,
 }
 
@@ -31,13 +31,13 @@ impl Picked for ContextPick {
     }
 }
 
-/// A camera that holds the image, or without one the tumour.
+/// A camera that fits the image, or without one the tumour.
 fn camera(input: &Input<'_>) -> Camera {
     let nav = &input.doc.nav;
     let (focus_mm, radius_mm) = match input.context {
         Some((_, image)) => {
             let (low, high) = image.volume().grid().bounds_mm();
-            // Heads are round: the corners of their box may leave the picture.
+            // Heads are round: the corners of the bounding box may be outside the view.
             ((low + high) / 2.0, (high - low).length() * 0.36)
         }
         None => (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point)),
@@ -69,7 +69,7 @@ impl Pane for ContextPane {
             None => None,
         };
         let transfer = stage.results.image.transfer(input.doc, input.context);
-        let (tubes, tracts_note) = tract_list::tubes(ui, stage);
+        let (tubes, tracts_note) = tract_list::drawn_tubes(ui, stage);
         let scene = ContextScene {
             volume,
             transfer,
@@ -84,12 +84,12 @@ impl Pane for ContextPane {
             silhouette: [0, 0, 0],
         };
         let view = View { doc: input.doc, pane: PaneId::Context, camera: scene.camera, rect };
-        let outcome = self.canvas.steer(ui, graphics, &view, &response, out);
+        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
         let under = self.canvas.hover().copied().map(|pick| {
-            let fiber = pick.fiber.map(|fiber| tract_list::words(stage, fiber));
+            let fiber = pick.fiber.map(|fiber| tract_list::fiber_text(stage, fiber));
             pick_text(&input, &pick, fiber)
         });
         let name = input.context.map_or("no image", |(id, _)| id);
@@ -106,9 +106,9 @@ impl Pane for ContextPane {
             draw::note(ui, rect, &words);
         }
         marks::corners(ui, rect, input.sides_known(), (&scene.camera, "at the middle"), true);
-        self.canvas.finish(ui, &view, &response, &outcome, under.as_deref());
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, under.as_deref());
         response.widget_info(|| {
-            let spoken = self.canvas.spoken(&format!("Context view of {name}"), under.as_deref());
+            let spoken = self.canvas.accessible_text(&format!("Context view of {name}"), under.as_deref());
             WidgetInfo::labeled(Role::Canvas, true, spoken)
         });
     }

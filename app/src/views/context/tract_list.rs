@@ -1,4 +1,4 @@
-//! Fibre tracts in the context view: as tubes, their list over the picture, and what a fibre under the pointer is.
+//! Fibre tracts in the context view: drawn as tubes, listed over the view, and named under the pointer.
 
 use std::sync::Arc;
 
@@ -16,11 +16,11 @@ use crate::{
     world::{jobs::Lookup, tracts::is_placed},
 };
 
-/// From line to line of the list.
+/// Line height of the list.
 const LINE_POINTS: f32 = 17.0;
 
-/// The case's tracts as the document shows them; what to say meanwhile where they aren't ready.
-pub(super) fn tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Option<String>) {
+/// The case's tracts with their visibility; and a note while or why they aren't ready.
+pub(super) fn drawn_tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Option<String>) {
     let Stage { input, ask, results, .. } = stage;
     match results.tracts.sets(input.case, ask) {
         Some(Lookup::Ready(sets)) => {
@@ -39,8 +39,8 @@ pub(super) fn tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Option<
     }
 }
 
-/// What a fibre is called, and how far it runs from the selection once that is known.
-pub(super) fn words(stage: &mut Stage<'_>, picked: PickedFiber) -> String {
+/// A fibre's name, and its distance from the selection once that is computed.
+pub(super) fn fiber_text(stage: &mut Stage<'_>, picked: PickedFiber) -> String {
     let Stage { input, ask, results, .. } = stage;
     let Some(CaseTracts { id, tracts }) = input.case.tracts.get(picked.set) else {
         return String::new();
@@ -60,7 +60,7 @@ pub(super) fn words(stage: &mut Stage<'_>, picked: PickedFiber) -> String {
     }
 }
 
-/// The list of tracts from `top` downwards: colour, name, and a click shows or hides.
+/// Draws the list of tracts from `top` downwards: colour and name; a click shows or hides a tract.
 pub(super) fn list(
     ui: &Ui,
     input: &Input<'_>,
@@ -77,7 +77,7 @@ pub(super) fn list(
     let ink = draw::ink(dark);
     let painter = ui.painter().with_clip_rect(rect);
     let font = FontId::proportional(12.0);
-    // The scale bar is below.
+    // Space for the scale bar below.
     let room = ((rect.bottom() - 60.0 - top) / LINE_POINTS).max(0.0) as usize;
     let rows = if case.tracts.len() > room { room.saturating_sub(1) } else { case.tracts.len() };
     let rest = case.tracts.len() - rows;

@@ -1,5 +1,5 @@
-//! One way of clicking for the ring, the bar and the UpSet plot: what is drawn as one picture is one
-//! surface for the mouse, and a row of check boxes for the keyboard and the screen reader.
+//! Interaction shared by the ring, the bar and the UpSet plot: each diagram is one widget for the mouse, and a row of
+//! check boxes for the keyboard and screen readers.
 
 use egui::{Id, PointerButton, Popup, Pos2, Rect, Response, Role, Sense, Ui, WidgetInfo};
 
@@ -9,17 +9,16 @@ use crate::{
     format,
 };
 
-/// A clickable piece and where its middle is.
-pub struct Spot {
-    /// What it stands for.
+/// The area of a piece for the keyboard and screen readers.
+pub struct FocusArea {
+    /// The piece's region or mask.
     pub target: Target,
-    /// A part of the piece around its middle. It is where keyboard and screen reader find it; the
-    /// mouse goes by `hit`.
+    /// A part of the piece around its centre. The mouse uses `hit` instead.
     pub rect: Rect,
 }
 
-/// What the user does with a picture in this frame.
-pub struct Touched {
+/// The user's interaction with a diagram in this frame.
+pub struct Interaction {
     /// Piece under the cursor.
     pub hovered: Option<Target>,
     /// Piece with keyboard focus.
@@ -40,78 +39,78 @@ fn only(target: Target) -> EditCommand {
     }
 }
 
-/// Makes `rect` clickable: click toggles the piece under the cursor, double-click (or with shift)
-/// shows only it, the right button opens a menu; space and enter do the same for the piece with
-/// focus. A double-click sends the toggle of its first click and then `Only…`, which says the whole
-/// selection, so the end is the same whatever the toggle did.
-pub fn picture(
+/// Makes the pieces in `rect` clickable: a click toggles the piece under the cursor, a double-click or Shift-click shows
+/// only it, a right click opens a menu; space and enter act as a click on the focused piece. A double-click sends the
+/// toggle of its first click and then `Only…`, which sets the whole selection, so the toggle has no effect on the
+/// result.
+pub fn clickable_pieces(
     ui: &Ui,
     id: Id,
     rect: Rect,
-    spots: &[Spot],
+    focus_areas: &[FocusArea],
     hit: impl Fn(Pos2) -> Option<Target>,
     input: &OverlapInput<'_>,
     out: &mut Commands,
-) -> Touched {
-    let mut all = ui.interact(rect, id, Sense::CLICK);
+) -> Interaction {
+    let mut diagram = ui.interact(rect, id, Sense::CLICK);
     let mut focused = None;
-    for spot in spots {
-        let shown = input.shown(spot.target);
-        let response = ui.interact(spot.rect, id.with(spot.target), Sense::click());
+    for area in focus_areas {
+        let shown = input.shown(area.target);
+        let response = ui.interact(area.rect, id.with(area.target), Sense::click());
         response.widget_info(|| {
             WidgetInfo::selected(
                 Role::CheckBox,
                 ui.is_enabled(),
                 shown == Shown::All,
-                input.spoken(spot.target),
+                input.accessible_text(area.target),
             )
         });
         if response.gained_focus() {
             response.scroll_to_me(None);
         }
         if response.has_focus() {
-            focused = Some(spot.target);
+            focused = Some(area.target);
         }
-        // Keyboard and screen reader: a click without a mouse button.
+        // Keyboard and screen readers click without a mouse button.
         if response.clicked() && !response.clicked_by(PointerButton::Primary) {
             let alone = ui.input(|i| i.modifiers.shift);
-            out.push(if alone { only(spot.target) } else { toggle(spot.target) });
+            out.push(if alone { only(area.target) } else { toggle(area.target) });
         }
-        all = all.union(response);
+        diagram = diagram.union(response);
     }
-    let hovered = all.hover_pos().filter(|_| all.hovered()).and_then(&hit);
-    if let Some(target) = all.interact_pointer_pos().and_then(&hit)
-        && all.clicked_by(PointerButton::Primary)
-        && !all.triple_clicked()
+    let hovered = diagram.hover_pos().filter(|_| diagram.hovered()).and_then(&hit);
+    if let Some(target) = diagram.interact_pointer_pos().and_then(&hit)
+        && diagram.clicked_by(PointerButton::Primary)
+        && !diagram.triple_clicked()
     {
-        let alone = all.double_clicked() || ui.input(|i| i.modifiers.shift);
+        let alone = diagram.double_clicked() || ui.input(|i| i.modifiers.shift);
         out.push(if alone { only(target) } else { toggle(target) });
     }
-    let all = menu(ui, id, all, &hit, input, out);
+    let diagram = menu(ui, id, diagram, &hit, input, out);
     if let Some(target) = hovered {
-        let response = all.on_hover_cursor(egui::CursorIcon::PointingHand);
+        let response = diagram.on_hover_cursor(egui::CursorIcon::PointingHand);
         if !Popup::is_any_open(ui.ctx()) {
             response.on_hover_ui_at_pointer(|ui| tooltip(ui, input, target));
         }
     }
-    Touched { hovered, focused }
+    Interaction { hovered, focused }
 }
 
 fn menu(
     ui: &Ui,
     id: Id,
-    all: Response,
+    diagram: Response,
     hit: &impl Fn(Pos2) -> Option<Target>,
     input: &OverlapInput<'_>,
     out: &mut Commands,
 ) -> Response {
-    let about = id.with("menu");
-    if all.secondary_clicked() {
-        let target = all.interact_pointer_pos().and_then(hit);
-        ui.data_mut(|d| d.insert_temp(about, target));
+    let target_id = id.with("menu");
+    if diagram.secondary_clicked() {
+        let target = diagram.interact_pointer_pos().and_then(hit);
+        ui.data_mut(|d| d.insert_temp(target_id, target));
     }
-    all.context_menu(|ui| {
-        if let Some(target) = ui.data(|d| d.get_temp::<Option<Target>>(about)).flatten() {
+    diagram.context_menu(|ui| {
+        if let Some(target) = ui.data(|d| d.get_temp::<Option<Target>>(target_id)).flatten() {
             let name = input.name(target);
             let word = if input.shown(target) == Shown::All { "Hide" } else { "Show" };
             if ui.button(format!("{word} {name}")).clicked() {
@@ -126,7 +125,7 @@ fn menu(
             out.push(EditCommand::ShowAllRegions);
         }
     });
-    all
+    diagram
 }
 
 /// Name, size and share of a region or mask.
@@ -139,12 +138,12 @@ pub fn tooltip(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
     ui.label(format!("{} · {} of union", format::ml(input.ml(target)), format::percent(input.share(target))));
     ui.label(format!("{} voxels", format::count(input.voxels(target))));
     let shown = input.shown(target);
-    let how = capital(shown_word(shown));
-    let why = if shown == Shown::Some { ": not all of its regions are" } else { "" };
-    ui.weak(format!("{how}{why}. Click: on or off. Double-click: only this."));
+    let visibility = capitalized(shown_word(shown));
+    let detail = if shown == Shown::Some { ": not all of its regions are" } else { "" };
+    ui.weak(format!("{visibility}{detail}. Click: on or off. Double-click: only this."));
 }
 
-fn capital(word: &str) -> String {
+fn capitalized(word: &str) -> String {
     let mut chars = word.chars();
     chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())
 }

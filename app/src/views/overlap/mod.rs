@@ -1,8 +1,8 @@
-//! The tumour overlap diagram (thesis 7.5 and 7.7): how large each region is, and which are shown.
+//! The tumour overlap diagram (thesis 7.5 and 7.7): sizes and visibility of the regions.
 //!
-//! Up to three masks are a ring with a circle in it ([`ring`]), with the bar of whole masks below;
-//! more are an UpSet plot. Beside or below stand the table of regions and that of agreement. All of
-//! it reads [`OverlapInput`] and writes [`Command`]s; nothing here changes the selection itself.
+//! Up to three masks are drawn as a ring around a circle ([`ring`]), with the bar of whole masks below; more masks as an
+//! UpSet plot. Beside or below it are the tables of regions and of agreement. All parts read [`OverlapInput`] and write
+//! commands; none changes the selection itself.
 
 mod bar;
 mod interact;
@@ -56,29 +56,29 @@ impl Pane for OverlapPane {
     }
 }
 
-/// What the view reads.
+/// Input of the view.
 #[derive(Clone, Copy)]
 pub struct OverlapInput<'a> {
-    /// Sizes and names.
+    /// Sizes and names of the regions.
     pub regions: &'a Regions,
-    /// What is shown.
+    /// The regions shown.
     pub selection: &'a Selection,
     /// Colours of the masks.
     pub colors: &'a MaskColors,
-    /// What a click means.
+    /// Whether a click toggles a region or a whole mask.
     pub mode: OverlapMode,
 }
 
-/// Most masks that the ring can show with their overlaps.
-const RING_MASKS: usize = 3;
+/// Largest number of masks that the ring can show with their overlaps.
+const MAX_RING_MASKS: usize = 3;
 
-/// Draws the whole view (diagram, bar, tables) into the rest of `ui` and pushes what the user did
-/// to `out`. `pairs` is how far the masks agree, as far as it is counted. Gives the bits of the region under the cursor, in the diagram or in the table; `None`
-/// where whole masks are shown.
+/// Draws the whole view (diagram, bar, tables) into the rest of `ui` and pushes the user's commands to `out`. `pairs`:
+/// agreement of each pair of masks; empty until it is computed. Returns the bits of the region under the cursor, in the
+/// diagram or in the table; `None` in whole-mask mode.
 pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Commands) -> Option<u32> {
     header(ui, input, out);
     if input.regions.union_voxels() == 0 {
-        nothing(ui, input);
+        empty_message(ui, input);
         return None;
     }
     let pointed_at = ui.scope_id().with("pointed at in the table");
@@ -115,12 +115,11 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Com
     }
 }
 
-/// Only the diagram and the bar, as large as `ui` has room: for pictures. The painted area of each
-/// mask's pure colour is in proportion to the mask's size while all regions are shown. Gives the
-/// region under the cursor, as [`show`].
+/// Draws only the diagram and the bar, filling `ui`: for pictures. While all regions are shown, the area of each mask's
+/// pure colour is proportional to the mask's size. Returns the region under the cursor, as [`show`].
 pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) -> Option<u32> {
     if input.regions.union_voxels() == 0 {
-        nothing(ui, input);
+        empty_message(ui, input);
         return None;
     }
     let size = ui.available_size();
@@ -130,19 +129,19 @@ pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) -
     }
 }
 
-/// Height of the diagram where the tables stand below it.
+/// Height of the diagram above the tables, points.
 fn stacked_height(input: &OverlapInput<'_>, size: egui::Vec2) -> f32 {
     let room = size.y - table::height(input) - 8.0;
     if is_ring(input) {
-        return room.clamp((size.y * 0.8).min(220.0), size.x + bar::HEIGHT);
+        return room.clamp((size.y * 0.8).min(220.0), size.x + bar::HEIGHT_PT);
     }
-    // The plot is read first: it gets the whole pane, but for a glimpse of what is below it.
-    let least = upset::least_height(input.regions.mask_ids().len());
-    (size.y - 26.0).min(least * 1.6).max(least)
+    // The plot fills the pane up to a strip that shows that the tables follow.
+    let min_height = upset::min_height(input.regions.mask_ids().len());
+    (size.y - 26.0).min(min_height * 1.6).max(min_height)
 }
 
 fn is_ring(input: &OverlapInput<'_>) -> bool {
-    input.mode == OverlapMode::WholeMasks || input.regions.mask_ids().len() <= RING_MASKS
+    input.mode == OverlapMode::WholeMasks || input.regions.mask_ids().len() <= MAX_RING_MASKS
 }
 
 fn side_by_side(input: &OverlapInput<'_>, size: egui::Vec2) -> bool {
@@ -175,7 +174,7 @@ fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) {
     });
 }
 
-fn nothing(ui: &mut Ui, input: &OverlapInput<'_>) {
+fn empty_message(ui: &mut Ui, input: &OverlapInput<'_>) {
     let masks = input.regions.mask_ids();
     let why = match masks {
         [] => "The case has no mask.".to_owned(),
@@ -229,7 +228,7 @@ fn diagram_in(
     let small = egui::TextStyle::Small.resolve(ui.style());
     let color = paint::dim_text(ui);
     ui.painter().text(rect.left_top(), egui::Align2::LEFT_TOP, note, small, color);
-    let split = rect.bottom() - bar::HEIGHT;
+    let split = rect.bottom() - bar::HEIGHT_PT;
     let above = Rect::from_min_max(rect.min + vec2(0.0, 10.0), pos2(rect.right(), split - 4.0));
     let below = Rect::from_min_max(pos2(rect.left(), split), rect.max);
     let ring = ring_view::show(ui, id.with("ring"), above, &pieces, input, marked, out);

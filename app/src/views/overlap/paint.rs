@@ -1,4 +1,4 @@
-//! Colours of the view, and fills whose colour is pure up to their smoothed edge.
+//! Colours of the view, and antialiased fills of ring parts.
 
 use egui::{
     Color32, Pos2, Stroke, Ui, Visuals,
@@ -9,27 +9,27 @@ use glioscope_render::Rgb;
 
 use super::{Shown, ring};
 
-/// Width of the border around what is shown, points.
+/// Width of the border of shown pieces, points.
 pub const BORDER_PT: f32 = 1.7;
 
-/// The colours that don't stand for a mask.
+/// Colours and strokes other than the masks' colours.
 pub struct Style {
-    /// Under everything that carries a border, so that white is seen on any background.
+    /// Dark casing below bordered pieces, so that white borders are visible on any background.
     pub casing: Color32,
-    /// Border of what is shown.
+    /// Border of shown pieces.
     pub shown: Stroke,
-    /// Border of what is hidden.
+    /// Border of hidden pieces.
     pub hidden: Stroke,
-    /// What hidden fills fade towards.
+    /// Colour that hidden fills are blended with.
     pub faded: Color32,
-    /// Border under the cursor or with keyboard focus.
+    /// Border of the piece under the cursor or with keyboard focus.
     pub marked: Stroke,
-    /// One device pixel in points: the width of a smoothed edge.
+    /// Width of a device pixel, points: that of an antialiased edge.
     pub pixel: f32,
 }
 
 impl Style {
-    /// For this `ui`'s theme and resolution.
+    /// The style for the theme and resolution of `ui`.
     pub fn of(ui: &Ui) -> Self {
         let Visuals { dark_mode, .. } = *ui.visuals();
         let grey = if dark_mode { 120 } else { 150 };
@@ -43,7 +43,7 @@ impl Style {
         }
     }
 
-    /// A mask's colour: pure when shown, faded when not.
+    /// A mask's fill: its pure colour when shown, faded when partly shown or hidden.
     pub fn fill(&self, rgb: Rgb, shown: Shown) -> Color32 {
         let pure = Color32::from_rgb(rgb[0], rgb[1], rgb[2]);
         match shown {
@@ -53,15 +53,15 @@ impl Style {
         }
     }
 
-    /// The border of what is shown or not.
+    /// The border for a visibility.
     pub fn border(&self, shown: Shown) -> Stroke {
         if shown == Shown::None { self.hidden } else { self.shown }
     }
 }
 
-/// A part of a ring between two angles (clockwise from twelve o'clock, radians) and two radii
-/// (points), smoothed over one pixel across its edges so that its area is right. `wider` moves its
-/// straight sides outwards, by so many points at every radius.
+/// Adds a part of a ring between two angles (`span`: clockwise from twelve o'clock, radians) and two radii (points). Its
+/// edges are antialiased over one pixel so that its painted area is accurate. `wider` moves the straight sides outwards
+/// by that many points at every radius. Adds nothing if angles or radii aren't ascending.
 pub fn ring_part(
     mesh: &mut Mesh,
     center: Pos2,
@@ -79,9 +79,9 @@ pub fn ring_part(
     let half = f64::from(pixel) / 2.0;
     let closed = to - from >= std::f64::consts::TAU - 1e-9;
     let steps = ring::arc_steps(from, to, outer);
-    // What is thinner than a pixel is painted a pixel wide and as much fainter.
-    let across = |width: f64| ((width / (2.0 * half)).min(1.0), half.min(width / 2.0));
-    let (radial_alpha, radial_inset) = across(outer - inner);
+    // Parts thinner than a pixel are painted one pixel wide with proportionally lower alpha.
+    let alpha_and_inset = |width: f64| ((width / (2.0 * half)).min(1.0), half.min(width / 2.0));
+    let (radial_alpha, radial_inset) = alpha_and_inset(outer - inner);
     let rows = [
         ((inner - half).max(0.0), if inner > 0.0 { 0.0 } else { radial_alpha }),
         (inner + if inner > 0.0 { radial_inset } else { 0.0 }, radial_alpha),
@@ -90,13 +90,16 @@ pub fn ring_part(
     ];
     let first = mesh.vertices.len() as u32;
     let mut columns = 0;
-    // An angle is moved by so much along the arc, which is a different angle in each row.
+    // `moved` is a length along the arc in points, so it is a different angle in each row.
     let mut column = |angle: f64, moved: f64, fade: bool| {
         for (radius, alpha) in rows {
             let angle = angle + if radius > 0.0 { moved / radius.max(half) } else { 0.0 };
             let [x, y] = ring::point(angle, radius);
-            let (arc_alpha, _) =
-                if closed { (1.0, 0.0) } else { across((to - from) * radius.max(outer / 2.0) + 2.0 * wider) };
+            let (arc_alpha, _) = if closed {
+                (1.0, 0.0)
+            } else {
+                alpha_and_inset((to - from) * radius.max(outer / 2.0) + 2.0 * wider)
+            };
             let alpha = if fade { 0.0 } else { alpha * arc_alpha };
             let color = color.gamma_multiply(alpha as f32);
             mesh.vertices.push(Vertex::untextured(center + egui::vec2(x as f32, y as f32), color));
@@ -133,7 +136,7 @@ pub fn arc(center: Pos2, from: f64, to: f64, radius: f64) -> Vec<Pos2> {
         .collect()
 }
 
-/// Colour of words about what is hidden: quieter than text, still legible.
+/// Colour of text about hidden regions: dimmer than normal text, but legible.
 pub fn dim_text(ui: &Ui) -> Color32 {
     ui.visuals().panel_fill.lerp_to_gamma(ui.visuals().text_color(), 0.66)
 }

@@ -1,11 +1,10 @@
-//! Geometry of the tumour overlap diagram (thesis 7.5), in closed form and without a pixel.
+//! Geometry of the tumour overlap diagram (thesis 7.5), independent of drawing.
 //!
-//! Every voxel of every mask gets the same painted area `k`. A ring segment of a region with `n`
-//! voxels has one layer for each of its masks, each of area `k n`; all layers lie between the same
-//! radii around the ring, so that the opening angle is in proportion to `n` too. The region of all
-//! three masks is a circle of area `3 k n` in three equal sectors. The lines between segments lie in
-//! gaps and take no area from any colour: the gaps are the same angle between all segments, and the
-//! fills share what is left of the turn.
+//! Every voxel of every mask has the same painted area `k`. The ring segment of a region with `n` voxels has one layer
+//! per mask of the region, each of area `k n`. A layer has the same radii all around the ring, so the opening angle is
+//! proportional to `n` too. The region of all three masks is a circle of area `3 k n` with three equal sectors. The lines
+//! between segments lie in gaps and cover no fill: all gaps have the same angle, and the fills share the rest of the
+//! full circle.
 //!
 //! Angles run clockwise from twelve o'clock, in radians. Lengths are points.
 
@@ -16,57 +15,57 @@ use super::Target;
 /// Width of a gap, in points: between layers, and between segments where the ring is narrowest.
 pub const GAP_PT: f64 = 3.4;
 /// Radius of the hole in the ring, as a share of the diagram's radius.
-const HOLE: f64 = 0.36;
-/// Most of the turn that gaps may take, radians.
-const MOST_GAP_RAD: f64 = 0.8;
+const HOLE_SHARE: f64 = 0.36;
+/// Largest sum of all gap angles, radians.
+const MAX_GAPS_RAD: f64 = 0.8;
 
-/// What goes into the ring or the circle.
+/// A region or mask to be laid out as a ring segment or as the circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
-    /// The region or mask that it stands for.
+    /// The region or mask that it represents.
     pub target: Target,
-    /// Its masks, which are its layers: innermost first. Three or more make it the circle.
+    /// Its masks, one per layer, innermost first. A piece of three or more masks is the circle.
     pub masks: Vec<usize>,
-    /// Its size. Pieces of size 0 are left out.
+    /// Its number of voxels. Pieces without voxels are left out.
     pub voxels: u64,
 }
 
 /// One ring segment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
-    /// What it stands for, with its layers.
+    /// The piece, with its layers.
     pub piece: Piece,
-    /// Where its fill begins.
+    /// Start angle of the fill.
     pub from_rad: f64,
-    /// Where its fill ends, clockwise from `from_rad`.
+    /// End angle of the fill, clockwise from `from_rad`.
     pub to_rad: f64,
 }
 
 /// The circle in the middle: one sector for each mask, all equal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disc {
-    /// What it stands for.
+    /// The piece.
     pub piece: Piece,
     /// Its radius.
     pub radius: f64,
 }
 
-/// Where everything lies, around the centre (0, 0).
+/// Layout of the ring and circle around the centre (0, 0).
 #[derive(Clone, Debug, PartialEq)]
 pub struct RingLayout {
-    /// Painted area for one voxel of one mask, square points.
+    /// Painted area per voxel of one mask, square points.
     pub area_per_voxel: f64,
     /// Ring segments, clockwise from twelve o'clock.
     pub segments: Vec<Segment>,
-    /// The circle, when all three masks have common voxels.
+    /// The circle; `None` where no voxel is in all three masks.
     pub disc: Option<Disc>,
-    /// Angle left free between two segments; 0 with fewer than two.
+    /// Gap angle between two segments; 0 with fewer than two.
     pub gap_rad: f64,
-    /// Inner and outer radius of the layers: 1 or 2 entries, inner layer first; none without a ring.
+    /// Inner and outer radius of each layer, inner layer first: 1 or 2 entries; empty without segments.
     pub layers: Vec<(f64, f64)>,
 }
 
-/// Radii for one `k`.
+/// Radii at a given `k`.
 struct Radii {
     disc: f64,
     gap_rad: f64,
@@ -91,8 +90,8 @@ fn radii(
     if segments == 0 {
         return Radii { disc, gap_rad: 0.0, layers: Vec::new() };
     }
-    let hole = (HOLE * radius).max(if disc > 0.0 { disc + 2.0 * GAP_PT } else { 0.0 });
-    let gap_rad = if segments > 1 { (GAP_PT / hole).min(MOST_GAP_RAD / segments as f64) } else { 0.0 };
+    let hole = (HOLE_SHARE * radius).max(if disc > 0.0 { disc + 2.0 * GAP_PT } else { 0.0 });
+    let gap_rad = if segments > 1 { (GAP_PT / hole).min(MAX_GAPS_RAD / segments as f64) } else { 0.0 };
     let layer = 2.0 * k * ring_voxels / (TAU - gap_rad * segments as f64);
     let mut from = hole;
     let layers = (0..depth)
@@ -107,9 +106,9 @@ fn radii(
 }
 
 impl RingLayout {
-    /// Lays `pieces` out clockwise in their order, as large as fits into `radius` points. Pieces of
-    /// three masks and more make the circle; there is at most one (of several, the last). No voxels
-    /// at all: no segments, no disc, and an `area_per_voxel` of 0.
+    /// Lays `pieces` out clockwise in their order, as large as fits into `radius` points. The circle is the piece of
+    /// three or more masks; of several, the last. Without voxels, or with a radius of 0 or less: no segments, no disc and
+    /// an `area_per_voxel` of 0.
     pub fn new(pieces: &[Piece], radius: f64) -> Self {
         let (discs, ring): (Vec<&Piece>, Vec<&Piece>) =
             pieces.iter().filter(|p| p.voxels > 0 && !p.masks.is_empty()).partition(|p| p.masks.len() > 2);
@@ -127,7 +126,7 @@ impl RingLayout {
                 layers: Vec::new(),
             };
         }
-        // The outer radius grows with k, and the disc of `radius` holds everything: bisect.
+        // The outer radius increases with k, and the total area bounds k: bisect.
         let (mut lo, mut hi) = (0.0, PI * radius * radius / painted);
         for _ in 0..100 {
             let k = 0.5 * (lo + hi);
@@ -138,12 +137,12 @@ impl RingLayout {
             }
         }
         let r = radii(lo, radius, ring_voxels, ring.len(), depth, disc);
-        let turn = TAU - r.gap_rad * ring.len() as f64;
+        let filled_rad = TAU - r.gap_rad * ring.len() as f64;
         let mut from = r.gap_rad / 2.0;
         let segments = ring
             .into_iter()
             .map(|p| {
-                let to = from + turn * p.voxels as f64 / ring_voxels;
+                let to = from + filled_rad * p.voxels as f64 / ring_voxels;
                 let segment = Segment { piece: p.clone(), from_rad: from, to_rad: to };
                 from = to + r.gap_rad;
                 segment
@@ -158,13 +157,13 @@ impl RingLayout {
         self.segments.is_empty() && self.disc.is_none()
     }
 
-    /// Outer radius of a segment.
-    pub fn top(&self, segment: &Segment) -> f64 {
+    /// Outer radius of a segment, points.
+    pub fn outer_radius(&self, segment: &Segment) -> f64 {
         self.layers.get(segment.piece.masks.len() - 1).map_or(0.0, |l| l.1)
     }
 
-    /// What lies at `x` right and `y` *down* of the centre. Half of each gap belongs to the segment
-    /// beside it, so that thin segments are not harder to hit than need be.
+    /// The piece at `x` points right and `y` points *down* of the centre. Half of each gap belongs to the adjacent
+    /// segment, so that thin segments are easier to hit.
     pub fn hit(&self, x: f64, y: f64) -> Option<Target> {
         let r = x.hypot(y);
         if let Some(disc) = &self.disc
@@ -177,25 +176,25 @@ impl RingLayout {
         self.segments
             .iter()
             .find(|s| angle <= s.to_rad + self.gap_rad / 2.0)
-            .filter(|s| r >= inner - GAP_PT && r <= self.top(s) + GAP_PT)
+            .filter(|s| r >= inner - GAP_PT && r <= self.outer_radius(s) + GAP_PT)
             .map(|s| s.piece.target)
     }
 }
 
-/// The point at an angle and a radius: right and down of the centre.
+/// The point at an angle and a radius: [right, down] of the centre.
 pub fn point(angle_rad: f64, radius: f64) -> [f64; 2] {
     [radius * angle_rad.sin(), -radius * angle_rad.cos()]
 }
 
-/// How many equal steps an arc needs so that its polygon is within 0.02 points of it.
+/// Number of equal steps of an arc's polygon with an error of at most 0.02 points, 1 to 512.
 pub fn arc_steps(from_rad: f64, to_rad: f64, radius: f64) -> usize {
     let step = (8.0 * 0.02 / radius.max(1.0)).sqrt();
     (((to_rad - from_rad) / step).ceil() as usize).clamp(1, 512)
 }
 
-/// Regions of up to three masks in the ring's order A, AB, B, BC, C, CA, then ABC, so that the
-/// pieces of one mask adjoin. A pair's inner layer is the mask of the segment before it; where a
-/// segment is missing, the layers are turned if that brings more pieces of one mask together.
+/// Regions of up to three masks in the ring's order A, AB, B, BC, C, CA, then ABC, so that the pieces of one mask are
+/// adjacent. A pair's inner layer is the mask of the preceding segment; where a segment is missing, layers are swapped
+/// if that makes more pieces of one mask adjacent.
 ///
 /// `voxels(bits)` is the size of the region with these bits; regions of size 0 are left out.
 pub fn pieces_of_regions(masks: usize, voxels: impl Fn(u32) -> u64) -> Vec<Piece> {
@@ -210,20 +209,20 @@ pub fn pieces_of_regions(masks: usize, voxels: impl Fn(u32) -> u64) -> Vec<Piece
         .filter(|p| p.voxels > 0)
         .collect();
     let pairs: Vec<usize> = (0..pieces.len()).filter(|&i| pieces[i].masks.len() == 2).collect();
-    let turned = |turns: usize| {
+    let swapped = |swaps: usize| {
         let mut out = pieces.clone();
         for (bit, &i) in pairs.iter().enumerate() {
-            if turns >> bit & 1 == 1 {
+            if swaps >> bit & 1 == 1 {
                 out[i].masks.reverse();
             }
         }
         out
     };
-    // Fewest turns first; a later one must be better, not as good.
-    let mut best = (turned(0), adjoining(&turned(0)));
-    for turns in 1..1 << pairs.len() {
-        let candidate = turned(turns);
-        let score = adjoining(&candidate);
+    // A later candidate replaces the best one only if it scores higher, so that layers aren't swapped needlessly.
+    let mut best = (swapped(0), adjacent_layers(&swapped(0)));
+    for swaps in 1..1 << pairs.len() {
+        let candidate = swapped(swaps);
+        let score = adjacent_layers(&candidate);
         if score > best.1 {
             best = (candidate, score);
         }
@@ -231,8 +230,8 @@ pub fn pieces_of_regions(masks: usize, voxels: impl Fn(u32) -> u64) -> Vec<Piece
     best.0
 }
 
-/// How often pieces of one mask lie side by side, going once around.
-fn adjoining(pieces: &[Piece]) -> usize {
+/// Number of layers that continue with the same mask in the next segment, once around the ring.
+fn adjacent_layers(pieces: &[Piece]) -> usize {
     let ring: Vec<&Piece> = pieces.iter().filter(|p| p.masks.len() <= 2).collect();
     if ring.len() < 2 {
         return 0;
@@ -242,7 +241,7 @@ fn adjoining(pieces: &[Piece]) -> usize {
         .sum()
 }
 
-/// One segment for each mask that has voxels, sized by the whole mask: the diagram without overlaps.
+/// One piece per mask with voxels, of the whole mask's size: the diagram without overlaps.
 pub fn pieces_of_masks(masks: usize, voxels: impl Fn(usize) -> u64) -> Vec<Piece> {
     (0..masks)
         .map(|k| Piece { target: Target::Mask(k), masks: vec![k], voxels: voxels(k) })
@@ -311,20 +310,21 @@ mod tests {
     ];
 
     #[test]
-    fn painted_area_is_k_times_the_mask() {
+    fn painted_area_is_proportional_to_mask_size() {
         for counts in CASES {
             for radius in [40.0, 170.0] {
                 let l = layout(counts, radius);
                 for (area, voxels) in painted(&l).into_iter().zip(mask_voxels(counts)) {
-                    let want = l.area_per_voxel * voxels;
-                    assert!((area - want).abs() <= 1e-5 * want.max(1e-9), "{counts:?}: {area} for {want}");
+                    let expected = l.area_per_voxel * voxels;
+                    let tolerance = 1e-5 * expected.max(1e-9);
+                    assert!((area - expected).abs() <= tolerance, "{counts:?}: {area}, expected {expected}");
                 }
             }
         }
     }
 
     #[test]
-    fn it_fills_the_radius_and_no_more() {
+    fn the_layout_fills_the_radius_exactly() {
         for counts in CASES {
             let l = layout(counts, 120.0);
             let outer = l
@@ -342,23 +342,23 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_in_proportion_and_close_the_turn() {
+    fn angles_are_proportional_and_fill_the_circle() {
         for counts in CASES {
             let l = layout(counts, 120.0);
             let ring: u64 = l.segments.iter().map(|s| s.piece.voxels).sum();
-            let turn: f64 = l.segments.iter().map(|s| s.to_rad - s.from_rad).sum();
+            let filled_rad: f64 = l.segments.iter().map(|s| s.to_rad - s.from_rad).sum();
             if !l.segments.is_empty() {
-                assert!((turn + l.gap_rad * l.segments.len() as f64 - TAU).abs() < 1e-9);
+                assert!((filled_rad + l.gap_rad * l.segments.len() as f64 - TAU).abs() < 1e-9);
             }
             for s in &l.segments {
-                let want = turn * s.piece.voxels as f64 / ring as f64;
-                assert!((s.to_rad - s.from_rad - want).abs() < 1e-9);
+                let expected = filled_rad * s.piece.voxels as f64 / ring as f64;
+                assert!((s.to_rad - s.from_rad - expected).abs() < 1e-9);
             }
         }
     }
 
     #[test]
-    fn nothing_is_nothing() {
+    fn no_voxels_or_no_radius_give_an_empty_layout() {
         assert!(layout([0; 7], 100.0).is_empty());
         assert!(RingLayout::new(&[], 100.0).is_empty());
         assert!(layout([1; 7], 0.0).is_empty());
@@ -366,24 +366,24 @@ mod tests {
     }
 
     #[test]
-    fn pieces_of_one_mask_adjoin() {
+    fn pieces_of_one_mask_are_adjacent() {
         let all = pieces_of_regions(3, |_| 1);
         let names: Vec<&[usize]> = all.iter().map(|p| p.masks.as_slice()).collect();
         assert_eq!(names, [&[0][..], &[0, 1], &[1], &[1, 2], &[2], &[2, 0], &[0, 1, 2]]);
-        assert_eq!(adjoining(&all), 3);
-        // Without AB and A alone: B meets CA. C is between, so CA keeps C inside.
+        assert_eq!(adjacent_layers(&all), 3);
+        // Without A and AB, CA is next to B. C precedes CA, so C stays its inner layer.
         let some = pieces_of_regions(3, |bits| u64::from(bits != 0b011 && bits != 0b001));
         assert_eq!(some.iter().find(|p| p.masks.len() == 2 && p.masks.contains(&0)).unwrap().masks, [2, 0]);
-        // Only BC and B: B must be BC's inner layer; only C and BC: C must.
+        // With only BC and C, C must be BC's inner layer.
         let c_and_bc = pieces_of_regions(3, |bits| u64::from(bits == 0b100 || bits == 0b110));
-        assert_eq!(adjoining(&c_and_bc), 2);
+        assert_eq!(adjacent_layers(&c_and_bc), 2);
         assert_eq!(pieces_of_regions(2, |_| 1).len(), 3);
         assert_eq!(pieces_of_regions(1, |_| 1).len(), 1);
         assert_eq!(pieces_of_regions(0, |_| 1).len(), 0);
     }
 
     #[test]
-    fn a_hit_is_the_segment_drawn_there() {
+    fn hits_match_the_drawn_segments() {
         let l = layout(CASES[0], 150.0);
         for s in &l.segments {
             for &(inner, outer) in &l.layers[..s.piece.masks.len()] {
@@ -392,7 +392,7 @@ mod tests {
                     assert_eq!(l.hit(x, y), Some(s.piece.target));
                 }
             }
-            let [x, y] = point((s.from_rad + s.to_rad) / 2.0, l.top(s) + GAP_PT + 0.5);
+            let [x, y] = point((s.from_rad + s.to_rad) / 2.0, l.outer_radius(s) + GAP_PT + 0.5);
             assert_eq!(l.hit(x, y), None);
         }
         assert_eq!(l.hit(0.0, 0.0), Some(Target::Region(7)));
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn arcs_are_fine_enough() {
+    fn arc_polygons_are_within_0_02_points() {
         for radius in [5.0, 100.0, 400.0_f64] {
             let steps = arc_steps(0.0, 1.0, radius) as f64;
             assert!(radius * (1.0 - (0.5 / steps).cos()) <= 0.0201);

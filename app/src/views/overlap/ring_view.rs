@@ -1,20 +1,20 @@
-//! The ring on the screen: fills, borders, labels.
+//! Drawing of the ring: fills, borders, labels.
 
 use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Shape, Stroke, TextStyle, Ui, epaint::Mesh, pos2, vec2};
 
 use super::{
     OverlapInput, Shown, Target,
-    interact::{self, Spot, Touched},
+    interact::{self, FocusArea, Interaction},
     paint::{self, Style},
     ring::{GAP_PT, Piece, RingLayout, Segment, point},
 };
 use crate::{command::Commands, format};
 
-/// Room for labels beside, above and below the ring, points.
-const LABEL_ROOM: [f32; 2] = [44.0, 20.0];
+/// Margins for labels: left and right of the ring, and above and below it, points.
+const LABEL_MARGINS_PT: [f32; 2] = [44.0, 20.0];
 
-/// Draws the ring of `pieces` into `rect` and handles the mouse and the keyboard. `marked` is what is
-/// under the cursor elsewhere (in the table).
+/// Draws the ring of `pieces` into `rect` and handles mouse and keyboard. `marked`: the target under the cursor in the
+/// table.
 pub fn show(
     ui: &Ui,
     id: Id,
@@ -23,62 +23,63 @@ pub fn show(
     input: &OverlapInput<'_>,
     marked: Option<Target>,
     out: &mut Commands,
-) -> Touched {
+) -> Interaction {
     let (layout, center) = &fit(pieces, rect);
     let center = *center;
     let hit = |p: Pos2| layout.hit(f64::from(p.x - center.x), f64::from(p.y - center.y));
-    let touched = interact::picture(ui, id, rect, &spots(layout, center), hit, input, out);
+    let interaction = interact::clickable_pieces(ui, id, rect, &focus_areas(layout, center), hit, input, out);
     let style = Style::of(ui);
-    let marked = touched.hovered.or(marked);
+    let marked = interaction.hovered.or(marked);
     fills(ui, layout, center, input, &style);
-    borders(ui, layout, center, input, &style, marked, touched.focused);
+    borders(ui, layout, center, input, &style, marked, interaction.focused);
     labels(ui, rect, layout, center, input);
-    touched
+    interaction
 }
 
-/// The largest ring of these pieces that has room for itself and its labels in `rect`, and its
-/// centre there. Segments that reach far out on one side move it to the other.
+/// The largest ring of `pieces` that fits into `rect` with its labels, and its centre, which is shifted so that the
+/// painted area is centred.
 pub fn fit(pieces: &[Piece], rect: Rect) -> (RingLayout, Pos2) {
-    let room = vec2(LABEL_ROOM[0].min(rect.width() * 0.19), LABEL_ROOM[1].min(rect.height() * 0.1));
-    let inside = rect.shrink2(room);
+    let margins =
+        vec2(LABEL_MARGINS_PT[0].min(rect.width() * 0.19), LABEL_MARGINS_PT[1].min(rect.height() * 0.1));
+    let inside = rect.shrink2(margins);
     let mut radius = f64::from(inside.size().min_elem() / 2.0);
     let mut layout = RingLayout::new(pieces, radius);
     for _ in 0..4 {
         let size = extent(&layout).size();
-        let by = (inside.width() / size.x.max(1.0)).min(inside.height() / size.y.max(1.0));
-        radius *= f64::from(by);
+        let scale = (inside.width() / size.x.max(1.0)).min(inside.height() / size.y.max(1.0));
+        radius *= f64::from(scale);
         layout = RingLayout::new(pieces, radius);
     }
     let center = inside.center() - extent(&layout).center().to_vec2();
     (layout, center)
 }
 
-/// The box around all that is painted, borders included, with the ring's centre at (0, 0).
+/// Bounding box of the painted area with borders; the ring's centre is (0, 0).
 fn extent(layout: &RingLayout) -> Rect {
-    let mut around = Rect::NOTHING;
+    let mut bounds = Rect::NOTHING;
     for s in &layout.segments {
-        for p in paint::arc(Pos2::ZERO, s.from_rad, s.to_rad, layout.top(s) + GAP_PT) {
-            around.extend_with(p);
+        for p in paint::arc(Pos2::ZERO, s.from_rad, s.to_rad, layout.outer_radius(s) + GAP_PT) {
+            bounds.extend_with(p);
         }
     }
-    // The hole's rim, or the circle alone.
+    // The inner edge of the ring, or the circle without one.
     let core = layout.layers.first().map_or_else(|| layout.disc.as_ref().map_or(0.0, |d| d.radius), |l| l.0);
     let core = (core + GAP_PT) as f32;
-    around.union(Rect::from_center_size(Pos2::ZERO, vec2(2.0 * core, 2.0 * core)))
+    bounds.union(Rect::from_center_size(Pos2::ZERO, vec2(2.0 * core, 2.0 * core)))
 }
 
-fn spots(layout: &RingLayout, center: Pos2) -> Vec<Spot> {
+fn focus_areas(layout: &RingLayout, center: Pos2) -> Vec<FocusArea> {
     let ring = layout.segments.iter().map(|s| {
         let (inner, outer) = layout.layers.first().copied().unwrap_or((0.0, 0.0));
         let middle = (inner + outer) / 2.0;
         let [x, y] = point((s.from_rad + s.to_rad) / 2.0, middle);
         let side = ((s.to_rad - s.from_rad) * middle).min(outer - inner).clamp(2.0, 24.0) * 0.7;
-        Spot { target: s.piece.target, rect: square(center + vec2(x as f32, y as f32), side) }
+        FocusArea { target: s.piece.target, rect: square(center + vec2(x as f32, y as f32), side) }
     });
     let disc = layout
         .disc
         .iter()
-        .map(|d| Spot { target: d.piece.target, rect: square(center, d.radius.clamp(2.0, 40.0)) });
+        .map(|d| FocusArea { target: d.piece.target, rect: square(center, d.radius.clamp(2.0, 40.0)) });
     ring.chain(disc).collect()
 }
 
@@ -87,18 +88,27 @@ fn square(center: Pos2, side: f64) -> Rect {
 }
 
 fn fills(ui: &Ui, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>, style: &Style) {
-    // The casing first, wide enough to lie under every border.
+    // The dark casing first, wide enough to be under every border.
     let mut mesh = Mesh::default();
-    let wider = GAP_PT;
+    let casing_pt = GAP_PT;
     for s in &layout.segments {
         let (from, to) = cell(layout, s);
-        let radii = [layout.layers.first().map_or(0.0, |l| l.0) - wider, layout.top(s) + wider];
-        let aside = if layout.gap_rad > 0.0 { wider / 2.0 } else { 0.0 };
+        let radii =
+            [layout.layers.first().map_or(0.0, |l| l.0) - casing_pt, layout.outer_radius(s) + casing_pt];
+        let aside = if layout.gap_rad > 0.0 { casing_pt / 2.0 } else { 0.0 };
         paint::ring_part(&mut mesh, center, [from, to], radii, aside, style.casing, style.pixel);
     }
     if let Some(d) = &layout.disc {
         let span = [0.0, std::f64::consts::TAU];
-        paint::ring_part(&mut mesh, center, span, [0.0, d.radius + wider], 0.0, style.casing, style.pixel);
+        paint::ring_part(
+            &mut mesh,
+            center,
+            span,
+            [0.0, d.radius + casing_pt],
+            0.0,
+            style.casing,
+            style.pixel,
+        );
     }
     for s in &layout.segments {
         let shown = input.look(s.piece.target);
@@ -141,7 +151,7 @@ fn borders(
     marked: Option<Target>,
     focused: Option<Target>,
 ) {
-    // Hidden first, then shown, then marked: of two neighbours the stronger border is seen.
+    // Drawn in the order hidden, shown, marked: a border between two segments has the style of the stronger one.
     let mut lines: Vec<(u8, Vec<Shape>)> = Vec::new();
     let strength = |target: Target| {
         if marked == Some(target) || focused == Some(target) {
@@ -161,7 +171,7 @@ fn borders(
         let level = strength(s.piece.target);
         let (from, to) = cell(layout, s);
         let inner = layout.layers.first().map_or(0.0, |l| l.0) - half_gap;
-        let arcs = [inner, layout.top(s) + half_gap]
+        let arcs = [inner, layout.outer_radius(s) + half_gap]
             .map(|radius| Shape::line(paint::arc(center, from, to, radius), stroke(level)));
         lines.push((level, arcs.into()));
         if count < 2 {
@@ -182,7 +192,7 @@ fn borders(
                 let [x, y] = point(to, r);
                 center + vec2(x as f32, y as f32)
             });
-            // Two segments with only one boundary twice (count 2) are right too: both are drawn.
+            // Two segments share two boundaries; each is drawn once.
             let shapes =
                 if here == there { stippled(ends, stroke(level)) } else { vec![line(ends, stroke(level))] };
             lines.push((level, shapes));
@@ -204,10 +214,10 @@ fn stippled(ends: [Pos2; 2], stroke: Stroke) -> Vec<Shape> {
     Shape::dashed_line(&ends, stroke, 3.5, 3.5)
 }
 
-/// Names beside the segments, largest first, each only where it covers nothing.
+/// Names and sizes beside the segments, largest segment first; a label that would cover something is left out.
 fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>) {
     let font = FontId::new(TextStyle::Small.resolve(ui.style()).size + 1.5, egui::FontFamily::Proportional);
-    let mut taken: Vec<Rect> = Vec::new();
+    let mut occupied: Vec<Rect> = Vec::new();
     let mut order: Vec<&Segment> = layout.segments.iter().collect();
     order.sort_by_key(|s| std::cmp::Reverse(s.piece.voxels));
     for s in order {
@@ -216,12 +226,12 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
         let galley = ui.painter().layout_no_wrap(words, font.clone(), color);
         let place = [0.5, 0.35, 0.65, 0.2, 0.8].into_iter().find_map(|t| {
             let angle = s.from_rad + t * (s.to_rad - s.from_rad);
-            let place = beside(rect, center, angle, layout.top(s), galley.size());
-            let free = !taken.iter().any(|other| other.expand(1.0).intersects(place));
+            let place = beside(rect, center, angle, layout.outer_radius(s), galley.size());
+            let free = !occupied.iter().any(|other| other.expand(1.0).intersects(place));
             (free && rect.contains_rect(place) && !over_ring(layout, center, place)).then_some(place)
         });
         if let Some(place) = place {
-            taken.push(place);
+            occupied.push(place);
             ui.painter().galley(place.min, galley, color);
         }
     }
@@ -231,14 +241,13 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
         let at = pos2(rect.left() + 2.0, rect.bottom() - 1.0);
         let galley = ui.painter().layout_no_wrap(line, font, label_color(ui, input.look(d.piece.target)));
         let place = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());
-        if !taken.iter().any(|t| t.intersects(place)) && !over_ring(layout, center, place) {
+        if !occupied.iter().any(|other| other.intersects(place)) && !over_ring(layout, center, place) {
             ui.painter().galley(place.min, galley, Color32::PLACEHOLDER);
         }
     }
 }
 
-/// Where a label of this size lies outside of the radius: beyond the tangent at `angle`, or as far
-/// beside that as the picture's edge asks.
+/// Rectangle of a label of this size outside `radius`: beyond the tangent at `angle`, shifted to stay within `rect`.
 fn beside(rect: Rect, center: Pos2, angle: f64, radius: f64, size: egui::Vec2) -> Rect {
     let [x, y] = point(angle, radius + GAP_PT + 2.5);
     let outwards = vec2(angle.sin() as f32, -angle.cos() as f32);
@@ -252,7 +261,7 @@ fn label_color(ui: &Ui, shown: Shown) -> Color32 {
     if shown == Shown::None { paint::dim_text(ui) } else { ui.visuals().text_color() }
 }
 
-/// Whether a label would lie over a painted part.
+/// Whether a label would cover a part of the ring or circle.
 fn over_ring(layout: &RingLayout, center: Pos2, label: Rect) -> bool {
     (0..=8).any(|i| {
         (0..=4).any(|j| {

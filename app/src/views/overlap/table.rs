@@ -1,4 +1,4 @@
-//! The table of regions (thesis 7.7) and the table of how far masks agree, in numbers.
+//! The table of regions (thesis 7.7) and the table of agreement metrics of mask pairs.
 
 use egui::{Align, Checkbox, Layout, RichText, Sense, Ui, vec2};
 use egui_extras::{Column, TableBuilder};
@@ -10,9 +10,10 @@ use crate::{
     format,
 };
 
-const ROW: f32 = 19.0;
+/// Height of a row, points.
+const ROW_PT: f32 = 19.0;
 
-/// Rows in the order of their size, largest first.
+/// Rows by size, largest first.
 fn rows(input: &OverlapInput<'_>) -> Vec<Target> {
     let mut rows: Vec<Target> = match input.mode {
         OverlapMode::Regions => input.regions.list().iter().map(|r| Target::Region(r.bits)).collect(),
@@ -22,13 +23,13 @@ fn rows(input: &OverlapInput<'_>) -> Vec<Target> {
     rows
 }
 
-/// Height that the table of regions takes, points.
+/// Height of the table of regions, points.
 pub fn height(input: &OverlapInput<'_>) -> f32 {
-    (rows(input).len() + 2) as f32 * (ROW + 3.0) + 6.0
+    (rows(input).len() + 2) as f32 * (ROW_PT + 3.0) + 6.0
 }
 
-/// Check box, colours, name, millilitres, share and (where there is room) voxels of each region, or
-/// of each mask when whole masks are shown; the union below. Gives the row under the cursor.
+/// Check box, colours, name, volume, share and (if the pane is wide enough) voxels of each region, or of each mask in
+/// whole-mask mode; below, those of the union. Returns the row under the cursor.
 pub fn regions(
     ui: &mut Ui,
     input: &OverlapInput<'_>,
@@ -51,7 +52,7 @@ pub fn regions(
     if with_voxels {
         builder = builder.column(Column::exact(72.0));
     }
-    let table = builder.header(ROW, |mut row| {
+    let table = builder.header(ROW_PT, |mut row| {
         row.col(|ui| {
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 ui.strong(if input.mode == OverlapMode::Regions { "Region" } else { "Mask" });
@@ -70,7 +71,7 @@ pub fn regions(
     });
     table.body(|mut body| {
         for &target in &rows {
-            body.row(ROW, |mut row| {
+            body.row(ROW_PT, |mut row| {
                 row.set_hovered(marked == Some(target));
                 row.col(|ui| {
                     ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
@@ -94,7 +95,7 @@ pub fn regions(
                 }
             });
         }
-        body.row(ROW, |mut row| {
+        body.row(ROW_PT, |mut row| {
             row.col(|ui| {
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                     ui.strong("Union");
@@ -149,7 +150,7 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Co
     label.on_hover_text(format!("{name}. Double-click: only this."));
 }
 
-/// The region's own colour (as the 3D views draw it), and the colours of its masks beneath.
+/// The region's colour as in the 3D views, above the colours of its masks.
 fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
     let (rect, _) = ui.allocate_exact_size(vec2(16.0, 13.0), Sense::hover());
     let color = |rgb: [u8; 3]| egui::Color32::from_rgb(rgb[0], rgb[1], rgb[2]);
@@ -176,7 +177,7 @@ fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
     painter.rect_stroke(rect, 2.0, egui::Stroke::new(1.0, border), egui::StrokeKind::Outside);
 }
 
-/// Every metric of every pair of masks; nothing with fewer than two.
+/// All metrics of all pairs of masks; draws nothing without pairs.
 pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
     if pairs.is_empty() {
         return;
@@ -191,12 +192,12 @@ pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
         .cell_layout(Layout::right_to_left(Align::Center))
         .column(Column::remainder().at_least(60.0).clip(true));
     for metric in PAIR_METRICS {
-        // As wide as its name or its values, whichever is longer.
+        // As wide as the longer of its name and its values.
         let letters = metric.name.len().max(metric.print(Some(1.0), 0).len()) as f32;
         builder = builder.column(Column::exact(7.0 + 7.0 * letters));
     }
     builder
-        .header(ROW, |mut row| {
+        .header(ROW_PT, |mut row| {
             row.col(|ui| {
                 left(ui, &mut |ui| {
                     ui.strong("Agreement");
@@ -210,7 +211,7 @@ pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
         })
         .body(|mut body| {
             for pair in pairs {
-                body.row(ROW, |mut row| {
+                body.row(ROW_PT, |mut row| {
                     row.col(|ui| {
                         left(ui, &mut |ui| {
                             ui.add(egui::Label::new(format!("{} – {}", pair.a, pair.b)).truncate());

@@ -1,14 +1,14 @@
-//! What the diagram, the bar and the tables say about a region or a mask: one place for the words.
+//! Texts and numbers of a region or mask, for the diagram, the bar and the tables.
 
 use super::{OverlapInput, OverlapMode, Shown};
 use crate::{format, model::overlap::mask_shown};
 
-/// What one piece of the view stands for.
+/// The region or mask that a piece of the diagram or a table row represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Target {
     /// The region with these bits.
     Region(u32),
-    /// Mask k as a whole.
+    /// The whole mask k.
     Mask(usize),
 }
 
@@ -21,8 +21,7 @@ impl OverlapInput<'_> {
         }
     }
 
-    /// The name as a label: `T1 only` for what no other mask shares, so that it isn't taken for the
-    /// whole mask of that name.
+    /// The name as a label: `T1 only` for the region of T1 without other masks, to tell it from the whole mask T1.
     pub(super) fn title(&self, target: Target) -> String {
         let name = self.name(target);
         match target {
@@ -33,7 +32,7 @@ impl OverlapInput<'_> {
         }
     }
 
-    /// Voxels of it.
+    /// Number of voxels; 0 if the target doesn't exist.
     pub(super) fn voxels(&self, target: Target) -> u64 {
         match target {
             Target::Region(bits) => self.regions.get(bits).map_or(0, |r| r.voxels),
@@ -41,7 +40,7 @@ impl OverlapInput<'_> {
         }
     }
 
-    /// Millilitres of it.
+    /// Volume, ml; 0 if the target doesn't exist.
     pub(super) fn ml(&self, target: Target) -> f64 {
         match target {
             Target::Region(bits) => self.regions.get(bits).map_or(0.0, |r| r.volume_ml),
@@ -49,13 +48,13 @@ impl OverlapInput<'_> {
         }
     }
 
-    /// Its share of the union of all masks, 0 to 1; 0 when nothing is active.
+    /// Share of the union of all masks, 0 to 1; 0 if the union is empty.
     pub(super) fn share(&self, target: Target) -> f64 {
         let union = self.regions.union_voxels();
         if union == 0 { 0.0 } else { self.voxels(target) as f64 / union as f64 }
     }
 
-    /// Whether it is shown.
+    /// Whether all, some or none of it is shown.
     pub(super) fn shown(&self, target: Target) -> Shown {
         match target {
             Target::Region(bits) if self.selection.shows(bits) => Shown::All,
@@ -64,8 +63,7 @@ impl OverlapInput<'_> {
         }
     }
 
-    /// How it is drawn. Where whole masks are shown, a mask is on or off: one that is seen only where
-    /// others overlap it is off.
+    /// Visibility as drawn: in whole-mask mode, a partly shown mask counts as hidden.
     pub(super) fn look(&self, target: Target) -> Shown {
         match self.shown(target) {
             Shown::Some if self.mode == OverlapMode::WholeMasks => Shown::None,
@@ -73,14 +71,14 @@ impl OverlapInput<'_> {
         }
     }
 
-    /// What a screen reader says: `T1+PET, 12.30 ml, 14 % of union, shown`.
-    pub(super) fn spoken(&self, target: Target) -> String {
-        let what = match target {
+    /// Text for screen readers: `T1+PET, 12.30 ml, 14.0 % of union, shown`.
+    pub(super) fn accessible_text(&self, target: Target) -> String {
+        let prefix = match target {
             Target::Region(_) => "",
             Target::Mask(_) => "Mask ",
         };
         format!(
-            "{what}{}, {}, {} of union, {}",
+            "{prefix}{}, {}, {} of union, {}",
             self.title(target),
             format::ml(self.ml(target)),
             format::percent(self.share(target)),
@@ -89,7 +87,7 @@ impl OverlapInput<'_> {
     }
 }
 
-/// The word for it.
+/// The word for a visibility.
 pub fn shown_word(shown: Shown) -> &'static str {
     match shown {
         Shown::All => "shown",

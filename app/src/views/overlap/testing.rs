@@ -1,14 +1,14 @@
-//! Regions of wanted sizes, for tests.
+//! Regions of given sizes, for tests.
 
 use glam::DVec3;
 use glioscope_core::{Grid, Mask, MaskBits, Regions, TumorIndex};
 
-/// Regions with these bits and voxel counts, on voxels of 1 mm³ and over the masks `ids`.
+/// Regions of the masks `ids` with these (bits, voxel count), in voxels of 1 mm³.
 pub fn regions(ids: &[&str], sizes: &[(u32, usize)]) -> Regions {
     Regions::of(&index(ids, sizes))
 }
 
-/// The index that [`regions`] is of.
+/// The tumour index of [`regions`].
 pub fn index(ids: &[&str], sizes: &[(u32, usize)]) -> TumorIndex {
     let bits: Vec<u32> = sizes.iter().flat_map(|&(bits, n)| std::iter::repeat_n(bits, n)).collect();
     let dims = [bits.len().max(1), 1, 1];

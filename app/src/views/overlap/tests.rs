@@ -1,4 +1,4 @@
-//! The view as a whole: what is painted, counted in pixels, and what clicks send.
+//! Tests of the whole view: painted areas, counted in pixels, and the commands that clicks send.
 
 use std::{cell::RefCell, rc::Rc};
 
@@ -22,14 +22,14 @@ use crate::{
     model::overlap::whole_masks,
 };
 
-/// The commands sent, and the region under the cursor in the last frame.
+/// The commands sent so far, and the region under the cursor in the last frame.
 #[derive(Default)]
 struct Events {
     commands: Vec<EditCommand>,
     hovered: Option<u32>,
 }
 
-type Sent = Rc<RefCell<Events>>;
+type SharedEvents = Rc<RefCell<Events>>;
 
 struct Setup {
     regions: Regions,
@@ -56,9 +56,9 @@ impl Setup {
         }
     }
 
-    /// The running view, and the commands that it sends.
-    fn harness(self) -> (Harness<'static>, Sent) {
-        let sent = Sent::default();
+    /// The running view and its events.
+    fn harness(self) -> (Harness<'static>, SharedEvents) {
+        let sent = SharedEvents::default();
         let out = Rc::clone(&sent);
         let colors = MaskColors::new(Palette::Thesis, &vec![None; self.regions.mask_ids().len()]);
         let (size, theme) = (self.size, self.theme);
@@ -91,8 +91,8 @@ impl Setup {
     }
 }
 
-/// Where `GLIOSCOPE_OVERLAP_PICTURES` names a folder, the picture is put there to be looked at.
-fn keep(name: &str, harness: &mut Harness<'_>) {
+/// Saves the view as a PNG file in the folder named by `GLIOSCOPE_OVERLAP_PICTURES`; does nothing if that isn't set.
+fn save_picture(name: &str, harness: &mut Harness<'_>) {
     if let Some(folder) = std::env::var_os("GLIOSCOPE_OVERLAP_PICTURES") {
         let picture = harness.render().unwrap();
         picture.save(std::path::Path::new(&folder).join(name).with_extension("png")).unwrap();
@@ -107,7 +107,7 @@ fn three() -> Regions {
     regions(&NAMES[..3], &THREE)
 }
 
-/// Many regions of masks that mostly agree, as raters do.
+/// Many regions of masks that mostly agree, as those of different raters.
 fn raters(masks: usize, seed: u64) -> Regions {
     let mut state = seed;
     let mut next = || {
@@ -127,8 +127,8 @@ fn raters(masks: usize, seed: u64) -> Regions {
 }
 
 #[test]
-#[ignore = "makes pictures to look at, where GLIOSCOPE_OVERLAP_PICTURES says"]
-fn pictures_to_look_at() {
+#[ignore = "writes pictures for visual inspection to the folder in GLIOSCOPE_OVERLAP_PICTURES"]
+fn pictures_for_visual_inspection() {
     for theme in [Theme::Dark, Theme::Light] {
         let word = if theme == Theme::Dark { "dark" } else { "light" };
         for masks in [1, 2, 3, 5, 9] {
@@ -148,13 +148,13 @@ fn pictures_to_look_at() {
                 (setup.size, setup.theme) = (size, theme);
                 let (mut h, _) = setup.harness();
                 h.run();
-                keep(&format!("{masks}_{word}_{tag}"), &mut h);
+                save_picture(&format!("{masks}_{word}_{tag}"), &mut h);
             }
         }
     }
 }
 
-/// Pixels of more than half pure red, green and blue in the rows down to `to` points.
+/// Number of nearly pure red, green and blue pixels above `to` points from the top.
 fn pure_pixels(picture: &image::RgbaImage, to: f32, pixels_per_point: f32) -> [f64; 3] {
     let rows = 0..((to * pixels_per_point) as u32).min(picture.height());
     let mut counts = [0.0; 3];
@@ -172,26 +172,26 @@ fn pure_pixels(picture: &image::RgbaImage, to: f32, pixels_per_point: f32) -> [f
     counts
 }
 
-/// Pixels a voxel must be the same for every mask, to one per cent.
+/// Asserts that pixels per voxel are the same for every mask, to 1 %.
 fn assert_areas(what: &str, counts: [f64; 3], sizes: &[(u32, usize)]) {
     let mask = |k: usize| sizes.iter().filter(|s| s.0 >> k & 1 == 1).map(|s| s.1).sum::<usize>() as f64;
-    let all = (0..3).map(mask).sum::<f64>();
+    let total = (0..3).map(mask).sum::<f64>();
     let pixels: f64 = counts.iter().sum();
     assert!(pixels > 5000.0, "{what}: only {pixels} pixels");
     for (k, count) in counts.into_iter().enumerate() {
-        let want = pixels * mask(k) / all;
-        let off = if want > 0.0 { count / want - 1.0 } else { count };
+        let expected = pixels * mask(k) / total;
+        let error = if expected > 0.0 { count / expected - 1.0 } else { count };
         assert!(
-            off.abs() < 0.01,
-            "{what}, mask {k}: {} pixels, {want:.0} wanted, {:.2} % off",
+            error.abs() < 0.01,
+            "{what}, mask {k}: {} pixels, {expected:.0} expected, error {:.2} %",
             count,
-            off * 100.0
+            error * 100.0
         );
     }
 }
 
 #[test]
-fn painted_pixels_are_in_proportion_to_the_masks() {
+fn painted_areas_are_proportional_to_mask_sizes() {
     let skewed = [(1, 900), (2, 21_000), (3, 2500), (4, 300), (5, 120), (6, 800), (7, 600)];
     let cases: [(&str, &[(u32, usize)]); 7] = [
         ("three", &THREE),
@@ -214,7 +214,7 @@ fn painted_pixels_are_in_proportion_to_the_masks() {
             let (mut h, _) = setup.harness();
             h.run();
             let picture = h.render().unwrap();
-            let bar = size[1] - super::bar::HEIGHT - 10.0;
+            let bar = size[1] - super::bar::HEIGHT_PT - 10.0;
             let what = format!("{name} {size:?}");
             assert_areas(&format!("{what} ring"), pure_pixels(&picture, bar, pixels_per_point), sizes);
             assert_areas(&format!("{what} all"), pure_pixels(&picture, size[1], pixels_per_point), sizes);
@@ -223,7 +223,7 @@ fn painted_pixels_are_in_proportion_to_the_masks() {
 }
 
 #[test]
-fn hidden_regions_have_no_pure_colour_and_take_no_place_from_others() {
+fn hidden_regions_have_no_pure_colour_and_leave_other_areas_unchanged() {
     let count = |selection: Selection| {
         let mut setup = Setup::new(three());
         (setup.only_diagram, setup.size, setup.selection) = (true, [420.0, 460.0], selection);
@@ -232,7 +232,7 @@ fn hidden_regions_have_no_pure_colour_and_take_no_place_from_others() {
         pure_pixels(&h.render().unwrap(), 400.0, 2.0)
     };
     let (all, some) = (count(Selection::all()), count(Selection::only(&three(), &[1, 3, 5, 7])));
-    // T1 is all shown; of T2 and PET only the overlaps with it.
+    // All of T1 is shown, of T2 and PET only the overlaps with T1.
     assert!((some[0] / all[0] - 1.0).abs() < 0.005, "{all:?} {some:?}");
     assert!((some[1] / all[1] / (8700.0 / 26420.0) - 1.0).abs() < 0.01, "{all:?} {some:?}");
     assert!((some[2] / all[2] / (5850.0 / 9570.0) - 1.0).abs() < 0.01, "{all:?} {some:?}");
@@ -243,8 +243,8 @@ fn middle(h: &Harness<'_>, label: &str) -> Pos2 {
     h.get_by_label(label).rect().center()
 }
 
-/// Every region's and mask's label of the three-mask picture.
-const SPOKEN: [&str; 7] = [
+/// Accessible text of every region of [`three`].
+const REGION_TEXTS: [&str; 7] = [
     "T1 only, 4.20 ml, 12.8 % of union, shown",
     "T2 only, 15.30 ml, 46.5 % of union, shown",
     "T1+T2, 3.80 ml, 11.6 % of union, shown",
@@ -258,7 +258,7 @@ const SPOKEN: [&str; 7] = [
 fn a_click_toggles_the_segment_under_it() {
     let (mut h, sent) = Setup::new(three()).harness();
     h.run();
-    for (label, bits) in SPOKEN.iter().zip(1..) {
+    for (label, bits) in REGION_TEXTS.iter().zip(1..) {
         h.get_by_label(label).click();
         h.run();
         assert_eq!(
@@ -266,13 +266,13 @@ fn a_click_toggles_the_segment_under_it() {
             [EditCommand::ToggleRegion(bits)],
             "{label}"
         );
-        // Long enough that the next is not a double-click.
+        // Time passes, so that the next click isn't a double-click.
         h.run_steps(30);
     }
     h.get_by_label("Mask T2, 26.42 ml, 80.4 % of union, shown").click();
     h.run();
     assert_eq!(sent.borrow().commands, [EditCommand::ToggleMask(1)]);
-    // Outside of everything nothing happens.
+    // A click outside all pieces does nothing.
     sent.borrow_mut().commands.clear();
     h.hover_at(pos2(20.0, 60.0));
     h.drag_at(pos2(20.0, 60.0));
@@ -282,29 +282,29 @@ fn a_click_toggles_the_segment_under_it() {
 }
 
 #[test]
-fn a_double_click_ends_with_only_this_one() {
+fn a_double_click_shows_only_its_region() {
     let (mut h, sent) = Setup::new(three()).harness();
     h.run();
-    h.get_by_label(SPOKEN[2]).click();
-    h.get_by_label(SPOKEN[2]).click();
+    h.get_by_label(REGION_TEXTS[2]).click();
+    h.get_by_label(REGION_TEXTS[2]).click();
     h.run();
     assert_eq!(sent.borrow().commands, [EditCommand::ToggleRegion(3), EditCommand::OnlyRegion(3)]);
     sent.borrow_mut().commands.clear();
     h.run_steps(30);
-    h.get_by_label(SPOKEN[6]).click_modifiers(egui::Modifiers::SHIFT);
+    h.get_by_label(REGION_TEXTS[6]).click_modifiers(egui::Modifiers::SHIFT);
     h.run();
     assert_eq!(sent.borrow().commands, [EditCommand::OnlyRegion(7)]);
 }
 
 #[test]
-fn keyboard_and_screen_reader_toggle_too() {
+fn keyboard_and_screen_reader_toggle_regions() {
     let (mut h, sent) = Setup::new(three()).harness();
     h.run();
-    h.get_by_label(SPOKEN[4]).focus();
+    h.get_by_label(REGION_TEXTS[4]).focus();
     h.run();
     h.key_press(Key::Space);
     h.run();
-    h.get_by_label(SPOKEN[5]).click_accesskit();
+    h.get_by_label(REGION_TEXTS[5]).click_accesskit();
     h.run();
     assert_eq!(sent.borrow().commands, [EditCommand::ToggleRegion(5), EditCommand::ToggleRegion(6)]);
     // Tab reaches every segment.
@@ -312,17 +312,17 @@ fn keyboard_and_screen_reader_toggle_too() {
     for _ in 0..40 {
         h.key_press(Key::Tab);
         h.run();
-        reached.extend(SPOKEN.iter().filter(|l| h.get_by_label(l).is_focused()));
+        reached.extend(REGION_TEXTS.iter().filter(|l| h.get_by_label(l).is_focused()));
     }
-    assert_eq!(reached.len(), SPOKEN.len());
+    assert_eq!(reached.len(), REGION_TEXTS.len());
 }
 
 #[test]
-fn hovering_tells_the_region_in_ring_and_table() {
+fn hovering_reports_the_region_in_ring_and_table() {
     let (mut h, sent) = Setup::new(three()).harness();
     h.run();
     assert_eq!(sent.borrow().hovered, None);
-    h.hover_at(middle(&h, SPOKEN[6]));
+    h.hover_at(middle(&h, REGION_TEXTS[6]));
     h.run();
     assert_eq!(sent.borrow().hovered, Some(7));
     h.run_steps(60);
@@ -333,7 +333,7 @@ fn hovering_tells_the_region_in_ring_and_table() {
 }
 
 #[test]
-fn the_table_says_what_is_shown_and_sets_it() {
+fn the_table_shows_and_sets_visibility() {
     let mut setup = Setup::new(three());
     setup.selection.set(2, false);
     setup.pairs = measure::pairs(&index(&NAMES[..3], &THREE), &three());
@@ -364,17 +364,17 @@ fn the_table_says_what_is_shown_and_sets_it() {
 }
 
 #[test]
-fn whole_masks_click_whole_masks() {
+fn clicks_in_whole_mask_mode_select_masks() {
     let mut setup = Setup::new(three());
     setup.mode = OverlapMode::WholeMasks;
     setup.selection = whole_masks(&three(), 0b011);
     let (mut h, sent) = setup.harness();
     h.run();
-    keep("whole_3_dark_small", &mut h);
-    // Ring and bar both carry the mask: the ring comes first.
-    let all: Vec<_> = h.get_all_by_label("Mask T2, 26.42 ml, 80.4 % of union, shown").collect();
-    assert_eq!(all.len(), 2);
-    all[0].click();
+    save_picture("whole_3_dark_small", &mut h);
+    // The mask is in ring and bar; the ring comes first.
+    let found: Vec<_> = h.get_all_by_label("Mask T2, 26.42 ml, 80.4 % of union, shown").collect();
+    assert_eq!(found.len(), 2);
+    found[0].click();
     h.run();
     h.run_steps(30);
     let pet = h.get_all_by_label("Mask PET, 9.57 ml, 29.1 % of union, partly shown").next().unwrap();
@@ -389,7 +389,7 @@ fn whole_masks_click_whole_masks() {
 }
 
 #[test]
-fn five_masks_click_in_the_upset_plot() {
+fn clicks_in_the_upset_plot_of_five_masks_toggle_regions() {
     let sizes = [(31, 900), (1, 500), (6, 400), (9, 300), (16, 200), (30, 100)];
     let mut setup = Setup::new(regions(&NAMES[..5], &sizes));
     setup.selection.set(6, false);
@@ -415,7 +415,7 @@ fn five_masks_click_in_the_upset_plot() {
             [EditCommand::ToggleRegion(bits)]
         );
     }
-    // The whole column is the surface: a dot toggles as the check box does.
+    // The whole column is clickable: a dot toggles like the check box.
     let dot: Pos2 = middle(&h, labels[3].1) + vec2(0.0, 40.0);
     for _ in 0..2 {
         h.hover_at(dot);
@@ -434,50 +434,50 @@ fn five_masks_click_in_the_upset_plot() {
 }
 
 #[test]
-fn many_regions_are_all_in_the_tree() {
+fn all_of_many_regions_are_in_the_accessibility_tree() {
     let r = raters(9, 9);
-    let wanted: Vec<u32> = r.list().iter().map(|x| x.bits).collect();
-    assert!(wanted.len() >= 31);
+    let expected: Vec<u32> = r.list().iter().map(|x| x.bits).collect();
+    assert!(expected.len() >= 31);
     let (mut h, _) = Setup::new(r).harness();
     h.run();
     let found = h.get_all_by(|n| n.label().is_some_and(|l| l.ends_with("of union, shown"))).count();
-    assert_eq!(found, wanted.len() + 9);
+    assert_eq!(found, expected.len() + 9);
 }
 
 #[test]
-fn one_mask_and_the_context_menu() {
+fn the_context_menu_shows_only_its_region() {
     let mut setup = Setup::new(regions(&["T1"], &[(1, 3400)]));
     setup.selection.set(1, false);
     let (mut h, sent) = setup.harness();
     h.run();
     h.get_by_label("T1, 3.40 ml, 100.0 % of union, hidden").click_secondary();
     h.run();
-    keep("menu_dark_small", &mut h);
+    save_picture("menu_dark_small", &mut h);
     h.get_by_label("Show only T1").click();
     h.run();
     assert_eq!(sent.borrow().commands, [EditCommand::OnlyRegion(1)]);
 }
 
 #[test]
-fn nothing_active_says_so() {
+fn empty_masks_give_a_message() {
     for ids in [&NAMES[..3], &NAMES[..9], &NAMES[..0]] {
         let (mut h, _) = Setup::new(regions(ids, &[])).harness();
         h.run();
         assert!(h.query_by_label("No active voxels").is_some());
-        keep(&format!("empty_{}", ids.len()), &mut h);
+        save_picture(&format!("empty_{}", ids.len()), &mut h);
     }
 }
 
 #[test]
-fn an_empty_mask_among_others_is_named() {
+fn an_empty_mask_among_others_is_listed() {
     let (mut h, _) = Setup::new(regions(&NAMES[..3], &[(1, 500), (3, 400)])).harness();
     h.run();
-    keep("one_empty_dark_small", &mut h);
+    save_picture("one_empty_dark_small", &mut h);
     assert!(h.query_by_label("Mask PET, 0.0 ml, 0.0 % of union, hidden").is_some());
 }
 
 #[test]
-fn no_size_is_too_small_to_draw() {
+fn tiny_panes_are_drawn_without_panic() {
     for size in [[20.0, 20.0], [120.0, 90.0], [200.0, 60.0], [60.0, 400.0]] {
         for r in [three(), raters(9, 1)] {
             for mode in [OverlapMode::Regions, OverlapMode::WholeMasks] {

@@ -1,5 +1,5 @@
-//! Four masks and more: an UpSet plot (Lex et al. 2014). A column is a region, the largest first; its
-//! bar is its size, its dots are its masks. A row is a mask, with its whole size on the left.
+//! UpSet plot (Lex et al. 2014) for four or more masks. A column is a region, largest first: its bar shows its size, its
+//! dots its masks. A row is a mask, with its whole size on the left.
 
 use egui::{
     Align2, Color32, CornerRadius, FontId, Id, Pos2, Rect, ScrollArea, Sense, Shape, Stroke, StrokeKind,
@@ -9,62 +9,65 @@ use glioscope_core::Region;
 
 use super::{
     OverlapInput, Shown, Target,
-    interact::{self, Spot, Touched},
+    interact::{self, FocusArea, Interaction},
     paint::{Style, dim_text},
 };
 use crate::{command::Commands, format};
 
-/// Least height of a mask's row, points: its name and its bar.
+/// Smallest height of a mask's row with name and bar, points.
 const ROW_PT: f32 = 19.0;
-/// Least width of a region's column, points.
+/// Smallest width of a region's column, points.
 const COLUMN_PT: f32 = 21.0;
-/// Room above the highest bar for its size, written upwards.
+/// Space above the highest bar for its size in vertical text, points.
 const NUMBER_PT: f32 = 52.0;
-/// Room for the check boxes between bars and dots.
+/// Space for the check boxes between bars and dots, points.
 const CHECK_PT: f32 = 20.0;
-/// Least height of the highest bar.
+/// Smallest height of the highest bar, points.
 const BAR_PT: f32 = 44.0;
-/// Room for the scroll bar below.
+/// Space for the scroll bar below, points.
 const SCROLL_PT: f32 = 9.0;
 
-/// Least height that shows everything, points; with it, rows and bars are small but legible.
-pub fn least_height(masks: usize) -> f32 {
+/// Smallest height that shows everything legibly, points.
+pub fn min_height(masks: usize) -> f32 {
     NUMBER_PT + BAR_PT + CHECK_PT + SCROLL_PT + masks as f32 * ROW_PT
 }
 
-/// Where rows and columns lie.
-struct Frame {
+/// Positions and sizes of rows and columns, points.
+struct PlotLayout {
     rect: Rect,
-    /// Width of the masks' column on the left.
-    left: f32,
-    /// Lower end of the bars.
-    base: f32,
-    /// Length of the highest bar.
-    highest: f32,
-    /// Upper end of the first row.
-    rows: f32,
-    row: f32,
-    column: f32,
+    /// Width of the masks' names and sizes on the left.
+    masks_width: f32,
+    /// y of the lower end of the bars.
+    bars_bottom: f32,
+    /// Height of the highest bar.
+    max_bar_height: f32,
+    /// y of the top of the first row.
+    rows_top: f32,
+    row_height: f32,
+    column_width: f32,
 }
 
-impl Frame {
+impl PlotLayout {
     fn new(rect: Rect, masks: usize, regions: usize) -> Self {
-        let left = (rect.width() * 0.3).clamp(104.0, 190.0);
-        let free = rect.height() - least_height(masks);
-        let row = ROW_PT + (free * 0.4 / masks.max(1) as f32).clamp(0.0, 6.0);
-        let rows = rect.bottom() - SCROLL_PT - row * masks as f32;
-        let base = rows - CHECK_PT;
-        let column = ((rect.width() - left - 8.0) / regions.max(1) as f32).clamp(COLUMN_PT, 38.0);
-        Self { rect, left, base, highest: (base - rect.top() - NUMBER_PT).max(10.0), rows, row, column }
+        let masks_width = (rect.width() * 0.3).clamp(104.0, 190.0);
+        let free = rect.height() - min_height(masks);
+        let row_height = ROW_PT + (free * 0.4 / masks.max(1) as f32).clamp(0.0, 6.0);
+        let rows_top = rect.bottom() - SCROLL_PT - row_height * masks as f32;
+        let bars_bottom = rows_top - CHECK_PT;
+        let column_width =
+            ((rect.width() - masks_width - 8.0) / regions.max(1) as f32).clamp(COLUMN_PT, 38.0);
+        let max_bar_height = (bars_bottom - rect.top() - NUMBER_PT).max(10.0);
+        Self { rect, masks_width, bars_bottom, max_bar_height, rows_top, row_height, column_width }
     }
 
     fn row_rect(&self, mask: usize, left: f32, right: f32) -> Rect {
-        let top = self.rows + mask as f32 * self.row;
-        Rect::from_x_y_ranges(left..=right, top..=top + self.row)
+        let top = self.rows_top + mask as f32 * self.row_height;
+        Rect::from_x_y_ranges(left..=right, top..=top + self.row_height)
     }
 }
 
-/// Draws the plot into `rect`; regions scroll sideways when they don't all fit.
+/// Draws the plot into `rect`; the columns scroll horizontally when they don't all fit. Returns the target under the
+/// cursor.
 pub fn show(
     ui: &mut Ui,
     id: Id,
@@ -76,26 +79,26 @@ pub fn show(
     let masks = input.regions.mask_ids().len();
     let mut regions: Vec<&Region> = input.regions.list().iter().collect();
     regions.sort_by_key(|r| std::cmp::Reverse(r.voxels));
-    let frame = Frame::new(rect, masks, regions.len());
+    let layout = PlotLayout::new(rect, masks, regions.len());
     let style = Style::of(ui);
     for mask in (0..masks).step_by(2) {
-        let stripe = frame.row_rect(mask, rect.left(), rect.right());
+        let stripe = layout.row_rect(mask, rect.left(), rect.right());
         ui.painter().rect_filled(stripe, 2.0, ui.visuals().faint_bg_color);
     }
-    summary(ui, &frame, input);
-    let in_masks = mask_rows(ui, id.with("masks"), &frame, input, &style, marked, out);
-    let right = Rect::from_min_max(pos2(rect.left() + frame.left + 8.0, rect.top()), rect.max);
+    summary(ui, &layout, input);
+    let in_masks = mask_rows(ui, id.with("masks"), &layout, input, &style, marked, out);
+    let right = Rect::from_min_max(pos2(rect.left() + layout.masks_width + 8.0, rect.top()), rect.max);
     let mut child = ui.new_child(egui::UiBuilder::new().max_rect(right));
     let scrolled = ScrollArea::horizontal()
         .id_salt(id.with("regions"))
         .auto_shrink([false, false])
-        .show(&mut child, |ui| columns(ui, id.with("columns"), &frame, &regions, input, &style, marked, out))
+        .show(&mut child, |ui| columns(ui, id.with("columns"), &layout, &regions, input, &style, marked, out))
         .inner;
     scrolled.hovered.or(in_masks.hovered)
 }
 
-/// In the free corner: what there is, and how to read it.
-fn summary(ui: &Ui, frame: &Frame, input: &OverlapInput<'_>) {
+/// Union, number of regions and how to read the plot, in the free corner above the mask names.
+fn summary(ui: &Ui, layout: &PlotLayout, input: &OverlapInput<'_>) {
     let regions = input.regions.list().len();
     let lines = [
         format!("Union {}", format::ml(input.regions.union_ml())),
@@ -105,9 +108,9 @@ fn summary(ui: &Ui, frame: &Frame, input: &OverlapInput<'_>) {
     ];
     let font = small(ui);
     for (i, line) in lines.into_iter().enumerate() {
-        let at = frame.rect.left_top() + vec2(0.0, 18.0 + i as f32 * 14.0);
+        let at = layout.rect.left_top() + vec2(0.0, 18.0 + i as f32 * 14.0);
         let color = if i == 0 { ui.visuals().text_color() } else { dim_text(ui) };
-        if at.y + 14.0 < frame.rows {
+        if at.y + 14.0 < layout.rows_top {
             ui.painter().text(at, Align2::LEFT_TOP, line, font.clone(), color);
         }
     }
@@ -117,52 +120,53 @@ fn small(ui: &Ui) -> FontId {
     FontId::proportional(TextStyle::Small.resolve(ui.style()).size + 1.5)
 }
 
-/// Names and whole sizes of the masks. A click toggles the mask as a whole.
+/// Names and whole sizes of the masks. A click toggles the whole mask.
 fn mask_rows(
     ui: &Ui,
     id: Id,
-    frame: &Frame,
+    layout: &PlotLayout,
     input: &OverlapInput<'_>,
     style: &Style,
     marked: Option<Target>,
     out: &mut Commands,
-) -> Touched {
+) -> Interaction {
     let count = input.regions.mask_ids().len();
-    let place = |k: usize| frame.row_rect(k, frame.rect.left(), frame.rect.left() + frame.left);
-    let spots: Vec<Spot> = (0..count).map(|k| Spot { target: Target::Mask(k), rect: place(k) }).collect();
-    let all = spots.iter().fold(Rect::NOTHING, |r, s| r.union(s.rect));
-    let hit = |p: Pos2| spots.iter().find(|s| s.rect.contains(p)).map(|s| s.target);
-    let touched = interact::picture(ui, id, all, &spots, hit, input, out);
-    let most = (0..count).map(|k| input.regions.mask_voxels(k)).max().unwrap_or(0).max(1) as f32;
+    let place = |k: usize| layout.row_rect(k, layout.rect.left(), layout.rect.left() + layout.masks_width);
+    let focus_areas: Vec<FocusArea> =
+        (0..count).map(|k| FocusArea { target: Target::Mask(k), rect: place(k) }).collect();
+    let all_rows = focus_areas.iter().fold(Rect::NOTHING, |r, s| r.union(s.rect));
+    let hit = |p: Pos2| focus_areas.iter().find(|s| s.rect.contains(p)).map(|s| s.target);
+    let interaction = interact::clickable_pieces(ui, id, all_rows, &focus_areas, hit, input, out);
+    let max_voxels = (0..count).map(|k| input.regions.mask_voxels(k)).max().unwrap_or(0).max(1) as f32;
     let font = small(ui);
-    for spot in &spots {
-        let Target::Mask(k) = spot.target else { continue };
-        let rect = spot.rect.shrink2(vec2(4.0, 1.5));
-        let shown = input.shown(spot.target);
+    for area in &focus_areas {
+        let Target::Mask(k) = area.target else { continue };
+        let rect = area.rect.shrink2(vec2(4.0, 1.5));
+        let shown = input.shown(area.target);
         let color = if shown == Shown::None { dim_text(ui) } else { ui.visuals().text_color() };
         let painter = ui.painter();
         let size = painter.text(
             rect.right_top(),
             Align2::RIGHT_TOP,
-            format::ml(input.ml(spot.target)),
+            format::ml(input.ml(area.target)),
             font.clone(),
             color,
         );
         let room = size.left() - rect.left() - 4.0;
-        let name = elided(ui, &input.name(spot.target), &font, color, room);
+        let name = elided(ui, &input.name(area.target), &font, color, room);
         painter.galley(rect.min, name, color);
-        let length = (rect.width() - 4.0) * input.voxels(spot.target) as f32 / most;
-        let thick = (frame.row - 16.5).clamp(2.5, 6.0);
+        let length = (rect.width() - 4.0) * input.voxels(area.target) as f32 / max_voxels;
+        let thick = (layout.row_height - 16.5).clamp(2.5, 6.0);
         let corner = pos2(rect.left() + 2.0, rect.bottom() - thick - 0.5);
         let bar = Rect::from_min_size(corner, vec2(length, thick));
         painter.rect_filled(bar.expand(1.0), CornerRadius::ZERO, style.casing);
         painter.rect_filled(bar, CornerRadius::ZERO, style.fill(input.colors.mask(k), shown));
-        if [touched.hovered, touched.focused, marked].contains(&Some(spot.target)) {
+        if [interaction.hovered, interaction.focused, marked].contains(&Some(area.target)) {
             let line = Stroke::new(1.5, style.marked.color);
-            painter.rect_stroke(spot.rect, 3.0, line, StrokeKind::Inside);
+            painter.rect_stroke(area.rect, 3.0, line, StrokeKind::Inside);
         }
     }
-    touched
+    interaction
 }
 
 fn elided(ui: &Ui, words: &str, font: &FontId, color: Color32, width: f32) -> std::sync::Arc<egui::Galley> {
@@ -174,59 +178,59 @@ fn elided(ui: &Ui, words: &str, font: &FontId, color: Color32, width: f32) -> st
 fn columns(
     ui: &mut Ui,
     id: Id,
-    frame: &Frame,
+    layout: &PlotLayout,
     regions: &[&Region],
     input: &OverlapInput<'_>,
     style: &Style,
     marked: Option<Target>,
     out: &mut Commands,
-) -> Touched {
-    let size = vec2(frame.column * regions.len() as f32, frame.rect.height() - SCROLL_PT);
+) -> Interaction {
+    let size = vec2(layout.column_width * regions.len() as f32, layout.rect.height() - SCROLL_PT);
     let (area, _) = ui.allocate_exact_size(size, Sense::hover());
     let column = |i: usize| {
-        let left = area.left() + i as f32 * frame.column;
-        Rect::from_x_y_ranges(left..=left + frame.column, area.top()..=area.bottom())
+        let left = area.left() + i as f32 * layout.column_width;
+        Rect::from_x_y_ranges(left..=left + layout.column_width, area.top()..=area.bottom())
     };
-    let spots: Vec<Spot> = regions
+    let focus_areas: Vec<FocusArea> = regions
         .iter()
         .enumerate()
         .map(|(i, r)| {
-            let middle = pos2(column(i).center().x, (frame.base + frame.rows) / 2.0);
+            let middle = pos2(column(i).center().x, (layout.bars_bottom + layout.rows_top) / 2.0);
             let rect = Rect::from_center_size(middle, vec2(CHECK_PT - 4.0, CHECK_PT - 4.0));
-            Spot { target: Target::Region(r.bits), rect }
+            FocusArea { target: Target::Region(r.bits), rect }
         })
         .collect();
     let hit = |p: Pos2| {
-        let i = ((p.x - area.left()) / frame.column).floor();
+        let i = ((p.x - area.left()) / layout.column_width).floor();
         (i >= 0.0 && area.contains(p))
             .then(|| regions.get(i as usize))
             .flatten()
             .map(|r| Target::Region(r.bits))
     };
-    let touched = interact::picture(ui, id, area, &spots, hit, input, out);
-    let most = regions.first().map_or(1, |r| r.voxels).max(1) as f32;
+    let interaction = interact::clickable_pieces(ui, id, area, &focus_areas, hit, input, out);
+    let max_voxels = regions.first().map_or(1, |r| r.voxels).max(1) as f32;
     for (i, region) in regions.iter().enumerate() {
         let place = column(i);
         if !ui.is_rect_visible(place) {
             continue;
         }
         let target = Target::Region(region.bits);
-        let is_marked = [touched.hovered, touched.focused, marked].contains(&Some(target));
+        let is_marked = [interaction.hovered, interaction.focused, marked].contains(&Some(target));
         if is_marked {
             ui.painter().rect_filled(place, 3.0, style.marked.color.gamma_multiply(0.16));
         }
-        let height = frame.highest * region.voxels as f32 / most;
-        bar(ui, frame, place, height, region, input, style, is_marked);
-        check(ui, spots[i].rect, input.shown(target), is_marked, style);
-        dots(ui, frame, place, region.bits, input, style);
+        let height = layout.max_bar_height * region.voxels as f32 / max_voxels;
+        bar(ui, layout, place, height, region, input, style, is_marked);
+        check(ui, focus_areas[i].rect, input.shown(target), is_marked, style);
+        dots(ui, layout, place, region.bits, input, style);
     }
-    touched
+    interaction
 }
 
-/// A region's bar, and its size written upwards above it.
+/// A region's bar, and its size in vertical text above it.
 fn bar(
     ui: &Ui,
-    frame: &Frame,
+    layout: &PlotLayout,
     place: Rect,
     height: f32,
     region: &Region,
@@ -236,8 +240,11 @@ fn bar(
 ) {
     let shown = input.shown(Target::Region(region.bits));
     let middle = place.center().x;
-    let half = (frame.column * 0.5 - 4.0).min(9.0);
-    let rect = Rect::from_x_y_ranges(middle - half..=middle + half, frame.base - height..=frame.base);
+    let half = (layout.column_width * 0.5 - 4.0).min(9.0);
+    let rect = Rect::from_x_y_ranges(
+        middle - half..=middle + half,
+        layout.bars_bottom - height..=layout.bars_bottom,
+    );
     let painter = ui.painter();
     painter.rect_filled(rect.expand(2.6), CornerRadius::ZERO, style.casing);
     painter.rect_filled(rect, CornerRadius::ZERO, style.fill(input.colors.region(region.bits), shown));
@@ -249,7 +256,7 @@ fn bar(
     painter.add(TextShape::new(at, galley, color).with_angle(-std::f32::consts::FRAC_PI_2));
 }
 
-/// A check box, as the theme draws it.
+/// A check box in the theme's style.
 fn check(ui: &Ui, rect: Rect, shown: Shown, is_marked: bool, style: &Style) {
     let rect = Rect::from_center_size(rect.center(), vec2(13.0, 13.0));
     let visuals = &ui.visuals().widgets.inactive;
@@ -263,13 +270,13 @@ fn check(ui: &Ui, rect: Rect, shown: Shown, is_marked: bool, style: &Style) {
     }
 }
 
-/// The masks of a region: dots in their colours, joined; faint dots for the others.
-fn dots(ui: &Ui, frame: &Frame, place: Rect, bits: u32, input: &OverlapInput<'_>, style: &Style) {
+/// The masks of a region as connected dots in their colours; faint dots for the other masks.
+fn dots(ui: &Ui, layout: &PlotLayout, place: Rect, bits: u32, input: &OverlapInput<'_>, style: &Style) {
     let shown = input.shown(Target::Region(bits));
-    let middle = |k: usize| frame.row_rect(k, place.left(), place.right()).center();
+    let middle = |k: usize| layout.row_rect(k, place.left(), place.right()).center();
     let active = |k: &usize| bits >> k & 1 == 1;
     let masks = 0..input.regions.mask_ids().len();
-    let radius = (frame.row * 0.3).min(6.5);
+    let radius = (layout.row_height * 0.3).min(6.5);
     let ink = if shown == Shown::None { dim_text(ui) } else { ui.visuals().strong_text_color() };
     if let (Some(first), Some(last)) = (masks.clone().find(active), masks.clone().rev().find(active)) {
         ui.painter().line_segment([middle(first), middle(last)], Stroke::new(2.0, ink));
@@ -289,13 +296,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_and_bars_share_the_height() {
-        for (masks, height) in [(4, 300.0), (9, 330.0), (9, 700.0), (32, least_height(32))] {
+    fn rows_and_bars_fit_the_height() {
+        for (masks, height) in [(4, 300.0), (9, 330.0), (9, 700.0), (32, min_height(32))] {
             let rect = Rect::from_min_size(pos2(5.0, 7.0), vec2(450.0, height));
-            let f = Frame::new(rect, masks, 31);
-            assert!(f.row >= ROW_PT && f.column >= COLUMN_PT && f.highest >= BAR_PT - 1e-3);
-            assert!(f.row_rect(masks - 1, 0.0, 1.0).bottom() <= rect.bottom() - SCROLL_PT + 1e-3);
-            assert!(f.base - f.highest - NUMBER_PT >= rect.top() - 1e-3);
+            let l = PlotLayout::new(rect, masks, 31);
+            assert!(
+                l.row_height >= ROW_PT && l.column_width >= COLUMN_PT && l.max_bar_height >= BAR_PT - 1e-3
+            );
+            assert!(l.row_rect(masks - 1, 0.0, 1.0).bottom() <= rect.bottom() - SCROLL_PT + 1e-3);
+            assert!(l.bars_bottom - l.max_bar_height - NUMBER_PT >= rect.top() - 1e-3);
         }
     }
 }

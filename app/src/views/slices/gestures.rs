@@ -1,4 +1,4 @@
-//! What mouse and keys do on a slice.
+//! Mouse and keyboard input on a slice.
 
 use egui::{Event, Key, MouseWheelUnit, PointerButton, Pos2, Response, Ui};
 use glam::DVec2;
@@ -9,19 +9,19 @@ use crate::command::{Commands, EditCommand, LookCommand};
 
 /// Touchpad points that count as one notch of a wheel.
 const POINTS_PER_NOTCH: f32 = 40.0;
-/// Most and least magnification, millimetres a point.
+/// Range of magnification, mm per point.
 const ZOOM_RANGE: (f64, f64) = (0.002, 20.0);
 
-/// What gestures remember between frames.
+/// State of gestures between frames.
 #[derive(Debug, Default)]
-pub(super) struct Memory {
-    /// Where the pointer last hovered.
+pub(super) struct GestureState {
+    /// Pointer position in the last frame, where it hovered.
     hovered: Option<Pos2>,
-    /// Part of a notch that was scrolled and not yet used.
-    scrolled: f32,
+    /// Scrolled part of a notch, below one slice.
+    leftover_notches: f32,
 }
 
-impl Memory {
+impl GestureState {
     /// Turns what the user did into commands.
     pub(super) fn interact(
         &mut self,
@@ -39,7 +39,7 @@ impl Memory {
         if !input.doc.nav.ruler_on {
             crosshair(ui, input, layout, response, shift, out);
         }
-        self.follow(ui, input, layout, response, out);
+        self.follow_pointer(ui, input, layout, response, out);
         if response.dragged_by(PointerButton::Secondary) {
             drag_window(input, response, out);
         }
@@ -51,9 +51,9 @@ impl Memory {
         keys(ui, input, layout, response, out);
     }
 
-    /// The crosshair follows a pointer that moves over the slice, within its plane. Not while something is
-    /// pressed or turned: what is dragged or scrolled would jump.
-    fn follow(
+    /// The crosshair follows a pointer that moves over the slice, within its plane. Not while a button is pressed or
+    /// the wheel turns: what is dragged or scrolled would jump.
+    fn follow_pointer(
         &mut self,
         ui: &Ui,
         input: &Input<'_>,
@@ -76,7 +76,7 @@ impl Memory {
     }
 
     fn scroll(&mut self, ui: &Ui, input: &Input<'_>, layout: &Layout, out: &mut Commands) {
-        // Raw events rather than the smoothed sum: a notch is one slice, at once.
+        // Raw events rather than egui's smoothed sum: a notch is one slice, without delay.
         let notches: f32 = ui.input(|i| {
             let zooming = |m: &egui::Modifiers| m.ctrl || m.command;
             let wheel = |event: &Event| match event {
@@ -92,10 +92,10 @@ impl Memory {
         if notches == 0.0 {
             return;
         }
-        // Touchpads move by parts of a notch: what is left over waits for the next event.
-        let sum = notches + self.scrolled;
+        // Touchpads scroll by parts of a notch: the remainder is added to the next event.
+        let sum = notches + self.leftover_notches;
         let whole = sum.trunc();
-        self.scrolled = sum - whole;
+        self.leftover_notches = sum - whole;
         if whole != 0.0 {
             step(input, layout, layout.slice.plane, f64::from(whole), out);
         }
@@ -111,8 +111,8 @@ fn crosshair(
     out: &mut Commands,
 ) {
     let primary_down = ui.input(|i| i.pointer.primary_down());
-    let held = response.is_pointer_button_down_on() && primary_down;
-    if shift || !(held || response.clicked()) {
+    let pressed = response.is_pointer_button_down_on() && primary_down;
+    if shift || !(pressed || response.clicked()) {
         return;
     }
     let Some(pos) = response.interact_pointer_pos() else { return };
@@ -122,18 +122,18 @@ fn crosshair(
     }
 }
 
-/// Middle button, or shift and the primary one.
+/// Pans with the middle button, or with Shift and the primary button.
 fn pan(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
-    // From the press on, not from where egui calls it a drag: what was grabbed stays under the pointer.
-    let moved = ui.input(|i| {
+    // From the press on, not from where egui detects a drag: the grabbed point stays under the pointer.
+    let delta = ui.input(|i| {
         let grabbed = i.pointer.button_down(PointerButton::Middle)
             || (i.modifiers.shift && i.pointer.button_down(PointerButton::Primary));
         if grabbed && response.is_pointer_button_down_on() { i.pointer.delta() } else { egui::Vec2::ZERO }
     });
-    if moved != egui::Vec2::ZERO {
-        let moved = DVec2::new(f64::from(moved.x), f64::from(moved.y)) * layout.mm_per_point();
+    if delta != egui::Vec2::ZERO {
+        let moved_mm = DVec2::new(f64::from(delta.x), f64::from(delta.y)) * layout.mm_per_point();
         let plane = layout.slice.plane;
-        out.push(LookCommand::SetPan(plane, input.doc.nav.pan_mm[plane as usize] - moved));
+        out.push(LookCommand::SetPan(plane, input.doc.nav.pan_mm[plane as usize] - moved_mm));
     }
 }
 
@@ -147,7 +147,7 @@ fn drag_window(input: &Input<'_>, response: &Response, out: &mut Commands) {
     }
 }
 
-/// Moves the crosshair by whole slices along the normal, no further than the outermost.
+/// Moves the crosshair by whole slices along the plane's normal, at most to the outermost slice.
 fn step(input: &Input<'_>, layout: &Layout, plane: Plane, slices: f64, out: &mut Commands) {
     let grid = input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid());
     let step_mm = plane.step_mm(grid);
@@ -160,26 +160,26 @@ fn step(input: &Input<'_>, layout: &Layout, plane: Plane, slices: f64, out: &mut
     }
 }
 
-/// Zooms about the pointer: what is under it stays there.
+/// Zooms about the pointer: the point under it stays fixed.
 fn zoom(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     let factor = f64::from(ui.input(egui::InputState::zoom_delta));
     let Some(pos) = response.hover_pos() else { return };
     if factor == 1.0 || factor <= 0.0 || factor.is_nan() {
         return;
     }
-    let before = layout.mm_per_point();
-    let after = (before / factor).clamp(ZOOM_RANGE.0, ZOOM_RANGE.1);
+    let old_mm_per_point = layout.mm_per_point();
+    let new_mm_per_point = (old_mm_per_point / factor).clamp(ZOOM_RANGE.0, ZOOM_RANGE.1);
     let from_middle = pos - layout.rect.center();
     let from_middle = DVec2::new(f64::from(from_middle.x), f64::from(from_middle.y));
     let plane = layout.slice.plane;
-    out.push(LookCommand::SetSliceZoom(Some(after)));
+    out.push(LookCommand::SetSliceZoom(Some(new_mm_per_point)));
     out.push(LookCommand::SetPan(
         plane,
-        input.doc.nav.pan_mm[plane as usize] + from_middle * (before - after),
+        input.doc.nav.pan_mm[plane as usize] + from_middle * (old_mm_per_point - new_mm_per_point),
     ));
 }
 
-/// Page keys go through the slices; arrows move the crosshair in the plane, by one voxel.
+/// Page keys step through the slices; arrow keys move the crosshair in the plane by one voxel.
 fn keys(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     if response.has_focus() {
         let filter =
@@ -197,12 +197,12 @@ fn keys(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &
         (layout.slice.right(), Key::ArrowRight, Key::ArrowLeft),
         (layout.slice.down(), Key::ArrowDown, Key::ArrowUp),
     ] {
-        let moved = presses(forwards) - presses(backwards);
-        if moved != 0.0 {
+        let steps = presses(forwards) - presses(backwards);
+        if steps != 0.0 {
             let along = |plane: &Plane| plane.normal().dot(direction) != 0.0;
             if let Some(plane) = Plane::ALL.into_iter().find(along) {
                 let sign = plane.normal().dot(direction);
-                step(input, layout, plane, moved * sign, out);
+                step(input, layout, plane, steps * sign, out);
             }
         }
     }

@@ -1,5 +1,5 @@
-//! What is drawn over a slice: crosshair, letters, scale bar, lens, texts. White with a dark halo,
-//! so that it reads on black, on white and on every mask.
+//! Overlays of a slice: crosshair, orientation letters, scale bar, lens and texts. White with a dark halo, so that they
+//! are legible on black, on white and on every mask.
 
 use std::sync::Arc;
 
@@ -8,22 +8,22 @@ use egui::{Align2, Color32, FontId, Galley, Painter, Pos2, Stroke, Ui, pos2, vec
 use glioscope_render::{Coloring, agreement_color};
 
 use super::{
-    Input, Layout, grid_shown,
+    Input, Layout,
     ruler::{self, Draft, Look},
-    sides_known,
+    shown_grid, sides_known,
 };
 use crate::{format, views::draw};
 
 const HALO: Color32 = Color32::from_black_alpha(200);
 const INK: Color32 = Color32::WHITE;
-/// The lens in every view.
-const LENS: Color32 = Color32::from_rgb(255, 40, 40);
+/// Colour of the lens, the same in every view.
+const LENS_COLOR: Color32 = Color32::from_rgb(255, 40, 40);
 const WARNING: Color32 = Color32::from_rgb(255, 170, 60);
-/// Half of the crosshair's gap, so that it doesn't cover what it points at.
-const GAP: f32 = 9.0;
-const MARGIN: f32 = 7.0;
+/// Half the crosshair's central gap, which leaves the marked point visible, points.
+const HALF_GAP_POINTS: f32 = 9.0;
+const MARGIN_POINTS: f32 = 7.0;
 
-/// Draws all of it.
+/// Draws all overlays except rulers.
 pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, not_finite_pixels: u64) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
     crosshair(&painter, layout, layout.pos_of(input.doc.nav.cursor_mm));
@@ -33,7 +33,7 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
         let radius = (radius_px.min(1e6) as f32) / layout.pixels_per_point;
         let middle = layout.pos_of_pixel(middle);
         painter.circle_stroke(middle, radius, Stroke::new(3.5, Color32::from_black_alpha(110)));
-        painter.circle_stroke(middle, radius, Stroke::new(1.75, LENS));
+        painter.circle_stroke(middle, radius, Stroke::new(1.75, LENS_COLOR));
     }
     let known = sides_known(input);
     let title_height = title(&painter, input, layout, known, not_finite_pixels);
@@ -47,11 +47,10 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
     }
 }
 
-/// Lines measured: solid where both ends lie in this slice, half its thickness to either side; faint and
-/// dashed where they don't.
+/// Rulers: solid where both ends lie within half a slice thickness of the plane, else faint and dashed.
 pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<Draft>) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
-    let half_mm = layout.slice.plane.step_mm(grid_shown(input)) / 2.0;
+    let half_mm = layout.slice.plane.step_mm(shown_grid(input)) / 2.0;
     for (_, ruler) in input.doc.rulers_shown() {
         let ends_mm = [ruler.from_mm, ruler.to_mm];
         let here = ends_mm.iter().all(|&end| layout.slice.distance_mm(end).abs() <= half_mm);
@@ -64,9 +63,9 @@ pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<
     }
 }
 
-/// The ramp of agreement in small: a square a level, with its number of masks.
+/// Legend of the agreement colours: a square per level, with its number of masks.
 fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f32) {
-    let mut at = layout.rect.left_bottom() + vec2(MARGIN + 1.0, -readout_height - 20.0);
+    let mut at = layout.rect.left_bottom() + vec2(MARGIN_POINTS + 1.0, -readout_height - 20.0);
     let step = (layout.rect.width() * 0.5 / masks.max(1) as f32).min(17.0);
     for level in 1..=masks as u32 {
         let color = agreement_color(level, masks);
@@ -86,10 +85,10 @@ fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f
 fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {
     let rect = layout.rect;
     let lines = [
-        [pos2(rect.left(), at.y), pos2(at.x - GAP, at.y)],
-        [pos2(at.x + GAP, at.y), pos2(rect.right(), at.y)],
-        [pos2(at.x, rect.top()), pos2(at.x, at.y - GAP)],
-        [pos2(at.x, at.y + GAP), pos2(at.x, rect.bottom())],
+        [pos2(rect.left(), at.y), pos2(at.x - HALF_GAP_POINTS, at.y)],
+        [pos2(at.x + HALF_GAP_POINTS, at.y), pos2(rect.right(), at.y)],
+        [pos2(at.x, rect.top()), pos2(at.x, at.y - HALF_GAP_POINTS)],
+        [pos2(at.x, at.y + HALF_GAP_POINTS), pos2(at.x, rect.bottom())],
     ];
     for stroke in [
         Stroke::new(3.0, Color32::from_black_alpha(70)),
@@ -126,10 +125,10 @@ fn haloed(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>, ink:
     height
 }
 
-/// Plane, position and window at the top; returns the height they take.
+/// Plane, position and window at the top; returns their height.
 fn title(painter: &Painter, input: &Input<'_>, layout: &Layout, known: bool, not_finite_pixels: u64) -> f32 {
     let rect = layout.rect;
-    let mut at = rect.left_top() + vec2(MARGIN, MARGIN - 2.0);
+    let mut at = rect.left_top() + vec2(MARGIN_POINTS, MARGIN_POINTS - 2.0);
     let name = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(known));
     let row = text(painter, at, Align2::LEFT_TOP, &name, 13.0, INK);
     at.y += row;
@@ -147,39 +146,51 @@ fn title(painter: &Painter, input: &Input<'_>, layout: &Layout, known: bool, not
         }
         None => "no image".to_owned(),
     };
-    // Beside the name where there is room, else below it.
+    // Right of the name where the pane is wide enough, else below it.
     if rect.width() > 250.0 {
-        text(painter, rect.right_top() + vec2(-MARGIN, MARGIN - 2.0), Align2::RIGHT_TOP, &words, 12.0, INK);
+        text(
+            painter,
+            rect.right_top() + vec2(-MARGIN_POINTS, MARGIN_POINTS - 2.0),
+            Align2::RIGHT_TOP,
+            &words,
+            12.0,
+            INK,
+        );
     } else {
         at.y += text(painter, at, Align2::LEFT_TOP, &words, 12.0, INK);
     }
     at.y - rect.top()
 }
 
-/// Three digits or so: enough to tell windows apart.
+/// About three significant digits.
 fn short(value: f64) -> String {
     let digits = if value == 0.0 { 0.0 } else { (2.0 - value.abs().log10().floor()).clamp(0.0, 6.0) };
     format!("{value:.0$}", digits as usize)
 }
 
-/// The readout at the bottom; returns the height it takes.
+/// The readout at the bottom; returns its height.
 fn bottom_line(painter: &Painter, layout: &Layout, readout: &str) -> f32 {
     let rect = layout.rect;
-    let room = (rect.width() - 2.0 * MARGIN).max(40.0);
+    let room = (rect.width() - 2.0 * MARGIN_POINTS).max(40.0);
     let galley = painter.layout(readout.to_owned(), FontId::proportional(12.0), INK, room);
-    haloed(painter, rect.left_bottom() + vec2(MARGIN, -MARGIN + 2.0), Align2::LEFT_BOTTOM, galley, INK)
-        + MARGIN
+    haloed(
+        painter,
+        rect.left_bottom() + vec2(MARGIN_POINTS, -MARGIN_POINTS + 2.0),
+        Align2::LEFT_BOTTOM,
+        galley,
+        INK,
+    ) + MARGIN_POINTS
 }
 
 fn letters(painter: &Painter, layout: &Layout, title_height: f32, readout_height: f32) {
     let rect = layout.rect;
     let [left, right, top, bottom] = layout.slice.letters();
-    // The top letter goes below a title that reaches the middle.
+    // In a narrow pane the title reaches the middle: the top letter is below it.
     let top_y =
-        if rect.width() > 380.0 { rect.top() + MARGIN - 2.0 } else { rect.top() + title_height + 1.0 };
+        if rect.width() > 380.0 { rect.top() + MARGIN_POINTS - 2.0 } else { rect.top() + title_height + 1.0 };
     let places = [
-        (left, pos2(rect.left() + MARGIN, rect.center().y), Align2::LEFT_CENTER),
-        (right, pos2(rect.right() - MARGIN, rect.center().y), Align2::RIGHT_CENTER),
+        (left, pos2(rect.left() + MARGIN_POINTS, rect.center().y), Align2::LEFT_CENTER),
+        (right, pos2(rect.right() - MARGIN_POINTS, rect.center().y), Align2::RIGHT_CENTER),
         (top, pos2(rect.center().x, top_y), Align2::CENTER_TOP),
         (bottom, pos2(rect.center().x, rect.bottom() - readout_height), Align2::CENTER_BOTTOM),
     ];
@@ -193,7 +204,7 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
     let room = f64::from(rect.width() * layout.pixels_per_point) * 0.3;
     let Some(bar) = layout.slice.scale_bar(room) else { return };
     let length = bar.px as f32 / layout.pixels_per_point;
-    let right = rect.right_bottom() + vec2(-MARGIN - 1.0, -readout_height - 6.0);
+    let right = rect.right_bottom() + vec2(-MARGIN_POINTS - 1.0, -readout_height - 6.0);
     let left = right - vec2(length, 0.0);
     for stroke in [Stroke::new(4.0, HALO), Stroke::new(2.0, INK)] {
         let over = vec2((stroke.width - 2.0) / 2.0, 0.0);

@@ -1,5 +1,5 @@
-//! The three slice views (thesis 7.4): image and masks on true planes of the patient, with
-//! crosshair, orientation letters, scale bar, lens and a readout.
+//! The axial, coronal and sagittal slice views (thesis 7.4): image and masks on planes of the patient's axes, with
+//! crosshair, orientation letters, scale bar, lens and readout.
 
 mod gestures;
 mod marks;
@@ -22,6 +22,7 @@ use glioscope_render::{
     },
 };
 
+use self::gestures::GestureState;
 use super::{
     change, draw,
     pane::{Input, Pane, Stage},
@@ -33,22 +34,22 @@ use crate::{
     world::jobs::Handle,
 };
 
-/// Width of outlines in points; at least one pixel.
+/// Width of mask outlines, points; at least one pixel is drawn.
 const OUTLINE_POINTS: f32 = 1.5;
 
-/// A slice as it is laid out in its pane.
+/// Geometry of a slice in its pane.
 struct Layout {
-    /// Where it is, on whole pixels.
+    /// Rectangle of the slice, rounded to whole pixels.
     rect: Rect,
     pixels_per_point: f32,
-    /// What it shows, in pixels of the screen.
+    /// Plane, centre and magnification, in screen pixels.
     slice: SliceView,
-    /// Smallest and largest world coordinates of what "fit" fits: the image, else the masks' grid.
+    /// Bounding box that "fit" fits: of the image, or of the masks' grid without one.
     bounds_mm: (DVec3, DVec3),
 }
 
 impl Layout {
-    /// `None` where there is no room for a pixel.
+    /// `None` if a side of `rect` is below 1 pixel or above 16383.
     fn new(input: &Input<'_>, plane: Plane, rect: Rect, pixels_per_point: f32) -> Option<Self> {
         let rect = rect.round_to_pixels(pixels_per_point);
         let size = rect.size() * pixels_per_point;
@@ -82,31 +83,31 @@ impl Layout {
     }
 
     fn pos_of_pixel(&self, pixel: DVec2) -> Pos2 {
-        // Far outside, f32 would lose the other coordinate's precision in shapes.
+        // Far outside the pane, f32 coordinates would be too imprecise in shapes.
         let pixel = pixel.clamp(DVec2::splat(-1e6), DVec2::splat(1e6));
         self.rect.min + egui::vec2(pixel.x as f32, pixel.y as f32) / self.pixels_per_point
     }
 }
 
-/// The pane of a slice.
+/// The pane of one slice view.
 pub struct SlicePane {
     plane: Plane,
-    drawn: Option<Drawn>,
-    gestures: gestures::Memory,
+    drawn: Option<DrawnSlice>,
+    gestures: GestureState,
 }
 
 impl SlicePane {
-    /// A pane of this plane.
+    /// A pane for this plane.
     pub fn new(plane: Plane) -> Self {
-        Self { plane, drawn: None, gestures: gestures::Memory::default() }
+        Self { plane, drawn: None, gestures: GestureState::default() }
     }
 
-    /// How often it was drawn: a test that an idle view draws nothing reads it.
+    /// How often the slice was rendered; a test checks that an idle view renders nothing.
     pub fn draws(&self) -> u64 {
         self.drawn.as_ref().map_or(0, |drawn| drawn.draws)
     }
 
-    /// Draws it into all of `ui`.
+    /// Draws the slice into all of `ui`.
     pub fn draw(&mut self, ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         let (plane, rect) = (self.plane, ui.available_rect_before_wrap());
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
@@ -115,12 +116,12 @@ impl SlicePane {
         let inside = |pos: Pos2| layout.rect.contains(pos).then(|| layout.world_at(pos));
         let draft = ruler::drag(ui, &response, input.doc, PaneId::of_plane(plane), &inside, out);
 
-        let (texture, not_finite_pixels) = self.picture(ui, input, &layout);
+        let (texture, not_finite_pixels) = self.slice_texture(ui, input, &layout);
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
         ui.painter().image(texture.id(), layout.rect, whole, Color32::WHITE);
 
-        let pointed = response.hover_pos().filter(|_| !response.dragged());
-        let place = pointed.map_or(input.doc.nav.cursor_mm, |pos| layout.world_at(pos));
+        let hovered = response.hover_pos().filter(|_| !response.dragged());
+        let place = hovered.map_or(input.doc.nav.cursor_mm, |pos| layout.world_at(pos));
         let text = readout_text(input, place);
         marks::draw(ui, input, &layout, &text, not_finite_pixels);
         marks::rulers(ui, input, &layout, draft);
@@ -144,18 +145,18 @@ impl Pane for SlicePane {
     }
 }
 
-/// The grid that slices step through: the image's, else the masks'.
-fn grid_shown<'a>(input: &Input<'a>) -> &'a glioscope_core::Grid {
+/// The grid that slices step through: the image's, or the masks' without an image.
+fn shown_grid<'a>(input: &Input<'a>) -> &'a glioscope_core::Grid {
     input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid())
 }
 
-/// Whether letters may be shown: both what is drawn and what lies over it say where they are.
+/// Whether orientation letters may be shown: image and masks both have known sides.
 fn sides_known(input: &Input<'_>) -> bool {
     let image = input.context.map_or(Sides::Known, |(_, image)| image.volume().grid().sides());
     image == Sides::Known && input.case.grid.sides() == Sides::Known
 }
 
-/// Place, intensity and masks at a point, in one line.
+/// Position, intensity and masks at a point, in one line.
 fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
     let index = &input.time_point.index;
     let found = readout(world_mm, input.context.map(|(_, image)| &**image.volume()), Some(index));
@@ -180,7 +181,7 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
     parts.join("  ·  ")
 }
 
-/// A stored value in at most six digits; whole numbers in full.
+/// An image value with at most six significant digits; integers in full.
 fn intensity(value: f64) -> String {
     if value.is_nan() {
         return "not a number".into();
@@ -194,7 +195,7 @@ fn intensity(value: f64) -> String {
 
 /// Everything that a slice's pixels depend on.
 #[derive(PartialEq)]
-struct Inputs {
+struct SliceKey {
     slice: SliceView,
     image: Option<(Handle<PreparedContext>, Window)>,
     index: Handle<TumorIndex>,
@@ -206,34 +207,34 @@ struct Inputs {
     style: SliceStyle,
 }
 
-/// The picture last drawn.
-struct Drawn {
-    inputs: Inputs,
+/// The slice last rendered.
+struct DrawnSlice {
+    key: SliceKey,
     texture: TextureHandle,
     not_finite_pixels: u64,
     draws: u64,
 }
 
-/// The masks that slices show: those of the date shown, or one mask at the two dates compared, with
-/// what changed filled.
-struct Masks {
+/// The masks that slices show: those of the time point shown, or one mask at the two compared time points with the
+/// changed voxels filled.
+struct ShownMasks {
     index: Arc<TumorIndex>,
     colors: MaskColors,
     selection: Selection,
     unfilled: Option<u32>,
 }
 
-fn masks_of(input: &Input<'_>) -> Masks {
+fn shown_masks(input: &Input<'_>) -> ShownMasks {
     let edit = &input.doc.edit;
     match input.compared.filter(|_| edit.change.on_slices) {
-        Some(compared) => Masks {
+        Some(compared) => ShownMasks {
             index: compared.index.clone(),
             colors: change::pair_colors(edit.palette),
             selection: Selection::all(),
-            // Both dates have it: nothing changed.
+            // Active at both time points: unchanged.
             unfilled: Some(0b11),
         },
-        None => Masks {
+        None => ShownMasks {
             index: input.time_point.index.clone(),
             colors: input.colors.clone(),
             selection: edit.selection.clone(),
@@ -243,17 +244,17 @@ fn masks_of(input: &Input<'_>) -> Masks {
 }
 
 impl SlicePane {
-    /// The slice as a texture, drawn only when something it depends on changed, and how many of its
-    /// pixels are NaN or infinite.
-    fn picture(&mut self, ui: &Ui, input: &Input<'_>, layout: &Layout) -> (TextureHandle, u64) {
+    /// The slice as a texture, rendered only when something it depends on changed, and its number of pixels that are
+    /// NaN or infinite.
+    fn slice_texture(&mut self, ui: &Ui, input: &Input<'_>, layout: &Layout) -> (TextureHandle, u64) {
         let edit = &input.doc.edit;
-        let masks = masks_of(input);
+        let masks = shown_masks(input);
         let (index, colors, selection) = (&masks.index, &masks.colors, &masks.selection);
-        // Dark in both themes: greys are judged against black, and the marks are white.
+        // Dark in both themes: greys are judged against black, and the overlaid marks are white.
         let style = SliceStyle::DARK;
         let outline_px = (OUTLINE_POINTS * layout.pixels_per_point).round().max(1.0) as u32;
         let image = input.context.map(|(id, image)| (image, input.doc.window_of(id, image)));
-        let inputs = Inputs {
+        let key = SliceKey {
             slice: layout.slice,
             image: image.map(|(image, window)| (Handle::of(image), window)),
             index: Handle::of(index),
@@ -265,7 +266,7 @@ impl SlicePane {
             style,
         };
         if let Some(drawn) = &self.drawn
-            && drawn.inputs == inputs
+            && drawn.key == key
         {
             return (drawn.texture.clone(), drawn.not_finite_pixels);
         }
@@ -285,7 +286,7 @@ impl SlicePane {
         let slice = render_slice(&layout.slice, &layers);
         let pixels = ColorImage::from_rgba_premultiplied(slice.size.map(|s| s as usize), &slice.rgba);
         let (texture, draws) = match self.drawn.take() {
-            Some(Drawn { mut texture, draws, .. }) => {
+            Some(DrawnSlice { mut texture, draws, .. }) => {
                 texture.set(pixels, TextureOptions::NEAREST);
                 (texture, draws + 1)
             }
@@ -295,12 +296,12 @@ impl SlicePane {
             }
         };
         let not_finite_pixels = slice.not_finite_pixels;
-        self.drawn = Some(Drawn { inputs, texture: texture.clone(), not_finite_pixels, draws });
+        self.drawn = Some(DrawnSlice { key, texture: texture.clone(), not_finite_pixels, draws });
         (texture, not_finite_pixels)
     }
 }
 
-/// Presets of the image, on a right click.
+/// Context menu of the image's window presets.
 fn window_menu(response: &egui::Response, input: &Input<'_>, out: &mut Commands) {
     let Some((id, image)) = input.context else { return };
     response.context_menu(|ui| {

@@ -1,4 +1,4 @@
-//! What mouse and keys do, in millimetres.
+//! Effects of mouse and keyboard input, in millimetres.
 
 use std::{sync::Arc, time::Instant};
 
@@ -18,8 +18,8 @@ use crate::{
     world::Loaded,
 };
 
-/// 40 mm by 60 mm by 80 mm in voxels of 1, 1.5 and 2 mm; values 0, 1, 2 … along x; masks "left" and
-/// "front" over the two halves. The middle is at 100, 200, 300 mm.
+/// 40 mm × 60 mm × 80 mm in voxels of 1, 1.5 and 2 mm, centred at (100, 200, 300) mm; values 0, 1, 2 … along x; mask
+/// "left" is the half of low x, "front" the half of high y.
 fn case(sides: Sides) -> Case {
     let spacing = DVec3::new(1.0, 1.5, 2.0);
     let dims = [40, 40, 40];
@@ -64,13 +64,13 @@ impl Bench {
     }
 }
 
-/// One slice view at half a millimetre a point, the crosshair in the middle of the case.
+/// One slice view at 0.5 mm per point, with the crosshair in the middle of the case.
 fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static, Bench> {
     let mut work = Workstation::with_case(CaseRef::Sample, Loaded::new(case(sides)));
     let nav = &mut work.doc.as_mut().unwrap().nav;
     nav.mm_per_point = Some(0.5);
     nav.convention = convention;
-    // What each test does, and nothing by the way.
+    // The crosshair moves only by what a test does.
     nav.follow_pointer = false;
     nav.cursor_mm = DVec3::new(100.0, 200.0, 300.0);
     let mut harness =
@@ -173,7 +173,7 @@ fn a_click_moves_the_crosshair_to_the_millimetres_under_it() {
 }
 
 #[test]
-fn dragging_carries_the_crosshair_along() {
+fn dragging_moves_the_crosshair() {
     let mut harness = radiological(Plane::Coronal);
     let from = middle_and(&harness, 0.0, 0.0);
     drag(&mut harness, from, vec2(-30.0, 40.0), PointerButton::Primary);
@@ -181,44 +181,44 @@ fn dragging_carries_the_crosshair_along() {
 }
 
 #[test]
-fn the_crosshair_follows_the_pointer_within_the_plane_unless_something_is_pressed_or_turned() {
+fn the_crosshair_follows_a_hovering_pointer_but_not_dragging_or_scrolling() {
     let mut harness = radiological(Plane::Coronal);
     harness.state_mut().work.doc.as_mut().unwrap().nav.follow_pointer = true;
     harness.hover_at(middle_and(&harness, -30.0, 40.0));
     harness.run();
     assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
-    // Dragging the window leaves it where it was.
+    // Dragging the window doesn't move it.
     let from = middle_and(&harness, -30.0, 40.0);
     press(&mut harness, from, PointerButton::Secondary, true);
     harness.hover_at(from + vec2(40.0, 0.0));
     harness.run();
     assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
     press(&mut harness, from + vec2(40.0, 0.0), PointerButton::Secondary, false);
-    // So does the wheel, but for the slice it goes to.
+    // The wheel moves it along the normal only.
     harness.hover_at(from);
     harness.run();
     wheel(&mut harness, 2.0, Modifiers::NONE);
     assert_near(harness.state().cursor(), [115.0, 203.0, 280.0]);
-    // And leaving the slice.
+    // Leaving the pane doesn't move it.
     harness.hover_at(Pos2::new(-50.0, -50.0));
     harness.run();
     assert_near(harness.state().cursor(), [115.0, 203.0, 280.0]);
 }
 
 #[test]
-fn the_ruler_measures_in_the_plane_and_the_crosshair_stays() {
+fn the_ruler_measures_in_the_plane_without_moving_the_crosshair() {
     let mut harness = radiological(Plane::Sagittal);
     apply(&mut harness, LookCommand::ToggleRuler);
     let from = middle_and(&harness, -20.0, 12.0);
     drag(&mut harness, from, vec2(60.0, -80.0), PointerButton::Primary);
     let rulers = &harness.state().work.doc.as_ref().unwrap().edit.rulers;
     assert_eq!(rulers.len(), 1);
-    // 30 mm and 40 mm at right angles, half a millimetre a point.
+    // 30 mm and 40 mm at right angles, at 0.5 mm per point.
     assert!((rulers[0].length_mm() - 50.0).abs() < 1e-3, "{}", rulers[0].length_mm());
     assert_near(rulers[0].from_mm, [100.0, 210.0, 294.0]);
     assert_near(rulers[0].to_mm, [100.0, 180.0, 334.0]);
     assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
-    // Given up with Escape, or let go beyond the slice: nothing is kept.
+    // Cancelled with Escape, or released outside the slice: no ruler is added.
     harness.hover_at(from);
     press(&mut harness, from, PointerButton::Primary, true);
     harness.hover_at(from + vec2(30.0, 0.0));
@@ -233,7 +233,7 @@ fn the_ruler_measures_in_the_plane_and_the_crosshair_stays() {
 }
 
 #[test]
-fn dragging_right_widens_the_window_and_undo_takes_it_back() {
+fn dragging_right_widens_the_window_and_undo_restores_it() {
     let mut harness = radiological(Plane::Axial);
     let before = harness.state().work.world.context(harness.state().work.doc.as_ref().unwrap());
     let before = before.unwrap().1.histogram().initial_window();
@@ -248,11 +248,11 @@ fn dragging_right_widens_the_window_and_undo_takes_it_back() {
     let up = harness.state().window().unwrap();
     assert!(up.level() < after.level(), "dragging up brightens");
     apply(&mut harness, EditCommand::Undo);
-    assert_eq!(harness.state().window(), None, "one gesture soon after the other is one undo");
+    assert_eq!(harness.state().window(), None, "gestures in quick succession are one undo step");
 }
 
 #[test]
-fn the_wheel_goes_slice_by_slice_and_stops_at_the_last() {
+fn the_wheel_steps_by_slices_and_stops_at_the_last() {
     for (plane, axis, step, last) in
         [(Plane::Axial, 2, 2.0, 339.0), (Plane::Coronal, 1, 1.5, 229.25), (Plane::Sagittal, 0, 1.0, 119.5)]
     {
@@ -274,7 +274,7 @@ fn the_wheel_goes_slice_by_slice_and_stops_at_the_last() {
 }
 
 #[test]
-fn zooming_keeps_what_is_under_the_pointer() {
+fn zooming_keeps_the_point_under_the_pointer() {
     let mut harness = radiological(Plane::Axial);
     let pos = middle_and(&harness, 60.0, -40.0);
     harness.hover_at(pos);
@@ -288,7 +288,7 @@ fn zooming_keeps_what_is_under_the_pointer() {
 }
 
 #[test]
-fn panning_moves_the_picture_with_the_pointer_and_a_double_click_puts_it_back() {
+fn panning_moves_the_slice_with_the_pointer_and_a_double_click_resets_it() {
     let mut harness = radiological(Plane::Sagittal);
     let from = middle_and(&harness, 0.0, 0.0);
     drag(&mut harness, from, vec2(24.0, -16.0), PointerButton::Middle);
@@ -312,7 +312,7 @@ fn keys_move_by_slices_and_voxels() {
     harness.key_press(Key::PageUp);
     harness.run();
     assert_near(harness.state().cursor(), [100.0, 200.0, 302.0]);
-    // Right in the picture is the patient's left; up is anterior.
+    // Right on the screen is the patient's left; up is anterior.
     harness.key_press(Key::ArrowRight);
     harness.run();
     harness.key_press(Key::ArrowUp);
@@ -321,7 +321,7 @@ fn keys_move_by_slices_and_voxels() {
 }
 
 #[test]
-fn the_readout_says_place_value_and_masks_to_assistive_tools() {
+fn the_accessible_readout_gives_position_value_and_masks() {
     let mut harness = radiological(Plane::Axial);
     harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm = DVec3::new(90.0, 210.0, 300.0);
     harness.run();
@@ -336,7 +336,7 @@ fn the_readout_says_place_value_and_masks_to_assistive_tools() {
 }
 
 #[test]
-fn unknown_sides_are_never_named() {
+fn unknown_sides_are_not_named() {
     let mut harness = bench(Plane::Coronal, Sides::Unknown, Convention::Radiological);
     harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm = DVec3::new(100.2, 200.2, 300.2);
     harness.run();
@@ -344,13 +344,13 @@ fn unknown_sides_are_never_named() {
 }
 
 #[test]
-fn a_slice_is_drawn_again_only_when_it_changed() {
+fn a_slice_is_rendered_again_only_when_it_changed() {
     let mut harness = radiological(Plane::Axial);
     let first = draws(&harness);
     harness.run_steps(5);
     harness.hover_at(middle_and(&harness, 3.0, 3.0));
     harness.run();
-    // Along the plane the crosshair moves, the slice doesn't.
+    // Moving the crosshair within the plane doesn't change the slice.
     harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm.x += 7.0;
     harness.run();
     assert_eq!(draws(&harness), first);

@@ -1,65 +1,65 @@
-//! What the mouse does in a 3D view: turn, pan, zoom, change the lens, move it.
+//! Mouse input in a 3D view: rotates, pans and zooms the camera, resizes and moves the lens.
 
 use egui::{CursorIcon, IdSalt, Modifiers, PointerButton, Pos2, Response, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use glioscope_core::optics::Camera;
 use glioscope_render::Lens;
 
-use super::{canvas::View, ring};
+use super::{ring, view::View};
 use crate::{
     command::{Commands, EditCommand},
     format,
     views::draw,
 };
 
-/// What a drag does from its start to its end, whatever is pressed meanwhile.
+/// Effect of a drag, fixed at its start regardless of keys pressed later.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drag {
     /// Nothing.
     #[default]
     None,
-    /// Turns the camera about its focus.
+    /// Rotates the camera about its focus.
     Turn,
-    /// Moves the camera along its picture.
+    /// Moves the camera parallel to the view plane.
     Pan,
     /// Changes the lens's radius.
     Ring,
     /// Moves the lens over the surface.
     Lens,
-    /// Draws a line: see `views::ruler`.
+    /// Draws a ruler: see `views::ruler`.
     Ruler,
 }
 
 impl View<'_> {
-    /// Whether the pointer at `pos` would grab the lens's ring.
-    fn near_ring(&self, pos: Pos2) -> Option<Lens> {
+    /// The lens if the pointer at `pos` would grab its ring.
+    fn lens_grabbed_at(&self, pos: Pos2) -> Option<Lens> {
         let lens = self.doc.active_lens().filter(|_| !self.doc.nav.ruler_on)?;
         ring::is_near(&self.camera, self.rect, &lens, pos).then_some(lens)
     }
 
-    /// What a drag of the primary button does that was begun at `pos`.
-    fn begun(&self, pos: Pos2, modifiers: Modifiers) -> Drag {
+    /// Effect of a drag of the primary button that starts at `pos`.
+    fn drag_at(&self, pos: Pos2, modifiers: Modifiers) -> Drag {
         let lens_key = modifiers.command || modifiers.ctrl;
         match () {
             () if modifiers.shift => Drag::Pan,
             () if lens_key && self.doc.edit.lens_on => Drag::Lens,
             () if modifiers.any() => Drag::None,
             () if self.doc.nav.ruler_on => Drag::Ruler,
-            () if self.near_ring(pos).is_some() => Drag::Ring,
+            () if self.lens_grabbed_at(pos).is_some() => Drag::Ring,
             () => Drag::Turn,
         }
     }
 }
 
-/// What came of it.
+/// Result of the mouse input in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// The camera after turning, panning and zooming. The closeup takes it as it is; a view whose
-    /// orientation is linked takes `world_from_camera` for the closeup and the rest for itself.
+    /// The camera after rotating, panning and zooming. It is the closeup's new camera; a linked view passes only
+    /// `world_from_camera` to the closeup.
     pub camera: Camera,
-    /// What is being dragged.
+    /// The drag in progress.
     pub drag: Drag,
-    /// Whether the ring is held or under the pointer: then [`ring_marks`] has something to draw.
+    /// Whether the ring is grabbed or under the pointer, so that [`ring_marks`] highlights it.
     pub ring: bool,
 }
 
@@ -70,8 +70,8 @@ impl Outcome {
     }
 }
 
-/// Turns what the mouse did into a camera and commands for the lens. `pick_at` says what surface is under
-/// a place of the view.
+/// Converts mouse input into a camera and commands for the lens. `pick_at` gives the surface point at a position of the
+/// view.
 pub fn interact(
     ui: &Ui,
     response: &Response,
@@ -79,33 +79,33 @@ pub fn interact(
     pick_at: &dyn Fn(Pos2) -> Option<DVec3>,
     out: &mut Commands,
 ) -> Outcome {
-    let memory = response.id.with(IdSalt::new("drag"));
+    let drag_id = response.id.with(IdSalt::new("drag"));
     let modifiers = ui.input(|i| i.modifiers);
-    let mut drag = ui.data(|data| data.get_temp::<Drag>(memory)).unwrap_or_default();
+    let mut drag = ui.data(|data| data.get_temp::<Drag>(drag_id)).unwrap_or_default();
     if response.drag_started_by(PointerButton::Primary) {
         let origin = ui.input(|i| i.pointer.press_origin());
-        drag = origin.map_or(Drag::None, |origin| view.begun(origin, modifiers));
+        drag = origin.map_or(Drag::None, |origin| view.drag_at(origin, modifiers));
     }
     let dragged = response.dragged_by(PointerButton::Primary);
     if !dragged && !response.drag_stopped_by(PointerButton::Primary) {
         drag = Drag::None;
     }
-    ui.data_mut(|data| data.insert_temp(memory, drag));
+    ui.data_mut(|data| data.insert_temp(drag_id, drag));
 
     let mut camera = view.camera;
     let (rect, lens) = (view.rect, &view.doc.edit.lens);
-    let by = response.drag_delta();
+    let delta = response.drag_delta();
     let height = rect.height().max(1.0);
     if drag == Drag::Turn && dragged {
-        let part = by / height;
-        camera.turn(DVec2::new(f64::from(part.x), f64::from(part.y)));
+        let fraction = delta / height;
+        camera.turn(DVec2::new(f64::from(fraction.x), f64::from(fraction.y)));
     }
     if response.dragged_by(PointerButton::Middle) || (drag == Drag::Pan && dragged) {
         let mm_per_point = camera.height_mm / f64::from(height);
         let [right, up, _] = camera.axes();
-        camera.focus_mm += (right * -f64::from(by.x) + up * f64::from(by.y)) * mm_per_point;
+        camera.focus_mm += (right * -f64::from(delta.x) + up * f64::from(delta.y)) * mm_per_point;
     }
-    let pointer = response.interact_pointer_pos().filter(|_| dragged && by != Vec2::ZERO);
+    let pointer = response.interact_pointer_pos().filter(|_| dragged && delta != Vec2::ZERO);
     if let Some(pos) = pointer {
         match drag {
             Drag::Ring => {
@@ -122,14 +122,14 @@ pub fn interact(
         }
     }
     if drag == Drag::Lens && response.drag_stopped_by(PointerButton::Primary) {
-        // Now the camera follows: the lens's centre is what it turns about.
+        // At the end of the drag the camera's focus follows the lens's centre.
         out.push(EditCommand::SetLensCenter(lens.center_mm));
     }
     zoom(ui, response, view, modifiers, &mut camera, out);
-    let near = response.hover_pos().filter(|_| drag == Drag::None && !modifiers.any());
-    let near = near.filter(|pos| view.near_ring(*pos).is_some());
-    cursor(ui, response, view, drag, near, modifiers);
-    Outcome { camera, drag, ring: drag == Drag::Ring || near.is_some() }
+    let hovered = response.hover_pos().filter(|_| drag == Drag::None && !modifiers.any());
+    let on_ring = hovered.filter(|pos| view.lens_grabbed_at(*pos).is_some());
+    cursor(ui, response, view, drag, on_ring, modifiers);
+    Outcome { camera, drag, ring: drag == Drag::Ring || on_ring.is_some() }
 }
 
 fn zoom(
@@ -152,16 +152,16 @@ fn zoom(
     }
 }
 
-/// Shows by the pointer's shape what a drag would do.
+/// Sets the cursor to the effect of a drag.
 fn cursor(
     ui: &Ui,
     response: &Response,
     view: &View<'_>,
     drag: Drag,
-    near: Option<Pos2>,
+    on_ring: Option<Pos2>,
     modifiers: Modifiers,
 ) {
-    let at = near.or(response.interact_pointer_pos().filter(|_| drag == Drag::Ring));
+    let at = on_ring.or(response.interact_pointer_pos().filter(|_| drag == Drag::Ring));
     let moves_lens = view.doc.edit.lens_on && (modifiers.command || modifiers.ctrl);
     let icon = match (drag, at) {
         (Drag::None | Drag::Ring, Some(pos)) => {
@@ -177,7 +177,7 @@ fn cursor(
     ui.ctx().set_cursor_icon(icon);
 }
 
-/// The bright ring and its radius beside the pointer, over the picture.
+/// Draws the highlighted ring, and the lens radius beside the pointer.
 pub fn ring_marks(ui: &Ui, response: &Response, view: &View<'_>, outcome: &Outcome) {
     let painter = ui.painter().with_clip_rect(view.rect);
     let lens = &view.doc.edit.lens;

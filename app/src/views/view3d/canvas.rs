@@ -1,84 +1,36 @@
-//! A 3D view in its pane: its picture, and what the mouse does in it. All but the closeup follow the closeup's
-//! camera: its orientation, not its position (thesis 7.3.3).
+//! A 3D view in its pane: rendered frame and mouse input. All views except the closeup follow the orientation of the
+//! closeup's camera, not its position (thesis 7.3.3).
 
 use egui::{Color32, Pos2, Rect, Response, Ui, pos2};
 use glam::{DVec3, UVec2};
-use glioscope_core::optics::Camera;
 use glioscope_render::View3d;
 
 use super::{
     camera_drag::{self, Outcome},
     refinement::{PART_MS, Refinement},
     screen::{Graphics, Screen, ScreenReport},
+    view::View,
 };
 use crate::{
     command::{Commands, LookCommand},
-    model::{Document, PaneId},
     views::draw,
 };
 
-/// Magnifications that scrolling reaches.
-const ZOOMS: std::ops::RangeInclusive<f64> = 0.2..=40.0;
-
-/// A camera with the closeup's orientation and projection, which sees a ball of `radius_mm` about
-/// `focus_mm` at `zoom` 1.
-pub fn linked_camera(closeup: &Camera, focus_mm: DVec3, radius_mm: f64, zoom: f64) -> Camera {
-    let mut camera = Camera::fit(focus_mm, radius_mm, closeup.world_from_camera, closeup.projection);
-    camera.height_mm /= zoom;
-    camera
-}
-
-/// What is under a pixel of a 3D view.
+/// A pick: what is at a pixel of a 3D view.
 pub trait Picked {
-    /// Where that is, world millimetres.
+    /// Position, world millimetres.
     fn world_mm(&self) -> DVec3;
 }
 
-/// A 3D view as it is laid out in its pane.
-#[derive(Clone, Copy)]
-pub struct View<'a> {
-    /// The document.
-    pub doc: &'a Document,
-    /// Whose view it is.
-    pub pane: PaneId,
-    /// What it is seen with now.
-    pub camera: Camera,
-    /// Where the picture is.
-    pub rect: Rect,
-}
-
-impl View<'_> {
-    /// Hands the camera that the mouse left to the closeup, which owns it; a linked view hands on its orientation and
-    /// keeps its magnification for itself.
-    fn follow(&self, response: &Response, new: &Camera, out: &mut Commands) {
-        if self.pane == PaneId::Closeup {
-            if *new != self.camera {
-                out.push(LookCommand::SetCamera(*new));
-            }
-            return;
-        }
-        if new.world_from_camera != self.camera.world_from_camera {
-            let world_from_camera = new.world_from_camera;
-            out.push(LookCommand::SetCamera(Camera { world_from_camera, ..self.doc.nav.camera }));
-        }
-        if new.height_mm != self.camera.height_mm {
-            let zoom = self.doc.nav.zoom(self.pane) * self.camera.height_mm / new.height_mm;
-            out.push(LookCommand::SetZoom(self.pane, zoom.clamp(*ZOOMS.start(), *ZOOMS.end())));
-        }
-        if response.double_clicked() {
-            out.push(LookCommand::SetZoom(self.pane, 1.0));
-        }
-    }
-}
-
-/// A 3D view's picture and what it remembers between frames; never saved.
+/// State of a 3D view between frames; never saved.
 pub struct Canvas<V: View3d> {
-    /// What draws it.
+    /// Renders the view and shows its frame.
     pub screen: Screen<V>,
     refinement: Refinement<V::Scene>,
+    /// Pointer position that `hover` is of.
     pointer: Option<Pos2>,
     hover: Option<V::Pick>,
-    /// A finer picture is under way.
+    /// Whether a finer frame is in progress.
     pending: bool,
 }
 
@@ -95,27 +47,27 @@ impl<V: View3d> Default for Canvas<V> {
 }
 
 impl<V: View3d<Pick: Picked>> Canvas<V> {
-    /// Whether the picture last drawn was in full quality.
+    /// Whether the frame last drawn is of the final quality.
     pub fn refined(&self) -> bool {
         self.refinement.refined() && !self.pending
     }
 
-    /// What is under the pointer.
+    /// The pick under the pointer.
     pub fn hover(&self) -> Option<&V::Pick> {
         self.hover.as_ref()
     }
 
-    /// What is under a place of the picture last drawn.
+    /// The pick at a position of the frame last drawn; `None` on the background and outside `rect`.
     pub fn pick(&self, graphics: &Graphics, rect: Rect, pos: Pos2) -> Option<V::Pick> {
         let (u, v) = ((pos.x - rect.left()) / rect.width(), (pos.y - rect.top()) / rect.height());
         let inside = (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v);
         let (frame, [x, y]) = self.screen.pixel(u, v).filter(|_| inside)?;
-        // A device that fails is reported when the next frame is drawn.
+        // A device error is reported when the next frame is drawn.
         frame.pick(&graphics.gpu, x, y).ok().flatten()
     }
 
-    /// Does what the mouse asks for: turns, pans, zooms, works on the lens.
-    pub fn steer(
+    /// Handles mouse input: rotates, pans, zooms, moves and resizes the lens.
+    pub fn handle_mouse(
         &self,
         ui: &Ui,
         graphics: &Graphics,
@@ -125,12 +77,12 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
     ) -> Outcome {
         let pick_at = |pos| self.pick(graphics, view.rect, pos).map(|pick| pick.world_mm());
         let outcome = camera_drag::interact(ui, response, view, &pick_at, out);
-        view.follow(response, &outcome.camera, out);
+        view.push_camera(response, &outcome.camera, out);
         outcome
     }
 
-    /// Draws `scene` and looks up what is under the pointer, where the crosshair goes. `false` where nothing could be
-    /// drawn; then the pane shows why. `at_once`: no draft is shown, for pictures.
+    /// Draws `scene`, picks under the pointer and moves the crosshair there. `false` if nothing could be drawn; the pane
+    /// then shows the error. `at_once`: final quality without a draft, for picture files.
     pub fn draw(
         &mut self,
         ui: &Ui,
@@ -146,26 +98,26 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         }
         let size = UVec2::new(size.x.round() as u32, size.y.round() as u32);
         let choice = &view.doc.edit.light;
-        let now = self.refinement.quality(ui, scene, choice, at_once);
+        let step = self.refinement.step(ui, scene, choice, at_once);
         let frames = self.screen.frames_drawn();
-        let shown = match &now.in_parts {
-            Some(draft) => self.screen.show_in_parts(graphics, scene, (draft, &now.quality), size, PART_MS),
-            None => self.screen.show(graphics, scene, &now.quality, size, now.timed),
+        let texture = match &step.in_parts {
+            Some(draft) => self.screen.show_in_parts(graphics, scene, (draft, &step.quality), size, PART_MS),
+            None => self.screen.show(graphics, scene, &step.quality, size, step.timed),
         };
-        self.pending = now.in_parts.is_some()
-            && shown.is_ok()
-            && (self.screen.share_done().is_some() || self.screen.quality() != Some(&now.quality));
+        self.pending = step.in_parts.is_some()
+            && texture.is_ok()
+            && (self.screen.share_done().is_some() || self.screen.quality() != Some(&step.quality));
         if self.pending {
             ui.ctx().request_repaint();
         }
         if let Some(milliseconds) = self.screen.draw_ms() {
             self.refinement.adapt(choice, milliseconds);
         }
-        if now.just_refined || (now.in_parts.is_some() && self.screen.frames_drawn() != frames) {
-            // What is under a pointer that didn't move may be something else now.
+        if step.just_refined || (step.in_parts.is_some() && self.screen.frames_drawn() != frames) {
+            // The pick under a pointer that didn't move may have changed.
             self.pointer = None;
         }
-        match shown {
+        match texture {
             Ok(texture) => {
                 let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
                 ui.painter().image(texture, rect, whole, Color32::WHITE);
@@ -175,11 +127,17 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
                 return false;
             }
         }
-        self.look_up(graphics, view, response, out);
+        self.pick_hovered(graphics, view, response, out);
         true
     }
 
-    fn look_up(&mut self, graphics: &Graphics, view: &View<'_>, response: &Response, out: &mut Commands) {
+    fn pick_hovered(
+        &mut self,
+        graphics: &Graphics,
+        view: &View<'_>,
+        response: &Response,
+        out: &mut Commands,
+    ) {
         let pointer = response.hover_pos();
         if pointer == self.pointer && !response.clicked() {
             return;
@@ -194,9 +152,9 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         }
     }
 
-    /// Over the picture: the ring where the pointer holds it, else `words` beside the pointer; and what the picture
-    /// shows less of than the scene has.
-    pub fn finish(
+    /// Draws the overlays: the highlighted ring while it is grabbed or under the pointer, else `words` beside the pointer;
+    /// and the warnings.
+    pub fn draw_overlays(
         &self,
         ui: &Ui,
         view: &View<'_>,
@@ -212,17 +170,17 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         draw::warnings(ui, view.rect, self.warnings());
     }
 
-    /// What the picture shows less of than the scene has, in words.
+    /// Parts of the scene that the frame doesn't show, as text.
     pub fn warnings(&self) -> &[String] {
         self.screen.warnings()
     }
 
-    /// What a screen reader says of the picture: `what`, what is under the pointer, and the warnings.
-    pub fn spoken(&self, what: &str, under: Option<&str>) -> String {
-        let mut spoken = format!("{what}: {}", under.unwrap_or("nothing under the pointer"));
+    /// Text for screen readers: `what`, the pick under the pointer, and the warnings.
+    pub fn accessible_text(&self, what: &str, under: Option<&str>) -> String {
+        let mut text = format!("{what}: {}", under.unwrap_or("nothing under the pointer"));
         for warning in self.warnings() {
-            spoken = format!("{spoken}\nWarning: {warning}");
+            text = format!("{text}\nWarning: {warning}");
         }
-        spoken
+        text
     }
 }

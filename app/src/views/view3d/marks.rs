@@ -1,5 +1,4 @@
-//! What stands in the corners of every 3D view: the orientation cube, which tells where the patient's right, front
-//! and head are, and the scale bar.
+//! Marks in the corners of every 3D view: the orientation cube with the patient's directions, and the scale bar.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Ui, Vec2, vec2};
 use glam::DVec3;
@@ -16,7 +15,7 @@ const FACES: [(DVec3, &str); 6] = [
     (DVec3::NEG_Z, "I"),
 ];
 
-/// Draws the cube about `center` with edges of `size` points, as `camera` sees the patient's axes.
+/// Draws the orientation cube at `center` with edges of `size` points, oriented as `camera` views the patient.
 fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: bool) {
     let [right, up, back] = camera.axes();
     let flat = |p: DVec3| -> Vec2 { vec2(p.dot(right) as f32, -p.dot(up) as f32) * (size / 2.0) };
@@ -44,7 +43,8 @@ fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: bool)
     }
 }
 
-/// Cube, or that sides are unknown, and the scale bar. `at` says where the scale holds in perspective.
+/// Draws the orientation cube, or a note that sides are unknown, and the scale bar. `at`: where the scale applies in
+/// perspective, as text.
 pub fn corners(ui: &Ui, rect: Rect, sides_known: bool, (camera, at): (&Camera, &str), is_over_image: bool) {
     let painter = ui.painter().with_clip_rect(rect);
     let dark = ui.visuals().dark_mode;

@@ -1,4 +1,4 @@
-//! What the panes of 3D views share: the picture, its refinement, mouse and lens ring.
+//! Shared parts of the panes of 3D views: rendered frame, progressive refinement, mouse input and lens ring.
 
 pub mod camera_drag;
 pub mod canvas;
@@ -6,6 +6,8 @@ pub mod marks;
 pub mod refinement;
 pub mod ring;
 pub mod screen;
+mod view;
 
-pub use canvas::{Canvas, Picked, View};
+pub use canvas::{Canvas, Picked};
 pub use screen::{Graphics, Screen, ScreenReport};
+pub use view::{View, linked_camera};

@@ -1,4 +1,4 @@
-//! Fluent while something moves, as good as it gets when still: the same for every 3D view.
+//! Progressive refinement, the same for every 3D view: fast frames during interaction, finer ones at rest.
 
 use std::time::Duration;
 
@@ -11,15 +11,15 @@ use strum::VariantArray;
 
 use crate::model::LightChoice;
 
-/// How long a scene must be still before its picture is refined.
-const STILL: Duration = Duration::from_millis(180);
-/// How long before it is drawn as the reference: a picture that may take long.
-const AT_REST: Duration = Duration::from_millis(450);
+/// Time without change before a frame is refined.
+const STILL_AFTER: Duration = Duration::from_millis(180);
+/// Time without change before the reference is rendered, which may take long.
+const AT_REST_AFTER: Duration = Duration::from_millis(450);
 
-/// How long the window may wait for a part of a finer picture.
+/// Longest time that the window is blocked by a part of a finer frame, milliseconds.
 pub const PART_MS: f64 = 40.0;
 
-/// How fine a picture is by now.
+/// Stage of the refinement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Phase {
     Moving,
@@ -27,8 +27,9 @@ enum Phase {
     AtRest,
 }
 
-/// What a 3D view remembers of the scene last shown.
+/// Refinement state of a 3D view.
 pub struct Refinement<S> {
+    /// The scene and lighting last shown, and when they last changed, seconds of egui's clock.
     last: Option<(S, LightChoice, f64)>,
     phase: Phase,
     auto: [Auto; LightingMode::VARIANTS.len()],
@@ -41,44 +42,45 @@ impl<S> Default for Refinement<S> {
     }
 }
 
-/// What to draw now.
+/// How to render the current frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Now {
+pub struct RefinementStep {
     /// The quality.
     pub quality: Quality,
-    /// Whether it has just become better than while moving.
+    /// Whether the quality has just been raised.
     pub just_refined: bool,
-    /// What to draw first where `quality` is drawn in parts, which may take long: then the window must not wait.
+    /// If the frame may take long, so that it is rendered in parts without blocking the window: the quality of the draft
+    /// that is shown first.
     pub in_parts: Option<Quality>,
-    /// Whether [`Refinement::adapt`] needs to know how long it takes.
+    /// Whether the frame is to be timed for [`Refinement::adapt`].
     pub timed: bool,
 }
 
 impl<S: Clone + PartialEq> Refinement<S> {
-    /// Whether the picture last drawn was as good as it gets.
+    /// Whether the last frame was of the final quality.
     pub fn refined(&self) -> bool {
         self.phase == Phase::AtRest
     }
 
-    /// Adapts to the time of a picture that was to be timed.
+    /// Adapts the quality during interaction to the time of a timed frame.
     pub fn adapt(&mut self, choice: &LightChoice, milliseconds: f64) {
         self.auto[choice.mode as usize].adapt(milliseconds);
     }
 
-    /// The quality for `scene` now. `at_once`: no draft is shown, for pictures.
-    pub fn quality(&mut self, ui: &Ui, scene: &S, choice: &LightChoice, at_once: bool) -> Now {
+    /// The next step for `scene`. `at_once`: final quality without a draft, for picture files.
+    pub fn step(&mut self, ui: &Ui, scene: &S, choice: &LightChoice, at_once: bool) -> RefinementStep {
         let now = ui.input(|i| i.time);
-        let moved_at = match &self.last {
-            Some((last, lit, at)) if last == scene && lit == choice => *at,
+        let changed_at = match &self.last {
+            Some((last, lighting, at)) if last == scene && lighting == choice => *at,
             Some(_) => now,
             None => f64::NEG_INFINITY,
         };
-        self.last = Some((scene.clone(), *choice, moved_at));
-        let still_for = now - moved_at;
-        let before = self.phase;
-        self.phase = if at_once || still_for >= AT_REST.as_secs_f64() {
+        self.last = Some((scene.clone(), *choice, changed_at));
+        let unchanged_s = now - changed_at;
+        let previous_phase = self.phase;
+        self.phase = if at_once || unchanged_s >= AT_REST_AFTER.as_secs_f64() {
             Phase::AtRest
-        } else if still_for >= STILL.as_secs_f64() {
+        } else if unchanged_s >= STILL_AFTER.as_secs_f64() {
             Phase::Still
         } else {
             Phase::Moving
@@ -91,8 +93,8 @@ impl<S: Clone + PartialEq> Refinement<S> {
             self.phase = Phase::AtRest;
         }
         match self.phase {
-            Phase::Moving => ui.request_repaint_after(STILL),
-            Phase::Still => ui.request_repaint_after(AT_REST - STILL),
+            Phase::Moving => ui.request_repaint_after(STILL_AFTER),
+            Phase::Still => ui.request_repaint_after(AT_REST_AFTER - STILL_AFTER),
             Phase::AtRest => {}
         }
         let quality = match (choice.preset, self.phase) {
@@ -103,10 +105,10 @@ impl<S: Clone + PartialEq> Refinement<S> {
         };
         let takes_long =
             light::row(mode).takes_long && choice.preset.is_none() && self.phase != Phase::Moving;
-        Now {
+        RefinementStep {
             quality: choice.at(quality),
             in_parts: (takes_long && !at_once).then(|| choice.at(moving)),
-            just_refined: self.phase > before,
+            just_refined: self.phase > previous_phase,
             timed: choice.preset.is_none() && self.phase == Phase::Moving,
         }
     }

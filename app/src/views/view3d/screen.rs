@@ -1,4 +1,4 @@
-//! The bridge between egui and the renderers: a frame becomes a texture that egui can show.
+//! Shows rendered frames as egui textures.
 
 use std::{sync::Arc, time::Instant};
 
@@ -8,65 +8,68 @@ use glioscope_render::{Frame, Gpu, PassName, Plan, Quality, RenderError, Rendere
 
 use crate::error::AppError;
 
-/// The device that 3D views are drawn on, and egui's renderer on it.
+/// The graphics device of the 3D views, with egui's renderer on it.
 #[derive(Clone)]
 pub struct Graphics {
     /// The device.
     pub gpu: Gpu,
-    /// egui's renderer, which shows the pictures.
+    /// egui's renderer, which shows the frames as textures.
     pub egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>,
 }
 
-/// How long each pass of a frame took.
+/// Time of each render pass of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassTimes {
     /// Milliseconds, in the order of the plan.
     pub passes: Vec<(PassName, f64)>,
-    /// What measured them.
+    /// How the times were measured, as text.
     pub source: &'static str,
 }
 
-/// What a 3D view has to report of the picture last drawn.
+/// Report of the frame last drawn in a 3D view.
 pub trait ScreenReport {
-    /// The plan of the frame last drawn, and the pixels drawn.
+    /// The plan of the frame, and its width and height in pixels.
     fn plan(&self) -> Option<(&Plan, [u32; 2])>;
-    /// The quality of the frame last drawn.
+    /// The quality of the frame.
     fn quality(&self) -> Option<&Quality>;
-    /// Milliseconds of each pass of the frame last drawn, read back once per frame.
+    /// Time of each render pass of the frame; read back once per frame.
     ///
     /// # Errors
-    /// [`AppError`], when the device fails.
+    /// [`AppError`] if no frame was drawn, a finer frame is in progress, or the device fails.
     fn pass_times(&mut self, gpu: &Gpu) -> Result<&PassTimes, AppError>;
-    /// How much of a finer picture is drawn that isn't shown yet, 0 to 1.
+    /// Finished share of a finer frame in progress, 0 to 1; `None` if there is none.
     fn share_done(&self) -> Option<f64>;
-    /// What of the light is other than asked for, in words.
+    /// Notes on the lighting, as text: changed settings, omitted work.
     fn notes(&self) -> &[String];
-    /// What the picture shows less of than the scene has, in words.
+    /// Parts of the scene that the frame doesn't show, as text.
     fn warnings(&self) -> &[String];
-    /// Frames drawn so far: a test that an idle window draws nothing reads it.
+    /// Number of frames drawn so far; tests check that an idle window draws none.
     fn frames_drawn(&self) -> u64;
 }
 
-/// One 3D view: its renderer, compiled when the view is first shown, and the picture last drawn.
+/// One 3D view: its renderer, compiled when the view is first shown, and the frame last drawn.
 pub struct Screen<V: View3d> {
     renderer: Option<Renderer<V>>,
-    shown: Option<Shown<V::Scene>>,
+    shown: Option<ShownFrame<V::Scene>>,
+    /// Pass times, with the number of the frame they are of.
     times: Option<(u64, PassTimes)>,
     draw_ms: Option<f64>,
-    pending: Option<Wanted<V::Scene>>,
+    /// A finer frame in progress.
+    pending: Option<FrameRequest<V::Scene>>,
     frames_drawn: u64,
 }
 
-/// What a picture is of.
+/// Everything that defines a frame.
 #[derive(Clone, PartialEq)]
-struct Wanted<S> {
+struct FrameRequest<S> {
     scene: S,
     quality: Quality,
     size: UVec2,
 }
 
-struct Shown<S> {
-    of: Wanted<S>,
+/// The frame shown, registered as an egui texture.
+struct ShownFrame<S> {
+    request: FrameRequest<S>,
     texture: wgpu::Texture,
     id: TextureId,
 }
@@ -78,10 +81,10 @@ impl<V: View3d> Default for Screen<V> {
 }
 
 impl<V: View3d> Screen<V> {
-    /// Compiles the view's pipelines now, so that a device that can't is known at the start.
+    /// Compiles the view's pipelines now, so that an unsuitable device is detected at the start.
     ///
     /// # Errors
-    /// [`RenderError`], when the device can't run the passes.
+    /// [`RenderError`] if the device can't run the passes.
     pub fn compile(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
         if self.renderer.is_none() {
             self.renderer = Some(Renderer::new(gpu)?);
@@ -89,8 +92,8 @@ impl<V: View3d> Screen<V> {
         Ok(())
     }
 
-    /// The scene as a texture. Draws only when scene, quality or size changed; waits for it where it is
-    /// `timed`.
+    /// The scene as a texture. Renders only if scene, quality or size (pixels) changed; if `timed`, waits until it is
+    /// rendered and measures the time.
     ///
     /// # Errors
     /// [`RenderError`].
@@ -118,12 +121,12 @@ impl<V: View3d> Screen<V> {
             gpu.wait()?;
             self.draw_ms = Some(start.elapsed().as_secs_f64() * 1e3);
         }
-        self.present(graphics, Wanted { scene: scene.clone(), quality: *quality, size })
+        self.present(graphics, FrameRequest { scene: scene.clone(), quality: *quality, size })
     }
 
-    /// As [`Screen::show`] for a picture that may take long: each call draws a part of it for about so many
-    /// milliseconds, and the one before is shown until it is whole. Where that is of another scene, `draft` is
-    /// drawn first. A finer picture of the same scene waits until the pending one is whole.
+    /// As [`Screen::show`] for a frame that may take long: each call renders a part of it for about `milliseconds`, and
+    /// the previous frame is shown until it is complete. If the previous frame is of another scene, it is replaced by one
+    /// at `draft` quality first. A different quality of the same scene is begun only when the pending frame is complete.
     ///
     /// # Errors
     /// [`RenderError`].
@@ -139,7 +142,8 @@ impl<V: View3d> Screen<V> {
         if let Some(id) = self.texture_of(scene, quality, size) {
             return Ok(id);
         }
-        let Some(id) = self.shown.as_ref().filter(|shown| shown.of.scene == *scene).map(|shown| shown.id)
+        let Some(id) =
+            self.shown.as_ref().filter(|shown| shown.request.scene == *scene).map(|shown| shown.id)
         else {
             return self.show(graphics, scene, draft, size, false);
         };
@@ -148,12 +152,12 @@ impl<V: View3d> Screen<V> {
         if self.pending.as_ref().is_none_or(|p| p.scene != *scene || p.size != size) {
             self.pending = None;
             renderer.begin(gpu, scene, quality, size.to_array())?;
-            self.pending = Some(Wanted { scene: scene.clone(), quality: *quality, size });
+            self.pending = Some(FrameRequest { scene: scene.clone(), quality: *quality, size });
         }
         match renderer.resume(gpu, milliseconds) {
             Ok(false) => Ok(id),
             Ok(true) => match self.pending.take() {
-                Some(whole) => self.present(graphics, whole),
+                Some(complete) => self.present(graphics, complete),
                 None => Ok(id),
             },
             Err(error) => {
@@ -163,14 +167,20 @@ impl<V: View3d> Screen<V> {
         }
     }
 
-    /// The texture, where it shows this.
+    /// The shown texture if it is of this scene, quality and size.
     fn texture_of(&self, scene: &V::Scene, quality: &Quality, size: UVec2) -> Option<TextureId> {
-        let is = |of: &Wanted<V::Scene>| of.scene == *scene && of.quality == *quality && of.size == size;
-        self.shown.as_ref().filter(|shown| is(&shown.of)).map(|shown| shown.id)
+        let matches = |request: &FrameRequest<V::Scene>| {
+            request.scene == *scene && request.quality == *quality && request.size == size
+        };
+        self.shown.as_ref().filter(|shown| matches(&shown.request)).map(|shown| shown.id)
     }
 
-    /// Hands egui the renderer's last frame.
-    fn present(&mut self, graphics: &Graphics, of: Wanted<V::Scene>) -> Result<TextureId, RenderError> {
+    /// Registers the renderer's last frame as egui's texture.
+    fn present(
+        &mut self,
+        graphics: &Graphics,
+        request: FrameRequest<V::Scene>,
+    ) -> Result<TextureId, RenderError> {
         let frame = self.renderer.as_ref().and_then(Renderer::frame);
         let no_frame = || RenderError::Device("no frame after drawing".into());
         let texture = frame.map(|frame| frame.color.clone()).ok_or_else(no_frame)?;
@@ -188,11 +198,11 @@ impl<V: View3d> Screen<V> {
             None => egui_renderer.register_native_texture(device, &view, filter),
         };
         drop(egui_renderer);
-        self.shown = Some(Shown { of, texture, id });
+        self.shown = Some(ShownFrame { request, texture, id });
         Ok(id)
     }
 
-    /// How long the picture took that [`Screen::show`] has just drawn and timed.
+    /// Rendering time in milliseconds, if the last [`Screen::show`] rendered a timed frame.
     pub fn draw_ms(&self) -> Option<f64> {
         self.draw_ms
     }
@@ -202,7 +212,7 @@ impl<V: View3d> Screen<V> {
         self.renderer.as_ref()?.frame()
     }
 
-    /// The frame last drawn, and the pixel of it at a place: `u` and `v` from 0 to 1 from the top left.
+    /// The frame last drawn, and its pixel at `u`, `v`: 0 to 1 from the top left, clamped.
     pub fn pixel(&self, u: f32, v: f32) -> Option<(&Frame<V>, [u32; 2])> {
         let frame = self.frame()?;
         let at = |fraction: f32, extent: u32| {
@@ -218,7 +228,7 @@ impl<V: View3d> ScreenReport for Screen<V> {
     }
 
     fn quality(&self) -> Option<&Quality> {
-        self.shown.as_ref().map(|shown| &shown.of.quality)
+        self.shown.as_ref().map(|shown| &shown.request.quality)
     }
 
     fn pass_times(&mut self, gpu: &Gpu) -> Result<&PassTimes, AppError> {
@@ -226,14 +236,14 @@ impl<V: View3d> ScreenReport for Screen<V> {
             && let Some(renderer) = &self.renderer
         {
             if self.pending.is_some() {
-                // The passes are those of another picture now.
-                return Err(AppError::Nothing("Times follow when the finer picture is drawn."));
+                // The renderer's passes are now those of the pending frame.
+                return Err(AppError::Unavailable("Times follow when the finer picture is drawn."));
             }
             let passes = renderer.pass_times(gpu)?;
             let source = renderer.time_source().describe();
             self.times = Some((self.frames_drawn, PassTimes { passes, source }));
         }
-        self.times.as_ref().map(|(_, times)| times).ok_or(AppError::Nothing("no frame was drawn"))
+        self.times.as_ref().map(|(_, times)| times).ok_or(AppError::Unavailable("no frame was drawn"))
     }
 
     fn share_done(&self) -> Option<f64> {

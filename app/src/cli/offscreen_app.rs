@@ -1,4 +1,4 @@
-//! Pictures of panes and of the window on a device without one.
+//! Draws panes and the window offscreen, on a graphics device without a window.
 
 use glioscope_render::{AdapterPreference, Gpu, Plan, Quality};
 
@@ -11,15 +11,15 @@ use crate::{
     window::{GlioscopeApp, offscreen::Offscreen, recent::Recent},
 };
 
-/// The adapter that pictures are drawn on.
+/// The graphics device: the software adapter's, or a hardware adapter's where there is one.
 pub(super) fn gpu(software: bool) -> Result<Gpu, AppError> {
     let preference = if software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
     Ok(Gpu::headless(preference)?)
 }
 
-/// What drawing a 3D view took.
+/// Plan, pass times, quality and messages of a drawn 3D view.
 #[derive(Default)]
-pub(super) struct Drawn {
+pub(super) struct DrawReport {
     pub plan: Option<Plan>,
     pub times: Option<PassTimes>,
     pub quality: Option<Quality>,
@@ -27,13 +27,13 @@ pub(super) struct Drawn {
     pub notes: Vec<String>,
 }
 
-/// Draws views of one workstation without a window.
-pub(super) struct Studio {
+/// The application drawn offscreen, for one workstation.
+pub(super) struct OffscreenApp {
     offscreen: Offscreen,
     app: GlioscopeApp,
 }
 
-impl Studio {
+impl OffscreenApp {
     pub(super) fn new(work: Workstation, gpu: &Gpu, dark: bool) -> Result<Self, AppError> {
         let offscreen = Offscreen::new(gpu, dark);
         let graphics = Graphics { gpu: gpu.clone(), egui_renderer: offscreen.renderer() };
@@ -41,8 +41,8 @@ impl Studio {
         Ok(Self { offscreen, app })
     }
 
-    /// One pane, or the whole window, as pixels.
-    pub(super) fn picture(&mut self, view: View, size: [u32; 2], scale: f32) -> Result<Vec<u8>, AppError> {
+    /// Draws a pane or the whole window of `size` pixels at `scale` pixels per logical point. RGBA, row by row.
+    pub(super) fn capture(&mut self, view: View, size: [u32; 2], scale: f32) -> Result<Vec<u8>, AppError> {
         let Self { offscreen, app } = self;
         let rgba = offscreen.picture(size, scale, |ui| match view {
             View::Window => app.draw(ui),
@@ -51,21 +51,21 @@ impl Studio {
         Ok(rgba?)
     }
 
-    /// What the 3D view of `pane` drew; nothing of other panes. `timed`: also how long its passes took.
-    pub(super) fn drawn(&mut self, pane: PaneId, timed: bool) -> Result<Drawn, AppError> {
-        let Some(gpu) = self.app.gpu().cloned() else { return Ok(Drawn::default()) };
-        let Some(screen) = self.app.panes.screen(pane) else { return Ok(Drawn::default()) };
-        let mut drawn = Drawn {
+    /// Report on the last frame of `pane`'s 3D view; empty for other panes. `timed`: with its pass times.
+    pub(super) fn draw_report(&mut self, pane: PaneId, timed: bool) -> Result<DrawReport, AppError> {
+        let Some(gpu) = self.app.gpu().cloned() else { return Ok(DrawReport::default()) };
+        let Some(screen) = self.app.panes.screen(pane) else { return Ok(DrawReport::default()) };
+        let mut report = DrawReport {
             plan: screen.plan().map(|(plan, _)| plan.clone()),
             times: None,
             quality: screen.quality().copied(),
             warnings: screen.warnings().to_vec(),
             notes: screen.notes().to_vec(),
         };
-        if timed && drawn.plan.is_some() {
-            drawn.times = Some(screen.pass_times(&gpu)?.clone());
+        if timed && report.plan.is_some() {
+            report.times = Some(screen.pass_times(&gpu)?.clone());
         }
-        Ok(drawn)
+        Ok(report)
     }
 }
 

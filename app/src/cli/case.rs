@@ -1,0 +1,105 @@
+//! Arguments that name a case.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use glioscope_core::{
+    case::{Case, CaseError, CaseGridChoice, LoadOptions},
+    files::format::volume_names,
+};
+
+use super::terminal;
+use crate::{error::AppError, model::CaseRef, world::load};
+
+/// A case given as masks and images.
+#[derive(Clone, Debug, Default, Args)]
+pub struct MaskArguments {
+    /// A mask: ID=FILE[:1,4][@TIME]. Repeat for more.
+    #[arg(long = "mask", value_name = "ID=FILE[:LABELS][@TIME]")]
+    pub masks: Vec<String>,
+    /// An image: ID=FILE[@TIME]. Repeat for more.
+    #[arg(long = "context", value_name = "ID=FILE[@TIME]")]
+    pub contexts: Vec<String>,
+    /// Use the embedded sample.
+    #[arg(long, conflicts_with_all = ["masks", "contexts"])]
+    pub sample: bool,
+    /// The mask or image whose grid becomes the case grid; default: the finest mask.
+    #[arg(long, value_name = "ID")]
+    pub case_grid: Option<String>,
+    /// Maximum bytes of voxels that a file may declare, and maximum size of a tract file in bytes.
+    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30)]
+    pub max_bytes: u64,
+}
+
+/// The case to read.
+#[derive(Clone, Debug, Default, Args)]
+pub struct CaseArguments {
+    /// The case as a path.
+    #[arg(help = case_help())]
+    pub path: Option<PathBuf>,
+    /// The case as masks and images.
+    #[command(flatten)]
+    pub parts: MaskArguments,
+    /// Fibre tracts in addition to the case's: a .tck or .trk file. Repeat for more.
+    #[arg(long = "tracts", value_name = "FILE")]
+    pub tracts: Vec<PathBuf>,
+}
+
+impl CaseArguments {
+    /// The case given; `None` without one.
+    ///
+    /// # Errors
+    /// [`AppError::Wrong`] where it is given in more than one form.
+    pub fn reference(&self) -> Result<Option<CaseRef>, AppError> {
+        let parts = &self.parts;
+        let has_parts = !parts.masks.is_empty() || !parts.contexts.is_empty();
+        match (&self.path, has_parts, parts.sample) {
+            (Some(path), false, false) => Ok(Some(CaseRef::Path(path.clone()))),
+            (None, true, false) => {
+                Ok(Some(CaseRef::Arguments { masks: parts.masks.clone(), contexts: parts.contexts.clone() }))
+            }
+            (None, false, true) => Ok(Some(CaseRef::Sample)),
+            (None, false, false) => Ok(None),
+            _ => {
+                Err(AppError::arguments("a case named twice", "a path, or --mask and --context, or --sample"))
+            }
+        }
+    }
+
+    /// Options of loading.
+    pub fn options(&self) -> LoadOptions {
+        LoadOptions {
+            max_bytes: self.parts.max_bytes,
+            case_grid: self.parts.case_grid.clone().map_or(CaseGridChoice::FinestMask, CaseGridChoice::Of),
+        }
+    }
+
+    /// Reads the case, with a progress bar on the terminal, and prints its guesses and warnings to stderr. Returns its
+    /// reference too.
+    ///
+    /// # Errors
+    /// [`AppError`] where it can't be read, or where none is given and `or_sample` is false.
+    pub fn load(&self, or_sample: bool) -> Result<(CaseRef, Case), AppError> {
+        let reference = match self.reference()? {
+            Some(reference) => reference,
+            None if or_sample => CaseRef::Sample,
+            None => {
+                return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
+            }
+        };
+        let options = self.options();
+        let (spec, case) = terminal::with_progress(|progress| -> Result<_, CaseError> {
+            let mut spec = load::spec_of(&reference, &options, progress)?;
+            spec.add_tracts(&self.tracts);
+            glioscope_core::case::load(&spec, &options, progress).map(|case| (spec, case))
+        })?;
+        terminal::guess(&spec);
+        terminal::notes(&case.checks);
+        Ok((reference, case))
+    }
+}
+
+/// Help text of the case's path.
+fn case_help() -> String {
+    format!("A manifest (case.toml), a folder, a {} file or a session file", volume_names())
+}

@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""The change's kernels beside others on the same masks, as CSV on stdout.
+"""Kernels of the change between two dates and other implementations, on the same masks, as CSV on stdout.
 
 Run:  python bench/peer_change.py BENCH FILE_A FILE_B LABELS [--threads 1,2] [--reps 101] [--ball 256]
 
 BENCH is target/release/glioscope-bench; FILE_A and FILE_B are label maps on one grid, LABELS
 as 1,2,4. Needs numpy, nibabel, scipy, edt, SimpleITK, scikit-image and kimimaro (PyPI).
 
-Rows: distance transforms (the crop is both masks' box and one voxel), and curve skeletons of
-the first mask. Skeletons differ in kind: counts and times stand beside each other as figures, none
-is the truth. The cases: files (the crop, at the files' spacing), whole (the whole image), odd (the
-crop at 1 x 1 x 1.2 mm, whose squares are not exact), ball (256 cubed, radius 50; smaller with --ball). Times are medians
-and the least, since the machine's load (printed) moves medians.
+Rows: distance transforms (the crop is the bounding box of both masks plus one voxel) and curve skeletons of the first
+mask. The skeletons are of different kinds, so their counts and times are listed without a reference. Cases: files (the
+crop, at the files' spacing), whole (the whole image), odd (the crop at 1 x 1 x 1.2 mm, whose squares are not exact),
+ball (256 cubed, radius 50; smaller with --ball). Times are medians and minima, because the machine's load (printed)
+shifts medians.
 """
 import argparse, os, statistics, subprocess, time
 
@@ -20,14 +20,14 @@ import nibabel, numpy as np
 
 
 def times(job, reps):
-    """Median and least seconds, and the last value."""
+    """Median and minimum seconds, and the last result."""
     job()
-    taken = []
+    seconds = []
     for _ in range(reps):
         start = time.perf_counter()
         value = job()
-        taken.append(time.perf_counter() - start)
-    return statistics.median(taken), min(taken), value
+        seconds.append(time.perf_counter() - start)
+    return statistics.median(seconds), min(seconds), value
 
 
 def main():
@@ -44,7 +44,7 @@ def main():
     spacing = [float(v) for v in image.header.get_zooms()[:3]]
     where = np.argwhere(a | b)
     box = tuple(slice(max(lo - 1, 0), hi + 2) for lo, hi in zip(where.min(0), where.max(0)))
-    # z, y, x: x runs fastest, as in the files
+    # z, y, x: x varies fastest, as in the files
     inside, whole = np.ascontiguousarray(a[box].T), np.ascontiguousarray(a.T)
     sampling = spacing[::-1]
     z, y, x = np.ogrid[: options.ball, : options.ball, : options.ball]
@@ -54,7 +54,7 @@ def main():
     print("kernel,case,peer,threads,median_ms,least_ms,answer")
 
     def own():
-        """Ours, before the peers and again after them: the load drifts."""
+        """Rows of glioscope; called before and after the peers, because the load drifts."""
         print(f"# load {os.getloadavg()[0]:.1f}")
         lines = subprocess.run(
             [options.bench, "change", f"{options.file_a}:{options.labels}", f"{options.file_b}:{options.labels}",

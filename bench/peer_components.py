@@ -1,14 +1,14 @@
-"""Connected components of a tumour index: this program beside cc3d and SciPy, in turns, on the same voxels.
+"""Connected components of a tumour index by glioscope, cc3d and SciPy, interleaved, on the same voxels.
 
   python bench/peer_components.py PROGRAM [--data FOLDER] [--runs N] [--cases glioma,synthetic]
 
-PROGRAM is target/release/glioscope-bench, which also makes the indices (a glioma of three masks, 240x240x155; three
-synthetic masks, 512x512x512, or with --cases tiny 64x64x64) and hands them over as bytes. Partitions are compared before
-anything is timed: equal up to the numbers of the labels, or the benchmark ends.
+PROGRAM is target/release/glioscope-bench, which also generates the indices (a glioma of three masks, 240x240x155; three
+synthetic masks, 512x512x512, or with --cases tiny 64x64x64) and writes them as raw bytes. Before timing, the partitions
+are compared: unless they are equal up to the numbering of labels, the benchmark ends.
 
-cc3d labels all values in one pass (26-connected, one thread), as the program does. SciPy has no such pass: one
-pass for each value. Both give a label volume; the program's components are runs with counts, boxes and centroids,
-and a label volume only where asked for, so both are timed. Median wall time and, steadier under load, CPU time.
+cc3d labels all values in one pass (26-connected, one thread), as glioscope does; SciPy needs one pass per value. Both
+return a label volume. glioscope returns runs with counts, bounding boxes and centroids, and a label volume only on
+request, so both are timed. Reported are the median wall time and the median CPU time, which varies less under load.
 
 Needs: pip install connected-components-3d scipy numpy
 """
@@ -29,7 +29,7 @@ import scipy.ndimage
 
 
 class Program:
-    """The program as a server: a line in, a line out."""
+    """glioscope-bench as a server: one line in, one line out."""
 
     def __init__(self, command):
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -72,7 +72,7 @@ def with_scipy(index):
 
 
 def same_partition(ours, theirs):
-    """Whether two label volumes part the voxels alike: as many pairs of labels as labels."""
+    """Whether two label volumes are the same partition: there are as many distinct pairs of labels as labels."""
     pairs = np.unique(ours.astype(np.uint64).ravel() << np.uint64(32) | theirs.ravel().astype(np.uint64))
     # Background with background is a pair as well.
     return len(pairs) == len(np.unique(ours)) == len(np.unique(theirs))
@@ -97,20 +97,20 @@ def bench(name, program, runs, scratch):
         word = f"{threads} thread{'s' if threads > 1 else ''}"
         jobs[f"glioscope, {word}"] = lambda t=threads: program.time(f"components {t}")
         jobs[f"glioscope with a label volume, {word}"] = lambda t=threads: program.time(f"labels {t}")
-    taken = {job: [] for job in jobs}
-    for turn in range(runs + 1):
+    timings = {job: [] for job in jobs}
+    for round_nr in range(runs + 1):
         for job, run in jobs.items():
-            if job.startswith("SciPy") and turn > 5:
+            if job.startswith("SciPy") and round_nr > 5:
                 continue
             sample = run()
-            # The first turn warms up.
-            if turn:
-                taken[job].append(sample)
+            # The first round warms up.
+            if round_nr:
+                timings[job].append(sample)
     print("| program | median wall (ms) | fastest to slowest (ms) | median CPU (ms) | wall / cc3d | CPU / cc3d |")
     print("|---|---:|---:|---:|---:|---:|")
-    middle = {job: [statistics.median(s[k] for s in samples) * 1e3 for k in (0, 1)] for job, samples in taken.items()}
+    middle = {job: [statistics.median(s[k] for s in samples) * 1e3 for k in (0, 1)] for job, samples in timings.items()}
     for job, (wall, cpu) in middle.items():
-        walls = [s[0] * 1e3 for s in taken[job]]
+        walls = [s[0] * 1e3 for s in timings[job]]
         print(
             f"| {job} | {wall:.1f} | {min(walls):.1f} to {max(walls):.1f} | {cpu:.1f} "
             f"| {wall / middle['cc3d'][0]:.2f} | {cpu / middle['cc3d'][1]:.2f} |"

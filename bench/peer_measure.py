@@ -1,9 +1,9 @@
-"""What `glioscope measure --json` does, with nibabel and NumPy: the peer of bench/run.sh, and an oracle.
+"""The numbers of `glioscope measure --json` by nibabel and NumPy: a peer for bench/run.sh and an oracle for tests.
 
 Run: python peer_measure.py --mask ID=FILE[:LABEL,LABEL…] … [--json]
 
-Written as someone who knows NumPy would: one pass to read, one to select labels, one bincount over the tumour
-index, everything else from the 2^n counts. Same keys as glioscope's `measure`; all masks must share one grid
+Idiomatic NumPy: one pass to read, one to select labels, one bincount over the tumour index, everything else from the
+2^n counts. Same keys as glioscope's `measure`; all masks must share one grid
 (NumPy does not resample), and a pair of empty masks has no Dice: null.
 """
 

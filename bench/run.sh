@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Times the optimised glioscope beside its peers on the real glioma case, all in one run on one machine, and prints
-# the Markdown tables of docs/performance.md. Called by `./x bench`, which installs what it needs.
+# Times the release build of glioscope and its peers on the real glioma case, in one run on one machine, and prints the
+# Markdown tables of docs/performance.md. Called by `./x bench`, which installs the system packages.
 set -euo pipefail
 
 usage() {
@@ -56,7 +56,7 @@ done
 pictures=$(mktemp -d)
 trap 'rm -rf -- "$pictures"' EXIT
 
-# One argument, quoted so that timing.py splits it back into these words.
+# The arguments as one, quoted so that timing.py splits it into the same words.
 command_of() { printf '%q ' "$@"; }
 render() { command_of "$glioscope" render "$@" --out "$pictures/frame.png" "${software[@]}" "${masks[@]}"; }
 timing() { "$venv/bin/python" "$root/bench/timing.py" "$@"; }
@@ -112,10 +112,10 @@ if [[ -n $vtk ]]; then
         echo "bench: $peer_script is absent: no VTK figures" >&2
         exit 2
     fi
-    # Its camera frames the whole image for volumes and the tumour for surfaces. In its mode volume+ssao VTK 9.7.2 drew an
-    # empty picture here (one colour), so that time means nothing and is left out.
+    # The script's camera frames the whole image for volumes and the tumour for surfaces. In mode volume+ssao VTK 9.7.2
+    # rendered an empty frame (one colour) here, so that time is meaningless and omitted.
     printf '| size | mode | median of 5 (ms) | window |\n|---|---|---:|---|\n'
-    # Its warnings about displays that it tried in vain are shown only if it fails.
+    # Warnings about displays that can't be opened are shown only on failure.
     if ! (cd -- "$pictures" && env -u DISPLAY "$venv/bin/python" "$peer_script" "$data" >vtk.txt 2>vtk.err); then
         cat "$pictures/vtk.err" >&2
         exit 1

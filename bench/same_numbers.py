@@ -1,4 +1,6 @@
-"""Ends with 1 unless two `measure --json` answers hold the same masks, regions and pairs: a time counts only for the right answer.
+"""Exits with 1 unless two outputs of `measure --json` have the same masks, regions and pairs.
+
+A time counts only for a correct result.
 
 Run: python same_numbers.py OURS.json THEIRS.json
 """
@@ -9,7 +11,7 @@ import sys
 
 
 def numbers(path):
-    """The counted part of an answer, as {what: numbers}, whatever the order of its lists."""
+    """Counts, volumes and scores of an output as {entry: numbers}, independent of the order of its lists."""
     with open(path, encoding="utf-8") as file:
         points = json.load(file)["time_points"]
     found = {}

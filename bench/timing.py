@@ -1,11 +1,11 @@
 """Times programs side by side and prints Markdown tables for docs/performance.md. Standard library only.
 
   timing.py processes --runs N NAME COMMAND [NAME COMMAND …]
-      Whole processes, start to exit, in turns (A B A B …), so that other load on the machine meets all alike;
-      CPU time is the steadier figure under load. One untimed run each first. Peak memory is the process's own.
+      Whole processes, start to exit, interleaved (A B A B …), so that other load on the machine affects all alike;
+      CPU time varies less under load. Each program first runs once untimed. Peak memory is that of the process alone.
       The first program is compared with every other: ratio = its median / theirs.
   timing.py passes --runs N COMMAND [COMMAND …]
-      Runs `glioscope render … --stats`, reads the JSON it prints, and gives the median of each pass.
+      Runs `glioscope render … --stats`, reads its JSON, and prints the median time of each pass.
 
 A COMMAND is one argument, split as a shell would.
 """
@@ -21,7 +21,7 @@ import time
 
 
 def run(command):
-    """Runs `command`; its (seconds, CPU seconds, peak resident bytes, stdout). A failure ends the benchmark."""
+    """Runs `command`; returns (seconds, CPU seconds, peak resident bytes, stdout). A failure ends the benchmark."""
     words = shlex.split(command)
     started = time.perf_counter()
     try:
@@ -44,17 +44,17 @@ def processes(runs, words):
     programs = list(zip(words[::2], words[1::2]))
     for _, command in programs:
         run(command)
-    taken = {name: [] for name, _ in programs}
+    samples_by_name = {name: [] for name, _ in programs}
     for _ in range(runs):
         for name, command in programs:
-            taken[name].append(run(command)[:3])
-    first = statistics.median(seconds * 1e3 for seconds, _, _ in taken[programs[0][0]])
+            samples_by_name[name].append(run(command)[:3])
+    first = statistics.median(seconds * 1e3 for seconds, _, _ in samples_by_name[programs[0][0]])
     print(
         f"| program | median of {runs} (ms) | fastest to slowest (ms) | CPU time, median (ms) | peak memory (MiB) "
         f"| {programs[0][0]} / this |"
     )
     print("|---|---:|---:|---:|---:|---:|")
-    for name, samples in taken.items():
+    for name, samples in samples_by_name.items():
         times = sorted(seconds * 1e3 for seconds, _, _ in samples)
         median = statistics.median(times)
         cpu = statistics.median(seconds * 1e3 for _, seconds, _ in samples)

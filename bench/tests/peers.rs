@@ -1,4 +1,4 @@
-//! The peers' scripts on tiny inputs: they run to their end, and answer what this program does.
+//! The peer scripts on tiny inputs run to completion and agree with this program.
 
 #![allow(clippy::unwrap_used, reason = "in a test a failed unwrap is a failed test")]
 
@@ -14,8 +14,10 @@ use serde_json::Value;
 
 const BENCH: &str = env!("CARGO_BIN_EXE_glioscope-bench");
 
-/// What a script prints, run by the Python that has the peers; `None`, said aloud, without one. `./x test` makes it.
-fn printed(script: &str, arguments: &[&str]) -> Option<String> {
+/// Output of a script, run by the Python with the peer packages, which `./x test` installs; `None`, with a line on
+/// stdout, without one.
+#[allow(clippy::print_stdout, reason = "a skipped test must be reported")]
+fn run_script(script: &str, arguments: &[&str]) -> Option<String> {
     let Some(python) = std::env::var_os("GLIOSCOPE_PEERS_PYTHON").filter(|p| !p.is_empty()) else {
         println!("SKIPPED: bench/{script}: GLIOSCOPE_PEERS_PYTHON names no Python with the peers");
         return None;
@@ -27,8 +29,8 @@ fn printed(script: &str, arguments: &[&str]) -> Option<String> {
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
-/// A ball of label 4 in 24³ voxels, as a file; its name.
-fn ball(folder: &Path, name: &str, radius_mm: f64) -> String {
+/// Writes a ball of label 4 in 24³ voxels as a file and returns its name.
+fn write_ball(folder: &Path, name: &str, radius_mm: f64) -> String {
     let grid = Grid::axis_aligned([24; 3], DVec3::new(1.0, 1.0, 1.5), DVec3::ZERO).unwrap();
     let center_mm = grid.center_mm();
     let is_inside = |l| grid.center_of_voxel_mm(grid.ijk(l)).distance(center_mm) <= radius_mm;
@@ -40,11 +42,11 @@ fn ball(folder: &Path, name: &str, radius_mm: f64) -> String {
 }
 
 #[test]
-fn components_are_those_of_cc3d_and_scipy() {
-    let Some(table) = printed("peer_components.py", &[BENCH, "--cases", "tiny", "--runs", "1"]) else {
+fn components_match_cc3d_and_scipy() {
+    let Some(table) = run_script("peer_components.py", &[BENCH, "--cases", "tiny", "--runs", "1"]) else {
         return;
     };
-    // The script ends with an error unless all part the index alike.
+    // The script fails unless all partition the index alike.
     assert!(table.contains("cc3d and SciPy part the index alike"), "{table}");
     for program in ["cc3d", "SciPy", "glioscope, 1 thread", "glioscope with a label volume, 2 threads"] {
         assert!(table.lines().any(|l| l.starts_with(&format!("| {program}"))), "{program}: {table}");
@@ -52,19 +54,20 @@ fn components_are_those_of_cc3d_and_scipy() {
 }
 
 #[test]
-fn distances_are_those_of_edt_and_scipy() {
+fn distances_match_edt_and_scipy() {
     let folder = tempfile::tempdir().unwrap();
-    let [a, b] = [("a.nii", 8.0), ("b.nii", 9.0)].map(|(name, radius)| ball(folder.path(), name, radius));
+    let [a, b] =
+        [("a.nii", 8.0), ("b.nii", 9.0)].map(|(name, radius)| write_ball(folder.path(), name, radius));
     let arguments = [BENCH, &a, &b, "4", "--threads=1", "--reps=1", "--ball=32"];
-    let Some(table) = printed("peer_change.py", &arguments) else { return };
+    let Some(table) = run_script("peer_change.py", &arguments) else { return };
     let rows = |case: &str, peer: &str| -> Vec<String> {
         let begin = format!("distance,{case},{peer},1,");
         table.lines().filter(|l| l.starts_with(&begin)).map(str::to_owned).collect()
     };
-    // edt answers in single precision.
+    // edt computes in single precision.
     let farthest_mm = |case: &str, peer: &str| -> f64 {
-        let answer = rows(case, peer).concat();
-        answer.rsplit(',').next().unwrap().trim_end_matches(" mm farthest").parse().unwrap()
+        let row = rows(case, peer).concat();
+        row.rsplit(',').next().unwrap().trim_end_matches(" mm farthest").parse().unwrap()
     };
     for case in ["files", "whole", "odd", "ball"] {
         let (edt, scipy) = (farthest_mm(case, "edt"), farthest_mm(case, "SciPy with indices"));
@@ -77,18 +80,18 @@ fn distances_are_those_of_edt_and_scipy() {
 }
 
 #[test]
-fn counts_are_those_of_numpy() {
+fn region_counts_match_numpy() {
     let folder = tempfile::tempdir().unwrap();
     let masks = [("a", 8.0), ("b", 9.0)]
-        .map(|(id, radius)| format!("{id}={}:4", ball(folder.path(), &format!("{id}.nii.gz"), radius)));
+        .map(|(id, radius)| format!("{id}={}:4", write_ball(folder.path(), &format!("{id}.nii.gz"), radius)));
     let arguments = ["--json", "--mask", &masks[0], "--mask", &masks[1]];
-    let Some(answer) = printed("peer_measure.py", &arguments) else { return };
-    let answer: Value = serde_json::from_str(&answer).unwrap();
+    let Some(json) = run_script("peer_measure.py", &arguments) else { return };
+    let report: Value = serde_json::from_str(&json).unwrap();
     let case =
         load(&CaseSpec::from_arguments(&masks, &[]).unwrap(), &LoadOptions::default(), &Progress::new())
             .unwrap();
     let regions = &case.time_points[0].regions;
-    let theirs = answer["time_points"][0]["regions"].as_array().unwrap();
+    let theirs = report["time_points"][0]["regions"].as_array().unwrap();
     let counts: Vec<u64> = theirs.iter().map(|r| r["voxels"].as_u64().unwrap()).collect();
     assert_eq!(counts, regions.list().iter().map(|r| r.voxels).collect::<Vec<_>>());
     assert!(counts.len() == 2 && counts.iter().all(|n| *n > 500), "{counts:?}");

@@ -5,6 +5,7 @@ use std::sync::{Arc, LazyLock};
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{
     Grid, Mask, MaskBits, RegionVolume, Regions, Selection, Sides, TumorIndex,
+    grid::ijk,
     optics::{Camera, Projection},
 };
 
@@ -51,9 +52,7 @@ pub fn volume(
     let dims = grid.dims();
     let masks: Vec<Mask> = (0..masks)
         .map(|k| {
-            let bits = MaskBits::from_fn(dims, |l| {
-                active(k, [l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]])
-            });
+            let bits = MaskBits::from_fn(dims, |l| active(k, ijk(dims, l)));
             Mask::new(format!("m{k}"), grid.clone(), bits).unwrap()
         })
         .collect();

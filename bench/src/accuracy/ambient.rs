@@ -1,5 +1,5 @@
-//! Ambient occlusion of the closeup: against the hemisphere of each first hit, which it stands for, and
-//! against its own integral, which its samples come to.
+//! Ambient occlusion of the closeup, compared with the occlusion of the hemisphere at each first hit, which it
+//! approximates, and with its own integral, to which its samples converge.
 
 use std::time::Duration;
 
@@ -18,16 +18,16 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "ambient",
     title: "Ambient occlusion of the closeup",
-    about: "Two truths. The hemisphere is what the pass stands for: what it lacks against it no number of \
-            samples brings, because the pass knows no normals and counts half of the ball as light. Its own \
-            integral is what its samples come to. The default, 12 pairs, is where the second error has fallen \
-            to a tenth of what the first leaves in any case (which more pairs make worse, not better); the time \
-            is that of the whole frame, on this adapter hardly that of the pairs.",
+    about: "Two truths. The first is the occlusion of the hemisphere, which the pass approximates: no number of \
+            samples removes this error, because the pass has no normals and counts half of the sampled sphere as \
+            unoccluded. The second is the pass's own integral, to which its samples converge. At the default, 12 \
+            pairs, the second error has fallen to a tenth of the first, which remains in any case (more pairs \
+            increase it). Time is that of the whole frame; on this adapter the pairs take little of it.",
     defaults: Defaults::One,
     curves,
 };
 
-/// First hits of the closeup, and what its occlusion is made of.
+/// First hits of the closeup and the parameters of its ambient occlusion.
 struct Hits {
     size: [u32; 2],
     scene: DepthScene,
@@ -42,7 +42,8 @@ impl Hits {
         self.scene.depths_mm.get(at as usize).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// Unit normal of the face under a pixel, towards the eye: from its nearer neighbours.
+    /// Unit normal of the surface at a pixel, facing the eye, from the nearer neighbour in x and in y; `None` where
+    /// there is no surface.
     fn normal(&self, [x, y]: [u32; 2]) -> Option<DVec3> {
         let here = self.scene.point_mm([x, y])?;
         let side = |dx: u32, dy: u32| {
@@ -60,13 +61,13 @@ impl Hits {
         Some(if normal.dot(to_eye) < 0.0 { -normal } else { normal })
     }
 
-    /// Share of the hemisphere that is hidden, with its standard error, at every `stride`-th pixel.
+    /// Occluded fraction of the hemisphere at every `stride`-th pixel: pixel index, fraction, standard error.
     fn hemisphere(&self, stride: u32, samples: u32) -> Vec<(usize, f64, f64)> {
-        let places: Vec<[u32; 2]> = (0..self.size[1])
+        let pixels: Vec<[u32; 2]> = (0..self.size[1])
             .step_by(stride as usize)
             .flat_map(|y| (0..self.size[0]).step_by(stride as usize).map(move |x| [x, y]))
             .collect();
-        places
+        pixels
             .into_par_iter()
             .filter_map(|pixel| {
                 let number = (pixel[1] * self.size[0] + pixel[0]) as usize;
@@ -84,11 +85,11 @@ impl Hits {
             .collect()
     }
 
-    /// What the pass comes to with ever more samples: screen/occlusion.wgsl in `f64`, point pairs drawn
-    /// at random from what its spiral is even in.
+    /// Limit of the pass for many samples: screen/occlusion.wgsl in `f64`, with random point pairs from the distribution
+    /// that its spiral covers evenly.
     fn own_integral(&self, pairs: u32) -> Vec<f64> {
         let [w, h] = self.size.map(f64::from);
-        let one = |(number, &depth): (usize, &f64)| {
+        let occluded = |(number, &depth): (usize, &f64)| {
             if !depth.is_finite() {
                 return 0.0;
             }
@@ -118,13 +119,13 @@ impl Hits {
             }
             (2.0 * (hidden / f64::from(pairs) - 1.0)).clamp(0.0, 1.0)
         };
-        self.scene.depths_mm.par_iter().enumerate().map(one).collect()
+        self.scene.depths_mm.par_iter().enumerate().map(occluded).collect()
     }
 
     /// screen/blur.wgsl in `f64`.
     fn blurred(&self, dark: &[f64]) -> Vec<f64> {
         let [w, h] = self.size.map(i64::from);
-        let one = |number: i64| {
+        let average = |number: i64| {
             let (x, y) = (number % w, number / w);
             let depth = self.depth(x, y);
             let (mut sum, mut weight) = (0.0, 0.0);
@@ -137,7 +138,7 @@ impl Hits {
             }
             sum / f64::max(weight, 1.0)
         };
-        (0..w * h).map(one).collect()
+        (0..w * h).map(average).collect()
     }
 }
 
@@ -150,20 +151,20 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let sweep = Sweep {
         what: "ambient occlusion: samples",
         rounds: bench.effort.of(1, 5, 25),
-        patience: Duration::from_millis(4000),
+        time_budget: Duration::from_millis(4000),
         on_device: true,
     };
     let settings: Vec<(String, u32)> = counts.iter().map(|n| (format!("{n} pairs"), *n)).collect();
     let scene = scenes::phantom_closeup()?;
     let radius_mm = Quality::FULL.occlusion_radius_mm;
     let mut truths = None;
-    let mut against_own = Vec::new();
+    let mut own_errors = Vec::new();
     let run = |renderer: &mut CloseupRenderer, &occlusion_samples: &u32| {
         let quality = Quality { occlusion_samples, ..Quality::FULL };
         renderer.render(bench.gpu, &scene, &quality, size)?;
         Ok(bench.gpu.wait()?)
     };
-    let look = |renderer: &mut CloseupRenderer, &samples_asked: &u32| {
+    let evaluate = |renderer: &mut CloseupRenderer, &occlusion_samples: &u32| {
         let found = renderer.frame().ok_or("no picture")?.occlusion(bench.gpu)?;
         let (hits, hemisphere, own) = truths.get_or_insert_with(|| {
             let depths = DepthScene {
@@ -177,22 +178,23 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
             let own = hits.blurred(&hits.own_integral(pairs));
             (hits, hemisphere, own)
         });
-        let solid = found.dark.iter().zip(own.iter()).zip(&hits.scene.depths_mm);
-        against_own.push(Errors::of(solid.filter(|(_, d)| d.is_finite()).map(|((f, t), _)| f - t)));
-        let off = |(number, hidden, _): &(usize, f64, f64)| {
+        let surfaces = found.dark.iter().zip(own.iter()).zip(&hits.scene.depths_mm);
+        own_errors.push(Errors::of(surfaces.filter(|(_, d)| d.is_finite()).map(|((f, t), _)| f - t)));
+        let error = |(number, hidden, _): &(usize, f64, f64)| {
             found.dark.get(*number).map_or(f64::NAN, |found| found - hidden)
         };
-        let errors = Errors::of(hemisphere.iter().map(off));
-        let is_default = samples_asked == Quality::FULL.occlusion_samples;
-        Ok(Point { is_default, ..Point::new(f64::from(samples_asked), &errors) })
+        let errors = Errors::of(hemisphere.iter().map(error));
+        let is_default = occlusion_samples == Quality::FULL.occlusion_samples;
+        Ok(Point { is_default, ..Point::new(f64::from(occlusion_samples), &errors) })
     };
-    let of_hemisphere = bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, look)?;
+    let of_hemisphere =
+        bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, evaluate)?;
     let own = |(point, errors): (&Point, &Errors)| Point {
         error_rms: errors.rms(),
         error_max: errors.max(),
         ..point.clone()
     };
-    let of_own = of_hemisphere.iter().zip(&against_own).map(own).collect();
+    let of_own = of_hemisphere.iter().zip(&own_errors).map(own).collect();
     let hemisphere = truths.map(|t| t.1).unwrap_or_default();
     let standard_error = Errors::of(hemisphere.iter().map(|(_, _, e)| *e));
     let curve = |scene: &str, truth: String, truth_error, points| Curve {

@@ -1,4 +1,4 @@
-//! The context view's ray step against the same integral in `f64`, eight times as fine.
+//! The context view's ray step, compared with the same integral in `f64` at an eighth of the default step.
 
 use std::time::Duration;
 
@@ -18,27 +18,27 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "context",
     title: "Ray step of the context view",
-    about: "The picture of the march alone, over white, against the same rays in `f64` without table, bricks, \
-            jitter or early end. The device ends a ray that is as good as opaque and packs colours into 16 \
-            bits; with the jitter of the first cell these set a floor. The default, 0.5 mm, is half of the \
-            finest usual spacing (1 mm): each voxel is met by two cells.",
+    about: "The ray-marched image alone, over white, compared with the same rays in `f64` without table, bricks, \
+            jitter or early ray termination. The device terminates rays that are almost opaque and packs colours \
+            into 16 bits; with the jitter of the first step these set a lower bound of the error. The default, \
+            0.5 mm, is half of the finest usual spacing (1 mm): two steps per voxel.",
     defaults: Defaults::One,
     curves,
 };
 
-/// Red, green, blue over white: what is displayed.
+/// The displayed colour: premultiplied red, green, blue and opacity composited over white.
 fn over_white(p: &[f64; 4]) -> [f64; 3] {
     std::array::from_fn(|c| p[c] + 1.0 - p[3])
 }
 
 fn errors(found: &[[f64; 4]], truth: &[[f64; 4]]) -> (Errors, [f64; 2]) {
-    // Pixels that nothing is in would water the error down.
-    let seen = || {
+    // Empty pixels would dilute the error.
+    let non_empty = || {
         let pairs = found.iter().zip(truth).filter(|(f, t)| f[3] > 0.0 || t[3] > 0.0);
         pairs.map(|(f, t)| (over_white(f), over_white(t)))
     };
-    let errors = Errors::of(seen().flat_map(|(f, t)| (0..3).map(move |c| f[c] - t[c])));
-    (errors, delta_e_of(seen()))
+    let errors = Errors::of(non_empty().flat_map(|(f, t)| (0..3).map(move |c| f[c] - t[c])));
+    (errors, delta_e_of(non_empty()))
 }
 
 fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
@@ -57,7 +57,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let sweep = Sweep {
         what: "context: step",
         rounds: bench.effort.of(1, 3, 9),
-        patience: Duration::from_millis(4000),
+        time_budget: Duration::from_millis(4000),
         on_device: true,
     };
     let settings: Vec<(String, f64)> = steps.iter().map(|step| (format!("{step} mm"), *step)).collect();
@@ -69,20 +69,20 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         bench.begin("context: truth", preset.name());
         let truth_at = |step_mm| march(&scene, size, Sampling { step_mm, jitter: false });
         let truth = truth_at(finest);
-        // The midpoint rule's error falls by four a halving, so a third of the last change is left.
+        // The midpoint rule's error falls to a quarter per halving of the step: a third of the last change remains.
         let truth_error = errors(&truth_at(2.0 * finest), &truth).0.rms() / 3.0;
         let run = |renderer: &mut ContextRenderer, &context_step_mm: &f64| {
             let quality = Quality { context_step_mm, ..Quality::FULL };
             renderer.render(bench.gpu, &scene, &quality, size)?;
             Ok(bench.gpu.wait()?)
         };
-        let look = |renderer: &mut ContextRenderer, &step_mm: &f64| {
+        let evaluate = |renderer: &mut ContextRenderer, &step_mm: &f64| {
             let found = renderer.frame().ok_or("no picture")?.image_rgba(bench.gpu)?;
             let (errors, delta_e) = errors(&found, &truth);
             let is_default = step_mm == Quality::FULL.context_step_mm;
             Ok(Point { delta_e: Some(delta_e), is_default, ..Point::new(step_mm, &errors) })
         };
-        let points = bench.sweep(&sweep, &mut renderer, &settings, run, look)?;
+        let points = bench.sweep(&sweep, &mut renderer, &settings, run, evaluate)?;
         out.push(Curve {
             family: FAMILY.name,
             kernel: "ray march".to_owned(),

@@ -1,11 +1,11 @@
-//! Which points are worth having, and what is said of the defaults.
+//! The Pareto front of cost and error, and where the defaults lie relative to it.
 
 use std::fmt::Write;
 
 use super::{Axis, Curve, Defaults, Point};
 
-/// Marks the points that no other of the same scene is better than, where error stands against time. The curves are
-/// those of one family.
+/// Marks the Pareto points, those that no other point of the same scene dominates, on curves of error against time.
+/// `curves` are those of one family.
 pub(super) fn mark_pareto(curves: &mut [Curve]) {
     let cost = |p: &Point| p.cost().map(|t| (t.median_ms, p.error_rms)).filter(|c| !c.1.is_nan());
     for number in 0..curves.len() {
@@ -15,31 +15,31 @@ pub(super) fn mark_pareto(curves: &mut [Curve]) {
             .filter(|c| c.scene == own.scene)
             .flat_map(|c| c.points.iter().filter_map(cost))
             .collect();
-        let better =
+        let is_dominated =
             |(t, e): (f64, f64)| rivals.iter().any(|&(rt, re)| rt <= t && re <= e && (rt < t || re < e));
         for point in curves.get_mut(number).into_iter().flat_map(|c| &mut c.points) {
-            point.is_pareto = cost(point).is_some_and(|own| !better(own));
+            point.is_pareto = cost(point).is_some_and(|own| !is_dominated(own));
         }
     }
 }
 
-/// Shares of `own`'s cost and error that `rival` has, where it beats it: neither is above 1, and one is below.
-fn beaten_by(own: &Point, rival: &Point) -> Option<[f64; 2]> {
-    let shares = [rival.cost()?.median_ms / own.cost()?.median_ms, rival.error_rms / own.error_rms];
-    (shares.iter().all(|s| *s <= 1.0) && shares != [1.0; 2]).then_some(shares)
+/// Ratios of `rival`'s cost and error to those of `own` if it dominates: neither is above 1, and one is below.
+fn dominance_ratios(own: &Point, rival: &Point) -> Option<[f64; 2]> {
+    let ratios = [rival.cost()?.median_ms / own.cost()?.median_ms, rival.error_rms / own.error_rms];
+    (ratios.iter().all(|r| *r <= 1.0) && ratios != [1.0; 2]).then_some(ratios)
 }
 
-/// How much is left, by which the best of several rivals is told.
-fn left<'a>(shares: impl IntoIterator<Item = &'a [f64; 2]>) -> f64 {
-    shares.into_iter().flatten().product()
+/// Product of all ratios, by which the best of several rivals is chosen.
+fn product<'a>(ratios: impl IntoIterator<Item = &'a [f64; 2]>) -> f64 {
+    ratios.into_iter().flatten().product()
 }
 
-/// What the page says of the default among the curves of one scene; nothing where there is none.
-pub(super) fn of_scene(curves: &[&Curve]) -> Vec<String> {
+/// Verdicts on the defaults among the curves of one scene, for the page; empty without a default.
+pub(super) fn scene_verdicts(curves: &[&Curve]) -> Vec<String> {
     curves.iter().flat_map(|c| &c.points).filter(|p| p.is_default).map(|p| verdict(curves, p)).collect()
 }
 
-/// Whether a default lies on the front, and what beats it where it doesn't.
+/// Whether a default lies on the front, and otherwise which point dominates it.
 fn verdict(curves: &[&Curve], own: &Point) -> String {
     let name = &own.setting;
     if own.is_pareto {
@@ -48,8 +48,8 @@ fn verdict(curves: &[&Curve], own: &Point) -> String {
     let best_of = |curves: &[&Curve]| -> Option<String> {
         let rivals = curves.iter().flat_map(|c| c.points.iter().map(move |p| (&c.kernel, p)));
         let (kernel, p, [t, e]) = rivals
-            .filter_map(|(kernel, p)| Some((kernel, p, beaten_by(own, p)?)))
-            .min_by(|a, b| left([&a.2]).total_cmp(&left([&b.2])))?;
+            .filter_map(|(kernel, p)| Some((kernel, p, dominance_ratios(own, p)?)))
+            .min_by(|a, b| product([&a.2]).total_cmp(&product([&b.2])))?;
         Some(format!("{kernel}, {}, takes {t:.2} of its time and has {e:.2} of its error", p.setting))
     };
     let is_own = |c: &&&Curve| c.points.iter().any(|p| std::ptr::eq(p, own));
@@ -65,46 +65,46 @@ fn verdict(curves: &[&Curve], own: &Point) -> String {
     }
 }
 
-/// Whether the presets lie on the front of their own kernel over all scenes: whether no setting with at least as many
-/// pixels is as fast and as right on each of them. Pixels aren't weighed against light: what contours of masks lose with
-/// them no error here counts. A line each, as a list.
-pub(super) fn of_presets(defaults: Defaults, curves: &[Curve]) -> String {
+/// Whether the presets lie on the front of their own kernel over all scenes, as a list with one line per preset: whether
+/// no setting with at least as many pixels is at least as fast and as accurate on every scene. Resolution isn't traded
+/// for lighting, because no error here counts the detail that mask contours lose with it.
+pub(super) fn preset_verdicts(defaults: Defaults, curves: &[Curve]) -> String {
     let mut out = String::new();
     let measured: Vec<(&Curve, &Point)> = curves
         .iter()
         .filter(|_| defaults == Defaults::Presets)
         .flat_map(|c| c.points.iter().map(move |p| (c, p)))
         .collect();
-    let mut said: Vec<(&str, &str)> = Vec::new();
+    let mut listed: Vec<(&str, &str)> = Vec::new();
     for (curve, point) in measured.iter().filter(|(_, p)| p.is_default) {
         let name = (curve.kernel.as_str(), point.setting.as_str());
-        if said.contains(&name) {
+        if listed.contains(&name) {
             continue;
         }
-        said.push(name);
+        listed.push(name);
         let same = |(c, p): &&(&Curve, &Point)| (c.kernel.as_str(), p.setting.as_str()) == name;
         let own: Vec<_> = measured.iter().filter(same).collect();
-        // Times and errors of a rival to the preset's, on each scene; nothing where it is no rival on one.
+        // Ratios of a rival's times and errors to the preset's on each scene; `None` unless it dominates on all.
         let ratios = |rival: &(&Curve, &Point)| -> Option<Vec<[f64; 2]>> {
             let on_scene = |(c, p): &&(&Curve, &Point)| {
-                let beside = |(rc, rp): &&(&Curve, &Point)| {
+                let is_same_setting = |(rc, rp): &&(&Curve, &Point)| {
                     rc.scene == c.scene && rc.kernel == rival.0.kernel && rp.setting == rival.1.setting
                 };
-                let (_, rp) = measured.iter().find(beside)?;
-                beaten_by(p, rp).filter(|_| rp.pixel_share >= p.pixel_share - 1e-9)
+                let (_, rp) = measured.iter().find(is_same_setting)?;
+                dominance_ratios(p, rp).filter(|_| rp.pixel_share >= p.pixel_share - 1e-9)
             };
             own.iter().map(on_scene).collect()
         };
-        // Settings beside a kernel's path are named after it.
+        // Names of curves off a kernel's path start with the kernel's name.
         let rivals = measured.iter().filter(|(c, _)| c.kernel.starts_with(&curve.kernel));
-        let better = rivals.filter_map(|r| Some((r, ratios(r)?)));
-        let line = match better.min_by(|a, b| left(&a.1).total_cmp(&left(&b.1))) {
+        let dominating = rivals.filter_map(|r| Some((r, ratios(r)?)));
+        let line = match dominating.min_by(|a, b| product(&a.1).total_cmp(&product(&b.1))) {
             None => format!(
                 "- {}, {}: on the measured front; nothing with as many pixels is as fast and as right on every scene.",
                 name.0, name.1
             ),
             Some(((c, p), ratios)) => {
-                let words: Vec<String> = ratios
+                let ratio_texts: Vec<String> = ratios
                     .iter()
                     .map(|[t, e]| format!("{t:.2} of its time and {e:.2} of its error"))
                     .collect();
@@ -114,7 +114,7 @@ pub(super) fn of_presets(defaults: Defaults, curves: &[Curve]) -> String {
                     name.1,
                     c.kernel,
                     p.setting,
-                    words.join(", then ")
+                    ratio_texts.join(", then ")
                 )
             }
         };

@@ -1,4 +1,4 @@
-//! The light of a view, along the path of its presets and beside it, against Monte Carlo at some of its
+//! Lighting of the context view, along the path of its presets and off it, compared with Monte Carlo at a sample of its
 //! pixels.
 
 use std::time::Duration;
@@ -27,31 +27,32 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "light",
     title: "Light of the context view, and its presets",
-    about: "What the window draws, with the black of places that no light reaches not softened, against Monte \
-            Carlo at some of its pixels. The path is the one that the presets draft, balanced and reference are on \
-            and that the automatic mode moves along; beside it pixels against thickness of slices or side of \
-            cells, from which the path was chosen, and one knob changed from draft or balanced. Slices of 1 mm \
-            have half the error of 2 mm where surfaces are opaque; those of 0.7 mm, the reference, gain a \
-            twentieth, thinner ones nothing; nor do more points than 2x2 in a footprint. Down the path pixels go \
-            first, to a fifth along each side, and slices grow a little thicker with them. Cones are there sooner, \
-            and serve what is solid; slices are righter where surfaces are opaque. The paper's own slices are drawn \
-            beside: their penumbra depends on the number of slices, so that more of them are no better. Screen-space \
-            light is another model, held against no truth of light.",
+    about: "The context view as the window draws it, but with unlit places fully black, compared with Monte Carlo at \
+            a sample of its pixels. The path contains the presets draft, balanced and reference, and the automatic \
+            quality moves along it. Settings off the path vary resolution against slice thickness or cell size, \
+            from which the path was chosen, or change one knob of draft or balanced. Slices of 1 mm have half the \
+            error of 2 mm where surfaces are opaque; those of 0.7 mm, the reference, reduce it by a twentieth; \
+            thinner slices don't reduce it further, nor do more than 2x2 points per footprint. Towards lower cost \
+            the path first reduces the resolution, to a fifth along each side, and makes slices slightly thicker. \
+            Cones are faster and also light opaque geometry; slices are more accurate where surfaces are opaque. \
+            The paper's own slices are plotted for comparison: their penumbra depends on the number of slices, so \
+            more slices aren't more accurate. Screen-space light is a different model and isn't compared with Monte \
+            Carlo.",
     defaults: Defaults::Presets,
     curves,
 };
 
-/// A picture of linear radiance and opacity, drawn at a size for another one.
-struct Drawn {
+/// A frame of linear radiance and opacity, drawn at `size`, which may be smaller than requested.
+struct DrawnFrame {
     size: [u32; 2],
     pixels: Vec<[f64; 4]>,
 }
 
-impl Drawn {
-    /// What is shown at a pixel of the asked size: between the drawn ones.
-    fn at(&self, pixel: [u32; 2], asked: [u32; 2]) -> [f64; 4] {
+impl DrawnFrame {
+    /// Value at a pixel of the requested size, bilinearly interpolated.
+    fn at(&self, pixel: [u32; 2], requested: [u32; 2]) -> [f64; 4] {
         let place: [f64; 2] = std::array::from_fn(|a| {
-            let x = (f64::from(pixel[a]) + 0.5) / f64::from(asked[a]) * f64::from(self.size[a]) - 0.5;
+            let x = (f64::from(pixel[a]) + 0.5) / f64::from(requested[a]) * f64::from(self.size[a]) - 0.5;
             x.clamp(0.0, f64::from(self.size[a] - 1))
         });
         let mut out = [0.0; 4];
@@ -69,7 +70,7 @@ impl Drawn {
     }
 }
 
-/// Pixels to look at, always the same, and what Monte Carlo finds there.
+/// A random but reproducible sample of pixels, with their Monte Carlo estimates.
 struct Truth {
     pixels: Vec<([u32; 2], Estimate)>,
     samples: u32,
@@ -86,7 +87,7 @@ impl Truth {
         let mut chosen = Vec::new();
         for _ in 0..50 * count {
             let pixel = size.map(|s| ((random.unit() * f64::from(s)) as u32).min(s - 1));
-            // Pixels that nothing is in would water the error down.
+            // Empty pixels would dilute the error.
             if medium.thickness(&ray_of(pixel), f64::INFINITY) > 0.02 {
                 chosen.push(pixel);
             }
@@ -95,19 +96,19 @@ impl Truth {
             }
         }
         let phase = Phase::Cone { aperture_deg: LightSettings::DEFAULT.aperture_deg };
-        let one = |(i, pixel)| {
+        let estimate = |(i, pixel)| {
             let mut random = Random::new(5, i as u64);
             (pixel, radiance(&medium, &ray_of(pixel), phase, DVec3::ZERO, samples, &mut random))
         };
-        let pixels: Vec<([u32; 2], Estimate)> = chosen.into_par_iter().enumerate().map(one).collect();
+        let pixels: Vec<([u32; 2], Estimate)> = chosen.into_par_iter().enumerate().map(estimate).collect();
         let errors = pixels.iter().flat_map(|(_, e)| e.standard_error.to_array());
         let standard_error = Errors::of(errors).rms();
         Ok(Self { pixels, samples, standard_error })
     }
 }
 
-/// A way of light with knobs of its own beside the path: what the path was chosen from.
-fn beside(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
+/// Settings of a lighting mode off the path of its presets, from which the path was chosen.
+fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     let balanced = light::preset(mode, Preset::Balanced);
     let mut out = Vec::new();
     let mut with = |of: Quality, name: String, change: &dyn Fn(&mut LightSettings)| {
@@ -115,7 +116,7 @@ fn beside(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
         change(&mut quality.lighting);
         out.push((name, quality));
     };
-    // Pixels against what takes the most time besides.
+    // Resolution against the other knob that costs most time.
     for &scale in effort.of(&[][..], &[], &[0.4, 1.0]) {
         let of = Quality { resolution_scale: scale, ..balanced };
         match mode {
@@ -135,7 +136,7 @@ fn beside(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     if effort < Effort::Whole {
         return out;
     }
-    // One knob of a preset changed.
+    // Presets with one knob changed.
     for preset in [Preset::Draft, Preset::Balanced] {
         let (of, name) = (light::preset(mode, preset), preset.name());
         let is_draft = preset == Preset::Draft;
@@ -168,7 +169,7 @@ fn beside(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     out
 }
 
-/// The preset that `quality` is here, where nothing is solid, wherever it was found.
+/// The preset that equals `quality` in a scene without opaque geometry: cost and vicinity samples are ignored.
 fn preset_of(quality: &Quality) -> Option<Preset> {
     let is_same = |preset: &Preset| {
         let mut same = Quality { cost: quality.cost, ..light::preset(quality.lighting.mode, *preset) };
@@ -181,7 +182,7 @@ fn preset_of(quality: &Quality) -> Option<Preset> {
 /// Settings by name, with the knob's value.
 type Settings = Vec<(String, (f64, Quality))>;
 
-/// What is drawn, by kernel and knob.
+/// Settings to measure, by kernel and knob.
 fn settings(effort: Effort) -> Vec<(String, &'static str, Settings)> {
     let costs_of = |mode: LightingMode| -> Vec<f64> {
         let most = light::row(mode).most_cost;
@@ -190,7 +191,7 @@ fn settings(effort: Effort) -> Vec<(String, &'static str, Settings)> {
             &[0.03, 0.125, 1.0],
             &[0.004, 0.015, 0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0],
         );
-        // The reference by cones is for those who have the time.
+        // The reference by cones is too slow for quick runs.
         let last = if mode == LightingMode::Cones { effort.of(2.0, 2.0, most) } else { most };
         costs.iter().copied().filter(|c| *c < last).chain([last]).collect()
     };
@@ -203,8 +204,8 @@ fn settings(effort: Effort) -> Vec<(String, &'static str, Settings)> {
         };
         let path = costs_of(mode).into_iter().map(on_path).collect();
         out.push((mode.name().to_owned(), "light::at_cost", path));
-        // What is a preset already is measured once.
-        let others: Settings = beside(mode, effort)
+        // Settings that equal a preset are measured on the path already.
+        let others: Settings = off_path(mode, effort)
             .into_iter()
             .filter(|(_, q)| preset_of(q).is_none())
             .map(|(n, q)| (n, (f64::NAN, q)))
@@ -238,16 +239,16 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let head = |preset: &TransferPreset| {
         (format!("head phantom T1c, {}", preset.name()), scenes::head(&image, *preset))
     };
-    let mut stage: Vec<(String, ContextScene)> = presets.iter().map(head).collect();
+    let mut scenes_by_name: Vec<(String, ContextScene)> = presets.iter().map(head).collect();
     if bench.effort == Effort::Whole {
-        stage.push(("soft balls, 48³ voxels of 1 mm".to_owned(), scenes::soft_balls(48)?));
+        scenes_by_name.push(("soft balls, 48³ voxels of 1 mm".to_owned(), scenes::soft_balls(48)?));
     }
     let mut out = Vec::new();
-    for (name, scene) in &stage {
+    for (name, scene) in &scenes_by_name {
         bench.begin("light: Monte Carlo", name);
         let truth = Truth::of(scene, size, count, samples)?;
         for (kernel, knob, settings) in settings(bench.effort) {
-            let points = measured(bench, &kernel, &settings, scene, size, &truth)?;
+            let points = measure_points(bench, &kernel, &settings, scene, size, &truth)?;
             out.push(Curve {
                 family: FAMILY.name,
                 kernel,
@@ -273,7 +274,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     Ok(out)
 }
 
-fn measured(
+fn measure_points(
     bench: &Bench<'_>,
     kernel: &str,
     settings: &Settings,
@@ -284,17 +285,17 @@ fn measured(
     let sweep = Sweep {
         what: &format!("light: {kernel}"),
         rounds: bench.effort.of(1, 1, 2),
-        patience: Duration::from_millis(4000),
+        time_budget: Duration::from_millis(4000),
         on_device: true,
     };
     let run = |renderer: &mut ContextRenderer, (_, quality): &(f64, Quality)| {
-        // The model itself: what no light reaches is black.
+        // Full strength: unlit places are black, as in the truth.
         renderer.render(bench.gpu, scene, &Quality { occlusion_strength: 1.0, ..*quality }, size)?;
         Ok(bench.gpu.wait()?)
     };
-    let look = |renderer: &mut ContextRenderer, (value, quality): &(f64, Quality)| {
+    let evaluate = |renderer: &mut ContextRenderer, (value, quality): &(f64, Quality)| {
         let frame = renderer.frame().ok_or("no picture")?;
-        let drawn = Drawn { size: frame.size_px, pixels: frame.image_rgba(bench.gpu)? };
+        let drawn = DrawnFrame { size: frame.size_px, pixels: frame.image_rgba(bench.gpu)? };
         let mut errors = Errors::default();
         let mut pairs = Vec::new();
         for (pixel, estimate) in &truth.pixels {
@@ -310,5 +311,5 @@ fn measured(
             ..Point::new(*value, &errors)
         })
     };
-    bench.sweep(&sweep, &mut ContextRenderer::new(bench.gpu)?, settings, run, look)
+    bench.sweep(&sweep, &mut ContextRenderer::new(bench.gpu)?, settings, run, evaluate)
 }

@@ -1,5 +1,5 @@
-//! Directional light on masks in the closeup, by cones and from the vicinity, against Monte Carlo of the same cone
-//! among opaque voxels.
+//! Directional light on masks in the closeup, by cones and by vicinity occlusion, compared with Monte Carlo of the same
+//! cone among opaque voxels.
 
 use std::time::Duration;
 
@@ -22,11 +22,12 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "masks",
     title: "Directional light on masks",
-    about: "How much light of the cone about the way to the eye reaches each voxel face of the closeup. Cones are \
-            traced through the selected regions: the error left by many of them is that of the 8 bits that the \
-            darkness is kept in. The vicinity, which slices and views without an image go by, knows the depth \
-            buffer within a few millimetres and nothing else: what it lacks no number of points brings. Points of \
-            a preset of either light are marked; the masks are a small part of what these were chosen for.",
+    about: "Fraction of the light from the cone around the direction to the eye that reaches each voxel face of the \
+            closeup. Cones are traced through the selected regions: with many of them the remaining error is that \
+            of the 8 bits in which the darkness is stored. Vicinity occlusion, which slices use for opaque geometry \
+            and cones where a view has no medium for them, reads only the depth buffer within a few millimetres: \
+            no number of points removes its error. Points of the presets of both modes are marked; masks were a \
+            small part of what the presets were chosen for.",
     defaults: Defaults::Presets,
     curves,
 };
@@ -34,37 +35,37 @@ pub(super) const FAMILY: Family = Family {
 /// The masks as a medium: every voxel of a region is opaque and white.
 fn medium(scene: &RegionScene) -> Outcome<OpticalVolume> {
     let tumor = scene.tumor.as_ref().ok_or("a closeup without masks")?;
-    let solid = |linear| if tumor.id(linear) == 0 { 0.0 } else { 1.0 };
-    let values = (0..tumor.grid().voxel_count()).map(solid).collect();
+    let label = |linear| if tumor.id(linear) == 0 { 0.0 } else { 1.0 };
+    let values = (0..tumor.grid().voxel_count()).map(label).collect();
     let table = Table::of_labels(&[[0.0; 4], [1.0, 1.0, 1.0, f32::INFINITY]]).ok_or("a table refused")?;
     let volume = OpticalVolume::new(tumor.grid().clone(), values, table, Filter::Nearest, None);
     Ok(volume.ok_or("labels that don't fit their grid")?)
 }
 
-/// Light at every `stride`-th pixel that shows a mask.
+/// Monte Carlo estimate of the light at every `stride`-th pixel that shows a mask, with the pixel's index.
 fn truth(scene: &RegionScene, size: [u32; 2], stride: u32, samples: u32) -> Outcome<Vec<(usize, Estimate)>> {
     let medium = medium(scene)?;
     let phase = Phase::Cone { aperture_deg: LightSettings::DEFAULT.aperture_deg };
     let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
     let along = |length: u32| (stride / 2..length).step_by(stride as usize);
-    let places: Vec<[u32; 2]> = along(size[1]).flat_map(|y| along(size[0]).map(move |x| [x, y])).collect();
-    let one = |[x, y]: [u32; 2]| {
+    let pixels: Vec<[u32; 2]> = along(size[1]).flat_map(|y| along(size[0]).map(move |x| [x, y])).collect();
+    let estimate = |[x, y]: [u32; 2]| {
         let ray = scene.camera.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5, size_px);
         let number = y as usize * size[0] as usize + x as usize;
         let mut random = Random::new(4, number as u64);
         (number, radiance(&medium, &ray, phase, DVec3::ZERO, samples, &mut random))
     };
-    // White and opaque: radiance is the light that reaches the first face.
-    Ok(places.into_par_iter().map(one).filter(|(_, e)| e.mean.x > 0.0).collect())
+    // Voxels are white and opaque: the radiance is the light that reaches the first face.
+    Ok(pixels.into_par_iter().map(estimate).filter(|(_, e)| e.mean.x > 0.0).collect())
 }
 
 /// Settings by name.
 type Settings = Vec<(String, (f64, LightSettings))>;
 
-/// What is drawn, by kernel and knob.
+/// Settings to measure, by kernel and knob.
 fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
     let cones = LightSettings { mode: LightingMode::Cones, ..LightSettings::DEFAULT };
-    // By slices, masks without an image are lit from the vicinity alone.
+    // With slices, masks without an image are lit by vicinity occlusion alone.
     let vicinity = LightSettings { mode: LightingMode::Slices, ..LightSettings::DEFAULT };
     let counts: &[u32] = effort.of(&[1, 16], &[2, 8, 32], &[1, 2, 4, 6, 8, 16, 32, 64, 128]);
     let levels: &[u32] = effort.of(&[0], &[3, 1], &[5, 3, 2, 1, 0]);
@@ -90,7 +91,7 @@ fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
         }
     }
     out.push(("vicinity", "LightSettings::vicinity_samples and vicinity_mm", from_vicinity));
-    // Presets whose knobs are none of these are added, so that each is measured.
+    // Presets replace equal settings, so that each is measured under its name.
     for (at, mode) in [LightingMode::Cones, LightingMode::Slices].into_iter().enumerate() {
         for of in Preset::VARIANTS {
             let light = preset(mode, *of).lighting;
@@ -103,7 +104,7 @@ fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
     out
 }
 
-/// Whether the masks alone are lit alike.
+/// Whether two settings light masks without an image identically.
 fn is_same(a: &LightSettings, b: &LightSettings) -> bool {
     let on_masks = |l: &LightSettings| match l.mode {
         LightingMode::Cones => (l.sub_cones, l.coarsest_level, l.cone_step),
@@ -124,23 +125,23 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         let sweep = Sweep {
             what: &format!("masks: {kernel}"),
             rounds: bench.effort.of(1, 2, 5),
-            patience: Duration::from_millis(2500),
+            time_budget: Duration::from_millis(2500),
             on_device: true,
         };
         let run = |renderer: &mut CloseupRenderer, (_, lighting): &(f64, LightSettings)| {
-            // The light itself: what none reaches is black.
+            // Full strength: unlit places are black, as in the truth.
             let quality = Quality { lighting: *lighting, occlusion_strength: 1.0, ..Quality::FULL };
             renderer.render(bench.gpu, &scene, &quality, size)?;
             Ok(bench.gpu.wait()?)
         };
-        let look = |renderer: &mut CloseupRenderer, (value, lighting): &(f64, LightSettings)| {
+        let evaluate = |renderer: &mut CloseupRenderer, (value, lighting): &(f64, LightSettings)| {
             let found = renderer.frame().ok_or("no picture")?.occlusion(bench.gpu)?;
-            let off = |(number, estimate): &(usize, Estimate)| {
-                // Darkness is kept as it is displayed.
+            let error = |(number, estimate): &(usize, Estimate)| {
+                // The darkness is stored gamma-encoded, as it is displayed.
                 let light = found.dark.get(*number).map_or(f64::NAN, |dark| srgb::decode(1.0 - dark));
                 light - estimate.mean.x
             };
-            let errors = Errors::of(truth.iter().map(off));
+            let errors = Errors::of(truth.iter().map(error));
             let of = |p: &&Preset| is_same(&preset(lighting.mode, **p).lighting, lighting);
             let is_default = Preset::VARIANTS.iter().any(|p| of(&p));
             Ok(Point { is_default, ..Point::new(*value, &errors) })
@@ -158,7 +159,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
             truth_error: Some(truth_error),
             unit: "share of light, 0 to 1",
             axis: Axis::Time,
-            points: bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, look)?,
+            points: bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, evaluate)?,
         });
     }
     Ok(out)

@@ -1,9 +1,9 @@
-//! Error against run time: for every approximate kernel its knob swept, time, memory, and error against
-//! a named truth. Defaults are judged by it.
+//! Error against run time: sweeps the knob of every approximate kernel and measures time, memory and the error relative
+//! to a named truth. The defaults are judged by these curves.
 //!
-//! A truth is another way to the same quantity, slow and in `f64`: Monte Carlo (with its standard
-//! error), brute force, a closed form, or a run asked for much more than any default; each curve names
-//! its own and says how far off that may be.
+//! A truth is an independent, slow computation of the same quantity in `f64`: Monte Carlo (with its standard error),
+//! brute force, a closed form, or a run at a much tighter setting than any default. Each curve names its truth and the
+//! truth's own error.
 
 mod ambient;
 mod context;
@@ -31,9 +31,9 @@ use serde::Serialize;
 
 use self::errors::Errors;
 pub use self::skeleton::angle_deg;
-use crate::{Outcome, clock::Timing, open_gpu, say};
+use crate::{Outcome, clock::Timing, open_gpu, print_line};
 
-/// What is measured, in the order of the page.
+/// All families, in the order of the page.
 const FAMILIES: [&Family; 7] = [
     &context::FAMILY,
     &ambient::FAMILY,
@@ -44,21 +44,21 @@ const FAMILIES: [&Family; 7] = [
     &resampling::FAMILY,
 ];
 
-/// Kernels that are held against one and the same kind of truth.
+/// Kernels compared with the same kind of truth.
 struct Family {
-    /// On the command line and in file names.
+    /// Name on the command line and in file names.
     name: &'static str,
-    /// What a heading says.
+    /// Heading on the page.
     title: &'static str,
-    /// What is swept, and what the default weighs against what.
+    /// What is compared and which trade-off the default makes; printed on the page.
     about: &'static str,
-    /// What its points with [`Point::is_default`] are.
+    /// Meaning of its points with [`Point::is_default`].
     defaults: Defaults,
-    /// Measures it.
+    /// Measures its curves.
     curves: fn(&Bench<'_>) -> Outcome<Vec<Curve>>,
 }
 
-/// What the program does by itself.
+/// Kind of a family's default settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Defaults {
     /// One setting, judged on each scene.
@@ -68,7 +68,7 @@ enum Defaults {
 }
 
 impl Defaults {
-    fn word(self) -> &'static str {
+    fn label(self) -> &'static str {
         match self {
             Self::One => "default",
             Self::Presets => "preset",
@@ -79,16 +79,16 @@ impl Defaults {
 /// How much is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Effort {
-    /// Two or three settings a kernel on tiny scenes: for tests, not for figures.
+    /// Two or three settings per kernel on tiny scenes: for tests, not for figures.
     Tiny,
-    /// Fewer settings, smaller pictures: a check that nothing has drifted.
+    /// Fewer settings, smaller frames: a check that nothing has drifted.
     Quick,
     /// Everything.
     Whole,
 }
 
 impl Effort {
-    /// One of three.
+    /// The value for this effort.
     fn of<T>(self, tiny: T, quick: T, whole: T) -> T {
         match self {
             Self::Tiny => tiny,
@@ -98,49 +98,49 @@ impl Effort {
     }
 }
 
-/// What error is drawn against.
+/// Abscissa of the plots of error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Axis {
-    /// Median time: there is a front.
+    /// Median time; points have a Pareto front.
     Time,
-    /// The knob itself: time doesn't depend on it.
+    /// The knob, on which time doesn't depend.
     Knob,
 }
 
 /// One setting, measured.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Point {
-    /// The setting in words.
+    /// Description of the setting.
     setting: String,
     /// The knob's value.
     value: f64,
-    /// Time from begin to done; `None` where none can be told.
+    /// Wall time from submission to completion; `None` if not measured.
     time: Option<Timing>,
-    /// Processor time of all threads, where the kernel runs on the processor (a software adapter's do)
-    /// and the system says: unlike time it hardly depends on what else the machine does.
+    /// Processor time of all threads, if the kernel runs on the CPU (as on a software adapter) and the system reports
+    /// it; unlike wall time it hardly depends on other load.
     cpu: Option<Timing>,
-    /// Most memory that the whole process had resident while the setting ran, the software adapter's buffers
-    /// with it; `None` where the system doesn't say.
+    /// Peak resident memory of the whole process while the setting ran, including a software adapter's buffers; `None`
+    /// where the system doesn't report it.
     peak_bytes: Option<u64>,
     /// Root mean square of the error.
     error_rms: f64,
     /// Largest absolute error.
     error_max: f64,
-    /// Root mean square and largest colour difference, CIE76 in CIELAB (D65), of the displayed
-    /// picture; for pictures in colour.
+    /// Root mean square and largest colour difference, CIE76 in CIELAB (D65), of the displayed frame; `None` for
+    /// kernels without a colour frame.
     delta_e: Option<[f64; 2]>,
-    /// Pixels drawn to pixels asked for, of a picture; 1 of all else.
+    /// Ratio of drawn to requested pixels of a frame; 1 for everything else.
     pixel_share: f64,
-    /// Whether it is what the program does when nobody says otherwise, or one of its presets.
+    /// Whether this is the program's default, or one of its presets.
     is_default: bool,
-    /// Whether no other point of the family on this scene costs at most as much ([`Point::cost`]) and is at least as
-    /// right, and one of them more.
+    /// Whether no other point of the family on this scene dominates it: at most its cost ([`Point::cost`]) and error,
+    /// and less of one of them.
     is_pareto: bool,
 }
 
 impl Point {
-    /// Errors at a knob's value; without a name, times and marks.
+    /// A point with errors at a knob's value; name, times and marks are unset.
     fn new(value: f64, errors: &Errors) -> Self {
         Self {
             setting: String::new(),
@@ -157,44 +157,43 @@ impl Point {
         }
     }
 
-    /// What the front counts and plots show: processor time where there is some, else time.
+    /// The cost in front and plots: processor time if measured, else wall time.
     fn cost(&self) -> Option<Timing> {
         self.cpu.or(self.time)
     }
 }
 
-/// A kernel's knob swept on a scene.
+/// Error and cost of a kernel over its knob, on one scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Curve {
-    /// The name of the [`Family`] that it is drawn beside.
+    /// Name of its [`Family`].
     family: &'static str,
-    /// The kernel, and the variant of it.
+    /// The kernel and its variant.
     kernel: String,
     /// The scene.
     scene: String,
-    /// What the knob is.
+    /// Name of the knob.
     knob: &'static str,
-    /// What errors are against.
+    /// Description of the truth.
     truth: String,
-    /// What the truth itself is off by (root mean square), in the unit of the errors; `None` for a
-    /// closed form.
+    /// Root mean square error of the truth itself, in the unit of the errors; `None` for a closed form.
     truth_error: Option<f64>,
     /// Unit of the errors.
     unit: &'static str,
-    /// What error is drawn against.
+    /// Abscissa of the plot.
     axis: Axis,
     /// The settings, in the order of the knob.
     points: Vec<Point>,
 }
 
-/// What a family needs to measure.
+/// Device and effort of a measurement.
 struct Bench<'a> {
     gpu: &'a Gpu,
     effort: Effort,
 }
 
 impl Bench<'_> {
-    /// Says on stderr what runs.
+    /// Reports on stderr what is running.
     fn begin(&self, what: &str, setting: &str) {
         if self.effort > Effort::Tiny {
             eprintln!("{what}: {setting}");
@@ -202,10 +201,10 @@ impl Bench<'_> {
     }
 }
 
-/// What `accuracy` can be told.
+/// Arguments of `accuracy`.
 #[derive(Debug, Args)]
 pub struct AccuracyArguments {
-    /// Fewer settings and smaller pictures: under a minute on two cores
+    /// Fewer settings and smaller frames: under a minute on two cores
     #[arg(long)]
     quick: bool,
     /// Only these kernels
@@ -222,37 +221,41 @@ pub struct AccuracyArguments {
     software: bool,
 }
 
-/// Curves of a family, and how long they took, truths and settings together.
-struct Measured {
+/// Curves of a family, and the time to measure them, truths included.
+struct MeasuredFamily {
     family: &'static Family,
-    took: Duration,
+    elapsed: Duration,
     curves: Vec<Curve>,
 }
 
-fn measure(bench: &Bench<'_>, family: &'static Family) -> Outcome<Measured> {
+fn measure(bench: &Bench<'_>, family: &'static Family) -> Outcome<MeasuredFamily> {
     let start = Instant::now();
     let mut curves = (family.curves)(bench)?;
     front::mark_pareto(&mut curves);
-    Ok(Measured { family, took: start.elapsed(), curves })
+    Ok(MeasuredFamily { family, elapsed: start.elapsed(), curves })
 }
 
-/// Measures the families asked for, on the adapter and the CPU. Times are of whatever else the machine does, too.
+/// Measures the requested families on the adapter and the CPU. Times include the effect of other load on the machine.
 ///
 /// # Errors
-/// Where a picture can't be drawn, a scene not made, or a file not written; nothing is written before all is measured.
+/// When a frame can't be drawn, a scene built or a file written; nothing is written before everything is measured.
 pub fn run(arguments: &AccuracyArguments) -> Outcome<()> {
     let effort = if arguments.quick { Effort::Quick } else { Effort::Whole };
     let gpu = open_gpu(arguments.software)?;
     let bench = Bench { gpu: &gpu, effort };
-    let begun = report::Begun::now(&gpu);
-    let asked = |f: &&Family| arguments.only.is_empty() || arguments.only.iter().any(|name| name == f.name);
-    let measured: Vec<Measured> =
-        FAMILIES.into_iter().filter(asked).map(|family| measure(&bench, family)).collect::<Outcome<_>>()?;
-    report::write(&measured, &begun, &arguments.out)?;
+    let run_start = report::RunStart::now(&gpu);
+    let is_selected =
+        |f: &&Family| arguments.only.is_empty() || arguments.only.iter().any(|name| name == f.name);
+    let measured: Vec<MeasuredFamily> = FAMILIES
+        .into_iter()
+        .filter(is_selected)
+        .map(|family| measure(&bench, family))
+        .collect::<Outcome<_>>()?;
+    report::write(&measured, &run_start, &arguments.out)?;
     if arguments.json {
-        say(serde_json::to_string_pretty(&report::json(&measured, &begun, arguments.quick))?)
+        print_line(serde_json::to_string_pretty(&report::json(&measured, &run_start, arguments.quick))?)
     } else {
-        let took = report::durations(&measured);
-        say(format!("{took}\nnumbers, plots and page written to {}", arguments.out.display()))
+        let durations = report::durations(&measured);
+        print_line(format!("{durations}\nnumbers, plots and page written to {}", arguments.out.display()))
     }
 }

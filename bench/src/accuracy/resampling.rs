@@ -1,4 +1,4 @@
-//! Trilinear resampling of an analytic image, by the spacing that it was sampled at.
+//! Trilinear resampling of an analytic image, by the spacing at which it was sampled.
 
 use std::time::Duration;
 
@@ -11,14 +11,15 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "resampling",
     title: "Resampling of images",
-    about: "There is no knob: images are brought onto another grid trilinearly. What there is to know is the \
-            error by the spacing of the image, of second order in it. Structures of less than four voxels are \
-            lost in any case. Masks go to the nearest voxel, which is exact to half a voxel and not drawn here.",
+    about: "There is no knob: images are resampled onto another grid by trilinear interpolation. The plot shows the \
+            error by the spacing of the image, which is of second order in it. Structures smaller than four voxels \
+            are lost in any case. Masks are resampled by nearest neighbour, which is accurate to half a voxel and \
+            isn't plotted here.",
     defaults: Defaults::One,
     curves,
 };
 
-/// Waves of 12 and 21 mm under a soft ball of 30 mm: of range 1, about.
+/// The analytic image: waves of 12 and 21 mm and a Gaussian ball of 30 mm, with a range of about 1.
 fn value(p: DVec3) -> f64 {
     let wave = |length: f64, along: DVec3| (std::f64::consts::TAU * p.dot(along) / length).sin();
     let ball = (-p.length_squared() / (30.0 * 30.0)).exp();
@@ -32,7 +33,7 @@ fn voxels(grid: &Grid) -> Vec<f64> {
     (0..grid.voxel_count()).map(|l| value(grid.center_of_voxel_mm(grid.ijk(l)))).collect()
 }
 
-fn about_origin(dims: [usize; 3], matrix3: DMat3) -> Outcome<Grid> {
+fn grid_around_origin(dims: [usize; 3], matrix3: DMat3) -> Outcome<Grid> {
     let middle = DVec3::from_array(dims.map(|n| (n - 1) as f64 / 2.0));
     Ok(Grid::new(dims, DAffine3 { matrix3, translation: -(matrix3 * middle) }, Sides::Known)?)
 }
@@ -41,19 +42,19 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let spacings: &[f64] =
         bench.effort.of(&[3.0, 1.0], &[4.0, 2.0, 1.0, 0.5], &[6.0, 4.0, 3.0, 2.0, 1.5, 1.0, 0.75, 0.5]);
     let n = bench.effort.of(20, 64, 96);
-    let turned = DMat3::from_rotation_x(0.21) * DMat3::from_rotation_z(0.37);
-    let target = about_origin([n; 3], turned)?;
+    let rotation = DMat3::from_rotation_x(0.21) * DMat3::from_rotation_z(0.37);
+    let target = grid_around_origin([n; 3], rotation)?;
     let truth = voxels(&target);
     let sweep = Sweep {
         what: "resampling: spacing",
         rounds: bench.effort.of(1, 5, 15),
-        patience: Duration::from_millis(2000),
+        time_budget: Duration::from_millis(2000),
         on_device: false,
     };
     let image = |&spacing: &f64| -> Outcome<(String, (f64, Volume))> {
-        // Wide enough for the target's corners and a cell more.
+        // Covers the target's corners and one more cell.
         let side = (1.75 * n as f64 / spacing).ceil() as usize + 2;
-        let source = about_origin([side; 3], DMat3::from_diagonal(DVec3::splat(spacing)))?;
+        let source = grid_around_origin([side; 3], DMat3::from_diagonal(DVec3::splat(spacing)))?;
         let values = voxels(&source).into_iter().map(|v| v as f32).collect();
         let volume = Volume::new(source, Samples::F32(values), Scaling::NONE)
             .ok_or("values that don't fit their grid")?;
@@ -65,7 +66,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         *found = image_onto(volume, &target, &Progress::new())?.values;
         Ok(())
     };
-    let look = |found: &mut Vec<f32>, (spacing, _): &(f64, Volume)| {
+    let evaluate = |found: &mut Vec<f32>, (spacing, _): &(f64, Volume)| {
         let errors = Errors::of(found.iter().zip(&truth).map(|(f, t)| f64::from(*f) - t));
         Ok(Point::new(*spacing, &errors))
     };
@@ -78,6 +79,6 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         truth_error: None,
         unit: "share of the image's range",
         axis: Axis::Knob,
-        points: bench.sweep(&sweep, &mut found, &images, run, look)?,
+        points: bench.sweep(&sweep, &mut found, &images, run, evaluate)?,
     }])
 }

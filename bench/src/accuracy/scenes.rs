@@ -1,4 +1,4 @@
-//! Scenes of known make: the head phantom, and soft balls.
+//! Synthetic scenes: the head phantom and soft balls.
 
 use std::sync::{Arc, LazyLock};
 
@@ -16,7 +16,7 @@ use glioscope_render::{
 
 use crate::Outcome;
 
-/// The phantom's first date, made once: five families look at it.
+/// The phantom's first time point, built once for all families.
 pub(super) fn phantom() -> Outcome<&'static TimePoint> {
     static FIRST: LazyLock<Result<TimePoint, String>> = LazyLock::new(|| {
         let case = phantom::phantom_case().map_err(|e| e.to_string())?;
@@ -25,13 +25,13 @@ pub(super) fn phantom() -> Outcome<&'static TimePoint> {
     Ok(FIRST.as_ref().map_err(Clone::clone)?)
 }
 
-/// Its post-contrast image.
+/// The phantom's post-contrast image.
 pub(super) fn phantom_image() -> Outcome<Arc<ContextVolume>> {
     let context = phantom()?.contexts.iter().find(|c| c.id == "T1c").ok_or("the phantom has no T1c")?;
     Ok(Arc::new(ContextVolume::new(Arc::clone(&context.volume))))
 }
 
-/// Its masks in the closeup: all regions shown, no lens.
+/// The phantom's masks in the closeup: all regions shown, no lens.
 pub(super) fn phantom_closeup() -> Outcome<RegionScene> {
     let time = phantom()?;
     let tumor = Arc::new(RegionVolume::of(&time.index, &time.regions).ok_or("the phantom has no tumour")?);
@@ -49,12 +49,12 @@ pub(super) fn phantom_closeup() -> Outcome<RegionScene> {
     })
 }
 
-/// A camera a little from above and aside that sees a ball.
+/// A perspective camera, slightly from above and the side, that frames a sphere.
 fn camera(focus_mm: DVec3, radius_mm: f64) -> Camera {
     Camera::fit(focus_mm, radius_mm, Camera::orientation(31.3, 19.7), Projection::Perspective)
 }
 
-/// An image alone, of which the camera sees a ball of so many times its half diagonal.
+/// A scene of an image alone; the camera frames a sphere of `zoom` times the image's half diagonal.
 fn image_scene(volume: Arc<ContextVolume>, transfer: TransferFunction, zoom: f64) -> ContextScene {
     let grid = volume.grid();
     let center_mm = grid.center_mm();
@@ -74,7 +74,7 @@ fn image_scene(volume: Arc<ContextVolume>, transfer: TransferFunction, zoom: f64
     }
 }
 
-/// The phantom's image as a preset shows it.
+/// A scene of the phantom's image with a preset transfer function.
 pub(super) fn head(volume: &Arc<ContextVolume>, preset: TransferPreset) -> ContextScene {
     let transfer = preset.transfer(volume.statistics());
     image_scene(Arc::clone(volume), transfer, 0.62)

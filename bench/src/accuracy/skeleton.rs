@@ -1,5 +1,5 @@
-//! Opening bound of the skeleton's force: the force against a plain sum over all charges, and the
-//! skeleton against that of the exact sum.
+//! Opening bound of the skeleton's force: the force compared with a plain sum over all charges, and the skeleton with
+//! that of the exact sum.
 
 use std::time::Duration;
 
@@ -20,17 +20,17 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "skeleton",
     title: "Opening bound of the skeleton's force",
-    about: "Boundary whose extent is below θ times its distance is summed as one charge. First the force: the \
-            error is the angle to a plain sum over all charges at every voxel inside, which is largest where \
-            the force all but vanishes; time is that of the field. Then, not with --quick, where the mask is \
-            too small, the whole skeleton: how far its points and those of the exact sum's lie from each \
-            other. That error doesn't fall evenly: a streamline that turns off elsewhere moves many points at \
-            once.",
+    about: "Boundary charges in a group whose extent is below θ times its distance are summed as one charge. First \
+            the force: the error is the angle to a plain sum over all charges, at every voxel inside the mask, and \
+            is largest where the force almost vanishes; time is that of the force field. Then the whole skeleton \
+            (not with --quick, whose mask is too small): the error is the distance from its points to those of the \
+            exact sum's skeleton, and vice versa. It doesn't fall smoothly, because one streamline that branches \
+            off elsewhere moves many points at once.",
     defaults: Defaults::One,
     curves,
 };
 
-/// One charge after the other, without the tree.
+/// Direct summation over all charges, without the tree.
 struct PlainSum;
 
 impl ForceSource for PlainSum {
@@ -40,64 +40,64 @@ impl ForceSource for PlainSum {
 
     fn forces(&self, task: &ForceTask<'_>, progress: &Progress) -> Result<Vec<DVec3>, Refused> {
         let power = f64::from(task.exponent);
-        let one = |x: &DVec3| {
+        let force = |x: &DVec3| {
             progress.check().map_err(Refused::Cancelled)?;
             let nearest = task.charges.iter().map(|c| x.distance(c.at)).fold(f64::INFINITY, f64::min);
-            let felt = task.charges.iter().map(|c| {
+            let contributions = task.charges.iter().map(|c| {
                 let away = *x - c.at;
-                // Scaled by the m-th power of the nearest distance, as sources are asked to.
+                // Scaled by the m-th power of the nearest distance, as `ForceSource` requires.
                 away.normalize_or_zero() * c.weight * (nearest / away.length()).powf(power)
             });
-            Ok(felt.sum())
+            Ok(contributions.sum())
         };
-        task.places.par_iter().map(one).collect()
+        task.places.par_iter().map(force).collect()
     }
 }
 
 /// Degrees between two directions.
 pub fn angle_deg(a: DVec3, b: DVec3) -> f64 {
-    // Of the sine and cosine: exact for small angles, too.
+    // From sine and cosine: accurate for small angles, too.
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }
 
-/// Distances from each point of one skeleton to the nearest of the other, both ways.
-fn apart(a: &Skeleton, b: &Skeleton) -> Outcome<Errors> {
-    let places = |s: &Skeleton| s.points.iter().map(|p| p.position_mm).collect::<Vec<_>>();
+/// Distances from each point of one skeleton to the nearest point of the other, in both directions.
+fn skeleton_distances(a: &Skeleton, b: &Skeleton) -> Outcome<Errors> {
+    let positions_mm = |s: &Skeleton| s.points.iter().map(|p| p.position_mm).collect::<Vec<_>>();
     let mut errors = Errors::default();
     for (from, to) in [(a, b), (b, a)] {
-        let tree = KdTree::new(&places(to))?;
-        for place in places(from) {
-            errors.add(tree.as_ref().and_then(|t| t.nearest(place)).map_or(f64::NAN, |n| n.1));
+        let tree = KdTree::new(&positions_mm(to))?;
+        for position_mm in positions_mm(from) {
+            errors.add(tree.as_ref().and_then(|t| t.nearest(position_mm)).map_or(f64::NAN, |n| n.1));
         }
     }
     Ok(errors)
 }
 
-/// The phantom's first mask in its box, or every `coarser`-th voxel of it.
-fn mask(coarser: usize) -> Outcome<(MaskBits, Grid)> {
+/// The phantom's first mask, cropped to its bounding box and subsampled to every `stride`-th voxel.
+fn phantom_mask(stride: usize) -> Outcome<(MaskBits, Grid)> {
     let first = scenes::phantom()?.masks.first().ok_or("the phantom has no mask")?;
     let whole = first.mask.bits();
     let (start, size) = whole.bounds().ok_or("the phantom's first mask is empty")?;
     let grid = first.mask.grid().crop(start, size)?;
-    let dims = size.map(|n| n.div_ceil(coarser));
+    let dims = size.map(|n| n.div_ceil(stride));
     let bits = MaskBits::from_fn(dims, |linear| {
         let at = glioscope_core::grid::ijk(dims, linear);
-        whole.get(std::array::from_fn(|a| start[a] + coarser * at[a]))
+        whole.get(std::array::from_fn(|a| start[a] + stride * at[a]))
     });
     let mut place = grid.world_from_voxel();
-    place.matrix3 *= coarser as f64;
+    place.matrix3 *= stride as f64;
     Ok((bits, Grid::new(dims, place, grid.sides())?))
 }
 
-struct Stage<'a> {
+struct SkeletonSweep<'a> {
     bench: &'a Bench<'a>,
     bits: MaskBits,
     grid: Grid,
     openings: &'a [f64],
 }
 
-impl Stage<'_> {
-    /// The knob swept; `run` at an opening bound, `errors` of what it gave.
+impl SkeletonSweep<'_> {
+    /// Measures `run` at each opening bound, and the `errors` of its result.
     fn sweep<T>(
         &self,
         what: &str,
@@ -107,7 +107,7 @@ impl Stage<'_> {
         let sweep = Sweep {
             what,
             rounds: self.bench.effort.of(1, 3, 7),
-            patience: Duration::from_millis(5000),
+            time_budget: Duration::from_millis(5000),
             on_device: false,
         };
         let settings: Vec<(String, f64)> = self.openings.iter().map(|o| (format!("θ = {o}"), *o)).collect();
@@ -154,11 +154,11 @@ impl Stage<'_> {
         };
         let run = |options: &SkeletonOptions| Ok(force_field(bits, grid, options, &Progress::new())?);
         let points = self.sweep("force: opening", run, angles)?;
-        let words = format!(
+        let truth_text = format!(
             "plain sum over all charges at each of {} places; angle between both",
             truth.forces.len()
         );
-        Ok(self.curve("tree", "the force", words, "degrees", points))
+        Ok(self.curve("tree", "the force", truth_text, "degrees", points))
     }
 
     fn skeletons(&self) -> Outcome<Curve> {
@@ -167,12 +167,12 @@ impl Stage<'_> {
         };
         self.bench.begin("skeleton: truth", "exact sum");
         let truth = run(&options(0.0))?;
-        let points = self.sweep("skeleton: opening", run, |found| apart(found, &truth))?;
-        let words = format!(
+        let points = self.sweep("skeleton: opening", run, |found| skeleton_distances(found, &truth))?;
+        let truth_text = format!(
             "the skeleton of the exact sum (θ = 0), {} points; distance to the nearest point, both ways",
             truth.points.len()
         );
-        Ok(self.curve("core level", "the whole skeleton", words, "mm", points))
+        Ok(self.curve("core level", "the whole skeleton", truth_text, "mm", points))
     }
 }
 
@@ -186,12 +186,12 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         &[0.6, 0.4, 0.25, 0.15],
         &[0.9, 0.6, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05],
     );
-    let (bits, grid) = mask(bench.effort.of(3, 2, 1))?;
-    let stage = Stage { bench, bits, grid, openings };
-    let mut out = vec![stage.force()?];
-    // The skeleton of a small mask is a point or two: it says nothing.
+    let (bits, grid) = phantom_mask(bench.effort.of(3, 2, 1))?;
+    let sweeps = SkeletonSweep { bench, bits, grid, openings };
+    let mut out = vec![sweeps.force()?];
+    // The skeleton of the quick run's small mask has only a point or two.
     if bench.effort != Effort::Quick {
-        out.push(stage.skeletons()?);
+        out.push(sweeps.skeletons()?);
     }
     Ok(out)
 }

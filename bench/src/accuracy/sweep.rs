@@ -1,4 +1,4 @@
-//! A knob's settings measured beside each other.
+//! Measures the settings of a knob in interleaved rounds.
 
 use std::time::{Duration, Instant};
 
@@ -11,29 +11,29 @@ use crate::{
 /// How settings are measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sweep<'a> {
-    /// What the user is told that runs.
+    /// Name for the progress report.
     pub what: &'a str,
-    /// Rounds over the settings, and so the most runs of each: what slows the machine for a while then slows all of
-    /// them, and not the one that happens to run.
+    /// Rounds over all settings, which limits the runs of each. Interleaving spreads temporary load over all settings
+    /// instead of the one that happens to run.
     pub rounds: usize,
-    /// After so long, a setting takes no further part.
-    pub patience: Duration,
-    /// Whether the device works: on a graphics card, that is no time of the processor.
+    /// A setting that has used this much time isn't run again.
+    pub time_budget: Duration,
+    /// Whether the kernel runs on the graphics device; on a hardware GPU its processor time then isn't reported.
     pub on_device: bool,
 }
 
 /// Runs of one setting so far.
 #[derive(Default)]
 struct Runs {
-    /// Milliseconds, and those of the processor, of each.
+    /// Wall and processor time of each run, milliseconds.
     times: Vec<(f64, Option<f64>)>,
     spent: Duration,
     peak_bytes: Option<u64>,
 }
 
 impl Runs {
-    /// A round: once unmeasured (what is made once, or anew after another setting, is made then), then once measured.
-    /// Where the first run of all has used up all patience, it is the measurement.
+    /// One round: a warm-up run, which does all work needed once or after a change of setting, then a measured run. If
+    /// the very first run uses up the time budget, it is the measurement.
     fn round(&mut self, sweep: &Sweep<'_>, mut job: impl FnMut() -> Outcome<()>) -> Outcome<()> {
         let begin = Instant::now();
         let mut run = |times: u32| {
@@ -50,19 +50,19 @@ impl Runs {
         if is_first {
             self.peak_bytes = peak_bytes();
         }
-        if is_first && begin.elapsed() >= sweep.patience {
+        if is_first && begin.elapsed() >= sweep.time_budget {
             self.times.push(first);
         } else {
-            // Short jobs count together: the clock of processor time is not told to the microsecond.
-            let together = (40.0 / first.0.max(1e-3)).ceil().clamp(1.0, 1000.0) as u32;
-            self.times.push(run(together)?);
+            // Short jobs are repeated and averaged: the processor clock has no microsecond resolution.
+            let repetitions = (40.0 / first.0.max(1e-3)).ceil().clamp(1.0, 1000.0) as u32;
+            self.times.push(run(repetitions)?);
         }
         self.spent += begin.elapsed();
         Ok(())
     }
 
-    /// Medians and quartiles into the point they are of.
-    fn tell(&self, sweep: &Sweep<'_>, is_software: bool, point: &mut Point) {
+    /// Writes medians and quartiles into the setting's point.
+    fn summarize(&self, sweep: &Sweep<'_>, is_software: bool, point: &mut Point) {
         let walls: Vec<f64> = self.times.iter().map(|r| r.0).collect();
         let cpus: Vec<f64> = self.times.iter().filter_map(|r| r.1).collect();
         point.time = Timing::of(&walls);
@@ -72,15 +72,15 @@ impl Runs {
 }
 
 impl Bench<'_> {
-    /// Measures named settings in rounds over all of them. `run` does what is measured, `look` says what came
-    /// of a setting, once, right after it ran; both work on `state`.
+    /// Measures named settings in interleaved rounds. `run` is the measured job; `evaluate` computes a setting's errors
+    /// once, right after its first run. Both work on `state`.
     pub fn sweep<S, T>(
         &self,
         sweep: &Sweep<'_>,
         state: &mut S,
         settings: &[(String, T)],
         mut run: impl FnMut(&mut S, &T) -> Outcome<()>,
-        mut look: impl FnMut(&mut S, &T) -> Outcome<Point>,
+        mut evaluate: impl FnMut(&mut S, &T) -> Outcome<Point>,
     ) -> Outcome<Vec<Point>> {
         let mut all: Vec<Runs> = settings.iter().map(|_| Runs::default()).collect();
         let mut points = Vec::new();
@@ -88,17 +88,17 @@ impl Bench<'_> {
             for (runs, (name, setting)) in all.iter_mut().zip(settings) {
                 if round == 0 {
                     self.begin(sweep.what, name);
-                } else if runs.spent >= sweep.patience {
+                } else if runs.spent >= sweep.time_budget {
                     continue;
                 }
                 runs.round(sweep, || run(state, setting))?;
                 if round == 0 {
-                    points.push(Point { setting: name.clone(), ..look(state, setting)? });
+                    points.push(Point { setting: name.clone(), ..evaluate(state, setting)? });
                 }
             }
         }
         for (runs, point) in all.iter().zip(&mut points) {
-            runs.tell(sweep, self.gpu.is_software(), point);
+            runs.summarize(sweep, self.gpu.is_software(), point);
         }
         Ok(points)
     }

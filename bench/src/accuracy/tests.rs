@@ -1,4 +1,4 @@
-//! The front by hand; every family on tiny scenes; what is written.
+//! The Pareto front of hand-made points, every family on tiny scenes, and the written files.
 
 use std::sync::LazyLock;
 
@@ -32,19 +32,19 @@ fn curve(scene: &str, points: Vec<Point>) -> Curve {
 }
 
 #[test]
-fn the_front_is_what_nothing_beats() {
+fn pareto_points_are_not_dominated() {
     let mut curves = vec![
         curve("a", vec![point(1.0, 4.0), point(2.0, 3.0), point(3.0, 3.0), point(4.0, 1.0)]),
         curve("a", vec![point(2.5, 2.0), point(4.0, 1.0), point(9.0, f64::NAN)]),
-        // Another scene, where everything is better: it beats nothing of the first.
+        // Another scene with better points, which don't dominate those of the first.
         curve("b", vec![point(0.1, 0.1)]),
     ];
     mark_pareto(&mut curves);
     let marks: Vec<Vec<bool>> =
         curves.iter().map(|c| c.points.iter().map(|p| p.is_pareto).collect()).collect();
-    // Two equal points don't beat each other.
+    // Two equal points don't dominate each other.
     assert_eq!(marks, [vec![true, true, false, true], vec![true, true, false], vec![true]]);
-    // Processor time decides where there is some.
+    // Processor time is the cost where it is measured.
     let mut slow = point(9.0, 9.0);
     slow.cpu = Timing::of(&[0.5]);
     let mut both = vec![curve("a", vec![slow, point(1.0, 9.0)])];
@@ -57,12 +57,13 @@ fn the_front_is_what_nothing_beats() {
     assert!(!alone[0].points[0].is_pareto);
 }
 
-/// What slows the machine for a while must slow all settings: none is finished before the next begins.
+/// Rounds are interleaved: no setting is finished before the next begins.
 #[test]
-fn settings_are_measured_in_rounds_and_looked_at_once() {
-    let sweep = sweep::Sweep { what: "sleep", rounds: 3, patience: Duration::from_secs(1), on_device: false };
+fn settings_are_measured_in_rounds_and_evaluated_once() {
+    let sweep =
+        sweep::Sweep { what: "sleep", rounds: 3, time_budget: Duration::from_secs(1), on_device: false };
     let settings = [40u32, 200, 1200].map(|ms| (format!("{ms} ms"), ms));
-    let look = |log: &mut Vec<(u32, bool)>, ms: &u32| {
+    let evaluate = |log: &mut Vec<(u32, bool)>, ms: &u32| {
         log.push((*ms, true));
         Ok(Point::new(f64::from(*ms), &Errors::default()))
     };
@@ -72,10 +73,10 @@ fn settings_are_measured_in_rounds_and_looked_at_once() {
         Ok(())
     };
     let mut log = Vec::new();
-    let points = bench(Effort::Whole).sweep(&sweep, &mut log, &settings, run, look).unwrap();
+    let points = bench(Effort::Whole).sweep(&sweep, &mut log, &settings, run, evaluate).unwrap();
     log.dedup();
     let order: Vec<u32> = log.iter().filter(|l| !l.1).map(|l| l.0).collect();
-    // The longest is one run and no more.
+    // The longest setting runs once.
     assert!(order.starts_with(&[40, 200, 1200, 40, 200, 40]), "{order:?}");
     assert_eq!(log.iter().filter(|l| l.1).map(|l| l.0).collect::<Vec<_>>(), [40, 200, 1200]);
     assert_eq!(points.iter().map(|p| p.setting.as_str()).collect::<Vec<_>>(), ["40 ms", "200 ms", "1200 ms"]);
@@ -86,7 +87,7 @@ fn settings_are_measured_in_rounds_and_looked_at_once() {
     }
 }
 
-fn tiny(name: &str) -> Measured {
+fn measure_tiny(name: &str) -> MeasuredFamily {
     let family = FAMILIES.into_iter().find(|f| f.name == name).unwrap();
     let measured = measure(&bench(Effort::Tiny), family).unwrap();
     for c in &measured.curves {
@@ -104,37 +105,38 @@ fn tiny(name: &str) -> Measured {
     measured
 }
 
-/// Points of each curve that are marked as what the program does by itself.
+/// Number of points of each curve that are marked as defaults.
 fn defaults(curves: &[Curve]) -> Vec<usize> {
     curves.iter().map(|c| c.points.iter().filter(|p| p.is_default).count()).collect()
 }
 
-fn falls(curve: &Curve, factor: f64) {
+/// Asserts that the last point's RMS error is below `factor` times the first's.
+fn assert_error_falls(curve: &Curve, factor: f64) {
     let [first, .., last] = &curve.points[..] else { panic!("{curve:?}") };
     assert!(last.error_rms < factor * first.error_rms, "{}: {first:?} {last:?}", curve.kernel);
 }
 
 #[test]
-fn smaller_ray_steps_are_righter() {
-    let Measured { curves, .. } = tiny("context");
-    falls(&curves[0], 0.5);
+fn smaller_ray_steps_are_more_accurate() {
+    let MeasuredFamily { curves, .. } = measure_tiny("context");
+    assert_error_falls(&curves[0], 0.5);
     assert!(curves[0].truth_error.unwrap() < 0.2 * curves[0].points[1].error_rms);
     assert_eq!(defaults(&curves), [1]);
 }
 
-/// More pairs come nearer to the pass's own integral.
+/// More pairs approach the pass's own integral.
 #[test]
-fn more_pairs_are_righter() {
-    let Measured { curves, .. } = tiny("ambient");
-    falls(&curves[1], 0.8);
+fn more_point_pairs_are_more_accurate() {
+    let MeasuredFamily { curves, .. } = measure_tiny("ambient");
+    assert_error_falls(&curves[1], 0.8);
     assert!(curves[0].truth_error.unwrap() > 0.0, "a standard error");
     assert_eq!(defaults(&curves), [1, 1]);
 }
 
-/// Many cones through the voxels themselves come to Monte Carlo, but for 8 bits; the vicinity does not.
+/// Many cones through the voxels themselves converge to Monte Carlo, up to 8-bit rounding; vicinity occlusion doesn't.
 #[test]
-fn cones_on_masks_come_to_monte_carlo() {
-    let Measured { curves, .. } = tiny("masks");
+fn cones_on_masks_converge_to_monte_carlo() {
+    let MeasuredFamily { curves, .. } = measure_tiny("masks");
     let [cones, vicinity] = &curves[..] else { panic!() };
     let at = |c: &Curve, name: &str| c.points.iter().find(|p| p.setting == name).unwrap().error_rms;
     let (one, many) = (at(cones, "1 sub-cones, voxels"), at(cones, "16 sub-cones, voxels"));
@@ -144,25 +146,25 @@ fn cones_on_masks_come_to_monte_carlo() {
     assert_eq!(defaults(&curves), [3, 3]);
 }
 
-/// Along the path of the presets more time is less error.
+/// Along the path of the presets the error falls as the cost rises.
 #[test]
-fn costlier_light_of_a_view_is_righter() {
-    let Measured { curves, .. } = tiny("light");
+fn costlier_lighting_is_more_accurate() {
+    let MeasuredFamily { curves, .. } = measure_tiny("light");
     let kernels: Vec<&str> = curves.iter().map(|c| c.kernel.as_str()).collect();
     assert_eq!(kernels, ["cones", "slices"]);
     for curve in &curves {
-        falls(curve, 0.95);
+        assert_error_falls(curve, 0.95);
         assert!(curve.truth_error.unwrap() < curve.points[0].error_rms, "{curve:?}");
     }
-    // The slices' reference.
+    // Only the slices' reference is among the tiny settings.
     assert_eq!(defaults(&curves), [0, 1]);
 }
 
-/// A certificate: no volume exceeds the minimum by more than was asked.
+/// No volume exceeds the minimum by more than the tolerance.
 #[test]
-fn tolerances_are_kept() {
-    let Measured { curves, .. } = tiny("ellipsoids");
-    falls(&curves[0], 0.1);
+fn ellipsoid_tolerances_are_met() {
+    let MeasuredFamily { curves, .. } = measure_tiny("ellipsoids");
+    assert_error_falls(&curves[0], 0.1);
     // Exchange is the default's method.
     assert_eq!(defaults(&curves), [1, 0, 0]);
     for p in curves.iter().flat_map(|c| &c.points) {
@@ -170,36 +172,36 @@ fn tolerances_are_kept() {
     }
 }
 
-/// The force's angle falls with θ to nearly nothing, and the skeleton comes nearer.
+/// The force's angular error falls with θ to almost 0, and the skeleton's distance doesn't grow.
 #[test]
-fn smaller_openings_are_nearer_the_exact_sum() {
-    let Measured { curves, .. } = tiny("skeleton");
+fn smaller_opening_bounds_approach_the_exact_sum() {
+    let MeasuredFamily { curves, .. } = measure_tiny("skeleton");
     let [force, skeleton] = &curves[..] else { panic!() };
     assert_eq!((force.unit, skeleton.unit), ("degrees", "mm"));
     for pair in force.points.windows(2) {
         assert!(pair[1].error_rms < pair[0].error_rms, "{force:?}");
     }
-    falls(force, 0.2);
-    assert!(force.points[2].error_rms > 0.0, "the truth is another sum");
+    assert_error_falls(force, 0.2);
+    assert!(force.points[2].error_rms > 0.0, "the truth is summed independently");
     assert!(skeleton.points[2].error_rms <= skeleton.points[0].error_rms, "{skeleton:?}");
     assert_eq!(defaults(&curves), [1, 1]);
 }
 
-/// Trilinear interpolation is of second order. Numbers, plots and page are written whole.
+/// Trilinear interpolation is of second order. Numbers, plots and page are written completely.
 #[test]
-fn finer_images_are_righter_and_files_are_well_formed() {
-    let mut measured = tiny("resampling");
-    falls(&measured.curves[0], 1.5 / 9.0);
-    // No knob of the program.
+fn finer_images_are_more_accurate_and_files_are_well_formed() {
+    let mut measured = measure_tiny("resampling");
+    assert_error_falls(&measured.curves[0], 1.5 / 9.0);
+    // There is no knob, so there is no default.
     assert_eq!(defaults(&measured.curves), [0]);
-    // What must be escaped.
+    // Characters that CSV and SVG must escape.
     measured.curves[0].scene = "a \"quoted\", <angled> & scene".into();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("new/folder");
-    let begun = report::Begun::now(&GPU);
+    let run_start = report::RunStart::now(&GPU);
     let points = measured.curves[0].points.len();
     let all = [measured];
-    report::write(&all, &begun, &out).unwrap();
+    report::write(&all, &run_start, &out).unwrap();
     let mut csv = csv::Reader::from_path(out.join("accuracy.csv")).unwrap();
     assert_eq!(csv.records().map(|r| r.unwrap().len()).collect::<Vec<_>>(), vec![23; points]);
     let page = std::fs::read_to_string(out.join("accuracy.md")).unwrap();
@@ -208,7 +210,7 @@ fn finer_images_are_righter_and_files_are_well_formed() {
     assert!(svg.trim_end().ends_with("</svg>") && svg.matches("<circle").count() >= points, "{svg}");
     assert!(svg.contains("&lt;angled&gt; &amp; scene") && !svg.contains("<angled>"));
     let names: Vec<_> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name()).collect();
-    assert_eq!(names.len(), 3, "nothing half written: {names:?}");
-    let json = report::json(&all, &begun, true);
+    assert_eq!(names.len(), 3, "no partial files: {names:?}");
+    let json = report::json(&all, &run_start, true);
     assert_eq!(json["curves"][0]["points"].as_array().unwrap().len(), points);
 }

@@ -1,4 +1,4 @@
-//! Times and errors of the kernels of the change between two dates, as CSV: bench/peer_change.py reads it.
+//! Times and errors of the kernels that compute the change between two dates, as CSV for bench/peer_change.py.
 
 use clap::Args;
 use glam::DVec3;
@@ -15,11 +15,11 @@ use glioscope_core::{
 use crate::{
     Outcome,
     accuracy::angle_deg,
-    clock::{at_part, least, median, repeated},
-    say,
+    clock::{median, minimum, quantile, repeated},
+    print_line,
 };
 
-/// What `change` can be told.
+/// Arguments of `change`.
 #[derive(Debug, Args)]
 pub struct ChangeArguments {
     /// The mask before
@@ -31,10 +31,10 @@ pub struct ChangeArguments {
     /// Also a 512³ image with a mask of 3.6 million voxels
     #[arg(long)]
     large: bool,
-    /// Leave out the curve of the opening bound
+    /// Omit the sweep of the opening bound
     #[arg(long)]
     short: bool,
-    /// Runs of a distance transform; slower kernels run a part of that
+    /// Runs of each distance transform; slower kernels run a fraction of that
     #[arg(long, default_value_t = 101)]
     runs: usize,
     /// Voxels along each side of the synthetic ball
@@ -42,14 +42,15 @@ pub struct ChangeArguments {
     ball: usize,
 }
 
-fn pipeline(name: &str, runs: usize, before: &MaskBits, after: &MaskBits, grid: &Grid) -> Outcome<()> {
+fn time_pipeline(name: &str, runs: usize, before: &MaskBits, after: &MaskBits, grid: &Grid) -> Outcome<()> {
     let options = ChangeOptions::default();
     let (change_ms, found) = repeated(runs, || change(before, after, grid, &options, &Progress::new()))?;
     let dims = before.dims();
     let both = MaskBits::from_fn(dims, |l| before.get(ijk(dims, l)) && after.get(ijk(dims, l)));
-    let (skeleton_ms, made) = repeated(runs, || skeleton(&both, grid, &options.skeleton, &Progress::new()))?;
+    let (skeleton_ms, skeleton) =
+        repeated(runs, || skeleton(&both, grid, &options.skeleton, &Progress::new()))?;
     let (field_ms, _) = repeated(runs, || force_field(&both, grid, &options.skeleton, &Progress::new()))?;
-    say(format!(
+    print_line(format!(
         "pipeline,{name},{},{},{},{},{:.3},{:.3},{:.3},\"{:?}\",\"{:?}\"",
         before.count(),
         after.count(),
@@ -59,22 +60,23 @@ fn pipeline(name: &str, runs: usize, before: &MaskBits, after: &MaskBits, grid: 
         median(&skeleton_ms) / 1e3,
         median(&field_ms) / 1e3,
         found.counts,
-        made.counts
+        skeleton.counts
     ))
 }
 
-/// Angles of the forces, and distances of the skeleton, by opening bound and coarseness: against the exact sum.
-fn knob(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
-    say(
+/// Errors relative to the exact sum by opening bound and coarseness: angles between forces and distances between
+/// skeletons.
+fn sweep_opening(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
+    print_line(
         "knob,mask,opening,coarse,field_s,skeleton_s,direction_p50_deg,direction_p95_deg,direction_max_deg,\
          critical_p95_deg,skeleton_mean_mm,skeleton_p95_mm",
     )?;
     let exact = SkeletonOptions { opening: 0.0, ..SkeletonOptions::default() };
     let reference = force_field(mask, grid, &exact, &Progress::new())?;
     let true_skeleton = skeleton(mask, grid, &exact, &Progress::new())?;
-    let places: Vec<DVec3> = true_skeleton.points.iter().map(|p| p.position_mm).collect();
-    let tree = KdTree::new(&places)?.ok_or("an empty mask")?;
-    // Where forces cancel, an error turns them most.
+    let positions_mm: Vec<DVec3> = true_skeleton.points.iter().map(|p| p.position_mm).collect();
+    let tree = KdTree::new(&positions_mm)?.ok_or("an empty mask")?;
+    // Near zeros of the force field an error changes the direction most.
     let is_zero = |kind| matches!(kind, PointKind::Attracting | PointKind::Saddle);
     let zeros = true_skeleton.points.iter().filter(|p| is_zero(p.kind));
     let zeros = KdTree::new(&zeros.map(|p| p.position_mm).collect::<Vec<_>>())?.ok_or("no critical point")?;
@@ -87,7 +89,7 @@ fn knob(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
         let options = SkeletonOptions { opening, coarse, ..exact };
         let runs = if opening == 0.0 { 1 } else { 5 };
         let (field_ms, field) = repeated(runs, || force_field(mask, grid, &options, &Progress::new()))?;
-        let (skeleton_ms, made) = repeated(runs, || skeleton(mask, grid, &options, &Progress::new()))?;
+        let (skeleton_ms, approximate) = repeated(runs, || skeleton(mask, grid, &options, &Progress::new()))?;
         let (mut angles, mut critical_angles) = (Vec::new(), Vec::new());
         if coarse == 1 {
             for ((f, g), voxel) in reference.forces.iter().zip(&field.forces).zip(&reference.voxels) {
@@ -99,26 +101,26 @@ fn knob(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
         }
         angles.sort_by(f64::total_cmp);
         critical_angles.sort_by(f64::total_cmp);
-        let mut away: Vec<f64> =
-            made.points.iter().filter_map(|p| tree.nearest(p.position_mm)).map(|(_, d)| d).collect();
-        away.sort_by(f64::total_cmp);
-        let mean = away.iter().sum::<f64>() / away.len().max(1) as f64;
-        say(format!(
+        let mut distances_mm: Vec<f64> =
+            approximate.points.iter().filter_map(|p| tree.nearest(p.position_mm)).map(|(_, d)| d).collect();
+        distances_mm.sort_by(f64::total_cmp);
+        let mean = distances_mm.iter().sum::<f64>() / distances_mm.len().max(1) as f64;
+        print_line(format!(
             "knob,{name},{opening},{coarse},{:.4},{:.4},{:.3},{:.3},{:.2},{:.2},{mean:.3},{:.3}",
             median(&field_ms) / 1e3,
             median(&skeleton_ms) / 1e3,
-            at_part(&angles, 0.5),
-            at_part(&angles, 0.95),
-            at_part(&angles, 1.0),
-            at_part(&critical_angles, 0.95),
-            at_part(&away, 0.95)
+            quantile(&angles, 0.5),
+            quantile(&angles, 0.95),
+            quantile(&angles, 1.0),
+            quantile(&critical_angles, 0.95),
+            quantile(&distances_mm, 0.95)
         ))?;
     }
     Ok(())
 }
 
-/// Median and least milliseconds of the sites alone, and of sites and all distances.
-fn distances(name: &str, runs: usize, mask: &MaskBits, grid: &Grid, crop: Crop) -> Outcome<()> {
+/// Times of the feature transform alone, and with all distances: median and minimum, milliseconds.
+fn time_distance_transform(name: &str, runs: usize, mask: &MaskBits, grid: &Grid, crop: Crop) -> Outcome<()> {
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
         let mut line = format!("distance,{name},{},{threads}", crop.dims.map(|n| n.to_string()).join("x"));
@@ -131,27 +133,27 @@ fn distances(name: &str, runs: usize, mask: &MaskBits, grid: &Grid, crop: Crop) 
                 Ok(())
             };
             let (times, ()) = pool.install(|| repeated(runs, transform))?;
-            line += &format!(",{:.3},{:.3}", median(&times), least(&times));
+            line += &format!(",{:.3},{:.3}", median(&times), minimum(&times));
         }
-        say(line)?;
+        print_line(line)?;
     }
     Ok(())
 }
 
-/// Sum of the distances from one surface to the other, by a k-d tree.
-fn between_surfaces(runs: usize, before: &MaskBits, after: &MaskBits, grid: &Grid) -> Outcome<()> {
-    let tree = || -> Outcome<f64> {
-        let place = |v: &[usize; 3]| grid.center_of_voxel_mm(*v);
-        let from: Vec<DVec3> = surface_voxels(before).iter().map(place).collect();
+/// Time of the distances from one surface to the other by a k-d tree.
+fn time_surface_distances(runs: usize, before: &MaskBits, after: &MaskBits, grid: &Grid) -> Outcome<()> {
+    let sum_of_distances = || -> Outcome<f64> {
+        let center_mm = |v: &[usize; 3]| grid.center_of_voxel_mm(*v);
+        let from: Vec<DVec3> = surface_voxels(before).iter().map(center_mm).collect();
         let tree = KdTree::new(&from)?.ok_or("an empty mask")?;
-        Ok(surface_voxels(after).iter().filter_map(|v| tree.nearest(place(v))).map(|(_, d)| d).sum())
+        Ok(surface_voxels(after).iter().filter_map(|v| tree.nearest(center_mm(v))).map(|(_, d)| d).sum())
     };
-    let (times, _) = repeated(runs, tree)?;
-    say(format!("surfaces_tree,files,{:.5}", median(&times) / 1e3))
+    let (times, _) = repeated(runs, sum_of_distances)?;
+    print_line(format!("surfaces_tree,files,{:.5}", median(&times) / 1e3))
 }
 
-/// A lobed body of about 3.6 million voxels in 512³.
-fn large(shift: f64) -> Outcome<(MaskBits, Grid)> {
+/// A lobed mask of about 3.6 million voxels in 512³, larger with `shift`, in voxels.
+fn large_mask(shift: f64) -> Outcome<(MaskBits, Grid)> {
     let dims = [512; 3];
     let grid = Grid::axis_aligned(dims, DVec3::splat(0.5), DVec3::ZERO)?;
     let bits = MaskBits::from_fn(dims, |l| {
@@ -165,10 +167,10 @@ fn large(shift: f64) -> Outcome<(MaskBits, Grid)> {
     Ok((bits, grid))
 }
 
-/// Prints the table.
+/// Prints the CSV tables.
 ///
 /// # Errors
-/// Where the masks can't be read or are empty.
+/// When the masks can't be read or are empty.
 pub fn run(arguments: &ChangeArguments) -> Outcome<()> {
     let masks = [format!("m={}@1", arguments.before), format!("m={}@2", arguments.after)];
     let case =
@@ -176,33 +178,35 @@ pub fn run(arguments: &ChangeArguments) -> Outcome<()> {
     let masks: Vec<&MaskBits> =
         case.time_points.iter().flat_map(|t| &t.masks).map(|m| m.mask.bits()).collect();
     let [before, after] = masks.as_slice() else { return Err("two masks are needed".into()) };
-    let part = |of: usize| (arguments.runs / of).max(1);
-    say(
+    let runs_over = |divisor: usize| (arguments.runs / divisor).max(1);
+    print_line(
         "pipeline,mask,voxels_a,voxels_b,vectors,skeleton_voxels,change_s,skeleton_s,field_s,counts,skeleton",
     )?;
-    pipeline("files", part(14), before, after, &case.grid)?;
-    between_surfaces(part(9), before, after, &case.grid)?;
-    say("distance,mask,crop,threads,sites_ms,sites_least_ms,with_distances_ms,with_distances_least_ms")?;
+    time_pipeline("files", runs_over(14), before, after, &case.grid)?;
+    time_surface_distances(runs_over(9), before, after, &case.grid)?;
+    print_line(
+        "distance,mask,crop,threads,sites_ms,sites_least_ms,with_distances_ms,with_distances_least_ms",
+    )?;
     let crop = Crop::around(&[before, after], 1).ok_or("empty masks")?;
-    distances("files", arguments.runs, before, &case.grid, crop)?;
-    distances("whole", part(7), before, &case.grid, Crop::whole(&case.grid))?;
-    // Squares of this spacing are no whole numbers.
+    time_distance_transform("files", arguments.runs, before, &case.grid, crop)?;
+    time_distance_transform("whole", runs_over(7), before, &case.grid, Crop::whole(&case.grid))?;
+    // The square of 1.2 isn't exact, so squared distances aren't either.
     let odd = Grid::axis_aligned(case.grid.dims(), DVec3::new(1.0, 1.0, 1.2), DVec3::ZERO)?;
-    distances("odd", arguments.runs, before, &odd, crop)?;
+    time_distance_transform("odd", arguments.runs, before, &odd, crop)?;
     let grid = Grid::axis_aligned([arguments.ball; 3], DVec3::ONE, DVec3::ZERO)?;
-    // 140, 100, 120 and 50 of 256 voxels, in whole ones: the peers draw the same.
-    let part_of = |share: usize| (share * arguments.ball / 256) as f64;
-    let center = DVec3::new(part_of(140), part_of(100), part_of(120));
+    // Centre (140, 100, 120) and radius 50 in 256ths of the side, rounded to voxels as in bench/peer_change.py.
+    let in_voxels = |share: usize| (share * arguments.ball / 256) as f64;
+    let center = DVec3::new(in_voxels(140), in_voxels(100), in_voxels(120));
     let ball = MaskBits::from_fn(grid.dims(), |l| {
-        grid.center_of_voxel_mm(grid.ijk(l)).distance_squared(center) < part_of(50).powi(2)
+        grid.center_of_voxel_mm(grid.ijk(l)).distance_squared(center) < in_voxels(50).powi(2)
     });
-    distances("ball", part(11), &ball, &grid, Crop::whole(&grid))?;
+    time_distance_transform("ball", runs_over(11), &ball, &grid, Crop::whole(&grid))?;
     if arguments.large {
-        let ((one, grid), (two, _)) = (large(0.0)?, large(9.0)?);
-        pipeline("512", 1, &one, &two, &grid)?;
+        let ((one, grid), (two, _)) = (large_mask(0.0)?, large_mask(9.0)?);
+        time_pipeline("512", 1, &one, &two, &grid)?;
     }
     if !arguments.short {
-        knob("files", before, &case.grid)?;
+        sweep_opening("files", before, &case.grid)?;
     }
     Ok(())
 }

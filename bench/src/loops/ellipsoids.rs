@@ -1,4 +1,5 @@
-//! Times components and ellipsoids: Markdown and CSV for docs/ellipsoids.md, and a server for bench/peer_components.py.
+//! Times of connected components and enclosing ellipsoids: Markdown and CSV for docs/ellipsoids.md, and a server for
+//! bench/peer_components.py.
 
 use std::{
     io::BufRead,
@@ -15,14 +16,14 @@ use glioscope_core::{
 };
 use rayon::ThreadPool;
 
-use super::open;
+use super::open_case;
 use crate::{
     Outcome,
-    clock::{least, median, timed},
-    say,
+    clock::{median, minimum, timed},
+    print_line,
 };
 
-/// What `ellipsoids` can be told.
+/// Arguments of `ellipsoids`.
 #[derive(Debug, Args)]
 pub struct EllipsoidsArguments {
     #[command(subcommand)]
@@ -33,36 +34,36 @@ pub struct EllipsoidsArguments {
 enum Task {
     /// Components and ellipsoids of the glioma case and a synthetic one, as a Markdown table
     Table {
-        /// Holds glioma-5-algorithms
+        /// Folder with glioma-5-algorithms
         #[arg(default_value = "../shared/data")]
         data: PathBuf,
         #[arg(long, default_value_t = 15)]
         runs: usize,
     },
-    /// Error of the volume against time, by method and tolerance, as CSV
+    /// Volume error against time, by method and tolerance, as CSV
     Curve {
-        /// Holds glioma-5-algorithms
+        /// Folder with glioma-5-algorithms
         #[arg(default_value = "../shared/data")]
         data: PathBuf,
         #[arg(long, default_value_t = 15)]
         runs: usize,
     },
-    /// Answers lines on stdin, so that another program can take turns. `components THREADS`, `labels THREADS` and
-    /// `ellipsoids THREADS` answer with seconds, CPU seconds and a count; `write INDEX LABELS` writes the index (u8)
-    /// and its labels (u32), x fastest
+    /// Serves requests on stdin, one per line, so that another program can alternate with it. `components THREADS`,
+    /// `labels THREADS` and `ellipsoids THREADS` return seconds, CPU seconds and a count; `write INDEX LABELS` writes
+    /// the index (u8) and its labels (u32), x fastest
     Serve {
         #[arg(value_parser = ["glioma", "synthetic", "tiny"])]
         index: String,
-        /// Holds glioma-5-algorithms
+        /// Folder with glioma-5-algorithms
         #[arg(default_value = "../shared/data")]
         data: PathBuf,
     },
 }
 
-/// Does the task.
+/// Runs the task.
 ///
 /// # Errors
-/// Where the case can't be read, or a line of the server's is none of those it knows.
+/// When the case can't be read, or the server receives an unknown request.
 pub fn run(arguments: &EllipsoidsArguments) -> Outcome<()> {
     match &arguments.task {
         Task::Table { data, runs } => table(data, *runs),
@@ -85,19 +86,19 @@ fn glioma(data: &Path) -> Outcome<TumorIndex> {
         .iter()
         .map(|name| format!("{name}=glioma-5-algorithms/{name}.nii.gz:1,2,4"))
         .collect();
-    let case = open(data, &masks.iter().map(String::as_str).collect::<Vec<_>>(), &[])?;
+    let case = open_case(data, &masks.iter().map(String::as_str).collect::<Vec<_>>(), &[])?;
     Ok(TumorIndex::clone(&case.time_points.first().ok_or("no date")?.index))
 }
 
-/// How much the border of the synthetic masks is frayed.
+/// Amplitude of the noise that frays the border of the synthetic masks, in squared normalised radii.
 const FRAY: f64 = 0.012;
-/// Balls beside each mask's main body: with them and the frayed border the index of 512³ has about 1,700 components.
+/// Balls beside each mask's main body; with them and the frayed border the index of 512³ has about 1,700 components.
 const SATELLITES: usize = 168;
 
 /// Three overlapping lobed tumours with frayed borders, and small satellites, `n` voxels along each side.
 fn synthetic(n: usize) -> Outcome<TumorIndex> {
     let grid = Grid::axis_aligned([n; 3], DVec3::ONE, DVec3::ZERO)?;
-    // Shapes are those of 512 voxels.
+    // Shapes are defined on 512 voxels per side.
     let scale = 512.0 / n as f64;
     let noise = |p: DVec3, k: f64| {
         let wave = |a: f64, b: f64, c: f64, s: f64| {
@@ -105,7 +106,7 @@ fn synthetic(n: usize) -> Outcome<TumorIndex> {
         };
         wave(0.11, 0.09, 0.13, k) + wave(0.05, 0.07, 0.06, k + 1.0) + 0.7 * wave(0.23, 0.19, 0.21, k + 2.0)
     };
-    // A fixed scramble of the voxel's number: frays the border.
+    // A hash of the voxel index, 0 to 1, which frays the border.
     let fray = |linear: usize, k: u64| {
         let mut v = (linear as u64 ^ k << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         v = (v ^ v >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -127,16 +128,16 @@ fn synthetic(n: usize) -> Outcome<TumorIndex> {
             let q = ((p - center) / radii).length_squared();
             q + 0.2 * noise(p, 0.2 * shift) + FRAY * fray(linear, k) <= 1.0
         });
-        // Balls apart from the main body: painted box by box, not looked for at every voxel.
+        // Satellites are drawn within their bounding boxes, which is faster than testing each at every voxel.
         for (c, r) in satellites {
-            let reach = |axis: usize| {
+            let box_range = |axis: usize| {
                 ((c[axis] - r) / scale).ceil() as usize..=((c[axis] + r) / scale).floor() as usize
             };
-            for z in reach(2) {
-                for (y, x) in reach(1).flat_map(|y| reach(0).map(move |x| (y, x))) {
+            for z in box_range(2) {
+                for (y, x) in box_range(1).flat_map(|y| box_range(0).map(move |x| (y, x))) {
                     let p = DVec3::new(x as f64, y as f64, z as f64) * scale;
-                    let is_apart = ((p - center) / radii).length_squared() > 1.7;
-                    if is_apart && p.distance_squared(c) <= r * r {
+                    let is_outside_body = ((p - center) / radii).length_squared() > 1.7;
+                    if is_outside_body && p.distance_squared(c) <= r * r {
                         bits.set([x, y, z]);
                     }
                 }
@@ -151,7 +152,7 @@ fn pool(threads: usize) -> Outcome<ThreadPool> {
     Ok(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?)
 }
 
-/// Something timed on an index; how many it found.
+/// A timed job on an index; returns the number of components, labels or ellipsoids.
 type Job = fn(&TumorIndex) -> usize;
 
 fn components(index: &TumorIndex) -> usize {
@@ -173,7 +174,7 @@ fn ellipsoids(index: &TumorIndex) -> usize {
 fn serve(index: &TumorIndex) -> Outcome<()> {
     let pools = [pool(1)?, pool(2)?];
     let [nx, ny, nz] = index.grid().dims();
-    say(format!("{nx} {ny} {nz}"))?;
+    print_line(format!("{nx} {ny} {nz}"))?;
     for line in std::io::stdin().lock().lines() {
         let line = line?;
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -187,22 +188,24 @@ fn serve(index: &TumorIndex) -> Outcome<()> {
                 let found = Components::of_index(index, Connectivity::default())?.labels(index.grid().dims());
                 let bytes: Vec<u8> = found.iter().flat_map(|l| l.to_le_bytes()).collect();
                 write_whole(Path::new(labels_to), &bytes)?;
-                say("written")?;
+                print_line("written")?;
                 continue;
             }
             _ => return Err(format!("found {line}, expected components, labels, ellipsoids or write").into()),
         };
         let pool = &pools[usize::from(threads != "1")];
         let (wall_ms, cpu_ms, count) = timed(|| pool.install(|| job(index)));
-        say(format!("{} {} {count}", wall_ms / 1e3, cpu_ms.unwrap_or(0.0) / 1e3))?;
+        print_line(format!("{} {} {count}", wall_ms / 1e3, cpu_ms.unwrap_or(0.0) / 1e3))?;
     }
     Ok(())
 }
 
 fn table(data: &Path, runs: usize) -> Outcome<()> {
     let pools = [pool(1)?, pool(2)?];
-    say("| case | what | found | threads | median wall (ms) | fastest to slowest (ms) | median CPU (ms) |")?;
-    say("|---|---|---:|---:|---:|---:|---:|")?;
+    print_line(
+        "| case | what | found | threads | median wall (ms) | fastest to slowest (ms) | median CPU (ms) |",
+    )?;
+    print_line("|---|---|---:|---:|---:|---:|---:|")?;
     for name in ["glioma", "synthetic"] {
         let index = index_of(name, data)?;
         let jobs: [(&str, Job); 3] = [
@@ -210,30 +213,30 @@ fn table(data: &Path, runs: usize) -> Outcome<()> {
             ("the same, with a label volume", labels),
             ("all ellipsoids", ellipsoids),
         ];
-        // In turns, so that other load on the machine meets all alike.
-        let mut taken = vec![(Vec::new(), Vec::new(), 0); jobs.len() * pools.len()];
+        // Interleaved, so that other load on the machine affects all alike.
+        let mut samples = vec![(Vec::new(), Vec::new(), 0); jobs.len() * pools.len()];
         for round in 0..=runs {
             for (j, (_, job)) in jobs.iter().enumerate() {
                 for (t, pool) in pools.iter().enumerate() {
                     let (wall, cpu, count) = timed(|| pool.install(|| job(&index)));
                     // The first round warms up.
                     if round > 0 {
-                        let into = &mut taken[j * pools.len() + t];
-                        into.0.push(wall);
-                        into.1.push(cpu.unwrap_or(f64::NAN));
-                        into.2 = count;
+                        let sample = &mut samples[j * pools.len() + t];
+                        sample.0.push(wall);
+                        sample.1.push(cpu.unwrap_or(f64::NAN));
+                        sample.2 = count;
                     }
                 }
             }
         }
-        for (i, (wall, cpu, count)) in taken.iter().enumerate() {
+        for (i, (wall, cpu, count)) in samples.iter().enumerate() {
             let slowest = wall.iter().copied().fold(f64::NAN, f64::max);
-            say(format!(
+            print_line(format!(
                 "| {name} | {} | {count} | {} | {:.1} | {:.1} to {slowest:.1} | {:.1} |",
                 jobs[i / pools.len()].0,
                 i % pools.len() + 1,
                 median(wall),
-                least(wall),
+                minimum(wall),
                 median(cpu)
             ))?;
         }
@@ -241,9 +244,9 @@ fn table(data: &Path, runs: usize) -> Outcome<()> {
     Ok(())
 }
 
-/// Error of the volume against time, for the largest component of several kinds.
+/// Volume error against time, for the largest component of each case and for a ball.
 fn curve(data: &Path, runs: usize) -> Outcome<()> {
-    say("shape,points,method,tolerance,median_ms,iterations,relative_error,bound_minus_1")?;
+    print_line("shape,points,method,tolerance,median_ms,iterations,relative_error,bound_minus_1")?;
     for name in ["glioma", "synthetic"] {
         let index = index_of(name, data)?;
         let found = Components::of_index_mask(&index, 0, Connectivity::default())?;
@@ -265,20 +268,20 @@ fn shape_curve(name: &str, points: &[DVec3], runs: usize) -> Outcome<()> {
         for exponent in 1..=9 {
             let tolerance = 10_f64.powi(-exponent);
             let options = Options { method, tolerance, ..Options::default() };
-            let mut taken = Vec::new();
+            let mut samples = Vec::new();
             let mut result = reference;
             let begin = Instant::now();
-            // One long run says enough.
-            while taken.len() < runs.max(1) && begin.elapsed().as_secs() < 2 {
+            // A long run needs no repetition.
+            while samples.len() < runs.max(1) && begin.elapsed().as_secs() < 2 {
                 let (ms, _, found) = timed(|| enclose(points, &options));
                 result = found.ok_or("flat")?;
-                taken.push(ms);
+                samples.push(ms);
             }
-            say(format!(
+            print_line(format!(
                 "{name},{},{},{tolerance:e},{:.4},{},{:.2e},{:.2e}",
                 points.len(),
                 method.name(),
-                median(&taken),
+                median(&samples),
                 result.iterations,
                 result.volume() / reference.volume() - 1.0,
                 result.volume_bound - 1.0

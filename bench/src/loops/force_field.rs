@@ -1,4 +1,5 @@
-//! The skeleton's force on a graphics device beside core's exact sum and its tree: times and angles, as CSV.
+//! The skeleton's force field on a graphics device, by core's exact sum and by its tree: times and angular errors, as
+//! CSV.
 
 use clap::Args;
 use glioscope_core::{
@@ -11,17 +12,17 @@ use glioscope_render::ForceField;
 use crate::{
     Outcome,
     accuracy::angle_deg,
-    clock::{at_part, median, repeated},
-    open_gpu, say,
+    clock::{median, quantile, repeated},
+    open_gpu, print_line,
 };
 
-/// What `force-field` can be told.
+/// Arguments of `force-field`.
 #[derive(Debug, Args)]
 pub struct ForceFieldArguments {
     /// The mask
     #[arg(value_name = "FILE:LABELS")]
     mask: String,
-    /// Runs of each; medians are told
+    /// Runs of each; medians are reported
     #[arg(long, default_value_t = 5)]
     runs: usize,
     /// Use only the software graphics adapter
@@ -32,7 +33,7 @@ pub struct ForceFieldArguments {
 /// Prints the table.
 ///
 /// # Errors
-/// Where the mask can't be read, or the device refuses the field.
+/// When the mask can't be read, or the device refuses to compute the field.
 pub fn run(arguments: &ForceFieldArguments) -> Outcome<()> {
     let spec = CaseSpec::from_arguments(&[format!("m={}@1", arguments.mask)], &[])?;
     let case = load(&spec, &LoadOptions::default(), &Progress::new())?;
@@ -42,31 +43,31 @@ pub fn run(arguments: &ForceFieldArguments) -> Outcome<()> {
     let device = ForceField::new(&gpu)?;
     let exact = SkeletonOptions { opening: 0.0, ..SkeletonOptions::default() };
     let reference = force_field_with(mask, grid, &exact, None, &Progress::new())?;
-    say(format!("adapter,{}", gpu.describe()))?;
-    say("what,places,charges,field_s,skeleton_s,angle_p50_deg,angle_p95_deg,angle_max_deg,points")?;
+    print_line(format!("adapter,{}", gpu.describe()))?;
+    print_line("what,places,charges,field_s,skeleton_s,angle_p50_deg,angle_p95_deg,angle_max_deg,points")?;
     for (options, source) in [
         (exact, None),
         (SkeletonOptions::default(), None),
         (SkeletonOptions::default(), Some(&device as &dyn ForceSource)),
     ] {
         let field = || force_field_with(mask, grid, &options, source, &Progress::new());
-        let whole = || skeleton_with(mask, grid, &options, source, &Progress::new());
+        let full_skeleton = || skeleton_with(mask, grid, &options, source, &Progress::new());
         let (field_ms, found) = repeated(arguments.runs, field)?;
-        let (skeleton_ms, made) = repeated(arguments.runs, whole)?;
+        let (skeleton_ms, skeleton) = repeated(arguments.runs, full_skeleton)?;
         let pairs = reference.forces.iter().zip(&found.forces);
         let mut angles: Vec<f64> = pairs.map(|(e, f)| angle_deg(*e, *f)).collect();
         angles.sort_by(f64::total_cmp);
-        say(format!(
+        print_line(format!(
             "\"{}\",{},{},{:.4},{:.4},{:.1e},{:.1e},{:.1e},{}",
             found.used,
             found.forces.len(),
-            made.counts.charges,
+            skeleton.counts.charges,
             median(&field_ms) / 1e3,
             median(&skeleton_ms) / 1e3,
-            at_part(&angles, 0.5),
-            at_part(&angles, 0.95),
-            at_part(&angles, 1.0),
-            made.points.len()
+            quantile(&angles, 0.5),
+            quantile(&angles, 0.95),
+            quantile(&angles, 1.0),
+            skeleton.points.len()
         ))?;
     }
     Ok(())

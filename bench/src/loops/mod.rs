@@ -1,4 +1,4 @@
-//! Times of views and kernels, printed. A file each.
+//! Benchmarks that print times of views and kernels, one module each.
 
 pub mod change;
 pub mod ellipsoids;
@@ -16,15 +16,15 @@ use glioscope_core::{
 
 use crate::Outcome;
 
-/// A case of these `ID=FILE[:LABELS][@DATE]`, files under `data`.
-fn open(data: &Path, masks: &[&str], contexts: &[&str]) -> Outcome<Case> {
-    let under = |list: &[&str]| -> Vec<String> {
-        let one = |entry: &&str| match entry.split_once('=') {
+/// Loads the case of these `ID=FILE[:LABELS][@DATE]`, with files relative to `data`.
+fn open_case(data: &Path, masks: &[&str], contexts: &[&str]) -> Outcome<Case> {
+    let in_data = |list: &[&str]| -> Vec<String> {
+        let with_folder = |entry: &&str| match entry.split_once('=') {
             Some((id, file)) => format!("{id}={}", data.join(file).display()),
             None => (*entry).to_owned(),
         };
-        list.iter().map(one).collect()
+        list.iter().map(with_folder).collect()
     };
-    let spec = CaseSpec::from_arguments(&under(masks), &under(contexts))?;
+    let spec = CaseSpec::from_arguments(&in_data(masks), &in_data(contexts))?;
     Ok(load(&spec, &LoadOptions::default(), &Progress::new())?)
 }

@@ -1,4 +1,4 @@
-//! How long 100,000 streamlines of 50 points take to read and to measure against a ball of voxels.
+//! Times to read 100,000 streamlines of 50 points and to compute their distances from a ball of voxels.
 
 use glam::DVec3;
 use glioscope_core::{
@@ -10,8 +10,8 @@ use glioscope_core::{
 
 use crate::{
     Outcome,
-    clock::{least, repeated},
-    say,
+    clock::{minimum, repeated},
+    print_line,
 };
 
 const FIBERS: usize = 100_000;
@@ -66,7 +66,7 @@ fn trk(points: &[[f32; 3]]) -> Vec<u8> {
 /// Prints the times.
 ///
 /// # Errors
-/// Where what was made here can't be read.
+/// When the generated files can't be read.
 pub fn run() -> Outcome<()> {
     let points = points();
     let (options, progress) = (TractOptions::default(), Progress::new());
@@ -75,7 +75,7 @@ pub fn run() -> Outcome<()> {
         let (times, found) = repeated(5, || read_tract_bytes(name, &bytes, &options, &progress))?;
         loaded = Some(found);
         let megabytes = bytes.len() as f64 / 1e6;
-        say(format!("read {name}: {megabytes:.1} MB in {:.1} ms (least of 5)", least(&times)))?;
+        print_line(format!("read {name}: {megabytes:.1} MB in {:.1} ms (least of 5)", minimum(&times)))?;
     }
     let tracts = loaded.ok_or("nothing read")?.tracts;
     for radius in [5.0, 20.0, 40.0] {
@@ -88,8 +88,8 @@ pub fn run() -> Outcome<()> {
             let cells = SelectedCells::new(&grid, &mask).ok_or("no voxels")?;
             Ok(Nearness::of(&cells.nearest_of_all(&tracts, &progress)?, 10.0))
         })?;
-        let (voxels, ms) = (mask.count(), least(&times));
-        say(format!("{voxels} voxels, {FIBERS} fibres: {ms:.0} ms (least of 3), {near:?}"))?;
+        let (voxels, ms) = (mask.count(), minimum(&times));
+        print_line(format!("{voxels} voxels, {FIBERS} fibres: {ms:.0} ms (least of 3), {near:?}"))?;
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! The automatic mode on a real case: the camera turns about it, each picture is timed, then all is still. See
+//! The automatic quality on a real case: times of each frame while the camera rotates, then of the still view. See
 //! docs/performance.md.
 
 use std::{path::PathBuf, sync::Arc};
@@ -16,29 +16,29 @@ use glioscope_render::{
 };
 use strum::{VariantArray, VariantNames};
 
-use super::open;
+use super::open_case;
 use crate::{
     Outcome,
     clock::{load_average, median, timed},
-    open_gpu, say,
+    open_gpu, print_line,
 };
 
-/// What `turning` can be told.
+/// Arguments of `turning`.
 #[derive(Debug, Args)]
 pub struct TurningArguments {
-    /// Holds glioma-5-algorithms
+    /// Folder with glioma-5-algorithms
     #[arg(default_value = "../shared/data")]
     data: PathBuf,
-    /// Pixels across
+    /// Width in pixels
     #[arg(long, default_value_t = 700)]
     width: u32,
-    /// Pixels down
+    /// Height in pixels
     #[arg(long, default_value_t = 600)]
     height: u32,
-    /// Pictures of the turn
+    /// Frames of the rotation
     #[arg(long, default_value_t = 60)]
     pictures: usize,
-    /// Only this light
+    /// Only this lighting mode
     #[arg(long, value_parser = PossibleValuesParser::new(<LightingMode as VariantNames>::VARIANTS))]
     only: Option<String>,
     /// Use only the software graphics adapter
@@ -49,7 +49,7 @@ pub struct TurningArguments {
 fn scene(arguments: &TurningArguments) -> Outcome<ContextScene> {
     let masks = ["hnfnetv1-20", "isen-20", "scan-20"]
         .map(|name| format!("{name}=glioma-5-algorithms/{name}.nii.gz:1,2,4"));
-    let case = open(
+    let case = open_case(
         &arguments.data,
         &masks.each_ref().map(String::as_str),
         &["T1c=glioma-5-algorithms/t1c.nii.gz"],
@@ -79,8 +79,8 @@ fn scene(arguments: &TurningArguments) -> Outcome<ContextScene> {
     })
 }
 
-/// Milliseconds to move so many bytes from one buffer to another, half of them read and half written: median of
-/// five copies. Of more than 1 GiB as much of a copy of that.
+/// Milliseconds of a copy between two buffers that moves `bytes`, half of them read and half written: median of five
+/// copies. Above 1 GiB, extrapolated from a copy of 1 GiB.
 fn copy_ms(gpu: &Gpu, bytes: u64) -> Outcome<f64> {
     let size = (bytes / 2).clamp(4, 1 << 29) / 4 * 4;
     let [from, to] = [wgpu::BufferUsages::COPY_SRC, wgpu::BufferUsages::COPY_DST].map(|usage| {
@@ -91,12 +91,12 @@ fn copy_ms(gpu: &Gpu, bytes: u64) -> Outcome<f64> {
             mapped_at_creation: false,
         })
     });
-    // Many at once: a graphics card's copy is shorter than handing it over.
-    let times = ((1 << 28) / size).clamp(1, 1000);
-    let mut taken = Vec::new();
+    // Batched: on a GPU one copy takes less time than its submission.
+    let copies = ((1 << 28) / size).clamp(1, 1000);
+    let mut times = Vec::new();
     for _ in 0..6 {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        for _ in 0..times {
+        for _ in 0..copies {
             encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size);
         }
         let (ms, _, done) = timed(|| {
@@ -104,21 +104,23 @@ fn copy_ms(gpu: &Gpu, bytes: u64) -> Outcome<f64> {
             gpu.wait()
         });
         done?;
-        taken.push(ms / times as f64);
+        times.push(ms / copies as f64);
     }
-    Ok(median(&taken[1..]) * bytes as f64 / (2 * size) as f64)
+    Ok(median(&times[1..]) * bytes as f64 / (2 * size) as f64)
 }
 
-/// The passes that light the image.
+/// The passes that compute the image's lighting.
 const LIGHT_PASSES: [&str; 2] = ["slices", "light_grid"];
 
-/// The pass of light alone at the presets, a row each: per slice, per sample, and against a copy of the bytes that it
-/// must at least move.
-fn per_sample(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
-    say("\n| light | preset | frame ms | passes of light, ms | slices | ms a slice | samples, millions | \
+/// Prints the cost of the lighting passes alone, one row per preset: per slice, per sample, and relative to a copy of
+/// the bytes that they move at least.
+fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
+    print_line(
+        "\n| light | preset | frame ms | passes of light, ms | slices | ms a slice | samples, millions | \
          ns a sample | MB that must move | copy of these ms | light / copy |\n\
-         |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|")?;
-    // Screen-space light has no part in the image.
+         |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+    )?;
+    // Screen-space lighting doesn't affect the image.
     let modes = <LightingMode as VariantArray>::VARIANTS.iter().filter(|m| **m != LightingMode::ScreenSpace);
     for &mode in modes {
         for preset in <Preset as VariantArray>::VARIANTS {
@@ -138,7 +140,7 @@ fn per_sample(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
                     .filter(|(pass, _)| LIGHT_PASSES.contains(&pass.name()));
                 passes.push(of_light.map(|t| t.1).sum::<f64>());
             }
-            // The first compiles.
+            // The first frame compiles the pipelines.
             let (frame, pass_ms) = (median(&frames[1..]), median(&passes[1..]));
             let work = renderer.light_work().ok_or("no light was drawn")?;
             let copy = copy_ms(gpu, work.bytes)?;
@@ -146,7 +148,7 @@ fn per_sample(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
                 0 => "– | –".to_owned(),
                 n => format!("{n} | {:.3}", pass_ms / f64::from(n)),
             };
-            say(format!(
+            print_line(format!(
                 "| {} | {} | {frame:.1} | {pass_ms:.2} | {slices} | {:.2} | {:.2} | {:.1} | {copy:.3} | {:.1} |",
                 mode.name(),
                 preset.name(),
@@ -163,30 +165,36 @@ fn per_sample(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
 /// Prints the tables.
 ///
 /// # Errors
-/// Where the case can't be read, or a picture not drawn.
+/// When the case can't be read, or a frame can't be drawn.
 pub fn run(arguments: &TurningArguments) -> Outcome<()> {
     let size = [arguments.width, arguments.height];
     let gpu = open_gpu(arguments.software)?;
     let mut scene = scene(arguments)?;
     let start = scene.camera.world_from_camera;
     let load = load_average().map_or("unknown".to_owned(), |l| format!("{l:.1}"));
-    say(format!("{}; {}x{} pixels; budget {BUDGET_MS} ms; load {load}", gpu.describe(), size[0], size[1]))?;
-    say(
+    print_line(format!(
+        "{}; {}x{} pixels; budget {BUDGET_MS} ms; load {load}",
+        gpu.describe(),
+        size[0],
+        size[1]
+    ))?;
+    print_line(
         "| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | \
          still: balanced, reference ms | equal to the reference |\n|---|---:|---:|---:|---:|---:|---:|---|",
     )?;
-    let asked = |mode: &&LightingMode| arguments.only.as_deref().is_none_or(|name| mode.name() == name);
-    for &mode in <LightingMode as VariantArray>::VARIANTS.iter().filter(asked) {
-        turn(&gpu, &mut scene, mode, arguments.pictures, size)?;
+    let is_selected = |mode: &&LightingMode| arguments.only.as_deref().is_none_or(|name| mode.name() == name);
+    for &mode in <LightingMode as VariantArray>::VARIANTS.iter().filter(is_selected) {
+        time_rotation(&gpu, &mut scene, mode, arguments.pictures, size)?;
         scene.camera.world_from_camera = start;
     }
     if arguments.only.is_none() {
-        per_sample(&gpu, &scene, size)?;
+        print_light_cost(&gpu, &scene, size)?;
     }
     Ok(())
 }
 
-fn turn(
+/// Prints the frame times of one lighting mode: rotating with automatic quality, then still at fixed presets.
+fn time_rotation(
     gpu: &Gpu,
     scene: &mut ContextScene,
     mode: LightingMode,
@@ -205,32 +213,32 @@ fn turn(
         let frame = drawn?;
         Ok((ms, frame.size_px, frame.read_rgba(gpu)?))
     };
-    // Compiles and uploads.
+    // The first frame compiles and uploads.
     draw(scene, &light::at_cost(mode, auto.cost()))?;
     let mut times = Vec::new();
     let mut drawn = [0; 2];
     for n in 0..pictures {
         scene.camera.world_from_camera = start * DQuat::from_rotation_y(0.05 * n as f64);
-        let (took, size_px, _) = draw(scene, &light::at_cost(mode, auto.cost()))?;
+        let (frame_ms, size_px, _) = draw(scene, &light::at_cost(mode, auto.cost()))?;
         drawn = size_px;
-        auto.adapt(took);
-        times.push(took);
+        auto.adapt(frame_ms);
+        times.push(frame_ms);
     }
-    let late = times.split_off(8.min(times.len()));
-    let within = late.iter().filter(|t| **t <= 1.2 * BUDGET_MS).count();
-    let fastest = late.iter().copied().fold(f64::INFINITY, f64::min);
-    let slowest = late.iter().copied().fold(0.0, f64::max);
+    let steady_ms = times.split_off(8.min(times.len()));
+    let within = steady_ms.iter().filter(|t| **t <= 1.2 * BUDGET_MS).count();
+    let fastest = steady_ms.iter().copied().fold(f64::INFINITY, f64::min);
+    let slowest = steady_ms.iter().copied().fold(0.0, f64::max);
     let (balanced, ..) = draw(scene, &light::preset(mode, Preset::Balanced))?;
-    let (reference, _, rested) = draw(scene, &light::preset(mode, Preset::Reference))?;
+    let (reference, _, still) = draw(scene, &light::preset(mode, Preset::Reference))?;
     let mut fresh = ContextRenderer::new(gpu)?;
-    let wanted = fresh.render(gpu, scene, &light::preset(mode, Preset::Reference), size)?;
-    let equal = if wanted.read_rgba(gpu)? == rested { "yes" } else { "NO" };
-    say(format!(
+    let expected = fresh.render(gpu, scene, &light::preset(mode, Preset::Reference), size)?;
+    let equal = if expected.read_rgba(gpu)? == still { "yes" } else { "NO" };
+    print_line(format!(
         "| {} | {:.0} | {fastest:.0} to {slowest:.0} | {within} of {} | {:.4} | {}x{} | {balanced:.0}, \
          {reference:.0} | {equal} |",
         mode.name(),
-        median(&late),
-        late.len(),
+        median(&steady_ms),
+        steady_ms.len(),
         auto.cost(),
         drawn[0],
         drawn[1],

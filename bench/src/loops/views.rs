@@ -1,4 +1,4 @@
-//! Times of the passes of all 3D views, on real cases and on made-up ellipsoids; pictures besides.
+//! Times of the passes of all 3D views, on real cases and on synthetic ellipsoids; optionally writes the frames.
 
 use std::{
     path::{Path, PathBuf},
@@ -22,29 +22,29 @@ use glioscope_render::{
 };
 use strum::VariantArray;
 
-use super::open;
+use super::open_case;
 use crate::{
     Outcome,
     clock::{median, timed},
-    open_gpu, say,
+    open_gpu, print_line,
 };
 
-/// What `views` can be told.
+/// Arguments of `views`.
 #[derive(Debug, Args)]
 pub struct ViewsArguments {
-    /// Holds glioma-5-algorithms and sarcoma-ct-mr-pet
+    /// Folder with glioma-5-algorithms and sarcoma-ct-mr-pet
     #[arg(default_value = "../shared/data")]
     data: PathBuf,
-    /// A folder for the pictures
+    /// Folder for the frames, as PNG files
     #[arg(long)]
     out: Option<PathBuf>,
     /// Pixels along each side
     #[arg(long, default_value_t = 512)]
     size: u32,
-    /// Pictures of each scene; medians are told
+    /// Frames per scene and preset; medians are reported
     #[arg(long, default_value_t = 5)]
     frames: usize,
-    /// Only scenes whose name begins so
+    /// Only scenes whose name starts with this
     #[arg(long)]
     only: Option<String>,
     /// Use only the software graphics adapter
@@ -52,27 +52,28 @@ pub struct ViewsArguments {
     software: bool,
 }
 
-struct Stage<'a> {
+struct SceneTimer<'a> {
     gpu: &'a Gpu,
     arguments: &'a ViewsArguments,
 }
 
-impl Stage<'_> {
-    /// Draws the scenes with one renderer and prints a row for each and each preset.
-    fn time<V: View3d>(&self, scenes: &[(&str, V::Scene)]) -> Outcome<()> {
+impl SceneTimer<'_> {
+    /// Draws the scenes with one renderer and prints one row per scene and preset.
+    fn time_scenes<V: View3d>(&self, scenes: &[(&str, V::Scene)]) -> Outcome<()> {
         let mut renderer = Renderer::<V>::new(self.gpu)?;
-        let asked = |name: &str| self.arguments.only.as_deref().is_none_or(|only| name.starts_with(only));
+        let is_selected =
+            |name: &str| self.arguments.only.as_deref().is_none_or(|only| name.starts_with(only));
         let size = [self.arguments.size; 2];
-        for (name, scene) in scenes.iter().filter(|(name, _)| asked(name)) {
-            for of in Preset::VARIANTS {
-                let quality = preset(LightingMode::ScreenSpace, *of);
-                let (mut whole, mut cpu) = (Vec::new(), Vec::new());
+        for (name, scene) in scenes.iter().filter(|(name, _)| is_selected(name)) {
+            for variant in Preset::VARIANTS {
+                let quality = preset(LightingMode::ScreenSpace, *variant);
+                let (mut frame_ms, mut frame_cpu_ms) = (Vec::new(), Vec::new());
                 let mut passes: Vec<(&str, Vec<f64>)> = Vec::new();
                 for _ in 0..self.arguments.frames.max(1) {
                     let (ms, cpu_ms, drawn) = timed(|| draw(&mut renderer, self.gpu, scene, &quality, size));
                     drawn?;
-                    whole.push(ms);
-                    cpu.extend(cpu_ms);
+                    frame_ms.push(ms);
+                    frame_cpu_ms.extend(cpu_ms);
                     for (at, (pass, ms)) in renderer.pass_times(self.gpu)?.into_iter().enumerate() {
                         match passes.get_mut(at) {
                             Some((_, times)) => times.push(ms),
@@ -82,11 +83,11 @@ impl Stage<'_> {
                 }
                 let passes: Vec<String> =
                     passes.iter().map(|(pass, times)| format!("{pass} {:.1}", median(times))).collect();
-                say(format!(
+                print_line(format!(
                     "| {name} | {} | {:.1} | {:.0} | {} |",
-                    of.name(),
-                    median(&whole),
-                    median(&cpu),
+                    variant.name(),
+                    median(&frame_ms),
+                    median(&frame_cpu_ms),
                     passes.join(", ")
                 ))?;
             }
@@ -114,27 +115,27 @@ fn draw<V: View3d>(
 /// Prints the table.
 ///
 /// # Errors
-/// Where a case can't be read, or a picture not drawn or written.
+/// When a case can't be read, or a frame can't be drawn or written.
 pub fn run(arguments: &ViewsArguments) -> Outcome<()> {
     let gpu = open_gpu(arguments.software)?;
-    let stage = Stage { gpu: &gpu, arguments };
+    let timer = SceneTimer { gpu: &gpu, arguments };
     let size = arguments.size;
-    say(format!("{}; {size}x{size} pixels\n", gpu.describe()))?;
-    say("| scene | preset | ms | CPU ms | passes, ms |\n|---|---|---:|---:|---|")?;
+    print_line(format!("{}; {size}x{size} pixels\n", gpu.describe()))?;
+    print_line("| scene | preset | ms | CPU ms | passes, ms |\n|---|---|---:|---:|---|")?;
     let glioma = glioma(&arguments.data)?;
     let glioma = glioma.time_points.first().ok_or("no date")?;
-    stage.time::<closeup::Closeup>(&closeups(glioma)?)?;
-    stage.time::<context::Context>(&gliomas(glioma)?)?;
-    stage.time::<context::Context>(&sarcomas(&arguments.data)?)?;
-    stage.time::<change::Change>(&changes(glioma)?)?;
-    stage.time::<ellipsoids::Ellipsoids>(&diagrams())
+    timer.time_scenes::<closeup::Closeup>(&closeups(glioma)?)?;
+    timer.time_scenes::<context::Context>(&gliomas(glioma)?)?;
+    timer.time_scenes::<context::Context>(&sarcomas(&arguments.data)?)?;
+    timer.time_scenes::<change::Change>(&changes(glioma)?)?;
+    timer.time_scenes::<ellipsoids::Ellipsoids>(&diagrams())
 }
 
 fn glioma(data: &Path) -> Outcome<Case> {
     let file = |name: &str| format!("{name}=glioma-5-algorithms/{name}.nii.gz");
     let masks = ["isen-20", "sanet0-20", "scan-20"].map(file);
     let contexts = ["t1c", "fla"].map(file);
-    open(data, &masks.each_ref().map(String::as_str), &contexts.each_ref().map(String::as_str))
+    open_case(data, &masks.each_ref().map(String::as_str), &contexts.each_ref().map(String::as_str))
 }
 
 fn view_from(center_mm: DVec3, radius_mm: f64) -> Camera {
@@ -215,7 +216,7 @@ fn gliomas(time: &TimePoint) -> Outcome<Vec<(&'static str, ContextScene)>> {
 fn sarcomas(data: &Path) -> Outcome<Vec<(&'static str, ContextScene)>> {
     let masks = ["CT=sarcoma-ct-mr-pet/CT_mask.nii.gz", "PET=sarcoma-ct-mr-pet/PET_mask.nii.gz"];
     let contexts = ["ct=sarcoma-ct-mr-pet/CT_image.nii.gz", "pet=sarcoma-ct-mr-pet/PET_image.nii.gz"];
-    let case = open(data, &masks, &contexts)?;
+    let case = open_case(data, &masks, &contexts)?;
     let time = case.time_points.first().ok_or("no date")?;
     Ok(vec![
         ("context_ct_soft", context(time, "ct", TransferPreset::CtSoft, 0.9)?),
@@ -264,7 +265,7 @@ fn changes(time: &TimePoint) -> Outcome<Vec<(&'static str, ChangeScene)>> {
     ])
 }
 
-/// Three masks, their overlaps, and specks around them, `count` in all.
+/// A diagram of `count` ellipsoids: three masks, their overlaps, and small ones around them.
 fn diagram(count: u32) -> EllipsoidScene {
     let colors = MaskColors::new(Palette::Thesis, &[None; 3]);
     let mut random = Random::new(5, 0);
@@ -310,10 +311,10 @@ fn diagram(count: u32) -> EllipsoidScene {
 fn diagrams() -> Vec<(&'static str, EllipsoidScene)> {
     let few = diagram(20);
     let lens = Some(Lens { center_mm: DVec3::new(2.0, -3.0, 6.0), radius_mm: 21.0 });
-    let solid = few.ellipsoids.iter().map(|e| DrawnEllipsoid { opacity: 1.0, ..*e }).collect();
+    let opaque = few.ellipsoids.iter().map(|e| DrawnEllipsoid { opacity: 1.0, ..*e }).collect();
     vec![
         ("ellipsoids_20_lens", EllipsoidScene { lens, ..few.clone() }),
-        ("ellipsoids_20_opaque", EllipsoidScene { ellipsoids: Arc::new(solid), ..few.clone() }),
+        ("ellipsoids_20_opaque", EllipsoidScene { ellipsoids: Arc::new(opaque), ..few.clone() }),
         ("ellipsoids_20", few),
         ("ellipsoids_300", diagram(300)),
     ]

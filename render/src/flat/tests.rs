@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use glioscope_core::{Grid, Mask, MaskBits, Samples, Scaling, Selection, Sides, TumorIndex, Volume};
+use glioscope_core::{
+    Grid, Mask, MaskBits, Samples, Scaling, Selection, Sides, TumorIndex, Volume, grid::ijk,
+};
 
 use crate::{
     flat::*,
@@ -47,9 +49,7 @@ fn index_of(grid: &Grid, masks: &[&dyn Fn(DVec3) -> bool]) -> TumorIndex {
     let made: Vec<Mask> = masks
         .iter()
         .map(|inside| {
-            let bits = MaskBits::from_fn(dims, |l| {
-                inside(grid.center_of_voxel_mm([l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]]))
-            });
+            let bits = MaskBits::from_fn(dims, |l| inside(grid.center_of_voxel_mm(ijk(dims, l))));
             Mask::new("m", grid.clone(), bits).unwrap()
         })
         .collect();
@@ -86,9 +86,7 @@ fn slices_of_a_linear_image_are_exact_on_every_grid() {
         let value = |world: DVec3| gradient.dot(world - middle) + 40.0;
         let dims = grid.dims();
         let stored = (0..grid.voxel_count())
-            .map(|l| {
-                value(grid.center_of_voxel_mm([l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]]))
-            })
+            .map(|l| value(grid.center_of_voxel_mm(ijk(dims, l))))
             .map(|v| (v - 1000.0) / 0.5)
             .collect();
         let scaling = Scaling { slope: 0.5, intercept: 1000.0 };
@@ -205,7 +203,7 @@ fn stored_as(order: [usize; 3], flips: [bool; 3], value: &dyn Fn([usize; 3]) -> 
     let matrix3 = DMat3::from_cols(columns[0], columns[1], columns[2]);
     let grid = Grid::new(dims, DAffine3 { matrix3, translation }, Sides::Known).unwrap();
     let ras_of = |l: usize| {
-        let ijk = [l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]];
+        let ijk = ijk(dims, l);
         let mut ras = [0; 3];
         for a in 0..3 {
             ras[order[a]] = if flips[a] { dims[a] - 1 - ijk[a] } else { ijk[a] };

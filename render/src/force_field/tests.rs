@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 use glioscope_core::{
     Grid, MaskBits, Progress,
+    grid::ijk,
     skeleton::{
         Charge, ForceSource, ForceTask, Level, Refused, Skeleton, SkeletonOptions, force_field,
         force_field_with, skeleton, skeleton_with,
@@ -37,8 +38,7 @@ fn capsule(
     let middle = (grid.center_of_voxel_mm([0; 3]) + grid.center_of_voxel_mm(dims.map(|n| n - 1))) * 0.5
         + DVec3::new(0.13, 0.29, -0.21);
     let bits = MaskBits::from_fn(dims, |l| {
-        let p =
-            grid.center_of_voxel_mm([l % dims[0], l / dims[0] % dims[1], l / (dims[0] * dims[1])]) - middle;
+        let p = grid.center_of_voxel_mm(ijk(dims, l)) - middle;
         p.distance(DVec3::new(p.x.clamp(-half_mm, half_mm), 0.0, 0.0)) <= radius_mm
     });
     (bits, grid)

@@ -1,17 +1,17 @@
-//! The numbers as CSV, and the page that says what they mean.
+//! The numbers as CSV, and the Markdown page.
 
 use std::fmt::Write;
 
 use glioscope_core::csv::Table;
 
-use super::{Begun, durations, plot::Plot};
+use super::{RunStart, durations, plot::Plot};
 use crate::{
-    accuracy::{Axis, Defaults, Measured, front},
+    accuracy::{Axis, Defaults, MeasuredFamily, front},
     clock::{Timing, load_average, machine},
 };
 
-/// A row a point.
-pub(super) fn csv(measured: &[Measured]) -> Vec<u8> {
+/// One row per point.
+pub(super) fn csv(measured: &[MeasuredFamily]) -> Vec<u8> {
     let number = |value: Option<f64>| value.map(|v| format!("{v:e}")).unwrap_or_default();
     let mut table = Table::new([
         "family",
@@ -72,19 +72,19 @@ pub(super) fn csv(measured: &[Measured]) -> Vec<u8> {
     table.into_bytes()
 }
 
-/// The page; pictures are in the folder `images` beside it.
-pub(super) fn markdown(measured: &[Measured], plots: &[Plot<'_>], begun: &Begun) -> String {
+/// The page; plots are in the folder `images` beside it.
+pub(super) fn markdown(measured: &[MeasuredFamily], plots: &[Plot<'_>], run_start: &RunStart) -> String {
     let mut out = String::new();
     // Writing to a string can't fail.
-    let _ = write_page(&mut out, measured, plots, begun);
+    let _ = write_page(&mut out, measured, plots, run_start);
     out
 }
 
 fn write_page(
     out: &mut String,
-    measured: &[Measured],
+    measured: &[MeasuredFamily],
     plots: &[Plot<'_>],
-    begun: &Begun,
+    run_start: &RunStart,
 ) -> std::fmt::Result {
     let command: Vec<String> = std::env::args().skip(1).collect();
     let load = |l: Option<f64>| l.map_or("unknown".to_owned(), |l| format!("{l:.1}"));
@@ -105,17 +105,17 @@ fn write_page(
          displayed picture, RMS and largest.\n\
          - Pareto points, filled in the plots, are those that no other point of the same plot beats in cost \
          and RMS error. Tables hold them and the defaults; all points are in accuracy.csv.",
-        date = begun.date,
+        date = run_start.date,
         command = command.join(" "),
         machine = machine(),
-        before = load(begun.load),
+        before = load(run_start.load),
         after = load(load_average()),
-        adapter = begun.adapter,
+        adapter = run_start.adapter,
         took = durations(measured),
     )?;
-    for Measured { family, curves, .. } in measured {
+    for MeasuredFamily { family, curves, .. } in measured {
         writeln!(out, "\n## {}\n\n{}", family.title, family.about)?;
-        let presets = front::of_presets(family.defaults, curves);
+        let presets = front::preset_verdicts(family.defaults, curves);
         if !presets.is_empty() {
             write!(out, "\n{presets}")?;
         }
@@ -128,14 +128,18 @@ fn write_page(
 
 fn section(out: &mut String, plot: &Plot<'_>) -> std::fmt::Result {
     let Some(first) = plot.curves.first() else { return Ok(()) };
-    let off = match first.truth_error {
+    let truth_error = match first.truth_error {
         Some(e) => format!("itself off by {} (RMS)", number(e)),
         None => "taken as exact".to_owned(),
     };
-    writeln!(out, "\n### {}\n\nTruth: {}; {off}. Errors in {}.\n", first.scene, first.truth, first.unit)?;
+    writeln!(
+        out,
+        "\n### {}\n\nTruth: {}; {truth_error}. Errors in {}.\n",
+        first.scene, first.truth, first.unit
+    )?;
     writeln!(out, "![error against time](images/{})\n", plot.file_name())?;
     if plot.family.defaults == Defaults::One {
-        for line in front::of_scene(&plot.curves) {
+        for line in front::scene_verdicts(&plot.curves) {
             writeln!(out, "{line}\n")?;
         }
     }
@@ -148,7 +152,7 @@ fn section(out: &mut String, plot: &Plot<'_>) -> std::fmt::Result {
         for p in c.points.iter().filter(|p| p.is_pareto || p.is_default || c.axis == Axis::Knob) {
             let mib = p.peak_bytes.map_or("–".to_owned(), |b| (b >> 20).to_string());
             let delta_e = p.delta_e.map_or("–".to_owned(), |d| format!("{:.2}, {:.1}", d[0], d[1]));
-            let marks = [(p.is_default, plot.family.defaults.word()), (p.is_pareto, "Pareto")];
+            let marks = [(p.is_default, plot.family.defaults.label()), (p.is_pareto, "Pareto")];
             let marks: Vec<&str> = marks.iter().filter(|(is, _)| *is).map(|(_, word)| *word).collect();
             writeln!(
                 out,

@@ -1,4 +1,4 @@
-//! A family's curves on a scene: error against time, both logarithmic.
+//! Plots of a family's curves on one scene: error against time, both logarithmic.
 
 use plotters::{
     coord::Shift,
@@ -8,7 +8,7 @@ use plotters::{
 
 use crate::{
     Outcome,
-    accuracy::{Axis, Curve, Defaults, Family, Measured, Point},
+    accuracy::{Axis, Curve, Defaults, Family, MeasuredFamily, Point},
 };
 
 /// Pixels.
@@ -16,7 +16,7 @@ const SIZE: (u32, u32) = (900, 520);
 const INK: RGBColor = RGBColor(40, 40, 40);
 const FAINT: RGBColor = RGBColor(222, 222, 222);
 const GREY: RGBColor = RGBColor(130, 130, 130);
-/// Told apart with common colour vision deficiencies (Okabe and Ito 2008).
+/// Distinguishable with common colour vision deficiencies (Okabe and Ito 2008).
 const COLORS: [RGBColor; 5] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -24,11 +24,11 @@ const COLORS: [RGBColor; 5] = [
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
 ];
-const TRUTH: &str = "the truth itself is off by this";
-/// Size of the words beside points.
-const SMALL: f64 = 11.5;
+const TRUTH_LABEL: &str = "the truth itself is off by this";
+/// Font size of point labels, pixels.
+const LABEL_SIZE: f64 = 11.5;
 
-/// A picture to be.
+/// A plot of the curves on one scene.
 pub(super) struct Plot<'a> {
     pub family: &'static Family,
     /// The curves on one scene.
@@ -38,7 +38,7 @@ pub(super) struct Plot<'a> {
 }
 
 /// A plot for each scene, in the order of the curves.
-pub(super) fn of_family(measured: &Measured) -> Vec<Plot<'_>> {
+pub(super) fn of_family(measured: &MeasuredFamily) -> Vec<Plot<'_>> {
     let mut out: Vec<Plot<'_>> = Vec::new();
     for curve in &measured.curves {
         let same = |plot: &&mut Plot<'_>| plot.curves.iter().any(|c| c.scene == curve.scene);
@@ -54,7 +54,7 @@ pub(super) fn of_family(measured: &Measured) -> Vec<Plot<'_>> {
 }
 
 impl Plot<'_> {
-    /// Its name in the folder `images`.
+    /// File name in the folder `images`.
     pub fn file_name(&self) -> String {
         match self.number {
             1 => format!("accuracy-{}.svg", self.family.name),
@@ -62,10 +62,10 @@ impl Plot<'_> {
         }
     }
 
-    /// The picture.
+    /// Draws the plot.
     ///
     /// # Errors
-    /// Where the backend refuses what is drawn.
+    /// When the drawing backend fails.
     pub fn svg(&self) -> Outcome<String> {
         let mut svg = String::new();
         {
@@ -88,13 +88,13 @@ impl Plot<'_> {
         self.curves.first().map_or(Axis::Time, |c| c.axis)
     }
 
-    /// Where a point lies: cost or knob, and error.
+    /// Coordinates of a point in the plot: cost or knob, and RMS error; `None` without a cost.
     fn place(&self, point: &Point) -> Option<(f64, f64)> {
-        let along = match self.axis() {
+        let x = match self.axis() {
             Axis::Time => point.cost()?.median_ms,
             Axis::Knob => point.value,
         };
-        Some((along, point.error_rms))
+        Some((x, point.error_rms))
     }
 
     fn truth_error(&self) -> Option<f64> {
@@ -102,7 +102,7 @@ impl Plot<'_> {
     }
 }
 
-/// From below the least of these to above the greatest, for a logarithmic axis: what is not positive has no place.
+/// Range of a logarithmic axis, with a margin around the positive values; others are ignored.
 fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let positive = values.filter(|v| *v > 0.0 && v.is_finite());
     let (low, high) = positive.fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), v| (l.min(v), h.max(v)));
@@ -131,10 +131,10 @@ fn draw<'p, DB: DrawingBackend>(
     root.draw(&Text::new(first.scene.as_str(), (12, 38), text(12.0, GREY, HPos::Left)))?;
     root.draw(&Text::new(format!("error (RMS), {}", first.unit), (12, 60), text(12.0, INK, HPos::Left)))?;
     if plot.axis() == Axis::Time {
-        let words = format!("filled: on the measured front; ringed: {}", plot.family.defaults.word());
-        root.draw(&Text::new(words, (878, 60), text(12.0, GREY, HPos::Right)))?;
+        let legend = format!("filled: on the measured front; ringed: {}", plot.family.defaults.label());
+        root.draw(&Text::new(legend, (878, 60), text(12.0, GREY, HPos::Right)))?;
     }
-    let along = match plot.axis() {
+    let x_description = match plot.axis() {
         Axis::Time if plot.points().any(|(p, _)| p.cpu.is_some()) => {
             "median processor time of all threads, ms; bars from first to third quartile"
         }
@@ -149,7 +149,7 @@ fn draw<'p, DB: DrawingBackend>(
         .margin_right(22)
         .x_label_area_size(46)
         .y_label_area_size(66)
-        // Room above for the legend: no point lies under it.
+        // Headroom for the legend, which must not cover points.
         .build_cartesian_2d((left..right).log_scale(), (low..high * 4.0).log_scale())?;
     chart
         .configure_mesh()
@@ -160,19 +160,24 @@ fn draw<'p, DB: DrawingBackend>(
         .y_labels(8)
         .x_label_formatter(&tick)
         .y_label_formatter(&tick)
-        .x_desc(along)
+        .x_desc(x_description)
         .label_style(text(11.0, INK, HPos::Center))
         .axis_desc_style(text(12.0, INK, HPos::Center))
         .draw()?;
-    if let Some(off) = plot.truth_error() {
-        chart.draw_series(DashedLineSeries::new([(left, off), (right, off)], 6, 4, GREY.stroke_width(1)))?;
+    if let Some(error) = plot.truth_error() {
+        chart.draw_series(DashedLineSeries::new(
+            [(left, error), (right, error)],
+            6,
+            4,
+            GREY.stroke_width(1),
+        ))?;
     }
     let mut front: Vec<(f64, f64)> =
         plot.points().filter(|(p, _)| p.is_pareto).filter_map(|(p, _)| plot.place(p)).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
     chart.draw_series(LineSeries::new(front, GREY.stroke_width(2)))?;
     for (curve, color) in plot.colored() {
-        for run in sweeps(&curve.points) {
+        for run in monotonic_runs(&curve.points) {
             let places = run.iter().filter_map(|p| plot.place(p));
             chart.draw_series(LineSeries::new(places, color.stroke_width(1)))?;
         }
@@ -199,38 +204,38 @@ fn draw<'p, DB: DrawingBackend>(
         .label_font(text(12.0, INK, HPos::Left))
         .draw()?;
     let place = |p: &Point| plot.place(p).map(|place| chart.backend_coord(&place));
-    for label in labels(plot, place, plot.truth_error().map(|off| chart.backend_coord(&(left, off)).1)) {
-        let anchor = if label.leftwards { HPos::Right } else { HPos::Left };
-        root.draw(&Text::new(label.words, label.at, text(SMALL, label.color, anchor)))?;
+    for label in labels(plot, place, plot.truth_error().map(|error| chart.backend_coord(&(left, error)).1)) {
+        let anchor = if label.is_right_aligned { HPos::Right } else { HPos::Left };
+        root.draw(&Text::new(label.text, label.at, text(LABEL_SIZE, label.color, anchor)))?;
     }
     Ok(())
 }
 
-/// Neighbours whose knob rises, or falls, all along: three at least, or all that there are.
-fn sweeps(points: &[Point]) -> impl Iterator<Item = &[Point]> {
-    let least = points.len().clamp(2, 3);
-    let way = |w: &[Point]| w.first().zip(w.last()).and_then(|(a, b)| a.value.partial_cmp(&b.value));
+/// Runs of consecutive points whose knob rises, or falls, monotonically: at least three points, or all if fewer.
+fn monotonic_runs(points: &[Point]) -> impl Iterator<Item = &[Point]> {
+    let min_points = points.len().clamp(2, 3);
+    let direction = |w: &[Point]| w.first().zip(w.last()).and_then(|(a, b)| a.value.partial_cmp(&b.value));
     let mut start = 0;
     let mut runs = Vec::new();
     for end in 1..=points.len() {
-        let own = points.get(start..(start + 2).min(points.len())).and_then(way);
-        let next = points.get(end.saturating_sub(1)..=end).and_then(way);
-        let goes_on = next.is_some() && next == own && next != Some(std::cmp::Ordering::Equal);
-        if !goes_on {
-            runs.extend(points.get(start..end).filter(|run| run.len() >= least));
+        let own = points.get(start..(start + 2).min(points.len())).and_then(direction);
+        let next = points.get(end.saturating_sub(1)..=end).and_then(direction);
+        let continues = next.is_some() && next == own && next != Some(std::cmp::Ordering::Equal);
+        if !continues {
+            runs.extend(points.get(start..end).filter(|run| run.len() >= min_points));
             start = end;
         }
     }
     runs.into_iter()
 }
 
-/// Words beside a point.
+/// Text beside a point.
 #[derive(Clone, Debug)]
 struct Label {
-    words: String,
-    /// Middle of the left end, or of the right one.
+    text: String,
+    /// Pixel at half height of the left end, or of the right end if `is_right_aligned`.
     at: (i32, i32),
-    leftwards: bool,
+    is_right_aligned: bool,
     color: RGBColor,
 }
 
@@ -239,64 +244,66 @@ type Area = [i32; 4];
 
 impl Label {
     fn area(&self) -> Area {
-        // No letter of the usual fonts is wider on average.
-        let width = (0.54 * SMALL * self.words.chars().count() as f64) as i32;
-        let left = if self.leftwards { self.at.0 - width } else { self.at.0 };
+        // At least the average width of letters in usual fonts.
+        let width = (0.54 * LABEL_SIZE * self.text.chars().count() as f64) as i32;
+        let left = if self.is_right_aligned { self.at.0 - width } else { self.at.0 };
         [left, self.at.1 - 6, left + width, self.at.1 + 6]
     }
 }
 
-fn meet(a: &Area, b: &Area) -> bool {
+fn overlap(a: &Area, b: &Area) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
-/// Names of points where they hide neither a point nor each other: the defaults, then the front, then the ends of what
-/// is swept in one go. `place` is in pixels; `truth` the height of the truth's own error.
+/// Labels of points, placed where they cover neither a point nor each other: the defaults first, then the front and the
+/// ends of curves that are one monotonic run. `place` gives pixels; `truth` is the pixel row of the truth's own error.
 fn labels(plot: &Plot<'_>, place: impl Fn(&Point) -> Option<(i32, i32)>, truth: Option<i32>) -> Vec<Label> {
     let around = |(x, y): (i32, i32)| [x - 5, y - 5, x + 5, y + 5];
-    let mut taken: Vec<Area> = plot.points().filter_map(|(p, _)| place(p)).map(around).collect();
+    let mut occupied: Vec<Area> = plot.points().filter_map(|(p, _)| place(p)).map(around).collect();
     // The legend.
-    taken.push([600, 0, SIZE.0 as i32, 84 + 18 * plot.curves.len() as i32]);
+    occupied.push([600, 0, SIZE.0 as i32, 84 + 18 * plot.curves.len() as i32]);
     let mut out = Vec::new();
-    let mut put = |taken: &mut Vec<Area>, (x, y): (i32, i32), words: &str, color: RGBColor, always: bool| {
-        let sides = [-12, 13, -24, 25].into_iter().flat_map(|dy| [(10, dy), (-10, dy)]);
-        let mut beside = sides.map(|(dx, dy)| Label {
-            words: words.to_owned(),
-            at: (x + dx, y + dy),
-            leftwards: dx < 0,
-            color,
-        });
-        let free = |label: &Label| {
-            let area = label.area();
-            let inside = area[0] > 70 && area[2] < SIZE.0 as i32 && area[1] > 74 && area[3] < 470;
-            inside && !taken.iter().any(|t| meet(t, &area))
+    let mut add_label =
+        |occupied: &mut Vec<Area>, (x, y): (i32, i32), text: &str, color: RGBColor, always: bool| {
+            let sides = [-12, 13, -24, 25].into_iter().flat_map(|dy| [(10, dy), (-10, dy)]);
+            let mut beside = sides.map(|(dx, dy)| Label {
+                text: text.to_owned(),
+                at: (x + dx, y + dy),
+                is_right_aligned: dx < 0,
+                color,
+            });
+            let free = |label: &Label| {
+                let area = label.area();
+                let inside = area[0] > 70 && area[2] < SIZE.0 as i32 && area[1] > 74 && area[3] < 470;
+                inside && !occupied.iter().any(|t| overlap(t, &area))
+            };
+            let label = beside.clone().find(free).or(beside.next().filter(|_| always));
+            occupied.extend(label.iter().map(Label::area));
+            out.extend(label);
         };
-        let label = beside.clone().find(free).or(beside.next().filter(|_| always));
-        taken.extend(label.iter().map(Label::area));
-        out.extend(label);
-    };
     if let Some(y) = truth {
-        put(&mut taken, (66, y), TRUTH, GREY, true);
-        taken.push([66, y - 2, SIZE.0 as i32, y + 2]);
+        add_label(&mut occupied, (66, y), TRUTH_LABEL, GREY, true);
+        occupied.push([66, y - 2, SIZE.0 as i32, y + 2]);
     }
     let dark = |c: RGBColor| RGBColor(c.0 / 10 * 7, c.1 / 10 * 7, c.2 / 10 * 7);
-    let word = plot.family.defaults.word();
+    let kind = plot.family.defaults.label();
     for (point, color) in plot.points().filter(|(p, _)| p.is_default) {
-        let words = match plot.family.defaults {
-            Defaults::One => format!("{word}: {}", point.setting),
+        let text = match plot.family.defaults {
+            Defaults::One => format!("{kind}: {}", point.setting),
             Defaults::Presets => point.setting.clone(),
         };
         if let Some(at) = place(point) {
-            put(&mut taken, at, &words, dark(color), true);
+            add_label(&mut occupied, at, &text, dark(color), true);
         }
     }
     for (curve, color) in plot.colored() {
-        let whole = sweeps(&curve.points).next().is_some_and(|run| run.len() == curve.points.len());
+        let is_one_run =
+            monotonic_runs(&curve.points).next().is_some_and(|run| run.len() == curve.points.len());
         let last = curve.points.len().saturating_sub(1);
         for (number, point) in curve.points.iter().enumerate().filter(|(_, p)| !p.is_default) {
-            let wanted = point.is_pareto || (whole && (number == 0 || number == last));
+            let wanted = point.is_pareto || (is_one_run && (number == 0 || number == last));
             if let Some(at) = place(point).filter(|_| wanted) {
-                put(&mut taken, at, &point.setting, dark(color), false);
+                add_label(&mut occupied, at, &point.setting, dark(color), false);
             }
         }
     }
@@ -336,9 +343,10 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_swept_is_joined() {
-        let runs =
-            |values: &[f64]| -> Vec<usize> { sweeps(&curve(values).points).map(<[Point]>::len).collect() };
+    fn only_monotonic_runs_are_joined() {
+        let runs = |values: &[f64]| -> Vec<usize> {
+            monotonic_runs(&curve(values).points).map(<[Point]>::len).collect()
+        };
         assert_eq!(runs(&[4.0, 2.0, 1.0, 4.0, 2.0, 1.0, 0.5]), [3, 4]);
         assert_eq!(runs(&[1.0, 2.0]), [2]);
         assert_eq!(runs(&[1.0, 1.0, 1.0]), [0; 0]);
@@ -347,19 +355,19 @@ mod tests {
         assert_eq!(runs(&[]), [0; 0]);
     }
 
-    /// Points so close that not all can be named: the default is, and no words lie on others or past the edge.
+    /// Points so close that not all can be labelled: the default is, and no label overlaps another or crosses the edge.
     #[test]
-    fn words_keep_clear_of_each_other() {
+    fn labels_do_not_overlap() {
         let crowd = curve(&[0.0; 60]);
         let plot = Plot { family: FAMILIES[0], curves: vec![&crowd], number: 1 };
         let place = |p: &Point| plot.place(p).map(|(x, y)| ((40.0 * x - 300.0) as i32, (4000.0 * y) as i32));
         let labels = labels(&plot, place, Some(440));
-        assert!(labels.iter().any(|l| l.words.starts_with("default: ")));
+        assert!(labels.iter().any(|l| l.text.starts_with("default: ")));
         assert!(labels.len() > 4 && labels.len() < 60, "{}", labels.len());
         for (n, label) in labels.iter().enumerate() {
             let area = label.area();
             assert!(area[0] > 65 && area[2] < SIZE.0 as i32, "{label:?}");
-            assert!(labels[..n].iter().all(|other| !meet(&other.area(), &area)), "{label:?}");
+            assert!(labels[..n].iter().all(|other| !overlap(&other.area(), &area)), "{label:?}");
         }
         assert!(plot.svg().unwrap().contains("number 2"));
     }

@@ -1,6 +1,7 @@
 //! Prefiltered extinction.
 
 use glam::DVec3;
+use glioscope_core::grid::ijk;
 use rayon::prelude::*;
 
 /// Optical thickness at which a cell is opaque.
@@ -68,7 +69,7 @@ fn halved(level: &Shape, spacing_mm: DVec3, inside: impl Fn([usize; 3]) -> f64 +
     let extinction = (0..dims.iter().product::<usize>())
         .into_par_iter()
         .map(|l| {
-            let to = [l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]];
+            let to = ijk(dims, l);
             let child = |i: usize| {
                 let shift = [i & 1, i >> 1 & 1, i >> 2];
                 at(std::array::from_fn(|a| if joins[a] { 2 * to[a] + shift[a] } else { to[a] }))

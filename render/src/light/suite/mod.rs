@@ -9,6 +9,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use glioscope_core::{
     Grid, Samples, Scaling, Selection, Volume,
+    grid::ijk,
     optics::{Camera, Projection, Sight},
 };
 
@@ -35,7 +36,7 @@ pub(crate) fn lumps(grid: &Grid) -> Arc<ContextVolume> {
     let dims = grid.dims();
     let values = (0..grid.voxel_count())
         .map(|l| {
-            let p = [l % dims[0], l / dims[0] % dims[1], l / dims[0] / dims[1]];
+            let p = ijk(dims, l);
             let x = DVec3::from_array(std::array::from_fn(|a| (p[a] as f64 + 0.5) / dims[a] as f64 - 0.5));
             let wave = (x.x * 17.0).sin() + (x.y * 13.0 + 1.0).sin() + (x.z * 11.0 + 2.0).sin();
             (55.0 + 12.0 * wave + 4.0 * noise(p, 5)) * ((0.45 - x.length()) * 6.0).clamp(0.0, 1.0)

@@ -7,6 +7,7 @@ use glam::DVec3;
 use glioscope_core::{
     Grid, Mask, MaskBits, RegionVolume, Regions, TumorIndex,
     change::{Change, SurfaceChange, Unpartnered},
+    grid::ijk,
 };
 
 /// Index bit of the earlier mask, as in lib/change.wgsl.
@@ -87,9 +88,9 @@ impl ChangeSurface {
         let local_grid = grid.crop(start, dims).ok()?;
         let cropped = |mask: &MaskBits| {
             let mut out = MaskBits::empty(dims);
-            let [nx, ny, _] = grid.dims();
+            let dims = grid.dims();
             mask.for_each(|l| {
-                let v = [l % nx, l / nx % ny, l / (nx * ny)];
+                let v = ijk(dims, l);
                 out.set(std::array::from_fn(|a| v[a] - start[a]));
             });
             out
@@ -146,8 +147,8 @@ impl ChangeSurface {
 
     /// The voxel of the case grid with number `linear` in the volume.
     pub(crate) fn voxel(&self, linear: usize) -> [usize; 3] {
-        let [nx, ny, _] = self.volume.grid().dims();
-        let v = [linear % nx, linear / nx % ny, linear / (nx * ny)];
+        let dims = self.volume.grid().dims();
+        let v = ijk(dims, linear);
         std::array::from_fn(|a| self.start[a] + v[a])
     }
 

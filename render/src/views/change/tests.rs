@@ -9,6 +9,7 @@ use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{
     Grid, MaskBits, Progress,
     change::{Change, ChangeOptions, change},
+    grid::ijk,
     optics::{Camera, Projection},
 };
 
@@ -68,10 +69,8 @@ fn cubic(n: usize) -> Grid {
 }
 
 fn mask(grid: &Grid, active: impl Fn(DVec3) -> bool) -> MaskBits {
-    let [nx, ny, _] = grid.dims();
-    MaskBits::from_fn(grid.dims(), |l| {
-        active(DVec3::new((l % nx) as f64, (l / nx % ny) as f64, (l / (nx * ny)) as f64))
-    })
+    let dims = grid.dims();
+    MaskBits::from_fn(grid.dims(), |l| active(DVec3::from_array(ijk(dims, l).map(|v| v as f64))))
 }
 
 fn ball(center: DVec3, radius: f64) -> impl Fn(DVec3) -> bool {

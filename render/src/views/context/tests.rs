@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{
     Grid, Samples, Scaling, Volume,
+    grid::ijk,
     optics::{Camera, Projection},
 };
 
@@ -44,8 +45,7 @@ const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };
 
 fn image(grid: &Grid, value: impl Fn([usize; 3]) -> f64) -> Arc<ContextVolume> {
     let d = grid.dims();
-    let values =
-        (0..grid.voxel_count()).map(|l| value([l % d[0], l / d[0] % d[1], l / d[0] / d[1]])).collect();
+    let values = (0..grid.voxel_count()).map(|l| value(ijk(d, l))).collect();
     let volume = Volume::new(grid.clone(), Samples::F64(values), Scaling::NONE).unwrap();
     Arc::new(ContextVolume::new(Arc::new(volume)))
 }

@@ -1,5 +1,5 @@
-//! What the whole-program tests share: the window on the sample without a display, the program as a
-//! process, real data, and pictures compared with goldens.
+//! Shared helpers of the whole-program tests: the window without a display, the program as a process, real data, and
+//! comparison of images with goldens.
 
 use std::{
     path::{Path, PathBuf},
@@ -29,14 +29,14 @@ pub fn software_setup() -> WgpuSetup {
     software_setup_with(None)
 }
 
-/// As [`software_setup`], on a device whose buffers hold at most so many bytes.
-fn software_setup_with(most_bytes: Option<u64>) -> WgpuSetup {
+/// As [`software_setup`], with device buffers limited to `max_buffer_bytes` each.
+fn software_setup_with(max_buffer_bytes: Option<u64>) -> WgpuSetup {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     setup.instance_descriptor = gpu::instance_descriptor();
     setup.native_adapter_selector = Some(adapter_selector(AdapterPreference::SoftwareOnly));
     setup.device_descriptor = Arc::new(move |adapter| {
         let mut descriptor = gpu::device_descriptor(adapter);
-        if let Some(bytes) = most_bytes {
+        if let Some(bytes) = max_buffer_bytes {
             descriptor.required_limits.max_storage_buffer_binding_size = bytes;
             descriptor.required_limits.max_buffer_size = bytes;
         }
@@ -45,7 +45,7 @@ fn software_setup_with(most_bytes: Option<u64>) -> WgpuSetup {
     WgpuSetup::CreateNew(setup)
 }
 
-/// A workstation with this case open.
+/// A workstation with `case` open.
 ///
 /// # Panics
 /// When the case doesn't load.
@@ -60,7 +60,7 @@ pub fn workstation(case: CaseRef) -> Workstation {
     }
 }
 
-/// The whole window on a case, drawn without a display.
+/// The application window with `case` open, rendered without a display.
 ///
 /// # Panics
 /// When there is no software adapter.
@@ -68,7 +68,7 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Window {
     window_with(workstation(case), size, theme)
 }
 
-/// The whole window on a workstation.
+/// As [`window_on`], for a given workstation.
 ///
 /// # Panics
 /// When there is no software adapter.
@@ -76,7 +76,7 @@ pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Win
     harness(work, size, theme, software_setup(), GlioscopeApp::refined)
 }
 
-/// As [`window_on`], but 3D views are drawn as drafts while something moves, as for a user.
+/// As [`window_on`], but 3D views draw drafts while something moves, as they do for a user.
 ///
 /// # Panics
 /// When there is no software adapter.
@@ -84,12 +84,12 @@ pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Window {
     harness(workstation(case), size, egui::Theme::Light, software_setup(), |app| app)
 }
 
-/// As [`window_on`], on a graphics device whose buffers hold at most `most_bytes`.
+/// As [`window_on`], on a graphics device whose buffers are limited to `max_buffer_bytes` each.
 ///
 /// # Panics
 /// When there is no software adapter.
-pub fn window_on_small_device(case: CaseRef, size: [f32; 2], most_bytes: u64) -> Window {
-    let setup = software_setup_with(Some(most_bytes));
+pub fn window_on_small_device(case: CaseRef, size: [f32; 2], max_buffer_bytes: u64) -> Window {
+    let setup = software_setup_with(Some(max_buffer_bytes));
     harness(workstation(case), size, egui::Theme::Light, setup, GlioscopeApp::refined)
 }
 
@@ -119,7 +119,7 @@ fn harness(
 /// The software adapter, for renderers without a window.
 ///
 /// # Panics
-/// When there is none.
+/// When there is no software adapter.
 pub fn software_gpu() -> Gpu {
     match Gpu::headless(AdapterPreference::SoftwareOnly) {
         Ok(gpu) => gpu,
@@ -130,27 +130,27 @@ pub fn software_gpu() -> Gpu {
 /// The window in a test.
 pub type Window = Harness<'static, GlioscopeApp>;
 
-/// Carries out a command; nothing is drawn yet.
+/// Performs a command without running a frame.
 pub fn issue(harness: &mut Window, command: impl Into<UserCommand>) {
     let ctx = harness.ctx.clone();
     harness.state_mut().perform(&ctx, &command.into(), Instant::now());
 }
 
-/// Carries out a command and draws until nothing changes any more.
+/// Performs a command and runs frames until the window is idle.
 pub fn perform(harness: &mut Window, command: impl Into<UserCommand>) {
     issue(harness, command);
     harness.run_ok();
 }
 
-/// What went wrong last, in words; empty for nothing.
+/// Text of the current error; empty without one.
 pub fn error_text(harness: &Harness<'_, GlioscopeApp>) -> String {
     harness.state().work.error.as_ref().map(ToString::to_string).unwrap_or_default()
 }
 
-/// The document of a window with a case.
+/// The document of the open case.
 ///
 /// # Panics
-/// Without one.
+/// When no case is open.
 pub fn doc<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a Document {
     match &harness.state().work.doc {
         Some(doc) => doc,
@@ -158,10 +158,10 @@ pub fn doc<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a Document {
     }
 }
 
-/// What a pane's 3D view drew.
+/// Plan, quality and notes of the frame last drawn in a pane's 3D view.
 ///
 /// # Panics
-/// When the pane has none.
+/// When the pane has no 3D view.
 pub fn screens(harness: &mut Window, pane: PaneId) -> &mut dyn ScreenReport {
     match harness.state_mut().panes.screen(pane) {
         Some(screen) => screen,
@@ -169,10 +169,10 @@ pub fn screens(harness: &mut Window, pane: PaneId) -> &mut dyn ScreenReport {
     }
 }
 
-/// The picture of one pane.
+/// Renders the window and crops one pane.
 ///
 /// # Panics
-/// When it isn't drawn.
+/// When the pane isn't visible.
 pub fn pane_picture(harness: &mut Window, pane: PaneId) -> RgbaImage {
     let Some(rect) = harness.state().pane_rect(pane) else { fail(&format!("{} is not drawn", pane.title())) };
     match harness.render() {
@@ -181,7 +181,7 @@ pub fn pane_picture(harness: &mut Window, pane: PaneId) -> RgbaImage {
     }
 }
 
-/// Runs frames until no case is being read and no file written any more.
+/// Runs frames until no worker is loading a case, exporting files or computing results.
 pub fn wait_for_workers(harness: &mut Window) {
     for _ in 0..2000 {
         harness.run_ok();
@@ -208,10 +208,10 @@ impl egui::DroppedFile for Dropped {
     }
 }
 
-/// Lets `pane` fill the window; where it is then.
+/// Maximises `pane` and returns its rectangle.
 ///
 /// # Panics
-/// When it isn't drawn.
+/// When the pane isn't visible.
 pub fn maximized(harness: &mut Window, pane: PaneId) -> egui::Rect {
     perform(harness, EditCommand::MaximizePane(pane));
     match harness.state().pane_rect(pane) {
@@ -220,7 +220,7 @@ pub fn maximized(harness: &mut Window, pane: PaneId) -> egui::Rect {
     }
 }
 
-/// Runs the program.
+/// Runs `program` to its end and captures its output.
 ///
 /// # Panics
 /// When it can't be started.
@@ -231,7 +231,7 @@ pub fn run(program: &str, arguments: &[&str]) -> Output {
     }
 }
 
-/// The folder of real files, or `None` after saying that a test is skipped.
+/// A folder of real data, or `None` after printing that the test is skipped.
 pub fn real_data(folder: &str) -> Option<PathBuf> {
     let root = std::env::var_os("GLIOSCOPE_REAL_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
@@ -239,11 +239,13 @@ pub fn real_data(folder: &str) -> Option<PathBuf> {
     if path.is_dir() {
         return Some(path);
     }
-    say(&format!("SKIPPED: real data folder {folder} is not here (GLIOSCOPE_REAL_DATA names its parent)"));
+    print_line(&format!(
+        "SKIPPED: real data folder {folder} is not here (GLIOSCOPE_REAL_DATA names its parent)"
+    ));
     None
 }
 
-/// A `.tck` file of these fibres.
+/// Writes fibres, points in RAS+ mm, as an MRtrix `.tck` file.
 ///
 /// # Panics
 /// When it can't be written.
@@ -264,12 +266,12 @@ pub fn write_tck(path: &Path, fibers: &[Vec<[f32; 3]>]) {
     }
 }
 
-/// The most by which a channel may differ before a pixel counts as different.
+/// Largest difference of a channel, in 8-bit steps, at which two pixels count as equal.
 const CHANNEL_TOLERANCE: u8 = 24;
-/// The share of pixels that may differ: text anti-aliasing moves a little between Mesa versions.
+/// Largest share of differing pixels: text anti-aliasing varies slightly between Mesa versions.
 const PIXEL_TOLERANCE: f64 = 0.002;
 
-/// Compares a picture with `goldens/NAME.png`. `UPDATE_GOLDENS=1` writes it instead; look at it then.
+/// Compares an image with `goldens/NAME.png`. `UPDATE_GOLDENS=1` overwrites the golden instead; inspect it afterwards.
 ///
 /// # Panics
 /// When they differ, or there is no golden.
@@ -302,22 +304,22 @@ pub fn golden(name: &str, picture: &RgbaImage) {
     let different = picture.pixels().zip(expected.pixels()).filter(differs).count();
     let share = different as f64 / f64::from(picture.width() * picture.height());
     if share > PIXEL_TOLERANCE {
-        let seen = folder.join(format!("{name}.new.png"));
-        let _ = picture.save(&seen);
+        let actual_path = folder.join(format!("{name}.new.png"));
+        let _ = picture.save(&actual_path);
         fail(&format!(
             "{name}: {different} pixels ({share:.4}) differ from the golden; see {}",
-            seen.display()
+            actual_path.display()
         ));
     }
 }
 
-/// A part of a picture, in logical points at one pixel a point.
+/// Crops to `rect`, in logical points; `picture` has one pixel per point.
 pub fn crop(picture: &RgbaImage, rect: egui::Rect) -> RgbaImage {
     let (x, y) = (rect.left().max(0.0) as u32, rect.top().max(0.0) as u32);
     image::imageops::crop_imm(picture, x, y, rect.width() as u32, rect.height() as u32).to_image()
 }
 
-/// How many pixels are this colour, within `tolerance` a channel.
+/// Number of pixels of this colour, within `tolerance` (8-bit steps) per channel.
 pub fn count_color(picture: &RgbaImage, [r, g, b]: [u8; 3], tolerance: u8) -> usize {
     let near = |p: &&image::Rgba<u8>| {
         p.0[0].abs_diff(r) <= tolerance && p.0[1].abs_diff(g) <= tolerance && p.0[2].abs_diff(b) <= tolerance
@@ -325,13 +327,13 @@ pub fn count_color(picture: &RgbaImage, [r, g, b]: [u8; 3], tolerance: u8) -> us
     picture.pixels().filter(near).count()
 }
 
-#[allow(clippy::panic, reason = "this library is only for tests: failing is its way to say so")]
+#[allow(clippy::panic, reason = "this library is only for tests, which fail by panicking")]
 #[track_caller]
 fn fail(why: &str) -> ! {
     panic!("{why}")
 }
 
-#[allow(clippy::print_stdout, reason = "a skipped test must say so")]
-fn say(line: &str) {
+#[allow(clippy::print_stdout, reason = "a skipped test must be reported")]
+fn print_line(line: &str) {
     println!("{line}");
 }

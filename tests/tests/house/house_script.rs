@@ -64,7 +64,7 @@ fn a_bare_machine_that_may_not_install_is_told_the_exact_line_and_ends_with_2() 
         said.last().map(String::as_str),
         Some(
             "sudo apt-get install --no-install-recommends gcc libc6-dev libvulkan1 mesa-vulkan-drivers libx11-6 \
-             libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0 xvfb xauth"
+             libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0 xvfb xauth python3-venv"
         )
     );
     Ok(())

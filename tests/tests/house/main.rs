@@ -8,4 +8,6 @@
 )]
 
 mod house_script;
+mod map;
+mod modules;
 mod structure;

@@ -10,24 +10,29 @@ use std::process::Command;
 
 use serde_json::Value;
 
-type Outcome = Result<(), Box<dyn Error>>;
+/// What a check that reads files gives.
+pub type Result<T> = std::result::Result<T, Box<dyn Error>>;
+/// A test's answer.
+pub type Outcome = Result<()>;
 
 /// Who may name whom among our own crates, whatever the kind of dependency (normal, build, dev).
 /// A crate that stands in no row is a finding: a new one needs a rule.
-const MAY_KNOW: [(&str, &[&str]); 5] = [
+const MAY_KNOW: [(&str, &[&str]); 6] = [
     ("glioscope-core", &[]),
     ("glioscope-shaders", &[]),
     ("glioscope-render", &["glioscope-core", "glioscope-shaders"]),
     ("glioscope", &["glioscope-core", "glioscope-render"]),
+    ("glioscope-bench", &["glioscope-core", "glioscope-render"]),
     ("glioscope-tests", &["glioscope", "glioscope-core", "glioscope-render", "glioscope-shaders"]),
 ];
 
 /// What a crate must not reach, directly or through others, when it is built for use (dev-dependencies apart).
 /// A name covers its family: `egui` also means `egui-wgpu` and `egui_tiles`.
-const MUST_NOT_REACH: [(&str, &[&str]); 3] = [
+const MUST_NOT_REACH: [(&str, &[&str]); 4] = [
     ("glioscope-core", &["egui", "eframe", "winit", "wgpu", "naga"]),
     ("glioscope-shaders", &["egui", "eframe", "winit", "wgpu"]),
     ("glioscope-render", &["egui", "eframe", "winit"]),
+    ("glioscope-bench", &["egui", "eframe", "winit"]),
 ];
 
 /// A source file past this many lines is asked why it is one file.
@@ -35,11 +40,11 @@ const MAX_LINES: usize = 800;
 
 // ---- facts ----------------------------------------------------------------------------------------
 
-fn root() -> Result<PathBuf, Box<dyn Error>> {
+pub fn root() -> Result<PathBuf> {
     Ok(Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("tests/ has no parent folder")?.to_path_buf())
 }
 
-fn stdout_of(command: &mut Command) -> Result<String, Box<dyn Error>> {
+fn stdout_of(command: &mut Command) -> Result<String> {
     let output = command.output()?;
     if !output.status.success() {
         return Err(format!("{command:?}: {}", String::from_utf8_lossy(&output.stderr)).into());
@@ -48,7 +53,7 @@ fn stdout_of(command: &mut Command) -> Result<String, Box<dyn Error>> {
 }
 
 /// `cargo metadata` of this workspace, resolved for this platform (the packages of the others may not be here).
-fn metadata() -> Result<Value, Box<dyn Error>> {
+pub fn metadata() -> Result<Value> {
     let version = stdout_of(Command::new("rustc").arg("-vV"))?;
     let host = version.lines().find_map(|l| l.strip_prefix("host: ")).ok_or("rustc -vV names no host")?;
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -64,12 +69,12 @@ fn list<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = &'a Value> {
     value[key].as_array().into_iter().flatten()
 }
 
-fn text<'a>(value: &'a Value, key: &str) -> &'a str {
+pub fn text<'a>(value: &'a Value, key: &str) -> &'a str {
     value[key].as_str().unwrap_or_default()
 }
 
 /// The workspace's own packages in `cargo metadata`'s answer.
-fn members(metadata: &Value) -> Vec<&Value> {
+pub fn members(metadata: &Value) -> Vec<&Value> {
     let ids: BTreeSet<&str> = list(metadata, "workspace_members").filter_map(Value::as_str).collect();
     list(metadata, "packages").filter(|p| ids.contains(text(p, "id"))).collect()
 }
@@ -155,7 +160,7 @@ fn missing_docs_level(manifest: &str) -> Option<String> {
 }
 
 /// Every `.rs` and `.wgsl` file below `folder`, with its number of lines.
-fn line_counts(folder: &Path) -> Result<Vec<(PathBuf, usize)>, Box<dyn Error>> {
+fn line_counts(folder: &Path) -> Result<Vec<(PathBuf, usize)>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))? {
         let path = entry?.path();

@@ -1,4 +1,4 @@
-//! The command line as a process: answers on stdout, one line on stderr, exit codes.
+//! The command line as a process: results on stdout, errors as one line on stderr, exit codes.
 
 use std::path::{Path, PathBuf};
 
@@ -14,8 +14,8 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Exit code 2, nothing on stdout, one line on stderr that holds each of `words`.
-fn refused(arguments: &[&str], words: &[&str]) {
+/// Asserts exit code 2, an empty stdout and one line on stderr that contains each of `words`.
+fn assert_refused(arguments: &[&str], words: &[&str]) {
     let output = run(PROGRAM, arguments);
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
@@ -27,7 +27,7 @@ fn refused(arguments: &[&str], words: &[&str]) {
 }
 
 #[test]
-fn the_sample_is_measured_and_its_json_has_the_documented_keys() {
+fn measure_json_has_the_documented_keys() {
     let report = json(&["measure", "--sample", "--json"]);
     for key in ["case", "grid", "warnings", "time_points"] {
         assert!(report.get(key).is_some(), "{key}");
@@ -41,22 +41,22 @@ fn the_sample_is_measured_and_its_json_has_the_documented_keys() {
         assert_eq!(time["masks"].as_array().unwrap().len(), 3);
         assert_eq!(time["regions"].as_array().unwrap().len(), 7);
         assert_eq!(time["pairs"].as_array().unwrap().len(), 3);
-        let of_regions: u64 =
+        let region_voxels: u64 =
             time["regions"].as_array().unwrap().iter().map(|r| r["voxels"].as_u64().unwrap()).sum();
-        let t1_alone_and_shared: u64 = time["regions"]
+        let t1_voxels: u64 = time["regions"]
             .as_array()
             .unwrap()
             .iter()
             .filter(|r| r["masks"].as_array().unwrap().iter().any(|m| m == "T1"))
             .map(|r| r["voxels"].as_u64().unwrap())
             .sum();
-        assert_eq!(time["masks"][0]["voxels"].as_u64().unwrap(), t1_alone_and_shared);
-        assert!(of_regions > t1_alone_and_shared);
+        assert_eq!(time["masks"][0]["voxels"].as_u64().unwrap(), t1_voxels);
+        assert!(region_voxels > t1_voxels);
     }
 }
 
 #[test]
-fn the_sample_written_as_files_measures_the_same() {
+fn sample_written_as_files_measures_like_the_embedded_one() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("sample");
     let written = run(PROGRAM, &["sample", "--out", out.to_str().unwrap()]);
@@ -67,20 +67,20 @@ fn the_sample_written_as_files_measures_the_same() {
 }
 
 #[test]
-fn wrong_input_is_one_line_and_exit_code_two() {
-    refused(&["measure", "/nowhere/at/all"], &["/nowhere/at/all", "found", "expected"]);
-    refused(&["measure"], &["found no case", "--sample"]);
-    refused(&["measure", "--sample", "--case-grid", "X"], &["X"]);
-    refused(&["render", "--view", "nosuch", "--out", "x.png"], &["--view", "nosuch", "closeup"]);
-    refused(&["render", "--size", "0x0", "--out", "x.png"], &["--size", "0x0"]);
-    refused(&["render", "--lens", "1,2,3,-4", "--out", "x.png"], &["--lens"]);
-    refused(&["render", "--select", "T9", "--out", "x.png"], &["--select", "T9", "T1, T2, PET"]);
-    refused(&["render", "--time", "1999", "--out", "x.png"], &["--time", "2024-01-15"]);
-    refused(&["info", "Cargo.toml.nii"], &["Cargo.toml.nii", "found", "expected"]);
+fn invalid_input_gives_one_error_line_and_exit_code_2() {
+    assert_refused(&["measure", "/nowhere/at/all"], &["/nowhere/at/all", "found", "expected"]);
+    assert_refused(&["measure"], &["found no case", "--sample"]);
+    assert_refused(&["measure", "--sample", "--case-grid", "X"], &["X"]);
+    assert_refused(&["render", "--view", "nosuch", "--out", "x.png"], &["--view", "nosuch", "closeup"]);
+    assert_refused(&["render", "--size", "0x0", "--out", "x.png"], &["--size", "0x0"]);
+    assert_refused(&["render", "--lens", "1,2,3,-4", "--out", "x.png"], &["--lens"]);
+    assert_refused(&["render", "--select", "T9", "--out", "x.png"], &["--select", "T9", "T1, T2, PET"]);
+    assert_refused(&["render", "--time", "1999", "--out", "x.png"], &["--time", "2024-01-15"]);
+    assert_refused(&["info", "Cargo.toml.nii"], &["Cargo.toml.nii", "found", "expected"]);
 }
 
 #[test]
-fn explaining_a_plan_needs_no_graphics_and_gives_reasons() {
+fn explain_gives_reasons_without_rendering() {
     let plain = run(PROGRAM, &["render", "--explain"]);
     let text = String::from_utf8(plain.stdout).unwrap();
     assert!(plain.status.success() && text.contains("runs"), "{text}");
@@ -97,7 +97,7 @@ fn files_below(folder: &Path, into: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn every_malformed_file_ends_in_exit_code_two() {
+fn malformed_files_give_exit_code_2() {
     let Some(folder) = real_data("nifti-malformed") else { return };
     let mut files = Vec::new();
     files_below(&folder, &mut files);
@@ -105,13 +105,13 @@ fn every_malformed_file_ends_in_exit_code_two() {
     for file in files {
         let name = file.file_name().unwrap().to_string_lossy().into_owned();
         let path = file.to_str().unwrap();
-        refused(&["info", path], &["found", "expected"]);
-        refused(&["measure", "--mask", &format!("A={path}")], &[&name, "found", "expected"]);
+        assert_refused(&["info", path], &["found", "expected"]);
+        assert_refused(&["measure", "--mask", &format!("A={path}")], &[&name, "found", "expected"]);
     }
 }
 
 #[test]
-fn the_glioma_case_counts_what_numpy_counts() {
+fn glioma_case_matches_numpy_counts() {
     let Some(folder) = real_data("glioma-5-algorithms") else { return };
     let argument = |id: &str, file: &str| format!("{id}={}:1,2,4", folder.join(file).display());
     let masks = [
@@ -152,7 +152,7 @@ fn the_glioma_case_counts_what_numpy_counts() {
 }
 
 #[test]
-fn ellipsoids_have_the_documented_keys_and_hold_what_they_say() {
+fn ellipsoids_json_has_the_documented_keys_and_consistent_volumes() {
     let report = json(&["ellipsoids", "--sample", "--json"]);
     let measured = json(&["measure", "--sample", "--json"]);
     let components = report["components"].as_array().unwrap();
@@ -186,11 +186,11 @@ fn ellipsoids_have_the_documented_keys_and_hold_what_they_say() {
         assert!((ratio / c["exaggeration"].as_f64().unwrap() - 1.0).abs() < 1e-9);
         assert!(ratio > 1.0 && c["volume_bound"].as_f64().unwrap() <= 1.0 + 1e-7);
     }
-    refused(&["ellipsoids", "--sample", "--connectivity", "7"], &["7", "26"]);
+    assert_refused(&["ellipsoids", "--sample", "--connectivity", "7"], &["7", "26"]);
 }
 
 #[test]
-fn change_has_the_documented_keys_and_wrong_dates_are_named() {
+fn change_json_has_the_documented_keys_and_unknown_dates_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("vectors.csv");
     let report = json(&["change", "--sample", "--of", "T1", "--json", "--csv", csv.to_str().unwrap()]);
@@ -210,28 +210,31 @@ fn change_has_the_documented_keys_and_wrong_dates_are_named() {
     ] {
         assert!(report.get(key).is_some(), "{key}");
     }
-    let counted = |way: &str| report[way]["count"].as_u64().unwrap();
+    let counted = |direction: &str| report[direction]["count"].as_u64().unwrap();
     assert_eq!(counted("growth") + counted("recession"), report["vectors"].as_u64().unwrap());
     let lines = std::fs::read_to_string(&csv).unwrap().lines().count() as u64;
-    assert!(lines > report["vectors"].as_u64().unwrap(), "a head line and a line a vector: {lines}");
-    // What was kept, went and came is what counting the masks gives.
+    assert!(lines > report["vectors"].as_u64().unwrap(), "a header and one line per vector: {lines}");
+    // Kept, gone and new volumes add up to the volumes of the masks.
     let measured = json(&["measure", "--sample", "--json"]);
     let ml = |time: usize| measured["time_points"][time]["masks"][0]["volume_ml"].as_f64().unwrap();
     let of = |key: &str| report[key].as_f64().unwrap();
     assert!((of("kept_ml") + of("gone_ml") - ml(0)).abs() < 1e-9);
     assert!((of("kept_ml") + of("new_ml") - ml(1)).abs() < 1e-9);
-    refused(&["change", "--sample", "--of", "T1", "--to", "2031-01-01"], &["2031-01-01", "2024-04-15"]);
-    refused(&["change", "--sample", "--of", "T9"], &["T9"]);
-    // Without a mask it is the first that both dates have, and that is said.
+    assert_refused(
+        &["change", "--sample", "--of", "T1", "--to", "2031-01-01"],
+        &["2031-01-01", "2024-04-15"],
+    );
+    assert_refused(&["change", "--sample", "--of", "T9"], &["T9"]);
+    // Without --of, the first mask present on both dates is used and reported.
     let output = run(PROGRAM, &["change", "--sample", "--json"]);
     let assumed: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(assumed["mask"], "T1");
     assert!(String::from_utf8_lossy(&output.stderr).contains("the first of T1, T2, PET"));
 }
 
-/// Three dates: numbers and picture compare the first with the last, and both say so.
+/// Three dates: `change` and `render` compare the first with the last, and both report it.
 #[test]
-fn numbers_and_picture_compare_the_same_dates() {
+fn change_and_render_compare_the_same_dates() {
     let folder = tempfile::tempdir().unwrap();
     glioscope_core::sample::write_sample(folder.path()).unwrap();
     let manifest = folder.path().join("case.toml");
@@ -240,25 +243,26 @@ fn numbers_and_picture_compare_the_same_dates() {
     std::fs::write(&manifest, text).unwrap();
     let case = manifest.to_str().unwrap();
     let picture = folder.path().join("change.png");
-    let said = "the dates are 2024-01-15 and 2024-09-01 of 2024-01-15, 2024-04-15, 2024-09-01";
+    let expected_note = "the dates are 2024-01-15 and 2024-09-01 of 2024-01-15, 2024-04-15, 2024-09-01";
     let change = run(PROGRAM, &["change", case, "--json"]);
     let render = ["render", case, "--software", "--size", "64x64", "--view", "change", "--out"];
     let render = run(PROGRAM, &[&render[..], &[picture.to_str().unwrap()]].concat());
     for output in [&change, &render] {
         let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success() && stderr.contains(said), "{stderr}");
+        assert!(output.status.success() && stderr.contains(expected_note), "{stderr}");
     }
     let report: Value = serde_json::from_slice(&change.stdout).unwrap();
     assert_eq!((&report["from"], &report["to"]), (&"2024-01-15".into(), &"2024-09-01".into()));
-    let asked = run(PROGRAM, &["change", case, "--of", "T1", "--from", "2024-01-15", "--to", "2024-09-01"]);
-    assert!(asked.stderr.is_empty(), "what was asked for isn't said again");
+    let explicit =
+        run(PROGRAM, &["change", case, "--of", "T1", "--from", "2024-01-15", "--to", "2024-09-01"]);
+    assert!(explicit.stderr.is_empty(), "explicitly chosen dates aren't reported");
 }
 
 #[test]
-fn options_of_the_3d_views_are_checked() {
+fn invalid_view_options_are_refused() {
     let render = |more: &[&str], words: &[&str]| {
         let all = [&["render", "--sample", "--out", "/dev/null/never.png"], more].concat();
-        refused(&all, words);
+        assert_refused(&all, words);
     };
     render(&["--transfer", "mr"], &["mr-tissue", "ct-soft", "pet-hot"]);
     render(&["--clip", "sideways=3"], &["sideways=3", "right"]);

@@ -1,5 +1,5 @@
-//! Light of the 3D views as figures: directional occlusion beside the headlight, apertures and footprints,
-//! the four mutual occlusions one by one, a clipping plane. Brightness is counted first, then goldens.
+//! Figures of the lighting modes: directional occlusion against the headlight, apertures and footprints, the four
+//! kinds of mutual occlusion one by one, a clipping plane. Each is checked by its brightness and against a golden.
 
 use glioscope::model::CaseRef;
 use glioscope_tests::{golden, real_data, run, workstation, write_tck};
@@ -17,7 +17,7 @@ fn picture(arguments: &[&str]) -> RgbaImage {
     image::open(&path).unwrap().to_rgba8()
 }
 
-/// Mean brightness of the middle of the picture, 0 to 255: no marks and hardly any background.
+/// Mean brightness, 0 to 255, of the middle of the picture, which has no annotations and hardly any background.
 fn brightness(picture: &RgbaImage) -> f64 {
     let middle = image::imageops::crop_imm(picture, 64, 56, 128, 128).to_image();
     let sum: f64 = middle.pixels().map(|p| p.0[..3].iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0).sum();
@@ -30,13 +30,13 @@ fn head(more: &[&str]) -> RgbaImage {
     picture(&[&HEAD[..], more].concat())
 }
 
-/// Slices after the paper: of a wide cone more goes into the tissue beside a place, so it is darker, and
-/// finer footprints change little. All are other than the headlight.
+/// Slices as in the paper: a wider cone passes through more of the surrounding tissue, so the frame is darker; a finer
+/// footprint changes little. All lighting modes differ from the headlight.
 #[test]
-fn directional_occlusion_beside_the_headlight() {
+fn directional_occlusion_differs_from_the_headlight() {
     let headlight = head(&[]);
     golden("figure_headlight", &headlight);
-    let mut seen = Vec::new();
+    let mut brightnesses = Vec::new();
     for (name, aperture, footprint) in [
         ("figure_slices_50_2", "50", "2"),
         ("figure_slices_50_13", "50", "13"),
@@ -46,21 +46,21 @@ fn directional_occlusion_beside_the_headlight() {
         let slices = ["--light", "slices", "--slices", "paper", "--slice-mm", "2", "--aperture", aperture];
         let drawn = head(&[&slices[..], &["--footprint", footprint]].concat());
         golden(name, &drawn);
-        seen.push(brightness(&drawn));
+        brightnesses.push(brightness(&drawn));
     }
-    let [narrow, narrow_fine, wide, wide_fine] = seen[..] else { panic!() };
-    assert!(wide < narrow - 5.0 && wide_fine < narrow_fine - 5.0, "{seen:?}");
-    assert!((narrow - narrow_fine).abs() < 2.0 && (wide - wide_fine).abs() < 2.0, "{seen:?}");
-    let mended = head(&["--light", "slices", "--quality", "balanced"]);
-    golden("figure_slices_mended", &mended);
+    let [narrow, narrow_fine, wide, wide_fine] = brightnesses[..] else { panic!() };
+    assert!(wide < narrow - 5.0 && wide_fine < narrow_fine - 5.0, "{brightnesses:?}");
+    assert!((narrow - narrow_fine).abs() < 2.0 && (wide - wide_fine).abs() < 2.0, "{brightnesses:?}");
+    let balanced_slices = head(&["--light", "slices", "--quality", "balanced"]);
+    golden("figure_slices_mended", &balanced_slices);
     let cones = head(&["--light", "cones", "--quality", "balanced"]);
     golden("figure_cones", &cones);
-    for lit in [&mended, &cones] {
+    for lit in [&balanced_slices, &cones] {
         assert!((brightness(lit) - brightness(&headlight)).abs() > 1.0);
     }
 }
 
-/// A plane that cuts tissue away lets light to what it hid.
+/// A clipping plane that removes tissue lets light reach what the tissue occluded.
 #[test]
 fn a_clipping_plane_changes_the_occlusion() {
     let lit = ["--sample", "--view", "context", "--transfer", "mr-tissue", "--light", "cones"];
@@ -68,13 +68,14 @@ fn a_clipping_plane_changes_the_occlusion() {
     let cut = picture(&[&lit[..], &["--clip", "front=10", "--clip", "top=60"]].concat());
     golden("figure_clip_none", &whole);
     golden("figure_clip", &cut);
-    // Deep inside, where the cut lets in light that the whole head kept out.
-    let other = whole.pixels().zip(cut.pixels()).filter(|(a, b)| a.0[0].abs_diff(b.0[0]) > 12).count();
-    assert!(other > 5000, "{other}");
+    // The removed tissue no longer blocks the light inside the head.
+    let changed_pixels =
+        whole.pixels().zip(cut.pixels()).filter(|(a, b)| a.0[0].abs_diff(b.0[0]) > 12).count();
+    assert!(changed_pixels > 5000, "{changed_pixels}");
 }
 
-/// Fibres about the tumour of the sample: arcs from below to above, beside and before it.
-fn fibers(path: &std::path::Path) {
+/// Writes fibres around the sample's tumour: arcs running upwards, beside and in front of it.
+fn write_fibers(path: &std::path::Path) {
     let doc = workstation(CaseRef::Sample).doc.unwrap();
     let [x, y, z] = doc.edit.lens.center_mm.as_vec3().to_array();
     let fibers: Vec<Vec<[f32; 3]>> = (0..60)
@@ -92,12 +93,12 @@ fn fibers(path: &std::path::Path) {
     write_tck(path, &fibers);
 }
 
-/// Each kind of occlusion that is added darkens the picture, and the part of it that it should.
+/// Adding each kind of mutual occlusion darkens pixels and lightens hardly any.
 #[test]
-fn mutual_occlusions_one_by_one() {
+fn each_kind_of_mutual_occlusion_darkens_the_picture() {
     let folder = tempfile::tempdir().unwrap();
     let tracts = folder.path().join("CST.tck");
-    fibers(&tracts);
+    write_fibers(&tracts);
     let draw = |darkens: &str| {
         let scene = ["--sample", "--view", "context", "--transfer", "mr-tissue", "--camera", "10,10"];
         let light = ["--light", "slices", "--quality", "balanced", "--zoom", "1.6", "--darkens", darkens];
@@ -110,16 +111,16 @@ fn mutual_occlusions_one_by_one() {
     for n in 1..=all.len() {
         let next = draw(&all[..n].join(","));
         golden(names[n - 1], &next);
-        let by = |a: &image::Rgba<u8>, b: &image::Rgba<u8>| i32::from(a.0[1]) - i32::from(b.0[1]);
-        let darker = next.pixels().zip(last.pixels()).filter(|(a, b)| by(a, b) < -2).count();
-        let lighter = next.pixels().zip(last.pixels()).filter(|(a, b)| by(a, b) > 2).count();
+        let difference = |a: &image::Rgba<u8>, b: &image::Rgba<u8>| i32::from(a.0[1]) - i32::from(b.0[1]);
+        let darker = next.pixels().zip(last.pixels()).filter(|(a, b)| difference(a, b) < -2).count();
+        let lighter = next.pixels().zip(last.pixels()).filter(|(a, b)| difference(a, b) > 2).count();
         assert!(darker > 150 && lighter * 20 < darker, "{}: {darker} darker, {lighter} lighter", all[n - 1]);
         last = next;
     }
 }
 
 #[test]
-fn the_glioma_case_in_every_light() {
+fn glioma_case_lit_by_slices_and_by_cones() {
     let Some(folder) = real_data("glioma-5-algorithms") else { return };
     let file = |name: &str| folder.join(format!("{name}.nii.gz")).display().to_string();
     let masks =
@@ -133,6 +134,6 @@ fn the_glioma_case_in_every_light() {
     }
     let closeup = picture(&[&arguments[..], &["--light", "cones"]].concat());
     golden("figure_glioma_closeup_cones", &closeup);
-    let flat = picture(&arguments);
-    assert!(brightness(&closeup) < brightness(&flat), "cones darken what is tilted");
+    let default_light = picture(&arguments);
+    assert!(brightness(&closeup) < brightness(&default_light), "cones darken tilted surfaces");
 }

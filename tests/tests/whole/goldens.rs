@@ -1,4 +1,4 @@
-//! Pictures of the sample on the software adapter: counted pixels first, then goldens.
+//! Views of the sample rendered on the software adapter, checked by pixel counts and against goldens.
 
 use glam::DVec3;
 use glioscope::model::CaseRef;
@@ -20,10 +20,10 @@ fn picture(arguments: &[&str]) -> RgbaImage {
     image::open(&path).unwrap().to_rgba8()
 }
 
-/// Seen from the front without perspective, the union's shadow has as many square millimetres as
-/// there are columns of voxels with any tissue.
+/// In an orthographic view from the front, the union's projected area equals that of the voxel columns that contain
+/// tissue.
 #[test]
-fn the_closeup_s_silhouette_has_the_tumour_s_area() {
+fn closeup_silhouette_has_the_tumour_area() {
     let work = workstation(CaseRef::Sample);
     let doc = work.doc.as_ref().unwrap();
     let index = &work.world.time_point(doc).unwrap().index;
@@ -54,8 +54,8 @@ fn the_closeup_s_silhouette_has_the_tumour_s_area() {
     let mm_per_pixel = doc.nav.camera.height_mm / 512.0;
     let tissue = 512 * 512 - count_color(&closeup, BACKGROUND, 3);
     let black = count_color(&closeup, [0, 0, 0], 90);
-    // A silhouette lies on both sides of the edge: with it the area is too large, without it (and
-    // without the lines between parts) too small.
+    // The silhouette covers both sides of the edge: with it the area is overestimated, without it (and without the
+    // lines between regions) underestimated.
     let with_lines_mm2 = tissue as f64 * mm_per_pixel * mm_per_pixel;
     let without_lines_mm2 = (tissue - black) as f64 * mm_per_pixel * mm_per_pixel;
     assert!(
@@ -87,7 +87,7 @@ fn closeup_without_the_lens() {
 fn closeup_with_a_region_deselected() {
     let closeup = picture(&["--select", "T1,PET,T1+T2,T1+PET,T2+PET,T1+T2+PET"]);
     let pure_green = count_color(&closeup, [0, 255, 0], 30);
-    // What is left is the legend's swatch.
+    // The remaining pixels are the legend's swatch.
     assert!(pure_green < 200, "T2 alone is hidden in the lens: {pure_green} pixels");
     golden("closeup_deselected", &closeup);
 }
@@ -104,10 +104,10 @@ fn slices() {
     golden("slice_sagittal", &picture(&["--view", "sagittal", "--dark"]));
 }
 
-/// Neurological is radiological mirrored: the marker on the patient's right changes sides.
+/// Neurological is radiological mirrored: the tumour changes sides.
 #[test]
-fn conventions_mirror_the_picture() {
-    let brightness = |picture: &RgbaImage, left: bool| -> u64 {
+fn display_conventions_mirror_the_slice() {
+    let green_pixels = |picture: &RgbaImage, left: bool| -> u64 {
         picture
             .enumerate_pixels()
             .filter(|(x, _, _)| (*x < 256) == left)
@@ -119,8 +119,8 @@ fn conventions_mirror_the_picture() {
     let radiological = picture(&fill);
     let neurological = picture(&[&fill[..], &["--neurological"]].concat());
     // The tumour is in the left hemisphere: on the right of a radiological picture.
-    assert!(brightness(&radiological, false) > 10 * brightness(&radiological, true).max(1));
-    assert!(brightness(&neurological, true) > 10 * brightness(&neurological, false).max(1));
+    assert!(green_pixels(&radiological, false) > 10 * green_pixels(&radiological, true).max(1));
+    assert!(green_pixels(&neurological, true) > 10 * green_pixels(&neurological, false).max(1));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The program as a whole: command line, window, pictures. One binary, so that it is linked once.
+//! Tests of the whole program: command line, window, rendered views. One test binary, so that it links once.
 
 #![allow(
     clippy::unwrap_used,

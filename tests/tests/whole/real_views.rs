@@ -1,6 +1,5 @@
-//! Every view on real cases: three, five and nine masks of one glioma, and three modalities on three
-//! grids. Counted pixels first, then goldens. Sources and licences of what they show:
-//! tests/goldens/README.md.
+//! Every view on real cases: three, five and nine masks of one glioma, and three modalities on three grids, checked by
+//! pixel counts and against goldens. Sources and licences of the data: tests/goldens/README.md.
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -35,7 +34,7 @@ fn glioma(folder: &Path, whole: usize, cores: usize) -> CaseRef {
     CaseRef::Arguments { masks, contexts: vec![format!("T1c={}", file("t1c"))] }
 }
 
-/// The four cases, by name; `None` (and a line that says so) where the files aren't here.
+/// The four cases by name; `None`, with a line on stdout, where the files are absent.
 fn cases() -> Vec<(&'static str, Option<CaseRef>)> {
     let glioma_at = real_data("glioma-5-algorithms");
     let of = |whole, cores| glioma_at.as_deref().map(|folder| glioma(folder, whole, cores));
@@ -73,7 +72,7 @@ fn picture(case: &CaseRef, view: &str) -> RgbaImage {
     image::open(&path).unwrap().to_rgba8()
 }
 
-/// Every golden by its name, so that one without a test is noticed.
+/// Case, view and golden. Golden names are literals so that `./x check` finds goldens without a test.
 const GOLDENS: [(&str, &str, &str); 28] = [
     ("three", "closeup", "three_closeup"),
     ("three", "context", "three_context"),
@@ -106,7 +105,7 @@ const GOLDENS: [(&str, &str, &str); 28] = [
 ];
 
 #[test]
-fn every_view_of_every_case_is_its_golden() {
+fn every_view_of_every_case_matches_its_golden() {
     for (name, case) in cases() {
         let Some(case) = case else { continue };
         for (_, view, stem) in GOLDENS.iter().filter(|(of, ..)| *of == name) {
@@ -115,12 +114,11 @@ fn every_view_of_every_case_is_its_golden() {
     }
 }
 
-/// Square millimetres of the union's shadow on the coronal plane: columns of voxels along the axis
-/// that points forward.
-fn shadow_mm2(work: &Workstation) -> f64 {
+/// Area of the union's projection onto the coronal plane: that of the voxel columns along the anterior-posterior axis.
+fn projected_area_mm2(work: &Workstation) -> f64 {
     let index = &work.world.time_point(work.doc.as_ref().unwrap()).unwrap().index;
     let grid = index.grid();
-    assert!(!grid.is_oblique(0.01), "columns of voxels are seen end on");
+    assert!(!grid.is_oblique(0.01), "voxel columns are parallel to the anterior-posterior axis");
     let front = (0..3).find(|&axis| {
         let mut step = [0.0; 3];
         step[axis] = 1.0;
@@ -145,23 +143,23 @@ fn from_the_front(work: &Workstation) -> Camera {
     camera
 }
 
-/// Pixels that differ from the background, and how many of them are black lines.
-fn covered(rgba: &[u8], background: [u8; 3]) -> (usize, usize) {
+/// Counts of pixels that differ from the background, and of those in black lines.
+fn count_covered(rgba: &[u8], background: [u8; 3]) -> (usize, usize) {
     let pixels: Vec<&[u8]> = rgba.chunks_exact(4).collect();
     let differs = |p: &&&[u8]| (0..3).any(|i| p[i].abs_diff(background[i]) > 3);
     let black = |p: &&&[u8]| p[..3].iter().all(|&c| c < 90);
     (pixels.iter().filter(differs).count(), pixels.iter().filter(black).count())
 }
 
-/// The closeup and the context view (without an image) show the same tumour, and its shadow has the
-/// area that counting voxels gives.
+/// The closeup and the context view (without an image) show the tumour with the projected area that a voxel count
+/// gives.
 #[test]
-fn closeup_and_context_show_the_whole_tumour_at_its_size() {
+fn closeup_and_context_show_the_tumour_with_its_projected_area() {
     let gpu = software_gpu();
     for (name, case) in cases() {
         let Some(case) = case else { continue };
         let work = workstation(case);
-        let expected_mm2 = shadow_mm2(&work);
+        let expected_mm2 = projected_area_mm2(&work);
         let doc = work.doc.as_ref().unwrap();
         let mut scene = closeup::scene(doc, &work.world, false);
         (scene.lens, scene.camera) = (None, from_the_front(&work));
@@ -170,7 +168,7 @@ fn closeup_and_context_show_the_whole_tumour_at_its_size() {
         let closeup = renderer.render(&gpu, &scene, &Quality::FULL, SIZE).unwrap();
         let context = context_of_masks_alone(&gpu, &scene);
         for (view, rgba) in [("closeup", closeup.read_rgba(&gpu).unwrap()), ("context", context)] {
-            let (all, black) = covered(&rgba, scene.background);
+            let (all, black) = count_covered(&rgba, scene.background);
             let with_lines_mm2 = all as f64 * mm2_per_pixel;
             let without_lines_mm2 = (all - black) as f64 * mm2_per_pixel;
             assert!(
@@ -200,10 +198,9 @@ fn context_of_masks_alone(gpu: &Gpu, scene: &RegionScene) -> Vec<u8> {
     renderer.render(gpu, &context, &Quality::FULL, SIZE).unwrap().read_rgba(gpu).unwrap()
 }
 
-/// The ellipsoid diagram covers the pixels whose lines of sight meet an ellipsoid, by the quadratic in
-/// f64.
+/// The ellipsoid diagram covers the pixels whose rays intersect an ellipsoid, tested in f64.
 #[test]
-fn the_ellipsoid_diagram_covers_what_geometry_says() {
+fn ellipsoid_diagram_covers_the_rays_that_hit_an_ellipsoid() {
     let gpu = software_gpu();
     for (name, case) in cases() {
         let Some(case) = case else { continue };
@@ -251,18 +248,18 @@ fn the_ellipsoid_diagram_covers_what_geometry_says() {
         for y in 0..SIZE[1] {
             for x in 0..SIZE[0] {
                 let ray = camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), size);
-                let meets = shown.iter().any(|c| {
+                let is_hit = shown.iter().any(|c| {
                     let e = &c.enclosing;
                     let unit = |v: DVec3| e.rotation.transpose() * v / e.semi_axes_mm;
                     let (o, d) = (unit(ray.origin_mm - e.center_mm), unit(ray.direction));
                     let nearest = o - d * (o.dot(d) / d.length_squared());
                     nearest.length_squared() <= 1.0
                 });
-                expected += usize::from(meets);
+                expected += usize::from(is_hit);
             }
         }
-        let (all, _) = covered(&rgba, background);
-        // Outlines may lie a pixel or so outside.
+        let (all, _) = count_covered(&rgba, background);
+        // Outlines may extend about a pixel outside.
         let rim = (expected as f64).sqrt() * 4.0 * 1.6;
         assert!(
             all as f64 >= expected as f64 * 0.998 && (all as f64) < expected as f64 + rim,
@@ -272,9 +269,9 @@ fn the_ellipsoid_diagram_covers_what_geometry_says() {
     }
 }
 
-/// The ring of three real masks paints each mask's colour in proportion to its size.
+/// In the overlap ring of three real masks each mask's colour covers an area proportional to its volume.
 #[test]
-fn the_diagram_of_three_masks_has_their_sizes() {
+fn overlap_ring_areas_are_proportional_to_mask_volumes() {
     let (_, Some(case)) = cases().swap_remove(0) else { return };
     let work = workstation(case);
     let doc = work.doc.as_ref().unwrap();

@@ -16,7 +16,7 @@ struct Display {
 
 impl Display {
     fn start() -> Self {
-        // -displayfd lets the server choose a free number and say when it listens.
+        // -displayfd lets the server choose a free display number and report it once it listens.
         let mut server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "1500x950x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
@@ -59,7 +59,7 @@ fn the_window_opens_on_the_sample_and_shows_its_views() {
         }
         if Instant::now() > deadline {
             let _ = window.kill();
-            panic!("the window took no picture of itself within two minutes");
+            panic!("no screenshot of the window within two minutes");
         }
         std::thread::sleep(Duration::from_millis(50));
     };
@@ -68,7 +68,7 @@ fn the_window_opens_on_the_sample_and_shows_its_views() {
     assert!(status.success(), "{stderr}");
     let picture = image::open(&picture).unwrap().to_rgba8();
     assert!(picture.width() >= 1000 && picture.height() >= 600, "{:?}", picture.dimensions());
-    // The overlap diagram and the closeup show each mask's colour in the large; slices are grey.
+    // The overlap diagram and the closeup show each mask's colour over large areas; slices are grey.
     for color in [[255, 0, 0], [0, 255, 0], [0, 0, 255]] {
         assert!(count_color(&picture, color, 8) > 3000, "{color:?}");
     }

@@ -1,4 +1,4 @@
-//! Session files: of today, of version 1 with everything in it, of version 1 before later fields.
+//! Session files: the current version, version 1 with every field set, version 1 from before later fields were added.
 
 use std::path::{Path, PathBuf};
 
@@ -15,9 +15,9 @@ fn expected(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("expected").join(name)
 }
 
-/// Saved by the program before version 2, with every field other than its default.
+/// Saved by the program before version 2, with every field set to something other than its default.
 #[test]
-fn a_session_of_version_1_opens_as_it_was() {
+fn version_1_session_keeps_every_field() {
     let document = session::load(&expected("session_v1_all.glioscope.json")).unwrap();
     let edit = &document.edit;
     assert!(!edit.selection.shows(3) && edit.selection.shows(1));
@@ -52,7 +52,7 @@ fn a_session_of_version_1_opens_as_it_was() {
     assert_eq!(nav.pan_mm[1], DVec2::new(5.0, -6.0));
     assert_eq!(document.tracts, [PathBuf::from("/data/CST.tck")]);
 
-    // Saved anew it says the same, in words of one casing.
+    // Saving it again preserves everything and writes enum values in snake_case.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("again.glioscope.json");
     session::save(&path, &document).unwrap();
@@ -67,10 +67,10 @@ fn a_session_of_version_1_opens_as_it_was() {
 }
 
 #[test]
-fn a_session_of_version_1_opens_in_the_window() {
+fn version_1_session_opens_in_the_window() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("old.glioscope.json");
-    // Its fibre tracts are of another machine.
+    // Its tract file exists only on another machine.
     let text = std::fs::read_to_string(expected("session_v1_all.glioscope.json")).unwrap();
     std::fs::write(&path, text.replace("\"/data/CST.tck\"", "")).unwrap();
     let mut harness = window_on(glioscope::model::CaseRef::Sample, [900.0, 700.0], egui::Theme::Dark);
@@ -82,7 +82,7 @@ fn a_session_of_version_1_opens_in_the_window() {
 }
 
 #[test]
-fn a_session_from_before_later_fields_opens() {
+fn session_without_later_fields_opens_with_defaults() {
     let path = expected("session_v1.glioscope.json");
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(!text.contains("rulers") && !text.contains("coloring") && !text.contains("ruler_on"));
@@ -93,7 +93,7 @@ fn a_session_from_before_later_fields_opens() {
 }
 
 #[test]
-fn what_is_no_session_is_named() {
+fn errors_of_invalid_sessions_name_file_and_cause() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.glioscope.json");
     for (text, word) in [

@@ -1,4 +1,4 @@
-//! The window, driven as a person would, without a display: egui_kittest on the software adapter.
+//! The window without a display, driven by simulated input: egui_kittest on the software adapter.
 
 use egui::{Modifiers, Theme};
 use egui_kittest::{Harness, kittest::Queryable};
@@ -35,21 +35,21 @@ fn shows(harness: &Harness<'_, GlioscopeApp>, bits: u32) -> bool {
     harness.state().work.doc.as_ref().unwrap().edit.selection.shows(bits)
 }
 
-/// Pixels of pure green in the closeup: T2 alone, seen in the lens.
+/// Number of pure green pixels in the closeup: the region of T2 alone, visible inside the lens.
 fn green_in_closeup(harness: &mut Window) -> usize {
     let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
     let picture = harness.render().unwrap();
-    // The legend's swatches are green too: below them.
+    // Exclude the legend, whose swatches are green too.
     let rect = egui::Rect::from_min_max(rect.min + egui::vec2(0.0, 80.0), rect.max);
     count_color(&crop(&picture, rect), GREEN, 40)
 }
 
 #[test]
-fn clicking_a_segment_hides_its_region_everywhere_and_undo_brings_it_back() {
+fn clicking_a_segment_hides_its_region_everywhere_and_undo_restores_it() {
     let mut harness = sample();
     let bits = t2_only(&harness);
     let before = green_in_closeup(&mut harness);
-    assert!(before > 2000, "T2 alone is seen in the closeup: {before} pixels");
+    assert!(before > 2000, "T2 alone is visible in the closeup: {before} pixels");
 
     harness.get_all_by_label_contains("T2 only,").next().unwrap().click();
     harness.run_ok();
@@ -69,7 +69,7 @@ fn clicking_a_segment_hides_its_region_everywhere_and_undo_brings_it_back() {
 }
 
 #[test]
-fn the_table_s_check_box_does_the_same() {
+fn the_table_check_box_hides_a_region() {
     let mut harness = sample();
     let bits = t2_only(&harness);
     harness.get_by_label("Show T2").click();
@@ -81,7 +81,7 @@ fn the_table_s_check_box_does_the_same() {
 }
 
 #[test]
-fn the_pointer_over_the_closeup_moves_the_slices_to_the_surface() {
+fn hovering_the_closeup_moves_the_slices_to_the_surface() {
     let mut harness = sample();
     let before = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
     let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
@@ -92,14 +92,14 @@ fn the_pointer_over_the_closeup_moves_the_slices_to_the_surface() {
     let picked = *closeup(&harness).canvas.hover().expect("the tumour is in the middle of the closeup");
     assert_eq!(doc.nav.cursor_mm, picked.world_mm);
     assert_ne!(doc.nav.cursor_mm, before);
-    // Half a voxel further along the line of sight there is tissue of the region picked.
+    // 0.1 mm further along the line of sight lies the picked region.
     let inwards = (picked.world_mm - doc.nav.camera.eye_mm()).try_normalize().unwrap() * 0.1;
     let index = &app.work.world.time_point(doc).unwrap().index;
     assert_eq!(index.at_mm(picked.world_mm + inwards), picked.bits);
 }
 
 #[test]
-fn a_click_on_a_slice_moves_the_crosshair_of_all() {
+fn clicking_a_slice_moves_the_shared_crosshair() {
     let mut harness = sample();
     let rect = harness.state().pane_rect(PaneId::Axial).unwrap();
     let before = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
@@ -114,7 +114,7 @@ fn a_click_on_a_slice_moves_the_crosshair_of_all() {
 }
 
 #[test]
-fn turning_the_closeup_turns_the_camera_about_the_lens() {
+fn dragging_the_closeup_rotates_the_camera_about_the_lens() {
     let mut harness = sample();
     let before = harness.state().work.doc.as_ref().unwrap().nav.camera;
     let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
@@ -130,7 +130,7 @@ fn turning_the_closeup_turns_the_camera_about_the_lens() {
 }
 
 #[test]
-fn a_moving_closeup_is_a_draft_that_is_refined_when_still() {
+fn a_moving_closeup_draws_drafts_and_is_refined_when_still() {
     let mut harness = drafting_window_on(CaseRef::Sample, SIZE);
     harness.run_ok();
     let drawn = |harness: &Harness<'_, GlioscopeApp>| {
@@ -141,19 +141,20 @@ fn a_moving_closeup_is_a_draft_that_is_refined_when_still() {
     harness.hover_at(rect.center());
     harness.drag_at(rect.center());
     harness.run_steps(2);
-    // A machine on which full pictures keep to the budget comes to them within a few pictures.
+    // A machine that draws full frames within the budget reaches them after a few frames.
     let mut moving = Vec::new();
     for step in 1..6_u8 {
         harness.hover_at(rect.center() + egui::vec2(12.0 * f32::from(step), 0.0));
         harness.run_steps(1);
         moving.push(drawn(&harness));
     }
-    let is_draft = |(size, asked): &([u32; 2], [u32; 2])| size[0] < asked[0] && size[1] < asked[1];
+    let is_draft =
+        |(size, requested): &([u32; 2], [u32; 2])| size[0] < requested[0] && size[1] < requested[1];
     assert!(moving.iter().any(is_draft), "{moving:?} while it moves");
     harness.drop_at(rect.center() + egui::vec2(60.0, 0.0));
     harness.run_steps(40);
-    let (size, asked) = drawn(&harness);
-    assert_eq!(size, asked, "in full when still");
+    let (size, requested) = drawn(&harness);
+    assert_eq!(size, requested, "full resolution when still");
 }
 
 #[test]
@@ -166,11 +167,11 @@ fn an_idle_window_draws_nothing() {
     assert!(before.iter().all(|&drawn| drawn > 0), "every 3D view was drawn");
     harness.run_steps(20);
     assert_eq!(frames(&mut harness), before);
-    assert!(!harness.ctx.has_requested_repaint(), "nothing asks for another frame");
+    assert!(!harness.ctx.has_requested_repaint(), "nothing requests another frame");
 }
 
 #[test]
-fn the_palette_finds_and_does_a_command() {
+fn the_command_palette_finds_and_performs_a_command() {
     let mut harness = sample();
     harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::P);
     harness.run_ok();
@@ -182,7 +183,7 @@ fn the_palette_finds_and_does_a_command() {
 }
 
 #[test]
-fn panes_are_maximised_and_brought_back() {
+fn panes_are_maximised_and_restored() {
     let mut harness = sample();
     harness.get_by_label("Maximise the closeup").click();
     harness.run_ok();
@@ -195,7 +196,7 @@ fn panes_are_maximised_and_brought_back() {
 }
 
 #[test]
-fn a_session_is_saved_whole_and_opens_as_it_was() {
+fn a_session_is_saved_completely_and_reopens() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("visit.glioscope.json");
     let mut harness = sample();
@@ -221,7 +222,7 @@ fn a_session_is_saved_whole_and_opens_as_it_was() {
 }
 
 #[test]
-fn a_folder_s_guess_is_shown_before_it_is_used() {
+fn a_guessed_case_is_shown_before_it_is_opened() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("case");
     glioscope_core::sample::write_sample(&out).unwrap();
@@ -252,7 +253,7 @@ fn a_folder_s_guess_is_shown_before_it_is_used() {
 }
 
 #[test]
-fn a_picture_of_a_pane_is_the_pane() {
+fn a_pane_screenshot_matches_the_pane() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("overlap.png");
     let mut harness = sample();
@@ -268,12 +269,12 @@ fn a_picture_of_a_pane_is_the_pane() {
 }
 
 #[test]
-fn a_dropped_folder_opens_and_a_wrong_file_says_why_and_loses_nothing() {
+fn dropped_folders_open_and_invalid_files_report_an_error_and_keep_the_case() {
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join("case");
     glioscope_core::sample::write_sample(&case).unwrap();
-    let wrong = folder.path().join("wrong.nii");
-    std::fs::write(&wrong, b"no image").unwrap();
+    let invalid = folder.path().join("wrong.nii");
+    std::fs::write(&invalid, b"no image").unwrap();
     let mut harness = sample();
     let wait = |harness: &mut Window| {
         harness.run_steps(1);
@@ -286,7 +287,7 @@ fn a_dropped_folder_opens_and_a_wrong_file_says_why_and_loses_nothing() {
         }
         harness.run_ok();
     };
-    harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(wrong)));
+    harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(invalid)));
     wait(&mut harness);
     let error = error_text(&harness);
     assert!(error.contains("wrong.nii") && error.contains("found") && error.contains("expected"), "{error}");
@@ -298,7 +299,7 @@ fn a_dropped_folder_opens_and_a_wrong_file_says_why_and_loses_nothing() {
 }
 
 #[test]
-fn a_warning_stands_above_the_views() {
+fn warnings_are_listed_above_the_views() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("empty.nii.gz");
     let grid = glioscope_core::Grid::axis_aligned([8, 8, 8], glam::DVec3::ONE, glam::DVec3::ZERO).unwrap();

@@ -8,7 +8,7 @@ use glioscope::{
     model::{CaseRef, ChangeSetting, PaneId, document::tumor_radius_mm},
     views::{
         change::{ChangePane, pair_colors},
-        view3d::canvas::linked_camera,
+        view3d::linked_camera,
     },
     window::GlioscopeApp,
 };
@@ -33,7 +33,7 @@ fn set(harness: &mut Window, change: impl FnOnce(&mut ChangeSetting)) {
     perform(harness, EditCommand::SetChange(Box::new(setting)));
 }
 
-/// The change view from the front, without perspective.
+/// Maximises the change view and sets an orthographic camera from the front; returns its canvas and its own camera.
 fn from_the_front(harness: &mut Window) -> (egui::Rect, Camera) {
     let rect = maximized(harness, PaneId::Change);
     let mut camera = doc(harness).nav.camera;
@@ -58,7 +58,7 @@ fn pos_of(rect: egui::Rect, camera: &Camera, world_mm: DVec3) -> egui::Pos2 {
 
 /// The sample's T1 grew 5 mm forwards (truth.json): its foremost point moved from A 52 to A 57.
 #[test]
-fn a_known_growth_is_read_under_the_pointer() {
+fn hovering_reports_a_known_growth() {
     let mut harness = sample();
     let (rect, camera) = from_the_front(&mut harness);
     let foremost_mm = DVec3::new(-31.5, 57.0, 20.0);
@@ -70,7 +70,7 @@ fn a_known_growth_is_read_under_the_pointer() {
     assert!((pick.world_mm.y - 57.0).abs() <= 2.0 * half_voxel_mm, "{}", pick.world_mm);
     assert!(
         (vector.signed_mm - 5.0).abs() <= 1.5,
-        "5 mm forwards, by way of the skeleton's points: {} mm",
+        "5 mm forwards, measured through skeleton points: {} mm",
         vector.signed_mm
     );
     assert!(
@@ -78,31 +78,31 @@ fn a_known_growth_is_read_under_the_pointer() {
         "the nearest surface is 5 mm away: {}",
         vector.nearest_mm
     );
-    let said = format!("grew {:.1} mm", vector.signed_mm);
-    assert!(harness.query_by_label_contains(&said).is_some(), "{said}");
-    // What is told is the stored value, not the smoothed one.
-    let kept = harness.state().results.comparison.last().unwrap().clone();
-    assert!(kept.change.vectors.contains(&vector));
+    let label = format!("grew {:.1} mm", vector.signed_mm);
+    assert!(harness.query_by_label_contains(&label).is_some(), "{label}");
+    // The reported vector is the stored one, not the smoothed one.
+    let comparison = harness.state().results.comparison.last().unwrap().clone();
+    assert!(comparison.change.vectors.contains(&vector));
 }
 
 #[test]
-fn arrows_are_thinned_and_undone() {
+fn the_arrow_threshold_removes_arrows_and_is_undone() {
     let mut harness = sample();
     from_the_front(&mut harness);
     let rect = harness.get_by_label_contains("Change of ").rect();
     set(&mut harness, |s| s.style = ChangeStyle::Arrows);
     let picture = |harness: &mut Window| crop(&harness.render().unwrap(), rect);
     let all = picture(&mut harness);
-    // Another gesture: undone by itself.
+    // The pause makes the next edit an undo step of its own.
     std::thread::sleep(std::time::Duration::from_millis(900));
     set(&mut harness, |s| s.threshold_mm = 4.0);
-    let thinned = picture(&mut harness);
+    let above_threshold = picture(&mut harness);
     // Arrows are darker than the surface they stand on.
     let red = |p: &image::RgbaImage| {
         p.pixels().filter(|p| i32::from(p.0[0]) > i32::from(p.0[1]) + 80 && p.0[1] < 120).count()
     };
-    assert!(red(&thinned) < red(&all), "{} of {} pixels", red(&thinned), red(&all));
-    assert!(red(&thinned) > 0, "arrows of 4 mm and more are left");
+    assert!(red(&above_threshold) < red(&all), "{} of {} pixels", red(&above_threshold), red(&all));
+    assert!(red(&above_threshold) > 0, "arrows of 4 mm and more are left");
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(picture(&mut harness), all);
     perform(&mut harness, EditCommand::Undo);
@@ -127,7 +127,7 @@ fn two_of_three_dates_are_chosen_on_the_chart() {
     };
     assert_eq!(pair(&harness), [0, 2], "the first and the last to begin with");
     let chart = harness.get_by_label_contains("Volumes over time").rect();
-    // Labels of the axis stand at the left, so days are counted from a little inside.
+    // The time axis begins right of the value axis's labels.
     let at = chart.left_top() + vec2(chart.width() * 0.44, chart.height() * 0.5);
     harness.hover_at(at);
     harness.drag_at(at);
@@ -139,23 +139,23 @@ fn two_of_three_dates_are_chosen_on_the_chart() {
     harness.get_by_label("Compare from 2024-04-15").click();
     harness.run_ok();
     assert_eq!(pair(&harness), [1, 2]);
-    let kept = harness.state().results.comparison.last().unwrap().clone();
-    assert_eq!(kept.labels, ["2024-04-15", "2024-09-01"]);
+    let comparison = harness.state().results.comparison.last().unwrap().clone();
+    assert_eq!(comparison.labels, ["2024-04-15", "2024-09-01"]);
     for before in [Some([0, 2]), Some([0, 1]), None] {
         perform(&mut harness, EditCommand::Undo);
-        assert_eq!(doc(&harness).edit.change.dates, before, "each click is undone by itself");
+        assert_eq!(doc(&harness).edit.change.dates, before, "each click is an undo step of its own");
     }
 }
 
-/// One date: no skeleton, no change view's passes; and nothing is compared until a view shows it.
+/// No comparison is computed while the change view is hidden, nor for a case with one date.
 #[test]
-fn nothing_is_compared_that_no_view_shows() {
+fn hidden_change_views_compute_no_comparison() {
     let mut harness = sample();
     let nothing = |harness: &mut Window| {
         screens(harness, PaneId::Change).plan().is_none()
             && harness.state().results.comparison.last().is_none()
     };
-    assert!(nothing(&mut harness), "the change view is behind the closeup");
+    assert!(nothing(&mut harness), "the change view is a hidden tab behind the closeup");
 
     let folder = tempfile::tempdir().unwrap();
     glioscope_core::sample::write_sample(folder.path()).unwrap();
@@ -186,11 +186,11 @@ fn slices_show_the_changed_rim() {
     assert_eq!(crop(&harness.render().unwrap(), rect), before);
 }
 
-/// What is other than asked for of the light is in the diagnostics, whichever 3D view drew it.
+/// The diagnostics list deviations from the requested lighting, whichever 3D view drew them.
 #[test]
-fn notes_of_the_light_are_in_the_diagnostics() {
+fn lighting_notes_are_listed_in_the_diagnostics() {
     let mut harness = sample();
-    // The change view is behind the closeup.
+    // The change view is a hidden tab behind the closeup.
     for pane in [PaneId::Closeup, PaneId::Context, PaneId::Diagnostics] {
         perform(&mut harness, EditCommand::TogglePane(pane));
     }
@@ -206,9 +206,9 @@ fn notes_of_the_light_are_in_the_diagnostics() {
     }
 }
 
-/// An image that doesn't fit the card is drawn coarser, and the picture says so.
+/// An image too large for the GPU's buffers is drawn at a coarser resolution, with a warning in the picture.
 #[test]
-fn a_picture_that_shows_less_says_so() {
+fn reduced_image_resolution_is_shown_as_a_warning() {
     for pane in [PaneId::Context, PaneId::Change] {
         let mut harness = window_on_small_device(CaseRef::Sample, [300.0, 300.0], 2_000_000);
         maximized(&mut harness, pane);
@@ -216,6 +216,6 @@ fn a_picture_that_shows_less_says_so() {
         assert!(warning.contains("1/4"), "{warning}");
         assert!(harness.query_by_label_contains(&format!("Warning: {warning}")).is_some(), "{pane:?}");
         let picture = pane_picture(&mut harness, pane);
-        assert!(count_color(&picture, [176, 78, 0], 40) > 100, "{pane:?}: it stands in the picture");
+        assert!(count_color(&picture, [176, 78, 0], 40) > 100, "{pane:?}: the warning is in the picture");
     }
 }

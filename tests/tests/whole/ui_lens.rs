@@ -1,4 +1,4 @@
-//! The lens, the ruler, what is in the lens and how far masks agree, with mouse std::collections::BTreeMap;
+//! The lens, the ruler, the volumes in the lens and the agreement of masks, with mouse and keyboard.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use glioscope::{
     command::{AppCommand, Command, EditCommand, LookCommand},
     format,
     model::{CaseRef, PaneId, session},
-    views::view3d::canvas::linked_camera,
+    views::view3d::linked_camera,
 };
 use glioscope_core::{
     Selection,
@@ -36,7 +36,7 @@ fn rect(harness: &Window, pane: PaneId) -> Rect {
     harness.state().pane_rect(pane).unwrap()
 }
 
-/// Presses, moves in ten steps and lets go, with keys held.
+/// Presses, moves in ten steps and releases, with `modifiers` held.
 fn drag(harness: &mut Window, from: Pos2, to: Pos2, modifiers: Modifiers) {
     harness.hover_at(from);
     harness.run_ok();
@@ -52,22 +52,22 @@ fn drag(harness: &mut Window, from: Pos2, to: Pos2, modifiers: Modifiers) {
     harness.run_ok();
 }
 
-/// Radius of the ball about the camera's focus whose outline is `points` from the middle of the picture,
-/// in closed form.
+/// Radius in millimetres of the sphere around the camera's focus whose outline is `points` from the centre of the view;
+/// closed form.
 fn radius_mm(harness: &Window, points: f32) -> f64 {
     let camera = doc(harness).nav.camera;
     let off_mm = f64::from(points) * camera.height_mm / f64::from(rect(harness, PaneId::Closeup).height());
     match camera.projection {
         Projection::Orthographic => off_mm,
         Projection::Perspective => {
-            // The picture's plane is at the focus; its height is seen under 30°.
+            // The view plane passes through the focus; its height subtends 30°.
             let distance_mm = camera.height_mm / 2.0 / 15_f64.to_radians().tan();
             distance_mm * (off_mm / distance_mm).atan().sin()
         }
     }
 }
 
-/// How far from the middle the lens's ring is, by bisection.
+/// Radius of the lens's ring in points, by bisection.
 fn ring_points(harness: &Window) -> f32 {
     let (mut inside, mut outside) = (0.0_f32, 2000.0_f32);
     for _ in 0..50 {
@@ -82,7 +82,7 @@ fn ring_points(harness: &Window) -> f32 {
 }
 
 #[test]
-fn dragging_the_ring_changes_the_radius_as_geometry_says_and_one_undo_takes_it_back() {
+fn dragging_the_ring_sets_the_expected_radius_and_one_undo_restores_it() {
     for projection in [Projection::Perspective, Projection::Orthographic] {
         let mut harness = sample();
         if projection == Projection::Orthographic {
@@ -104,14 +104,14 @@ fn dragging_the_ring_changes_the_radius_as_geometry_says_and_one_undo_takes_it_b
         assert!((after.radius_mm - expected).abs() < 0.01, "{} {expected}", after.radius_mm);
         assert!(after.radius_mm < 0.7 * before.radius_mm);
         assert_eq!(after.center_mm, before.center_mm);
-        assert_eq!(doc(&harness).nav.camera, camera, "the ring is dragged, the camera isn't");
+        assert_eq!(doc(&harness).nav.camera, camera, "dragging the ring keeps the camera");
         undo(&mut harness);
         assert_eq!(doc(&harness).edit.lens, before, "one drag is one undo");
     }
 }
 
 #[test]
-fn beside_the_ring_a_drag_turns_the_camera() {
+fn dragging_beside_the_ring_rotates_the_camera() {
     let mut harness = sample();
     let before = (doc(&harness).edit.lens, doc(&harness).nav.camera);
     let middle = rect(&harness, PaneId::Closeup).center();
@@ -122,7 +122,7 @@ fn beside_the_ring_a_drag_turns_the_camera() {
 }
 
 #[test]
-fn a_drag_with_ctrl_moves_the_lens_onto_the_surface_and_the_camera_follows() {
+fn ctrl_drag_moves_the_lens_onto_the_surface_and_the_camera_follows() {
     let mut harness = sample();
     let (before, camera) = (doc(&harness).edit.lens, doc(&harness).nav.camera);
     let closeup = rect(&harness, PaneId::Closeup);
@@ -131,12 +131,12 @@ fn a_drag_with_ctrl_moves_the_lens_onto_the_surface_and_the_camera_follows() {
     let lens = doc(&harness).edit.lens;
     assert_eq!(lens.radius_mm, before.radius_mm);
     assert_ne!(lens.center_mm, before.center_mm);
-    // Where the pointer was, as the picture was then; half a pixel either way.
+    // Under the pointer, in the frame at the time of the drag.
     let size = glam::DVec2::new(f64::from(closeup.width()), f64::from(closeup.height()));
-    let seen = camera.project(lens.center_mm, size).unwrap();
-    let pointed = glam::DVec2::new(f64::from(to.x - closeup.left()), f64::from(to.y - closeup.top()));
-    assert!(seen.distance(pointed) < 1.0, "{seen} {pointed}");
-    // On the surface: nothing before it, tissue behind it, along the line of sight.
+    let projected = camera.project(lens.center_mm, size).unwrap();
+    let pointer = glam::DVec2::new(f64::from(to.x - closeup.left()), f64::from(to.y - closeup.top()));
+    assert!(projected.distance(pointer) < 1.0, "{projected} {pointer}");
+    // On the surface: along the line of sight, background in front of it and tissue behind it.
     let inwards = (lens.center_mm - camera.eye_mm()).try_normalize().unwrap() * 0.1;
     let app = harness.state();
     let index = &app.work.world.time_point(doc(&harness)).unwrap().index;
@@ -150,12 +150,12 @@ fn a_drag_with_ctrl_moves_the_lens_onto_the_surface_and_the_camera_follows() {
 }
 
 #[test]
-fn over_the_background_the_lens_moves_in_the_plane_of_the_view() {
+fn ctrl_drag_over_the_background_moves_the_lens_in_the_view_plane() {
     let mut harness = sample();
     let (before, camera) = (doc(&harness).edit.lens, doc(&harness).nav.camera);
     let closeup = rect(&harness, PaneId::Closeup);
     let corner = closeup.right_top() + vec2(-15.0, 15.0);
-    // Straight over the background: the corner is empty.
+    // The corner shows background only.
     drag(&mut harness, corner + vec2(0.0, 12.0), corner, Modifiers::COMMAND);
     let moved_mm = doc(&harness).edit.lens.center_mm - before.center_mm;
     let [right, up, back] = camera.axes();
@@ -167,7 +167,7 @@ fn over_the_background_the_lens_moves_in_the_plane_of_the_view() {
 }
 
 #[test]
-fn the_lens_fits_and_the_six_views_are_in_the_menu() {
+fn fitting_the_lens_and_the_six_anatomical_views_set_the_camera() {
     let mut harness = sample();
     harness.get_by_label("View").click();
     harness.run_ok();
@@ -188,7 +188,7 @@ fn the_lens_fits_and_the_six_views_are_in_the_menu() {
             AnatomicalView::Inferior => DVec3::NEG_Z,
         };
         assert!(back.distance(side) < 1e-12, "{view:?}");
-        // A camera that is linked looks the same way, at its own thing from its own distance.
+        // A linked camera shares the orientation but has its own focus and height.
         let linked = linked_camera(&doc(&harness).nav.camera, DVec3::new(1.0, 2.0, 3.0), 50.0, 1.0);
         assert_eq!(linked.world_from_camera, doc(&harness).nav.camera.world_from_camera);
         assert_eq!(linked.focus_mm, DVec3::new(1.0, 2.0, 3.0));
@@ -198,7 +198,7 @@ fn the_lens_fits_and_the_six_views_are_in_the_menu() {
     assert!(doc(&harness).nav.camera.height_mm > camera.height_mm);
 }
 
-/// Middles and half axes of the ellipsoids whose union the T1 mask is, from truth.json.
+/// Centres and semi-axes, mm, of the ellipsoids whose union is the T1 mask, from truth.json.
 fn t1_truth() -> Vec<(DVec3, DVec3)> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../data-samples/truth.json");
     let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
@@ -212,7 +212,7 @@ fn t1_truth() -> Vec<(DVec3, DVec3)> {
     parts.iter().map(|part| (numbers(part, "center_mm"), numbers(part, "semi_axes_mm"))).collect()
 }
 
-/// Only T1, from the front, without perspective and without the lens; the ruler on.
+/// The window showing only T1, orthographic from the front, without the lens, with the ruler on.
 fn t1_from_the_front() -> Window {
     let mut harness = sample();
     let app = harness.state_mut();
@@ -220,7 +220,7 @@ fn t1_from_the_front() -> Window {
     let time_point = app.work.world.time_point(doc).unwrap();
     let regions = &time_point.regions;
     let t1 = regions.mask_ids().iter().position(|id| id == "T1").unwrap();
-    assert_eq!(time_point.masks[t1].native_voxels, regions.mask_voxels(t1), "on its own grid");
+    assert_eq!(time_point.masks[t1].native_voxels, regions.mask_voxels(t1), "T1 is on the case grid");
     let shown: Vec<u32> = regions.list().iter().map(|r| r.bits).filter(|b| b >> t1 & 1 == 1).collect();
     doc.edit.selection = Selection::only(regions, &shown);
     doc.edit.lens_on = false;
@@ -240,12 +240,12 @@ fn pos_of(harness: &Window, world_mm: DVec3) -> Pos2 {
 }
 
 #[test]
-fn a_known_distance_over_the_phantom_s_surface_is_measured_within_half_a_voxel() {
+fn known_surface_distances_are_measured_within_half_a_voxel() {
     let mut harness = t1_from_the_front();
     let parts = t1_truth();
     let grid = doc_grid(&harness).clone();
     let half_voxel_mm = grid.spacing_mm().min_element() / 2.0;
-    // The front of the union over a place of the picture, in closed form.
+    // Frontmost point of the union at an offset (x, z) in mm from the first ellipsoid's centre; closed form.
     let front = |x: f64, z: f64| {
         let place = DVec3::new(parts[0].0.x + x, 0.0, parts[0].0.z + z);
         let y = parts.iter().filter_map(|(center, half)| {
@@ -270,23 +270,23 @@ fn a_known_distance_over_the_phantom_s_surface_is_measured_within_half_a_voxel()
         assert!((found - true_mm).abs() <= half_voxel_mm, "{n}: {found} {true_mm} ± {half_voxel_mm}");
         assert_eq!(rulers[n].view, PaneId::Closeup);
     }
-    // From the tumour to the background nothing is measured; the camera never turned.
+    // A drag between tumour and background adds no ruler; none of the drags rotates the camera.
     let corner = rect(&harness, PaneId::Closeup).right_top() + vec2(-12.0, 12.0);
     let from = pos_of(&harness, front(0.0, 0.0));
     drag(&mut harness, from, corner, Modifiers::NONE);
     drag(&mut harness, corner, from, Modifiers::NONE);
     assert_eq!(doc(&harness).edit.rulers.len(), lines.len());
     let (azimuth, elevation) = AnatomicalView::Anterior.azimuth_elevation_deg();
-    let looks = Camera::orientation(azimuth, elevation);
-    assert_eq!(doc(&harness).nav.camera.world_from_camera, looks);
-    for left in (0..lines.len()).rev() {
+    let anterior = Camera::orientation(azimuth, elevation);
+    assert_eq!(doc(&harness).nav.camera.world_from_camera, anterior);
+    for remaining in (0..lines.len()).rev() {
         undo(&mut harness);
-        assert_eq!(doc(&harness).edit.rulers.len(), left);
+        assert_eq!(doc(&harness).edit.rulers.len(), remaining);
     }
 }
 
 #[test]
-fn a_line_in_a_slice_is_listed_named_exported_deleted_and_undone() {
+fn a_slice_ruler_is_listed_renamed_exported_deleted_and_restored() {
     let mut harness = sample();
     perform(&mut harness, LookCommand::SetSliceZoom(Some(0.5)));
     perform(&mut harness, LookCommand::ToggleRuler);
@@ -341,11 +341,11 @@ fn a_line_in_a_slice_is_listed_named_exported_deleted_and_undone() {
     harness.run_ok();
     assert_eq!(doc(&harness).nav.cursor_mm, ruler.middle_mm());
     assert_eq!(doc(&harness).nav.camera.focus_mm, ruler.middle_mm());
-    assert!(doc(&harness).nav.pan_mm[0] != glam::DVec2::ZERO, "the zoomed slice goes there");
+    assert!(doc(&harness).nav.pan_mm[0] != glam::DVec2::ZERO, "the zoomed slice pans to it");
 }
 
 #[test]
-fn hovering_a_slice_moves_the_crosshair_of_all_within_its_plane() {
+fn hovering_a_slice_moves_the_shared_crosshair_within_its_plane() {
     let mut harness = sample();
     let before = doc(&harness).nav.cursor_mm;
     let coronal = rect(&harness, PaneId::Coronal);
@@ -357,11 +357,11 @@ fn hovering_a_slice_moves_the_crosshair_of_all_within_its_plane() {
     perform(&mut harness, LookCommand::ToggleFollowPointer);
     harness.hover_at(coronal.center() + vec2(-17.0, 30.0));
     harness.run_ok();
-    assert_eq!(doc(&harness).nav.cursor_mm, after, "it doesn't follow");
+    assert_eq!(doc(&harness).nav.cursor_mm, after, "the crosshair doesn't follow the pointer");
 }
 
 #[test]
-fn what_is_in_the_lens_adds_up_and_follows_the_lens() {
+fn volumes_in_the_lens_match_a_voxel_count() {
     let mut harness = sample();
     perform(&mut harness, EditCommand::MaximizePane(PaneId::Lens));
     for radius_mm in [9.0, 17.0] {
@@ -379,7 +379,7 @@ fn what_is_in_the_lens_adds_up_and_follows_the_lens() {
                 *inside.entry(bits).or_default() += 1;
             }
         }
-        assert!(inside.len() >= 3, "the lens holds several regions: {inside:?}");
+        assert!(inside.len() >= 3, "the lens contains several regions: {inside:?}");
         let all: u64 = inside.values().sum();
         let ml = |n: u64| format::ml(grid.volume_ml(n));
         harness.get_by_label_contains(&format!("in it {} of", ml(all)));
@@ -402,10 +402,10 @@ fn what_is_in_the_lens_adds_up_and_follows_the_lens() {
 }
 
 #[test]
-fn the_agreement_map_has_each_level_s_area_in_a_slice_and_its_colours_in_the_closeup() {
+fn agreement_colours_have_the_expected_area_in_a_slice_and_appear_in_the_closeup() {
     let mut harness = sample();
     let closeup = |harness: &mut Window| -> Vec<usize> {
-        // Below the legend, whose swatches have the colours too.
+        // Exclude the legend, whose swatches have the same colours.
         let area = rect(harness, PaneId::Closeup);
         let picture = harness.render().unwrap();
         let picture = crop(&picture, Rect::from_min_max(area.min + vec2(0.0, 80.0), area.max));
@@ -413,7 +413,7 @@ fn the_agreement_map_has_each_level_s_area_in_a_slice_and_its_colours_in_the_clo
     };
     let before = closeup(&mut harness);
     perform(&mut harness, EditCommand::SetColoring(Coloring::Agreement));
-    // Level by level: what is inside others is seen alone.
+    // One level at a time, because outer levels hide inner ones.
     for level in 1..=3_usize {
         let app = harness.state_mut();
         let doc = app.work.doc.as_mut().unwrap();
@@ -428,8 +428,8 @@ fn the_agreement_map_has_each_level_s_area_in_a_slice_and_its_colours_in_the_clo
         assert!(others * 10 < found[level - 1], "{level}: {found:?}");
     }
     perform(&mut harness, EditCommand::ShowAllRegions);
-    let said = harness.get_by_label_contains("1 of 3 masks: ");
-    let label = said.accesskit_node().label().unwrap_or_default();
+    let legend = harness.get_by_label_contains("1 of 3 masks: ");
+    let label = legend.accesskit_node().label().unwrap_or_default();
     let regions = &harness.state().work.world.time_point(doc(&harness)).unwrap().regions;
     for level in 1..=3 {
         let voxels: u64 =
@@ -438,7 +438,7 @@ fn the_agreement_map_has_each_level_s_area_in_a_slice_and_its_colours_in_the_clo
         assert!(label.contains(&format!("{level} of 3 masks: {ml}")), "{level}: {label}");
     }
 
-    // Alone, large, opaque: pixels are square millimetres.
+    // The opaque overlay alone and magnified, at 0.4 mm per pixel, so that pixels convert to square millimetres.
     perform(&mut harness, EditCommand::MaximizePane(PaneId::Axial));
     for command in [
         Command::from(LookCommand::SetContext(None)),
@@ -478,7 +478,7 @@ fn doc_grid(harness: &Window) -> &glioscope_core::Grid {
 }
 
 #[test]
-fn lines_are_saved_with_the_session() {
+fn rulers_are_saved_with_the_session() {
     let mut harness = sample();
     perform(&mut harness, LookCommand::SetSliceZoom(Some(0.5)));
     perform(&mut harness, LookCommand::ToggleRuler);

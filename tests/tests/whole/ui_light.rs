@@ -1,5 +1,5 @@
-//! Light through the window: chosen, undone, saved, drawn as drafts within the budget while something moves
-//! and as the reference when still; the diagnostics say how far off it is likely to be.
+//! Lighting in the window: chosen, undone and saved; drafts within the time budget while something moves, the reference
+//! when still; its expected error in the diagnostics.
 
 use std::time::Instant;
 
@@ -20,7 +20,7 @@ fn light(harness: &Harness<'_, GlioscopeApp>) -> LightChoice {
 }
 
 #[test]
-fn light_is_chosen_in_the_menu_undone_and_saved() {
+fn the_lighting_mode_is_chosen_in_the_menu_undone_and_saved() {
     let mut harness = window_on(CaseRef::Sample, [900.0, 700.0], Theme::Light);
     assert_eq!(light(&harness), LightChoice::default());
     harness.get_by_label("View").click();
@@ -51,14 +51,14 @@ fn context<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a ContextPane {
     harness.state().panes.get(PaneId::Context).unwrap()
 }
 
-/// A picture of pane and what drew it.
+/// Quality and size in pixels of the context view's last frame.
 fn drawn(harness: &Harness<'_, GlioscopeApp>) -> (Quality, [u32; 2]) {
     let screen = &context(harness).canvas.screen;
     (*screen.quality().unwrap(), screen.plan().unwrap().1)
 }
 
 #[test]
-fn a_moving_picture_is_a_draft_and_a_still_one_the_reference() {
+fn moving_views_draw_drafts_and_still_views_the_reference() {
     let mut harness = drafting_window_on(CaseRef::Sample, [420.0, 360.0]);
     maximized(&mut harness, PaneId::Context);
     let turn = |harness: &mut Window, degrees: f64| {
@@ -74,7 +74,7 @@ fn a_moving_picture_is_a_draft_and_a_still_one_the_reference() {
         assert!(quality.cost.unwrap() <= 1.0, "{quality:?}");
         assert_eq!(quality.lighting.mode, LightingMode::Cones);
     }
-    // Time passes in the harness by a quarter of a second a step at most, and pictures come in parts.
+    // The harness advances time by at most 0.25 s per step, and the reference takes several steps.
     let reference = LightChoice { mode: LightingMode::Cones, ..LightChoice::default() }
         .at(lights::preset(LightingMode::Cones, Preset::Reference));
     let mut steps = 0;
@@ -84,8 +84,8 @@ fn a_moving_picture_is_a_draft_and_a_still_one_the_reference() {
         assert!(steps < 3000, "{:?}", drawn(&harness));
     }
     let (_, size) = drawn(&harness);
-    assert!(size[0] > 300, "all pixels: {size:?}");
-    // A preset of one's own holds whether something moves or not.
+    assert!(size[0] > 300, "full resolution: {size:?}");
+    // A chosen preset applies whether something moves or not.
     issue(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
     turn(&mut harness, 77.0);
     let draft = lights::preset(LightingMode::Cones, Preset::Draft);
@@ -97,7 +97,7 @@ fn a_moving_picture_is_a_draft_and_a_still_one_the_reference() {
 }
 
 #[test]
-fn diagnostics_say_how_far_off_the_light_is() {
+fn diagnostics_report_the_expected_lighting_error() {
     let mut harness = window_on(CaseRef::Sample, [1100.0, 900.0], Theme::Light);
     perform(&mut harness, EditCommand::TogglePane(PaneId::Diagnostics));
     harness.get_all_by_label_contains("Expected error: unknown").next().unwrap();
@@ -105,13 +105,13 @@ fn diagnostics_say_how_far_off_the_light_is() {
     perform(&mut harness, EditCommand::SetLightingMode(LightingMode::Cones));
     let draft = lights::preset(LightingMode::Cones, Preset::Draft);
     let [surfaces, tissue] = lights::expected_error(&draft).unwrap();
-    let words = format!("Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue");
-    harness.get_all_by_label_contains(&words).next().unwrap();
+    let text = format!("Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue");
+    harness.get_all_by_label_contains(&text).next().unwrap();
 }
 
-/// The finer picture comes in parts: the window shows the draft meanwhile, a turned camera drops the rest, and what
-/// stands at the end is the picture that is drawn at once.
-fn a_still_picture_comes_in_parts(mode: LightingMode) -> String {
+/// The refined frame is drawn in parts: the window shows the draft meanwhile, rotating the camera drops the unfinished
+/// frame, and the finished one equals a frame drawn in one call. Returns a line on the steps it took.
+fn check_refinement_in_parts(mode: LightingMode) -> String {
     let mut harness = drafting_window_on(CaseRef::Sample, [420.0, 360.0]);
     maximized(&mut harness, PaneId::Context);
     let share = |harness: &Harness<'_, GlioscopeApp>| context(harness).canvas.screen.share_done();
@@ -122,27 +122,27 @@ fn a_still_picture_comes_in_parts(mode: LightingMode) -> String {
         harness.step();
     };
     issue(&mut harness, EditCommand::SetLightingMode(mode));
-    let (mut waited, mut longest_ms) = (0, 0.0f64);
-    let until_coming = |harness: &mut Window| {
+    let (mut window_steps, mut longest_step_ms) = (0, 0.0f64);
+    let wait_until_begun = |harness: &mut Window| {
         let mut steps = 0;
         while share(harness).is_none() {
-            assert!(steps < 20, "a finer picture is begun");
+            assert!(steps < 20, "a refined frame is begun");
             harness.step();
             steps += 1;
         }
     };
     turn(&mut harness, 10.0);
-    until_coming(&mut harness);
+    wait_until_begun(&mut harness);
     let (draft, _) = drawn(&harness);
     assert!(draft.cost.unwrap() <= 1.0);
-    // Turned while it is drawn: the rest is dropped, the draft of what is seen now is shown.
+    // Rotated meanwhile: the unfinished frame is dropped and a draft from the new camera is shown.
     turn(&mut harness, 50.0);
-    assert_eq!(share(&harness), None, "nothing is under way any more");
+    assert_eq!(share(&harness), None, "no frame is in progress");
     assert!(drawn(&harness).0.cost.unwrap() <= 1.0);
-    let drafts = |harness: &Harness<'_, GlioscopeApp>| context(harness).canvas.screen.frames_drawn();
-    let before = drafts(&harness);
-    until_coming(&mut harness);
-    assert_eq!(drafts(&harness), before, "no picture of the first camera comes in between");
+    let frames_drawn = |harness: &Harness<'_, GlioscopeApp>| context(harness).canvas.screen.frames_drawn();
+    let before = frames_drawn(&harness);
+    wait_until_begun(&mut harness);
+    assert_eq!(frames_drawn(&harness), before, "no frame of the first camera is shown in between");
     let reference =
         LightChoice { mode, ..LightChoice::default() }.at(lights::preset(mode, Preset::Reference));
     while drawn(&harness).0 != reference {
@@ -150,12 +150,12 @@ fn a_still_picture_comes_in_parts(mode: LightingMode) -> String {
         let before = drawn(&harness).0;
         harness.step();
         if drawn(&harness).0 == before {
-            longest_ms = longest_ms.max(begin.elapsed().as_secs_f64() * 1e3);
+            longest_step_ms = longest_step_ms.max(begin.elapsed().as_secs_f64() * 1e3);
         }
-        waited += 1;
-        assert!(waited < 3000, "it is finished");
+        window_steps += 1;
+        assert!(window_steps < 3000, "the refined frame is finished");
     }
-    assert!(waited > 4, "in parts: {waited}");
+    assert!(window_steps > 4, "drawn in several parts: {window_steps}");
     for _ in 0..5 {
         harness.step();
     }
@@ -170,18 +170,18 @@ fn a_still_picture_comes_in_parts(mode: LightingMode) -> String {
     let camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
     perform(&mut whole, EditCommand::SetLightingMode(mode));
     perform(&mut whole, LookCommand::SetCamera(camera));
-    assert_eq!(share(&whole), None, "at once");
+    assert_eq!(share(&whole), None, "drawn in one call");
     assert_eq!(drawn(&whole).0, reference);
     assert!(pixels(&whole) == found, "the same pixels");
-    format!("{waited} steps of the window, the longest {longest_ms:.0} ms")
+    format!("{window_steps} steps of the window, the longest {longest_step_ms:.0} ms")
 }
 
 #[test]
-fn a_still_picture_by_slices_comes_in_parts_and_the_window_goes_on() {
-    println!("{}", a_still_picture_comes_in_parts(LightingMode::Slices));
+fn slices_are_refined_in_parts_while_the_window_keeps_running() {
+    println!("{}", check_refinement_in_parts(LightingMode::Slices));
 }
 
 #[test]
-fn a_still_picture_by_cones_comes_in_parts_and_the_window_goes_on() {
-    println!("{}", a_still_picture_comes_in_parts(LightingMode::Cones));
+fn cones_are_refined_in_parts_while_the_window_keeps_running() {
+    println!("{}", check_refinement_in_parts(LightingMode::Cones));
 }

@@ -1,5 +1,5 @@
-//! Fibre tracts in the context view: from files on the command line to the picture, in the window, in
-//! sessions. The fibres are made here.
+//! Fibre tracts in the context view: from files on the command line to the picture, in the window, in sessions. The
+//! fibres are synthetic.
 
 use std::path::Path;
 
@@ -21,14 +21,14 @@ use glioscope_tests::{
 
 use crate::PROGRAM;
 
-/// Where the sample's tumour is.
+/// Centre of the lens, which is on the sample's tumour.
 fn tumor_mm() -> [f32; 3] {
     let work = workstation(CaseRef::Sample);
     let doc = work.doc.unwrap();
     doc.edit.lens.center_mm.as_vec3().to_array()
 }
 
-/// A bundle in front of the tumour, seen from the front: arcs from below to above.
+/// A bundle `before_mm` in front of the tumour: arcs running upwards.
 fn bundle(before_mm: f32) -> Vec<Vec<[f32; 3]>> {
     let [x, y, z] = tumor_mm();
     (0..24)
@@ -44,8 +44,8 @@ fn bundle(before_mm: f32) -> Vec<Vec<[f32; 3]>> {
         .collect()
 }
 
-/// Pixels of a tract's hue: shading darkens a colour and leaves the proportions of its channels.
-fn of_hue(picture: &image::RgbaImage, color: [u8; 3]) -> usize {
+/// Number of pixels of a tract's hue: shading scales the channels of a colour equally.
+fn count_hue(picture: &image::RgbaImage, color: [u8; 3]) -> usize {
     let [r, g, b] = color.map(f32::from);
     picture
         .pixels()
@@ -77,17 +77,17 @@ fn rendering_with_tracts_shows_them() {
         (png(&out), String::from_utf8(output.stdout).unwrap())
     };
     let color = tract_color(0);
-    let (plain, said) = draw(&["--explain"]);
-    assert!(said.contains("left out tubes: no fibre tracts"), "{said}");
-    let (with, said) = draw(&["--tracts", cst.to_str().unwrap(), "--explain"]);
-    assert!(said.contains("runs     tubes\n") && said.contains("runs     tubes_merge\n"), "{said}");
-    let (before, after) = (of_hue(&plain, color), of_hue(&with, color));
+    let (plain, plan) = draw(&["--explain"]);
+    assert!(plan.contains("left out tubes: no fibre tracts"), "{plan}");
+    let (with, plan) = draw(&["--tracts", cst.to_str().unwrap(), "--explain"]);
+    assert!(plan.contains("runs     tubes\n") && plan.contains("runs     tubes_merge\n"), "{plan}");
+    let (before, after) = (count_hue(&plain, color), count_hue(&with, color));
     println!("{before} pixels of the tract's hue, then {after}");
     assert!(after > before + 400, "{before} {after}");
-    // Behind the head they are hidden, all but their name in the list; named in the order given.
-    let (hidden, _) = draw(&["--tracts", far.to_str().unwrap(), "--tracts", cst.to_str().unwrap()]);
-    assert!(of_hue(&hidden, tract_color(1)) > 400);
-    // What isn't there, or is no file of tracts, is named.
+    // Tract colours follow the order of the arguments: the far bundle, behind the head, has the first one.
+    let (both, _) = draw(&["--tracts", far.to_str().unwrap(), "--tracts", cst.to_str().unwrap()]);
+    assert!(count_hue(&both, tract_color(1)) > 400);
+    // Missing files and files without tracts are named.
     for (file, word) in [("nowhere.tck", "nowhere.tck"), (PROGRAM, "expected tracts")] {
         let output = run(PROGRAM, &["render", "--sample", "--tracts", file, "--out", out.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(2));
@@ -96,7 +96,7 @@ fn rendering_with_tracts_shows_them() {
 }
 
 #[test]
-fn a_manifest_names_tracts_and_info_tells_them() {
+fn info_reports_the_tracts_of_a_manifest() {
     let folder = tempfile::tempdir().unwrap();
     let sample = folder.path().join("sample");
     let output = run(PROGRAM, &["sample", "--out", sample.to_str().unwrap()]);
@@ -107,16 +107,16 @@ fn a_manifest_names_tracts_and_info_tells_them() {
     std::fs::write(&manifest, text).unwrap();
     write_tck(&sample.join("cst.tck"), &bundle(35.0));
     let output = run(PROGRAM, &["info", manifest.to_str().unwrap()]);
-    let said = String::from_utf8(output.stdout).unwrap();
-    assert!(said.contains("tracts CST left") && said.contains("cst.tck"), "{said}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("tracts CST left") && text.contains("cst.tck"), "{text}");
     let output = run(PROGRAM, &["info", manifest.to_str().unwrap(), "--json"]);
-    let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(said["tracts"][0]["id"], "CST left");
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["tracts"][0]["id"], "CST left");
 }
 
 const SIZE: [f32; 2] = [900.0, 700.0];
 
-/// The window with the context view alone, seen from the front.
+/// The window with the context view maximised, looking from the front.
 fn window(mut work: Workstation) -> Window {
     let doc = work.doc.as_mut().unwrap();
     doc.edit.maximized = Some(PaneId::Context);
@@ -126,7 +126,7 @@ fn window(mut work: Workstation) -> Window {
     harness
 }
 
-/// Drops files onto the window and waits for what comes of it.
+/// Drops files onto the window and waits until they are loaded.
 fn drop_files(harness: &mut Window, files: &[&Path]) {
     for file in files {
         harness.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(file.to_path_buf())));
@@ -135,9 +135,10 @@ fn drop_files(harness: &mut Window, files: &[&Path]) {
     wait_for_workers(harness);
 }
 
+/// Pixels of the first and the second tract's hue.
 fn shown(harness: &mut Window) -> [usize; 2] {
     let picture = harness.render().unwrap();
-    [0, 1].map(|n| of_hue(&picture, tract_color(n)))
+    [0, 1].map(|n| count_hue(&picture, tract_color(n)))
 }
 
 #[test]
@@ -155,7 +156,7 @@ fn tracts_are_added_hidden_named_and_saved() {
     let mut harness = window(workstation(CaseRef::Sample));
     let none = shown(&mut harness);
     perform(&mut harness, EditCommand::ToggleAllTracts);
-    // A broken file is named, and nothing is lost.
+    // A malformed file is named and changes nothing.
     let broken = folder.path().join("broken.trk");
     std::fs::write(&broken, b"no tracts").unwrap();
     drop_files(&mut harness, &[&broken]);
@@ -173,13 +174,13 @@ fn tracts_are_added_hidden_named_and_saved() {
     println!("{none:?}, then {both:?}");
     assert!(both[0] > none[0] + 400 && both[1] > none[1] + 400, "{none:?} {both:?}");
 
-    // A click on the list hides one; undo brings it back.
+    // A click on the list hides one; undo restores it.
     harness.get_by_label("Show or hide fibre tracts near").click();
     harness.run_ok();
     let one = shown(&mut harness);
     assert!(one[0] < both[0] - 400 && one[1] >= both[1], "{both:?} {one:?}");
     perform(&mut harness, EditCommand::Undo);
-    // But for the mark under the pointer in the list.
+    // The difference allows for the hover highlight in the list.
     let undone = shown(&mut harness);
     assert!((0..2).all(|n| undone[n].abs_diff(both[n]) < 40), "{both:?} {undone:?}");
     perform(&mut harness, EditCommand::ToggleAllTracts);
@@ -192,23 +193,23 @@ fn tracts_are_added_hidden_named_and_saved() {
     assert_eq!(reason(&mut harness), Some("fibre tracts are hidden"));
     perform(&mut harness, EditCommand::ToggleAllTracts);
 
-    // A fibre under the pointer says whose it is and how far it runs from the selection.
+    // Hovering a fibre reports its tract and its distance from the selection.
     let rect = harness.state().pane_rect(PaneId::Context).unwrap();
-    let mut said = String::new();
+    let mut label = String::new();
     'search: for dy in [-20.0, 0.0, 20.0] {
         for dx in -12..=12 {
             harness.hover_at(rect.center() + vec2(dx as f32 * 6.0, dy));
             harness.run_ok();
             let under = harness.query_all_by_label_contains("Context view of").next();
-            said = under.and_then(|node| node.accesskit_node().label()).unwrap_or_default();
-            if said.contains(", fibre ") {
+            label = under.and_then(|node| node.accesskit_node().label()).unwrap_or_default();
+            if label.contains(", fibre ") {
                 break 'search;
             }
         }
     }
-    assert!(said.contains(" mm from the selection"), "{said}");
+    assert!(label.contains(" mm from the selection"), "{label}");
 
-    // A session opens with its tracts, hidden as they were.
+    // A session restores its tracts and their visibility.
     perform(&mut harness, EditCommand::ToggleTracts("beside".into()));
     perform(&mut harness, AppCommand::SaveSessionTo(saved.clone()));
     let document = session::load(&saved).unwrap();
@@ -220,7 +221,7 @@ fn tracts_are_added_hidden_named_and_saved() {
     assert_eq!(ids(&again), ["near", "beside"]);
     let reopened = shown(&mut again);
     assert!(reopened[0] > none[0] + 400 && reopened[1] < both[1] - 400, "{both:?} {reopened:?}");
-    // Sessions from before there were tracts open, too.
+    // Sessions from before tracts were added still open.
     let text = std::fs::read_to_string(&saved).unwrap();
     let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
     value["document"].as_object_mut().unwrap().remove("tracts").unwrap();

@@ -4,7 +4,7 @@ use egui::{Theme, vec2};
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand, LookCommand, Workstation},
-    model::{CaseRef, EllipsoidKind, EllipsoidLook, OwnOpacity, PaneId, session},
+    model::{CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, PaneId, session},
     views::ellipsoids::EllipsoidPane,
     window::GlioscopeApp,
 };
@@ -27,7 +27,7 @@ fn frames(harness: &mut Window) -> [u64; 3] {
     VIEWS.map(|pane| screens(harness, pane).frames_drawn())
 }
 
-/// Passes left out of a view's last picture, with the reasons.
+/// Omitted passes of a view's last frame, with the reasons.
 fn omitted(harness: &mut Window, pane: PaneId) -> Vec<(&'static str, &'static str)> {
     let plan = screens(harness, pane).plan().unwrap().0;
     plan.omitted.iter().map(|(pass, why)| (pass.name(), *why)).collect()
@@ -39,7 +39,7 @@ fn hover<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> Option<&'a glioscope_ren
 
 fn drag(harness: &mut Window, pane: PaneId, by: egui::Vec2) {
     let rect = harness.state().pane_rect(pane).unwrap();
-    // Away from the ring, which would be taken hold of.
+    // Away from the lens's ring, which would be dragged instead.
     let from = rect.left_bottom() + vec2(rect.width() * 0.5, -rect.height() * 0.06);
     harness.hover_at(from);
     harness.drag_at(from);
@@ -50,7 +50,7 @@ fn drag(harness: &mut Window, pane: PaneId, by: egui::Vec2) {
 }
 
 #[test]
-fn turning_one_3d_view_turns_the_others() {
+fn rotating_one_3d_view_rotates_the_others() {
     for pane in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids] {
         let mut harness = sample();
         let before = frames(&mut harness);
@@ -60,7 +60,7 @@ fn turning_one_3d_view_turns_the_others() {
         drag(&mut harness, pane, vec2(70.0, 0.0));
         let turned = doc(&harness).nav.camera;
         assert_ne!(turned.world_from_camera, camera.world_from_camera, "{pane:?}");
-        assert_eq!(turned.focus_mm, camera.focus_mm, "{pane:?}: orientation, not position");
+        assert_eq!(turned.focus_mm, camera.focus_mm, "{pane:?}: the focus stays");
         assert_eq!(turned.height_mm, camera.height_mm, "{pane:?}");
         let after = frames(&mut harness);
         for i in 0..3 {
@@ -73,7 +73,7 @@ fn turning_one_3d_view_turns_the_others() {
 }
 
 #[test]
-fn scrolling_zooms_one_view_alone_and_a_double_click_fits_it() {
+fn scrolling_zooms_one_view_alone() {
     let mut harness = sample();
     let before = doc(&harness).nav.clone();
     let rect = harness.state().pane_rect(PaneId::Context).unwrap();
@@ -93,18 +93,18 @@ fn scrolling_zooms_one_view_alone_and_a_double_click_fits_it() {
 }
 
 #[test]
-fn what_no_pane_shows_is_neither_computed_nor_compiled() {
+fn hidden_panes_compute_and_draw_nothing() {
     let case = workstation(CaseRef::Sample);
-    let mut doc_alone = case.doc.clone().unwrap();
-    doc_alone.edit.maximized = Some(PaneId::Closeup);
-    let mut harness = window_with(Workstation { doc: Some(doc_alone), ..case }, SIZE, Theme::Light);
+    let mut closeup_only = case.doc.clone().unwrap();
+    closeup_only.edit.maximized = Some(PaneId::Closeup);
+    let mut harness = window_with(Workstation { doc: Some(closeup_only), ..case }, SIZE, Theme::Light);
     harness.run_ok();
     assert_eq!(VIEWS.map(|pane| screens(&mut harness, pane).plan().is_some()), [true, false, false]);
     assert!(harness.state().results.ellipsoids.last().is_none(), "no ellipsoid was enclosed");
     assert!(harness.state().results.image.last().is_none(), "no histogram was counted");
     let closeup = pane_picture(&mut harness, PaneId::Closeup);
 
-    // With everything open, then closed again: the closeup is the same to the last bit.
+    // Opening every pane and maximising the closeup again leaves its pixels unchanged.
     perform(&mut harness, EditCommand::MaximizePane(PaneId::Closeup));
     assert!(harness.state().results.ellipsoids.last().is_some_and(|found| !found.is_empty()));
     perform(&mut harness, EditCommand::MaximizePane(PaneId::Closeup));
@@ -112,7 +112,7 @@ fn what_no_pane_shows_is_neither_computed_nor_compiled() {
 }
 
 #[test]
-fn the_selection_reaches_every_view() {
+fn the_selection_applies_to_every_3d_view() {
     let mut harness = sample();
     assert_eq!(omitted(&mut harness, PaneId::Ellipsoids), [("ellipsoid_rest", "every fragment has room")]);
     let before = pane_picture(&mut harness, PaneId::Context);
@@ -126,7 +126,7 @@ fn the_selection_reaches_every_view() {
     let without = omitted(&mut harness, PaneId::Ellipsoids);
     assert!(
         without.iter().any(|(pass, _)| *pass == "ellipsoid_lists"),
-        "nothing is selected, so work is left out: {without:?}"
+        "an empty selection omits passes: {without:?}"
     );
     assert_ne!(pane_picture(&mut harness, PaneId::Context), before, "the context view shows no tumour");
     let without = omitted(&mut harness, PaneId::Context);
@@ -138,7 +138,7 @@ fn the_selection_reaches_every_view() {
 }
 
 #[test]
-fn a_transfer_function_and_cuts_are_live_saved_and_undone() {
+fn transfer_functions_and_clipping_planes_are_drawn_saved_and_undone() {
     let mut harness = sample();
     let first = pane_picture(&mut harness, PaneId::Context);
     let (id, statistics) = {
@@ -151,37 +151,37 @@ fn a_transfer_function_and_cuts_are_live_saved_and_undone() {
     perform(&mut harness, EditCommand::SetTransfer(id.clone(), Some(borders.clone())));
     let with_borders = pane_picture(&mut harness, PaneId::Context);
     assert_ne!(with_borders, first);
-    let no_gradients = |harness: &mut Window| {
+    let omits_gradients = |harness: &mut Window| {
         omitted(harness, PaneId::Context).iter().any(|(pass, _)| *pass == "gradient_opacity")
     };
-    assert!(!no_gradients(&mut harness), "a 2-D function needs its gradients");
-    let cut = ClipPlane { normal: glam::DVec3::Z, offset_mm: doc(&harness).nav.cursor_mm.z };
-    perform(&mut harness, EditCommand::SetClips(vec![cut]));
-    let with_cut = pane_picture(&mut harness, PaneId::Context);
-    assert_ne!(with_cut, with_borders);
+    assert!(!omits_gradients(&mut harness), "a 2-D function needs gradients");
+    let plane = ClipPlane { normal: glam::DVec3::Z, offset_mm: doc(&harness).nav.cursor_mm.z };
+    perform(&mut harness, EditCommand::SetClips(vec![plane]));
+    let clipped = pane_picture(&mut harness, PaneId::Context);
+    assert_ne!(clipped, with_borders);
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
     let saved = session::load(&path).unwrap();
     assert_eq!(saved.edit.transfers.get(&id), Some(&borders));
-    assert_eq!(saved.edit.clips, [cut]);
+    assert_eq!(saved.edit.clips, [plane]);
 
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(pane_picture(&mut harness, PaneId::Context), with_borders);
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(pane_picture(&mut harness, PaneId::Context), first);
-    assert!(no_gradients(&mut harness), "a 1-D function needs no gradients");
+    assert!(omits_gradients(&mut harness), "a 1-D function needs no gradients");
 }
 
 #[test]
-fn a_point_is_dragged_in_the_editor() {
+fn a_control_point_is_added_and_removed_in_the_editor() {
     let mut harness = sample();
     let rect = maximized(&mut harness, PaneId::Transfer);
     let plot = harness.get_by_label("Opacity of each value").rect();
     assert!(rect.contains_rect(plot));
     let before = doc(&harness).edit.transfers.clone();
-    assert!(before.is_empty(), "the function to begin with isn't stored");
+    assert!(before.is_empty(), "the initial function isn't stored");
     let at = plot.center();
     harness.hover_at(at);
     harness.drag_at(at);
@@ -197,15 +197,19 @@ fn a_point_is_dragged_in_the_editor() {
     assert_eq!(added.points().len(), start.points().len() + 1);
     let new = added.points().iter().find(|p| !start.points().contains(p)).unwrap();
     // Heights are square roots of opacities.
-    assert!((new.opacity - 0.25).abs() < 0.01, "half way up: {}", new.opacity);
-    assert!(harness.query_by_label("Colour of the point").is_some(), "the new point is chosen");
+    assert!(
+        (new.opacity - 0.25).abs() < 0.01,
+        "the middle of the plot is an opacity of 0.25: {}",
+        new.opacity
+    );
+    assert!(harness.query_by_label("Colour of the point").is_some(), "the new point is selected");
     harness.get_by_label("Remove").click();
     harness.run_ok();
     assert_eq!(doc(&harness).edit.transfers.get(&id).unwrap().points().len(), start.points().len());
 }
 
 #[test]
-fn ellipsoids_change_kind_and_the_small_are_hidden_and_counted() {
+fn ellipsoid_kind_and_size_limit_change_the_diagram() {
     let mut harness = sample();
     let before = pane_picture(&mut harness, PaneId::Ellipsoids);
     let look = doc(&harness).edit.ellipsoids;
@@ -224,20 +228,20 @@ fn ellipsoids_change_kind_and_the_small_are_hidden_and_counted() {
             .filter(|c| matches!(c.of, glioscope_core::ellipsoid::Of::Region(_)) && c.volume_ml >= limit)
             .count()
     };
-    let said = |harness: &Harness<'_, GlioscopeApp>, n: usize| {
+    let label_counts = |harness: &Harness<'_, GlioscopeApp>, n: usize| {
         harness.query_by_label_contains(&format!("Ellipsoid diagram, {n} ellipsoids")).is_some()
     };
-    assert!(said(&harness, count(&harness)));
+    assert!(label_counts(&harness, count(&harness)));
     perform(&mut harness, EditCommand::SetEllipsoidLook(EllipsoidLook { smallest_ml: 5.0, ..look }));
     let large = count(&harness);
-    assert!(large > 0 && said(&harness, large), "{large} of 5 ml and more");
+    assert!(large > 0 && label_counts(&harness, large), "{large} of 5 ml and more");
     perform(&mut harness, EditCommand::Undo);
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(pane_picture(&mut harness, PaneId::Ellipsoids), before);
 }
 
 #[test]
-fn the_axial_slice_stands_in_the_3d_views() {
+fn the_axial_slice_is_shown_in_the_3d_views() {
     let mut harness = sample();
     let panes = [PaneId::Closeup, PaneId::Ellipsoids];
     let before = panes.map(|p| pane_picture(&mut harness, p));
@@ -269,18 +273,18 @@ fn hovering_a_3d_view_moves_the_crosshair() {
 }
 
 #[test]
-fn ellipsoids_are_kept_beside_the_session() {
+fn ellipsoids_are_cached_beside_the_session() {
     use glioscope_core::ellipsoid::cache;
     let folder = tempfile::tempdir().unwrap();
     let session = folder.path().join("visit.glioscope.json");
     let mut harness = sample();
     perform(&mut harness, AppCommand::SaveSessionTo(session.clone()));
-    let kept = cache::load(&cache::path_beside(&session));
+    let cached = cache::load(&cache::path_beside(&session));
     let computed = harness.state().results.ellipsoids.last().unwrap().to_vec();
-    assert_eq!(kept.values().collect::<Vec<_>>(), [&computed], "to the last bit");
+    assert_eq!(cached.values().collect::<Vec<_>>(), [&computed], "bit-identical");
 
-    // What the file says is what is shown: a made-up list under the right key is taken as it is.
-    let (key, mut list) = kept.into_iter().next().unwrap();
+    // The cache is used without recomputation: an altered list under the same key is what the view shows.
+    let (key, mut list) = cached.into_iter().next().unwrap();
     list.truncate(1);
     cache::save(&cache::path_beside(&session), &cache::Entries::from([(key, list.clone())])).unwrap();
     let work = workstation(CaseRef::Sample);
@@ -291,7 +295,7 @@ fn ellipsoids_are_kept_beside_the_session() {
 }
 
 #[test]
-fn one_ellipsoid_alone_is_made_transparent_and_undone() {
+fn one_ellipsoid_is_made_transparent_and_undone() {
     let mut harness = sample();
     let before = pane_picture(&mut harness, PaneId::Ellipsoids);
     let rect = harness.state().pane_rect(PaneId::Ellipsoids).unwrap();
@@ -309,7 +313,7 @@ fn one_ellipsoid_alone_is_made_transparent_and_undone() {
         harness.run_ok();
     }
     assert!(harness.query_by_label("Opacity of this ellipsoid").is_some(), "its menu is open");
-    let own = OwnOpacity {
+    let own = EllipsoidOpacity {
         time: 0,
         neighbors: doc(&harness).edit.ellipsoids.neighbors,
         id: picked.id,
@@ -325,7 +329,7 @@ fn one_ellipsoid_alone_is_made_transparent_and_undone() {
     harness.hover_at(at);
     harness.run_ok();
     let now = hover(&harness);
-    assert_ne!(now.map(|p| p.id), Some(picked.id), "what can't be seen can't be picked");
+    assert_ne!(now.map(|p| p.id), Some(picked.id), "invisible ellipsoids can't be picked");
     perform(&mut harness, EditCommand::Undo);
     assert!(doc(&harness).edit.ellipsoid_opacities.is_empty());
 }

@@ -85,24 +85,24 @@ impl Pane for ChangePane {
         }
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
-        if let Err(why) = chosen {
-            draw::message(ui, rect, &no_comparison_text(&why));
+        if let Err(error) = chosen {
+            draw::message(ui, rect, &no_comparison_text(&error));
             return;
         }
         let Some(graphics) = stage.graphics else {
             draw::message(ui, rect, "No graphics adapter: the change view can't be drawn.");
             return;
         };
-        let soon = std::time::Duration::from_millis(100);
+        let poll_interval = std::time::Duration::from_millis(100);
         let compared = match stage.results.comparison.get(input.case, &input.doc.edit.change, ask) {
             Some(Lookup::Ready(compared)) => compared.clone(),
             Some(Lookup::Working(progress)) => {
                 draw::message(ui, rect, &progress_text(progress));
-                ui.request_repaint_after(soon);
+                ui.request_repaint_after(poll_interval);
                 return;
             }
-            Some(Lookup::Failed(why)) => {
-                draw::message(ui, rect, &why.to_string());
+            Some(Lookup::Failed(error)) => {
+                draw::message(ui, rect, &error.to_string());
                 return;
             }
             None => return,
@@ -110,7 +110,7 @@ impl Pane for ChangePane {
         let volume = match stage.results.image.volume(input.context, ask) {
             Some(Lookup::Ready(volume)) => Some(volume.clone()),
             Some(Lookup::Working(_)) => {
-                ui.request_repaint_after(soon);
+                ui.request_repaint_after(poll_interval);
                 None
             }
             _ => None,
@@ -136,15 +136,15 @@ impl Pane for ChangePane {
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
-        let under = self.canvas.hover().map(|pick| pick_text(&compared, pick));
+        let hover_text = self.canvas.hover().map(|pick| pick_text(&compared, pick));
         partner_line(ui, &view, self.canvas.hover());
         legend(ui, &input, rect, &compared, &scene.look);
         marks::corners(ui, rect, input.sides_known(), (&camera, "at the middle"), true);
-        self.canvas.draw_overlays(ui, &view, &response, &outcome, under.as_deref());
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let [from, to] = &compared.labels;
             let what = format!("Change of {} from {from} to {to}", compared.report.mask);
-            WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, under.as_deref()))
+            WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, hover_text.as_deref()))
         });
     }
 
@@ -251,12 +251,12 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
     let painter = ui.painter().with_clip_rect(rect);
     let report = &compared.report;
     let mm = |v: Option<f64>| v.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
-    let both = [("grew", look.grow, &report.growth), ("shrank", look.shrink, &report.recession)];
-    let mut lines: Vec<(Option<[u8; 3]>, String)> = both
+    let directions = [("grew", look.grow, &report.growth), ("shrank", look.shrink, &report.recession)];
+    let mut lines: Vec<(Option<[u8; 3]>, String)> = directions
         .into_iter()
-        .map(|(words, color, lengths)| {
+        .map(|(verb, color, lengths)| {
             let text = format!(
-                "{words} 0 to {:.1} mm: {} voxels, median {}, 95 % {}, most {} mm",
+                "{verb} 0 to {:.1} mm: {} voxels, median {}, 95 % {}, most {} mm",
                 look.full_mm,
                 lengths.count,
                 mm(lengths.p50_mm),

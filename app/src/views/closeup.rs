@@ -70,8 +70,8 @@ impl Pane for CloseupPane {
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let input = stage.input;
         let Some(graphics) = stage.graphics else {
-            let words = "No graphics adapter: the 3D closeup can't be drawn. Install mesa-vulkan-drivers.";
-            draw::message(ui, rect, words);
+            let text = "No graphics adapter: the 3D closeup can't be drawn. Install mesa-vulkan-drivers.";
+            draw::message(ui, rect, text);
             return;
         };
         let doc = input.doc;
@@ -100,16 +100,16 @@ impl Pane for CloseupPane {
         let agreement = agreement(stage);
         draw_marks(ui, &input, rect, &agreement);
         ruler::draw_3d(&ui.painter().with_clip_rect(rect), doc, &doc.nav.camera, rect, draft);
-        let under = self.canvas.hover().map(|pick| pick_text(&input, pick));
-        let words = draft.as_ref().map(ruler::draft_text).or_else(|| under.clone());
-        self.canvas.draw_overlays(ui, &view, &response, &outcome, words.as_deref());
+        let hover_text = self.canvas.hover().map(|pick| pick_text(&input, pick));
+        let pointer_text = draft.as_ref().map(ruler::draft_text).or_else(|| hover_text.clone());
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, pointer_text.as_deref());
         response.widget_info(|| {
-            let mut spoken = self.canvas.accessible_text("Closeup", under.as_deref());
+            let mut text = self.canvas.accessible_text("Closeup", hover_text.as_deref());
             if !agreement.is_empty() {
-                let rows: Vec<&str> = agreement.iter().map(|(_, words)| words.as_str()).collect();
-                spoken = format!("{spoken}\n{}", rows.join("; "));
+                let rows: Vec<&str> = agreement.iter().map(|(_, text)| text.as_str()).collect();
+                text = format!("{text}\n{}", rows.join("; "));
             }
-            WidgetInfo::labeled(Role::Canvas, true, spoken)
+            WidgetInfo::labeled(Role::Canvas, true, text)
         });
     }
 
@@ -127,8 +127,8 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
     let regions = &input.time_point.regions;
     let ml = regions.get(pick.bits).map_or_else(|| "unknown".into(), |r| format::ml(r.volume_ml));
     let place = flat::place_label(pick.world_mm, input.sides_known());
-    let side = if pick.inside_lens { "" } else { ", outside the lens" };
-    format!("{} {ml}{side}\n{place}", regions.name(pick.bits))
+    let outside = if pick.inside_lens { "" } else { ", outside the lens" };
+    format!("{} {ml}{outside}\n{place}", regions.name(pick.bits))
 }
 
 /// Draws the orientation cube, scale bar, legend and notes.
@@ -138,19 +138,19 @@ fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, "at the lens"), false);
     legend(&painter, input, rect, ink, agreement);
     if input.doc.nav.ruler_on {
-        let words = "Ruler: drag from surface to surface";
+        let text = "Ruler: drag from surface to surface";
         let at = rect.center_bottom() - vec2(0.0, 10.0);
-        painter.text(at, Align2::CENTER_BOTTOM, words, FontId::proportional(13.0), ink);
+        painter.text(at, Align2::CENTER_BOTTOM, text, FontId::proportional(13.0), ink);
     }
     let regions = &input.time_point.regions;
-    let (at, anchor, words) = if regions.union_voxels() == 0 {
+    let (at, anchor, text) = if regions.union_voxels() == 0 {
         (rect.center(), Align2::CENTER_CENTER, "No mask is active at this time point")
     } else if input.doc.edit.selection.is_empty(regions) {
         (rect.center_top() + vec2(0.0, 28.0), Align2::CENTER_TOP, "Every region is hidden")
     } else {
         return;
     };
-    painter.text(at, anchor, words, FontId::proportional(15.0), ink);
+    painter.text(at, anchor, text, FontId::proportional(15.0), ink);
 }
 
 /// Colour and text.
@@ -164,20 +164,20 @@ fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, ink: Color32, agreem
         Coloring::Agreement => agreement.iter().rev().cloned().collect(),
     };
     let mut at = rect.left_top() + vec2(10.0, 8.0);
-    for (color, words) in rows {
+    for (color, text) in rows {
         let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
         let edge = egui::Stroke::new(1.0, ink.gamma_multiply(0.6));
         painter.rect(swatch, 2.0, draw::color(color), edge, egui::StrokeKind::Outside);
         let font = FontId::proportional(12.0);
-        painter.text(at + vec2(17.0, 0.0), Align2::LEFT_TOP, words, font, ink);
+        painter.text(at + vec2(17.0, 0.0), Align2::LEFT_TOP, text, font, ink);
         at.y += 16.0;
         if at.y > rect.bottom() - 90.0 {
             break;
         }
     }
     if input.colors.mask_count() >= 2 {
-        let (words, font) = (input.colors.scheme(), FontId::proportional(10.5));
-        painter.text(at, Align2::LEFT_TOP, words, font, ink.gamma_multiply(0.75));
+        let (text, font) = (input.colors.scheme(), FontId::proportional(10.5));
+        painter.text(at, Align2::LEFT_TOP, text, font, ink.gamma_multiply(0.75));
     }
 }
 
@@ -186,18 +186,18 @@ fn agreement(stage: &mut Stage<'_>) -> Vec<LegendRow> {
     if stage.input.colors.coloring() != Coloring::Agreement {
         return Vec::new();
     }
-    let of = stage.input.colors.mask_count();
+    let mask_count = stage.input.colors.mask_count();
     match stage.results.numbers.agreement(stage.input.time_point, stage.ask) {
-        Lookup::Ready(numbers) => agreement_rows(numbers, of),
+        Lookup::Ready(numbers) => agreement_rows(numbers, mask_count),
         Lookup::Working(_) | Lookup::Failed(_) => Vec::new(),
     }
 }
 
-fn agreement_rows(numbers: &AgreementNumbers, of: usize) -> Vec<LegendRow> {
-    let words = |level: &Agreement| {
-        let masks = if of == 1 { "mask" } else { "masks" };
+fn agreement_rows(numbers: &AgreementNumbers, mask_count: usize) -> Vec<LegendRow> {
+    let text = |level: &Agreement| {
+        let masks = if mask_count == 1 { "mask" } else { "masks" };
         let ml = format::ml(level.volume_ml);
-        format!("{} of {of} {masks}: {ml}, {} voxels", level.masks, format::count(level.voxels))
+        format!("{} of {mask_count} {masks}: {ml}, {} voxels", level.masks, format::count(level.voxels))
     };
-    numbers.levels.iter().map(|level| (agreement_color(level.masks, of), words(level))).collect()
+    numbers.levels.iter().map(|level| (agreement_color(level.masks, mask_count), text(level))).collect()
 }

@@ -54,13 +54,13 @@ impl DatesPane {
         self.play(ui, &input, out);
         ui.horizontal_wrapped(|ui| {
             ui.label("Shown");
-            for (at, label) in labels.iter().enumerate() {
-                let shown = input.doc.nav.time == at;
+            for (index, label) in labels.iter().enumerate() {
+                let shown = input.doc.nav.time == index;
                 let response = ui.selectable_label(shown, name_of(label));
-                let words = format!("Show {}", name_of(label));
-                response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &words));
+                let text = format!("Show {}", name_of(label));
+                response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &text));
                 if response.clicked() {
-                    out.push(LookCommand::SetTime(at));
+                    out.push(LookCommand::SetTime(index));
                 }
             }
             if labels.len() > 1 {
@@ -82,8 +82,8 @@ impl DatesPane {
         });
         let height = (ui.available_height() * 0.55).clamp(120.0, 320.0);
         chart(ui, &input, &labels, self.regions, chosen.as_ref().ok(), height, out);
-        if let Err(why) = &chosen {
-            ui.weak(no_comparison_text(why));
+        if let Err(error) = &chosen {
+            ui.weak(no_comparison_text(error));
             return;
         }
         match stage.results.comparison.get(input.case, &input.doc.edit.change, stage.ask) {
@@ -91,8 +91,8 @@ impl DatesPane {
             Some(Lookup::Working(progress)) => {
                 ui.weak(progress_text(progress));
             }
-            Some(Lookup::Failed(why)) => {
-                ui.weak(why.to_string());
+            Some(Lookup::Failed(error)) => {
+                ui.weak(error.to_string());
             }
             None => {}
         }
@@ -127,18 +127,23 @@ fn choose(input: &Input<'_>, date: usize, as_earlier: bool, out: &mut Commands) 
 
 fn pair_choice(ui: &mut Ui, input: &Input<'_>, labels: &[&str], chosen: Option<&Choice>, out: &mut Commands) {
     let Some(chosen) = chosen else { return };
-    for (end, words) in ["Compare from", "Compare to"].into_iter().enumerate() {
+    for (end, text) in ["Compare from", "Compare to"].into_iter().enumerate() {
         ui.horizontal_wrapped(|ui| {
-            ui.label(words);
-            for (at, label) in labels.iter().enumerate() {
-                let is = chosen.dates[end] == at;
-                let possible = input.doc.edit.change.with_date(input.case, at, end == 0).is_some();
-                let response = ui.add_enabled(possible, egui::Button::selectable(is, name_of(label)));
+            ui.label(text);
+            for (index, label) in labels.iter().enumerate() {
+                let is_chosen = chosen.dates[end] == index;
+                let possible = input.doc.edit.change.with_date(input.case, index, end == 0).is_some();
+                let response = ui.add_enabled(possible, egui::Button::selectable(is_chosen, name_of(label)));
                 response.widget_info(|| {
-                    WidgetInfo::selected(Role::Button, possible, is, format!("{words} {}", name_of(label)))
+                    WidgetInfo::selected(
+                        Role::Button,
+                        possible,
+                        is_chosen,
+                        format!("{text} {}", name_of(label)),
+                    )
                 });
                 if response.clicked() {
-                    choose(input, at, end == 0, out);
+                    choose(input, index, end == 0, out);
                 }
             }
         });
@@ -155,7 +160,7 @@ fn chart(
     height: f32,
     out: &mut Commands,
 ) {
-    let (at, axis_label) = positions(labels);
+    let (xs, axis_label) = positions(labels);
     let lines = if regions { region_lines(input) } else { mask_lines(input) };
     let plot = Plot::new("volumes over time")
         .height(height)
@@ -170,7 +175,7 @@ fn chart(
     let shown = plot.show(ui, |plot| {
         for (name, color, values) in &lines {
             let points: Vec<[f64; 2]> =
-                at.iter().zip(values).filter_map(|(&x, y)| y.map(|ml| [x, ml])).collect();
+                xs.iter().zip(values).filter_map(|(&x, y)| y.map(|ml| [x, ml])).collect();
             let color = draw::color(*color);
             plot.line(Line::new(name.clone(), PlotPoints::from(points.clone())).color(color).width(2.0));
             plot.points(
@@ -181,7 +186,7 @@ fn chart(
             );
         }
         for date in chosen.into_iter().flat_map(|c| c.dates) {
-            if let Some(&x) = at.get(date) {
+            if let Some(&x) = xs.get(date) {
                 // Without a name it has no legend entry.
                 plot.vline(VLine::new("", x).color(Color32::GRAY).width(1.0));
             }
@@ -189,7 +194,7 @@ fn chart(
         plot.pointer_coordinate()
     });
     shown.response.widget_info(|| {
-        let words: Vec<String> = lines
+        let series: Vec<String> = lines
             .iter()
             .map(|(name, _, values)| {
                 let list: Vec<String> =
@@ -197,11 +202,11 @@ fn chart(
                 format!("{name}: {}", list.join(", "))
             })
             .collect();
-        WidgetInfo::labeled(Role::Canvas, true, format!("Volumes over time. {}", words.join("; ")))
+        WidgetInfo::labeled(Role::Canvas, true, format!("Volumes over time. {}", series.join("; ")))
     });
     if let (true, Some(pointer)) = (shown.response.clicked(), shown.inner) {
         let nearest =
-            (0..at.len()).min_by(|&a, &b| (at[a] - pointer.x).abs().total_cmp(&(at[b] - pointer.x).abs()));
+            (0..xs.len()).min_by(|&a, &b| (xs[a] - pointer.x).abs().total_cmp(&(xs[b] - pointer.x).abs()));
         if let Some(date) = nearest {
             choose(input, date, ui.input(|i| i.modifiers.shift), out);
         }
@@ -219,11 +224,11 @@ fn mask_lines(input: &Input<'_>) -> Vec<ChartLine> {
         }
     }
     let volumes = |id: &str| {
-        let of = |t: &TimePoint| {
+        let volume_at = |t: &TimePoint| {
             let k = t.masks.iter().position(|m| m.mask.id() == id)?;
             Some(t.regions.mask_ml(k))
         };
-        input.case.time_points.iter().map(of).collect()
+        input.case.time_points.iter().map(volume_at).collect()
     };
     let color = |id: &str| {
         let k = input.time_point.masks.iter().position(|m| m.mask.id() == id);
@@ -238,7 +243,7 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
     for time_point in &input.case.time_points {
         for region in time_point.regions.list() {
             let name = time_point.regions.name(region.bits);
-            if !names.iter().any(|(known, _)| *known == name) {
+            if !names.iter().any(|(listed, _)| *listed == name) {
                 let same = input
                     .time_point
                     .regions
@@ -251,11 +256,11 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
         }
     }
     let volumes = |name: &str| {
-        let of = |t: &TimePoint| {
+        let volume_at = |t: &TimePoint| {
             let region = t.regions.list().iter().find(|r| t.regions.name(r.bits) == name);
             Some(region.map_or(0.0, |r| r.volume_ml))
         };
-        input.case.time_points.iter().map(of).collect()
+        input.case.time_points.iter().map(volume_at).collect()
     };
     names
         .into_iter()

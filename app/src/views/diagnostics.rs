@@ -1,4 +1,5 @@
-//! Diagnostics: adapter, size and quality of each 3D view's frame, time of each render pass, omitted passes with reason.
+//! Diagnostics: adapter, size and quality of each 3D view's frame, time of each render pass, omitted passes with
+//! reason.
 
 use egui::{Grid, RichText, ScrollArea, Ui};
 use glioscope_render::{Gpu, Quality, light};

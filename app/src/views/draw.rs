@@ -46,10 +46,10 @@ pub fn warnings(ui: &Ui, rect: Rect, warnings: &[String]) {
 }
 
 /// Draws a note in the middle of the lower edge, for work in progress.
-pub fn note(ui: &Ui, rect: Rect, words: &str) {
+pub fn note(ui: &Ui, rect: Rect, text: &str) {
     let at = rect.center_bottom() - vec2(0.0, 14.0);
     let painter = ui.painter().with_clip_rect(rect);
-    painter.text(at, Align2::CENTER_BOTTOM, words, FontId::proportional(12.0), ink(ui.visuals().dark_mode));
+    painter.text(at, Align2::CENTER_BOTTOM, text, FontId::proportional(12.0), ink(ui.visuals().dark_mode));
 }
 
 /// Draws text beside the pointer, kept inside the view.

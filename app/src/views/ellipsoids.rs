@@ -139,8 +139,8 @@ impl Pane for EllipsoidPane {
                 ui.request_repaint_after(std::time::Duration::from_millis(100));
                 return;
             }
-            Lookup::Failed(why) => {
-                draw::message(ui, rect, &why.to_string());
+            Lookup::Failed(error) => {
+                draw::message(ui, rect, &error.to_string());
                 return;
             }
         };
@@ -160,13 +160,13 @@ impl Pane for EllipsoidPane {
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
-        let under = self.canvas.hover().and_then(|pick| pick_text(&input, &components, pick));
+        let hover_text = self.canvas.hover().and_then(|pick| pick_text(&input, &components, pick));
         self.opacity_menu(&response, &input, &components, out);
         notes(ui, &input, rect, scene.ellipsoids.len(), too_small, &scene.camera);
-        self.canvas.draw_overlays(ui, &view, &response, &outcome, under.as_deref());
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let what = format!("Ellipsoid diagram, {} ellipsoids", scene.ellipsoids.len());
-            WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, under.as_deref()))
+            WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, hover_text.as_deref()))
         });
     }
 

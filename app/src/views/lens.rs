@@ -39,14 +39,14 @@ fn content(ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
     let voxels: u64 = counts.iter().map(|(_, n)| n).sum();
     let ml = |voxels: u64| tumor.grid().volume_ml(voxels);
     let ball_ml = 4.0 / 3.0 * std::f64::consts::PI * lens.radius_mm.powi(3) / 1000.0;
-    let counted = if is_current {
+    let size_in_lens = if is_current {
         format::ml(ml(voxels))
     } else {
         // The counts below are of the previous lens.
         "…".to_owned()
     };
     ui.label(format!(
-        "Ball of {} radius, {}; in it {counted} of {} in masks.",
+        "Ball of {} radius, {}; in it {size_in_lens} of {} in masks.",
         format::length_mm(lens.radius_mm),
         format::ml(ball_ml),
         format::ml(input.time_point.regions.union_ml())
@@ -86,23 +86,24 @@ fn rows(input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) 
     let regions = &input.time_point.regions;
     let mut counts = counts.to_vec();
     counts.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
-    let share =
-        |n: u64, of: u64| if of == 0 { "0.0 %".into() } else { format::percent(n as f64 / of as f64) };
+    let share = |n: u64, total: u64| {
+        if total == 0 { "0.0 %".into() } else { format::percent(n as f64 / total as f64) }
+    };
     let mut rows: Vec<Row> = counts
         .into_iter()
         .map(|(bits, n)| {
-            let alone = bits.count_ones() == 1 && regions.mask_ids().len() > 1;
-            let name = format!("{}{}", regions.name(bits), if alone { " only" } else { "" });
-            let of_region = regions.get(bits).map_or(0, |r| r.voxels);
-            Row { bits, name, cells: [format::ml(ml(n)), share(n, voxels), share(n, of_region)] }
+            let is_single_mask = bits.count_ones() == 1 && regions.mask_ids().len() > 1;
+            let name = format!("{}{}", regions.name(bits), if is_single_mask { " only" } else { "" });
+            let region_voxels = regions.get(bits).map_or(0, |r| r.voxels);
+            Row { bits, name, cells: [format::ml(ml(n)), share(n, voxels), share(n, region_voxels)] }
         })
         .collect();
-    let all = regions.union_voxels();
+    let union_voxels = regions.union_voxels();
     let whole = if voxels > 0 { "100.0 %".into() } else { share(0, 0) };
     rows.push(Row {
         bits: 0,
         name: "All".into(),
-        cells: [format::ml(ml(voxels)), whole, share(voxels, all)],
+        cells: [format::ml(ml(voxels)), whole, share(voxels, union_voxels)],
     });
     rows
 }
@@ -137,12 +138,14 @@ fn table(ui: &mut Ui, input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml:
             for line in rows {
                 body.row(ROW_PT, |mut row| {
                     row.col(|ui| {
-                        ui.with_layout(Layout::left_to_right(Align::Center), |ui| name(ui, input, &line));
+                        ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                            name_cell(ui, input, &line);
+                        });
                     });
-                    for words in &line.cells {
+                    for text in &line.cells {
                         row.col(|ui| {
-                            let words = RichText::new(words);
-                            ui.label(if line.bits == 0 { words.strong() } else { words });
+                            let text = RichText::new(text);
+                            ui.label(if line.bits == 0 { text.strong() } else { text });
                         });
                     }
                 });
@@ -150,7 +153,7 @@ fn table(ui: &mut Ui, input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml:
         });
 }
 
-fn name(ui: &mut Ui, input: &Input<'_>, line: &Row) {
+fn name_cell(ui: &mut Ui, input: &Input<'_>, line: &Row) {
     if line.bits == 0 {
         ui.strong(&line.name);
         return;
@@ -166,7 +169,7 @@ fn name(ui: &mut Ui, input: &Input<'_>, line: &Row) {
         egui::StrokeKind::Outside,
     );
     let hidden = !input.doc.edit.selection.shows(line.bits);
-    let words = RichText::new(if hidden { format!("{} (hidden)", line.name) } else { line.name.clone() });
-    let label = egui::Label::new(if hidden { words.weak() } else { words }).truncate();
+    let text = RichText::new(if hidden { format!("{} (hidden)", line.name) } else { line.name.clone() });
+    let label = egui::Label::new(if hidden { text.weak() } else { text }).truncate();
     ui.add(label).on_hover_text(format!("{}: {} in the lens", line.name, line.cells[0]));
 }

@@ -32,8 +32,8 @@ fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
     let doc = input.doc;
     ui.horizontal_wrapped(|ui| {
         let command = Command::from(LookCommand::ToggleRuler);
-        let words = if doc.nav.ruler_on { "Stop measuring" } else { "Measure" };
-        if ui.selectable_label(doc.nav.ruler_on, words).on_hover_text(command.tooltip()).clicked() {
+        let text = if doc.nav.ruler_on { "Stop measuring" } else { "Measure" };
+        if ui.selectable_label(doc.nav.ruler_on, text).on_hover_text(command.tooltip()).clicked() {
             out.push(command);
         }
         for format in RulerFormat::VARIANTS {
@@ -54,8 +54,8 @@ fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
     }
     ui.add_space(4.0);
     if doc.edit.rulers.is_empty() {
-        let words = "No line yet. Switch the ruler on (M), then drag in the closeup from surface to surface, or in a slice.";
-        ui.add(egui::Label::new(RichText::new(words).weak()).wrap());
+        let text = "No line yet. Switch the ruler on (M), then drag in the closeup from surface to surface, or in a slice.";
+        ui.add(egui::Label::new(RichText::new(text).weak()).wrap());
         return;
     }
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| list(ui, input, out));
@@ -82,29 +82,29 @@ fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
             }
         })
         .body(|mut body| {
-            for (at, line) in rulers.iter().enumerate() {
+            for (index, line) in rulers.iter().enumerate() {
                 body.row(ROW_PT, |mut row| {
-                    row.col(|ui| name(ui, at, &line.name, out));
+                    row.col(|ui| name_field(ui, index, &line.name, out));
                     row.col(|ui| {
                         ui.label(format::length_mm(line.length_mm()));
                     });
                     row.col(|ui| {
                         let time = input.case.time_points.get(line.time).map_or("", |t| t.label.as_str());
-                        let here = line.time == input.doc.nav.time;
-                        let words = RichText::new(line.view_name());
-                        let response = ui.label(if here { words } else { words.weak() });
-                        response.on_hover_text(if here {
+                        let is_here = line.time == input.doc.nav.time;
+                        let text = RichText::new(line.view_name());
+                        let response = ui.label(if is_here { text } else { text.weak() });
+                        response.on_hover_text(if is_here {
                             time.to_owned()
                         } else {
                             format!("measured on {time}, shown there only")
                         });
                     });
-                    let show = Command::from(LookCommand::ShowRuler(at));
-                    let delete = Command::from(EditCommand::DeleteRuler(at));
-                    for (words, command) in [("Show", show), ("Delete", delete)] {
+                    let show = Command::from(LookCommand::ShowRuler(index));
+                    let delete = Command::from(EditCommand::DeleteRuler(index));
+                    for (text, command) in [("Show", show), ("Delete", delete)] {
                         row.col(|ui| {
-                            let response = ui.small_button(words);
-                            let label = format!("{words} {}", line.name);
+                            let response = ui.small_button(text);
+                            let label = format!("{text} {}", line.name);
                             response
                                 .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &label));
                             if response.on_hover_text(command.tooltip()).clicked() {
@@ -117,12 +117,13 @@ fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         });
 }
 
-fn name(ui: &mut Ui, at: usize, name: &str, out: &mut Commands) {
+fn name_field(ui: &mut Ui, index: usize, name: &str, out: &mut Commands) {
     let mut text = name.to_owned();
-    let field = TextEdit::singleline(&mut text).desired_width(f32::INFINITY).id_salt(("name of line", at));
+    let field = TextEdit::singleline(&mut text).desired_width(f32::INFINITY).id_salt(("name of line", index));
     let response = ui.add(field);
-    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(format!("Name of line {}", at + 1)));
+    ui.ctx()
+        .accesskit_node_builder(response.id, |node| node.set_label(format!("Name of line {}", index + 1)));
     if response.changed() {
-        out.push(EditCommand::RenameRuler(at, text));
+        out.push(EditCommand::RenameRuler(index, text));
     }
 }

@@ -32,8 +32,8 @@ fn draft_id(response: &Response) -> Id {
 }
 
 /// Handles drawing of a ruler with the primary button while the ruler is on; call it every frame. `pick_at` gives the
-/// world point at a position of the view; a ruler can't start or end where it is `None`. Escape cancels. A finished ruler
-/// is pushed to `out`; returns the ruler being drawn.
+/// world point at a position of the view; a ruler can't start or end where it is `None`. Escape cancels. A finished
+/// ruler is pushed to `out`; returns the ruler being drawn.
 pub fn drag(
     ui: &Ui,
     response: &Response,

@@ -1,5 +1,5 @@
-//! The transfer-function editor of the context view: histogram, control points, presets, gradient magnitude as the second
-//! dimension, and clip planes.
+//! The transfer-function editor of the context view: histogram, control points, presets, gradient magnitude as the
+//! second dimension, and clip planes.
 
 use std::sync::Arc;
 
@@ -65,8 +65,8 @@ fn editor(ui: &mut Ui, state: &mut TransferPane, stage: &mut Stage<'_>, out: &mu
     presets(ui, id, image, &mut new, state);
     let volume = match stage.results.image.volume(input.context, ask) {
         Some(Lookup::Ready(volume)) => volume.clone(),
-        Some(Lookup::Failed(why)) => {
-            ui.label(why.to_string());
+        Some(Lookup::Failed(error)) => {
+            ui.label(error.to_string());
             return;
         }
         _ => {
@@ -168,24 +168,24 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     if response.drag_stopped() {
         state.dragged = None;
     }
-    if let (Some(number), Some(at)) =
+    if let (Some(index), Some(at)) =
         (state.dragged, response.interact_pointer_pos().filter(|_| response.dragged()))
-        && let Some(point) = new.points().get(number).copied()
+        && let Some(point) = new.points().get(index).copied()
     {
         let per_mm = opacity((rect.bottom() - at.y) / rect.height());
-        new.set_point(number, ControlPoint { value: value_at(at.x), opacity: per_mm, ..point });
+        new.set_point(index, ControlPoint { value: value_at(at.x), opacity: per_mm, ..point });
     }
     if response.clicked()
         && let Some(at) = response.interact_pointer_pos()
     {
         state.chosen = grabbed_at(at).or_else(|| {
-            let number = new.add_point(value_at(at.x))?;
-            let point = *new.points().get(number)?;
+            let index = new.add_point(value_at(at.x))?;
+            let point = *new.points().get(index)?;
             new.set_point(
-                number,
+                index,
                 ControlPoint { opacity: opacity((rect.bottom() - at.y) / rect.height()), ..point },
             );
-            Some(number)
+            Some(index)
         });
         response.request_focus();
     }
@@ -194,9 +194,9 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     if response.has_focus() && ui.input(deletes) {
         remove_chosen(new, state);
     }
-    for (number, (at, point)) in positions.iter().zip(new.points()).enumerate() {
+    for (index, (at, point)) in positions.iter().zip(new.points()).enumerate() {
         let [r, g, b] = point.color;
-        let radius = if state.chosen == Some(number) { 6.0 } else { 4.5 };
+        let radius = if state.chosen == Some(index) { 6.0 } else { 4.5 };
         painter.circle(*at, radius, Color32::from_rgb(r, g, b), Stroke::new(1.5, visuals.text_color()));
     }
     ui.horizontal(|ui| {
@@ -206,8 +206,8 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
 }
 
 fn remove_chosen(new: &mut TransferFunction, state: &mut TransferPane) {
-    if let Some(number) = state.chosen
-        && new.remove_point(number)
+    if let Some(index) = state.chosen
+        && new.remove_point(index)
     {
         state.chosen = None;
         state.dragged = None;
@@ -216,7 +216,7 @@ fn remove_chosen(new: &mut TransferFunction, state: &mut TransferPane) {
 
 /// Edits value, opacity and colour of the chosen point.
 fn chosen_point(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferPane) {
-    let Some((number, point)) = state.chosen.and_then(|n| new.points().get(n).map(|p| (n, *p))) else {
+    let Some((index, point)) = state.chosen.and_then(|n| new.points().get(n).map(|p| (n, *p))) else {
         ui.weak("No point is chosen");
         return;
     };
@@ -236,7 +236,7 @@ fn chosen_point(ui: &mut Ui, new: &mut TransferFunction, state: &mut TransferPan
         remove = ui.button("Remove").clicked();
     });
     if edited != point {
-        new.set_point(number, edited);
+        new.set_point(index, edited);
     }
     if remove {
         remove_chosen(new, state);
@@ -268,8 +268,8 @@ fn second_dimension(
             ui.spinner();
             return;
         }
-        Lookup::Failed(why) => {
-            ui.label(why.to_string());
+        Lookup::Failed(error) => {
+            ui.label(error.to_string());
             return;
         }
     };
@@ -280,7 +280,7 @@ fn second_dimension(
         // The ramp is valid: gradients ascend and factors are within 0 to 1.
         let _ = new.set_gradient(Some(ramp.to_vec()));
     }
-    joint_picture(ui, &joint, new, state);
+    joint_histogram_image(ui, &joint, new, state);
     let Some(points) = new.gradient() else { return };
     let mut points = points.to_vec();
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 70.0), Sense::click_and_drag());
@@ -299,12 +299,12 @@ fn second_dimension(
         };
         state.dragged_gradient = (0..points.len()).min_by(|&a, &b| by_distance(&points[a], &points[b]));
     }
-    if let (Some(number), Some(at)) = (state.dragged_gradient, response.interact_pointer_pos())
+    if let (Some(index), Some(at)) = (state.dragged_gradient, response.interact_pointer_pos())
         && response.dragged()
     {
-        let below = number.checked_sub(1).and_then(|n| points.get(n)).map_or(0.0, |p| p.gradient);
-        let above = points.get(number + 1).map_or(highest.max(below), |p| p.gradient);
-        if let Some(point) = points.get_mut(number) {
+        let below = index.checked_sub(1).and_then(|n| points.get(n)).map_or(0.0, |p| p.gradient);
+        let above = points.get(index + 1).map_or(highest.max(below), |p| p.gradient);
+        if let Some(point) = points.get_mut(index) {
             let share = f64::from(((at.x - rect.left()) / rect.width()).clamp(0.0, 1.0));
             point.gradient = (share * highest).clamp(below, above);
             point.factor = f64::from(((rect.bottom() - at.y) / rect.height()).clamp(0.0, 1.0));
@@ -321,7 +321,7 @@ fn second_dimension(
 }
 
 /// Joint histogram of value and gradient magnitude, tinted with the transfer function's colours.
-fn joint_picture(
+fn joint_histogram_image(
     ui: &mut Ui,
     joint: &Arc<GradientHistogram>,
     transfer: &TransferFunction,
@@ -404,7 +404,7 @@ fn clips(ui: &mut Ui, input: &Input<'_>, image: &PreparedContext, out: &mut Comm
         });
     });
     let mut removed = None;
-    for (number, plane) in new.iter_mut().enumerate() {
+    for (index, plane) in new.iter_mut().enumerate() {
         ui.horizontal(|ui| {
             let name = side_name(plane.normal);
             ui.label(name);
@@ -413,15 +413,15 @@ fn clips(ui: &mut Ui, input: &Input<'_>, image: &PreparedContext, out: &mut Comm
             let slider = egui::Slider::new(&mut plane.offset_mm, low..=high).suffix(" mm").fixed_decimals(1);
             let response = ui.add(slider);
             response.widget_info(|| {
-                WidgetInfo::labeled(Role::Slider, true, format!("Place of plane {} ({name})", number + 1))
+                WidgetInfo::labeled(Role::Slider, true, format!("Place of plane {} ({name})", index + 1))
             });
             if ui.button("Remove").clicked() {
-                removed = Some(number);
+                removed = Some(index);
             }
         });
     }
-    if let Some(number) = removed {
-        new.remove(number);
+    if let Some(index) = removed {
+        new.remove(index);
     }
     if new != *current {
         out.push(EditCommand::SetClips(new));

@@ -1,5 +1,5 @@
-//! File dialogs on their own thread, so that a file chooser that never answers doesn't block the window. A desktop without
-//! a file chooser is told apart from a cancelled dialog.
+//! File dialogs on their own thread, so that a file chooser that never answers doesn't block the window. A desktop
+//! without a file chooser is distinguished from a cancelled dialog.
 
 use std::{
     path::PathBuf,
@@ -149,10 +149,10 @@ mod tests {
         assert_eq!(Purpose::OpenFile.command(path()), AppCommand::Open(CaseRef::Path(path())).into());
         let session = PathBuf::from("/somewhere/x.glioscope.json");
         assert_eq!(Purpose::OpenFile.command(session.clone()), AppCommand::OpenSession(session).into());
-        let lines = Purpose::Rulers(RulerFormat::Csv);
-        assert_eq!(lines.file_name().as_deref(), Some("lines.csv"));
+        let rulers = Purpose::Rulers(RulerFormat::Csv);
+        assert_eq!(rulers.file_name().as_deref(), Some("lines.csv"));
         assert_eq!(
-            lines.command("/a/lines".into()),
+            rulers.command("/a/lines".into()),
             AppCommand::ExportRulersTo("/a/lines.csv".into()).into()
         );
         assert!(case_filter().contains(&"gz") && is_tracts("a.TCK".as_ref()) && !is_tracts("a.nii".as_ref()));

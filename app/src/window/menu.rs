@@ -44,8 +44,8 @@ impl Bar<'_> {
             self.recent_cases(ui, out);
         }
         let groups = menu.groups();
-        for (at, group) in groups.iter().enumerate() {
-            if at > 0 {
+        for (index, group) in groups.iter().enumerate() {
+            if index > 0 {
                 ui.separator();
             }
             for inner in menu.inner(*group).filter(|inner| self.shows(*inner)) {
@@ -120,8 +120,8 @@ fn entry(ui: &mut Ui, work: &Workstation, command: &Command, out: &mut Commands)
             ui.add_enabled(enabled, button)
         }
         Entry::Switch(on) => {
-            let mut now = on;
-            ui.add_enabled(enabled, egui::Checkbox::new(&mut now, text))
+            let mut checked = on;
+            ui.add_enabled(enabled, egui::Checkbox::new(&mut checked, text))
         }
         Entry::Choice(chosen) => ui.add_enabled(enabled, egui::RadioButton::new(chosen, text)),
     };
@@ -145,13 +145,13 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Commands) 
         let labels = work.world.case().map(|case| case.time_labels()).unwrap_or_default();
         let combo = ComboBox::from_id_salt("time").selected_text(time_point.label.as_str()).width(96.0);
         let response = combo.show_ui(ui, |ui| {
-            for (at, label) in labels.iter().enumerate() {
-                if ui.selectable_label(at == doc.nav.time, *label).clicked() {
-                    out.push(LookCommand::SetTime(at));
+            for (index, label) in labels.iter().enumerate() {
+                if ui.selectable_label(index == doc.nav.time, *label).clicked() {
+                    out.push(LookCommand::SetTime(index));
                 }
             }
         });
-        named(&response.response, "Date");
+        label_for_screen_readers(&response.response, "Date");
     }
     let context = doc.nav.context.as_deref().unwrap_or("no image");
     let combo = ComboBox::from_id_salt("context").selected_text(context).width(80.0);
@@ -165,7 +165,7 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Commands) 
             out.push(LookCommand::SetContext(None));
         }
     });
-    named(&response.response, "Image on the slices");
+    label_for_screen_readers(&response.response, "Image on the slices");
     if let Some((id, prepared)) = work.world.context(doc) {
         ui.menu_button("Window", |ui| {
             for preset in prepared.histogram().presets() {
@@ -224,7 +224,7 @@ fn lens_and_ruler(ui: &mut Ui, doc: &Document, out: &mut Commands) {
 }
 
 /// Labels a combo box for screen readers.
-fn named(combo: &egui::Response, name: &str) {
+fn label_for_screen_readers(combo: &egui::Response, name: &str) {
     combo.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
 }
 

@@ -10,8 +10,8 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Longest wait for the device.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-fn failed(why: impl Into<String>) -> RenderError {
-    RenderError::Device(why.into())
+fn failed(reason: impl Into<String>) -> RenderError {
+    RenderError::Device(reason.into())
 }
 
 /// egui on a graphics device without a window.
@@ -36,7 +36,8 @@ impl Offscreen {
         self.renderer.clone()
     }
 
-    /// Draws `ui` until its layout has settled and returns its pixels: RGBA, 8 bits, row by row, opaque. `size` in pixels.
+    /// Draws `ui` until its layout has settled and returns its pixels: RGBA, 8 bits, row by row, opaque. `size` in
+    /// pixels.
     ///
     /// # Errors
     /// [`RenderError::Device`] if the device fails or takes longer than 60 s.

@@ -55,9 +55,9 @@ impl PaneArea<'_> {
 }
 
 fn pane_buttons(ui: &mut Ui, pane: PaneId, maximized: bool, out: &mut Commands) {
-    let (icon, words) = if maximized { (Icon::Restore, "Restore") } else { (Icon::Maximise, "Maximise") };
+    let (icon, verb) = if maximized { (Icon::Restore, "Restore") } else { (Icon::Maximise, "Maximise") };
     for (icon, label, command) in [
-        (icon, format!("{words} {}", pane.title()), Command::from(EditCommand::MaximizePane(pane))),
+        (icon, format!("{verb} {}", pane.title()), Command::from(EditCommand::MaximizePane(pane))),
         (
             Icon::Camera,
             format!("Picture of {}", pane.title()),
@@ -86,20 +86,20 @@ fn icon_button(ui: &mut Ui, icon: Icon, label: &str) -> egui::Response {
     if response.hovered() || response.has_focus() {
         painter.rect_filled(rect, 3.0, visuals.weak_bg_fill);
     }
-    let box_of = |size| Rect::from_center_size(rect.center(), size);
+    let centered = |size| Rect::from_center_size(rect.center(), size);
     let outline = |rect, rounding| painter.rect_stroke(rect, rounding, stroke, egui::StrokeKind::Middle);
     match icon {
         Icon::Maximise => {
-            let frame = box_of(vec2(11.0, 9.0));
+            let frame = centered(vec2(11.0, 9.0));
             outline(frame, 1.0);
             painter.hline(frame.x_range(), frame.top() + 2.0, stroke);
         }
         Icon::Restore => {
-            outline(box_of(vec2(8.0, 6.0)).translate(vec2(-1.5, 1.5)), 1.0);
-            outline(box_of(vec2(8.0, 6.0)).translate(vec2(1.5, -1.5)), 1.0);
+            outline(centered(vec2(8.0, 6.0)).translate(vec2(-1.5, 1.5)), 1.0);
+            outline(centered(vec2(8.0, 6.0)).translate(vec2(1.5, -1.5)), 1.0);
         }
         Icon::Camera => {
-            outline(box_of(vec2(12.0, 8.0)).translate(vec2(0.0, 0.8)), 1.5);
+            outline(centered(vec2(12.0, 8.0)).translate(vec2(0.0, 0.8)), 1.5);
             painter.circle_stroke(rect.center() + vec2(0.0, 0.8), 2.2, stroke);
             painter.hline(rect.center().x - 2.0..=rect.center().x + 2.0, rect.center().y - 4.4, stroke);
         }

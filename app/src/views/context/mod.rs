@@ -62,8 +62,8 @@ impl Pane for ContextPane {
                 ui.request_repaint_after(std::time::Duration::from_millis(100));
                 None
             }
-            Some(Lookup::Failed(why)) => {
-                note = Some(why.to_string());
+            Some(Lookup::Failed(error)) => {
+                note = Some(error.to_string());
                 None
             }
             None => None,
@@ -88,7 +88,7 @@ impl Pane for ContextPane {
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
-        let under = self.canvas.hover().copied().map(|pick| {
+        let hover_text = self.canvas.hover().copied().map(|pick| {
             let fiber = pick.fiber.map(|fiber| tract_list::fiber_text(stage, fiber));
             pick_text(&input, &pick, fiber)
         });
@@ -98,18 +98,18 @@ impl Pane for ContextPane {
         let painter = ui.painter().with_clip_rect(rect);
         let text = note.unwrap_or_else(|| name.to_owned());
         let text = painter.layout_no_wrap(text, FontId::proportional(12.0), ink);
-        let words = Rect::from_min_size(rect.left_top() + vec2(10.0, 8.0), text.size());
-        draw::plate(&painter, words, dark);
-        painter.galley(words.min, text, ink);
-        tract_list::list(ui, &input, rect, words.bottom() + 8.0, &scene.tubes, out);
-        if let Some(words) = tracts_note {
-            draw::note(ui, rect, &words);
+        let text_rect = Rect::from_min_size(rect.left_top() + vec2(10.0, 8.0), text.size());
+        draw::plate(&painter, text_rect, dark);
+        painter.galley(text_rect.min, text, ink);
+        tract_list::list(ui, &input, rect, text_rect.bottom() + 8.0, &scene.tubes, out);
+        if let Some(tracts_note) = tracts_note {
+            draw::note(ui, rect, &tracts_note);
         }
         marks::corners(ui, rect, input.sides_known(), (&scene.camera, "at the middle"), true);
-        self.canvas.draw_overlays(ui, &view, &response, &outcome, under.as_deref());
+        self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
-            let spoken = self.canvas.accessible_text(&format!("Context view of {name}"), under.as_deref());
-            WidgetInfo::labeled(Role::Canvas, true, spoken)
+            let text = self.canvas.accessible_text(&format!("Context view of {name}"), hover_text.as_deref());
+            WidgetInfo::labeled(Role::Canvas, true, text)
         });
     }
 

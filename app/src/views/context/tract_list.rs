@@ -19,22 +19,24 @@ use crate::{
 /// Line height of the list.
 const LINE_POINTS: f32 = 17.0;
 
-/// The case's tracts with their visibility; and a note while or why they aren't ready.
+/// The case's tracts with their visibility; and a note if they are being prepared or failed.
 pub(super) fn drawn_tubes(ui: &Ui, stage: &mut Stage<'_>) -> (Vec<DrawnTubes>, Option<String>) {
     let Stage { input, ask, results, .. } = stage;
     match results.tracts.sets(input.case, ask) {
         Some(Lookup::Ready(sets)) => {
             let hidden = &input.doc.edit.hidden_tracts;
-            let of_case = sets.iter().zip(&input.case.tracts);
-            let drawn =
-                of_case.map(|(set, of)| DrawnTubes { set: Arc::clone(set), shown: !hidden.contains(&of.id) });
+            let with_tracts = sets.iter().zip(&input.case.tracts);
+            let drawn = with_tracts.map(|(set, tracts)| DrawnTubes {
+                set: Arc::clone(set),
+                shown: !hidden.contains(&tracts.id),
+            });
             (drawn.collect(), None)
         }
         Some(Lookup::Working(_)) => {
             ui.request_repaint_after(std::time::Duration::from_millis(100));
             (Vec::new(), Some("Preparing fibre tracts…".into()))
         }
-        Some(Lookup::Failed(why)) => (Vec::new(), Some(why.to_string())),
+        Some(Lookup::Failed(error)) => (Vec::new(), Some(error.to_string())),
         None => (Vec::new(), None),
     }
 }
@@ -78,9 +80,9 @@ pub(super) fn list(
     let painter = ui.painter().with_clip_rect(rect);
     let font = FontId::proportional(12.0);
     // Space for the scale bar below.
-    let room = ((rect.bottom() - 60.0 - top) / LINE_POINTS).max(0.0) as usize;
-    let rows = if case.tracts.len() > room { room.saturating_sub(1) } else { case.tracts.len() };
-    let rest = case.tracts.len() - rows;
+    let max_rows = ((rect.bottom() - 60.0 - top) / LINE_POINTS).max(0.0) as usize;
+    let rows = if case.tracts.len() > max_rows { max_rows.saturating_sub(1) } else { case.tracts.len() };
+    let omitted = case.tracts.len() - rows;
     let mut lines: Vec<(Option<usize>, String)> = Vec::new();
     for (n, CaseTracts { id, tracts }) in case.tracts.iter().enumerate().take(rows) {
         let note = match drawn.get(n).map(|d| d.set.left_out()) {
@@ -94,16 +96,16 @@ pub(super) fn list(
         };
         lines.push((Some(n), format!("{id}{note}")));
     }
-    if rest > 0 {
-        lines.push((None, format!("and {rest} more: see the menu View")));
+    if omitted > 0 {
+        lines.push((None, format!("and {omitted} more: see the menu View")));
     }
     let left = rect.left() + 10.0;
-    for (row, (of, words)) in lines.into_iter().enumerate() {
-        let galley = painter.layout_no_wrap(words, font.clone(), ink);
+    for (row, (index, text)) in lines.into_iter().enumerate() {
+        let galley = painter.layout_no_wrap(text, font.clone(), ink);
         let at = pos2(left, top + row as f32 * LINE_POINTS);
         let line = Rect::from_min_size(at, vec2(galley.size().x + 17.0, LINE_POINTS - 2.0));
         draw::plate(&painter, line, dark);
-        let Some(CaseTracts { id, .. }) = of.and_then(|n| case.tracts.get(n)) else {
+        let Some(CaseTracts { id, .. }) = index.and_then(|n| case.tracts.get(n)) else {
             painter.galley(at, galley, ink);
             continue;
         };
@@ -111,13 +113,13 @@ pub(super) fn list(
         let response = ui.interact(line, Id::unique(("fibre tracts", id)), Sense::click());
         let command = Command::from(EditCommand::ToggleTracts(id.clone()));
         response.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, shown, command.text()));
-        let color = draw::color(tract_color(of.unwrap_or_default()));
+        let color = draw::color(tract_color(index.unwrap_or_default()));
         let fill = if shown { color } else { Color32::TRANSPARENT };
         let edge = if response.hovered() { ink } else { ink.gamma_multiply(0.6) };
         let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
         painter.rect(swatch, 2.0, fill, egui::Stroke::new(1.0, edge), egui::StrokeKind::Outside);
-        let faint = ink.gamma_multiply(if shown { 1.0 } else { 0.55 });
-        painter.galley_with_override_text_color(at + vec2(17.0, 0.0), galley, faint);
+        let text_color = ink.gamma_multiply(if shown { 1.0 } else { 0.55 });
+        painter.galley_with_override_text_color(at + vec2(17.0, 0.0), galley, text_color);
         if response.on_hover_text(command.tooltip()).clicked() {
             out.push(command);
         }

@@ -51,14 +51,14 @@ pub fn show(
     }
     for (&mask, piece) in masks.iter().zip(&rects) {
         let (Some(piece), Target::Mask(k)) = (piece, mask) else { continue };
-        let shown = input.look(mask);
+        let shown = input.drawn_visibility(mask);
         painter.rect_filled(*piece, CornerRadius::ZERO, style.fill(input.colors.mask(k), shown));
         let is_marked = [interaction.hovered, interaction.focused, marked].contains(&Some(mask));
         let border = if is_marked { style.marked } else { style.border(shown) };
         painter.rect_stroke(*piece, CornerRadius::ZERO, border, StrokeKind::Outside);
     }
     for (&mask, (galley, label)) in masks.iter().zip(&labels) {
-        let hidden = input.look(mask) == Shown::None;
+        let hidden = input.drawn_visibility(mask) == Shown::None;
         let color = if hidden { dim_text(ui) } else { ui.visuals().text_color() };
         if !galley.is_empty() {
             painter.galley_with_override_text_color(label.min, Arc::clone(galley), color);
@@ -97,35 +97,35 @@ fn labels(
     let galleys: Vec<Arc<Galley>> = masks
         .iter()
         .map(|&m| {
-            let words = format!("{}\n{}", input.name(m), format::ml(input.ml(m)));
-            ui.painter().layout_no_wrap(words, font.clone(), ui.visuals().text_color())
+            let text = format!("{}\n{}", input.name(m), format::ml(input.ml(m)));
+            ui.painter().layout_no_wrap(text, font.clone(), ui.visuals().text_color())
         })
         .collect();
     let top = rect.top() + BAR_PT + 2.0 * GAP_PT;
     let spacing_pt = 8.0;
     let mut out: Vec<(Arc<Galley>, Rect)> = Vec::new();
-    let mut from = rect.left();
+    let mut min_left = rect.left();
     for (galley, piece) in galleys.into_iter().zip(pieces) {
-        let x = piece.map_or(from, |p| p.left() - 1.0).max(from);
+        let x = piece.map_or(min_left, |p| p.left() - 1.0).max(min_left);
         let place = Rect::from_min_size(pos2(x, top), galley.size());
-        from = place.right() + spacing_pt;
+        min_left = place.right() + spacing_pt;
         out.push((galley, place));
     }
     // Shift labels beyond the right edge back to the left.
-    let mut to = rect.right();
+    let mut max_right = rect.right();
     for (_, place) in out.iter_mut().rev() {
-        let over = (place.right() - to).max(0.0);
-        *place = place.translate(vec2(-over, 0.0));
-        to = place.left() - spacing_pt;
+        let overhang = (place.right() - max_right).max(0.0);
+        *place = place.translate(vec2(-overhang, 0.0));
+        max_right = place.left() - spacing_pt;
     }
     let empty = ui.painter().layout_no_wrap(String::new(), font, ui.visuals().text_color());
-    let mut from = rect.left() - 1.0;
+    let mut min_left = rect.left() - 1.0;
     for (galley, place) in &mut out {
-        if place.left() < from - 0.01 {
+        if place.left() < min_left - 0.01 {
             *galley = Arc::clone(&empty);
             *place = Rect::from_min_size(place.min, vec2(1.0, 1.0));
         } else {
-            from = place.right();
+            min_left = place.right();
         }
     }
     out

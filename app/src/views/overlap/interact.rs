@@ -39,9 +39,9 @@ fn only(target: Target) -> EditCommand {
     }
 }
 
-/// Makes the pieces in `rect` clickable: a click toggles the piece under the cursor, a double-click or Shift-click shows
-/// only it, a right click opens a menu; space and enter act as a click on the focused piece. A double-click sends the
-/// toggle of its first click and then `Only…`, which sets the whole selection, so the toggle has no effect on the
+/// Makes the pieces in `rect` clickable: a click toggles the piece under the cursor, a double-click or Shift-click
+/// shows only it, a right click opens a menu; space and enter act as a click on the focused piece. A double-click sends
+/// the toggle of its first click and then `Only…`, which sets the whole selection, so the toggle has no effect on the
 /// result.
 pub fn clickable_pieces(
     ui: &Ui,
@@ -73,8 +73,8 @@ pub fn clickable_pieces(
         }
         // Keyboard and screen readers click without a mouse button.
         if response.clicked() && !response.clicked_by(PointerButton::Primary) {
-            let alone = ui.input(|i| i.modifiers.shift);
-            out.push(if alone { only(area.target) } else { toggle(area.target) });
+            let show_only = ui.input(|i| i.modifiers.shift);
+            out.push(if show_only { only(area.target) } else { toggle(area.target) });
         }
         diagram = diagram.union(response);
     }
@@ -83,8 +83,8 @@ pub fn clickable_pieces(
         && diagram.clicked_by(PointerButton::Primary)
         && !diagram.triple_clicked()
     {
-        let alone = diagram.double_clicked() || ui.input(|i| i.modifiers.shift);
-        out.push(if alone { only(target) } else { toggle(target) });
+        let show_only = diagram.double_clicked() || ui.input(|i| i.modifiers.shift);
+        out.push(if show_only { only(target) } else { toggle(target) });
     }
     let diagram = menu(ui, id, diagram, &hit, input, out);
     if let Some(target) = hovered {

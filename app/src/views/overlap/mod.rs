@@ -1,8 +1,8 @@
 //! The tumour overlap diagram (thesis 7.5 and 7.7): sizes and visibility of the regions.
 //!
-//! Up to three masks are drawn as a ring around a circle ([`ring`]), with the bar of whole masks below; more masks as an
-//! UpSet plot. Beside or below it are the tables of regions and of agreement. All parts read [`OverlapInput`] and write
-//! commands; none changes the selection itself.
+//! Up to three masks are drawn as a ring around a circle ([`ring`]), with the bar of whole masks below; more masks as
+//! an UpSet plot. Beside or below it are the tables of regions and of agreement. All parts read [`OverlapInput`] and
+//! write commands; none changes the selection itself.
 
 mod bar;
 mod interact;
@@ -81,8 +81,8 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Com
         empty_message(ui, input);
         return None;
     }
-    let pointed_at = ui.scope_id().with("pointed at in the table");
-    let marked: Option<Target> = ui.data(|d| d.get_temp(pointed_at)).flatten();
+    let hovered_row_id = ui.scope_id().with("pointed at in the table");
+    let marked: Option<Target> = ui.data(|d| d.get_temp(hovered_row_id)).flatten();
     let size = ui.available_size();
     let mut in_diagram = None;
     let mut in_table = None;
@@ -106,7 +106,7 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Com
         });
     }
     if in_table != marked {
-        ui.data_mut(|d| d.insert_temp(pointed_at, in_table));
+        ui.data_mut(|d| d.insert_temp(hovered_row_id, in_table));
         ui.ctx().request_repaint();
     }
     match in_diagram.or(in_table) {
@@ -131,9 +131,9 @@ pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) -
 
 /// Height of the diagram above the tables, points.
 fn stacked_height(input: &OverlapInput<'_>, size: egui::Vec2) -> f32 {
-    let room = size.y - table::height(input) - 8.0;
+    let free_height = size.y - table::height(input) - 8.0;
     if is_ring(input) {
-        return room.clamp((size.y * 0.8).min(220.0), size.x + bar::HEIGHT_PT);
+        return free_height.clamp((size.y * 0.8).min(220.0), size.x + bar::HEIGHT_PT);
     }
     // The plot fills the pane up to a strip that shows that the tables follow.
     let min_height = upset::min_height(input.regions.mask_ids().len());
@@ -176,7 +176,7 @@ fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) {
 
 fn empty_message(ui: &mut Ui, input: &OverlapInput<'_>) {
     let masks = input.regions.mask_ids();
-    let why = match masks {
+    let reason = match masks {
         [] => "The case has no mask.".to_owned(),
         [one] => format!("The mask {one} is empty."),
         all => format!("All {} masks are empty: {}.", all.len(), all.join(", ")),
@@ -184,7 +184,7 @@ fn empty_message(ui: &mut Ui, input: &OverlapInput<'_>) {
     ui.vertical_centered(|ui| {
         ui.add_space(ui.available_height() * 0.35);
         ui.label(RichText::new("No active voxels").heading());
-        ui.weak(why);
+        ui.weak(reason);
     });
 }
 

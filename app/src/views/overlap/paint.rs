@@ -59,15 +59,15 @@ impl Style {
     }
 }
 
-/// Adds a part of a ring between two angles (`span`: clockwise from twelve o'clock, radians) and two radii (points). Its
-/// edges are antialiased over one pixel so that its painted area is accurate. `wider` moves the straight sides outwards
-/// by that many points at every radius. Adds nothing if angles or radii aren't ascending.
+/// Adds a part of a ring between two angles (`span`: clockwise from twelve o'clock, radians) and two radii (points).
+/// Its edges are antialiased over one pixel so that its painted area is accurate. The straight sides are moved outwards
+/// by `widening` points at every radius. Adds nothing if angles or radii aren't ascending.
 pub fn ring_part(
     mesh: &mut Mesh,
     center: Pos2,
     span: [f64; 2],
     radii: [f64; 2],
-    wider: f64,
+    widening: f64,
     color: Color32,
     pixel: f32,
 ) {
@@ -90,15 +90,15 @@ pub fn ring_part(
     ];
     let first = mesh.vertices.len() as u32;
     let mut columns = 0;
-    // `moved` is a length along the arc in points, so it is a different angle in each row.
-    let mut column = |angle: f64, moved: f64, fade: bool| {
+    // `arc_offset` is a length along the arc in points, so it is a different angle in each row.
+    let mut column = |angle: f64, arc_offset: f64, fade: bool| {
         for (radius, alpha) in rows {
-            let angle = angle + if radius > 0.0 { moved / radius.max(half) } else { 0.0 };
+            let angle = angle + if radius > 0.0 { arc_offset / radius.max(half) } else { 0.0 };
             let [x, y] = ring::point(angle, radius);
             let (arc_alpha, _) = if closed {
                 (1.0, 0.0)
             } else {
-                alpha_and_inset((to - from) * radius.max(outer / 2.0) + 2.0 * wider)
+                alpha_and_inset((to - from) * radius.max(outer / 2.0) + 2.0 * widening)
             };
             let alpha = if fade { 0.0 } else { alpha * arc_alpha };
             let color = color.gamma_multiply(alpha as f32);
@@ -109,12 +109,12 @@ pub fn ring_part(
     if closed {
         (0..=steps).for_each(|i| column(lerp(from..=to, i as f64 / steps as f64), 0.0, false));
     } else {
-        let inset = half.min((to - from) * (inner + outer) / 4.0) - wider;
-        column(from, -half - wider, true);
+        let inset = half.min((to - from) * (inner + outer) / 4.0) - widening;
+        column(from, -half - widening, true);
         column(from, inset, false);
         (1..steps).for_each(|i| column(lerp(from..=to, i as f64 / steps as f64), 0.0, false));
         column(to, -inset, false);
-        column(to, half + wider, true);
+        column(to, half + widening, true);
     }
     for c in 0..columns - 1 {
         for r in 0..3 {

@@ -2,9 +2,9 @@
 //!
 //! Every voxel of every mask has the same painted area `k`. The ring segment of a region with `n` voxels has one layer
 //! per mask of the region, each of area `k n`. A layer has the same radii all around the ring, so the opening angle is
-//! proportional to `n` too. The region of all three masks is a circle of area `3 k n` with three equal sectors. The lines
-//! between segments lie in gaps and cover no fill: all gaps have the same angle, and the fills share the rest of the
-//! full circle.
+//! proportional to `n` too. The region of all three masks is a circle of area `3 k n` with three equal sectors. The
+//! lines between segments lie in gaps and cover no fill: all gaps have the same angle, and the fills share the rest of
+//! the full circle.
 //!
 //! Angles run clockwise from twelve o'clock, in radians. Lengths are points.
 
@@ -107,8 +107,8 @@ fn radii(
 
 impl RingLayout {
     /// Lays `pieces` out clockwise in their order, as large as fits into `radius` points. The circle is the piece of
-    /// three or more masks; of several, the last. Without voxels, or with a radius of 0 or less: no segments, no disc and
-    /// an `area_per_voxel` of 0.
+    /// three or more masks; of several, the last. Without voxels, or with a radius of 0 or less: no segments, no disc
+    /// and an `area_per_voxel` of 0.
     pub fn new(pieces: &[Piece], radius: f64) -> Self {
         let (discs, ring): (Vec<&Piece>, Vec<&Piece>) =
             pieces.iter().filter(|p| p.voxels > 0 && !p.masks.is_empty()).partition(|p| p.masks.len() > 2);

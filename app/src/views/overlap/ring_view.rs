@@ -95,8 +95,8 @@ fn fills(ui: &Ui, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>, s
         let (from, to) = cell(layout, s);
         let radii =
             [layout.layers.first().map_or(0.0, |l| l.0) - casing_pt, layout.outer_radius(s) + casing_pt];
-        let aside = if layout.gap_rad > 0.0 { casing_pt / 2.0 } else { 0.0 };
-        paint::ring_part(&mut mesh, center, [from, to], radii, aside, style.casing, style.pixel);
+        let widening = if layout.gap_rad > 0.0 { casing_pt / 2.0 } else { 0.0 };
+        paint::ring_part(&mut mesh, center, [from, to], radii, widening, style.casing, style.pixel);
     }
     if let Some(d) = &layout.disc {
         let span = [0.0, std::f64::consts::TAU];
@@ -111,7 +111,7 @@ fn fills(ui: &Ui, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>, s
         );
     }
     for s in &layout.segments {
-        let shown = input.look(s.piece.target);
+        let shown = input.drawn_visibility(s.piece.target);
         for (&mask, &(inner, outer)) in s.piece.masks.iter().zip(&layout.layers) {
             let color = style.fill(input.colors.mask(mask), shown);
             paint::ring_part(
@@ -126,7 +126,7 @@ fn fills(ui: &Ui, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>, s
         }
     }
     if let Some(d) = &layout.disc {
-        let shown = input.look(d.piece.target);
+        let shown = input.drawn_visibility(d.piece.target);
         let sector = std::f64::consts::TAU / d.piece.masks.len() as f64;
         for (i, &mask) in d.piece.masks.iter().enumerate() {
             let span = [(i as f64 - 0.5) * sector, (i as f64 + 0.5) * sector];
@@ -157,7 +157,7 @@ fn borders(
         if marked == Some(target) || focused == Some(target) {
             2
         } else {
-            u8::from(input.look(target) != Shown::None)
+            u8::from(input.drawn_visibility(target) != Shown::None)
         }
     };
     let stroke = |strength: u8| match strength {
@@ -180,9 +180,9 @@ fn borders(
         let next = &layout.segments[(i + 1) % count];
         let next_level = strength(next.piece.target);
         for (layer, &(inner, outer)) in layout.layers.iter().enumerate() {
-            let here = s.piece.masks.get(layer);
-            let there = next.piece.masks.get(layer);
-            let level = match (here, there) {
+            let mask = s.piece.masks.get(layer);
+            let next_mask = next.piece.masks.get(layer);
+            let level = match (mask, next_mask) {
                 (Some(_), Some(_)) => level.max(next_level),
                 (Some(_), None) => level,
                 (None, Some(_)) => next_level,
@@ -193,8 +193,11 @@ fn borders(
                 center + vec2(x as f32, y as f32)
             });
             // Two segments share two boundaries; each is drawn once.
-            let shapes =
-                if here == there { stippled(ends, stroke(level)) } else { vec![line(ends, stroke(level))] };
+            let shapes = if mask == next_mask {
+                stippled(ends, stroke(level))
+            } else {
+                vec![line(ends, stroke(level))]
+            };
             lines.push((level, shapes));
         }
     }
@@ -221,9 +224,9 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
     let mut order: Vec<&Segment> = layout.segments.iter().collect();
     order.sort_by_key(|s| std::cmp::Reverse(s.piece.voxels));
     for s in order {
-        let words = format!("{}\n{}", input.title(s.piece.target), format::ml(input.ml(s.piece.target)));
-        let color = label_color(ui, input.look(s.piece.target));
-        let galley = ui.painter().layout_no_wrap(words, font.clone(), color);
+        let text = format!("{}\n{}", input.title(s.piece.target), format::ml(input.ml(s.piece.target)));
+        let color = label_color(ui, input.drawn_visibility(s.piece.target));
+        let galley = ui.painter().layout_no_wrap(text, font.clone(), color);
         let place = [0.5, 0.35, 0.65, 0.2, 0.8].into_iter().find_map(|t| {
             let angle = s.from_rad + t * (s.to_rad - s.from_rad);
             let place = beside(rect, center, angle, layout.outer_radius(s), galley.size());
@@ -239,7 +242,8 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
         let name = input.name(d.piece.target);
         let line = format!("middle: {name}, {}", format::ml(input.ml(d.piece.target)));
         let at = pos2(rect.left() + 2.0, rect.bottom() - 1.0);
-        let galley = ui.painter().layout_no_wrap(line, font, label_color(ui, input.look(d.piece.target)));
+        let galley =
+            ui.painter().layout_no_wrap(line, font, label_color(ui, input.drawn_visibility(d.piece.target)));
         let place = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());
         if !occupied.iter().any(|other| other.intersects(place)) && !over_ring(layout, center, place) {
             ui.painter().galley(place.min, galley, Color32::PLACEHOLDER);
@@ -253,8 +257,8 @@ fn beside(rect: Rect, center: Pos2, angle: f64, radius: f64, size: egui::Vec2) -
     let outwards = vec2(angle.sin() as f32, -angle.cos() as f32);
     let reach = (outwards.abs() * size).x / 2.0 + (outwards.abs() * size).y / 2.0;
     let place = Rect::from_center_size(center + vec2(x as f32, y as f32) + outwards * reach, size);
-    let into = (rect.min - place.min).max(egui::Vec2::ZERO) - (place.max - rect.max).max(egui::Vec2::ZERO);
-    place.translate(into)
+    let shift = (rect.min - place.min).max(egui::Vec2::ZERO) - (place.max - rect.max).max(egui::Vec2::ZERO);
+    place.translate(shift)
 }
 
 fn label_color(ui: &Ui, shown: Shown) -> Color32 {

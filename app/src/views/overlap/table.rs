@@ -78,11 +78,11 @@ pub fn regions(
                         name_cell(ui, input, target, out);
                     });
                 });
-                let hidden = input.look(target) == Shown::None;
-                let mut number = |words: String| {
+                let hidden = input.drawn_visibility(target) == Shown::None;
+                let mut number = |text: String| {
                     row.col(|ui| {
-                        let words = RichText::new(words);
-                        ui.label(if hidden { words.color(dim_text(ui)) } else { words });
+                        let text = RichText::new(text);
+                        ui.label(if hidden { text.color(dim_text(ui)) } else { text });
                     });
                 };
                 number(format::ml(input.ml(target)));
@@ -118,7 +118,7 @@ pub fn regions(
 }
 
 fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Commands) {
-    let shown = input.look(target);
+    let shown = input.drawn_visibility(target);
     let mut on = shown == Shown::All;
     ui.spacing_mut().item_spacing.x = 4.0;
     let check = Checkbox::without_text(&mut on).indeterminate(shown == Shown::Some);
@@ -134,9 +134,9 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Co
         });
     }
     swatch(ui, input, target);
-    let words = RichText::new(input.title(target));
+    let text = RichText::new(input.title(target));
     let label = ui.add(
-        egui::Label::new(if shown == Shown::None { words.color(dim_text(ui)) } else { words })
+        egui::Label::new(if shown == Shown::None { text.color(dim_text(ui)) } else { text })
             .truncate()
             .selectable(false)
             .sense(Sense::CLICK),
@@ -193,8 +193,8 @@ pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
         .column(Column::remainder().at_least(60.0).clip(true));
     for metric in PAIR_METRICS {
         // As wide as the longer of its name and its values.
-        let letters = metric.name.len().max(metric.print(Some(1.0), 0).len()) as f32;
-        builder = builder.column(Column::exact(7.0 + 7.0 * letters));
+        let characters = metric.name.len().max(metric.print(Some(1.0), 0).len()) as f32;
+        builder = builder.column(Column::exact(7.0 + 7.0 * characters));
     }
     builder
         .header(ROW_PT, |mut row| {

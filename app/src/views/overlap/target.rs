@@ -64,7 +64,7 @@ impl OverlapInput<'_> {
     }
 
     /// Visibility as drawn: in whole-mask mode, a partly shown mask counts as hidden.
-    pub(super) fn look(&self, target: Target) -> Shown {
+    pub(super) fn drawn_visibility(&self, target: Target) -> Shown {
         match self.shown(target) {
             Shown::Some if self.mode == OverlapMode::WholeMasks => Shown::None,
             shown => shown,

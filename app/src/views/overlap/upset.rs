@@ -1,5 +1,5 @@
-//! UpSet plot (Lex et al. 2014) for four or more masks. A column is a region, largest first: its bar shows its size, its
-//! dots its masks. A row is a mask, with its whole size on the left.
+//! UpSet plot (Lex et al. 2014) for four or more masks. A column is a region, largest first: its bar shows its size,
+//! its dots its masks. A row is a mask, with its whole size on the left.
 
 use egui::{
     Align2, Color32, CornerRadius, FontId, Id, Pos2, Rect, ScrollArea, Sense, Shape, Stroke, StrokeKind,
@@ -152,13 +152,13 @@ fn mask_rows(
             font.clone(),
             color,
         );
-        let room = size.left() - rect.left() - 4.0;
-        let name = elided(ui, &input.name(area.target), &font, color, room);
+        let max_width = size.left() - rect.left() - 4.0;
+        let name = elided(ui, &input.name(area.target), &font, color, max_width);
         painter.galley(rect.min, name, color);
         let length = (rect.width() - 4.0) * input.voxels(area.target) as f32 / max_voxels;
-        let thick = (layout.row_height - 16.5).clamp(2.5, 6.0);
-        let corner = pos2(rect.left() + 2.0, rect.bottom() - thick - 0.5);
-        let bar = Rect::from_min_size(corner, vec2(length, thick));
+        let bar_height = (layout.row_height - 16.5).clamp(2.5, 6.0);
+        let corner = pos2(rect.left() + 2.0, rect.bottom() - bar_height - 0.5);
+        let bar = Rect::from_min_size(corner, vec2(length, bar_height));
         painter.rect_filled(bar.expand(1.0), CornerRadius::ZERO, style.casing);
         painter.rect_filled(bar, CornerRadius::ZERO, style.fill(input.colors.mask(k), shown));
         if [interaction.hovered, interaction.focused, marked].contains(&Some(area.target)) {
@@ -169,8 +169,8 @@ fn mask_rows(
     interaction
 }
 
-fn elided(ui: &Ui, words: &str, font: &FontId, color: Color32, width: f32) -> std::sync::Arc<egui::Galley> {
-    let mut job = egui::text::LayoutJob::simple_singleline(words.to_owned(), font.clone(), color);
+fn elided(ui: &Ui, text: &str, font: &FontId, color: Color32, width: f32) -> std::sync::Arc<egui::Galley> {
+    let mut job = egui::text::LayoutJob::simple_singleline(text.to_owned(), font.clone(), color);
     job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(1.0));
     ui.painter().layout_job(job)
 }

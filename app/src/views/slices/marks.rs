@@ -35,10 +35,10 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
         painter.circle_stroke(middle, radius, Stroke::new(3.5, Color32::from_black_alpha(110)));
         painter.circle_stroke(middle, radius, Stroke::new(1.75, LENS_COLOR));
     }
-    let known = sides_known(input);
-    let title_height = title(&painter, input, layout, known, not_finite_pixels);
-    let readout_height = bottom_line(&painter, layout, readout);
-    if known {
+    let sides_known = sides_known(input);
+    let title_height = title(&painter, input, layout, sides_known, not_finite_pixels);
+    let readout_height = readout_line(&painter, layout, readout);
+    if sides_known {
         letters(&painter, layout, title_height, readout_height);
     }
     scale_bar(&painter, layout, readout_height);
@@ -53,8 +53,8 @@ pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<
     let half_mm = layout.slice.plane.step_mm(shown_grid(input)) / 2.0;
     for (_, ruler) in input.doc.rulers_shown() {
         let ends_mm = [ruler.from_mm, ruler.to_mm];
-        let here = ends_mm.iter().all(|&end| layout.slice.distance_mm(end).abs() <= half_mm);
-        let look = if here { Look::Solid } else { Look::Faint };
+        let is_in_slice = ends_mm.iter().all(|&end| layout.slice.distance_mm(end).abs() <= half_mm);
+        let look = if is_in_slice { Look::Solid } else { Look::Faint };
         let text = format::length_mm(ruler.length_mm());
         ruler::line(&painter, ends_mm.map(|end| layout.pos_of(end)), look, &text);
     }
@@ -79,7 +79,7 @@ fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f
         }
         at.x += step;
     }
-    text(painter, at + vec2(4.0, 0.0), Align2::LEFT_TOP, "masks", 12.0, INK);
+    draw_text(painter, at + vec2(4.0, 0.0), Align2::LEFT_TOP, "masks", 12.0, INK);
 }
 
 fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {
@@ -103,17 +103,17 @@ fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {
 }
 
 /// Text with a dark halo; returns its height.
-fn text(painter: &Painter, at: Pos2, anchor: Align2, words: &str, size: f32, ink: Color32) -> f32 {
-    haloed(
+fn draw_text(painter: &Painter, at: Pos2, anchor: Align2, text: &str, size: f32, ink: Color32) -> f32 {
+    draw_galley(
         painter,
         at,
         anchor,
-        painter.layout_no_wrap(words.to_owned(), FontId::proportional(size), ink),
+        painter.layout_no_wrap(text.to_owned(), FontId::proportional(size), ink),
         ink,
     )
 }
 
-fn haloed(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>, ink: Color32) -> f32 {
+fn draw_galley(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>, ink: Color32) -> f32 {
     let corner = anchor.anchor_size(at, galley.size()).min;
     for (dx, dy) in
         [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0)]
@@ -126,54 +126,59 @@ fn haloed(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>, ink:
 }
 
 /// Plane, position and window at the top; returns their height.
-fn title(painter: &Painter, input: &Input<'_>, layout: &Layout, known: bool, not_finite_pixels: u64) -> f32 {
+fn title(
+    painter: &Painter,
+    input: &Input<'_>,
+    layout: &Layout,
+    sides_known: bool,
+    not_finite_pixels: u64,
+) -> f32 {
     let rect = layout.rect;
     let mut at = rect.left_top() + vec2(MARGIN_POINTS, MARGIN_POINTS - 2.0);
-    let name = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(known));
-    let row = text(painter, at, Align2::LEFT_TOP, &name, 13.0, INK);
-    at.y += row;
-    if !known {
-        at.y += text(painter, at, Align2::LEFT_TOP, "side unknown", 13.0, WARNING);
+    let name = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known));
+    at.y += draw_text(painter, at, Align2::LEFT_TOP, &name, 13.0, INK);
+    if !sides_known {
+        at.y += draw_text(painter, at, Align2::LEFT_TOP, "side unknown", 13.0, WARNING);
     }
     if not_finite_pixels > 0 {
-        let words = format!("NaN or infinite: {not_finite_pixels} pixels");
-        at.y += text(painter, at, Align2::LEFT_TOP, &words, 11.0, WARNING);
+        let text = format!("NaN or infinite: {not_finite_pixels} pixels");
+        at.y += draw_text(painter, at, Align2::LEFT_TOP, &text, 11.0, WARNING);
     }
-    let words = match input.context {
+    let text = match input.context {
         Some((id, image)) => {
             let window = input.doc.window_of(id, image);
-            format!("W {} L {}", short(window.width()), short(window.level()))
+            format!("W {} L {}", three_digits(window.width()), three_digits(window.level()))
         }
         None => "no image".to_owned(),
     };
     // Right of the name where the pane is wide enough, else below it.
     if rect.width() > 250.0 {
-        text(
+        draw_text(
             painter,
             rect.right_top() + vec2(-MARGIN_POINTS, MARGIN_POINTS - 2.0),
             Align2::RIGHT_TOP,
-            &words,
+            &text,
             12.0,
             INK,
         );
     } else {
-        at.y += text(painter, at, Align2::LEFT_TOP, &words, 12.0, INK);
+        at.y += draw_text(painter, at, Align2::LEFT_TOP, &text, 12.0, INK);
     }
     at.y - rect.top()
 }
 
 /// About three significant digits.
-fn short(value: f64) -> String {
+fn three_digits(value: f64) -> String {
     let digits = if value == 0.0 { 0.0 } else { (2.0 - value.abs().log10().floor()).clamp(0.0, 6.0) };
     format!("{value:.0$}", digits as usize)
 }
 
 /// The readout at the bottom; returns its height.
-fn bottom_line(painter: &Painter, layout: &Layout, readout: &str) -> f32 {
+fn readout_line(painter: &Painter, layout: &Layout, readout: &str) -> f32 {
     let rect = layout.rect;
-    let room = (rect.width() - 2.0 * MARGIN_POINTS).max(40.0);
-    let galley = painter.layout(readout.to_owned(), FontId::proportional(12.0), INK, room);
-    haloed(
+    let max_width = (rect.width() - 2.0 * MARGIN_POINTS).max(40.0);
+    let galley = painter.layout(readout.to_owned(), FontId::proportional(12.0), INK, max_width);
+    draw_galley(
         painter,
         rect.left_bottom() + vec2(MARGIN_POINTS, -MARGIN_POINTS + 2.0),
         Align2::LEFT_BOTTOM,
@@ -195,25 +200,25 @@ fn letters(painter: &Painter, layout: &Layout, title_height: f32, readout_height
         (bottom, pos2(rect.center().x, rect.bottom() - readout_height), Align2::CENTER_BOTTOM),
     ];
     for (letter, at, anchor) in places {
-        text(painter, at, anchor, &letter.to_string(), 16.0, INK);
+        draw_text(painter, at, anchor, &letter.to_string(), 16.0, INK);
     }
 }
 
 fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
     let rect = layout.rect;
-    let room = f64::from(rect.width() * layout.pixels_per_point) * 0.3;
-    let Some(bar) = layout.slice.scale_bar(room) else { return };
+    let max_length_px = f64::from(rect.width() * layout.pixels_per_point) * 0.3;
+    let Some(bar) = layout.slice.scale_bar(max_length_px) else { return };
     let length = bar.px as f32 / layout.pixels_per_point;
     let right = rect.right_bottom() + vec2(-MARGIN_POINTS - 1.0, -readout_height - 6.0);
     let left = right - vec2(length, 0.0);
     for stroke in [Stroke::new(4.0, HALO), Stroke::new(2.0, INK)] {
-        let over = vec2((stroke.width - 2.0) / 2.0, 0.0);
-        painter.line_segment([left - over, right + over], stroke);
+        let overhang = vec2((stroke.width - 2.0) / 2.0, 0.0);
+        painter.line_segment([left - overhang, right + overhang], stroke);
         for end in [left, right] {
-            let up = vec2(0.0, 4.0 + over.x);
-            painter.line_segment([end - up, end + up], stroke);
+            let half_tick = vec2(0.0, 4.0 + overhang.x);
+            painter.line_segment([end - half_tick, end + half_tick], stroke);
         }
     }
-    let words = format!("{} mm", format::plain(bar.mm));
-    text(painter, right - vec2(length / 2.0, 4.0), Align2::CENTER_BOTTOM, &words, 12.0, INK);
+    let text = format!("{} mm", format::plain(bar.mm));
+    draw_text(painter, right - vec2(length / 2.0, 4.0), Align2::CENTER_BOTTOM, &text, 12.0, INK);
 }

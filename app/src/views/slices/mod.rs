@@ -221,6 +221,7 @@ struct ShownMasks {
     index: Arc<TumorIndex>,
     colors: MaskColors,
     selection: Selection,
+    /// Bits of the region shown but not filled.
     unfilled: Option<u32>,
 }
 

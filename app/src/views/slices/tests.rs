@@ -48,13 +48,13 @@ fn case(sides: Sides) -> Case {
     Case { name: "test".into(), grid, time_points: vec![time_point], tracts: Vec::new(), checks: Vec::new() }
 }
 
-struct Bench {
+struct TestView {
     work: Workstation,
     pane: SlicePane,
     rect: Rect,
 }
 
-impl Bench {
+impl TestView {
     fn cursor(&self) -> DVec3 {
         self.work.doc.as_ref().unwrap().nav.cursor_mm
     }
@@ -65,7 +65,7 @@ impl Bench {
 }
 
 /// One slice view at 0.5 mm per point, with the crosshair in the middle of the case.
-fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static, Bench> {
+fn slice_harness(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static, TestView> {
     let mut work = Workstation::with_case(CaseRef::Sample, Loaded::new(case(sides)));
     let nav = &mut work.doc.as_mut().unwrap().nav;
     nav.mm_per_point = Some(0.5);
@@ -75,45 +75,45 @@ fn bench(plane: Plane, sides: Sides, convention: Convention) -> Harness<'static,
     nav.cursor_mm = DVec3::new(100.0, 200.0, 300.0);
     let mut harness =
         Harness::builder().with_size(vec2(300.0, 240.0)).with_step_dt(1.0 / 60.0).build_ui_state(
-            move |ui, bench: &mut Bench| {
-                bench.rect = ui.available_rect_before_wrap();
+            move |ui, view: &mut TestView| {
+                view.rect = ui.available_rect_before_wrap();
                 let mut out = Commands::default();
-                let doc = bench.work.doc.as_ref().unwrap();
-                let case = bench.work.world.case().unwrap().clone();
+                let doc = view.work.doc.as_ref().unwrap();
+                let case = view.work.world.case().unwrap().clone();
                 let input = Input {
                     doc,
                     case: &case,
                     time_point: &case.time_points[0],
                     tumor: None,
-                    colors: &bench.work.world.colors(doc),
-                    context: bench.work.world.context(doc),
+                    colors: &view.work.world.colors(doc),
+                    context: view.work.world.context(doc),
                     compared: None,
                 };
-                bench.pane.draw(ui, &input, &mut out);
+                view.pane.draw(ui, &input, &mut out);
                 for command in out.into_vec() {
-                    bench.work.apply(&command, Instant::now());
+                    view.work.apply(&command, Instant::now());
                 }
             },
-            Bench { work, pane: SlicePane::new(plane), rect: Rect::NOTHING },
+            TestView { work, pane: SlicePane::new(plane), rect: Rect::NOTHING },
         );
     harness.run();
     harness
 }
 
-fn radiological(plane: Plane) -> Harness<'static, Bench> {
-    bench(plane, Sides::Known, Convention::Radiological)
+fn radiological(plane: Plane) -> Harness<'static, TestView> {
+    slice_harness(plane, Sides::Known, Convention::Radiological)
 }
 
-fn middle_and(harness: &Harness<'_, Bench>, x: f32, y: f32) -> Pos2 {
+fn offset_from_center(harness: &Harness<'_, TestView>, x: f32, y: f32) -> Pos2 {
     harness.state().rect.center() + vec2(x, y)
 }
 
-fn press(harness: &mut Harness<'_, Bench>, pos: Pos2, button: PointerButton, pressed: bool) {
+fn press(harness: &mut Harness<'_, TestView>, pos: Pos2, button: PointerButton, pressed: bool) {
     harness.event(Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE });
     harness.step();
 }
 
-fn drag(harness: &mut Harness<'_, Bench>, from: Pos2, by: Vec2, button: PointerButton) {
+fn drag(harness: &mut Harness<'_, TestView>, from: Pos2, by: Vec2, button: PointerButton) {
     harness.hover_at(from);
     harness.step();
     press(harness, from, button, true);
@@ -125,7 +125,7 @@ fn drag(harness: &mut Harness<'_, Bench>, from: Pos2, by: Vec2, button: PointerB
     harness.run();
 }
 
-fn wheel(harness: &mut Harness<'_, Bench>, lines: f32, modifiers: Modifiers) {
+fn wheel(harness: &mut Harness<'_, TestView>, lines: f32, modifiers: Modifiers) {
     harness.event_modifiers(
         Event::MouseWheel {
             unit: MouseWheelUnit::Line,
@@ -145,11 +145,11 @@ fn assert_near(found: DVec3, expected: [f64; 3]) {
     assert!(found.distance(expected) < 1e-3, "found {found}, expected {expected}");
 }
 
-fn draws(harness: &Harness<'_, Bench>) -> u64 {
+fn draws(harness: &Harness<'_, TestView>) -> u64 {
     harness.state().pane.draws()
 }
 
-fn apply(harness: &mut Harness<'_, Bench>, command: impl Into<Command>) {
+fn apply(harness: &mut Harness<'_, TestView>, command: impl Into<Command>) {
     harness.state_mut().work.apply(&command.into(), Instant::now());
 }
 
@@ -162,8 +162,8 @@ fn a_click_moves_the_crosshair_to_the_millimetres_under_it() {
         (Plane::Coronal, Radiological, [90.0, 200.0, 305.0]),
         (Plane::Sagittal, Radiological, [100.0, 190.0, 305.0]),
     ] {
-        let mut harness = bench(plane, Sides::Known, convention);
-        let pos = middle_and(&harness, 20.0, -10.0);
+        let mut harness = slice_harness(plane, Sides::Known, convention);
+        let pos = offset_from_center(&harness, 20.0, -10.0);
         harness.hover_at(pos);
         press(&mut harness, pos, PointerButton::Primary, true);
         press(&mut harness, pos, PointerButton::Primary, false);
@@ -175,7 +175,7 @@ fn a_click_moves_the_crosshair_to_the_millimetres_under_it() {
 #[test]
 fn dragging_moves_the_crosshair() {
     let mut harness = radiological(Plane::Coronal);
-    let from = middle_and(&harness, 0.0, 0.0);
+    let from = offset_from_center(&harness, 0.0, 0.0);
     drag(&mut harness, from, vec2(-30.0, 40.0), PointerButton::Primary);
     assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
 }
@@ -184,11 +184,11 @@ fn dragging_moves_the_crosshair() {
 fn the_crosshair_follows_a_hovering_pointer_but_not_dragging_or_scrolling() {
     let mut harness = radiological(Plane::Coronal);
     harness.state_mut().work.doc.as_mut().unwrap().nav.follow_pointer = true;
-    harness.hover_at(middle_and(&harness, -30.0, 40.0));
+    harness.hover_at(offset_from_center(&harness, -30.0, 40.0));
     harness.run();
     assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
     // Dragging the window doesn't move it.
-    let from = middle_and(&harness, -30.0, 40.0);
+    let from = offset_from_center(&harness, -30.0, 40.0);
     press(&mut harness, from, PointerButton::Secondary, true);
     harness.hover_at(from + vec2(40.0, 0.0));
     harness.run();
@@ -209,7 +209,7 @@ fn the_crosshair_follows_a_hovering_pointer_but_not_dragging_or_scrolling() {
 fn the_ruler_measures_in_the_plane_without_moving_the_crosshair() {
     let mut harness = radiological(Plane::Sagittal);
     apply(&mut harness, LookCommand::ToggleRuler);
-    let from = middle_and(&harness, -20.0, 12.0);
+    let from = offset_from_center(&harness, -20.0, 12.0);
     drag(&mut harness, from, vec2(60.0, -80.0), PointerButton::Primary);
     let rulers = &harness.state().work.doc.as_ref().unwrap().edit.rulers;
     assert_eq!(rulers.len(), 1);
@@ -237,16 +237,16 @@ fn dragging_right_widens_the_window_and_undo_restores_it() {
     let mut harness = radiological(Plane::Axial);
     let before = harness.state().work.world.context(harness.state().work.doc.as_ref().unwrap());
     let before = before.unwrap().1.histogram().initial_window();
-    let from = middle_and(&harness, 0.0, 0.0);
+    let from = offset_from_center(&harness, 0.0, 0.0);
     drag(&mut harness, from, vec2(90.0, 0.0), PointerButton::Secondary);
     let after = harness.state().window().unwrap();
-    let factor = (after.width() / before.width()).ln() * 300.0;
-    assert!((factor - 90.0).abs() < 1e-3, "widened by {factor} points");
+    let drag_points = (after.width() / before.width()).ln() * 300.0;
+    assert!((drag_points - 90.0).abs() < 1e-3, "widened as by a drag of {drag_points} points");
     assert!((after.level() - before.level()).abs() < 1e-9);
     assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
     drag(&mut harness, from, vec2(0.0, -30.0), PointerButton::Secondary);
-    let up = harness.state().window().unwrap();
-    assert!(up.level() < after.level(), "dragging up brightens");
+    let brighter = harness.state().window().unwrap();
+    assert!(brighter.level() < after.level(), "dragging up brightens");
     apply(&mut harness, EditCommand::Undo);
     assert_eq!(harness.state().window(), None, "gestures in quick succession are one undo step");
 }
@@ -257,7 +257,7 @@ fn the_wheel_steps_by_slices_and_stops_at_the_last() {
         [(Plane::Axial, 2, 2.0, 339.0), (Plane::Coronal, 1, 1.5, 229.25), (Plane::Sagittal, 0, 1.0, 119.5)]
     {
         let mut harness = radiological(plane);
-        let pos = middle_and(&harness, 30.0, 10.0);
+        let pos = offset_from_center(&harness, 30.0, 10.0);
         harness.hover_at(pos);
         harness.run();
         wheel(&mut harness, 1.0, Modifiers::NONE);
@@ -276,7 +276,7 @@ fn the_wheel_steps_by_slices_and_stops_at_the_last() {
 #[test]
 fn zooming_keeps_the_point_under_the_pointer() {
     let mut harness = radiological(Plane::Axial);
-    let pos = middle_and(&harness, 60.0, -40.0);
+    let pos = offset_from_center(&harness, 60.0, -40.0);
     harness.hover_at(pos);
     harness.run();
     wheel(&mut harness, 3.0, Modifiers::CTRL);
@@ -290,7 +290,7 @@ fn zooming_keeps_the_point_under_the_pointer() {
 #[test]
 fn panning_moves_the_slice_with_the_pointer_and_a_double_click_resets_it() {
     let mut harness = radiological(Plane::Sagittal);
-    let from = middle_and(&harness, 0.0, 0.0);
+    let from = offset_from_center(&harness, 0.0, 0.0);
     drag(&mut harness, from, vec2(24.0, -16.0), PointerButton::Middle);
     assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
     let pos = from + vec2(24.0, -16.0);
@@ -307,7 +307,7 @@ fn panning_moves_the_slice_with_the_pointer_and_a_double_click_resets_it() {
 #[test]
 fn keys_move_by_slices_and_voxels() {
     let mut harness = radiological(Plane::Axial);
-    harness.hover_at(middle_and(&harness, 5.0, 5.0));
+    harness.hover_at(offset_from_center(&harness, 5.0, 5.0));
     harness.run();
     harness.key_press(Key::PageUp);
     harness.run();
@@ -337,7 +337,7 @@ fn the_accessible_readout_gives_position_value_and_masks() {
 
 #[test]
 fn unknown_sides_are_not_named() {
-    let mut harness = bench(Plane::Coronal, Sides::Unknown, Convention::Radiological);
+    let mut harness = slice_harness(Plane::Coronal, Sides::Unknown, Convention::Radiological);
     harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm = DVec3::new(100.2, 200.2, 300.2);
     harness.run();
     harness.get_by_label("Coronal slice +200.2 mm: x 100.2  y 200.2  z 300.2 mm  ·  T1c 20  ·  front");
@@ -348,7 +348,7 @@ fn a_slice_is_rendered_again_only_when_it_changed() {
     let mut harness = radiological(Plane::Axial);
     let first = draws(&harness);
     harness.run_steps(5);
-    harness.hover_at(middle_and(&harness, 3.0, 3.0));
+    harness.hover_at(offset_from_center(&harness, 3.0, 3.0));
     harness.run();
     // Moving the crosshair within the plane doesn't change the slice.
     harness.state_mut().work.doc.as_mut().unwrap().nav.cursor_mm.x += 7.0;

@@ -161,9 +161,9 @@ fn cursor(
     on_ring: Option<Pos2>,
     modifiers: Modifiers,
 ) {
-    let at = on_ring.or(response.interact_pointer_pos().filter(|_| drag == Drag::Ring));
+    let ring_pos = on_ring.or(response.interact_pointer_pos().filter(|_| drag == Drag::Ring));
     let moves_lens = view.doc.edit.lens_on && (modifiers.command || modifiers.ctrl);
-    let icon = match (drag, at) {
+    let icon = match (drag, ring_pos) {
         (Drag::None | Drag::Ring, Some(pos)) => {
             ring::cursor_icon(&view.camera, view.rect, &view.doc.edit.lens, pos)
         }

@@ -81,8 +81,8 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         outcome
     }
 
-    /// Draws `scene`, picks under the pointer and moves the crosshair there. `false` if nothing could be drawn; the pane
-    /// then shows the error. `at_once`: final quality without a draft, for picture files.
+    /// Draws `scene`, picks under the pointer and moves the crosshair there. `false` if nothing could be drawn; the
+    /// pane then shows the error. `at_once`: final quality without a draft, for picture files.
     pub fn draw(
         &mut self,
         ui: &Ui,
@@ -152,20 +152,20 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         }
     }
 
-    /// Draws the overlays: the highlighted ring while it is grabbed or under the pointer, else `words` beside the pointer;
-    /// and the warnings.
+    /// Draws the overlays: the highlighted ring while it is grabbed or under the pointer, else `text` beside the
+    /// pointer; and the warnings.
     pub fn draw_overlays(
         &self,
         ui: &Ui,
         view: &View<'_>,
         response: &Response,
         outcome: &Outcome,
-        words: Option<&str>,
+        text: Option<&str>,
     ) {
         camera_drag::ring_marks(ui, response, view, outcome);
         let painter = ui.painter().with_clip_rect(view.rect);
-        if let (Some(pointer), Some(words), false) = (response.hover_pos(), words, outcome.ring) {
-            draw::beside_pointer(&painter, view.rect, pointer, words.to_owned());
+        if let (Some(pointer), Some(text), false) = (response.hover_pos(), text, outcome.ring) {
+            draw::beside_pointer(&painter, view.rect, pointer, text.to_owned());
         }
         draw::warnings(ui, view.rect, self.warnings());
     }
@@ -176,8 +176,8 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
     }
 
     /// Text for screen readers: `what`, the pick under the pointer, and the warnings.
-    pub fn accessible_text(&self, what: &str, under: Option<&str>) -> String {
-        let mut text = format!("{what}: {}", under.unwrap_or("nothing under the pointer"));
+    pub fn accessible_text(&self, what: &str, hover_text: Option<&str>) -> String {
+        let mut text = format!("{what}: {}", hover_text.unwrap_or("nothing under the pointer"));
         for warning in self.warnings() {
             text = format!("{text}\nWarning: {warning}");
         }

@@ -43,9 +43,15 @@ fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: bool)
     }
 }
 
-/// Draws the orientation cube, or a note that sides are unknown, and the scale bar. `at`: where the scale applies in
-/// perspective, as text.
-pub fn corners(ui: &Ui, rect: Rect, sides_known: bool, (camera, at): (&Camera, &str), is_over_image: bool) {
+/// Draws the orientation cube, or a note that sides are unknown, and the scale bar. `scale_position`: where the scale
+/// applies in perspective, as text.
+pub fn corners(
+    ui: &Ui,
+    rect: Rect,
+    sides_known: bool,
+    (camera, scale_position): (&Camera, &str),
+    is_over_image: bool,
+) {
     let painter = ui.painter().with_clip_rect(rect);
     let dark = ui.visuals().dark_mode;
     let ink = draw::ink(dark);
@@ -70,14 +76,17 @@ pub fn corners(ui: &Ui, rect: Rect, sides_known: bool, (camera, at): (&Camera, &
         for end in [left, right] {
             painter.line_segment([end - vec2(0.0, 4.0), end + vec2(0.0, 4.0)], Stroke::new(2.0, ink));
         }
-        let place =
-            if camera.projection == Projection::Perspective { format!(" {at}") } else { String::new() };
+        let place = if camera.projection == Projection::Perspective {
+            format!(" {scale_position}")
+        } else {
+            String::new()
+        };
         let text = format!("{} mm{place}", format::plain(mm));
         let text = painter.layout_no_wrap(text, FontId::proportional(12.0), ink);
-        let words = Align2::LEFT_BOTTOM.anchor_size(left - vec2(0.0, 6.0), text.size());
+        let text_rect = Align2::LEFT_BOTTOM.anchor_size(left - vec2(0.0, 6.0), text.size());
         if is_over_image {
-            draw::plate(&painter, words, dark);
+            draw::plate(&painter, text_rect, dark);
         }
-        painter.galley(words.min, text, ink);
+        painter.galley(text_rect.min, text, ink);
     }
 }

@@ -37,7 +37,7 @@ pub struct Refinement<S> {
 
 impl<S> Default for Refinement<S> {
     fn default() -> Self {
-        let auto = std::array::from_fn(|at| Auto::of(LightingMode::VARIANTS[at]));
+        let auto = std::array::from_fn(|mode| Auto::of(LightingMode::VARIANTS[mode]));
         Self { last: None, phase: Phase::Moving, auto }
     }
 }
@@ -49,8 +49,8 @@ pub struct RefinementStep {
     pub quality: Quality,
     /// Whether the quality has just been raised.
     pub just_refined: bool,
-    /// If the frame may take long, so that it is rendered in parts without blocking the window: the quality of the draft
-    /// that is shown first.
+    /// If the frame may take long, so that it is rendered in parts without blocking the window: the quality of the
+    /// draft that is shown first.
     pub in_parts: Option<Quality>,
     /// Whether the frame is to be timed for [`Refinement::adapt`].
     pub timed: bool,
@@ -71,7 +71,7 @@ impl<S: Clone + PartialEq> Refinement<S> {
     pub fn step(&mut self, ui: &Ui, scene: &S, choice: &LightChoice, at_once: bool) -> RefinementStep {
         let now = ui.input(|i| i.time);
         let changed_at = match &self.last {
-            Some((last, lighting, at)) if last == scene && lighting == choice => *at,
+            Some((last, lighting, changed_at)) if last == scene && lighting == choice => *changed_at,
             Some(_) => now,
             None => f64::NEG_INFINITY,
         };

@@ -1,6 +1,6 @@
-//! Mouse interaction with the lens's ring in a 3D view; the shaders draw the ring (lib/ring.wgsl). It is the outline of a
-//! ball: where viewing rays pass the centre at a distance of the radius. That is a circle in orthographic projection and
-//! an ellipse in perspective.
+//! Mouse interaction with the lens's ring in a 3D view; the shaders draw the ring (lib/ring.wgsl). It is the outline of
+//! a ball: where viewing rays pass the centre at a distance of the radius. That is a circle in orthographic projection
+//! and an ellipse in perspective.
 
 use egui::{Color32, CursorIcon, Painter, Pos2, Rect, Shape, Stroke, vec2};
 use glam::{DVec2, DVec3};
@@ -85,13 +85,13 @@ pub fn highlight(painter: &Painter, camera: &Camera, rect: Rect, lens: &Lens) {
         Projection::Orthographic => (lens.center_mm, (right, up), lens.radius_mm),
         Projection::Perspective => {
             let to_eye = camera.eye_mm() - lens.center_mm;
-            let part = lens.radius_mm * lens.radius_mm / to_eye.length_squared();
-            if part.is_nan() || part >= 1.0 {
+            let ratio = lens.radius_mm * lens.radius_mm / to_eye.length_squared();
+            if ratio.is_nan() || ratio >= 1.0 {
                 return;
             }
             let normal = to_eye.try_normalize().unwrap_or(back);
             let axes = normal.any_orthonormal_pair();
-            (lens.center_mm + to_eye * part, axes, lens.radius_mm * (1.0 - part).sqrt())
+            (lens.center_mm + to_eye * ratio, axes, lens.radius_mm * (1.0 - ratio).sqrt())
         }
     };
     let points: Option<Vec<Pos2>> = (0..SEGMENTS)

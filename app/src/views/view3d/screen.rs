@@ -125,8 +125,9 @@ impl<V: View3d> Screen<V> {
     }
 
     /// As [`Screen::show`] for a frame that may take long: each call renders a part of it for about `milliseconds`, and
-    /// the previous frame is shown until it is complete. If the previous frame is of another scene, it is replaced by one
-    /// at `draft` quality first. A different quality of the same scene is begun only when the pending frame is complete.
+    /// the previous frame is shown until it is complete. If the previous frame is of another scene, it is replaced by
+    /// one at `draft` quality first. A different quality of the same scene is begun only when the pending frame is
+    /// complete.
     ///
     /// # Errors
     /// [`RenderError`].
@@ -215,10 +216,10 @@ impl<V: View3d> Screen<V> {
     /// The frame last drawn, and its pixel at `u`, `v`: 0 to 1 from the top left, clamped.
     pub fn pixel(&self, u: f32, v: f32) -> Option<(&Frame<V>, [u32; 2])> {
         let frame = self.frame()?;
-        let at = |fraction: f32, extent: u32| {
+        let pixel_index = |fraction: f32, extent: u32| {
             ((fraction.clamp(0.0, 1.0) * extent as f32) as u32).min(extent.saturating_sub(1))
         };
-        Some((frame, [at(u, frame.asked_px[0]), at(v, frame.asked_px[1])]))
+        Some((frame, [pixel_index(u, frame.asked_px[0]), pixel_index(v, frame.asked_px[1])]))
     }
 }
 

@@ -1,5 +1,5 @@
-//! Camera and geometry of a 3D view. All views except the closeup follow the orientation of the closeup's camera, not its
-//! position (thesis 7.3.3).
+//! Camera and geometry of a 3D view. All views except the closeup follow the orientation of the closeup's camera, not
+//! its position (thesis 7.3.3).
 
 use egui::{Rect, Response};
 use glam::DVec3;

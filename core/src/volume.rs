@@ -110,20 +110,4 @@ impl Volume {
         let scaling = self.scaling;
         with_samples!(&self.samples, v => v.iter().map(|&s| scaling.apply(s as f64) as f32).collect())
     }
-
-    /// Smallest and largest finite value, and how many voxels are NaN or infinite. `None` when no
-    /// voxel is finite.
-    pub fn finite_range(&self) -> (Option<(f64, f64)>, u64) {
-        let mut range: Option<(f64, f64)> = None;
-        let mut not_finite = 0;
-        for linear in 0..self.samples.len() {
-            let value = self.value(linear);
-            if value.is_finite() {
-                range = Some(range.map_or((value, value), |(lo, hi)| (lo.min(value), hi.max(value))));
-            } else {
-                not_finite += 1;
-            }
-        }
-        (range, not_finite)
-    }
 }

@@ -131,7 +131,7 @@ fn sarcoma_masks_on_three_grids() {
     let time = &report.time_points[0];
     assert_eq!(case.time_points[0].contexts.len(), 3);
     assert_same_regions(time, &expected);
-    // As stated in shared/data/README.md.
+    // As stated in ../shared/data/README.md.
     for (mask, ml) in time.masks.iter().zip([80.12, 80.12, 79.90]) {
         assert!((mask.native_volume_ml - ml).abs() < 0.005, "{mask:?}");
     }

@@ -1,6 +1,6 @@
 //! WGSL source of every pass, and how it is composed.
 //!
-//! A file `wgsl/FOLDER/NAME.wgsl` is an entry point named `FOLDER/NAME`; one folder per view or lighting mode.
+//! A file `wgsl/<folder>/<name>.wgsl` is an entry point named `<folder>/<name>`; one folder per view or lighting mode.
 //! Files in `wgsl/lib/` are libraries: a line `#include lib/NAME` is replaced by that file the first time, removed
 //! after that. Nothing here depends on a graphics device.
 

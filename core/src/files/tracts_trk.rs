@@ -1,6 +1,6 @@
 //! TrackVis `.trk`, versions 1 and 2: a header of 1000 bytes, then for each fibre its number of
 //! points, the points with their scalars, and its properties. From trackvis.org's "Track File
-//! Format"; where that is ambiguous, as in nibabel 5.4 (`nibabel/streamlines/trk.py`).
+//! Format"; where that is ambiguous, as in nibabel 5.4 (`nibabel.streamlines.trk`).
 //!
 //! Points are in "voxelmm": voxel size times voxels, from the *corner* of the first voxel, along the axes that
 //! `voxel_order` names. So a point p is at voxel `p / voxel_size - 1/2` (centres at whole numbers) in that order.

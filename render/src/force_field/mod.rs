@@ -1,7 +1,7 @@
 //! The boundary's repulsive force for core's curve skeleton, summed on the graphics device: exactly, every
 //! charge on every place.
 //!
-//! Work is split into dispatches of at most [`MOST_PLACES`] × [`MOST_CHARGES`] pairs, so that no driver's
+//! Work is split into dispatches of at most `MOST_PLACES` × `MOST_CHARGES` pairs, so that no driver's
 //! watchdog ends one and frames can be drawn in between.
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 //! Lighting of the 3D views: one row per lighting mode, one folder per row. All modes write the same buffers, so the
-//! composing passes don't depend on the mode. [`suite`] holds the tests that every row inherits.
+//! composing passes don't depend on the mode. `suite` holds the tests that every row inherits.
 
 mod budget;
 pub(crate) mod cones;

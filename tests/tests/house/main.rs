@@ -1,4 +1,4 @@
-//! The house: which crate and module knows which, and the script that runs everything.
+//! Rules of the repository: which crate and module may depend on which, and the script `./x`.
 
 #![allow(
     clippy::unwrap_used,
@@ -11,3 +11,4 @@ mod house_script;
 mod map;
 mod modules;
 mod structure;
+mod unused;

@@ -91,7 +91,7 @@ fn exists_from(root: &Path, file: &Path, path: &str) -> bool {
 }
 
 /// All files under `folder` with extension `extension`.
-fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
+pub fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();

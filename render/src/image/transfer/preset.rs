@@ -183,11 +183,3 @@ fn build(rows: &[Row], gradient: Option<[(f64, f64); 3]>) -> TransferFunction {
         gradient: gradient.map(|g| g.map(|(gradient, factor)| GradientPoint { gradient, factor }).to_vec()),
     }
 }
-
-impl TransferFunction {
-    /// The initial function for an image with these statistics and this name:
-    /// [`TransferPreset::first_for`].
-    pub fn default_for(statistics: &flat::Histogram, name: &str) -> Self {
-        TransferPreset::first_for(statistics, name).transfer(statistics)
-    }
-}

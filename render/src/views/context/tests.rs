@@ -412,7 +412,7 @@ fn values_that_are_not_finite_are_invisible() {
 
 fn omitted(scene: &ContextScene, quality: &Quality) -> Vec<(PassName, &'static str)> {
     let mut omitted = context_plan(scene, quality).omitted;
-    // See tubes/tests.rs for those.
+    // See solid/tubes/tests.rs for those.
     omitted.retain(|(_, reason)| *reason != "no fibre tracts");
     omitted
 }

@@ -223,7 +223,7 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands)
             &mut new.smooth_mm,
             "smooth ",
             "Smoothing of the height map",
-            "Width of the Gauss filter; the pointer always tells the unfiltered value",
+            "Width of the Gauss filter; the readout at the pointer stays unfiltered",
             5.0,
         ),
         ChangeStyle::Arrows => {

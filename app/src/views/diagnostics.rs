@@ -43,7 +43,7 @@ pub fn light_text(quality: &Quality) -> String {
             "{mode}. Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue (root mean \
              square in linear light, as measured on the head phantom)."
         ),
-        None => format!("{mode}. Expected error: unknown, no truth was measured for it."),
+        None => format!("{mode}. Expected error: unknown (not measured)."),
     }
 }
 

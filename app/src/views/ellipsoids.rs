@@ -321,7 +321,7 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         }
     });
     response.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Neighbours of a voxel"));
-    response.response.on_hover_text("Which voxels hang together in one component");
+    response.response.on_hover_text("Which neighbouring voxels belong to one component");
     if new != look {
         out.push(EditCommand::SetEllipsoidLook(new));
     }

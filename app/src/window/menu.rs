@@ -234,7 +234,7 @@ pub fn welcome(ui: &mut Ui, loading: bool, recent: &Recent, out: &mut Commands) 
         ui.add_space(ui.available_height() * 0.22);
         ui.heading("Glioscope");
         if loading {
-            ui.label("Loading; the status line says how far.");
+            ui.label("Loading; the status line shows the progress.");
             return;
         }
         ui.label(format!("Drop a folder, a manifest or a {} file here, or", volume_names()));

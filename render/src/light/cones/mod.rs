@@ -54,7 +54,7 @@ pub(crate) const SOLID_CONES: PassName = PassName::new("solid_cones");
 pub(super) const ROW: LightRow = LightRow {
     mode: LightingMode::Cones,
     title: "Directional occlusion (cones)",
-    summary: "Soft shadows, also of the tumour on itself; nearest to the truth",
+    summary: "Soft shadows, also of the tumour on itself; light on opaque surfaces per pixel",
     takes_long: true,
     has_aperture: true,
     most_cost: 16.0,

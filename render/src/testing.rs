@@ -1,6 +1,9 @@
 //! Graphics device and scenes shared by tests.
 
-use std::sync::{Arc, LazyLock};
+use std::{
+    ops::{Deref, DerefMut},
+    sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock, PoisonError},
+};
 
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{
@@ -12,6 +15,7 @@ use glioscope_core::{
 use crate::{
     device::{AdapterPreference, Gpu, gpu::device_descriptor},
     scene::{Lens, MaskColors, Palette, RegionScene},
+    views::{Renderer, View3d},
 };
 
 /// Graphics device of this crate's tests, opened once: the software adapter, or with `GLIOSCOPE_TEST_ADAPTER=real` a
@@ -27,6 +31,45 @@ pub static GPU: LazyLock<Gpu> = LazyLock::new(|| {
         Err(error) => panic!("tests need mesa-vulkan-drivers: {error}"),
     }
 });
+
+/// The device with a renderer, which the tests of a view use in turn.
+pub struct Bench<V: View3d> {
+    pub gpu: Gpu,
+    pub renderer: Renderer<V>,
+}
+
+/// A bench in a `static`, opened by the first test.
+pub type SharedBench<V> = OnceLock<Mutex<Bench<V>>>;
+
+/// Exclusive use of a bench.
+pub struct BenchGuard<V: View3d + 'static>(MutexGuard<'static, Bench<V>>);
+
+/// Waits for the other tests of a bench, then uses it.
+pub fn lock<V: View3d>(bench: &'static SharedBench<V>) -> BenchGuard<V> {
+    let open = || Mutex::new(Bench { gpu: GPU.clone(), renderer: Renderer::new(&GPU).unwrap() });
+    BenchGuard(bench.get_or_init(open).lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+impl<V: View3d> Deref for BenchGuard<V> {
+    type Target = Bench<V>;
+
+    fn deref(&self) -> &Bench<V> {
+        &self.0
+    }
+}
+
+impl<V: View3d> DerefMut for BenchGuard<V> {
+    fn deref_mut(&mut self) -> &mut Bench<V> {
+        &mut self.0
+    }
+}
+
+/// Lavapipe can crash when a process exits while it still works.
+impl<V: View3d> Drop for BenchGuard<V> {
+    fn drop(&mut self) {
+        let _ = self.0.gpu.wait();
+    }
+}
 
 /// Whether tests are requested to run on a GPU.
 pub fn tests_want_a_card() -> bool {

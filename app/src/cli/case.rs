@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use glioscope_core::{
     case::{Case, CaseError, CaseGridChoice, LoadOptions},
-    files::format::volume_names,
+    files::{DEFAULT_MAX_BYTES, format::volume_names},
 };
 
 use super::terminal;
@@ -27,7 +27,7 @@ pub struct MaskArguments {
     #[arg(long, value_name = "ID")]
     pub case_grid: Option<String>,
     /// Maximum bytes of voxels that a file may declare, and maximum size of a tract file in bytes.
-    #[arg(long, value_name = "BYTES", default_value_t = 4 << 30)]
+    #[arg(long, value_name = "BYTES", default_value_t = DEFAULT_MAX_BYTES)]
     pub max_bytes: u64,
 }
 

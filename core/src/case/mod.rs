@@ -135,7 +135,7 @@ pub struct LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { max_bytes: 4 << 30, case_grid: CaseGridChoice::default() }
+        Self { max_bytes: files::DEFAULT_MAX_BYTES, case_grid: CaseGridChoice::default() }
     }
 }
 

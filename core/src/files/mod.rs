@@ -45,6 +45,9 @@ impl Source {
     }
 }
 
+/// Default limit of the bytes that one file may declare: 4 GiB.
+pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
+
 /// Limits on reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadOptions {
@@ -56,7 +59,7 @@ pub struct ReadOptions {
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        Self { max_bytes: 4 << 30, frame: 0 }
+        Self { max_bytes: DEFAULT_MAX_BYTES, frame: 0 }
     }
 }
 

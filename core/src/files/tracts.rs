@@ -18,7 +18,7 @@ pub struct TractOptions {
 
 impl Default for TractOptions {
     fn default() -> Self {
-        Self { max_bytes: 4 << 30 }
+        Self { max_bytes: super::DEFAULT_MAX_BYTES }
     }
 }
 

@@ -135,7 +135,7 @@ fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
             "tracts-place-unknown",
             format!(
                 "{name}: found no vox_to_ras (version {version}), expected a place in the patient; the points \
-                 are millimetres from the first voxel, and no distance to a mask is told"
+                 are millimetres from the first voxel, and no distance to a mask is reported"
             ),
         ));
     }

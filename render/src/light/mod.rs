@@ -152,6 +152,29 @@ impl LightPasses {
 mod tests {
     use super::*;
 
+    /// The rows of a mode in docs/accuracy.md's table of expected errors: cost, on opaque surfaces, in tissue.
+    fn published(page: &str, mode: LightingMode) -> Vec<[String; 3]> {
+        let table = page.split("### Expected error along the path").nth(1).unwrap();
+        let row = |line: &str| -> Option<[String; 3]> {
+            let cells: Vec<&str> = line.strip_prefix('|')?.split('|').map(str::trim).collect();
+            let [name, cost, surface, tissue, _] = cells[..] else { return None };
+            (name == mode.name()).then(|| [cost, surface, tissue].map(str::to_owned))
+        };
+        table.split("\n#").next().unwrap().lines().filter_map(row).collect()
+    }
+
+    #[test]
+    fn measured_errors_are_those_of_the_accuracy_page() {
+        let page = include_str!("../../../docs/accuracy.md");
+        for row in LIGHTS.iter().filter(|row| !row.measured.is_empty()) {
+            let typed = |(cost, [surface, tissue]): &(f64, [f64; 2])| {
+                [format!("{cost:.3}"), format!("{surface:.4}"), format!("{tissue:.4}")]
+            };
+            let typed: Vec<[String; 3]> = row.measured.iter().map(typed).collect();
+            assert_eq!(typed, published(page, row.mode), "{:?}", row.mode);
+        }
+    }
+
     #[test]
     fn presets_are_on_the_cost_path_and_their_expected_error_falls() {
         for row in LIGHTS.iter().filter(|row| !row.measured.is_empty()) {

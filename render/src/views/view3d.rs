@@ -31,7 +31,7 @@ pub trait View3d: Sized {
     type Pick;
     /// View-specific data of a frame.
     #[doc(hidden)]
-    type Kept;
+    type FrameData;
     /// Whether a frame may be drawn in parts: see [`Renderer::begin`].
     const IN_PARTS: bool;
 
@@ -62,8 +62,8 @@ pub trait View3d: Sized {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &Self::Scene,
-        previous: Option<Self::Kept>,
-    ) -> Result<Prepared<Self::Kept>, RenderError>;
+        previous: Option<Self::FrameData>,
+    ) -> Result<Prepared<Self::FrameData>, RenderError>;
 
     /// What is under a drawn pixel.
     ///
@@ -127,7 +127,7 @@ impl Draw<'_> {
 /// The results of preparing a frame.
 #[doc(hidden)]
 pub struct Prepared<K> {
-    pub(crate) kept: K,
+    pub(crate) data: K,
     pub(crate) camera: Camera,
     /// View depth of the plane that depths are relative to.
     pub(crate) reference_mm: f64,
@@ -152,7 +152,7 @@ pub struct Frame<V: View3d> {
     pub(crate) targets: Targets,
     pub(crate) camera: Camera,
     pub(crate) reference_mm: f64,
-    pub(crate) kept: V::Kept,
+    pub(crate) data: V::FrameData,
 }
 
 impl<V: View3d> fmt::Debug for Frame<V> {
@@ -164,7 +164,7 @@ impl<V: View3d> fmt::Debug for Frame<V> {
     }
 }
 
-impl<V: View3d<Kept: Clone>> Clone for Frame<V> {
+impl<V: View3d<FrameData: Clone>> Clone for Frame<V> {
     fn clone(&self) -> Self {
         Self {
             color: self.color.clone(),
@@ -172,7 +172,7 @@ impl<V: View3d<Kept: Clone>> Clone for Frame<V> {
             warnings: self.warnings.clone(),
             notes: self.notes.clone(),
             targets: self.targets.clone(),
-            kept: self.kept.clone(),
+            data: self.data.clone(),
             ..*self
         }
     }
@@ -324,8 +324,8 @@ impl<V: View3d> Renderer<V> {
         gpu.check()?;
         V::check(scene)?;
         let size = quality.drawn_px(asked_px);
-        let (targets, kept) = match previous {
-            Some(frame) if frame.targets.size == size => (frame.targets, Some(frame.kept)),
+        let (targets, data) = match previous {
+            Some(frame) if frame.targets.size == size => (frame.targets, Some(frame.data)),
             _ => (Targets::new(gpu, size)?, None),
         };
         let mut draw = Draw {
@@ -338,8 +338,8 @@ impl<V: View3d> Renderer<V> {
             plan: &mut plan,
             switches,
         };
-        let Prepared { kept, camera, reference_mm, warnings, notes } =
-            self.view.prepare(&mut draw, scene, kept)?;
+        let Prepared { data, camera, reference_mm, warnings, notes } =
+            self.view.prepare(&mut draw, scene, data)?;
         Ok(Frame {
             color: targets.color.clone(),
             size_px: size,
@@ -350,7 +350,7 @@ impl<V: View3d> Renderer<V> {
             targets,
             camera,
             reference_mm,
-            kept,
+            data,
         })
     }
 

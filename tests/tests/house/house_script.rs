@@ -1,4 +1,4 @@
-//! `./x` on machines that lack something: its functions are sourced into a bash whose PATH holds stand-ins.
+//! `./x` on machines without certain packages: its functions are sourced into a bash whose PATH contains stand-ins.
 
 #![cfg(target_os = "linux")]
 
@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 
 type Outcome = Result<(), Box<dyn Error>>;
 
-/// A folder of programs: real ones by their name, stand-ins by a line of shell.
+/// A folder of programs, the only one on PATH: links to real ones, and stand-ins that are one line of shell.
 struct Machine {
     folder: tempfile::TempDir,
 }
@@ -37,7 +37,7 @@ impl Machine {
         Ok(())
     }
 
-    /// Runs `script` after sourcing `./x`, with no driver manifest in sight and no display.
+    /// Runs `script` after sourcing `./x`, without a driver manifest and without a display.
     fn bash(&self, script: &str) -> Result<Output, Box<dyn Error>> {
         let x = Path::new(env!("CARGO_MANIFEST_DIR")).join("../x");
         Ok(Command::new(self.folder.path().join("bash"))
@@ -55,13 +55,13 @@ fn lines(bytes: &[u8]) -> Vec<String> {
 }
 
 #[test]
-fn a_bare_machine_that_may_not_install_is_told_the_exact_line_and_ends_with_2() -> Outcome {
+fn without_install_rights_the_install_command_is_printed_and_the_exit_code_is_2() -> Outcome {
     let output = Machine::bare()?.bash("main test")?;
     assert_eq!(output.status.code(), Some(2));
-    assert_eq!(output.stdout, b"", "stdout belongs to the program");
-    let said = lines(&output.stderr);
+    assert_eq!(output.stdout, b"", "stdout is reserved for the program");
+    let stderr = lines(&output.stderr);
     assert_eq!(
-        said.last().map(String::as_str),
+        stderr.last().map(String::as_str),
         Some(
             "sudo apt-get install --no-install-recommends gcc libc6-dev libvulkan1 mesa-vulkan-drivers libx11-6 \
              libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0 xvfb xauth python3-venv"
@@ -71,20 +71,20 @@ fn a_bare_machine_that_may_not_install_is_told_the_exact_line_and_ends_with_2() 
 }
 
 #[test]
-fn what_root_may_install_is_named_then_installed_and_looked_for_again() -> Outcome {
+fn root_lists_installs_and_rechecks_missing_packages() -> Outcome {
     let machine = Machine::bare()?;
     machine.stand_in("id", "echo 0")?;
     machine.stand_in("apt-get", "echo apt-get \"$@\"")?;
     let output = machine.bash("main run -- measure --sample")?;
-    let said = lines(&output.stderr);
+    let stderr = lines(&output.stderr);
     assert_eq!(
-        said,
+        stderr,
         [
             "./x: missing system packages: gcc libc6-dev",
             "./x: installing them",
             "apt-get update -q",
             "apt-get install -y -q --no-install-recommends gcc libc6-dev",
-            // The stand-in installs nothing, and that must not go unseen.
+            // The stand-in installs nothing, which must be detected.
             "./x: still missing after installing: gcc libc6-dev",
         ]
     );
@@ -93,7 +93,7 @@ fn what_root_may_install_is_named_then_installed_and_looked_for_again() -> Outco
 }
 
 #[test]
-fn nothing_is_installed_where_that_is_forbidden() -> Outcome {
+fn nothing_is_installed_with_glioscope_no_install() -> Outcome {
     let machine = Machine::bare()?;
     machine.stand_in("id", "echo 0")?;
     machine.stand_in("apt-get", "echo apt-get \"$@\"")?;
@@ -107,22 +107,22 @@ fn nothing_is_installed_where_that_is_forbidden() -> Outcome {
 }
 
 #[test]
-fn numbers_need_no_graphics_and_arguments_arrive_whole() -> Outcome {
+fn measure_requires_no_graphics_and_arguments_are_passed_on_unchanged() -> Outcome {
     let machine = Machine::bare()?;
     machine.stand_in("cc", "exit 0")?;
     let output = machine.bash("main run -- measure --mask 'A=a file.nii:1,2' --json")?;
     assert_eq!(lines(&output.stderr), [""; 0]);
-    let ran = lines(&output.stdout);
+    let commands = lines(&output.stdout);
     assert!(
-        ran.len() == 1
-            && ran[0].ends_with("--release -p glioscope -- measure --mask A=a file.nii:1,2 --json"),
-        "{ran:?}"
+        commands.len() == 1
+            && commands[0].ends_with("--release -p glioscope -- measure --mask A=a file.nii:1,2 --json"),
+        "{commands:?}"
     );
     Ok(())
 }
 
 #[test]
-fn without_a_display_the_window_becomes_a_report_and_a_case_is_not_swapped_for_it() -> Outcome {
+fn without_a_display_the_sample_report_is_written_unless_a_case_is_given() -> Outcome {
     let machine = Machine::bare()?;
     machine.stand_in("cc", "exit 0")?;
     machine.stand_in("ldconfig", "echo '	libvulkan.so.1 (libc6,x86-64) => /lib/libvulkan.so.1'")?;
@@ -130,8 +130,11 @@ fn without_a_display_the_window_becomes_a_report_and_a_case_is_not_swapped_for_i
 
     let report = machine.bash(&format!("{with_driver} main run"))?;
     assert!(lines(&report.stderr)[0].contains("no display"), "{report:?}");
-    let ran = lines(&report.stdout);
-    assert!(ran.len() == 1 && ran[0].ends_with("-- report --out out/sample-report"), "{ran:?}");
+    let commands = lines(&report.stdout);
+    assert!(
+        commands.len() == 1 && commands[0].ends_with("-- report --out out/sample-report"),
+        "{commands:?}"
+    );
 
     let case = machine.bash(&format!("{with_driver} main run follow-up.toml"))?;
     assert_eq!(case.status.code(), Some(2));
@@ -141,7 +144,7 @@ fn without_a_display_the_window_becomes_a_report_and_a_case_is_not_swapped_for_i
 }
 
 #[test]
-fn goldens_want_the_software_driver_even_beside_a_gpu() -> Outcome {
+fn tests_require_the_software_driver_even_with_a_gpu_driver() -> Outcome {
     let machine = Machine::bare()?;
     machine.stand_in("ldconfig", "echo '	libvulkan.so.1 (libc6,x86-64) => /lib/libvulkan.so.1'")?;
     machine.stand_in("nvidia_icd.json", "")?;
@@ -159,14 +162,14 @@ fn goldens_want_the_software_driver_even_beside_a_gpu() -> Outcome {
 }
 
 #[test]
-fn a_picture_that_no_test_names_is_dead() -> Outcome {
+fn goldens_that_no_test_names_are_reported() -> Outcome {
     let machine = Machine::bare()?;
     let repository = tempfile::tempdir()?;
     for folder in ["goldens/old", "src"] {
         std::fs::create_dir_all(repository.path().join(folder))?;
     }
     let source = br#"compare("named"); compare("in/folder"); compare("ending.png"); // unnamed, "not.this"#;
-    glioscope_core::files::write_whole(&repository.path().join("src/pictures.rs"), source)?;
+    glioscope_core::files::write_whole(&repository.path().join("src/goldens.rs"), source)?;
     for stem in ["goldens/named", "goldens/folder", "goldens/old/ending", "goldens/old/unnamed", "not"] {
         glioscope_core::files::write_whole(&repository.path().join(format!("{stem}.png")), b"")?;
     }
@@ -184,23 +187,23 @@ fn a_picture_that_no_test_names_is_dead() -> Outcome {
 }
 
 #[test]
-fn every_check_runs_and_the_failed_ones_are_repeated_at_the_end() -> Outcome {
+fn every_check_runs_and_output_of_failed_ones_is_repeated_at_the_end() -> Outcome {
     let machine = Machine::bare()?;
     machine.stand_in("cc", "exit 0")?;
-    let all = "format clippy docs unused_dependencies dead_snapshots";
+    let all = "format clippy docs dead_snapshots";
     let output = machine.bash(&format!(
-        "for c in {all}; do eval \"check_$c() {{ echo $c spoke; }}\"; done; \
+        "for c in {all}; do eval \"check_$c() {{ echo output of $c; }}\"; done; \
          check_clippy() {{ echo '   Compiling x'; echo a lint; return 3; }}; main check"
     ))?;
     assert_eq!(output.status.code(), Some(1), "{output:?}");
-    let said = lines(&output.stdout);
-    let repeated = said.iter().position(|l| l == "==== clippy: what it said ====");
-    let summary = said.iter().position(|l| l == "==== check ====");
-    let (Some(repeated), Some(summary)) = (repeated, summary) else { return Err(said.join("\n").into()) };
-    assert_eq!(said[repeated + 1], "a lint", "cargo's progress is left out");
+    let stdout = lines(&output.stdout);
+    let repeated = stdout.iter().position(|l| l == "==== clippy: output ====");
+    let summary = stdout.iter().position(|l| l == "==== check ====");
+    let (Some(repeated), Some(summary)) = (repeated, summary) else { return Err(stdout.join("\n").into()) };
+    assert_eq!(stdout[repeated + 1], "a lint", "cargo's progress lines are omitted");
     let verdicts: Vec<Vec<&str>> =
-        said[summary + 1..].iter().map(|l| l.split_whitespace().collect()).collect();
-    assert_eq!(verdicts.len(), 5);
+        stdout[summary + 1..].iter().map(|l| l.split_whitespace().collect()).collect();
+    assert_eq!(verdicts.len(), 4);
     for line in verdicts {
         let expected = if line[0] == "clippy" { "FAILED" } else { "ok" };
         assert!(line.contains(&expected), "{line:?}");
@@ -209,7 +212,7 @@ fn every_check_runs_and_the_failed_ones_are_repeated_at_the_end() -> Outcome {
 }
 
 #[test]
-fn test_results_are_added_up_and_skipped_tests_named_once() -> Outcome {
+fn test_counts_are_summed_and_each_skip_is_listed_once() -> Outcome {
     let machine = Machine::bare()?;
     let log = machine.folder.path().join("log");
     let text = "SKIPPED: no real data\ntest result: ok. 3 passed; 0 failed; 1 ignored; 0 measured; 0 filtered out\n\

@@ -56,12 +56,23 @@ fn mapped(page: &str) -> BTreeSet<String> {
     map.lines().filter_map(folder).collect()
 }
 
-/// Folders without a line, and lines without a folder.
+/// Whether a line of the map covers a folder: itself, or with `<name>` as the last part any folder beside it.
+fn covers(line: &str, folder: &str) -> bool {
+    let (Some((beside, last)), Some((parent, _))) = (line.rsplit_once('/'), folder.rsplit_once('/')) else {
+        return line == folder;
+    };
+    line == folder || (last.starts_with('<') && beside == parent)
+}
+
+/// Folders without a line, and lines without a folder of their own.
 fn map_findings(page: &str, folders: &BTreeSet<String>) -> Vec<String> {
-    let mapped = mapped(page);
-    let missing = folders.difference(&mapped).map(|f| format!("{f}/ has no line in the module map"));
-    let stale = mapped.difference(folders).map(|f| format!("the module map names {f}/, which is no folder"));
-    missing.chain(stale).collect()
+    let lines = mapped(page);
+    let missing = folders.iter().filter(|folder| !lines.iter().any(|line| covers(line, folder)));
+    let is_stale =
+        |line: &&String| !folders.iter().any(|f| covers(line, f) && (f == *line || !lines.contains(f)));
+    let stale = lines.iter().filter(is_stale);
+    let missing = missing.map(|f| format!("{f}/ has no line in the module map"));
+    missing.chain(stale.map(|f| format!("the module map names {f}/, which is no folder"))).collect()
 }
 
 /// The words of a text that are paths of files: with an extension of [`EXTENSIONS`] and a folder, no pattern.
@@ -126,11 +137,14 @@ fn the_module_map_names_every_folder() -> Outcome {
 
 #[test]
 fn a_missing_and_a_stale_line_are_found() {
-    let page = "## Module map\n- `core/src/`: one\n- `core/src/gone/`: two\n- `core/src/empty/`:  \n## Next\n- `x/`: y";
-    let all = ["core/src", "core/src/new"].map(str::to_owned).into();
+    let page = "## Module map\n- `a/src/`: one\n- `a/src/gone/`: two\n- `a/src/empty/`:  \n- `a/v/<view>/`: three\n\
+                - `a/v/lib/`: four\n- `b/<mode>/`: five\n## Next\n- `x/`: y";
+    let all = ["a/src", "a/src/new", "a/v/any", "a/v/lib", "a/v/any/deep"].map(str::to_owned).into();
     let expected = [
-        "core/src/new/ has no line in the module map",
-        "the module map names core/src/gone/, which is no folder",
+        "a/src/new/ has no line in the module map",
+        "a/v/any/deep/ has no line in the module map",
+        "the module map names a/src/gone/, which is no folder",
+        "the module map names b/<mode>/, which is no folder",
     ];
     assert_eq!(map_findings(page, &all), expected);
 }

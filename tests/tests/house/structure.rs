@@ -1,7 +1,6 @@
-//! The house rules that the compiler does not check: which crate knows which, lints, file lengths.
+//! Repository rules that the compiler does not check: dependencies between crates, lints, file lengths.
 //!
-//! Each rule is a function from facts to findings, so that beside the check of the real workspace stands a
-//! check that a broken one is found.
+//! Each rule is a function from facts to findings, so that it is tested on the real workspace and on a broken one.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::error::Error;
@@ -10,14 +9,14 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// What a check that reads files gives.
+/// Result of a check that reads files.
 pub type Result<T> = std::result::Result<T, Box<dyn Error>>;
-/// A test's answer.
+/// Result of a test.
 pub type Outcome = Result<()>;
 
-/// Who may name whom among our own crates, whatever the kind of dependency (normal, build, dev).
-/// A crate that stands in no row is a finding: a new one needs a rule.
-const MAY_KNOW: [(&str, &[&str]); 6] = [
+/// Allowed dependencies between the workspace's crates, of any kind (normal, build, dev).
+/// A crate without a row is a finding: a new one needs a rule.
+const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 6] = [
     ("glioscope-core", &[]),
     ("glioscope-shaders", &[]),
     ("glioscope-render", &["glioscope-core", "glioscope-shaders"]),
@@ -26,16 +25,16 @@ const MAY_KNOW: [(&str, &[&str]); 6] = [
     ("glioscope-tests", &["glioscope", "glioscope-core", "glioscope-render", "glioscope-shaders"]),
 ];
 
-/// What a crate must not reach, directly or through others, when it is built for use (dev-dependencies apart).
+/// Packages on which a crate must not depend, directly or transitively; dev-dependencies are exempt.
 /// A name covers its family: `egui` also means `egui-wgpu` and `egui_tiles`.
-const MUST_NOT_REACH: [(&str, &[&str]); 4] = [
+const FORBIDDEN_PACKAGES: [(&str, &[&str]); 4] = [
     ("glioscope-core", &["egui", "eframe", "winit", "wgpu", "naga"]),
     ("glioscope-shaders", &["egui", "eframe", "winit", "wgpu"]),
     ("glioscope-render", &["egui", "eframe", "winit"]),
     ("glioscope-bench", &["egui", "eframe", "winit"]),
 ];
 
-/// A source file past this many lines is asked why it is one file.
+/// Largest number of lines of a source file.
 const MAX_LINES: usize = 800;
 
 // ---- facts ----------------------------------------------------------------------------------------
@@ -52,7 +51,7 @@ fn stdout_of(command: &mut Command) -> Result<String> {
     Ok(String::from_utf8(output.stdout)?)
 }
 
-/// `cargo metadata` of this workspace, resolved for this platform (the packages of the others may not be here).
+/// `cargo metadata` of this workspace, resolved for this platform, because packages of others may be absent.
 pub fn metadata() -> Result<Value> {
     let version = stdout_of(Command::new("rustc").arg("-vV"))?;
     let host = version.lines().find_map(|l| l.strip_prefix("host: ")).ok_or("rustc -vV names no host")?;
@@ -73,7 +72,7 @@ pub fn text<'a>(value: &'a Value, key: &str) -> &'a str {
     value[key].as_str().unwrap_or_default()
 }
 
-/// The workspace's own packages in `cargo metadata`'s answer.
+/// The workspace's own packages in the output of `cargo metadata`.
 pub fn members(metadata: &Value) -> Vec<&Value> {
     let ids: BTreeSet<&str> = list(metadata, "workspace_members").filter_map(Value::as_str).collect();
     list(metadata, "packages").filter(|p| ids.contains(text(p, "id"))).collect()
@@ -81,55 +80,57 @@ pub fn members(metadata: &Value) -> Vec<&Value> {
 
 // ---- rules ----------------------------------------------------------------------------------------
 
-/// Edges between our own crates that [`MAY_KNOW`] does not allow, and crates that it does not list.
-fn forbidden_edges(metadata: &Value) -> Vec<String> {
-    let rules = BTreeMap::from(MAY_KNOW);
+/// Dependencies between the workspace's crates that [`ALLOWED_DEPENDENCIES`] does not contain, and crates without a row
+/// in it.
+fn forbidden_dependencies(metadata: &Value) -> Vec<String> {
+    let rules = BTreeMap::from(ALLOWED_DEPENDENCIES);
     let members = members(metadata);
     let ours: BTreeSet<&str> = members.iter().map(|p| text(p, "name")).collect();
     let mut findings = Vec::new();
     for package in members {
         let name = text(package, "name");
         let Some(allowed) = rules.get(name) else {
-            findings.push(format!("{name}: no row in MAY_KNOW"));
+            findings.push(format!("{name}: no row in ALLOWED_DEPENDENCIES"));
             continue;
         };
         for dependency in list(package, "dependencies").map(|d| text(d, "name")) {
             if ours.contains(dependency) && !allowed.contains(&dependency) {
-                findings.push(format!("{name} must not know {dependency}"));
+                findings.push(format!("{name} must not depend on {dependency}"));
             }
         }
     }
     findings
 }
 
-/// The shortest way from package `from` to one of `family` (see [`MUST_NOT_REACH`]), dev-dependencies left out.
-fn way_to(metadata: &Value, from: &str, family: &str) -> Option<String> {
+/// The shortest dependency path from package `from` to one of `family` (see [`FORBIDDEN_PACKAGES`]), without
+/// dev-dependencies.
+fn dependency_path(metadata: &Value, from: &str, family: &str) -> Option<String> {
     let names: BTreeMap<&str, &str> =
         list(metadata, "packages").map(|p| (text(p, "id"), text(p, "name"))).collect();
     let nodes: BTreeMap<&str, &Value> =
         list(&metadata["resolve"], "nodes").map(|n| (text(n, "id"), n)).collect();
     let start = *names.iter().find(|(_, name)| **name == from)?.0;
-    let mut came_from: BTreeMap<&str, &str> = BTreeMap::from([(start, start)]);
+    let mut parents: BTreeMap<&str, &str> = BTreeMap::from([(start, start)]);
     let mut queue = VecDeque::from([start]);
     while let Some(id) = queue.pop_front() {
         let name = names.get(id).copied().unwrap_or_default();
         let rest = name.strip_prefix(family);
         if rest.is_some_and(|r| r.is_empty() || r.starts_with(['-', '_'])) {
-            let mut way = vec![name];
+            let mut path = vec![name];
             let mut at = id;
             while at != start {
-                at = came_from.get(at)?;
-                way.push(names.get(at).copied().unwrap_or_default());
+                at = parents.get(at)?;
+                path.push(names.get(at).copied().unwrap_or_default());
             }
-            way.reverse();
-            return Some(way.join(" -> "));
+            path.reverse();
+            return Some(path.join(" -> "));
         }
         let Some(node) = nodes.get(id) else { continue };
         for dependency in list(node, "deps") {
-            let built_for_use = list(dependency, "dep_kinds").any(|k| text(k, "kind") != "dev");
+            let is_normal_or_build = list(dependency, "dep_kinds").any(|k| text(k, "kind") != "dev");
             let next = text(dependency, "pkg");
-            if built_for_use && !came_from.contains_key(next) {
-                came_from.insert(next, id);
+            if is_normal_or_build && !parents.contains_key(next) {
+                parents.insert(next, id);
                 queue.push_back(next);
             }
         }
@@ -137,13 +138,14 @@ fn way_to(metadata: &Value, from: &str, family: &str) -> Option<String> {
     None
 }
 
-/// What is wrong with the lints of one member's manifest.
+/// Findings about the lints in one member's manifest.
 fn lint_findings(name: &str, manifest: &str) -> Vec<String> {
     match manifest.parse::<toml::Table>() {
         Err(error) => vec![format!("{name}: {error}")],
         Ok(table) => {
-            let inherits = table.get("lints").and_then(|l| l.get("workspace")).and_then(toml::Value::as_bool);
-            if inherits == Some(true) {
+            let inherited =
+                table.get("lints").and_then(|l| l.get("workspace")).and_then(toml::Value::as_bool);
+            if inherited == Some(true) {
                 vec![]
             } else {
                 vec![format!("{name}: no `[lints] workspace = true`")]
@@ -173,7 +175,7 @@ fn line_counts(folder: &Path) -> Result<Vec<(PathBuf, usize)>> {
     Ok(found)
 }
 
-fn too_long(counts: &[(PathBuf, usize)]) -> Vec<String> {
+fn long_files(counts: &[(PathBuf, usize)]) -> Vec<String> {
     counts
         .iter()
         .filter(|(_, lines)| *lines > MAX_LINES)
@@ -184,31 +186,38 @@ fn too_long(counts: &[(PathBuf, usize)]) -> Vec<String> {
 // ---- the real workspace ---------------------------------------------------------------------------
 
 #[test]
-fn crates_know_only_whom_they_may() -> Outcome {
+fn crates_have_only_allowed_dependencies() -> Outcome {
     let metadata = metadata()?;
     let names: BTreeSet<&str> = members(&metadata).iter().map(|p| text(p, "name")).collect();
-    assert_eq!(names, MAY_KNOW.iter().map(|(name, _)| *name).collect(), "members of the workspace");
-    assert_eq!(forbidden_edges(&metadata), [""; 0]);
+    assert_eq!(
+        names,
+        ALLOWED_DEPENDENCIES.iter().map(|(name, _)| *name).collect(),
+        "members of the workspace"
+    );
+    assert_eq!(forbidden_dependencies(&metadata), [""; 0]);
     Ok(())
 }
 
 #[test]
-fn core_and_shaders_reach_no_gpu_and_render_no_ui() -> Outcome {
+fn no_crate_depends_on_a_forbidden_package() -> Outcome {
     let metadata = metadata()?;
-    // The same search must find what is there, or finding nothing below would mean nothing.
-    assert!(way_to(&metadata, "glioscope", "egui").is_some(), "glioscope builds on egui");
-    assert!(way_to(&metadata, "glioscope-render", "wgpu").is_some(), "glioscope-render builds on wgpu");
-    let ways: Vec<String> = MUST_NOT_REACH
+    // The search finds existing dependencies; otherwise an empty result below would prove nothing.
+    assert!(dependency_path(&metadata, "glioscope", "egui").is_some(), "glioscope depends on egui");
+    assert!(
+        dependency_path(&metadata, "glioscope-render", "wgpu").is_some(),
+        "glioscope-render depends on wgpu"
+    );
+    let paths: Vec<String> = FORBIDDEN_PACKAGES
         .iter()
         .flat_map(|(from, families)| families.iter().map(move |family| (from, family)))
-        .filter_map(|(from, family)| way_to(&metadata, from, family))
+        .filter_map(|(from, family)| dependency_path(&metadata, from, family))
         .collect();
-    assert_eq!(ways, [""; 0]);
+    assert_eq!(paths, [""; 0]);
     Ok(())
 }
 
 #[test]
-fn every_crate_takes_the_workspace_lints_and_they_ask_for_docs() -> Outcome {
+fn every_crate_inherits_the_workspace_lints_which_require_docs() -> Outcome {
     let mut findings = Vec::new();
     for package in members(&metadata()?) {
         let manifest = std::fs::read_to_string(text(package, "manifest_path"))?;
@@ -228,16 +237,20 @@ fn no_source_file_is_too_long() -> Outcome {
         let manifest = Path::new(text(package, "manifest_path"));
         counts.extend(line_counts(&manifest.with_file_name("src"))?);
     }
-    assert!(counts.len() >= MAY_KNOW.len(), "each crate has a source file; found {}", counts.len());
-    assert_eq!(too_long(&counts), [""; 0]);
+    assert!(
+        counts.len() >= ALLOWED_DEPENDENCIES.len(),
+        "each crate has a source file; found {}",
+        counts.len()
+    );
+    assert_eq!(long_files(&counts), [""; 0]);
     Ok(())
 }
 
-// ---- the rules find a broken house ----------------------------------------------------------------
+// ---- findings in a broken workspace ---------------------------------------------------------------
 
 /// A workspace with glioscope-core (depending on `helper` and, as a dev-dependency, on eframe), helper
 /// (depending on wgpu-hal) and an unlisted crate, in `cargo metadata`'s form.
-fn broken_house() -> Value {
+fn broken_workspace() -> Value {
     let package = |name: &str, dependencies: &[&str]| {
         let dependencies: Vec<Value> = dependencies.iter().map(|d| serde_json::json!({"name": d})).collect();
         serde_json::json!({"id": format!("id {name}"), "name": name, "dependencies": dependencies})
@@ -267,23 +280,26 @@ fn broken_house() -> Value {
 }
 
 #[test]
-fn a_forbidden_edge_and_an_unlisted_crate_are_found() {
+fn forbidden_dependencies_and_unlisted_crates_are_found() {
     assert_eq!(
-        forbidden_edges(&broken_house()),
-        ["glioscope-core must not know glioscope-render", "glioscope-attic: no row in MAY_KNOW"]
+        forbidden_dependencies(&broken_workspace()),
+        [
+            "glioscope-core must not depend on glioscope-render",
+            "glioscope-attic: no row in ALLOWED_DEPENDENCIES"
+        ]
     );
 }
 
 #[test]
-fn a_way_through_others_is_found_and_dev_dependencies_are_left_out() {
-    let house = broken_house();
+fn transitive_dependencies_are_found_and_dev_dependencies_ignored() {
+    let metadata = broken_workspace();
     assert_eq!(
-        way_to(&house, "glioscope-core", "wgpu").as_deref(),
+        dependency_path(&metadata, "glioscope-core", "wgpu").as_deref(),
         Some("glioscope-core -> helper -> wgpu-hal")
     );
-    assert_eq!(way_to(&house, "glioscope-core", "eframe"), None);
+    assert_eq!(dependency_path(&metadata, "glioscope-core", "eframe"), None);
     // A family is a whole word: "help" is not the family of "helper".
-    assert_eq!(way_to(&house, "glioscope-core", "help"), None);
+    assert_eq!(dependency_path(&metadata, "glioscope-core", "help"), None);
 }
 
 #[test]
@@ -305,14 +321,14 @@ fn missing_lints_are_found() {
 }
 
 #[test]
-fn a_long_file_is_named() -> Outcome {
+fn long_files_are_found() -> Outcome {
     let folder = tempfile::tempdir()?;
     let inner = folder.path().join("passes");
     std::fs::create_dir(&inner)?;
     for (name, lines) in [("long.rs", MAX_LINES + 1), ("just.wgsl", MAX_LINES), ("data.txt", 2 * MAX_LINES)] {
         glioscope_core::files::write_whole(&inner.join(name), "\n".repeat(lines).as_bytes())?;
     }
-    let findings = too_long(&line_counts(folder.path())?);
+    let findings = long_files(&line_counts(folder.path())?);
     assert_eq!(findings.len(), 1, "{findings:?}");
     assert!(findings[0].contains("long.rs: 801 lines"), "{findings:?}");
     Ok(())

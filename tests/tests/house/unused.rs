@@ -1,4 +1,4 @@
-//! Nothing is kept that nobody uses: public functions without a caller, workspace dependencies without a member.
+//! Nothing is kept that nobody uses: public functions without a caller, dependencies that no source names.
 //!
 //! The compiler warns of unused private items only; a public one may be for another crate.
 
@@ -41,35 +41,53 @@ fn unused_functions(sources: &[String]) -> Vec<&str> {
     defined.into_iter().filter(|name| uses.get(name) == Some(&1)).collect()
 }
 
+/// The dependencies of a crate that its sources don't name.
+fn unnamed_dependencies(member: &toml::Table, sources: &[String]) -> Vec<String> {
+    let named: BTreeSet<&str> = sources.iter().flat_map(|source| identifiers(source)).collect();
+    let is_named = |name: &String| named.contains(name.replace('-', "_").as_str());
+    dependencies(member).into_iter().filter(|name| !is_named(name)).collect()
+}
+
+/// The names of all dependencies of a manifest, whatever their kind.
+fn dependencies(manifest: &toml::Table) -> BTreeSet<String> {
+    let kinds = ["dependencies", "dev-dependencies", "build-dependencies"];
+    let tables = kinds.iter().filter_map(|kind| manifest.get(*kind)?.as_table());
+    tables.flat_map(|table| table.keys().cloned()).collect()
+}
+
 /// Names under `[workspace.dependencies]` that no member's manifest inherits.
 fn unused_dependencies(workspace: &toml::Table, members: &[toml::Table]) -> Vec<String> {
-    let table = |manifest: &toml::Table, key: &str| manifest.get(key).and_then(|t| t.as_table()).cloned();
-    let listed = table(workspace, "workspace").and_then(|w| table(&w, "dependencies")).unwrap_or_default();
-    let kinds = ["dependencies", "dev-dependencies", "build-dependencies"];
-    let used: BTreeSet<String> = members
-        .iter()
-        .flat_map(|member| kinds.iter().filter_map(|kind| table(member, kind)).collect::<Vec<_>>())
-        .flat_map(|table| table.keys().cloned().collect::<Vec<_>>())
-        .collect();
-    listed.keys().filter(|name| !used.contains(*name)).cloned().collect()
+    let listed = workspace.get("workspace").and_then(|w| w.get("dependencies")?.as_table());
+    let used: BTreeSet<String> = members.iter().flat_map(dependencies).collect();
+    listed.into_iter().flat_map(toml::Table::keys).filter(|name| !used.contains(*name)).cloned().collect()
 }
 
 fn manifest(file: &Path) -> Result<toml::Table> {
     Ok(std::fs::read_to_string(file)?.parse()?)
 }
 
+/// The Rust sources of a crate.
+fn sources_of(folder: &Path) -> Result<Vec<String>> {
+    files(folder, "rs")?.into_iter().map(|file| Ok(std::fs::read_to_string(file)?)).collect()
+}
+
 #[test]
 fn every_public_function_is_used() -> Outcome {
     let root = root()?;
-    let mut sources = Vec::new();
-    for folder in CRATES {
-        for file in files(&root.join(folder), "rs")? {
-            sources.push(std::fs::read_to_string(file)?);
-        }
-    }
+    let sources = CRATES.iter().map(|c| sources_of(&root.join(c))).collect::<Result<Vec<_>>>()?.concat();
     assert!(sources.len() > 150, "{} files", sources.len());
     let unused = unused_functions(&sources);
     assert!(unused.is_empty(), "{unused:?}");
+    Ok(())
+}
+
+#[test]
+fn every_crate_uses_its_dependencies() -> Outcome {
+    let root = root()?;
+    for folder in CRATES.map(|c| root.join(c)) {
+        let unused = unnamed_dependencies(&manifest(&folder.join("Cargo.toml"))?, &sources_of(&folder)?);
+        assert!(unused.is_empty(), "{}: {unused:?}", folder.display());
+    }
     Ok(())
 }
 
@@ -84,7 +102,7 @@ fn every_workspace_dependency_is_used() -> Outcome {
 }
 
 #[test]
-fn what_is_unused_is_found() -> Outcome {
+fn unused_functions_and_dependencies_are_found() -> Outcome {
     let sources = [
         "pub fn used() {}\npub const fn dead_too() {}\npub fn main() { used() }".to_owned(),
         "/// See dead.\npub fn dead() {}\nfn private() { main() }".to_owned(),
@@ -93,5 +111,7 @@ fn what_is_unused_is_found() -> Outcome {
     let workspace = "[workspace.dependencies]\na = '1'\nb = '1'\nc = '1'".parse()?;
     let members = ["[dependencies]\na = '1'".parse()?, "[dev-dependencies]\nc = '1'".parse()?];
     assert_eq!(unused_dependencies(&workspace, &members), ["b"]);
+    let member = "[dependencies]\nsome-name = '1'\nother = '1'\n[dev-dependencies]\nthird = '1'".parse()?;
+    assert_eq!(unnamed_dependencies(&member, &["use some_name::X; // third".to_owned()]), ["other", "third"]);
     Ok(())
 }

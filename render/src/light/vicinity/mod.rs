@@ -33,7 +33,7 @@ pub(crate) fn omission_reason(
     let by_vicinity = light.mutual.opaque_on_opaque && !is_off(radius_mm(light));
     no_opaque
         .or(no_strength(quality))
-        .or((!by_vicinity && !by_image).then_some("nothing darkens what is solid"))
+        .or((!by_vicinity && !by_image).then_some("nothing darkens opaque surfaces"))
 }
 
 /// Radius of vicinity occlusion, 0 to 1e6; 0 if not finite.

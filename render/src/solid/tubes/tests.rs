@@ -1,6 +1,6 @@
 //! Tubes on Mesa's software adapter, compared with rays in `f64` and closed forms. A missing adapter fails.
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
 use glioscope_core::{
@@ -11,30 +11,20 @@ use glioscope_core::{
 use super::{buffers::fiber_number, twin::tubes_seen, *};
 use crate::{
     ContextRenderer, ContextScene, PickedFiber, context_plan,
-    device::{Gpu, PassName, RenderError},
+    device::{PassName, RenderError},
     image::{ContextVolume, ControlPoint, TransferFunction},
     light::screen::OCCLUSION,
     scene::{Coloring, MaskColors, Palette, Quality},
     solid::view::FAR,
-    testing::{GPU, grid, small_device, volume},
+    testing::{self, BenchGuard, SharedBench, grid, lock, small_device, volume},
     views::view3d::Switches,
 };
 
-struct Bench {
-    gpu: Gpu,
-    renderer: ContextRenderer,
-}
+type Bench = testing::Bench<crate::views::context::Context>;
 
-fn bench() -> MutexGuard<'static, Bench> {
-    static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
-    BENCH
-        .get_or_init(|| {
-            let gpu = GPU.clone();
-            let renderer = ContextRenderer::new(&gpu).unwrap();
-            Mutex::new(Bench { gpu, renderer })
-        })
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
+fn bench() -> BenchGuard<crate::views::context::Context> {
+    static BENCH: SharedBench<crate::views::context::Context> = SharedBench::new();
+    lock(&BENCH)
 }
 
 const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };

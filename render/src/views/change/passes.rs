@@ -86,7 +86,7 @@ pub struct Change {
 /// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
-pub struct Kept {
+pub struct FrameData {
     pub(super) own: ChangeTargets,
     pub(super) surface: Option<Arc<ChangeSurface>>,
     /// Which of the change's vectors each arrow is.
@@ -103,7 +103,7 @@ struct ArrowPart {
 impl View3d for Change {
     type Scene = ChangeScene;
     type Pick = ChangePick;
-    type Kept = Kept;
+    type FrameData = FrameData;
     const IN_PARTS: bool = true;
     const SHADERS: &'static [&'static str] = &[
         "change/surface",
@@ -145,10 +145,10 @@ impl View3d for Change {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &ChangeScene,
-        previous: Option<Kept>,
-    ) -> Result<Prepared<Kept>, RenderError> {
+        previous: Option<FrameData>,
+    ) -> Result<Prepared<FrameData>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
-        let own = previous.map_or_else(|| ChangeTargets::new(gpu, size), |kept| kept.own);
+        let own = previous.map_or_else(|| ChangeTargets::new(gpu, size), |data| data.own);
         let context_scene = scene.context_scene();
         let reference_mm = context_scene.reference_mm();
         RegionBuffers::reuse(&mut self.regions, gpu, scene.surface.as_ref().map(|s| s.volume()))?;
@@ -213,15 +213,15 @@ impl View3d for Change {
         bind_march(draw, image.as_ref())?;
         self.bind_heights(draw, &own)?;
         self.bind_composing(draw, &own, &arrow_part)?;
-        let kept = Kept { own, surface: scene.surface.clone(), vectors: arrow_part.vectors };
+        let data = FrameData { own, surface: scene.surface.clone(), vectors: arrow_part.vectors };
         let warnings = warning.into_iter().collect();
-        Ok(Prepared { kept, camera: scene.camera, reference_mm, warnings, notes })
+        Ok(Prepared { data, camera: scene.camera, reference_mm, warnings, notes })
     }
 
     /// The arrow in front (where it covers at least a quarter of the pixel), else the surface; the translucent hull is
     /// ignored.
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<ChangePick>, RenderError> {
-        let Kept { own, surface, vectors } = &frame.kept;
+        let FrameData { own, surface, vectors } = &frame.data;
         let Some(surface) = surface else { return Ok(None) };
         let at = frame.linear(pixel);
         let read = gpu.read_buffers(&[
@@ -260,7 +260,7 @@ impl View3d for Change {
 impl Frame<Change> {
     /// Number of arrows drawn; 0 for a height map.
     pub fn arrow_count(&self) -> usize {
-        self.kept.vectors.len()
+        self.data.vectors.len()
     }
 }
 

@@ -3,7 +3,7 @@
 mod lit;
 mod plans;
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{
@@ -28,7 +28,7 @@ use crate::{
     light::screen::{OCCLUSION, OCCLUSION_BLUR},
     scene::{LightSettings, LightingMode, Plan, Quality},
     solid::{OUTSIDE, SURFACE, view::FAR},
-    testing::{GPU, grid, noise},
+    testing::{self, BenchGuard, SharedBench, grid, lock, noise},
     views::{
         ChangeRenderer, Frame,
         context::around_light,
@@ -38,21 +38,11 @@ use crate::{
 
 const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };
 
-struct Bench {
-    gpu: Gpu,
-    renderer: ChangeRenderer,
-}
+type Bench = testing::Bench<super::Change>;
 
-fn bench() -> MutexGuard<'static, Bench> {
-    static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
-    BENCH
-        .get_or_init(|| {
-            let gpu = GPU.clone();
-            let renderer = ChangeRenderer::new(&gpu).unwrap();
-            Mutex::new(Bench { gpu, renderer })
-        })
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
+fn bench() -> BenchGuard<super::Change> {
+    static BENCH: SharedBench<super::Change> = SharedBench::new();
+    lock(&BENCH)
 }
 
 /// Every pass of the view, in order.
@@ -141,9 +131,9 @@ fn read(gpu: &Gpu, frame: &Frame<super::Change>) -> Read {
         .read_buffers(&[
             (&frame.targets.depths, 0, n * 4),
             (&frame.targets.surfaces, 0, n * 8),
-            (&frame.kept.own.cells, 0, n * 4),
-            (&frame.kept.own.heights, 0, n * 8),
-            (&frame.kept.own.filtered, 0, n * 8),
+            (&frame.data.own.cells, 0, n * 4),
+            (&frame.data.own.heights, 0, n * 8),
+            (&frame.data.own.filtered, 0, n * 8),
         ])
         .unwrap();
     Read {

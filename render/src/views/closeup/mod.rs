@@ -51,7 +51,7 @@ pub struct Closeup {
 /// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
-pub struct Kept {
+pub struct FrameData {
     tumor: Option<Arc<RegionVolume>>,
     lens: Option<Lens>,
 }
@@ -85,7 +85,7 @@ pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
 impl View3d for Closeup {
     type Scene = RegionScene;
     type Pick = Pick;
-    type Kept = Kept;
+    type FrameData = FrameData;
     const IN_PARTS: bool = false;
     const SHADERS: &'static [&'static str] = &["closeup/surface", "closeup/outside", "closeup/compose"];
 
@@ -105,8 +105,8 @@ impl View3d for Closeup {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &RegionScene,
-        _previous: Option<Kept>,
-    ) -> Result<Prepared<Kept>, RenderError> {
+        _previous: Option<FrameData>,
+    ) -> Result<Prepared<FrameData>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
         let regions = RegionBuffers::reuse(&mut self.regions, gpu, scene.tumor.as_ref())?;
         let reference_mm = reference_mm(scene);
@@ -168,8 +168,8 @@ impl View3d for Closeup {
         ];
         let entries = [&entries[..], &self.plane.entries()].concat();
         draw.passes.bind(gpu, COMPOSE, "closeup/compose", &entries, workgroups)?;
-        let kept = Kept { tumor: scene.tumor.clone(), lens: scene.lens };
-        Ok(Prepared { kept, camera: scene.camera, reference_mm, warnings: Vec::new(), notes })
+        let data = FrameData { tumor: scene.tumor.clone(), lens: scene.lens };
+        Ok(Prepared { data, camera: scene.camera, reference_mm, warnings: Vec::new(), notes })
     }
 
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<Pick>, RenderError> {
@@ -186,7 +186,7 @@ impl View3d for Closeup {
             return Ok(None);
         }
         let found = |number: u32, depth: f32, inside_lens: bool| {
-            let bits = *frame.kept.tumor.as_ref()?.bits_of_id().get(number as usize)?;
+            let bits = *frame.data.tumor.as_ref()?.bits_of_id().get(number as usize)?;
             let world_mm = world_at(&frame.camera, frame.reference_mm, frame.size_px, pixel, depth);
             Some(Pick { bits, world_mm, inside_lens })
         };
@@ -204,7 +204,7 @@ impl View3d for Closeup {
         if let Some(outside) = read.next() {
             let hit: OutsideHit = bytemuck::pod_read_unaligned(outside);
             if hit.depth < FAR {
-                return Ok(found(hit.number, hit.depth, frame.kept.lens.is_none()));
+                return Ok(found(hit.number, hit.depth, frame.data.lens.is_none()));
             }
         }
         Ok(None)

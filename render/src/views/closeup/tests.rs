@@ -1,6 +1,6 @@
 //! The closeup on Mesa's software adapter, compared with its twin. Fails without an adapter.
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{
@@ -13,25 +13,18 @@ use crate::{
     device::{AdapterPreference, PassName},
     scene::SlicePlane,
     solid::twin,
-    testing::{GPU, balls_scene, blobs, grid, noise, scene_of, small_device, tests_want_a_card, volume},
+    testing::{
+        self, BenchGuard, SharedBench, balls_scene, blobs, grid, lock, noise, scene_of, small_device,
+        tests_want_a_card, volume,
+    },
     views::{CloseupRenderer, view3d::Switches},
 };
 
-struct Bench {
-    gpu: Gpu,
-    renderer: CloseupRenderer,
-}
+type Bench = testing::Bench<Closeup>;
 
-fn bench() -> MutexGuard<'static, Bench> {
-    static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
-    BENCH
-        .get_or_init(|| {
-            let gpu = GPU.clone();
-            let renderer = CloseupRenderer::new(&gpu).unwrap();
-            Mutex::new(Bench { gpu, renderer })
-        })
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
+fn bench() -> BenchGuard<Closeup> {
+    static BENCH: SharedBench<Closeup> = SharedBench::new();
+    lock(&BENCH)
 }
 
 #[derive(Debug, Default)]
@@ -467,7 +460,7 @@ fn rendering_is_deterministic_and_uploads_are_reused() {
     let between = renderer.render(gpu, &other, &Quality::DRAFT, [64, 64]).unwrap().read_rgba(gpu).unwrap();
     assert_ne!(first.len(), between.len());
     let frame = renderer.render(gpu, &scene, &Quality::FULL, [64, 64]).unwrap();
-    assert!(frame.kept.tumor.as_ref().is_some_and(|t| Arc::ptr_eq(t, scene.tumor.as_ref().unwrap())));
+    assert!(frame.data.tumor.as_ref().is_some_and(|t| Arc::ptr_eq(t, scene.tumor.as_ref().unwrap())));
     assert!(frame.read_rgba(gpu).unwrap() == first);
     let times = renderer.pass_times(gpu).unwrap();
     assert_eq!(times.iter().map(|t| t.0).collect::<Vec<_>>(), every_pass().passes);

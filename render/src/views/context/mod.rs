@@ -74,7 +74,7 @@ pub struct Context {
 /// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
-pub struct Kept {
+pub struct FrameData {
     tumor: Option<Arc<RegionVolume>>,
     tubes: Vec<DrawnTubes>,
 }
@@ -82,7 +82,7 @@ pub struct Kept {
 impl View3d for Context {
     type Scene = ContextScene;
     type Pick = ContextPick;
-    type Kept = Kept;
+    type FrameData = FrameData;
     const IN_PARTS: bool = true;
     const SHADERS: &'static [&'static str] =
         &["closeup/surface", "tubes/merge", "context/march", "context/compose"];
@@ -103,8 +103,8 @@ impl View3d for Context {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &ContextScene,
-        _previous: Option<Kept>,
-    ) -> Result<Prepared<Kept>, RenderError> {
+        _previous: Option<FrameData>,
+    ) -> Result<Prepared<FrameData>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
         let regions = RegionBuffers::reuse(&mut self.regions, gpu, scene.tumor.as_ref())?;
         let tumor = scene.tumor_scene();
@@ -189,9 +189,9 @@ impl View3d for Context {
             (30, self.tubes.shades().as_entire_binding()),
         ];
         draw.passes.bind(gpu, COMPOSE, "context/compose", &entries, workgroups)?;
-        let kept = Kept { tumor: scene.tumor.clone(), tubes: scene.tubes.clone() };
+        let data = FrameData { tumor: scene.tumor.clone(), tubes: scene.tubes.clone() };
         Ok(Prepared {
-            kept,
+            data,
             camera: scene.camera,
             reference_mm,
             warnings: warning.into_iter().collect(),
@@ -235,10 +235,10 @@ impl View3d for Context {
         }
         let Some((depth, [number, face])) = geometry else { return Ok(None) };
         if let Some(fiber) = fiber_number(face) {
-            let fiber = fiber_of(&frame.kept.tubes, fiber).map(|(set, fiber)| PickedFiber { set, fiber });
+            let fiber = fiber_of(&frame.data.tubes, fiber).map(|(set, fiber)| PickedFiber { set, fiber });
             return Ok(fiber.map(|fiber| found(depth, None, Some(fiber))));
         }
-        let bits = frame.kept.tumor.as_ref().and_then(|t| t.bits_of_id().get(number as usize));
+        let bits = frame.data.tumor.as_ref().and_then(|t| t.bits_of_id().get(number as usize));
         Ok(bits.map(|&bits| found(depth, Some(bits), None)))
     }
 }

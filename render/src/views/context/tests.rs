@@ -1,7 +1,7 @@
 //! The context view on Mesa's software adapter, compared with its twin and with geometry. Fails without
 //! an adapter.
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
 use glioscope_core::{
@@ -16,29 +16,19 @@ use super::{
 };
 use crate::{
     ClipPlane,
-    device::{Gpu, PassName},
+    device::PassName,
     image::{CONTEXT, ContextVolume, ControlPoint, GRADIENT_OPACITY, GradientPoint, TransferFunction},
     light::screen::{OCCLUSION, OCCLUSION_BLUR},
     scene::{Lens, MaskColors, Palette},
-    testing::{GPU, grid, noise, small_device, volume},
+    testing::{self, BenchGuard, SharedBench, grid, lock, noise, small_device, volume},
     views::{ContextRenderer, view3d::Switches},
 };
 
-struct Bench {
-    gpu: Gpu,
-    renderer: ContextRenderer,
-}
+type Bench = testing::Bench<Context>;
 
-fn bench() -> MutexGuard<'static, Bench> {
-    static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
-    BENCH
-        .get_or_init(|| {
-            let gpu = GPU.clone();
-            let renderer = ContextRenderer::new(&gpu).unwrap();
-            Mutex::new(Bench { gpu, renderer })
-        })
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
+fn bench() -> BenchGuard<Context> {
+    static BENCH: SharedBench<Context> = SharedBench::new();
+    lock(&BENCH)
 }
 
 const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };

@@ -60,7 +60,7 @@ pub struct Ellipsoids {
 /// Data that a frame's picks are looked up in.
 #[doc(hidden)]
 #[derive(Clone)]
-pub struct Kept {
+pub struct FrameData {
     scene: EllipsoidScene,
     pub(super) drawn: Vec<DrawnEllipsoid>,
 }
@@ -68,7 +68,7 @@ pub struct Kept {
 impl View3d for Ellipsoids {
     type Scene = EllipsoidScene;
     type Pick = EllipsoidPick;
-    type Kept = Kept;
+    type FrameData = FrameData;
     const IN_PARTS: bool = false;
     const SHADERS: &'static [&'static str] = &["ellipsoids/lists", "ellipsoids/compose", "ellipsoids/rest"];
 
@@ -104,8 +104,8 @@ impl View3d for Ellipsoids {
         &mut self,
         draw: &mut Draw<'_>,
         scene: &EllipsoidScene,
-        _previous: Option<Kept>,
-    ) -> Result<Prepared<Kept>, RenderError> {
+        _previous: Option<FrameData>,
+    ) -> Result<Prepared<FrameData>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
         let reference_mm = reference_to(&scene.camera, scene.middle_mm());
         let drawn = bins::in_order(scene);
@@ -152,8 +152,8 @@ impl View3d for Ellipsoids {
         };
         let notes = draw.lights.bind(gpu, draw.passes, draw.plan, &lit)?;
         self.bind_composing(draw)?;
-        let kept = Kept { scene: scene.clone(), drawn };
-        Ok(Prepared { kept, camera: scene.camera, reference_mm, warnings: Vec::new(), notes })
+        let data = FrameData { scene: scene.clone(), drawn };
+        Ok(Prepared { data, camera: scene.camera, reference_mm, warnings: Vec::new(), notes })
     }
 
     fn pick(frame: &Frame<Self>, gpu: &Gpu, pixel: [u32; 2]) -> Result<Option<EllipsoidPick>, RenderError> {
@@ -166,7 +166,7 @@ impl View3d for Ellipsoids {
         let [depth, number] = read.as_slice() else { return Ok(None) };
         let depth: f32 = bytemuck::pod_read_unaligned(depth);
         let number: u32 = bytemuck::pod_read_unaligned(number);
-        let Kept { scene, drawn } = &frame.kept;
+        let FrameData { scene, drawn } = &frame.data;
         let Some(ellipsoid) = drawn.get(number as usize).filter(|_| depth < FAR) else { return Ok(None) };
         let world_mm = world_at(&scene.camera, frame.reference_mm, frame.size_px, pixel, depth);
         Ok(Some(EllipsoidPick { id: ellipsoid.id, world_mm, inside_lens: in_lens(scene, world_mm) }))

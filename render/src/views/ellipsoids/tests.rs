@@ -2,7 +2,7 @@
 
 mod lit;
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use glioscope_core::optics::{Camera, Projection};
@@ -13,27 +13,17 @@ use crate::{
     light::screen::{OCCLUSION, OCCLUSION_BLUR},
     scene::LightingMode,
     solid::view::FAR,
-    testing::{GPU, noise, small_device},
+    testing::{self, BenchGuard, SharedBench, lock, noise, small_device},
     views::{EllipsoidRenderer, view3d::Switches},
 };
 
 const FLAT: Quality = Quality { occlusion_strength: 0.0, ..Quality::FULL };
 
-struct Bench {
-    gpu: Gpu,
-    renderer: EllipsoidRenderer,
-}
+type Bench = testing::Bench<Ellipsoids>;
 
-fn bench() -> MutexGuard<'static, Bench> {
-    static BENCH: OnceLock<Mutex<Bench>> = OnceLock::new();
-    BENCH
-        .get_or_init(|| {
-            let gpu = GPU.clone();
-            let renderer = EllipsoidRenderer::new(&gpu).unwrap();
-            Mutex::new(Bench { gpu, renderer })
-        })
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
+fn bench() -> BenchGuard<Ellipsoids> {
+    static BENCH: SharedBench<Ellipsoids> = SharedBench::new();
+    lock(&BENCH)
 }
 
 fn every_pass() -> Plan {
@@ -90,7 +80,7 @@ fn lists(gpu: &Gpu, renderer: &EllipsoidRenderer) -> Vec<Vec<(f32, u32, bool)>> 
             fragments[*first as usize..(*first + *count) as usize]
                 .iter()
                 .map(|[depth, code]| {
-                    (f32::from_bits(*depth), frame.kept.drawn[(code >> 1) as usize].id, code & 1 == 1)
+                    (f32::from_bits(*depth), frame.data.drawn[(code >> 1) as usize].id, code & 1 == 1)
                 })
                 .collect()
         })

@@ -65,7 +65,7 @@ fn found(bench: &mut Bench, scene: &ChangeScene, quality: &Quality, plan: Plan) 
     let frame = renderer.render_planned(gpu, scene, quality, SIZE, plan, Switches::ON).unwrap().clone();
     let n = PIXELS as u64;
     let parts =
-        gpu.read_buffers(&[(&frame.targets.depths, 0, n * 4), (&frame.kept.own.tops, 0, n * 8)]).unwrap();
+        gpu.read_buffers(&[(&frame.targets.depths, 0, n * 4), (&frame.data.own.tops, 0, n * 8)]).unwrap();
     let tops: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&parts[1]);
     Found {
         rgba: frame.read_rgba(gpu).unwrap(),
@@ -274,7 +274,7 @@ fn arrows_are_merged_only_if_light_passes_need_it() {
     };
     let quality =
         Quality { lighting: LightSettings { mutual, ..lit(LightingMode::Slices).lighting }, ..Quality::FULL };
-    assert_eq!(reason(&with, &quality, ARROWS_MERGE), Some("nothing darkens what is solid"));
+    assert_eq!(reason(&with, &quality, ARROWS_MERGE), Some("nothing darkens opaque surfaces"));
     let every = every_pass(LightingMode::Slices).passes;
     let plan = change_plan(&with, &quality);
     assert_eq!(plan.passes.len() + plan.omitted.len(), every.len());

@@ -43,7 +43,11 @@ fn slices_and_cones_use_vicinity_occlusion() {
     let of = |lighting| Quality { lighting, ..slices };
     for (scene, quality, reason) in [
         (&scene, Quality { occlusion_strength: 0.0, ..slices }, "occlusion strength is 0"),
-        (&scene, of(LightSettings { vicinity_mm: 0.0, ..slices.lighting }), "nothing darkens what is solid"),
+        (
+            &scene,
+            of(LightSettings { vicinity_mm: 0.0, ..slices.lighting }),
+            "nothing darkens opaque surfaces",
+        ),
         (&empty, slices, "no ellipsoids"),
     ] {
         let plan = ellipsoid_plan(scene, &quality);
@@ -88,7 +92,7 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
             .unwrap();
         let depths: Vec<f32> = bytemuck::pod_collect_to_vec(&read[0]);
         let surfaces: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
-        let ids: Vec<u32> = surfaces.iter().map(|s| frame.kept.drawn[s[0] as usize].id).collect();
+        let ids: Vec<u32> = surfaces.iter().map(|s| frame.data.drawn[s[0] as usize].id).collect();
         let blurred: Vec<u32> = bytemuck::pod_collect_to_vec(&read[2]);
         (frame.read_rgba(gpu).unwrap(), depths, ids, blurred, frame.reference_mm)
     };

@@ -4,6 +4,7 @@
 //! [`Grid::world_from_voxel`] maps voxel *centres*. Terms (mask, region, tumour index, lens …) are defined in
 //! ARCHITECTURE.md.
 
+pub mod array;
 pub mod case;
 pub mod change;
 pub mod check;
@@ -30,6 +31,7 @@ pub mod tracts;
 pub mod tumor_index;
 pub mod volume;
 
+pub use array::{Sample, WrongShape};
 pub use check::{Check, Severity};
 pub use components::{Component, Components, Connectivity};
 pub use grid::{Grid, GridError, Sides};
@@ -39,3 +41,7 @@ pub use regions::{Region, RegionVolume, Regions, Selection};
 pub use tracts::Tracts;
 pub use tumor_index::{IndexData, TumorIndex};
 pub use volume::{Samples, Scaling, Volume};
+
+// The versions whose types the functions here take and return.
+pub use glam;
+pub use ndarray;

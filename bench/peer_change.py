@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Kernels of the change between two dates and other implementations, on the same masks, as CSV on stdout.
+"""Times of the kernels of the change between two dates and of other implementations on the same masks, as CSV.
 
 Run:  python bench/peer_change.py BENCH FILE_A FILE_B LABELS [--threads 1,2] [--reps 101] [--ball 256]
 
-BENCH is target/release/glioscope-bench; FILE_A and FILE_B are label maps on one grid, LABELS
+BENCH is target/release/glioscope-bench; FILE_A and FILE_B are label maps on one grid; LABELS such
 as 1,2,4. Needs numpy, nibabel, scipy, edt, SimpleITK, scikit-image and kimimaro (PyPI).
 
-Rows: distance transforms (the crop is the bounding box of both masks plus one voxel) and curve skeletons of the first
-mask. The skeletons are of different kinds, so their counts and times are listed without a reference. Cases: files (the
-crop, at the files' spacing), whole (the whole image), odd (the crop at 1 x 1 x 1.2 mm, whose squares are not exact),
+Rows: distance transforms, and curve skeletons of the first mask. The skeletons are of different kinds, so their counts
+and times are listed without a reference. Cases: files (the crop, which is the bounding box of both masks plus one
+voxel, at the files' spacing), whole (the whole image), odd (the crop at 1 x 1 x 1.2 mm, whose squares are not exact),
 ball (256 cubed, radius 50; smaller with --ball). Times are medians and minima, because the machine's load (printed)
-shifts medians.
+increases medians.
 """
 import argparse, os, statistics, subprocess, time
 
@@ -44,17 +44,17 @@ def main():
     spacing = [float(v) for v in image.header.get_zooms()[:3]]
     where = np.argwhere(a | b)
     box = tuple(slice(max(lo - 1, 0), hi + 2) for lo, hi in zip(where.min(0), where.max(0)))
-    # z, y, x: x varies fastest, as in the files
+    # Axes z, y, x: x varies fastest, as in the files.
     inside, whole = np.ascontiguousarray(a[box].T), np.ascontiguousarray(a.T)
     sampling = spacing[::-1]
     z, y, x = np.ogrid[: options.ball, : options.ball, : options.ball]
-    at_x, at_y, at_z, radius = (share * options.ball // 256 for share in (140, 100, 120, 50))
-    ball = (x - at_x) ** 2 + (y - at_y) ** 2 + (z - at_z) ** 2 < radius**2
+    center_x, center_y, center_z, radius = (share * options.ball // 256 for share in (140, 100, 120, 50))
+    ball = (x - center_x) ** 2 + (y - center_y) ** 2 + (z - center_z) ** 2 < radius**2
     print(f"# crop {inside.shape[::-1]}, voxels {int(inside.sum())}")
     print("kernel,case,peer,threads,median_ms,least_ms,answer")
 
-    def own():
-        """Rows of glioscope; called before and after the peers, because the load drifts."""
+    def report_glioscope():
+        """Rows of glioscope; called before and after the peers, because the load varies."""
         print(f"# load {os.getloadavg()[0]:.1f}")
         lines = subprocess.run(
             [options.bench, "change", f"{options.file_a}:{options.labels}", f"{options.file_b}:{options.labels}",
@@ -69,11 +69,11 @@ def main():
                 print(f"change,files,glioscope whole pipeline,2,{1e3 * float(cells[6]):.0f},,{cells[4]} vectors")
                 print(f"skeleton,files,glioscope of the intersection,2,{1e3 * float(cells[7]):.0f},,{cells[5]} voxels")
 
-    def report(kernel, case, peer, threads, timed, answer):
-        middle, least, value = timed
-        print(f"{kernel},{case},{peer},{threads},{1e3 * middle:.3f},{1e3 * least:.3f},{answer(value)}", flush=True)
+    def report(kernel, case, peer, threads, timed, describe):
+        median, minimum, value = timed
+        print(f"{kernel},{case},{peer},{threads},{1e3 * median:.3f},{1e3 * minimum:.3f},{describe(value)}", flush=True)
 
-    own()
+    report_glioscope()
     import edt, scipy.ndimage, SimpleITK
     farthest = lambda value: f"{float(value.max()):.6f} mm farthest"
     # Distance of every voxel to the nearest active one: zeros are the sites.
@@ -91,7 +91,7 @@ def main():
                 itk, squaredDistance=False, useImageSpacing=True), min(reps, 11)), lambda _: "signed")
         report("distance", case, "SciPy with indices", 1, times(lambda: scipy.ndimage.distance_transform_edt(
             outside, sampling=steps, return_indices=True), min(reps, 11 if mask is inside else 1)), lambda v: farthest(v[0]))
-    own()
+    report_glioscope()
 
     import kimimaro, skimage.morphology
     report("skeleton", "files", "scikit-image Lee", 1, times(lambda: skimage.morphology.skeletonize(inside), 3),

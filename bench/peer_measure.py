@@ -1,10 +1,11 @@
-"""The numbers of `glioscope measure --json` by nibabel and NumPy: a peer for bench/run.sh and an oracle for tests.
+"""The numbers of `glioscope measure --json`, computed by nibabel and NumPy: a peer for bench/run.sh and a reference for
+tests.
 
 Run: python peer_measure.py --mask ID=FILE[:LABEL,LABEL…] … [--json]
 
-Idiomatic NumPy: one pass to read, one to select labels, one bincount over the tumour index, everything else from the
-2^n counts. Same keys as glioscope's `measure`; all masks must share one grid
-(NumPy does not resample), and a pair of empty masks has no Dice: null.
+Idiomatic NumPy: one pass to read, one to select labels, one bincount over the tumour index; everything else follows
+from the 2^n counts. Same keys as glioscope's `measure`. All masks must be on one grid (NumPy does not resample). Dice
+and Jaccard of two empty masks are null.
 """
 
 import argparse
@@ -46,7 +47,7 @@ def measure(masks):
             grid = image  # nibabel arrays are in Fortran order; mixing orders would be slower
             index = np.zeros(image.shape, np.uint8 if len(masks) <= 8 else np.uint16, order="F")
         elif image.shape != grid.shape or not np.allclose(image.affine, grid.affine, atol=1e-3):
-            sys.exit(f"{file}: another grid than {masks[0][1]}; this peer does not resample")
+            sys.exit(f"{file}: found another grid than that of {masks[0][1]}; this script does not resample")
         index |= mask.astype(index.dtype) << bit
     counts = np.bincount(index.ravel(order="K"), minlength=1 << len(masks))
 

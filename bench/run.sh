@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Times the release build of glioscope and its peers on the real glioma case, in one run on one machine, and prints the
-# Markdown tables of docs/performance.md. Called by `./x bench`, which installs the system packages.
+# Times the release build of glioscope and comparable programs (peers) on the real glioma case, in one run on one
+# machine, and prints the Markdown tables of docs/performance.md. Called by `./x bench`, which installs the system packages.
 set -euo pipefail
 
 usage() {
     cat <<'TEXT'
 Usage: ./x bench [--runs N] [--software] [--vtk] [--data DIR]
 
-  --runs N    timed runs of each program; the median counts (default 7)
-  --software  draw with the software adapter even where there is a GPU
-  --vtk       also VTK's volume ray casting and surfaces with SSAO (../shared/bench/vtk_peer.py; about a minute)
+  --runs N    timed runs of each program; medians are reported (default 7)
+  --software  draw with the software adapter even if there is a GPU
+  --vtk       also time VTK's volume ray casting and surfaces with SSAO (../shared/bench/vtk_peer.py; about a minute)
   --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
 TEXT
 }
@@ -53,12 +53,12 @@ contexts=()
 for image in t1c fla; do
     contexts+=(--context "${image^^}=$case_dir/$image.nii.gz")
 done
-pictures=$(mktemp -d)
-trap 'rm -rf -- "$pictures"' EXIT
+scratch=$(mktemp -d)
+trap 'rm -rf -- "$scratch"' EXIT
 
-# The arguments as one, quoted so that timing.py splits it into the same words.
+# The arguments as one string, quoted so that timing.py splits it into the same words.
 command_of() { printf '%q ' "$@"; }
-render() { command_of "$glioscope" render "$@" --out "$pictures/frame.png" "${software[@]}" "${masks[@]}"; }
+render() { command_of "$glioscope" render "$@" --out "$scratch/frame.png" "${software[@]}" "${masks[@]}"; }
 timing() { "$venv/bin/python" "$root/bench/timing.py" "$@"; }
 
 # ---- tables -------------------------------------------------------------------------------------
@@ -72,11 +72,11 @@ echo "- $(rustc --version); $("$venv/bin/python" --version); $("$venv/bin/pip" l
 echo "- $(date -u +%Y-%m-%d), commit $(git -C "$root" rev-parse --short HEAD), load before the run $(cut -d' ' -f1 /proc/loadavg)"
 
 echo
-echo "### Measure, beside nibabel and NumPy"
+echo "### Measure: glioscope compared with nibabel and NumPy"
 echo
-"$glioscope" measure --json "${masks[@]}" >"$pictures/ours.json"
-"$venv/bin/python" "$root/bench/peer_measure.py" --json "${masks[@]}" >"$pictures/theirs.json"
-"$venv/bin/python" "$root/bench/same_numbers.py" "$pictures/ours.json" "$pictures/theirs.json"
+"$glioscope" measure --json "${masks[@]}" >"$scratch/ours.json"
+"$venv/bin/python" "$root/bench/peer_measure.py" --json "${masks[@]}" >"$scratch/theirs.json"
+"$venv/bin/python" "$root/bench/same_numbers.py" "$scratch/ours.json" "$scratch/theirs.json"
 echo
 timing processes --runs "$runs" "glioscope measure" "$(command_of "$glioscope" measure --json "${masks[@]}")" \
     "nibabel + NumPy" "$(command_of "$venv/bin/python" "$root/bench/peer_measure.py" --json "${masks[@]}")"
@@ -84,7 +84,7 @@ timing processes --runs "$runs" "glioscope measure" "$(command_of "$glioscope" m
 echo
 echo "### Load and first complete frame"
 echo
-echo "Whole processes: three masks read, the closeup drawn at 512x512 and written; three masks and two images read, an axial slice."
+echo "Whole processes: reading three masks, drawing and writing the closeup at 512x512; reading three masks and two images, drawing and writing an axial slice."
 echo
 timing processes --runs "$runs" "closeup" "$(render --view closeup --size 512x512)" \
     "axial slice" "$(render --view axial --size 512x512 "${contexts[@]}")"
@@ -92,14 +92,14 @@ timing processes --runs "$runs" "closeup" "$(render --view closeup --size 512x51
 echo
 echo "### Closeup, per pass"
 echo
-echo "The second frame of a process (the first one compiles and uploads), without legend and cube."
+echo "The second frame of a process, because the first compiles pipelines and uploads data; without legend and orientation cube."
 timing passes --runs "$runs" "$(render --view closeup --plain --stats --size 512x512)" \
     "$(render --view closeup --plain --stats --size 1024x1024)"
 
 echo
 echo "### Context view and ellipsoid diagram, per pass"
 echo
-echo "As panes of 512x512 points with their controls: the pictures are a little smaller."
+echo "Panes of 512x512 points including their controls, so the frames are slightly smaller."
 timing passes --runs "$runs" "$(render --view context --stats --size 512x512 "${contexts[@]}")" \
     "$(render --view ellipsoids --stats --size 512x512)"
 
@@ -109,16 +109,16 @@ if [[ -n $vtk ]]; then
     echo
     peer_script=$data/../bench/vtk_peer.py
     if [[ ! -f $peer_script ]]; then
-        echo "bench: $peer_script is absent: no VTK figures" >&2
+        echo "bench: $peer_script is absent, so VTK can't be timed" >&2
         exit 2
     fi
     # The script's camera frames the whole image for volumes and the tumour for surfaces. In mode volume+ssao VTK 9.7.2
     # rendered an empty frame (one colour) here, so that time is meaningless and omitted.
     printf '| size | mode | median of 5 (ms) | window |\n|---|---|---:|---|\n'
     # Warnings about displays that can't be opened are shown only on failure.
-    if ! (cd -- "$pictures" && env -u DISPLAY "$venv/bin/python" "$peer_script" "$data" >vtk.txt 2>vtk.err); then
-        cat "$pictures/vtk.err" >&2
+    if ! (cd -- "$scratch" && env -u DISPLAY "$venv/bin/python" "$peer_script" "$data" >vtk.txt 2>vtk.err); then
+        cat "$scratch/vtk.err" >&2
         exit 1
     fi
-    awk '/^[0-9]+ / && $2 != "volume+ssao" { printf "| %sx%s | %s | %s | %s |\n", $1, $1, $2, $3, $5 }' "$pictures/vtk.txt"
+    awk '/^[0-9]+ / && $2 != "volume+ssao" { printf "| %sx%s | %s | %s | %s |\n", $1, $1, $2, $3, $5 }' "$scratch/vtk.txt"
 fi

@@ -1,6 +1,6 @@
 """Exits with 1 unless two outputs of `measure --json` have the same masks, regions and pairs.
 
-A time counts only for a correct result.
+Run before timing: only times of equal results are comparable.
 
 Run: python same_numbers.py OURS.json THEIRS.json
 """
@@ -14,19 +14,19 @@ def numbers(path):
     """Counts, volumes and scores of an output as {entry: numbers}, independent of the order of its lists."""
     with open(path, encoding="utf-8") as file:
         points = json.load(file)["time_points"]
-    found = {}
-    for nr, point in enumerate(points):
+    entries = {}
+    for number, point in enumerate(points):
         for mask in point["masks"]:
-            found[nr, "mask", mask["id"]] = (mask["voxels"], mask["volume_ml"])
+            entries[number, "mask", mask["id"]] = (mask["voxels"], mask["volume_ml"])
         for region in point["regions"]:
             if region["voxels"]:
-                found[nr, "region", *sorted(region["masks"])] = (region["voxels"], region["volume_ml"])
+                entries[number, "region", *sorted(region["masks"])] = (region["voxels"], region["volume_ml"])
         for pair in point["pairs"]:
-            found[nr, "pair", *sorted((pair["a"], pair["b"]))] = (pair["dice"], pair["jaccard"])
-    return found
+            entries[number, "pair", *sorted((pair["a"], pair["b"]))] = (pair["dice"], pair["jaccard"])
+    return entries
 
 
-def same(a, b):
+def is_same(a, b):
     if a is None or b is None:
         return a is b
     return a == b if isinstance(a, int) else math.isclose(a, b, rel_tol=1e-6)
@@ -35,13 +35,13 @@ def same(a, b):
 def main():
     ours, theirs = (numbers(path) for path in sys.argv[1:3])
     differing = [
-        f"{what}: {ours.get(what)} and {theirs.get(what)}"
-        for what in sorted(ours.keys() | theirs.keys(), key=str)
-        if what not in ours or what not in theirs or not all(map(same, ours[what], theirs[what]))
+        f"{entry}: {ours.get(entry)} and {theirs.get(entry)}"
+        for entry in sorted(ours.keys() | theirs.keys(), key=str)
+        if entry not in ours or entry not in theirs or not all(map(is_same, ours[entry], theirs[entry]))
     ]
     if differing or not ours:
-        sys.exit("the two answers differ:\n" + "\n".join(differing))
-    print(f"Both gave the same {len(ours)} entries (masks, regions, pairs).")
+        sys.exit("the outputs differ:\n" + "\n".join(differing))
+    print(f"Both outputs have the same {len(ours)} entries (masks, regions, pairs).")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
 """Times programs side by side and prints Markdown tables for docs/performance.md. Standard library only.
 
   timing.py processes --runs N NAME COMMAND [NAME COMMAND …]
-      Whole processes, start to exit, interleaved (A B A B …), so that other load on the machine affects all alike;
+      Whole processes, start to exit, interleaved (A B A B …), so that other load on the machine affects all equally;
       CPU time varies less under load. Each program first runs once untimed. Peak memory is that of the process alone.
-      The first program is compared with every other: ratio = its median / theirs.
+      The last column is the ratio of the first program's median to each program's.
   timing.py passes --runs N COMMAND [COMMAND …]
       Runs `glioscope render … --stats`, reads its JSON, and prints the median time of each pass.
 
-A COMMAND is one argument, split as a shell would.
+A COMMAND is one argument, split into words as by a shell.
 """
 
 import argparse
@@ -78,7 +78,7 @@ def passes(runs, commands):
         for name, times in rows.items():
             print(f"| {name} | {statistics.median(times):.1f} | {times[0]:.1f} to {times[-1]:.1f} |")
         omitted = ", ".join(f"{step['name']} ({step['reason']})" for step in frames[0].get("omitted", []))
-        print(f"\nLeft out by the plan: {omitted or 'nothing'}.")
+        print(f"\nOmitted by the plan: {omitted or 'nothing'}.")
 
 
 def main():

@@ -137,7 +137,7 @@ mod tests {
             std::thread::sleep(std::time::Duration::from_millis(20));
             Ok::<u8, ()>(3)
         };
-        let (times, answer) = repeated(3, sleep).unwrap();
-        assert!(times.len() == 3 && minimum(&times) >= 20.0 && answer == 3, "{times:?}");
+        let (times, result) = repeated(3, sleep).unwrap();
+        assert!(times.len() == 3 && minimum(&times) >= 20.0 && result == 3, "{times:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Benchmarks of Glioscope, the source of the errors and times in docs/. Kernels are called as the window calls them.
+//! Benchmarks of Glioscope, which measure the errors and times in docs/. Kernels are called as the window calls them.
 
 mod accuracy;
 mod clock;
@@ -59,7 +59,7 @@ fn print_line(line: impl AsRef<str>) -> Outcome<()> {
     Ok(out.flush()?)
 }
 
-/// Opens an adapter: a hardware GPU if there is one, or with `software` only the software adapter.
+/// Opens an adapter: a hardware GPU if there is one; the software adapter if there is none, or if `software`.
 fn open_gpu(software: bool) -> Outcome<Gpu> {
     let preference = if software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
     Ok(Gpu::headless(preference)?)

@@ -19,7 +19,7 @@ const BENCH: &str = env!("CARGO_BIN_EXE_glioscope-bench");
 #[allow(clippy::print_stdout, reason = "a skipped test must be reported")]
 fn run_script(script: &str, arguments: &[&str]) -> Option<String> {
     let Some(python) = std::env::var_os("GLIOSCOPE_PEERS_PYTHON").filter(|p| !p.is_empty()) else {
-        println!("SKIPPED: bench/{script}: GLIOSCOPE_PEERS_PYTHON names no Python with the peers");
+        println!("SKIPPED: bench/{script}: GLIOSCOPE_PEERS_PYTHON names no Python with the peer packages");
         return None;
     };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join(script);
@@ -46,8 +46,8 @@ fn components_match_cc3d_and_scipy() {
     let Some(table) = run_script("peer_components.py", &[BENCH, "--cases", "tiny", "--runs", "1"]) else {
         return;
     };
-    // The script fails unless all partition the index alike.
-    assert!(table.contains("cc3d and SciPy part the index alike"), "{table}");
+    // The script fails unless all give the same partition.
+    assert!(table.contains("cc3d and SciPy give the same partition"), "{table}");
     for program in ["cc3d", "SciPy", "glioscope, 1 thread", "glioscope with a label volume, 2 threads"] {
         assert!(table.lines().any(|l| l.starts_with(&format!("| {program}"))), "{program}: {table}");
     }

@@ -24,7 +24,7 @@ use glioscope_core::{
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 use image::RgbaImage;
 
-/// The wgpu setup of every test: the software adapter, with what the renderer needs.
+/// The wgpu setup of every test: the software adapter, with the features and limits that the renderer requires.
 pub fn software_setup() -> WgpuSetup {
     software_setup_with(None)
 }
@@ -240,7 +240,7 @@ pub fn real_data(folder: &str) -> Option<PathBuf> {
         return Some(path);
     }
     print_line(&format!(
-        "SKIPPED: real data folder {folder} is not here (GLIOSCOPE_REAL_DATA names its parent)"
+        "SKIPPED: real data folder {folder} is absent (GLIOSCOPE_REAL_DATA names its parent)"
     ));
     None
 }
@@ -268,7 +268,7 @@ pub fn write_tck(path: &Path, fibers: &[Vec<[f32; 3]>]) {
 
 /// Largest difference of a channel, in 8-bit steps, at which two pixels count as equal.
 const CHANNEL_TOLERANCE: u8 = 24;
-/// Largest share of differing pixels: text anti-aliasing varies slightly between Mesa versions.
+/// Largest fraction of differing pixels: text anti-aliasing varies slightly between Mesa versions.
 const PIXEL_TOLERANCE: f64 = 0.002;
 
 /// Compares an image with `goldens/NAME.png`. `UPDATE_GOLDENS=1` overwrites the golden instead; inspect it afterwards.
@@ -288,7 +288,7 @@ pub fn golden(name: &str, picture: &RgbaImage) {
     let expected = match image::open(&path) {
         Ok(image) => image.to_rgba8(),
         Err(error) => {
-            fail(&format!("{}: {error}; UPDATE_GOLDENS=1 writes it, then look at it", path.display()))
+            fail(&format!("{}: {error}; UPDATE_GOLDENS=1 writes it; inspect it afterwards", path.display()))
         }
     };
     if expected.dimensions() != picture.dimensions() {

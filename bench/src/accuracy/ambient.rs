@@ -18,8 +18,8 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "ambient",
     title: "Ambient occlusion of the closeup",
-    about: "Two truths. The first is the occlusion of the hemisphere, which the pass approximates: no number of \
-            samples removes this error, because the pass has no normals and counts half of the sampled sphere as \
+    about: "Two truths. The first is the occlusion of the hemisphere, which the pass approximates: more samples \
+            can't remove this error, because the pass has no normals and counts half of the sampled sphere as \
             unoccluded. The second is the pass's own integral, to which its samples converge. At the default, 12 \
             pairs, the second error has fallen to a tenth of the first, which remains in any case (more pairs \
             increase it). Time is that of the whole frame; on this adapter the pairs take little of it.",
@@ -73,13 +73,13 @@ impl Hits {
                 let number = (pixel[1] * self.size[0] + pixel[0]) as usize;
                 let (at, normal) = (self.scene.point_mm(pixel)?, self.normal(pixel)?);
                 let footprint = self.sight.pixel_mm(*self.scene.depths_mm.get(number)?);
-                let hidden = |ray: &Ray, radius: f64| {
+                let is_hidden = |ray: &Ray, radius: f64| {
                     self.scene.hidden(ray, radius, 0.5 * footprint, 0.75 * footprint)
                 };
                 let from = at + normal * footprint;
                 let mut random = Random::new(2, number as u64);
                 let (open, error) =
-                    openness(&hidden, from, normal, self.radius_mm, Weight::Cosine, samples, &mut random);
+                    openness(&is_hidden, from, normal, self.radius_mm, Weight::Cosine, samples, &mut random);
                 Some((number, 1.0 - open, error))
             })
             .collect()
@@ -149,7 +149,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let (stride, samples) = bench.effort.of((3, 64), (3, 256), (3, 1024));
     let pairs = bench.effort.of(256, 512, 2048);
     let sweep = Sweep {
-        what: "ambient occlusion: samples",
+        label: "ambient occlusion: samples",
         rounds: bench.effort.of(1, 5, 25),
         time_budget: Duration::from_millis(4000),
         on_device: true,
@@ -165,7 +165,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         Ok(bench.gpu.wait()?)
     };
     let evaluate = |renderer: &mut CloseupRenderer, &occlusion_samples: &u32| {
-        let found = renderer.frame().ok_or("no picture")?.occlusion(bench.gpu)?;
+        let found = renderer.frame().ok_or("no frame was drawn")?.occlusion(bench.gpu)?;
         let (hits, hemisphere, own) = truths.get_or_insert_with(|| {
             let depths = DepthScene {
                 camera: scene.camera,
@@ -200,11 +200,11 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let curve = |scene: &str, truth: String, truth_error, points| Curve {
         family: FAMILY.name,
         kernel: "point pairs in the depth buffer".to_owned(),
-        scene: format!("head phantom's tumour, {}x{} pixels, against {scene}", size[0], size[1]),
+        scene: format!("head phantom's tumour, {}x{} pixels, compared with {scene}", size[0], size[1]),
         knob: "Quality::occlusion_samples",
         truth,
         truth_error,
-        unit: "share of light taken, 0 to 1",
+        unit: "occluded fraction of light, 0 to 1",
         axis: Axis::Time,
         points,
     };
@@ -212,8 +212,8 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         curve(
             "the hemisphere",
             format!(
-                "hidden share of the hemisphere within {radius_mm} mm, cosine-weighted, on the same first hits; \
-                 {samples} rays in each of {} pixels",
+                "occluded fraction of the hemisphere within {radius_mm} mm, cosine-weighted, at the same first hits; \
+                 {samples} rays at each of {} pixels",
                 hemisphere.len()
             ),
             Some(standard_error.rms()),
@@ -221,7 +221,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         ),
         curve(
             "its own integral",
-            format!("the pass's own integral and blur in f64, {pairs} random pairs a pixel"),
+            format!("the pass's own integral and blur in f64, {pairs} random pairs per pixel"),
             None,
             of_own,
         ),

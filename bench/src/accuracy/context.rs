@@ -55,7 +55,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         &[TransferPreset::MrSurface, TransferPreset::MrTissue],
     );
     let sweep = Sweep {
-        what: "context: step",
+        label: "context: step",
         rounds: bench.effort.of(1, 3, 9),
         time_budget: Duration::from_millis(4000),
         on_device: true,
@@ -69,7 +69,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
         bench.begin("context: truth", preset.name());
         let truth_at = |step_mm| march(&scene, size, Sampling { step_mm, jitter: false });
         let truth = truth_at(finest);
-        // The midpoint rule's error falls to a quarter per halving of the step: a third of the last change remains.
+        // Halving the step reduces the midpoint rule's error to a quarter: a third of the last change remains.
         let truth_error = errors(&truth_at(2.0 * finest), &truth).0.rms() / 3.0;
         let run = |renderer: &mut ContextRenderer, &context_step_mm: &f64| {
             let quality = Quality { context_step_mm, ..Quality::FULL };
@@ -77,7 +77,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
             Ok(bench.gpu.wait()?)
         };
         let evaluate = |renderer: &mut ContextRenderer, &step_mm: &f64| {
-            let found = renderer.frame().ok_or("no picture")?.image_rgba(bench.gpu)?;
+            let found = renderer.frame().ok_or("no frame was drawn")?.image_rgba(bench.gpu)?;
             let (errors, delta_e) = errors(&found, &truth);
             let is_default = step_mm == Quality::FULL.context_step_mm;
             Ok(Point { delta_e: Some(delta_e), is_default, ..Point::new(step_mm, &errors) })
@@ -88,7 +88,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
             kernel: "ray march".to_owned(),
             scene: format!("head phantom T1c, {}, {}x{} pixels", preset.name(), size[0], size[1]),
             knob: "Quality::context_step_mm",
-            truth: format!("the emission and absorption integral in f64, steps of {finest} mm"),
+            truth: format!("the emission-absorption integral in f64, steps of {finest} mm"),
             truth_error: Some(truth_error),
             unit: "display value, 0 to 1",
             axis: Axis::Time,

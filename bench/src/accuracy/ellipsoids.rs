@@ -16,8 +16,8 @@ pub(super) const FAMILY: Family = Family {
     title: "Enclosing ellipsoids",
     about: "The error is the relative excess of the volume over the minimum; the tolerance is certified, so the \
             error never exceeds it. Time is that of all components one after another, without computing the hull \
-            corners. The default, exchange at 1e-7, costs little more than 1e-3, because the last digits come \
-            from Newton steps, and keeps volumes accurate in every displayed digit.",
+            corners. The default, exchange at 1e-7, costs little more than 1e-3, because the last digits come from \
+            Newton steps, and keeps volumes accurate in every displayed digit.",
     defaults: Defaults::One,
     curves,
 };
@@ -65,7 +65,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let mut out = Vec::new();
     for method in [Method::Exchange, Method::AwaySteps, Method::Khachiyan] {
         let sweep = Sweep {
-            what: method.name(),
+            label: method.name(),
             rounds: bench.effort.of(1, 3, 25),
             time_budget: Duration::from_millis(3000),
             on_device: false,
@@ -91,7 +91,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
             kernel: method.name().to_owned(),
             scene: format!("{} components of the head phantom's masks and regions", components.len()),
             knob: "ellipsoid::Options::tolerance",
-            truth: format!("volumes of exchange at {TRUTH_TOLERANCE:e}, certified"),
+            truth: format!("volumes by exchange at tolerance {TRUTH_TOLERANCE:e}, certified"),
             truth_error: Some(TRUTH_TOLERANCE),
             unit: "relative volume",
             axis: Axis::Time,

@@ -50,7 +50,7 @@ fn verdict(curves: &[&Curve], own: &Point) -> String {
         let (kernel, p, [t, e]) = rivals
             .filter_map(|(kernel, p)| Some((kernel, p, dominance_ratios(own, p)?)))
             .min_by(|a, b| product([&a.2]).total_cmp(&product([&b.2])))?;
-        Some(format!("{kernel}, {}, takes {t:.2} of its time and has {e:.2} of its error", p.setting))
+        Some(format!("{kernel}, {}, has {t:.2} times its cost and {e:.2} times its error", p.setting))
     };
     let is_own = |c: &&&Curve| c.points.iter().any(|p| std::ptr::eq(p, own));
     let own_kernel: Vec<&Curve> = curves.iter().filter(is_own).copied().collect();
@@ -59,15 +59,15 @@ fn verdict(curves: &[&Curve], own: &Point) -> String {
             format!("**The default ({name}) does not lie on the measured front**: {best}.")
         }
         (None, Some(best)) => {
-            format!("The default ({name}) lies on the front of its own kernel; of the others, {best}.")
+            format!("The default ({name}) lies on the front of its own kernel; of the other kernels, {best}.")
         }
-        (_, None) => format!("The default ({name}) has no time, or no error."),
+        (_, None) => format!("The default ({name}) has no cost or no error."),
     }
 }
 
-/// Whether the presets lie on the front of their own kernel over all scenes, as a list with one line per preset: whether
-/// no setting with at least as many pixels is at least as fast and as accurate on every scene. Resolution isn't traded
-/// for lighting, because no error here counts the detail that mask contours lose with it.
+/// Verdicts on the presets, one line each: whether no setting of the same kernel with at least as many pixels dominates
+/// the preset on every scene. Settings with fewer pixels don't count, because no error here measures the detail that
+/// mask contours lose with resolution.
 pub(super) fn preset_verdicts(defaults: Defaults, curves: &[Curve]) -> String {
     let mut out = String::new();
     let measured: Vec<(&Curve, &Point)> = curves
@@ -84,7 +84,7 @@ pub(super) fn preset_verdicts(defaults: Defaults, curves: &[Curve]) -> String {
         listed.push(name);
         let same = |(c, p): &&(&Curve, &Point)| (c.kernel.as_str(), p.setting.as_str()) == name;
         let own: Vec<_> = measured.iter().filter(same).collect();
-        // Ratios of a rival's times and errors to the preset's on each scene; `None` unless it dominates on all.
+        // Ratios of a rival's costs and errors to the preset's on each scene; `None` unless it dominates on all.
         let ratios = |rival: &(&Curve, &Point)| -> Option<Vec<[f64; 2]>> {
             let on_scene = |(c, p): &&(&Curve, &Point)| {
                 let is_same_setting = |(rc, rp): &&(&Curve, &Point)| {
@@ -95,26 +95,27 @@ pub(super) fn preset_verdicts(defaults: Defaults, curves: &[Curve]) -> String {
             };
             own.iter().map(on_scene).collect()
         };
-        // Names of curves off a kernel's path start with the kernel's name.
+        // Names of curves off a kernel's path begin with the kernel's name.
         let rivals = measured.iter().filter(|(c, _)| c.kernel.starts_with(&curve.kernel));
         let dominating = rivals.filter_map(|r| Some((r, ratios(r)?)));
         let line = match dominating.min_by(|a, b| product(&a.1).total_cmp(&product(&b.1))) {
             None => format!(
-                "- {}, {}: on the measured front; nothing with as many pixels is as fast and as right on every scene.",
+                "- {}, {}: on the measured front; no setting with at least as many pixels is as fast and as accurate \
+                 on every scene.",
                 name.0, name.1
             ),
             Some(((c, p), ratios)) => {
                 let ratio_texts: Vec<String> = ratios
                     .iter()
-                    .map(|[t, e]| format!("{t:.2} of its time and {e:.2} of its error"))
+                    .map(|[t, e]| format!("{t:.2} times its cost and {e:.2} times its error"))
                     .collect();
                 format!(
-                    "- **{}, {}: not on the measured front**; {}, {}, takes {}.",
+                    "- **{}, {}: not on the measured front**; {}, {}, has, scene by scene, {}.",
                     name.0,
                     name.1,
                     c.kernel,
                     p.setting,
-                    ratio_texts.join(", then ")
+                    ratio_texts.join("; ")
                 )
             }
         };

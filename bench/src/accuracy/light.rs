@@ -26,14 +26,15 @@ use crate::Outcome;
 
 pub(super) const FAMILY: Family = Family {
     name: "light",
-    title: "Light of the context view, and its presets",
-    about: "The context view as the window draws it, but with unlit places fully black, compared with Monte Carlo at \
-            a sample of its pixels. The path contains the presets draft, balanced and reference, and the automatic \
-            quality moves along it. Settings off the path vary resolution against slice thickness or cell size, \
-            from which the path was chosen, or change one knob of draft or balanced. Slices of 1 mm have half the \
-            error of 2 mm where surfaces are opaque; those of 0.7 mm, the reference, reduce it by a twentieth; \
-            thinner slices don't reduce it further, nor do more than 2x2 points per footprint. Towards lower cost \
-            the path first reduces the resolution, to a fifth along each side, and makes slices slightly thicker. \
+    title: "Lighting of the context view and its presets",
+    about: "The context view as the window draws it, but with unlit tissue fully black, compared with Monte Carlo at a \
+            sample of its pixels. The path contains the presets draft, balanced and reference; the automatic quality \
+            moves along it. Settings off the path (kernels \"beside the path\") combine resolutions with slice \
+            thicknesses or cell sizes, from which the path was chosen, or change one parameter of draft or balanced. \
+            Where surfaces are opaque, slices of 1 mm have half the error of 2 mm; slices of 0.7 mm, the reference, \
+            reduce it by another twentieth; thinner slices don't reduce it further, nor do more than 2x2 points per \
+            footprint. Towards lower cost the path first reduces the resolution, to a fifth along each side, and \
+            makes slices slightly thicker. \
             Cones are faster and also light opaque geometry; slices are more accurate where surfaces are opaque. \
             The paper's own slices are plotted for comparison: their penumbra depends on the number of slices, so \
             more slices aren't more accurate. Screen-space light is a different model and isn't compared with Monte \
@@ -51,7 +52,7 @@ struct DrawnFrame {
 impl DrawnFrame {
     /// Value at a pixel of the requested size, bilinearly interpolated.
     fn at(&self, pixel: [u32; 2], requested: [u32; 2]) -> [f64; 4] {
-        let place: [f64; 2] = std::array::from_fn(|a| {
+        let position: [f64; 2] = std::array::from_fn(|a| {
             let x = (f64::from(pixel[a]) + 0.5) / f64::from(requested[a]) * f64::from(self.size[a]) - 0.5;
             x.clamp(0.0, f64::from(self.size[a] - 1))
         });
@@ -60,8 +61,8 @@ impl DrawnFrame {
             let mut weight = 1.0;
             let at: [u32; 2] = std::array::from_fn(|a| {
                 let up = corner >> a & 1;
-                weight *= if up == 1 { place[a].fract() } else { 1.0 - place[a].fract() };
-                (place[a] as u32 + up).min(self.size[a] - 1)
+                weight *= if up == 1 { position[a].fract() } else { 1.0 - position[a].fract() };
+                (position[a] as u32 + up).min(self.size[a] - 1)
             });
             let found = self.pixels.get((at[1] * self.size[0] + at[0]) as usize).copied().unwrap_or_default();
             out.iter_mut().zip(found).for_each(|(o, f)| *o += weight * f);
@@ -79,19 +80,19 @@ struct Truth {
 
 impl Truth {
     fn of(scene: &ContextScene, size: [u32; 2], count: usize, samples: u32) -> Outcome<Self> {
-        let medium = scene.medium().ok_or("an image that is no medium")?;
+        let medium = scene.medium().ok_or("the image can't be converted to a medium")?;
         let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
         let ray_of =
             |[x, y]: [u32; 2]| scene.camera.ray(DVec2::new(f64::from(x), f64::from(y)) + 0.5, size_px);
         let mut random = Random::new(11, 0);
-        let mut chosen = Vec::new();
+        let mut sampled = Vec::new();
         for _ in 0..50 * count {
             let pixel = size.map(|s| ((random.unit() * f64::from(s)) as u32).min(s - 1));
             // Empty pixels would dilute the error.
             if medium.thickness(&ray_of(pixel), f64::INFINITY) > 0.02 {
-                chosen.push(pixel);
+                sampled.push(pixel);
             }
-            if chosen.len() == count {
+            if sampled.len() == count {
                 break;
             }
         }
@@ -100,7 +101,7 @@ impl Truth {
             let mut random = Random::new(5, i as u64);
             (pixel, radiance(&medium, &ray_of(pixel), phase, DVec3::ZERO, samples, &mut random))
         };
-        let pixels: Vec<([u32; 2], Estimate)> = chosen.into_par_iter().enumerate().map(estimate).collect();
+        let pixels: Vec<([u32; 2], Estimate)> = sampled.into_par_iter().enumerate().map(estimate).collect();
         let errors = pixels.iter().flat_map(|(_, e)| e.standard_error.to_array());
         let standard_error = Errors::of(errors).rms();
         Ok(Self { pixels, samples, standard_error })
@@ -111,24 +112,24 @@ impl Truth {
 fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     let balanced = light::preset(mode, Preset::Balanced);
     let mut out = Vec::new();
-    let mut with = |of: Quality, name: String, change: &dyn Fn(&mut LightSettings)| {
-        let mut quality = of;
+    let mut add = |base: Quality, name: String, change: &dyn Fn(&mut LightSettings)| {
+        let mut quality = base;
         change(&mut quality.lighting);
         out.push((name, quality));
     };
-    // Resolution against the other knob that costs most time.
+    // Resolution combined with the other knob that most affects the time.
     for &scale in effort.of(&[][..], &[], &[0.4, 1.0]) {
-        let of = Quality { resolution_scale: scale, ..balanced };
+        let base = Quality { resolution_scale: scale, ..balanced };
         match mode {
             LightingMode::ScreenSpace => {}
             LightingMode::Slices => {
                 for mm in [4.0, 2.0, 1.4, 1.0, 0.7, 0.5] {
-                    with(of, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = mm);
+                    add(base, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = mm);
                 }
             }
             LightingMode::Cones => {
                 for mm in [12.0, 8.0, 4.0, 2.0] {
-                    with(of, format!("pixels {scale}, cells of {mm} mm"), &|l| l.cell_mm = mm);
+                    add(base, format!("pixels {scale}, cells of {mm} mm"), &|l| l.cell_mm = mm);
                 }
             }
         }
@@ -138,30 +139,30 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     }
     // Presets with one knob changed.
     for preset in [Preset::Draft, Preset::Balanced] {
-        let (of, name) = (light::preset(mode, preset), preset.name());
+        let (base, name) = (light::preset(mode, preset), preset.name());
         let is_draft = preset == Preset::Draft;
         match mode {
             LightingMode::ScreenSpace => {}
             LightingMode::Slices => {
                 for grid in [3, 5] {
-                    with(of, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);
+                    add(base, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);
                 }
                 for mm in [1.0, 1.7].into_iter().filter(|_| is_draft) {
-                    with(of, format!("{name}, {mm} mm"), &|l| l.slice_mm = mm);
+                    add(base, format!("{name}, {mm} mm"), &|l| l.slice_mm = mm);
                 }
             }
             LightingMode::Cones => {
                 for cones in if is_draft { vec![2, 4] } else { vec![2, 4, 16, 32] } {
-                    with(of, format!("{name}, {cones} sub-cones"), &|l| l.sub_cones = cones);
+                    add(base, format!("{name}, {cones} sub-cones"), &|l| l.sub_cones = cones);
                 }
                 for level in if is_draft { vec![2, 5] } else { vec![1, 2, 5] } {
-                    with(of, format!("{name}, levels to {level}"), &|l| l.coarsest_level = level);
+                    add(base, format!("{name}, levels to {level}"), &|l| l.coarsest_level = level);
                 }
                 for step in [1.0, 2.0, 3.0] {
-                    with(of, format!("{name}, steps of {step}"), &|l| l.cone_step = step);
+                    add(base, format!("{name}, steps of {step}"), &|l| l.cone_step = step);
                 }
                 for mm in [5.6, 8.0].into_iter().filter(|_| is_draft) {
-                    with(of, format!("{name}, cells of {mm} mm"), &|l| l.cell_mm = mm);
+                    add(base, format!("{name}, cells of {mm} mm"), &|l| l.cell_mm = mm);
                 }
             }
         }
@@ -184,7 +185,7 @@ type Settings = Vec<(String, (f64, Quality))>;
 
 /// Settings to measure, by kernel and knob.
 fn settings(effort: Effort) -> Vec<(String, &'static str, Settings)> {
-    let costs_of = |mode: LightingMode| -> Vec<f64> {
+    let path_costs = |mode: LightingMode| -> Vec<f64> {
         let most = light::row(mode).most_cost;
         let costs: &[f64] = effort.of(
             &[0.03],
@@ -202,9 +203,9 @@ fn settings(effort: Effort) -> Vec<(String, &'static str, Settings)> {
             let name = preset_of(&quality).map(|preset| preset.name().to_owned());
             (name.unwrap_or_else(|| format!("cost {cost}")), (cost, quality))
         };
-        let path = costs_of(mode).into_iter().map(on_path).collect();
+        let path = path_costs(mode).into_iter().map(on_path).collect();
         out.push((mode.name().to_owned(), "light::at_cost", path));
-        // Settings that equal a preset are measured on the path already.
+        // Settings that equal a preset are already measured on the path.
         let others: Settings = off_path(mode, effort)
             .into_iter()
             .filter(|(_, q)| preset_of(q).is_none())
@@ -253,14 +254,14 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
                 family: FAMILY.name,
                 kernel,
                 scene: format!(
-                    "{name}, {}x{} pixels asked for, {} of them looked at",
+                    "{name}, {}x{} pixels requested, {} of them evaluated",
                     size[0],
                     size[1],
                     truth.pixels.len()
                 ),
                 knob,
                 truth: format!(
-                    "Monte Carlo, cone of {} degrees, {} samples a pixel",
+                    "Monte Carlo, cone of {} degrees, {} samples per pixel",
                     LightSettings::DEFAULT.aperture_deg,
                     truth.samples
                 ),
@@ -283,18 +284,18 @@ fn measure_points(
     truth: &Truth,
 ) -> Outcome<Vec<Point>> {
     let sweep = Sweep {
-        what: &format!("light: {kernel}"),
+        label: &format!("light: {kernel}"),
         rounds: bench.effort.of(1, 1, 2),
         time_budget: Duration::from_millis(4000),
         on_device: true,
     };
     let run = |renderer: &mut ContextRenderer, (_, quality): &(f64, Quality)| {
-        // Full strength: unlit places are black, as in the truth.
+        // Full strength: unlit tissue is black, as in the truth.
         renderer.render(bench.gpu, scene, &Quality { occlusion_strength: 1.0, ..*quality }, size)?;
         Ok(bench.gpu.wait()?)
     };
     let evaluate = |renderer: &mut ContextRenderer, (value, quality): &(f64, Quality)| {
-        let frame = renderer.frame().ok_or("no picture")?;
+        let frame = renderer.frame().ok_or("no frame was drawn")?;
         let drawn = DrawnFrame { size: frame.size_px, pixels: frame.image_rgba(bench.gpu)? };
         let mut errors = Errors::default();
         let mut pairs = Vec::new();

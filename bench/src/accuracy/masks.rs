@@ -1,5 +1,5 @@
-//! Directional light on masks in the closeup, by cones and by vicinity occlusion, compared with Monte Carlo of the same
-//! cone among opaque voxels.
+//! Directional light on masks in the closeup, by cones and by vicinity occlusion, compared with a Monte Carlo estimate
+//! for the same cone among opaque voxels.
 
 use std::time::Duration;
 
@@ -23,11 +23,11 @@ pub(super) const FAMILY: Family = Family {
     name: "masks",
     title: "Directional light on masks",
     about: "Fraction of the light from the cone around the direction to the eye that reaches each voxel face of the \
-            closeup. Cones are traced through the selected regions: with many of them the remaining error is that \
-            of the 8 bits in which the darkness is stored. Vicinity occlusion, which slices use for opaque geometry \
-            and cones where a view has no medium for them, reads only the depth buffer within a few millimetres: \
-            no number of points removes its error. Points of the presets of both modes are marked; masks were a \
-            small part of what the presets were chosen for.",
+            closeup. Cones are traced through the selected regions: with many of them the remaining error is the \
+            8-bit rounding of the stored occlusion. Vicinity occlusion, which slices use for opaque geometry and \
+            cones where a view has no medium for them, reads only the depth buffer within a few millimetres: more \
+            points can't remove its error. Points of the presets of both modes are marked; masks had little weight \
+            in the choice of the presets.",
     defaults: Defaults::Presets,
     curves,
 };
@@ -37,7 +37,8 @@ fn medium(scene: &RegionScene) -> Outcome<OpticalVolume> {
     let tumor = scene.tumor.as_ref().ok_or("a closeup without masks")?;
     let label = |linear| if tumor.id(linear) == 0 { 0.0 } else { 1.0 };
     let values = (0..tumor.grid().voxel_count()).map(label).collect();
-    let table = Table::of_labels(&[[0.0; 4], [1.0, 1.0, 1.0, f32::INFINITY]]).ok_or("a table refused")?;
+    let table =
+        Table::of_labels(&[[0.0; 4], [1.0, 1.0, 1.0, f32::INFINITY]]).ok_or("an invalid transfer table")?;
     let volume = OpticalVolume::new(tumor.grid().clone(), values, table, Filter::Nearest, None);
     Ok(volume.ok_or("labels that don't fit their grid")?)
 }
@@ -70,35 +71,35 @@ fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
     let counts: &[u32] = effort.of(&[1, 16], &[2, 8, 32], &[1, 2, 4, 6, 8, 16, 32, 64, 128]);
     let levels: &[u32] = effort.of(&[0], &[3, 1], &[5, 3, 2, 1, 0]);
     let mut out = Vec::new();
-    let named = |level: u32| if level == 0 { "voxels".to_owned() } else { format!("levels to {level}") };
-    let mut by_cones: Settings = Vec::new();
+    let level_name = |level: u32| if level == 0 { "voxels".to_owned() } else { format!("levels to {level}") };
+    let mut cone_settings: Settings = Vec::new();
     for &coarsest_level in levels {
         for &sub_cones in counts {
             let light = LightSettings { sub_cones, coarsest_level, ..cones };
-            let name = format!("{sub_cones} sub-cones, {}", named(coarsest_level));
-            by_cones.push((name, (f64::from(sub_cones), light)));
+            let name = format!("{sub_cones} sub-cones, {}", level_name(coarsest_level));
+            cone_settings.push((name, (f64::from(sub_cones), light)));
         }
     }
-    out.push(("cones", "LightSettings::sub_cones and coarsest_level", by_cones));
+    out.push(("cones", "LightSettings::sub_cones and coarsest_level", cone_settings));
     let points: &[u32] = effort.of(&[4, 64], &[8, 64], &[1, 2, 4, 8, 16, 32, 64, 118]);
     let reaches: &[f64] = effort.of(&[3.0][..], &[3.0], &[1.0, 3.0, 6.0]);
-    let mut from_vicinity: Settings = Vec::new();
+    let mut vicinity_settings: Settings = Vec::new();
     for &vicinity_mm in reaches {
         for &vicinity_samples in points {
             let light = LightSettings { vicinity_samples, vicinity_mm, ..vicinity };
             let name = format!("{vicinity_samples} points, {vicinity_mm} mm");
-            from_vicinity.push((name, (f64::from(vicinity_samples), light)));
+            vicinity_settings.push((name, (f64::from(vicinity_samples), light)));
         }
     }
-    out.push(("vicinity", "LightSettings::vicinity_samples and vicinity_mm", from_vicinity));
-    // Presets replace equal settings, so that each is measured under its name.
+    out.push(("vicinity", "LightSettings::vicinity_samples and vicinity_mm", vicinity_settings));
+    // Presets replace equal settings, so that each is measured under the preset's name.
     for (at, mode) in [LightingMode::Cones, LightingMode::Slices].into_iter().enumerate() {
         for of in Preset::VARIANTS {
             let light = preset(mode, *of).lighting;
-            let own = &mut out[at].2;
+            let kernel_settings = &mut out[at].2;
             let value = f64::from(if at == 0 { light.sub_cones } else { light.vicinity_samples });
-            own.retain(|(_, (_, other))| !is_same(other, &light));
-            own.push((of.name().to_owned(), (value, light)));
+            kernel_settings.retain(|(_, (_, other))| !is_same(other, &light));
+            kernel_settings.push((of.name().to_owned(), (value, light)));
         }
     }
     out
@@ -123,21 +124,21 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let mut out = Vec::new();
     for (kernel, knob, settings) in settings(bench.effort) {
         let sweep = Sweep {
-            what: &format!("masks: {kernel}"),
+            label: &format!("masks: {kernel}"),
             rounds: bench.effort.of(1, 2, 5),
             time_budget: Duration::from_millis(2500),
             on_device: true,
         };
         let run = |renderer: &mut CloseupRenderer, (_, lighting): &(f64, LightSettings)| {
-            // Full strength: unlit places are black, as in the truth.
+            // Full strength: unlit surfaces are black, as in the truth.
             let quality = Quality { lighting: *lighting, occlusion_strength: 1.0, ..Quality::FULL };
             renderer.render(bench.gpu, &scene, &quality, size)?;
             Ok(bench.gpu.wait()?)
         };
         let evaluate = |renderer: &mut CloseupRenderer, (value, lighting): &(f64, LightSettings)| {
-            let found = renderer.frame().ok_or("no picture")?.occlusion(bench.gpu)?;
+            let found = renderer.frame().ok_or("no frame was drawn")?.occlusion(bench.gpu)?;
             let error = |(number, estimate): &(usize, Estimate)| {
-                // The darkness is stored gamma-encoded, as it is displayed.
+                // Occlusion is stored gamma-encoded, as it is displayed.
                 let light = found.dark.get(*number).map_or(f64::NAN, |dark| srgb::decode(1.0 - dark));
                 light - estimate.mean.x
             };
@@ -152,12 +153,12 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
             scene: format!("head phantom's tumour, {}x{} pixels", size[0], size[1]),
             knob,
             truth: format!(
-                "Monte Carlo, cone of {} degrees among opaque voxels, {samples} samples in each of {} pixels",
+                "Monte Carlo, cone of {} degrees among opaque voxels, {samples} samples at each of {} pixels",
                 LightSettings::DEFAULT.aperture_deg,
                 truth.len()
             ),
             truth_error: Some(truth_error),
-            unit: "share of light, 0 to 1",
+            unit: "fraction of light, 0 to 1",
             axis: Axis::Time,
             points: bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, evaluate)?,
         });

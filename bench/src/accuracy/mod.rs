@@ -1,5 +1,5 @@
-//! Error against run time: sweeps the knob of every approximate kernel and measures time, memory and the error relative
-//! to a named truth. The defaults are judged by these curves.
+//! Error against run time: sweeps the knob (tunable parameter) of every approximate kernel and measures time, memory
+//! and the error relative to a named truth. The defaults are judged by these curves.
 //!
 //! A truth is an independent, slow computation of the same quantity in `f64`: Monte Carlo (with its standard error),
 //! brute force, a closed form, or a run at a much tighter setting than any default. Each curve names its truth and the
@@ -44,13 +44,13 @@ const FAMILIES: [&Family; 7] = [
     &resampling::FAMILY,
 ];
 
-/// Kernels compared with the same kind of truth.
+/// Kernels that are compared with the same truths.
 struct Family {
     /// Name on the command line and in file names.
     name: &'static str,
     /// Heading on the page.
     title: &'static str,
-    /// What is compared and which trade-off the default makes; printed on the page.
+    /// Quantities compared and the trade-off of the default; printed on the page.
     about: &'static str,
     /// Meaning of its points with [`Point::is_default`].
     defaults: Defaults,
@@ -63,7 +63,7 @@ struct Family {
 enum Defaults {
     /// One setting, judged on each scene.
     One,
-    /// Presets on a path, judged over all scenes together.
+    /// Presets on a path of rising cost, judged over all scenes together.
     Presets,
 }
 
@@ -83,7 +83,7 @@ enum Effort {
     Tiny,
     /// Fewer settings, smaller frames: a check that nothing has drifted.
     Quick,
-    /// Everything.
+    /// All settings and full frames.
     Whole,
 }
 
@@ -193,10 +193,10 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Reports on stderr what is running.
-    fn begin(&self, what: &str, setting: &str) {
+    /// Reports on stderr which measurement begins.
+    fn begin(&self, label: &str, setting: &str) {
         if self.effort > Effort::Tiny {
-            eprintln!("{what}: {setting}");
+            eprintln!("{label}: {setting}");
         }
     }
 }
@@ -256,6 +256,6 @@ pub fn run(arguments: &AccuracyArguments) -> Outcome<()> {
         print_line(serde_json::to_string_pretty(&report::json(&measured, &run_start, arguments.quick))?)
     } else {
         let durations = report::durations(&measured);
-        print_line(format!("{durations}\nnumbers, plots and page written to {}", arguments.out.display()))
+        print_line(format!("{durations}\nwrote numbers, plots and the page to {}", arguments.out.display()))
     }
 }

@@ -11,10 +11,10 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "resampling",
     title: "Resampling of images",
-    about: "There is no knob: images are resampled onto another grid by trilinear interpolation. The plot shows the \
-            error by the spacing of the image, which is of second order in it. Structures smaller than four voxels \
-            are lost in any case. Masks are resampled by nearest neighbour, which is accurate to half a voxel and \
-            isn't plotted here.",
+    about: "There is nothing to tune: images are resampled onto another grid by trilinear interpolation. The plot shows \
+            the error against the spacing of the image, in which it is of second order. Structures smaller than \
+            four voxels are lost in any case. Masks are resampled by nearest neighbour, which is accurate to half \
+            a voxel and isn't plotted here.",
     defaults: Defaults::One,
     curves,
 };
@@ -46,7 +46,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let target = grid_around_origin([n; 3], rotation)?;
     let truth = voxels(&target);
     let sweep = Sweep {
-        what: "resampling: spacing",
+        label: "resampling: spacing",
         rounds: bench.effort.of(1, 5, 15),
         time_budget: Duration::from_millis(2000),
         on_device: false,
@@ -73,11 +73,11 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     Ok(vec![Curve {
         family: FAMILY.name,
         kernel: "trilinear".to_owned(),
-        scene: format!("waves of 12 and 21 mm and a soft ball, onto {n}³ turned voxels of 1 mm"),
+        scene: format!("waves of 12 and 21 mm and a soft ball, onto {n}³ rotated voxels of 1 mm"),
         knob: "spacing of the image, mm",
         truth: "the analytic image at the target's voxel centres".to_owned(),
         truth_error: None,
-        unit: "share of the image's range",
+        unit: "fraction of the image's range",
         axis: Axis::Knob,
         points: bench.sweep(&sweep, &mut found, &images, run, evaluate)?,
     }])

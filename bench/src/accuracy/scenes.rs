@@ -27,11 +27,11 @@ pub(super) fn phantom() -> Outcome<&'static TimePoint> {
 
 /// The phantom's post-contrast image.
 pub(super) fn phantom_image() -> Outcome<Arc<ContextVolume>> {
-    let context = phantom()?.contexts.iter().find(|c| c.id == "T1c").ok_or("the phantom has no T1c")?;
+    let context = phantom()?.contexts.iter().find(|c| c.id == "T1c").ok_or("the phantom has no T1c image")?;
     Ok(Arc::new(ContextVolume::new(Arc::clone(&context.volume))))
 }
 
-/// The phantom's masks in the closeup: all regions shown, no lens.
+/// The phantom's masks in the closeup, with all regions selected and without the lens.
 pub(super) fn phantom_closeup() -> Outcome<RegionScene> {
     let time = phantom()?;
     let tumor = Arc::new(RegionVolume::of(&time.index, &time.regions).ok_or("the phantom has no tumour")?);

@@ -1,4 +1,4 @@
-//! Opening bound of the skeleton's force: the force compared with a plain sum over all charges, and the skeleton with
+//! Opening bound of the skeleton's force: the force compared with a direct sum over all charges, and the skeleton with
 //! that of the exact sum.
 
 use std::time::Duration;
@@ -20,22 +20,22 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "skeleton",
     title: "Opening bound of the skeleton's force",
-    about: "Boundary charges in a group whose extent is below θ times its distance are summed as one charge. First \
-            the force: the error is the angle to a plain sum over all charges, at every voxel inside the mask, and \
-            is largest where the force almost vanishes; time is that of the force field. Then the whole skeleton \
+    about: "Boundary charges in a group whose extent is below θ times its distance are summed as one charge. First, \
+            the force: the error is the angle to a direct sum over all charges, at every voxel inside the mask, and \
+            is largest where the force almost vanishes; time is that of the force field. Second, the whole skeleton \
             (not with --quick, whose mask is too small): the error is the distance from its points to those of the \
             exact sum's skeleton, and vice versa. It doesn't fall smoothly, because one streamline that branches \
-            off elsewhere moves many points at once.",
+            off at another point moves many skeleton points at once.",
     defaults: Defaults::One,
     curves,
 };
 
 /// Direct summation over all charges, without the tree.
-struct PlainSum;
+struct DirectSum;
 
-impl ForceSource for PlainSum {
+impl ForceSource for DirectSum {
     fn describe(&self) -> String {
-        "plain sum".to_owned()
+        "direct sum".to_owned()
     }
 
     fn forces(&self, task: &ForceTask<'_>, progress: &Progress) -> Result<Vec<DVec3>, Refused> {
@@ -84,9 +84,9 @@ fn phantom_mask(stride: usize) -> Outcome<(MaskBits, Grid)> {
         let at = glioscope_core::grid::ijk(dims, linear);
         whole.get(std::array::from_fn(|a| start[a] + stride * at[a]))
     });
-    let mut place = grid.world_from_voxel();
-    place.matrix3 *= stride as f64;
-    Ok((bits, Grid::new(dims, place, grid.sides())?))
+    let mut world_from_voxel = grid.world_from_voxel();
+    world_from_voxel.matrix3 *= stride as f64;
+    Ok((bits, Grid::new(dims, world_from_voxel, grid.sides())?))
 }
 
 struct SkeletonSweep<'a> {
@@ -100,12 +100,12 @@ impl SkeletonSweep<'_> {
     /// Measures `run` at each opening bound, and the `errors` of its result.
     fn sweep<T>(
         &self,
-        what: &str,
+        label: &str,
         run: impl Fn(&SkeletonOptions) -> Outcome<T>,
         errors: impl Fn(&T) -> Outcome<Errors>,
     ) -> Outcome<Vec<Point>> {
         let sweep = Sweep {
-            what,
+            label,
             rounds: self.bench.effort.of(1, 3, 7),
             time_budget: Duration::from_millis(5000),
             on_device: false,
@@ -120,7 +120,7 @@ impl SkeletonSweep<'_> {
                 Ok(())
             },
             |found, &opening| {
-                let errors = errors(&found.take().ok_or("nothing was run")?)?;
+                let errors = errors(&found.take().ok_or("the kernel was not run")?)?;
                 let is_default = opening == SkeletonOptions::default().opening;
                 Ok(Point { is_default, ..Point::new(opening, &errors) })
             },
@@ -143,10 +143,10 @@ impl SkeletonSweep<'_> {
 
     fn force(&self) -> Outcome<Curve> {
         let (bits, grid) = (&self.bits, &self.grid);
-        self.bench.begin("force: truth", "plain sum");
-        let truth = force_field_with(bits, grid, &options(0.0), Some(&PlainSum), &Progress::new())?;
+        self.bench.begin("force: truth", "direct sum");
+        let truth = force_field_with(bits, grid, &options(0.0), Some(&DirectSum), &Progress::new())?;
         if !matches!(truth.used, ForceUsed::Source(_)) {
-            return Err(format!("forces by the {}, expected the plain sum", truth.used).into());
+            return Err(format!("found forces by {}, expected the direct sum", truth.used).into());
         }
         let angles = |found: &ForceField| {
             let pairs = found.forces.iter().zip(&truth.forces);
@@ -155,7 +155,7 @@ impl SkeletonSweep<'_> {
         let run = |options: &SkeletonOptions| Ok(force_field(bits, grid, options, &Progress::new())?);
         let points = self.sweep("force: opening", run, angles)?;
         let truth_text = format!(
-            "plain sum over all charges at each of {} places; angle between both",
+            "direct sum over all charges at each of {} points; angle between the two forces",
             truth.forces.len()
         );
         Ok(self.curve("tree", "the force", truth_text, "degrees", points))
@@ -169,7 +169,7 @@ impl SkeletonSweep<'_> {
         let truth = run(&options(0.0))?;
         let points = self.sweep("skeleton: opening", run, |found| skeleton_distances(found, &truth))?;
         let truth_text = format!(
-            "the skeleton of the exact sum (θ = 0), {} points; distance to the nearest point, both ways",
+            "the skeleton of the exact sum (θ = 0), {} points; distance to the nearest point, in both directions",
             truth.points.len()
         );
         Ok(self.curve("core level", "the whole skeleton", truth_text, "mm", points))
@@ -189,7 +189,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let (bits, grid) = phantom_mask(bench.effort.of(3, 2, 1))?;
     let sweeps = SkeletonSweep { bench, bits, grid, openings };
     let mut out = vec![sweeps.force()?];
-    // The skeleton of the quick run's small mask has only a point or two.
+    // The skeleton of the quick run's small mask has only one or two points.
     if bench.effort != Effort::Quick {
         out.push(sweeps.skeletons()?);
     }

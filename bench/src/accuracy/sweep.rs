@@ -12,9 +12,9 @@ use crate::{
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sweep<'a> {
     /// Name for the progress report.
-    pub what: &'a str,
-    /// Rounds over all settings, which limits the runs of each. Interleaving spreads temporary load over all settings
-    /// instead of the one that happens to run.
+    pub label: &'a str,
+    /// Rounds over all settings: the largest number of runs of each. Interleaving spreads temporary load over all
+    /// settings instead of the one that happens to run.
     pub rounds: usize,
     /// A setting that has used this much time isn't run again.
     pub time_budget: Duration,
@@ -27,7 +27,7 @@ pub(super) struct Sweep<'a> {
 struct Runs {
     /// Wall and processor time of each run, milliseconds.
     times: Vec<(f64, Option<f64>)>,
-    spent: Duration,
+    total: Duration,
     peak_bytes: Option<u64>,
 }
 
@@ -57,7 +57,7 @@ impl Runs {
             let repetitions = (40.0 / first.0.max(1e-3)).ceil().clamp(1.0, 1000.0) as u32;
             self.times.push(run(repetitions)?);
         }
-        self.spent += begin.elapsed();
+        self.total += begin.elapsed();
         Ok(())
     }
 
@@ -87,8 +87,8 @@ impl Bench<'_> {
         for round in 0..sweep.rounds {
             for (runs, (name, setting)) in all.iter_mut().zip(settings) {
                 if round == 0 {
-                    self.begin(sweep.what, name);
-                } else if runs.spent >= sweep.time_budget {
+                    self.begin(sweep.label, name);
+                } else if runs.total >= sweep.time_budget {
                     continue;
                 }
                 runs.round(sweep, || run(state, setting))?;

@@ -52,16 +52,16 @@ fn pareto_points_are_not_dominated() {
     assert!(both[0].points[0].is_pareto && !both[0].points[1].is_pareto);
     let mut knob = curve("a", vec![point(1.0, 1.0)]);
     knob.axis = Axis::Knob;
-    let mut alone = vec![knob];
-    mark_pareto(&mut alone);
-    assert!(!alone[0].points[0].is_pareto);
+    let mut knob_only = vec![knob];
+    mark_pareto(&mut knob_only);
+    assert!(!knob_only[0].points[0].is_pareto);
 }
 
 /// Rounds are interleaved: no setting is finished before the next begins.
 #[test]
 fn settings_are_measured_in_rounds_and_evaluated_once() {
     let sweep =
-        sweep::Sweep { what: "sleep", rounds: 3, time_budget: Duration::from_secs(1), on_device: false };
+        sweep::Sweep { label: "sleep", rounds: 3, time_budget: Duration::from_secs(1), on_device: false };
     let settings = [40u32, 200, 1200].map(|ms| (format!("{ms} ms"), ms));
     let evaluate = |log: &mut Vec<(u32, bool)>, ms: &u32| {
         log.push((*ms, true));
@@ -91,7 +91,7 @@ fn measure_tiny(name: &str) -> MeasuredFamily {
     let family = FAMILIES.into_iter().find(|f| f.name == name).unwrap();
     let measured = measure(&bench(Effort::Tiny), family).unwrap();
     for c in &measured.curves {
-        println!("{} | {} | {} | truth off {:?}", c.kernel, c.scene, c.truth, c.truth_error);
+        println!("{} | {} | {} | error of the truth {:?}", c.kernel, c.scene, c.truth, c.truth_error);
         for p in &c.points {
             println!(
                 "   {}: rms {:.3e} max {:.3e} ΔE {:?} {:?}",
@@ -182,7 +182,7 @@ fn smaller_opening_bounds_approach_the_exact_sum() {
         assert!(pair[1].error_rms < pair[0].error_rms, "{force:?}");
     }
     assert_error_falls(force, 0.2);
-    assert!(force.points[2].error_rms > 0.0, "the truth is summed independently");
+    assert!(force.points[2].error_rms > 0.0, "the truth is computed independently");
     assert!(skeleton.points[2].error_rms <= skeleton.points[0].error_rms, "{skeleton:?}");
     assert_eq!(defaults(&curves), [1, 1]);
 }

@@ -1,4 +1,5 @@
-//! Times and errors of the kernels that compute the change between two dates, as CSV for bench/peer_change.py.
+//! Times and errors of the kernels that compute the change between two dates, as CSV, which bench/peer_change.py partly
+//! reads.
 
 use clap::Args;
 use glam::DVec3;
@@ -34,7 +35,7 @@ pub struct ChangeArguments {
     /// Omit the sweep of the opening bound
     #[arg(long)]
     short: bool,
-    /// Runs of each distance transform; slower kernels run a fraction of that
+    /// Runs of each distance transform; slower kernels are run a fraction of this number of times
     #[arg(long, default_value_t = 101)]
     runs: usize,
     /// Voxels along each side of the synthetic ball
@@ -64,7 +65,7 @@ fn time_pipeline(name: &str, runs: usize, before: &MaskBits, after: &MaskBits, g
     ))
 }
 
-/// Errors relative to the exact sum by opening bound and coarseness: angles between forces and distances between
+/// Prints errors relative to the exact sum by opening bound and coarseness: angles between forces, distances between
 /// skeletons.
 fn sweep_opening(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
     print_line(
@@ -76,11 +77,11 @@ fn sweep_opening(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
     let true_skeleton = skeleton(mask, grid, &exact, &Progress::new())?;
     let positions_mm: Vec<DVec3> = true_skeleton.points.iter().map(|p| p.position_mm).collect();
     let tree = KdTree::new(&positions_mm)?.ok_or("an empty mask")?;
-    // Near zeros of the force field an error changes the direction most.
+    // Errors change the direction most near zeros of the force field.
     let is_zero = |kind| matches!(kind, PointKind::Attracting | PointKind::Saddle);
     let zeros = true_skeleton.points.iter().filter(|p| is_zero(p.kind));
     let zeros = KdTree::new(&zeros.map(|p| p.position_mm).collect::<Vec<_>>())?.ok_or("no critical point")?;
-    let near_zero = |voxel: DVec3| {
+    let is_near_zero = |voxel: DVec3| {
         let found = zeros.nearest(grid.world_from_voxel().transform_point3(voxel));
         found.is_some_and(|(_, d)| d <= 2.0 * grid.spacing_mm().max_element())
     };
@@ -94,7 +95,7 @@ fn sweep_opening(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
         if coarse == 1 {
             for ((f, g), voxel) in reference.forces.iter().zip(&field.forces).zip(&reference.voxels) {
                 angles.push(angle_deg(*f, *g));
-                if near_zero(*voxel) {
+                if is_near_zero(*voxel) {
                     critical_angles.push(angle_deg(*f, *g));
                 }
             }
@@ -119,7 +120,7 @@ fn sweep_opening(name: &str, mask: &MaskBits, grid: &Grid) -> Outcome<()> {
     Ok(())
 }
 
-/// Times of the feature transform alone, and with all distances: median and minimum, milliseconds.
+/// Prints times of the feature transform without and with all distances: median and minimum, milliseconds.
 fn time_distance_transform(name: &str, runs: usize, mask: &MaskBits, grid: &Grid, crop: Crop) -> Outcome<()> {
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
@@ -140,7 +141,7 @@ fn time_distance_transform(name: &str, runs: usize, mask: &MaskBits, grid: &Grid
     Ok(())
 }
 
-/// Time of the distances from one surface to the other by a k-d tree.
+/// Prints the time of all distances from one surface to the other by a k-d tree.
 fn time_surface_distances(runs: usize, before: &MaskBits, after: &MaskBits, grid: &Grid) -> Outcome<()> {
     let sum_of_distances = || -> Outcome<f64> {
         let center_mm = |v: &[usize; 3]| grid.center_of_voxel_mm(*v);
@@ -152,17 +153,17 @@ fn time_surface_distances(runs: usize, before: &MaskBits, after: &MaskBits, grid
     print_line(format!("surfaces_tree,files,{:.5}", median(&times) / 1e3))
 }
 
-/// A lobed mask of about 3.6 million voxels in 512³, larger with `shift`, in voxels.
+/// A lobed mask of about 3.6 million voxels in 512³; two of its semi-axes are longer by `shift` voxels.
 fn large_mask(shift: f64) -> Outcome<(MaskBits, Grid)> {
     let dims = [512; 3];
     let grid = Grid::axis_aligned(dims, DVec3::splat(0.5), DVec3::ZERO)?;
     let bits = MaskBits::from_fn(dims, |l| {
         let p = DVec3::from_array(ijk(dims, l).map(|v| v as f64)) - 256.0;
         let ripple = 1.0 + 0.12 * ((p.x / 17.0).sin() * (p.y / 13.0).sin() * (p.z / 19.0).cos());
-        let body = |c: DVec3, r: DVec3| ((p - c) / r).length() <= ripple;
-        body(DVec3::ZERO, DVec3::new(105.0 + shift, 85.0, 80.0))
-            || body(DVec3::new(70.0, 60.0, 10.0), DVec3::splat(58.0))
-            || body(DVec3::new(-60.0, 10.0, -75.0), DVec3::new(35.0, 30.0, 60.0 + shift))
+        let is_inside = |c: DVec3, r: DVec3| ((p - c) / r).length() <= ripple;
+        is_inside(DVec3::ZERO, DVec3::new(105.0 + shift, 85.0, 80.0))
+            || is_inside(DVec3::new(70.0, 60.0, 10.0), DVec3::splat(58.0))
+            || is_inside(DVec3::new(-60.0, 10.0, -75.0), DVec3::new(35.0, 30.0, 60.0 + shift))
     });
     Ok((bits, grid))
 }
@@ -190,7 +191,7 @@ pub fn run(arguments: &ChangeArguments) -> Outcome<()> {
     let crop = Crop::around(&[before, after], 1).ok_or("empty masks")?;
     time_distance_transform("files", arguments.runs, before, &case.grid, crop)?;
     time_distance_transform("whole", runs_over(7), before, &case.grid, Crop::whole(&case.grid))?;
-    // The square of 1.2 isn't exact, so squared distances aren't either.
+    // The square of 1.2 isn't exact in binary, so squared distances aren't either.
     let odd = Grid::axis_aligned(case.grid.dims(), DVec3::new(1.0, 1.0, 1.2), DVec3::ZERO)?;
     time_distance_transform("odd", arguments.runs, before, &odd, crop)?;
     let grid = Grid::axis_aligned([arguments.ball; 3], DVec3::ONE, DVec3::ZERO)?;
@@ -202,8 +203,8 @@ pub fn run(arguments: &ChangeArguments) -> Outcome<()> {
     });
     time_distance_transform("ball", runs_over(11), &ball, &grid, Crop::whole(&grid))?;
     if arguments.large {
-        let ((one, grid), (two, _)) = (large_mask(0.0)?, large_mask(9.0)?);
-        time_pipeline("512", 1, &one, &two, &grid)?;
+        let ((before, grid), (after, _)) = (large_mask(0.0)?, large_mask(9.0)?);
+        time_pipeline("512", 1, &before, &after, &grid)?;
     }
     if !arguments.short {
         sweep_opening("files", before, &case.grid)?;

@@ -90,12 +90,12 @@ fn glioma(data: &Path) -> Outcome<TumorIndex> {
     Ok(TumorIndex::clone(&case.time_points.first().ok_or("no date")?.index))
 }
 
-/// Amplitude of the noise that frays the border of the synthetic masks, in squared normalised radii.
-const FRAY: f64 = 0.012;
-/// Balls beside each mask's main body; with them and the frayed border the index of 512³ has about 1,700 components.
+/// Amplitude of the noise that roughens the border of the synthetic masks, in squared normalised radii.
+const ROUGHNESS: f64 = 0.012;
+/// Balls outside each mask's main body; with them and the rough border the index of 512³ has about 1,700 components.
 const SATELLITES: usize = 168;
 
-/// Three overlapping lobed tumours with frayed borders, and small satellites, `n` voxels along each side.
+/// Three overlapping lobed tumours with rough borders, and small satellites, in `n`³ voxels.
 fn synthetic(n: usize) -> Outcome<TumorIndex> {
     let grid = Grid::axis_aligned([n; 3], DVec3::ONE, DVec3::ZERO)?;
     // Shapes are defined on 512 voxels per side.
@@ -106,8 +106,8 @@ fn synthetic(n: usize) -> Outcome<TumorIndex> {
         };
         wave(0.11, 0.09, 0.13, k) + wave(0.05, 0.07, 0.06, k + 1.0) + 0.7 * wave(0.23, 0.19, 0.21, k + 2.0)
     };
-    // A hash of the voxel index, 0 to 1, which frays the border.
-    let fray = |linear: usize, k: u64| {
+    // A hash of the voxel index, 0 to 1, which roughens the border.
+    let hash = |linear: usize, k: u64| {
         let mut v = (linear as u64 ^ k << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         v = (v ^ v >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         (v >> 40) as f64 / (1_u64 << 24) as f64
@@ -119,14 +119,14 @@ fn synthetic(n: usize) -> Outcome<TumorIndex> {
         let radii = DVec3::new(100.0, 92.0, 84.0 + 3.0 * shift);
         let satellites: Vec<(DVec3, f64)> = (0..SATELLITES)
             .map(|i| {
-                let part = |axis: usize| 60.0 + 392.0 * fray(3 * i + axis, 7);
-                (DVec3::new(part(0), part(1), part(2)), 2.0 + 4.0 * fray(i, 8 + k))
+                let part = |axis: usize| 60.0 + 392.0 * hash(3 * i + axis, 7);
+                (DVec3::new(part(0), part(1), part(2)), 2.0 + 4.0 * hash(i, 8 + k))
             })
             .collect();
         let mut bits = MaskBits::from_fn([n; 3], |linear| {
             let p = grid.center_of_voxel_mm(grid.ijk(linear)) * scale;
             let q = ((p - center) / radii).length_squared();
-            q + 0.2 * noise(p, 0.2 * shift) + FRAY * fray(linear, k) <= 1.0
+            q + 0.2 * noise(p, 0.2 * shift) + ROUGHNESS * hash(linear, k) <= 1.0
         });
         // Satellites are drawn within their bounding boxes, which is faster than testing each at every voxel.
         for (c, r) in satellites {
@@ -183,7 +183,9 @@ fn serve(index: &TumorIndex) -> Outcome<()> {
             ["labels", threads] => (labels, threads),
             ["ellipsoids", threads] => (ellipsoids, threads),
             ["write", to, labels_to] => {
-                let IndexData::U8(values) = index.data() else { return Err("expected up to 8 masks".into()) };
+                let IndexData::U8(values) = index.data() else {
+                    return Err("found more than 8 masks, expected at most 8".into());
+                };
                 write_whole(Path::new(to), values)?;
                 let found = Components::of_index(index, Connectivity::default())?.labels(index.grid().dims());
                 let bytes: Vec<u8> = found.iter().flat_map(|l| l.to_le_bytes()).collect();
@@ -203,7 +205,7 @@ fn serve(index: &TumorIndex) -> Outcome<()> {
 fn table(data: &Path, runs: usize) -> Outcome<()> {
     let pools = [pool(1)?, pool(2)?];
     print_line(
-        "| case | what | found | threads | median wall (ms) | fastest to slowest (ms) | median CPU (ms) |",
+        "| case | computation | count | threads | median wall (ms) | fastest to slowest (ms) | median CPU (ms) |",
     )?;
     print_line("|---|---|---:|---:|---:|---:|---:|")?;
     for name in ["glioma", "synthetic"] {
@@ -213,7 +215,7 @@ fn table(data: &Path, runs: usize) -> Outcome<()> {
             ("the same, with a label volume", labels),
             ("all ellipsoids", ellipsoids),
         ];
-        // Interleaved, so that other load on the machine affects all alike.
+        // Interleaved, so that other load on the machine affects all equally.
         let mut samples = vec![(Vec::new(), Vec::new(), 0); jobs.len() * pools.len()];
         for round in 0..=runs {
             for (j, (_, job)) in jobs.iter().enumerate() {
@@ -244,7 +246,7 @@ fn table(data: &Path, runs: usize) -> Outcome<()> {
     Ok(())
 }
 
-/// Volume error against time, for the largest component of each case and for a ball.
+/// Prints volume error against time, for the largest component of each case and for a ball.
 fn curve(data: &Path, runs: usize) -> Outcome<()> {
     print_line("shape,points,method,tolerance,median_ms,iterations,relative_error,bound_minus_1")?;
     for name in ["glioma", "synthetic"] {
@@ -263,7 +265,8 @@ fn curve(data: &Path, runs: usize) -> Outcome<()> {
 }
 
 fn shape_curve(name: &str, points: &[DVec3], runs: usize) -> Outcome<()> {
-    let reference = enclose(points, &Options { tolerance: 1e-12, ..Options::default() }).ok_or("flat")?;
+    let reference =
+        enclose(points, &Options { tolerance: 1e-12, ..Options::default() }).ok_or("coplanar points")?;
     for method in [Method::Exchange, Method::AwaySteps, Method::Khachiyan] {
         for exponent in 1..=9 {
             let tolerance = 10_f64.powi(-exponent);
@@ -274,7 +277,7 @@ fn shape_curve(name: &str, points: &[DVec3], runs: usize) -> Outcome<()> {
             // A long run needs no repetition.
             while samples.len() < runs.max(1) && begin.elapsed().as_secs() < 2 {
                 let (ms, _, found) = timed(|| enclose(points, &options));
-                result = found.ok_or("flat")?;
+                result = found.ok_or("coplanar points")?;
                 samples.push(ms);
             }
             print_line(format!(

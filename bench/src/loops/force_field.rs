@@ -1,4 +1,4 @@
-//! The skeleton's force field on a graphics device, by core's exact sum and by its tree: times and angular errors, as
+//! The skeleton's force field by core's exact sum, by its tree and on a graphics device: times and angular errors, as
 //! CSV.
 
 use clap::Args;
@@ -22,7 +22,7 @@ pub struct ForceFieldArguments {
     /// The mask
     #[arg(value_name = "FILE:LABELS")]
     mask: String,
-    /// Runs of each; medians are reported
+    /// Runs of each method; medians are reported
     #[arg(long, default_value_t = 5)]
     runs: usize,
     /// Use only the software graphics adapter
@@ -33,7 +33,7 @@ pub struct ForceFieldArguments {
 /// Prints the table.
 ///
 /// # Errors
-/// When the mask can't be read, or the device refuses to compute the field.
+/// When the mask can't be read, or a field can't be computed.
 pub fn run(arguments: &ForceFieldArguments) -> Outcome<()> {
     let spec = CaseSpec::from_arguments(&[format!("m={}@1", arguments.mask)], &[])?;
     let case = load(&spec, &LoadOptions::default(), &Progress::new())?;

@@ -16,7 +16,7 @@ use glioscope_core::{
 
 use crate::Outcome;
 
-/// Loads the case of these `ID=FILE[:LABELS][@DATE]`, with files relative to `data`.
+/// Loads a case from `ID=FILE[:LABELS][@DATE]` arguments, with files relative to `data`.
 fn open_case(data: &Path, masks: &[&str], contexts: &[&str]) -> Outcome<Case> {
     let in_data = |list: &[&str]| -> Vec<String> {
         let with_folder = |entry: &&str| match entry.split_once('=') {

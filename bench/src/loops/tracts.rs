@@ -1,4 +1,4 @@
-//! Times to read 100,000 streamlines of 50 points and to compute their distances from a ball of voxels.
+//! Times to read 100,000 fibres of 50 points and to compute their distances from a ball of voxels.
 
 use glam::DVec3;
 use glioscope_core::{
@@ -75,9 +75,9 @@ pub fn run() -> Outcome<()> {
         let (times, found) = repeated(5, || read_tract_bytes(name, &bytes, &options, &progress))?;
         loaded = Some(found);
         let megabytes = bytes.len() as f64 / 1e6;
-        print_line(format!("read {name}: {megabytes:.1} MB in {:.1} ms (least of 5)", minimum(&times)))?;
+        print_line(format!("read {name}: {megabytes:.1} MB in {:.1} ms (minimum of 5)", minimum(&times)))?;
     }
-    let tracts = loaded.ok_or("nothing read")?.tracts;
+    let tracts = loaded.ok_or("no tracts were read")?.tracts;
     for radius in [5.0, 20.0, 40.0] {
         let dims = [150, 180, 130];
         let grid = Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO)?;
@@ -89,7 +89,7 @@ pub fn run() -> Outcome<()> {
             Ok(Nearness::of(&cells.nearest_of_all(&tracts, &progress)?, 10.0))
         })?;
         let (voxels, ms) = (mask.count(), minimum(&times));
-        print_line(format!("{voxels} voxels, {FIBERS} fibres: {ms:.0} ms (least of 3), {near:?}"))?;
+        print_line(format!("{voxels} voxels, {FIBERS} fibres: {ms:.0} ms (minimum of 3), {near:?}"))?;
     }
     Ok(())
 }

@@ -1,5 +1,5 @@
-//! The automatic quality on a real case: times of each frame while the camera rotates, then of the still view. See
-//! docs/performance.md.
+//! The automatic quality on a real case: frame times while the camera rotates, then of the still view; and the cost of
+//! the lighting passes. See docs/performance.md.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -112,12 +112,12 @@ fn copy_ms(gpu: &Gpu, bytes: u64) -> Outcome<f64> {
 /// The passes that compute the image's lighting.
 const LIGHT_PASSES: [&str; 2] = ["slices", "light_grid"];
 
-/// Prints the cost of the lighting passes alone, one row per preset: per slice, per sample, and relative to a copy of
-/// the bytes that they move at least.
+/// Prints the time of the lighting passes alone, one row per preset: per slice, per sample, and relative to a copy of
+/// as many bytes as they move at least.
 fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
     print_line(
-        "\n| light | preset | frame ms | passes of light, ms | slices | ms a slice | samples, millions | \
-         ns a sample | MB that must move | copy of these ms | light / copy |\n\
+        "\n| lighting mode | preset | frame ms | lighting passes, ms | slices | ms per slice | samples, millions | \
+         ns per sample | least MB moved | copy of as many MB, ms | lighting / copy |\n\
          |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
     )?;
     // Screen-space lighting doesn't affect the image.
@@ -134,15 +134,15 @@ fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<
                 });
                 done?;
                 frames.push(ms);
-                let of_light = renderer
+                let light_passes = renderer
                     .pass_times(gpu)?
                     .into_iter()
                     .filter(|(pass, _)| LIGHT_PASSES.contains(&pass.name()));
-                passes.push(of_light.map(|t| t.1).sum::<f64>());
+                passes.push(light_passes.map(|t| t.1).sum::<f64>());
             }
             // The first frame compiles the pipelines.
             let (frame, pass_ms) = (median(&frames[1..]), median(&passes[1..]));
-            let work = renderer.light_work().ok_or("no light was drawn")?;
+            let work = renderer.light_work().ok_or("the image is not lit")?;
             let copy = copy_ms(gpu, work.bytes)?;
             let slices = match work.slices {
                 0 => "– | –".to_owned(),
@@ -179,8 +179,8 @@ pub fn run(arguments: &TurningArguments) -> Outcome<()> {
         size[1]
     ))?;
     print_line(
-        "| light | median ms, pictures from the 9th on | fastest to slowest | within 120 ms | cost | pixels drawn | \
-         still: balanced, reference ms | equal to the reference |\n|---|---:|---:|---:|---:|---:|---:|---|",
+        "| lighting mode | median ms, from the 9th frame on | fastest to slowest | within 120 ms | cost | \
+         pixels drawn | still: balanced, reference ms | equal to the reference |\n|---|---:|---:|---:|---:|---:|---:|---|",
     )?;
     let is_selected = |mode: &&LightingMode| arguments.only.as_deref().is_none_or(|name| mode.name() == name);
     for &mode in <LightingMode as VariantArray>::VARIANTS.iter().filter(is_selected) {
@@ -198,7 +198,7 @@ fn time_rotation(
     gpu: &Gpu,
     scene: &mut ContextScene,
     mode: LightingMode,
-    pictures: usize,
+    frames: usize,
     size: [u32; 2],
 ) -> Outcome<()> {
     let start = scene.camera.world_from_camera;
@@ -217,7 +217,7 @@ fn time_rotation(
     draw(scene, &light::at_cost(mode, auto.cost()))?;
     let mut times = Vec::new();
     let mut drawn = [0; 2];
-    for n in 0..pictures {
+    for n in 0..frames {
         scene.camera.world_from_camera = start * DQuat::from_rotation_y(0.05 * n as f64);
         let (frame_ms, size_px, _) = draw(scene, &light::at_cost(mode, auto.cost()))?;
         drawn = size_px;
@@ -225,17 +225,17 @@ fn time_rotation(
         times.push(frame_ms);
     }
     let steady_ms = times.split_off(8.min(times.len()));
-    let within = steady_ms.iter().filter(|t| **t <= 1.2 * BUDGET_MS).count();
+    let within_budget = steady_ms.iter().filter(|t| **t <= 1.2 * BUDGET_MS).count();
     let fastest = steady_ms.iter().copied().fold(f64::INFINITY, f64::min);
     let slowest = steady_ms.iter().copied().fold(0.0, f64::max);
     let (balanced, ..) = draw(scene, &light::preset(mode, Preset::Balanced))?;
     let (reference, _, still) = draw(scene, &light::preset(mode, Preset::Reference))?;
     let mut fresh = ContextRenderer::new(gpu)?;
     let expected = fresh.render(gpu, scene, &light::preset(mode, Preset::Reference), size)?;
-    let equal = if expected.read_rgba(gpu)? == still { "yes" } else { "NO" };
+    let equality = if expected.read_rgba(gpu)? == still { "yes" } else { "NO" };
     print_line(format!(
-        "| {} | {:.0} | {fastest:.0} to {slowest:.0} | {within} of {} | {:.4} | {}x{} | {balanced:.0}, \
-         {reference:.0} | {equal} |",
+        "| {} | {:.0} | {fastest:.0} to {slowest:.0} | {within_budget} of {} | {:.4} | {}x{} | {balanced:.0}, \
+         {reference:.0} | {equality} |",
         mode.name(),
         median(&steady_ms),
         steady_ms.len(),

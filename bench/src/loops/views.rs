@@ -65,8 +65,8 @@ impl SceneTimer<'_> {
             |name: &str| self.arguments.only.as_deref().is_none_or(|only| name.starts_with(only));
         let size = [self.arguments.size; 2];
         for (name, scene) in scenes.iter().filter(|(name, _)| is_selected(name)) {
-            for variant in Preset::VARIANTS {
-                let quality = preset(LightingMode::ScreenSpace, *variant);
+            for quality_preset in Preset::VARIANTS {
+                let quality = preset(LightingMode::ScreenSpace, *quality_preset);
                 let (mut frame_ms, mut frame_cpu_ms) = (Vec::new(), Vec::new());
                 let mut passes: Vec<(&str, Vec<f64>)> = Vec::new();
                 for _ in 0..self.arguments.frames.max(1) {
@@ -85,7 +85,7 @@ impl SceneTimer<'_> {
                     passes.iter().map(|(pass, times)| format!("{pass} {:.1}", median(times))).collect();
                 print_line(format!(
                     "| {name} | {} | {:.1} | {:.0} | {} |",
-                    variant.name(),
+                    quality_preset.name(),
                     median(&frame_ms),
                     median(&frame_cpu_ms),
                     passes.join(", ")
@@ -93,8 +93,8 @@ impl SceneTimer<'_> {
             }
             if let (Some(folder), Some(frame)) = (&self.arguments.out, renderer.frame()) {
                 let [width, height] = frame.size_px;
-                let picture = image::RgbaImage::from_raw(width, height, frame.read_rgba(self.gpu)?);
-                picture.ok_or("a picture that is cut off")?.save(folder.join(format!("{name}.png")))?;
+                let image = image::RgbaImage::from_raw(width, height, frame.read_rgba(self.gpu)?);
+                image.ok_or("fewer bytes than pixels")?.save(folder.join(format!("{name}.png")))?;
             }
         }
         Ok(())
@@ -125,9 +125,9 @@ pub fn run(arguments: &ViewsArguments) -> Outcome<()> {
     let glioma = glioma(&arguments.data)?;
     let glioma = glioma.time_points.first().ok_or("no date")?;
     timer.time_scenes::<closeup::Closeup>(&closeups(glioma)?)?;
-    timer.time_scenes::<context::Context>(&gliomas(glioma)?)?;
-    timer.time_scenes::<context::Context>(&sarcomas(&arguments.data)?)?;
-    timer.time_scenes::<change::Change>(&changes(glioma)?)?;
+    timer.time_scenes::<context::Context>(&glioma_contexts(glioma)?)?;
+    timer.time_scenes::<context::Context>(&sarcoma_contexts(&arguments.data)?)?;
+    timer.time_scenes::<change::Change>(&change_scenes(glioma)?)?;
     timer.time_scenes::<ellipsoids::Ellipsoids>(&diagrams())
 }
 
@@ -143,7 +143,7 @@ fn view_from(center_mm: DVec3, radius_mm: f64) -> Camera {
 }
 
 fn tumor_of(time: &TimePoint) -> Outcome<Arc<RegionVolume>> {
-    Ok(Arc::new(RegionVolume::of(&time.index, &time.regions).ok_or("masks without a voxel")?))
+    Ok(Arc::new(RegionVolume::of(&time.index, &time.regions).ok_or("the masks are empty")?))
 }
 
 fn closeups(time: &TimePoint) -> Outcome<Vec<(&'static str, RegionScene)>> {
@@ -163,13 +163,13 @@ fn closeups(time: &TimePoint) -> Outcome<Vec<(&'static str, RegionScene)>> {
     let lens = RegionScene { lens: Some(Lens { center_mm, radius_mm: 0.5 * radius_mm }), ..plain.clone() };
     let mut deselected = lens.clone();
     deselected.selection.set(0b010, false);
-    let mut near = deselected.clone();
-    near.camera.height_mm *= 0.35;
+    let mut close = deselected.clone();
+    close.camera.height_mm *= 0.35;
     Ok(vec![
         ("closeup", plain),
         ("closeup_lens", lens),
         ("closeup_deselected", deselected),
-        ("closeup_near", near),
+        ("closeup_near", close),
     ])
 }
 
@@ -194,7 +194,7 @@ fn context(time: &TimePoint, id: &str, preset: TransferPreset, zoom: f64) -> Out
     })
 }
 
-fn gliomas(time: &TimePoint) -> Outcome<Vec<(&'static str, ContextScene)>> {
+fn glioma_contexts(time: &TimePoint) -> Outcome<Vec<(&'static str, ContextScene)>> {
     let tumor_mm = tumor_of(time)?.grid().center_mm();
     let surface = context(time, "t1c", TransferPreset::MrSurface, 0.55)?;
     let mut cut = surface.clone();
@@ -213,7 +213,7 @@ fn gliomas(time: &TimePoint) -> Outcome<Vec<(&'static str, ContextScene)>> {
     ])
 }
 
-fn sarcomas(data: &Path) -> Outcome<Vec<(&'static str, ContextScene)>> {
+fn sarcoma_contexts(data: &Path) -> Outcome<Vec<(&'static str, ContextScene)>> {
     let masks = ["CT=sarcoma-ct-mr-pet/CT_mask.nii.gz", "PET=sarcoma-ct-mr-pet/PET_mask.nii.gz"];
     let contexts = ["ct=sarcoma-ct-mr-pet/CT_image.nii.gz", "pet=sarcoma-ct-mr-pet/PET_image.nii.gz"];
     let case = open_case(data, &masks, &contexts)?;
@@ -228,12 +228,12 @@ fn sarcomas(data: &Path) -> Outcome<Vec<(&'static str, ContextScene)>> {
 }
 
 /// Two algorithms' masks stand in for two dates.
-fn changes(time: &TimePoint) -> Outcome<Vec<(&'static str, ChangeScene)>> {
+fn change_scenes(time: &TimePoint) -> Outcome<Vec<(&'static str, ChangeScene)>> {
     let [before, after, ..] = &time.masks[..] else { return Err("two masks are needed".into()) };
     let grid = before.mask.grid();
     let [before, after] = [before, after].map(|m| m.mask.bits());
     let found = change(before, after, grid, &ChangeOptions::default(), &Progress::new())?;
-    let surface = ChangeSurface::new(before, after, grid, Arc::new(found)).ok_or("masks without a voxel")?;
+    let surface = ChangeSurface::new(before, after, grid, Arc::new(found)).ok_or("the masks are empty")?;
     let image = time.contexts.first().ok_or("no image")?;
     let volume = Arc::new(ContextVolume::new(Arc::clone(&image.volume)));
     let center_mm = surface.volume().grid().center_mm();
@@ -253,15 +253,15 @@ fn changes(time: &TimePoint) -> Outcome<Vec<(&'static str, ChangeScene)>> {
     };
     let mut arrows = height.clone();
     arrows.look.style = ChangeStyle::Arrows;
-    let mut all = arrows.clone();
-    all.look.threshold_mm = 0.0;
-    let mut alone = arrows.clone();
-    alone.context.volume = None;
+    let mut all_arrows = arrows.clone();
+    all_arrows.look.threshold_mm = 0.0;
+    let mut without_context = arrows.clone();
+    without_context.context.volume = None;
     Ok(vec![
         ("change_height", height),
         ("change_arrows", arrows),
-        ("change_arrows_all", all),
-        ("change_arrows_alone", alone),
+        ("change_arrows_all", all_arrows),
+        ("change_arrows_alone", without_context),
     ])
 }
 
@@ -279,20 +279,21 @@ fn diagram(count: u32) -> EllipsoidScene {
         (0b111, [2.0, -3.0, 6.0], [5.0, 7.0, 8.0]),
     ];
     let ellipsoids = (0..count).map(|id| {
-        let turn = DQuat::from_rotation_y(random.unit() * 0.8) * DQuat::from_rotation_z(random.unit() * 0.8);
+        let rotation =
+            DQuat::from_rotation_y(random.unit() * 0.8) * DQuat::from_rotation_z(random.unit() * 0.8);
         let (bits, center_mm, semi_axes_mm) = match shapes.get(id as usize) {
             Some((bits, center, axes)) => (*bits, DVec3::from_array(*center), DVec3::from_array(*axes)),
             None => {
                 let mut three = || DVec3::new(random.unit(), random.unit(), random.unit());
-                let (place, axes) = (three() * 2.0 - 1.0, three() * 2.5 + 1.0);
-                (1 + (random.unit() * 6.99) as u32, place * DVec3::new(44.0, 36.0, 32.0), axes)
+                let (offset, axes) = (three() * 2.0 - 1.0, three() * 2.5 + 1.0);
+                (1 + (random.unit() * 6.99) as u32, offset * DVec3::new(44.0, 36.0, 32.0), axes)
             }
         };
         DrawnEllipsoid {
             id,
             center_mm,
             semi_axes_mm,
-            rotation: DMat3::from_quat(turn),
+            rotation: DMat3::from_quat(rotation),
             color: colors.region(bits),
             opacity: 0.35,
         }

@@ -1,5 +1,5 @@
-//! Figures of the lighting modes: directional occlusion against the headlight, apertures and footprints, the four
-//! kinds of mutual occlusion one by one, a clipping plane. Each is checked by its brightness and against a golden.
+//! Figures of the lighting modes: directional occlusion and the headlight, apertures and footprints, the four kinds of
+//! mutual occlusion added one by one, a clipping plane. Each is checked by pixel values and against a golden.
 
 use glioscope::model::CaseRef;
 use glioscope_tests::{golden, real_data, run, workstation, write_tck};
@@ -74,7 +74,7 @@ fn a_clipping_plane_changes_the_occlusion() {
     assert!(changed_pixels > 5000, "{changed_pixels}");
 }
 
-/// Writes fibres around the sample's tumour: arcs running upwards, beside and in front of it.
+/// Writes fibres near the sample's tumour: arcs that run superiorly, beside and anterior to it.
 fn write_fibers(path: &std::path::Path) {
     let doc = workstation(CaseRef::Sample).doc.unwrap();
     let [x, y, z] = doc.edit.lens.center_mm.as_vec3().to_array();
@@ -120,7 +120,7 @@ fn each_kind_of_mutual_occlusion_darkens_the_picture() {
 }
 
 #[test]
-fn glioma_case_lit_by_slices_and_by_cones() {
+fn glioma_lit_by_slices_and_by_cones_matches_its_goldens() {
     let Some(folder) = real_data("glioma-5-algorithms") else { return };
     let file = |name: &str| folder.join(format!("{name}.nii.gz")).display().to_string();
     let masks =

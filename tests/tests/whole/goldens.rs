@@ -66,7 +66,7 @@ fn closeup_silhouette_has_the_tumour_area() {
 }
 
 #[test]
-fn closeup_with_the_lens() {
+fn closeup_with_the_lens_matches_its_golden() {
     let closeup = picture(&[]);
     for color in [[255, 0, 0], [0, 255, 0], [0, 0, 255]] {
         assert!(count_color(&closeup, color, 40) > 1500, "{color:?}");
@@ -75,16 +75,19 @@ fn closeup_with_the_lens() {
 }
 
 #[test]
-fn closeup_without_the_lens() {
+fn closeup_without_the_lens_has_no_ring() {
     let closeup = picture(&["--lens", "off"]);
     let ring = |picture| count_color(picture, [214, 24, 24], 6);
-    let (with, without) = (ring(&picture(&[])), ring(&closeup));
-    assert!(with > 500 && without * 100 < with, "the ring is gone: {without} of {with} pixels");
+    let (with_lens, without_lens) = (ring(&picture(&[])), ring(&closeup));
+    assert!(
+        with_lens > 500 && without_lens * 100 < with_lens,
+        "no ring is drawn: {without_lens} of {with_lens} pixels"
+    );
     golden("closeup_lens_off", &closeup);
 }
 
 #[test]
-fn closeup_with_a_region_deselected() {
+fn deselected_regions_are_hidden_in_the_closeup() {
     let closeup = picture(&["--select", "T1,PET,T1+T2,T1+PET,T2+PET,T1+T2+PET"]);
     let pure_green = count_color(&closeup, [0, 255, 0], 30);
     // The remaining pixels are the legend's swatch.
@@ -93,18 +96,18 @@ fn closeup_with_a_region_deselected() {
 }
 
 #[test]
-fn closeup_dark_and_colour_blind_safe() {
+fn dark_and_colour_blind_safe_closeup_matches_its_golden() {
     golden("closeup_dark_safe", &picture(&["--dark", "--color-blind-safe"]));
 }
 
 #[test]
-fn slices() {
+fn slices_match_their_goldens() {
     golden("slice_axial", &picture(&["--view", "axial"]));
     golden("slice_coronal", &picture(&["--view", "coronal"]));
     golden("slice_sagittal", &picture(&["--view", "sagittal", "--dark"]));
 }
 
-/// Neurological is radiological mirrored: the tumour changes sides.
+/// The neurological convention mirrors the radiological one: the tumour changes sides.
 #[test]
 fn display_conventions_mirror_the_slice() {
     let green_pixels = |picture: &RgbaImage, left: bool| -> u64 {
@@ -118,27 +121,27 @@ fn display_conventions_mirror_the_slice() {
     let fill = ["--view", "axial", "--overlay", "fill"];
     let radiological = picture(&fill);
     let neurological = picture(&[&fill[..], &["--neurological"]].concat());
-    // The tumour is in the left hemisphere: on the right of a radiological picture.
+    // The tumour is in the left hemisphere: on the right in the radiological convention.
     assert!(green_pixels(&radiological, false) > 10 * green_pixels(&radiological, true).max(1));
     assert!(green_pixels(&neurological, true) > 10 * green_pixels(&neurological, false).max(1));
 }
 
 #[test]
-fn overlap_diagram() {
+fn overlap_diagrams_match_their_goldens() {
     golden("overlap_ring", &picture(&["--view", "overlap", "--select", "all"]));
     golden("overlap_whole_masks", &picture(&["--view", "overlap", "--whole-masks", "--dark"]));
 }
 
-/// The sample's T1 grew forwards and has a new component: red where it grew, hatched where it is new.
+/// The sample's T1 grew anteriorly and has a new component: red where it grew, hatched where it is new.
 #[test]
-fn change_between_two_dates() {
+fn change_between_two_dates_is_coloured_and_matches_its_goldens() {
     let height = picture(&["--view", "change", "--camera", "20,10"]);
     let reddish = |p: &RgbaImage| {
         let is = |p: &&image::Rgba<u8>| i32::from(p.0[0]) - i32::from(p.0[1].max(p.0[2])) > 60;
         p.pixels().filter(is).count()
     };
     let unchanged = picture(&["--view", "change", "--camera", "20,10", "--of", "T2"]);
-    assert!(reddish(&height) > 3000, "growth of 5 mm faces the viewer: {} pixels", reddish(&height));
+    assert!(reddish(&height) > 3000, "growth of 5 mm is coloured: {} pixels", reddish(&height));
     assert_ne!(height, unchanged);
     golden("change_height", &height);
     let arrows = picture(&["--view", "change", "--camera", "20,10", "--style", "arrows", "--dark"]);

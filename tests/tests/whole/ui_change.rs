@@ -1,4 +1,4 @@
-//! Two dates in the window: choosing them, the change view, the slices' changed rim.
+//! Comparison of two dates in the window: choosing them, the change view, the changed rim in slices.
 
 use egui::{Theme, vec2};
 use egui_kittest::{Harness, kittest::Queryable};
@@ -56,21 +56,21 @@ fn pos_of(rect: egui::Rect, camera: &Camera, world_mm: DVec3) -> egui::Pos2 {
     rect.min + vec2(at.x as f32, at.y as f32)
 }
 
-/// The sample's T1 grew 5 mm forwards (truth.json): its foremost point moved from A 52 to A 57.
+/// The sample's T1 grew 5 mm anteriorly (truth.json): its most anterior point moved from A 52 to A 57.
 #[test]
 fn hovering_reports_a_known_growth() {
     let mut harness = sample();
     let (rect, camera) = from_the_front(&mut harness);
-    let foremost_mm = DVec3::new(-31.5, 57.0, 20.0);
-    harness.hover_at(pos_of(rect, &camera, foremost_mm));
+    let most_anterior_mm = DVec3::new(-31.5, 57.0, 20.0);
+    harness.hover_at(pos_of(rect, &camera, most_anterior_mm));
     harness.run_ok();
     let pick = *harness.state().panes.get::<ChangePane>(PaneId::Change).unwrap().canvas.hover().unwrap();
-    let vector = pick.vector.expect("it grew there");
+    let vector = pick.vector.expect("a change vector at the most anterior point");
     let half_voxel_mm = 0.5;
     assert!((pick.world_mm.y - 57.0).abs() <= 2.0 * half_voxel_mm, "{}", pick.world_mm);
     assert!(
         (vector.signed_mm - 5.0).abs() <= 1.5,
-        "5 mm forwards, measured through skeleton points: {} mm",
+        "5 mm anteriorly, measured through skeleton points: {} mm",
         vector.signed_mm
     );
     assert!(
@@ -125,7 +125,7 @@ fn two_of_three_dates_are_chosen_on_the_chart() {
         let case = harness.state().work.world.case().unwrap().clone();
         doc(harness).edit.change.chosen(&case).unwrap().dates
     };
-    assert_eq!(pair(&harness), [0, 2], "the first and the last to begin with");
+    assert_eq!(pair(&harness), [0, 2], "the first and the last date by default");
     let chart = harness.get_by_label_contains("Volumes over time").rect();
     // The time axis begins right of the value axis's labels.
     let at = chart.left_top() + vec2(chart.width() * 0.44, chart.height() * 0.5);

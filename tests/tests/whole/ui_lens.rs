@@ -1,4 +1,4 @@
-//! The lens, the ruler, the volumes in the lens and the agreement of masks, with mouse and keyboard.
+//! The lens, the ruler, the volumes in the lens and the agreement of masks, by simulated mouse and keyboard.
 
 use std::collections::BTreeMap;
 
@@ -142,7 +142,7 @@ fn ctrl_drag_moves_the_lens_onto_the_surface_and_the_camera_follows() {
     let index = &app.work.world.time_point(doc(&harness)).unwrap().index;
     assert_eq!(index.at_mm(lens.center_mm - inwards), 0);
     assert_ne!(index.at_mm(lens.center_mm + inwards), 0);
-    assert_eq!(doc(&harness).nav.camera.focus_mm, lens.center_mm, "the camera turns about the lens");
+    assert_eq!(doc(&harness).nav.camera.focus_mm, lens.center_mm, "the camera rotates about the lens");
     assert_eq!(doc(&harness).nav.camera.world_from_camera, camera.world_from_camera);
     undo(&mut harness);
     assert_eq!(doc(&harness).edit.lens, before);
@@ -235,8 +235,8 @@ fn t1_from_the_front() -> Window {
 fn pos_of(harness: &Window, world_mm: DVec3) -> Pos2 {
     let closeup = rect(harness, PaneId::Closeup);
     let size = glam::DVec2::new(f64::from(closeup.width()), f64::from(closeup.height()));
-    let place = doc(harness).nav.camera.project(world_mm, size).unwrap();
-    closeup.min + vec2(place.x as f32, place.y as f32)
+    let point = doc(harness).nav.camera.project(world_mm, size).unwrap();
+    closeup.min + vec2(point.x as f32, point.y as f32)
 }
 
 #[test]
@@ -247,13 +247,13 @@ fn known_surface_distances_are_measured_within_half_a_voxel() {
     let half_voxel_mm = grid.spacing_mm().min_element() / 2.0;
     // Frontmost point of the union at an offset (x, z) in mm from the first ellipsoid's centre; closed form.
     let front = |x: f64, z: f64| {
-        let place = DVec3::new(parts[0].0.x + x, 0.0, parts[0].0.z + z);
+        let point = DVec3::new(parts[0].0.x + x, 0.0, parts[0].0.z + z);
         let y = parts.iter().filter_map(|(center, half)| {
-            let off = (place - center) / half;
+            let off = (point - center) / half;
             let squared = 1.0 - off.x * off.x - off.z * off.z;
             (squared >= 0.0).then(|| center.y + half.y * squared.sqrt())
         });
-        place.with_y(y.fold(f64::NEG_INFINITY, f64::max))
+        point.with_y(y.fold(f64::NEG_INFINITY, f64::max))
     };
     let lines = [
         [front(0.2, 0.3), front(9.2, 3.1)],

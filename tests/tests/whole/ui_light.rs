@@ -61,7 +61,7 @@ fn drawn(harness: &Harness<'_, GlioscopeApp>) -> (Quality, [u32; 2]) {
 fn moving_views_draw_drafts_and_still_views_the_reference() {
     let mut harness = drafting_window_on(CaseRef::Sample, [420.0, 360.0]);
     maximized(&mut harness, PaneId::Context);
-    let turn = |harness: &mut Window, degrees: f64| {
+    let rotate = |harness: &mut Window, degrees: f64| {
         let mut camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
         camera.world_from_camera = Camera::orientation(degrees, 15.0);
         issue(harness, LookCommand::SetCamera(camera));
@@ -69,7 +69,7 @@ fn moving_views_draw_drafts_and_still_views_the_reference() {
     };
     issue(&mut harness, EditCommand::SetLightingMode(LightingMode::Cones));
     for n in 0..6 {
-        turn(&mut harness, 10.0 * f64::from(n));
+        rotate(&mut harness, 10.0 * f64::from(n));
         let (quality, _) = drawn(&harness);
         assert!(quality.cost.unwrap() <= 1.0, "{quality:?}");
         assert_eq!(quality.lighting.mode, LightingMode::Cones);
@@ -87,7 +87,7 @@ fn moving_views_draw_drafts_and_still_views_the_reference() {
     assert!(size[0] > 300, "full resolution: {size:?}");
     // A chosen preset applies whether something moves or not.
     issue(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
-    turn(&mut harness, 77.0);
+    rotate(&mut harness, 77.0);
     let draft = lights::preset(LightingMode::Cones, Preset::Draft);
     assert_eq!(drawn(&harness).0, draft);
     for _ in 0..20 {
@@ -115,7 +115,7 @@ fn check_refinement_in_parts(mode: LightingMode) -> String {
     let mut harness = drafting_window_on(CaseRef::Sample, [420.0, 360.0]);
     maximized(&mut harness, PaneId::Context);
     let share = |harness: &Harness<'_, GlioscopeApp>| context(harness).canvas.screen.share_done();
-    let turn = |harness: &mut Window, degrees: f64| {
+    let rotate = |harness: &mut Window, degrees: f64| {
         let mut camera = harness.state().work.doc.as_ref().unwrap().nav.camera;
         camera.world_from_camera = Camera::orientation(degrees, 15.0);
         issue(harness, LookCommand::SetCamera(camera));
@@ -131,12 +131,12 @@ fn check_refinement_in_parts(mode: LightingMode) -> String {
             steps += 1;
         }
     };
-    turn(&mut harness, 10.0);
+    rotate(&mut harness, 10.0);
     wait_until_begun(&mut harness);
     let (draft, _) = drawn(&harness);
     assert!(draft.cost.unwrap() <= 1.0);
     // Rotated meanwhile: the unfinished frame is dropped and a draft from the new camera is shown.
-    turn(&mut harness, 50.0);
+    rotate(&mut harness, 50.0);
     assert_eq!(share(&harness), None, "no frame is in progress");
     assert!(drawn(&harness).0.cost.unwrap() <= 1.0);
     let frames_drawn = |harness: &Harness<'_, GlioscopeApp>| context(harness).canvas.screen.frames_drawn();

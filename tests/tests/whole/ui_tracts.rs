@@ -1,5 +1,5 @@
-//! Fibre tracts in the context view: from files on the command line to the picture, in the window, in sessions. The
-//! fibres are synthetic.
+//! Fibre tracts in the context view: rendered from files on the command line, in the window, in sessions. The fibres
+//! are synthetic.
 
 use std::path::Path;
 
@@ -28,8 +28,8 @@ fn tumor_mm() -> [f32; 3] {
     doc.edit.lens.center_mm.as_vec3().to_array()
 }
 
-/// A bundle `before_mm` in front of the tumour: arcs running upwards.
-fn bundle(before_mm: f32) -> Vec<Vec<[f32; 3]>> {
+/// A bundle `anterior_mm` anterior to the tumour: arcs that run superiorly.
+fn bundle(anterior_mm: f32) -> Vec<Vec<[f32; 3]>> {
     let [x, y, z] = tumor_mm();
     (0..24)
         .map(|n| {
@@ -37,7 +37,7 @@ fn bundle(before_mm: f32) -> Vec<Vec<[f32; 3]>> {
             (0..90)
                 .map(|k| {
                     let t = k as f32 / 89.0 - 0.5;
-                    [x + u + 6.0 * t * t, y + before_mm + v - 10.0 * t * t, z + 50.0 * t]
+                    [x + u + 6.0 * t * t, y + anterior_mm + v - 10.0 * t * t, z + 50.0 * t]
                 })
                 .collect()
         })
@@ -82,7 +82,7 @@ fn rendering_with_tracts_shows_them() {
     let (with, plan) = draw(&["--tracts", cst.to_str().unwrap(), "--explain"]);
     assert!(plan.contains("runs     tubes\n") && plan.contains("runs     tubes_merge\n"), "{plan}");
     let (before, after) = (count_hue(&plain, color), count_hue(&with, color));
-    println!("{before} pixels of the tract's hue, then {after}");
+    println!("{before} pixels of the tract's hue without the tract, {after} with it");
     assert!(after > before + 400, "{before} {after}");
     // Tract colours follow the order of the arguments: the far bundle, behind the head, has the first one.
     let (both, _) = draw(&["--tracts", far.to_str().unwrap(), "--tracts", cst.to_str().unwrap()]);
@@ -171,7 +171,7 @@ fn tracts_are_added_hidden_named_and_saved() {
     };
     assert_eq!(ids(&harness), ["near", "beside"]);
     let both = shown(&mut harness);
-    println!("{none:?}, then {both:?}");
+    println!("{none:?} pixels without tracts, {both:?} with both");
     assert!(both[0] > none[0] + 400 && both[1] > none[1] + 400, "{none:?} {both:?}");
 
     // A click on the list hides one; undo restores it.

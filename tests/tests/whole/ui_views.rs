@@ -58,16 +58,16 @@ fn rotating_one_3d_view_rotates_the_others() {
         let pictures =
             [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids].map(|p| pane_picture(&mut harness, p));
         drag(&mut harness, pane, vec2(70.0, 0.0));
-        let turned = doc(&harness).nav.camera;
-        assert_ne!(turned.world_from_camera, camera.world_from_camera, "{pane:?}");
-        assert_eq!(turned.focus_mm, camera.focus_mm, "{pane:?}: the focus stays");
-        assert_eq!(turned.height_mm, camera.height_mm, "{pane:?}");
+        let rotated = doc(&harness).nav.camera;
+        assert_ne!(rotated.world_from_camera, camera.world_from_camera, "{pane:?}");
+        assert_eq!(rotated.focus_mm, camera.focus_mm, "{pane:?}: the focus stays");
+        assert_eq!(rotated.height_mm, camera.height_mm, "{pane:?}");
         let after = frames(&mut harness);
         for i in 0..3 {
             assert!(after[i] > before[i], "{pane:?}: view {i} was drawn again");
         }
         for (i, p) in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids].into_iter().enumerate() {
-            assert_ne!(pane_picture(&mut harness, p), pictures[i], "{pane:?} turned {p:?}");
+            assert_ne!(pane_picture(&mut harness, p), pictures[i], "rotating {pane:?} rotates {p:?}");
         }
     }
 }
@@ -123,14 +123,14 @@ fn the_selection_applies_to_every_3d_view() {
     for region in regions.list() {
         perform(&mut harness, EditCommand::SetRegion(region.bits, false));
     }
-    let without = omitted(&mut harness, PaneId::Ellipsoids);
+    let passes = omitted(&mut harness, PaneId::Ellipsoids);
     assert!(
-        without.iter().any(|(pass, _)| *pass == "ellipsoid_lists"),
-        "an empty selection omits passes: {without:?}"
+        passes.iter().any(|(pass, _)| *pass == "ellipsoid_lists"),
+        "an empty selection omits passes: {passes:?}"
     );
     assert_ne!(pane_picture(&mut harness, PaneId::Context), before, "the context view shows no tumour");
-    let without = omitted(&mut harness, PaneId::Context);
-    assert!(without.iter().any(|(_, why)| *why == "selection is empty"), "{without:?}");
+    let passes = omitted(&mut harness, PaneId::Context);
+    assert!(passes.iter().any(|(_, why)| *why == "selection is empty"), "{passes:?}");
     for _ in regions.list() {
         perform(&mut harness, EditCommand::Undo);
     }
@@ -188,18 +188,18 @@ fn a_control_point_is_added_and_removed_in_the_editor() {
     harness.drop_at(at);
     harness.run_ok();
     let (_, added) = doc(&harness).edit.transfers.iter().next().unwrap();
-    let first = TransferPreset::first_for;
     let (id, start) = {
         let state = harness.state();
         let (id, image) = state.work.world.context(doc(&harness)).unwrap();
-        (id.to_owned(), first(image.histogram(), id).transfer(image.histogram()))
+        let preset = TransferPreset::first_for(image.histogram(), id);
+        (id.to_owned(), preset.transfer(image.histogram()))
     };
     assert_eq!(added.points().len(), start.points().len() + 1);
     let new = added.points().iter().find(|p| !start.points().contains(p)).unwrap();
     // Heights are square roots of opacities.
     assert!(
         (new.opacity - 0.25).abs() < 0.01,
-        "the middle of the plot is an opacity of 0.25: {}",
+        "the middle of the plot has an opacity of 0.25: {}",
         new.opacity
     );
     assert!(harness.query_by_label("Colour of the point").is_some(), "the new point is selected");
@@ -328,8 +328,8 @@ fn one_ellipsoid_is_made_transparent_and_undone() {
     assert_ne!(without, before);
     harness.hover_at(at);
     harness.run_ok();
-    let now = hover(&harness);
-    assert_ne!(now.map(|p| p.id), Some(picked.id), "invisible ellipsoids can't be picked");
+    let hovered = hover(&harness);
+    assert_ne!(hovered.map(|p| p.id), Some(picked.id), "invisible ellipsoids can't be picked");
     perform(&mut harness, EditCommand::Undo);
     assert!(doc(&harness).edit.ellipsoid_opacities.is_empty());
 }

@@ -1,6 +1,7 @@
-//! Results as numbers, plots and a page.
+//! Writes results as numbers, plots and a page.
 
 mod page;
+mod path;
 mod plot;
 
 use std::{collections::BTreeMap, path::Path, time::Duration};
@@ -41,7 +42,7 @@ pub(super) fn durations(measured: &[MeasuredFamily]) -> String {
     let seconds = |m: &MeasuredFamily| format!("{} {:.1} s", m.family.name, m.elapsed.as_secs_f64());
     let parts: Vec<String> = measured.iter().map(seconds).collect();
     let total: Duration = measured.iter().map(|m| m.elapsed).sum();
-    format!("{}; {:.1} s in all", parts.join(", "), total.as_secs_f64())
+    format!("{}; {:.1} s in total", parts.join(", "), total.as_secs_f64())
 }
 
 /// Writes `accuracy.csv`, `accuracy.md` and `images/` into `out`, which is created if needed.
@@ -51,7 +52,7 @@ pub(super) fn durations(measured: &[MeasuredFamily]) -> String {
 pub(super) fn write(measured: &[MeasuredFamily], run_start: &RunStart, out: &Path) -> Outcome<()> {
     let images = out.join("images");
     std::fs::create_dir_all(&images)
-        .map_err(|e| format!("{}: found {e}, expected a folder that can be made", images.display()))?;
+        .map_err(|e| format!("{}: found {e}, expected a folder that can be created", images.display()))?;
     let plots: Vec<plot::Plot<'_>> = measured.iter().flat_map(plot::of_family).collect();
     for plot in &plots {
         write_whole(&images.join(plot.file_name()), plot.svg()?.as_bytes())?;

@@ -1,4 +1,4 @@
-//! Plots of a family's curves on one scene: error against time, both logarithmic.
+//! Plots of a family's curves on one scene: error against cost or knob, both axes logarithmic.
 
 use plotters::{
     coord::Shift,
@@ -11,7 +11,7 @@ use crate::{
     accuracy::{Axis, Curve, Defaults, Family, MeasuredFamily, Point},
 };
 
-/// Pixels.
+/// Width and height of a plot, pixels.
 const SIZE: (u32, u32) = (900, 520);
 const INK: RGBColor = RGBColor(40, 40, 40);
 const FAINT: RGBColor = RGBColor(222, 222, 222);
@@ -24,7 +24,7 @@ const COLORS: [RGBColor; 5] = [
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
 ];
-const TRUTH_LABEL: &str = "the truth itself is off by this";
+const TRUTH_LABEL: &str = "RMS error of the truth itself";
 /// Font size of point labels, pixels.
 const LABEL_SIZE: f64 = 11.5;
 
@@ -33,8 +33,8 @@ pub(super) struct Plot<'a> {
     pub family: &'static Family,
     /// The curves on one scene.
     pub curves: Vec<&'a Curve>,
-    /// Which of the family's scenes, from 1.
-    number: usize,
+    /// Number of the scene in its family, from 1.
+    scene_number: usize,
 }
 
 /// A plot for each scene, in the order of the curves.
@@ -45,8 +45,8 @@ pub(super) fn of_family(measured: &MeasuredFamily) -> Vec<Plot<'_>> {
         match out.iter_mut().find(same) {
             Some(plot) => plot.curves.push(curve),
             None => {
-                let number = out.len() + 1;
-                out.push(Plot { family: measured.family, curves: vec![curve], number });
+                let scene_number = out.len() + 1;
+                out.push(Plot { family: measured.family, curves: vec![curve], scene_number });
             }
         }
     }
@@ -56,7 +56,7 @@ pub(super) fn of_family(measured: &MeasuredFamily) -> Vec<Plot<'_>> {
 impl Plot<'_> {
     /// File name in the folder `images`.
     pub fn file_name(&self) -> String {
-        match self.number {
+        match self.scene_number {
             1 => format!("accuracy-{}.svg", self.family.name),
             n => format!("accuracy-{}-{n}.svg", self.family.name),
         }
@@ -89,7 +89,7 @@ impl Plot<'_> {
     }
 
     /// Coordinates of a point in the plot: cost or knob, and RMS error; `None` without a cost.
-    fn place(&self, point: &Point) -> Option<(f64, f64)> {
+    fn position(&self, point: &Point) -> Option<(f64, f64)> {
         let x = match self.axis() {
             Axis::Time => point.cost()?.median_ms,
             Axis::Knob => point.value,
@@ -131,19 +131,20 @@ fn draw<'p, DB: DrawingBackend>(
     root.draw(&Text::new(first.scene.as_str(), (12, 38), text(12.0, GREY, HPos::Left)))?;
     root.draw(&Text::new(format!("error (RMS), {}", first.unit), (12, 60), text(12.0, INK, HPos::Left)))?;
     if plot.axis() == Axis::Time {
-        let legend = format!("filled: on the measured front; ringed: {}", plot.family.defaults.label());
+        let legend =
+            format!("filled: on the measured Pareto front; ringed: {}", plot.family.defaults.label());
         root.draw(&Text::new(legend, (878, 60), text(12.0, GREY, HPos::Right)))?;
     }
     let x_description = match plot.axis() {
         Axis::Time if plot.points().any(|(p, _)| p.cpu.is_some()) => {
-            "median processor time of all threads, ms; bars from first to third quartile"
+            "median CPU time of all threads, ms; bars from the first to the third quartile"
         }
-        Axis::Time => "median time, ms; bars from first to third quartile",
+        Axis::Time => "median time, ms; bars from the first to the third quartile",
         Axis::Knob => first.knob,
     };
-    let places = || plot.points().filter_map(|(p, _)| plot.place(p));
-    let (left, right) = range(places().map(|p| p.0));
-    let (low, high) = range(places().map(|p| p.1).chain(plot.truth_error()));
+    let positions = || plot.points().filter_map(|(p, _)| plot.position(p));
+    let (left, right) = range(positions().map(|p| p.0));
+    let (low, high) = range(positions().map(|p| p.1).chain(plot.truth_error()));
     let mut chart = ChartBuilder::on(root)
         .margin_top(72)
         .margin_right(22)
@@ -173,19 +174,19 @@ fn draw<'p, DB: DrawingBackend>(
         ))?;
     }
     let mut front: Vec<(f64, f64)> =
-        plot.points().filter(|(p, _)| p.is_pareto).filter_map(|(p, _)| plot.place(p)).collect();
+        plot.points().filter(|(p, _)| p.is_pareto).filter_map(|(p, _)| plot.position(p)).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
     chart.draw_series(LineSeries::new(front, GREY.stroke_width(2)))?;
     for (curve, color) in plot.colored() {
         for run in monotonic_runs(&curve.points) {
-            let places = run.iter().filter_map(|p| plot.place(p));
-            chart.draw_series(LineSeries::new(places, color.stroke_width(1)))?;
+            let positions = run.iter().filter_map(|p| plot.position(p));
+            chart.draw_series(LineSeries::new(positions, color.stroke_width(1)))?;
         }
         let series = chart.draw_series(curve.points.iter().filter_map(|p| {
-            let place = plot.place(p)?;
+            let position = plot.position(p)?;
             let (radius, filled) =
                 if p.is_pareto || curve.axis == Axis::Knob { (4, true) } else { (3, false) };
-            Some(Circle::new(place, radius, ShapeStyle { color: color.into(), filled, stroke_width: 1 }))
+            Some(Circle::new(position, radius, ShapeStyle { color: color.into(), filled, stroke_width: 1 }))
         }))?;
         series.label(curve.kernel.clone()).legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
         if plot.axis() == Axis::Time {
@@ -195,16 +196,17 @@ fn draw<'p, DB: DrawingBackend>(
             }))?;
         }
     }
-    let rings = plot.points().filter(|(p, _)| p.is_default).filter_map(|(p, _)| plot.place(p));
-    chart.draw_series(rings.map(|place| Circle::new(place, 8, INK.stroke_width(1))))?;
+    let rings = plot.points().filter(|(p, _)| p.is_default).filter_map(|(p, _)| plot.position(p));
+    chart.draw_series(rings.map(|position| Circle::new(position, 8, INK.stroke_width(1))))?;
     chart
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperRight)
         .margin(4)
         .label_font(text(12.0, INK, HPos::Left))
         .draw()?;
-    let place = |p: &Point| plot.place(p).map(|place| chart.backend_coord(&place));
-    for label in labels(plot, place, plot.truth_error().map(|error| chart.backend_coord(&(left, error)).1)) {
+    let position = |p: &Point| plot.position(p).map(|position| chart.backend_coord(&position));
+    for label in labels(plot, position, plot.truth_error().map(|error| chart.backend_coord(&(left, error)).1))
+    {
         let anchor = if label.is_right_aligned { HPos::Right } else { HPos::Left };
         root.draw(&Text::new(label.text, label.at, text(LABEL_SIZE, label.color, anchor)))?;
     }
@@ -251,37 +253,42 @@ impl Label {
     }
 }
 
-fn overlap(a: &Area, b: &Area) -> bool {
+fn do_overlap(a: &Area, b: &Area) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
 /// Labels of points, placed where they cover neither a point nor each other: the defaults first, then the front and the
-/// ends of curves that are one monotonic run. `place` gives pixels; `truth` is the pixel row of the truth's own error.
-fn labels(plot: &Plot<'_>, place: impl Fn(&Point) -> Option<(i32, i32)>, truth: Option<i32>) -> Vec<Label> {
+/// ends of curves that are one monotonic run. `position` gives a point's pixel; `truth_row` is the pixel row of the
+/// truth's own error.
+fn labels(
+    plot: &Plot<'_>,
+    position: impl Fn(&Point) -> Option<(i32, i32)>,
+    truth_row: Option<i32>,
+) -> Vec<Label> {
     let around = |(x, y): (i32, i32)| [x - 5, y - 5, x + 5, y + 5];
-    let mut occupied: Vec<Area> = plot.points().filter_map(|(p, _)| place(p)).map(around).collect();
+    let mut occupied: Vec<Area> = plot.points().filter_map(|(p, _)| position(p)).map(around).collect();
     // The legend.
     occupied.push([600, 0, SIZE.0 as i32, 84 + 18 * plot.curves.len() as i32]);
     let mut out = Vec::new();
     let mut add_label =
         |occupied: &mut Vec<Area>, (x, y): (i32, i32), text: &str, color: RGBColor, always: bool| {
             let sides = [-12, 13, -24, 25].into_iter().flat_map(|dy| [(10, dy), (-10, dy)]);
-            let mut beside = sides.map(|(dx, dy)| Label {
+            let mut candidates = sides.map(|(dx, dy)| Label {
                 text: text.to_owned(),
                 at: (x + dx, y + dy),
                 is_right_aligned: dx < 0,
                 color,
             });
-            let free = |label: &Label| {
+            let is_free = |label: &Label| {
                 let area = label.area();
-                let inside = area[0] > 70 && area[2] < SIZE.0 as i32 && area[1] > 74 && area[3] < 470;
-                inside && !occupied.iter().any(|t| overlap(t, &area))
+                let is_inside = area[0] > 70 && area[2] < SIZE.0 as i32 && area[1] > 74 && area[3] < 470;
+                is_inside && !occupied.iter().any(|t| do_overlap(t, &area))
             };
-            let label = beside.clone().find(free).or(beside.next().filter(|_| always));
+            let label = candidates.clone().find(is_free).or(candidates.next().filter(|_| always));
             occupied.extend(label.iter().map(Label::area));
             out.extend(label);
         };
-    if let Some(y) = truth {
+    if let Some(y) = truth_row {
         add_label(&mut occupied, (66, y), TRUTH_LABEL, GREY, true);
         occupied.push([66, y - 2, SIZE.0 as i32, y + 2]);
     }
@@ -292,7 +299,7 @@ fn labels(plot: &Plot<'_>, place: impl Fn(&Point) -> Option<(i32, i32)>, truth: 
             Defaults::One => format!("{kind}: {}", point.setting),
             Defaults::Presets => point.setting.clone(),
         };
-        if let Some(at) = place(point) {
+        if let Some(at) = position(point) {
             add_label(&mut occupied, at, &text, dark(color), true);
         }
     }
@@ -301,8 +308,8 @@ fn labels(plot: &Plot<'_>, place: impl Fn(&Point) -> Option<(i32, i32)>, truth: 
             monotonic_runs(&curve.points).next().is_some_and(|run| run.len() == curve.points.len());
         let last = curve.points.len().saturating_sub(1);
         for (number, point) in curve.points.iter().enumerate().filter(|(_, p)| !p.is_default) {
-            let wanted = point.is_pareto || (is_one_run && (number == 0 || number == last));
-            if let Some(at) = place(point).filter(|_| wanted) {
+            let is_labelled = point.is_pareto || (is_one_run && (number == 0 || number == last));
+            if let Some(at) = position(point).filter(|_| is_labelled) {
                 add_label(&mut occupied, at, &point.setting, dark(color), false);
             }
         }
@@ -359,15 +366,16 @@ mod tests {
     #[test]
     fn labels_do_not_overlap() {
         let crowd = curve(&[0.0; 60]);
-        let plot = Plot { family: FAMILIES[0], curves: vec![&crowd], number: 1 };
-        let place = |p: &Point| plot.place(p).map(|(x, y)| ((40.0 * x - 300.0) as i32, (4000.0 * y) as i32));
-        let labels = labels(&plot, place, Some(440));
+        let plot = Plot { family: FAMILIES[0], curves: vec![&crowd], scene_number: 1 };
+        let position =
+            |p: &Point| plot.position(p).map(|(x, y)| ((40.0 * x - 300.0) as i32, (4000.0 * y) as i32));
+        let labels = labels(&plot, position, Some(440));
         assert!(labels.iter().any(|l| l.text.starts_with("default: ")));
         assert!(labels.len() > 4 && labels.len() < 60, "{}", labels.len());
         for (n, label) in labels.iter().enumerate() {
             let area = label.area();
             assert!(area[0] > 65 && area[2] < SIZE.0 as i32, "{label:?}");
-            assert!(labels[..n].iter().all(|other| !overlap(&other.area(), &area)), "{label:?}");
+            assert!(labels[..n].iter().all(|other| !do_overlap(&other.area(), &area)), "{label:?}");
         }
         assert!(plot.svg().unwrap().contains("number 2"));
     }

@@ -9,6 +9,8 @@
 
 mod common;
 
+use std::{io::Read, path::Path};
+
 use common::read_bytes;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::files::nifti_header::{Header, Version};
@@ -79,6 +81,62 @@ proptest! {
         prop_assert!((read_back.scaling().slope - scaling.slope).abs() <= 1e-6 * scaling.slope.abs());
         prop_assert!((read_back.scaling().intercept - scaling.intercept).abs() <= 1e-6 * scaling.intercept.abs());
     }
+}
+
+/// `write_nifti` lets the crate `nifti` write what it can; only a gzip's blocks may show it.
+fn assert_same_bytes(folder: &Path, volume: &Volume) {
+    let [plain, packed] = ["a.b.nii", "a.b.nii.GZ"].map(|name| {
+        let path = folder.join(name);
+        let write = || {
+            write_nifti(&path, volume, &WriteOptions::default()).unwrap();
+            std::fs::read(&path).unwrap()
+        };
+        let bytes = write();
+        assert!(bytes == write(), "the same volume gives the same file");
+        assert_eq!(std::fs::read_dir(folder).unwrap().count(), 1, "no temporary file is left");
+        std::fs::remove_file(&path).unwrap();
+        bytes
+    });
+    assert!(plain == nifti_bytes(volume, false), "{:?}", volume.grid());
+    // RFC 1952: magic, deflate, no flags, no time.
+    assert_eq!(packed[..8], [0x1f, 0x8b, 8, 0, 0, 0, 0, 0]);
+    let mut unpacked = Vec::new();
+    flate2::read::GzDecoder::new(packed.as_slice()).read_to_end(&mut unpacked).unwrap();
+    assert!(unpacked == plain, "{:?}", volume.grid());
+}
+
+#[test]
+fn written_files_have_the_bytes_of_the_encoder_in_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let tilted = DAffine3 { matrix3: DMat3::from_rotation_x(0.4), translation: DVec3::splat(-31.7) };
+    let far = DAffine3 { translation: DVec3::splat(1e6 + 0.1), ..tilted };
+    let bits: Vec<u64> = (0..840u64).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).collect();
+    let shapes = [[3, 4, 70], [1, 12, 70], [840, 1, 1], [1, 840, 1], [1, 1, 840], [12, 70, 1]];
+    for (kind, (shape, scaled)) in
+        (0..10).flat_map(|kind| shapes.map(|shape| (kind, (shape, kind == 3 && shape[0] == 3))))
+    {
+        for (matrix, sides) in [(tilted, Sides::Known), (far, Sides::Known), (tilted, Sides::Unknown)] {
+            let grid = Grid::new(shape, matrix, sides).unwrap();
+            let scaling = if scaled { Scaling { slope: 0.1, intercept: -3.0 } } else { Scaling::NONE };
+            let volume = Volume::new(grid, samples(kind, &bits), scaling).unwrap();
+            assert_same_bytes(folder.path(), &volume);
+        }
+    }
+    let nan = Samples::F32([f32::NAN, -0.0, f32::INFINITY, f32::from_bits(0xffc1_2345)].repeat(2));
+    let grid = Grid::new([2, 2, 2], tilted, Sides::Known).unwrap();
+    assert_same_bytes(folder.path(), &Volume::new(grid, nan, Scaling::NONE).unwrap());
+}
+
+/// Images of several of deflate's blocks, masks, and with a scaling.
+#[test]
+fn files_of_the_sample_have_the_bytes_of_the_encoder_in_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = 0;
+    for (_, bytes) in glioscope_core::sample::sample_files().filter(|(name, _)| name.ends_with(".gz")) {
+        assert_same_bytes(folder.path(), &read_bytes(bytes).unwrap().volume);
+        files += 1;
+    }
+    assert_eq!(files, 12);
 }
 
 fn plain(dims: [usize; 3], matrix: DAffine3, sides: Sides) -> Volume {

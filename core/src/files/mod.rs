@@ -1,6 +1,11 @@
 //! Reading and writing files. Every error names the file, what was found and what was expected.
 
-use std::path::{Path, PathBuf};
+use std::{
+    io::Write as _,
+    path::{Path, PathBuf},
+};
+
+use tempfile::NamedTempFile;
 
 use crate::{Cancelled, Check, Volume};
 
@@ -138,12 +143,28 @@ fn temporary() -> tempfile::Builder<'static, 'static> {
     builder
 }
 
-/// Writes `bytes` to `path` atomically, or leaves the existing file untouched: a temporary file in the same folder
-/// is flushed to disk, then renamed over `path`. A symbolic link is kept: its target is written.
+/// Writing to `path` failed.
+fn write_failed(path: &Path, why: &dyn std::fmt::Display) -> FileError {
+    let file = printable(&path.display().to_string());
+    FileError::wrong(file, format!("writing failed: {why}"), "a place that can be written")
+}
+
+/// Writes `bytes` to `path` atomically, or leaves the existing file untouched: a temporary file in the same
+/// folder is flushed to disk, then renamed over `path`. A symbolic link is kept: its target is written.
 ///
 /// # Errors
 /// [`FileError::Wrong`] with the system's reason, or where `path` is a folder, a device or a pipe.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    write_whole_with(path, "", |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
+}
+
+/// As [`write_whole`], with content that `write` writes to the temporary file, whose name ends in `suffix`.
+/// When `write` fails, the temporary file is removed and nothing else changes.
+pub(crate) fn write_whole_with(
+    path: &Path,
+    suffix: &'static str,
+    write: impl FnOnce(&mut NamedTempFile) -> Result<(), FileError>,
+) -> Result<(), FileError> {
     // Renaming over a device would replace it by a regular file.
     if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
         return Err(FileError::wrong(
@@ -154,15 +175,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     }
     let target = if path.is_symlink() { path.canonicalize().ok() } else { None };
     let path = target.as_deref().unwrap_or(path);
-    let fail = |e: std::io::Error| FileError::Wrong {
-        file: path.display().to_string(),
-        found: format!("writing failed: {e}"),
-        expected: "a place that can be written".into(),
-    };
+    let failed = |e: std::io::Error| write_failed(path, &e);
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = temporary().tempfile_in(folder).map_err(fail)?;
-    std::io::Write::write_all(&mut file, bytes).map_err(fail)?;
-    file.as_file().sync_all().map_err(fail)?;
-    file.persist(path).map_err(|e| fail(e.error))?;
+    let mut file = temporary().suffix(suffix).tempfile_in(folder).map_err(failed)?;
+    write(&mut file)?;
+    file.as_file().sync_all().map_err(failed)?;
+    file.persist(path).map_err(|e| failed(e.error))?;
     Ok(())
 }

@@ -1,15 +1,33 @@
-//! Writing NIfTI: a minimal header without extra metadata, written atomically.
+//! Writing NIfTI: a minimal header without extra metadata, read back and compared before it is put in place.
+//!
+//! The header is made here, and the crate `nifti` (0.18) writes the file from it where it can. Measured, it
+//! can't:
+//! - store a scaling: slope 1 and intercept 0 are written whatever the header says;
+//! - write NIfTI-2, nor to memory;
+//! - report a full disk: an uncompressed file on `/dev/full` is a success, as an error of its buffer is
+//!   dropped;
+//! - write to any path: a name with dots loses its middle (`a.b.nii` becomes `a.nii`).
+//!
+//! So scaled volumes, NIfTI-2 and [`nifti_bytes`] are encoded here (a test compares both), the crate gets the
+//! name of the temporary file, which has no such dots, and every file is read back by our own reader.
 
 use std::io::Write;
 use std::path::Path;
 
 use flate2::{Compression, GzBuilder};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use ndarray::{ArrayView3, ShapeBuilder};
+use nifti::{NiftiHeader, writer::WriterOptions};
 
 use super::nifti_header::{Header, SampleType, Version};
 use super::nifti_space::MIN_SPACING_MM;
-use super::{FileError, write_whole};
-use crate::{Grid, Samples, Sides, Volume, with_samples};
+use super::{
+    FileError, Loaded, ReadOptions, Source, nifti as reader, printable, write_failed, write_whole_with,
+};
+use crate::{Grid, Progress, Sample, Samples, Scaling, Sides, Volume, with_samples};
+
+/// Compression level of gzip.
+const GZIP_LEVEL: u32 = 6;
 
 /// Metadata of a written file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,40 +42,151 @@ impl Default for WriteOptions {
     }
 }
 
-/// Writes `volume` as a single file, atomically, gzipped where the name ends in `.gz` (any case). Scaling is stored as
-/// `scl_slope` and `scl_inter`, not applied.
+/// Writes `volume` as a single file, atomically, gzipped where the name ends in `.gz` (any case). Scaling is
+/// stored as `scl_slope` and `scl_inter`, not applied.
 ///
-/// The file is NIfTI-1, or NIfTI-2 where NIfTI-1 can't represent it: a dimension above 32767, or a matrix or scaling
-/// that 32-bit floats would change (by a thousandth of a voxel, a millionth of the value). The sform has code 1
-/// (scanner), and so has the qform unless the voxels are sheared or its 32-bit quaternion would disagree with the
-/// sform. A grid whose sides are unknown gets neither: its origin is lost, as the format has no field for it.
+/// The file is NIfTI-1, or NIfTI-2 where NIfTI-1 can't represent it: a dimension above 32767, or a matrix or
+/// scaling that 32-bit floats would change (by a thousandth of a voxel, a millionth of the value). The sform
+/// has code 1 (scanner), and so has the qform unless the voxels are sheared or its 32-bit quaternion would
+/// disagree with the sform. A grid whose sides are unknown gets neither: its origin is lost, as the format
+/// has no field for it.
+///
+/// The temporary file is read back before it is renamed: its grid and scaling must equal `volume`'s, rounded
+/// to the header's floats, and every stored number must have the same bits. This takes the memory of a second
+/// copy.
 ///
 /// # Errors
-/// [`FileError::Wrong`] with the system's reason.
+/// [`FileError::Wrong`] with the system's reason, or with what differs when read back; also where the reader
+/// refuses the grid (10 km away, say). Nothing is left behind, and an existing file stays as it is.
+///
+/// ```
+/// use glioscope_core::{Grid, Progress, Volume, files, glam::DVec3, ndarray::Array3};
+///
+/// let grid = Grid::axis_aligned([4, 3, 2], DVec3::new(1.0, 1.0, 5.0), DVec3::new(-90.0, 20.0, 0.0))?;
+/// let image = Array3::from_shape_fn([4, 3, 2], |(i, j, k)| (100 * i + 10 * j + k) as f32);
+/// let volume = Volume::from_array(grid, &image)?;
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("image.nii.gz");
+/// files::write_nifti(&path, &volume, &files::WriteOptions::default())?;
+///
+/// let loaded = files::read(&files::Source::File(path), &files::ReadOptions::default(), &Progress::new())?;
+/// assert_eq!(loaded.volume, volume);
+/// assert_eq!(loaded.volume.to_array()[[3, 2, 1]], 321.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn write_nifti(path: &Path, volume: &Volume, options: &WriteOptions) -> Result<(), FileError> {
     let gzip = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
-    let bytes = encode(volume, options);
-    write_whole(path, &if gzip { gzipped(bytes) } else { bytes })
+    let header = header_bytes(volume, options);
+    let in_crate = volume.scaling() == Scaling::NONE && header.version == Version::One;
+    write_checked(path, volume, header.version, gzip, |temporary| {
+        if in_crate {
+            write_with_crate(temporary, volume, &header.bytes, gzip)
+        } else {
+            let bytes = encode(volume, header.bytes);
+            let bytes = if gzip { gzipped(bytes) } else { bytes };
+            std::fs::OpenOptions::new()
+                .write(true)
+                .open(temporary)
+                .and_then(|mut file| file.write_all(&bytes))
+                .map_err(|e| e.to_string())
+        }
+    })
 }
 
-/// The bytes that [`write_nifti`] would write with default options. Deterministic: the gzip has no time stamp.
+/// Lets `write` fill a temporary file beside `path`, compares what is read back with `volume`, then renames
+/// it.
+fn write_checked(
+    path: &Path,
+    volume: &Volume,
+    version: Version,
+    gzip: bool,
+    write: impl FnOnce(&Path) -> Result<(), String>,
+) -> Result<(), FileError> {
+    write_whole_with(path, if gzip { ".nii.gz" } else { ".nii" }, |file| {
+        write(file.path()).map_err(|why| write_failed(path, &why))?;
+        let source = Source::File(file.path().to_owned());
+        let differs = |(found, expected): (String, String)| {
+            FileError::wrong(
+                printable(&path.display().to_string()),
+                format!("{found} when read back"),
+                expected,
+            )
+        };
+        match reader::read(&source, &ReadOptions { max_bytes: u64::MAX, frame: 0 }, &Progress::new()) {
+            Ok(loaded) => difference(volume, version, &loaded).map_or(Ok(()), |found| Err(differs(found))),
+            Err(FileError::Wrong { found, expected, .. }) => Err(differs((found, expected))),
+            Err(cancelled) => Err(cancelled),
+        }
+    })
+}
+
+/// Writes an unscaled volume as NIfTI-1 over the file at `path`, whose name ends in `.nii` or `.nii.gz` and
+/// has no other dots but a first one.
+fn write_with_crate(path: &Path, volume: &Volume, header: &[u8], gzip: bool) -> Result<(), String> {
+    let reference = NiftiHeader::from_reader(header).map_err(|e| e.to_string())?;
+    let mut writer = WriterOptions::new(path).reference_header(&reference);
+    if gzip {
+        writer = writer.compression_level(Compression::new(GZIP_LEVEL));
+    }
+    with_samples!(volume.samples(), v => {
+        let array = ArrayView3::from_shape(volume.grid().dims().f(), v).map_err(|e| e.to_string())?;
+        writer.write_nifti(&array).map_err(|e| e.to_string())
+    })
+}
+
+/// What was found in a file that should hold `volume`, and what was expected; `None` where they agree
+/// exactly.
+fn difference(volume: &Volume, version: Version, loaded: &Loaded) -> Option<(String, String)> {
+    let read = &loaded.volume;
+    let Some(expected) = stored_grid(volume.grid(), version) else {
+        return Some(("a grid that 32-bit floats can't hold".into(), "one that they can".into()));
+    };
+    if (loaded.frames, read.grid()) != (1, &expected) {
+        let found = format!("{} frame(s) of {:?}", loaded.frames, read.grid());
+        return Some((found, format!("1 of {expected:?}")));
+    }
+    let scaling = volume.scaling();
+    let scaling =
+        Scaling { slope: stored(scaling.slope, version), intercept: stored(scaling.intercept, version) };
+    if read.scaling() != scaling {
+        return Some((format!("{:?}", read.scaling()), format!("{scaling:?}")));
+    }
+    let linear = first_difference(volume.samples(), read.samples())?;
+    let value = |of: &Volume| format!("{} ({})", of.value(linear), sample_type(of.samples()).name());
+    Some((format!("{} at voxel {:?}", value(read), expected.ijk(linear)), value(volume)))
+}
+
+/// Position of the first number that differs in any bit; 0 where the data types differ.
+fn first_difference(written: &Samples, read: &Samples) -> Option<usize> {
+    fn same_type<'a, T: Sample>(_: &[T], other: &'a Samples) -> Option<&'a [T]> {
+        T::slice(other)
+    }
+    with_samples!(written, written => match same_type(written, read) {
+        Some(read) => written.iter().zip(read).position(|(w, r)| w.to_le_bytes() != r.to_le_bytes()),
+        None => Some(0),
+    })
+}
+
+/// A file as [`write_nifti`] writes it with default options; as a gzip it may be divided into other blocks.
+/// Deterministic: the gzip has no time stamp.
 pub fn nifti_bytes(volume: &Volume, gzip: bool) -> Vec<u8> {
-    let bytes = encode(volume, &WriteOptions::default());
+    let bytes = encode(volume, header_bytes(volume, &WriteOptions::default()).bytes);
     if gzip { gzipped(bytes) } else { bytes }
 }
 
-/// gzip without file name and time stamp. Compressing in memory can't fail; if it did, the plain bytes would still be
-/// a valid file, as our readers recognise gzip by content.
+/// gzip without file name and time stamp. Compressing in memory can't fail; if it did, the plain bytes would
+/// still be a valid file, as our readers recognise gzip by content.
 fn gzipped(bytes: Vec<u8>) -> Vec<u8> {
-    let mut encoder = GzBuilder::new().mtime(0).write(Vec::new(), Compression::new(6));
+    let mut encoder = GzBuilder::new().mtime(0).write(Vec::new(), Compression::new(GZIP_LEVEL));
     match encoder.write_all(&bytes).and_then(|()| encoder.finish()) {
         Ok(packed) => packed,
         Err(_) => bytes,
     }
 }
 
-fn encode(volume: &Volume, options: &WriteOptions) -> Vec<u8> {
-    let mut bytes = header_bytes(volume, options);
+/// The header's bytes with the stored numbers after them.
+fn encode(volume: &Volume, mut bytes: Vec<u8>) -> Vec<u8> {
     with_samples!(volume.samples(), v => {
         bytes.reserve(size_of_val(v.as_slice()));
         for number in v {
@@ -83,7 +212,13 @@ pub(crate) fn sample_type(samples: &Samples) -> SampleType {
     }
 }
 
-fn header_bytes(volume: &Volume, options: &WriteOptions) -> Vec<u8> {
+/// A header, with the four bytes that state that no extensions follow.
+struct HeaderBytes {
+    version: Version,
+    bytes: Vec<u8>,
+}
+
+fn header_bytes(volume: &Volume, options: &WriteOptions) -> HeaderBytes {
     let version = if fits_nifti_1(volume) { Version::One } else { Version::Two };
     let qform = quaternion(volume.grid());
     let bytes = header_with(version, volume, options, qform);
@@ -92,24 +227,49 @@ fn header_bytes(volume: &Volume, options: &WriteOptions) -> Vec<u8> {
     let disagrees = Header::parse(&bytes).is_ok_and(|header| {
         header.checks("").iter().any(|c| matches!(c.code, "sform-qform-disagree" | "qform-unusable"))
     });
-    if disagrees { header_with(version, volume, options, None) } else { bytes }
+    let bytes = if disagrees { header_with(version, volume, options, None) } else { bytes };
+    HeaderBytes { version, bytes }
+}
+
+/// A number as a header stores it: NIfTI-1 has 32-bit floats.
+fn stored(x: f64, version: Version) -> f64 {
+    match version {
+        Version::One => f64::from(x as f32),
+        Version::Two => x,
+    }
+}
+
+/// The affine with its numbers as a header stores them.
+fn stored_affine(grid: &Grid, version: Version) -> DAffine3 {
+    let m = grid.world_from_voxel();
+    let vector = |v: DVec3| DVec3::from_array(v.to_array().map(|x| stored(x, version)));
+    DAffine3 {
+        matrix3: DMat3::from_cols(
+            vector(m.matrix3.x_axis),
+            vector(m.matrix3.y_axis),
+            vector(m.matrix3.z_axis),
+        ),
+        translation: vector(m.translation),
+    }
+}
+
+/// The grid that a file states: with unknown sides, spacings alone. `None` where rounding makes it singular.
+fn stored_grid(grid: &Grid, version: Version) -> Option<Grid> {
+    let affine = match grid.sides() {
+        Sides::Known => stored_affine(grid, version),
+        Sides::Unknown => {
+            let spacing = grid.spacing_mm().to_array().map(|x| stored(x, version));
+            DAffine3 { matrix3: DMat3::from_diagonal(spacing.into()), translation: DVec3::ZERO }
+        }
+    };
+    Grid::new(grid.dims(), affine, grid.sides()).ok()
 }
 
 fn fits_nifti_1(volume: &Volume) -> bool {
     let grid = volume.grid();
-    let as_f32 = |x: f64| f64::from(x as f32);
-    let as_f32_vec = |v: DVec3| DVec3::new(as_f32(v.x), as_f32(v.y), as_f32(v.z));
-    let m = grid.world_from_voxel();
-    let rounded = DAffine3 {
-        matrix3: DMat3::from_cols(
-            as_f32_vec(m.matrix3.x_axis),
-            as_f32_vec(m.matrix3.y_axis),
-            as_f32_vec(m.matrix3.z_axis),
-        ),
-        translation: as_f32_vec(m.translation),
-    };
+    let rounded = stored_affine(grid, Version::One);
     let scaling = volume.scaling();
-    let close = |x: f64| (as_f32(x) - x).abs() <= 1e-6 * x.abs();
+    let close = |x: f64| (stored(x, Version::One) - x).abs() <= 1e-6 * x.abs();
     grid.dims().iter().all(|&d| i16::try_from(d).is_ok())
         && grid.spacing_mm().min_element() > 2.0 * MIN_SPACING_MM
         && Grid::new(grid.dims(), rounded, grid.sides())
@@ -227,4 +387,100 @@ fn header_with(
         out.put(344, *b"n+1\0");
     }
     out.bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn volume() -> Volume {
+        let grid = Grid::axis_aligned([3, 2, 2], DVec3::new(1.0, 2.0, 3.0), DVec3::splat(-7.5)).unwrap();
+        Volume::new(grid, Samples::F32((0..12u8).map(f32::from).collect()), Scaling::NONE).unwrap()
+    }
+
+    /// The error of writing over a file with a writer that goes wrong; that file stays as it is, and alone.
+    fn error_of(gzip: bool, write: impl FnOnce(&Path) -> Result<(), String>) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.nii");
+        super::super::write_whole(&path, b"before").unwrap();
+        let error = write_checked(&path, &volume(), Version::One, gzip, write).unwrap_err().to_string();
+        assert_eq!(std::fs::read(&path).unwrap(), b"before");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");
+        error.split_once("out.nii: ").unwrap().1.to_owned()
+    }
+
+    fn overwrite(path: &Path, bytes: &[u8]) -> Result<(), String> {
+        let mut file = std::fs::OpenOptions::new().write(true).open(path).map_err(|e| e.to_string())?;
+        file.write_all(bytes).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn a_file_that_reads_back_differently_is_not_put_in_place() {
+        let good = nifti_bytes(&volume(), false);
+        let with = |at: usize, bytes: &[u8]| {
+            let mut changed = good.clone();
+            changed[at..at + bytes.len()].copy_from_slice(bytes);
+            error_of(false, |path| overwrite(path, &changed))
+        };
+        // Voxel 8 = (2, 0, 1), one bit of its mantissa.
+        assert_eq!(
+            with(352 + 32, &[1]),
+            "found 8.000000953674316 (float32) at voxel [2, 0, 1] when read back, expected 8 (float32)"
+        );
+        // The last column of srow_x; the qform, then unused, still has the right place.
+        let error = with(292, &(-7.25f32).to_le_bytes());
+        assert!(error.contains("-7.25") && error.contains("expected 1 of Grid"), "{error}");
+        let error = with(112, &2f32.to_le_bytes());
+        assert!(error.starts_with("found Scaling { slope: 2.0"), "{error}");
+        // datatype 8, int32.
+        let error = with(70, &8i16.to_le_bytes());
+        assert!(error.ends_with("expected 0 (float32)"), "{error}");
+        let error = with(42, &2i16.to_le_bytes());
+        assert!(error.contains("dims: [2, 2, 2]") && error.contains("dims: [3, 2, 2]"), "{error}");
+
+        for gzip in [false, true] {
+            let written = nifti_bytes(&volume(), gzip);
+            let error = error_of(gzip, |path| overwrite(path, &written[..written.len() - 3]));
+            assert!(error.contains(" when read back, expected "), "{error}");
+            assert!(error_of(gzip, |_| Ok(())).contains("when read back"));
+            let error = error_of(gzip, |_| Err("no space".into()));
+            assert_eq!(error, "found writing failed: no space, expected a place that can be written");
+        }
+    }
+
+    #[test]
+    fn nan_and_signed_zero_are_compared_by_their_bits() {
+        let [a, b] = [f32::NAN, f32::from_bits(f32::NAN.to_bits() ^ 1)].map(|v| Samples::F32(vec![1.0, v]));
+        assert_eq!((first_difference(&a, &a), first_difference(&a, &b)), (None, Some(1)));
+        assert_eq!(first_difference(&Samples::F64(vec![0.0]), &Samples::F64(vec![-0.0])), Some(0));
+        assert_eq!(first_difference(&Samples::U8(vec![0]), &Samples::I8(vec![0])), Some(0));
+    }
+
+    /// The crate's writer reports success on a full disk; the comparison is what notices.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_noticed_though_the_crate_reports_success() {
+        let folder = tempfile::tempdir().unwrap();
+        let full = folder.path().join("full.nii");
+        std::os::unix::fs::symlink("/dev/full", &full).unwrap();
+        let header = header_bytes(&volume(), &WriteOptions::default()).bytes;
+        assert_eq!(write_with_crate(&full, &volume(), &header, false), Ok(()));
+        let error = error_of(false, |_| write_with_crate(&full, &volume(), &header, false));
+        assert!(error.contains("when read back"), "{error}");
+    }
+
+    /// What the crate can't write, and what the program therefore encodes itself.
+    #[test]
+    fn the_crate_drops_scaling_and_loses_a_name_with_dots() {
+        let scaling = Scaling { slope: 0.5, intercept: -3.0 };
+        let scaled = Volume::new(volume().grid().clone(), volume().samples().clone(), scaling).unwrap();
+        let header = header_bytes(&scaled, &WriteOptions::default()).bytes;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.b.nii");
+        write_with_crate(&path, &scaled, &header, false).unwrap();
+        assert!(!path.exists());
+        let source = Source::File(folder.path().join("a.nii"));
+        let read = reader::read(&source, &ReadOptions::default(), &Progress::new()).unwrap();
+        assert_eq!(read.volume, volume());
+    }
 }

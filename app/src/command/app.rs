@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use egui::{Key, Modifiers};
+use glioscope_core::files::format::volume_names;
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
 use super::{Label, Listed, Menu, Workstation};
@@ -88,7 +89,9 @@ impl AppCommand {
     pub(super) fn label(&self) -> Label {
         match self {
             Self::OpenDialog => {
-                Label::new("Open a case…").detail("A manifest, a NIfTI file, or drop a folder on the window")
+                let detail =
+                    format!("A manifest, a {} file, or drop a folder on the window", volume_names());
+                Label::new("Open a case…").detail(detail)
             }
             Self::OpenSample => Label::new("Open the sample case"),
             Self::Open(_) => Label::new("Open this case"),

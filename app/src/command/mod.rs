@@ -69,16 +69,16 @@ pub struct Label {
     /// Text in menus, on buttons and in the palette.
     pub text: Cow<'static, str>,
     /// Additional sentence for tooltips; may be empty.
-    pub detail: &'static str,
+    pub detail: Cow<'static, str>,
 }
 
 impl Label {
     fn new(text: impl Into<Cow<'static, str>>) -> Self {
-        Self { text: text.into(), detail: "" }
+        Self { text: text.into(), detail: "".into() }
     }
 
-    fn detail(self, detail: &'static str) -> Self {
-        Self { detail, ..self }
+    fn detail(self, detail: impl Into<Cow<'static, str>>) -> Self {
+        Self { detail: detail.into(), ..self }
     }
 }
 

@@ -230,7 +230,8 @@ mod tests {
         assert!((p.value("dice").unwrap() - 4.0 / 10.0).abs() < 1e-15);
         assert!((p.value("jaccard").unwrap() - 2.0 / 8.0).abs() < 1e-15);
         let json = serde_json::to_string(&p).unwrap();
-        assert_eq!(json, r#"{"a":"a","b":"b","dice":0.4,"jaccard":0.25}"#);
+        // Further metrics follow.
+        assert!(json.starts_with(r#"{"a":"a","b":"b","dice":0.4,"jaccard":0.25"#), "{json}");
     }
 
     #[test]

@@ -26,6 +26,9 @@ pub struct MaskArguments {
     /// The mask or image whose grid becomes the case grid; default: the finest mask.
     #[arg(long, value_name = "ID")]
     pub case_grid: Option<String>,
+    /// The dates in time order, by their labels; default: as the case or the labels state.
+    #[arg(long, value_name = "LABEL,...", value_delimiter = ',')]
+    pub order: Vec<String>,
     /// Maximum bytes of voxels that a file may declare, and maximum size of a tract file in bytes.
     #[arg(long, value_name = "BYTES", default_value_t = DEFAULT_MAX_BYTES)]
     pub max_bytes: u64,
@@ -71,6 +74,7 @@ impl CaseArguments {
         LoadOptions {
             max_bytes: self.parts.max_bytes,
             case_grid: self.parts.case_grid.clone().map_or(CaseGridChoice::FinestMask, CaseGridChoice::Of),
+            order: self.parts.order.clone(),
         }
     }
 

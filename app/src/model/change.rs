@@ -1,7 +1,7 @@
 //! Settings of the comparison of two time points, and of how the change is drawn.
 
 use glioscope_core::{
-    case::Case,
+    case::{Case, OrderBasis},
     change::{self, ChangeError, Choice, ids_at},
 };
 use glioscope_render::ChangeStyle;
@@ -52,16 +52,23 @@ impl ChangeSetting {
     /// [`ChangeError`] where nothing can be compared.
     pub fn chosen(&self, case: &Case) -> Result<Choice, ChangeError> {
         let dates = self.dates.filter(|dates| Choice::at(case, None, *dates).is_ok());
-        let dates = dates.unwrap_or([0, case.time_points.len().saturating_sub(1)]);
+        let dates = dates.map_or_else(|| Choice::default_dates(case), Ok)?;
         let of = self.of.as_deref().filter(|id| ids_at(case, dates).contains(id));
         Choice::at(case, of, dates)
     }
 
     /// The pair of time points after `date` (an index) is chosen as the earlier or the later one. The other one moves
-    /// where the order requires it; `None` where the case has no such pair.
+    /// where the order requires it; `None` where the case has no such pair. Where the order is unknown, any two are a
+    /// pair.
     pub fn with_date(&self, case: &Case, date: usize, as_earlier: bool) -> Option<[usize; 2]> {
-        let [from, to] = self.chosen(case).ok()?.dates;
         let last = case.time_points.len().checked_sub(1)?;
+        if case.order == OrderBasis::Unknown {
+            let [from, to] = self.chosen(case).map_or([0, last], |choice| choice.dates);
+            let other = if as_earlier { to } else { from };
+            let other = if other == date { (date + 1) % (last + 1) } else { other };
+            return Some(if as_earlier { [date, other] } else { [other, date] }).filter(|_| last > 0);
+        }
+        let [from, to] = self.chosen(case).ok()?.dates;
         let new = if as_earlier {
             [date, if to > date { to } else { date + 1 }]
         } else {

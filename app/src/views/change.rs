@@ -72,6 +72,10 @@ pub fn no_comparison_text(error: &ChangeError) -> String {
     match error {
         ChangeError::OneDate { .. } => "One date: nothing to compare with.".into(),
         ChangeError::NoCommonMask(_) => "The two dates have no mask of the same name.".into(),
+        ChangeError::UnknownOrder { .. } => {
+            "The order of the dates isn't stated: choose the earlier and the later one in the dates pane."
+                .into()
+        }
         other => other.to_string(),
     }
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{
-    CaseMask, CaseSpec,
+    CaseMask, CaseSpec, OrderBasis,
     native::{NativeMask, at_time},
 };
 use crate::{
@@ -38,6 +38,20 @@ fn percent(part: u64, whole: u64) -> String {
     } else {
         format!("{exact:.1} %")
     }
+}
+
+/// The order of time points: a note where it isn't that in which the case lists them, a warning where it is unknown.
+pub(super) fn time_order(listed: &[String], ordered: &[String], basis: OrderBasis) -> Option<Check> {
+    let names = ordered.join(", ");
+    if basis == OrderBasis::Unknown {
+        let text = format!(
+            "times: found {names}, whose order isn't stated, expected dates, numbers, stages such as pre and post, or a \
+             stated order (--order, or order in the manifest)"
+        );
+        return Some(Check::warning("time-order-unknown", text));
+    }
+    let text = format!("times: in time order, {names}; listed as {}", listed.join(", "));
+    (listed != ordered).then(|| Check::note("time-order", text))
 }
 
 fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>) {
@@ -173,16 +187,6 @@ pub(super) fn before_resampling(
             "date-impossible",
             format!(
                 "times: found {label}, expected a day of the calendar; it is taken for a name, not a date"
-            ),
-        ));
-    }
-    let dated = |label: &String| iso_date(label).is_some();
-    if labels.iter().all(dated) && !labels.is_sorted() {
-        checks.push(Check::note(
-            "times-not-in-order",
-            format!(
-                "times: found {} in this order, expected the earliest first; the order stands as it is",
-                labels.join(", ")
             ),
         ));
     }

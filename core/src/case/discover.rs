@@ -1,7 +1,12 @@
 //! A case from a path: a manifest, a folder interpreted by its file names, or a single file. Guesses are recorded in
 //! the case's notes, which are shown before the case.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
+
+use jiff::civil::DateTime;
 
 use super::{
     CaseError, CaseSpec, ContextSpec, LoadOptions, MaskSpec,
@@ -128,7 +133,47 @@ fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Re
         return Err(wrong(folder, found, &format!("a case.toml or {kind} files")));
     }
     let name = folder_name(&folder.join("x"));
-    guess(folder, files, name, options, progress)
+    let mut spec = guess(folder, files, name, options, progress)?;
+    order_by_sessions(folder, &mut spec);
+    Ok(spec)
+}
+
+/// Sets the order of the time points by the acquisition times in a BIDS `sessions.tsv`, in `folder` or in the folder of
+/// its subject, if it lists every time point.
+fn order_by_sessions(folder: &Path, spec: &mut CaseSpec) {
+    let is_sessions = |path: &PathBuf| {
+        path.file_name().is_some_and(|name| name.to_string_lossy().ends_with("sessions.tsv"))
+            && path.metadata().is_ok_and(|m| m.is_file() && m.len() < 1 << 20)
+    };
+    let subjects = read_folder(folder).unwrap_or_default().into_iter().filter(|path| path.is_dir());
+    let folders = std::iter::once(folder.to_path_buf()).chain(subjects);
+    let mut tables = folders.flat_map(|f| read_folder(&f).unwrap_or_default()).filter(is_sessions);
+    let Some((file, order)) = tables.find_map(|file| Some((file.clone(), sessions(&file)?))) else { return };
+    let images = spec.contexts.iter().filter_map(|c| c.time.clone());
+    let times: BTreeSet<String> = spec.masks.iter().filter_map(|m| m.time.clone()).chain(images).collect();
+    let order: Vec<String> = order.into_iter().filter(|label| times.contains(label)).collect();
+    if order.len() == times.len() && order.len() > 1 {
+        let text = format!("times: in the order of {}: {}", file.display(), order.join(", "));
+        spec.notes.push(Check::note("time-order-sessions", text));
+        spec.order = order;
+    }
+}
+
+/// The sessions of a BIDS `sessions.tsv`, without `ses-`, by acquisition time; `None` unless each has a different one.
+fn sessions(file: &Path) -> Option<Vec<String>> {
+    let mut reader = csv::ReaderBuilder::new().delimiter(b'\t').from_path(file).ok()?;
+    let columns = reader.headers().ok()?.clone();
+    let column = |name: &str| columns.iter().position(|c| c == name);
+    let (id, time) = (column("session_id")?, column("acq_time")?);
+    let mut found: Vec<(DateTime, String)> = Vec::new();
+    for row in reader.records() {
+        let row = row.ok()?;
+        let time = row.get(time)?.trim_end_matches('Z').parse().ok()?;
+        found.push((time, row.get(id)?.trim_start_matches("ses-").to_owned()));
+    }
+    found.sort();
+    let differ = found.windows(2).all(|pair| pair[0].0 < pair[1].0);
+    differ.then(|| found.into_iter().map(|(_, id)| id).collect())
 }
 
 /// A file to be added to the case.

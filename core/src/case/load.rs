@@ -9,6 +9,7 @@ use super::{
     Case, CaseError, CaseGridChoice, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, TimePoint,
     TractsSpec, check,
     native::{NativeMask, at_time},
+    order,
     select::{self, Selected},
 };
 use crate::{
@@ -256,13 +257,16 @@ pub fn load_with(
     progress: &Progress,
     read: &(dyn Fn(&Source) -> Result<Loaded, FileError> + Sync),
 ) -> Result<Case, CaseError> {
-    let labels = time_labels(spec)?;
+    let listed = time_labels(spec)?;
+    let stated = if options.order.is_empty() { &spec.order } else { &options.order };
+    let (labels, order) = order::arrange(spec, listed.clone(), stated)?;
     check_names(spec)?;
     check_counts(spec, &labels)?;
     let time_of = |time: &Option<String>| labels.iter().position(|l| Some(l) == time.as_ref()).unwrap_or(0);
 
     let jobs = jobs(spec);
     let mut checks = spec.notes.clone();
+    checks.extend(check::time_order(&listed, &labels, order));
     let (mut images, mut masks) = (Vec::new(), Vec::new());
     let reads = jobs.par_iter().map(|job| read_one(job, spec, progress, read)).collect::<Vec<_>>();
     for (job, outcome) in jobs.iter().zip(reads) {
@@ -351,5 +355,5 @@ pub fn load_with(
     // Most severe first, else in the order found.
     checks.sort_by_key(|c| std::cmp::Reverse(c.severity));
     checks.dedup();
-    Ok(Case { name: spec.name.clone(), grid, time_points, tracts, checks })
+    Ok(Case { name: spec.name.clone(), grid, time_points, order, tracts, checks })
 }

@@ -3,6 +3,7 @@
 //! ```toml
 //! glioscope = 1            # format version, required
 //! name = "Follow-up"       # optional: else the manifest's folder
+//! order = ["B", "A"]       # optional: the times in time order, where their labels don't state it
 //! [[context]]
 //! id = "T1c"
 //! file = "t1c.nii.gz"      # relative to the manifest
@@ -38,6 +39,8 @@ const MAX_BYTES: u64 = 1 << 20;
 struct Manifest {
     glioscope: Spanned<i64>,
     name: Option<String>,
+    #[serde(default)]
+    order: Vec<String>,
     #[serde(default)]
     context: Vec<Spanned<ContextEntry>>,
     #[serde(default)]
@@ -181,8 +184,11 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         other => Ok(other.as_ref().map(|t| t.get_ref().label())),
     };
 
-    let mut spec =
-        CaseSpec { name: manifest.name.unwrap_or_else(|| folder_name(path)), ..CaseSpec::default() };
+    let mut spec = CaseSpec {
+        name: manifest.name.unwrap_or_else(|| folder_name(path)),
+        order: manifest.order.iter().map(|label| label.trim().to_owned()).collect(),
+        ..CaseSpec::default()
+    };
     for entry in &manifest.context {
         let (at, entry) = (entry.span().start, entry.get_ref());
         let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
@@ -242,6 +248,8 @@ pub(super) fn folder_name(path: &Path) -> String {
 struct Written<'a> {
     glioscope: i64,
     name: &'a str,
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    order: &'a [String],
     #[serde(skip_serializing_if = "Vec::is_empty")]
     context: Vec<WrittenContext<'a>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -312,6 +320,7 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
     let written = Written {
         glioscope: VERSION,
         name: &spec.name,
+        order: &spec.order,
         context: context.collect::<Result<_, CaseError>>()?,
         mask: mask.collect::<Result<_, CaseError>>()?,
         tracts: tracts.collect::<Result<_, CaseError>>()?,

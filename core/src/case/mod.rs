@@ -7,6 +7,7 @@ mod load;
 mod manifest;
 mod names;
 mod native;
+mod order;
 mod select;
 
 use std::{
@@ -22,6 +23,7 @@ use crate::{
 pub use discover::open_spec;
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
+pub use order::{OrderBasis, STAGES};
 
 /// An image listed in a case, not yet read.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +71,8 @@ pub struct CaseSpec {
     pub masks: Vec<MaskSpec>,
     /// Fibre tracts.
     pub tracts: Vec<TractsSpec>,
+    /// Labels of the time points in time order, where that is stated; empty: as the labels themselves state.
+    pub order: Vec<String>,
     /// Guesses and findings made while the description was put together.
     pub notes: Vec<Check>,
 }
@@ -131,11 +135,13 @@ pub struct LoadOptions {
     pub max_bytes: u64,
     /// The case grid.
     pub case_grid: CaseGridChoice,
+    /// Labels of the time points in time order; empty: as the case or its labels state.
+    pub order: Vec<String>,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { max_bytes: files::DEFAULT_MAX_BYTES, case_grid: CaseGridChoice::default() }
+        Self { max_bytes: files::DEFAULT_MAX_BYTES, case_grid: CaseGridChoice::default(), order: Vec::new() }
     }
 }
 
@@ -192,8 +198,10 @@ pub struct Case {
     pub name: String,
     /// The grid of every tumour index.
     pub grid: Grid,
-    /// Time points, in the order first listed.
+    /// Time points, in time order; in the order first listed where [`Case::order`] is unknown.
     pub time_points: Vec<TimePoint>,
+    /// How the order of the time points is known.
+    pub order: OrderBasis,
     /// Fibre tracts, in the order of the case.
     pub tracts: Vec<CaseTracts>,
     /// All findings, most severe first.

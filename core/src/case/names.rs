@@ -1,7 +1,7 @@
 //! Parses file names: kind, id, time and subject. Conventions: BraTS (`…-00005-100-t1c`,
 //! `…_seg`), BIDS 1.10 (`sub-`, `ses-`, `_T1w`, `_dseg`, `desc-…_mask`), and `X_image`/`X_mask`.
 
-use std::path::Path;
+use std::{ops::Range, path::Path};
 
 use crate::{
     dates::{ISO_LENGTH, find_iso_date},
@@ -94,6 +94,34 @@ fn tokens(stem: &str) -> Vec<Token> {
     out
 }
 
+/// Words that name a time point when a number follows: `time1`, `Timepoint_2`, `week012`.
+const TIME_WORDS: &[&str] =
+    &["time", "timepoint", "tp", "visit", "session", "ses", "day", "week", "month", "year", "fu", "followup"];
+
+/// The first parts of a name that name a time point: `time1`, or `Timepoint` and `1`.
+fn find_numbered_time(tokens: &[Token]) -> Option<Range<usize>> {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    (0..tokens.len()).find_map(|at| {
+        let text = &tokens[at].1;
+        let digits = text.find(|c: char| c.is_ascii_digit()).unwrap_or(text.len());
+        let (word, number) = text.split_at(digits);
+        if !TIME_WORDS.contains(&word.to_lowercase().as_str()) {
+            return None;
+        }
+        let next_is_number = tokens.get(at + 1).is_some_and(|(_, next)| is_number(next));
+        match (is_number(number), number.is_empty() && next_is_number) {
+            (true, _) => Some(at..at + 1),
+            (_, true) => Some(at..at + 2),
+            _ => None,
+        }
+    })
+}
+
+/// Text of consecutive parts of a name.
+fn joined(parts: impl Iterator<Item = Token>) -> String {
+    parts.map(|(_, text)| text).collect::<Vec<_>>().join("_")
+}
+
 fn is_digits(text: &str, count: usize) -> bool {
     text.len() == count && text.bytes().all(|b| b.is_ascii_digit())
 }
@@ -133,6 +161,17 @@ pub(super) fn parse_name(relative: &Path) -> Option<ParsedName> {
         time.get_or_insert_with(|| tokens[at + 1].1.clone());
         tokens.drain(..at + 2);
     }
+    // A name of nothing but its time keeps it as its id.
+    if let Some(found) =
+        find_numbered_time(&tokens).filter(|found| time.is_none() && found.len() < tokens.len())
+    {
+        time = Some(joined(tokens.drain(found)));
+    }
+    let folder_time = |folder: &&str| {
+        let parts = self::tokens(folder);
+        find_numbered_time(&parts).map(|found| joined(parts[found].iter().cloned()))
+    };
+    let time = time.or_else(|| folders.iter().rev().find_map(folder_time));
     Some(ParsedName { kind, time, subject, tokens, stem })
 }
 
@@ -180,6 +219,27 @@ mod tests {
 
     fn expected(kind: Kind, time: Option<&str>, id: &str) -> (Kind, Option<String>, String) {
         (kind, time.map(str::to_owned), id.to_owned())
+    }
+
+    #[test]
+    fn words_with_numbers_are_times() {
+        let found = all(&["900001_time1_t1ce.nii.gz", "900001_time2_t1ce.nii.gz", "900001_time2_seg.nii.gz"]);
+        let image = |time| expected(Kind::Image, Some(time), "t1ce");
+        assert_eq!(found, [image("time1"), image("time2"), expected(Kind::Mask, Some("time2"), "seg")]);
+        let time = |path: &str| parse_name(Path::new(path)).unwrap().time;
+        for (path, label) in [
+            ("Patient-003/week-012/t1c.nii.gz", Some("week_012")),
+            ("Patient-003/week012/t1c.nii.gz", Some("week012")),
+            ("Timepoint_1/seg.nii.gz", Some("Timepoint_1")),
+            ("case7_Timepoint_1_seg.nii.gz", Some("Timepoint_1")),
+            ("fu2/seg.nii.gz", Some("fu2")),
+            ("t1_post.nii.gz", None),
+            ("scan-20.nii.gz", None),
+            ("week3.nii.gz", None),
+            ("sometime_seg.nii.gz", None),
+        ] {
+            assert_eq!(time(path).as_deref(), label, "{path}");
+        }
     }
 
     #[test]

@@ -166,7 +166,7 @@ fn a_file_named_twice_is_read_once() {
 }
 
 #[test]
-fn times_keep_the_listed_order_and_ids_their_bit() {
+fn times_are_in_time_order_whatever_the_order_listed_and_ids_keep_their_bit() {
     let masks = vec![
         mask("A", "a", Some("2024-05-01")),
         mask("B", "b", Some("2024-05-01")),
@@ -174,13 +174,59 @@ fn times_keep_the_listed_order_and_ids_their_bit() {
         mask("A", "a", Some("2024-01-01")),
         mask("B", "b", Some("2024-09-01")),
     ];
-    let case = load_plain(&case_of(vec![], masks), &[]);
-    let labels: Vec<&str> = case.time_points.iter().map(|t| t.label.as_str()).collect();
-    assert_eq!(labels, ["2024-05-01", "2024-01-01", "2024-09-01"]);
-    assert_eq!(case.time_points[0].index.mask_ids(), ["A", "B"]);
-    assert_eq!(case.time_points[1].index.mask_ids(), ["A", "B"]);
-    assert!(message(&case, "mask-not-at-every-time").starts_with("A: found no mask at 2024-09-01"));
-    assert!(has(&case, "times-not-in-order"));
+    let ordered = ["2024-01-01", "2024-05-01", "2024-09-01"];
+    for shift in 0..masks.len() {
+        let mut listed = masks.clone();
+        listed.rotate_left(shift);
+        let case = load_plain(&case_of(vec![], listed.clone()), &[("a", boxed(&grid(1.0, 0.0), 0, 3))]);
+        assert_eq!((case.time_labels(), case.order), (ordered.to_vec(), OrderBasis::Dates));
+        let first = listed[0].id.as_str();
+        for time_point in &case.time_points[..2] {
+            assert_eq!(time_point.index.mask_ids()[0], first);
+            let voxels =
+                |id: &str| time_point.masks.iter().find(|m| m.mask.id() == id).unwrap().mask.voxels();
+            assert_eq!((voxels("A"), voxels("B")), (27, 8));
+        }
+        assert!(message(&case, "mask-not-at-every-time").starts_with("A: found no mask at 2024-09-01"));
+        assert_eq!(has(&case, "time-order"), !listed.iter().map(|m| m.time.as_deref()).is_sorted());
+    }
+}
+
+#[test]
+fn an_order_that_labels_do_not_state_is_unknown_until_stated() {
+    let masks = vec![mask("A", "a", Some("red")), mask("A", "b", Some("blue"))];
+    let files = [("a", boxed(&grid(1.0, 0.0), 0, 3)), ("b", boxed(&grid(1.0, 0.0), 0, 4))];
+    let mut spec = case_of(vec![], masks);
+    let unknown = load_plain(&spec, &files);
+    assert_eq!((unknown.time_labels(), unknown.order), (vec!["red", "blue"], OrderBasis::Unknown));
+    assert!(message(&unknown, "time-order-unknown").contains("--order"));
+    let choice =
+        |case: &Case, from, to| crate::change::Choice::resolve(case, None, from, to).map(|c| c.dates);
+    for (from, to) in [(None, None), (Some("red"), None), (None, Some("red"))] {
+        let error = choice(&unknown, from, to).unwrap_err().to_string();
+        assert!(error.contains("red, blue") && error.contains("--from"), "{error}");
+    }
+    // Two dates by name are an order.
+    assert_eq!(choice(&unknown, Some("blue"), Some("red")).unwrap(), [1, 0]);
+    assert_eq!(choice(&unknown, Some("red"), Some("blue")).unwrap(), [0, 1]);
+    assert!(choice(&unknown, Some("red"), Some("red")).is_err());
+    // Stated by the case, or, before that, by the options.
+    spec.order = vec!["red".into(), "blue".into()];
+    let stated = load_plain(&spec, &files);
+    assert_eq!((stated.time_labels(), stated.order), (vec!["red", "blue"], OrderBasis::Stated));
+    assert_eq!(choice(&stated, None, None).unwrap(), [0, 1]);
+    assert!(choice(&stated, Some("blue"), Some("red")).is_err(), "never swapped");
+    let with = |order: &[&str]| {
+        let order = order.iter().map(|label| (*label).to_owned()).collect();
+        load_from(&spec, &LoadOptions { order, ..LoadOptions::default() }, &files)
+    };
+    let case = with(&["blue", "red"]).unwrap();
+    assert_eq!(case.time_labels(), ["blue", "red"]);
+    assert_eq!(case.time_points[0].masks[0].mask.voxels(), 64);
+    for wrong in [&["blue"][..], &["blue", "green"], &["blue", "red", "red"]] {
+        let error = with(wrong).unwrap_err().to_string();
+        assert!(error.contains("expected each date once: red, blue"), "{error}");
+    }
 }
 
 #[test]
@@ -188,7 +234,7 @@ fn an_impossible_date_is_a_plain_label_with_a_warning() {
     let masks = vec![mask("A", "a", Some("2024-02-31")), mask("A", "b", Some("2024-01-01"))];
     let case = load_plain(&case_of(vec![], masks), &[]);
     assert!(message(&case, "date-impossible").starts_with("times: found 2024-02-31, expected a day"));
-    assert!(!has(&case, "times-not-in-order"), "a plain label isn't ordered by date");
+    assert_eq!(case.order, OrderBasis::Numbers, "a plain label isn't ordered by date");
 }
 
 #[test]

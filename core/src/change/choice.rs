@@ -1,7 +1,7 @@
 //! Resolves the mask and the two time points to compare: one resolver for the window and the command line.
 
 use super::ChangeError;
-use crate::case::Case;
+use crate::case::{Case, OrderBasis};
 
 /// One mask at two time points of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,18 +21,23 @@ pub fn ids_at(case: &Case, dates: [usize; 2]) -> Vec<&str> {
 
 impl Choice {
     /// The choice named by mask id `of` and time labels `from` and `to`. Defaults: the first and the last time point,
-    /// and the first mask that both have; [`Choice::assumed`] lists the defaults used.
+    /// and the first mask that both have; [`Choice::assumed`] lists the defaults used. Where the order of the time
+    /// points is unknown, both must be named, and the one named `from` counts as the earlier.
     ///
     /// # Errors
-    /// [`ChangeError::OneDate`] for fewer than two time points, [`ChangeError::NoCommonMask`] where they share no mask,
-    /// [`ChangeError::Choice`] for a mask or time point that the case doesn't have, or time points in the wrong order.
+    /// [`ChangeError::OneDate`] for fewer than two time points, [`ChangeError::UnknownOrder`] where one isn't named
+    /// and the order is unknown, [`ChangeError::NoCommonMask`] where they share no mask, [`ChangeError::Choice`] for a
+    /// mask or time point that the case doesn't have, or a later date before an earlier one.
     pub fn resolve(
         case: &Case,
         of: Option<&str>,
         from: Option<&str>,
         to: Option<&str>,
     ) -> Result<Self, ChangeError> {
-        let last = Self::last(case)?;
+        let [first, last] = match (from, to) {
+            (Some(_), Some(_)) => [0, Self::last(case)?],
+            _ => Self::default_dates(case)?,
+        };
         let at = |label: Option<&str>, default: usize| match label {
             None => Ok(default),
             Some(label) => case.time_at(label).ok_or_else(|| {
@@ -40,7 +45,7 @@ impl Choice {
                 choice_error(case, format!("no date {label}"), expected)
             }),
         };
-        Self::at(case, of, [at(from, 0)?, at(to, last)?])
+        Self::at(case, of, [at(from, first)?, at(to, last)?])
     }
 
     /// As [`Choice::resolve`], for the indices of two time points.
@@ -49,7 +54,8 @@ impl Choice {
     /// As [`Choice::resolve`].
     pub fn at(case: &Case, of: Option<&str>, dates: [usize; 2]) -> Result<Self, ChangeError> {
         let last = Self::last(case)?;
-        if dates[0] >= dates[1] || dates[1] > last {
+        let is_reversed = dates[0] > dates[1] && case.order != OrderBasis::Unknown;
+        if dates[0] == dates[1] || is_reversed || dates.iter().any(|at| *at > last) {
             let label = |at: usize| case.time_points.get(at).map_or("no date", |t| t.label.as_str());
             let found = format!("{} to {}", label(dates[0]), label(dates[1]));
             return Err(choice_error(case, found, "an earlier and a later date".into()));
@@ -84,6 +90,19 @@ impl Choice {
             out.push(format!("the dates are {from} and {to} of {}", labels.join(", ")));
         }
         out
+    }
+
+    /// The first and the last time point.
+    ///
+    /// # Errors
+    /// [`ChangeError::OneDate`], [`ChangeError::UnknownOrder`].
+    pub fn default_dates(case: &Case) -> Result<[usize; 2], ChangeError> {
+        let last = Self::last(case)?;
+        if case.order == OrderBasis::Unknown {
+            let dates = case.time_labels().join(", ");
+            return Err(ChangeError::UnknownOrder { case: case.name.clone(), dates });
+        }
+        Ok([0, last])
     }
 
     fn last(case: &Case) -> Result<usize, ChangeError> {

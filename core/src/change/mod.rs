@@ -76,6 +76,16 @@ pub enum ChangeError {
         /// Its number of time points.
         dates: usize,
     },
+    /// The order of the case's time points is unknown, and none were chosen.
+    #[error(
+        "{case}: found dates whose order isn't stated ({dates}), expected their order (--order) or an earlier and a later one (--from, --to)"
+    )]
+    UnknownOrder {
+        /// The case.
+        case: String,
+        /// The labels of its time points.
+        dates: String,
+    },
     /// The two time points have no mask id in common.
     #[error("{0}: found no mask that both dates have, expected one of the same id")]
     NoCommonMask(String),

@@ -7,7 +7,7 @@ use egui_kittest::{Harness, kittest::Queryable};
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{
     Grid, Mask, MaskBits, Regions, Samples, Scaling, Sides, TumorIndex, Volume,
-    case::{Case, CaseMask, Context, TimePoint},
+    case::{Case, CaseMask, Context, OrderBasis, TimePoint},
 };
 use glioscope_render::flat::{Convention, Plane, Window};
 
@@ -45,7 +45,14 @@ fn case(sides: Sides) -> Case {
         .to_vec();
     let contexts = vec![Context { id: "T1c".into(), volume }];
     let time_point = TimePoint { label: String::new(), contexts, masks, index: Arc::new(index), regions };
-    Case { name: "test".into(), grid, time_points: vec![time_point], tracts: Vec::new(), checks: Vec::new() }
+    Case {
+        name: "test".into(),
+        grid,
+        time_points: vec![time_point],
+        order: OrderBasis::Single,
+        tracts: Vec::new(),
+        checks: Vec::new(),
+    }
 }
 
 struct TestView {

@@ -64,6 +64,9 @@ pub enum Task {
         /// As JSON.
         #[arg(long)]
         json: bool,
+        /// Read an image a second time, with another reader, and report where the two disagree.
+        #[arg(long)]
+        cross_check: bool,
     },
     /// Measure masks, regions and their agreement.
     Measure {

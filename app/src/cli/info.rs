@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glioscope_core::{
     Progress,
-    files::{self, Source},
+    files::{self, FileInfo, ReadOptions, Source},
 };
 use serde_json::json;
 
@@ -14,18 +14,31 @@ use super::{
 };
 use crate::{error::AppError, model::CaseRef, world::load};
 
-pub(super) fn run(target: Option<PathBuf>, parts: &MaskArguments, as_json: bool) -> Result<(), AppError> {
+pub(super) fn run(
+    target: Option<PathBuf>,
+    parts: &MaskArguments,
+    as_json: bool,
+    cross_check: bool,
+) -> Result<(), AppError> {
     if let Some(path) = &target
         && path.is_file()
         && !is_manifest(path)
     {
-        let info = files::info(&Source::File(path.clone()), &Progress::new())?;
+        let info: Box<dyn FileInfo> = if cross_check {
+            let options = ReadOptions { max_bytes: parts.max_bytes, ..ReadOptions::default() };
+            Box::new(files::cross_check(path, &options, &Progress::new())?)
+        } else {
+            files::info(&Source::File(path.clone()), &Progress::new())?
+        };
         let json = || info.json().map_err(|e| AppError::file(path, e.to_string(), "finite numbers"));
         return terminal::print(&if as_json { json()? } else { info.text() });
     }
     let case = CaseArguments { path: target, parts: parts.clone(), tracts: Vec::new() };
     let reference = case.reference()?.unwrap_or(CaseRef::Sample);
     let spec = load::spec_of(&reference, &case.options(), &Progress::new())?;
+    if cross_check {
+        return Err(AppError::wrong("--cross-check", "a case", "one image"));
+    }
     if as_json {
         let masks: Vec<_> = spec
             .masks

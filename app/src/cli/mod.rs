@@ -52,7 +52,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
     match cli.task {
         None => open(&cli.case, cli.window),
         Some(Task::Open { case, window }) => open(&case, window),
-        Some(Task::Info { target, json, case }) => info::run(target, &case, json),
+        Some(Task::Info { target, json, case, cross_check }) => info::run(target, &case, json, cross_check),
         Some(Task::Measure { case, json }) => measure::run(&case, json),
         Some(Task::Ellipsoids { case, connectivity, tolerance, json }) => {
             ellipsoids::run(&case, connectivity, tolerance, json)

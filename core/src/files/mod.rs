@@ -10,6 +10,7 @@ use tempfile::NamedTempFile;
 use crate::{Cancelled, Check, Volume};
 
 mod bounded_gzip;
+mod cross_check;
 pub mod format;
 mod nifti;
 mod nifti_describe;
@@ -21,6 +22,7 @@ mod tracts;
 mod tracts_tck;
 mod tracts_trk;
 
+pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
 pub use read::{info, read, read_tract_bytes, read_tracts};

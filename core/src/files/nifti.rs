@@ -451,6 +451,14 @@ fn base_name(file: &str) -> String {
     name.unwrap_or_else(|| file.to_owned())
 }
 
+/// The file with the header: `path`, or its partner where that is the second half of a pair.
+///
+/// # Errors
+/// [`FileError::Wrong`] where there is no partner.
+pub(super) fn header_path(path: &Path) -> Result<PathBuf, FileError> {
+    if Half::of(path) == Some(Half::Image) { Half::Image.partner(path) } else { Ok(path.to_owned()) }
+}
+
 /// Which half of a pair a file is, by its name.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Half {

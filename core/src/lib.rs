@@ -3,6 +3,35 @@
 //! No code here depends on a GPU or a window. World space is RAS+ millimetres in `f64`;
 //! [`Grid::world_from_voxel`] maps voxel *centres*. Terms (mask, region, tumour index, lens …) are defined in
 //! ARCHITECTURE.md.
+//!
+//! A case is described, loaded and then measured; a folder or a manifest is described by
+//! [`case::CaseSpec::from_path`]:
+//!
+//! ```
+//! use glioscope_core::{Progress, case, measure, sample};
+//!
+//! // The embedded sample's masks of its first date.
+//! let mut spec = sample::sample_spec();
+//! spec.contexts.clear();
+//! spec.masks.retain(|mask| mask.time.as_deref() == Some("2024-01-15"));
+//! let case = case::load(&spec, &case::LoadOptions::default(), &Progress::new())?;
+//!
+//! // Regions are the voxels in exactly these masks: three masks that overlap in every way have seven.
+//! let regions = &case.time_points[0].regions;
+//! assert_eq!(regions.mask_ids(), ["T1", "T2", "PET"]);
+//! assert_eq!(regions.list().len(), 7);
+//! let in_all = regions.get(0b111).ok_or("no voxel in all masks")?;
+//! assert_eq!(regions.name(in_all.bits), "T1+T2+PET");
+//!
+//! // The shape drawn in mask T1 has 30.278 ml (truth.json of the sample); voxels cut its surface.
+//! let report = measure::report(&case);
+//! let t1 = &report.time_points[0].masks[0];
+//! assert!((t1.native_volume_ml / 30.278 - 1.0).abs() < 0.002);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Further examples: [`mod@array`] (masks and images as arrays), [`measure::pairs`],
+//! [`ellipsoid::ellipsoids_of`], [`change::change`] (two dates), [`files::write_nifti`].
 
 pub mod array;
 pub mod case;

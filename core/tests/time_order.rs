@@ -8,14 +8,14 @@ use glam::DVec3;
 use glioscope_core::{
     Grid, Progress, Samples, Scaling, Volume,
     case::{CaseSpec, LoadOptions, load},
-    files::{WriteOptions, write_nifti},
+    files::{WriteOptions, write_nifti, write_whole},
 };
 
 /// A label map of 8³ voxels with a box of `side` voxels.
 fn write_box(folder: &Path, name: &str, side: usize) {
     let grid = Grid::axis_aligned([8; 3], DVec3::ONE, DVec3::ZERO).unwrap();
     let stored = (0..512).map(|l| u8::from(grid.ijk(l).iter().all(|at| *at < side))).collect();
-    let volume = Volume::new(grid.clone(), Samples::U8(stored), Scaling::NONE).unwrap();
+    let volume = Volume::new(grid, Samples::U8(stored), Scaling::NONE).unwrap();
     let path = folder.join(name);
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     write_nifti(&path, &volume, &WriteOptions::default()).unwrap();
@@ -51,7 +51,7 @@ fn sessions_tsv_goes_before_names() {
     write_box(folder.path(), &session("A"), 2);
     write_box(folder.path(), &session("B"), 3);
     let table = folder.path().join("sub-01/sub-01_sessions.tsv");
-    let write = |rows: &str| std::fs::write(&table, format!("session_id\tacq_time\n{rows}")).unwrap();
+    let write = |rows: &str| write_whole(&table, format!("session_id\tacq_time\n{rows}").as_bytes()).unwrap();
     write("ses-A\t2024-05-01T10:00:00\nses-B\t2024-01-01T10:00:00Z\nses-C\t2023-01-01\n");
     assert_eq!(labels_and_voxels(folder.path()), [("B".to_owned(), 27), ("A".to_owned(), 8)]);
     assert_eq!(labels_and_voxels(&folder.path().join("sub-01"))[0].0, "B");

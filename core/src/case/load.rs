@@ -259,7 +259,7 @@ pub fn load_with(
 ) -> Result<Case, CaseError> {
     let listed = time_labels(spec)?;
     let stated = if options.order.is_empty() { &spec.order } else { &options.order };
-    let (labels, order) = order::arrange(spec, listed.clone(), stated)?;
+    let (labels, order) = order::arrange(spec, &listed, stated)?;
     check_names(spec)?;
     check_counts(spec, &labels)?;
     let time_of = |time: &Option<String>| labels.iter().position(|l| Some(l) == time.as_ref()).unwrap_or(0);

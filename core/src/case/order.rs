@@ -83,14 +83,14 @@ fn ascending<T: PartialOrd>(keys: &[T]) -> Option<Vec<usize>> {
 /// [`CaseError::Wrong`] where `stated` isn't empty and doesn't name each label once.
 pub(super) fn arrange(
     spec: &CaseSpec,
-    labels: Vec<String>,
+    labels: &[String],
     stated: &[String],
 ) -> Result<(Vec<String>, OrderBasis), CaseError> {
     if stated.is_empty() {
         let (order, basis) = chronological(&labels.iter().map(String::as_str).collect::<Vec<_>>());
         return Ok((order.into_iter().map(|at| labels[at].clone()).collect(), basis));
     }
-    let mut sorted = [labels.clone(), stated.to_vec()];
+    let mut sorted = [labels.to_vec(), stated.to_vec()];
     sorted.iter_mut().for_each(|list| list.sort());
     if sorted[0] != sorted[1] {
         return Err(CaseError::Wrong {

@@ -260,6 +260,29 @@ fn touches_border(mask: &MaskBits) -> bool {
 /// # Errors
 /// [`ChangeError`] when dimensions differ, the registration error is negative or not finite, the masks have too many
 /// components or voxels for 32-bit indices, or the user cancels.
+///
+/// ```
+/// use glioscope_core::{Grid, MaskBits, Progress, glam::DVec3};
+/// use glioscope_core::change::{ChangeOptions, Fate, change};
+///
+/// // A ball grows from 6 to 9 mm.
+/// let grid = Grid::axis_aligned([23, 23, 23], DVec3::ONE, DVec3::splat(-11.0))?;
+/// let ball = |radius_mm: f64| {
+///     MaskBits::from_fn(grid.dims(), |l| grid.center_of_voxel_mm(grid.ijk(l)).length() <= radius_mm)
+/// };
+/// let (before, after) = (ball(6.0), ball(9.0));
+/// let change = change(&before, &after, &grid, &ChangeOptions::default(), &Progress::new())?;
+///
+/// assert_eq!(change.kept_voxels, before.count());
+/// assert_eq!(change.new_voxels, after.count() - before.count());
+/// assert_eq!(change.groups[0].fate, Fate::Matched);
+/// // Every vector says growth, by 3 mm but for the voxels' size.
+/// let lengths: Vec<f64> = change.vectors.iter().map(|vector| vector.signed_mm).collect();
+/// assert!(lengths.iter().all(|&mm| mm > 0.0));
+/// let mean_mm = lengths.iter().sum::<f64>() / lengths.len() as f64;
+/// assert!((mean_mm - 3.0).abs() < 0.5);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn change(
     before: &MaskBits,
     after: &MaskBits,

@@ -115,6 +115,28 @@ pub enum EllipsoidError {
 ///
 /// # Errors
 /// [`EllipsoidError`].
+///
+/// ```
+/// use glioscope_core::{Connectivity, Grid, Mask, MaskBits, Progress, TumorIndex, glam::DVec3};
+/// use glioscope_core::ellipsoid::{Of, Options, ellipsoids_of};
+///
+/// // A box of 6 x 4 x 2 mm. Its smallest enclosing ellipsoid has √3 times its half lengths as semi-axes.
+/// let grid = Grid::axis_aligned([10, 10, 10], DVec3::new(1.0, 1.0, 2.0), DVec3::ZERO)?;
+/// let bits = MaskBits::from_fn(grid.dims(), |linear| {
+///     let [i, j, k] = grid.ijk(linear);
+///     (2..8).contains(&i) && (2..6).contains(&j) && k == 5
+/// });
+/// let mask = Mask::new("box", grid.clone(), bits).ok_or("size")?;
+/// let index = TumorIndex::new(grid, &[&mask])?;
+/// let found = ellipsoids_of(&index, Connectivity::default(), &Options::default(), &Progress::new())?;
+///
+/// assert_eq!((found[0].of, found[1].of), (Of::Mask(0), Of::Region(0b1)));
+/// let enclosing = &found[0].enclosing;
+/// assert!(enclosing.semi_axes_mm.abs_diff_eq(DVec3::new(3.0, 2.0, 1.0) * 3_f64.sqrt(), 1e-9));
+/// assert!(enclosing.center_mm.abs_diff_eq(DVec3::new(4.5, 3.5, 10.0), 1e-9));
+/// assert!((found[0].exaggeration - 3_f64.sqrt() * std::f64::consts::PI / 2.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn ellipsoids_of(
     index: &TumorIndex,
     connectivity: Connectivity,

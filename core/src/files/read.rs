@@ -7,7 +7,7 @@ use super::{
 };
 use crate::Progress;
 
-/// Reads one frame of an image or mask in any of [`VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
+/// Reads one frame of an image or mask in any of [`super::format::VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
 /// `.hdr`/`.img` pairs, each file gzipped or not, named by either half. gzip is recognised by content, not by name.
 ///
 /// # Errors

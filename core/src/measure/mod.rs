@@ -45,6 +45,21 @@ impl Serialize for Pair {
 }
 
 /// All pairs of masks, in the order of the index, with all metrics of [`PAIR_METRICS`].
+///
+/// ```
+/// use glioscope_core::{Grid, Mask, MaskBits, Regions, TumorIndex, glam::DVec3, measure};
+///
+/// // Boxes of 4 and 6 voxels along x, 2 of them shared.
+/// let grid = Grid::axis_aligned([8, 1, 1], DVec3::ONE, DVec3::ZERO)?;
+/// let a = Mask::new("a", grid.clone(), MaskBits::from_fn([8, 1, 1], |i| i < 4)).ok_or("size")?;
+/// let b = Mask::new("b", grid.clone(), MaskBits::from_fn([8, 1, 1], |i| i >= 2)).ok_or("size")?;
+/// let index = TumorIndex::new(grid, &[&a, &b])?;
+///
+/// let pairs = measure::pairs(&index, &Regions::of(&index));
+/// assert_eq!(pairs[0].value("dice"), Some(2.0 * 2.0 / (4.0 + 6.0)));
+/// assert_eq!(pairs[0].value("jaccard"), Some(2.0 / 8.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn pairs(index: &TumorIndex, regions: &Regions) -> Vec<Pair> {
     let ids = regions.mask_ids();
     let pair = |a: usize, b: usize| {

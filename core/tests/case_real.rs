@@ -218,3 +218,32 @@ fn every_malformed_file_gives_a_one_line_error() {
         assert!(!error.contains('\n') && error.contains("found ") && error.contains("expected "), "{error}");
     }
 }
+
+/// Dice and union as of full-size copies of the masks, which any program can compare voxel by voxel
+/// (../shared/data/reported/README.md, 51-dcmqi-513).
+#[test]
+fn small_grids_that_do_not_cover_each_other_lose_nothing_in_either_order() {
+    let Some(folder) = real_data("reported/51-dcmqi-513") else { return };
+    let argument = |date: &str| format!("{date}={}", folder.join(format!("{date}.nii.gz")).display());
+    for order in [["date1", "date2"], ["date2", "date1"]] {
+        let spec = CaseSpec::from_arguments(&order.map(argument), &[]).unwrap();
+        let report = measure::report(&load(&spec));
+        let time = &report.time_points[0];
+        assert!((time.pairs[0].value("dice").unwrap() - 0.3176).abs() < 5e-5, "{:?}", time.pairs);
+        let largest = time.masks.iter().map(|m| m.volume_ml).fold(0.0, f64::max);
+        assert!((largest - 11.583).abs() < 5e-4, "{largest}");
+    }
+}
+
+/// Masks of two dates that share no place keep their volumes (48-unregistered).
+#[test]
+fn masks_without_a_common_place_keep_their_volumes() {
+    let Some(folder) = real_data("reported/48-unregistered") else { return };
+    let argument = |(file, date): (&str, &str)| format!("A={}@{date}", folder.join(file).display());
+    let masks = [("a.nii.gz", "2024-01-01"), ("b.nii.gz", "2024-02-01")].map(argument);
+    let case = load(&CaseSpec::from_arguments(&masks, &[]).unwrap());
+    for time_point in &case.time_points {
+        let mask = &time_point.masks[0];
+        assert!((mask.mask.volume_ml() - 2.103).abs() < 5e-4, "{}", mask.mask.volume_ml());
+    }
+}

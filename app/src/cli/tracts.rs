@@ -2,7 +2,7 @@
 
 use clap::Args;
 use glioscope_core::{
-    MaskBits, Progress, Selection, Sides,
+    Check, MaskBits, Progress, Selection, Sides,
     case::{Case, CaseTracts, TimePoint},
     tract_distance::{Nearness, SelectedCells},
 };
@@ -42,6 +42,8 @@ struct TractsReport {
     selected_ml: f64,
     within_mm: f64,
     tracts: Vec<TractReport>,
+    /// All findings about the case, most severe first.
+    warnings: Vec<Check>,
 }
 
 /// One tract file. Distances are measured to the voxels' cells, not their centres.
@@ -124,6 +126,7 @@ fn report(
         selected_ml: index.grid().volume_ml(voxels),
         within_mm,
         tracts,
+        warnings: case.checks.clone(),
     })
 }
 

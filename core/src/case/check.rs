@@ -40,6 +40,16 @@ fn percent(part: u64, whole: u64) -> String {
     }
 }
 
+/// A note where masks lie outside the chosen grid, so that the case grid is larger.
+pub(super) fn extended(chosen: &Grid, whole: &Grid, id: &str) -> Option<Check> {
+    let [a, b, c] = chosen.dims();
+    let [x, y, z] = whole.dims();
+    let text = format!(
+        "case grid: found masks outside the grid of {id} ({a}x{b}x{c} voxels); extended to {x}x{y}x{z} so that it covers them"
+    );
+    (chosen != whole).then(|| Check::note("case-grid-extended", text))
+}
+
 /// The order of time points: a note where it isn't that in which the case lists them, a warning where it is unknown.
 pub(super) fn time_order(listed: &[String], ordered: &[String], basis: OrderBasis) -> Option<Check> {
     let names = ordered.join(", ");
@@ -72,14 +82,16 @@ fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>
             format!("{name}: found no voxel with {}, expected {asked}", list(&m.missing_labels)),
         ));
     }
-    if m.non_integer > 0 {
-        checks.push(Check::warning(
-            "non-integer-label-map",
-            format!(
-                "{name}: found {} voxels that are no whole number, expected a label map; they are inactive",
-                m.non_integer
-            ),
-        ));
+    if m.invalid > 0 {
+        let text = |found: &str, expected: &str| {
+            format!("{name}: found {} voxels {found}, expected {expected}; they are inactive", m.invalid)
+        };
+        checks.push(match labels {
+            Some(_) => {
+                Check::warning("non-integer-label-map", text("that are no whole number", "a label map"))
+            }
+            None => Check::warning("mask-not-finite", text("that are NaN or infinite", "numbers")),
+        });
     }
 }
 
@@ -126,31 +138,15 @@ pub(super) fn before_resampling(
     for m in masks {
         let name = at_time(&spec.masks[m.spec].id, &labels[m.time]);
         contents(spec, m, &name, &mut checks);
-        let total = m.mask.voxels();
-        let report = |code, outside: u64, whose: &str, then: &str| {
-            let ml = m.mask.grid().volume_ml(outside);
-            let share = percent(outside, total);
-            Check::warning(
-                code,
-                format!(
-                    "{name}: found {share} of the mask ({ml:.3} ml) outside {whose}, expected it inside{then}"
-                ),
-            )
-        };
         let here: Vec<&Grid> = images.iter().filter(|(t, ..)| *t == m.time).map(|(_, _, g)| *g).collect();
         let outside = if here.is_empty() { 0 } else { resample::voxels_outside(&m.mask, &here) };
         if outside > 0 {
-            checks.push(report("mask-outside-image", outside, "every image", ""));
-        }
-        let cut = resample::voxels_outside(&m.mask, &[case_grid]);
-        if cut > 0 {
-            let whose = format!("the case grid (that of {case_grid_id})");
-            checks.push(report(
-                "mask-cut-by-case-grid",
-                cut,
-                &whose,
-                "; this part is missing in all numbers but the native volume",
-            ));
+            let ml = m.mask.grid().volume_ml(outside);
+            let share = percent(outside, m.mask.voxels());
+            let text = format!(
+                "{name}: found {share} of the mask ({ml:.3} ml) outside every image, expected it inside"
+            );
+            checks.push(Check::warning("mask-outside-image", text));
         }
     }
     let mut grids: Vec<&Grid> = Vec::new();

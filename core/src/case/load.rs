@@ -6,14 +6,14 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::{
-    Case, CaseError, CaseGridChoice, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, TimePoint,
-    TractsSpec, check,
+    Case, CaseError, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, TimePoint, TractsSpec, case_grid,
+    check,
     native::{NativeMask, at_time},
     order,
     select::{self, Selected},
 };
 use crate::{
-    Check, Grid, Mask, Progress, Regions, Sides, TumorIndex, Volume,
+    Check, Grid, Mask, Progress, Regions, TumorIndex, Volume,
     files::{FileError, Loaded, Source, TractOptions, read_tracts},
     resample,
     tumor_index::MAX_MASKS,
@@ -186,48 +186,6 @@ fn read_one(
     })
 }
 
-/// The case grid, and the id of the mask or image it comes from.
-fn case_grid(
-    spec: &CaseSpec,
-    choice: &CaseGridChoice,
-    masks: &[NativeMask],
-    images: &[NativeContext],
-) -> Result<(Grid, String), CaseError> {
-    let of_mask = |m: &NativeMask| (m.mask.grid().clone(), spec.masks[m.spec].id.clone());
-    let of_image = |c: &NativeContext| (c.volume.grid().clone(), spec.contexts[c.spec].id.clone());
-    let none = || wrong(&spec.name, "no image and no mask", "at least one");
-    let (grid, id) = match choice {
-        CaseGridChoice::FinestMask => {
-            // A later mask must be finer by more than rounding error.
-            let finest = masks.iter().reduce(|best, m| {
-                let (a, b) = (best.mask.grid().voxel_volume_mm3(), m.mask.grid().voxel_volume_mm3());
-                if b < a * (1.0 - 1e-6) { m } else { best }
-            });
-            finest.map(of_mask).or_else(|| images.first().map(of_image)).ok_or_else(none)?
-        }
-        CaseGridChoice::Of(id) => {
-            let mask = masks.iter().find(|m| spec.masks[m.spec].id == *id).map(of_mask);
-            let image = || images.iter().find(|c| spec.contexts[c.spec].id == *id).map(of_image);
-            mask.or_else(image).ok_or_else(|| {
-                let ids = spec.masks.iter().map(|m| &m.id).chain(spec.contexts.iter().map(|c| &c.id));
-                let mut known: Vec<&str> = Vec::new();
-                for id in ids {
-                    if !known.contains(&id.as_str()) {
-                        known.push(id);
-                    }
-                }
-                wrong(&spec.name, format!("case grid of {id}"), format!("one of {}", known.join(", ")))
-            })?
-        }
-    };
-    // One mask with unknown sides makes the sides of the index unknown: overlaying it is a guess.
-    let unknown = masks.iter().any(|m| m.mask.grid().sides() == Sides::Unknown);
-    let sides = if unknown { Sides::Unknown } else { grid.sides() };
-    let grid = Grid::new(grid.dims(), grid.world_from_voxel(), sides)
-        .map_err(|e| wrong(&spec.name, e.to_string(), "a usable case grid"))?;
-    Ok((grid, id))
-}
-
 /// Reads every tract file; findings are appended to `checks`.
 fn load_tracts(
     spec: &CaseSpec,
@@ -275,13 +233,13 @@ pub fn load_with(
         for (m, selected) in outcome.selected {
             let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits)
                 .ok_or_else(|| wrong(&spec.name, "a mask of another size than its file", "the same size"))?;
-            let (missing_labels, non_integer) = (selected.missing_labels, selected.non_integer);
+            let (missing_labels, invalid) = (selected.missing_labels, selected.invalid);
             masks.push(NativeMask {
                 spec: m,
                 time: time_of(&spec.masks[m].time),
                 mask,
                 missing_labels,
-                non_integer,
+                invalid,
             });
         }
         if let Some(volume) = outcome.image {
@@ -296,12 +254,15 @@ pub fn load_with(
     // One id is one mask over time: bits are assigned in the order in which ids are first listed.
     let rank = |m: &NativeMask| spec.masks.iter().position(|s| s.id == spec.masks[m.spec].id);
     masks.sort_by_key(|m| m.spec);
-    let (grid, grid_id) = case_grid(spec, &options.case_grid, &masks, &images)?;
-    masks.sort_by_key(|m| (m.time, rank(m)));
-
     let image_grids: Vec<(usize, &str, &Grid)> =
         images.iter().map(|c| (c.time, spec.contexts[c.spec].id.as_str(), c.volume.grid())).collect();
+    let (grid, grid_id) = case_grid::choose(spec, &options.case_grid, &masks, &image_grids)?;
+    let whole = case_grid::covering(&spec.name, &grid, &masks, options.max_bytes)?;
+    masks.sort_by_key(|m| (m.time, rank(m)));
+
     checks.extend(check::before_resampling(spec, &labels, &masks, &image_grids, (&grid, &grid_id)));
+    checks.extend(check::extended(&grid, &whole, &grid_id));
+    let grid = whole;
 
     progress.say("Bringing the masks onto the case grid");
     let on_grid = masks

@@ -1,6 +1,7 @@
 //! A case: one patient's images and masks, over one or more time points.
 
 mod arguments;
+mod case_grid;
 mod check;
 mod discover;
 mod load;
@@ -120,7 +121,7 @@ impl CaseSpec {
 /// The grid of the tumour index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CaseGridChoice {
-    /// That of the finest mask: smallest voxel volume, the first listed on ties; that of the first image where
+    /// That of the finest mask: smallest voxel volume, on ties the most voxels; that of the first image where
     /// there is no mask.
     #[default]
     FinestMask,

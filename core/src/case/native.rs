@@ -8,7 +8,7 @@ pub(super) struct NativeMask {
     pub time: usize,
     pub mask: Mask,
     pub missing_labels: Vec<i64>,
-    pub non_integer: u64,
+    pub invalid: u64,
 }
 
 /// An id and its time as written in messages: `T1 (2024-01-15)`.

@@ -14,8 +14,8 @@ pub(super) struct Selected {
     pub bits: MaskBits,
     /// Requested labels that no voxel has, in the order requested.
     pub missing_labels: Vec<i64>,
-    /// Voxels with non-integer values, counted where labels are requested; they are inactive.
-    pub non_integer: u64,
+    /// Voxels with NaN or infinite values, and where labels are requested, with non-integer ones; they are inactive.
+    pub invalid: u64,
 }
 
 /// Statistics of one slice, besides its bits.
@@ -23,7 +23,7 @@ pub(super) struct Selected {
 struct SliceStats {
     /// Whether the k-th requested label occurs.
     labels: Vec<bool>,
-    non_integer: u64,
+    invalid: u64,
 }
 
 /// Class of a stored number. `Label` holds the index of the requested label and is active; without requested labels
@@ -32,19 +32,23 @@ struct SliceStats {
 enum VoxelClass {
     Inactive,
     Label(u16),
-    NonInteger,
+    Invalid,
 }
 
 fn classify_value(value: f64, labels: Option<&[i64]>) -> VoxelClass {
     let Some(labels) = labels else {
-        return if value > 0.5 { VoxelClass::Label(0) } else { VoxelClass::Inactive };
+        return match value {
+            v if !v.is_finite() => VoxelClass::Invalid,
+            v if v > 0.5 => VoxelClass::Label(0),
+            _ => VoxelClass::Inactive,
+        };
     };
     if value == 0.0 && !labels.contains(&0) {
         return VoxelClass::Inactive;
     }
     let integer = value.round();
     if !value.is_finite() || (value - integer).abs() > INTEGER_TOLERANCE {
-        return VoxelClass::NonInteger;
+        return VoxelClass::Invalid;
     }
     let found = labels.iter().position(|&l| l as f64 == integer);
     found.map_or(VoxelClass::Inactive, |k| VoxelClass::Label(k as u16))
@@ -64,7 +68,7 @@ fn pack_bits<T: Copy + PartialEq + Sync>(
     let per_line = bits.words_per_line();
     let slice = |(out, stored): (&mut [u64], &[T])| -> Result<SliceStats, Cancelled> {
         progress.check()?;
-        let mut stats = SliceStats { labels: vec![false; label_count], non_integer: 0 };
+        let mut stats = SliceStats { labels: vec![false; label_count], invalid: 0 };
         for (words, line) in out.chunks_exact_mut(per_line).zip(stored.chunks_exact(dims[0])) {
             for (word, chunk) in words.iter_mut().zip(line.chunks(64)) {
                 // No early exit within a chunk, so that its comparison is vectorised.
@@ -74,7 +78,7 @@ fn pack_bits<T: Copy + PartialEq + Sync>(
                 for (x, &s) in chunk.iter().enumerate() {
                     match classify(s) {
                         VoxelClass::Inactive => {}
-                        VoxelClass::NonInteger => stats.non_integer += 1,
+                        VoxelClass::Invalid => stats.invalid += 1,
                         VoxelClass::Label(k) => {
                             *word |= 1 << x;
                             stats.labels[usize::from(k)] = true;
@@ -85,10 +89,10 @@ fn pack_bits<T: Copy + PartialEq + Sync>(
         }
         Ok(stats)
     };
-    let none = || SliceStats { labels: vec![false; label_count], non_integer: 0 };
+    let none = || SliceStats { labels: vec![false; label_count], invalid: 0 };
     let merge = |a: SliceStats, b: SliceStats| SliceStats {
         labels: a.labels.iter().zip(&b.labels).map(|(a, b)| a | b).collect(),
-        non_integer: a.non_integer + b.non_integer,
+        invalid: a.invalid + b.invalid,
     };
     let outs = bits.words_mut().par_chunks_mut(per_line * dims[1]);
     let stats =
@@ -96,7 +100,8 @@ fn pack_bits<T: Copy + PartialEq + Sync>(
     Ok((bits, stats))
 }
 
-/// The voxels of `volume` with one of `labels`; without labels, those above 0.5. NaN is inactive.
+/// The voxels of `volume` with one of `labels`; without labels, those above 0.5. NaN and infinite
+/// values are inactive and counted.
 /// 8- and 16-bit types use a lookup table, others are computed in `f64`.
 pub(super) fn select(
     volume: &Volume,
@@ -135,7 +140,7 @@ pub(super) fn select(
     let missing_labels = labels.map_or(Vec::new(), |labels| {
         labels.iter().zip(&stats.labels).filter(|(_, there)| !**there).map(|(&l, _)| l).collect()
     });
-    Ok(Selected { bits, missing_labels, non_integer: stats.non_integer })
+    Ok(Selected { bits, missing_labels, invalid: stats.invalid })
 }
 
 /// The distinct values of a volume, ascending, if it looks like a label map: at most `max_values` of them, all
@@ -217,7 +222,7 @@ mod tests {
                 s.missing_labels,
                 [1, 9].iter().copied().filter(|&l| l == 9 || !numbers.contains(&6)).collect::<Vec<_>>()
             );
-            assert_eq!(s.non_integer, expected(&|n| n != 2 && n != 6).len() as u64);
+            assert_eq!(s.invalid, expected(&|n| n != 2 && n != 6).len() as u64);
         }
     }
 
@@ -227,9 +232,10 @@ mod tests {
         assert_eq!(active(&v, Some(&[-1, i64::from(i16::MIN)])), [0, 1]);
         assert_eq!(active(&v, None), [2]);
         let v = volume(Samples::F32(vec![f32::NAN, f32::INFINITY, 0.5, 0.51, -3.0]), Scaling::NONE);
-        assert_eq!(active(&v, None), [1, 3]);
+        assert_eq!(active(&v, None), [3]);
+        assert_eq!(select(&v, None, &Progress::new()).unwrap().invalid, 2);
         let s = select(&v, Some(&[-3]), &Progress::new()).unwrap();
-        assert_eq!((s.bits.count(), s.non_integer), (1, 4));
+        assert_eq!((s.bits.count(), s.invalid), (1, 4));
     }
 
     #[test]

@@ -73,7 +73,7 @@ fn the_case_grid_is_that_of_the_finest_mask() {
     let files = [
         ("coarse", boxed(&grid(2.0, 0.5), 1, 4)),
         ("fine", boxed(&grid(1.0, 0.0), 2, 8)),
-        ("same", boxed(&grid(1.0, 3.0), 2, 8)),
+        ("same", boxed(&grid(1.0, 3.0), 0, 6)),
     ];
     let masks = vec![mask("C", "coarse", None), mask("F", "fine", None), mask("S", "same", None)];
     let spec = case_of(vec![image("I", "coarse", None)], masks);
@@ -257,6 +257,65 @@ fn invalid_cases_are_refused_in_one_line_naming_the_cause() {
     assert!(error(&case_of(vec![], vec![unlabelled])).contains("mask A with an empty list of labels"));
 }
 
+/// Every order of `masks`.
+fn permutations(masks: &[MaskSpec]) -> Vec<Vec<MaskSpec>> {
+    if masks.len() < 2 {
+        return vec![masks.to_vec()];
+    }
+    let with_first = |first: usize| {
+        let mut rest = masks.to_vec();
+        let first = rest.remove(first);
+        permutations(&rest).into_iter().map(move |rest| [vec![first.clone()], rest].concat())
+    };
+    (0..masks.len()).flat_map(with_first).collect()
+}
+
+#[test]
+fn no_mask_loses_a_voxel_and_no_number_depends_on_the_order_of_masks() {
+    // Equally fine grids: apart, overlapping, half a voxel off, and one that is larger; and a coarse one.
+    for (b, c) in [(5.0, -3.0), (0.5, 20.0), (40.0, 0.0), (-7.25, 0.25), (0.0, 0.0)] {
+        let files = [
+            ("a", boxed(&grid(1.0, 0.0), 0, 7)),
+            ("b", boxed(&grid(1.0, b), 3, 10)),
+            ("c", boxed(&grid(1.0, c), 2, 9)),
+            ("d", boxed(&grid(2.0, -12.0), 0, 10)),
+        ];
+        let masks = ["a", "b", "c", "d"]
+            .map(|id| mask(id, id, Some(if id < "c" { "2024-01-01" } else { "2024-02-01" })));
+        let numbers = |masks: Vec<MaskSpec>| {
+            let case = load_plain(&case_of(vec![], masks), &files);
+            let times = case.time_points.iter().map(|time| {
+                let mut volumes: Vec<(String, u64, u64)> = time
+                    .masks
+                    .iter()
+                    .map(|m| (m.mask.id().to_owned(), m.mask.voxels(), m.native_voxels))
+                    .collect();
+                volumes.sort();
+                let pairs = measure::pairs(&time.index, &time.regions);
+                (volumes, pairs[0].value("dice"), time.regions.union_voxels())
+            });
+            (case.grid.clone(), times.collect::<Vec<_>>())
+        };
+        let first = numbers(masks.to_vec());
+        let [(before, ..), (after, ..)] = &first.1[..] else { panic!("{first:?}") };
+        for (id, voxels, native) in before.iter().chain(after) {
+            let share = if id == "d" { 8 } else { 1 };
+            assert_eq!(*voxels, share * native, "{id}, {b}, {c}");
+        }
+        for order in permutations(&masks) {
+            assert_eq!(numbers(order), first, "{b}, {c}");
+        }
+    }
+}
+
+#[test]
+fn a_grid_over_masks_too_far_apart_is_refused() {
+    let files = [("a", boxed(&grid(1.0, 0.0), 0, 7)), ("b", boxed(&grid(1.0, 5000.0), 0, 7))];
+    let spec = case_of(vec![], vec![mask("A", "a", None), mask("B", "b", None)]);
+    let error = load_from(&spec, &LoadOptions::default(), &files).unwrap_err().to_string();
+    assert!(error.contains("5007x5007x5007 voxels") || error.contains("5010x5010x5010"), "{error}");
+}
+
 #[test]
 fn masks_outside_the_image_or_apart_are_reported() {
     let image_grid = grid(1.0, 0.0);
@@ -272,7 +331,8 @@ fn masks_outside_the_image_or_apart_are_reported() {
     let case = load_plain(&spec(vec![mask("A", "in", None), mask("B", "half", None)]), &files);
     let text = message(&case, "mask-outside-image");
     assert!(text.starts_with("B: found 96.3 % of the mask (0.026 ml) outside every image"), "{text}");
-    assert!(message(&case, "mask-cut-by-case-grid").contains("outside the case grid (that of A)"));
+    assert!(message(&case, "case-grid-extended").contains("(10x10x10 voxels); extended to 12x12x12"));
+    assert_eq!(case.time_points[0].masks.iter().map(|m| m.mask.voxels()).collect::<Vec<_>>(), [27, 27]);
     let apart: Vec<&str> =
         case.checks.iter().filter(|c| c.code == "masks-do-not-touch").map(|c| c.message.as_str()).collect();
     // Boxes end at 3 and start at 9: five empty voxels between them along each axis.
@@ -311,6 +371,16 @@ fn non_integer_values_are_counted() {
     assert!(
         message(&case, "non-integer-label-map").starts_with("A: found 2 voxels that are no whole number")
     );
+}
+
+#[test]
+fn voxels_that_are_not_finite_are_counted_and_inactive() {
+    let mut values = vec![0.0_f32; 1000];
+    values[..5].copy_from_slice(&[1.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.7]);
+    let volume = Volume::new(grid(1.0, 0.0), Samples::F32(values), Scaling::NONE).unwrap();
+    let case = load_plain(&case_of(vec![], vec![mask("A", "float", None)]), &[("float", volume)]);
+    assert_eq!(case.time_points[0].regions.union_voxels(), 2);
+    assert!(message(&case, "mask-not-finite").starts_with("A: found 3 voxels that are NaN or infinite"));
 }
 
 #[test]

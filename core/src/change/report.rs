@@ -8,7 +8,7 @@ use super::{
     SurfaceChange, change_with,
 };
 use crate::{
-    Grid, Progress,
+    Check, Grid, Progress,
     case::Case,
     csv::Table,
     skeleton::{ForceSource, SkeletonCounts},
@@ -55,6 +55,8 @@ pub struct ChangeReport {
     pub components: Vec<GroupReport>,
     /// Counters of the algorithms.
     pub counters: Counters,
+    /// All findings about the case, most severe first; empty for masks without a case.
+    pub warnings: Vec<Check>,
 }
 
 /// Distances to the nearest voxel of the other surface.
@@ -182,6 +184,7 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
             skeleton: change.skeleton.counts,
             force: change.skeleton.force.to_string(),
         },
+        warnings: Vec::new(),
     }
 }
 
@@ -253,5 +256,6 @@ pub fn between(
         return Err(ChangeError::NoCommonMask(case.name.clone()));
     };
     let found = change_with(before, after, &case.grid, options, source, progress)?;
-    Ok((report(&found, &case.grid, &id, &earlier.label, &later.label), found))
+    let report = report(&found, &case.grid, &id, &earlier.label, &later.label);
+    Ok((ChangeReport { warnings: case.checks.clone(), ..report }, found))
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{ComponentEllipsoid, Ellipsoid, EllipsoidError, Method, Of, Options, ellipsoids_of};
-use crate::{Progress, case::Case, components::Connectivity};
+use crate::{Check, Progress, case::Case, components::Connectivity};
 
 /// Every ellipsoid of a case. Field names are stable.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,6 +18,8 @@ pub struct EllipsoidsReport {
     pub tolerance: f64,
     /// By date, and within a date in the order of [`ellipsoids_of`].
     pub components: Vec<ComponentReport>,
+    /// All findings about the case, most severe first.
+    pub warnings: Vec<Check>,
 }
 
 /// One component.
@@ -130,5 +132,6 @@ pub fn report(
         method: options.method.name(),
         tolerance: options.tolerance,
         components,
+        warnings: case.checks.clone(),
     })
 }

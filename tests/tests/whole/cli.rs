@@ -155,6 +155,7 @@ fn glioma_case_matches_numpy_counts() {
 fn ellipsoids_json_has_the_documented_keys_and_consistent_volumes() {
     let report = json(&["ellipsoids", "--sample", "--json"]);
     let measured = json(&["measure", "--sample", "--json"]);
+    assert_eq!(report["warnings"], measured["warnings"]);
     let components = report["components"].as_array().unwrap();
     for key in ["of", "time", "voxels", "volume_ml", "center_mm", "semi_axes_mm", "rotation", "volume_bound"]
     {
@@ -217,6 +218,8 @@ fn change_json_has_the_documented_keys_and_unknown_dates_are_named() {
     // Kept, gone and new volumes add up to the volumes of the masks.
     let measured = json(&["measure", "--sample", "--json"]);
     let ml = |time: usize| measured["time_points"][time]["masks"][0]["volume_ml"].as_f64().unwrap();
+    assert!(!measured["warnings"].as_array().unwrap().is_empty());
+    assert_eq!(report["warnings"], measured["warnings"]);
     let of = |key: &str| report[key].as_f64().unwrap();
     assert!((of("kept_ml") + of("gone_ml") - ml(0)).abs() < 1e-9);
     assert!((of("kept_ml") + of("new_ml") - ml(1)).abs() < 1e-9);

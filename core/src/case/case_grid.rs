@@ -1,0 +1,133 @@
+//! The case grid: chosen among the masks' and images' grids, and extended so that no mask loses a voxel.
+
+use std::cmp::Ordering;
+
+use glam::{DAffine3, DVec3};
+
+use super::{CaseError, CaseGridChoice, CaseSpec, native::NativeMask};
+use crate::{Grid, Sides};
+
+/// Volumes of voxels that differ by less than this share are equal: affines are rounded in files.
+const SAME_VOLUME: f64 = 1e-6;
+
+/// Part of a voxel by which a face may be off without needing another layer of voxels.
+const SAME_FACE_VOXELS: f64 = 1e-3;
+
+/// Bytes that the tumour index takes per voxel and time point.
+const INDEX_BYTES: u64 = 4;
+
+fn wrong(case: &str, found: impl Into<String>, expected: impl Into<String>) -> CaseError {
+    CaseError::Wrong { case: case.to_owned(), found: found.into(), expected: expected.into() }
+}
+
+/// An order of grids that doesn't depend on where they are listed.
+fn canonical(a: &Grid, b: &Grid) -> Ordering {
+    let numbers = |grid: &Grid| grid.world_from_voxel().to_cols_array();
+    let by_place = || {
+        let pairs = numbers(a).into_iter().zip(numbers(b));
+        pairs.map(|(x, y)| x.total_cmp(&y)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+    };
+    b.voxel_count().cmp(&a.voxel_count()).then_with(|| a.dims().cmp(&b.dims())).then_with(by_place)
+}
+
+/// The grid that is chosen, and the id of the mask or image it comes from. Among the finest masks, that with the most
+/// voxels; the result doesn't depend on the order of the masks. `images`: time, id, grid.
+pub(super) fn choose(
+    spec: &CaseSpec,
+    choice: &CaseGridChoice,
+    masks: &[NativeMask],
+    images: &[(usize, &str, &Grid)],
+) -> Result<(Grid, String), CaseError> {
+    let of_mask = |m: &NativeMask| (m.mask.grid().clone(), spec.masks[m.spec].id.clone());
+    let of_image = |(_, id, grid): &(usize, &str, &Grid)| ((*grid).clone(), (*id).to_owned());
+    let none = || wrong(&spec.name, "no image and no mask", "at least one");
+    let (grid, id) = match choice {
+        CaseGridChoice::FinestMask => {
+            let volume = |m: &NativeMask| m.mask.grid().voxel_volume_mm3();
+            let least = masks.iter().map(volume).fold(f64::INFINITY, f64::min);
+            let finest = masks.iter().filter(|m| volume(m) <= least * (1.0 + SAME_VOLUME));
+            let finest = finest.min_by(|a, b| canonical(a.mask.grid(), b.mask.grid()));
+            finest.map(of_mask).or_else(|| images.first().map(of_image)).ok_or_else(none)?
+        }
+        CaseGridChoice::Of(id) => {
+            let mask = masks.iter().find(|m| spec.masks[m.spec].id == *id).map(of_mask);
+            let image = || images.iter().find(|(_, image, _)| image == id).map(of_image);
+            mask.or_else(image).ok_or_else(|| {
+                let ids = spec.masks.iter().map(|m| &m.id).chain(spec.contexts.iter().map(|c| &c.id));
+                let mut known: Vec<&str> = Vec::new();
+                for id in ids {
+                    if !known.contains(&id.as_str()) {
+                        known.push(id);
+                    }
+                }
+                wrong(&spec.name, format!("case grid of {id}"), format!("one of {}", known.join(", ")))
+            })?
+        }
+    };
+    // One mask with unknown sides makes the sides of the index unknown: overlaying it is a guess.
+    let unknown = masks.iter().any(|m| m.mask.grid().sides() == Sides::Unknown);
+    let sides = if unknown { Sides::Unknown } else { grid.sides() };
+    let grid = Grid::new(grid.dims(), grid.world_from_voxel(), sides)
+        .map_err(|e| wrong(&spec.name, e.to_string(), "a usable case grid"))?;
+    Ok((grid, id))
+}
+
+/// First and last voxel of the box of a mask's active voxels, on another grid; may lie outside it. `None` when empty.
+fn box_on(grid: &Grid, mask: &NativeMask) -> Option<[DVec3; 2]> {
+    let (first, size) = mask.mask.bits().bounds()?;
+    // Both grids relative to one place, so that an offset of a kilometre costs no digits.
+    let from_mask = mask.mask.grid().world_from_voxel();
+    let to_grid = grid.world_from_voxel();
+    let inverse = to_grid.matrix3.inverse();
+    let corners = (0..8).map(|corner| {
+        let side = |axis: usize| {
+            let at = if corner >> axis & 1 == 1 { first[axis] + size[axis] } else { first[axis] };
+            at as f64 - 0.5
+        };
+        let in_mask = DVec3::new(side(0), side(1), side(2));
+        inverse * (from_mask.matrix3 * in_mask + (from_mask.translation - to_grid.translation))
+    });
+    let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), corner| {
+        (low.min(corner), high.max(corner))
+    });
+    Some([(low + 0.5 + SAME_FACE_VOXELS).floor(), (high - 0.5 - SAME_FACE_VOXELS).ceil()])
+}
+
+/// `grid`, extended by whole voxels where active voxels of a mask lie outside it.
+///
+/// # Errors
+/// [`CaseError::Wrong`] where the index of the extended grid would take more than `max_bytes`.
+pub(super) fn covering(
+    case: &str,
+    grid: &Grid,
+    masks: &[NativeMask],
+    max_bytes: u64,
+) -> Result<Grid, CaseError> {
+    let dims = DVec3::from_array(grid.dims().map(|d| d as f64));
+    let boxes = masks.iter().filter_map(|mask| box_on(grid, mask));
+    let [first, last] =
+        boxes.fold([DVec3::ZERO, dims - 1.0], |[first, last], [low, high]| [first.min(low), last.max(high)]);
+    if first == DVec3::ZERO && last == dims - 1.0 {
+        return Ok(grid.clone());
+    }
+    let extent = last - first + 1.0;
+    let bytes = extent.x * extent.y * extent.z * INDEX_BYTES as f64;
+    if bytes > max_bytes as f64 {
+        let found = format!(
+            "masks whose common grid has {:.0}x{:.0}x{:.0} voxels ({:.1} GiB for each time)",
+            extent.x,
+            extent.y,
+            extent.z,
+            bytes / f64::from(1 << 30)
+        );
+        return Err(wrong(
+            case,
+            found,
+            format!("at most {max_bytes} bytes (the limit, which can be raised)"),
+        ));
+    }
+    let affine = grid.world_from_voxel();
+    let shifted = DAffine3 { matrix3: affine.matrix3, translation: affine.transform_point3(first) };
+    Grid::new(extent.to_array().map(|d| d as usize), shifted, grid.sides())
+        .map_err(|e| wrong(case, e.to_string(), "a usable case grid"))
+}

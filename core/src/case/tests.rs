@@ -78,7 +78,7 @@ fn the_case_grid_is_that_of_the_finest_mask() {
     let masks = vec![mask("C", "coarse", None), mask("F", "fine", None), mask("S", "same", None)];
     let spec = case_of(vec![image("I", "coarse", None)], masks);
     let case = load_plain(&spec, &files);
-    // The first of the two finest.
+    // Of the two finest, the one with the smaller origin.
     assert!(case.grid.same_place(&grid(1.0, 0.0), 1e-9));
     // 3³ voxels of 8 mm³, resampled to a grid that subdivides them: 27 · 8 voxels of 1 mm³.
     let coarse = &case.time_points[0].masks[0];

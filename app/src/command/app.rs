@@ -89,8 +89,7 @@ impl AppCommand {
     pub(super) fn label(&self) -> Label {
         match self {
             Self::OpenDialog => {
-                let detail =
-                    format!("A manifest, a {} file, or drop a folder on the window", volume_names());
+                let detail = format!("A manifest, a {} file, or drop a folder on the window", volume_names());
                 Label::new("Open a case…").detail(detail)
             }
             Self::OpenSample => Label::new("Open the sample case"),

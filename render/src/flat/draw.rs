@@ -2,8 +2,6 @@
 
 use glioscope_core::{IndexData, Scaling, Selection, TumorIndex, with_samples};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
 use crate::{
     flat::{
@@ -13,35 +11,21 @@ use crate::{
         view::SliceView,
         window::Window,
     },
-    scene::{MaskColors, Rgb},
+    scene::{MaskColors, Rgb, keywords::keywords},
 };
 
-/// How masks are drawn over the image.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Overlay {
-    /// Regions in their colours, translucent.
-    Fill,
-    /// Each mask's edge in its colour, opaque.
-    Outline,
-    /// Both.
-    #[default]
-    Both,
+keywords! {
+    /// How masks are drawn over the image.
+    #[derive(Default)]
+    pub enum Overlay {
+        /// Regions in their colours, translucent.
+        Fill,
+        /// Each mask's edge in its colour, opaque.
+        Outline,
+        /// Both.
+        #[default]
+        Both,
+    }
 }
 
 /// The image of a slice.

@@ -2,37 +2,20 @@
 
 use glam::{DVec2, DVec3};
 use glioscope_core::Grid;
-use serde::{Deserialize, Serialize};
-use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
-use crate::scene::Lens;
+use crate::scene::{Lens, keywords::keywords};
 
-/// One of the three anatomical planes.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Plane {
-    /// Normal superior.
-    Axial,
-    /// Normal anterior.
-    Coronal,
-    /// Normal right.
-    Sagittal,
+keywords! {
+    /// One of the three anatomical planes.
+    #[derive(PartialOrd, Ord)]
+    pub enum Plane {
+        /// Normal superior.
+        Axial,
+        /// Normal anterior.
+        Coronal,
+        /// Normal right.
+        Sagittal,
+    }
 }
 
 impl Plane {
@@ -75,30 +58,16 @@ impl Plane {
     }
 }
 
-/// Whether the patient's left is displayed on the right.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Convention {
-    /// Axial and coronal: the patient's left is on the right, as seen from the feet and from the front.
-    #[default]
-    Radiological,
-    /// Axial and coronal: the patient's left is on the left.
-    Neurological,
+keywords! {
+    /// Whether the patient's left is displayed on the right.
+    #[derive(Default)]
+    pub enum Convention {
+        /// Axial and coronal: the patient's left is on the right, as seen from the feet and from the front.
+        #[default]
+        Radiological,
+        /// Axial and coronal: the patient's left is on the left.
+        Neurological,
+    }
 }
 
 /// A rectangle of a plane, sampled by pixels.

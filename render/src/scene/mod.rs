@@ -1,6 +1,7 @@
 //! The scenes that views draw, and at which quality: regions, lens, colours, a slice, quality settings, and the plan of
 //! passes. Uses no graphics device.
 
+pub(crate) mod keywords;
 pub mod lens;
 pub mod palette;
 pub mod plan;

@@ -10,62 +10,34 @@
 //! masks keep their own colours.
 
 use glioscope_core::optics::srgb;
-use serde::{Deserialize, Serialize};
-use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
+
+use super::keywords::keywords;
 
 /// sRGB, 8 bits per channel, gamma-encoded.
 pub type Rgb = [u8; 3];
 
-/// A colour scheme.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Palette {
-    /// Additive red, green and blue.
-    #[default]
-    Thesis,
-    /// Distinguishable with every common colour vision deficiency.
-    ColorBlindSafe,
+keywords! {
+    /// A colour scheme.
+    #[derive(Default)]
+    pub enum Palette {
+        /// Additive red, green and blue.
+        #[default]
+        Thesis,
+        /// Distinguishable with every common colour vision deficiency.
+        ColorBlindSafe,
+    }
 }
 
-/// What a region's colour shows.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Coloring {
-    /// Which masks are active.
-    #[default]
-    Masks,
-    /// How many masks are active, whichever they are.
-    Agreement,
+keywords! {
+    /// What a region's colour shows.
+    #[derive(Default)]
+    pub enum Coloring {
+        /// Which masks are active.
+        #[default]
+        Masks,
+        /// How many masks are active, whichever they are.
+        Agreement,
+    }
 }
 
 /// The ramp's ends in Oklab (lightness, green to red, blue to yellow): a deep blue, legible on dark

@@ -1,32 +1,19 @@
 //! Quality settings of a frame, and named presets of them. [`crate::light`] defines the settings of each preset.
 
 use serde::{Deserialize, Serialize};
-use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
-/// Points on the measured Pareto front of error and time (docs/accuracy.md).
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum Preset {
-    /// For slow machines and while the camera moves.
-    Draft,
-    /// Where more time improves little.
-    Balanced,
-    /// For figures.
-    Reference,
+use super::keywords::keywords;
+
+keywords! {
+    /// Points on the measured Pareto front of error and time (docs/accuracy.md).
+    pub enum Preset {
+        /// For slow machines and while the camera moves.
+        Draft,
+        /// Where more time improves little.
+        Balanced,
+        /// For figures.
+        Reference,
+    }
 }
 
 impl Preset {
@@ -36,32 +23,18 @@ impl Preset {
     }
 }
 
-/// How light is computed. Each mode has a row in [`crate::light::LIGHTS`].
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum LightingMode {
-    /// Ambient occlusion from depths, and a headlight on the gradients of the image.
-    #[default]
-    ScreenSpace,
-    /// Directional occlusion by slices; vicinity occlusion of opaque geometry.
-    Slices,
-    /// Cones traced through the image and the masks.
-    Cones,
+keywords! {
+    /// How light is computed. Each mode has a row in [`crate::light::LIGHTS`].
+    #[derive(Default)]
+    pub enum LightingMode {
+        /// Ambient occlusion from depths, and a headlight on the gradients of the image.
+        #[default]
+        ScreenSpace,
+        /// Directional occlusion by slices; vicinity occlusion of opaque geometry.
+        Slices,
+        /// Cones traced through the image and the masks.
+        Cones,
+    }
 }
 
 impl LightingMode {
@@ -71,35 +44,22 @@ impl LightingMode {
     }
 }
 
-/// How occlusion is propagated from slice to slice.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum SliceVariant {
-    /// Footprint tan θ·√(d·d_ref) with the variance of solid-angle-uniform directions, exact on any
-    /// stack of layers. For soft media: at short distances its footprint is wider than the cone, so that a
-    /// tilted opaque surface darkens itself, the more the finer the slices (measured; use cones for opaque
-    /// labels).
-    #[strum(serialize = "mended")]
-    Mended,
-    /// The paper's Algorithm 3: footprint d·tan θ, samples attenuated over the slice distance.
-    #[strum(serialize = "paper")]
-    PaperApproximate,
-    /// The paper's Algorithm 2: footprint d·tan θ, each sample attenuated over its own distance.
-    #[strum(serialize = "paper-exact")]
-    PaperExact,
+keywords! {
+    /// How occlusion is propagated from slice to slice.
+    pub enum SliceVariant {
+        /// Footprint tan θ·√(d·d_ref) with the variance of solid-angle-uniform directions, exact on any
+        /// stack of layers. For soft media: at short distances its footprint is wider than the cone, so that a
+        /// tilted opaque surface darkens itself, the more the finer the slices (measured; use cones for opaque
+        /// labels).
+        #[strum(serialize = "mended")]
+        Mended,
+        /// The paper's Algorithm 3: footprint d·tan θ, samples attenuated over the slice distance.
+        #[strum(serialize = "paper")]
+        PaperApproximate,
+        /// The paper's Algorithm 2: footprint d·tan θ, each sample attenuated over its own distance.
+        #[strum(serialize = "paper-exact")]
+        PaperExact,
+    }
 }
 
 /// Which of image and opaque geometry occlude each other (Schott et al. 2012, figure 2). For the slices mode.

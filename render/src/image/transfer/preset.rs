@@ -1,48 +1,31 @@
 //! Initial transfer functions, fitted to an image's percentiles.
 
-use serde::{Deserialize, Serialize};
-use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
-
 use crate::{
     flat,
     image::transfer::{ControlPoint, GradientPoint, TransferFunction},
-    scene::Rgb,
+    scene::{Rgb, keywords::keywords},
 };
 
-/// A named transfer function. The kind of image is the user's choice or a guess, never certain.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum TransferPreset {
-    /// MR: the surface of everything but background (skin or brain), opaque.
-    MrSurface,
-    /// MR: translucent tissue, denser where brighter.
-    MrTissue,
-    /// MR: only borders between tissues (2-D).
-    MrBorders,
-    /// CT: skin, opaque.
-    CtSkin,
-    /// CT: soft tissue translucent, vessels and bone denser.
-    CtSoft,
-    /// CT: bone.
-    CtBone,
-    /// PET: hot spots, from red to white, visible through cold tissue.
-    PetHot,
-    /// PET: the whole body as a faint haze, hot spots dense.
-    PetBody,
+keywords! {
+    /// A named transfer function. The kind of image is the user's choice or a guess, never certain.
+    pub enum TransferPreset {
+        /// MR: the surface of everything but background (skin or brain), opaque.
+        MrSurface,
+        /// MR: translucent tissue, denser where brighter.
+        MrTissue,
+        /// MR: only borders between tissues (2-D).
+        MrBorders,
+        /// CT: skin, opaque.
+        CtSkin,
+        /// CT: soft tissue translucent, vessels and bone denser.
+        CtSoft,
+        /// CT: bone.
+        CtBone,
+        /// PET: hot spots, from red to white, visible through cold tissue.
+        PetHot,
+        /// PET: the whole body as a faint haze, hot spots dense.
+        PetBody,
+    }
 }
 
 /// Value, colour, opacity of 1 mm.

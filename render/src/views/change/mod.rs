@@ -23,13 +23,12 @@ use std::sync::Arc;
 
 use glioscope_core::{Selection, optics::Camera};
 use serde::{Deserialize, Serialize};
-use strum::{EnumString, IntoStaticStr, VariantArray, VariantNames};
 
 use crate::{
     device::{PassName, RenderError},
     image::{ClipPlane, ContextVolume, TransferFunction},
     light::{self, lit::LitKind},
-    scene::{MaskColors, Palette, Plan, Quality, Rgb, same},
+    scene::{MaskColors, Palette, Plan, Quality, Rgb, keywords::keywords, same},
     solid::{OUTSIDE, SURFACE},
     views::{
         context::{ContextScene, around_light, context_plan, no_image},
@@ -51,30 +50,16 @@ pub(crate) const ARROWS: PassName = PassName::new("arrows");
 /// Merges arrows into the opaque geometry, for the light passes.
 pub(crate) const ARROWS_MERGE: PassName = PassName::new("arrows_merge");
 
-/// How change is drawn.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-    VariantNames,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "kebab-case")]
-pub enum ChangeStyle {
-    /// As colours over the surface of the union.
-    #[default]
-    Height,
-    /// As arrows around the intersection of both time points.
-    Arrows,
+keywords! {
+    /// How change is drawn.
+    #[derive(Default)]
+    pub enum ChangeStyle {
+        /// As colours over the surface of the union.
+        #[default]
+        Height,
+        /// As arrows around the intersection of both time points.
+        Arrows,
+    }
 }
 
 /// The style of change, its lengths and its colours.

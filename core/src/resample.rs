@@ -24,6 +24,17 @@ pub fn source_from_target(source: &Grid, target: &Grid) -> DAffine3 {
     DAffine3 { matrix3: inverse * to.matrix3, translation: inverse * (to.translation - from.translation) }
 }
 
+/// Lowest and highest voxel index of `target`, with centres at whole numbers, that the faces of the box of `dims`
+/// `source` voxels from `start` reach; may lie outside `target`.
+pub(crate) fn box_on(source: &Grid, target: &Grid, start: [usize; 3], dims: [usize; 3]) -> (DVec3, DVec3) {
+    let target_from_source = source_from_target(target, source);
+    let corners = (0..8).map(|corner| {
+        let side = |a: usize| start[a] as f64 - 0.5 + if corner >> a & 1 == 1 { dims[a] as f64 } else { 0.0 };
+        target_from_source.transform_point3(DVec3::new(side(0), side(1), side(2)))
+    });
+    corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)))
+}
+
 /// First voxel and size of the box of `target` voxels whose centres can lie in the box of `dims` `source` voxels from
 /// `start`; `None` when there are none.
 fn target_box(
@@ -32,13 +43,7 @@ fn target_box(
     start: [usize; 3],
     dims: [usize; 3],
 ) -> Option<([usize; 3], [usize; 3])> {
-    let target_from_source = source_from_target(target, source);
-    let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for corner in 0..8 {
-        let side = |a: usize| start[a] as f64 - 0.5 + if corner >> a & 1 == 1 { dims[a] as f64 } else { 0.0 };
-        let p = target_from_source.transform_point3(DVec3::new(side(0), side(1), side(2)));
-        (lo, hi) = (lo.min(p), hi.max(p));
-    }
+    let (lo, hi) = box_on(source, target, start, dims);
     let mut target_voxels = ([0; 3], [0; 3]);
     for axis in 0..3 {
         // Extended outward by more than any rounding error.

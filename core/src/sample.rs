@@ -53,11 +53,8 @@ pub fn sample_files() -> impl Iterator<Item = (&'static str, &'static [u8])> {
 /// # Errors
 /// [`CaseError`] when the folder isn't empty or can't be written.
 pub fn write_sample(folder: &Path) -> Result<(), CaseError> {
-    let case_error = |found: String, expected: &str| CaseError::Wrong {
-        case: folder.display().to_string(),
-        found,
-        expected: expected.into(),
-    };
+    let case_error =
+        |found: String, expected: &str| CaseError::wrong(folder.display().to_string(), found, expected);
     let unwritable = |e: std::io::Error| case_error(e.to_string(), "a place that can be written");
     if folder.exists() {
         let mut entries =

@@ -67,7 +67,7 @@ fn parse<'a>(
     let parts = interpret_argument(text, with_labels, &|file| Path::new(file).exists());
     match parts {
         Some(parts) if !parts.id.is_empty() && !parts.file.is_empty() => Ok(parts),
-        _ => Err(CaseError::Wrong { case: flag.into(), found: format!("{text:?}"), expected: form.into() }),
+        _ => Err(CaseError::wrong(flag, format!("{text:?}"), form)),
     }
 }
 

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use glam::{DAffine3, DVec3};
 
 use super::{CaseError, CaseGridChoice, CaseSpec, native::NativeMask};
-use crate::{Grid, Sides};
+use crate::{Grid, Sides, resample};
 
 /// Volumes of voxels that differ by less than this share are equal: affines are rounded in files.
 const SAME_VOLUME: f64 = 1e-6;
@@ -15,10 +15,6 @@ const SAME_FACE_VOXELS: f64 = 1e-3;
 
 /// Bytes that the tumour index takes per voxel and time point.
 const INDEX_BYTES: u64 = 4;
-
-fn wrong(case: &str, found: impl Into<String>, expected: impl Into<String>) -> CaseError {
-    CaseError::Wrong { case: case.to_owned(), found: found.into(), expected: expected.into() }
-}
 
 /// An order of grids that doesn't depend on where they are listed.
 fn canonical(a: &Grid, b: &Grid) -> Ordering {
@@ -40,7 +36,7 @@ pub(super) fn choose(
 ) -> Result<(Grid, String), CaseError> {
     let of_mask = |m: &NativeMask| (m.mask.grid().clone(), spec.masks[m.spec].id.clone());
     let of_image = |(_, id, grid): &(usize, &str, &Grid)| ((*grid).clone(), (*id).to_owned());
-    let none = || wrong(&spec.name, "no image and no mask", "at least one");
+    let none = || CaseError::wrong(&spec.name, "no image and no mask", "at least one");
     let (grid, id) = match choice {
         CaseGridChoice::FinestMask => {
             let volume = |m: &NativeMask| m.mask.grid().voxel_volume_mm3();
@@ -60,7 +56,11 @@ pub(super) fn choose(
                         known.push(id);
                     }
                 }
-                wrong(&spec.name, format!("case grid of {id}"), format!("one of {}", known.join(", ")))
+                CaseError::wrong(
+                    &spec.name,
+                    format!("case grid of {id}"),
+                    format!("one of {}", known.join(", ")),
+                )
             })?
         }
     };
@@ -68,28 +68,14 @@ pub(super) fn choose(
     let unknown = masks.iter().any(|m| m.mask.grid().sides() == Sides::Unknown);
     let sides = if unknown { Sides::Unknown } else { grid.sides() };
     let grid = Grid::new(grid.dims(), grid.world_from_voxel(), sides)
-        .map_err(|e| wrong(&spec.name, e.to_string(), "a usable case grid"))?;
+        .map_err(|e| CaseError::wrong(&spec.name, e.to_string(), "a usable case grid"))?;
     Ok((grid, id))
 }
 
 /// First and last voxel of the box of a mask's active voxels, on another grid; may lie outside it. `None` when empty.
-fn box_on(grid: &Grid, mask: &NativeMask) -> Option<[DVec3; 2]> {
-    let (first, size) = mask.mask.bits().bounds()?;
-    // Both grids relative to one place, so that an offset of a kilometre costs no digits.
-    let from_mask = mask.mask.grid().world_from_voxel();
-    let to_grid = grid.world_from_voxel();
-    let inverse = to_grid.matrix3.inverse();
-    let corners = (0..8).map(|corner| {
-        let side = |axis: usize| {
-            let at = if corner >> axis & 1 == 1 { first[axis] + size[axis] } else { first[axis] };
-            at as f64 - 0.5
-        };
-        let in_mask = DVec3::new(side(0), side(1), side(2));
-        inverse * (from_mask.matrix3 * in_mask + (from_mask.translation - to_grid.translation))
-    });
-    let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), corner| {
-        (low.min(corner), high.max(corner))
-    });
+fn voxels_on(grid: &Grid, mask: &NativeMask) -> Option<[DVec3; 2]> {
+    let (start, dims) = mask.mask.bits().bounds()?;
+    let (low, high) = resample::box_on(mask.mask.grid(), grid, start, dims);
     Some([(low + 0.5 + SAME_FACE_VOXELS).floor(), (high - 0.5 - SAME_FACE_VOXELS).ceil()])
 }
 
@@ -104,7 +90,7 @@ pub(super) fn covering(
     max_bytes: u64,
 ) -> Result<Grid, CaseError> {
     let dims = DVec3::from_array(grid.dims().map(|d| d as f64));
-    let boxes = masks.iter().filter_map(|mask| box_on(grid, mask));
+    let boxes = masks.iter().filter_map(|mask| voxels_on(grid, mask));
     let [first, last] =
         boxes.fold([DVec3::ZERO, dims - 1.0], |[first, last], [low, high]| [first.min(low), last.max(high)]);
     if first == DVec3::ZERO && last == dims - 1.0 {
@@ -120,7 +106,7 @@ pub(super) fn covering(
             extent.z,
             bytes / f64::from(1 << 30)
         );
-        return Err(wrong(
+        return Err(CaseError::wrong(
             case,
             found,
             format!("at most {max_bytes} bytes (the limit, which can be raised)"),
@@ -129,5 +115,5 @@ pub(super) fn covering(
     let affine = grid.world_from_voxel();
     let shifted = DAffine3 { matrix3: affine.matrix3, translation: affine.transform_point3(first) };
     Grid::new(extent.to_array().map(|d| d as usize), shifted, grid.sides())
-        .map_err(|e| wrong(case, e.to_string(), "a usable case grid"))
+        .map_err(|e| CaseError::wrong(case, e.to_string(), "a usable case grid"))
 }

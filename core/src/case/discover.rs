@@ -33,7 +33,7 @@ const MAX_DEPTH: usize = 4;
 const MAX_ENTRIES: usize = 10_000;
 
 fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
-    CaseError::Wrong { case: path.display().to_string(), found: found.into(), expected: expected.into() }
+    CaseError::wrong(path.display().to_string(), found, expected)
 }
 
 /// The case at `path`: a manifest (`.toml`), a folder with one (`case.toml`, or the only `.toml`

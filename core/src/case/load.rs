@@ -26,10 +26,6 @@ struct NativeContext {
     volume: Arc<Volume>,
 }
 
-fn wrong(case: &str, found: impl Into<String>, expected: impl Into<String>) -> CaseError {
-    CaseError::Wrong { case: case.to_owned(), found: found.into(), expected: expected.into() }
-}
-
 /// The labels of the time points, in the order first listed, images before masks; one empty label where no time is
 /// stated.
 fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
@@ -49,12 +45,12 @@ fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
         }
     }
     match (named, unnamed) {
-        (Some(named), Some(unnamed)) => Err(wrong(
+        (Some(named), Some(unnamed)) => Err(CaseError::wrong(
             &spec.name,
             format!("{unnamed} beside {named}"),
             "a time for every image and mask, or for none",
         )),
-        (None, None) => Err(wrong(&spec.name, "no image and no mask", "at least one")),
+        (None, None) => Err(CaseError::wrong(&spec.name, "no image and no mask", "at least one")),
         (None, Some(_)) => Ok(vec![String::new()]),
         (Some(_), None) => Ok(labels),
     }
@@ -67,22 +63,30 @@ fn check_names(spec: &CaseSpec) -> Result<(), CaseError> {
         for (n, (id, time)) in list.iter().enumerate() {
             let label = at_time(id, time.as_deref().unwrap_or_default());
             if id.trim().is_empty() {
-                return Err(wrong(&spec.name, format!("{kind} number {} with an empty id", n + 1), "a name"));
+                return Err(CaseError::wrong(
+                    &spec.name,
+                    format!("{kind} number {} with an empty id", n + 1),
+                    "a name",
+                ));
             }
             if list[..n].contains(&(id, time)) {
                 let expected = format!("each {kind} id once at each time");
-                return Err(wrong(&spec.name, format!("{kind} {label} twice"), expected));
+                return Err(CaseError::wrong(&spec.name, format!("{kind} {label} twice"), expected));
             }
         }
     }
     for (n, tracts) in spec.tracts.iter().enumerate() {
         if spec.tracts[..n].iter().any(|t| t.id == tracts.id) {
-            return Err(wrong(&spec.name, format!("tracts {} twice", tracts.id), "each tracts id once"));
+            return Err(CaseError::wrong(
+                &spec.name,
+                format!("tracts {} twice", tracts.id),
+                "each tracts id once",
+            ));
         }
     }
     for mask in &spec.masks {
         if mask.labels.as_ref().is_some_and(Vec::is_empty) {
-            return Err(wrong(
+            return Err(CaseError::wrong(
                 &spec.name,
                 format!("mask {} with an empty list of labels", mask.id),
                 "a label",
@@ -98,7 +102,7 @@ fn check_counts(spec: &CaseSpec, labels: &[String]) -> Result<(), CaseError> {
             spec.masks.iter().filter(|m| m.time.as_deref().unwrap_or_default() == label).collect();
         if here.len() > MAX_MASKS {
             let place = if label.is_empty() { String::new() } else { format!(" at {label}") };
-            return Err(wrong(
+            return Err(CaseError::wrong(
                 &spec.name,
                 format!("{} masks{place}, number {} is {}", here.len(), MAX_MASKS + 1, here[MAX_MASKS].id),
                 format!("at most {MAX_MASKS} masks at one time point"),
@@ -231,8 +235,9 @@ pub fn load_with(
         let outcome = outcome?;
         checks.extend(outcome.checks);
         for (m, selected) in outcome.selected {
-            let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits)
-                .ok_or_else(|| wrong(&spec.name, "a mask of another size than its file", "the same size"))?;
+            let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits).ok_or_else(
+                || CaseError::wrong(&spec.name, "a mask of another size than its file", "the same size"),
+            )?;
             let (missing_labels, invalid) = (selected.missing_labels, selected.invalid);
             masks.push(NativeMask {
                 spec: m,
@@ -270,7 +275,7 @@ pub fn load_with(
         .map(|m| {
             let bits = resample::mask_onto(&m.mask, &grid, progress)?;
             Mask::new(m.mask.id(), grid.clone(), bits).ok_or_else(|| {
-                wrong(&spec.name, "a mask of another size than the case grid", "the same size")
+                CaseError::wrong(&spec.name, "a mask of another size than the case grid", "the same size")
             })
         })
         .collect::<Result<Vec<_>, CaseError>>()?;
@@ -297,7 +302,7 @@ pub fn load_with(
         let later = placed.iter().position(|(time, _)| *time != number).unwrap_or(placed.len());
         let here: Vec<CaseMask> = placed.drain(..later).map(|(_, mask)| mask).collect();
         let index = TumorIndex::new(grid.clone(), &here.iter().map(|m| &m.mask).collect::<Vec<_>>())
-            .map_err(|e| wrong(&spec.name, e.to_string(), "masks on the case grid"))?;
+            .map_err(|e| CaseError::wrong(&spec.name, e.to_string(), "masks on the case grid"))?;
         let regions = Regions::of(&index);
         checks.extend(check::isolated_masks(&label, &here, &regions));
         let contexts = images

@@ -109,7 +109,7 @@ impl ErrorLocation<'_> {
     fn wrong(&self, at: Option<usize>, found: impl Into<String>, expected: impl Into<String>) -> CaseError {
         let line = at.and_then(|at| self.text.get(..at)).map(|before| before.matches('\n').count() + 1);
         let case = line.map_or_else(|| self.name.clone(), |line| format!("{}, line {line}", self.name));
-        CaseError::Wrong { case, found: one_line(found), expected: one_line(expected) }
+        CaseError::wrong(case, one_line(found), one_line(expected))
     }
 
     /// The TOML parser's message, split into what was found and what was expected.
@@ -134,11 +134,7 @@ fn one_line(text: impl Into<String>) -> String {
 /// # Errors
 /// [`CaseError::Wrong`], one line with the manifest's path and, if known, the line number.
 pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
-    let fail = |found: String| CaseError::Wrong {
-        case: path.display().to_string(),
-        found,
-        expected: "a case manifest in TOML".into(),
-    };
+    let fail = |found: String| CaseError::wrong(path.display().to_string(), found, "a case manifest in TOML");
     let size = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?.len();
     if size > MAX_BYTES {
         return Err(fail(format!("{size} bytes")));
@@ -290,11 +286,7 @@ struct WrittenMask<'a> {
 /// # Errors
 /// [`CaseError::Wrong`] when a file's path is not UTF-8.
 pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseError> {
-    let wrong = |found: String, expected: &str| CaseError::Wrong {
-        case: spec.name.clone(),
-        found,
-        expected: expected.into(),
-    };
+    let wrong = |found: String, expected: &str| CaseError::wrong(&spec.name, found, expected);
     let file = |source: &Source| match source {
         Source::File(path) => {
             let relative = path.strip_prefix(folder).unwrap_or(path);

@@ -24,7 +24,7 @@ use crate::{
 pub use discover::open_spec;
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
-pub use order::{OrderBasis, STAGES};
+pub use order::OrderBasis;
 
 /// An image listed in a case, not yet read.
 #[derive(Clone, Debug, PartialEq)]
@@ -240,6 +240,16 @@ pub enum CaseError {
     /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl CaseError {
+    pub(crate) fn wrong(
+        case: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self::Wrong { case: case.into(), found: found.into(), expected: expected.into() }
+    }
 }
 
 /// Reads every file of `spec`, resamples the masks onto the case grid, and checks the case.

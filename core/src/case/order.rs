@@ -14,7 +14,7 @@ pub enum OrderBasis {
     Stated,
     /// Every label begins with a date.
     Dates,
-    /// Labels are words of [`STAGES`] or lengths of time such as `week04`.
+    /// Labels are stages of a treatment (pre, post; baseline, follow-up) or lengths of time such as `week04`.
     Words,
     /// Labels are one word with different numbers, in natural order: `ses-2` before `ses-10`.
     Numbers,
@@ -23,7 +23,7 @@ pub enum OrderBasis {
 }
 
 /// Words for the stage of a treatment, in order. Words of one line mean the same stage.
-pub const STAGES: [&[&str]; 3] = [
+const STAGES: [&[&str]; 3] = [
     &["baseline", "bl", "pre", "preop", "pretreatment", "before", "initial", "screening"],
     &["intraop", "intra", "during", "midtreatment"],
     &["post", "postop", "posttreatment", "after", "followup", "fu", "late", "final"],
@@ -37,25 +37,16 @@ const UNITS: [(&[&str], f64); 4] = [
     (&["y", "yr", "year", "years"], 365.25),
 ];
 
-/// A label's lower-case word and number: `week` and 4 of `Week-04`, `post` and none of `post`.
+/// A label's lower-case word and number, in either order: `week` and 4 of `Week-04` and `4 weeks`, `post` and none of
+/// `post`.
 fn word_and_number(label: &str) -> Option<(String, Option<u64>)> {
     let plain: String = label.chars().filter(|c| !['-', '_', ' ', '.'].contains(c)).collect();
     let plain = plain.to_lowercase();
-    let letters = plain.find(|c: char| c.is_ascii_digit()).unwrap_or(plain.len());
-    let (word, digits) = plain.split_at(letters);
-    if word.is_empty() && !digits.is_empty() {
-        // `6months`
-        let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
-        let (number, unit) = digits.split_at(end);
-        return unit
-            .chars()
-            .all(char::is_alphabetic)
-            .then(|| Some((unit.to_owned(), Some(number.parse().ok()?))))?;
-    }
-    if digits.is_empty() {
-        return Some((word.to_owned(), None));
-    }
-    Some((word.to_owned(), Some(digits.parse().ok()?)))
+    let is_digit = |c: char| c.is_ascii_digit();
+    let digits = plain.trim_matches(|c| !is_digit(c));
+    let word = plain.strip_suffix(digits).or_else(|| plain.strip_prefix(digits))?;
+    let number = if digits.is_empty() { None } else { Some(digits.parse().ok()?) };
+    (!word.contains(is_digit)).then(|| (word.to_owned(), number))
 }
 
 /// Stage and position within it of a label among words: `baseline` before `week4` before `month12`; `followup2` after
@@ -93,17 +84,14 @@ pub(super) fn arrange(
     let mut sorted = [labels.to_vec(), stated.to_vec()];
     sorted.iter_mut().for_each(|list| list.sort());
     if sorted[0] != sorted[1] {
-        return Err(CaseError::Wrong {
-            case: spec.name.clone(),
-            found: format!("the order {}", stated.join(", ")),
-            expected: format!("each date once: {}", labels.join(", ")),
-        });
+        let found = format!("the order {}", stated.join(", "));
+        return Err(CaseError::wrong(&spec.name, found, format!("each date once: {}", labels.join(", "))));
     }
     Ok((stated.to_vec(), OrderBasis::Stated))
 }
 
 /// The order that labels state, as positions, and what it is based on. Labels that don't state an order keep theirs.
-pub(crate) fn chronological(labels: &[&str]) -> (Vec<usize>, OrderBasis) {
+fn chronological(labels: &[&str]) -> (Vec<usize>, OrderBasis) {
     let unchanged = || (0..labels.len()).collect();
     if labels.len() < 2 {
         return (unchanged(), OrderBasis::Single);

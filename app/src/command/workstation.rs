@@ -77,6 +77,14 @@ impl Workstation {
         }
     }
 
+    /// Options of loading `case`. The case grid and the order of dates were given for the case open now, or for the first
+    /// one: they say nothing about another.
+    fn options_for(&self, case: &CaseRef) -> LoadOptions {
+        let is_another = self.doc.as_ref().is_some_and(|doc| doc.case != *case);
+        let limits = LoadOptions { max_bytes: self.options.max_bytes, ..LoadOptions::default() };
+        if is_another { limits } else { self.options.clone() }
+    }
+
     /// Starts opening a case; the current one remains until the new one is loaded completely. Additional fibre tracts
     /// are those of `document`.
     pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: Waker) {
@@ -97,7 +105,8 @@ impl Workstation {
         }
         self.error = None;
         self.guess = None;
-        self.job = Some(LoadJob::start(case, tracts, None, self.options.clone(), document, wake));
+        let options = self.options_for(&case);
+        self.job = Some(LoadJob::start(case, tracts, None, options, document, wake));
     }
 
     /// Opens the case again with additional files of fibre tracts, keeping the current document.
@@ -110,7 +119,8 @@ impl Workstation {
     /// Reads the case as guessed.
     pub fn accept_guess(&mut self, wake: Waker) {
         if let Some(Guess { case, spec, tracts, document }) = self.guess.take() {
-            self.job = Some(LoadJob::start(case, tracts, Some(spec), self.options.clone(), document, wake));
+            let options = self.options_for(&case);
+            self.job = Some(LoadJob::start(case, tracts, Some(spec), options, document, wake));
         }
     }
 
@@ -139,6 +149,7 @@ impl Workstation {
                 if job.document.is_none() {
                     self.session_path = None;
                 }
+                self.options = self.options_for(&job.case);
                 self.install(job.case.clone(), *loaded, job.document);
                 if let Some(doc) = &mut self.doc {
                     doc.tracts = job.tracts;
@@ -205,12 +216,31 @@ mod tests {
     use crate::world::load::spec_of;
     use glioscope_core::{Progress, case};
 
-    #[test]
-    fn a_drag_is_one_gesture_whatever_its_pauses() {
+    fn sample() -> Workstation {
         let (options, progress) = (LoadOptions::default(), Progress::new());
         let spec = spec_of(&CaseRef::Sample, &options, &progress).unwrap();
         let loaded = Loaded::new(case::load(&spec, &options, &progress).unwrap());
-        let mut work = Workstation::with_case(CaseRef::Sample, loaded);
+        Workstation::with_case(CaseRef::Sample, loaded)
+    }
+
+    #[test]
+    fn the_order_of_dates_and_the_case_grid_are_not_applied_to_another_case() {
+        let options = LoadOptions {
+            max_bytes: 7,
+            case_grid: case::CaseGridChoice::Of("T1".into()),
+            order: vec!["b".into(), "a".into()],
+        };
+        let first = Workstation { options: options.clone(), ..Workstation::default() };
+        assert_eq!(first.options_for(&CaseRef::Sample), options);
+        let open = Workstation { options: options.clone(), ..sample() };
+        assert_eq!(open.options_for(&CaseRef::Sample), options, "with additional tracts, say");
+        let another = open.options_for(&CaseRef::Path("other".into()));
+        assert_eq!(another, LoadOptions { max_bytes: 7, ..LoadOptions::default() });
+    }
+
+    #[test]
+    fn a_drag_is_one_gesture_whatever_its_pauses() {
+        let mut work = sample();
         let start = Instant::now();
         let later = start + Duration::from_secs(4);
         let radius = |work: &Workstation| work.doc.as_ref().unwrap().edit.lens.radius_mm;

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::structure::{Outcome, Result, root};
+use super::structure::{CRATES, Outcome, Result, files, root};
 
 /// Where sources are: every folder under these has a line in the map.
 const SOURCES: [&str; 7] =
@@ -96,23 +96,9 @@ fn missing_paths<'a>(text: &'a str, exists: &dyn Fn(&str) -> bool) -> Vec<&'a st
 /// Whether a comment's path exists: from the root, from a crate's sources, or from any folder above `file`.
 fn exists_from(root: &Path, file: &Path, path: &str) -> bool {
     let crates = SOURCES.iter().map(|s| root.join(s));
-    let roots = ["core", "render", "app", "bench", "tests", "shaders"].iter().map(|c| root.join(c));
+    let roots = CRATES.iter().map(|c| root.join(c));
     let above = file.ancestors().skip(1).take_while(|a| a.starts_with(root)).map(Path::to_path_buf);
     crates.chain(roots).chain(above).any(|base| base.join(path).is_file())
-}
-
-/// All files under `folder` with extension `extension`.
-pub fn files(folder: &Path, extension: &str) -> Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() && path.file_name().is_some_and(|name| name != "target") {
-            found.extend(files(&path, extension)?);
-        } else if path.extension().is_some_and(|e| e == extension) {
-            found.push(path);
-        }
-    }
-    Ok(found)
 }
 
 /// The comments of a Rust or WGSL file.
@@ -168,10 +154,8 @@ fn comments_name_files_that_exist() -> Outcome {
     let root = root()?;
     let mut findings = Vec::new();
     let mut read = 0;
-    for folder in ["core", "shaders", "render", "app", "bench", "tests"].map(|f| root.join(f)) {
-        for file in
-            ["rs", "wgsl"].map(|e| files(&folder, e)).into_iter().collect::<Result<Vec<_>>>()?.concat()
-        {
+    for folder in CRATES.map(|f| root.join(f)) {
+        for file in files(&folder, &["rs", "wgsl"])? {
             read += 1;
             let text = comments(&std::fs::read_to_string(&file)?);
             let exists = |path: &str| exists_from(&root, &file, path);

@@ -14,7 +14,7 @@ use syn::{
     visit::{self, Visit},
 };
 
-use super::structure::{Outcome, Result, members, metadata, text};
+use super::structure::{Outcome, Result, files, members, metadata, text};
 
 /// A module's names from the crate's root; the root has none.
 type ModulePath = Vec<String>;
@@ -128,7 +128,7 @@ impl Tree {
         if let Some(target) = module.exports.get(name) {
             return self.definition(target, depth + 1);
         }
-        // A glob names all of a module; only types of it can be told from here, so it stands for the module.
+        // A glob names all of a module; its names aren't known here, so it stands for the whole module.
         match module.globs.first() {
             Some(target) if known > 0 => self.definition(target, depth + 1),
             _ => Some(own),
@@ -170,7 +170,7 @@ impl Tree {
     }
 }
 
-/// The shortest cycle that begins and ends at `start`, told from its least member on.
+/// The shortest cycle that begins and ends at `start`, rotated so that its least member comes first.
 fn cycle_through(start: &str, edges: &BTreeMap<String, BTreeSet<String>>) -> Option<Vec<String>> {
     let mut paths: Vec<Vec<&str>> = vec![vec![start]];
     let mut seen = BTreeSet::new();
@@ -340,24 +340,11 @@ impl Reader<'_> {
 
 // ---- files ----------------------------------------------------------------------------------------
 
-fn sources(folder: &Path) -> Result<BTreeSet<PathBuf>> {
-    let mut found = BTreeSet::new();
-    for entry in std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))? {
-        let path = entry?.path();
-        if path.is_dir() {
-            found.extend(sources(&path)?);
-        } else if path.extension().is_some_and(|e| e == "rs") {
-            found.insert(path);
-        }
-    }
-    Ok(found)
-}
-
 /// Source files below `folder` that no module declares: code, or tests, that are never compiled.
 fn orphans(trees: &[Tree], folder: &Path) -> Result<Vec<String>> {
     let declared: BTreeSet<&Path> =
         trees.iter().flat_map(|t| t.modules.values().map(|m| m.file.as_path())).collect();
-    let all = sources(folder)?;
+    let all: BTreeSet<PathBuf> = files(folder, &["rs"])?.into_iter().collect();
     Ok(all.iter().filter(|f| !declared.contains(f.as_path())).map(|f| f.display().to_string()).collect())
 }
 

@@ -34,6 +34,9 @@ const FORBIDDEN_PACKAGES: [(&str, &[&str]); 4] = [
     ("glioscope-bench", &["egui", "eframe", "winit"]),
 ];
 
+/// Folders of the crates.
+pub const CRATES: [&str; 6] = ["core", "shaders", "render", "app", "bench", "tests"];
+
 /// Largest number of lines of a source file.
 const MAX_LINES: usize = 800;
 
@@ -161,18 +164,26 @@ fn missing_docs_level(manifest: &str) -> Option<String> {
     Some(lint.as_str().or_else(|| lint.get("level")?.as_str())?.to_owned())
 }
 
-/// Every `.rs` and `.wgsl` file below `folder`, with its number of lines.
-fn line_counts(folder: &Path) -> Result<Vec<(PathBuf, usize)>> {
+/// Every file below `folder` that has one of `extensions`; build output apart.
+pub fn files(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))? {
         let path = entry?.path();
         if path.is_dir() {
-            found.extend(line_counts(&path)?);
-        } else if path.extension().is_some_and(|e| e == "rs" || e == "wgsl") {
-            found.push((path.clone(), std::fs::read_to_string(&path)?.lines().count()));
+            if path.file_name().is_some_and(|name| name != "target") {
+                found.extend(files(&path, extensions)?);
+            }
+        } else if path.extension().is_some_and(|e| extensions.iter().any(|extension| e == *extension)) {
+            found.push(path);
         }
     }
     Ok(found)
+}
+
+/// Every `.rs` and `.wgsl` file below `folder`, with its number of lines.
+fn line_counts(folder: &Path) -> Result<Vec<(PathBuf, usize)>> {
+    let counted = |path: PathBuf| Ok((path.clone(), std::fs::read_to_string(&path)?.lines().count()));
+    files(folder, &["rs", "wgsl"])?.into_iter().map(counted).collect()
 }
 
 fn long_files(counts: &[(PathBuf, usize)]) -> Vec<String> {

@@ -7,13 +7,7 @@ use std::{
     path::Path,
 };
 
-use super::{
-    map::files,
-    structure::{Outcome, Result, root},
-};
-
-/// The crates' folders.
-const CRATES: [&str; 6] = ["core", "shaders", "render", "app", "bench", "tests"];
+use super::structure::{CRATES, Outcome, Result, files, root};
 
 /// The identifiers of a source without comments, in order.
 fn identifiers(source: &str) -> impl Iterator<Item = &str> {
@@ -68,7 +62,7 @@ fn manifest(file: &Path) -> Result<toml::Table> {
 
 /// The Rust sources of a crate.
 fn sources_of(folder: &Path) -> Result<Vec<String>> {
-    files(folder, "rs")?.into_iter().map(|file| Ok(std::fs::read_to_string(file)?)).collect()
+    files(folder, &["rs"])?.into_iter().map(|file| Ok(std::fs::read_to_string(file)?)).collect()
 }
 
 #[test]

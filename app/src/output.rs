@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use egui::{ColorImage, Rect};
-use glioscope_core::{case::Case, files::write_whole};
+use glioscope_core::{
+    case::Case,
+    files::{Inputs, write_whole},
+};
 use image::{ImageEncoder, codecs::png::PngEncoder};
 
 use crate::{
@@ -11,26 +14,36 @@ use crate::{
     model::{Ruler, RulerFormat, rulers},
 };
 
-/// Writes an RGBA picture as PNG, 8 bits per channel.
+/// Writes `bytes` to `path`, unless that is one of the case's `inputs`.
 ///
 /// # Errors
 /// [`AppError`] naming the file.
-pub fn write_png(path: &Path, size: [u32; 2], rgba: &[u8]) -> Result<(), AppError> {
+pub fn write(path: &Path, inputs: &Inputs, bytes: &[u8]) -> Result<(), AppError> {
+    inputs.refuse_as_output(path)?;
+    Ok(write_whole(path, bytes)?)
+}
+
+/// Writes an RGBA picture as PNG, 8 bits per channel.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_png(path: &Path, inputs: &Inputs, size: [u32; 2], rgba: &[u8]) -> Result<(), AppError> {
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
         .write_image(rgba, size[0], size[1], image::ExtendedColorType::Rgba8)
         .map_err(|e| {
             AppError::file(path, format!("a picture that can't be encoded ({e})"), "one that can")
         })?;
-    Ok(write_whole(path, &bytes)?)
+    write(path, inputs, &bytes)
 }
 
 /// Writes a picture of the window as PNG, cropped to `crop` (logical points) where given.
 ///
 /// # Errors
-/// [`AppError`] naming the file.
+/// As [`write`].
 pub fn write_window_png(
     path: &Path,
+    inputs: &Inputs,
     image: &ColorImage,
     crop: Option<Rect>,
     pixels_per_point: f32,
@@ -54,28 +67,28 @@ pub fn write_window_png(
             image.pixels[y * width + x0..y * width + x1].iter().flat_map(|c| [c.r(), c.g(), c.b(), 255])
         })
         .collect();
-    write_png(path, [(x1 - x0) as u32, (y1 - y0) as u32], &rgba)
+    write_png(path, inputs, [(x1 - x0) as u32, (y1 - y0) as u32], &rgba)
 }
 
 /// Writes `value` as indented JSON.
 ///
 /// # Errors
-/// [`AppError`] naming the file.
-pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), AppError> {
+/// As [`write`].
+pub fn write_json(path: &Path, inputs: &Inputs, value: &impl serde::Serialize) -> Result<(), AppError> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .map_err(|e| AppError::file(path, format!("numbers that JSON can't hold ({e})"), "finite ones"))?;
     bytes.push(b'\n');
-    Ok(write_whole(path, &bytes)?)
+    write(path, inputs, &bytes)
 }
 
 /// Writes measured lines in the format given by the extension of `path`.
 ///
 /// # Errors
-/// [`AppError`] naming the file.
+/// As [`write`].
 pub fn write_rulers(path: &Path, case: &Case, lines: &[Ruler]) -> Result<(), AppError> {
     match RulerFormat::of(path) {
-        Some(RulerFormat::Csv) => Ok(write_whole(path, &rulers::as_csv(case, lines))?),
-        Some(RulerFormat::Json) => write_json(path, &rulers::as_json(case, lines)),
+        Some(RulerFormat::Csv) => write(path, &case.inputs, &rulers::as_csv(case, lines)),
+        Some(RulerFormat::Json) => write_json(path, &case.inputs, &rulers::as_json(case, lines)),
         None => {
             let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
             Err(AppError::file(path, format!("the ending \"{extension}\""), ".csv or .json"))

@@ -59,6 +59,7 @@ pub mod tract_distance;
 pub mod tracts;
 pub mod tumor_index;
 pub mod volume;
+pub mod workers;
 
 pub use array::{Sample, WrongShape};
 pub use check::{Check, Severity};

@@ -71,6 +71,13 @@ impl MaskBits {
         self.words[line * self.words_per_line + ijk[0] / 64] >> (ijk[0] % 64) & 1 == 1
     }
 
+    /// Active and inactive voxels exchanged.
+    pub fn inverted(&self) -> Self {
+        let mut out = Self::full(self.dims);
+        out.words.iter_mut().zip(&self.words).for_each(|(out, word)| *out &= !word);
+        out
+    }
+
     /// Makes voxel `ijk` (inside the dims) active.
     #[inline]
     pub fn set(&mut self, ijk: [usize; 3]) {

@@ -14,7 +14,7 @@ pub const SAME_PLACE_VOXELS: f64 = 1e-3;
 
 /// Positions this close to the border between two voxels count as on it, so that rounding in the affines can't decide
 /// ties.
-const TIE_VOXELS: f64 = 1e-6;
+pub(crate) const TIE_VOXELS: f64 = 1e-6;
 
 /// Maps voxel indices of `target` to voxel indices of `source`, both with centres at whole numbers. The translations
 /// are subtracted before they are multiplied, so that a common offset cancels.

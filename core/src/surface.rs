@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::{Grid, MaskBits, grid::ijk};
+use crate::{Components, Connectivity, Grid, MaskBits, components::TooLarge, grid::ijk};
 
 /// The surface of `mask`: its active voxels with at least one inactive neighbour across a face
 /// (6-neighbourhood). Voxels outside the image count as inactive, so a mask that touches the
@@ -43,6 +43,34 @@ pub fn surface_of(mask: &MaskBits) -> MaskBits {
         }
     }
     surface
+}
+
+/// `mask` with its cavities active: the inactive voxels from which no path across faces leads out of the mask's
+/// bounding box. Its surface is the outer surface of `mask`.
+///
+/// # Errors
+/// [`TooLarge`] where the background can't be numbered in 32 bits.
+pub fn without_cavities(mask: &MaskBits) -> Result<MaskBits, TooLarge> {
+    let mut filled = mask.clone();
+    let Some((start, size)) = mask.bounds() else { return Ok(filled) };
+    // With a margin of one voxel, all that is outside is one component.
+    let dims = size.map(|n| n + 2);
+    let mut boxed = MaskBits::empty(dims);
+    mask.for_each(|linear| {
+        let v = ijk(mask.dims(), linear);
+        boxed.set(std::array::from_fn(|a| v[a] + 1 - start[a]));
+    });
+    let background = Components::of_mask(&boxed.inverted(), Connectivity::Six)?;
+    // Raster order: the first component holds the margin.
+    for cavity in background.list().iter().skip(1) {
+        for run in background.runs(cavity) {
+            for x in run.first..=run.last {
+                let v = [x as usize, run.y as usize, run.z as usize];
+                filled.set(std::array::from_fn(|a| v[a] + start[a] - 1));
+            }
+        }
+    }
+    Ok(filled)
 }
 
 /// The voxels of [`surface_of`] as indices `[i, j, k]` of the mask's grid, in memory order (`i`
@@ -122,6 +150,45 @@ mod tests {
             }
         }
         found
+    }
+
+    #[test]
+    fn cavities_are_what_a_flood_from_outside_does_not_reach() {
+        let dims = [7, 6, 5];
+        let mut cavities = 0;
+        for seed in 0..40_u64 {
+            let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) + 1;
+            let mask = MaskBits::from_fn(dims, |_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 33) % 100 < 70
+            });
+            // Outside spreads until nothing changes.
+            let at = |v: [usize; 3], side: usize| -> Option<[usize; 3]> {
+                let mut to = v;
+                let axis = side / 2;
+                to[axis] = if side % 2 == 0 { v[axis].checked_sub(1)? } else { v[axis] + 1 };
+                (to[axis] < dims[axis]).then_some(to)
+            };
+            let mut outside = MaskBits::empty(dims);
+            loop {
+                let before = outside.count();
+                for linear in 0..dims.iter().product() {
+                    let v = ijk(dims, linear);
+                    let reached = (0..6).any(|side| at(v, side).is_none_or(|n| outside.get(n)));
+                    if !mask.get(v) && reached {
+                        outside.set(v);
+                    }
+                }
+                if outside.count() == before {
+                    break;
+                }
+            }
+            assert_eq!(without_cavities(&mask).unwrap(), outside.inverted(), "seed {seed}");
+            cavities += outside.inverted().count() - mask.count();
+        }
+        assert!(cavities > 20);
+        let empty = MaskBits::empty(dims);
+        assert_eq!(without_cavities(&empty).unwrap(), empty);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The check codes used by `src/case` are exactly those documented in docs/checks.md.
+//! The check codes used by `src/case` and `src/change` are exactly those documented in docs/checks.md.
 
 #![allow(
     clippy::unwrap_used,
@@ -20,7 +20,8 @@ fn documented(root: &Path) -> BTreeSet<String> {
 /// Code literals that follow a constructor of `Check` or a call of `report` in `check.rs`.
 fn used(root: &Path) -> BTreeSet<String> {
     let mut codes = BTreeSet::new();
-    for entry in std::fs::read_dir(root.join("src/case")).unwrap() {
+    let folders = ["src/case", "src/change"].map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
+    for entry in folders.into_iter().flatten() {
         let path = entry.unwrap().path();
         if path.ends_with("tests.rs") {
             continue;

@@ -219,3 +219,71 @@ fn only_regular_files_are_overwritten_and_symlinks_are_kept() {
     assert!(link.is_symlink());
     assert_eq!(std::fs::read(&file).unwrap(), b"after");
 }
+
+/// Names the file that [`writer_to_be_killed`] writes, over and over.
+const KILLED_FILE: &str = "GLIOSCOPE_TEST_KILLED_FILE";
+
+/// Contents of 3 MiB that differ in every byte.
+fn content(version: usize) -> Vec<u8> {
+    vec![b'A' + (version % 2) as u8; 3 << 20]
+}
+
+/// Child process of [`a_killed_writer_leaves_the_old_or_the_new_file_whole`].
+#[test]
+#[ignore = "a child process of another test"]
+fn writer_to_be_killed() {
+    let Some(path) = std::env::var_os(KILLED_FILE) else { return };
+    let found = std::fs::read(&path).unwrap();
+    for version in usize::from(found == content(0)).. {
+        write_whole(Path::new(&path), &content(version)).unwrap();
+    }
+}
+
+#[test]
+fn a_killed_writer_leaves_the_old_or_the_new_file_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.json");
+    std::fs::write(&path, content(1)).unwrap();
+    let valid = [content(0), content(1)];
+    let (mut seen, mut leftovers, mut state) = ([0; 2], 0, 7_u64);
+    for kill in 0..200 {
+        let mut child = std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "writer_to_be_killed", "--ignored"])
+            .env(KILLED_FILE, &path)
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        std::thread::sleep(std::time::Duration::from_micros((state >> 33) % 25_000));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let found = std::fs::read(&path).unwrap();
+        let version = valid.iter().position(|content| *content == found);
+        seen[version.unwrap_or_else(|| panic!("kill {kill}: {} bytes, neither file", found.len()))] += 1;
+        for entry in std::fs::read_dir(folder.path()).unwrap() {
+            let entry = entry.unwrap();
+            if entry.path() != path {
+                // As if it had been killed yesterday.
+                let yesterday = std::time::SystemTime::now() - std::time::Duration::from_secs(86_400);
+                std::fs::File::options()
+                    .write(true)
+                    .open(entry.path())
+                    .unwrap()
+                    .set_modified(yesterday)
+                    .unwrap();
+                leftovers += 1;
+            }
+        }
+    }
+    println!("200 kills: {seen:?} versions, {leftovers} leftovers");
+    assert!(seen.iter().all(|count| *count > 20), "{seen:?}");
+    // The next write removes what is old, and only that.
+    let (mine, recent) = (folder.path().join("mine.glioscope"), folder.path().join(".glioscope-running"));
+    std::fs::write(&mine, b"x").unwrap();
+    std::fs::write(&recent, b"x").unwrap();
+    write_whole(&path, b"done").unwrap();
+    let mut left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).collect();
+    left.sort();
+    assert_eq!(left, [recent, mine, path]);
+    assert!(leftovers > 0);
+}

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use glioscope_core::{
-    change::{self, ChangeError, ChangeOptions, ChangeReport, Lengths},
-    files::write_whole,
+    change::{self, ChangeError, ChangeOptions, ChangeReport, Flag, Lengths},
     skeleton::{Level, SkeletonOptions},
 };
 
 use super::{case::CaseArguments, resolve, terminal};
-use crate::{error::AppError, format};
+use crate::{error::AppError, format, output};
 
 /// Level of detail of the skeleton.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -68,6 +67,7 @@ pub struct ChangeArguments {
 
 pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     let (_, case) = arguments.case.load(false)?;
+    arguments.csv.iter().try_for_each(|path| case.inputs.refuse_as_output(path))?;
     let options = ChangeOptions {
         skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },
         registration_mm: arguments.registration_mm,
@@ -84,8 +84,9 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
         ),
         error => error.into(),
     })?;
+    terminal::notes(report.warnings.strip_suffix(case.checks.as_slice()).unwrap_or(&report.warnings));
     if let Some(path) = &arguments.csv {
-        write_whole(path, &change::csv(&change))?;
+        output::write(path, &case.inputs, &change::csv(&change))?;
     }
     if arguments.json { terminal::print_json(&report) } else { terminal::print(&table(&report)) }
 }
@@ -100,11 +101,15 @@ fn table(r: &ChangeReport) -> String {
         format!("{:24} {:>14}", "gone", format::ml(r.gone_ml)),
         format!("{:24} {:>14}", "new", format::ml(r.new_ml)),
         String::new(),
-        format!(
-            "{:24} {:>8} {:>9} {:>9} {:>9} {:>9}",
-            "surface, mm", "vectors", "mean", "median", "95 %", "most"
-        ),
     ];
+    if r.flags.contains(&Flag::NoOverlap) {
+        lines.push("no overlap: not aligned? Only volumes are compared".into());
+        return lines.join("\n");
+    }
+    lines.push(format!(
+        "{:24} {:>8} {:>9} {:>9} {:>9} {:>9}",
+        "surface, mm", "vectors", "mean", "median", "95 %", "most"
+    ));
     let row = |name: &str, l: &Lengths| {
         let mm = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.2}"));
         format!(
@@ -120,9 +125,19 @@ fn table(r: &ChangeReport) -> String {
     lines.push(row("recession", &r.recession));
     lines.push(row("growth, nearest", &r.nearest.growth));
     lines.push(row("recession, nearest", &r.nearest.recession));
+    let cavities = &r.cavities;
+    if cavities.from_ml > 0.0 || cavities.to_ml > 0.0 {
+        lines.push(row("cavity widened, nearest", &cavities.widened));
+        lines.push(row("cavity narrowed, nearest", &cavities.narrowed));
+        lines.push(format!(
+            "cavities from {} to {}",
+            format::ml(cavities.from_ml),
+            format::ml(cavities.to_ml)
+        ));
+    }
     let [x, y, z] = r.uncertainty_mm.axes_mm;
     lines.push(format!(
-        "{} of {} vectors within uncertainty ({x:.2}, {y:.2}, {z:.2} mm along the voxel axes, registration \
+        "{} of {} vectors within uncertainty ({x:.2}, {y:.2}, {z:.2} mm along the axes of the case grid, registration \
          {} mm)",
         r.within_uncertainty, r.vectors, r.uncertainty_mm.registration_mm
     ));

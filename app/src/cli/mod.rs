@@ -25,6 +25,8 @@ use clap::{
     error::{ContextKind, ContextValue, ErrorKind},
 };
 
+use glioscope_core::workers;
+
 pub use arguments::{Cli, Task, WindowArguments};
 pub use case::CaseArguments;
 
@@ -39,7 +41,14 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return print_clap_error(&error),
     };
-    match execute(cli) {
+    let started = workers::start().map_err(|why| {
+        AppError::wrong(
+            "the program",
+            format!("no threads to work with ({why})"),
+            "a system that allows them",
+        )
+    });
+    match started.and_then(|()| execute(cli)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             terminal::error(&error.to_string());

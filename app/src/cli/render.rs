@@ -132,6 +132,9 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
         return Err(AppError::arguments("no --out FILE", "where to write the picture"));
     }
     let (reference, case) = arguments.case.load(true)?;
+    let inputs = case.inputs.clone();
+    // Before minutes of drawing.
+    arguments.out.iter().try_for_each(|path| inputs.refuse_as_output(path))?;
     let mut work = Workstation::with_case(reference, Loaded::new(case));
     apply(arguments, &mut work)?;
     let is_closeup = view == View::Pane(PaneId::Closeup);
@@ -162,7 +165,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
             terminal::warning("picture-coarser", warning);
         }
         if let Some(path) = &arguments.out {
-            output::write_png(path, arguments.size, &rgba)?;
+            output::write_png(path, &inputs, arguments.size, &rgba)?;
         }
     }
     if let Some(plan) = report.plan.as_ref().filter(|_| arguments.explain) {

@@ -19,7 +19,8 @@ pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<()
     let (reference, case) = case.load(true)?;
     std::fs::create_dir_all(out)
         .map_err(|e| AppError::file(out, e.to_string(), "a folder that can be made"))?;
-    output::write_json(&out.join("measure.json"), &measure::report(&case))?;
+    let inputs = case.inputs.clone();
+    output::write_json(&out.join("measure.json"), &inputs, &measure::report(&case))?;
     let time_point_count = case.time_points.len();
     let mut app =
         OffscreenApp::new(Workstation::with_case(reference, Loaded::new(case)), &gpu(software)?, false)?;
@@ -30,7 +31,7 @@ pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<()
     let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, View::Pane(pane), row.report_px?)));
     for (name, view, size) in std::iter::once(("window", View::Window, WINDOW_PX)).chain(pictures) {
         let rgba = app.capture(view, size, 1.0)?;
-        output::write_png(&out.join(format!("{name}.png")), size, &rgba)?;
+        output::write_png(&out.join(format!("{name}.png")), &inputs, size, &rgba)?;
     }
     terminal::print(&format!("pictures and numbers written to {}", out.display()))
 }

@@ -88,7 +88,8 @@ pub fn with_progress<T: Send, E: Send>(job: impl FnOnce(&Progress) -> Result<T, 
     let done = Arc::new(AtomicBool::new(false));
     thread::scope(|scope| {
         let (job_progress, job_done) = (progress.clone(), done.clone());
-        scope.spawn(move || show_progress(&job_progress, &job_done));
+        // Without a thread there is no bar.
+        let _ = thread::Builder::new().spawn_scoped(scope, move || show_progress(&job_progress, &job_done));
         let result = job(&progress);
         done.store(true, Ordering::Relaxed);
         result

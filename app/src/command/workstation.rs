@@ -6,7 +6,10 @@ use std::{
     time::Instant,
 };
 
-use glioscope_core::case::{CaseSpec, LoadOptions};
+use glioscope_core::{
+    case::{CaseSpec, LoadOptions},
+    files::Inputs,
+};
 
 use super::{Command, EditCommand};
 use crate::{
@@ -167,10 +170,15 @@ impl Workstation {
         }
     }
 
+    /// The files that the open case was read from: no output is written over them.
+    pub fn inputs(&self) -> Inputs {
+        self.world.case().map(|case| case.inputs.clone()).unwrap_or_default()
+    }
+
     /// Saves the session to `path`.
     pub fn save(&mut self, path: PathBuf) {
         let Some(doc) = &self.doc else { return };
-        match session::save(&path, doc) {
+        match self.inputs().refuse_as_output(&path).and_then(|()| session::save(&path, doc)) {
             Ok(()) => {
                 self.notice = Some("Session saved.".into());
                 self.session_path = Some(path);

@@ -17,6 +17,7 @@ use super::{
 };
 use crate::{
     command::{Commands, EditCommand},
+    format,
     model::{ChangeSetting, PaneId, document::tumor_radius_mm},
     world::{
         comparison::Comparison,
@@ -273,6 +274,18 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
     let uncertain =
         format!("{} of {} within uncertainty (drawn faint)", report.within_uncertainty, report.vectors);
     lines.push((None, uncertain));
+    if report.flags.contains(&Flag::NoOverlap) {
+        lines.clear();
+    }
+    let cavities = &report.cavities;
+    if cavities.from_ml > 0.0 || cavities.to_ml > 0.0 {
+        let [from, to] = [cavities.from_ml, cavities.to_ml].map(format::ml);
+        let walls = [("widened", cavities.widened), ("narrowed", cavities.narrowed)];
+        let walls = walls.into_iter().filter(|(_, lengths)| lengths.count > 0);
+        let walls: String =
+            walls.map(|(verb, l)| format!(", {verb} by {} mm (median)", mm(l.p50_mm))).collect();
+        lines.push((None, format!("cavities {from} to {to}{walls}: not among the vectors")));
+    }
     lines.extend(report.flags.iter().filter_map(|flag| Some((None, flag_text(*flag)?.to_owned()))));
     if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
@@ -314,7 +327,7 @@ fn flag_text(flag: Flag) -> Option<&'static str> {
         Flag::InsideOnly => "they differ inside only: no outer surface moved",
         Flag::FromEmpty => "nothing at the earlier date",
         Flag::ToEmpty => "nothing at the later date",
-        Flag::NoOverlap => "the two dates share no voxel: no arrows",
+        Flag::NoOverlap => "no overlap: not aligned? Only volumes are compared",
         Flag::Vanished => "a component vanished: it has no arrows",
         Flag::Appeared => "a component appeared: it has no arrows",
         Flag::Split => "a component split",

@@ -191,7 +191,7 @@ impl GlioscopeApp {
             && self.pane_rects.keys().all(|pane| self.panes.ready(*pane));
         if ready {
             scripted.requested = true;
-            self.pictures.request(ctx, None, &scripted.path);
+            self.pictures.request(ctx, None, &scripted.path, self.work.inputs());
         } else {
             ctx.request_repaint_after(Duration::from_millis(50));
         }

@@ -81,7 +81,7 @@ impl GlioscopeApp {
                 self.work.error =
                     Some(AppError::wrong(pane.title(), "a pane that isn't open", "an open one"));
             }
-            _ => self.pictures.request(ctx, crop, path),
+            _ => self.pictures.request(ctx, crop, path, self.work.inputs()),
         }
     }
 
@@ -90,7 +90,7 @@ impl GlioscopeApp {
         let Some(case) = self.work.world.case().cloned() else { return };
         let path = path.to_owned();
         self.export = Some(Job::start(Waker::of(ctx), move |_| {
-            output::write_json(&path, &measure::report(&case)).map(|()| "Measurements written.")
+            output::write_json(&path, &case.inputs, &measure::report(&case)).map(|()| "Measurements written.")
         }));
     }
 

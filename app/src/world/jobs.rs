@@ -104,11 +104,16 @@ impl<V: Send + 'static> Job<V> {
         let progress = Progress::new();
         let (send, receive) = mpsc::channel();
         let worker_progress = progress.clone();
-        thread::spawn(move || {
+        let failed = send.clone();
+        let started = thread::Builder::new().spawn(move || {
             // Fails where the receiver is gone, and the value with it is not needed.
             let _ = send.send(compute(&worker_progress));
             wake.wake();
         });
+        if let Err(error) = started {
+            let found = format!("no thread ({error})");
+            let _ = failed.send(Err(AppError::wrong("a worker", found, "a system that allows another")));
+        }
         Self { progress, receive }
     }
 

@@ -228,9 +228,14 @@ pub(super) fn isolated_masks(label: &str, masks: &[CaseMask], regions: &Regions)
         }
         let gap = others().map(|o| box_gap_mm(&masks[k].mask, o)).fold(f64::INFINITY, f64::min);
         let name = at_time(masks[k].mask.id(), label);
+        let nearest = match gap {
+            0.0 => "boxes overlap, no voxel shared".to_owned(),
+            _ if gap < 0.1 => format!("the nearest one's box is {gap:.1e} mm away"),
+            _ => format!("the nearest one's box is {gap:.1} mm away"),
+        };
         checks.push(Check::warning(
             "masks-do-not-touch",
-            format!("{name}: found a mask that touches no other (the nearest one's box is {gap:.1} mm away), expected masks of one tumour"),
+            format!("{name}: found a mask that touches no other ({nearest}), expected masks of one tumour"),
         ));
     }
     checks

@@ -12,7 +12,7 @@ use super::{
     CaseError, CaseSpec, ContextSpec, LoadOptions, MaskSpec,
     manifest::{folder_name, read_manifest},
     names::{self, Kind, ParsedName},
-    select,
+    order, select, subject,
 };
 use crate::{
     Check, Progress,
@@ -156,6 +156,7 @@ fn order_by_sessions(folder: &Path, spec: &mut CaseSpec) {
         let text = format!("times: in the order of {}: {}", file.display(), order.join(", "));
         spec.notes.push(Check::note("time-order-sessions", text));
         spec.order = order;
+        spec.described_by.push(file);
     }
 }
 
@@ -221,7 +222,16 @@ fn assign_ids(entries: &mut [Entry]) {
 
 /// Assigns times from the names. A single time label is ignored; files without a time are left out where others have
 /// one. Where no name has a time and ids clash, the top-level folders' names are the times.
-fn assign_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
+///
+/// # Errors
+/// [`CaseError::Wrong`] where those folders' names don't state an order in time, and none is `stated`: they may be
+/// patients.
+fn assign_times(
+    folder: &Path,
+    entries: &mut Vec<Entry>,
+    stated: &[String],
+    notes: &mut Vec<Check>,
+) -> Result<(), CaseError> {
     if entries.iter().all(|e| e.named.time.is_none()) {
         let top = |e: &Entry| {
             let mut parts = e.path.iter().filter_map(|p| p.to_str());
@@ -232,6 +242,15 @@ fn assign_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
             entries.iter().map(|e| (e.is_mask, names::id(&e.named, e.is_mask))).collect();
         let clash = (0..ids.len()).any(|n| ids[..n].contains(&ids[n]));
         if let (Some(folders), true) = (folders, clash) {
+            let distinct: BTreeSet<&String> = folders.iter().collect();
+            let distinct: Vec<&str> = distinct.into_iter().map(String::as_str).collect();
+            if stated.is_empty() && !order::is_stated_by(&distinct) {
+                return Err(wrong(
+                    folder,
+                    format!("the same files in {}, which may be patients or dates", distinct.join(", ")),
+                    "the folder of one patient, or the dates' order (--order)",
+                ));
+            }
             for (e, folder) in entries.iter_mut().zip(folders) {
                 e.named.time = Some(folder);
             }
@@ -242,7 +261,7 @@ fn assign_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
     labels.dedup();
     if labels.len() < 2 {
         entries.iter_mut().for_each(|e| e.named.time = None);
-        return;
+        return Ok(());
     }
     let timeless: Vec<String> =
         entries.iter().filter(|e| e.named.time.is_none()).map(|e| e.named.stem.clone()).collect();
@@ -253,6 +272,7 @@ fn assign_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) {
             format!("{}: found no time in the name while others have one; left out", timeless.join(", "));
         notes.push(Check::warning("guess-left-out", text));
     }
+    Ok(())
 }
 
 /// Where each time has at most one mask file, a label map, each of its labels becomes a mask. Returns the labels of all
@@ -318,11 +338,15 @@ fn guess(
             paths.push(path);
         }
     }
-    let mut subjects: Vec<&String> = named.iter().filter_map(|n| n.subject.as_ref()).collect();
-    subjects.sort();
-    subjects.dedup();
+    let subjects = subject::subjects(&paths, &named);
     if subjects.len() > 1 {
-        return Err(wrong(folder, format!("files of {} subjects", subjects.len()), "the folder of one"));
+        let first = subjects.iter().take(3).map(String::as_str).collect::<Vec<_>>().join(", ");
+        let more = if subjects.len() > 3 { ", …" } else { "" };
+        return Err(wrong(
+            folder,
+            format!("files of {} patients ({first}{more})", subjects.len()),
+            "the folder of one, or its files named one by one or in a case.toml",
+        ));
     }
     names::drop_common_start(&mut named);
 
@@ -337,7 +361,7 @@ fn guess(
         entries.push(Entry { path, named, is_mask, by_content, labels, id: String::new() });
     }
     let mut spec = CaseSpec { name, ..CaseSpec::default() };
-    assign_times(&mut entries, &mut spec.notes);
+    assign_times(folder, &mut entries, &options.order, &mut spec.notes)?;
     assign_ids(&mut entries);
     note_kinds(&entries, &mut spec.notes);
     let split = labels_as_masks(folder, &mut entries, options, progress)?;

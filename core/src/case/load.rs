@@ -287,6 +287,7 @@ pub fn load_with(
         .map(|(native, mask)| {
             let case_mask = CaseMask {
                 mask,
+                native_grid: native.mask.grid().clone(),
                 native_voxels: native.mask.voxels(),
                 native_volume_ml: native.mask.volume_ml(),
                 color: spec.masks[native.spec].color,
@@ -321,5 +322,5 @@ pub fn load_with(
     // Most severe first, else in the order found.
     checks.sort_by_key(|c| std::cmp::Reverse(c.severity));
     checks.dedup();
-    Ok(Case { name: spec.name.clone(), grid, time_points, order, tracts, checks })
+    Ok(Case { name: spec.name.clone(), grid, time_points, order, tracts, checks, inputs: spec.inputs() })
 }

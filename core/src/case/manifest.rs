@@ -183,6 +183,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     let mut spec = CaseSpec {
         name: manifest.name.unwrap_or_else(|| folder_name(path)),
         order: manifest.order.iter().map(|label| label.trim().to_owned()).collect(),
+        described_by: vec![path.to_owned()],
         ..CaseSpec::default()
     };
     for entry in &manifest.context {

@@ -10,6 +10,7 @@ mod names;
 mod native;
 mod order;
 mod select;
+mod subject;
 
 use std::{
     path::{Path, PathBuf},
@@ -18,7 +19,7 @@ use std::{
 
 use crate::{
     Cancelled, Check, Grid, Mask, Progress, Regions, Tracts, TumorIndex, Volume,
-    files::{self, FileError, ReadOptions, Source},
+    files::{self, FileError, Inputs, ReadOptions, Source},
 };
 
 pub use discover::open_spec;
@@ -74,6 +75,8 @@ pub struct CaseSpec {
     pub tracts: Vec<TractsSpec>,
     /// Labels of the time points in time order, where that is stated; empty: as the labels themselves state.
     pub order: Vec<String>,
+    /// Files that the description comes from: the manifest, the table of sessions.
+    pub described_by: Vec<PathBuf>,
     /// Guesses and findings made while the description was put together.
     pub notes: Vec<Check>,
 }
@@ -98,6 +101,17 @@ impl CaseSpec {
     /// [`CaseError::Wrong`] for a malformed value. Missing files are reported when they are read.
     pub fn from_arguments(masks: &[String], contexts: &[String]) -> Result<Self, CaseError> {
         arguments::parse_all(masks, contexts)
+    }
+
+    /// The files that the case is read from.
+    pub fn inputs(&self) -> Inputs {
+        let sources = self.contexts.iter().map(|c| &c.source).chain(self.masks.iter().map(|m| &m.source));
+        let sources = sources.chain(self.tracts.iter().map(|t| &t.source));
+        let files = sources.filter_map(|source| match source {
+            Source::File(path) => Some(path.clone()),
+            Source::Embedded { .. } => None,
+        });
+        Inputs::new(files.chain(self.described_by.iter().cloned()))
     }
 
     /// Adds the values of repeated `--tracts FILE`. Each is named after its file without extension, with a number
@@ -160,6 +174,8 @@ pub struct Context {
 pub struct CaseMask {
     /// On the case grid; bit k of the tumour index for the k-th mask.
     pub mask: Mask,
+    /// The grid on which it was drawn.
+    pub native_grid: Grid,
     /// Active voxels on its native grid.
     pub native_voxels: u64,
     /// Volume on its native grid in millilitres, before resampling.
@@ -207,6 +223,8 @@ pub struct Case {
     pub tracts: Vec<CaseTracts>,
     /// All findings, most severe first.
     pub checks: Vec<Check>,
+    /// The files that it was read from.
+    pub inputs: Inputs,
 }
 
 impl Case {

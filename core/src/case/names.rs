@@ -117,6 +117,22 @@ fn find_numbered_time(tokens: &[Token]) -> Option<Range<usize>> {
     })
 }
 
+/// The parts of a name before the first that states a kind or a time; values of BIDS entities are left out.
+pub(super) fn leading_parts(text: &str) -> Vec<String> {
+    let is_entity = |piece: &str| {
+        let key = piece.split_once('-').map(|(key, _)| key);
+        key.is_some_and(|key| DROPPED_ENTITIES.contains(&key) || KEYLESS_ENTITIES.contains(&key))
+    };
+    let without_entities: Vec<&str> = text.split('_').filter(|piece| !is_entity(piece)).collect();
+    let tokens = tokens(&without_entities.join("_"));
+    let kinds = [MASK_WORDS, IMAGE_WORDS, MODALITY_WORDS];
+    let is_kind =
+        |(_, token): &Token| kinds.iter().any(|words| words.contains(&token.to_lowercase().as_str()));
+    let kind = tokens.iter().position(is_kind).unwrap_or(tokens.len());
+    let end = find_numbered_time(&tokens).map_or(kind, |time| time.start.min(kind));
+    tokens.into_iter().take(end).map(|(_, token)| token).collect()
+}
+
 /// Text of consecutive parts of a name.
 fn joined(parts: impl Iterator<Item = Token>) -> String {
     parts.map(|(_, text)| text).collect::<Vec<_>>().join("_")

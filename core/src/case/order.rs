@@ -90,6 +90,11 @@ pub(super) fn arrange(
     Ok((stated.to_vec(), OrderBasis::Stated))
 }
 
+/// Whether labels state their order in time.
+pub(super) fn is_stated_by(labels: &[&str]) -> bool {
+    chronological(labels).1 != OrderBasis::Unknown
+}
+
 /// The order that labels state, as positions, and what it is based on. Labels that don't state an order keep theirs.
 fn chronological(labels: &[&str]) -> (Vec<usize>, OrderBasis) {
     let unchanged = || (0..labels.len()).collect();

@@ -1,17 +1,20 @@
 //! Change of a mask's surface between two time points: thesis 7.3.4.
 //!
-//! An outer surface voxel lies on the surface of one mask where the other mask is inactive. The skeleton of the masks'
-//! intersection assigns it a partner on the other surface. Decisions that the thesis leaves open: partners are sought
-//! only among overlapping components; a component without a counterpart gets no arrow but is listed; each length is
-//! accompanied by the plain distance to the nearest surface voxel and by its uncertainty, the smallest change that can
-//! be distinguished from none.
+//! An outer surface voxel lies on the outer surface of one mask, outside the other mask. The skeleton of the masks'
+//! intersection assigns it a partner on the other surface. Decisions that the thesis leaves open: walls of cavities are
+//! reported apart; partners are sought only among overlapping components; a component without a counterpart gets no
+//! arrow but is listed; masks without a common voxel are compared by volume only, as they may not be aligned; each
+//! length is accompanied by the plain distance to the nearest surface voxel and by its uncertainty, the smallest change
+//! that can be distinguished from none.
 
+mod cavities;
 mod choice;
 mod groups;
 mod report;
 mod stats;
 #[cfg(test)]
 mod tests;
+mod uncertainty;
 mod vectors;
 
 use glam::DVec3;
@@ -24,14 +27,17 @@ use crate::{
     distance::{Crop, DistanceError},
     grid::ijk,
     skeleton::{ForceSource, Skeleton, SkeletonError, SkeletonOptions, skeleton_with},
+    surface::without_cavities,
 };
 
+pub use cavities::Cavities;
 pub use choice::{Choice, ids_at};
 pub use groups::{Fate, Group, Part};
 pub use report::{
     ChangeReport, Counters, GroupReport, NearestReport, PartReport, UncertaintyReport, between, csv, report,
 };
-pub use stats::{COVERAGE, Histogram, Lengths, Uncertainty};
+pub use stats::{Histogram, Lengths};
+pub use uncertainty::{COVERAGE, Sampling, Uncertainty};
 use vectors::{CropFrame, SurfaceVoxel, Surfaces};
 
 /// Default registration error: half a millimetre, good practice for rigid registration of one patient's brain images.
@@ -122,7 +128,8 @@ pub struct ChangeFlags {
     /// No voxel of the other surface has the same nearest skeleton point: the partner is the nearest voxel of the
     /// other surface in the same group.
     pub no_set: bool,
-    /// Shorter than its uncertainty.
+    /// Shorter than its uncertainty: the other surface lies so close, in whatever direction, that the two can't be
+    /// told apart here.
     pub within_uncertainty: bool,
 }
 
@@ -139,7 +146,9 @@ pub struct SurfaceChange {
     pub signed_mm: f64,
     /// Distance from the voxel to the nearest voxel of the other mask's surface, for comparison.
     pub nearest_mm: f64,
-    /// Uncertainty along this vector: shorter lengths can't be distinguished from no change.
+    /// Uncertainty along this vector: shorter lengths can't be distinguished from no change. The length times
+    /// [`COVERAGE`], divided by the distance from the voxel to the other surface in standard deviations of
+    /// [`Uncertainty`].
     pub uncertainty_mm: f64,
     /// Its group: index into [`Change::groups`].
     pub group: u32,
@@ -176,7 +185,7 @@ pub enum Flag {
     FromEmpty,
     /// The later mask is empty.
     ToEmpty,
-    /// Neither is empty, and they share no voxel.
+    /// Neither is empty, and they share no voxel: perhaps the time points aren't aligned, so only volumes are compared.
     NoOverlap,
     /// A component vanished.
     Vanished,
@@ -224,7 +233,7 @@ pub struct Change {
     pub vectors: Vec<SurfaceChange>,
     /// The outer surface voxels without a partner, in memory order.
     pub unpartnered: Vec<Unpartnered>,
-    /// Components of both time points, matched by overlap.
+    /// Components of both time points, matched by overlap; empty where the masks share no voxel.
     pub groups: Vec<Group>,
     /// Skeleton of the intersection; empty where it isn't needed.
     pub skeleton: Skeleton,
@@ -232,6 +241,8 @@ pub struct Change {
     pub skeleton_voxels: u64,
     /// Uncertainty model of the vectors.
     pub uncertainty: Uncertainty,
+    /// The cavities and their walls.
+    pub cavities: Cavities,
     /// Counters of the surfaces.
     pub counts: ChangeCounts,
 }
@@ -290,10 +301,11 @@ pub fn change(
     options: &ChangeOptions,
     progress: &Progress,
 ) -> Result<Change, ChangeError> {
-    change_with(before, after, grid, options, None, progress)
+    change_with(before, after, grid, [Sampling::native(grid); 2], options, None, progress)
 }
 
-/// As [`change`], with the skeleton's force computed by `source` if there is one and it doesn't refuse.
+/// As [`change`], of masks that were resampled onto `grid` so, and with the skeleton's force computed by `source` if
+/// there is one and it doesn't refuse.
 ///
 /// # Errors
 /// As [`change`].
@@ -301,6 +313,7 @@ pub fn change_with(
     before: &MaskBits,
     after: &MaskBits,
     grid: &Grid,
+    samplings: [Sampling; 2],
     options: &ChangeOptions,
     source: Option<&dyn ForceSource>,
     progress: &Progress,
@@ -325,7 +338,8 @@ pub fn change_with(
         groups: Vec::new(),
         skeleton: Skeleton::default(),
         skeleton_voxels: 0,
-        uncertainty: Uncertainty::new(mm, options.registration_mm),
+        uncertainty: Uncertainty::new(samplings, options.registration_mm),
+        cavities: Cavities::default(),
         counts: ChangeCounts::default(),
     };
     let mut flag = |flag: Flag, is_set: bool| {
@@ -337,9 +351,10 @@ pub fn change_with(
     flag(Flag::NoChange, gone == 0 && new == 0);
     flag(Flag::FromEmpty, kept_voxels + gone == 0);
     flag(Flag::ToEmpty, kept_voxels + new == 0);
-    flag(Flag::NoOverlap, kept_voxels == 0 && gone > 0 && new > 0);
+    let shares_nothing = kept_voxels == 0 && gone > 0 && new > 0;
+    flag(Flag::NoOverlap, shares_nothing);
     flag(Flag::TouchesBorder, touches_border(before) || touches_border(after));
-    let Some(crop) = Crop::around(&[before, after], 1) else { return Ok(out) };
+    let Some(crop) = Crop::around(&[before, after], 1).filter(|_| !shares_nothing) else { return Ok(out) };
     progress.say("surfaces");
     let local = [cropped(before, crop), cropped(after, crop)];
     let crop_frame = CropFrame { grid, start: crop.start, dims: crop.dims };
@@ -350,7 +365,10 @@ pub fn change_with(
     flag(Flag::Split, has(Fate::Split));
     flag(Flag::Merged, has(Fate::Merged));
     flag(Flag::Regrouped, has(Fate::Regrouped));
-    let surfaces = Surfaces::new([&local[0], &local[1]], &groups, mm);
+    let filled = [without_cavities(&local[0])?, without_cavities(&local[1])?];
+    out.cavities = Cavities::of(local.each_ref(), filled.each_ref(), mm)?;
+    let shifts_mm = samplings.map(|sampling| sampling.shift_mm);
+    let surfaces = Surfaces::new(filled.each_ref(), &groups, mm, shifts_mm);
     out.counts.surface_from = surfaces.all[0].len() as u64;
     out.counts.surface_to = surfaces.all[1].len() as u64;
     let outer = || surfaces.outer.iter().flatten();
@@ -375,7 +393,8 @@ pub fn change_with(
         out.skeleton_voxels = points.len() as u64;
     }
     progress.say("surface change");
-    let found = vectors::match_surfaces(&surfaces, &points, &out.uncertainty, &crop_frame, progress)?;
+    let found =
+        vectors::match_surfaces(&surfaces, &points, &out.uncertainty, shifts_mm, &crop_frame, progress)?;
     out.counts.no_set = found.vectors.iter().filter(|v| v.flags.no_set).count() as u64;
     out.counts.appeared_voxels = found.unpartnered.iter().filter(|v| v.appeared).count() as u64;
     out.counts.vanished_voxels = found.unpartnered.len() as u64 - out.counts.appeared_voxels;

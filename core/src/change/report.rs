@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::{
     COVERAGE, Change, ChangeCounts, ChangeError, ChangeOptions, Choice, Fate, Flag, Histogram, Lengths, Part,
-    SurfaceChange, change_with,
+    Sampling, SurfaceChange, change_with,
 };
 use crate::{
     Check, Grid, Progress,
@@ -51,7 +51,9 @@ pub struct ChangeReport {
     pub histogram: Option<Histogram>,
     /// For comparison: distances from the same voxels to the nearest voxel of the other surface.
     pub nearest: NearestReport,
-    /// Components matched across the time points.
+    /// The cavities and their walls.
+    pub cavities: CavitiesReport,
+    /// Components matched across the time points; empty where the masks share no voxel.
     pub components: Vec<GroupReport>,
     /// Counters of the algorithms.
     pub counters: Counters,
@@ -68,10 +70,23 @@ pub struct NearestReport {
     pub recession: Lengths,
 }
 
+/// Cavities, and how far their walls moved to the nearest wall of the other time point.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CavitiesReport {
+    /// Volume at the earlier time point.
+    pub from_ml: f64,
+    /// Volume at the later time point.
+    pub to_ml: f64,
+    /// Where a cavity widened: the mask receded from it.
+    pub widened: Lengths,
+    /// Where a cavity narrowed: the mask grew into it.
+    pub narrowed: Lengths,
+}
+
 /// The uncertainty along the voxel axes, and its parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct UncertaintyReport {
-    /// Along each voxel axis.
+    /// Along each axis of the case grid.
     pub axes_mm: [f64; 3],
     /// Registration error used: standard deviation.
     pub registration_mm: f64,
@@ -144,6 +159,9 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
     let m = grid.world_from_voxel().matrix3;
     let mut by_group: Vec<Vec<&SurfaceChange>> = vec![Vec::new(); change.groups.len()];
     change.vectors.iter().for_each(|v| by_group[v.group as usize].push(v));
+    let walls = |sign: f64| {
+        Lengths::of(change.cavities.signed_mm.iter().map(|mm| mm * sign).filter(|mm| *mm > 0.0).collect())
+    };
     let components = change.groups.iter().zip(by_group).map(|(group, vectors)| {
         let (growth, recession) = growth_and_recession(vectors.into_iter(), |v| v.signed_mm.abs());
         GroupReport {
@@ -174,10 +192,16 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
             axes_mm: [m.x_axis, m.y_axis, m.z_axis].map(|axis| change.uncertainty.along(axis)),
             registration_mm: change.uncertainty.registration_mm,
             coverage: COVERAGE,
-            formula: "coverage * sqrt(voxel_mm^2 / 6 + registration_mm^2), voxel_mm along the vector",
+            formula: "coverage * sqrt(from_voxel_mm^2 / 12 + to_voxel_mm^2 / 12 + registration_mm^2), each mask's own voxels",
         },
         histogram: Histogram::of(change.vectors.iter().map(|v| v.signed_mm)),
         nearest: NearestReport { growth: nearest.0, recession: nearest.1 },
+        cavities: CavitiesReport {
+            from_ml: grid.volume_ml(change.cavities.from_voxels),
+            to_ml: grid.volume_ml(change.cavities.to_voxels),
+            widened: walls(1.0),
+            narrowed: walls(-1.0),
+        },
         components: components.collect(),
         counters: Counters {
             surface: change.counts,
@@ -251,11 +275,21 @@ pub fn between(
     let Choice { id, dates } = Choice::at(case, Some(&choice.id), choice.dates)?;
     let [earlier, later] = dates.map(|at| &case.time_points[at]);
     let [Some(before), Some(after)] =
-        [earlier, later].map(|time| time.masks.iter().find(|m| m.mask.id() == id).map(|m| m.mask.bits()))
+        [earlier, later].map(|time| time.masks.iter().find(|m| m.mask.id() == id))
     else {
         return Err(ChangeError::NoCommonMask(case.name.clone()));
     };
-    let found = change_with(before, after, &case.grid, options, source, progress)?;
+    let samplings = [before, after].map(|m| Sampling::new(&m.native_grid, &case.grid));
+    let bits = [before, after].map(|m| m.mask.bits());
+    let found = change_with(bits[0], bits[1], &case.grid, samplings, options, source, progress)?;
     let report = report(&found, &case.grid, &id, &earlier.label, &later.label);
-    Ok((ChangeReport { warnings: case.checks.clone(), ..report }, found))
+    let mut warnings: Vec<Check> = found.flags.contains(&Flag::NoOverlap).then(|| {
+        let [from, to] = [&earlier.label, &later.label];
+        Check::warning(
+            "no-overlap",
+            format!("{id}: found no voxel that {from} and {to} share, expected two dates in one space: not aligned? Only volumes are compared"),
+        )
+    }).into_iter().collect();
+    warnings.extend_from_slice(&case.checks);
+    Ok((ChangeReport { warnings, ..report }, found))
 }

@@ -1,10 +1,6 @@
-//! Statistics of lengths: mean, percentiles, histogram, uncertainty.
+//! Statistics of lengths: mean, percentiles, histogram.
 
-use glam::{DMat3, DVec3};
 use serde::Serialize;
-
-/// Coverage factor: 95 % of a normal distribution.
-pub const COVERAGE: f64 = 1.96;
 
 /// Approximate maximum number of histogram bins.
 const BINS: f64 = 40.0;
@@ -75,31 +71,5 @@ impl Histogram {
             counts[(((v / bin_mm).floor() - first).max(0.0) as usize).min(last)] += 1;
         }
         Some(Self { bin_mm, first_mm: first * bin_mm, counts })
-    }
-}
-
-/// Uncertainty of a length: shorter ones can't be distinguished from no change.
-///
-/// Along the unit vector d, with s(d) the voxel size in that direction and r the registration error (standard
-/// deviation): `u(d) = 1.96·√(s(d)²/6 + r²)`. Each of the two surfaces lies anywhere within one voxel, which has
-/// variance s²/12. `s(d) = 1/‖V⁻¹d‖`, V the voxel's edges as columns: along an axis, its spacing.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Uncertainty {
-    /// Registration error between the time points: standard deviation.
-    pub registration_mm: f64,
-    voxel_from_mm: DMat3,
-}
-
-impl Uncertainty {
-    /// For voxels whose edges are the columns of `mm_from_voxel`.
-    pub fn new(mm_from_voxel: DMat3, registration_mm: f64) -> Self {
-        Self { registration_mm, voxel_from_mm: mm_from_voxel.inverse() }
-    }
-
-    /// u along `vector_mm`, in millimetres; the vector may have any length but 0.
-    pub fn along(&self, vector_mm: DVec3) -> f64 {
-        let direction = vector_mm.normalize_or_zero();
-        let voxel_mm = 1.0 / (self.voxel_from_mm * direction).length();
-        COVERAGE * (voxel_mm * voxel_mm / 6.0 + self.registration_mm * self.registration_mm).sqrt()
     }
 }

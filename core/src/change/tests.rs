@@ -1,7 +1,7 @@
 use super::*;
 use glam::{DAffine3, DMat3};
 
-use crate::{Sides, grid::ijk, phantom};
+use crate::{Mask, Sides, grid::ijk, phantom, resample};
 
 /// Masks of two shapes given by their inside tests, on a grid around the origin.
 fn masks(
@@ -31,7 +31,8 @@ fn of(case: &(MaskBits, MaskBits, Grid)) -> Change {
 
 /// Invariants of any change.
 fn assert_consistent(c: &Change, (before, after, grid): &(MaskBits, MaskBits, Grid)) {
-    let surfaces = [before, after].map(crate::surface::surface_of);
+    let filled = [before, after].map(|mask| without_cavities(mask).unwrap());
+    let surfaces = filled.each_ref().map(crate::surface::surface_of);
     for v in &c.vectors {
         let [here, other] = if v.signed_mm > 0.0 { [after, before] } else { [before, after] };
         assert!(here.get(v.voxel) && !other.get(v.voxel));
@@ -48,7 +49,9 @@ fn assert_consistent(c: &Change, (before, after, grid): &(MaskBits, MaskBits, Gr
         surfaces[mine].for_each(|l| n += usize::from(!other.get(ijk(dims, l))));
         n
     };
-    assert_eq!(c.vectors.len() + c.unpartnered.len(), outer(0, after) + outer(1, before));
+    let compared = !c.flags.contains(&Flag::NoOverlap);
+    let outer = if compared { outer(0, &filled[1]) + outer(1, &filled[0]) } else { 0 };
+    assert_eq!(c.vectors.len() + c.unpartnered.len(), outer);
 }
 
 const SPACINGS: [DVec3; 2] = [DVec3::ONE, DVec3::new(0.5, 0.5, 5.0)];
@@ -169,10 +172,86 @@ fn split_merged_vanished_and_appeared_components_are_reported_without_spurious_v
         assert!(merged.flags.contains(&Flag::Merged) && merged.flags.contains(&Flag::Appeared));
         assert_eq!(merged.counts.appeared_voxels, split.counts.vanished_voxels);
     }
-    let apart = of(&masks(24.0, DVec3::ONE, ball(left, 7.0), ball(right, 7.0)));
-    assert!(apart.flags.contains(&Flag::NoOverlap) && apart.vectors.is_empty());
-    assert_eq!(apart.skeleton, Skeleton::default());
-    assert!(apart.counts.vanished_voxels > 0 && apart.counts.appeared_voxels > 0);
+}
+
+/// Two dates that share no place may not be aligned: a lesion that "vanished" would be a claim.
+#[test]
+fn masks_without_a_common_voxel_are_compared_by_volume_only() {
+    let (left, right) = (DVec3::new(-12.0, 0.0, 0.0), DVec3::new(12.0, 0.0, 0.0));
+    let case = masks(24.0, DVec3::ONE, ball(left, 7.0), ball(right, 7.0));
+    let apart = change(&case.0, &case.1, &case.2, &ChangeOptions::default(), &Progress::new()).unwrap();
+    assert_eq!(apart.flags, [Flag::NoOverlap]);
+    assert_eq!(apart.kept_voxels, 0);
+    assert_eq!([apart.gone_voxels, apart.new_voxels], [case.0.count(), case.1.count()]);
+    assert!(apart.vectors.is_empty() && apart.unpartnered.is_empty() && apart.groups.is_empty());
+    assert_eq!((apart.skeleton, apart.counts), (Skeleton::default(), ChangeCounts::default()));
+}
+
+/// A necrotic core that widens moves no outer surface: what recedes is the inner wall.
+#[test]
+fn walls_of_cavities_are_reported_apart_from_the_outer_surface() {
+    let shell = |outer: f64, hole: f64| move |p: DVec3| (hole..=outer).contains(&p.length());
+    for (from, to) in [(4.0, 8.0), (8.0, 4.0)] {
+        let c = of(&masks(20.0, DVec3::ONE, shell(15.0, from), shell(15.0, to)));
+        assert_eq!(c.flags, [Flag::InsideOnly]);
+        assert!(c.vectors.is_empty() && c.unpartnered.is_empty());
+        let sphere = |radius: f64| 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+        for (voxels, radius) in [(c.cavities.from_voxels, from), (c.cavities.to_voxels, to)] {
+            assert!((voxels as f64 / sphere(radius) - 1.0).abs() < 0.05, "{voxels} {radius}");
+        }
+        let moved = &c.cavities.signed_mm;
+        let mean = moved.iter().sum::<f64>() / moved.len() as f64;
+        assert!(moved.len() > 150 && (mean - (to - from)).abs() < 0.5, "{} {mean}", moved.len());
+    }
+    // Grown outside as well: each is told apart.
+    let c = of(&masks(20.0, DVec3::ONE, shell(12.0, 4.0), shell(15.0, 8.0)));
+    let mean = c.vectors.iter().map(|v| v.signed_mm).sum::<f64>() / c.vectors.len() as f64;
+    assert!(c.vectors.iter().all(|v| v.signed_mm > 0.0) && (mean - 3.0).abs() < 0.5, "{mean}");
+    assert!(c.cavities.signed_mm.iter().all(|mm| *mm > 0.0));
+    // A cavity that opens has volume but no wall to compare with.
+    let c = of(&masks(20.0, DVec3::ONE, shell(15.0, 0.0), shell(15.0, 6.0)));
+    assert!(c.cavities.from_voxels == 0 && c.cavities.to_voxels > 800 && c.cavities.signed_mm.is_empty());
+    assert!(c.vectors.is_empty());
+}
+
+/// One body, twice in slices of 5 mm, half a slice apart: nothing moved, and nothing is said to have.
+#[test]
+fn one_body_in_two_slicings_has_not_changed() {
+    let grid = |slices: usize, step: f64, first: f64| {
+        let spacing = DVec3::new(1.0, 1.0, step);
+        Grid::axis_aligned([61, 61, slices], spacing, DVec3::new(-30.0, -30.0, first)).unwrap()
+    };
+    let slicings = [grid(13, 5.0, -30.0), grid(12, 5.0, -27.5)];
+    for radius in [12.0, 18.0] {
+        let native = slicings.each_ref().map(|grid| {
+            let inside = |l| grid.center_of_voxel_mm(grid.ijk(l)).length() <= radius;
+            Mask::new("FLAIR", grid.clone(), MaskBits::from_fn(grid.dims(), inside)).unwrap()
+        });
+        for case in [&slicings[0], &slicings[1], &grid(61, 1.0, -30.0)] {
+            let bits =
+                native.each_ref().map(|mask| resample::mask_onto(mask, case, &Progress::new()).unwrap());
+            let samplings = slicings.each_ref().map(|grid| Sampling::new(grid, case));
+            let options = ChangeOptions::default();
+            let c = change_with(&bits[0], &bits[1], case, samplings, &options, None, &Progress::new());
+            let c = c.unwrap();
+            let along_z = c.uncertainty.along(DVec3::Z);
+            assert!((along_z - 1.96 * (25.0_f64 / 6.0 + 0.25).sqrt()).abs() < 1e-9, "{along_z}");
+            let beyond = c.vectors.iter().filter(|v| !v.flags.within_uncertainty).count();
+            assert!(c.vectors.len() > 100 && beyond == 0, "{radius} mm: {beyond} of {}", c.vectors.len());
+        }
+        // It is no blindness: one that grew by 8 mm has.
+        let inside = |l| slicings[1].center_of_voxel_mm(slicings[1].ijk(l)).length() <= radius + 8.0;
+        let grown = MaskBits::from_fn(slicings[1].dims(), inside);
+        let grown = Mask::new("FLAIR", slicings[1].clone(), grown).unwrap();
+        let grown = resample::mask_onto(&grown, &slicings[0], &Progress::new()).unwrap();
+        let samplings = slicings.each_ref().map(|grid| Sampling::new(grid, &slicings[0]));
+        let options = ChangeOptions::default();
+        let before = native[0].bits();
+        let c = change_with(before, &grown, &slicings[0], samplings, &options, None, &Progress::new());
+        let c = c.unwrap();
+        let beyond = c.vectors.iter().filter(|v| !v.flags.within_uncertainty).count();
+        assert!(beyond as f64 > 0.9 * c.vectors.len() as f64, "{beyond} of {}", c.vectors.len());
+    }
 }
 
 #[test]
@@ -194,12 +273,7 @@ fn identical_masks_need_no_skeleton() {
 }
 
 #[test]
-fn uncertainty_in_closed_form() {
-    let u = Uncertainty::new(DMat3::from_diagonal(DVec3::new(0.5, 0.5, 6.0)), 0.8);
-    assert!((u.along(DVec3::X * 3.0) - 1.96 * (0.25_f64 / 6.0 + 0.64).sqrt()).abs() < 1e-12);
-    assert!((u.along(-DVec3::Z) - 1.96 * (6.0_f64 + 0.64).sqrt()).abs() < 1e-12);
-    let turned = Uncertainty::new(DMat3::from_rotation_x(0.7), 0.0);
-    assert!((turned.along(DVec3::new(1.0, 2.0, 3.0)) - 1.96 / 6.0_f64.sqrt()).abs() < 1e-12);
+fn statistics_of_lengths() {
     let l = Lengths::of(vec![4.0, 1.0, 3.0, 2.0]);
     assert_eq!((l.p50_mm, l.max_mm, l.mean_mm, l.count), (Some(2.5), Some(4.0), Some(2.5), 4));
     assert_eq!(Lengths::of(vec![]).p95_mm, None);

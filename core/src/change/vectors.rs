@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::{ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, groups::Groups};
+use super::{COVERAGE, ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, groups::Groups};
 use crate::{Cancelled, Grid, MaskBits, Progress, distance::KdTree, grid::ijk, skeleton::Skeleton};
 
 /// Number of points up to which brute force is faster than a tree.
@@ -27,27 +27,28 @@ pub(super) struct SurfaceVoxel {
 pub(super) struct Surfaces {
     /// All surface voxels of the earlier and the later mask.
     pub all: [Vec<SurfaceVoxel>; 2],
-    /// Those where the other mask is inactive.
+    /// Those outside the other mask and its cavities.
     pub outer: [Vec<SurfaceVoxel>; 2],
 }
 
 impl Surfaces {
-    pub fn new(masks: [&MaskBits; 2], groups: &Groups, mm: DMat3) -> Self {
-        let dims = masks[0].dims();
-        let voxels = |mask: &MaskBits| {
+    /// The outer surfaces of masks without cavities; `shifts_mm` is added to the places of each mask's voxels.
+    pub fn new(filled: [&MaskBits; 2], groups: &Groups, mm: DMat3, shifts_mm: [DVec3; 2]) -> Self {
+        let dims = filled[0].dims();
+        let voxels = |date: usize| {
             let mut voxels = Vec::new();
-            crate::surface::surface_of(mask).for_each(|linear| {
+            crate::surface::surface_of(filled[date]).for_each(|linear| {
                 let v = ijk(dims, linear).map(|v| v as f64);
-                let offset_mm = mm * DVec3::from_array(v);
+                let offset_mm = mm * DVec3::from_array(v) + shifts_mm[date];
                 if let Some(group) = groups.at(linear) {
                     voxels.push(SurfaceVoxel { linear, group, offset_mm });
                 }
             });
             voxels
         };
-        let all = masks.map(voxels);
+        let all = [0, 1].map(voxels);
         let outer = |side: usize| {
-            let other = masks[1 - side];
+            let other = filled[1 - side];
             let out = |s: &&SurfaceVoxel| !other.get(ijk(dims, s.linear));
             all[side].iter().filter(out).copied().collect()
         };
@@ -56,20 +57,20 @@ impl Surfaces {
 }
 
 /// Points with an id each, and a k-d tree over them.
-struct PointCloud {
+pub(super) struct PointCloud {
     tree: Option<KdTree>,
     points: Vec<DVec3>,
     ids: Vec<u32>,
 }
 
 impl PointCloud {
-    fn new(points: Vec<DVec3>, ids: Vec<u32>) -> Result<Self, ChangeError> {
+    pub fn new(points: Vec<DVec3>, ids: Vec<u32>) -> Result<Self, ChangeError> {
         let tree = if points.len() > BRUTE_FORCE_MAX { KdTree::new(&points)? } else { None };
         Ok(Self { tree, points, ids })
     }
 
     /// Id of the nearest point and its distance; the first on ties.
-    fn nearest(&self, p: DVec3) -> Option<(u32, f64)> {
+    pub fn nearest(&self, p: DVec3) -> Option<(u32, f64)> {
         if let Some(tree) = &self.tree {
             return tree.nearest(p).map(|(i, d)| (self.ids[i], d));
         }
@@ -141,8 +142,9 @@ pub(super) fn skeleton_points(
     Ok(points)
 }
 
-/// An outer surface voxel, its partner, whether no voxel shares its skeleton point, and the plain nearest distance.
-type Match = (SurfaceVoxel, Option<SurfaceVoxel>, bool, Option<f64>);
+/// An outer surface voxel, its partner, whether no voxel shares its skeleton point, and the distance to the other
+/// surface in millimetres and in standard deviations.
+type Match = (SurfaceVoxel, Option<SurfaceVoxel>, bool, Option<[f64; 2]>);
 
 /// Vectors, and outer surface voxels without a partner.
 #[derive(Default)]
@@ -156,6 +158,7 @@ pub(super) fn match_surfaces(
     surfaces: &Surfaces,
     skeleton: &[(u32, DVec3)],
     uncertainty: &Uncertainty,
+    shifts_mm: [DVec3; 2],
     crop_frame: &CropFrame<'_>,
     progress: &Progress,
 ) -> Result<Matches, ChangeError> {
@@ -173,9 +176,11 @@ pub(super) fn match_surfaces(
     let groups = |voxels: &[SurfaceVoxel]| {
         clouds(voxels.iter().zip(0..).map(|(s, i)| (s.group, s.offset_mm, i)).collect())
     };
-    let whole_surface = |voxels: &[SurfaceVoxel]| {
-        PointCloud::new(voxels.iter().map(|s| s.offset_mm).collect(), (0..voxels.len() as u32).collect())
+    let whole_surface = |voxels: &[SurfaceVoxel], place: &dyn Fn(DVec3) -> DVec3| {
+        let places = voxels.iter().map(|s| place(s.offset_mm)).collect();
+        PointCloud::new(places, (0..voxels.len() as u32).collect())
     };
+    let deviations = |mm: DVec3| uncertainty.deviations(mm);
     progress.check()?;
     let mut found = Matches::default();
     for side in 0..2 {
@@ -184,14 +189,26 @@ pub(super) fn match_surfaces(
             continue;
         }
         let others = &surfaces.all[1 - side];
-        let (sets, by_group, surface_cloud) = (sets(others)?, groups(others)?, whole_surface(others)?);
+        let (sets, by_group) = (sets(others)?, groups(others)?);
+        let surface_cloud = whole_surface(others, &|mm| mm)?;
+        let deviation_cloud = match uncertainty.isotropic_mm {
+            Some(_) => None,
+            None => Some(whole_surface(others, &deviations)?),
+        };
+        let distance = |s: &SurfaceVoxel| {
+            let nearest_mm = surface_cloud.nearest(s.offset_mm)?.1;
+            let nearest_deviations = match (&deviation_cloud, uncertainty.isotropic_mm) {
+                (Some(cloud), _) => cloud.nearest(deviations(s.offset_mm))?.1,
+                (None, one_mm) => nearest_mm / one_mm?,
+            };
+            Some([nearest_mm, nearest_deviations])
+        };
         progress.expect(outer.len() as u64);
         let parts: Result<Vec<Vec<Match>>, Cancelled> = outer
             .par_chunks(BATCH)
             .map(|batch| {
                 progress.advance(batch.len() as u64)?;
                 let choose = |surface_voxel: &SurfaceVoxel| {
-                    let nearest_mm = surface_cloud.nearest(surface_voxel.offset_mm).map(|(_, d)| d);
                     let in_set = nearest_skeleton_point(surface_voxel)
                         .and_then(|s| sets.get(&s))
                         .and_then(|set| set.nearest(surface_voxel.offset_mm));
@@ -204,30 +221,38 @@ pub(super) fn match_surfaces(
                         Some((i, _)) => (Some(i), false),
                         None => (near().map(|(i, _)| i), true),
                     };
-                    (*surface_voxel, partner.map(|i| others[i as usize]), no_set, nearest_mm)
+                    (*surface_voxel, partner.map(|i| others[i as usize]), no_set, distance(surface_voxel))
                 };
                 Ok(batch.iter().map(choose).collect())
             })
             .collect();
-        for (surface_voxel, partner, no_set, nearest_mm) in parts?.into_iter().flatten() {
+        for (surface_voxel, partner, no_set, nearest) in parts?.into_iter().flatten() {
             let voxel = crop_frame.voxel(surface_voxel.linear);
             let is_growth = side == 1;
-            let (Some(partner), Some(nearest_mm)) = (partner, nearest_mm) else {
-                let position_mm = crop_frame.world(voxel);
+            let (Some(partner), Some([nearest_mm, nearest_deviations])) = (partner, nearest) else {
+                let position_mm = crop_frame.world(voxel) + shifts_mm[side];
                 found.unpartnered.push(Unpartnered {
                     voxel,
                     position_mm,
                     appeared: is_growth,
-                    nearest_mm,
+                    nearest_mm: nearest.map(|[mm, _]| mm),
                     group: surface_voxel.group,
                 });
                 continue;
             };
-            let (here_mm, partner_mm) =
-                (crop_frame.world(voxel), crop_frame.world(crop_frame.voxel(partner.linear)));
+            let here_mm = crop_frame.world(voxel) + shifts_mm[side];
+            let partner_mm = crop_frame.world(crop_frame.voxel(partner.linear)) + shifts_mm[1 - side];
             let vector_mm = surface_voxel.offset_mm - partner.offset_mm;
             let length_mm = vector_mm.length();
-            let uncertainty_mm = uncertainty.along(vector_mm);
+            if length_mm == 0.0 {
+                // Shifted to the masks' own grids, the surfaces coincide here.
+                continue;
+            }
+            let uncertainty_mm = if nearest_deviations > 0.0 {
+                COVERAGE * length_mm / nearest_deviations
+            } else {
+                uncertainty.along(vector_mm).max(length_mm)
+            };
             let (from_mm, to_mm) = if is_growth { (partner_mm, here_mm) } else { (here_mm, partner_mm) };
             found.vectors.push(SurfaceChange {
                 voxel,
@@ -237,7 +262,7 @@ pub(super) fn match_surfaces(
                 nearest_mm,
                 uncertainty_mm,
                 group: surface_voxel.group,
-                flags: ChangeFlags { no_set, within_uncertainty: length_mm < uncertainty_mm },
+                flags: ChangeFlags { no_set, within_uncertainty: nearest_deviations < COVERAGE },
             });
         }
     }

@@ -12,6 +12,7 @@ use crate::{Cancelled, Check, Volume};
 mod bounded_gzip;
 mod cross_check;
 pub mod format;
+mod inputs;
 mod nifti;
 mod nifti_describe;
 pub mod nifti_header;
@@ -23,6 +24,7 @@ mod tracts_tck;
 mod tracts_trk;
 
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
+pub use inputs::Inputs;
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
 pub use read::{info, read, read_tract_bytes, read_tracts};
@@ -135,11 +137,14 @@ pub(crate) fn printable(name: &str) -> String {
     out
 }
 
+/// Start of the names of temporary files.
+const PREFIX: &str = ".glioscope-";
+
 /// Builder of temporary files with the permissions of ordinary new files; tempfile's default lets only the owner
 /// read them, which is too strict for exported results.
 fn temporary() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".glioscope-");
+    builder.prefix(PREFIX);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder
@@ -155,7 +160,8 @@ fn write_failed(path: &Path, why: &dyn std::fmt::Display) -> FileError {
 /// folder is flushed to disk, then renamed over `path`. A symbolic link is kept: its target is written.
 ///
 /// # Errors
-/// [`FileError::Wrong`] with the system's reason, or where `path` is a folder, a device or a pipe.
+/// [`FileError::Wrong`] with the system's reason, or where `path` is a folder, a device, a pipe, or a link whose target
+/// doesn't exist.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_whole_with(path, "", |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
 }
@@ -175,7 +181,11 @@ pub(crate) fn write_whole_with(
             "a place that can be written",
         ));
     }
-    let target = if path.is_symlink() { path.canonicalize().ok() } else { None };
+    let target = match path.is_symlink().then(|| path.canonicalize()) {
+        None => None,
+        Some(Ok(target)) => Some(target),
+        Some(Err(e)) => return Err(write_failed(path, &format!("a link to nowhere ({e})"))),
+    };
     let path = target.as_deref().unwrap_or(path);
     let failed = |e: std::io::Error| write_failed(path, &e);
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -183,5 +193,23 @@ pub(crate) fn write_whole_with(
     write(&mut file)?;
     file.as_file().sync_all().map_err(failed)?;
     file.persist(path).map_err(|e| failed(e.error))?;
+    sweep(folder);
     Ok(())
+}
+
+/// Age from which a temporary file belongs to a run that was killed: no write takes so long.
+const STALE: std::time::Duration = std::time::Duration::from_secs(3600);
+
+/// Removes the temporary files that killed runs left in `folder`.
+fn sweep(folder: &Path) {
+    let is_stale = |entry: &std::fs::DirEntry| {
+        let age =
+            entry.metadata().ok().filter(|m| m.is_file()).and_then(|m| m.modified().ok()?.elapsed().ok());
+        entry.file_name().to_string_lossy().starts_with(PREFIX) && age.is_some_and(|age| age > STALE)
+    };
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.filter(is_stale) {
+        // One that can't be removed is left.
+        let _ = std::fs::remove_file(entry.path());
+    }
 }

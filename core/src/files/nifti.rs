@@ -503,6 +503,11 @@ impl Half {
     }
 }
 
+/// The other file of a header and image pair, where `path` is one and the other exists.
+pub(super) fn other_half(path: &Path) -> Option<PathBuf> {
+    Half::of(path)?.partner(path).ok()
+}
+
 /// Splits a file name into its stem and its NIfTI extension, ignoring case; `None` for other names.
 fn nifti_stem(name: &str) -> Option<(&str, &'static str)> {
     const ENDINGS: [&str; 6] = [".nii.gz", ".hdr.gz", ".img.gz", ".nii", ".hdr", ".img"];

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 
 use super::SkeletonError;
 use crate::{
-    Components, Connectivity, Grid, MaskBits, Sides, distance::Crop, distance::FeatureTransform, grid::ijk,
+    Grid, MaskBits, Sides, distance::Crop, distance::FeatureTransform, grid::ijk, surface::without_cavities,
 };
 
 /// A mask with its cavities filled, cropped to a box with a margin of one inactive voxel on each side (also at the
@@ -30,18 +30,17 @@ impl FilledMask {
     /// `None` when the mask is empty.
     pub fn new(mask: &MaskBits, grid: &Grid) -> Result<Option<Self>, SkeletonError> {
         let Some((start, size)) = mask.bounds() else { return Ok(None) };
+        let filled = without_cavities(mask)?;
         let mut bits = MaskBits::empty(size.map(|n| n + 2));
         let dims = mask.dims();
-        mask.for_each(|l| {
+        filled.for_each(|l| {
             let ijk = ijk(dims, l);
             bits.set(std::array::from_fn(|a| ijk[a] - start[a] + 1));
         });
-        let before = bits.count();
-        fill_cavities(&mut bits)?;
         let unit_mm = grid.spacing_mm().min_element();
         let unit_from_voxel = grid.world_from_voxel().matrix3 * (1.0 / unit_mm);
         Ok(Some(Self {
-            filled_voxels: bits.count() - before,
+            filled_voxels: bits.count() - mask.count(),
             bits,
             unit_from_voxel,
             voxel_from_unit: unit_from_voxel.inverse(),
@@ -98,7 +97,7 @@ impl FilledMask {
     pub fn depth(&self) -> Result<FeatureTransform, SkeletonError> {
         let affine = glam::DAffine3 { matrix3: self.unit_from_voxel, translation: DVec3::ZERO };
         let grid = Grid::new(self.bits.dims(), affine, Sides::Unknown)?;
-        let outside = complement(&self.bits);
+        let outside = self.bits.inverted();
         FeatureTransform::of(&outside, &grid, Crop::whole(&grid))?.ok_or(SkeletonError::NoOutside)
     }
 
@@ -155,25 +154,4 @@ impl FilledMask {
 /// The 26 neighbours of an active voxel; the margin keeps them inside the box.
 pub(super) fn neighbours([i, j, k]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     (0..27).filter(|&n| n != 13).map(move |n| [i + n % 3 - 1, j + n / 3 % 3 - 1, k + n / 9 - 1])
-}
-
-/// Active and inactive voxels exchanged.
-fn complement(bits: &MaskBits) -> MaskBits {
-    let mut out = MaskBits::full(bits.dims());
-    out.words_mut().iter_mut().zip(bits.words()).for_each(|(o, b)| *o &= !b);
-    out
-}
-
-/// Activates the background components that aren't connected to the box's first voxel across faces.
-fn fill_cavities(bits: &mut MaskBits) -> Result<(), SkeletonError> {
-    let background = Components::of_mask(&complement(bits), Connectivity::Six)?;
-    // Raster order: the first component holds the margin.
-    for cavity in background.list().iter().skip(1) {
-        for run in background.runs(cavity) {
-            for x in run.first..=run.last {
-                bits.set([x as usize, run.y as usize, run.z as usize]);
-            }
-        }
-    }
-    Ok(())
 }

@@ -79,6 +79,53 @@ fn invalid_input_gives_one_error_line_and_exit_code_2() {
     assert_refused(&["info", "Cargo.toml.nii"], &["Cargo.toml.nii", "found", "expected"]);
 }
 
+/// Whatever name an output has, no file of the case is overwritten, and none is even when a link leads there.
+#[test]
+fn outputs_never_overwrite_the_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case");
+    let written = run(PROGRAM, &["sample", "--out", case.to_str().unwrap()]);
+    assert!(written.status.success());
+    let mut inputs = Vec::new();
+    files_below(&case, &mut inputs);
+    assert!(inputs.len() > 5, "{inputs:?}");
+    let content = || inputs.iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>();
+    let before = content();
+    let path = case.to_str().unwrap();
+    let refused = ["the case was read from", "another name"];
+    let masks: Vec<String> = ["2024-01-15", "2024-04-15"]
+        .iter()
+        .map(|time| {
+            let named = |file: &&PathBuf| file.to_string_lossy().contains(time);
+            let file = inputs.iter().find(named).unwrap();
+            format!("A={}@{time}", file.display())
+        })
+        .collect();
+    for input in &inputs {
+        let input = input.to_str().unwrap();
+        let is_image = input.ends_with(".nii.gz");
+        if is_image || input.ends_with("case.toml") {
+            assert_refused(&["change", path, "--csv", input], &refused);
+            assert_refused(&["render", path, "--out", input, "--software"], &refused);
+        }
+    }
+    let given = masks[0].split(['=', '@']).nth(1).unwrap();
+    assert_refused(&["change", "--mask", &masks[0], "--mask", &masks[1], "--csv", given], &refused);
+    #[cfg(unix)]
+    {
+        let link = folder.path().join("out.csv");
+        std::os::unix::fs::symlink(&inputs[0], &link).unwrap();
+        assert_refused(&["change", path, "--csv", link.to_str().unwrap()], &refused);
+        // A link to nowhere is no place for an output.
+        let nowhere = folder.path().join("nowhere.csv");
+        std::os::unix::fs::symlink(folder.path().join("gone"), &nowhere).unwrap();
+        let to_nowhere = ["change", path, "--of", "T1", "--csv", nowhere.to_str().unwrap()];
+        assert_refused(&to_nowhere, &["a link to nowhere"]);
+        assert!(nowhere.is_symlink());
+    }
+    assert_eq!(content(), before);
+}
+
 #[test]
 fn explain_gives_reasons_without_rendering() {
     let plain = run(PROGRAM, &["render", "--explain"]);

@@ -8,6 +8,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::{
     Grid, Mask, MaskBits, Regions, Samples, Scaling, Sides, TumorIndex, Volume,
     case::{Case, CaseMask, Context, OrderBasis, TimePoint},
+    files::Inputs,
 };
 use glioscope_render::flat::{Convention, Plane, Window};
 
@@ -37,6 +38,7 @@ fn case(sides: Sides) -> Case {
     let regions = Arc::new(Regions::of(&index));
     let masks = masks
         .map(|mask| CaseMask {
+            native_grid: mask.grid().clone(),
             native_voxels: mask.voxels(),
             native_volume_ml: mask.volume_ml(),
             mask,
@@ -52,6 +54,7 @@ fn case(sides: Sides) -> Case {
         order: OrderBasis::Single,
         tracts: Vec::new(),
         checks: Vec::new(),
+        inputs: Inputs::default(),
     }
 }
 

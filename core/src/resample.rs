@@ -66,6 +66,12 @@ fn voxel_index(v: f64, n: usize) -> Option<usize> {
     (c >= 0.0 && c < n as f64).then_some(c as usize)
 }
 
+/// The voxel, of a grid of `dims`, that contains a place given as voxel indices; `None` outside.
+pub(crate) fn source_voxel(place: DVec3, dims: [usize; 3]) -> Option<[usize; 3]> {
+    let at = |axis: usize| voxel_index(place[axis], dims[axis]);
+    Some([at(0)?, at(1)?, at(2)?])
+}
+
 /// `mask` resampled onto `target` by nearest neighbour: a voxel is active when its centre lies in an active voxel of
 /// the mask, inactive outside the mask's grid. A centre on the border of two voxels (within 1e-6 voxel) belongs to
 /// the one with the higher index. A mask already on `target` ([`Grid::same_place`], within [`SAME_PLACE_VOXELS`])

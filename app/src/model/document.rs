@@ -164,8 +164,9 @@ pub fn default_lens(time_point: &TimePoint) -> Lens {
     Lens { center_mm, radius_mm: if regions.union_voxels() == 0 { 20.0 } else { ball_mm.max(smallest_mm) } }
 }
 
-/// Radius that the camera must fit: half the diagonal of the active voxels' bounding box, or of the grid where none is
-/// active.
+/// Radius that the camera must fit about the centroid: half the diagonal of the active voxels' bounding box, or of the
+/// grid where none is active; more where a face of the box lies farther away, as with a small lesion far from a large
+/// one.
 pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
     let grid = time_point.index.grid();
     let corners = time_point
@@ -173,7 +174,13 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
         .bounds()
         .and_then(|(start, dims)| grid.crop(start, dims).ok())
         .map_or_else(|| grid.corners_mm(), |part| part.corners_mm());
-    corners.iter().flat_map(|a| corners.iter().map(move |b| a.distance(*b))).fold(0.0, f64::max) / 2.0
+    let diagonals = corners.iter().flat_map(|a| corners.iter().map(move |b| a.distance(*b)));
+    let half_diagonal_mm = diagonals.fold(0.0, f64::max) / 2.0;
+    let center_mm = time_point.regions.centroid_mm().unwrap_or_else(|| grid.center_mm());
+    // Some active voxel touches each face.
+    let axes = (0..3).filter_map(|axis| grid.world_from_voxel().matrix3.col(axis).try_normalize());
+    let face_mm = axes.flat_map(|axis| corners.map(|corner| (corner - center_mm).dot(axis).abs()));
+    face_mm.fold(half_diagonal_mm, f64::max)
 }
 
 impl Document {

@@ -7,7 +7,7 @@ use egui::{Align2, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::{
     Selection,
-    ellipsoid::{ComponentEllipsoid, Of},
+    ellipsoid::{ComponentEllipsoid, Ellipsoid, Of},
     optics::Camera,
 };
 use glioscope_render::{
@@ -88,7 +88,7 @@ pub fn drawn(input: &Input<'_>, components: &[ComponentEllipsoid]) -> (Vec<Drawn
 }
 
 /// A camera that fits all ellipsoids that are large enough, selected or not, so that a change of the selection doesn't
-/// move it. Their bounding box has empty corners, so less than its diagonal is fitted.
+/// move it. Their bounding box has empty corners, so less than its diagonal is fitted, but never less than reaches all.
 fn camera(input: &Input<'_>, components: &[ComponentEllipsoid]) -> Camera {
     let look = &input.doc.edit.ellipsoids;
     let nav = &input.doc.nav;
@@ -101,11 +101,14 @@ fn camera(input: &Input<'_>, components: &[ComponentEllipsoid]) -> Camera {
         (low.min(e.center_mm - half_mm), high.max(e.center_mm + half_mm))
     });
     let (focus_mm, radius_mm) = if low.is_finite() && high.is_finite() {
-        ((low + high) / 2.0, (high - low).length() / 2.0)
+        let middle_mm = (low + high) / 2.0;
+        let reach_mm = |e: &Ellipsoid| e.center_mm.distance(middle_mm) + e.semi_axes_mm.max_element();
+        let farthest_mm = large().map(reach_mm).fold(0.0, f64::max);
+        (middle_mm, ((high - low).length() / 2.0 * 0.72).max(farthest_mm))
     } else {
-        (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point))
+        (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point) * 0.72)
     };
-    linked_camera(&nav.camera, focus_mm, radius_mm * 0.72, nav.zoom(PaneId::Ellipsoids))
+    linked_camera(&nav.camera, focus_mm, radius_mm, nav.zoom(PaneId::Ellipsoids))
 }
 
 /// Everything that the list of drawn ellipsoids depends on.

@@ -7,8 +7,8 @@ use glam::{DAffine3, DVec3};
 use super::{CaseError, CaseGridChoice, CaseSpec, native::NativeMask};
 use crate::{Grid, Sides, resample};
 
-/// Volumes of voxels that differ by less than this share are equal: affines are rounded in files.
-const SAME_VOLUME: f64 = 1e-6;
+/// Spacings and volumes of voxels are compared with six digits: affines are rounded in files.
+const DIGITS: i32 = 6;
 
 /// Part of a voxel by which a face may be off without needing another layer of voxels.
 const SAME_FACE_VOXELS: f64 = 1e-3;
@@ -16,18 +16,29 @@ const SAME_FACE_VOXELS: f64 = 1e-3;
 /// Bytes that the tumour index takes per voxel and time point.
 const INDEX_BYTES: u64 = 4;
 
-/// An order of grids that doesn't depend on where they are listed.
+/// The finer grid first: the one with the smaller largest spacing, as thick slices lose what lies between them, however
+/// small their voxels are; then by the voxels' volume, then the one with more voxels. The order doesn't depend on where
+/// grids are listed.
 fn canonical(a: &Grid, b: &Grid) -> Ordering {
+    let rounded = |value: f64| {
+        let scale = 10_f64.powi(DIGITS - 1 - value.abs().log10().floor() as i32);
+        if scale.is_normal() { (value * scale).round() / scale } else { value }
+    };
+    let by = |measure: &dyn Fn(&Grid) -> f64| rounded(measure(a)).total_cmp(&rounded(measure(b)));
+    let by_spacing = by(&|grid| grid.spacing_mm().max_element());
+    let by_size = by_spacing.then_with(|| by(&|grid| grid.voxel_volume_mm3()));
     let numbers = |grid: &Grid| grid.world_from_voxel().to_cols_array();
     let by_place = || {
         let pairs = numbers(a).into_iter().zip(numbers(b));
         pairs.map(|(x, y)| x.total_cmp(&y)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
     };
-    b.voxel_count().cmp(&a.voxel_count()).then_with(|| a.dims().cmp(&b.dims())).then_with(by_place)
+    by_size
+        .then_with(|| b.voxel_count().cmp(&a.voxel_count()))
+        .then_with(|| a.dims().cmp(&b.dims()))
+        .then_with(by_place)
 }
 
-/// The grid that is chosen, and the id of the mask or image it comes from. Among the finest masks, that with the most
-/// voxels; the result doesn't depend on the order of the masks. `images`: time, id, grid.
+/// The grid that is chosen, and the id of the mask or image it comes from: the finest by [`canonical`]; the result doesn't depend on the order of the masks. `images`: time, id, grid.
 pub(super) fn choose(
     spec: &CaseSpec,
     choice: &CaseGridChoice,
@@ -39,15 +50,17 @@ pub(super) fn choose(
     let none = || CaseError::wrong(&spec.name, "no image and no mask", "at least one");
     let (grid, id) = match choice {
         CaseGridChoice::FinestMask => {
-            let volume = |m: &NativeMask| m.mask.grid().voxel_volume_mm3();
-            let least = masks.iter().map(volume).fold(f64::INFINITY, f64::min);
-            let finest = masks.iter().filter(|m| volume(m) <= least * (1.0 + SAME_VOLUME));
-            let finest = finest.min_by(|a, b| canonical(a.mask.grid(), b.mask.grid()));
+            let finest = masks.iter().min_by(|a, b| canonical(a.mask.grid(), b.mask.grid()));
             finest.map(of_mask).or_else(|| images.first().map(of_image)).ok_or_else(none)?
         }
         CaseGridChoice::Of(id) => {
-            let mask = masks.iter().find(|m| spec.masks[m.spec].id == *id).map(of_mask);
-            let image = || images.iter().find(|(_, image, _)| image == id).map(of_image);
+            // One id may have several grids, one a time.
+            let mask = masks.iter().filter(|m| spec.masks[m.spec].id == *id);
+            let mask = mask.min_by(|a, b| canonical(a.mask.grid(), b.mask.grid())).map(of_mask);
+            let image = || {
+                let of_id = images.iter().filter(|(_, image, _)| image == id);
+                of_id.min_by(|a, b| canonical(a.2, b.2)).map(of_image)
+            };
             mask.or_else(image).ok_or_else(|| {
                 let ids = spec.masks.iter().map(|m| &m.id).chain(spec.contexts.iter().map(|c| &c.id));
                 let mut known: Vec<&str> = Vec::new();

@@ -7,8 +7,9 @@ use super::{
     native::{NativeMask, at_time},
 };
 use crate::{
-    Check, Grid, Mask, Regions, Sides,
+    Check, Components, Connectivity, Grid, Mask, Regions, Sides,
     dates::{is_shaped_as_date, iso_date},
+    grid::ijk,
     resample,
 };
 
@@ -120,7 +121,7 @@ fn sides(spec: &CaseSpec, masks: &[NativeMask], images: &[(usize, &str, &Grid)])
     if !unknown.is_empty() && !known.is_empty() {
         checks.push(Check::warning(
             "sides-mixed",
-            format!("{unknown}: found no place in the patient, while {known} have one; that they lie on each other is assumed"),
+            format!("{unknown}: found no place in the patient, while {known} have one; placed by voxel index times spacing, which is an assumption"),
         ));
     }
     checks
@@ -204,6 +205,14 @@ pub(super) fn after_resampling(labels: &[String], native: &[NativeMask], on_grid
             spacing(m.mask.grid()),
             spacing(after.grid()),
         );
+        let lost = lost_parts(&m.mask, after);
+        if lost > 0 {
+            let parts = if lost == 1 { "1 part is".into() } else { format!("{lost} parts are") };
+            checks.push(Check::warning(
+                "mask-part-lost",
+                format!("{name}: found {parts} lost by resampling onto the case grid ({}), expected a grid fine enough for each", spacing(after.grid())),
+            ));
+        }
         checks.push(if drift.abs() > DRIFT_WARNING_PERCENT {
             Check::warning("mask-resampled", text)
         } else {
@@ -211,6 +220,31 @@ pub(super) fn after_resampling(labels: &[String], native: &[NativeMask], on_grid
         });
     }
     checks
+}
+
+/// Number of connected parts (26-neighbourhood) of a mask of which no voxel is left on the case grid.
+fn lost_parts(native: &Mask, on_grid: &Mask) -> usize {
+    let Ok(parts) = Components::of_mask(native.bits(), Connectivity::TwentySix) else { return 0 };
+    // Runs of voxels in memory order, with their parts: labels of a whole grid would take gigabytes.
+    let mut runs: Vec<([u32; 4], usize)> = Vec::new();
+    for (number, part) in parts.list().iter().enumerate() {
+        runs.extend(parts.runs(part).iter().map(|run| ([run.z, run.y, run.first, run.last], number)));
+    }
+    runs.sort_unstable();
+    let mut is_left = vec![false; parts.list().len()];
+    let map = resample::source_from_target(native.grid(), on_grid.grid());
+    on_grid.bits().for_each(|linear| {
+        let v = ijk(on_grid.grid().dims(), linear);
+        let place = map.transform_point3(DVec3::from_array(v.map(|index| index as f64)));
+        let Some([x, y, z]) = resample::source_voxel(place, native.grid().dims()) else { return };
+        let [x, y, z] = [x, y, z].map(|index| index as u32);
+        let after =
+            runs.partition_point(|([run_z, run_y, first, _], _)| (*run_z, *run_y, *first) <= (z, y, x));
+        if let Some((_, number)) = after.checked_sub(1).and_then(|at| runs.get(at)) {
+            is_left[*number] = true;
+        }
+    });
+    is_left.iter().filter(|left| !**left).count()
 }
 
 /// Masks of one time point that neither overlap nor touch (26-neighbourhood) another one. Needs two non-empty masks.

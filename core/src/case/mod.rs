@@ -135,8 +135,8 @@ impl CaseSpec {
 /// The grid of the tumour index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CaseGridChoice {
-    /// That of the finest mask: smallest voxel volume, on ties the most voxels; that of the first image where
-    /// there is no mask.
+    /// That of the finest mask: smallest largest spacing, then smallest voxel volume, then the most voxels; that of the
+    /// first image where there is no mask.
     #[default]
     FinestMask,
     /// That of the mask or image with this id.

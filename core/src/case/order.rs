@@ -37,28 +37,76 @@ const UNITS: [(&[&str], f64); 4] = [
     (&["y", "yr", "year", "years"], 365.25),
 ];
 
-/// A label's lower-case word and number, in either order: `week` and 4 of `Week-04` and `4 weeks`, `post` and none of
-/// `post`.
-fn word_and_number(label: &str) -> Option<(String, Option<u64>)> {
-    let plain: String = label.chars().filter(|c| !['-', '_', ' ', '.'].contains(c)).collect();
-    let plain = plain.to_lowercase();
-    let is_digit = |c: char| c.is_ascii_digit();
-    let digits = plain.trim_matches(|c| !is_digit(c));
-    let word = plain.strip_suffix(digits).or_else(|| plain.strip_prefix(digits))?;
-    let number = if digits.is_empty() { None } else { Some(digits.parse().ok()?) };
-    (!word.contains(is_digit)).then(|| (word.to_owned(), number))
+/// Digits from which on a bare number may be a date in an unknown notation: `05012024`.
+const DATE_DIGITS: usize = 6;
+
+/// What a label says: a word and numbers, the one before or after the others.
+#[derive(Debug)]
+struct Words {
+    /// Lower-case letters; may be empty.
+    word: String,
+    /// `[4]` of `week4`, `[13, 1]` of `week-013-1`, `[1.5]` of `1.5 months`, none of `post`.
+    numbers: Vec<f64>,
+    /// Whether a minus sign or hyphen stands between word and number.
+    has_hyphen: bool,
+    has_decimals: bool,
 }
 
-/// Stage and position within it of a label among words: `baseline` before `week4` before `month12`; `followup2` after
-/// `followup1`.
-fn stage(label: &str) -> Option<(usize, f64)> {
-    let (word, number) = word_and_number(label)?;
-    let staged = STAGES.iter().position(|words| words.contains(&word.as_str()));
-    if let Some(stage) = staged {
-        return Some((2 * stage, number.map_or(0.0, |n| n as f64)));
+/// Reads a label. `None` for those that may mean something else: letters on both sides of the numbers, a sign, several
+/// numbers without a word (a date in some notation), more than one decimal point.
+fn words(label: &str) -> Option<Words> {
+    let is_digit = |c: char| c.is_ascii_digit();
+    let Some(first) = label.find(is_digit) else {
+        let word: String = label.chars().filter(|c| !['-', '_', ' ', '.'].contains(c)).collect();
+        let word = word.to_lowercase();
+        return Some(Words { word, numbers: Vec::new(), has_hyphen: false, has_decimals: false });
+    };
+    let end = label.rfind(is_digit)? + 1;
+    let (before, numbers, after) = (label.get(..first)?, label.get(first..end)?, label.get(end..)?);
+    let letters = |text: &str| -> String {
+        text.chars().filter(|c| !['-', '_', ' '].contains(c)).collect::<String>().to_lowercase()
+    };
+    let word = match (letters(before), letters(after)) {
+        (word, rest) if rest.is_empty() => word,
+        (rest, word) if rest.is_empty() => word,
+        _ => return None,
+    };
+    let is_sign =
+        before.ends_with('-') && before.trim_end_matches('-').chars().next_back().is_none_or(|c| c == ' ');
+    let has_decimals = numbers.contains('.');
+    let is_plain = |text: &str| !text.is_empty() && text.chars().all(is_digit);
+    let values: Option<Vec<f64>> = if has_decimals {
+        let is_decimal = numbers.split('.').count() == 2 && numbers.split('.').all(is_plain);
+        is_decimal.then(|| numbers.parse().ok().map(|value| vec![value])).flatten()
+    } else {
+        numbers.split(['-', '_', ' ']).map(|n| is_plain(n).then(|| n.parse().ok()).flatten()).collect()
+    };
+    let values = values?;
+    let may_be_date = word.is_empty() && (values.len() > 1 || numbers.len() >= DATE_DIGITS || has_decimals);
+    let known = !is_sign && !may_be_date && !word.contains('.');
+    known.then_some(Words { word, numbers: values, has_hyphen: before.ends_with('-'), has_decimals })
+}
+
+/// Order of labels among words: `baseline` before `week4` before `month12`; `followup2` after `followup1`. `None` where
+/// one isn't known, and where lengths of time stand beside a stage after the first: when `post` was isn't stated.
+fn stages(labels: &[Words]) -> Option<Vec<(usize, Vec<f64>)>> {
+    let stage_of = |label: &Words| STAGES.iter().position(|words| words.contains(&label.word.as_str()));
+    let days_of = |label: &Words| {
+        let days = UNITS.iter().find(|(words, _)| words.contains(&label.word.as_str()))?.1;
+        let (first, rest) = label.numbers.split_first()?;
+        Some(std::iter::once(first * days).chain(rest.iter().copied()).collect::<Vec<f64>>())
+    };
+    let later_stage = labels.iter().any(|label| stage_of(label).is_some_and(|stage| stage > 0));
+    let any_length = labels.iter().any(|label| stage_of(label).is_none());
+    if later_stage && any_length {
+        return None;
     }
-    let days = UNITS.iter().find(|(words, _)| words.contains(&word.as_str()))?.1;
-    Some((1, number? as f64 * days))
+    let key = |label: &Words| match stage_of(label) {
+        Some(stage) if !label.has_decimals => Some((2 * stage, label.numbers.clone())),
+        Some(_) => None,
+        None => Some((1, days_of(label)?)),
+    };
+    labels.iter().map(key).collect()
 }
 
 /// Positions of `keys` in ascending order; `None` if two are equal or can't be compared.
@@ -105,16 +153,25 @@ fn chronological(labels: &[&str]) -> (Vec<usize>, OrderBasis) {
     if let Some(order) = dates.and_then(|dates| ascending(&dates)) {
         return (order, OrderBasis::Dates);
     }
-    let stages: Option<Vec<(usize, f64)>> = labels.iter().map(|label| stage(label)).collect();
-    if let Some(order) = stages.and_then(|stages| ascending(&stages)) {
+    let Some(words) = labels.iter().map(|label| words(label)).collect::<Option<Vec<Words>>>() else {
+        return (unchanged(), OrderBasis::Unknown);
+    };
+    // Where some labels of one word have a hyphen before the number and others don't, it may be a minus sign.
+    let is_mixed = |label: &Words| {
+        let same = words.iter().filter(|other| other.word == label.word && !other.numbers.is_empty());
+        !label.numbers.is_empty() && same.into_iter().any(|other| other.has_hyphen != label.has_hyphen)
+    };
+    if words.iter().any(is_mixed) {
+        return (unchanged(), OrderBasis::Unknown);
+    }
+    if let Some(order) = stages(&words).and_then(|stages| ascending(&stages)) {
         return (order, OrderBasis::Words);
     }
-    let numbered: Option<Vec<(String, u64)>> = labels
-        .iter()
-        .map(|label| word_and_number(label).and_then(|(word, number)| Some((word, number?))))
-        .collect();
-    let numbered = numbered.filter(|all| all.iter().all(|(word, _)| *word == all[0].0));
-    if let Some(order) = numbered.and_then(|all| ascending(&all)) {
+    let is_numbered =
+        |label: &Words| label.word == words[0].word && !label.numbers.is_empty() && !label.has_decimals;
+    let numbers: Vec<&Vec<f64>> =
+        words.iter().filter(|label| is_numbered(label)).map(|w| &w.numbers).collect();
+    if let Some(order) = ascending(&numbers).filter(|order| order.len() == labels.len()) {
         return (order, OrderBasis::Numbers);
     }
     (unchanged(), OrderBasis::Unknown)
@@ -131,7 +188,7 @@ mod tests {
 
     #[test]
     fn labels_are_put_in_time_order() {
-        let cases: [(&[&str], &[&str], OrderBasis); 13] = [
+        let cases: [(&[&str], &[&str], OrderBasis); 17] = [
             (&["2024-05-01", "2024-01-01"], &["2024-01-01", "2024-05-01"], OrderBasis::Dates),
             (&["2024-05-01 late", "2024-01-01"], &["2024-01-01", "2024-05-01 late"], OrderBasis::Dates),
             (&["post", "pre"], &["pre", "post"], OrderBasis::Words),
@@ -143,6 +200,18 @@ mod tests {
             (&["10", "2"], &["2", "10"], OrderBasis::Numbers),
             (&["ses-10", "ses-2"], &["ses-2", "ses-10"], OrderBasis::Numbers),
             (&["Timepoint_2", "Timepoint_1"], &["Timepoint_1", "Timepoint_2"], OrderBasis::Numbers),
+            (
+                &["week-044", "week-013-2", "week-013-1"],
+                &["week-013-1", "week-013-2", "week-044"],
+                OrderBasis::Words,
+            ),
+            (&["3 months", "1.5 months"], &["1.5 months", "3 months"], OrderBasis::Words),
+            (&["1y", "0.5y"], &["0.5y", "1y"], OrderBasis::Words),
+            (
+                &["visit 2-1", "visit 1-10", "visit 1-2"],
+                &["visit 1-2", "visit 1-10", "visit 2-1"],
+                OrderBasis::Numbers,
+            ),
             (&["B", "A"], &["B", "A"], OrderBasis::Unknown),
             (&["only"], &["only"], OrderBasis::Single),
         ];
@@ -151,8 +220,9 @@ mod tests {
         }
     }
 
+    /// What may be read in more than one way is asked about. (The first is the earlier one in each pair of dates.)
     #[test]
-    fn contradicting_or_equal_labels_have_no_order() {
+    fn contradicting_equal_or_ambiguous_labels_have_no_order() {
         for labels in [
             ["2024-01-01", "post"],
             ["2024-01-01 a", "2024-01-01 b"],
@@ -161,10 +231,28 @@ mod tests {
             ["week4", "post"],
             ["week4", "day28"],
             ["ses-1", "ses-01"],
+            ["05-01-2024", "04-02-2024"],
+            ["05.01.2024", "04.02.2024"],
+            ["05012024", "04022024"],
+            ["2024-2-10", "2024-12-1"],
+            ["2024-01-05", "2024-1-20"],
+            ["2024-01-05", "5.2.2024"],
+            ["12-2023", "03-2024"],
+            ["10.2023", "2.2024"],
+            ["2023.12", "2024.1"],
+            ["v2.10", "v3.1"],
+            ["rano-1.5", "rano-2"],
+            ["day-7", "day0"],
+            ["D-7", "D0"],
+            ["week -2", "week 0"],
+            ["-1", "0"],
+            ["postop", "month3"],
+            ["fu4b", "fu5b"],
         ] {
-            let (order, basis) = chronological(&labels);
-            let is_known = labels == ["week4", "post"];
-            assert_eq!((order, basis == OrderBasis::Unknown), (vec![0, 1], !is_known), "{labels:?}");
+            assert_eq!(chronological(&labels), (vec![0, 1], OrderBasis::Unknown), "{labels:?}");
+            let [a, b] = labels;
+            assert_eq!(chronological(&[b, a]), (vec![0, 1], OrderBasis::Unknown), "{labels:?} reversed");
         }
+        assert_eq!(chronological(&["preop", "postop", "month3"]).1, OrderBasis::Unknown);
     }
 }

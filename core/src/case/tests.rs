@@ -95,6 +95,38 @@ fn the_case_grid_is_that_of_the_finest_mask() {
     assert_eq!(unknown, "made: found case grid of X, expected one of C, F, S, I");
 }
 
+/// Thick slices with small pixels have smaller voxels than a millimetre grid, and lose what lies between them.
+#[test]
+fn thick_slices_are_not_the_finest_grid() {
+    let thick_spacing = DVec3::new(0.4, 0.4, 5.0);
+    let thick = Grid::axis_aligned(DIMS, thick_spacing, DVec3::ZERO).unwrap();
+    let files = [("thin", boxed(&grid(1.0, 0.0), 1, 2)), ("thick", boxed(&thick, 0, 3))];
+    for order in [["thin", "thick"], ["thick", "thin"]] {
+        let masks = order.map(|file| mask(file, file, None)).to_vec();
+        let case = load_plain(&case_of(vec![], masks.clone()), &files);
+        assert_eq!(case.grid.spacing_mm(), DVec3::ONE);
+        let thin = case.time_points[0].masks.iter().find(|m| m.mask.id() == "thin").unwrap();
+        assert_eq!(thin.mask.voxels(), 1);
+        assert!(!has(&case, "mask-part-lost"));
+        // On the thick slices the voxel is lost, and said to be.
+        let options = LoadOptions { case_grid: CaseGridChoice::Of("thick".into()), ..LoadOptions::default() };
+        let case = load_from(&case_of(vec![], masks), &options, &files).unwrap();
+        assert!(message(&case, "mask-part-lost").starts_with("thin: found 1 part is lost"));
+    }
+}
+
+/// One id on different grids at two times: the finer one, whichever is listed first.
+#[test]
+fn a_chosen_case_grid_does_not_depend_on_the_order_of_files() {
+    let files = [("fine", boxed(&grid(1.0, 0.0), 2, 8)), ("coarse", boxed(&grid(2.0, 0.5), 1, 4))];
+    for order in [[("fine", "1"), ("coarse", "2")], [("coarse", "2"), ("fine", "1")]] {
+        let masks = order.map(|(file, time)| mask("M", file, Some(time))).to_vec();
+        let options = LoadOptions { case_grid: CaseGridChoice::Of("M".into()), ..LoadOptions::default() };
+        let case = load_from(&case_of(vec![], masks), &options, &files).unwrap();
+        assert!(case.grid.same_place(&grid(1.0, 0.0), 1e-9));
+    }
+}
+
 #[test]
 fn cases_of_masks_only_and_of_images_only_load() {
     let files = [("a", boxed(&grid(1.0, 0.0), 1, 3)), ("b", boxed(&grid(3.0, 0.0), 1, 3))];
@@ -234,7 +266,7 @@ fn an_impossible_date_is_a_plain_label_with_a_warning() {
     let masks = vec![mask("A", "a", Some("2024-02-31")), mask("A", "b", Some("2024-01-01"))];
     let case = load_plain(&case_of(vec![], masks), &[]);
     assert!(message(&case, "date-impossible").starts_with("times: found 2024-02-31, expected a day"));
-    assert_eq!(case.order, OrderBasis::Numbers, "a plain label isn't ordered by date");
+    assert_eq!(case.order, OrderBasis::Unknown, "a plain label isn't ordered by date");
 }
 
 #[test]

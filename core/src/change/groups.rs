@@ -54,11 +54,11 @@ pub struct Group {
 /// The groups of two masks of equal dimensions, and the group of every voxel.
 pub(super) struct Groups {
     pub list: Vec<Group>,
-    /// Group of each component label of the earlier mask; entry 0 is the background.
-    of_before: Vec<u32>,
-    of_after: Vec<u32>,
-    labels_before: Vec<u32>,
-    labels_after: Vec<u32>,
+    /// Group of each component label of the earlier and the later mask; entry 0 is the background.
+    of: [Vec<u32>; 2],
+    /// Component label of each voxel, from 1; 0 is the background.
+    labels: [Vec<u32>; 2],
+    components: [Vec<Component>; 2],
 }
 
 impl Groups {
@@ -135,20 +135,33 @@ impl Groups {
         let with_background = |part: &[u32]| std::iter::once(u32::MAX).chain(part.iter().copied()).collect();
         Ok(Self {
             list,
-            of_before: with_background(&group_of[..na]),
-            of_after: with_background(&group_of[na..]),
-            labels_before,
-            labels_after,
+            of: [with_background(&group_of[..na]), with_background(&group_of[na..])],
+            labels: [labels_before, labels_after],
+            components: [a.list().to_vec(), b.list().to_vec()],
         })
     }
 
     /// Group of the voxel at `linear`; `None` where both masks are inactive.
     pub fn at(&self, linear: usize) -> Option<u32> {
-        let (a, b) = (self.labels_before[linear], self.labels_after[linear]);
-        match (a, b) {
-            (0, 0) => None,
-            (0, b) => Some(self.of_after[b as usize]),
-            (a, _) => Some(self.of_before[a as usize]),
+        match self.labels.each_ref().map(|labels| labels[linear]) {
+            [0, 0] => None,
+            [0, later] => Some(self.of_label(1, later)),
+            [earlier, _] => Some(self.of_label(0, earlier)),
         }
+    }
+
+    /// Group of a component of the earlier (`date` 0) or later mask.
+    pub fn of_label(&self, date: usize, label: u32) -> u32 {
+        self.of[date][label as usize]
+    }
+
+    /// Component label of each voxel of a mask, from 1; 0 is the background.
+    pub fn labels(&self, date: usize) -> &[u32] {
+        &self.labels[date]
+    }
+
+    /// The components of a mask, by their labels less 1.
+    pub fn components(&self, date: usize) -> &[Component] {
+        &self.components[date]
     }
 }

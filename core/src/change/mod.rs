@@ -27,10 +27,10 @@ use crate::{
     distance::{Crop, DistanceError},
     grid::ijk,
     skeleton::{ForceSource, Skeleton, SkeletonError, SkeletonOptions, skeleton_with},
-    surface::without_cavities,
 };
 
 pub use cavities::Cavities;
+use cavities::Enclosing;
 pub use choice::{Choice, ids_at};
 pub use groups::{Fate, Group, Part};
 pub use report::{
@@ -365,10 +365,12 @@ pub fn change_with(
     flag(Flag::Split, has(Fate::Split));
     flag(Flag::Merged, has(Fate::Merged));
     flag(Flag::Regrouped, has(Fate::Regrouped));
-    let filled = [without_cavities(&local[0])?, without_cavities(&local[1])?];
-    out.cavities = Cavities::of(local.each_ref(), filled.each_ref(), mm)?;
+    let enclosing = [Enclosing::new(&local[0], &groups, 0)?, Enclosing::new(&local[1], &groups, 1)?];
+    let [[outer_from, walls_from], [outer_to, walls_to]] =
+        [enclosing[0].surfaces(&groups, 0), enclosing[1].surfaces(&groups, 1)];
+    out.cavities = Cavities::of(enclosing.each_ref(), [&walls_from, &walls_to], mm)?;
     let shifts_mm = samplings.map(|sampling| sampling.shift_mm);
-    let surfaces = Surfaces::new(filled.each_ref(), &groups, mm, shifts_mm);
+    let surfaces = Surfaces::new(enclosing.each_ref(), [&outer_from, &outer_to], &groups, mm, shifts_mm);
     out.counts.surface_from = surfaces.all[0].len() as u64;
     out.counts.surface_to = surfaces.all[1].len() as u64;
     let outer = || surfaces.outer.iter().flatten();

@@ -1,7 +1,7 @@
 use super::*;
 use glam::{DAffine3, DMat3};
 
-use crate::{Mask, Sides, grid::ijk, phantom, resample};
+use crate::{Mask, Sides, grid::ijk, phantom, resample, surface::without_cavities};
 
 /// Masks of two shapes given by their inside tests, on a grid around the origin.
 fn masks(
@@ -208,6 +208,17 @@ fn walls_of_cavities_are_reported_apart_from_the_outer_surface() {
     let mean = c.vectors.iter().map(|v| v.signed_mm).sum::<f64>() / c.vectors.len() as f64;
     assert!(c.vectors.iter().all(|v| v.signed_mm > 0.0) && (mean - 3.0).abs() < 0.5, "{mean}");
     assert!(c.cavities.signed_mm.iter().all(|mm| *mm > 0.0));
+    // A nodule within a ring is no wall of it: its growth is growth.
+    let ring = shell(15.0, 12.0);
+    let nodule = |radius: f64| move |p: DVec3| (12.0..=15.0).contains(&p.length()) || p.length() <= radius;
+    let grids = masks(20.0, DVec3::ONE, nodule(4.0), nodule(9.0));
+    let c = change(&grids.0, &grids.1, &grids.2, &ChangeOptions::default(), &Progress::new()).unwrap();
+    let mean = c.vectors.iter().map(|v| v.signed_mm).sum::<f64>() / c.vectors.len() as f64;
+    assert!(c.vectors.len() > 500 && (mean - 5.0).abs() < 0.5, "{} {mean}", c.vectors.len());
+    assert!(c.cavities.signed_mm.is_empty() && c.cavities.to_voxels < c.cavities.from_voxels);
+    // A solid nodule that fills the ring's cavity isn't outside it; one that is new there is.
+    let c = of(&masks(20.0, DVec3::ONE, ring, nodule(0.0)));
+    assert_eq!(c.flags, [Flag::NoChange]);
     // A cavity that opens has volume but no wall to compare with.
     let c = of(&masks(20.0, DVec3::ONE, shell(15.0, 0.0), shell(15.0, 6.0)));
     assert!(c.cavities.from_voxels == 0 && c.cavities.to_voxels > 800 && c.cavities.signed_mm.is_empty());

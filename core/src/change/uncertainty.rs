@@ -215,8 +215,8 @@ mod tests {
     #[test]
     fn displacements_are_those_of_resampled_masks() {
         use crate::{Mask, MaskBits, Progress, resample::mask_onto};
-        let case = grid([1, 1, 60], [1.0; 3], [0.0; 3]);
-        for (step, first) in [(2.5, 3.25), (5.0, 2.5), (-2.5, 50.0), (-5.0, 47.5), (1.0, 0.3), (-1.0, 40.5)] {
+        let case = grid([1, 1, 80], [1.0; 3], [0.0; 3]);
+        for (step, first) in [(2.5, 3.25), (5.0, 2.5), (-2.5, 50.0), (-5.0, 67.5), (1.0, 0.3), (-1.0, 40.5)] {
             let count = 12;
             let columns = DMat3::from_diagonal(DVec3::new(1.0, 1.0, step));
             let affine = DAffine3 { matrix3: columns, translation: DVec3::new(0.0, 0.0, first) };

@@ -5,8 +5,11 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::{COVERAGE, ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, groups::Groups};
-use crate::{Cancelled, Grid, MaskBits, Progress, distance::KdTree, grid::ijk, skeleton::Skeleton};
+use super::{
+    COVERAGE, ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, cavities::Enclosing,
+    groups::Groups,
+};
+use crate::{Cancelled, Grid, Progress, distance::KdTree, grid::ijk, skeleton::Skeleton};
 
 /// Number of points up to which brute force is faster than a tree.
 const BRUTE_FORCE_MAX: usize = 48;
@@ -27,30 +30,36 @@ pub(super) struct SurfaceVoxel {
 pub(super) struct Surfaces {
     /// All surface voxels of the earlier and the later mask.
     pub all: [Vec<SurfaceVoxel>; 2],
-    /// Those outside the other mask and its cavities.
+    /// Those outside the other mask, and outside what components of their group enclose there.
     pub outer: [Vec<SurfaceVoxel>; 2],
 }
 
 impl Surfaces {
-    /// The outer surfaces of masks without cavities; `shifts_mm` is added to the places of each mask's voxels.
-    pub fn new(filled: [&MaskBits; 2], groups: &Groups, mm: DMat3, shifts_mm: [DVec3; 2]) -> Self {
-        let dims = filled[0].dims();
+    /// From the outer surface of each mask; `shifts_mm` is added to the places of each mask's voxels.
+    pub fn new(
+        masks: [&Enclosing<'_>; 2],
+        surfaces: [&[usize]; 2],
+        groups: &Groups,
+        mm: DMat3,
+        shifts_mm: [DVec3; 2],
+    ) -> Self {
+        let dims = masks[0].mask.dims();
         let voxels = |date: usize| {
-            let mut voxels = Vec::new();
-            crate::surface::surface_of(filled[date]).for_each(|linear| {
-                let v = ijk(dims, linear).map(|v| v as f64);
-                let offset_mm = mm * DVec3::from_array(v) + shifts_mm[date];
-                if let Some(group) = groups.at(linear) {
-                    voxels.push(SurfaceVoxel { linear, group, offset_mm });
-                }
-            });
-            voxels
+            let place_mm = |linear: usize| mm * DVec3::from_array(ijk(dims, linear).map(|v| v as f64));
+            let voxel = |linear: usize| {
+                let group = groups.at(linear)?;
+                Some(SurfaceVoxel { linear, group, offset_mm: place_mm(linear) + shifts_mm[date] })
+            };
+            surfaces[date].iter().filter_map(|linear| voxel(*linear)).collect::<Vec<_>>()
         };
         let all = [0, 1].map(voxels);
-        let outer = |side: usize| {
-            let other = filled[1 - side];
-            let out = |s: &&SurfaceVoxel| !other.get(ijk(dims, s.linear));
-            all[side].iter().filter(out).copied().collect()
+        let outer = |date: usize| {
+            let other = 1 - date;
+            let is_outside = |s: &&SurfaceVoxel| {
+                !masks[other].mask.get(ijk(dims, s.linear))
+                    && !masks[other].group_encloses(groups, other, s.group, s.linear)
+            };
+            all[date].iter().filter(is_outside).copied().collect()
         };
         Self { outer: [outer(0), outer(1)], all }
     }

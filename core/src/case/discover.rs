@@ -18,6 +18,7 @@ use crate::{
     Check, Progress,
     files::{
         self, ReadOptions, Source,
+        read_small_text,
         format::{self, volume_stem},
     },
     tumor_index::MAX_MASKS,
@@ -75,7 +76,7 @@ fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
         let small = entry.metadata().is_ok_and(|m| m.is_file() && m.len() < 1 << 20);
         if small
             && entry.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
-            && std::fs::read_to_string(&entry)
+            && read_small_text(&entry, 1 << 20, "a manifest")
                 .is_ok_and(|t| t.lines().any(|l| l.trim_start().starts_with("glioscope")))
         {
             found.push(entry);

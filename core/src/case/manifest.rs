@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::{CaseError, CaseSpec, ContextSpec, MaskSpec, TractsSpec};
-use crate::files::Source;
+use crate::files::{Source, read_small_text};
 
 /// The version written, and the only one read.
 pub const VERSION: i64 = 1;
@@ -132,15 +132,9 @@ fn one_line(text: impl Into<String>) -> String {
 /// Reads the manifest at `path`. The files it lists are not opened.
 ///
 /// # Errors
-/// [`CaseError::Wrong`], one line with the manifest's path and, if known, the line number.
+/// [`CaseError`], one line with the manifest's path and, if known, the line number.
 pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
-    let fail = |found: String| CaseError::wrong(path.display().to_string(), found, "a case manifest in TOML");
-    let size = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?.len();
-    if size > MAX_BYTES {
-        return Err(fail(format!("{size} bytes")));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| fail(e.to_string()))?;
-    parse_manifest(&text, path)
+    parse_manifest(&read_small_text(path, MAX_BYTES, "a case manifest in TOML")?, path)
 }
 
 /// Parses a manifest's text; `path` is its actual or assumed location: messages name it, files are relative to its

@@ -17,6 +17,7 @@ mod nifti_describe;
 pub mod nifti_header;
 pub mod nifti_space;
 mod nifti_write;
+mod opened;
 mod read;
 mod tracts;
 mod tracts_tck;
@@ -25,6 +26,7 @@ mod tracts_trk;
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
+pub use opened::{read_small, read_small_text};
 pub use read::{info, read, read_tract_bytes, read_tracts};
 pub use tracts::{LoadedTracts, TractOptions};
 
@@ -121,7 +123,7 @@ impl FileError {
 }
 
 /// `name` on one line: control characters and bidirectional formatting characters are escaped.
-pub(crate) fn printable(name: &str) -> String {
+pub fn printable(name: &str) -> String {
     let is_bidi_control =
         |c: char| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let mut out = String::with_capacity(name.len());

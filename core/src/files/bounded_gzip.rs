@@ -207,6 +207,27 @@ impl<'a> Stream<'a> {
         Ok(trailing)
     }
 
+    /// The whole content of a gzip, at most `max_bytes`; memory is used as bytes arrive.
+    pub(crate) fn inflate(mut self, max_bytes: u64) -> Result<Vec<u8>, FileError> {
+        let (mut bytes, mut part) = (Vec::new(), vec![0; CHUNK_BYTES]);
+        loop {
+            let read_len = self.fill(&mut part)?;
+            bytes.extend_from_slice(&part[..read_len]);
+            if bytes.len() as u64 > max_bytes {
+                let found = format!("a gzip that inflates to more than {max_bytes} bytes");
+                return Err(FileError::wrong(self.file, found, "no more (the limit, which can be raised)"));
+            }
+            if read_len < part.len() {
+                return Ok(bytes);
+            }
+        }
+    }
+
+    /// The progress that reading reports to.
+    pub(crate) fn progress(&self) -> &'a Progress {
+        self.progress
+    }
+
     /// The error for a file that ends at [`Self::position`].
     pub(crate) fn ends_early(&self, expected: &str) -> FileError {
         let found = match (self.position, self.gzip) {

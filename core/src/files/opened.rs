@@ -14,7 +14,7 @@ const READABLE: &str = "a file that can be read";
 /// opened: opening a pipe would wait for a writer, and a device may have no end.
 pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), FileError> {
     let name = printable(&path.display().to_string());
-    let meta = std::fs::metadata(path).map_err(|e| missing(path, &e))?;
+    let meta = std::fs::metadata(path).map_err(|e| missing(path, &e, READABLE))?;
     if !meta.is_file() {
         let found = if meta.is_dir() { "a folder" } else { "a pipe or device" };
         return Err(FileError::wrong(name, found, "a file"));
@@ -23,8 +23,8 @@ pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), FileError> {
     Ok((file, meta.len()))
 }
 
-/// Why there is nothing at `path`: a missing file, or a link to one.
-pub(crate) fn missing(path: &Path, error: &std::io::Error) -> FileError {
+/// Why there is nothing at `path`, where `expected` is: a missing file, or a link to one.
+pub(crate) fn missing(path: &Path, error: &std::io::Error, expected: &str) -> FileError {
     let name = printable(&path.display().to_string());
     let target = if error.kind() == ErrorKind::NotFound { std::fs::read_link(path).ok() } else { None };
     match target {
@@ -33,10 +33,10 @@ pub(crate) fn missing(path: &Path, error: &std::io::Error) -> FileError {
         }
         Some(target) => {
             let target = printable(&target.display().to_string());
-            FileError::wrong(name, format!("a link whose target {target} does not exist"), READABLE)
+            FileError::wrong(name, format!("a link whose target {target} does not exist"), expected)
         }
-        None if error.kind() == ErrorKind::NotFound => FileError::wrong(name, "no such file", READABLE),
-        None => FileError::wrong(name, error.to_string(), READABLE),
+        None if error.kind() == ErrorKind::NotFound => FileError::wrong(name, "no such file", expected),
+        None => FileError::wrong(name, error.to_string(), expected),
     }
 }
 
@@ -140,7 +140,9 @@ mod tests {
         assert!(error("pipe").contains("found a pipe or device, expected a file"));
         assert!(error("endless").contains("found a pipe or device, expected a file"));
         assert!(error("broken").contains("found a link whose target elsewhere.nii does not exist"));
-        assert!(error("annexed").contains("a link of git-annex whose content is not here, expected its content"));
+        assert!(
+            error("annexed").contains("a link of git-annex whose content is not here, expected its content")
+        );
     }
 
     #[test]

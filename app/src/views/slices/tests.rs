@@ -39,6 +39,7 @@ fn case(sides: Sides) -> Case {
         .map(|mask| CaseMask {
             native_voxels: mask.voxels(),
             native_volume_ml: mask.volume_ml(),
+            expected_volume_ml: None,
             mask,
             color: None,
         })

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use glioscope_core::{
     change::{self, ChangeError, ChangeOptions, ChangeReport, Lengths},
+    decimal,
     files::write_whole,
     skeleton::{Level, SkeletonOptions},
 };
@@ -106,7 +107,7 @@ fn table(r: &ChangeReport) -> String {
         ),
     ];
     let row = |name: &str, l: &Lengths| {
-        let mm = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.2}"));
+        let mm = |v: Option<f64>| v.map_or("–".to_owned(), |v| decimal::text(v, 2));
         format!(
             "{name:24} {:>8} {:>9} {:>9} {:>9} {:>9}",
             l.count,
@@ -120,10 +121,9 @@ fn table(r: &ChangeReport) -> String {
     lines.push(row("recession", &r.recession));
     lines.push(row("growth, nearest", &r.nearest.growth));
     lines.push(row("recession, nearest", &r.nearest.recession));
-    let [x, y, z] = r.uncertainty_mm.axes_mm;
+    let axes = r.uncertainty_mm.axes_mm.map(|mm| decimal::text(mm, 2)).join(", ");
     lines.push(format!(
-        "{} of {} vectors within uncertainty ({x:.2}, {y:.2}, {z:.2} mm along the voxel axes, registration \
-         {} mm)",
+        "{} of {} vectors within uncertainty ({axes} mm along the voxel axes, registration {} mm)",
         r.within_uncertainty, r.vectors, r.uncertainty_mm.registration_mm
     ));
     for (number, group) in r.components.iter().enumerate().take(20) {

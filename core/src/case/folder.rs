@@ -196,6 +196,7 @@ impl LeftOut {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::write_whole;
 
     fn messages(listing: &Listing) -> Vec<(&'static str, &str)> {
         listing.left_out.iter().map(|check| (check.code, check.message.as_str())).collect()
@@ -204,7 +205,8 @@ mod tests {
     #[test]
     fn everything_that_is_left_out_is_named_or_counted() {
         let folder = tempfile::tempdir().unwrap();
-        let put = |name: &str, content: &str| std::fs::write(folder.path().join(name), content).unwrap();
+        let put =
+            |name: &str, content: &str| write_whole(&folder.path().join(name), content.as_bytes()).unwrap();
         for name in ["a.nii", "b.hdr", "b.img", "c.HDR", "c.IMG.gz"] {
             put(name, "some bytes");
         }
@@ -249,7 +251,7 @@ mod tests {
         use std::{ffi::OsStr, os::unix::ffi::OsStrExt, os::unix::fs::symlink};
         let folder = tempfile::tempdir().unwrap();
         let latin = OsStr::from_bytes(b"M\xfcller\x1b_mask.nii.gz");
-        std::fs::write(folder.path().join(latin), "some bytes").unwrap();
+        write_whole(&folder.path().join(latin), b"some bytes").unwrap();
         symlink("away", folder.path().join("b.nii")).unwrap();
         symlink("..", folder.path().join("up")).unwrap();
         assert!(

@@ -99,11 +99,11 @@ fn read(file: &Path) -> Result<Vec<String>, String> {
 mod tests {
     use super::super::MaskSpec;
     use super::*;
-    use crate::files::Source;
+    use crate::files::{Source, write_whole};
 
     fn ordered(table: &str) -> (Vec<String>, Vec<Check>) {
         let folder = tempfile::tempdir().unwrap();
-        std::fs::write(folder.path().join("sub-01_sessions.tsv"), table).unwrap();
+        write_whole(&folder.path().join("sub-01_sessions.tsv"), table.as_bytes()).unwrap();
         let mask = |time: &str| MaskSpec {
             id: "A".into(),
             source: Source::File("a.nii".into()),

@@ -108,6 +108,7 @@ pub fn read_small_text(path: &Path, max_bytes: u64, expected: &str) -> Result<St
 
 #[cfg(test)]
 mod tests {
+    use super::super::write_whole;
     use super::*;
 
     #[test]
@@ -115,13 +116,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let error = |name: &str, max: u64| read_small(&at(name), max, "a table").unwrap_err().to_string();
-        std::fs::write(at("five"), b"\xef\xbb\xbfab").unwrap();
+        write_whole(&at("five"), b"\xef\xbb\xbfab").unwrap();
         assert_eq!(read_small(&at("five"), 5, "a table").unwrap(), b"\xef\xbb\xbfab");
         assert_eq!(read_small_text(&at("five"), 5, "a table").unwrap(), "ab");
         assert!(error("five", 4).ends_with("found 5 bytes, expected a table of at most 4 bytes"));
         assert!(error("none", 5).contains("found no such file"));
         assert!(error(".", 5).contains("found a folder"));
-        std::fs::write(at("latin"), b"caf\xe9").unwrap();
+        write_whole(&at("latin"), b"caf\xe9").unwrap();
         let latin = read_small_text(&at("latin"), 9, "a table").unwrap_err().to_string();
         assert!(latin.ends_with("found bytes that are not UTF-8 (at 3), expected a table"), "{latin}");
     }

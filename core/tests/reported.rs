@@ -89,11 +89,12 @@ fn a_soft_mask_is_cut_at_one_half_and_its_sum_is_reported() {
     let stored = |at: usize| (at % 21 * 5) as u8;
     write_whole(&path, &bytes_file([21, 4, 4], [1.0, 0.0], stored).bytes).unwrap();
     let per_cent = format!("A={}", path.display());
-    let case = case_of(&[per_cent.clone()]);
+    let case = case_of(std::slice::from_ref(&per_cent));
     // Neighbours along y are equal in this ramp, so that it may be labels as well.
     assert_eq!((voxels(&case), warnings(&case, "mask-soft").len()), (vec![20 * 16], 0));
-    let stored =
-        |at: usize| if (at % 21 + at / 21) % 2 == 0 { (at % 21 * 5) as u8 } else { (at % 21 * 5) as u8 / 2 };
+    let stored = |at: usize| {
+        if (at % 21 + at / 21).is_multiple_of(2) { (at % 21 * 5) as u8 } else { (at % 21 * 5) as u8 / 2 }
+    };
     write_whole(&path, &bytes_file([21, 4, 4], [1.0, 0.0], stored).bytes).unwrap();
     let case = case_of(&[per_cent]);
     let all: Vec<u8> = (0..21 * 16).map(stored).collect();

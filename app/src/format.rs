@@ -40,9 +40,9 @@ pub fn count(n: u64) -> String {
     out
 }
 
-/// A length with one decimal: `23.4 mm`.
+/// A length with one decimal, more for small ones: `23.4 mm`, `0.00030 mm`.
 pub fn length_mm(length_mm: f64) -> String {
-    format!("{length_mm:.1} mm")
+    format!("{} mm", glioscope_core::decimal::text(length_mm, 1))
 }
 
 /// A number without trailing zeros: `20`, `0.5`.
@@ -75,6 +75,7 @@ mod tests {
         assert_eq!(ml(f64::NAN), "unknown");
         assert_eq!(percent(0.142), "14.2 %");
         assert_eq!(percent(0.0003), "0.03 %");
+        assert_eq!([0.0, 23.44, 0.06, 3e-4].map(length_mm), ["0.0 mm", "23.4 mm", "0.060 mm", "0.00030 mm"]);
     }
 
     #[test]

@@ -34,9 +34,11 @@ impl Table {
     }
 }
 
-/// Free text as a field: prefixed with an apostrophe where a spreadsheet would read it as a formula.
+/// Free text as a field: prefixed with an apostrophe where a spreadsheet would read it as a formula. Spreadsheets drop
+/// leading tabs and line ends, and some read full-width signs as plain ones.
 pub fn text(text: &str) -> String {
-    if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text.to_owned() }
+    const SIGNS: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠'];
+    if text.starts_with(SIGNS) { format!("'{text}") } else { text.to_owned() }
 }
 
 #[cfg(test)]
@@ -49,6 +51,9 @@ mod tests {
         table.row([text("Line 1"), "2.5".into()]);
         table.row([text("a, \"b\"\nc"), String::new()]);
         table.row([text("=1+1")]);
+        for sign in ["=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠"] {
+            assert_eq!(text(&format!("{sign}1+1")), format!("'{sign}1+1"));
+        }
         let expected = "name,mm\r\nLine 1,2.5\r\n\"a, \"\"b\"\"\nc\",\r\n'=1+1,\r\n";
         assert_eq!(String::from_utf8(table.into_bytes()).unwrap(), expected);
     }

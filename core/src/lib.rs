@@ -40,6 +40,7 @@ pub mod check;
 pub mod components;
 pub mod csv;
 pub mod dates;
+pub mod decimal;
 pub mod distance;
 pub mod ellipsoid;
 pub mod files;

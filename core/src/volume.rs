@@ -47,7 +47,15 @@ impl Samples {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
+    /// Whether stored values are integers.
+    pub fn is_integer(&self) -> bool {
+        !matches!(self, Self::F32(_) | Self::F64(_))
+    }
 }
+
+/// Values this close to an integer count as that label: a slope stored as `f32` turns 3 into 3.0000001.
+const LABEL_TOLERANCE: f64 = 1e-2;
 
 /// `value = slope · stored + intercept`, in `f64`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +73,29 @@ impl Scaling {
     /// The scaled value.
     pub fn apply(self, stored: f64) -> f64 {
         self.slope * stored + self.intercept
+    }
+
+    /// The label that a stored number means, if any. Programs that scale a label map to the range of its data type
+    /// round: label 6 is stored as 219 with a slope of 7/255, which gives 6.012. So of stored integers the one nearest
+    /// to a label means it, as far as it lies nearer to it than to another. `is_integer`: whether integers are stored.
+    pub fn label(self, stored: f64, is_integer: bool) -> Option<f64> {
+        let value = self.apply(stored);
+        let label = value.round();
+        let distance = (value - label).abs();
+        let is_nearest =
+            || is_integer && distance < 0.5 && ((label - self.intercept) / self.slope).round() == stored;
+        // Also false for NaN.
+        (distance <= LABEL_TOLERANCE || is_nearest()).then_some(label)
+    }
+
+    /// The farthest that a value may lie from its label, see [`Scaling::label`].
+    pub fn label_tolerance(self, is_integer: bool) -> f64 {
+        let is_whole = self.slope.fract() == 0.0 && self.intercept.fract() == 0.0;
+        if is_integer && !is_whole {
+            (self.slope.abs() / 2.0).clamp(LABEL_TOLERANCE, 0.5)
+        } else {
+            LABEL_TOLERANCE
+        }
     }
 }
 
@@ -109,5 +140,41 @@ impl Volume {
     pub fn to_f32(&self) -> Vec<f32> {
         let scaling = self.scaling;
         with_samples!(&self.samples, v => v.iter().map(|&s| scaling.apply(s as f64) as f32).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_label_survives_being_scaled_to_the_range_of_a_data_type() {
+        // As nibabel does: slope and intercept in f32, stored numbers rounded.
+        for (lo, hi, min, max) in
+            [(0, 7, 0, 255), (0, 14175, -32768, 32767), (-3, 90, 0, 255), (0, 250, 0, 255)]
+        {
+            let slope = f64::from(f64::from(hi - lo) as f32 / (max - min) as f32);
+            let intercept = f64::from((f64::from(lo) - slope * f64::from(min)) as f32);
+            let scaling = Scaling { slope, intercept };
+            for label in lo..=hi {
+                let stored = ((f64::from(label) - intercept) / slope).round();
+                assert_eq!(scaling.label(stored, true), Some(f64::from(label)), "{scaling:?}");
+                let away = (scaling.apply(stored) - f64::from(label)).abs();
+                assert!(away <= scaling.label_tolerance(true) + 1e-9, "{away}");
+            }
+        }
+    }
+
+    #[test]
+    fn values_between_labels_mean_none() {
+        let quarter = Scaling { slope: 0.25, intercept: -0.5 };
+        let labels: Vec<Option<f64>> = (0..8).map(|stored| quarter.label(f64::from(stored), true)).collect();
+        assert_eq!(labels, [None, None, Some(0.0), None, None, None, Some(1.0), None]);
+        for value in [0.5, 0.02, f64::NAN, f64::INFINITY] {
+            assert_eq!(Scaling::NONE.label(value, false), None);
+        }
+        assert_eq!(Scaling::NONE.label(3.009, false), Some(3.0));
+        assert_eq!(Scaling { slope: 2.0, intercept: 0.0 }.label(1.0, true), Some(2.0));
+        assert_eq!(Scaling::NONE.label_tolerance(true), LABEL_TOLERANCE);
     }
 }

@@ -128,6 +128,6 @@ fn the_sample_is_recognised_without_its_manifest() {
     );
     assert_eq!(spec.contexts.len(), 6);
     let codes: BTreeSet<&str> = spec.notes.iter().map(|n| n.code).collect();
-    assert_eq!(codes, BTreeSet::from(["guessed-kinds", "guessed-times", "guessed-labels"]));
+    assert_eq!(codes, BTreeSet::from(["guessed-kinds", "guessed-times", "guessed-labels", "left-out-kinds"]));
     case::load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
 }

@@ -192,7 +192,8 @@ fn files_that_the_crate_refuses_are_reported_and_files_that_we_refuse_are_errors
     assert!(try_check(&path).is_err());
 }
 
-/// The crate can't read NIfTI-2, nor a gzip of several members; it agrees on every other file that we read.
+/// The crate can't read NIfTI-2, a gzip of several members, nor extensions of odd size; it agrees on every other file
+/// that we read.
 #[test]
 fn the_readers_agree_on_real_files() {
     const UNREADABLE: [&str; 2] = ["avg152T1_LR_nifti2.nii.gz", "multi-member-gzip.nii.gz"];
@@ -205,6 +206,9 @@ fn the_readers_agree_on_real_files() {
         }
         // Files that we refuse can't be compared.
         let Ok(found) = try_check(&path) else { continue };
+        if found.info.checks.iter().any(|c| c.code == "extension-odd") {
+            continue;
+        }
         assert_eq!(found.cross_check.agrees, !UNREADABLE.contains(&name), "{name}: {}", found.text());
         agree += usize::from(found.cross_check.agrees);
     }

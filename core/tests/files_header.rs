@@ -215,12 +215,31 @@ fn extensions_are_skipped_within_bounds() {
     assert!(with(&all, 16 * 1024).read().is_ok());
     let many = vec![16; 1025];
     assert!(with(&many, 16 * 1025).read().unwrap_err().to_string().contains("more than 1024 extensions"));
-    for (sizes, room) in
-        [(&[0][..], 32), (&[8], 32), (&[-16], 32), (&[24], 32), (&[64], 32), (&[16], 36), (&[16], 20)]
-    {
+    for (sizes, room) in [(&[-16][..], 32), (&[64], 32), (&[16, 33], 48), (&[7], 32), (&[24, 16], 36)] {
         let error = with(sizes, room).read().unwrap_err().to_string();
         assert!(error.contains("extension"), "{sizes:?} in {room}: {error}");
     }
+    // Of odd sizes, or with zeros behind the last: where the voxels begin is known from vox_offset.
+    for (sizes, room) in [
+        (&[0][..], 32),
+        (&[8], 32),
+        (&[24], 32),
+        (&[165], 165),
+        (&[165], 176),
+        (&[16], 36),
+        (&[16], 20),
+        (&[16], 19),
+        (&[17, 16, 15], 48),
+    ] {
+        for bytes in [with(sizes, room).bytes.clone(), gzip(&with(sizes, room).bytes)] {
+            let loaded = read_bytes(&bytes).unwrap();
+            assert_eq!(numbers(loaded.volume.samples())[23], 23.0, "{sizes:?} in {room}");
+            let odd: Vec<_> = loaded.checks.iter().filter(|c| c.code == "extension-odd").collect();
+            assert_eq!(odd.len(), 1, "{sizes:?} in {room}: {:?}", loaded.checks);
+            assert_eq!(odd[0].severity, glioscope_core::Severity::Warning);
+        }
+    }
+    assert!(!codes(&fine.read().unwrap()).contains(&"extension-odd"));
     assert!(codes(&with(&[], 0).read().unwrap()).contains(&"extension-missing"));
 }
 
@@ -238,8 +257,52 @@ fn invalid_scaling_is_ignored_and_reported() {
     assert_eq!(scaled(0.0, 7.0), (3.0, Some(Note)));
     assert_eq!(scaled(f32::NAN, 0.0), (3.0, Some(Note)));
     assert_eq!(scaled(f32::INFINITY, 0.0), (3.0, Some(Note)));
-    assert_eq!(scaled(1.0, f32::NAN), (3.0, Some(Note)));
+    assert_eq!(scaled(1.0, f32::NAN), (3.0, Some(Warning)));
     assert_eq!(scaled(2.0, f32::NEG_INFINITY), (3.0, Some(Warning)));
+}
+
+/// Writers that store a fourth dimension without frames mean the one volume that the file has.
+#[test]
+fn a_size_of_0_above_the_third_dimension_means_one_frame() {
+    for (dims, warnings) in
+        [([4, 2, 3, 4, 0, 1, 1, 1], 1), ([5, 2, 3, 4, 0, 0, 1, 1], 2), ([3, 2, 3, 4, 0, 0, 0, 0], 0)]
+    {
+        let loaded = NiftiBuilder::new().i16s(40, &dims).read().unwrap();
+        assert_eq!((loaded.frames, loaded.volume.grid().dims()), (1, [2, 3, 4]), "{dims:?}");
+        assert_eq!(numbers(loaded.volume.samples()), (0..24).map(f64::from).collect::<Vec<_>>());
+        assert_eq!(codes(&loaded).iter().filter(|code| **code == "dim-zero").count(), warnings, "{dims:?}");
+    }
+    assert!(NiftiBuilder::new().i16s(40, &[4, 2, 3, 4, -1]).read().is_err());
+    assert!(NiftiBuilder::new().i16s(40, &[3, 2, 3, 0]).read().is_err(), "which axis is missing is unknown");
+}
+
+#[test]
+fn spacings_that_no_scanner_has_are_reported() {
+    let unusual = |spacing: f32| {
+        let mut nifti = NiftiBuilder::new();
+        nifti.sform(1, [[spacing, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+        nifti.f32s(76, &[1.0, spacing, 1.0, 1.0]);
+        let found = nifti.read().unwrap().checks;
+        found.into_iter().find(|c| c.code == "spacing-unusual").map(|c| c.message)
+    };
+    assert_eq!([0.0011, 0.3, 1.0, 100.0].map(unusual), [const { None }; 4]);
+    let tiny = unusual(1e-6).unwrap();
+    assert!(tiny.contains("found voxels of 1.0e-6 × 1.0000 × 1.0000 mm, expected 0.001 to 100 mm"), "{tiny}");
+    assert!(unusual(3e-4).unwrap().contains("0.0003 × "));
+    assert!(unusual(1e6).is_some());
+}
+
+/// The sform is in force, so that volumes follow it; programs that take pixdim find others.
+#[test]
+fn a_pixdim_that_contradicts_the_sform_is_a_warning() {
+    let mut nifti = NiftiBuilder::new();
+    nifti.sform(1, [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+    nifti.f32s(76, &[1.0, 2.0, 2.0, 2.0]);
+    let loaded = nifti.read().unwrap();
+    assert_eq!(loaded.volume.grid().voxel_volume_mm3(), 1.0);
+    let check = loaded.checks.iter().find(|c| c.code == "pixdim-sform-disagree").unwrap();
+    assert_eq!(check.severity, glioscope_core::Severity::Warning);
+    assert!(check.message.contains("pixdim says 2.0000 × 2.0000 × 2.0000 mm, the sform 1.0000"), "{check:?}");
 }
 
 #[test]
@@ -337,7 +400,7 @@ fn info_reports_the_header() {
         "spacing_mm": [1.5, 2.0, 3.0],
         "world_from_voxel": [[-1.5, 0.0, 0.0, 90.0], [0.0, 0.0, 3.0, -126.0], [0.0, 2.0, 0.0, -72.0], [0.0, 0.0, 0.0, 1.0]],
         "axis_codes": "LSA", "form": "sform", "sform_code": 1, "qform_code": 0, "unit": "mm",
-        "slope": 0.5, "intercept": -4.0, "extensions": 0, "checks": [],
+        "slope": 0.5, "intercept": -4.0, "label_tolerance": 0.25, "extensions": 0, "checks": [],
     });
     assert_eq!(info, expected);
     // info reads to the end: damage after the header is detected.
@@ -359,13 +422,35 @@ fn non_nifti_paths_and_contents_give_one_line_errors() {
         "{error}"
     );
     for (bytes, what) in [
-        (&b"  <!DOCTYPE html>"[..], "web page"),
+        (&b"  <!DOCTYPE html>"[..], "an HTML page"),
+        (b"<?xml version", "web page or XML"),
+        (b"/annex/objects/MD5E-s9--0.nii.gz", "a git-annex pointer, expected its content (fetch"),
+        (b"version https://git-lfs.github.com/spec/v1", "a git-LFS pointer"),
         (b"NRRD0004\n", "NRRD"),
         (b"", "empty"),
         (b"abc", "3 bytes"),
     ] {
         let error = read_bytes(bytes).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
+    }
+}
+
+/// Also where a pair's second half is the link.
+#[cfg(unix)]
+#[test]
+fn broken_links_are_named_as_what_they_are() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    symlink("away.nii.gz", at("a.nii.gz")).unwrap();
+    symlink(".git/annex/objects/x/y/SHA256E-s9--0.img", at("b.img")).unwrap();
+    let mut header = NiftiBuilder::new();
+    header.put(344, b"ni1\0").f32s(108, &[0.0]);
+    files::write_whole(&at("b.hdr"), &header.bytes[..348]).unwrap();
+    let error = |name: &str| read(&at(name)).unwrap_err().to_string();
+    assert!(error("a.nii.gz").contains("found a link whose target away.nii.gz does not exist"));
+    for name in ["b.hdr", "b.img"] {
+        assert!(error(name).contains("b.img: found a link of git-annex whose content is not here"), "{name}");
     }
 }
 

@@ -23,6 +23,12 @@ fn read(bytes: &[u8]) -> Result<LoadedTracts, FileError> {
     read_tract_bytes("made", bytes, &TractOptions::default(), &Progress::new())
 }
 
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::new(6));
+    std::io::Write::write_all(&mut encoder, bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
 fn codes(loaded: &LoadedTracts) -> Vec<&'static str> {
     loaded.checks.iter().map(|c| c.code).collect()
 }
@@ -130,6 +136,45 @@ fn fibers_longer_than_a_chunk_and_empty_fibers_are_read_completely() {
 }
 
 #[test]
+fn gzipped_tracts_are_read_like_plain_ones() {
+    let trk = Trk { scalars: 2, properties: 1, ..Trk::new() }.bytes();
+    for bytes in [tck(&fibers(), Order::Big, false, "count: 3\n"), trk] {
+        let packed = gzip(&bytes);
+        let (half, rest) = bytes.split_at(bytes.len() / 2);
+        let members = [gzip(half), gzip(rest)].concat();
+        assert_eq!(read(&packed).unwrap(), read(&bytes).unwrap());
+        assert_eq!(read(&members).unwrap(), read(&bytes).unwrap());
+        for end in 3..packed.len() {
+            assert_refused(&packed[..end], &[]);
+        }
+        let mut damaged = packed;
+        let at = damaged.len() - 6;
+        damaged[at] ^= 1;
+        assert_refused(&damaged, &["damaged gzip"]);
+    }
+}
+
+/// Tools append their count to a copied header, or copy a line twice: the fibres in the file decide.
+#[test]
+fn lines_repeated_in_a_header_and_an_unknown_version_are_warnings() {
+    let little = Order::Little;
+    for (lines, expected) in [
+        ("count: 7\ncount: 3\n", &["tracts-header-repeated"][..]),
+        ("count: 3\ncount: 7\n", &["tracts-header-repeated"]),
+        ("count: 7\ncount: 8\n", &["tracts-header-repeated", "tracts-count"]),
+        ("datatype: Float32LE\n", &["tracts-header-repeated"]),
+        ("command_history: a\ncommand_history: b\n", &[]),
+    ] {
+        let loaded = read(&tck(&fibers(), little, false, lines)).unwrap();
+        assert_eq!((codes(&loaded), fibers_of(&loaded.tracts)), (expected.to_vec(), fibers()), "{lines}");
+    }
+    let (second, third) = (Trk::new(), Trk { version: 3, ..Trk::new() });
+    let (second, third) = (read(&second.bytes()).unwrap(), read(&third.bytes()).unwrap());
+    assert_eq!(second.tracts, third.tracts);
+    assert_eq!(codes(&third), [&["tracts-version"], codes(&second).as_slice()].concat());
+}
+
+#[test]
 fn irregular_files_get_checks() {
     let little = Order::Little;
     let codes_of = |bytes: &[u8]| codes(&read(bytes).unwrap());
@@ -162,8 +207,10 @@ fn each_error_is_one_line_that_names_the_cause() {
     let (little, all) = (Order::Little, fibers());
     assert_refused(b"", &["found an empty file"]);
     assert_refused(b"TRAC", &["found other content", "mrtrix tracks"]);
-    assert_refused(b"<!DOCTYPE html> some page", &["found other content"]);
-    assert_refused(&[0x1f, 0x8b, 8, 0, 0, 0, 0, 0], &["found a gzip", "unpack"]);
+    assert_refused(b"<!DOCTYPE html> some page", &["found an HTML page"]);
+    assert_refused(b"/annex/objects/MD5E-s9--0.tck", &["found a git-annex pointer"]);
+    assert_refused(&[0x1f, 0x8b, 8, 0, 0, 0, 0, 0], &["found a gzip that is cut off"]);
+    assert_refused(&gzip(&gzip(&tck(&all, little, false, ""))), &["a gzip within a gzip"]);
     assert_refused(b"mrtrix tracks\ndatatype: Float32LE\n", &["end of the file", "a line END"]);
     assert_refused(
         &[b"mrtrix tracks\n".to_vec(), vec![b'x'; 2 << 20]].concat(),
@@ -171,7 +218,8 @@ fn each_error_is_one_line_that_names_the_cause() {
     );
     assert_refused(&tck_with_header(&all, little, false, ""), &["found no datatype", "Float64BE"]);
     assert_refused(&tck_with_header(&all, little, false, "datatype: Int16\n"), &["found datatype Int16"]);
-    assert_refused(&tck(&all, little, false, "datatype: Float32LE\n"), &["found datatype twice"]);
+    assert_refused(&tck(&all, little, false, "datatype: Float32BE\n"), &["found datatype twice"]);
+    assert_refused(&tck(&all, little, false, "file: . 99\n"), &["found file twice"]);
     assert_refused(&tck(&all, little, false, "count: many\n"), &["found count: many"]);
     assert_refused(b"mrtrix tracks\ndatatype: Float32LE\nEND\n", &["found no file"]);
     for bad in ["other.dat 0", ". 5", ". -1", ".", ". 99999999999999999999"] {
@@ -191,7 +239,7 @@ fn each_error_is_one_line_that_names_the_cause() {
     let mut size = base.bytes();
     size[996..].iter_mut().take(4).for_each(|b| *b = 7);
     assert_refused(&size, &["found header size"]);
-    trk(Trk { version: 3, ..base.clone() }, &["found version 3"]);
+    trk(Trk { version: 4, ..base.clone() }, &["found version 4"]);
     trk(Trk { version: 0, ..base.clone() }, &["found version 0"]);
     trk(Trk { scalars: -1, ..base.clone() }, &["found -1 scalars"]);
     trk(Trk { properties: -2, ..base.clone() }, &["found -2 properties"]);
@@ -217,6 +265,9 @@ fn each_error_is_one_line_that_names_the_cause() {
     let options = TractOptions { max_bytes: 1000 };
     let line = read_tract_bytes("made", &base.bytes(), &options, &Progress::new()).unwrap_err().to_string();
     assert!(line.contains("at most 1000"), "{line}");
+    let packed = gzip(&base.bytes());
+    let line = read_tract_bytes("made", &packed, &options, &Progress::new()).unwrap_err().to_string();
+    assert!(line.contains("found a gzip that inflates to more than 1000 bytes"), "{line}");
     let stopped = Progress::new();
     stopped.cancel();
     let result = read_tract_bytes("made", &base.bytes(), &TractOptions::default(), &stopped);

@@ -43,7 +43,7 @@ pub struct CaseArguments {
     /// The case as masks and images.
     #[command(flatten)]
     pub parts: MaskArguments,
-    /// Fibre tracts in addition to the case's: a .tck or .trk file. Repeat for more.
+    /// Fibre tracts in addition to the case's: a .tck or .trk file, gzipped or not. Repeat for more.
     #[arg(long = "tracts", value_name = "FILE")]
     pub tracts: Vec<PathBuf>,
 }

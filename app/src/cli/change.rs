@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use glioscope_core::{
     change::{self, ChangeError, ChangeOptions, ChangeReport, Flag, Lengths},
+    decimal,
     skeleton::{Level, SkeletonOptions},
 };
 
@@ -111,7 +112,7 @@ fn table(r: &ChangeReport) -> String {
         "surface, mm", "vectors", "mean", "median", "95 %", "most"
     ));
     let row = |name: &str, l: &Lengths| {
-        let mm = |v: Option<f64>| v.map_or("–".to_owned(), |v| format!("{v:.2}"));
+        let mm = |v: Option<f64>| v.map_or("–".to_owned(), |v| decimal::text(v, 2));
         format!(
             "{name:24} {:>8} {:>9} {:>9} {:>9} {:>9}",
             l.count,
@@ -135,10 +136,9 @@ fn table(r: &ChangeReport) -> String {
             format::ml(cavities.to_ml)
         ));
     }
-    let [x, y, z] = r.uncertainty_mm.axes_mm;
+    let axes = r.uncertainty_mm.axes_mm.map(|mm| decimal::text(mm, 2)).join(", ");
     lines.push(format!(
-        "{} of {} vectors within uncertainty ({x:.2}, {y:.2}, {z:.2} mm along the axes of the case grid, registration \
-         {} mm)",
+        "{} of {} vectors within uncertainty ({axes} mm along the axes of the case grid, registration {} mm)",
         r.within_uncertainty, r.vectors, r.uncertainty_mm.registration_mm
     ));
     for (number, group) in r.components.iter().enumerate().take(20) {

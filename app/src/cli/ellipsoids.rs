@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use glioscope_core::{
-    Connectivity,
+    Connectivity, decimal,
     ellipsoid::{EllipsoidReport, EllipsoidsReport, OfReport, Options, report},
 };
 
@@ -73,13 +73,13 @@ fn table(report: &EllipsoidsReport) -> String {
         let mut sorted: Vec<_> = components.iter().collect();
         sorted.sort_by_key(|c| std::cmp::Reverse(c.voxels));
         for c in sorted {
-            let EllipsoidReport { center_mm: [r, a, s], semi_axes_mm: [x, y, z], .. } = c.enclosing;
+            let EllipsoidReport { center_mm: [r, a, s], .. } = c.enclosing;
             lines.push(format!(
                 "{:>12} {:>14} {:>26} {:>24} {:>12} {:>12.1e}",
                 c.voxels,
                 format::ml(c.volume_ml),
                 format!("{r:.1}, {a:.1}, {s:.1}"),
-                format!("{x:.2} × {y:.2} × {z:.2}"),
+                decimal::sizes(c.enclosing.semi_axes_mm, 2),
                 format!("{:.2} times", c.exaggeration),
                 c.volume_bound - 1.0
             ));

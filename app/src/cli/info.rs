@@ -30,8 +30,9 @@ pub(super) fn run(
         } else {
             files::info(&Source::File(path.clone()), &Progress::new())?
         };
+        terminal::notes(info.checks());
         let json = || info.json().map_err(|e| AppError::file(path, e.to_string(), "finite numbers"));
-        return terminal::print(&if as_json { json()? } else { info.text() });
+        return if as_json { terminal::print_json_text(&json()?) } else { terminal::print(&info.text()) };
     }
     let case = CaseArguments { path: target, parts: parts.clone(), tracts: Vec::new() };
     let reference = case.reference()?.unwrap_or(CaseRef::Sample);
@@ -39,6 +40,7 @@ pub(super) fn run(
     if cross_check {
         return Err(AppError::wrong("--cross-check", "a case", "one image"));
     }
+    terminal::notes(&spec.notes);
     if as_json {
         let masks: Vec<_> = spec
             .masks

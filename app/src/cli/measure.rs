@@ -1,6 +1,6 @@
 //! `glioscope measure`: volumes and agreement of masks and regions.
 
-use glioscope_core::{case::Case, measure};
+use glioscope_core::{case::Case, decimal, measure};
 
 use super::{case::CaseArguments, terminal};
 use crate::{error::AppError, format};
@@ -19,7 +19,7 @@ fn table(case: &Case) -> String {
     let [nx, ny, nz] = case.grid.dims();
     let mut lines = vec![
         case.name.clone(),
-        format!("grid {nx} × {ny} × {nz}, {:.3} × {:.3} × {:.3} mm", spacing.x, spacing.y, spacing.z),
+        format!("grid {nx} × {ny} × {nz}, {} mm", decimal::sizes(spacing.to_array(), 3)),
     ];
     for time_point in &case.time_points {
         let regions = &time_point.regions;
@@ -36,6 +36,15 @@ fn table(case: &Case) -> String {
                 format::ml(regions.mask_ml(k)),
                 format::ml(mask.native_volume_ml)
             ));
+            if let Some(ml) = mask.expected_volume_ml {
+                lines.push(format!(
+                    "{:24} {:>12} {:>14} {:>14}",
+                    "  sum of probabilities",
+                    "",
+                    "",
+                    format::ml(ml)
+                ));
+            }
         }
         lines.push(format!("{:24} {:>12} {:>14} {:>14}", "region", "voxels", "volume", "of the union"));
         for region in regions.list() {

@@ -62,14 +62,31 @@ pub fn selection(text: &str, regions: &Regions) -> Result<Selection, AppError> {
         _ => {}
     }
     let ids = regions.mask_ids();
-    let mask_index = |id: &str| {
-        let k = ids.iter().position(|known| known == id.trim());
-        k.ok_or_else(|| AppError::option("select", id, format!("masks of the case: {}", ids.join(", "))))
+    let region = |name: &str| {
+        let expected = || format!("masks of the case: {}", ids.join(", "));
+        region_bits(name, ids).map_err(|unknown| AppError::option("select", unknown, expected()))
     };
-    let region =
-        |name: &str| name.split('+').try_fold(0_u32, |bits, id| mask_index(id).map(|k| bits | 1 << k));
     let shown = text.split(',').map(region).collect::<Result<Vec<u32>, AppError>>()?;
     Ok(Selection::only(regions, &shown))
+}
+
+/// The masks that a region's name lists, as bits. A mask's id may hold `+` itself (`T1+C`): of several readings, the one
+/// whose first id is longest counts, then its second, and so on.
+///
+/// # Errors
+/// The part of the name that is no mask's id.
+fn region_bits<'a>(name: &'a str, ids: &[String]) -> Result<u32, &'a str> {
+    let ends = std::iter::once(name.len()).chain(name.rmatch_indices('+').map(|(at, _)| at));
+    let mut unknown = None;
+    for end in ends {
+        let Some(k) = ids.iter().position(|id| id == name[..end].trim()) else { continue };
+        let Some(rest) = name[end..].strip_prefix('+') else { return Ok(1 << k) };
+        match region_bits(rest, ids) {
+            Ok(bits) => return Ok(bits | 1 << k),
+            Err(part) => unknown = unknown.or(Some(part)),
+        }
+    }
+    Err(unknown.unwrap_or_else(|| name.split('+').next().unwrap_or(name)))
 }
 
 /// Checks the image id given by `--image`; `None` for `none`.
@@ -82,4 +99,31 @@ pub fn image(time_point: &TimePoint, id: &str) -> Result<Option<String>, AppErro
         return Err(AppError::option("image", id, format!("none or one of {}", ids.join(", "))));
     }
     Ok((id != "none").then(|| id.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_with_plus_signs_are_ids_like_any_other() {
+        let ids = |list: &[&str]| -> Vec<String> { list.iter().map(|id| (*id).to_owned()).collect() };
+        let plus = ids(&["T1", "T1+C", "FLAIR", "+", "T1+C+"]);
+        for (name, bits) in [
+            ("T1", 0b1),
+            ("T1+C", 0b10),
+            ("FLAIR+T1+C", 0b110),
+            (" T1+C + FLAIR", 0b110),
+            ("T1+C+T1", 0b11),
+            ("T1+FLAIR", 0b101),
+            ("T1+C++T1", 0b1_0001),
+            ("T1++", 0b1001),
+        ] {
+            assert_eq!(region_bits(name, &plus), Ok(bits), "{name}");
+        }
+        assert_eq!(region_bits("T1+PET", &plus), Err("PET"));
+        assert_eq!(region_bits("C", &plus), Err("C"));
+        // What a mask of that name is called.
+        assert_eq!(region_bits("T1+C", &ids(&["C", "T1"])), Ok(0b11));
+    }
 }

@@ -1,6 +1,7 @@
 //! Output to stdout and stderr, progress bar and Ctrl+C.
 
 use std::{
+    fmt::Write as _,
     io::{IsTerminal, Write},
     sync::{
         Arc,
@@ -10,18 +11,26 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glioscope_core::{Check, Progress, Severity, case::CaseSpec};
+use glioscope_core::{
+    Check, Progress, Severity,
+    case::CaseSpec,
+    files::{is_misleading, printable},
+};
 
 use crate::error::AppError;
 
 /// Delay before the progress bar is shown.
 const PROGRESS_BAR_DELAY: Duration = Duration::from_millis(500);
 
-/// Prints text and a newline to stdout.
+/// Prints text and a newline to stdout, without characters that a terminal would obey: names may hold escape sequences.
 ///
 /// # Errors
 /// [`AppError::Wrong`] where stdout can't be written; a closed pipe is not an error.
 pub fn print(text: &str) -> Result<(), AppError> {
+    write_stdout(&printable_lines(text))
+}
+
+fn write_stdout(text: &str) -> Result<(), AppError> {
     match writeln!(std::io::stdout(), "{text}") {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(AppError::wrong("stdout", e.to_string(), "a place that can be written"))
@@ -38,38 +47,68 @@ pub fn print_json(value: &impl serde::Serialize) -> Result<(), AppError> {
     let text = serde_json::to_string_pretty(value).map_err(|e| {
         AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
     })?;
-    print(&text)
+    print_json_text(&text)
+}
+
+/// Prints indented JSON to stdout.
+///
+/// # Errors
+/// As [`print`].
+pub fn print_json_text(json: &str) -> Result<(), AppError> {
+    write_stdout(&escaped_json(json))
+}
+
+/// JSON leaves misleading characters from U+007F on in its strings; here they are escaped.
+fn escaped_json(json: &str) -> String {
+    let mut out = String::with_capacity(json.len());
+    for c in json.chars() {
+        if is_misleading(c) && c != '\n' {
+            // All are below U+10000. Writing into a string can't fail.
+            let _ = write!(out, "\\u{:04x}", u32::from(c));
+        } else {
+            out.push(c);
+        }
+    }
+    out
+}
+
+/// `text` with every line printable.
+fn printable_lines(text: &str) -> String {
+    text.split('\n').map(printable).collect::<Vec<_>>().join("\n")
+}
+
+/// Prints a line about the work to stderr. A closed stderr can't be reported anywhere.
+fn line(text: &str) {
+    let _ = writeln!(std::io::stderr(), "glioscope: {}", printable(text));
 }
 
 /// Prints an error to stderr as one line.
 pub fn error(line: &str) {
-    let line = line.replace('\n', " ");
-    // A closed stderr can't be reported anywhere.
-    let _ = writeln!(std::io::stderr(), "glioscope: {line}");
+    self::line(&line.replace('\n', " "));
 }
 
 /// Prints checks of at least warning severity to stderr, as stdout is for results only.
 pub fn notes(checks: &[Check]) {
     for check in checks.iter().filter(|c| c.severity >= Severity::Warning) {
-        let _ = writeln!(std::io::stderr(), "glioscope: warning [{}]: {}", check.code, check.message);
+        warning(check.code, &check.message);
     }
 }
 
 /// Prints a warning about the result to stderr.
 pub fn warning(code: &str, sentence: &str) {
-    let _ = writeln!(std::io::stderr(), "glioscope: warning [{code}]: {sentence}");
+    line(&format!("warning [{code}]: {sentence}"));
 }
 
-/// Prints to stderr how the roles of files were guessed from their names, if they were.
+/// Prints to stderr how the roles of files were guessed from their names, if they were. Warnings are left to [`notes`].
 pub fn guess(spec: &CaseSpec) {
-    for note in &spec.notes {
-        let _ = writeln!(std::io::stderr(), "glioscope: guess [{}]: {}", note.code, note.message);
+    for note in spec.notes.iter().filter(|note| note.severity < Severity::Warning) {
+        line(&format!("guess [{}]: {}", note.code, note.message));
     }
 }
 
 /// Prints an assumed default to stderr.
 pub fn assumed(sentence: &str) {
-    let _ = writeln!(std::io::stderr(), "glioscope: note [assumed]: {sentence}");
+    line(&format!("note [assumed]: {sentence}"));
 }
 
 /// Runs a job on the calling thread. Ctrl+C cancels it; on a terminal, a progress bar is shown after
@@ -103,7 +142,7 @@ fn show_progress(progress: &Progress, done: &AtomicBool) {
         thread::sleep(Duration::from_millis(50));
         if started.elapsed() > PROGRESS_BAR_DELAY {
             let bar = bar.get_or_insert_with(|| indicatif::ProgressBar::new(1000));
-            bar.set_message(progress.label());
+            bar.set_message(printable(&progress.label()));
             if let Some(fraction) = progress.fraction() {
                 bar.set_position((fraction * 1000.0) as u64);
             }
@@ -111,5 +150,19 @@ fn show_progress(progress: &Progress, done: &AtomicBool) {
     }
     if let Some(bar) = bar {
         bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_control_character_reaches_the_terminal() {
+        let name = "\u{1b}]0;\u{7}\u{9b}31m\u{202e}\u{7f}";
+        let json = escaped_json(&serde_json::to_string_pretty(&[name]).unwrap());
+        assert!(json.is_ascii() && !json.chars().any(|c| is_misleading(c) && c != '\n'), "{json}");
+        assert_eq!(serde_json::from_str::<[String; 1]>(&json).unwrap(), [name]);
+        assert_eq!(printable_lines("a\u{1b}[31m\tb\n\u{9b}c\r"), "a\\u{1b}[31m\\tb\n\\u{9b}c\\r");
     }
 }

@@ -4,6 +4,7 @@ use clap::Args;
 use glioscope_core::{
     Check, MaskBits, Progress, Selection, Sides,
     case::{Case, CaseTracts, TimePoint},
+    decimal,
     tract_distance::{Nearness, SelectedCells},
 };
 use serde::Serialize;
@@ -154,7 +155,7 @@ fn table(report: &TractsReport) -> String {
             t.id,
             t.fibers,
             t.points,
-            t.nearest_mm.map_or("–".to_owned(), |mm| format!("{mm:.2} mm")),
+            t.nearest_mm.map_or("–".to_owned(), |mm| format!("{} mm", decimal::text(mm, 2))),
             count(t.nearest_fiber),
             count(t.through),
             count(t.within)

@@ -7,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glioscope_core::files::format::{tract_endings, volume_filter, volume_names};
+use glioscope_core::files::format::{self, volume_filter, volume_names};
 
 use crate::{
     command::{AppCommand, Command},
@@ -135,8 +135,7 @@ impl Dialog {
 
 /// Whether a dropped file contains fibre tracts, which are added to the open case.
 pub fn is_tracts(path: &std::path::Path) -> bool {
-    let ending = path.extension().unwrap_or_default();
-    tract_endings().any(|tracts| ending.eq_ignore_ascii_case(tracts))
+    path.file_name().is_some_and(|name| format::is_tracts(&name.to_string_lossy()))
 }
 
 #[cfg(test)]
@@ -155,6 +154,11 @@ mod tests {
             rulers.command("/a/lines".into()),
             AppCommand::ExportRulersTo("/a/lines.csv".into()).into()
         );
-        assert!(case_filter().contains(&"gz") && is_tracts("a.TCK".as_ref()) && !is_tracts("a.nii".as_ref()));
+        assert!(
+            case_filter().contains(&"gz")
+                && is_tracts("a.TCK".as_ref())
+                && is_tracts("a.trk.gz".as_ref())
+                && !is_tracts("a.nii".as_ref())
+        );
     }
 }

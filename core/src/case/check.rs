@@ -5,10 +5,12 @@ use glam::DVec3;
 use super::{
     CaseMask, CaseSpec, OrderBasis,
     native::{NativeMask, at_time},
+    values::Meaning,
 };
 use crate::{
     Check, Components, Connectivity, Grid, Mask, Regions, Sides,
     dates::{is_shaped_as_date, iso_date},
+    decimal,
     grid::ijk,
     resample,
 };
@@ -17,13 +19,21 @@ use crate::{
 pub const DRIFT_WARNING_PERCENT: f64 = 5.0;
 
 fn spacing(grid: &Grid) -> String {
-    let s = grid.spacing_mm();
-    format!("{:.2}×{:.2}×{:.2} mm", s.x, s.y, s.z)
+    format!("{} mm", grid.spacing_mm().to_array().map(|s| decimal::text(s, 2)).join("×"))
 }
 
 fn list(labels: &[i64]) -> String {
     let words: Vec<String> = labels.iter().map(i64::to_string).collect();
     format!("{} {}", if labels.len() == 1 { "label" } else { "labels" }, words.join(", "))
+}
+
+/// How far a value may lie from a label, where that is more than rounding.
+fn within(m: &NativeMask) -> String {
+    if m.label_tolerance > 0.01 {
+        format!(" within {} of its value", decimal::text(m.label_tolerance, 3))
+    } else {
+        String::new()
+    }
 }
 
 /// `part` of `whole` in per cent; never rounded to 0 or 100 unless exact. `part` is above 0.
@@ -69,7 +79,8 @@ fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>
     let labels = spec.masks[m.spec].labels.as_deref();
     if m.mask.bits().bounds().is_none() {
         let why = match labels {
-            Some(labels) => format!("no voxel has {}", list(labels)),
+            Some(labels) => format!("no voxel has {}{}", list(labels), within(m)),
+            None if matches!(m.meaning, Some(Meaning::Soft { .. })) => "no voxel is above 50 %".into(),
             None => "no voxel is above 0.5".into(),
         };
         checks.push(Check::warning(
@@ -80,8 +91,30 @@ fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>
         let asked = list(labels.unwrap_or_default());
         checks.push(Check::note(
             "label-missing",
-            format!("{name}: found no voxel with {}, expected {asked}", list(&m.missing_labels)),
+            format!("{name}: found no voxel with {}{}, expected {asked}", list(&m.missing_labels), within(m)),
         ));
+    }
+    match m.meaning {
+        Some(Meaning::Soft { full, .. }) => {
+            let unit = if full == 1.0 { "0 to 1" } else { "0 to 100, per cent" };
+            let expected = decimal::text(m.expected_volume_ml().unwrap_or_default(), 3);
+            checks.push(Check::warning(
+                "mask-soft",
+                format!(
+                    "{name}: found a soft mask (probabilities, {unit}), expected labels; active above 50 %: {} ml; \
+                     the sum of the probabilities is {expected} ml",
+                    decimal::text(m.mask.volume_ml(), 3)
+                ),
+            ));
+        }
+        Some(Meaning::Image) => checks.push(Check::warning(
+            "mask-looks-like-image",
+            format!(
+                "{name}: found many different values, as of an image, expected a mask or labels; every voxel above 0.5 \
+                 is active (--context, or [[context]] in the manifest, if it is an image)"
+            ),
+        )),
+        None => {}
     }
     if m.invalid > 0 {
         let text = |found: &str, expected: &str| {
@@ -264,8 +297,7 @@ pub(super) fn isolated_masks(label: &str, masks: &[CaseMask], regions: &Regions)
         let name = at_time(masks[k].mask.id(), label);
         let nearest = match gap {
             0.0 => "boxes overlap, no voxel shared".to_owned(),
-            _ if gap < 0.1 => format!("the nearest one's box is {gap:.1e} mm away"),
-            _ => format!("the nearest one's box is {gap:.1} mm away"),
+            _ => format!("the nearest one's box is {} mm away", decimal::text(gap, 1)),
         };
         checks.push(Check::warning(
             "masks-do-not-touch",

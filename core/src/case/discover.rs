@@ -6,19 +6,19 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use jiff::civil::DateTime;
-
 use super::{
     CaseError, CaseSpec, ContextSpec, LoadOptions, MaskSpec,
+    folder::{self, Listing},
     manifest::{folder_name, read_manifest},
     names::{self, Kind, ParsedName},
-    order, select, subject,
+    order, select, sessions, subject,
 };
 use crate::{
     Check, Progress,
     files::{
         self, ReadOptions, Source,
         format::{self, volume_stem},
+        printable, read_small_text,
     },
     tumor_index::MAX_MASKS,
 };
@@ -26,14 +26,8 @@ use crate::{
 /// Maximum number of distinct values in a label map: BraTS has 5, a whole-brain parcellation hundreds.
 const MAX_LABELS: usize = 64;
 
-/// Depth of subfolders searched below the opened one: BIDS has sub-, ses- and anat.
-const MAX_DEPTH: usize = 4;
-
-/// Maximum number of files and folders visited.
-const MAX_ENTRIES: usize = 10_000;
-
 fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
-    CaseError::wrong(path.display().to_string(), found, expected)
+    CaseError::wrong(printable(&path.display().to_string()), found, expected)
 }
 
 /// The case at `path`: a manifest (`.toml`), a folder with one (`case.toml`, or the only `.toml`
@@ -46,14 +40,16 @@ fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
 pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
     let kind = format::volume_names();
     let expected = &format!("a case manifest (.toml), a folder of {kind} files, or a {kind} file");
-    let metadata = std::fs::metadata(path).map_err(|e| wrong(path, e.to_string(), expected))?;
+    let metadata = std::fs::metadata(path).map_err(|e| files::missing(path, &e, expected))?;
     if metadata.is_dir() {
         return match manifest_in(path)? {
             Some(manifest) => read_manifest(&manifest),
             None => guess_folder(path, options, progress),
         };
     }
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let Some(name) = path.file_name().and_then(|name| name.to_str()).map(str::to_owned) else {
+        return Err(wrong(path, "a name that is not UTF-8", "one that is"));
+    };
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return read_manifest(path);
     }
@@ -67,15 +63,16 @@ pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
 /// The manifest of a folder, if it has one.
 fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
     let usual = folder.join("case.toml");
-    if usual.is_file() {
+    // Also a broken link: reading says what it is.
+    if usual.symlink_metadata().is_ok() {
         return Ok(Some(usual));
     }
     let mut found = Vec::new();
-    for entry in read_folder(folder)? {
+    for entry in folder::entries(folder)? {
         let small = entry.metadata().is_ok_and(|m| m.is_file() && m.len() < 1 << 20);
         if small
             && entry.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
-            && std::fs::read_to_string(&entry)
+            && read_small_text(&entry, 1 << 20, "a manifest")
                 .is_ok_and(|t| t.lines().any(|l| l.trim_start().starts_with("glioscope")))
         {
             found.push(entry);
@@ -87,94 +84,19 @@ fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
     }
 }
 
-fn read_folder(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
-    let fail = |e: std::io::Error| wrong(folder, e.to_string(), "a folder that can be read");
-    let entries = std::fs::read_dir(folder).map_err(fail)?;
-    let mut paths = entries.map(|e| Ok(e.map_err(fail)?.path())).collect::<Result<Vec<_>, CaseError>>()?;
-    paths.sort();
-    Ok(paths)
-}
-
-/// Images and masks below `folder`, relative to it, sorted by path. Hidden entries and symbolic links to folders are
-/// skipped.
-fn volume_files(folder: &Path, progress: &Progress) -> Result<Vec<PathBuf>, CaseError> {
-    let mut found = Vec::new();
-    let mut visited = 0;
-    let mut pending = vec![(folder.to_path_buf(), 0)];
-    while let Some((current, depth)) = pending.pop() {
-        progress.check()?;
-        for path in read_folder(&current)? {
-            visited += 1;
-            if visited > MAX_ENTRIES {
-                let text = format!("more than {MAX_ENTRIES} files and folders");
-                return Err(wrong(folder, text, "the folder of one case"));
-            }
-            let Some(name) = path.file_name().and_then(|n| n.to_str()).filter(|n| !n.starts_with('.')) else {
-                continue;
-            };
-            if path.is_dir() {
-                if depth < MAX_DEPTH && !path.is_symlink() {
-                    pending.push((path, depth + 1));
-                }
-            } else if volume_stem(name).is_some() {
-                found.extend(path.strip_prefix(folder).map(Path::to_path_buf));
-            }
-        }
-    }
-    found.sort();
-    Ok(found)
-}
-
 fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    let files = volume_files(folder, progress)?;
-    if files.is_empty() {
+    let Listing { volumes, left_out } = folder::list(folder, progress)?;
+    if volumes.is_empty() {
         let kind = format::volume_names();
-        let found = format!("no {kind} file ({})", format::volume_endings());
+        let others: Vec<String> = left_out.into_iter().map(|check| format!("; {}", check.message)).collect();
+        let found = format!("no {kind} file ({}){}", format::volume_endings(), others.concat());
         return Err(wrong(folder, found, &format!("a case.toml or {kind} files")));
     }
     let name = folder_name(&folder.join("x"));
-    let mut spec = guess(folder, files, name, options, progress)?;
-    order_by_sessions(folder, &mut spec);
+    let mut spec = guess(folder, volumes, name, options, progress)?;
+    spec.notes.extend(left_out);
+    sessions::order_by_sessions(folder, &mut spec);
     Ok(spec)
-}
-
-/// Sets the order of the time points by the acquisition times in a BIDS `sessions.tsv`, in `folder` or in the folder of
-/// its subject, if it lists every time point.
-fn order_by_sessions(folder: &Path, spec: &mut CaseSpec) {
-    let is_sessions = |path: &PathBuf| {
-        path.file_name().is_some_and(|name| name.to_string_lossy().ends_with("sessions.tsv"))
-            && path.metadata().is_ok_and(|m| m.is_file() && m.len() < 1 << 20)
-    };
-    let subjects = read_folder(folder).unwrap_or_default().into_iter().filter(|path| path.is_dir());
-    let folders = std::iter::once(folder.to_path_buf()).chain(subjects);
-    let mut tables = folders.flat_map(|f| read_folder(&f).unwrap_or_default()).filter(is_sessions);
-    let Some((file, order)) = tables.find_map(|file| Some((file.clone(), sessions(&file)?))) else { return };
-    let images = spec.contexts.iter().filter_map(|c| c.time.clone());
-    let times: BTreeSet<String> = spec.masks.iter().filter_map(|m| m.time.clone()).chain(images).collect();
-    let order: Vec<String> = order.into_iter().filter(|label| times.contains(label)).collect();
-    if order.len() == times.len() && order.len() > 1 {
-        let text = format!("times: in the order of {}: {}", file.display(), order.join(", "));
-        spec.notes.push(Check::note("time-order-sessions", text));
-        spec.order = order;
-        spec.described_by.push(file);
-    }
-}
-
-/// The sessions of a BIDS `sessions.tsv`, without `ses-`, by acquisition time; `None` unless each has a different one.
-fn sessions(file: &Path) -> Option<Vec<String>> {
-    let mut reader = csv::ReaderBuilder::new().delimiter(b'\t').from_path(file).ok()?;
-    let columns = reader.headers().ok()?.clone();
-    let column = |name: &str| columns.iter().position(|c| c == name);
-    let (id, time) = (column("session_id")?, column("acq_time")?);
-    let mut found: Vec<(DateTime, String)> = Vec::new();
-    for row in reader.records() {
-        let row = row.ok()?;
-        let time = row.get(time)?.trim_end_matches('Z').parse().ok()?;
-        found.push((time, row.get(id)?.trim_start_matches("ses-").to_owned()));
-    }
-    found.sort();
-    let differ = found.windows(2).all(|pair| pair[0].0 < pair[1].0);
-    differ.then(|| found.into_iter().map(|(_, id)| id).collect())
 }
 
 /// A file to be added to the case.
@@ -264,12 +186,12 @@ fn assign_times(
         return Ok(());
     }
     let timeless: Vec<String> =
-        entries.iter().filter(|e| e.named.time.is_none()).map(|e| e.named.stem.clone()).collect();
+        entries.iter().filter(|e| e.named.time.is_none()).map(|e| e.path.display().to_string()).collect();
     entries.retain(|e| e.named.time.is_some());
     notes.push(Check::note("guessed-times", format!("times: guessed from names: {}", labels.join(", "))));
     if !timeless.is_empty() {
-        let text =
-            format!("{}: found no time in the name while others have one; left out", timeless.join(", "));
+        let names = folder::listed(&timeless);
+        let text = format!("{names}: found no time in the name while others have one; left out");
         notes.push(Check::warning("guess-left-out", text));
     }
     Ok(())

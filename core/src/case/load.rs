@@ -1,16 +1,21 @@
 //! Loads a described case: reads files in parallel, selects masks from label maps, resamples masks onto the case
 //! grid.
 
-use std::sync::Arc;
+use std::{
+    collections::{HashMap, HashSet},
+    sync::Arc,
+};
 
 use rayon::prelude::*;
 
 use super::{
-    Case, CaseError, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, TimePoint, TractsSpec, case_grid,
-    check,
+    Case, CaseError, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, MAX_FILES, TimePoint, TractsSpec,
+    case_grid, check,
+    findings::{self, Finding},
     native::{NativeMask, at_time},
     order,
-    select::{self, Selected},
+    select::{self, Rule, Selected},
+    values::{self, Meaning},
 };
 use crate::{
     Check, Grid, Mask, Progress, Regions, TumorIndex, Volume,
@@ -18,6 +23,9 @@ use crate::{
     resample,
     tumor_index::MAX_MASKS,
 };
+
+/// Maximum number of labels of one mask: more than any atlas has.
+const MAX_LABELS: usize = 1 << 15;
 
 /// One image.
 struct NativeContext {
@@ -57,9 +65,15 @@ fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
 }
 
 fn check_names(spec: &CaseSpec) -> Result<(), CaseError> {
+    let files = spec.contexts.len() + spec.masks.len() + spec.tracts.len();
+    if files > MAX_FILES {
+        let found = format!("{files} images, masks and tracts");
+        return Err(CaseError::wrong(&spec.name, found, format!("at most {MAX_FILES}")));
+    }
     let images: Vec<_> = spec.contexts.iter().map(|c| (&c.id, &c.time)).collect();
     let masks: Vec<_> = spec.masks.iter().map(|m| (&m.id, &m.time)).collect();
     for (kind, list) in [("image", images), ("mask", masks)] {
+        let mut seen = HashSet::new();
         for (n, (id, time)) in list.iter().enumerate() {
             let label = at_time(id, time.as_deref().unwrap_or_default());
             if id.trim().is_empty() {
@@ -69,7 +83,7 @@ fn check_names(spec: &CaseSpec) -> Result<(), CaseError> {
                     "a name",
                 ));
             }
-            if list[..n].contains(&(id, time)) {
+            if !seen.insert((id, time)) {
                 let expected = format!("each {kind} id once at each time");
                 return Err(CaseError::wrong(&spec.name, format!("{kind} {label} twice"), expected));
             }
@@ -91,6 +105,10 @@ fn check_names(spec: &CaseSpec) -> Result<(), CaseError> {
                 format!("mask {} with an empty list of labels", mask.id),
                 "a label",
             ));
+        }
+        if let Some(labels) = mask.labels.as_ref().filter(|labels| labels.len() > MAX_LABELS) {
+            let found = format!("mask {} with {} labels", mask.id, labels.len());
+            return Err(CaseError::wrong(&spec.name, found, format!("at most {MAX_LABELS}")));
         }
     }
     Ok(())
@@ -120,34 +138,32 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn first_id<'a>(&self, spec: &'a CaseSpec) -> &'a str {
+    /// Id and time of the first image or mask that is made from it.
+    fn first_use<'a>(&self, spec: &'a CaseSpec) -> (&'a str, Option<&'a str>) {
         match (self.contexts.first(), self.masks.first()) {
-            (Some(&c), _) => &spec.contexts[c].id,
-            (None, Some(&m)) => &spec.masks[m].id,
-            (None, None) => "",
+            (Some(&c), _) => (&spec.contexts[c].id, spec.contexts[c].time.as_deref()),
+            (None, Some(&m)) => (&spec.masks[m].id, spec.masks[m].time.as_deref()),
+            (None, None) => ("", None),
         }
     }
 }
 
 /// One job per file, in the order listed.
-fn jobs(spec: &CaseSpec) -> Vec<Job<'_>> {
-    let mut jobs: Vec<Job<'_>> = Vec::new();
-    let job_of = |jobs: &mut Vec<Job<'_>>, source| match jobs.iter().position(|j| j.source == source) {
-        Some(found) => found,
-        None => jobs.len(),
+fn jobs<'a>(spec: &'a CaseSpec) -> Vec<Job<'a>> {
+    let mut jobs: Vec<Job<'a>> = Vec::new();
+    let mut places: HashMap<&Source, usize> = HashMap::new();
+    let mut place_of = |jobs: &mut Vec<Job<'a>>, source: &'a Source| {
+        *places.entry(source).or_insert_with(|| {
+            jobs.push(Job { source, contexts: Vec::new(), masks: Vec::new() });
+            jobs.len() - 1
+        })
     };
     for (n, context) in spec.contexts.iter().enumerate() {
-        let at = job_of(&mut jobs, &context.source);
-        if at == jobs.len() {
-            jobs.push(Job { source: &context.source, contexts: Vec::new(), masks: Vec::new() });
-        }
+        let at = place_of(&mut jobs, &context.source);
         jobs[at].contexts.push(n);
     }
     for (n, mask) in spec.masks.iter().enumerate() {
-        let at = job_of(&mut jobs, &mask.source);
-        if at == jobs.len() {
-            jobs.push(Job { source: &mask.source, contexts: Vec::new(), masks: Vec::new() });
-        }
+        let at = place_of(&mut jobs, &mask.source);
         jobs[at].masks.push(n);
     }
     jobs
@@ -155,8 +171,10 @@ fn jobs(spec: &CaseSpec) -> Vec<Job<'_>> {
 
 /// The result of one job: selected masks, and the image's voxels if the case uses them.
 struct FileResult {
-    checks: Vec<Check>,
+    findings: Vec<Finding>,
     grid: Grid,
+    meaning: Option<Meaning>,
+    label_tolerance: f64,
     image: Option<Arc<Volume>>,
     selected: Vec<(usize, Selected)>,
 }
@@ -168,22 +186,34 @@ fn read_one(
     read: &(dyn Fn(&Source) -> Result<Loaded, FileError> + Sync),
 ) -> Result<FileResult, CaseError> {
     progress.check()?;
-    let id = job.first_id(spec);
+    let (id, time) = job.first_use(spec);
     progress.say(format!("Reading {id}"));
     let loaded = read(job.source)?;
-    let mut checks: Vec<Check> =
-        loaded.checks.into_iter().map(|c| Check { message: format!("{id}: {}", c.message), ..c }).collect();
+    let mut checks = loaded.checks;
     if loaded.frames > 1 {
-        let text = format!("{id}: found {} frames, expected one; the first is shown", loaded.frames);
+        let text = format!("found {} frames, expected one; the first is shown", loaded.frames);
         checks.push(Check::warning("first-frame-only", text));
     }
+    let findings = checks.into_iter().map(|check| Finding::new(id, time, job.source, check)).collect();
+    // With labels given, the file is what they say it is.
+    let is_open = job.masks.iter().any(|&m| spec.masks[m].labels.is_none());
+    let meaning = if is_open { values::meaning(&loaded.volume, progress)? } else { None };
+    let threshold = match meaning {
+        Some(Meaning::Soft { full, .. }) => full / 2.0,
+        _ => 0.5,
+    };
     let selected = job
         .masks
         .iter()
-        .map(|&m| Ok((m, select::select(&loaded.volume, spec.masks[m].labels.as_deref(), progress)?)))
+        .map(|&m| {
+            let rule = spec.masks[m].labels.as_deref().map_or(Rule::Above(threshold), Rule::Labels);
+            Ok((m, select::select(&loaded.volume, rule, progress)?))
+        })
         .collect::<Result<Vec<_>, CaseError>>()?;
     Ok(FileResult {
-        checks,
+        meaning,
+        label_tolerance: loaded.volume.scaling().label_tolerance(loaded.volume.samples().is_integer()),
+        findings,
         grid: loaded.volume.grid().clone(),
         image: (!job.contexts.is_empty()).then(|| Arc::new(loaded.volume)),
         selected,
@@ -198,14 +228,14 @@ fn load_tracts(
     checks: &mut Vec<Check>,
 ) -> Result<Vec<CaseTracts>, CaseError> {
     let limit = TractOptions { max_bytes: options.max_bytes };
-    let mut all = Vec::new();
+    let (mut all, mut findings) = (Vec::new(), Vec::new());
     for TractsSpec { id, source } in &spec.tracts {
         progress.say(format!("Reading {id}"));
         let loaded = read_tracts(source, &limit, progress)?;
-        let named = |c: Check| Check { message: format!("{id}: {}", c.message), ..c };
-        checks.extend(loaded.checks.into_iter().map(named));
+        findings.extend(loaded.checks.into_iter().map(|check| Finding::new(id, None, source, check)));
         all.push(CaseTracts { id: id.clone(), tracts: Arc::new(loaded.tracts) });
     }
+    checks.extend(findings::together(findings));
     Ok(all)
 }
 
@@ -229,11 +259,11 @@ pub fn load_with(
     let jobs = jobs(spec);
     let mut checks = spec.notes.clone();
     checks.extend(check::time_order(&listed, &labels, order));
-    let (mut images, mut masks) = (Vec::new(), Vec::new());
+    let (mut images, mut masks, mut findings) = (Vec::new(), Vec::new(), Vec::new());
     let reads = jobs.par_iter().map(|job| read_one(job, spec, progress, read)).collect::<Vec<_>>();
     for (job, outcome) in jobs.iter().zip(reads) {
         let outcome = outcome?;
-        checks.extend(outcome.checks);
+        findings.extend(outcome.findings);
         for (m, selected) in outcome.selected {
             let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits).ok_or_else(
                 || CaseError::wrong(&spec.name, "a mask of another size than its file", "the same size"),
@@ -245,6 +275,8 @@ pub fn load_with(
                 mask,
                 missing_labels,
                 invalid,
+                meaning: outcome.meaning.filter(|_| spec.masks[m].labels.is_none()),
+                label_tolerance: outcome.label_tolerance,
             });
         }
         if let Some(volume) = outcome.image {
@@ -254,10 +286,15 @@ pub fn load_with(
             }
         }
     }
+    checks.extend(findings::together(findings));
     let tracts = load_tracts(spec, options, progress, &mut checks)?;
     images.sort_by_key(|c| c.spec);
     // One id is one mask over time: bits are assigned in the order in which ids are first listed.
-    let rank = |m: &NativeMask| spec.masks.iter().position(|s| s.id == spec.masks[m.spec].id);
+    let mut ranks: HashMap<&str, usize> = HashMap::new();
+    for (n, mask) in spec.masks.iter().enumerate() {
+        ranks.entry(&mask.id).or_insert(n);
+    }
+    let rank = |m: &NativeMask| ranks.get(spec.masks[m.spec].id.as_str()).copied();
     masks.sort_by_key(|m| m.spec);
     let image_grids: Vec<(usize, &str, &Grid)> =
         images.iter().map(|c| (c.time, spec.contexts[c.spec].id.as_str(), c.volume.grid())).collect();
@@ -290,6 +327,7 @@ pub fn load_with(
                 native_grid: native.mask.grid().clone(),
                 native_voxels: native.mask.voxels(),
                 native_volume_ml: native.mask.volume_ml(),
+                expected_volume_ml: native.expected_volume_ml(),
                 color: spec.masks[native.spec].color,
             };
             (native.time, case_mask)

@@ -20,13 +20,13 @@
 //! ```
 //! Unknown keys are errors: a misspelt `label` must not silently mean "every voxel".
 
-use std::path::Path;
+use std::{collections::HashSet, path::Path};
 
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{CaseError, CaseSpec, ContextSpec, MaskSpec, TractsSpec};
-use crate::files::Source;
+use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec};
+use crate::files::{Source, printable, read_small_text};
 
 /// The version written, and the only one read.
 pub const VERSION: i64 = 1;
@@ -132,15 +132,9 @@ fn one_line(text: impl Into<String>) -> String {
 /// Reads the manifest at `path`. The files it lists are not opened.
 ///
 /// # Errors
-/// [`CaseError::Wrong`], one line with the manifest's path and, if known, the line number.
+/// [`CaseError`], one line with the manifest's path and, if known, the line number.
 pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
-    let fail = |found: String| CaseError::wrong(path.display().to_string(), found, "a case manifest in TOML");
-    let size = std::fs::metadata(path).map_err(|e| fail(e.to_string()))?.len();
-    if size > MAX_BYTES {
-        return Err(fail(format!("{size} bytes")));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| fail(e.to_string()))?;
-    parse_manifest(&text, path)
+    parse_manifest(&read_small_text(path, MAX_BYTES, "a case manifest in TOML")?, path)
 }
 
 /// Parses a manifest's text; `path` is its actual or assumed location: messages name it, files are relative to its
@@ -149,7 +143,7 @@ pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
 /// # Errors
 /// As [`read_manifest`].
 pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
-    let location = ErrorLocation { name: path.display().to_string(), text };
+    let location = ErrorLocation { name: printable(&path.display().to_string()), text };
     let manifest: Manifest = toml::from_str(text).map_err(|e| location.parse_error(&e))?;
     let version = *manifest.glioscope.get_ref();
     if version != VERSION {
@@ -159,6 +153,11 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
             format!("manifest version {version}"),
             format!("glioscope = {VERSION}"),
         ));
+    }
+    let files = manifest.context.len() + manifest.mask.len() + manifest.tracts.len();
+    if files > MAX_FILES {
+        let found = format!("{files} images, masks and tracts");
+        return Err(location.wrong(None, found, format!("at most {MAX_FILES}")));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let text_of = |s: &Spanned<String>, what: &str| {
@@ -186,10 +185,11 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         described_by: vec![path.to_owned()],
         ..CaseSpec::default()
     };
+    let (mut images, mut masks) = (HashSet::new(), HashSet::new());
     for entry in &manifest.context {
         let (at, entry) = (entry.span().start, entry.get_ref());
         let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
-        if spec.contexts.iter().any(|c| c.id == id && c.time == time) {
+        if !images.insert((id.clone(), time.clone())) {
             return Err(location.wrong(Some(at), format!("image {id} twice"), "each id once at each time"));
         }
         spec.contexts.push(ContextSpec { id, source, time });
@@ -197,7 +197,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     for entry in &manifest.mask {
         let (at, entry) = (entry.span().start, entry.get_ref());
         let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
-        if spec.masks.iter().any(|m| m.id == id && m.time == time) {
+        if !masks.insert((id.clone(), time.clone())) {
             return Err(location.wrong(Some(at), format!("mask {id} twice"), "each id once at each time"));
         }
         let labels = match &entry.labels {
@@ -413,6 +413,18 @@ file = "dwi/cst.tck"
             assert!(error.contains(expected), "{error}\n  expected {expected}");
             assert!(!error.contains('\n') && error.contains(", expected "), "{error}");
         }
+    }
+
+    #[test]
+    fn more_files_than_any_case_has_are_refused_at_once() {
+        let entry = |n: usize| format!("[[mask]]\nid = \"m{n}\"\nfile = \"{n}.nii\"\ntime = \"t{n}\"\n");
+        let manifest = |count| format!("glioscope = 1\n{}", (0..count).map(entry).collect::<String>());
+        let started = std::time::Instant::now();
+        assert_eq!(parse(&manifest(4096)).unwrap().masks.len(), 4096);
+        let error = parse(&manifest(15_000)).unwrap_err().to_string();
+        assert!(error.ends_with("found 15000 images, masks and tracts, expected at most 4096"), "{error}");
+        // 0.2 s here; comparing each with each took longer by a factor of tens.
+        assert!(started.elapsed().as_secs() < 5, "{:?}", started.elapsed());
     }
 
     #[test]

@@ -4,13 +4,17 @@ mod arguments;
 mod case_grid;
 mod check;
 mod discover;
+mod findings;
+mod folder;
 mod load;
 mod manifest;
 mod names;
 mod native;
 mod order;
 mod select;
+mod sessions;
 mod subject;
+mod values;
 
 use std::{
     path::{Path, PathBuf},
@@ -26,6 +30,9 @@ pub use discover::open_spec;
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::OrderBasis;
+
+/// Maximum number of images, masks and tracts in a case: twenty raters over a hundred dates are half of it.
+const MAX_FILES: usize = 4096;
 
 /// An image listed in a case, not yet read.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +52,7 @@ pub struct MaskSpec {
     pub id: String,
     /// Its file.
     pub source: Source,
-    /// Labels that count as active; `None` for every voxel above 0.5.
+    /// Labels that count as active; `None` for every voxel above 0.5, or above 50 in a soft mask in per cent.
     pub labels: Option<Vec<i64>>,
     /// Its time point's label.
     pub time: Option<String>,
@@ -118,9 +125,10 @@ impl CaseSpec {
     /// appended where that name is taken.
     pub fn add_tracts(&mut self, files: &[PathBuf]) {
         for file in files {
-            let stem = file.file_stem().map_or_else(|| "tracts".into(), |s| s.to_string_lossy());
+            let name = file.file_name().map_or_else(|| "tracts".into(), |name| name.to_string_lossy());
+            let stem = files::format::tract_stem(&name).unwrap_or(&name);
             let taken = |id: &str| self.tracts.iter().any(|t| t.id == id);
-            let mut id = stem.to_string();
+            let mut id = stem.to_owned();
             for number in 2.. {
                 if !taken(&id) {
                     break;
@@ -180,6 +188,9 @@ pub struct CaseMask {
     pub native_voxels: u64,
     /// Volume on its native grid in millilitres, before resampling.
     pub native_volume_ml: f64,
+    /// Of a soft mask (probabilities, of which the mask holds those above one half): their sum as a volume on the native
+    /// grid in millilitres.
+    pub expected_volume_ml: Option<f64>,
     /// Colour set by the case, sRGB.
     pub color: Option<[u8; 3]>,
 }

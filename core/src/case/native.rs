@@ -1,5 +1,6 @@
 //! Masks as read, on their native grids.
 
+use super::values::Meaning;
 use crate::Mask;
 
 /// One mask on its native grid.
@@ -9,6 +10,22 @@ pub(super) struct NativeMask {
     pub mask: Mask,
     pub missing_labels: Vec<i64>,
     pub invalid: u64,
+    /// What its file's values mean, where no labels are asked for and they aren't labels.
+    pub meaning: Option<Meaning>,
+    /// The farthest that a value may lie from its label.
+    pub label_tolerance: f64,
+}
+
+impl NativeMask {
+    /// Of a soft mask: the sum of its probabilities as a volume.
+    pub(super) fn expected_volume_ml(&self) -> Option<f64> {
+        match self.meaning {
+            Some(Meaning::Soft { expected_voxels, .. }) => {
+                Some(expected_voxels * self.mask.grid().voxel_volume_mm3() / 1000.0)
+            }
+            _ => None,
+        }
+    }
 }
 
 /// An id and its time as written in messages: `T1 (2024-01-15)`.

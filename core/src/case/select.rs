@@ -4,9 +4,6 @@ use rayon::prelude::*;
 
 use crate::{Cancelled, MaskBits, Progress, Samples, Volume};
 
-/// Values this close to an integer count as that integer: a slope stored as `f32` turns 3 into 3.0000001.
-const INTEGER_TOLERANCE: f64 = 1e-2;
-
 /// The mask selected from a volume.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Selected {
@@ -27,7 +24,7 @@ struct SliceStats {
 }
 
 /// Class of a stored number. `Label` holds the index of the requested label and is active; without requested labels
-/// index 0 means "above 0.5".
+/// index 0 means "above the threshold".
 #[derive(Clone, Copy)]
 enum VoxelClass {
     Inactive,
@@ -35,23 +32,28 @@ enum VoxelClass {
     Invalid,
 }
 
-fn classify_value(value: f64, labels: Option<&[i64]>) -> VoxelClass {
-    let Some(labels) = labels else {
-        return match value {
-            v if !v.is_finite() => VoxelClass::Invalid,
-            v if v > 0.5 => VoxelClass::Label(0),
-            _ => VoxelClass::Inactive,
-        };
-    };
-    if value == 0.0 && !labels.contains(&0) {
-        return VoxelClass::Inactive;
+/// Which voxels are active.
+#[derive(Clone, Copy)]
+pub(super) enum Rule<'a> {
+    /// Those with one of these labels.
+    Labels(&'a [i64]),
+    /// Those with a value above this.
+    Above(f64),
+}
+
+fn above(threshold: f64, value: f64) -> VoxelClass {
+    match value {
+        v if !v.is_finite() => VoxelClass::Invalid,
+        v if v > threshold => VoxelClass::Label(0),
+        _ => VoxelClass::Inactive,
     }
-    let integer = value.round();
-    if !value.is_finite() || (value - integer).abs() > INTEGER_TOLERANCE {
-        return VoxelClass::Invalid;
-    }
-    let found = labels.iter().position(|&l| l as f64 == integer);
-    found.map_or(VoxelClass::Inactive, |k| VoxelClass::Label(k as u16))
+}
+
+/// Class of a label, `None` where a number means none. `ranked`: the requested labels, sorted, with their index.
+fn of_label(label: Option<f64>, ranked: &[(i64, u16)]) -> VoxelClass {
+    let Some(label) = label else { return VoxelClass::Invalid };
+    let found = ranked.binary_search_by_key(&(label as i64), |(label, _)| *label);
+    found.map_or(VoxelClass::Inactive, |at| VoxelClass::Label(ranked[at].1))
 }
 
 /// Packs every x-line into bits; `classify` classifies a stored number. A word of 64 numbers all equal to `blank`, an
@@ -100,17 +102,24 @@ fn pack_bits<T: Copy + PartialEq + Sync>(
     Ok((bits, stats))
 }
 
-/// The voxels of `volume` with one of `labels`; without labels, those above 0.5. NaN and infinite
-/// values are inactive and counted.
+/// The voxels of `volume` that `rule` makes active. NaN and infinite values are inactive and counted.
 /// 8- and 16-bit types use a lookup table, others are computed in `f64`.
-pub(super) fn select(
-    volume: &Volume,
-    labels: Option<&[i64]>,
-    progress: &Progress,
-) -> Result<Selected, Cancelled> {
+pub(super) fn select(volume: &Volume, rule: Rule<'_>, progress: &Progress) -> Result<Selected, Cancelled> {
     let (dims, scaling) = (volume.grid().dims(), volume.scaling());
+    let labels = match rule {
+        Rule::Labels(labels) => Some(labels),
+        Rule::Above(_) => None,
+    };
     let count = labels.map_or(1, <[i64]>::len);
-    let classify = |stored: f64| classify_value(scaling.apply(stored), labels);
+    let is_integer = volume.samples().is_integer();
+    // Of a label asked for twice, the first counts, as the sort is stable.
+    let mut ranked: Vec<(i64, u16)> = labels.unwrap_or_default().iter().copied().zip(0..=u16::MAX).collect();
+    ranked.sort_by_key(|(label, _)| *label);
+    ranked.dedup_by_key(|(label, _)| *label);
+    let classify = |stored: f64| match rule {
+        Rule::Above(threshold) => above(threshold, scaling.apply(stored)),
+        Rule::Labels(_) => of_label(scaling.label(stored, is_integer), &ranked),
+    };
     let blank = matches!(classify(0.0), VoxelClass::Inactive);
     macro_rules! table {
         ($v:expr, $int:ty, $unsigned:ty) => {{
@@ -146,15 +155,14 @@ pub(super) fn select(
 /// The distinct values of a volume, ascending, if it looks like a label map: at most `max_values` of them, all
 /// integers. `None` otherwise.
 pub(super) fn label_map_values(volume: &Volume, max_values: usize) -> Option<Vec<i64>> {
-    let scaling = volume.scaling();
-    let mut found: Vec<f64> = Vec::new();
+    let (scaling, is_integer) = (volume.scaling(), volume.samples().is_integer());
+    let mut values: Vec<i64> = Vec::new();
     let mut add = |stored: f64| {
-        let value = scaling.apply(stored);
-        let new = !found.contains(&value);
-        if new {
-            found.push(value);
+        let Some(label) = scaling.label(stored, is_integer).map(|label| label as i64) else { return false };
+        if !values.contains(&label) {
+            values.push(label);
         }
-        (value - value.round()).abs() <= INTEGER_TOLERANCE && found.len() <= max_values
+        values.len() <= max_values
     };
     macro_rules! each_change {
         ($v:expr) => {{
@@ -168,9 +176,7 @@ pub(super) fn label_map_values(volume: &Volume, max_values: usize) -> Option<Vec
     }
     #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all types")]
     let is_label_map = crate::with_samples!(volume.samples(), v => each_change!(v));
-    let mut values: Vec<i64> = found.iter().map(|v| v.round() as i64).collect();
     values.sort_unstable();
-    values.dedup();
     is_label_map.then_some(values)
 }
 
@@ -188,8 +194,12 @@ mod tests {
 
     fn active(volume: &Volume, labels: Option<&[i64]>) -> Vec<usize> {
         let mut on = Vec::new();
-        select(volume, labels, &Progress::new()).unwrap().bits.for_each(|l| on.push(l));
+        select(volume, rule(labels), &Progress::new()).unwrap().bits.for_each(|l| on.push(l));
         on
+    }
+
+    fn rule(labels: Option<&[i64]>) -> Rule<'_> {
+        labels.map_or(Rule::Above(0.5), Rule::Labels)
     }
 
     /// The same small numbers in each of the ten data types.
@@ -216,7 +226,7 @@ mod tests {
             // value = 0.25 n - 0.5: above 0.5 from 5 on; integers only at 2 (0) and 6 (1).
             let v = volume(samples, Scaling { slope: 0.25, intercept: -0.5 });
             assert_eq!(active(&v, None), expected(&|n| n >= 5));
-            let s = select(&v, Some(&[1, 0, 9]), &Progress::new()).unwrap();
+            let s = select(&v, rule(Some(&[1, 0, 9])), &Progress::new()).unwrap();
             assert_eq!(active(&v, Some(&[1, 0, 9])), expected(&|n| n == 6 || n == 2));
             assert_eq!(
                 s.missing_labels,
@@ -233,8 +243,8 @@ mod tests {
         assert_eq!(active(&v, None), [2]);
         let v = volume(Samples::F32(vec![f32::NAN, f32::INFINITY, 0.5, 0.51, -3.0]), Scaling::NONE);
         assert_eq!(active(&v, None), [3]);
-        assert_eq!(select(&v, None, &Progress::new()).unwrap().invalid, 2);
-        let s = select(&v, Some(&[-3]), &Progress::new()).unwrap();
+        assert_eq!(select(&v, rule(None), &Progress::new()).unwrap().invalid, 2);
+        let s = select(&v, rule(Some(&[-3])), &Progress::new()).unwrap();
         assert_eq!((s.bits.count(), s.invalid), (1, 4));
     }
 

@@ -12,7 +12,10 @@ use super::names::{self, ParsedName};
 use crate::dates::{ISO_LENGTH, find_iso_date};
 
 /// Words before a patient's number.
-const PATIENT_WORDS: &[&str] = &["patient", "pat", "pt", "subject", "subj", "case", "p", "participant"];
+const PATIENT_WORDS: &[&str] = &["patient", "pat", "pt", "subject", "subj", "case", "p", "participant", "id"];
+
+/// Letters up to which a prefix of an identifying number is part of it: `A001`, `MR0042`.
+const PREFIX_LETTERS: usize = 2;
 
 /// Digits from which on a number of its own identifies a patient; shorter ones number raters, runs and visits.
 const IDENTIFYING_DIGITS: usize = 3;
@@ -65,11 +68,15 @@ fn identifier(text: &str) -> Option<String> {
     let identifies = |at: usize| {
         let part = parts[at].as_str();
         let (word, number) = part.split_at(part.find(|c: char| c.is_ascii_digit()).unwrap_or(part.len()));
-        if !word.is_empty() {
-            return is_word(word) && !number.is_empty() && is_number(number);
-        }
-        let is_long = number.len() >= IDENTIFYING_DIGITS && !is_compact_date(number);
-        is_number(number) && (is_long || at > 0 && is_word(&parts[at - 1]))
+        let is_year =
+            number.len() == 4 && number.parse().is_ok_and(|year: u32| (1900..=2100).contains(&year));
+        let is_long = number.len() >= IDENTIFYING_DIGITS && !is_compact_date(number) && !is_year;
+        let is_named = if word.is_empty() {
+            is_long || at > 0 && is_word(&parts[at - 1])
+        } else {
+            is_long && word.len() <= PREFIX_LETTERS || is_word(word)
+        };
+        !number.is_empty() && is_number(number) && is_named
     };
     let is_brats = text.to_lowercase().starts_with("brats") && parts.len() > 1;
     let is_bare_number = parts.len() == 1 && is_number(&parts[0]) && !is_compact_date(&parts[0]);
@@ -93,7 +100,9 @@ mod tests {
 
     #[test]
     fn two_patients_are_two_however_they_are_named() {
-        let two: [&[&str]; 12] = [
+        let two: [&[&str]; 14] = [
+            &["A001/seg.nii", "A002/seg.nii"],
+            &["ID07_seg.nii", "ID08_seg.nii"],
             &["a/BraTS20_Training_001_flair.nii.gz", "b/BraTS20_Training_002_flair.nii.gz"],
             &["BraTS2021_00000_seg.nii.gz", "BraTS2021_00002_seg.nii.gz"],
             &["Brats18_2013_2_1_seg.nii.gz", "Brats18_2013_3_1_seg.nii.gz"],
@@ -116,7 +125,8 @@ mod tests {
 
     #[test]
     fn one_patient_is_one_with_raters_runs_dates_and_channels() {
-        let one: [&[&str]; 11] = [
+        let one: [&[&str]; 12] = [
+            &["05-01-2024/seg.nii", "04-02-2024/seg.nii"],
             &["hnfnetv1-20.nii.gz", "isen-20.nii.gz", "t1.nii.gz"],
             &["rater1_seg.nii", "rater2_seg.nii", "reader-3_seg.nii"],
             &["seg_1.nii", "seg_2.nii"],

@@ -157,7 +157,7 @@ fn tracts_load_with_the_case_and_their_checks_name_the_id() {
     assert_eq!(ids, ["cst", "cst 2"]);
     assert_eq!(case.tracts[1].tracts.fiber(0), [[1.0, 2.0, 3.0]]);
     let found: Vec<&Check> = case.checks.iter().filter(|c| c.code == "tracts-count").collect();
-    assert!(found[0].message.starts_with("cst: cst.tck: found 1 fibres"), "{found:?}");
+    assert!(found[0].message.starts_with("cst, cst 2 (2 files): found 1 fibres"), "{found:?}");
 
     let small = LoadOptions { max_bytes: 50, ..LoadOptions::default() };
     assert!(load_from(&spec, &small, &[]).unwrap_err().to_string().contains("at most 50"));

@@ -16,12 +16,15 @@ use serde::{Deserialize, Serialize};
 use super::{ComponentEllipsoid, Options};
 use crate::{
     components::Connectivity,
-    files::{FileError, write_whole},
+    files::{FileError, read_small, write_whole},
     tumor_index::{IndexData, TumorIndex},
 };
 
 /// Format version, raised whenever the numbers or their layout change: older files are then ignored.
 const FORMAT: u32 = 1;
+
+/// Maximum size of a cache file in bytes: some kilobytes per component.
+const MAX_BYTES: u64 = 256 << 20;
 
 /// A 128-bit hash of everything the ellipsoids depend on: index, grid, connectivity, options and the
 /// file format. Not cryptographic: it doesn't withstand a deliberate search for collisions.
@@ -140,7 +143,10 @@ pub fn path_beside(session: &Path) -> PathBuf {
 /// The valid entries of the file at `path`: damaged ones are dropped, and a file that is absent,
 /// unreadable or of another format has none.
 pub fn load(path: &Path) -> Entries {
-    let read = || serde_json::from_slice::<CacheFile>(&std::fs::read(path).ok()?).ok();
+    let read = || {
+        let bytes = read_small(path, MAX_BYTES, "a cache of ellipsoids").ok()?;
+        serde_json::from_slice::<CacheFile>(&bytes).ok()
+    };
     let Some(file) = read().filter(|f| f.glioscope_ellipsoids == FORMAT) else {
         return Entries::new();
     };

@@ -3,12 +3,12 @@
 //! gzip (RFC 1952) is recognised by its two magic bytes, may have several members and trailing zero padding, and is
 //! read to its end so that every CRC and length is verified.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use flate2::bufread::GzDecoder;
 
+use super::opened::{open_regular, stand_in};
 use super::{FileError, printable};
 use crate::Progress;
 
@@ -70,19 +70,9 @@ pub(crate) struct Stream<'a> {
 impl<'a> Stream<'a> {
     /// Opens a regular file; anything else (folder, pipe, device) is refused before it is opened.
     pub(crate) fn open(path: &Path, progress: &'a Progress) -> Result<Self, FileError> {
+        let (inner, bytes) = open_regular(path)?;
         let file = printable(&path.display().to_string());
-        let fail = |e: &std::io::Error| FileError::Wrong {
-            file: file.clone(),
-            found: if e.kind() == ErrorKind::NotFound { "no such file".into() } else { e.to_string() },
-            expected: "a file that can be read".into(),
-        };
-        let meta = std::fs::metadata(path).map_err(|e| fail(&e))?;
-        if !meta.is_file() {
-            let found = if meta.is_dir() { "a folder" } else { "a pipe or device" };
-            return Err(FileError::wrong(file, found, "a file"));
-        }
-        let inner = File::open(path).map_err(|e| fail(&e))?;
-        Self::new(file, Box::new(BufReader::with_capacity(CHUNK_BYTES, inner)), meta.len(), progress)
+        Self::new(file, Box::new(BufReader::with_capacity(CHUNK_BYTES, inner)), bytes, progress)
     }
 
     /// Reads from memory.
@@ -97,6 +87,9 @@ impl<'a> Stream<'a> {
         progress: &'a Progress,
     ) -> Result<Self, FileError> {
         let magic = inner.fill_buf().map_err(|e| FileError::wrong(&file, e.to_string(), "readable bytes"))?;
+        if let Some((found, expected)) = stand_in(magic) {
+            return Err(FileError::wrong(file, found, expected));
+        }
         let gzip = magic.starts_with(&[0x1f, 0x8b]);
         let counted = Counted { inner, consumed: 0 };
         let body = if gzip { Body::Gzip(Box::new(GzDecoder::new(counted))) } else { Body::Plain(counted) };
@@ -212,6 +205,27 @@ impl<'a> Stream<'a> {
         };
         self.progress.advance(self.stored_bytes.saturating_sub(self.reported))?;
         Ok(trailing)
+    }
+
+    /// The whole content of a gzip, at most `max_bytes`; memory is used as bytes arrive.
+    pub(crate) fn inflate(mut self, max_bytes: u64) -> Result<Vec<u8>, FileError> {
+        let (mut bytes, mut part) = (Vec::new(), vec![0; CHUNK_BYTES]);
+        loop {
+            let read_len = self.fill(&mut part)?;
+            bytes.extend_from_slice(&part[..read_len]);
+            if bytes.len() as u64 > max_bytes {
+                let found = format!("a gzip that inflates to more than {max_bytes} bytes");
+                return Err(FileError::wrong(self.file, found, "no more (the limit, which can be raised)"));
+            }
+            if read_len < part.len() {
+                return Ok(bytes);
+            }
+        }
+    }
+
+    /// The progress that reading reports to.
+    pub(crate) fn progress(&self) -> &'a Progress {
+        self.progress
     }
 
     /// The error for a file that ends at [`Self::position`].

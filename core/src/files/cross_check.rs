@@ -10,7 +10,7 @@ use nifti::{IntoNdArray, NiftiHeader, NiftiObject, ReaderOptions};
 use serde::Serialize;
 
 use super::{FileError, FileInfo, HeaderInfo, ReadOptions, Source, nifti as ours, nifti_info_with};
-use crate::{Grid, Progress, Sides, Volume};
+use crate::{Check, Grid, Progress, Sides, Volume, decimal};
 
 /// The other reader.
 const READER: &str = "nifti 0.18";
@@ -92,7 +92,9 @@ impl FileInfo for CrossChecked {
         }
         match &check.affine {
             Some(affine) if !affine.agree => {
-                let mm = affine.largest_mm.map_or_else(|| "without bound".into(), |mm| format!("{mm:.3} mm"));
+                let mm = affine
+                    .largest_mm
+                    .map_or_else(|| "without bound".into(), |mm| format!("{} mm", decimal::text(mm, 3)));
                 line(format!("a corner of the grid is elsewhere by {READER}: {mm}"));
             }
             None if check.values.is_some() => line(format!("the affine of {READER} is singular")),
@@ -110,6 +112,10 @@ impl FileInfo for CrossChecked {
             _ => {}
         }
         lines.join("\n")
+    }
+
+    fn checks(&self) -> &[Check] {
+        &self.info.checks
     }
 
     fn json(&self) -> serde_json::Result<String> {

@@ -52,8 +52,18 @@ pub const VOLUME_FORMATS: &[VolumeFormat] = &[VolumeFormat {
 
 /// All formats of fibre tracts.
 pub const TRACT_FORMATS: &[TractFormat] = &[
-    TractFormat { name: "MRtrix", endings: &["tck"], magic: tracts_tck::MAGIC, read: tracts_tck::read },
-    TractFormat { name: "TrackVis", endings: &["trk"], magic: tracts_trk::MAGIC, read: tracts_trk::read },
+    TractFormat {
+        name: "MRtrix",
+        endings: &["tck", "tck.gz"],
+        magic: tracts_tck::MAGIC,
+        read: tracts_tck::read,
+    },
+    TractFormat {
+        name: "TrackVis",
+        endings: &["trk", "trk.gz"],
+        magic: tracts_trk::MAGIC,
+        read: tracts_trk::read,
+    },
 ];
 
 /// `name` without the dot and `ending`, ignoring case; `None` for another extension or an empty stem.
@@ -78,9 +88,14 @@ pub fn is_volume(name: &str) -> bool {
     stem(name, endings(VOLUME_FORMATS.iter().map(|format| format.endings))).is_some()
 }
 
+/// File name without its fibre tract extension; `None` for other files.
+pub fn tract_stem(name: &str) -> Option<&str> {
+    stem(name, tract_endings())
+}
+
 /// Whether a file has a fibre tract extension.
 pub fn is_tracts(name: &str) -> bool {
-    stem(name, tract_endings()).is_some()
+    tract_stem(name).is_some()
 }
 
 fn endings(of: impl Iterator<Item = &'static [&'static str]>) -> impl Iterator<Item = &'static str> {
@@ -152,6 +167,8 @@ mod tests {
             assert_eq!(volume_stem(other), None, "{other}");
         }
         assert!(is_volume("a.IMG.gz") && !is_volume("a.tck") && is_tracts("a.TRK") && !is_tracts("a.nii"));
+        assert!(is_tracts("a.trk.GZ") && !is_tracts("a.gz") && !is_tracts("a.nii.gz"));
+        assert_eq!((tract_stem("a.b.tck.gz"), tract_stem("a.trk")), (Some("a.b"), Some("a")));
     }
 
     #[test]

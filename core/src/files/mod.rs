@@ -18,6 +18,7 @@ mod nifti_describe;
 pub mod nifti_header;
 pub mod nifti_space;
 mod nifti_write;
+mod opened;
 mod read;
 mod tracts;
 mod tracts_tck;
@@ -27,11 +28,13 @@ pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueC
 pub use inputs::Inputs;
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
+pub(crate) use opened::{missing, open_regular, stand_in};
+pub use opened::{read_small, read_small_text};
 pub use read::{info, read, read_tract_bytes, read_tracts};
 pub use tracts::{LoadedTracts, TractOptions};
 
 /// Where a file's bytes come from.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Source {
     /// A file on disk.
     File(PathBuf),
@@ -87,6 +90,8 @@ pub struct Loaded {
 pub trait FileInfo {
     /// Human-readable text, one line per item.
     fn text(&self) -> String;
+    /// Findings.
+    fn checks(&self) -> &[Check];
     /// Indented JSON; keys are stable.
     ///
     /// # Errors
@@ -122,13 +127,17 @@ impl FileError {
     }
 }
 
-/// `name` on one line: control characters and bidirectional formatting characters are escaped.
-pub(crate) fn printable(name: &str) -> String {
-    let is_bidi_control =
-        |c: char| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+/// Whether a terminal or a reader may be misled by a character: control characters (a terminal obeys them), line
+/// separators, and formatting characters that reverse the direction of writing.
+pub fn is_misleading(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// `name` on one line: misleading characters are escaped.
+pub fn printable(name: &str) -> String {
     let mut out = String::with_capacity(name.len());
     for c in name.chars() {
-        if c.is_control() || is_bidi_control(c) || matches!(c, '\u{2028}' | '\u{2029}') {
+        if is_misleading(c) {
             out.extend(c.escape_default());
         } else {
             out.push(c);

@@ -10,7 +10,7 @@ use super::nifti_describe::Described;
 use super::nifti_header::{ByteOrder, Fault, Header, MAX_EXTENSION_BYTES, SampleType, Version, recognise};
 use super::nifti_space::{Form, length_unit};
 use super::{FileError, FileInfo, Loaded, ReadOptions, Source, printable};
-use crate::{Check, Progress, Samples, Sides, Volume};
+use crate::{Check, Progress, Samples, Sides, Volume, decimal};
 
 /// Maximum number of header extensions in a file.
 const MAX_EXTENSIONS: u64 = 1024;
@@ -54,6 +54,8 @@ pub struct HeaderInfo {
     pub slope: f64,
     /// Offset from stored numbers to values.
     pub intercept: f64,
+    /// The farthest that a value may lie from a label and still mean it, see [`crate::Scaling::label`].
+    pub label_tolerance: f64,
     /// Number of header extensions; their content is not shown (it may hold patient data).
     pub extensions: u64,
     /// Findings.
@@ -63,7 +65,6 @@ pub struct HeaderInfo {
 impl FileInfo for HeaderInfo {
     fn text(&self) -> String {
         let list = |numbers: &[u64]| numbers.iter().map(u64::to_string).collect::<Vec<_>>().join(" × ");
-        let spacing: Vec<String> = self.spacing_mm.iter().map(|s| format!("{s:.4}")).collect();
         let mut lines = vec![
             self.file.clone(),
             format!(
@@ -82,19 +83,28 @@ impl FileInfo for HeaderInfo {
                 if self.frames == 1 { "" } else { "s" }
             ),
             format!("voxels      {:?}, {} bytes a frame", self.datatype, self.frame_bytes),
-            format!("spacing     {} mm", spacing.join(" × ")),
+            format!("spacing     {} mm", decimal::sizes(self.spacing_mm, 4)),
             format!("axes        {}", self.axis_codes.as_deref().unwrap_or("side unknown")),
             format!(
                 "place from  {:?} (sform code {}, qform code {})",
                 self.form, self.sform_code, self.qform_code
             ),
             format!("unit        {}", self.unit.unwrap_or("unknown, mm assumed")),
-            format!("values      {} × stored + {}", self.slope, self.intercept),
+            format!(
+                "values      {} × stored + {}; a label is at most {} from its value",
+                self.slope,
+                self.intercept,
+                decimal::text(self.label_tolerance, 3)
+            ),
             format!("extensions  {}", self.extensions),
         ];
         let check = |c: &Check| format!("{:?} [{}]: {}", c.severity, c.code, c.message).to_lowercase();
         lines.extend(self.checks.iter().map(check));
         lines.join("\n")
+    }
+
+    fn checks(&self) -> &[Check] {
+        &self.checks
     }
 
     fn json(&self) -> serde_json::Result<String> {
@@ -171,6 +181,7 @@ pub fn nifti_info_with(source: &Source, progress: &Progress) -> Result<HeaderInf
         unit: length_unit(header.xyzt_units).map(|(name, _)| name),
         slope: described.scaling.slope,
         intercept: described.scaling.intercept,
+        label_tolerance: described.scaling.label_tolerance(described.sample_type.is_integer()),
         extensions: opened.extensions,
         checks,
     })
@@ -197,7 +208,7 @@ impl<'a> Opened<'a> {
                 None => Self::single(Stream::open(path, progress)?),
                 Some(Half::Header) => Self::pair(path, None, progress),
                 Some(Half::Image) => {
-                    if !path.exists() {
+                    if !path.is_file() {
                         // Fails with the same error as for any other missing file.
                         Stream::open(path, progress)?;
                     }
@@ -298,10 +309,12 @@ fn read_extensions(
     }
     let first = stream.position();
     let last = end.unwrap_or(first + MAX_EXTENSION_BYTES);
-    let mut count = 0;
+    let (mut count, mut odd) = (0, None);
+    // Where the voxels begin is known from vox_offset alone, so that a size against the standard or zeros behind the
+    // last extension mislead nobody. An extension that reaches into the voxels does.
     while stream.position() < last {
         let bad = |found: String, stream: &Stream<'_>| {
-            let expected = "header extensions of a multiple of 16 bytes each, in front of the voxels";
+            let expected = "header extensions of 8 bytes or more each, in front of the voxels";
             Fault::new("extension", found, expected).in_file(stream.file())
         };
         let mut intro = [0; 8];
@@ -310,25 +323,39 @@ fn read_extensions(
         if intro_len == 0 && end.is_none() {
             break;
         }
+        let size = [intro[0], intro[1], intro[2], intro[3]];
+        if size == [0; 4] {
+            odd.get_or_insert_with(|| "zeros where an extension should begin".to_owned());
+            break;
+        }
         if intro_len < 8 {
             return Err(bad(format!("{intro_len} bytes where an extension should begin"), stream));
         }
-        let size = [intro[0], intro[1], intro[2], intro[3]];
         let size = match header.order {
             ByteOrder::Little => i32::from_le_bytes(size),
             ByteOrder::Big => i32::from_be_bytes(size),
         };
-        let fits = u64::try_from(size).ok().filter(|&n| n >= 16 && n % 16 == 0 && n <= room);
-        let Some(size) = fits else {
+        let Some(size) = u64::try_from(size).ok().filter(|&n| n >= 8 && n <= room) else {
             return Err(bad(format!("an extension of {size} bytes where {room} are left"), stream));
         };
+        if size % 16 != 0 {
+            odd.get_or_insert_with(|| format!("a header extension of {size} bytes"));
+        }
         count += 1;
         if count > MAX_EXTENSIONS {
             return Err(bad(format!("more than {MAX_EXTENSIONS} extensions"), stream));
         }
         stream.skip(size - 8, "the whole of a header extension")?;
     }
-    if count == 0 {
+    if let Some(found) = odd {
+        checks.push(Check::warning(
+            "extension-odd",
+            format!(
+                "{name}: found {found}, expected extensions of multiples of 16 bytes up to the voxels; the voxels are \
+                 read where vox_offset says"
+            ),
+        ));
+    } else if count == 0 {
         checks.push(Check::note(
             "extension-missing",
             format!("{name}: the header announces extensions, but there is no room for any"),
@@ -493,7 +520,8 @@ impl Half {
             }
             for variant in variants {
                 let candidate = path.with_file_name(format!("{stem}{variant}"));
-                if candidate.is_file() {
+                // A broken link is the other half, too: opening it says what it is.
+                if candidate.is_file() || candidate.is_symlink() {
                     return Ok(candidate);
                 }
             }

@@ -37,7 +37,8 @@ impl Header {
     /// # Errors
     /// [`Fault`]: the first finding that makes the file unusable.
     pub fn describe(&self, name: &str) -> Result<Described, Fault> {
-        let (dims, frames) = self.shape()?;
+        let mut checks = Vec::new();
+        let (dims, frames) = self.shape(name, &mut checks)?;
         let sample_type = SampleType::from_code(self.datatype)?;
         let bits = sample_type.bytes() * 8;
         if usize::try_from(self.bitpix) != Ok(bits) {
@@ -57,7 +58,6 @@ impl Header {
             .and_then(|all| all.checked_add(data_offset))
             .filter(|&end| i64::try_from(end).is_ok())
             .ok_or_else(too_large)?;
-        let mut checks = Vec::new();
         let (grid, form) = nifti_space::grid_from_header(self, dims, name, &mut checks)?;
         let scaling = self.scaling(name, &mut checks);
         Ok(Described { grid, form, frames, sample_type, frame_bytes, data_offset, scaling, checks })
@@ -68,7 +68,9 @@ impl Header {
         self.describe(name).map_or_else(|fault| vec![fault.check(name)], |d| d.checks)
     }
 
-    fn shape(&self) -> Result<([usize; 3], u64), Fault> {
+    /// Voxels along x, y and z, and the number of frames. A size of 0 above the third dimension means 1: writers that
+    /// store a fourth dimension without frames mean the one volume that the file has.
+    fn shape(&self, name: &str, checks: &mut Vec<Check>) -> Result<([usize; 3], u64), Fault> {
         let rank = match usize::try_from(self.dim[0]) {
             Ok(rank @ 1..=7) => rank,
             _ => {
@@ -79,6 +81,13 @@ impl Header {
         let mut frames = 1u64;
         for axis in 1..=rank {
             let size = self.dim[axis];
+            if axis > 3 && size == 0 {
+                checks.push(Check::warning(
+                    "dim-zero",
+                    format!("{name}: found dim[{axis}] = 0, expected at least 1; taken as 1"),
+                ));
+                continue;
+            }
             let positive = usize::try_from(size).ok().filter(|&n| n > 0);
             let Some(n) = positive else {
                 return Err(Fault::new("dim-size", format!("dim[{axis}] = {size}"), "at least 1"));
@@ -120,8 +129,8 @@ impl Header {
                 "{name}: scl_slope {slope} and scl_inter {intercept} mean no scaling; stored values are used"
             );
             // A valid slope with an invalid intercept: programs differ here.
-            let drops_slope = slope.is_finite() && slope != 0.0 && slope != 1.0;
-            checks.push(if drops_slope {
+            let is_slope_valid = slope.is_finite() && slope != 0.0;
+            checks.push(if is_slope_valid {
                 Check::warning("scaling-ignored", text)
             } else {
                 Check::note("scaling-ignored", text)

@@ -67,6 +67,11 @@ impl SampleType {
         }
     }
 
+    /// Whether voxels are integers.
+    pub fn is_integer(self) -> bool {
+        !matches!(self, Self::Float32 | Self::Float64)
+    }
+
     /// The NIfTI and NumPy name.
     pub fn name(self) -> &'static str {
         match self {

@@ -8,12 +8,15 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde::Serialize;
 
 use super::nifti_header::{Fault, Header};
-use crate::{Check, Grid, Sides};
+use crate::{Check, Grid, Sides, decimal};
 
 /// Largest plausible matrix entry in millimetres: ten kilometres.
 const MAX_MM: f64 = 1e7;
 /// Smallest plausible spacing in millimetres: a hundredth of an atom.
 pub(crate) const MIN_SPACING_MM: f64 = 1e-9;
+
+/// Spacings of images of patients and specimens in millimetres: others load with a warning.
+const USUAL_SPACINGS_MM: [f64; 2] = [1e-3, 100.0];
 
 /// What a grid was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -119,6 +122,18 @@ pub(crate) fn grid_from_header(
     if form == Form::Qform {
         report_quaternion(header, name, checks);
     }
+    let finest = grid.spacing_mm().min_element();
+    let coarsest = grid.spacing_mm().max_element();
+    if finest < USUAL_SPACINGS_MM[0] || coarsest > USUAL_SPACINGS_MM[1] {
+        let [low, high] = USUAL_SPACINGS_MM;
+        checks.push(Check::warning(
+            "spacing-unusual",
+            format!(
+                "{name}: found voxels of {} mm, expected {low} to {high} mm; the unit may be wrong",
+                decimal::sizes(grid.spacing_mm().to_array(), 4)
+            ),
+        ));
+    }
     if is_sheared(&grid) {
         checks.push(Check::note(
             "sheared",
@@ -191,11 +206,12 @@ impl Spacing {
         let used = grid.spacing_mm();
         let off = |a: usize| self.dims[a] > 1 && (stated[a] - used[a]).abs() > 0.01 * used[a];
         if form == Form::Sform && (0..3).any(off) {
-            checks.push(Check::note(
+            checks.push(Check::warning(
                 "pixdim-sform-disagree",
                 format!(
-                    "{name}: pixdim says {:.4} x {:.4} x {:.4} mm, the sform {:.4} x {:.4} x {:.4} mm; the sform is used",
-                    stated.x, stated.y, stated.z, used.x, used.y, used.z
+                    "{name}: pixdim says {} mm, the sform {} mm; the sform is used, programs that use pixdim differ",
+                    decimal::sizes(stated.to_array(), 4),
+                    decimal::sizes(used.to_array(), 4)
                 ),
             ));
         }
@@ -318,7 +334,10 @@ fn compare_forms(s: &Grid, q: &Grid, name: &str, checks: &mut Vec<Check>) {
     };
     checks.push(Check::warning(
         "sform-qform-disagree",
-        format!("{name}: sform and qform are up to {distance_mm:.2} mm apart{sides}; the sform is used"),
+        format!(
+            "{name}: sform and qform are up to {} mm apart{sides}; the sform is used",
+            decimal::text(distance_mm, 2)
+        ),
     ));
 }
 

@@ -3,7 +3,7 @@
 use super::{
     FileError, FileInfo, Loaded, LoadedTracts, ReadOptions, Source, TractOptions,
     bounded_gzip::Stream,
-    format::{TRACT_FORMATS, TractFormat, tract_endings, volume_format},
+    format::{TRACT_FORMATS, TractFormat, volume_format},
 };
 use crate::Progress;
 
@@ -29,11 +29,11 @@ pub fn info(source: &Source, progress: &Progress) -> Result<Box<dyn FileInfo>, F
 
 /// Reads a `.tck` or `.trk` file.
 ///
-/// A gzip is refused: neither format declares its size, so the inflated size would be unbounded.
+/// A gzip is inflated in memory first, up to `options.max_bytes`: neither format declares its size.
 ///
 /// # Errors
-/// [`FileError::Wrong`] for any defect of the file; memory is bounded by its length, which is compared with
-/// `options.max_bytes` before anything is allocated. [`FileError::Cancelled`] when `progress` is cancelled.
+/// [`FileError::Wrong`] for any defect of the file; memory is bounded by its (inflated) length, which is compared with
+/// `options.max_bytes` before points are stored. [`FileError::Cancelled`] when `progress` is cancelled.
 pub fn read_tracts(
     source: &Source,
     options: &TractOptions,
@@ -58,17 +58,25 @@ pub fn read_tract_bytes(
     read_stream(Stream::of_bytes(name, bytes, progress)?, options)
 }
 
-fn read_stream(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
+fn read_stream(stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
+    if stream.is_gzip() {
+        let (file, progress) = (stream.file().to_owned(), stream.progress());
+        let bytes = stream.inflate(options.max_bytes)?;
+        return read_plain(Stream::of_bytes(&file, &bytes, progress)?, options);
+    }
+    read_plain(stream, options)
+}
+
+fn read_plain(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTracts, FileError> {
     let each = TRACT_FORMATS.iter().map(|format| {
         let magic = String::from_utf8_lossy(format.magic);
         format!("a .{} that begins with \"{magic}\"", format.endings.join(" or ."))
     });
     let expected = format!("tracts: {}", each.collect::<Vec<_>>().join(" or "));
-    let plain = format!("a plain {} (unpack it first)", endings_text());
     let wrong =
         |stream: &Stream<'_>, found: &str, expected: &str| FileError::wrong(stream.file(), found, expected);
     if stream.is_gzip() {
-        return Err(wrong(&stream, "a gzip", &plain));
+        return Err(wrong(&stream, "a gzip within a gzip", &expected));
     }
     if stream.remaining() > options.max_bytes {
         let expected = format!("at most {} (the limit, which can be raised)", options.max_bytes);
@@ -91,9 +99,4 @@ fn read_stream(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedT
         return Err(stream.ends_early(&expected));
     }
     Err(wrong(&stream, "other content", &expected))
-}
-
-/// Extensions of fibre tracts for messages: `.tck or .trk`.
-fn endings_text() -> String {
-    tract_endings().map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(" or ")
 }

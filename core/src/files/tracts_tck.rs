@@ -5,7 +5,7 @@ use super::bounded_gzip::{CHUNK_BYTES, Stream};
 use super::nifti_header::ByteOrder;
 use super::tracts::{FiberBuilder, LoadedTracts, base_name, check_trailing, count_check, f32_at};
 use super::{FileError, printable};
-use crate::Sides;
+use crate::{Check, Sides};
 
 /// First bytes of a file.
 pub(super) const MAGIC: &[u8; 13] = b"mrtrix tracks";
@@ -22,8 +22,10 @@ struct Numbers {
 
 struct Header {
     numbers: Numbers,
-    count: Option<u64>,
+    /// The numbers of fibres declared: of several, as tools append that write into a copied header, any may be right.
+    counts: Vec<u64>,
     offset: u64,
+    checks: Vec<Check>,
 }
 
 /// Reads the file from after [`MAGIC`].
@@ -34,12 +36,13 @@ pub(super) fn read(mut stream: Stream<'_>) -> Result<LoadedTracts, FileError> {
     let (builder, unread) = fibers(&mut stream, header.numbers, &file)?;
 
     let name = base_name(&file);
-    let mut checks = Vec::new();
+    let mut checks = header.checks;
     let total = builder.fibers() as u64;
     let tracts = builder.finish(Sides::Known, &file)?;
     let empty = tracts.offsets().windows(2).filter(|o| o[0] == o[1]).count() as u64;
     // Some writers count fibres without points, others don't.
-    if let Some(count) = header.count.filter(|&c| c != total && c != total - empty) {
+    let is_right = |&c: &u64| c == total || c == total - empty;
+    if let Some(&count) = header.counts.last().filter(|_| !header.counts.iter().any(is_right)) {
         checks.push(count_check(&name, count, total));
     }
     stream.unread(unread);
@@ -116,23 +119,32 @@ fn excerpt(text: &str) -> String {
 fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
     let text = header_text(stream, file)?;
     let header_end = stream.position();
-    let value = |key: &str, form: &str| {
-        let mut values =
-            text.lines().filter_map(|l| l.split_once(':')).filter(|(k, _)| k.trim() == key).map(|(_, v)| v);
-        match (values.next(), values.next()) {
-            (Some(value), None) => Ok(Some(value.trim())),
-            (None, _) => Ok(None),
-            (Some(_), Some(_)) => Err(FileError::wrong(
-                file,
-                format!("{key} twice in the header"),
-                format!("one {key}: {form}"),
-            )),
+    let values = |key: &str| -> Vec<&str> {
+        let lines = text.lines().filter_map(|line| line.split_once(':'));
+        lines.filter(|(k, _)| k.trim() == key).map(|(_, value)| value.trim()).collect()
+    };
+    let mut checks = Vec::new();
+    let mut repeated = |key: &str, values: &[&str]| {
+        if values.len() > 1 {
+            let found =
+                format!("{key} {} times in the header ({})", values.len(), excerpt(&values.join(", ")));
+            checks.push(Check::warning(
+                "tracts-header-repeated",
+                format!("{}: found {found}, expected once; the fibres in the file are read", base_name(file)),
+            ));
         }
     };
-    let needed = |key: &str, form: &str| {
-        value(key, form)?.ok_or_else(|| {
-            FileError::wrong(file, format!("no {key} in the header"), format!("{key}: {form}"))
-        })
+    let mut needed = |key: &str, form: &str| {
+        let values = values(key);
+        repeated(key, &values);
+        match values.first() {
+            Some(first) if values.iter().all(|value| value == first) => Ok(*first),
+            Some(_) => {
+                let found = format!("{key} twice in the header ({})", excerpt(&values.join(", ")));
+                Err(FileError::wrong(file, found, format!("one {key}: {form}")))
+            }
+            None => Err(FileError::wrong(file, format!("no {key} in the header"), format!("{key}: {form}"))),
+        }
     };
 
     let form = "Float32LE, Float32BE, Float64LE or Float64BE";
@@ -151,11 +163,11 @@ fn header(stream: &mut Stream<'_>, file: &str) -> Result<Header, FileError> {
         .filter(|&offset: &u64| offset >= header_end)
         .ok_or_else(|| FileError::wrong(file, format!("file: {}", excerpt(place)), form))?;
     let form = "a whole number of fibres";
-    let count = match value("count", form)? {
-        None => None,
-        Some(count) => Some(
-            count.parse().map_err(|_| FileError::wrong(file, format!("count: {}", excerpt(count)), form))?,
-        ),
+    let written = values("count");
+    repeated("count", &written);
+    let parse = |count: &&str| {
+        count.parse().map_err(|_| FileError::wrong(file, format!("count: {}", excerpt(count)), form))
     };
-    Ok(Header { numbers, count, offset })
+    let counts = written.iter().map(parse).collect::<Result<_, _>>()?;
+    Ok(Header { numbers, counts, offset, checks })
 }

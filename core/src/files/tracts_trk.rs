@@ -1,4 +1,4 @@
-//! TrackVis `.trk`, versions 1 and 2: a header of 1000 bytes, then for each fibre its number of
+//! TrackVis `.trk`, versions 1 to 3: a header of 1000 bytes, then for each fibre its number of
 //! points, the points with their scalars, and its properties. From trackvis.org's "Track File
 //! Format"; where that is ambiguous, as in nibabel 5.4 (`nibabel.streamlines.trk`).
 //!
@@ -106,8 +106,8 @@ fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
         }
     };
     let version = i32_at(bytes, 992, order);
-    if !(1..=2).contains(&version) {
-        return Err(wrong(format!("version {version} of .trk"), "version 1 or 2"));
+    if !(1..=3).contains(&version) {
+        return Err(wrong(format!("version {version} of .trk"), "version 1, 2 or 3"));
     }
     let count_at = |at: usize, what: &str| {
         let n = i16_at(bytes, at, order);
@@ -125,6 +125,14 @@ fn header(bytes: &[u8; HEADER_BYTES], file: &str) -> Result<Header, FileError> {
 
     let name = base_name(file);
     let mut checks = Vec::new();
+    if version > 2 {
+        checks.push(Check::warning(
+            "tracts-version",
+            format!(
+                "{name}: found version {version} of .trk, expected 1 or 2, which are described; read as 2"
+            ),
+        ));
+    }
     let file_order = voxel_order(&bytes[948..952], &name, &mut checks).ok_or_else(|| {
         let found = String::from_utf8_lossy(&bytes[948..952]).escape_debug().to_string();
         wrong(format!("voxel_order {found}"), "one of each of L or R, A or P, I or S")

@@ -146,6 +146,8 @@ pub struct MaskReport {
     pub native_voxels: u64,
     /// Volume on the mask's native grid.
     pub native_volume_ml: f64,
+    /// Of a soft mask: the sum of its probabilities as a volume on the native grid; null for others.
+    pub expected_volume_ml: Option<f64>,
     /// Fraction of the union of all masks, 0 to 1; 0 where the union is empty.
     pub share: f64,
 }
@@ -198,6 +200,7 @@ pub fn report(case: &Case) -> MeasureReport {
                     volume_ml: regions.mask_ml(k),
                     native_voxels: m.native_voxels,
                     native_volume_ml: m.native_volume_ml,
+                    expected_volume_ml: m.expected_volume_ml,
                     share: share(regions.mask_voxels(k)),
                 })
                 .collect(),

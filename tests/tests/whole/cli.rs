@@ -322,3 +322,108 @@ fn invalid_view_options_are_refused() {
     render(&["--zoom", "0"], &["zoom"]);
     render(&["--view", "sideways"], &["sideways", "ellipsoids"]);
 }
+
+/// A folder with a mask of 1 mm by its sform and 2 mm by its pixdim, and of an id with an escape sequence and `+`.
+fn stale_mask(folder: &Path) -> String {
+    let mut bytes = vec![0_u8; 352];
+    let mut put = |at: usize, part: &[u8]| bytes[at..at + part.len()].copy_from_slice(part);
+    put(0, &348_i32.to_le_bytes());
+    for (n, d) in [3_i16, 4, 4, 4, 1, 1, 1, 1].into_iter().enumerate() {
+        put(40 + 2 * n, &d.to_le_bytes());
+        put(76 + 4 * n, &2_f32.to_le_bytes());
+    }
+    put(70, &[2, 0, 8, 0]);
+    put(108, &352_f32.to_le_bytes());
+    put(112, &1_f32.to_le_bytes());
+    put(123, &[2]);
+    put(254, &[1]);
+    for at in [280, 300, 320] {
+        put(at, &1_f32.to_le_bytes());
+    }
+    put(344, b"n+1\0");
+    bytes.extend((0..64).map(|at| u8::from(at < 20)));
+    let path = folder.join("stale.nii");
+    glioscope_core::files::write_whole(&path, &bytes).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// Every subcommand that reads a file or a case.
+#[test]
+fn warnings_reach_stderr_in_every_subcommand() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = stale_mask(folder.path());
+    let mask = format!("A={path}");
+    let (before, after) = (format!("{mask}@2024-01-01"), format!("{mask}@2024-02-01"));
+    let picture = folder.path().join("x.png");
+    let report = folder.path().join("report");
+    for arguments in [
+        &["info", path.as_str()][..],
+        &["info", path.as_str(), "--json"],
+        &["info", path.as_str(), "--cross-check", "--json"],
+        &["measure", "--mask", &mask],
+        &["measure", "--mask", &mask, "--json"],
+        &["measure", &path],
+        &["ellipsoids", "--mask", &mask, "--json"],
+        &["change", "--mask", &before, "--mask", &after, "--json"],
+        &["render", "--mask", &mask, "--software", "--size", "32x32", "--out", picture.to_str().unwrap()],
+        &["report", "--mask", &mask, "--software", "--out", report.to_str().unwrap()],
+    ] {
+        let output = run(PROGRAM, arguments);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{arguments:?}: {stderr}");
+        let told = stderr.lines().filter(|line| line.contains("warning [pixdim-sform-disagree]")).count();
+        assert_eq!(told, 1, "{arguments:?}: {stderr}");
+    }
+}
+
+/// Names come from files and folders of others: what they hold must not be obeyed by a terminal.
+#[test]
+fn escape_sequences_in_names_reach_no_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = stale_mask(folder.path());
+    let odd = "T1+C\u{1b}]0;owned\u{7}\u{9b}31m\u{202e}";
+    let mask = format!("{odd}={path}");
+    for arguments in [
+        &["measure", "--mask", &mask][..],
+        &["measure", "--mask", &mask, "--json"],
+        &["info", "--mask", &mask],
+        &["info", "--mask", &mask, "--json"],
+        &["measure", "--mask", &mask, "--case-grid", odd],
+        &["measure", "--mask", &mask, "--case-grid", "\u{1b}[2J"],
+        &["measure", odd],
+    ] {
+        let output = run(PROGRAM, arguments);
+        for bytes in [&output.stdout, &output.stderr] {
+            let text = String::from_utf8_lossy(bytes);
+            assert!(!text.contains(['\u{1b}', '\u{7}', '\u{9b}', '\u{202e}']), "{arguments:?}: {text:?}");
+        }
+        if arguments.contains(&"--json") {
+            let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert!(report.to_string().contains("owned"), "{report}");
+        }
+    }
+}
+
+/// Also where its parts are ids of masks.
+#[test]
+fn an_id_with_a_plus_sign_is_selected_like_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = stale_mask(folder.path());
+    let tck = folder.path().join("a.tck");
+    let mut bytes = b"mrtrix tracks\ndatatype: Float32LE\nfile: . 60\nEND\n".to_vec();
+    bytes.resize(60, b' ');
+    for v in [1.0_f32, 1.0, 1.0].into_iter().chain([f32::NAN; 3]).chain([f32::INFINITY; 3]) {
+        bytes.extend(v.to_le_bytes());
+    }
+    glioscope_core::files::write_whole(&tck, &bytes).unwrap();
+    let (plain, plus) = (format!("T1={path}:0"), format!("T1+C={path}"));
+    let tracts = ["tracts", "--mask", &plain, "--mask", &plus, "--tracts", tck.to_str().unwrap(), "--json"];
+    let report = json(&[&tracts[..], &["--select", "T1+C"]].concat());
+    assert_eq!(report["selected_voxels"], 20);
+    assert_eq!(report["selected"], serde_json::json!(["T1+C"]));
+    let of = json(&["measure", "--mask", &plain, "--mask", &plus, "--case-grid", "T1+C", "--json"]);
+    assert_eq!(of["time_points"][0]["masks"][1]["id"], "T1+C");
+    let unknown = run(PROGRAM, &[&tracts[..], &["--select", "T1+X"]].concat());
+    let stderr = String::from_utf8_lossy(&unknown.stderr);
+    assert!(!unknown.status.success() && stderr.contains("--select: found \"X\""), "{stderr}");
+}

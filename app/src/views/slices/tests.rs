@@ -41,6 +41,7 @@ fn case(sides: Sides) -> Case {
             native_grid: mask.grid().clone(),
             native_voxels: mask.voxels(),
             native_volume_ml: mask.volume_ml(),
+            expected_volume_ml: None,
             mask,
             color: None,
         })

@@ -1,0 +1,273 @@
+//! The images and masks in a folder, and what is left out of it: nothing is dropped without a word.
+
+use std::{
+    collections::BTreeMap,
+    fs::Metadata,
+    io::Read,
+    path::{Path, PathBuf},
+};
+
+use super::CaseError;
+use crate::{
+    Check, Progress,
+    files::{
+        format::{is_tracts, is_volume, volume_stem},
+        open_regular, printable, stand_in,
+    },
+};
+
+/// Depth of subfolders searched below the opened one: BIDS has sub-, ses- and anat.
+const MAX_DEPTH: usize = 4;
+
+/// Maximum number of files and folders visited.
+const MAX_ENTRIES: usize = 10_000;
+
+/// Names listed in one finding at most; the others are counted.
+const MAX_LISTED: usize = 8;
+
+/// Size in bytes up to which a file may be a pointer of git-annex or git-LFS.
+const MAX_POINTER_BYTES: u64 = 4096;
+
+/// Endings of images that aren't read, and of archives that may hold some.
+const UNREAD_IMAGES: &[&str] = &[
+    "mgz", "mgh", "mha", "mhd", "nrrd", "nhdr", "dcm", "ima", "mnc", "mif", "gipl", "par", "rec", "npy",
+    "npz", "gz", "bz2", "xz", "zst", "zip", "tar", "7z", "rar",
+];
+
+/// What a folder holds.
+pub(super) struct Listing {
+    /// Images and masks, relative to the folder, sorted by path.
+    pub volumes: Vec<PathBuf>,
+    /// What is left out.
+    pub left_out: Vec<Check>,
+}
+
+/// The first names of a list, and how many more there are.
+pub(super) fn listed(names: &[String]) -> String {
+    let more = match names.len().saturating_sub(MAX_LISTED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!("{}{more}", names[..names.len().min(MAX_LISTED)].join(", "))
+}
+
+/// The entries of a folder, sorted.
+pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
+    let fail = |e: std::io::Error| {
+        CaseError::wrong(folder.display().to_string(), e.to_string(), "a folder that can be read")
+    };
+    let entries = std::fs::read_dir(folder).map_err(fail)?;
+    let mut paths = entries.map(|e| Ok(e.map_err(fail)?.path())).collect::<Result<Vec<_>, CaseError>>()?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// Images and masks below `folder`, and what is left out. Hidden entries are skipped.
+pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
+    let mut out = LeftOut::default();
+    let (mut volumes, mut halves) = (Vec::new(), Vec::new());
+    let mut visited = 0;
+    let mut pending = vec![(folder.to_path_buf(), 0)];
+    while let Some((current, depth)) = pending.pop() {
+        progress.check()?;
+        for path in entries(&current)? {
+            visited += 1;
+            if visited > MAX_ENTRIES {
+                let found = format!("more than {MAX_ENTRIES} files and folders");
+                return Err(CaseError::wrong(folder.display().to_string(), found, "the folder of one case"));
+            }
+            let relative = path.strip_prefix(folder).unwrap_or(&path).to_path_buf();
+            let shown = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+            if shown.starts_with('.') {
+                continue;
+            }
+            // A broken link has no metadata.
+            let meta = path.metadata().ok();
+            let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+                out.name(&relative, "a name that is not UTF-8");
+                continue;
+            };
+            if meta.as_ref().is_some_and(Metadata::is_dir) {
+                if path.is_symlink() {
+                    out.name(&relative, "a link to a folder");
+                } else if depth < MAX_DEPTH {
+                    pending.push((path, depth + 1));
+                } else {
+                    out.name(&relative, &format!("a folder {} levels down", MAX_DEPTH + 1));
+                }
+            } else if is_tracts(name) {
+                out.name(&relative, "fibre tracts, which --tracts or a manifest adds");
+            } else if !is_volume(name) {
+                out.other(&relative);
+            } else if let Some(why) = unusable(&path, meta.as_ref()) {
+                out.name(&relative, &why);
+            } else if volume_stem(name).is_some() {
+                volumes.push(relative);
+            } else {
+                halves.push(relative);
+            }
+        }
+    }
+    for half in halves {
+        if !has_header(&half, &volumes) {
+            out.name(&half, "the second half of a pair without its .hdr");
+        }
+    }
+    volumes.sort();
+    Ok(Listing { volumes, left_out: out.checks() })
+}
+
+/// Whether the header of the pair that ends in `.img` is among `volumes`.
+fn has_header(image: &Path, volumes: &[PathBuf]) -> bool {
+    let stem = |path: &Path| {
+        let name = path.to_string_lossy().to_lowercase();
+        let name = name.strip_suffix(".gz").unwrap_or(&name);
+        name.strip_suffix(".img").or_else(|| name.strip_suffix(".hdr")).map(str::to_owned)
+    };
+    let of_image = stem(image);
+    of_image.is_some() && volumes.iter().any(|volume| stem(volume) == of_image)
+}
+
+/// Why nothing can be read from a file, as far as that is seen without reading it.
+fn unusable(path: &Path, meta: Option<&Metadata>) -> Option<String> {
+    let Some(meta) = meta else {
+        let target = std::fs::read_link(path).unwrap_or_default();
+        return Some(if target.to_string_lossy().contains("annex/objects") {
+            "a link of git-annex whose content is not here (fetch it first: git annex get)".into()
+        } else {
+            format!("a link whose target {} does not exist", printable(&target.display().to_string()))
+        });
+    };
+    if !meta.is_file() {
+        return Some("a pipe or device".into());
+    }
+    if meta.len() == 0 {
+        return Some("an empty file".into());
+    }
+    if meta.len() > MAX_POINTER_BYTES {
+        return None;
+    }
+    let mut head = Vec::new();
+    open_regular(path).ok()?.0.take(MAX_POINTER_BYTES).read_to_end(&mut head).ok()?;
+    stand_in(&head).map(|(found, expected)| format!("{found} in place of {expected}"))
+}
+
+/// What is left out, by the reason.
+#[derive(Default)]
+struct LeftOut {
+    named: BTreeMap<String, Vec<String>>,
+    counted: BTreeMap<String, usize>,
+}
+
+impl LeftOut {
+    fn name(&mut self, path: &Path, why: &str) {
+        self.named.entry(why.to_owned()).or_default().push(printable(&path.display().to_string()));
+    }
+
+    /// A file with another ending: named where it may be an image, else counted.
+    fn other(&mut self, path: &Path) {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        match ending {
+            Some(ending) if UNREAD_IMAGES.contains(&ending.as_str()) => {
+                self.name(path, "a format that is not read");
+            }
+            Some(ending) => *self.counted.entry(format!(".{}", printable(&ending))).or_default() += 1,
+            None => *self.counted.entry("no ending".into()).or_default() += 1,
+        }
+    }
+
+    fn checks(self) -> Vec<Check> {
+        let mut checks: Vec<Check> = self
+            .named
+            .into_iter()
+            .map(|(why, names)| {
+                Check::warning("left-out", format!("{}: found {why}; left out", listed(&names)))
+            })
+            .collect();
+        if !self.counted.is_empty() {
+            let kinds: Vec<String> = self.counted.iter().map(|(kind, n)| format!("{n} of {kind}")).collect();
+            let text = format!("files: found other kinds, which are left out: {}", kinds.join(", "));
+            checks.push(Check::note("left-out-kinds", text));
+        }
+        checks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::write_whole;
+
+    fn messages(listing: &Listing) -> Vec<(&'static str, &str)> {
+        listing.left_out.iter().map(|check| (check.code, check.message.as_str())).collect()
+    }
+
+    #[test]
+    fn everything_that_is_left_out_is_named_or_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let put =
+            |name: &str, content: &str| write_whole(&folder.path().join(name), content.as_bytes()).unwrap();
+        for name in ["a.nii", "b.hdr", "b.img", "c.HDR", "c.IMG.gz"] {
+            put(name, "some bytes");
+        }
+        put("alone.img", "some bytes");
+        put("empty.nii.gz", "");
+        put("pointer.nii.gz", "/annex/objects/MD5E-s9--0.nii.gz\n");
+        put("lfs.nii.gz", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n");
+        for name in ["x.mgz", "a.tck", "one.json", "two.json", "t.tsv", "README", ".hidden"] {
+            put(name, "some bytes");
+        }
+        std::fs::create_dir_all(folder.path().join("1/2/3/4/5")).unwrap();
+        let listing = list(folder.path(), &Progress::new()).unwrap();
+        assert_eq!(listing.volumes, ["a.nii", "b.hdr", "c.HDR"].map(PathBuf::from));
+        let found = messages(&listing);
+        assert_eq!(
+            found,
+            [
+                ("left-out", "1/2/3/4/5: found a folder 5 levels down; left out"),
+                ("left-out", "x.mgz: found a format that is not read; left out"),
+                (
+                    "left-out",
+                    "lfs.nii.gz: found a git-LFS pointer in place of its content (fetch it first: git lfs pull); left out"
+                ),
+                (
+                    "left-out",
+                    "pointer.nii.gz: found a git-annex pointer in place of its content (fetch it first: git annex get); left out"
+                ),
+                ("left-out", "empty.nii.gz: found an empty file; left out"),
+                ("left-out", "a.tck: found fibre tracts, which --tracts or a manifest adds; left out"),
+                ("left-out", "alone.img: found the second half of a pair without its .hdr; left out"),
+                (
+                    "left-out-kinds",
+                    "files: found other kinds, which are left out: 2 of .json, 1 of .tsv, 1 of no ending"
+                ),
+            ]
+        );
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn names_that_are_not_utf_8_and_broken_links_are_named() {
+        use std::{ffi::OsStr, os::unix::ffi::OsStrExt, os::unix::fs::symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let latin = OsStr::from_bytes(b"M\xfcller\x1b_mask.nii.gz");
+        write_whole(&folder.path().join(latin), b"some bytes").unwrap();
+        symlink("away", folder.path().join("b.nii")).unwrap();
+        symlink("..", folder.path().join("up")).unwrap();
+        assert!(
+            std::process::Command::new("mkfifo").arg(folder.path().join("p.nii")).status().unwrap().success()
+        );
+        let listing = list(folder.path(), &Progress::new()).unwrap();
+        assert!(listing.volumes.is_empty());
+        let found: Vec<&str> = messages(&listing).into_iter().map(|(_, message)| message).collect();
+        assert_eq!(
+            found,
+            [
+                "up: found a link to a folder; left out",
+                "b.nii: found a link whose target away does not exist; left out",
+                "M\u{fffd}ller\\u{1b}_mask.nii.gz: found a name that is not UTF-8; left out",
+                "p.nii: found a pipe or device; left out",
+            ]
+        );
+    }
+}

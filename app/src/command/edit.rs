@@ -299,8 +299,8 @@ impl EditCommand {
                 }
             }
             Self::LensToCursor => {
-                edit.lens.center_mm = nav.cursor_mm;
-                nav.camera.focus_mm = nav.cursor_mm;
+                edit.lens.center_mm = nav.crosshair_mm();
+                nav.camera.focus_mm = nav.crosshair_mm();
             }
             Self::FitTumor => {
                 let Camera { world_from_camera, projection, .. } = nav.camera;

@@ -108,7 +108,7 @@ pub struct Navigation {
     pub time: usize,
     /// The closeup's camera.
     pub camera: Camera,
-    /// The crosshair, world millimetres.
+    /// Where the crosshair is pinned, world millimetres. Views show [`Navigation::crosshair_mm`].
     pub cursor_mm: DVec3,
     /// Which context the slices show, by id; `None` for none.
     pub context: Option<String>,
@@ -118,7 +118,7 @@ pub struct Navigation {
     pub mm_per_point: Option<f64>,
     /// Offset of each slice view's centre from the image's centre, in-plane millimetres (right, down).
     pub pan_mm: [DVec2; 3],
-    /// Whether the crosshair follows the pointer over every view.
+    /// Whether hovering over a view shows the crosshair under the pointer.
     pub follow_pointer: bool,
     /// Magnification of each 3D view whose orientation follows the closeup's; absent entries are 1, which fits.
     #[serde(default)]
@@ -126,12 +126,27 @@ pub struct Navigation {
     /// Whether the axial slice is shown as a plane in closeup and ellipsoid diagram.
     #[serde(default)]
     pub show_plane: bool,
+    /// Place that the crosshair is shown at while the pointer hovers there, and the pane that the pointer is over. Not
+    /// saved: the crosshair returns to [`Navigation::cursor_mm`] when the pointer leaves.
+    #[serde(skip)]
+    pub preview: Option<(PaneId, DVec3)>,
     /// Whether dragging measures lines. A mouse mode, so not saved.
     #[serde(skip)]
     pub ruler_on: bool,
 }
 
 impl Navigation {
+    /// Where the crosshair is shown: under a hovering pointer, else where it is pinned.
+    pub fn crosshair_mm(&self) -> DVec3 {
+        self.preview.map_or(self.cursor_mm, |(_, place_mm)| place_mm)
+    }
+
+    /// Pins the crosshair.
+    pub fn pin_mm(&mut self, place_mm: DVec3) {
+        self.cursor_mm = place_mm;
+        self.preview = None;
+    }
+
     /// Magnification of a linked 3D view; 1 fits.
     pub fn zoom(&self, pane: PaneId) -> f64 {
         self.zooms.get(&pane).copied().unwrap_or(1.0)
@@ -222,6 +237,7 @@ impl Document {
                 follow_pointer: true,
                 zooms: BTreeMap::new(),
                 show_plane: false,
+                preview: None,
                 ruler_on: false,
             },
         }

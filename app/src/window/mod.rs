@@ -4,6 +4,7 @@ pub mod about;
 pub mod dialogs;
 mod drop;
 mod menu;
+mod modal;
 pub mod offscreen;
 mod palette;
 mod panes;
@@ -12,6 +13,7 @@ mod pictures;
 mod prompts;
 pub mod recent;
 pub mod run;
+mod typed_path;
 mod warnings;
 
 use std::{
@@ -20,24 +22,25 @@ use std::{
     time::{Duration, Instant},
 };
 
-use egui::{CentralPanel, Context, Panel, Rect, Ui};
+use egui::{CentralPanel, Context, Event, Panel, Rect, Ui};
 use glioscope_render::{Gpu, RenderError};
 
 use crate::{
     command::{Command, Commands, LookCommand, Workstation, listed},
     error::AppError,
     model::{CaseRef, PaneId},
-    views::{Panes, Shared, pane::Input, view3d::Graphics},
+    views::{Panes, Shared, pane::Input, pointer, view3d::Graphics},
     world::{
         Results,
         jobs::{Ask, Job, Waker},
     },
 };
-use dialogs::{Answer, Dialog, Purpose};
+use dialogs::{Choice, Chooser, Dialog, Purpose};
 use palette::CommandPalette;
 use panes::PaneArea;
 use pictures::Pictures;
 use recent::Recent;
+use typed_path::TypedPath;
 
 /// Which dialogs and lists are open; never saved.
 #[derive(Default)]
@@ -47,7 +50,7 @@ struct OpenParts {
     /// The list of warnings.
     warnings: bool,
     /// The dialog to type a path, with the text so far.
-    path: Option<String>,
+    path: Option<TypedPath>,
 }
 
 /// A screenshot that is taken once everything is drawn; then the program quits.
@@ -71,12 +74,15 @@ pub struct GlioscopeApp {
     open: OpenParts,
     palette: CommandPalette,
     recent: Recent,
+    /// How files are chosen.
+    pub chooser: Chooser,
     dialog: Option<Dialog>,
     pane_rects: HashMap<PaneId, Rect>,
     pictures: Pictures,
     /// A file being written on a worker, with the notice for its end.
     export: Option<Job<&'static str>>,
     scripted: Option<ScriptedPicture>,
+    started: bool,
 }
 
 impl GlioscopeApp {
@@ -95,7 +101,9 @@ impl GlioscopeApp {
             open: OpenParts::default(),
             palette: CommandPalette::default(),
             recent,
+            chooser: dialogs::desktop_chooser(),
             dialog: None,
+            started: false,
             pane_rects: HashMap::new(),
             pictures: Pictures::default(),
             export: None,
@@ -137,8 +145,13 @@ impl GlioscopeApp {
         let ctx = ui.ctx().clone();
         self.ask.wake = Waker::of(&ctx);
         self.receive(&ctx);
+        if !std::mem::replace(&mut self.started, true) {
+            pointer::install(&ctx);
+        }
         let mut out = Commands::default();
-        shortcuts(&ctx, &mut out);
+        if !self.dialog_is_open(&ctx) {
+            shortcuts(&ctx, &mut out);
+        }
         let dropped_files = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
         Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &mut out));
         warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
@@ -147,7 +160,7 @@ impl GlioscopeApp {
         CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
         self.palette.show(ui, &mut out);
         prompts::guess(ui, &self.work, &mut out);
-        prompts::open_path(ui, &mut self.open.path, &mut out);
+        typed_path::show(ui, &mut self.open.path, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
         let now = Instant::now();
@@ -168,6 +181,12 @@ impl GlioscopeApp {
             ));
         }
         self.picture_once_ready(&ctx);
+    }
+
+    /// Whether a dialog or the palette holds the keyboard.
+    fn dialog_is_open(&self, ctx: &Context) -> bool {
+        let asks = self.work.guess.is_some() && !self.work.accept_guesses;
+        asks || self.open.about || self.open.path.is_some() || self.palette.is_open() || modal::is_open(ctx)
     }
 
     /// Takes the error of the scripted screenshot, if it failed.
@@ -242,6 +261,9 @@ impl GlioscopeApp {
             out,
         };
         show(ui, &mut area);
+        if let Some((pane, _)) = doc.nav.preview.filter(|(pane, _)| !area.rects.contains_key(pane)) {
+            area.out.push(LookCommand::PreviewCursor(pane, None));
+        }
         self.pane_rects = area.rects;
     }
 
@@ -250,17 +272,16 @@ impl GlioscopeApp {
         if let Some(CaseRef::Path(path)) = self.work.poll() {
             self.recent.add(&path);
         }
-        match self.dialog.as_ref().map(Dialog::poll) {
-            None | Some(Answer::Waiting) => {}
-            Some(Answer::Cancelled) => self.dialog = None,
-            Some(Answer::Unavailable) => {
-                if let Some(dialog) = self.dialog.take() {
-                    self.report_missing_chooser(&dialog.purpose);
-                }
-            }
-            Some(Answer::Chosen(path)) => {
-                if let Some(dialog) = self.dialog.take() {
-                    self.perform(ctx, &dialog.purpose.command(path), Instant::now());
+        if let Some(choice) = self.dialog.as_ref().and_then(Dialog::poll)
+            && let Some(Dialog { purpose, .. }) = self.dialog.take()
+        {
+            match choice {
+                Choice::Cancelled => {}
+                Choice::Path(path) => self.perform(ctx, &purpose.command(path), Instant::now()),
+                Choice::Unavailable(why) => {
+                    let why = format!("This desktop has no file chooser ({why}), so type the path.");
+                    let folder = self.folder().unwrap_or_default();
+                    self.open.path = Some(TypedPath::new(purpose, &folder, why));
                 }
             }
         }
@@ -282,18 +303,16 @@ impl GlioscopeApp {
         }
     }
 
-    /// Without a file chooser on this desktop: opens the dialog to type a path, or reports an error when saving.
-    fn report_missing_chooser(&mut self, purpose: &Purpose) {
-        match purpose.file_name() {
-            None => self.open.path = Some(String::new()),
-            Some(name) => {
-                self.work.error = Some(AppError::wrong(
-                    name,
-                    "no file chooser on this desktop",
-                    "one; start with a session file or use the command line to write it",
-                ));
-            }
-        }
+    /// The folder in which file dialogs begin: that of the session, else of the case.
+    fn folder(&self) -> Option<PathBuf> {
+        let case = self.work.doc.as_ref().and_then(|doc| match &doc.case {
+            CaseRef::Path(path) if path.is_dir() => Some(path.clone()),
+            CaseRef::Path(path) => path.parent().map(Path::to_owned),
+            CaseRef::Sample | CaseRef::Arguments { .. } => None,
+        });
+        let session = self.work.session_path.as_ref().and_then(|path| path.parent()).map(Path::to_owned);
+        let folder = session.or(case).or_else(|| std::env::current_dir().ok())?;
+        std::path::absolute(folder).ok()
     }
 
     /// Saves slowly computed results beside a saved session.
@@ -306,7 +325,12 @@ impl GlioscopeApp {
     /// Carries out one command.
     pub fn perform(&mut self, ctx: &Context, command: &Command, now: Instant) {
         let is_navigation =
-            matches!(command, Command::Look(LookCommand::SetCursor(_) | LookCommand::SetCamera(_)));
+            matches!(
+                command,
+                Command::Look(
+                    LookCommand::SetCursor(_) | LookCommand::PreviewCursor(..) | LookCommand::SetCamera(_)
+                )
+            );
         if !is_navigation {
             self.work.notice = None;
         }
@@ -328,12 +352,16 @@ fn shortcuts(ctx: &Context, out: &mut Commands) {
     with_shortcut.sort_by_key(|(keys, _)| {
         std::cmp::Reverse(u8::from(keys.modifiers.shift) + u8::from(keys.modifiers.command))
     });
+    // Every key of the frame in its order: two presses of one key are two commands.
     ctx.input_mut(|input| {
-        for (keys, command) in with_shortcut {
-            if input.consume_shortcut(&keys) {
-                out.push(command.clone());
-            }
-        }
+        input.events.retain(|event| {
+            let Event::Key { key, modifiers, pressed: true, .. } = event else { return true };
+            let mut all = with_shortcut.iter();
+            let found = all.find(|(keys, _)| {
+                keys.logical_key == *key && modifiers.matches_logically(keys.modifiers)
+            });
+            found.inspect(|(_, command)| out.push((*command).clone())).is_none()
+        });
     });
 }
 

@@ -36,6 +36,11 @@ pub fn matching(query: &str) -> Vec<&'static Command> {
 }
 
 impl CommandPalette {
+    /// Whether it is open.
+    pub fn is_open(&self) -> bool {
+        self.open
+    }
+
     /// Opens it, empty.
     pub fn open(&mut self) {
         *self = Self { open: true, ..Self::default() };
@@ -67,14 +72,17 @@ impl CommandPalette {
             .anchor(Align2::CENTER_TOP, [0.0, 60.0])
             .fixed_size([430.0, 380.0])
             .show(ui.ctx(), |ui| {
+                // Before the field is drawn, so that what is typed in this frame arrives in it.
+                let id = egui::Id::unique("search commands");
+                ui.memory_mut(|memory| memory.request_focus(id));
                 let edit = TextEdit::singleline(&mut self.query)
+                    .id(id)
                     .hint_text("Type what you want to do")
                     .desired_width(f32::INFINITY);
                 let response = ui.add(edit);
                 response.widget_info(|| {
                     egui::WidgetInfo::labeled(egui::Role::TextInput, true, "Search commands")
                 });
-                response.request_focus();
                 ui.add_space(4.0);
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     if matches.is_empty() {

@@ -8,6 +8,7 @@ use glioscope_core::measure;
 use super::{
     GlioscopeApp,
     dialogs::{Dialog, Purpose},
+    typed_path::TypedPath,
 };
 use crate::{
     command::AppCommand,
@@ -19,14 +20,14 @@ use crate::{
 
 impl GlioscopeApp {
     fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
-        self.dialog = Some(Dialog::open(purpose, Waker::of(ctx)));
+        self.dialog = Some(Dialog::open(purpose, self.folder(), &self.chooser, Waker::of(ctx)));
     }
 
     /// Carries out one command.
     pub(super) fn perform_app(&mut self, ctx: &Context, command: &AppCommand) {
         let wake = || Waker::of(ctx);
         match command {
-            AppCommand::OpenDialog => self.open.path = Some(String::new()),
+            AppCommand::OpenDialog => self.open.path = Some(TypedPath::to_open()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
             AppCommand::Open(case) => self.work.open(case.clone(), None, wake()),

@@ -16,6 +16,8 @@ mod real_window;
 mod sessions;
 mod ui;
 mod ui_change;
+mod ui_dialogs;
+mod ui_gestures;
 mod ui_lens;
 mod ui_light;
 mod ui_tracts;

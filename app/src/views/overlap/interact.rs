@@ -39,6 +39,14 @@ fn only(target: Target) -> EditCommand {
     }
 }
 
+/// A click on a table's row toggles its region or mask; a double-click or Shift-click shows only it.
+pub fn click_row(response: &Response, target: Target, out: &mut Commands) {
+    if response.clicked() && !response.triple_clicked() {
+        let show_only = response.double_clicked() || response.ctx.input(|i| i.modifiers.shift);
+        out.push(if show_only { only(target) } else { toggle(target) });
+    }
+}
+
 /// Makes the pieces in `rect` clickable: a click toggles the piece under the cursor, a double-click or Shift-click
 /// shows only it, a right click opens a menu; space and enter act as a click on the focused piece. A double-click sends
 /// the toggle of its first click and then `Only…`, which sets the whole selection, so the toggle has no effect on the

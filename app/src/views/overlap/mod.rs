@@ -5,7 +5,7 @@
 //! write commands; none changes the selection itself.
 
 mod bar;
-mod interact;
+pub mod interact;
 mod paint;
 pub mod ring;
 mod ring_view;

@@ -60,7 +60,7 @@ impl Layout {
         let grid = input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid());
         let bounds_mm = grid.bounds_mm();
         let nav = &input.doc.nav;
-        let mut slice = SliceView::fit(plane, nav.convention, bounds_mm, nav.cursor_mm, size_px);
+        let mut slice = SliceView::fit(plane, nav.convention, bounds_mm, nav.crosshair_mm(), size_px);
         if let Some(mm_per_point) = nav.mm_per_point {
             slice.mm_per_pixel = mm_per_point / f64::from(pixels_per_point);
         }
@@ -121,7 +121,7 @@ impl SlicePane {
         ui.painter().image(texture.id(), layout.rect, whole, Color32::WHITE);
 
         let hovered = response.hover_pos().filter(|_| !response.dragged());
-        let place = hovered.map_or(input.doc.nav.cursor_mm, |pos| layout.world_at(pos));
+        let place = hovered.map_or(input.doc.nav.crosshair_mm(), |pos| layout.world_at(pos));
         let text = readout_text(input, place);
         marks::draw(ui, input, &layout, &text, not_finite_pixels);
         marks::rulers(ui, input, &layout, draft);

@@ -7,7 +7,7 @@ use egui_tiles::Tree;
 use glam::DVec3;
 use glioscope_core::{Selection, optics::Camera};
 use glioscope_render::{
-    ClipPlane, Coloring, LightingMode, Palette, Preset, TransferFunction,
+    ClipPlane, Coloring, Lens, LightingMode, Palette, Preset, TransferFunction,
     flat::{Overlay, Window},
     light,
 };
@@ -47,6 +47,7 @@ pub enum EditCommand {
     SetLensCenter(DVec3),
     DragLensCenter(DVec3),
     LensToCursor,
+    GoTo(DVec3, f64),
     FitTumor,
     // Context view, ellipsoid diagram, change view.
     SetTransfer(String, Option<TransferFunction>),
@@ -133,6 +134,7 @@ impl EditCommand {
             | EditKind::SetLensRadius
             | EditKind::SetLensCenter
             | EditKind::DragLensCenter
+            | EditKind::GoTo
             | EditKind::SetTransfer
             | EditKind::SetClips
             | EditKind::ToggleTracts
@@ -181,6 +183,7 @@ impl EditCommand {
             Self::LensToCursor => {
                 Label::new("Move the lens to the crosshair").detail("The camera turns about the lens")
             }
+            Self::GoTo(..) => Label::new("Go there").detail("Crosshair and lens move there"),
             Self::FitTumor => Label::new("Fit the tumour"),
             Self::SetTransfer(_, Some(_)) => Label::new("Transfer function"),
             Self::SetTransfer(_, None) => Label::new("Transfer function to begin with"),
@@ -227,7 +230,6 @@ impl EditCommand {
             Self::RenameRuler(..) => Some("name of a line"),
             Self::SetWindow(..) => Some("window"),
             Self::SetOverlayOpacity(_) => Some("opacity"),
-            Self::SetLayout(_) => Some("layout"),
             Self::SetTransfer(..) => Some("transfer"),
             Self::SetClips(_) => Some("clips"),
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
@@ -301,6 +303,13 @@ impl EditCommand {
             Self::LensToCursor => {
                 edit.lens.center_mm = nav.crosshair_mm();
                 nav.camera.focus_mm = nav.crosshair_mm();
+            }
+            Self::GoTo(center_mm, radius_mm) => {
+                if center_mm.is_finite() && radius_mm.is_finite() {
+                    edit.lens = Lens { center_mm: *center_mm, radius_mm: radius_mm.clamp(0.1, 1000.0) };
+                    edit.lens_on = true;
+                    super::look::center_on(doc, world, *center_mm);
+                }
             }
             Self::FitTumor => {
                 let Camera { world_from_camera, projection, .. } = nav.camera;

@@ -220,8 +220,13 @@ fn show_ruler(doc: &mut Document, world: &World, index: usize) {
     if ruler.time < world.time_point_count() {
         doc.nav.time = ruler.time;
     }
-    doc.nav.pin_mm(middle_mm);
-    doc.nav.camera.focus_mm = middle_mm;
+    center_on(doc, world, middle_mm);
+}
+
+/// Centres the crosshair, the closeup and zoomed slices on a place.
+pub(super) fn center_on(doc: &mut Document, world: &World, place_mm: DVec3) {
+    doc.nav.pin_mm(place_mm);
+    doc.nav.camera.focus_mm = place_mm;
     if doc.nav.mm_per_point.is_none() {
         return;
     }
@@ -232,8 +237,8 @@ fn show_ruler(doc: &mut Document, world: &World, index: usize) {
         (None, None) => return,
     };
     for plane in Plane::ALL {
-        let fitted = SliceView::fit(plane, doc.nav.convention, bounds_mm, middle_mm, [1, 1]);
-        let offset_mm = middle_mm - fitted.center_mm;
+        let fitted = SliceView::fit(plane, doc.nav.convention, bounds_mm, place_mm, [1, 1]);
+        let offset_mm = place_mm - fitted.center_mm;
         doc.nav.pan_mm[plane as usize] =
             DVec2::new(offset_mm.dot(fitted.right()), offset_mm.dot(fitted.down()));
     }

@@ -11,7 +11,7 @@ use std::{
 use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
-    Selection,
+    Grid, Selection,
     case::TimePoint,
     optics::{Camera, Projection},
 };
@@ -95,10 +95,18 @@ pub struct Edit {
     /// Comparison of two time points.
     #[serde(default)]
     pub change: ChangeSetting,
-    /// Layout of the panes.
+    /// Layout of the panes; see [`Edit::arrange_as`].
     pub layout: Tree<PaneId>,
     /// The maximised pane, if any.
     pub maximized: Option<PaneId>,
+}
+
+impl Edit {
+    /// Takes over the arrangement of panes. It is saved with the rest, but isn't a deed: undo leaves it alone.
+    pub fn arrange_as(&mut self, other: &Self) {
+        self.layout.clone_from(&other.layout);
+        self.maximized = other.maximized;
+    }
 }
 
 /// The navigation state, which undo doesn't cover.
@@ -173,10 +181,15 @@ pub struct Document {
 pub fn default_lens(time_point: &TimePoint) -> Lens {
     let regions = &time_point.regions;
     let center_mm = regions.centroid_mm().unwrap_or_else(|| time_point.index.grid().center_mm());
-    let volume_mm3 = regions.union_ml() * 1000.0 * 1.5;
-    let ball_mm = (volume_mm3 * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
-    let smallest_mm = time_point.index.grid().spacing_mm().max_element() * 2.0;
-    Lens { center_mm, radius_mm: if regions.union_voxels() == 0 { 20.0 } else { ball_mm.max(smallest_mm) } }
+    let radius_mm = ball_radius_mm(regions.union_ml(), time_point.index.grid());
+    Lens { center_mm, radius_mm: if regions.union_voxels() == 0 { 20.0 } else { radius_mm } }
+}
+
+/// Radius of a lens for something of this volume: that of a ball of 1.5 times the volume, at least twice the largest
+/// voxel spacing.
+pub fn ball_radius_mm(volume_ml: f64, grid: &Grid) -> f64 {
+    let ball_mm = (volume_ml * 1000.0 * 1.5 * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
+    ball_mm.max(grid.spacing_mm().max_element() * 2.0)
 }
 
 /// Radius that the camera must fit: half the diagonal of the active voxels' bounding box, or of the grid where none is

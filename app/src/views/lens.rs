@@ -123,7 +123,7 @@ fn table(
         .id_salt("in the lens")
         .vscroll(false)
         .striped(true)
-        .sense(Sense::click())
+        .sense(Sense::CLICK)
         .cell_layout(Layout::right_to_left(Align::Center))
         .column(Column::remainder().at_least(60.0).clip(true))
         .column(Column::exact(64.0))

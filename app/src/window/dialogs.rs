@@ -26,8 +26,8 @@ pub enum Purpose {
     SaveSession,
     /// Write a picture of a pane, or of the window.
     Picture(Option<PaneId>),
-    /// Write the measurements.
-    Measurements,
+    /// Write the numbers.
+    Measurements(RulerFormat),
     /// Write the rulers.
     Rulers(RulerFormat),
 }
@@ -39,7 +39,7 @@ impl Purpose {
             Self::OpenFile | Self::OpenFolder => return None,
             Self::SaveSession => format!("case.{}", session::EXTENSION),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
-            Self::Measurements => "measurements.json".to_owned(),
+            Self::Measurements(format) => format!("numbers.{}", format.extension()),
             Self::Rulers(format) => format.file_name(),
         })
     }
@@ -51,7 +51,7 @@ impl Purpose {
             Self::OpenFolder => "Open a folder as a case",
             Self::SaveSession => "Save the session",
             Self::Picture(_) => "Save the picture",
-            Self::Measurements => "Export the measurements",
+            Self::Measurements(_) => "Export the numbers",
             Self::Rulers(_) => "Export the lines",
         }
     }
@@ -67,8 +67,7 @@ impl Purpose {
         match self {
             Self::SaveSession if !session::is_session(&path) => with(path, session::EXTENSION),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
-            Self::Measurements if !ends_in(&path, "json") && !ends_in(&path, "csv") => with(path, "json"),
-            Self::Rulers(format) => format.with_extension(path),
+            Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
         }
     }
@@ -80,7 +79,7 @@ impl Purpose {
             Self::OpenFile | Self::OpenFolder => open_command(path),
             Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
             Self::Picture(pane) => AppCommand::ScreenshotTo(*pane, path).into(),
-            Self::Measurements => AppCommand::ExportMeasurementsTo(path).into(),
+            Self::Measurements(_) => AppCommand::ExportMeasurementsTo(path).into(),
             Self::Rulers(_) => AppCommand::ExportRulersTo(path).into(),
         }
     }
@@ -214,7 +213,7 @@ fn ends_in(path: &Path, ending: &str) -> bool {
 }
 
 /// Whether a dropped file contains fibre tracts, which are added to the open case.
-pub fn is_tracts(path: &std::path::Path) -> bool {
+pub fn is_tracts(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default();
     tract_endings().any(|tracts| ending.eq_ignore_ascii_case(tracts))
 }

@@ -3,13 +3,17 @@
 pub mod about;
 pub mod dialogs;
 mod drop;
+mod enlarged;
+mod go_to;
 mod menu;
 mod modal;
+pub mod numbers;
 pub mod offscreen;
 mod palette;
 mod panes;
 mod perform;
 mod pictures;
+pub mod preferences;
 mod prompts;
 pub mod recent;
 pub mod run;
@@ -26,7 +30,7 @@ use egui::{CentralPanel, Context, Event, Panel, Rect, Ui};
 use glioscope_render::{Gpu, RenderError};
 
 use crate::{
-    command::{Command, Commands, LookCommand, Workstation, listed},
+    command::{AppCommand, Command, Commands, LookCommand, Workstation, listed},
     error::AppError,
     model::{CaseRef, PaneId},
     views::{Panes, Shared, pane::Input, pointer, view3d::Graphics},
@@ -35,10 +39,11 @@ use crate::{
         jobs::{Ask, Job, Waker},
     },
 };
-use dialogs::{Choice, Chooser, Dialog, Purpose};
+use dialogs::{Choice, Chooser, Dialog};
 use palette::CommandPalette;
 use panes::PaneArea;
 use pictures::Pictures;
+use preferences::Preferences;
 use recent::Recent;
 use typed_path::TypedPath;
 
@@ -74,14 +79,17 @@ pub struct GlioscopeApp {
     open: OpenParts,
     palette: CommandPalette,
     recent: Recent,
+    preferences: Preferences,
     /// How files are chosen.
     pub chooser: Chooser,
     dialog: Option<Dialog>,
     pane_rects: HashMap<PaneId, Rect>,
     pictures: Pictures,
     /// A file being written on a worker, with the notice for its end.
-    export: Option<Job<&'static str>>,
+    export: Option<Job<String>>,
     scripted: Option<ScriptedPicture>,
+    /// A command that goes to a place which a worker looks for.
+    going_to: Option<AppCommand>,
     started: bool,
 }
 
@@ -90,7 +98,13 @@ impl GlioscopeApp {
     ///
     /// # Errors
     /// [`RenderError`] if the device can't run the closeup's passes.
-    pub fn new(work: Workstation, graphics: Option<Graphics>, recent: Recent) -> Result<Self, RenderError> {
+    pub fn new(
+        mut work: Workstation,
+        graphics: Option<Graphics>,
+        recent: Recent,
+    ) -> Result<Self, RenderError> {
+        let preferences = Preferences::in_folder(recent.folder());
+        work.picture_size = preferences.get().pictures;
         let panes = graphics.as_ref().map_or_else(|| Ok(Panes::default()), Panes::on)?;
         Ok(Self {
             work,
@@ -101,9 +115,11 @@ impl GlioscopeApp {
             open: OpenParts::default(),
             palette: CommandPalette::default(),
             recent,
+            preferences,
             chooser: dialogs::desktop_chooser(),
             dialog: None,
             started: false,
+            going_to: None,
             pane_rects: HashMap::new(),
             pictures: Pictures::default(),
             export: None,
@@ -145,20 +161,27 @@ impl GlioscopeApp {
         let ctx = ui.ctx().clone();
         self.ask.wake = Waker::of(&ctx);
         self.receive(&ctx);
+        self.go_to_pending();
         if !std::mem::replace(&mut self.started, true) {
             pointer::install(&ctx);
+            if let Some(dark) = self.preferences.get().dark.filter(|_| self.scripted.is_none()) {
+                ctx.set_theme(if dark { egui::Theme::Dark } else { egui::Theme::Light });
+            }
         }
+        self.remember_size(&ctx);
         let mut out = Commands::default();
         if !self.dialog_is_open(&ctx) {
             shortcuts(&ctx, &mut out);
         }
         let dropped_files = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
-        Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &mut out));
+        self.look_for_places();
+        let places = go_to::choices(&self.work, &self.results);
+        Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &places, &mut out));
         warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
         Panel::bottom("status").show(ui, |ui| warnings::status(ui, &mut self.work, &mut out));
         let fill = egui::Frame::NONE.fill(ui.visuals().panel_fill);
         CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
-        self.palette.show(ui, &mut out);
+        self.palette.show(ui, &places, &mut out);
         prompts::guess(ui, &self.work, &mut out);
         typed_path::show(ui, &mut self.open.path, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
@@ -181,6 +204,38 @@ impl GlioscopeApp {
             ));
         }
         self.picture_once_ready(&ctx);
+    }
+
+    /// Remembers the window's size when it closes.
+    fn remember_size(&mut self, ctx: &Context) {
+        let closes = ctx.input(|i| i.viewport().close_requested());
+        if !closes || self.scripted.is_some() {
+            return;
+        }
+        let maximized = ctx.input(|i| i.viewport().maximized).unwrap_or(false);
+        let remembered = self.preferences.change();
+        remembered.maximized = maximized;
+        if !maximized {
+            let size = ctx.content_rect().size();
+            remembered.size_points = Some([size.x, size.y]);
+        }
+        self.preferences.save();
+    }
+
+    /// Remembers the folder of a file that was chosen.
+    fn remember_folder(&mut self, command: &AppCommand) {
+        let (AppCommand::Open(CaseRef::Path(path))
+        | AppCommand::OpenSession(path)
+        | AppCommand::SaveSessionTo(path)
+        | AppCommand::ExportMeasurementsTo(path)
+        | AppCommand::ExportRulersTo(path)
+        | AppCommand::ScreenshotTo(_, path)) = command
+        else {
+            return;
+        };
+        let folder = std::path::absolute(path).ok().and_then(|path| path.parent().map(Path::to_owned));
+        self.preferences.change().folder = folder;
+        self.preferences.save();
     }
 
     /// Whether a dialog or the palette holds the keyboard.
@@ -297,21 +352,20 @@ impl GlioscopeApp {
         if let Some(written) = self.export.as_ref().and_then(Job::poll) {
             self.export = None;
             match written {
-                Ok(notice) => self.work.notice = Some(notice.into()),
+                Ok(notice) => self.work.notice = Some(notice),
                 Err(error) => self.work.error = Some(error),
             }
         }
     }
 
-    /// The folder in which file dialogs begin: that of the session, else of the case.
+    /// The folder in which file dialogs begin: that of the file chosen last, else that of the case.
     fn folder(&self) -> Option<PathBuf> {
+        let last = self.preferences.get().folder.clone().filter(|folder| folder.is_dir());
         let case = self.work.doc.as_ref().and_then(|doc| match &doc.case {
-            CaseRef::Path(path) if path.is_dir() => Some(path.clone()),
             CaseRef::Path(path) => path.parent().map(Path::to_owned),
             CaseRef::Sample | CaseRef::Arguments { .. } => None,
         });
-        let session = self.work.session_path.as_ref().and_then(|path| path.parent()).map(Path::to_owned);
-        let folder = session.or(case).or_else(|| std::env::current_dir().ok())?;
+        let folder = last.or(case).or_else(|| std::env::current_dir().ok())?;
         std::path::absolute(folder).ok()
     }
 
@@ -335,7 +389,10 @@ impl GlioscopeApp {
             self.work.notice = None;
         }
         match command {
-            Command::App(command) => self.perform_app(ctx, command),
+            Command::App(command) => {
+                self.remember_folder(command);
+                self.perform_app(ctx, command);
+            }
             Command::Edit(_) | Command::Look(_) => self.work.apply(command, now),
         }
     }

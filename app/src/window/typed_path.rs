@@ -49,12 +49,12 @@ impl TypedPath {
             self.wrong = if path.exists() { String::new() } else { format!("Nothing is at {}", path.display()) };
             return path.exists().then_some(path);
         }
-        let path = self.purpose.complete(path);
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         if path.is_dir() {
             self.wrong = format!("{} is a folder: add the file's name", path.display());
             return None;
         }
+        let path = self.purpose.complete(path);
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
             self.wrong = format!("There is no folder {}", folder.display());
             return None;
@@ -134,12 +134,13 @@ pub fn show(ui: &Ui, open: &mut Option<TypedPath>, out: &mut Commands) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::RulerFormat;
 
     #[test]
     fn paths_that_can_not_be_right_stay_in_the_dialog() {
         let folder = tempfile::tempdir().unwrap();
-        let mut typed = TypedPath::new(Purpose::Measurements, folder.path(), String::new());
-        let proposed = folder.path().join("measurements.json");
+        let mut typed = TypedPath::new(Purpose::Measurements(RulerFormat::Json), folder.path(), String::new());
+        let proposed = folder.path().join("numbers.json");
         assert_eq!(typed.entered().as_deref(), Some(proposed.as_path()));
         std::fs::write(&proposed, "{}").unwrap();
         assert_eq!(typed.entered(), None, "it exists");

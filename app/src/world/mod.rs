@@ -6,6 +6,7 @@ pub mod image;
 pub mod jobs;
 pub mod load;
 pub mod numbers;
+pub mod places;
 pub mod slice_plane;
 pub mod tracts;
 
@@ -19,7 +20,8 @@ use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
 
 use crate::model::Document;
 
-/// A case and the data that every view needs of it, derived once per load.
+/// A case and the data that every view needs of it, derived once per load. Clones share all of it.
+#[derive(Clone)]
 pub struct Loaded {
     /// The case.
     pub case: Arc<Case>,
@@ -44,7 +46,7 @@ impl Loaded {
 }
 
 /// The loaded case, if any.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct World {
     loaded: Option<Loaded>,
 }
@@ -111,6 +113,8 @@ pub struct Results {
     pub tracts: tracts::TractResult,
     /// Agreement of masks, and voxel counts inside the lens.
     pub numbers: numbers::Numbers,
+    /// Places worth a look.
+    pub places: places::Places,
     /// The axial slice as a plane in 3D.
     pub plane: slice_plane::PlaneResult,
 }

@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc, time::Duration};
 
 use egui::{Event, Key, Modifiers, Theme};
-use egui_kittest::kittest::{NodeT, Queryable};
+use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::AppCommand,
     model::{CaseRef, PaneId, RulerFormat},
@@ -100,7 +100,7 @@ fn without_a_file_chooser_every_dialog_asks_for_the_path_and_says_why() {
         AppCommand::BrowseFiles,
         AppCommand::BrowseFolders,
         AppCommand::SaveSessionAs,
-        AppCommand::ExportMeasurements,
+        AppCommand::ExportMeasurements(RulerFormat::Json),
         AppCommand::ExportRulers(RulerFormat::Csv),
         AppCommand::ScreenshotWindow,
         AppCommand::ScreenshotPane(PaneId::Overlap),
@@ -115,7 +115,7 @@ fn without_a_file_chooser_every_dialog_asks_for_the_path_and_says_why() {
     }
     assert_eq!(error_text(&harness), "");
     let path = folder.path().join("numbers.json");
-    issue(&mut harness, AppCommand::ExportMeasurements);
+    issue(&mut harness, AppCommand::ExportMeasurements(RulerFormat::Json));
     wait_for_answer(&mut harness);
     harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
     harness.event(Event::Text(path.display().to_string()));
@@ -129,7 +129,7 @@ fn without_a_file_chooser_every_dialog_asks_for_the_path_and_says_why() {
 #[test]
 fn a_cancelled_chooser_asks_for_nothing() {
     let mut harness = with_chooser(Choice::Cancelled);
-    issue(&mut harness, AppCommand::ExportMeasurements);
+    issue(&mut harness, AppCommand::ExportMeasurements(RulerFormat::Json));
     wait_for_answer(&mut harness);
     assert!(!is_asking(&harness));
     assert_eq!(error_text(&harness), "");

@@ -44,7 +44,7 @@ pub fn regions(
         .id_salt("regions")
         .vscroll(false)
         .striped(true)
-        .sense(Sense::click())
+        .sense(Sense::CLICK)
         .cell_layout(Layout::right_to_left(Align::Center))
         .column(Column::remainder().at_least(60.0).clip(true))
         .column(Column::exact(64.0))
@@ -210,7 +210,7 @@ pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
                 body.row(ROW_PT, |mut row| {
                     row.col(|ui| {
                         left(ui, &mut |ui| {
-                            ui.add(egui::Label::new(format!("{} – {}", pair.a, pair.b)).truncate());
+                            ui.add(Label::new(format!("{} – {}", pair.a, pair.b)).truncate());
                         });
                     });
                     for (metric, value) in pair.metrics() {

@@ -1,7 +1,7 @@
 //! All time points of the case: which is shown, which two are compared, and volumes over time (thesis 7.3.4).
 
-use egui::{Color32, Role, Ui, WidgetInfo};
-use egui_plot::{Legend, Line, MarkerShape, Plot, PlotPoints, Points, VLine};
+use egui::{Color32, Role, Sense, Ui, WidgetInfo, vec2};
+use egui_plot::{Line, MarkerShape, Plot, PlotPoints, Points, VLine};
 use glioscope_core::{Selection, case::TimePoint, change::Choice, dates};
 
 use super::{
@@ -162,6 +162,14 @@ fn chart(
 ) {
     let (xs, axis_label) = positions(labels);
     let lines = if regions { region_lines(input) } else { mask_lines(input) };
+    // Above the chart, not on it, where it would hide lines.
+    ui.horizontal_wrapped(|ui| {
+        for (name, color, _) in &lines {
+            let (swatch, _) = ui.allocate_exact_size(vec2(11.0, 11.0), Sense::hover());
+            ui.painter().rect_filled(swatch, 2.0, draw::color(*color));
+            ui.label(name);
+        }
+    });
     let plot = Plot::new("volumes over time")
         .height(height)
         .allow_drag(false)
@@ -170,8 +178,7 @@ fn chart(
         .allow_boxed_zoom(false)
         .include_y(0.0)
         .x_axis_label(axis_label)
-        .y_axis_label("ml")
-        .legend(Legend::default());
+        .y_axis_label("ml");
     let shown = plot.show(ui, |plot| {
         for (name, color, values) in &lines {
             let points: Vec<[f64; 2]> =
@@ -187,7 +194,6 @@ fn chart(
         }
         for date in chosen.into_iter().flat_map(|c| c.dates) {
             if let Some(&x) = xs.get(date) {
-                // Without a name it has no legend entry.
                 plot.vline(VLine::new("", x).color(Color32::GRAY).width(1.0));
             }
         }

@@ -33,13 +33,16 @@ pub fn bar(
 ) {
     let bar = Bar { work, recent, places };
     egui::MenuBar::new().ui(ui, |ui| {
-        for menu in Menu::BAR {
-            ui.menu_button(menu.title(), |ui| bar.menu(ui, menu, out));
-        }
-        ui.separator();
-        if let Some(doc) = &work.doc {
-            toolbar(ui, work, doc, out);
-        }
+        // In a narrow window the toolbar goes on in another line.
+        ui.horizontal_wrapped(|ui| {
+            for menu in Menu::BAR {
+                ui.menu_button(menu.title(), |ui| bar.menu(ui, menu, out));
+            }
+            ui.separator();
+            if let Some(doc) = &work.doc {
+                toolbar(ui, work, doc, out);
+            }
+        });
     });
 }
 

@@ -80,12 +80,14 @@ impl TypedPath {
         }
         let label = ui.label("Path");
         let id = Id::unique("typed path");
-        if std::mem::take(&mut self.just_opened) {
+        if self.just_opened {
             // Before the field is drawn, so that what is typed in this frame arrives in it.
             ui.memory_mut(|memory| memory.request_focus(id));
         }
         let field = TextEdit::singleline(&mut self.path).id(id).desired_width(f32::INFINITY);
         let response = ui.add(field).labelled_by(label.id);
+        // The first pass only finds the dialog's size; nothing in it keeps the focus.
+        self.just_opened &= ui.is_sizing_pass();
         if response.changed() {
             self.wrong.clear();
         }

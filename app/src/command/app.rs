@@ -41,6 +41,7 @@ pub enum AppCommand {
     GoToComponent(u32, usize),
     ShowPalette,
     ToggleDark,
+    ShowMasks,
     ShowAbout,
     Quit,
 }
@@ -86,11 +87,12 @@ impl AppCommand {
                 })
                 .collect(),
             AppKind::GoToGrowth => vec![listed(Self::GoToGrowth).key(Key::G).menu(Menu::GoTo, 0)],
-            AppKind::GoToDisagreement => vec![
-                listed(Self::GoToDisagreement).keys(Modifiers::SHIFT, Key::G).menu(Menu::GoTo, 0),
-            ],
+            AppKind::GoToDisagreement => {
+                vec![listed(Self::GoToDisagreement).keys(Modifiers::SHIFT, Key::G).menu(Menu::GoTo, 0)]
+            }
             AppKind::ShowPalette => vec![listed(Self::ShowPalette).keys(CTRL, Key::P).menu(Menu::Edit, 2)],
             AppKind::ToggleDark => vec![listed(Self::ToggleDark).menu(Menu::View, 0)],
+            AppKind::ShowMasks => vec![listed(Self::ShowMasks).menu(Menu::Colors, 2)],
             AppKind::ShowAbout => vec![listed(Self::ShowAbout).key(Key::F1).menu(Menu::Help, 0)],
             AppKind::Quit => vec![listed(Self::Quit).keys(CTRL, Key::Q).menu(Menu::File, 3)],
             AppKind::Open
@@ -157,6 +159,7 @@ impl AppCommand {
             Self::GoToComponent(..) => Label::new("Go to the component"),
             Self::ShowPalette => Label::new("All commands…"),
             Self::ToggleDark => Label::new("Light or dark"),
+            Self::ShowMasks => Label::new("Names and colours of masks…"),
             Self::ShowAbout => Label::new("About Glioscope"),
             Self::Quit => Label::new("Quit"),
         }
@@ -177,6 +180,7 @@ impl AppCommand {
             | Self::ExportMeasurements(_)
             | Self::ExportMeasurementsTo(_)
             | Self::AddTracts(_)
+            | Self::ShowMasks
             | Self::GoToDisagreement
             | Self::GoToRegion(_)
             | Self::GoToComponent(..)

@@ -19,6 +19,7 @@ use crate::{
         ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, OverlapMode, PaneId, Ruler,
         document::{default_lens, tumor_radius_mm},
         layout,
+        masks::MaskLook,
         overlap::{regions_of_mask, with_mask_toggled},
     },
     world::World,
@@ -41,6 +42,7 @@ pub enum EditCommand {
     SetOverlapMode(OverlapMode),
     SetPalette(Palette),
     SetColoring(Coloring),
+    SetMaskLook(String, MaskLook),
     // Lens.
     ToggleLens,
     SetLensRadius(f64),
@@ -131,6 +133,7 @@ impl EditCommand {
             | EditKind::SetRegion
             | EditKind::ToggleMask
             | EditKind::OnlyMask
+            | EditKind::SetMaskLook
             | EditKind::SetLensRadius
             | EditKind::SetLensCenter
             | EditKind::DragLensCenter
@@ -176,6 +179,7 @@ impl EditCommand {
             }
             Self::SetColoring(Coloring::Agreement) => Label::new("Colours: how many masks agree")
                 .detail("Dark blue where one mask is active, light yellow where all are"),
+            Self::SetMaskLook(..) => Label::new("Name and colour of the mask"),
             Self::ToggleLens => Label::new("Lens on or off")
                 .detail("Inside the lens: the selection, in full. Outside: everything, faint"),
             Self::SetLensRadius(_) => Label::new("Lens radius"),
@@ -228,6 +232,7 @@ impl EditCommand {
             Self::SetLensRadius(_) => Some("lens radius"),
             Self::SetLensCenter(_) | Self::DragLensCenter(_) => Some("lens centre"),
             Self::RenameRuler(..) => Some("name of a line"),
+            Self::SetMaskLook(..) => Some("look of a mask"),
             Self::SetWindow(..) => Some("window"),
             Self::SetOverlayOpacity(_) => Some("opacity"),
             Self::SetTransfer(..) => Some("transfer"),
@@ -282,6 +287,7 @@ impl EditCommand {
             Self::SetOverlapMode(mode) => edit.overlap_mode = *mode,
             Self::SetPalette(palette) => edit.palette = *palette,
             Self::SetColoring(coloring) => edit.coloring = *coloring,
+            Self::SetMaskLook(id, look) => edit.masks.set(id, look),
             Self::ToggleLens => edit.lens_on = !edit.lens_on,
             Self::SetLensRadius(radius_mm) => {
                 if radius_mm.is_finite() {

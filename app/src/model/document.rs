@@ -26,6 +26,7 @@ use super::{
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
     layout,
     light::LightChoice,
+    masks::MaskLooks,
     overlap::OverlapMode,
     pane::PaneId,
     rulers::Ruler,
@@ -69,6 +70,9 @@ pub struct Edit {
     /// Whether a region's colour shows which masks are active or how many.
     #[serde(default)]
     pub coloring: Coloring,
+    /// Names and colours of masks.
+    #[serde(default)]
+    pub masks: MaskLooks,
     /// Measured lines, in the order they were drawn.
     #[serde(default)]
     pub rulers: Vec<Ruler>,
@@ -227,6 +231,7 @@ impl Document {
                 overlay_opacity: 0.35,
                 palette: Palette::Thesis,
                 coloring: Coloring::Masks,
+                masks: MaskLooks::default(),
                 rulers: Vec::new(),
                 overlap_mode: OverlapMode::Regions,
                 transfers: BTreeMap::new(),

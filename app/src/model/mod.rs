@@ -6,6 +6,7 @@ pub mod ellipsoids;
 pub mod history;
 pub mod layout;
 pub mod light;
+pub mod masks;
 pub mod overlap;
 pub mod pane;
 pub mod picture;

@@ -128,7 +128,7 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
     let ml = regions.get(pick.bits).map_or_else(|| "unknown".into(), |r| format::ml(r.volume_ml));
     let place = flat::place_label(pick.world_mm, input.sides_known());
     let outside = if pick.inside_lens { "" } else { ", outside the lens" };
-    format!("{} {ml}{outside}\n{place}", regions.name(pick.bits))
+    format!("{} {ml}{outside}\n{place}", input.doc.edit.masks.region(regions.mask_ids(), pick.bits))
 }
 
 /// Draws the orientation cube, scale bar, legend and notes.
@@ -161,7 +161,7 @@ fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, dark: bool, agreemen
     let ink = draw::ink(dark);
     let ids = input.time_point.regions.mask_ids().iter().enumerate();
     let rows: Vec<LegendRow> = match input.colors.coloring() {
-        Coloring::Masks => ids.map(|(k, id)| (input.colors.mask(k), id.clone())).collect(),
+        Coloring::Masks => ids.map(|(k, id)| (input.colors.mask(k), input.doc.edit.masks.name(id))).collect(),
         Coloring::Agreement => agreement.iter().rev().cloned().collect(),
     };
     let mut at = rect.left_top() + vec2(10.0, 8.0);
@@ -181,7 +181,8 @@ fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, dark: bool, agreemen
         }
     }
     if input.colors.mask_count() >= 2 {
-        let galley = painter.layout_no_wrap(input.colors.scheme().to_owned(), FontId::proportional(10.5), ink);
+        let galley =
+            painter.layout_no_wrap(input.colors.scheme().to_owned(), FontId::proportional(10.5), ink);
         draw::plate(painter, Rect::from_min_size(at, galley.size()), dark);
         painter.galley_with_override_text_color(at, galley, ink.gamma_multiply(0.75));
     }

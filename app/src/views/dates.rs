@@ -9,6 +9,7 @@ use super::{
     draw,
     overlap::{self, OverlapInput},
     pane::{Input, Pane, Stage},
+    pointer,
 };
 use crate::{
     command::{Commands, EditCommand, LookCommand},
@@ -214,7 +215,7 @@ fn chart(
         let nearest =
             (0..xs.len()).min_by(|&a, &b| (xs[a] - pointer.x).abs().total_cmp(&(xs[b] - pointer.x).abs()));
         if let Some(date) = nearest {
-            choose(input, date, ui.input(|i| i.modifiers.shift), out);
+            choose(input, date, pointer::press_modifiers(ui.ctx()).shift, out);
         }
     }
 }
@@ -240,7 +241,7 @@ fn mask_lines(input: &Input<'_>) -> Vec<ChartLine> {
         let k = input.time_point.masks.iter().position(|m| m.mask.id() == id);
         k.map_or([128, 128, 128], |k| input.colors.mask(k))
     };
-    ids.into_iter().map(|id| (id.to_owned(), color(id), volumes(id))).collect()
+    ids.into_iter().map(|id| (input.doc.edit.masks.name(id), color(id), volumes(id))).collect()
 }
 
 /// Volumes of the regions of all dates, matched by name.
@@ -261,6 +262,14 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
             }
         }
     }
+    // The name of the first time point that has the region: the same ids have the same names everywhere.
+    let shown_name = |name: &str| {
+        let named = |t: &TimePoint| {
+            let region = t.regions.list().iter().find(|r| t.regions.name(r.bits) == name)?;
+            Some(input.doc.edit.masks.region(t.regions.mask_ids(), region.bits))
+        };
+        input.case.time_points.iter().find_map(named).unwrap_or_else(|| name.to_owned())
+    };
     let volumes = |name: &str| {
         let volume_at = |t: &TimePoint| {
             let region = t.regions.list().iter().find(|r| t.regions.name(r.bits) == name);
@@ -272,7 +281,7 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
         .into_iter()
         .map(|(name, color)| {
             let volumes_ml = volumes(&name);
-            (name, color, volumes_ml)
+            (shown_name(&name), color, volumes_ml)
         })
         .collect()
 }
@@ -281,7 +290,7 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
 fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Comparison) {
     let report = &compared.report;
     ui.horizontal_wrapped(|ui| {
-        ui.strong(&report.mask);
+        ui.strong(input.doc.edit.masks.name(&report.mask));
         ui.label(format!("kept {}", format::ml(report.kept_ml)));
         ui.label(format!("gone {}", format::ml(report.gone_ml)));
         ui.label(format!("new {}", format::ml(report.new_ml)));
@@ -299,6 +308,7 @@ fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Comparison) {
     let colors = pair_colors(input.doc.edit.palette);
     let selection = Selection::all();
     let diagram = OverlapInput {
+        names: compared.regions.mask_ids(),
         regions: &compared.regions,
         selection: &selection,
         colors: &colors,

@@ -251,10 +251,10 @@ impl EllipsoidPane {
 
 /// Name of a component's mask or region.
 fn name_of(input: &Input<'_>, of: Of) -> String {
-    let regions = &input.time_point.regions;
+    let (ids, masks) = (input.time_point.regions.mask_ids(), &input.doc.edit.masks);
     match of {
-        Of::Mask(k) => regions.mask_ids().get(k).cloned().unwrap_or_default(),
-        Of::Region(bits) => regions.name(bits),
+        Of::Mask(k) => ids.get(k).map(|id| masks.name(id)).unwrap_or_default(),
+        Of::Region(bits) => masks.region(ids, bits),
     }
 }
 
@@ -312,8 +312,9 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
     let response = ui.add(drag.prefix("hide below "));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Hide components below, in ml"));
     response.on_hover_text("Components smaller than this are not drawn");
-    let menu =
-        egui::ComboBox::from_id_salt("neighbours").selected_text(format!("{} neighbours", look.neighbors)).width(96.0);
+    let menu = egui::ComboBox::from_id_salt("neighbours")
+        .selected_text(format!("{} neighbours", look.neighbors))
+        .width(96.0);
     let response = menu.show_ui(ui, |ui| {
         for (neighbors, text) in [(26, "26: face, edge or corner"), (18, "18: face or edge"), (6, "6: face")]
         {

@@ -94,7 +94,11 @@ fn rows(input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) 
         .into_iter()
         .map(|(bits, n)| {
             let is_single_mask = bits.count_ones() == 1 && regions.mask_ids().len() > 1;
-            let name = format!("{}{}", regions.name(bits), if is_single_mask { " only" } else { "" });
+            let name = format!(
+                "{}{}",
+                input.doc.edit.masks.region(regions.mask_ids(), bits),
+                if is_single_mask { " only" } else { "" }
+            );
             let region_voxels = regions.get(bits).map_or(0, |r| r.voxels);
             Row { bits, name, cells: [format::ml(ml(n)), share(n, voxels), share(n, region_voxels)] }
         })

@@ -11,8 +11,8 @@ fn press_id() -> Id {
 }
 
 /// Keys held at the last press of a pointer button: they decide what a drag does, whatever is pressed later.
-pub fn press_modifiers(ui: &Ui) -> Modifiers {
-    ui.data(|data| data.get_temp(press_id())).unwrap_or_else(|| ui.input(|i| i.modifiers))
+pub fn press_modifiers(ctx: &Context) -> Modifiers {
+    ctx.data(|data| data.get_temp(press_id())).unwrap_or_else(|| ctx.input(|i| i.modifiers))
 }
 
 /// Installs the order of events; once per window.

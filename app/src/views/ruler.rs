@@ -45,7 +45,7 @@ pub fn drag(
     let id = draft_id(response);
     let mut draft: Option<Draft> = ui.data(|data| data.get_temp(id)).flatten();
     // A drag with a modifier key has another effect.
-    let plain = !pointer::press_modifiers(ui).any();
+    let plain = !pointer::press_modifiers(ui.ctx()).any();
     let (origin, pointer, moved, escape) = ui.input(|i| {
         let moved = i.pointer.delta() != egui::Vec2::ZERO;
         let origin = i.pointer.press_origin().filter(|_| plain);

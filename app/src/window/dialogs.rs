@@ -223,6 +223,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn only_errors_of_the_chooser_mean_that_there_is_none() {
+        listen();
+        log::error!(target: "another::library", "something else");
+        log::warn!(target: "rfd::backend", "Using zenity fallback");
+        assert_eq!(FAILURE.take(), None);
+        log::error!(target: "rfd::backend", "Failed to pick file with zenity: not found");
+        assert_eq!(FAILURE.take().as_deref(), Some("Failed to pick file with zenity: not found"));
+    }
+
+    #[test]
     fn each_purpose_gives_its_file_name_and_command() {
         let path = || PathBuf::from("/somewhere/x.nii");
         assert_eq!(Purpose::OpenFile.command(path()), AppCommand::Open(CaseRef::Path(path())).into());
@@ -234,6 +244,8 @@ mod tests {
             rulers.command("/a/lines".into()),
             AppCommand::ExportRulersTo("/a/lines.csv".into()).into()
         );
+        let named = Purpose::SaveSession.command("/a/visit".into());
+        assert_eq!(named, AppCommand::SaveSessionTo("/a/visit.glioscope.json".into()).into());
         assert!(case_filter().contains(&"gz") && is_tracts("a.TCK".as_ref()) && !is_tracts("a.nii".as_ref()));
     }
 }

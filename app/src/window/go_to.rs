@@ -47,16 +47,17 @@ pub fn choices(work: &Workstation, results: &Results) -> Vec<(String, Command)> 
         return Vec::new();
     };
     let regions = &time_point.regions;
+    let name = |bits| doc.edit.masks.region(regions.mask_ids(), bits);
     let text = |place: &Place| {
         let ml = format::ml(place.volume_ml);
         match place.at {
             At::Disagreement => None,
             At::Region(bits) => {
                 let ml = regions.get(bits).map_or(ml, |region| format::ml(region.volume_ml));
-                Some((format!("Go to {}, {ml}", regions.name(bits)), AppCommand::GoToRegion(bits)))
+                Some((format!("Go to {}, {ml}", name(bits)), AppCommand::GoToRegion(bits)))
             }
             At::Component(bits, number) => Some((
-                format!("Go to component {number} of {}, {ml}", regions.name(bits)),
+                format!("Go to component {number} of {}, {ml}", name(bits)),
                 AppCommand::GoToComponent(bits, number),
             )),
         }
@@ -118,10 +119,11 @@ impl GlioscopeApp {
             };
             return Some(Search::Nowhere(why.to_owned()));
         };
+        let name = |bits| doc.edit.masks.region(time_point.regions.mask_ids(), bits);
         let what = match at {
             At::Disagreement => "Largest connected piece where masks disagree".to_owned(),
-            At::Region(bits) => time_point.regions.name(bits),
-            At::Component(bits, number) => format!("Component {number} of {}", time_point.regions.name(bits)),
+            At::Region(bits) => name(bits),
+            At::Component(bits, number) => format!("Component {number} of {}", name(bits)),
         };
         Some(Search::Found(Destination {
             time: doc.nav.time,
@@ -135,13 +137,15 @@ impl GlioscopeApp {
         let doc = self.work.doc.as_ref()?;
         let case = self.work.world.case()?;
         let compared = match self.results.comparison.get(case, &doc.edit.change, &self.ask) {
-            None => return Some(Search::Nowhere("There are no two dates with one mask to compare.".to_owned())),
+            None => {
+                return Some(Search::Nowhere("There are no two dates with one mask to compare.".to_owned()));
+            }
             Some(Lookup::Working(_)) => return Some(Search::Working),
             Some(Lookup::Failed(error)) => return Some(Search::Nowhere(error.to_string())),
             Some(Lookup::Ready(compared)) => compared,
         };
         let [from, to] = &compared.labels;
-        let mask = &compared.report.mask;
+        let mask = doc.edit.masks.name(&compared.report.mask);
         let Some(vector) = largest_growth(&compared.change) else {
             return Some(Search::Nowhere(format!("{mask} grew nowhere from {from} to {to}.")));
         };

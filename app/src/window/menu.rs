@@ -1,6 +1,9 @@
 //! The menu bar with the toolbar, and the welcome page.
 
-use egui::{Button, ComboBox, DragValue, Slider, Ui};
+use egui::{
+    Button, ComboBox, DragValue, PopupCloseBehavior, Slider, Ui,
+    containers::menu::{MenuConfig, SubMenuButton},
+};
 use glioscope_core::{files::format::volume_names, optics::Projection};
 use glioscope_render::light;
 
@@ -63,7 +66,9 @@ impl Bar<'_> {
                 ui.separator();
             }
             for inner in menu.inner(*group).filter(|inner| self.shows(*inner)) {
-                ui.menu_button(inner.title(), |ui| self.menu(ui, inner, out));
+                // A field in a menu is clicked to type in it; entries close the menu themselves.
+                let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+                SubMenuButton::new(inner.title()).config(config).ui(ui, |ui| self.menu(ui, inner, out));
             }
             let commands = listed().iter().filter(|listed| listed.menu == Some((menu, *group)));
             for listed in commands.filter(|listed| menu != Menu::View || self.shows_in_view(&listed.command))
@@ -135,7 +140,8 @@ impl Bar<'_> {
         ui.horizontal(|ui| {
             let mut pixels = current.unwrap_or(DEFAULT_WIDTH_PX);
             let radio = ui.radio(current.is_some(), "This wide:");
-            let drag = ui.add(DragValue::new(&mut pixels).range(100..=MAX_WIDTH_PX).speed(5).suffix(" pixels"));
+            let drag =
+                ui.add(DragValue::new(&mut pixels).range(100..=MAX_WIDTH_PX).speed(5).suffix(" pixels"));
             drag.widget_info(|| {
                 egui::WidgetInfo::labeled(egui::Role::SpinButton, true, "Width of pictures in pixels")
             });

@@ -5,6 +5,7 @@ pub mod dialogs;
 mod drop;
 mod enlarged;
 mod go_to;
+mod masks;
 mod menu;
 mod modal;
 pub mod numbers;
@@ -52,6 +53,8 @@ use typed_path::TypedPath;
 struct OpenParts {
     /// The About dialog.
     about: bool,
+    /// The dialog of names and colours of masks.
+    masks: bool,
     /// The list of warnings.
     warnings: bool,
     /// The dialog to type a path, with the text so far.
@@ -184,6 +187,7 @@ impl GlioscopeApp {
         self.palette.show(ui, &places, &mut out);
         prompts::guess(ui, &self.work, &mut out);
         typed_path::show(ui, &mut self.open.path, &mut out);
+        masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
         let now = Instant::now();
@@ -241,7 +245,11 @@ impl GlioscopeApp {
     /// Whether a dialog or the palette holds the keyboard.
     fn dialog_is_open(&self, ctx: &Context) -> bool {
         let asks = self.work.guess.is_some() && !self.work.accept_guesses;
-        asks || self.open.about || self.open.path.is_some() || self.palette.is_open() || modal::is_open(ctx)
+        asks || self.open.about
+            || self.open.masks
+            || self.open.path.is_some()
+            || self.palette.is_open()
+            || modal::is_open(ctx)
     }
 
     /// Takes the error of the scripted screenshot, if it failed.
@@ -378,13 +386,12 @@ impl GlioscopeApp {
 
     /// Carries out one command.
     pub fn perform(&mut self, ctx: &Context, command: &Command, now: Instant) {
-        let is_navigation =
-            matches!(
-                command,
-                Command::Look(
-                    LookCommand::SetCursor(_) | LookCommand::PreviewCursor(..) | LookCommand::SetCamera(_)
-                )
-            );
+        let is_navigation = matches!(
+            command,
+            Command::Look(
+                LookCommand::SetCursor(_) | LookCommand::PreviewCursor(..) | LookCommand::SetCamera(_)
+            )
+        );
         if !is_navigation {
             self.work.notice = None;
         }
@@ -414,9 +421,8 @@ fn shortcuts(ctx: &Context, out: &mut Commands) {
         input.events.retain(|event| {
             let Event::Key { key, modifiers, pressed: true, .. } = event else { return true };
             let mut all = with_shortcut.iter();
-            let found = all.find(|(keys, _)| {
-                keys.logical_key == *key && modifiers.matches_logically(keys.modifiers)
-            });
+            let found =
+                all.find(|(keys, _)| keys.logical_key == *key && modifiers.matches_logically(keys.modifiers));
             found.inspect(|(_, command)| out.push((*command).clone())).is_none()
         });
     });

@@ -23,6 +23,8 @@ pub fn show(ctx: &Context, title: &str, content: impl FnOnce(&mut Ui) -> Reply) 
         // Just opened: what is typed now is not for the field below.
         ctx.memory_mut(|memory| memory.stop_text_input());
     }
+    // Escape closes a list or a choice of colours within the dialog first.
+    let popup_is_open = egui::Popup::is_any_open(ctx);
     let in_use = ctx.memory(|memory| memory.focused().is_some());
     let reply = egui::Modal::new(id)
         .show(ctx, |ui| {
@@ -31,7 +33,7 @@ pub fn show(ctx: &Context, title: &str, content: impl FnOnce(&mut Ui) -> Reply) 
             content(ui)
         })
         .inner;
-    if reply != Reply::None {
+    if reply != Reply::None || popup_is_open {
         return reply;
     }
     let pressed = |key| ctx.input_mut(|input| input.consume_key(Modifiers::NONE, key));

@@ -58,7 +58,10 @@ impl Shown {
             ("hidden_regions", self.hidden()),
             ("lens", self.lens()),
             ("change", self.change(progress)?),
-            ("ellipsoids", json!({"connectivity": neighbors, "components": as_value(&ellipsoids.components)?})),
+            (
+                "ellipsoids",
+                json!({"connectivity": neighbors, "components": as_value(&ellipsoids.components)?}),
+            ),
             ("lines", rulers::as_json(case, &doc.edit.rulers)["lines"].take()),
         ] {
             if let Some(object) = numbers.as_object_mut() {
@@ -117,8 +120,7 @@ impl Shown {
         }
         let setting = &self.doc.edit.change;
         let Ok(choice) = setting.chosen(&self.case) else { return Ok(Value::Null) };
-        let options =
-            ChangeOptions { registration_mm: setting.registration_mm, ..ChangeOptions::default() };
+        let options = ChangeOptions { registration_mm: setting.registration_mm, ..ChangeOptions::default() };
         let (report, _) = change::between(&self.case, &choice, &options, None, progress)?;
         as_value(&report)
     }
@@ -151,9 +153,9 @@ fn rows(value: &Value, [time, of]: &[String; 2], quantity: &str, table: &mut csv
         Value::Array(list) => {
             let names: Vec<Option<(String, String)>> = list.iter().map(full_name).collect();
             for (index, inner) in list.iter().enumerate() {
-                let is_alone = names[index].is_some() && names.iter().filter(|n| **n == names[index]).count() == 1;
-                let quantity =
-                    if is_alone { quantity.to_owned() } else { format!("{quantity}[{index}]") };
+                let is_alone =
+                    names[index].is_some() && names.iter().filter(|n| **n == names[index]).count() == 1;
+                let quantity = if is_alone { quantity.to_owned() } else { format!("{quantity}[{index}]") };
                 rows(inner, &[time.clone(), of.clone()], &quantity, table);
             }
             return;
@@ -184,7 +186,13 @@ fn name_of(object: &Map<String, Value>) -> Option<String> {
     let level = || Some(format!("{} active", object.get("masks")?.as_u64()?));
     let pair = || Some(format!("{} and {}", text("a")?, text("b")?));
     let mask = || text("mask").or_else(|| Some(object.get("of")?.get("mask")?.as_str()?.to_owned()));
-    text("id").or_else(mask).or_else(masks).or_else(region).or_else(level).or_else(pair).or_else(|| text("name"))
+    text("id")
+        .or_else(mask)
+        .or_else(masks)
+        .or_else(region)
+        .or_else(level)
+        .or_else(pair)
+        .or_else(|| text("name"))
 }
 
 #[cfg(test)]

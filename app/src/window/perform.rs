@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use egui::Context;
 use super::{
     GlioscopeApp,
     dialogs::{Dialog, Purpose},
@@ -17,6 +16,7 @@ use crate::{
     output,
     world::jobs::{Job, Waker},
 };
+use egui::Context;
 
 impl GlioscopeApp {
     fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
@@ -75,6 +75,7 @@ impl GlioscopeApp {
                 self.go_to_pending();
             }
             AppCommand::ShowPalette => self.palette.open(),
+            AppCommand::ShowMasks => self.open.masks = true,
             AppCommand::ShowAbout => self.open.about = true,
             AppCommand::ToggleDark => {
                 let is_dark = ctx.global_style().visuals.dark_mode;
@@ -128,7 +129,9 @@ impl GlioscopeApp {
 
     /// Runs on a worker: measuring a large case takes a while.
     fn export_measurements(&mut self, ctx: &Context, path: &Path) {
-        let (Some(case), Some(doc)) = (self.work.world.case().cloned(), self.work.doc.clone()) else { return };
+        let (Some(case), Some(doc)) = (self.work.world.case().cloned(), self.work.doc.clone()) else {
+            return;
+        };
         let compared = self.results.comparison.cached(&case, &doc.edit.change);
         let shown = Shown {
             compared: compared.map(|compared| compared.report.clone()),

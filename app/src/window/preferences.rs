@@ -98,10 +98,10 @@ mod tests {
             assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         }
         // Sizes that no window has, and files that aren't ours.
-        std::fs::write(&file, r#"{"size_points": [1e9, -4.0]}"#).unwrap();
+        write_private(&file, br#"{"size_points": [1e9, -4.0]}"#).unwrap();
         let read = Preferences::in_folder(Some(folder.path()));
         assert_eq!(read.get().size_points, Some([16_384.0, 320.0]));
-        std::fs::write(&file, "[]").unwrap();
+        write_private(&file, b"[]").unwrap();
         assert_eq!(Preferences::in_folder(Some(folder.path())).get(), &Remembered::default());
     }
 }

@@ -31,7 +31,8 @@ impl TypedPath {
 
     /// Asks for the path of `purpose`; a file to write is proposed in `folder`.
     pub fn new(purpose: Purpose, folder: &Path, why: String) -> Self {
-        let path = purpose.file_name().map(|name| folder.join(name).display().to_string()).unwrap_or_default();
+        let path =
+            purpose.file_name().map(|name| folder.join(name).display().to_string()).unwrap_or_default();
         Self { purpose, path, why, wrong: String::new(), replaces: None, just_opened: true }
     }
 
@@ -46,7 +47,8 @@ impl TypedPath {
             _ => PathBuf::from(typed),
         };
         if self.purpose.file_name().is_none() {
-            self.wrong = if path.exists() { String::new() } else { format!("Nothing is at {}", path.display()) };
+            self.wrong =
+                if path.exists() { String::new() } else { format!("Nothing is at {}", path.display()) };
             return path.exists().then_some(path);
         }
         if path.is_dir() {
@@ -99,9 +101,10 @@ impl TypedPath {
         ui.horizontal(|ui| {
             accepted |= ui.button(if opens { "Open" } else { "Save" }).clicked();
             if opens && self.why.is_empty() {
-                for (text, command) in
-                    [("Browse files…", AppCommand::BrowseFiles), ("Browse folders…", AppCommand::BrowseFolders)]
-                {
+                for (text, command) in [
+                    ("Browse files…", AppCommand::BrowseFiles),
+                    ("Browse folders…", AppCommand::BrowseFolders),
+                ] {
                     if ui.button(text).clicked() {
                         out.push(command);
                         reply = Reply::Cancel;
@@ -141,14 +144,17 @@ mod tests {
     #[test]
     fn paths_that_can_not_be_right_stay_in_the_dialog() {
         let folder = tempfile::tempdir().unwrap();
-        let mut typed = TypedPath::new(Purpose::Measurements(RulerFormat::Json), folder.path(), String::new());
+        let mut typed =
+            TypedPath::new(Purpose::Measurements(RulerFormat::Json), folder.path(), String::new());
         let proposed = folder.path().join("numbers.json");
         assert_eq!(typed.entered().as_deref(), Some(proposed.as_path()));
-        std::fs::write(&proposed, "{}").unwrap();
+        glioscope_core::files::write_whole(&proposed, b"{}").unwrap();
         assert_eq!(typed.entered(), None, "it exists");
         assert!(typed.wrong.contains("exists"), "{}", typed.wrong);
         assert_eq!(typed.entered().as_deref(), Some(proposed.as_path()), "entered twice");
-        for (path, words) in [(folder.path().to_owned(), "is a folder"), (folder.path().join("no/x.json"), "no folder")] {
+        for (path, words) in
+            [(folder.path().to_owned(), "is a folder"), (folder.path().join("no/x.json"), "no folder")]
+        {
             typed.path = path.display().to_string();
             assert_eq!(typed.entered(), None);
             assert!(typed.wrong.contains(words), "{}", typed.wrong);

@@ -84,9 +84,19 @@ impl World {
 
     /// Colours of the masks of the current time point.
     pub fn colors(&self, doc: &Document) -> MaskColors {
-        let preferred: Vec<_> =
-            self.time_point(doc).map(|t| t.masks.iter().map(|m| m.color).collect()).unwrap_or_default();
-        MaskColors::new(doc.edit.palette, &preferred).with_coloring(doc.edit.coloring)
+        let masks = self.time_point(doc).map(|t| t.masks.as_slice()).unwrap_or_default();
+        let preferred: Vec<_> = masks.iter().map(|m| m.color).collect();
+        let of_case = MaskColors::new(doc.edit.palette, &preferred);
+        let chosen: Vec<_> = masks.iter().map(|m| doc.edit.masks.get(m.mask.id()).color).collect();
+        let colors = if chosen.iter().any(Option::is_some) {
+            // The other masks keep their colours.
+            let all: Vec<_> =
+                chosen.iter().enumerate().map(|(k, own)| own.or(Some(of_case.mask(k)))).collect();
+            MaskColors::new(doc.edit.palette, &all)
+        } else {
+            of_case
+        };
+        colors.with_coloring(doc.edit.coloring)
     }
 
     /// The cropped region volume of the current time point; `None` where no voxel is active.

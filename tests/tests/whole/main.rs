@@ -21,6 +21,7 @@ mod ui_files;
 mod ui_gestures;
 mod ui_lens;
 mod ui_light;
+mod ui_masks;
 mod ui_places;
 mod ui_tracts;
 mod ui_views;

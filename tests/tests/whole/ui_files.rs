@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use egui::Theme;
+use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
     model::{CaseRef, PaneId, PictureSize, Ruler},
@@ -13,9 +14,7 @@ use glioscope_core::{
     change::{self, ChangeOptions},
     glam::DVec3,
 };
-use glioscope_tests::{
-    Window, doc, error_text, issue, perform, wait_for_workers, window_of_user, window_on,
-};
+use glioscope_tests::{Window, doc, error_text, issue, perform, wait_for_workers, window_of_user, window_on};
 use serde_json::Value;
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
@@ -66,8 +65,12 @@ fn exported_numbers_have_what_the_window_shows_and_csv_has_the_same() {
         }
     }
     assert_eq!(numbers["lens"]["voxels"].as_u64(), Some(inside.values().sum()));
-    let mut found: Vec<u64> =
-        numbers["lens"]["regions"].as_array().unwrap().iter().map(|r| r["voxels"].as_u64().unwrap()).collect();
+    let mut found: Vec<u64> = numbers["lens"]["regions"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|r| r["voxels"].as_u64().unwrap())
+        .collect();
     let mut expected: Vec<u64> = inside.values().copied().collect();
     found.sort_unstable();
     expected.sort_unstable();
@@ -115,9 +118,7 @@ fn pictures_are_as_large_as_chosen() {
         assert!((found as f32 - 2.0 * points).abs() <= 1.0, "{found} {points}");
     }
     // Twice the pixels, not each pixel twice: the areas of pure green agree within the blurred edges of the smaller one.
-    let green = |picture: &image::RgbaImage| {
-        glioscope_tests::count_color(picture, [0, 255, 0], 0) as f64
-    };
+    let green = |picture: &image::RgbaImage| glioscope_tests::count_color(picture, [0, 255, 0], 0) as f64;
     let ratio = green(&twice) / green(&once);
     assert!((4.0..4.4).contains(&ratio), "{ratio}");
     let halves = twice.pixels().zip(twice.pixels().skip(1)).step_by(2).filter(|(a, b)| a != b).count();
@@ -127,6 +128,21 @@ fn pictures_are_as_large_as_chosen() {
     assert!(wide.width().abs_diff(1000) <= 1, "{}", wide.width());
     let window = picture(&mut harness, PictureSize::WidthPx(640), None);
     assert_eq!(window.dimensions(), (640, 400));
+}
+
+#[test]
+fn a_width_is_typed_in_the_menu() {
+    let mut harness = sample();
+    harness.get_by_label("File").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Size of pictures").click();
+    harness.run_ok();
+    harness.get_by_label("Width of pictures in pixels").click();
+    harness.run_ok();
+    harness.event(egui::Event::Text("640".into()));
+    harness.key_press(egui::Key::Enter);
+    harness.run_ok();
+    assert_eq!(harness.state().work.picture_size, PictureSize::WidthPx(640));
 }
 
 #[test]

@@ -143,9 +143,9 @@ fn a_control_point_is_dragged_from_where_it_was_pressed() {
         others.map(|(_, other)| other.distance(places[*n])).fold(f32::INFINITY, f32::min) > 25.0
     };
     let first = (0..places.len()).find(alone).expect("a point that stands alone");
-    let other = (0..places.len()).filter(|n| *n != first).max_by(|a, b| {
-        places[*a].distance(places[first]).total_cmp(&places[*b].distance(places[first]))
-    });
+    let other = (0..places.len())
+        .filter(|n| *n != first)
+        .max_by(|a, b| places[*a].distance(places[first]).total_cmp(&places[*b].distance(places[first])));
     let to = places[other.unwrap()] + vec2(0.0, 3.0);
     in_one_frame(&mut harness, drag(places[first], to, Modifiers::NONE));
     let found = doc(&harness).edit.transfers.get(&id).unwrap().points();

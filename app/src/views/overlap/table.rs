@@ -174,7 +174,7 @@ fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
 }
 
 /// All metrics of all pairs of masks; draws nothing without pairs.
-pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
+pub fn agreement(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair]) {
     if pairs.is_empty() {
         return;
     }
@@ -207,10 +207,14 @@ pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
         })
         .body(|mut body| {
             for pair in pairs {
+                let name = |id: &str| {
+                    let k = input.regions.mask_ids().iter().position(|mask| mask == id);
+                    k.and_then(|k| input.names.get(k)).cloned().unwrap_or_else(|| id.to_owned())
+                };
                 body.row(ROW_PT, |mut row| {
                     row.col(|ui| {
                         left(ui, &mut |ui| {
-                            ui.add(Label::new(format!("{} – {}", pair.a, pair.b)).truncate());
+                            ui.add(Label::new(format!("{} – {}", name(&pair.a), name(&pair.b))).truncate());
                         });
                     });
                     for (metric, value) in pair.metrics() {

@@ -69,6 +69,7 @@ impl Setup {
             .with_step_dt(1.0 / 60.0)
             .build_ui(move |ui| {
                 let input = OverlapInput {
+                    names: self.regions.mask_ids(),
                     regions: &self.regions,
                     selection: &self.selection,
                     colors: &colors,

@@ -110,16 +110,10 @@ impl GestureState {
     }
 }
 
-fn crosshair(
-    ui: &Ui,
-    input: &Input<'_>,
-    layout: &Layout,
-    response: &Response,
-    out: &mut Commands,
-) {
+fn crosshair(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     let primary_down = ui.input(|i| i.pointer.primary_down());
     let pressed = response.is_pointer_button_down_on() && primary_down;
-    if pointer::press_modifiers(ui).shift || !(pressed || response.clicked()) {
+    if pointer::press_modifiers(ui.ctx()).shift || !(pressed || response.clicked()) {
         return;
     }
     let Some(pos) = response.interact_pointer_pos() else { return };
@@ -132,7 +126,7 @@ fn crosshair(
 /// Pans with the middle button, or with Shift and the primary button.
 fn pan(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     // From the press on, not from where egui detects a drag: the grabbed point stays under the pointer.
-    let shift = pointer::press_modifiers(ui).shift;
+    let shift = pointer::press_modifiers(ui.ctx()).shift;
     let delta = ui.input(|i| {
         let grabbed = i.pointer.button_down(PointerButton::Middle)
             || (shift && i.pointer.button_down(PointerButton::Primary));

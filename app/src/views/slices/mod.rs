@@ -168,13 +168,9 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
         });
     }
     if found.bits != 0 {
-        let names: Vec<&str> = index
-            .mask_ids()
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| found.bits >> k & 1 == 1)
-            .map(|(_, id)| id.as_str())
-            .collect();
+        let names = input.doc.edit.masks.names(index.mask_ids());
+        let active = names.iter().enumerate().filter(|(k, _)| found.bits >> k & 1 == 1);
+        let names: Vec<&str> = active.map(|(_, name)| name.as_str()).collect();
         let hidden = if input.doc.edit.selection.shows(found.bits) { "" } else { " (hidden)" };
         parts.push(format!("{}{hidden}", names.join(" + ")));
     }

@@ -87,7 +87,7 @@ pub fn interact(
     let mut drag = ui.data(|data| data.get_temp::<Drag>(drag_id)).unwrap_or_default();
     if response.drag_started_by(PointerButton::Primary) {
         let origin = ui.input(|i| i.pointer.press_origin());
-        drag = origin.map_or(Drag::None, |origin| view.drag_at(origin, pointer::press_modifiers(ui)));
+        drag = origin.map_or(Drag::None, |origin| view.drag_at(origin, pointer::press_modifiers(ui.ctx())));
     }
     let dragged = response.dragged_by(PointerButton::Primary);
     if !dragged && !response.drag_stopped_by(PointerButton::Primary) {
@@ -135,13 +135,7 @@ pub fn interact(
     Outcome { camera, drag, ring: drag == Drag::Ring || on_ring.is_some() }
 }
 
-fn zoom(
-    ui: &Ui,
-    response: &Response,
-    view: &View<'_>,
-    camera: &mut Camera,
-    out: &mut Commands,
-) {
+fn zoom(ui: &Ui, response: &Response, view: &View<'_>, camera: &mut Camera, out: &mut Commands) {
     if !response.hovered() {
         return;
     }

@@ -68,12 +68,21 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Window {
     window_with(workstation(case), size, theme)
 }
 
+/// As [`window_on`], with the list of recent cases and the preferences beside it.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn window_of_user(recent: Recent, size: [f32; 2]) -> Window {
+    let work = workstation(CaseRef::Sample);
+    harness(work, size, egui::Theme::Light, (software_setup(), recent), GlioscopeApp::refined)
+}
+
 /// As [`window_on`], for a given workstation.
 ///
 /// # Panics
 /// When there is no software adapter.
 pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Window {
-    harness(work, size, theme, software_setup(), GlioscopeApp::refined)
+    harness(work, size, theme, (software_setup(), Recent::default()), GlioscopeApp::refined)
 }
 
 /// As [`window_on`], but 3D views draw drafts while something moves, as they do for a user.
@@ -81,7 +90,8 @@ pub fn window_with(work: Workstation, size: [f32; 2], theme: egui::Theme) -> Win
 /// # Panics
 /// When there is no software adapter.
 pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Window {
-    harness(workstation(case), size, egui::Theme::Light, software_setup(), |app| app)
+    let setup = (software_setup(), Recent::default());
+    harness(workstation(case), size, egui::Theme::Light, setup, |app| app)
 }
 
 /// As [`window_on`], on a graphics device whose buffers are limited to `max_buffer_bytes` each.
@@ -89,7 +99,7 @@ pub fn drafting_window_on(case: CaseRef, size: [f32; 2]) -> Window {
 /// # Panics
 /// When there is no software adapter.
 pub fn window_on_small_device(case: CaseRef, size: [f32; 2], max_buffer_bytes: u64) -> Window {
-    let setup = software_setup_with(Some(max_buffer_bytes));
+    let setup = (software_setup_with(Some(max_buffer_bytes)), Recent::default());
     harness(workstation(case), size, egui::Theme::Light, setup, GlioscopeApp::refined)
 }
 
@@ -97,7 +107,7 @@ fn harness(
     work: Workstation,
     size: [f32; 2],
     theme: egui::Theme,
-    setup: WgpuSetup,
+    (setup, recent): (WgpuSetup, Recent),
     finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
 ) -> Window {
     HarnessBuilder::default()
@@ -109,7 +119,7 @@ fn harness(
             let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
             let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
             let graphics = Graphics { gpu, egui_renderer: state.renderer.clone() };
-            match GlioscopeApp::new(work, Some(graphics), Recent::default()) {
+            match GlioscopeApp::new(work, Some(graphics), recent) {
                 Ok(app) => finish(app),
                 Err(error) => fail(&error.to_string()),
             }

@@ -6,8 +6,8 @@ use egui::{Key, Modifiers};
 use glioscope_core::files::format::volume_names;
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
-use super::{Label, Listed, Menu, Workstation};
-use crate::model::{CaseRef, PaneId, RulerFormat};
+use super::{Entry, Label, Listed, Menu, Workstation};
+use crate::model::{CaseRef, PaneId, PictureSize, RulerFormat};
 
 /// A command that acts outside the document.
 #[derive(Clone, Debug, PartialEq, EnumDiscriminants)]
@@ -24,7 +24,7 @@ pub enum AppCommand {
     SaveSessionTo(PathBuf),
     CancelLoading,
     AcceptGuess(bool),
-    ExportMeasurements,
+    ExportMeasurements(RulerFormat),
     ExportMeasurementsTo(PathBuf),
     ExportRulers(RulerFormat),
     ExportRulersTo(PathBuf),
@@ -34,8 +34,14 @@ pub enum AppCommand {
     ScreenshotWindow,
     ScreenshotPane(PaneId),
     ScreenshotTo(Option<PaneId>, PathBuf),
+    SetPictureSize(PictureSize),
+    GoToGrowth,
+    GoToDisagreement,
+    GoToRegion(u32),
+    GoToComponent(u32, usize),
     ShowPalette,
     ToggleDark,
+    ShowMasks,
     ShowAbout,
     Quit,
 }
@@ -54,7 +60,11 @@ impl AppCommand {
                 vec![listed(Self::SaveSessionAs).keys(CTRL | Modifiers::SHIFT, Key::S).menu(Menu::File, 1)]
             }
             AppKind::ExportMeasurements => {
-                vec![listed(Self::ExportMeasurements).keys(CTRL, Key::E).menu(Menu::File, 2)]
+                let [csv, json] = [RulerFormat::Csv, RulerFormat::Json].map(Self::ExportMeasurements);
+                vec![
+                    listed(json).keys(CTRL, Key::E).menu(Menu::File, 2),
+                    listed(csv).keys(CTRL | Modifiers::SHIFT, Key::E).menu(Menu::File, 2),
+                ]
             }
             AppKind::ExportRulers => RulerFormat::VARIANTS
                 .iter()
@@ -70,8 +80,19 @@ impl AppCommand {
                 .filter(|pane| pane.row().cli.is_some())
                 .map(|pane| listed(Self::ScreenshotPane(pane)))
                 .collect(),
+            AppKind::SetPictureSize => PictureSize::FACTORS
+                .iter()
+                .map(|factor| {
+                    listed(Self::SetPictureSize(PictureSize::Times(*factor))).menu(Menu::Pictures, 0)
+                })
+                .collect(),
+            AppKind::GoToGrowth => vec![listed(Self::GoToGrowth).key(Key::G).menu(Menu::GoTo, 0)],
+            AppKind::GoToDisagreement => {
+                vec![listed(Self::GoToDisagreement).keys(Modifiers::SHIFT, Key::G).menu(Menu::GoTo, 0)]
+            }
             AppKind::ShowPalette => vec![listed(Self::ShowPalette).keys(CTRL, Key::P).menu(Menu::Edit, 2)],
             AppKind::ToggleDark => vec![listed(Self::ToggleDark).menu(Menu::View, 0)],
+            AppKind::ShowMasks => vec![listed(Self::ShowMasks).menu(Menu::Colors, 2)],
             AppKind::ShowAbout => vec![listed(Self::ShowAbout).key(Key::F1).menu(Menu::Help, 0)],
             AppKind::Quit => vec![listed(Self::Quit).keys(CTRL, Key::Q).menu(Menu::File, 3)],
             AppKind::Open
@@ -82,6 +103,8 @@ impl AppCommand {
             | AppKind::AcceptGuess
             | AppKind::ExportMeasurementsTo
             | AppKind::ExportRulersTo
+            | AppKind::GoToRegion
+            | AppKind::GoToComponent
             | AppKind::ScreenshotTo => Vec::new(),
         }
     }
@@ -103,10 +126,12 @@ impl AppCommand {
             Self::CancelLoading => Label::new("Cancel loading"),
             Self::AcceptGuess(true) => Label::new("Open it like this"),
             Self::AcceptGuess(false) => Label::new("Don't open it"),
-            Self::ExportMeasurements => {
-                Label::new("Export measurements…").detail("Every number of the case as JSON")
+            Self::ExportMeasurements(format) => {
+                Label::new(format!("Export the numbers as {}…", format.name())).detail(
+                    "Every number that the window shows: volumes, agreement, lens, change, ellipsoids, lines",
+                )
             }
-            Self::ExportMeasurementsTo(_) => Label::new("Write the measurements"),
+            Self::ExportMeasurementsTo(_) => Label::new("Write the numbers"),
             Self::ExportRulers(format) => Label::new(format!("Export lines as {}…", format.name()))
                 .detail("Every line measured, in millimetres"),
             Self::ExportRulersTo(_) => Label::new("Write the lines"),
@@ -116,10 +141,34 @@ impl AppCommand {
             Self::ScreenshotWindow => Label::new("Picture of the window…"),
             Self::ScreenshotPane(pane) => Label::new(format!("Picture of {}…", pane.title())),
             Self::ScreenshotTo(..) => Label::new("Write the picture"),
+            Self::SetPictureSize(PictureSize::Times(1)) => {
+                Label::new("Pictures as on the screen").detail("1 ×: the pixels that the window has")
+            }
+            Self::SetPictureSize(PictureSize::Times(factor)) => {
+                Label::new(format!("Pictures {factor} × as large"))
+                    .detail("Drawn again with more pixels, so that print is sharp")
+            }
+            Self::SetPictureSize(PictureSize::WidthPx(pixels)) => {
+                Label::new(format!("Pictures {pixels} pixels wide"))
+            }
+            Self::GoToGrowth => Label::new("Go to the largest growth")
+                .detail("Between the two dates compared: crosshair and lens move there"),
+            Self::GoToDisagreement => Label::new("Go to the largest disagreement")
+                .detail("The largest connected piece where some masks are active, but not all"),
+            Self::GoToRegion(_) => Label::new("Go to the region").detail("To its largest component"),
+            Self::GoToComponent(..) => Label::new("Go to the component"),
             Self::ShowPalette => Label::new("All commands…"),
             Self::ToggleDark => Label::new("Light or dark"),
+            Self::ShowMasks => Label::new("Names and colours of masks…"),
             Self::ShowAbout => Label::new("About Glioscope"),
             Self::Quit => Label::new("Quit"),
+        }
+    }
+
+    pub(super) fn entry(&self, work: &Workstation) -> Entry {
+        match self {
+            Self::SetPictureSize(size) => Entry::Choice(work.picture_size == *size),
+            _ => Entry::Plain,
         }
     }
 
@@ -128,10 +177,15 @@ impl AppCommand {
             Self::SaveSession
             | Self::SaveSessionAs
             | Self::SaveSessionTo(_)
-            | Self::ExportMeasurements
+            | Self::ExportMeasurements(_)
             | Self::ExportMeasurementsTo(_)
             | Self::AddTracts(_)
+            | Self::ShowMasks
+            | Self::GoToDisagreement
+            | Self::GoToRegion(_)
+            | Self::GoToComponent(..)
             | Self::ScreenshotPane(_) => work.doc.is_some(),
+            Self::GoToGrowth => work.world.time_point_count() > 1,
             Self::ExportRulers(_) | Self::ExportRulersTo(_) => {
                 work.doc.as_ref().is_some_and(|doc| !doc.edit.rulers.is_empty())
             }

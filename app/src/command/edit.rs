@@ -7,7 +7,7 @@ use egui_tiles::Tree;
 use glam::DVec3;
 use glioscope_core::{Selection, optics::Camera};
 use glioscope_render::{
-    ClipPlane, Coloring, LightingMode, Palette, Preset, TransferFunction,
+    ClipPlane, Coloring, Lens, LightingMode, Palette, Preset, TransferFunction,
     flat::{Overlay, Window},
     light,
 };
@@ -19,6 +19,7 @@ use crate::{
         ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, OverlapMode, PaneId, Ruler,
         document::{default_lens, tumor_radius_mm},
         layout,
+        masks::MaskLook,
         overlap::{regions_of_mask, with_mask_toggled},
     },
     world::World,
@@ -41,12 +42,14 @@ pub enum EditCommand {
     SetOverlapMode(OverlapMode),
     SetPalette(Palette),
     SetColoring(Coloring),
+    SetMaskLook(String, MaskLook),
     // Lens.
     ToggleLens,
     SetLensRadius(f64),
     SetLensCenter(DVec3),
     DragLensCenter(DVec3),
     LensToCursor,
+    GoTo(DVec3, f64),
     FitTumor,
     // Context view, ellipsoid diagram, change view.
     SetTransfer(String, Option<TransferFunction>),
@@ -130,9 +133,11 @@ impl EditCommand {
             | EditKind::SetRegion
             | EditKind::ToggleMask
             | EditKind::OnlyMask
+            | EditKind::SetMaskLook
             | EditKind::SetLensRadius
             | EditKind::SetLensCenter
             | EditKind::DragLensCenter
+            | EditKind::GoTo
             | EditKind::SetTransfer
             | EditKind::SetClips
             | EditKind::ToggleTracts
@@ -174,6 +179,7 @@ impl EditCommand {
             }
             Self::SetColoring(Coloring::Agreement) => Label::new("Colours: how many masks agree")
                 .detail("Dark blue where one mask is active, light yellow where all are"),
+            Self::SetMaskLook(..) => Label::new("Name and colour of the mask"),
             Self::ToggleLens => Label::new("Lens on or off")
                 .detail("Inside the lens: the selection, in full. Outside: everything, faint"),
             Self::SetLensRadius(_) => Label::new("Lens radius"),
@@ -181,6 +187,7 @@ impl EditCommand {
             Self::LensToCursor => {
                 Label::new("Move the lens to the crosshair").detail("The camera turns about the lens")
             }
+            Self::GoTo(..) => Label::new("Go there").detail("Crosshair and lens move there"),
             Self::FitTumor => Label::new("Fit the tumour"),
             Self::SetTransfer(_, Some(_)) => Label::new("Transfer function"),
             Self::SetTransfer(_, None) => Label::new("Transfer function to begin with"),
@@ -225,9 +232,9 @@ impl EditCommand {
             Self::SetLensRadius(_) => Some("lens radius"),
             Self::SetLensCenter(_) | Self::DragLensCenter(_) => Some("lens centre"),
             Self::RenameRuler(..) => Some("name of a line"),
+            Self::SetMaskLook(..) => Some("look of a mask"),
             Self::SetWindow(..) => Some("window"),
             Self::SetOverlayOpacity(_) => Some("opacity"),
-            Self::SetLayout(_) => Some("layout"),
             Self::SetTransfer(..) => Some("transfer"),
             Self::SetClips(_) => Some("clips"),
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
@@ -280,6 +287,7 @@ impl EditCommand {
             Self::SetOverlapMode(mode) => edit.overlap_mode = *mode,
             Self::SetPalette(palette) => edit.palette = *palette,
             Self::SetColoring(coloring) => edit.coloring = *coloring,
+            Self::SetMaskLook(id, look) => edit.masks.set(id, look),
             Self::ToggleLens => edit.lens_on = !edit.lens_on,
             Self::SetLensRadius(radius_mm) => {
                 if radius_mm.is_finite() {
@@ -299,8 +307,15 @@ impl EditCommand {
                 }
             }
             Self::LensToCursor => {
-                edit.lens.center_mm = nav.cursor_mm;
-                nav.camera.focus_mm = nav.cursor_mm;
+                edit.lens.center_mm = nav.crosshair_mm();
+                nav.camera.focus_mm = nav.crosshair_mm();
+            }
+            Self::GoTo(center_mm, radius_mm) => {
+                if center_mm.is_finite() && radius_mm.is_finite() {
+                    edit.lens = Lens { center_mm: *center_mm, radius_mm: radius_mm.clamp(0.1, 1000.0) };
+                    edit.lens_on = true;
+                    super::look::center_on(doc, world, *center_mm);
+                }
             }
             Self::FitTumor => {
                 let Camera { world_from_camera, projection, .. } = nav.camera;

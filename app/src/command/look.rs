@@ -26,6 +26,8 @@ pub enum LookCommand {
     TogglePlane,
     // Crosshair and time points.
     SetCursor(DVec3),
+    PreviewCursor(PaneId, Option<DVec3>),
+    SetSlice(Plane, f64),
     ToggleFollowPointer,
     SetTime(usize),
     // Measuring.
@@ -77,6 +79,8 @@ impl LookCommand {
             LookKind::SetCamera
             | LookKind::SetZoom
             | LookKind::SetCursor
+            | LookKind::PreviewCursor
+            | LookKind::SetSlice
             | LookKind::SetTime
             | LookKind::ShowRuler
             | LookKind::SetContext
@@ -99,8 +103,10 @@ impl LookCommand {
                 Label::new("Axial slice in the 3D views").detail("Semi-transparent, through the crosshair")
             }
             Self::SetCursor(_) => Label::new("Move the crosshair"),
+            Self::PreviewCursor(..) => Label::new("Show the crosshair under the pointer"),
+            Self::SetSlice(..) => Label::new("Go to the slice"),
             Self::ToggleFollowPointer => Label::new("Crosshair follows the pointer")
-                .detail("Off: click a view to move the crosshair of all"),
+                .detail("Until it leaves the view; a click moves the crosshair for good"),
             Self::SetTime(_) => Label::new("Show this date"),
             Self::ToggleRuler => Label::new("Ruler on or off")
                 .detail("Drag in the closeup from surface to surface, or in a slice"),
@@ -158,10 +164,28 @@ impl LookCommand {
             Self::TogglePlane => nav.show_plane = !nav.show_plane,
             Self::SetCursor(cursor_mm) => {
                 if cursor_mm.is_finite() {
-                    nav.cursor_mm = *cursor_mm;
+                    nav.pin_mm(*cursor_mm);
                 }
             }
-            Self::ToggleFollowPointer => nav.follow_pointer = !nav.follow_pointer,
+            Self::PreviewCursor(pane, Some(place_mm)) => {
+                if place_mm.is_finite() {
+                    nav.preview = Some((*pane, *place_mm));
+                }
+            }
+            // The pointer may be over another pane already, whose preview stays.
+            Self::PreviewCursor(pane, None) => nav.preview = nav.preview.filter(|(of, _)| of != pane),
+            Self::SetSlice(plane, along_mm) => {
+                let shown = nav.preview.as_mut().map(|(_, place_mm)| place_mm);
+                for place_mm in shown.into_iter().chain([&mut nav.cursor_mm]) {
+                    if along_mm.is_finite() {
+                        place_mm[plane.axis()] = *along_mm;
+                    }
+                }
+            }
+            Self::ToggleFollowPointer => {
+                nav.follow_pointer = !nav.follow_pointer;
+                nav.preview = None;
+            }
             Self::SetTime(time) => nav.time = (*time).min(world.time_point_count().saturating_sub(1)),
             Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,
             Self::ShowRuler(index) => show_ruler(doc, world, *index),
@@ -196,8 +220,13 @@ fn show_ruler(doc: &mut Document, world: &World, index: usize) {
     if ruler.time < world.time_point_count() {
         doc.nav.time = ruler.time;
     }
-    doc.nav.cursor_mm = middle_mm;
-    doc.nav.camera.focus_mm = middle_mm;
+    center_on(doc, world, middle_mm);
+}
+
+/// Centres the crosshair, the closeup and zoomed slices on a place.
+pub(super) fn center_on(doc: &mut Document, world: &World, place_mm: DVec3) {
+    doc.nav.pin_mm(place_mm);
+    doc.nav.camera.focus_mm = place_mm;
     if doc.nav.mm_per_point.is_none() {
         return;
     }
@@ -208,8 +237,8 @@ fn show_ruler(doc: &mut Document, world: &World, index: usize) {
         (None, None) => return,
     };
     for plane in Plane::ALL {
-        let fitted = SliceView::fit(plane, doc.nav.convention, bounds_mm, middle_mm, [1, 1]);
-        let offset_mm = middle_mm - fitted.center_mm;
+        let fitted = SliceView::fit(plane, doc.nav.convention, bounds_mm, place_mm, [1, 1]);
+        let offset_mm = place_mm - fitted.center_mm;
         doc.nav.pan_mm[plane as usize] =
             DVec2::new(offset_mm.dot(fitted.right()), offset_mm.dot(fitted.down()));
     }

@@ -9,6 +9,8 @@ pub enum Menu {
     File,
     /// Recently opened cases.
     Recent,
+    /// The size of exported pictures.
+    Pictures,
     /// Undo, selection.
     Edit,
     /// Panes, colours, lighting, viewing directions.
@@ -21,6 +23,8 @@ pub enum Menu {
     Slices,
     /// Fibre tracts of the case.
     Tracts,
+    /// Places: growth, disagreement, regions, components.
+    GoTo,
     /// The six anatomical viewing directions.
     LookFrom,
     /// Lens and ruler.
@@ -38,12 +42,14 @@ impl Menu {
         match self {
             Self::File => "File",
             Self::Recent => "Recent cases",
+            Self::Pictures => "Size of pictures",
             Self::Edit => "Edit",
             Self::View => "View",
             Self::Colors => "Colours",
             Self::Light => "Light and quality",
             Self::Slices => "Slices",
             Self::Tracts => "Fibre tracts",
+            Self::GoTo => "Go to",
             Self::LookFrom => "Look from",
             Self::Tools => "Tools",
             Self::Help => "Help",
@@ -55,8 +61,9 @@ impl Menu {
         match self {
             Self::File | Self::Edit | Self::View | Self::Tools | Self::Help => None,
             Self::Recent => Some((Self::File, 0)),
+            Self::Pictures => Some((Self::File, 2)),
             Self::Colors | Self::Light | Self::Slices | Self::Tracts => Some((Self::View, 2)),
-            Self::LookFrom => Some((Self::View, 3)),
+            Self::GoTo | Self::LookFrom => Some((Self::View, 3)),
         }
     }
 

@@ -164,6 +164,7 @@ impl Command {
     /// How a menu shows it in the current state.
     pub fn entry(&self, work: &Workstation) -> Entry {
         match (self, &work.doc) {
+            (Self::App(command), _) => command.entry(work),
             (Self::Edit(command), Some(doc)) => command.entry(doc),
             (Self::Look(command), Some(doc)) => command.entry(doc),
             _ => Entry::Plain,

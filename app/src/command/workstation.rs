@@ -14,7 +14,7 @@ use glioscope_core::{
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, History, session},
+    model::{CaseRef, Document, History, PictureSize, session},
     world::{
         Loaded, World,
         jobs::Waker,
@@ -53,6 +53,8 @@ pub struct Workstation {
     pub session_path: Option<PathBuf>,
     /// Options of loading.
     pub options: LoadOptions,
+    /// The size of exported pictures.
+    pub picture_size: PictureSize,
     /// The last error, until dismissed.
     pub error: Option<AppError>,
     /// The last completed action, for the status line.
@@ -194,19 +196,22 @@ impl Workstation {
             Command::App(_) => {}
             Command::Edit(command @ (EditCommand::Undo | EditCommand::Redo)) => {
                 let center_mm = doc.edit.lens.center_mm;
+                let arrangement = doc.edit.clone();
                 if *command == EditCommand::Undo {
                     self.history.undo(&mut doc.edit);
                 } else {
                     self.history.redo(&mut doc.edit);
                 }
+                doc.edit.arrange_as(&arrangement);
                 // The camera orbits the lens, so it follows it.
                 if doc.edit.lens.center_mm != center_mm {
                     doc.nav.camera.focus_mm = doc.edit.lens.center_mm;
                 }
             }
             Command::Edit(edit) => {
-                let before = doc.edit.clone();
+                let mut before = doc.edit.clone();
                 edit.apply(doc, &self.world);
+                before.arrange_as(&doc.edit);
                 if doc.edit != before {
                     self.history.record(before, command.gesture(), now);
                 }
@@ -221,7 +226,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::world::load::spec_of;
+    use crate::{model::PaneId, world::load::spec_of};
     use glioscope_core::{Progress, case};
 
     fn sample() -> Workstation {
@@ -244,6 +249,25 @@ mod tests {
         assert_eq!(open.options_for(&CaseRef::Sample), options, "with additional tracts, say");
         let another = open.options_for(&CaseRef::Path("other".into()));
         assert_eq!(another, LoadOptions { max_bytes: 7, ..LoadOptions::default() });
+    }
+
+    #[test]
+    fn undo_takes_back_deeds_and_leaves_the_panes_where_they_are() {
+        let mut work = sample();
+        let now = Instant::now();
+        work.apply(&EditCommand::MaximizePane(PaneId::Axial).into(), now);
+        work.apply(&EditCommand::TogglePane(PaneId::Diagnostics).into(), now);
+        assert!(!work.history.can_undo(), "nothing was done yet");
+        work.apply(&EditCommand::ToggleRegion(1).into(), now);
+        work.apply(&EditCommand::MaximizePane(PaneId::Axial).into(), now);
+        work.apply(&EditCommand::TogglePane(PaneId::Coronal).into(), now);
+        let arranged = work.doc.clone().unwrap().edit;
+        for (command, shown) in [(EditCommand::Undo, true), (EditCommand::Redo, false)] {
+            work.apply(&command.into(), now);
+            let edit = &work.doc.as_ref().unwrap().edit;
+            assert_eq!(edit.selection.shows(1), shown);
+            assert_eq!((&edit.layout, edit.maximized), (&arranged.layout, arranged.maximized));
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use std::{
 use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
-    Selection,
+    Grid, Selection,
     case::TimePoint,
     optics::{Camera, Projection},
 };
@@ -26,6 +26,7 @@ use super::{
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
     layout,
     light::LightChoice,
+    masks::MaskLooks,
     overlap::OverlapMode,
     pane::PaneId,
     rulers::Ruler,
@@ -69,6 +70,9 @@ pub struct Edit {
     /// Whether a region's colour shows which masks are active or how many.
     #[serde(default)]
     pub coloring: Coloring,
+    /// Names and colours of masks.
+    #[serde(default)]
+    pub masks: MaskLooks,
     /// Measured lines, in the order they were drawn.
     #[serde(default)]
     pub rulers: Vec<Ruler>,
@@ -95,10 +99,18 @@ pub struct Edit {
     /// Comparison of two time points.
     #[serde(default)]
     pub change: ChangeSetting,
-    /// Layout of the panes.
+    /// Layout of the panes; see [`Edit::arrange_as`].
     pub layout: Tree<PaneId>,
     /// The maximised pane, if any.
     pub maximized: Option<PaneId>,
+}
+
+impl Edit {
+    /// Takes over the arrangement of panes. It is saved with the rest, but isn't a deed: undo leaves it alone.
+    pub fn arrange_as(&mut self, other: &Self) {
+        self.layout.clone_from(&other.layout);
+        self.maximized = other.maximized;
+    }
 }
 
 /// The navigation state, which undo doesn't cover.
@@ -108,7 +120,7 @@ pub struct Navigation {
     pub time: usize,
     /// The closeup's camera.
     pub camera: Camera,
-    /// The crosshair, world millimetres.
+    /// Where the crosshair is pinned, world millimetres. Views show [`Navigation::crosshair_mm`].
     pub cursor_mm: DVec3,
     /// Which context the slices show, by id; `None` for none.
     pub context: Option<String>,
@@ -118,7 +130,7 @@ pub struct Navigation {
     pub mm_per_point: Option<f64>,
     /// Offset of each slice view's centre from the image's centre, in-plane millimetres (right, down).
     pub pan_mm: [DVec2; 3],
-    /// Whether the crosshair follows the pointer over every view.
+    /// Whether hovering over a view shows the crosshair under the pointer.
     pub follow_pointer: bool,
     /// Magnification of each 3D view whose orientation follows the closeup's; absent entries are 1, which fits.
     #[serde(default)]
@@ -126,12 +138,27 @@ pub struct Navigation {
     /// Whether the axial slice is shown as a plane in closeup and ellipsoid diagram.
     #[serde(default)]
     pub show_plane: bool,
+    /// Place that the crosshair is shown at while the pointer hovers there, and the pane that the pointer is over. Not
+    /// saved: the crosshair returns to [`Navigation::cursor_mm`] when the pointer leaves.
+    #[serde(skip)]
+    pub preview: Option<(PaneId, DVec3)>,
     /// Whether dragging measures lines. A mouse mode, so not saved.
     #[serde(skip)]
     pub ruler_on: bool,
 }
 
 impl Navigation {
+    /// Where the crosshair is shown: under a hovering pointer, else where it is pinned.
+    pub fn crosshair_mm(&self) -> DVec3 {
+        self.preview.map_or(self.cursor_mm, |(_, place_mm)| place_mm)
+    }
+
+    /// Pins the crosshair.
+    pub fn pin_mm(&mut self, place_mm: DVec3) {
+        self.cursor_mm = place_mm;
+        self.preview = None;
+    }
+
     /// Magnification of a linked 3D view; 1 fits.
     pub fn zoom(&self, pane: PaneId) -> f64 {
         self.zooms.get(&pane).copied().unwrap_or(1.0)
@@ -158,10 +185,15 @@ pub struct Document {
 pub fn default_lens(time_point: &TimePoint) -> Lens {
     let regions = &time_point.regions;
     let center_mm = regions.centroid_mm().unwrap_or_else(|| time_point.index.grid().center_mm());
-    let volume_mm3 = regions.union_ml() * 1000.0 * 1.5;
-    let ball_mm = (volume_mm3 * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
-    let smallest_mm = time_point.index.grid().spacing_mm().max_element() * 2.0;
-    Lens { center_mm, radius_mm: if regions.union_voxels() == 0 { 20.0 } else { ball_mm.max(smallest_mm) } }
+    let radius_mm = ball_radius_mm(regions.union_ml(), time_point.index.grid());
+    Lens { center_mm, radius_mm: if regions.union_voxels() == 0 { 20.0 } else { radius_mm } }
+}
+
+/// Radius of a lens for something of this volume: that of a ball of 1.5 times the volume, at least twice the largest
+/// voxel spacing.
+pub fn ball_radius_mm(volume_ml: f64, grid: &Grid) -> f64 {
+    let ball_mm = (volume_ml * 1000.0 * 1.5 * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
+    ball_mm.max(grid.spacing_mm().max_element() * 2.0)
 }
 
 /// Radius that the camera must fit about the centroid: half the diagonal of the active voxels' bounding box, or of the
@@ -206,6 +238,7 @@ impl Document {
                 overlay_opacity: 0.35,
                 palette: Palette::Thesis,
                 coloring: Coloring::Masks,
+                masks: MaskLooks::default(),
                 rulers: Vec::new(),
                 overlap_mode: OverlapMode::Regions,
                 transfers: BTreeMap::new(),
@@ -229,6 +262,7 @@ impl Document {
                 follow_pointer: true,
                 zooms: BTreeMap::new(),
                 show_plane: false,
+                preview: None,
                 ruler_on: false,
             },
         }

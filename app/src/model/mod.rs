@@ -6,8 +6,10 @@ pub mod ellipsoids;
 pub mod history;
 pub mod layout;
 pub mod light;
+pub mod masks;
 pub mod overlap;
 pub mod pane;
+pub mod picture;
 pub mod rulers;
 pub mod session;
 
@@ -18,4 +20,5 @@ pub use history::History;
 pub use light::LightChoice;
 pub use overlap::OverlapMode;
 pub use pane::PaneId;
+pub use picture::PictureSize;
 pub use rulers::{Ruler, RulerFormat};

@@ -148,7 +148,8 @@ impl Pane for ChangePane {
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let [from, to] = &compared.labels;
-            let what = format!("Change of {} from {from} to {to}", compared.report.mask);
+            let what =
+                format!("Change of {} from {from} to {to}", input.doc.edit.masks.name(&compared.report.mask));
             WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, hover_text.as_deref()))
         });
     }
@@ -203,11 +204,11 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands)
     let setting = &input.doc.edit.change;
     let mut new = setting.clone();
     ui.add_space(4.0);
-    let ids = ids_at(input.case, chosen.dates);
-    let combo = ComboBox::from_id_salt("compared mask").selected_text(&chosen.id).width(70.0);
+    let (ids, masks) = (ids_at(input.case, chosen.dates), &input.doc.edit.masks);
+    let combo = ComboBox::from_id_salt("compared mask").selected_text(masks.name(&chosen.id)).width(70.0);
     let response = combo.show_ui(ui, |ui| {
         for id in ids {
-            if ui.selectable_label(chosen.id == id, id).clicked() {
+            if ui.selectable_label(chosen.id == id, masks.name(id)).clicked() {
                 new.of = Some(id.to_owned());
             }
         }

@@ -1,6 +1,6 @@
 //! The tumour intersection closeup (thesis 7.3.3): rendered frame, orientation cube, legend and mouse input.
 
-use egui::{Align2, Color32, FontId, Painter, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use egui::{Align2, FontId, Painter, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::measure::Agreement;
 use glioscope_render::{
@@ -128,7 +128,7 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
     let ml = regions.get(pick.bits).map_or_else(|| "unknown".into(), |r| format::ml(r.volume_ml));
     let place = flat::place_label(pick.world_mm, input.sides_known());
     let outside = if pick.inside_lens { "" } else { ", outside the lens" };
-    format!("{} {ml}{outside}\n{place}", regions.name(pick.bits))
+    format!("{} {ml}{outside}\n{place}", input.doc.edit.masks.region(regions.mask_ids(), pick.bits))
 }
 
 /// Draws the orientation cube, scale bar, legend and notes.
@@ -136,7 +136,7 @@ fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     let painter = ui.painter().with_clip_rect(rect);
     let ink = draw::ink(ui.visuals().dark_mode);
     marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, "at the lens"), false);
-    legend(&painter, input, rect, ink, agreement);
+    legend(&painter, input, rect, ui.visuals().dark_mode, agreement);
     if input.doc.nav.ruler_on {
         let text = "Ruler: drag from surface to surface";
         let at = rect.center_bottom() - vec2(0.0, 10.0);
@@ -157,27 +157,34 @@ fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
 type LegendRow = ([u8; 3], String);
 
 /// Draws the colours with their meaning: masks, or the number of masks active at a voxel.
-fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, ink: Color32, agreement: &[LegendRow]) {
+fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, dark: bool, agreement: &[LegendRow]) {
+    let ink = draw::ink(dark);
     let ids = input.time_point.regions.mask_ids().iter().enumerate();
     let rows: Vec<LegendRow> = match input.colors.coloring() {
-        Coloring::Masks => ids.map(|(k, id)| (input.colors.mask(k), id.clone())).collect(),
+        Coloring::Masks => ids.map(|(k, id)| (input.colors.mask(k), input.doc.edit.masks.name(id))).collect(),
         Coloring::Agreement => agreement.iter().rev().cloned().collect(),
     };
     let mut at = rect.left_top() + vec2(10.0, 8.0);
     for (color, text) in rows {
         let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
         let edge = egui::Stroke::new(1.0, ink.gamma_multiply(0.6));
-        painter.rect(swatch, 2.0, draw::color(color), edge, egui::StrokeKind::Outside);
         let font = FontId::proportional(12.0);
-        painter.text(at + vec2(17.0, 0.0), Align2::LEFT_TOP, text, font, ink);
+        let galley = painter.layout_no_wrap(text, font, ink);
+        let row = Rect::from_min_size(at, galley.size() + vec2(17.0, 0.0));
+        // Legible over a magnified tumour, too.
+        draw::plate(painter, row, dark);
+        painter.rect(swatch, 2.0, draw::color(color), edge, egui::StrokeKind::Outside);
+        painter.galley(at + vec2(17.0, 0.0), galley, ink);
         at.y += 16.0;
         if at.y > rect.bottom() - 90.0 {
             break;
         }
     }
     if input.colors.mask_count() >= 2 {
-        let (text, font) = (input.colors.scheme(), FontId::proportional(10.5));
-        painter.text(at, Align2::LEFT_TOP, text, font, ink.gamma_multiply(0.75));
+        let galley =
+            painter.layout_no_wrap(input.colors.scheme().to_owned(), FontId::proportional(10.5), ink);
+        draw::plate(painter, Rect::from_min_size(at, galley.size()), dark);
+        painter.galley_with_override_text_color(at, galley, ink.gamma_multiply(0.75));
     }
 }
 

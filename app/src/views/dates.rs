@@ -1,7 +1,7 @@
 //! All time points of the case: which is shown, which two are compared, and volumes over time (thesis 7.3.4).
 
-use egui::{Color32, Role, Ui, WidgetInfo};
-use egui_plot::{Legend, Line, MarkerShape, Plot, PlotPoints, Points, VLine};
+use egui::{Color32, Role, Sense, Ui, WidgetInfo, vec2};
+use egui_plot::{Line, MarkerShape, Plot, PlotPoints, Points, VLine};
 use glioscope_core::{Selection, case::TimePoint, change::Choice, dates};
 
 use super::{
@@ -9,6 +9,7 @@ use super::{
     draw,
     overlap::{self, OverlapInput},
     pane::{Input, Pane, Stage},
+    pointer,
 };
 use crate::{
     command::{Commands, EditCommand, LookCommand},
@@ -162,6 +163,14 @@ fn chart(
 ) {
     let (xs, axis_label) = positions(labels);
     let lines = if regions { region_lines(input) } else { mask_lines(input) };
+    // Above the chart, not on it, where it would hide lines.
+    ui.horizontal_wrapped(|ui| {
+        for (name, color, _) in &lines {
+            let (swatch, _) = ui.allocate_exact_size(vec2(11.0, 11.0), Sense::hover());
+            ui.painter().rect_filled(swatch, 2.0, draw::color(*color));
+            ui.label(name);
+        }
+    });
     let plot = Plot::new("volumes over time")
         .height(height)
         .allow_drag(false)
@@ -170,8 +179,7 @@ fn chart(
         .allow_boxed_zoom(false)
         .include_y(0.0)
         .x_axis_label(axis_label)
-        .y_axis_label("ml")
-        .legend(Legend::default());
+        .y_axis_label("ml");
     let shown = plot.show(ui, |plot| {
         for (name, color, values) in &lines {
             let points: Vec<[f64; 2]> =
@@ -187,7 +195,6 @@ fn chart(
         }
         for date in chosen.into_iter().flat_map(|c| c.dates) {
             if let Some(&x) = xs.get(date) {
-                // Without a name it has no legend entry.
                 plot.vline(VLine::new("", x).color(Color32::GRAY).width(1.0));
             }
         }
@@ -208,7 +215,7 @@ fn chart(
         let nearest =
             (0..xs.len()).min_by(|&a, &b| (xs[a] - pointer.x).abs().total_cmp(&(xs[b] - pointer.x).abs()));
         if let Some(date) = nearest {
-            choose(input, date, ui.input(|i| i.modifiers.shift), out);
+            choose(input, date, pointer::press_modifiers(ui.ctx()).shift, out);
         }
     }
 }
@@ -234,7 +241,7 @@ fn mask_lines(input: &Input<'_>) -> Vec<ChartLine> {
         let k = input.time_point.masks.iter().position(|m| m.mask.id() == id);
         k.map_or([128, 128, 128], |k| input.colors.mask(k))
     };
-    ids.into_iter().map(|id| (id.to_owned(), color(id), volumes(id))).collect()
+    ids.into_iter().map(|id| (input.doc.edit.masks.name(id), color(id), volumes(id))).collect()
 }
 
 /// Volumes of the regions of all dates, matched by name.
@@ -255,6 +262,14 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
             }
         }
     }
+    // The name of the first time point that has the region: the same ids have the same names everywhere.
+    let shown_name = |name: &str| {
+        let named = |t: &TimePoint| {
+            let region = t.regions.list().iter().find(|r| t.regions.name(r.bits) == name)?;
+            Some(input.doc.edit.masks.region(t.regions.mask_ids(), region.bits))
+        };
+        input.case.time_points.iter().find_map(named).unwrap_or_else(|| name.to_owned())
+    };
     let volumes = |name: &str| {
         let volume_at = |t: &TimePoint| {
             let region = t.regions.list().iter().find(|r| t.regions.name(r.bits) == name);
@@ -266,7 +281,7 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
         .into_iter()
         .map(|(name, color)| {
             let volumes_ml = volumes(&name);
-            (name, color, volumes_ml)
+            (shown_name(&name), color, volumes_ml)
         })
         .collect()
 }
@@ -275,7 +290,7 @@ fn region_lines(input: &Input<'_>) -> Vec<ChartLine> {
 fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Comparison) {
     let report = &compared.report;
     ui.horizontal_wrapped(|ui| {
-        ui.strong(&report.mask);
+        ui.strong(input.doc.edit.masks.name(&report.mask));
         ui.label(format!("kept {}", format::ml(report.kept_ml)));
         ui.label(format!("gone {}", format::ml(report.gone_ml)));
         ui.label(format!("new {}", format::ml(report.new_ml)));
@@ -293,6 +308,7 @@ fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Comparison) {
     let colors = pair_colors(input.doc.edit.palette);
     let selection = Selection::all();
     let diagram = OverlapInput {
+        names: compared.regions.mask_ids(),
         regions: &compared.regions,
         selection: &selection,
         colors: &colors,

@@ -126,7 +126,7 @@ struct DrawnKey {
 impl Pane for EllipsoidPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         let (input, ask) = (stage.input, stage.ask);
-        ui.horizontal(|ui| controls(ui, &input, out));
+        ui.horizontal_wrapped(|ui| controls(ui, &input, out));
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let Some(graphics) = stage.graphics else {
@@ -254,10 +254,10 @@ impl EllipsoidPane {
 
 /// Name of a component's mask or region.
 fn name_of(input: &Input<'_>, of: Of) -> String {
-    let regions = &input.time_point.regions;
+    let (ids, masks) = (input.time_point.regions.mask_ids(), &input.doc.edit.masks);
     match of {
-        Of::Mask(k) => regions.mask_ids().get(k).cloned().unwrap_or_default(),
-        Of::Region(bits) => regions.name(bits),
+        Of::Mask(k) => ids.get(k).map(|id| masks.name(id)).unwrap_or_default(),
+        Of::Region(bits) => masks.region(ids, bits),
     }
 }
 
@@ -308,15 +308,16 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         }
     }
     ui.spacing_mut().slider_width = 56.0;
-    let response = ui.add(Slider::new(&mut new.opacity, 0.05..=1.0).fixed_decimals(2));
+    let response = ui.add(Slider::new(&mut new.opacity, 0.05..=1.0).fixed_decimals(2).text("opacity"));
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Opacity of ellipsoids"));
     response.on_hover_text("Opacity of all ellipsoids");
     let drag = egui::DragValue::new(&mut new.smallest_ml).range(0.0..=1000.0).speed(0.01).suffix(" ml");
     let response = ui.add(drag.prefix("hide below "));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Hide components below, in ml"));
     response.on_hover_text("Components smaller than this are not drawn");
-    let menu =
-        egui::ComboBox::from_id_salt("neighbours").selected_text(look.neighbors.to_string()).width(36.0);
+    let menu = egui::ComboBox::from_id_salt("neighbours")
+        .selected_text(format!("{} neighbours", look.neighbors))
+        .width(96.0);
     let response = menu.show_ui(ui, |ui| {
         for (neighbors, text) in [(26, "26: face, edge or corner"), (18, "18: face or edge"), (6, "6: face")]
         {

@@ -5,6 +5,7 @@ use egui_extras::{Column, TableBuilder};
 
 use super::{
     draw,
+    overlap::{Target, interact::click_row},
     pane::{Input, Pane, Stage},
 };
 use crate::{
@@ -56,7 +57,7 @@ fn content(ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         if !is_current {
             ui.multiply_opacity(0.5);
         }
-        table(ui, &input, &counts, voxels, &ml);
+        table(ui, &input, &counts, voxels, &ml, out);
     });
 }
 
@@ -93,7 +94,11 @@ fn rows(input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) 
         .into_iter()
         .map(|(bits, n)| {
             let is_single_mask = bits.count_ones() == 1 && regions.mask_ids().len() > 1;
-            let name = format!("{}{}", regions.name(bits), if is_single_mask { " only" } else { "" });
+            let name = format!(
+                "{}{}",
+                input.doc.edit.masks.region(regions.mask_ids(), bits),
+                if is_single_mask { " only" } else { "" }
+            );
             let region_voxels = regions.get(bits).map_or(0, |r| r.voxels);
             Row { bits, name, cells: [format::ml(ml(n)), share(n, voxels), share(n, region_voxels)] }
         })
@@ -108,13 +113,21 @@ fn rows(input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) 
     rows
 }
 
-fn table(ui: &mut Ui, input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml: &dyn Fn(u64) -> f64) {
+fn table(
+    ui: &mut Ui,
+    input: &Input<'_>,
+    counts: &[(u32, u64)],
+    voxels: u64,
+    ml: &dyn Fn(u64) -> f64,
+    out: &mut Commands,
+) {
     let rows = rows(input, counts, voxels, ml);
     ui.spacing_mut().item_spacing.x = 4.0;
     TableBuilder::new(ui)
         .id_salt("in the lens")
         .vscroll(false)
         .striped(true)
+        .sense(Sense::CLICK)
         .cell_layout(Layout::right_to_left(Align::Center))
         .column(Column::remainder().at_least(60.0).clip(true))
         .column(Column::exact(64.0))
@@ -145,8 +158,12 @@ fn table(ui: &mut Ui, input: &Input<'_>, counts: &[(u32, u64)], voxels: u64, ml:
                     for text in &line.cells {
                         row.col(|ui| {
                             let text = RichText::new(text);
-                            ui.label(if line.bits == 0 { text.strong() } else { text });
+                            let text = if line.bits == 0 { text.strong() } else { text };
+                            ui.add(egui::Label::new(text).selectable(false));
                         });
+                    }
+                    if line.bits != 0 {
+                        click_row(&row.response(), Target::Region(line.bits), out);
                     }
                 });
             }
@@ -170,6 +187,6 @@ fn name_cell(ui: &mut Ui, input: &Input<'_>, line: &Row) {
     );
     let hidden = !input.doc.edit.selection.shows(line.bits);
     let text = RichText::new(if hidden { format!("{} (hidden)", line.name) } else { line.name.clone() });
-    let label = egui::Label::new(if hidden { text.weak() } else { text }).truncate();
+    let label = egui::Label::new(if hidden { text.weak() } else { text }).truncate().selectable(false);
     ui.add(label).on_hover_text(format!("{}: {} in the lens", line.name, line.cells[0]));
 }

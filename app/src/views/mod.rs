@@ -11,6 +11,7 @@ pub mod lens;
 pub mod measurements;
 pub mod overlap;
 pub mod pane;
+pub mod pointer;
 pub mod ruler;
 pub mod slices;
 pub mod transfer;

@@ -7,7 +7,7 @@ use egui::{
 use glam::DVec3;
 use glioscope_core::optics::Camera;
 
-use super::view3d::ring;
+use super::{pointer, view3d::ring};
 use crate::{
     command::{Commands, EditCommand},
     format,
@@ -44,10 +44,11 @@ pub fn drag(
 ) -> Option<Draft> {
     let id = draft_id(response);
     let mut draft: Option<Draft> = ui.data(|data| data.get_temp(id)).flatten();
+    // A drag with a modifier key has another effect.
+    let plain = !pointer::press_modifiers(ui.ctx()).any();
     let (origin, pointer, moved, escape) = ui.input(|i| {
         let moved = i.pointer.delta() != egui::Vec2::ZERO;
-        // A drag with a modifier key has another effect.
-        let origin = i.pointer.press_origin().filter(|_| !i.modifiers.any());
+        let origin = i.pointer.press_origin().filter(|_| plain);
         (origin, i.pointer.interact_pos(), moved, i.key_pressed(Key::Escape))
     });
     if !doc.nav.ruler_on && draft.is_none() {

@@ -162,7 +162,8 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
         closest.filter(|(_, p)| p.distance(at) <= GRAB_POINTS).map(|(i, _)| i)
     };
     if response.drag_started() {
-        state.dragged = response.interact_pointer_pos().and_then(grabbed_at);
+        // The pointer has moved on since the press.
+        state.dragged = ui.input(|i| i.pointer.press_origin()).and_then(grabbed_at);
         state.chosen = state.dragged.or(state.chosen);
     }
     if response.drag_stopped() {
@@ -292,7 +293,7 @@ fn second_dimension(
         pos2(rect.left() + x * rect.width(), rect.bottom() - p.factor as f32 * rect.height())
     };
     if response.drag_started()
-        && let Some(at) = response.interact_pointer_pos()
+        && let Some(at) = ui.input(|i| i.pointer.press_origin())
     {
         let by_distance = |a: &GradientPoint, b: &GradientPoint| {
             position(a).distance(at).total_cmp(&position(b).distance(at))
@@ -396,7 +397,7 @@ fn clips(ui: &mut Ui, input: &Input<'_>, image: &PreparedContext, out: &mut Comm
                     .chain([("facing me".to_owned(), facing)])
                 {
                     if ui.button(text).clicked() {
-                        new.push(ClipPlane { normal, offset_mm: input.doc.nav.cursor_mm.dot(normal) });
+                        new.push(ClipPlane { normal, offset_mm: input.doc.nav.crosshair_mm().dot(normal) });
                         ui.close();
                     }
                 }

@@ -1,8 +1,10 @@
 //! The About dialog: version, intended use, graphics device and licence.
 
-use egui::{Align2, Context, RichText, Ui};
+use egui::{RichText, Ui};
 
 use glioscope_render::Gpu;
+
+use super::modal::{self, Reply};
 
 /// Notice of the intended use; it must always be shown.
 pub const NOTICE: &str =
@@ -18,27 +20,18 @@ pub fn show(ui: &mut Ui, open: &mut bool, gpu: Option<&Gpu>) {
     if !*open {
         return;
     }
-    let ctx: &Context = &ui.ctx().clone();
-    let mut close = false;
-    egui::Window::new("About Glioscope")
-        .open(open)
-        .collapsible(false)
-        .resizable(false)
-        .anchor(Align2::CENTER_CENTER, [0.0, 0.0])
-        .show(ctx, |ui| {
-            ui.set_width(440.0);
-            ui.label(RichText::new(version()).strong());
-            ui.label("Compares tumour segmentations: several modalities, several raters, one screen.");
-            ui.add_space(6.0);
-            ui.label(RichText::new(NOTICE).strong());
-            ui.add_space(6.0);
-            ui.label(format!("Graphics: {}", gpu.map_or_else(|| "no adapter".to_owned(), Gpu::describe)));
-            ui.label("After F. Lindemann's thesis (Münster 2014), chapter 7. Licence: MIT OR Apache-2.0.");
-            ui.label("No network is used. Nothing about a case is logged or sent.");
-            ui.add_space(6.0);
-            close = ui.button("Close").clicked();
-        });
-    if close {
-        *open = false;
-    }
+    let reply = modal::show(ui.ctx(), "About Glioscope", |ui| {
+        ui.set_width(440.0);
+        ui.label(RichText::new(version()).strong());
+        ui.label("Compares tumour segmentations: several modalities, several raters, one screen.");
+        ui.add_space(6.0);
+        ui.label(RichText::new(NOTICE).strong());
+        ui.add_space(6.0);
+        ui.label(format!("Graphics: {}", gpu.map_or_else(|| "no adapter".to_owned(), Gpu::describe)));
+        ui.label("After F. Lindemann's thesis (Münster 2014), chapter 7. Licence: MIT OR Apache-2.0.");
+        ui.label("No network is used. Nothing about a case is logged or sent.");
+        ui.add_space(6.0);
+        if ui.button("Close").clicked() { Reply::Accept } else { Reply::None }
+    });
+    *open = reply == Reply::None;
 }

@@ -2,9 +2,9 @@
 //! without a file chooser is distinguished from a cancelled dialog.
 
 use std::{
-    path::PathBuf,
-    sync::mpsc,
-    time::{Duration, Instant},
+    cell::RefCell,
+    path::{Path, PathBuf},
+    sync::{Arc, Once, mpsc},
 };
 
 use glioscope_core::files::format::{self, volume_filter, volume_names};
@@ -14,9 +14,6 @@ use crate::{
     model::{CaseRef, PaneId, RulerFormat, session},
     world::jobs::Waker,
 };
-
-/// An answer without a file in less time than this means that there is no file chooser: a person takes longer.
-const MIN_ANSWER_TIME: Duration = Duration::from_millis(150);
 
 /// Purpose of a dialog.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,8 +26,8 @@ pub enum Purpose {
     SaveSession,
     /// Write a picture of a pane, or of the window.
     Picture(Option<PaneId>),
-    /// Write the measurements.
-    Measurements,
+    /// Write the numbers.
+    Measurements(RulerFormat),
     /// Write the rulers.
     Rulers(RulerFormat),
 }
@@ -42,19 +39,48 @@ impl Purpose {
             Self::OpenFile | Self::OpenFolder => return None,
             Self::SaveSession => format!("case.{}", session::EXTENSION),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
-            Self::Measurements => "measurements.json".to_owned(),
+            Self::Measurements(format) => format!("numbers.{}", format.extension()),
             Self::Rulers(format) => format.file_name(),
         })
     }
 
+    /// Title of its dialog.
+    pub fn title(&self) -> &'static str {
+        match self {
+            Self::OpenFile => "Open a case",
+            Self::OpenFolder => "Open a folder as a case",
+            Self::SaveSession => "Save the session",
+            Self::Picture(_) => "Save the picture",
+            Self::Measurements(_) => "Export the numbers",
+            Self::Rulers(_) => "Export the lines",
+        }
+    }
+
+    /// The file's path with the ending that its content needs, where that is missing.
+    pub fn complete(&self, path: PathBuf) -> PathBuf {
+        let with = |path: PathBuf, ending: &str| {
+            let mut name = path.into_os_string();
+            name.push(".");
+            name.push(ending);
+            PathBuf::from(name)
+        };
+        match self {
+            Self::SaveSession if !session::is_session(&path) => with(path, session::EXTENSION),
+            Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
+            Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
+            _ => path,
+        }
+    }
+
     /// The command for the chosen path.
     pub fn command(&self, path: PathBuf) -> Command {
+        let path = self.complete(path);
         match self {
             Self::OpenFile | Self::OpenFolder => open_command(path),
             Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
             Self::Picture(pane) => AppCommand::ScreenshotTo(*pane, path).into(),
-            Self::Measurements => AppCommand::ExportMeasurementsTo(path).into(),
-            Self::Rulers(format) => AppCommand::ExportRulersTo(format.with_extension(path)).into(),
+            Self::Measurements(_) => AppCommand::ExportMeasurementsTo(path).into(),
+            Self::Rulers(_) => AppCommand::ExportRulersTo(path).into(),
         }
     }
 }
@@ -80,67 +106,130 @@ fn case_filter() -> Vec<&'static str> {
     endings
 }
 
+/// What a file chooser answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// The user chose this.
+    Path(PathBuf),
+    /// The user cancelled.
+    Cancelled,
+    /// There is no file chooser on this desktop, and why.
+    Unavailable(String),
+}
+
+/// A file chooser: asked for a purpose and the folder to begin in, it answers when the user has. Called on a thread of
+/// its own.
+pub type Chooser = Arc<dyn Fn(&Purpose, Option<&Path>) -> Choice + Send + Sync>;
+
+/// The desktop's file chooser.
+pub fn desktop_chooser() -> Chooser {
+    Arc::new(|purpose, folder| {
+        // The chooser's library answers "nothing" both when the user cancels and when there is no chooser; it reports
+        // the latter only to the log. Time doesn't tell: a missing portal may take seconds to be found missing.
+        listen();
+        FAILURE.set(None);
+        let mut dialog = rfd::FileDialog::new().set_title(purpose.title());
+        if let Some(folder) = folder {
+            dialog = dialog.set_directory(folder);
+        }
+        let answer = match (purpose, purpose.file_name()) {
+            (Purpose::OpenFolder, _) => dialog.pick_folder(),
+            (_, None) => dialog
+                .add_filter(format!("Cases, {} files, sessions", volume_names()), &case_filter())
+                .pick_file(),
+            (_, Some(name)) => dialog.set_file_name(name).save_file(),
+        };
+        match (answer, FAILURE.take()) {
+            (Some(path), _) => Choice::Path(path),
+            (None, Some(why)) => Choice::Unavailable(why),
+            (None, None) => Choice::Cancelled,
+        }
+    })
+}
+
+thread_local! {
+    /// The last error of the chooser's library on this thread.
+    static FAILURE: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
+/// Keeps the errors of the chooser's library; writes nothing anywhere.
+struct ChooserLog;
+
+impl log::Log for ChooserLog {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() == log::Level::Error && metadata.target().starts_with("rfd")
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            FAILURE.set(Some(record.args().to_string()));
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+fn listen() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        if log::set_logger(&ChooserLog).is_ok() {
+            log::set_max_level(log::LevelFilter::Error);
+        }
+    });
+}
+
 /// A dialog that is open.
 pub struct Dialog {
     /// Its purpose.
     pub purpose: Purpose,
-    since: Instant,
-    receive: mpsc::Receiver<Option<PathBuf>>,
-}
-
-/// State of a dialog.
-pub enum Answer {
-    /// Still open.
-    Waiting,
-    /// The user chose this.
-    Chosen(PathBuf),
-    /// The user cancelled.
-    Cancelled,
-    /// There is no file chooser on this desktop.
-    Unavailable,
+    receive: mpsc::Receiver<Choice>,
 }
 
 impl Dialog {
     /// Opens it. `wake` is called when it has an answer.
-    pub fn open(purpose: Purpose, wake: Waker) -> Self {
+    pub fn open(purpose: Purpose, folder: Option<PathBuf>, chooser: &Chooser, wake: Waker) -> Self {
         let (send, receive) = mpsc::channel();
-        let thread_purpose = purpose.clone();
+        let (thread_purpose, chooser) = (purpose.clone(), chooser.clone());
         std::thread::spawn(move || {
-            let dialog = rfd::FileDialog::new();
-            let answer = match (&thread_purpose, thread_purpose.file_name()) {
-                (Purpose::OpenFolder, _) => dialog.set_title("Open a folder as a case").pick_folder(),
-                (_, None) => dialog
-                    .set_title("Open a case")
-                    .add_filter(format!("Cases, {} files, sessions", volume_names()), &case_filter())
-                    .pick_file(),
-                (_, Some(name)) => dialog.set_title("Save").set_file_name(name).save_file(),
-            };
-            let _ = send.send(answer);
+            // Fails where the window was closed meanwhile.
+            let _ = send.send(chooser(&thread_purpose, folder.as_deref()));
             wake.wake();
         });
-        Self { purpose, since: Instant::now(), receive }
+        Self { purpose, receive }
     }
 
-    /// Its current state.
-    pub fn poll(&self) -> Answer {
+    /// Its answer; `None` while it is open.
+    pub fn poll(&self) -> Option<Choice> {
         match self.receive.try_recv() {
-            Ok(Some(path)) => Answer::Chosen(path),
-            Ok(None) if self.since.elapsed() < MIN_ANSWER_TIME => Answer::Unavailable,
-            Ok(None) => Answer::Cancelled,
-            Err(mpsc::TryRecvError::Empty) => Answer::Waiting,
-            Err(mpsc::TryRecvError::Disconnected) => Answer::Unavailable,
+            Ok(choice) => Some(choice),
+            Err(mpsc::TryRecvError::Empty) => None,
+            Err(mpsc::TryRecvError::Disconnected) => Some(Choice::Unavailable("it stopped".to_owned())),
         }
     }
 }
 
+fn ends_in(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
+}
+
 /// Whether a dropped file contains fibre tracts, which are added to the open case.
-pub fn is_tracts(path: &std::path::Path) -> bool {
+pub fn is_tracts(path: &Path) -> bool {
     path.file_name().is_some_and(|name| format::is_tracts(&name.to_string_lossy()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_errors_of_the_chooser_mean_that_there_is_none() {
+        listen();
+        log::error!(target: "another::library", "something else");
+        log::warn!(target: "rfd::backend", "Using zenity fallback");
+        assert_eq!(FAILURE.take(), None);
+        log::error!(target: "rfd::backend", "Failed to pick file with zenity: not found");
+        assert_eq!(FAILURE.take().as_deref(), Some("Failed to pick file with zenity: not found"));
+    }
 
     #[test]
     fn each_purpose_gives_its_file_name_and_command() {
@@ -154,6 +243,8 @@ mod tests {
             rulers.command("/a/lines".into()),
             AppCommand::ExportRulersTo("/a/lines.csv".into()).into()
         );
+        let named = Purpose::SaveSession.command("/a/visit".into());
+        assert_eq!(named, AppCommand::SaveSessionTo("/a/visit.glioscope.json".into()).into());
         assert!(
             case_filter().contains(&"gz")
                 && is_tracts("a.TCK".as_ref())

@@ -1,6 +1,9 @@
 //! The menu bar with the toolbar, and the welcome page.
 
-use egui::{Button, ComboBox, Slider, Ui};
+use egui::{
+    Button, ComboBox, DragValue, PopupCloseBehavior, Slider, Ui,
+    containers::menu::{MenuConfig, SubMenuButton},
+};
 use glioscope_core::{files::format::volume_names, optics::Projection};
 use glioscope_render::light;
 
@@ -9,26 +12,40 @@ use crate::{
     command::{
         AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
     },
-    model::Document,
+    model::{Document, PictureSize, picture::MAX_WIDTH_PX},
 };
+
+/// Width proposed for pictures: a text column of 8.5 cm in print at 600 dots per inch.
+const DEFAULT_WIDTH_PX: u32 = 2008;
 
 /// Input of the menus.
 struct Bar<'a> {
     work: &'a Workstation,
     recent: &'a Recent,
+    /// Commands that go to regions and components.
+    places: &'a [(String, Command)],
 }
 
 /// Draws the menu bar.
-pub fn bar(ui: &mut Ui, work: &Workstation, recent: &Recent, out: &mut Commands) {
-    let bar = Bar { work, recent };
+pub fn bar(
+    ui: &mut Ui,
+    work: &Workstation,
+    recent: &Recent,
+    places: &[(String, Command)],
+    out: &mut Commands,
+) {
+    let bar = Bar { work, recent, places };
     egui::MenuBar::new().ui(ui, |ui| {
-        for menu in Menu::BAR {
-            ui.menu_button(menu.title(), |ui| bar.menu(ui, menu, out));
-        }
-        ui.separator();
-        if let Some(doc) = &work.doc {
-            toolbar(ui, work, doc, out);
-        }
+        // In a narrow window the toolbar goes on in another line.
+        ui.horizontal_wrapped(|ui| {
+            for menu in Menu::BAR {
+                ui.menu_button(menu.title(), |ui| bar.menu(ui, menu, out));
+            }
+            ui.separator();
+            if let Some(doc) = &work.doc {
+                toolbar(ui, work, doc, out);
+            }
+        });
     });
 }
 
@@ -49,7 +66,9 @@ impl Bar<'_> {
                 ui.separator();
             }
             for inner in menu.inner(*group).filter(|inner| self.shows(*inner)) {
-                ui.menu_button(inner.title(), |ui| self.menu(ui, inner, out));
+                // A field in a menu is clicked to type in it; entries close the menu themselves.
+                let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+                SubMenuButton::new(inner.title()).config(config).ui(ui, |ui| self.menu(ui, inner, out));
             }
             let commands = listed().iter().filter(|listed| listed.menu == Some((menu, *group)));
             for listed in commands.filter(|listed| menu != Menu::View || self.shows_in_view(&listed.command))
@@ -59,7 +78,9 @@ impl Bar<'_> {
         }
         match menu {
             Menu::Tracts => self.tracts(ui, out),
+            Menu::GoTo => self.places(ui, out),
             Menu::Light => self.aperture(ui, out),
+            Menu::Pictures => self.picture_width(ui, out),
             _ => {}
         }
     }
@@ -67,7 +88,7 @@ impl Bar<'_> {
     /// Whether a menu has anything to offer.
     fn shows(&self, menu: Menu) -> bool {
         match menu {
-            Menu::Recent => true,
+            Menu::Recent | Menu::Pictures => true,
             Menu::Tracts => self.work.world.case().is_some_and(|case| !case.tracts.is_empty()),
             _ => self.work.doc.is_some(),
         }
@@ -91,11 +112,43 @@ impl Bar<'_> {
         ui.separator();
     }
 
+    fn places(&self, ui: &mut Ui, out: &mut Commands) {
+        ui.separator();
+        egui::ScrollArea::vertical().max_height(420.0).show(ui, |ui| {
+            for (text, command) in self.places {
+                if ui.button(text).on_hover_text(command.tooltip()).clicked() {
+                    out.push(command.clone());
+                    ui.close();
+                }
+            }
+        });
+    }
+
     fn tracts(&self, ui: &mut Ui, out: &mut Commands) {
         for tracts in self.work.world.case().iter().flat_map(|case| &case.tracts) {
             entry(ui, self.work, &EditCommand::ToggleTracts(tracts.id.clone()).into(), out);
         }
         entry(ui, self.work, &EditCommand::ToggleAllTracts.into(), out);
+    }
+
+    /// The width of pictures in pixels, for a print of a given size.
+    fn picture_width(&self, ui: &mut Ui, out: &mut Commands) {
+        let current = match self.work.picture_size {
+            PictureSize::WidthPx(pixels) => Some(pixels),
+            PictureSize::Times(_) => None,
+        };
+        ui.horizontal(|ui| {
+            let mut pixels = current.unwrap_or(DEFAULT_WIDTH_PX);
+            let radio = ui.radio(current.is_some(), "This wide:");
+            let drag =
+                ui.add(DragValue::new(&mut pixels).range(100..=MAX_WIDTH_PX).speed(5).suffix(" pixels"));
+            drag.widget_info(|| {
+                egui::WidgetInfo::labeled(egui::Role::SpinButton, true, "Width of pictures in pixels")
+            });
+            if radio.clicked() || drag.changed() {
+                out.push(AppCommand::SetPictureSize(PictureSize::WidthPx(pixels)));
+            }
+        });
     }
 
     fn aperture(&self, ui: &mut Ui, out: &mut Commands) {

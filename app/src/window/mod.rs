@@ -3,15 +3,22 @@
 pub mod about;
 pub mod dialogs;
 mod drop;
+mod enlarged;
+mod go_to;
+mod masks;
 mod menu;
+mod modal;
+pub mod numbers;
 pub mod offscreen;
 mod palette;
 mod panes;
 mod perform;
 mod pictures;
+pub mod preferences;
 mod prompts;
 pub mod recent;
 pub mod run;
+mod typed_path;
 mod warnings;
 
 use std::{
@@ -20,34 +27,38 @@ use std::{
     time::{Duration, Instant},
 };
 
-use egui::{CentralPanel, Context, Panel, Rect, Ui};
+use egui::{CentralPanel, Context, Event, Panel, Rect, Ui};
 use glioscope_render::{Gpu, RenderError};
 
 use crate::{
-    command::{Command, Commands, LookCommand, Workstation, listed},
+    command::{AppCommand, Command, Commands, LookCommand, Workstation, listed},
     error::AppError,
     model::{CaseRef, PaneId},
-    views::{Panes, Shared, pane::Input, view3d::Graphics},
+    views::{Panes, Shared, pane::Input, pointer, view3d::Graphics},
     world::{
         Results,
         jobs::{Ask, Job, Waker},
     },
 };
-use dialogs::{Answer, Dialog, Purpose};
+use dialogs::{Choice, Chooser, Dialog};
 use palette::CommandPalette;
 use panes::PaneArea;
 use pictures::Pictures;
+use preferences::Preferences;
 use recent::Recent;
+use typed_path::TypedPath;
 
 /// Which dialogs and lists are open; never saved.
 #[derive(Default)]
 struct OpenParts {
     /// The About dialog.
     about: bool,
+    /// The dialog of names and colours of masks.
+    masks: bool,
     /// The list of warnings.
     warnings: bool,
     /// The dialog to type a path, with the text so far.
-    path: Option<String>,
+    path: Option<TypedPath>,
 }
 
 /// A screenshot that is taken once everything is drawn; then the program quits.
@@ -71,12 +82,18 @@ pub struct GlioscopeApp {
     open: OpenParts,
     palette: CommandPalette,
     recent: Recent,
+    preferences: Preferences,
+    /// How files are chosen.
+    pub chooser: Chooser,
     dialog: Option<Dialog>,
     pane_rects: HashMap<PaneId, Rect>,
     pictures: Pictures,
     /// A file being written on a worker, with the notice for its end.
-    export: Option<Job<&'static str>>,
+    export: Option<Job<String>>,
     scripted: Option<ScriptedPicture>,
+    /// A command that goes to a place which a worker looks for.
+    going_to: Option<AppCommand>,
+    started: bool,
 }
 
 impl GlioscopeApp {
@@ -84,7 +101,13 @@ impl GlioscopeApp {
     ///
     /// # Errors
     /// [`RenderError`] if the device can't run the closeup's passes.
-    pub fn new(work: Workstation, graphics: Option<Graphics>, recent: Recent) -> Result<Self, RenderError> {
+    pub fn new(
+        mut work: Workstation,
+        graphics: Option<Graphics>,
+        recent: Recent,
+    ) -> Result<Self, RenderError> {
+        let preferences = Preferences::in_folder(recent.folder());
+        work.picture_size = preferences.get().pictures;
         let panes = graphics.as_ref().map_or_else(|| Ok(Panes::default()), Panes::on)?;
         Ok(Self {
             work,
@@ -95,7 +118,11 @@ impl GlioscopeApp {
             open: OpenParts::default(),
             palette: CommandPalette::default(),
             recent,
+            preferences,
+            chooser: dialogs::desktop_chooser(),
             dialog: None,
+            started: false,
+            going_to: None,
             pane_rects: HashMap::new(),
             pictures: Pictures::default(),
             export: None,
@@ -137,17 +164,30 @@ impl GlioscopeApp {
         let ctx = ui.ctx().clone();
         self.ask.wake = Waker::of(&ctx);
         self.receive(&ctx);
+        self.go_to_pending();
+        if !std::mem::replace(&mut self.started, true) {
+            pointer::install(&ctx);
+            if let Some(dark) = self.preferences.get().dark.filter(|_| self.scripted.is_none()) {
+                ctx.set_theme(if dark { egui::Theme::Dark } else { egui::Theme::Light });
+            }
+        }
+        self.remember_size(&ctx);
         let mut out = Commands::default();
-        shortcuts(&ctx, &mut out);
+        if !self.dialog_is_open(&ctx) {
+            shortcuts(&ctx, &mut out);
+        }
         let dropped_files = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
-        Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &mut out));
+        self.look_for_places();
+        let places = go_to::choices(&self.work, &self.results);
+        Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &places, &mut out));
         warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
         Panel::bottom("status").show(ui, |ui| warnings::status(ui, &mut self.work, &mut out));
         let fill = egui::Frame::NONE.fill(ui.visuals().panel_fill);
         CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
-        self.palette.show(ui, &mut out);
+        self.palette.show(ui, &places, &mut out);
         prompts::guess(ui, &self.work, &mut out);
-        prompts::open_path(ui, &mut self.open.path, &mut out);
+        typed_path::show(ui, &mut self.open.path, &mut out);
+        masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
         let now = Instant::now();
@@ -168,6 +208,48 @@ impl GlioscopeApp {
             ));
         }
         self.picture_once_ready(&ctx);
+    }
+
+    /// Remembers the window's size when it closes.
+    fn remember_size(&mut self, ctx: &Context) {
+        let closes = ctx.input(|i| i.viewport().close_requested());
+        if !closes || self.scripted.is_some() {
+            return;
+        }
+        let maximized = ctx.input(|i| i.viewport().maximized).unwrap_or(false);
+        let remembered = self.preferences.change();
+        remembered.maximized = maximized;
+        if !maximized {
+            let size = ctx.content_rect().size();
+            remembered.size_points = Some([size.x, size.y]);
+        }
+        self.preferences.save();
+    }
+
+    /// Remembers the folder of a file that was chosen.
+    fn remember_folder(&mut self, command: &AppCommand) {
+        let (AppCommand::Open(CaseRef::Path(path))
+        | AppCommand::OpenSession(path)
+        | AppCommand::SaveSessionTo(path)
+        | AppCommand::ExportMeasurementsTo(path)
+        | AppCommand::ExportRulersTo(path)
+        | AppCommand::ScreenshotTo(_, path)) = command
+        else {
+            return;
+        };
+        let folder = std::path::absolute(path).ok().and_then(|path| path.parent().map(Path::to_owned));
+        self.preferences.change().folder = folder;
+        self.preferences.save();
+    }
+
+    /// Whether a dialog or the palette holds the keyboard.
+    fn dialog_is_open(&self, ctx: &Context) -> bool {
+        let asks = self.work.guess.is_some() && !self.work.accept_guesses;
+        asks || self.open.about
+            || self.open.masks
+            || self.open.path.is_some()
+            || self.palette.is_open()
+            || modal::is_open(ctx)
     }
 
     /// Takes the error of the scripted screenshot, if it failed.
@@ -242,6 +324,9 @@ impl GlioscopeApp {
             out,
         };
         show(ui, &mut area);
+        if let Some((pane, _)) = doc.nav.preview.filter(|(pane, _)| !area.rects.contains_key(pane)) {
+            area.out.push(LookCommand::PreviewCursor(pane, None));
+        }
         self.pane_rects = area.rects;
     }
 
@@ -250,17 +335,16 @@ impl GlioscopeApp {
         if let Some(CaseRef::Path(path)) = self.work.poll() {
             self.recent.add(&path);
         }
-        match self.dialog.as_ref().map(Dialog::poll) {
-            None | Some(Answer::Waiting) => {}
-            Some(Answer::Cancelled) => self.dialog = None,
-            Some(Answer::Unavailable) => {
-                if let Some(dialog) = self.dialog.take() {
-                    self.report_missing_chooser(&dialog.purpose);
-                }
-            }
-            Some(Answer::Chosen(path)) => {
-                if let Some(dialog) = self.dialog.take() {
-                    self.perform(ctx, &dialog.purpose.command(path), Instant::now());
+        if let Some(choice) = self.dialog.as_ref().and_then(Dialog::poll)
+            && let Some(Dialog { purpose, .. }) = self.dialog.take()
+        {
+            match choice {
+                Choice::Cancelled => {}
+                Choice::Path(path) => self.perform(ctx, &purpose.command(path), Instant::now()),
+                Choice::Unavailable(why) => {
+                    let why = format!("This desktop has no file chooser ({why}), so type the path.");
+                    let folder = self.folder().unwrap_or_default();
+                    self.open.path = Some(TypedPath::new(purpose, &folder, why));
                 }
             }
         }
@@ -276,24 +360,21 @@ impl GlioscopeApp {
         if let Some(written) = self.export.as_ref().and_then(Job::poll) {
             self.export = None;
             match written {
-                Ok(notice) => self.work.notice = Some(notice.into()),
+                Ok(notice) => self.work.notice = Some(notice),
                 Err(error) => self.work.error = Some(error),
             }
         }
     }
 
-    /// Without a file chooser on this desktop: opens the dialog to type a path, or reports an error when saving.
-    fn report_missing_chooser(&mut self, purpose: &Purpose) {
-        match purpose.file_name() {
-            None => self.open.path = Some(String::new()),
-            Some(name) => {
-                self.work.error = Some(AppError::wrong(
-                    name,
-                    "no file chooser on this desktop",
-                    "one; start with a session file or use the command line to write it",
-                ));
-            }
-        }
+    /// The folder in which file dialogs begin: that of the file chosen last, else that of the case.
+    fn folder(&self) -> Option<PathBuf> {
+        let last = self.preferences.get().folder.clone().filter(|folder| folder.is_dir());
+        let case = self.work.doc.as_ref().and_then(|doc| match &doc.case {
+            CaseRef::Path(path) => path.parent().map(Path::to_owned),
+            CaseRef::Sample | CaseRef::Arguments { .. } => None,
+        });
+        let folder = last.or(case).or_else(|| std::env::current_dir().ok())?;
+        std::path::absolute(folder).ok()
     }
 
     /// Saves slowly computed results beside a saved session.
@@ -305,13 +386,20 @@ impl GlioscopeApp {
 
     /// Carries out one command.
     pub fn perform(&mut self, ctx: &Context, command: &Command, now: Instant) {
-        let is_navigation =
-            matches!(command, Command::Look(LookCommand::SetCursor(_) | LookCommand::SetCamera(_)));
+        let is_navigation = matches!(
+            command,
+            Command::Look(
+                LookCommand::SetCursor(_) | LookCommand::PreviewCursor(..) | LookCommand::SetCamera(_)
+            )
+        );
         if !is_navigation {
             self.work.notice = None;
         }
         match command {
-            Command::App(command) => self.perform_app(ctx, command),
+            Command::App(command) => {
+                self.remember_folder(command);
+                self.perform_app(ctx, command);
+            }
             Command::Edit(_) | Command::Look(_) => self.work.apply(command, now),
         }
     }
@@ -328,12 +416,15 @@ fn shortcuts(ctx: &Context, out: &mut Commands) {
     with_shortcut.sort_by_key(|(keys, _)| {
         std::cmp::Reverse(u8::from(keys.modifiers.shift) + u8::from(keys.modifiers.command))
     });
+    // Every key of the frame in its order: two presses of one key are two commands.
     ctx.input_mut(|input| {
-        for (keys, command) in with_shortcut {
-            if input.consume_shortcut(&keys) {
-                out.push(command.clone());
-            }
-        }
+        input.events.retain(|event| {
+            let Event::Key { key, modifiers, pressed: true, .. } = event else { return true };
+            let mut all = with_shortcut.iter();
+            let found =
+                all.find(|(keys, _)| keys.logical_key == *key && modifiers.matches_logically(keys.modifiers));
+            found.inspect(|(_, command)| out.push((*command).clone())).is_none()
+        });
     });
 }
 

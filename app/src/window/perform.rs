@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use egui::Context;
-use glioscope_core::measure;
-
 use super::{
     GlioscopeApp,
     dialogs::{Dialog, Purpose},
+    enlarged::Enlarged,
+    numbers::Shown,
+    typed_path::TypedPath,
 };
 use crate::{
     command::AppCommand,
@@ -16,17 +16,18 @@ use crate::{
     output,
     world::jobs::{Job, Waker},
 };
+use egui::Context;
 
 impl GlioscopeApp {
     fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
-        self.dialog = Some(Dialog::open(purpose, Waker::of(ctx)));
+        self.dialog = Some(Dialog::open(purpose, self.folder(), &self.chooser, Waker::of(ctx)));
     }
 
     /// Carries out one command.
     pub(super) fn perform_app(&mut self, ctx: &Context, command: &AppCommand) {
         let wake = || Waker::of(ctx);
         match command {
-            AppCommand::OpenDialog => self.open.path = Some(String::new()),
+            AppCommand::OpenDialog => self.open.path = Some(TypedPath::to_open()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
             AppCommand::Open(case) => self.work.open(case.clone(), None, wake()),
@@ -60,15 +61,32 @@ impl GlioscopeApp {
             AppCommand::ScreenshotWindow => self.open_file_dialog(ctx, Purpose::Picture(None)),
             AppCommand::ScreenshotPane(pane) => self.open_file_dialog(ctx, Purpose::Picture(Some(*pane))),
             AppCommand::ScreenshotTo(pane, path) => self.take_picture(ctx, *pane, path),
-            AppCommand::ExportMeasurements => self.open_file_dialog(ctx, Purpose::Measurements),
+            AppCommand::ExportMeasurements(format) => {
+                self.open_file_dialog(ctx, Purpose::Measurements(*format));
+            }
             AppCommand::ExportMeasurementsTo(path) => self.export_measurements(ctx, path),
             AppCommand::ExportRulers(format) => self.open_file_dialog(ctx, Purpose::Rulers(*format)),
             AppCommand::ExportRulersTo(path) => self.export_rulers(path),
+            AppCommand::GoToGrowth
+            | AppCommand::GoToDisagreement
+            | AppCommand::GoToRegion(_)
+            | AppCommand::GoToComponent(..) => {
+                self.going_to = Some(command.clone());
+                self.go_to_pending();
+            }
             AppCommand::ShowPalette => self.palette.open(),
+            AppCommand::ShowMasks => self.open.masks = true,
             AppCommand::ShowAbout => self.open.about = true,
             AppCommand::ToggleDark => {
                 let is_dark = ctx.global_style().visuals.dark_mode;
                 ctx.set_theme(if is_dark { egui::Theme::Light } else { egui::Theme::Dark });
+                self.preferences.change().dark = Some(!is_dark);
+                self.preferences.save();
+            }
+            AppCommand::SetPictureSize(size) => {
+                self.work.picture_size = *size;
+                self.preferences.change().pictures = *size;
+                self.preferences.save();
             }
             AppCommand::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
         }
@@ -81,16 +99,51 @@ impl GlioscopeApp {
                 self.work.error =
                     Some(AppError::wrong(pane.title(), "a pane that isn't open", "an open one"));
             }
-            _ => self.pictures.request(ctx, crop, path, self.work.inputs()),
+            _ if self.work.picture_size.is_of_screen() => {
+                self.pictures.request(ctx, crop, path, self.work.inputs());
+            }
+            _ => self.take_enlarged(ctx, pane, path),
         }
+    }
+
+    /// Draws a picture with more pixels than the screen has, on a worker.
+    fn take_enlarged(&mut self, ctx: &Context, pane: Option<PaneId>, path: &Path) {
+        let (Some(doc), Some(gpu)) = (self.work.doc.clone(), self.gpu().cloned()) else {
+            self.pictures.request(ctx, None, path, self.work.inputs());
+            return;
+        };
+        let crop = pane.and_then(|pane| self.pane_rect(pane));
+        let size_points = crop.unwrap_or_else(|| ctx.content_rect()).size();
+        let size = self.work.picture_size;
+        let picture = Enlarged {
+            pane,
+            size_points,
+            pixels_per_point: size.pixels_per_point(size_points.x, ctx.pixels_per_point()),
+            dark: ctx.global_style().visuals.dark_mode,
+            doc,
+            world: self.work.world.clone(),
+        };
+        let path = path.to_owned();
+        self.export = Some(Job::start(Waker::of(ctx), move |_| {
+            picture.write(&gpu, &path).map(|()| format!("Picture written to {}", path.display()))
+        }));
     }
 
     /// Runs on a worker: measuring a large case takes a while.
     fn export_measurements(&mut self, ctx: &Context, path: &Path) {
-        let Some(case) = self.work.world.case().cloned() else { return };
+        let (Some(case), Some(doc)) = (self.work.world.case().cloned(), self.work.doc.clone()) else {
+            return;
+        };
+        let compared = self.results.comparison.cached(&case, &doc.edit.change);
+        let shown = Shown {
+            compared: compared.map(|compared| compared.report.clone()),
+            tumor: self.work.world.tumor(&doc).cloned(),
+            case,
+            doc,
+        };
         let path = path.to_owned();
-        self.export = Some(Job::start(Waker::of(ctx), move |_| {
-            output::write_json(&path, &case.inputs, &measure::report(&case)).map(|()| "Measurements written.")
+        self.export = Some(Job::start(Waker::of(ctx), move |progress| {
+            shown.write(&path, progress).map(|()| format!("Numbers written to {}", path.display()))
         }));
     }
 

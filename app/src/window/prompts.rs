@@ -1,10 +1,10 @@
-//! Dialogs within the window: how a folder without a manifest was read, and a field for a path.
+//! Dialog within the window: how a folder without a manifest was read.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use egui::Ui;
 
-use super::dialogs::{open_command, openable};
+use super::modal::{self, Reply};
 use crate::command::{AppCommand, Commands, Workstation, workstation::Guess};
 
 /// Shows how a folder's files were interpreted, for the user to accept or reject.
@@ -14,8 +14,8 @@ pub fn guess(ui: &mut Ui, work: &Workstation, out: &mut Commands) {
         out.push(AppCommand::AcceptGuess(true));
         return;
     }
-    let window = egui::Window::new("How this folder is read").collapsible(false).resizable(false);
-    window.default_width(560.0).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+    let reply = modal::show(ui.ctx(), "How this folder is read", |ui| {
+        ui.set_width(560.0);
         ui.label(
             "There is no manifest, so files were told apart by their names and contents. Is this right?",
         );
@@ -28,15 +28,22 @@ pub fn guess(ui: &mut Ui, work: &Workstation, out: &mut Commands) {
             }
         });
         ui.add_space(6.0);
+        let mut reply = Reply::None;
         ui.horizontal(|ui| {
             if ui.button("Open it like this").clicked() {
-                out.push(AppCommand::AcceptGuess(true));
+                reply = Reply::Accept;
             }
             if ui.button("Cancel").clicked() {
-                out.push(AppCommand::AcceptGuess(false));
+                reply = Reply::Cancel;
             }
         });
+        reply
     });
+    match reply {
+        Reply::None => {}
+        Reply::Accept => out.push(AppCommand::AcceptGuess(true)),
+        Reply::Cancel => out.push(AppCommand::AcceptGuess(false)),
+    }
 }
 
 fn guess_table(ui: &mut Ui, guess: &Guess) {
@@ -63,37 +70,4 @@ fn guess_row(ui: &mut Ui, kind: &str, id: &str, file: &str, labels: &str, time: 
     ui.label(name).on_hover_text(file);
     ui.label(format!("{labels}{}", time.unwrap_or_default()));
     ui.end_row();
-}
-
-/// The dialog to type a path, if it is open.
-pub fn open_path(ui: &mut Ui, open: &mut Option<String>, out: &mut Commands) {
-    let Some(path) = open else { return };
-    let mut close = false;
-    let window = egui::Window::new("Open a case").collapsible(false).resizable(false);
-    window.anchor(egui::Align2::CENTER_CENTER, [0.0, -60.0]).show(ui.ctx(), |ui| {
-        let mut what = openable();
-        what.replace_range(..1, "A");
-        ui.label(format!("{what}:"));
-        let label = ui.label("Path");
-        let field = ui.add(egui::TextEdit::singleline(path).desired_width(420.0)).labelled_by(label.id);
-        let entered = field.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
-        ui.horizontal(|ui| {
-            if (ui.button("Open").clicked() || entered) && !path.trim().is_empty() {
-                out.push(open_command(PathBuf::from(path.trim())));
-                close = true;
-            }
-            if ui.button("Browse files…").clicked() {
-                out.push(AppCommand::BrowseFiles);
-                close = true;
-            }
-            if ui.button("Browse folders…").clicked() {
-                out.push(AppCommand::BrowseFolders);
-                close = true;
-            }
-            close |= ui.button("Cancel").clicked();
-        });
-    });
-    if close {
-        *open = None;
-    }
 }

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::write_whole;
+use glioscope_core::files::write_private;
 
 /// Largest number of paths in the list.
 const MAX_PATHS: usize = 12;
@@ -22,6 +22,11 @@ impl Recent {
             directories::ProjectDirs::from("", "", "glioscope").map(|d| d.config_dir().to_owned())
         });
         folder.map_or_else(Self::default, |folder| Self::in_folder(&folder))
+    }
+
+    /// The folder that it is stored in; `None`: it is stored nowhere.
+    pub fn folder(&self) -> Option<&Path> {
+        self.file.as_ref()?.parent()
     }
 
     /// The list stored in `folder`; empty if there is none.
@@ -56,7 +61,7 @@ impl Recent {
         let Some(file) = &self.file else { return };
         if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.paths)) {
             let _ = std::fs::create_dir_all(folder);
-            let _ = write_whole(file, &bytes);
+            let _ = write_private(file, &bytes);
         }
     }
 }
@@ -75,5 +80,12 @@ mod tests {
         let expected = [PathBuf::from("/a"), PathBuf::from("/b")];
         assert_eq!(recent.paths(), expected);
         assert_eq!(Recent::in_folder(folder.path()).paths(), expected);
+        assert_eq!(recent.folder(), Some(folder.path()));
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            let mode = folder.path().join("recent.json").metadata().unwrap().permissions().mode();
+            assert_eq!(mode & 0o777, 0o600, "paths may name a patient");
+        }
     }
 }

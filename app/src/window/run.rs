@@ -6,7 +6,7 @@ use egui_wgpu::{NativeAdapterSelectorMethod, WgpuConfiguration, WgpuSetup, WgpuS
 use glioscope_core::case::LoadOptions;
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 
-use super::{GlioscopeApp, recent::Recent};
+use super::{GlioscopeApp, preferences::Preferences, recent::Recent};
 use crate::{
     command::Workstation,
     error::AppError,
@@ -53,11 +53,15 @@ pub fn run(start: Start) -> Result<(), AppError> {
     setup.instance_descriptor = gpu::instance_descriptor();
     setup.native_adapter_selector = Some(adapter_selector(preference));
     setup.device_descriptor = Arc::new(gpu::device_descriptor);
+    let recent = Recent::of_user();
+    let remembered = Preferences::in_folder(recent.folder()).get().clone();
+    let size_points = remembered.size_points.unwrap_or([1440.0, 900.0]);
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Glioscope")
             .with_app_id("glioscope")
-            .with_inner_size([1440.0, 900.0])
+            .with_inner_size(if start.picture.is_some() { [1440.0, 900.0] } else { size_points })
+            .with_maximized(remembered.maximized && start.picture.is_none())
             .with_min_inner_size([640.0, 420.0])
             .with_drag_and_drop(true),
         wgpu_options: WgpuConfiguration {
@@ -68,7 +72,7 @@ pub fn run(start: Start) -> Result<(), AppError> {
     };
     let (error_sender, errors) = mpsc::channel();
     let create = move |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
-        Ok(Box::new(Windowed { app: app(cc, start)?, errors: error_sender }))
+        Ok(Box::new(Windowed { app: app(cc, start, recent)?, errors: error_sender }))
     };
     eframe::run_native("Glioscope", options, Box::new(create))
         .map_err(|e| AppError::Window(e.to_string()))?;
@@ -94,6 +98,7 @@ impl eframe::App for Windowed {
 fn app(
     cc: &eframe::CreationContext<'_>,
     start: Start,
+    recent: Recent,
 ) -> Result<GlioscopeApp, Box<dyn std::error::Error + Send + Sync>> {
     let render_state = cc.wgpu_render_state.as_ref().ok_or("no graphics adapter")?;
     let gpu = Gpu::from_parts(
@@ -112,7 +117,7 @@ fn app(
         CaseRef::Path(path) if session::is_session(&path) => work.open_session(&path, &start.tracts, wake),
         case => work.open_with(case, start.tracts, None, wake),
     }
-    let app = GlioscopeApp::new(work, Some(graphics), Recent::of_user())?;
+    let app = GlioscopeApp::new(work, Some(graphics), recent)?;
     Ok(match start.picture {
         Some(path) => app.picture_and_quit(path),
         None => app,

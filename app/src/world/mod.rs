@@ -6,6 +6,7 @@ pub mod image;
 pub mod jobs;
 pub mod load;
 pub mod numbers;
+pub mod places;
 pub mod slice_plane;
 pub mod tracts;
 
@@ -19,7 +20,8 @@ use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
 
 use crate::model::Document;
 
-/// A case and the data that every view needs of it, derived once per load.
+/// A case and the data that every view needs of it, derived once per load. Clones share all of it.
+#[derive(Clone)]
 pub struct Loaded {
     /// The case.
     pub case: Arc<Case>,
@@ -44,7 +46,7 @@ impl Loaded {
 }
 
 /// The loaded case, if any.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct World {
     loaded: Option<Loaded>,
 }
@@ -82,9 +84,19 @@ impl World {
 
     /// Colours of the masks of the current time point.
     pub fn colors(&self, doc: &Document) -> MaskColors {
-        let preferred: Vec<_> =
-            self.time_point(doc).map(|t| t.masks.iter().map(|m| m.color).collect()).unwrap_or_default();
-        MaskColors::new(doc.edit.palette, &preferred).with_coloring(doc.edit.coloring)
+        let masks = self.time_point(doc).map(|t| t.masks.as_slice()).unwrap_or_default();
+        let preferred: Vec<_> = masks.iter().map(|m| m.color).collect();
+        let of_case = MaskColors::new(doc.edit.palette, &preferred);
+        let chosen: Vec<_> = masks.iter().map(|m| doc.edit.masks.get(m.mask.id()).color).collect();
+        let colors = if chosen.iter().any(Option::is_some) {
+            // The other masks keep their colours.
+            let all: Vec<_> =
+                chosen.iter().enumerate().map(|(k, own)| own.or(Some(of_case.mask(k)))).collect();
+            MaskColors::new(doc.edit.palette, &all)
+        } else {
+            of_case
+        };
+        colors.with_coloring(doc.edit.coloring)
     }
 
     /// The cropped region volume of the current time point; `None` where no voxel is active.
@@ -111,6 +123,8 @@ pub struct Results {
     pub tracts: tracts::TractResult,
     /// Agreement of masks, and voxel counts inside the lens.
     pub numbers: numbers::Numbers,
+    /// Places worth a look.
+    pub places: places::Places,
     /// The axial slice as a plane in 3D.
     pub plane: slice_plane::PlaneResult,
 }

@@ -42,7 +42,7 @@ impl PlaneResult {
         let (id, image) = context?;
         let window = doc.window_of(id, image);
         let bounds_mm = image.volume().grid().bounds_mm();
-        let cursor_mm = doc.nav.cursor_mm;
+        let cursor_mm = doc.nav.crosshair_mm();
         let slice =
             SliceView::fit(Plane::Axial, Convention::Radiological, bounds_mm, cursor_mm, [SIDE_PX, SIDE_PX]);
         if let Some((cached_slice, cached_image, cached_window, plane)) = &self.cached

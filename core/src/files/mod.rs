@@ -175,6 +175,20 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_whole_with(path, "", |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
 }
 
+/// As [`write_whole`], for a file that only its owner can read: its content or names in it concern a patient.
+///
+/// # Errors
+/// As [`write_whole`].
+pub fn write_private(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    write_whole_with(path, "", |file| {
+        #[cfg(unix)]
+        file.as_file()
+            .set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o600))
+            .map_err(|e| write_failed(path, &e))?;
+        file.write_all(bytes).map_err(|e| write_failed(path, &e))
+    })
+}
+
 /// As [`write_whole`], with content that `write` writes to the temporary file, whose name ends in `suffix`.
 /// When `write` fails, the temporary file is removed and nothing else changes.
 pub(crate) fn write_whole_with(

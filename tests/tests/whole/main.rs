@@ -17,8 +17,13 @@ mod reported;
 mod sessions;
 mod ui;
 mod ui_change;
+mod ui_dialogs;
+mod ui_files;
+mod ui_gestures;
 mod ui_lens;
 mod ui_light;
+mod ui_masks;
+mod ui_places;
 mod ui_tracts;
 mod ui_views;
 

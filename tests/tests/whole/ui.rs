@@ -81,7 +81,7 @@ fn the_table_check_box_hides_a_region() {
 }
 
 #[test]
-fn hovering_the_closeup_moves_the_slices_to_the_surface() {
+fn hovering_the_closeup_shows_the_slices_of_the_surface_and_a_click_pins_them() {
     let mut harness = sample();
     let before = harness.state().work.doc.as_ref().unwrap().nav.cursor_mm;
     let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
@@ -90,12 +90,26 @@ fn hovering_the_closeup_moves_the_slices_to_the_surface() {
     let app = harness.state();
     let doc = app.work.doc.as_ref().unwrap();
     let picked = *closeup(&harness).canvas.hover().expect("the tumour is in the middle of the closeup");
-    assert_eq!(doc.nav.cursor_mm, picked.world_mm);
-    assert_ne!(doc.nav.cursor_mm, before);
+    assert_eq!(doc.nav.crosshair_mm(), picked.world_mm);
+    assert_ne!(picked.world_mm, before);
+    assert_eq!(doc.nav.cursor_mm, before, "hovering pins nothing");
     // 0.1 mm further along the line of sight lies the picked region.
     let inwards = (picked.world_mm - doc.nav.camera.eye_mm()).try_normalize().unwrap() * 0.1;
     let index = &app.work.world.time_point(doc).unwrap().index;
     assert_eq!(index.at_mm(picked.world_mm + inwards), picked.bits);
+    let crosshair = |harness: &Window| harness.state().work.doc.as_ref().unwrap().nav.crosshair_mm();
+    // Over a pane without places, the crosshair returns to where it is pinned.
+    let elsewhere = harness.state().pane_rect(PaneId::Overlap).unwrap().center();
+    harness.hover_at(elsewhere);
+    harness.run_ok();
+    assert_eq!(crosshair(&harness), before);
+    harness.hover_at(rect.center());
+    harness.drag_at(rect.center());
+    harness.drop_at(rect.center());
+    harness.run_ok();
+    harness.hover_at(elsewhere);
+    harness.run_ok();
+    assert_eq!(crosshair(&harness), picked.world_mm, "pinned by the click");
 }
 
 #[test]

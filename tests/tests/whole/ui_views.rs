@@ -266,8 +266,9 @@ fn hovering_a_3d_view_moves_the_crosshair() {
         let rect = harness.state().pane_rect(pane).unwrap();
         harness.hover_at(rect.center() + vec2(4.0, 6.0));
         harness.run_ok();
-        let after = doc(&harness).nav.cursor_mm;
+        let after = doc(&harness).nav.crosshair_mm();
         assert_ne!(after, before, "{pane:?}");
+        assert_eq!(doc(&harness).nav.cursor_mm, before, "{pane:?}: pinned where it was");
         assert!(after.distance(lens_mm) < 150.0, "{pane:?}: on the head or the tumour");
     }
 }

@@ -124,6 +124,8 @@ impl Pane for ContextPane {
 
 fn pick_text(input: &Input<'_>, pick: &ContextPick, fiber: Option<String>) -> String {
     let place = flat::place_label(pick.world_mm, input.sides_known());
-    let what = fiber.or_else(|| pick.bits.map(|bits| input.time_point.regions.name(bits)));
+    let masks = &input.doc.edit.masks;
+    let what =
+        fiber.or_else(|| pick.bits.map(|bits| masks.region(input.time_point.regions.mask_ids(), bits)));
     what.map_or_else(|| place.clone(), |what| format!("{what}\n{place}"))
 }

@@ -7,6 +7,7 @@ use super::{OverlapInput, Shown, Target, target::shown_word};
 use crate::{
     command::{Commands, EditCommand},
     format,
+    views::pointer,
 };
 
 /// The area of a piece for the keyboard and screen readers.
@@ -36,6 +37,14 @@ fn only(target: Target) -> EditCommand {
     match target {
         Target::Region(bits) => EditCommand::OnlyRegion(bits),
         Target::Mask(k) => EditCommand::OnlyMask(k),
+    }
+}
+
+/// A click on a table's row toggles its region or mask; a double-click or Shift-click shows only it.
+pub fn click_row(response: &Response, target: Target, out: &mut Commands) {
+    if response.clicked() && !response.triple_clicked() {
+        let show_only = response.double_clicked() || pointer::press_modifiers(&response.ctx).shift;
+        out.push(if show_only { only(target) } else { toggle(target) });
     }
 }
 
@@ -83,7 +92,7 @@ pub fn clickable_pieces(
         && diagram.clicked_by(PointerButton::Primary)
         && !diagram.triple_clicked()
     {
-        let show_only = diagram.double_clicked() || ui.input(|i| i.modifiers.shift);
+        let show_only = diagram.double_clicked() || pointer::press_modifiers(ui.ctx()).shift;
         out.push(if show_only { only(target) } else { toggle(target) });
     }
     let diagram = menu(ui, id, diagram, &hit, input, out);

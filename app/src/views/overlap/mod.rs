@@ -5,7 +5,7 @@
 //! write commands; none changes the selection itself.
 
 mod bar;
-mod interact;
+pub mod interact;
 mod paint;
 pub mod ring;
 mod ring_view;
@@ -40,7 +40,9 @@ pub struct OverlapPane;
 impl Pane for OverlapPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         let input = stage.input;
+        let names = input.doc.edit.masks.names(input.time_point.regions.mask_ids());
         let diagram = OverlapInput {
+            names: &names,
             regions: &input.time_point.regions,
             selection: &input.doc.edit.selection,
             colors: input.colors,
@@ -59,8 +61,10 @@ impl Pane for OverlapPane {
 /// Input of the view.
 #[derive(Clone, Copy)]
 pub struct OverlapInput<'a> {
-    /// Sizes and names of the regions.
+    /// Sizes of the regions.
     pub regions: &'a Regions,
+    /// Names of the masks.
+    pub names: &'a [String],
     /// The regions shown.
     pub selection: &'a Selection,
     /// Colours of the masks.
@@ -175,7 +179,7 @@ fn header(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) {
 }
 
 fn empty_message(ui: &mut Ui, input: &OverlapInput<'_>) {
-    let masks = input.regions.mask_ids();
+    let masks = input.names;
     let reason = match masks {
         [] => "The case has no mask.".to_owned(),
         [one] => format!("The mask {one} is empty."),
@@ -197,7 +201,7 @@ fn tables(
 ) -> Option<Target> {
     let hovered = table::regions(ui, input, marked, out);
     ui.add_space(10.0);
-    table::agreement(ui, pairs);
+    table::agreement(ui, input, pairs);
     hovered
 }
 

@@ -1,10 +1,10 @@
 //! The table of regions (thesis 7.7) and the table of agreement metrics of mask pairs.
 
-use egui::{Align, Checkbox, Layout, RichText, Sense, Ui, vec2};
+use egui::{Align, Checkbox, Label, Layout, RichText, Sense, Ui, vec2};
 use egui_extras::{Column, TableBuilder};
 use glioscope_core::measure::{PAIR_METRICS, Pair};
 
-use super::{OverlapInput, OverlapMode, Shown, Target, paint::dim_text};
+use super::{OverlapInput, OverlapMode, Shown, Target, interact::click_row, paint::dim_text};
 use crate::{
     command::{Commands, EditCommand},
     format,
@@ -44,7 +44,7 @@ pub fn regions(
         .id_salt("regions")
         .vscroll(false)
         .striped(true)
-        .sense(Sense::hover())
+        .sense(Sense::CLICK)
         .cell_layout(Layout::right_to_left(Align::Center))
         .column(Column::remainder().at_least(60.0).clip(true))
         .column(Column::exact(64.0))
@@ -82,7 +82,8 @@ pub fn regions(
                 let mut number = |text: String| {
                     row.col(|ui| {
                         let text = RichText::new(text);
-                        ui.label(if hidden { text.color(dim_text(ui)) } else { text });
+                        let text = if hidden { text.color(dim_text(ui)) } else { text };
+                        ui.add(Label::new(text).selectable(false));
                     });
                 };
                 number(format::ml(input.ml(target)));
@@ -90,9 +91,11 @@ pub fn regions(
                 if with_voxels {
                     number(format::count(input.voxels(target)));
                 }
-                if row.response().contains_pointer() {
+                let response = row.response();
+                if response.contains_pointer() {
                     hovered = Some(target);
                 }
+                click_row(&response, target, out);
             });
         }
         body.row(ROW_PT, |mut row| {
@@ -136,18 +139,11 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Co
     swatch(ui, input, target);
     let text = RichText::new(input.title(target));
     let label = ui.add(
-        egui::Label::new(if shown == Shown::None { text.color(dim_text(ui)) } else { text })
+        Label::new(if shown == Shown::None { text.color(dim_text(ui)) } else { text })
             .truncate()
-            .selectable(false)
-            .sense(Sense::CLICK),
+            .selectable(false),
     );
-    if label.double_clicked() {
-        out.push(match target {
-            Target::Region(bits) => EditCommand::OnlyRegion(bits),
-            Target::Mask(k) => EditCommand::OnlyMask(k),
-        });
-    }
-    label.on_hover_text(format!("{name}. Double-click: only this."));
+    label.on_hover_text(format!("{name}. Click: on or off. Double-click: only this."));
 }
 
 /// The region's colour as in the 3D views, above the colours of its masks.
@@ -178,7 +174,7 @@ fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
 }
 
 /// All metrics of all pairs of masks; draws nothing without pairs.
-pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
+pub fn agreement(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair]) {
     if pairs.is_empty() {
         return;
     }
@@ -211,10 +207,14 @@ pub fn agreement(ui: &mut Ui, pairs: &[Pair]) {
         })
         .body(|mut body| {
             for pair in pairs {
+                let name = |id: &str| {
+                    let k = input.regions.mask_ids().iter().position(|mask| mask == id);
+                    k.and_then(|k| input.names.get(k)).cloned().unwrap_or_else(|| id.to_owned())
+                };
                 body.row(ROW_PT, |mut row| {
                     row.col(|ui| {
                         left(ui, &mut |ui| {
-                            ui.add(egui::Label::new(format!("{} – {}", pair.a, pair.b)).truncate());
+                            ui.add(Label::new(format!("{} – {}", name(&pair.a), name(&pair.b))).truncate());
                         });
                     });
                     for (metric, value) in pair.metrics() {

@@ -1,7 +1,10 @@
 //! Texts and numbers of a region or mask, for the diagram, the bar and the tables.
 
 use super::{OverlapInput, OverlapMode, Shown};
-use crate::{format, model::overlap::mask_shown};
+use crate::{
+    format,
+    model::{masks::region_name, overlap::mask_shown},
+};
 
 /// The region or mask that a piece of the diagram or a table row represents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -13,11 +16,11 @@ pub enum Target {
 }
 
 impl OverlapInput<'_> {
-    /// `T1+PET`, or the mask's own id.
+    /// `T1+PET`, or the mask's own name.
     pub(super) fn name(&self, target: Target) -> String {
         match target {
-            Target::Region(bits) => self.regions.name(bits),
-            Target::Mask(k) => self.regions.mask_ids().get(k).cloned().unwrap_or_default(),
+            Target::Region(bits) => region_name(self.names, bits),
+            Target::Mask(k) => self.names.get(k).cloned().unwrap_or_default(),
         }
     }
 

@@ -69,6 +69,7 @@ impl Setup {
             .with_step_dt(1.0 / 60.0)
             .build_ui(move |ui| {
                 let input = OverlapInput {
+                    names: self.regions.mask_ids(),
                     regions: &self.regions,
                     selection: &self.selection,
                     colors: &colors,
@@ -294,6 +295,32 @@ fn a_double_click_shows_only_its_region() {
     h.get_by_label(REGION_TEXTS[6]).click_modifiers(egui::Modifiers::SHIFT);
     h.run();
     assert_eq!(sent.borrow().commands, [EditCommand::OnlyRegion(7)]);
+}
+
+#[test]
+fn a_click_anywhere_on_a_row_toggles_its_region_and_a_double_click_shows_only_it() {
+    for text in ["T1+T2", "11.6 %"] {
+        let (mut h, sent) = Setup::new(three()).harness();
+        h.run();
+        let at = h.get_by_label(text).rect().center();
+        let click = |h: &mut Harness<'_>| {
+            h.hover_at(at);
+            h.drag_at(at);
+            h.drop_at(at);
+            h.run();
+        };
+        click(&mut h);
+        assert_eq!(sent.borrow().commands, [EditCommand::ToggleRegion(3)], "{text}");
+        click(&mut h);
+        let both = [EditCommand::ToggleRegion(3), EditCommand::OnlyRegion(3)];
+        assert_eq!(sent.borrow().commands, both, "{text}");
+        // The check box toggles once, not twice.
+        sent.borrow_mut().commands.clear();
+        h.run_steps(60);
+        h.get_by_label("Show T1+T2").click();
+        h.run();
+        assert_eq!(sent.borrow().commands, [EditCommand::SetRegion(3, false)]);
+    }
 }
 
 #[test]

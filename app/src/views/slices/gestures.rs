@@ -5,7 +5,11 @@ use glam::DVec2;
 use glioscope_render::flat::Plane;
 
 use super::{Input, Layout};
-use crate::command::{Commands, EditCommand, LookCommand};
+use crate::{
+    command::{Commands, EditCommand, LookCommand},
+    model::PaneId,
+    views::pointer,
+};
 
 /// Touchpad points that count as one notch of a wheel.
 const POINTS_PER_NOTCH: f32 = 40.0;
@@ -31,13 +35,12 @@ impl GestureState {
         response: &Response,
         out: &mut Commands,
     ) {
-        let shift = ui.input(|i| i.modifiers.shift);
         if response.double_clicked() {
             out.push(LookCommand::ResetSlices);
             return;
         }
         if !input.doc.nav.ruler_on {
-            crosshair(ui, input, layout, response, shift, out);
+            crosshair(ui, input, layout, response, out);
         }
         self.follow_pointer(ui, input, layout, response, out);
         if response.dragged_by(PointerButton::Secondary) {
@@ -51,7 +54,7 @@ impl GestureState {
         keys(ui, input, layout, response, out);
     }
 
-    /// The crosshair follows a pointer that moves over the slice, within its plane. Not while a button is pressed or
+    /// Shows the crosshair under a pointer that moves over the slice, until it leaves. Not while a button is pressed or
     /// the wheel turns: what is dragged or scrolled would jump.
     fn follow_pointer(
         &mut self,
@@ -63,15 +66,20 @@ impl GestureState {
     ) {
         let pointer = response.hover_pos();
         let before = std::mem::replace(&mut self.hovered, pointer);
+        let pane = PaneId::of_plane(layout.slice.plane);
+        let nav = &input.doc.nav;
+        if pointer.is_none() && nav.preview.is_some_and(|(of, _)| of == pane) {
+            out.push(LookCommand::PreviewCursor(pane, None));
+        }
         let busy = ui.input(|i| {
             i.pointer.any_down() || i.smooth_scroll_delta() != egui::Vec2::ZERO || i.zoom_delta() != 1.0
         });
-        let Some(pos) = pointer.filter(|_| pointer != before && !busy && input.doc.nav.follow_pointer) else {
+        let Some(pos) = pointer.filter(|_| pointer != before && !busy && nav.follow_pointer) else {
             return;
         };
         let place = layout.world_at(pos);
-        if place != input.doc.nav.cursor_mm {
-            out.push(LookCommand::SetCursor(place));
+        if place != nav.crosshair_mm() {
+            out.push(LookCommand::PreviewCursor(pane, Some(place)));
         }
     }
 
@@ -97,27 +105,20 @@ impl GestureState {
         let whole = sum.trunc();
         self.leftover_notches = sum - whole;
         if whole != 0.0 {
-            step(input, layout, layout.slice.plane, f64::from(whole), out);
+            step(input, layout, f64::from(whole), out);
         }
     }
 }
 
-fn crosshair(
-    ui: &Ui,
-    input: &Input<'_>,
-    layout: &Layout,
-    response: &Response,
-    shift: bool,
-    out: &mut Commands,
-) {
+fn crosshair(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     let primary_down = ui.input(|i| i.pointer.primary_down());
     let pressed = response.is_pointer_button_down_on() && primary_down;
-    if shift || !(pressed || response.clicked()) {
+    if pointer::press_modifiers(ui.ctx()).shift || !(pressed || response.clicked()) {
         return;
     }
     let Some(pos) = response.interact_pointer_pos() else { return };
     let place = layout.world_at(pos.clamp(layout.rect.min, layout.rect.max));
-    if place != input.doc.nav.cursor_mm {
+    if place != input.doc.nav.cursor_mm || input.doc.nav.preview.is_some() {
         out.push(LookCommand::SetCursor(place));
     }
 }
@@ -125,9 +126,10 @@ fn crosshair(
 /// Pans with the middle button, or with Shift and the primary button.
 fn pan(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &mut Commands) {
     // From the press on, not from where egui detects a drag: the grabbed point stays under the pointer.
+    let shift = pointer::press_modifiers(ui.ctx()).shift;
     let delta = ui.input(|i| {
         let grabbed = i.pointer.button_down(PointerButton::Middle)
-            || (i.modifiers.shift && i.pointer.button_down(PointerButton::Primary));
+            || (shift && i.pointer.button_down(PointerButton::Primary));
         if grabbed && response.is_pointer_button_down_on() { i.pointer.delta() } else { egui::Vec2::ZERO }
     });
     if delta != egui::Vec2::ZERO {
@@ -147,16 +149,21 @@ fn drag_window(input: &Input<'_>, response: &Response, out: &mut Commands) {
     }
 }
 
-/// Moves the crosshair by whole slices along the plane's normal, at most to the outermost slice.
-fn step(input: &Input<'_>, layout: &Layout, plane: Plane, slices: f64, out: &mut Commands) {
+/// The crosshair's coordinate along the plane's normal after a step of whole slices, at most to the outermost slice.
+fn stepped_mm(input: &Input<'_>, layout: &Layout, plane: Plane, slices: f64) -> f64 {
     let grid = input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid());
     let step_mm = plane.step_mm(grid);
     let axis = plane.axis();
     let (lo, hi) = (layout.bounds_mm.0[axis] + step_mm / 2.0, layout.bounds_mm.1[axis] - step_mm / 2.0);
-    let mut cursor_mm = input.doc.nav.cursor_mm;
-    cursor_mm[axis] = (cursor_mm[axis] + slices * step_mm).clamp(lo.min(hi), hi.max(lo));
-    if cursor_mm != input.doc.nav.cursor_mm {
-        out.push(LookCommand::SetCursor(cursor_mm));
+    (input.doc.nav.crosshair_mm()[axis] + slices * step_mm).clamp(lo.min(hi), hi.max(lo))
+}
+
+/// Goes to another slice of this plane; the crosshair stays where it is within it.
+fn step(input: &Input<'_>, layout: &Layout, slices: f64, out: &mut Commands) {
+    let plane = layout.slice.plane;
+    let along_mm = stepped_mm(input, layout, plane, slices);
+    if along_mm != input.doc.nav.crosshair_mm()[plane.axis()] {
+        out.push(LookCommand::SetSlice(plane, along_mm));
     }
 }
 
@@ -191,19 +198,21 @@ fn keys(ui: &Ui, input: &Input<'_>, layout: &Layout, response: &Response, out: &
     let presses = |key: Key| ui.input(|i| if i.modifiers.any() { 0 } else { i.num_presses(key) }) as f64;
     let slices = presses(Key::PageUp) - presses(Key::PageDown);
     if slices != 0.0 {
-        step(input, layout, layout.slice.plane, slices, out);
+        step(input, layout, slices, out);
     }
+    let mut place_mm = input.doc.nav.crosshair_mm();
     for (direction, forwards, backwards) in [
         (layout.slice.right(), Key::ArrowRight, Key::ArrowLeft),
         (layout.slice.down(), Key::ArrowDown, Key::ArrowUp),
     ] {
         let steps = presses(forwards) - presses(backwards);
-        if steps != 0.0 {
-            let along = |plane: &Plane| plane.normal().dot(direction) != 0.0;
-            if let Some(plane) = Plane::ALL.into_iter().find(along) {
-                let sign = plane.normal().dot(direction);
-                step(input, layout, plane, steps * sign, out);
-            }
+        let along = |plane: &Plane| plane.normal().dot(direction) != 0.0;
+        if let Some(plane) = Plane::ALL.into_iter().find(along).filter(|_| steps != 0.0) {
+            let sign = plane.normal().dot(direction);
+            place_mm[plane.axis()] = stepped_mm(input, layout, plane, steps * sign);
         }
+    }
+    if place_mm != input.doc.nav.crosshair_mm() {
+        out.push(LookCommand::SetCursor(place_mm));
     }
 }

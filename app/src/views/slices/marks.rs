@@ -26,7 +26,7 @@ const MARGIN_POINTS: f32 = 7.0;
 /// Draws all overlays except rulers.
 pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, not_finite_pixels: u64) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
-    crosshair(&painter, layout, layout.pos_of(input.doc.nav.cursor_mm));
+    crosshair(&painter, layout, layout.pos_of(input.doc.nav.crosshair_mm()));
     if let Some(lens) = input.doc.active_lens()
         && let Some((middle, radius_px)) = layout.slice.lens_circle(&lens)
     {

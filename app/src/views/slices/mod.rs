@@ -60,7 +60,7 @@ impl Layout {
         let grid = input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid());
         let bounds_mm = grid.bounds_mm();
         let nav = &input.doc.nav;
-        let mut slice = SliceView::fit(plane, nav.convention, bounds_mm, nav.cursor_mm, size_px);
+        let mut slice = SliceView::fit(plane, nav.convention, bounds_mm, nav.crosshair_mm(), size_px);
         if let Some(mm_per_point) = nav.mm_per_point {
             slice.mm_per_pixel = mm_per_point / f64::from(pixels_per_point);
         }
@@ -121,7 +121,7 @@ impl SlicePane {
         ui.painter().image(texture.id(), layout.rect, whole, Color32::WHITE);
 
         let hovered = response.hover_pos().filter(|_| !response.dragged());
-        let place = hovered.map_or(input.doc.nav.cursor_mm, |pos| layout.world_at(pos));
+        let place = hovered.map_or(input.doc.nav.crosshair_mm(), |pos| layout.world_at(pos));
         let text = readout_text(input, place);
         marks::draw(ui, input, &layout, &text, not_finite_pixels);
         marks::rulers(ui, input, &layout, draft);
@@ -168,13 +168,9 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
         });
     }
     if found.bits != 0 {
-        let names: Vec<&str> = index
-            .mask_ids()
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| found.bits >> k & 1 == 1)
-            .map(|(_, id)| id.as_str())
-            .collect();
+        let names = input.doc.edit.masks.names(index.mask_ids());
+        let active = names.iter().enumerate().filter(|(k, _)| found.bits >> k & 1 == 1);
+        let names: Vec<&str> = active.map(|(_, name)| name.as_str()).collect();
         let hidden = if input.doc.edit.selection.shows(found.bits) { "" } else { " (hidden)" };
         parts.push(format!("{}{hidden}", names.join(" + ")));
     }

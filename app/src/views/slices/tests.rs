@@ -70,6 +70,10 @@ impl TestView {
         self.work.doc.as_ref().unwrap().nav.cursor_mm
     }
 
+    fn crosshair(&self) -> DVec3 {
+        self.work.doc.as_ref().unwrap().nav.crosshair_mm()
+    }
+
     fn window(&self) -> Option<Window> {
         self.work.doc.as_ref().unwrap().edit.windows.get("T1c").copied()
     }
@@ -192,28 +196,36 @@ fn dragging_moves_the_crosshair() {
 }
 
 #[test]
-fn the_crosshair_follows_a_hovering_pointer_but_not_dragging_or_scrolling() {
+fn hovering_shows_the_crosshair_under_the_pointer_until_it_leaves() {
     let mut harness = radiological(Plane::Coronal);
     harness.state_mut().work.doc.as_mut().unwrap().nav.follow_pointer = true;
     harness.hover_at(offset_from_center(&harness, -30.0, 40.0));
     harness.run();
-    assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
+    assert_near(harness.state().crosshair(), [115.0, 200.0, 280.0]);
+    assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
     // Dragging the window doesn't move it.
     let from = offset_from_center(&harness, -30.0, 40.0);
     press(&mut harness, from, PointerButton::Secondary, true);
     harness.hover_at(from + vec2(40.0, 0.0));
     harness.run();
-    assert_near(harness.state().cursor(), [115.0, 200.0, 280.0]);
+    assert_near(harness.state().crosshair(), [115.0, 200.0, 280.0]);
     press(&mut harness, from + vec2(40.0, 0.0), PointerButton::Secondary, false);
     // The wheel moves it along the normal only.
     harness.hover_at(from);
     harness.run();
     wheel(&mut harness, 2.0, Modifiers::NONE);
-    assert_near(harness.state().cursor(), [115.0, 203.0, 280.0]);
-    // Leaving the pane doesn't move it.
+    assert_near(harness.state().crosshair(), [115.0, 203.0, 280.0]);
+    // Leaving the pane: within the plane it returns, and the slice stays the one scrolled to.
     harness.hover_at(Pos2::new(-50.0, -50.0));
     harness.run();
-    assert_near(harness.state().cursor(), [115.0, 203.0, 280.0]);
+    assert_near(harness.state().crosshair(), [100.0, 203.0, 300.0]);
+    // A click pins it.
+    harness.hover_at(from);
+    press(&mut harness, from, PointerButton::Primary, true);
+    press(&mut harness, from, PointerButton::Primary, false);
+    harness.hover_at(Pos2::new(-50.0, -50.0));
+    harness.run();
+    assert_near(harness.state().crosshair(), [115.0, 203.0, 280.0]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Mouse input in a 3D view: rotates, pans and zooms the camera, resizes and moves the lens.
 
-use egui::{CursorIcon, IdSalt, Modifiers, PointerButton, Pos2, Response, Ui, Vec2};
+use egui::{CursorIcon, Event, IdSalt, Modifiers, MouseWheelUnit, PointerButton, Pos2, Response, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use glioscope_core::optics::Camera;
 use glioscope_render::Lens;
@@ -9,8 +9,11 @@ use super::{ring, view::View};
 use crate::{
     command::{Commands, EditCommand},
     format,
-    views::draw,
+    views::{draw, pointer},
 };
+
+/// Points per line of a wheel, as egui has.
+const POINTS_PER_LINE: f32 = 40.0;
 
 /// Effect of a drag, fixed at its start regardless of keys pressed later.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -84,7 +87,7 @@ pub fn interact(
     let mut drag = ui.data(|data| data.get_temp::<Drag>(drag_id)).unwrap_or_default();
     if response.drag_started_by(PointerButton::Primary) {
         let origin = ui.input(|i| i.pointer.press_origin());
-        drag = origin.map_or(Drag::None, |origin| view.drag_at(origin, modifiers));
+        drag = origin.map_or(Drag::None, |origin| view.drag_at(origin, pointer::press_modifiers(ui.ctx())));
     }
     let dragged = response.dragged_by(PointerButton::Primary);
     if !dragged && !response.drag_stopped_by(PointerButton::Primary) {
@@ -125,31 +128,52 @@ pub fn interact(
         // At the end of the drag the camera's focus follows the lens's centre.
         out.push(EditCommand::SetLensCenter(lens.center_mm));
     }
-    zoom(ui, response, view, modifiers, &mut camera, out);
+    zoom(ui, response, view, &mut camera, out);
     let hovered = response.hover_pos().filter(|_| drag == Drag::None && !modifiers.any());
     let on_ring = hovered.filter(|pos| view.lens_grabbed_at(*pos).is_some());
     cursor(ui, response, view, drag, on_ring, modifiers);
     Outcome { camera, drag, ring: drag == Drag::Ring || on_ring.is_some() }
 }
 
-fn zoom(
-    ui: &Ui,
-    response: &Response,
-    view: &View<'_>,
-    modifiers: Modifiers,
-    camera: &mut Camera,
-    out: &mut Commands,
-) {
+fn zoom(ui: &Ui, response: &Response, view: &View<'_>, camera: &mut Camera, out: &mut Commands) {
     if !response.hovered() {
         return;
     }
-    let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
-    if modifiers.alt && scroll != 0.0 {
-        out.push(EditCommand::SetLensRadius(view.doc.edit.lens.radius_mm * f64::from(scroll * 0.003).exp()));
-    } else if scroll != 0.0 || zoom != 1.0 {
+    let [with_alt, without_alt] = [true, false].map(|alt| wheel_points(ui, alt));
+    let (smooth, zoom) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
+    // egui spreads a notch over several frames: what is left of one turned with Alt must not zoom when Alt is released.
+    let smoothing_id = response.id.with(IdSalt::new("scrolled with Alt"));
+    let smoothing = ui.data(|data| data.get_temp(smoothing_id)).unwrap_or(false);
+    let smoothing = with_alt != 0.0 || (smoothing && smooth != 0.0);
+    ui.data_mut(|data| data.insert_temp(smoothing_id, smoothing));
+    if with_alt != 0.0 {
+        let factor = f64::from(with_alt * 0.003).exp();
+        out.push(EditCommand::SetLensRadius(view.doc.edit.lens.radius_mm * factor));
+    }
+    let scroll = if smoothing { without_alt } else { smooth };
+    if scroll != 0.0 || zoom != 1.0 {
         let factor = f64::from(-scroll * 0.003).exp() / f64::from(zoom);
         camera.height_mm = (camera.height_mm * factor).clamp(0.5, 5000.0);
     }
+}
+
+/// How far the wheel was turned in this frame with Alt held, or without any key: each event with the keys held then.
+fn wheel_points(ui: &Ui, with_alt: bool) -> f32 {
+    ui.input(|i| {
+        let points = |event: &Event| match event {
+            Event::MouseWheel { unit, delta, modifiers, .. }
+                if modifiers.alt == with_alt && (with_alt || !modifiers.any()) =>
+            {
+                Some(match unit {
+                    MouseWheelUnit::Point => delta.y,
+                    MouseWheelUnit::Line => delta.y * POINTS_PER_LINE,
+                    MouseWheelUnit::Page => delta.y * POINTS_PER_LINE * 10.0,
+                })
+            }
+            _ => None,
+        };
+        i.events.iter().filter_map(points).sum()
+    })
 }
 
 /// Sets the cursor to the effect of a drag.

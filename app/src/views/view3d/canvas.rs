@@ -81,7 +81,7 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         outcome
     }
 
-    /// Draws `scene`, picks under the pointer and moves the crosshair there. `false` if nothing could be drawn; the
+    /// Draws `scene`, picks under the pointer and shows the crosshair there; a click pins it. `false` if nothing could be drawn; the
     /// pane then shows the error. `at_once`: final quality without a draft, for picture files.
     pub fn draw(
         &mut self,
@@ -145,10 +145,18 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         self.pointer = pointer;
         self.hover =
             pointer.filter(|_| !response.dragged()).and_then(|pos| self.pick(graphics, view.rect, pos));
-        if let Some(pick) = &self.hover
-            && (view.doc.nav.follow_pointer || response.clicked())
-        {
-            out.push(LookCommand::SetCursor(pick.world_mm()));
+        if response.dragged() {
+            return;
+        }
+        let nav = &view.doc.nav;
+        let place_mm = self.hover.as_ref().map(Picked::world_mm);
+        match place_mm {
+            Some(place_mm) if response.clicked() => out.push(LookCommand::SetCursor(place_mm)),
+            Some(_) if nav.follow_pointer => out.push(LookCommand::PreviewCursor(view.pane, place_mm)),
+            None if nav.preview.is_some_and(|(of, _)| of == view.pane) => {
+                out.push(LookCommand::PreviewCursor(view.pane, None));
+            }
+            _ => {}
         }
     }
 

@@ -1,0 +1,80 @@
+//! Names and colours that the user gave to masks. Files, exports and the command line keep the masks' ids.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// How a mask is named and coloured, where that differs from the case.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct MaskLook {
+    /// Its name; `None`: its id.
+    pub name: Option<String>,
+    /// Its colour, sRGB; `None`: that of the case or the palette.
+    pub color: Option<[u8; 3]>,
+}
+
+/// The masks named or coloured by the user, by id.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct MaskLooks(BTreeMap<String, MaskLook>);
+
+impl MaskLooks {
+    /// How a mask is named and coloured.
+    pub fn get(&self, id: &str) -> MaskLook {
+        self.0.get(id).cloned().unwrap_or_default()
+    }
+
+    /// Names and colours a mask. A name without letters is none.
+    pub fn set(&mut self, id: &str, look: &MaskLook) {
+        let name = look.name.clone().filter(|name| !name.trim().is_empty() && name != id);
+        let look = MaskLook { name, ..look.clone() };
+        if look == MaskLook::default() {
+            self.0.remove(id);
+        } else {
+            self.0.insert(id.to_owned(), look);
+        }
+    }
+
+    /// The name of a mask.
+    pub fn name(&self, id: &str) -> String {
+        self.get(id).name.unwrap_or_else(|| id.to_owned())
+    }
+
+    /// The names of masks.
+    pub fn names(&self, ids: &[String]) -> Vec<String> {
+        ids.iter().map(|id| self.name(id)).collect()
+    }
+
+    /// The name of a region of these masks: `T1+PET`.
+    pub fn region(&self, ids: &[String], bits: u32) -> String {
+        region_name(&self.names(ids), bits)
+    }
+}
+
+/// The name of a region of masks with these names.
+pub fn region_name(names: &[String], bits: u32) -> String {
+    let active = names.iter().enumerate().filter(|(k, _)| bits >> k & 1 == 1);
+    active.map(|(_, name)| name.as_str()).collect::<Vec<_>>().join("+")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_without_a_name_of_their_own_keep_their_id() {
+        let ids = ["T1", "T2", "PET"].map(str::to_owned);
+        let mut looks = MaskLooks::default();
+        looks.set("T2", &MaskLook { name: Some("rater B".into()), color: None });
+        assert_eq!(looks.region(&ids, 0b110), "rater B+PET");
+        for none in [Some("  ".to_owned()), Some("T2".to_owned()), None] {
+            looks.set("T2", &MaskLook { name: none, color: None });
+            assert_eq!(looks, MaskLooks::default());
+        }
+        let red = MaskLook { name: None, color: Some([9, 8, 7]) };
+        looks.set("PET", &red);
+        let text = serde_json::to_string(&looks).unwrap();
+        assert_eq!(serde_json::from_str::<MaskLooks>(&text).unwrap(), looks);
+    }
+}

@@ -1,0 +1,242 @@
+//! Every number that the window shows, as one JSON document or one CSV table.
+
+use std::{path::Path, sync::Arc};
+
+use glioscope_core::{
+    Connectivity, Progress, RegionVolume,
+    case::Case,
+    change::{self, ChangeOptions, ChangeReport},
+    csv, ellipsoid,
+    inside_lens::voxels_inside,
+    measure,
+};
+use serde_json::{Map, Value, json};
+
+use crate::{
+    error::AppError,
+    model::{Document, RulerFormat, rulers},
+    output,
+};
+
+/// What is exported, as the window showed it.
+pub struct Shown {
+    /// The case.
+    pub case: Arc<Case>,
+    /// The user's choices.
+    pub doc: Document,
+    /// The regions of the date shown; `None` if no mask is active.
+    pub tumor: Option<Arc<RegionVolume>>,
+    /// The comparison of dates, where it is computed already.
+    pub compared: Option<ChangeReport>,
+}
+
+impl Shown {
+    /// Writes all numbers to `path`, in the format of its ending.
+    ///
+    /// # Errors
+    /// [`AppError`] naming the file, or if loading is cancelled.
+    pub fn write(&self, path: &Path, progress: &Progress) -> Result<(), AppError> {
+        let numbers = self.json(progress)?;
+        match RulerFormat::of(path) {
+            Some(RulerFormat::Csv) => output::write(path, &self.case.inputs, &as_csv(&numbers)),
+            _ => output::write_json(path, &self.case.inputs, &numbers),
+        }
+    }
+
+    /// All numbers: those of `measure --json`, and under further keys those of the other panes.
+    ///
+    /// # Errors
+    /// [`AppError`] where a computation fails.
+    pub fn json(&self, progress: &Progress) -> Result<Value, AppError> {
+        let Self { case, doc, .. } = self;
+        let mut numbers = as_value(&measure::report(case))?;
+        let neighbors = doc.edit.ellipsoids.neighbors;
+        let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
+        let ellipsoids = ellipsoid::report(case, connectivity, &ellipsoid::Options::default(), progress)?;
+        for (key, value) in [
+            ("hidden_regions", self.hidden()),
+            ("lens", self.lens()),
+            ("change", self.change(progress)?),
+            (
+                "ellipsoids",
+                json!({"connectivity": neighbors, "components": as_value(&ellipsoids.components)?}),
+            ),
+            ("lines", rulers::as_json(case, &doc.edit.rulers)["lines"].take()),
+        ] {
+            if let Some(object) = numbers.as_object_mut() {
+                object.insert(key.to_owned(), value);
+            }
+        }
+        Ok(numbers)
+    }
+
+    fn names(&self, bits: u32) -> Vec<&str> {
+        let Some(time_point) = self.case.time_points.get(self.doc.nav.time) else { return Vec::new() };
+        let ids = time_point.regions.mask_ids().iter().enumerate();
+        ids.filter(|(k, _)| bits >> k & 1 == 1).map(|(_, id)| id.as_str()).collect()
+    }
+
+    fn hidden(&self) -> Value {
+        let time_point = self.case.time_points.get(self.doc.nav.time);
+        let regions = time_point.iter().flat_map(|time_point| time_point.regions.list());
+        let hidden = regions.filter(|region| !self.doc.edit.selection.shows(region.bits));
+        hidden.map(|region| self.names(region.bits)).collect()
+    }
+
+    /// The table of what is in the lens; null while it is off.
+    fn lens(&self) -> Value {
+        let (Some(lens), Some(tumor)) = (self.doc.active_lens(), &self.tumor) else { return Value::Null };
+        let Some(time_point) = self.case.time_points.get(self.doc.nav.time) else { return Value::Null };
+        let counts = voxels_inside(tumor, lens.center_mm, lens.radius_mm);
+        let all: u64 = counts.iter().map(|(_, voxels)| voxels).sum();
+        let share = |part: u64, whole: u64| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
+        let row = |&(bits, voxels): &(u32, u64)| {
+            let whole = time_point.regions.get(bits).map_or(0, |region| region.voxels);
+            json!({
+                "masks": self.names(bits),
+                "voxels": voxels,
+                "volume_ml": tumor.grid().volume_ml(voxels),
+                "share_of_lens": share(voxels, all),
+                "share_of_region": share(voxels, whole),
+            })
+        };
+        json!({
+            "time": time_point.label,
+            "center_mm": lens.center_mm.to_array(),
+            "radius_mm": lens.radius_mm,
+            "ball_ml": 4.0 / 3.0 * std::f64::consts::PI * lens.radius_mm.powi(3) / 1000.0,
+            "voxels": all,
+            "volume_ml": tumor.grid().volume_ml(all),
+            "share_of_union": share(all, time_point.regions.union_voxels()),
+            "regions": counts.iter().map(row).collect::<Vec<_>>(),
+        })
+    }
+
+    /// The comparison of dates as `change --json` has it; null where nothing can be compared.
+    fn change(&self, progress: &Progress) -> Result<Value, AppError> {
+        if let Some(report) = &self.compared {
+            return as_value(report);
+        }
+        let setting = &self.doc.edit.change;
+        let Ok(choice) = setting.chosen(&self.case) else { return Ok(Value::Null) };
+        let options = ChangeOptions { registration_mm: setting.registration_mm, ..ChangeOptions::default() };
+        let (report, _) = change::between(&self.case, &choice, &options, None, progress)?;
+        as_value(&report)
+    }
+}
+
+fn as_value(numbers: &impl serde::Serialize) -> Result<Value, AppError> {
+    serde_json::to_value(numbers)
+        .map_err(|e| AppError::wrong("the measurements", format!("what JSON can't hold ({e})"), "numbers"))
+}
+
+/// The document as a table, one row per value: date, what it is of, which quantity (the keys of the document, with
+/// units), value. Lists of things with names have no numbers in the quantity unless a name occurs twice.
+pub fn as_csv(numbers: &Value) -> Vec<u8> {
+    let mut table = csv::Table::new(["time", "of", "quantity", "value"]);
+    rows(numbers, &["", ""].map(str::to_owned), "", &mut table);
+    table.into_bytes()
+}
+
+fn rows(value: &Value, [time, of]: &[String; 2], quantity: &str, table: &mut csv::Table) {
+    let text = match value {
+        Value::Object(object) => {
+            let time = object.get("time").and_then(Value::as_str).map_or_else(|| time.clone(), str::to_owned);
+            let of = name_of(object).unwrap_or_else(|| of.clone());
+            for (key, inner) in object {
+                let quantity = if quantity.is_empty() { key.clone() } else { format!("{quantity}.{key}") };
+                rows(inner, &[time.clone(), of.clone()], &quantity, table);
+            }
+            return;
+        }
+        Value::Array(list) => {
+            let names: Vec<Option<(String, String)>> = list.iter().map(full_name).collect();
+            for (index, inner) in list.iter().enumerate() {
+                let is_alone =
+                    names[index].is_some() && names.iter().filter(|n| **n == names[index]).count() == 1;
+                let quantity = if is_alone { quantity.to_owned() } else { format!("{quantity}[{index}]") };
+                rows(inner, &[time.clone(), of.clone()], &quantity, table);
+            }
+            return;
+        }
+        Value::Null => String::new(),
+        Value::String(text) => csv::text(text),
+        Value::Bool(_) | Value::Number(_) => value.to_string(),
+    };
+    table.row([csv::text(time), csv::text(of), quantity.to_owned(), text]);
+}
+
+fn full_name(value: &Value) -> Option<(String, String)> {
+    let object = value.as_object()?;
+    let time = object.get("time").and_then(Value::as_str).map(str::to_owned);
+    let name = name_of(object);
+    (time.is_some() || name.is_some()).then(|| (time.unwrap_or_default(), name.unwrap_or_default()))
+}
+
+/// What an object's numbers are of: a mask, a region, a pair, a level of agreement, a line.
+fn name_of(object: &Map<String, Value>) -> Option<String> {
+    let text = |key: &str| object.get(key).and_then(Value::as_str).map(str::to_owned);
+    let joined = |value: &Value| {
+        let ids: Vec<&str> = value.as_array()?.iter().filter_map(Value::as_str).collect();
+        Some(ids.join("+"))
+    };
+    let masks = || joined(object.get("masks")?);
+    let region = || joined(object.get("of")?.get("region")?);
+    let level = || Some(format!("{} active", object.get("masks")?.as_u64()?));
+    let pair = || Some(format!("{} and {}", text("a")?, text("b")?));
+    let mask = || text("mask").or_else(|| Some(object.get("of")?.get("mask")?.as_str()?.to_owned()));
+    text("id")
+        .or_else(mask)
+        .or_else(masks)
+        .or_else(region)
+        .or_else(level)
+        .or_else(pair)
+        .or_else(|| text("name"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn leaves(value: &Value) -> usize {
+        match value {
+            Value::Object(object) => object.values().map(leaves).sum(),
+            Value::Array(list) => list.iter().map(leaves).sum(),
+            _ => 1,
+        }
+    }
+
+    #[test]
+    fn the_table_has_a_row_of_its_own_for_every_value() {
+        let numbers = json!({
+            "case": "x",
+            "time_points": [
+                {"time": "a", "masks": [{"id": "T1", "volume_ml": 1.5}, {"id": "=T2", "volume_ml": 2}]},
+                {"time": "b", "masks": [{"id": "T1", "volume_ml": null}], "pairs": [{"a": "T1", "b": "T2", "dice": 0.5}]},
+            ],
+            "ellipsoids": {"components": [
+                {"of": {"region": ["T1", "T2"]}, "time": "a", "voxels": 3},
+                {"of": {"region": ["T1", "T2"]}, "time": "a", "voxels": 4},
+            ]},
+        });
+        let text = String::from_utf8(as_csv(&numbers)).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), leaves(&numbers) + 1);
+        for expected in [
+            "time,of,quantity,value",
+            "a,T1,time_points.masks.volume_ml,1.5",
+            "a,'=T2,time_points.masks.volume_ml,2",
+            "b,T1,time_points.masks.volume_ml,",
+            "b,T1 and T2,time_points.pairs.dice,0.5",
+            "a,T1+T2,ellipsoids.components[0].voxels,3",
+            "a,T1+T2,ellipsoids.components[1].voxels,4",
+        ] {
+            assert!(lines.contains(&expected), "{expected} in\n{text}");
+        }
+        let mut keys: Vec<&str> = lines.iter().filter_map(|line| Some(line.rsplit_once(',')?.0)).collect();
+        keys.sort_unstable();
+        let all = keys.len();
+        keys.dedup();
+        assert_eq!(keys.len(), all, "no key twice");
+    }
+}

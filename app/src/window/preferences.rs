@@ -1,0 +1,107 @@
+//! What the window remembers from run to run: theme, size, the last folder, the size of pictures. Beside the list of
+//! recent cases; for the user alone, as a folder's name may tell who the patient is. Nothing depends on it, so its errors
+//! are ignored.
+
+use std::path::{Path, PathBuf};
+
+use glioscope_core::files::write_private;
+use serde::{Deserialize, Serialize};
+
+use crate::model::PictureSize;
+
+/// Range of a window's remembered sides, points.
+const SIDE_RANGE: (f32, f32) = (320.0, 16_384.0);
+
+/// The file's content.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Remembered {
+    /// The dark theme, or the light one; `None`: the desktop's.
+    pub dark: Option<bool>,
+    /// Width and height of the window, points.
+    pub size_points: Option<[f32; 2]>,
+    /// Whether the window fills the screen.
+    pub maximized: bool,
+    /// The folder of the file last opened or written.
+    pub folder: Option<PathBuf>,
+    /// The size of exported pictures.
+    pub pictures: PictureSize,
+}
+
+/// What is remembered, and where.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Preferences {
+    file: Option<PathBuf>,
+    now: Remembered,
+    written: Remembered,
+}
+
+impl Preferences {
+    /// What was remembered in `folder`; the defaults if nothing was. Without a folder nothing is remembered.
+    pub fn in_folder(folder: Option<&Path>) -> Self {
+        let file = folder.map(|folder| folder.join("window.json"));
+        let read = |file: &PathBuf| serde_json::from_slice(&std::fs::read(file).ok()?).ok();
+        let mut now: Remembered = file.as_ref().and_then(read).unwrap_or_default();
+        let (low, high) = SIDE_RANGE;
+        now.size_points = now
+            .size_points
+            .filter(|sides| sides.iter().all(|side| side.is_finite()))
+            .map(|sides| sides.map(|side| side.clamp(low, high)));
+        Self { file, written: now.clone(), now }
+    }
+
+    /// What is remembered.
+    pub fn get(&self) -> &Remembered {
+        &self.now
+    }
+
+    /// Changes what is remembered; [`Preferences::save`] writes it.
+    pub fn change(&mut self) -> &mut Remembered {
+        &mut self.now
+    }
+
+    /// Writes what changed.
+    pub fn save(&mut self) {
+        let Some(file) = self.file.as_ref().filter(|_| self.now != self.written) else { return };
+        if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.now)) {
+            let _ = std::fs::create_dir_all(folder);
+            if write_private(file, &bytes).is_ok() {
+                self.written = self.now.clone();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_remembered_is_read_again_by_the_user_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut first = Preferences::in_folder(Some(folder.path()));
+        assert_eq!(first.get(), &Remembered::default());
+        let expected = Remembered {
+            dark: Some(true),
+            size_points: Some([900.0, 700.0]),
+            maximized: false,
+            folder: Some("/data".into()),
+            pictures: PictureSize::Times(2),
+        };
+        *first.change() = expected.clone();
+        first.save();
+        assert_eq!(Preferences::in_folder(Some(folder.path())).get(), &expected);
+        let file = folder.path().join("window.json");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+        }
+        // Sizes that no window has, and files that aren't ours.
+        write_private(&file, br#"{"size_points": [1e9, -4.0]}"#).unwrap();
+        let read = Preferences::in_folder(Some(folder.path()));
+        assert_eq!(read.get().size_points, Some([16_384.0, 320.0]));
+        write_private(&file, b"[]").unwrap();
+        assert_eq!(Preferences::in_folder(Some(folder.path())).get(), &Remembered::default());
+    }
+}

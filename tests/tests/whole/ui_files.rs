@@ -1,0 +1,172 @@
+//! What the window writes: numbers, pictures, and what it remembers from run to run.
+
+use std::collections::BTreeMap;
+
+use egui::Theme;
+use egui_kittest::kittest::Queryable;
+use glioscope::{
+    command::{AppCommand, EditCommand},
+    model::{CaseRef, PaneId, PictureSize, Ruler},
+    window::recent::Recent,
+};
+use glioscope_core::{
+    Progress,
+    change::{self, ChangeOptions},
+    glam::DVec3,
+};
+use glioscope_tests::{Window, doc, error_text, issue, perform, wait_for_workers, window_of_user, window_on};
+use serde_json::Value;
+
+const SIZE: [f32; 2] = [1280.0, 800.0];
+
+fn sample() -> Window {
+    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
+    harness.run_ok();
+    harness
+}
+
+#[test]
+fn exported_numbers_have_what_the_window_shows_and_csv_has_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let (json, csv) = (folder.path().join("numbers.json"), folder.path().join("numbers.csv"));
+    let mut harness = sample();
+    let ruler = Ruler {
+        name: "Line 1".into(),
+        from_mm: DVec3::ZERO,
+        to_mm: DVec3::new(3.0, 4.0, 0.0),
+        view: PaneId::Axial,
+        time: 0,
+    };
+    perform(&mut harness, EditCommand::AddRuler(Box::new(ruler)));
+    perform(&mut harness, EditCommand::SetRegion(1, false));
+    for path in [&json, &csv] {
+        issue(&mut harness, AppCommand::ExportMeasurementsTo(path.clone()));
+        wait_for_workers(&mut harness);
+        assert_eq!(error_text(&harness), "");
+    }
+    let numbers: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    let case = harness.state().work.world.case().unwrap().clone();
+    let time_point = &case.time_points[0];
+
+    // The keys of `measure --json` are where they are there.
+    let mask = &numbers["time_points"][0]["masks"][0];
+    assert_eq!(mask["voxels"].as_u64(), Some(time_point.regions.mask_voxels(0)));
+    assert_eq!(numbers["hidden_regions"], serde_json::json!([[mask["id"]]]));
+    assert_eq!(numbers["lines"][0]["length_mm"].as_f64(), Some(5.0));
+
+    // The lens: a count of all voxels.
+    let lens = doc(&harness).edit.lens;
+    let grid = time_point.index.grid();
+    let mut inside: BTreeMap<u32, u64> = BTreeMap::new();
+    for linear in 0..grid.voxel_count() {
+        let bits = time_point.index.get(linear);
+        if bits != 0 && grid.center_of_voxel_mm(grid.ijk(linear)).distance(lens.center_mm) <= lens.radius_mm {
+            *inside.entry(bits).or_default() += 1;
+        }
+    }
+    assert_eq!(numbers["lens"]["voxels"].as_u64(), Some(inside.values().sum()));
+    let mut found: Vec<u64> = numbers["lens"]["regions"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|r| r["voxels"].as_u64().unwrap())
+        .collect();
+    let mut expected: Vec<u64> = inside.values().copied().collect();
+    found.sort_unstable();
+    expected.sort_unstable();
+    assert_eq!(found.into_iter().filter(|n| *n > 0).collect::<Vec<_>>(), expected);
+
+    // The change between the dates, as the command line computes it.
+    let choice = doc(&harness).edit.change.chosen(&case).unwrap();
+    let (report, _) =
+        change::between(&case, &choice, &ChangeOptions::default(), None, &Progress::new()).unwrap();
+    assert_eq!(numbers["change"]["growth"]["max_mm"].as_f64(), report.growth.max_mm);
+    assert_eq!(numbers["change"]["from_ml"].as_f64(), Some(report.from_ml));
+
+    // One ellipsoid per component of every mask and region of both dates.
+    let components = numbers["ellipsoids"]["components"].as_array().unwrap();
+    let masks: usize = case.time_points.iter().map(|t| t.masks.len()).sum();
+    let regions: usize = case.time_points.iter().map(|t| t.regions.list().len()).sum();
+    assert!(components.len() >= masks + regions, "{} components", components.len());
+
+    let table = std::fs::read_to_string(&csv).unwrap();
+    let has = |row: &str| table.lines().any(|line| line == row);
+    let id = mask["id"].as_str().unwrap();
+    assert!(has(&format!("{},{id},time_points.masks.volume_ml,{}", time_point.label, mask["volume_ml"])));
+    assert!(has(&format!(",{},change.growth.max_mm,{}", report.mask, numbers["change"]["growth"]["max_mm"])));
+    assert!(has(&format!("{},Line 1,lines.length_mm,5.0", time_point.label)));
+}
+
+#[test]
+fn pictures_are_as_large_as_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = sample();
+    let screen = harness.state().pane_rect(PaneId::Overlap).unwrap().size();
+    let picture = |harness: &mut Window, size: PictureSize, pane| {
+        let path = folder.path().join("picture.png");
+        perform(harness, AppCommand::SetPictureSize(size));
+        issue(harness, AppCommand::ScreenshotTo(pane, path.clone()));
+        harness.run_steps(3);
+        wait_for_workers(harness);
+        assert_eq!(error_text(harness), "");
+        image::open(&path).unwrap().to_rgba8()
+    };
+    let overlap = Some(PaneId::Overlap);
+    let once = picture(&mut harness, PictureSize::Times(1), overlap);
+    let twice = picture(&mut harness, PictureSize::Times(2), overlap);
+    for (found, points) in [(twice.width(), screen.x), (twice.height(), screen.y)] {
+        assert!((found as f32 - 2.0 * points).abs() <= 1.0, "{found} {points}");
+    }
+    // Twice the pixels, not each pixel twice: the areas of pure green agree within the blurred edges of the smaller one.
+    let green = |picture: &image::RgbaImage| glioscope_tests::count_color(picture, [0, 255, 0], 0) as f64;
+    let ratio = green(&twice) / green(&once);
+    assert!((4.0..4.4).contains(&ratio), "{ratio}");
+    let halves = twice.pixels().zip(twice.pixels().skip(1)).step_by(2).filter(|(a, b)| a != b).count();
+    assert!(halves > 100, "edges lie between the pixels of the screen: {halves}");
+
+    let wide = picture(&mut harness, PictureSize::WidthPx(1000), overlap);
+    assert!(wide.width().abs_diff(1000) <= 1, "{}", wide.width());
+    let window = picture(&mut harness, PictureSize::WidthPx(640), None);
+    assert_eq!(window.dimensions(), (640, 400));
+}
+
+#[test]
+fn a_width_is_typed_in_the_menu() {
+    let mut harness = sample();
+    harness.get_by_label("File").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Size of pictures").click();
+    harness.run_ok();
+    harness.get_by_label("Width of pictures in pixels").click();
+    harness.run_ok();
+    harness.event(egui::Event::Text("640".into()));
+    harness.key_press(egui::Key::Enter);
+    harness.run_ok();
+    assert_eq!(harness.state().work.picture_size, PictureSize::WidthPx(640));
+}
+
+#[test]
+fn theme_size_and_folder_are_remembered() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = tempfile::tempdir().unwrap();
+    let recent = || Recent::in_folder(folder.path());
+    let mut harness = window_of_user(recent(), SIZE);
+    harness.run_ok();
+    perform(&mut harness, AppCommand::ToggleDark);
+    perform(&mut harness, AppCommand::SetPictureSize(PictureSize::Times(4)));
+    let session = written.path().join("patient.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(session));
+    let root = harness.input_mut().viewports.entry(egui::ViewportId::ROOT).or_default();
+    root.events.push(egui::ViewportEvent::Close);
+    harness.run_steps(1);
+
+    let text = std::fs::read_to_string(folder.path().join("window.json")).unwrap();
+    let remembered: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(remembered["folder"].as_str(), written.path().to_str());
+    assert_eq!(remembered["size_points"], serde_json::json!([1280.0, 800.0]));
+    assert!(!text.contains("patient"), "{text}");
+    let mut again = window_of_user(recent(), SIZE);
+    again.run_ok();
+    assert!(again.ctx.global_style().visuals.dark_mode);
+    assert_eq!(again.state().work.picture_size, PictureSize::Times(4));
+}

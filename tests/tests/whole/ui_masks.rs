@@ -1,0 +1,70 @@
+//! Names and colours that the user gives to masks.
+
+use egui::{Key, Modifiers, Theme};
+use egui_kittest::kittest::Queryable;
+use glioscope::{
+    command::{AppCommand, EditCommand},
+    model::{CaseRef, PaneId, masks::MaskLook, session},
+};
+use glioscope_tests::{Window, count_color, crop, doc, pane_picture, perform, window_on};
+
+const SIZE: [f32; 2] = [1280.0, 800.0];
+
+fn sample() -> Window {
+    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
+    harness.run_ok();
+    harness
+}
+
+#[test]
+fn a_mask_is_renamed_in_the_dialog_everywhere_in_the_window() {
+    let mut harness = sample();
+    perform(&mut harness, AppCommand::ShowMasks);
+    harness.get_by_label("Name of T2").focus();
+    harness.run_ok();
+    harness.get_by_label("Name of T2").type_text("rater B");
+    harness.run_ok();
+    harness.key_press(Key::Escape);
+    harness.run_ok();
+    assert!(harness.query_by_label("Name of T2").is_none(), "Escape closes the dialog");
+    for label in ["rater B only", "T1+rater B", "Show T1+rater B+PET"] {
+        assert!(harness.query_by_label(label).is_some(), "{label}");
+    }
+    assert!(harness.query_by_label("T2 only").is_none());
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("named.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_eq!(session::load(&path).unwrap().edit.masks, doc(&harness).edit.masks);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    harness.run_ok();
+    assert!(harness.query_by_label("T2 only").is_some(), "undone at once");
+}
+
+#[test]
+fn a_mask_is_coloured_and_the_others_keep_their_colours() {
+    let mut harness = sample();
+    let count = |harness: &mut Window, color: [u8; 3]| {
+        let picture = pane_picture(harness, PaneId::Closeup);
+        // Without the legend, whose swatches have the same colours.
+        let whole = egui::Rect::from_min_max(egui::pos2(0.0, 80.0), egui::pos2(2000.0, 2000.0));
+        let below = crop(
+            &picture,
+            whole.intersect(egui::Rect::from_min_size(
+                egui::Pos2::ZERO,
+                egui::vec2(picture.width() as f32, picture.height() as f32),
+            )),
+        );
+        count_color(&below, color, 40)
+    };
+    let (red, green, violet) = ([255, 0, 0], [0, 255, 0], [150, 30, 250]);
+    let before = [red, green, violet].map(|color| count(&mut harness, color));
+    assert!(before[0] > 1000 && before[1] > 1000 && before[2] < 50, "{before:?}");
+    let look = MaskLook { name: None, color: Some(violet) };
+    perform(&mut harness, EditCommand::SetMaskLook("T2".into(), look));
+    let after = [red, green, violet].map(|color| count(&mut harness, color));
+    assert!(after[1] < 50 && after[2] * 10 > before[1] * 9, "T2 is violet: {before:?} {after:?}");
+    assert!(after[0] * 10 > before[0] * 9, "T1 is still red: {before:?} {after:?}");
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!([red, green, violet].map(|color| count(&mut harness, color)), before);
+}

@@ -44,7 +44,7 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
         }
     }
     if let Some(text) = &arguments.select {
-        edit.selection = resolve::selection(text, &time_point.regions)?;
+        edit.selection.set(&time_point.regions, &resolve::selection(text, &time_point.regions)?);
     }
     if let Some([azimuth, elevation]) = arguments.camera {
         nav.camera.world_from_camera = Camera::orientation(azimuth, elevation);

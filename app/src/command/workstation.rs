@@ -6,29 +6,25 @@ use std::{
     time::Instant,
 };
 
-use glioscope_core::case::{CaseSpec, LoadOptions};
+use glioscope_core::case::{CaseGridChoice, CaseSpec, LoadOptions};
 
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, History, session},
+    model::{CaseRef, Document, History, Session, session},
     world::{
         Loaded, World,
         jobs::Waker,
-        load::{LoadJob, Opened},
+        load::{LoadJob, LoadedCase, Opened, Request, case_grid_id},
     },
 };
 
 /// A case whose files' roles were guessed from their names.
 pub struct Guess {
-    /// The case requested.
-    pub case: CaseRef,
+    /// What is being opened.
+    pub request: Request,
     /// The guess, with its reasons in the notes.
     pub spec: CaseSpec,
-    /// Files of fibre tracts in addition to the case's.
-    pub tracts: Vec<PathBuf>,
-    /// The document to restore, from a session file.
-    pub document: Option<Document>,
 }
 
 /// The running program's state.
@@ -85,79 +81,85 @@ impl Workstation {
         if is_another { limits } else { self.options.clone() }
     }
 
-    /// Starts opening a case; the current one remains until the new one is loaded completely. Additional fibre tracts
-    /// are those of `document`.
-    pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: Waker) {
-        let tracts = document.as_ref().map(|doc| doc.tracts.clone()).unwrap_or_default();
-        self.open_with(case, tracts, document, wake);
+    /// Starts opening a case with additional files of fibre tracts; the current one remains until the new one is loaded
+    /// completely.
+    pub fn open(&mut self, case: CaseRef, tracts: Vec<PathBuf>, wake: Waker) {
+        let options = self.options_for(&case);
+        self.start(Request { case, tracts, options, ..Request::default() }, wake);
     }
 
-    /// As [`Workstation::open`], with the additional files of fibre tracts given.
-    pub fn open_with(
-        &mut self,
-        case: CaseRef,
-        tracts: Vec<PathBuf>,
-        document: Option<Document>,
-        wake: Waker,
-    ) {
+    fn start(&mut self, request: Request, wake: Waker) {
         if let Some(job) = self.job.take() {
             job.job.progress.cancel();
         }
         self.error = None;
         self.guess = None;
-        let options = self.options_for(&case);
-        self.job = Some(LoadJob::start(case, tracts, None, options, document, wake));
+        self.job = Some(LoadJob::start(request, None, wake));
     }
 
     /// Opens the case again with additional files of fibre tracts, keeping the current document.
     pub fn add_tracts(&mut self, files: &[PathBuf], wake: Waker) {
-        let Some(mut document) = self.doc.clone() else { return };
-        document.tracts.extend_from_slice(files);
-        self.open(document.case.clone(), Some(document), wake);
+        let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return };
+        match Session::of(doc, case) {
+            Ok(session) => self.restore(session, self.session_path.clone(), files, wake),
+            Err(error) => self.error = Some(error.into()),
+        }
     }
 
     /// Reads the case as guessed.
     pub fn accept_guess(&mut self, wake: Waker) {
-        if let Some(Guess { case, spec, tracts, document }) = self.guess.take() {
-            let options = self.options_for(&case);
-            self.job = Some(LoadJob::start(case, tracts, Some(spec), options, document, wake));
+        if let Some(Guess { request, spec }) = self.guess.take() {
+            self.job = Some(LoadJob::start(request, Some(spec), wake));
         }
     }
 
     /// Opens a session file and the case it refers to, with additional `tracts`.
     pub fn open_session(&mut self, path: &Path, tracts: &[PathBuf], wake: Waker) {
         match session::load(path) {
-            Ok(mut document) => {
-                document.tracts.extend_from_slice(tracts);
-                self.session_path = Some(path.to_owned());
-                self.open(document.case.clone(), Some(document), wake);
-            }
+            Ok(session) => self.restore(session, Some(path.to_owned()), tracts, wake),
             Err(error) => self.error = Some(error.into()),
         }
+    }
+
+    fn restore(&mut self, mut session: Session, path: Option<PathBuf>, tracts: &[PathBuf], wake: Waker) {
+        session.document.tracts.extend_from_slice(tracts);
+        let document = &session.document;
+        let mut options = self.options.clone();
+        // What was given on the command line is for the first case opened.
+        if self.doc.is_some() || options.order.is_empty() {
+            options.order.clone_from(&document.order);
+        }
+        if self.doc.is_some() || options.case_grid == CaseGridChoice::FinestMask {
+            options.case_grid = document.case_grid.clone().map_or(CaseGridChoice::FinestMask, CaseGridChoice::Of);
+        }
+        let (case, tracts) = (document.case.clone(), document.tracts.clone());
+        let session = Some(Box::new(session));
+        self.start(Request { case, tracts, session, session_path: path, options }, wake);
     }
 
     /// Takes over a finished load, if any. Returns the case that was opened.
     pub fn poll(&mut self) -> Option<CaseRef> {
         let result = self.job.as_ref()?.job.poll()?;
-        let job = self.job.take()?;
+        let LoadJob { request, job } = self.job.take()?;
         match result {
             Ok(Opened::Guessed(spec)) => {
-                self.guess = Some(Guess { case: job.case, spec, tracts: job.tracts, document: job.document });
+                self.guess = Some(Guess { request, spec });
                 None
             }
-            Ok(Opened::Loaded(loaded)) => {
-                if job.document.is_none() {
-                    self.session_path = None;
-                }
-                self.options = self.options_for(&job.case);
-                self.install(job.case.clone(), *loaded, job.document);
+            Ok(Opened::Loaded(opened)) => {
+                let LoadedCase { loaded, document, options } = *opened;
+                self.session_path = request.session_path;
+                self.install(request.case.clone(), loaded, document);
                 if let Some(doc) = &mut self.doc {
-                    doc.tracts = job.tracts;
+                    doc.tracts = request.tracts;
+                    doc.order.clone_from(&options.order);
+                    doc.case_grid = case_grid_id(&options);
                 }
-                Some(job.case)
+                self.options = options;
+                Some(request.case)
             }
             Err(error) => {
-                if job.job.progress.check().is_ok() {
+                if job.progress.check().is_ok() {
                     self.error = Some(error);
                 } else {
                     self.notice = Some("Loading cancelled; nothing was changed.".into());
@@ -169,8 +171,8 @@ impl Workstation {
 
     /// Saves the session to `path`.
     pub fn save(&mut self, path: PathBuf) {
-        let Some(doc) = &self.doc else { return };
-        match session::save(&path, doc) {
+        let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return };
+        match session::save(&path, doc, case) {
             Ok(()) => {
                 self.notice = Some("Session saved.".into());
                 self.session_path = Some(path);

@@ -11,7 +11,6 @@ use std::{
 use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
-    Selection,
     case::TimePoint,
     optics::{Camera, Projection},
 };
@@ -24,6 +23,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     change::ChangeSetting,
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
+    hidden::HiddenRegions,
     layout,
     light::LightChoice,
     overlap::OverlapMode,
@@ -52,8 +52,8 @@ pub enum CaseRef {
 /// The state that undo covers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Edit {
-    /// Visible regions.
-    pub selection: Selection,
+    /// Which regions are hidden.
+    pub selection: HiddenRegions,
     /// Whether the lens is on.
     pub lens_on: bool,
     /// The lens.
@@ -146,6 +146,12 @@ pub struct Document {
     /// Files of fibre tracts in addition to the case's.
     #[serde(default)]
     pub tracts: Vec<PathBuf>,
+    /// Labels of the time points in time order, where the user states it; empty: as the case states.
+    #[serde(default)]
+    pub order: Vec<String>,
+    /// Id of the mask or image whose grid is the case grid; `None`: the finest mask.
+    #[serde(default)]
+    pub case_grid: Option<String>,
     /// State that undo covers.
     pub edit: Edit,
     /// State that undo doesn't cover.
@@ -190,8 +196,10 @@ impl Document {
         Self {
             case,
             tracts: Vec::new(),
+            order: Vec::new(),
+            case_grid: None,
             edit: Edit {
-                selection: Selection::all(),
+                selection: HiddenRegions::none(),
                 lens_on: time_point.regions.union_voxels() > 0,
                 lens,
                 windows: BTreeMap::new(),

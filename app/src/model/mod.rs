@@ -3,6 +3,7 @@
 pub mod change;
 pub mod document;
 pub mod ellipsoids;
+pub mod hidden;
 pub mod history;
 pub mod layout;
 pub mod light;
@@ -10,12 +11,16 @@ pub mod overlap;
 pub mod pane;
 pub mod rulers;
 pub mod session;
+mod session_names;
+mod session_old;
 
 pub use change::ChangeSetting;
 pub use document::{CaseRef, Document, Edit, Navigation};
-pub use ellipsoids::{EllipsoidKind, EllipsoidLook, EllipsoidOpacity};
+pub use ellipsoids::{ComponentOf, EllipsoidKind, EllipsoidLook, EllipsoidOpacity};
+pub use hidden::HiddenRegions;
 pub use history::History;
 pub use light::LightChoice;
 pub use overlap::OverlapMode;
 pub use pane::PaneId;
 pub use rulers::{Ruler, RulerFormat};
+pub use session::Session;

@@ -2,21 +2,35 @@
 
 use std::path::Path;
 
-use glioscope_core::files::{FileError, write_whole};
+use glioscope_core::{
+    Check,
+    case::Case,
+    files::{FileError, write_whole},
+};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::document::Document;
+use super::{document::Document, session_names, session_old::upgrade_version_1};
 
 /// Extension of session files.
 pub const EXTENSION: &str = "glioscope.json";
-/// The version this program writes, and the newest it reads. [`upgrade_version_1`] converts the previous one.
-const VERSION: u64 = 2;
+/// The version this program writes, and the newest it reads. Version 2 had numbers of dates and of masks instead of their
+/// names, which [`session_names`] still reads.
+const VERSION: u64 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct SessionFile {
     glioscope_session: u64,
-    document: Document,
+    document: Value,
+}
+
+/// A session as read, before its case is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Session {
+    /// The document, without what refers to dates of the case.
+    pub document: Document,
+    /// The document as JSON: dates by label.
+    named: Value,
 }
 
 /// Whether a path has the extension of a session file, in any case.
@@ -24,14 +38,17 @@ pub fn is_session(path: &Path) -> bool {
     path.to_string_lossy().to_lowercase().ends_with(EXTENSION)
 }
 
-/// Saves the document. Images are not copied: the file refers to the case by its path.
+/// Saves the document of `case`. Images are not copied: the file refers to the case by its path.
 ///
 /// # Errors
 /// [`FileError`]; an existing file at `path` is then unchanged.
-pub fn save(path: &Path, document: &Document) -> Result<(), FileError> {
-    let file = SessionFile { glioscope_session: VERSION, document: document.clone() };
-    let text = serde_json::to_string_pretty(&file)
-        .map_err(|e| wrong(path, &format!("a document that can't be written ({e})"), "one that can"))?;
+pub fn save(path: &Path, document: &Document, case: &Case) -> Result<(), FileError> {
+    let cant = |e: serde_json::Error| {
+        wrong(path, &format!("a document that can't be written ({e})"), "one that can")
+    };
+    let document = session_names::named(document, case).map_err(cant)?;
+    let file = SessionFile { glioscope_session: VERSION, document };
+    let text = serde_json::to_string_pretty(&file).map_err(cant)?;
     write_whole(path, text.as_bytes())
 }
 
@@ -39,13 +56,13 @@ pub fn save(path: &Path, document: &Document) -> Result<(), FileError> {
 ///
 /// # Errors
 /// [`FileError`]; also for a file of a newer version.
-pub fn load(path: &Path) -> Result<Document, FileError> {
+pub fn load(path: &Path) -> Result<Session, FileError> {
     let bytes = std::fs::read(path).map_err(|e| wrong(path, &e.to_string(), "a session file"))?;
     let mut value: Value = serde_json::from_slice(&bytes)
         .map_err(|e| wrong(path, &format!("broken JSON ({e})"), "a session file"))?;
     match value.get("glioscope_session").and_then(Value::as_u64) {
-        Some(1) => upgrade_version_1(&mut value),
-        Some(VERSION) => {}
+        Some(1) => value.get_mut("document").into_iter().for_each(upgrade_version_1),
+        Some(2..=VERSION) => {}
         Some(version) => {
             return Err(wrong(
                 path,
@@ -55,87 +72,45 @@ pub fn load(path: &Path) -> Result<Document, FileError> {
         }
         None => return Err(wrong(path, "JSON without \"glioscope_session\"", "a session file")),
     }
-    let file: SessionFile = serde_json::from_value(value)
-        .map_err(|e| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file"))?;
-    Ok(file.document)
+    let unfit = |e: serde_json::Error| {
+        wrong(path, &format!("a session that doesn't fit ({e})"), "a session file")
+    };
+    let file: SessionFile = serde_json::from_value(value).map_err(unfit)?;
+    let document = serde_json::from_value(session_names::blank(&file.document)).map_err(unfit)?;
+    Ok(Session { document, named: file.document })
+}
+
+impl Session {
+    /// The session of an open case, to open that again.
+    ///
+    /// # Errors
+    /// [`FileError`] where the document can't be written as JSON.
+    pub fn of(document: &Document, case: &Case) -> Result<Self, FileError> {
+        let named = session_names::named(document, case)
+            .map_err(|e| wrong(Path::new("session"), &e.to_string(), "a document that can be written"))?;
+        Ok(Self { document: document.clone(), named })
+    }
+
+    /// The document for `case`, and a warning about what refers to dates, masks or images that the case lacks and is left
+    /// out.
+    ///
+    /// # Errors
+    /// [`FileError`] where a name is of the wrong kind.
+    pub fn restore(&self, case: &Case) -> Result<(Document, Vec<Check>), FileError> {
+        let (value, dropped) = session_names::numbered(&self.named, case);
+        let mut document: Document = serde_json::from_value(value)
+            .map_err(|e| wrong(Path::new("session"), &format!("a session that doesn't fit ({e})"), "a session"))?;
+        // Where the case lies, and how it is loaded, is decided before it is read.
+        let Document { case: place, tracts, order, case_grid, .. } = self.document.clone();
+        (document.case, document.tracts, document.order, document.case_grid) = (place, tracts, order, case_grid);
+        let checks = (!dropped.is_empty()).then(|| {
+            let text = format!("Not restored, because the case lacks it: {}.", dropped.join("; "));
+            Check::warning("session-dropped", text)
+        });
+        Ok((document, checks.into_iter().collect()))
+    }
 }
 
 fn wrong(path: &Path, found: &str, expected: &str) -> FileError {
     FileError::Wrong { file: path.display().to_string(), found: found.into(), expected: expected.into() }
-}
-
-/// JSON pointers to values that version 1 wrote in PascalCase instead of snake_case.
-const PASCAL_CASE: [&str; 6] = [
-    "/edit/overlay",
-    "/edit/palette",
-    "/edit/coloring",
-    "/edit/overlap_mode",
-    "/nav/convention",
-    "/nav/camera/projection",
-];
-
-/// Fields renamed since version 1: JSON pointer to their object, old name, new name.
-const RENAMED: [(&str, &str, &str); 5] = [
-    ("/edit/light", "shading", "mode"),
-    ("/edit/light/own", "shading", "mode"),
-    ("/edit/light/own/mutual", "solid_on_image", "opaque_on_image"),
-    ("/edit/light/own/mutual", "image_on_solid", "image_on_opaque"),
-    ("/edit/light/own/mutual", "solid_on_solid", "opaque_on_opaque"),
-];
-
-/// Fields of single panes' magnifications in version 1, now in `zooms`: field, pane.
-const ZOOMS: [(&str, &str); 3] =
-    [("context_zoom", "context"), ("ellipsoid_zoom", "ellipsoids"), ("change_zoom", "change")];
-
-/// Upgrades a file of version 1 to [`VERSION`]. Anything unexpected is left unchanged; deserialising then reports it.
-fn upgrade_version_1(file: &mut Value) {
-    file["glioscope_session"] = json!(VERSION);
-    let Some(document) = file.get_mut("document") else { return };
-    for pointer in PASCAL_CASE {
-        if let Some(Value::String(word)) = document.pointer_mut(pointer) {
-            *word = snake_case(word);
-        }
-    }
-    for (pointer, old, new) in RENAMED {
-        if let Some(object) = document.pointer_mut(pointer).and_then(Value::as_object_mut)
-            && let Some(value) = object.remove(old)
-        {
-            object.insert(new.into(), value);
-        }
-    }
-    if let Some(nav) = document.pointer_mut("/nav").and_then(Value::as_object_mut) {
-        let zooms = ZOOMS.iter().filter_map(|(field, pane)| Some(((*pane).to_owned(), nav.remove(*field)?)));
-        let zooms: serde_json::Map<String, Value> = zooms.collect();
-        nav.insert("zooms".into(), zooms.into());
-    }
-    for pointer in ["/edit/layout", "/edit/maximized", "/edit/rulers"] {
-        if let Some(part) = document.pointer_mut(pointer) {
-            flatten_slice_panes(part);
-        }
-    }
-}
-
-/// Replaces `{"slice": "Axial"}`, version 1's name of a slice pane, with `"axial"` throughout `value`.
-fn flatten_slice_panes(value: &mut Value) {
-    match value {
-        Value::Object(object) if object.len() == 1 && object.contains_key("slice") => {
-            if let Some(Value::String(plane)) = object.remove("slice") {
-                *value = snake_case(&plane).into();
-            }
-        }
-        Value::Object(object) => object.values_mut().for_each(flatten_slice_panes),
-        Value::Array(list) => list.iter_mut().for_each(flatten_slice_panes),
-        _ => {}
-    }
-}
-
-fn snake_case(word: &str) -> String {
-    let mut out = String::with_capacity(word.len() + 2);
-    for (i, letter) in word.char_indices() {
-        if letter.is_ascii_uppercase() && i > 0 {
-            out.push('_');
-        }
-        out.push(letter.to_ascii_lowercase());
-    }
-    out
 }

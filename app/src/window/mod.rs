@@ -213,7 +213,7 @@ impl GlioscopeApp {
     fn with_panes(&mut self, ui: &mut Ui, out: &mut Commands, show: impl FnOnce(&mut Ui, &mut PaneArea<'_>)) {
         let Workstation { doc: Some(doc), world, session_path, .. } = &self.work else { return };
         let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
-        let colors = world.colors(doc);
+        let (colors, selection) = (world.colors(doc), world.selection(doc));
         let setting = &doc.edit.change;
         if setting.on_slices {
             // The change view requests it too, but may not be open.
@@ -224,6 +224,7 @@ impl GlioscopeApp {
             doc,
             case,
             time_point,
+            selection: &selection,
             tumor: world.tumor(doc),
             colors: &colors,
             context: world.context(doc),

@@ -29,8 +29,8 @@ impl GlioscopeApp {
             AppCommand::OpenDialog => self.open.path = Some(String::new()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
-            AppCommand::Open(case) => self.work.open(case.clone(), None, wake()),
-            AppCommand::OpenSample => self.work.open(CaseRef::Sample, None, wake()),
+            AppCommand::Open(case) => self.work.open(case.clone(), Vec::new(), wake()),
+            AppCommand::OpenSample => self.work.open(CaseRef::Sample, Vec::new(), wake()),
             AppCommand::OpenSession(path) => {
                 self.recent.add(path);
                 self.work.open_session(path, &[], wake());

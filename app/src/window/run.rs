@@ -110,7 +110,7 @@ fn app(
     let wake = Waker::of(&cc.egui_ctx);
     match start.case.unwrap_or_default() {
         CaseRef::Path(path) if session::is_session(&path) => work.open_session(&path, &start.tracts, wake),
-        case => work.open_with(case, start.tracts, None, wake),
+        case => work.open(case, start.tracts, wake),
     }
     let app = GlioscopeApp::new(work, Some(graphics), Recent::of_user())?;
     Ok(match start.picture {

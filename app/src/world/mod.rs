@@ -12,7 +12,7 @@ pub mod tracts;
 use std::sync::Arc;
 
 use glioscope_core::{
-    Check, RegionVolume,
+    Check, RegionVolume, Selection,
     case::{Case, TimePoint},
 };
 use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
@@ -78,6 +78,11 @@ impl World {
         let index = time_point.contexts.iter().position(|c| c.id == *id)?;
         let prepared = self.loaded.as_ref()?.contexts.get(doc.nav.time)?.get(index)?;
         Some((time_point.contexts[index].id.as_str(), prepared))
+    }
+
+    /// The regions shown at the current time point.
+    pub fn selection(&self, doc: &Document) -> Selection {
+        self.time_point(doc).map(|t| doc.edit.selection.at(&t.regions)).unwrap_or_default()
     }
 
     /// Colours of the masks of the current time point.

@@ -75,7 +75,7 @@ impl Pane for ContextPane {
             transfer,
             clip: input.doc.edit.clips.clone(),
             tumor: input.tumor.cloned(),
-            selection: input.doc.edit.selection.clone(),
+            selection: input.selection.clone(),
             colors: input.colors.clone(),
             lens: input.doc.active_lens(),
             tubes,

@@ -42,7 +42,7 @@ impl Pane for OverlapPane {
         let input = stage.input;
         let diagram = OverlapInput {
             regions: &input.time_point.regions,
-            selection: &input.doc.edit.selection,
+            selection: input.selection,
             colors: input.colors,
             mode: input.doc.edit.overlap_mode,
         };

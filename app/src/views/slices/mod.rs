@@ -175,7 +175,7 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
             .filter(|(k, _)| found.bits >> k & 1 == 1)
             .map(|(_, id)| id.as_str())
             .collect();
-        let hidden = if input.doc.edit.selection.shows(found.bits) { "" } else { " (hidden)" };
+        let hidden = if input.selection.shows(found.bits) { "" } else { " (hidden)" };
         parts.push(format!("{}{hidden}", names.join(" + ")));
     }
     parts.join("  ·  ")
@@ -238,7 +238,7 @@ fn shown_masks(input: &Input<'_>) -> ShownMasks {
         None => ShownMasks {
             index: input.time_point.index.clone(),
             colors: input.colors.clone(),
-            selection: edit.selection.clone(),
+            selection: input.selection.clone(),
             unfilled: None,
         },
     }

@@ -40,6 +40,7 @@ pub mod check;
 pub mod components;
 pub mod csv;
 pub mod dates;
+pub mod digest;
 pub mod distance;
 pub mod ellipsoid;
 pub mod files;

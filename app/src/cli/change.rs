@@ -67,7 +67,7 @@ pub struct ChangeArguments {
 }
 
 pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
-    let (_, case) = arguments.case.load(false)?;
+    let case = arguments.case.read(false)?.case;
     let options = ChangeOptions {
         skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },
         registration_mm: arguments.registration_mm,

@@ -10,19 +10,20 @@ use super::{
     parse::View,
     terminal,
 };
-use crate::{command::Workstation, error::AppError, model::PaneId, output, world::Loaded};
+use crate::{command::Workstation, error::AppError, model::PaneId, output};
 
 /// Size of the window's picture.
 const WINDOW_PX: [u32; 2] = [1600, 1000];
 
 pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), AppError> {
-    let (reference, case) = case.load(true)?;
+    let read = case.read(true)?;
+    let case = &read.case;
     std::fs::create_dir_all(out)
         .map_err(|e| AppError::file(out, e.to_string(), "a folder that can be made"))?;
-    output::write_json(&out.join("measure.json"), &measure::report(&case))?;
+    output::write_json(&out.join("measure.json"), &measure::report(case))?;
     let time_point_count = case.time_points.len();
     let mut app =
-        OffscreenApp::new(Workstation::with_case(reference, Loaded::new(case)), &gpu(software)?, false)?;
+        OffscreenApp::new(Workstation::with_opened(read.into()), &gpu(software)?, false)?;
     // A single time point has nothing to compare with.
     let panes = PaneId::all()
         .map(|pane| (pane, pane.row()))

@@ -6,16 +6,16 @@ use std::{
     time::Instant,
 };
 
-use glioscope_core::case::{CaseGridChoice, CaseSpec, LoadOptions};
+use glioscope_core::case::{CaseSpec, LoadOptions};
 
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, History, Session, session},
+    model::{CaseRef, Document, History, Place, Session, session},
     world::{
         Loaded, World,
         jobs::Waker,
-        load::{LoadJob, LoadedCase, Opened, Request, case_grid_id},
+        load::{LoadJob, Opened, OpenedCase, Request},
     },
 };
 
@@ -60,6 +60,22 @@ impl Workstation {
         work
     }
 
+    /// A workstation with a case that was read, and the session with it, if any.
+    pub fn with_opened(opened: OpenedCase) -> Self {
+        let mut work = Self::default();
+        work.install_opened(opened);
+        work
+    }
+
+    fn install_opened(&mut self, opened: OpenedCase) {
+        let OpenedCase { place: Place { case, tracts }, loaded, document, options } = opened;
+        self.install(case.clone(), loaded, document);
+        if let Some(doc) = &mut self.doc {
+            doc.set_source(case, tracts, &options);
+        }
+        self.options = options;
+    }
+
     /// Replaces the current case; starts with `document`, or with the initial one.
     fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
         self.world = World::new(loaded);
@@ -77,8 +93,12 @@ impl Workstation {
     /// one: they say nothing about another.
     fn options_for(&self, case: &CaseRef) -> LoadOptions {
         let is_another = self.doc.as_ref().is_some_and(|doc| doc.case != *case);
-        let limits = LoadOptions { max_bytes: self.options.max_bytes, ..LoadOptions::default() };
-        if is_another { limits } else { self.options.clone() }
+        if is_another { self.limits() } else { self.options.clone() }
+    }
+
+    /// Options of loading that hold for every case.
+    fn limits(&self) -> LoadOptions {
+        LoadOptions { max_bytes: self.options.max_bytes, ..LoadOptions::default() }
     }
 
     /// Starts opening a case with additional files of fibre tracts; the current one remains until the new one is loaded
@@ -101,7 +121,10 @@ impl Workstation {
     pub fn add_tracts(&mut self, files: &[PathBuf], wake: Waker) {
         let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return };
         match Session::of(doc, case) {
-            Ok(session) => self.restore(session, self.session_path.clone(), files, wake),
+            Ok(session) => {
+                let session_path = self.session_path.clone();
+                self.start(Request { session_path, ..Request::of_session(session, files, &self.limits()) }, wake);
+            }
             Err(error) => self.error = Some(error.into()),
         }
     }
@@ -116,28 +139,16 @@ impl Workstation {
     /// Opens a session file and the case it refers to, with additional `tracts`.
     pub fn open_session(&mut self, path: &Path, tracts: &[PathBuf], wake: Waker) {
         match session::load(path) {
-            Ok(session) => self.restore(session, Some(path.to_owned()), tracts, wake),
+            Ok(session) => {
+                // What was given on the command line is for the first case opened.
+                let given = if self.doc.is_some() { self.limits() } else { self.options.clone() };
+                self.start(Request::of_session(session, tracts, &given), wake);
+            }
             Err(error) => self.error = Some(error.into()),
         }
     }
 
-    fn restore(&mut self, mut session: Session, path: Option<PathBuf>, tracts: &[PathBuf], wake: Waker) {
-        session.document.tracts.extend_from_slice(tracts);
-        let document = &session.document;
-        let mut options = self.options.clone();
-        // What was given on the command line is for the first case opened.
-        if self.doc.is_some() || options.order.is_empty() {
-            options.order.clone_from(&document.order);
-        }
-        if self.doc.is_some() || options.case_grid == CaseGridChoice::FinestMask {
-            options.case_grid = document.case_grid.clone().map_or(CaseGridChoice::FinestMask, CaseGridChoice::Of);
-        }
-        let (case, tracts) = (document.case.clone(), document.tracts.clone());
-        let session = Some(Box::new(session));
-        self.start(Request { case, tracts, session, session_path: path, options }, wake);
-    }
-
-    /// Takes over a finished load, if any. Returns the case that was opened.
+    /// Takes over a finished load, if any. Returns the case or the session that was opened.
     pub fn poll(&mut self) -> Option<CaseRef> {
         let result = self.job.as_ref()?.job.poll()?;
         let LoadJob { request, job } = self.job.take()?;
@@ -147,16 +158,9 @@ impl Workstation {
                 None
             }
             Ok(Opened::Loaded(opened)) => {
-                let LoadedCase { loaded, document, options } = *opened;
                 self.session_path = request.session_path;
-                self.install(request.case.clone(), loaded, document);
-                if let Some(doc) = &mut self.doc {
-                    doc.tracts = request.tracts;
-                    doc.order.clone_from(&options.order);
-                    doc.case_grid = case_grid_id(&options);
-                }
-                self.options = options;
-                Some(request.case)
+                self.install_opened(*opened);
+                Some(self.session_path.clone().map_or(request.case, CaseRef::Path))
             }
             Err(error) => {
                 if job.progress.check().is_ok() {
@@ -169,15 +173,19 @@ impl Workstation {
         }
     }
 
-    /// Saves the session to `path`.
-    pub fn save(&mut self, path: PathBuf) {
-        let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return };
-        match session::save(&path, doc, case) {
+    /// Saves the session to `path`; returns whether that succeeded.
+    pub fn save(&mut self, path: PathBuf) -> bool {
+        let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return false };
+        match session::save(&path, doc, case, self.world.files()) {
             Ok(()) => {
                 self.notice = Some("Session saved.".into());
                 self.session_path = Some(path);
+                true
             }
-            Err(error) => self.error = Some(error.into()),
+            Err(error) => {
+                self.error = Some(error.into());
+                false
+            }
         }
     }
 

@@ -11,7 +11,7 @@ use std::{
 use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
-    case::TimePoint,
+    case::{CaseGridChoice, LoadOptions, TimePoint},
     optics::{Camera, Projection},
 };
 use glioscope_render::{
@@ -233,6 +233,17 @@ impl Document {
                 ruler_on: false,
             },
         }
+    }
+
+    /// Records how its case was read: from where, and with the order of dates and the case grid of `options`.
+    pub fn set_source(&mut self, case: CaseRef, tracts: Vec<PathBuf>, options: &LoadOptions) {
+        self.case = case;
+        self.tracts = tracts;
+        self.order.clone_from(&options.order);
+        self.case_grid = match &options.case_grid {
+            CaseGridChoice::FinestMask => None,
+            CaseGridChoice::Of(id) => Some(id.clone()),
+        };
     }
 
     /// The lines measured at the current time point, with their indices.

@@ -1,26 +1,44 @@
 //! The session file: a [`Document`] as JSON under a format version, written whole or not at all.
 
-use std::path::Path;
+use std::{
+    io::Read as _,
+    path::{Path, PathBuf},
+};
 
 use glioscope_core::{
     Check,
     case::Case,
-    files::{FileError, write_whole},
+    files::{FileError, FileMark, read_small, write_whole_private},
 };
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::{document::Document, session_names, session_old::upgrade_version_1};
+use super::{
+    document::Document,
+    place::{Place, relative_to},
+    session_names,
+    session_old::upgrade_version_1,
+};
 
 /// Extension of session files.
 pub const EXTENSION: &str = "glioscope.json";
 /// The version this program writes, and the newest it reads. Version 2 had numbers of dates and of masks instead of their
 /// names, which [`session_names`] still reads.
 const VERSION: u64 = 3;
+/// The key by which a session file is recognised.
+const KEY: &str = "glioscope_session";
+/// Maximum size of a session file.
+const MAX_BYTES: u64 = 16 << 20;
 
 #[derive(Serialize, Deserialize)]
 struct SessionFile {
     glioscope_session: u64,
+    /// Where the case lies, seen from the folder of the session file.
+    #[serde(default)]
+    relative: Option<Place>,
+    /// The case's files as they were read.
+    #[serde(default)]
+    files: Vec<FileMark>,
     document: Value,
 }
 
@@ -29,27 +47,81 @@ struct SessionFile {
 pub struct Session {
     /// The document, without what refers to dates of the case.
     pub document: Document,
+    /// The file it was read from; `None` for the session of an open case.
+    pub origin: Option<Origin>,
     /// The document as JSON: dates by label.
     named: Value,
 }
 
-/// Whether a path has the extension of a session file, in any case.
-pub fn is_session(path: &Path) -> bool {
-    path.to_string_lossy().to_lowercase().ends_with(EXTENSION)
+/// The file of a session, and what it says about the files of its case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Origin {
+    /// The session file.
+    pub path: PathBuf,
+    /// Where the case lies, seen from the session file's folder; `None` before version 3.
+    pub relative: Option<Place>,
+    /// The case's files as they were when the session was saved; empty before version 3 and for the sample.
+    pub files: Vec<FileMark>,
 }
 
-/// Saves the document of `case`. Images are not copied: the file refers to the case by its path.
+/// Whether a file is a session: by its ending, or by its content whatever its name.
+pub fn is_session(path: &Path) -> bool {
+    if path.to_string_lossy().to_lowercase().ends_with(&format!(".{EXTENSION}")) {
+        return !path.is_dir();
+    }
+    // Other files that a case may be opened from don't begin with a brace, and may be large.
+    let Ok(head) = read_start(path) else { return false };
+    let is_json = head.trim_ascii_start().first() == Some(&b'{');
+    let has_key = |bytes: &[u8]| bytes.windows(KEY.len()).any(|window| window == KEY.as_bytes());
+    is_json && (has_key(&head) || read_small(path, MAX_BYTES, "a session file").is_ok_and(|all| has_key(&all)))
+}
+
+/// The first bytes of a regular file.
+fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    if path.metadata()?.is_file() {
+        std::fs::File::open(path)?.take(1024).read_to_end(&mut head)?;
+    }
+    Ok(head)
+}
+
+/// `path` with the ending of session files, unless it has it.
+pub fn with_ending(path: PathBuf) -> PathBuf {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let lower = name.to_lowercase();
+    if lower.ends_with(&format!(".{EXTENSION}")) {
+        return path;
+    }
+    let stem = if lower.ends_with(".json") { &name[..name.len() - ".json".len()] } else { &name };
+    path.with_file_name(format!("{stem}.{EXTENSION}"))
+}
+
+/// Saves the document of `case`, whose files are `files`. Images are not copied: the session file refers to the case by
+/// its absolute path and by the one seen from its own folder.
 ///
 /// # Errors
 /// [`FileError`]; an existing file at `path` is then unchanged.
-pub fn save(path: &Path, document: &Document, case: &Case) -> Result<(), FileError> {
+pub fn save(path: &Path, document: &Document, case: &Case, files: &[FileMark]) -> Result<(), FileError> {
     let cant = |e: serde_json::Error| {
         wrong(path, &format!("a document that can't be written ({e})"), "one that can")
     };
-    let document = session_names::named(document, case).map_err(cant)?;
-    let file = SessionFile { glioscope_session: VERSION, document };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut document = document.clone();
+    let place = Place::of(&document).absolute();
+    let relative = place.relative_to(folder);
+    (document.case, document.tracts) = (place.case, place.tracts);
+    let marks = files.iter().map(|mark| {
+        let file = relative_to(&mark.file, folder);
+        FileMark { file, ..mark.clone() }
+    });
+    let file = SessionFile {
+        glioscope_session: VERSION,
+        relative: Some(relative),
+        files: marks.collect(),
+        document: session_names::named(&document, case).map_err(cant)?,
+    };
     let text = serde_json::to_string_pretty(&file).map_err(cant)?;
-    write_whole(path, text.as_bytes())
+    write_whole_private(path, text.as_bytes())
 }
 
 /// Reads a session.
@@ -57,10 +129,10 @@ pub fn save(path: &Path, document: &Document, case: &Case) -> Result<(), FileErr
 /// # Errors
 /// [`FileError`]; also for a file of a newer version.
 pub fn load(path: &Path) -> Result<Session, FileError> {
-    let bytes = std::fs::read(path).map_err(|e| wrong(path, &e.to_string(), "a session file"))?;
+    let bytes = read_small(path, MAX_BYTES, "a session file")?;
     let mut value: Value = serde_json::from_slice(&bytes)
         .map_err(|e| wrong(path, &format!("broken JSON ({e})"), "a session file"))?;
-    match value.get("glioscope_session").and_then(Value::as_u64) {
+    match value.get(KEY).and_then(Value::as_u64) {
         Some(1) => value.get_mut("document").into_iter().for_each(upgrade_version_1),
         Some(2..=VERSION) => {}
         Some(version) => {
@@ -70,14 +142,15 @@ pub fn load(path: &Path) -> Result<Session, FileError> {
                 &format!("version 1 to {VERSION}"),
             ));
         }
-        None => return Err(wrong(path, "JSON without \"glioscope_session\"", "a session file")),
+        None => return Err(wrong(path, &format!("JSON without \"{KEY}\""), "a session file")),
     }
     let unfit = |e: serde_json::Error| {
         wrong(path, &format!("a session that doesn't fit ({e})"), "a session file")
     };
     let file: SessionFile = serde_json::from_value(value).map_err(unfit)?;
     let document = serde_json::from_value(session_names::blank(&file.document)).map_err(unfit)?;
-    Ok(Session { document, named: file.document })
+    let origin = Origin { path: path.to_owned(), relative: file.relative, files: file.files };
+    Ok(Session { document, origin: Some(origin), named: file.document })
 }
 
 impl Session {
@@ -88,7 +161,7 @@ impl Session {
     pub fn of(document: &Document, case: &Case) -> Result<Self, FileError> {
         let named = session_names::named(document, case)
             .map_err(|e| wrong(Path::new("session"), &e.to_string(), "a document that can be written"))?;
-        Ok(Self { document: document.clone(), named })
+        Ok(Self { document: document.clone(), origin: None, named })
     }
 
     /// The document for `case`, and a warning about what refers to dates, masks or images that the case lacks and is left
@@ -98,13 +171,11 @@ impl Session {
     /// [`FileError`] where a name is of the wrong kind.
     pub fn restore(&self, case: &Case) -> Result<(Document, Vec<Check>), FileError> {
         let (value, dropped) = session_names::numbered(&self.named, case);
-        let mut document: Document = serde_json::from_value(value)
-            .map_err(|e| wrong(Path::new("session"), &format!("a session that doesn't fit ({e})"), "a session"))?;
-        // Where the case lies, and how it is loaded, is decided before it is read.
-        let Document { case: place, tracts, order, case_grid, .. } = self.document.clone();
-        (document.case, document.tracts, document.order, document.case_grid) = (place, tracts, order, case_grid);
+        let path = self.origin.as_ref().map_or(Path::new("session"), |origin| &origin.path);
+        let document = serde_json::from_value(value)
+            .map_err(|e| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file"))?;
         let checks = (!dropped.is_empty()).then(|| {
-            let text = format!("Not restored, because the case lacks it: {}.", dropped.join("; "));
+            let text = format!("Not restored from the session, as the case lacks it: {}.", dropped.join("; "));
             Check::warning("session-dropped", text)
         });
         Ok((document, checks.into_iter().collect()))

@@ -12,7 +12,10 @@ use super::{
 use crate::{
     command::AppCommand,
     error::AppError,
-    model::{CaseRef, PaneId},
+    model::{
+        CaseRef, PaneId,
+        session::{self, EXTENSION},
+    },
     output,
     world::jobs::{Job, Waker},
 };
@@ -31,24 +34,28 @@ impl GlioscopeApp {
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
             AppCommand::Open(case) => self.work.open(case.clone(), Vec::new(), wake()),
             AppCommand::OpenSample => self.work.open(CaseRef::Sample, Vec::new(), wake()),
-            AppCommand::OpenSession(path) => {
-                self.recent.add(path);
-                self.work.open_session(path, &[], wake());
-            }
+            AppCommand::OpenSession(path) => self.work.open_session(path, &[], wake()),
             AppCommand::AddTracts(files) => self.work.add_tracts(files, wake()),
             AppCommand::ClearRecent => self.recent.clear(),
             AppCommand::SaveSession => match self.work.session_path.clone() {
                 Some(path) => {
-                    self.work.save(path.clone());
-                    self.save_results(&path);
+                    if self.work.save(path.clone()) {
+                        self.save_results(&path);
+                    }
                 }
                 None => self.open_file_dialog(ctx, Purpose::SaveSession),
             },
             AppCommand::SaveSessionAs => self.open_file_dialog(ctx, Purpose::SaveSession),
             AppCommand::SaveSessionTo(path) => {
-                self.work.save(path.clone());
-                self.recent.add(path);
-                self.save_results(path);
+                let whole = session::with_ending(path.clone());
+                // The dialog asked before it overwrites what was chosen, not this.
+                if whole != *path && whole.exists() {
+                    let expected = format!("a new name, or {EXTENSION} at the end of a name to overwrite");
+                    self.work.error = Some(AppError::file(&whole, "a file that exists", expected));
+                } else if self.work.save(whole.clone()) {
+                    self.recent.add(&whole);
+                    self.save_results(&whole);
+                }
             }
             AppCommand::AcceptGuess(true) => self.work.accept_guess(wake()),
             AppCommand::AcceptGuess(false) => self.work.guess = None,

@@ -3,8 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::write_whole;
+use glioscope_core::files::{read_small, write_whole_private};
 
+/// Largest size of the list's file.
+const MAX_BYTES: u64 = 1 << 20;
 /// Largest number of paths in the list.
 const MAX_PATHS: usize = 12;
 
@@ -28,7 +30,7 @@ impl Recent {
     pub fn in_folder(folder: &Path) -> Self {
         let file = folder.join("recent.json");
         let paths =
-            std::fs::read(&file).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
+            read_small(&file, MAX_BYTES, "a list of cases").ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
         Self { file: Some(file), paths }
     }
 
@@ -56,7 +58,7 @@ impl Recent {
         let Some(file) = &self.file else { return };
         if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.paths)) {
             let _ = std::fs::create_dir_all(folder);
-            let _ = write_whole(file, &bytes);
+            let _ = write_whole_private(file, &bytes);
         }
     }
 }

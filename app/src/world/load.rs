@@ -1,41 +1,30 @@
-//! Opening a case on a worker.
+//! Opening a case on a worker, and the case of a session.
 
 use std::{collections::BTreeSet, path::PathBuf};
 
 use glioscope_core::{
     Check, Progress,
-    case::{self, CaseError, CaseGridChoice, CaseSpec, LoadOptions},
-    sample,
+    case::{self, Case, CaseGridChoice, CaseSpec, LoadOptions},
+    files::FileMark,
 };
 
+pub use super::session_case::spec_of;
 use super::{
     Loaded,
     jobs::{Job, Waker},
+    session_case::{self, Found},
 };
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, Session},
+    model::{CaseRef, Document, Place, Session},
 };
-
-/// The description of the case that a reference names, before it is read. Files of a folder are opened only where
-/// their names are ambiguous.
-///
-/// # Errors
-/// [`CaseError`]: the manifest, folder or argument is invalid.
-pub fn spec_of(case: &CaseRef, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    match case {
-        CaseRef::Sample => Ok(sample::sample_spec()),
-        CaseRef::Path(path) => case::open_spec(path, options, progress),
-        CaseRef::Arguments { masks, contexts } => CaseSpec::from_arguments(masks, contexts),
-    }
-}
 
 /// What a case is opened with.
 #[derive(Clone, Debug, Default)]
 pub struct Request {
-    /// The case.
+    /// The case; that of the session, where there is one.
     pub case: CaseRef,
-    /// Files of fibre tracts in addition to the case's.
+    /// Files of fibre tracts in addition to those of the case and of the session.
     pub tracts: Vec<PathBuf>,
     /// What is restored once the case is read; `None`: an initial document.
     pub session: Option<Box<Session>>,
@@ -45,22 +34,65 @@ pub struct Request {
     pub options: LoadOptions,
 }
 
+impl Request {
+    /// A session with additional `tracts`. The order of dates and the case grid are as in the session where `given` leaves
+    /// them open.
+    pub fn of_session(session: Session, tracts: &[PathBuf], given: &LoadOptions) -> Self {
+        let mut options = given.clone();
+        let Document { case, order, case_grid, .. } = &session.document;
+        if options.order.is_empty() {
+            options.order.clone_from(order);
+        }
+        if let (CaseGridChoice::FinestMask, Some(id)) = (&options.case_grid, case_grid) {
+            options.case_grid = CaseGridChoice::Of(id.clone());
+        }
+        let session_path = session.origin.as_ref().map(|origin| origin.path.clone());
+        let case = case.clone();
+        Self { case, tracts: tracts.to_vec(), session: Some(Box::new(session)), session_path, options }
+    }
+}
+
 /// Result of a [`LoadJob`].
 pub enum Opened {
     /// The roles of the files were guessed from their names: the user confirms the guess before the case is read.
     Guessed(CaseSpec),
     /// The case has been read.
-    Loaded(Box<LoadedCase>),
+    Loaded(Box<OpenedCase>),
 }
 
 /// A case that was read, and the document restored for it.
-pub struct LoadedCase {
+pub struct ReadCase {
+    /// What it was opened from.
+    pub place: Place,
+    /// Its description.
+    pub spec: CaseSpec,
     /// The case.
+    pub case: Case,
+    /// Its files as they were read; empty where that isn't known.
+    pub files: Vec<FileMark>,
+    /// The document restored from a session; `None`: the initial one.
+    pub document: Option<Document>,
+    /// The options it was read with.
+    pub options: LoadOptions,
+}
+
+/// As [`ReadCase`], with what every view needs.
+pub struct OpenedCase {
+    /// What it was opened from.
+    pub place: Place,
+    /// The case, prepared for the views.
     pub loaded: Loaded,
     /// The document restored from a session; `None`: the initial one.
     pub document: Option<Document>,
     /// The options it was read with.
     pub options: LoadOptions,
+}
+
+impl From<ReadCase> for OpenedCase {
+    fn from(read: ReadCase) -> Self {
+        let ReadCase { place, case, files, document, options, .. } = read;
+        Self { place, loaded: Loaded::new(case).with_files(files), document, options }
+    }
 }
 
 /// A worker that opens a case.
@@ -81,37 +113,65 @@ impl LoadJob {
     }
 }
 
-fn open(request: Request, accepted: Option<CaseSpec>, progress: &Progress) -> Result<Opened, AppError> {
-    let spec = match accepted {
-        Some(spec) => spec,
-        None => {
-            progress.say("reading names");
-            let spec = spec_of(&request.case, &request.options, progress)?;
-            if !spec.notes.is_empty() {
-                return Ok(Opened::Guessed(spec));
-            }
-            spec
-        }
-    };
-    Ok(Opened::Loaded(Box::new(read(request, spec, progress)?)))
+fn open(mut request: Request, accepted: Option<CaseSpec>, progress: &Progress) -> Result<Opened, AppError> {
+    progress.say("reading names");
+    let mut found = find(&mut request, progress)?;
+    match accepted {
+        Some(spec) => found.spec = spec,
+        None if found.spec.notes.is_empty() => {}
+        None => return Ok(Opened::Guessed(found.spec)),
+    }
+    let mut read = read(request, found, progress)?;
+    if read.files.is_empty() {
+        // Where a file has gone since it was read, sessions are saved without marks.
+        read.files = session_case::marks(&read.place.case, &read.spec, progress).unwrap_or_default();
+    }
+    Ok(Opened::Loaded(Box::new(read.into())))
 }
 
-/// Reads the case that `request` names, described by `spec`, and restores the session for it. What the session says about
-/// dates, masks and images that the case lacks is left out, with a warning among the case's findings.
+/// Reads the case that `request` names at once, as its names were guessed.
 ///
 /// # Errors
 /// [`AppError`] where the case can't be read.
-pub fn read(request: Request, mut spec: CaseSpec, progress: &Progress) -> Result<LoadedCase, AppError> {
-    let Request { tracts, mut session, mut options, .. } = request;
-    let mut findings = Vec::new();
-    if let Some(session) = &mut session {
-        findings.extend(stale_options(&spec, &mut options));
-        session.document.order.clone_from(&options.order);
-        session.document.case_grid = case_grid_id(&options);
-    }
-    spec.add_tracts(&tracts);
+pub fn read_at_once(mut request: Request, progress: &Progress) -> Result<ReadCase, AppError> {
+    let found = find(&mut request, progress)?;
+    read(request, found, progress)
+}
+
+/// The description of the case that `request` names, with what its session finds changed, without reading it.
+///
+/// # Errors
+/// [`AppError`] where there is no such case.
+pub fn describe(mut request: Request, progress: &Progress) -> Result<CaseSpec, AppError> {
+    let Found { mut spec, findings, .. } = find(&mut request, progress)?;
+    spec.add_tracts(&request.tracts);
+    spec.notes.extend(findings);
+    Ok(spec)
+}
+
+/// Where the case of `request` lies, and its description.
+fn find(request: &mut Request, progress: &Progress) -> Result<Found, AppError> {
+    let Request { case, session, options, .. } = request;
+    let Some(session) = session else {
+        return Found::unchecked(Place { case: case.clone(), tracts: Vec::new() }, options, progress);
+    };
+    let mut found = match &session.origin {
+        Some(origin) => session_case::find(session, origin, options, progress)?,
+        None => Found::unchecked(Place::of(&session.document), options, progress)?,
+    };
+    found.findings.extend(stale_options(&found.spec, options));
+    Ok(found)
+}
+
+/// Reads the case found for `request` and restores the session for it. What the session says about dates, masks and images
+/// that the case lacks is left out, with a warning among the case's findings.
+fn read(request: Request, found: Found, progress: &Progress) -> Result<ReadCase, AppError> {
+    let Found { mut place, mut spec, files, mut findings } = found;
+    let options = request.options;
+    spec.add_tracts(&request.tracts);
+    place.tracts.extend(request.tracts);
     let mut case = case::load(&spec, &options, progress)?;
-    let document = match session {
+    let document = match request.session {
         None => None,
         Some(session) => {
             let (document, checks) = session.restore(&case)?;
@@ -121,15 +181,7 @@ pub fn read(request: Request, mut spec: CaseSpec, progress: &Progress) -> Result
     };
     case.checks.extend(findings);
     case.checks.sort_by_key(|check| std::cmp::Reverse(check.severity));
-    Ok(LoadedCase { loaded: Loaded::new(case), document, options })
-}
-
-/// The id of the mask or image whose grid is chosen.
-pub fn case_grid_id(options: &LoadOptions) -> Option<String> {
-    match &options.case_grid {
-        CaseGridChoice::FinestMask => None,
-        CaseGridChoice::Of(id) => Some(id.clone()),
-    }
+    Ok(ReadCase { place, spec, case, files, document, options })
 }
 
 /// Leaves out the order of dates and the case grid of a session where they name others than the case has now.
@@ -151,7 +203,8 @@ fn stale_options(spec: &CaseSpec, options: &mut LoadOptions) -> Vec<Check> {
     if let CaseGridChoice::Of(id) = &options.case_grid
         && !ids.any(|known| known == id)
     {
-        let text = format!("The session has the grid of {id}, which the case lacks; that of the finest mask is used.");
+        let text =
+            format!("The session has the grid of {id}, which the case lacks; that of the finest mask is used.");
         findings.push(Check::warning("session-case-grid", text));
         options.case_grid = CaseGridChoice::FinestMask;
     }

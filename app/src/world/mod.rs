@@ -6,6 +6,7 @@ pub mod image;
 pub mod jobs;
 pub mod load;
 pub mod numbers;
+mod session_case;
 pub mod slice_plane;
 pub mod tracts;
 
@@ -14,6 +15,7 @@ use std::sync::Arc;
 use glioscope_core::{
     Check, RegionVolume, Selection,
     case::{Case, TimePoint},
+    files::FileMark,
 };
 use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
 
@@ -27,6 +29,8 @@ pub struct Loaded {
     contexts: Vec<Vec<Arc<PreparedContext>>>,
     /// Cropped region volume of each time point; `None` where no voxel is active.
     tumors: Vec<Option<Arc<RegionVolume>>>,
+    /// Its files as they were read.
+    files: Vec<FileMark>,
 }
 
 impl Loaded {
@@ -39,7 +43,13 @@ impl Loaded {
             .collect();
         let tumors =
             case.time_points.iter().map(|t| RegionVolume::of(&t.index, &t.regions).map(Arc::new)).collect();
-        Self { case: Arc::new(case), contexts, tumors }
+        Self { case: Arc::new(case), contexts, tumors, files: Vec::new() }
+    }
+
+    /// With the marks of the case's files, for sessions.
+    #[must_use]
+    pub fn with_files(self, files: Vec<FileMark>) -> Self {
+        Self { files, ..self }
     }
 }
 
@@ -95,6 +105,11 @@ impl World {
     /// The cropped region volume of the current time point; `None` where no voxel is active.
     pub fn tumor(&self, doc: &Document) -> Option<&Arc<RegionVolume>> {
         self.loaded.as_ref()?.tumors.get(doc.nav.time)?.as_ref()
+    }
+
+    /// The case's files as they were read; empty where that isn't known.
+    pub fn files(&self) -> &[FileMark] {
+        self.loaded.as_ref().map_or(&[], |l| &l.files)
     }
 
     /// Findings of the checks of the case.

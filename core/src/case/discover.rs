@@ -64,6 +64,14 @@ pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
     guess(folder, vec![PathBuf::from(&name)], name, options, progress)
 }
 
+/// The manifest that [`open_spec`] reads for `path`; `None` without one.
+pub fn manifest_of(path: &Path) -> Option<PathBuf> {
+    if path.is_dir() {
+        return manifest_in(path).ok().flatten();
+    }
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")).then(|| path.to_owned())
+}
+
 /// The manifest of a folder, if it has one.
 fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
     let usual = folder.join("case.toml");

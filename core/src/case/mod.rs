@@ -21,7 +21,8 @@ use crate::{
     files::{self, FileError, ReadOptions, Source},
 };
 
-pub use discover::open_spec;
+pub use arguments::argument_with_file;
+pub use discover::{manifest_of, open_spec};
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::OrderBasis;

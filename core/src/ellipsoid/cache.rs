@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::{ComponentEllipsoid, Options};
 use crate::{
     components::Connectivity,
+    digest::Digest,
     files::{FileError, write_whole},
     tumor_index::{IndexData, TumorIndex},
 };
@@ -51,7 +52,7 @@ impl Key {
             digest.add(a);
             digest.add(b);
         }
-        digest.key()
+        Key(digest.finish())
     }
 }
 
@@ -73,45 +74,7 @@ fn slice_key<T: Copy + Into<u32>>(values: &[T]) -> Key {
             digest.add(pair.iter().fold(1, |word, &v| word << 32 | u64::from(v.into())));
         }
     }
-    digest.key()
-}
-
-/// Two lanes of multiply, rotate and add, with the finaliser of MurmurHash3 (public domain): the same
-/// on every machine and with every compiler version, unlike the standard library's hasher.
-struct Digest {
-    lanes: [u64; 2],
-    words: u64,
-}
-
-impl Digest {
-    fn new() -> Self {
-        Self { lanes: [0x243f_6a88_85a3_08d3, 0x1319_8a2e_0370_7344], words: 0 }
-    }
-
-    fn add(&mut self, word: u64) {
-        let [a, b] = &mut self.lanes;
-        *a = (*a ^ word.wrapping_mul(0x87c3_7b91_1142_53d5)).rotate_left(27).wrapping_mul(5).wrapping_add(*b);
-        *b = (*b ^ word.wrapping_mul(0x4cf5_ad43_2745_937f)).rotate_left(31).wrapping_mul(9).wrapping_add(*a);
-        self.words += 1;
-    }
-
-    fn bytes(&mut self, bytes: &[u8]) {
-        self.add(bytes.len() as u64);
-        for chunk in bytes.chunks(8) {
-            self.add(chunk.iter().fold(0, |word, &b| word << 8 | u64::from(b)));
-        }
-    }
-
-    fn key(&self) -> Key {
-        let finalize = |mut v: u64| {
-            v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
-            v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
-            v ^ v >> 33
-        };
-        let (a, b) = (self.lanes[0] ^ self.words, self.lanes[1] ^ self.words);
-        let (a, b) = (a.wrapping_add(b), b.wrapping_add(a.rotate_left(32)));
-        Key([finalize(a), finalize(b.wrapping_add(finalize(a)))])
-    }
+    Key(digest.finish())
 }
 
 /// Cached ellipsoids by key: one entry per time point.
@@ -178,5 +141,5 @@ fn checksum(name: &str, components: &[ComponentEllipsoid]) -> Option<String> {
     let mut digest = Digest::new();
     digest.bytes(name.as_bytes());
     digest.bytes(&serde_json::to_vec(components).ok()?);
-    Some(digest.key().to_string())
+    Some(Key(digest.finish()).to_string())
 }

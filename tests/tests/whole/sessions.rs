@@ -65,7 +65,7 @@ fn version_1_session_keeps_every_field() {
     // Saving it again preserves everything and writes enum values in snake_case.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("again.glioscope.json");
-    session::save(&path, &document, case).unwrap();
+    session::save(&path, &document, case, &[]).unwrap();
     assert_eq!(session::load(&path).unwrap().restore(case).unwrap(), (document, Vec::new()));
     let text = std::fs::read_to_string(&path).unwrap();
     for word in ["\"outline\"", "\"color_blind_safe\"", "\"whole_masks\"", "\"neurological\"", "\"axial\""] {

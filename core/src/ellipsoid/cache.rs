@@ -7,6 +7,8 @@
 use std::{
     collections::BTreeMap,
     fmt,
+    fs::{File, Metadata},
+    io::Read as _,
     path::{Path, PathBuf},
 };
 
@@ -17,12 +19,17 @@ use super::{ComponentEllipsoid, Options};
 use crate::{
     components::Connectivity,
     digest::Digest,
-    files::{FileError, write_whole},
+    files::{FileError, read_small, write_whole},
     tumor_index::{IndexData, TumorIndex},
 };
 
 /// Format version, raised whenever the numbers or their layout change: older files are then ignored.
 const FORMAT: u32 = 1;
+/// How the file begins.
+const BEGINNING: &str = "{\"glioscope_ellipsoids\":";
+/// Maximum size of the file.
+const MAX_BYTES: u64 = 1 << 30;
+const EXPECTED: &str = "a cache of ellipsoids";
 
 /// A 128-bit hash of everything the ellipsoids depend on: index, grid, connectivity, options and the
 /// file format. Not cryptographic: it doesn't withstand a deliberate search for collisions.
@@ -103,7 +110,7 @@ pub fn path_beside(session: &Path) -> PathBuf {
 /// The valid entries of the file at `path`: damaged ones are dropped, and a file that is absent,
 /// unreadable or of another format has none.
 pub fn load(path: &Path) -> Entries {
-    let read = || serde_json::from_slice::<CacheFile>(&std::fs::read(path).ok()?).ok();
+    let read = || serde_json::from_slice::<CacheFile>(&read_small(path, MAX_BYTES, EXPECTED).ok()?).ok();
     let Some(file) = read().filter(|f| f.glioscope_ellipsoids == FORMAT) else {
         return Entries::new();
     };
@@ -118,8 +125,12 @@ pub fn load(path: &Path) -> Entries {
 /// Writes `entries` to `path`, or leaves an existing file untouched.
 ///
 /// # Errors
-/// [`FileError::Wrong`] where it can't be written. The caller may continue without a cache.
+/// [`FileError::Wrong`] where it can't be written, or where a file of another kind has that name: `FILE.ellipsoids.json`
+/// may be a report. The caller may continue without a cache.
 pub fn save(path: &Path, entries: &Entries) -> Result<(), FileError> {
+    if path.symlink_metadata().is_ok() && !is_cache(path) {
+        return Err(FileError::wrong(path.display().to_string(), "a file of another kind", EXPECTED));
+    }
     let not_finite =
         || FileError::wrong(path.display().to_string(), "numbers JSON can't hold", "finite ones");
     let mut file = CacheFile { glioscope_ellipsoids: FORMAT, entries: BTreeMap::new() };
@@ -129,6 +140,17 @@ pub fn save(path: &Path, entries: &Entries) -> Result<(), FileError> {
     }
     let bytes = serde_json::to_vec(&file).map_err(|_| not_finite())?;
     write_whole(path, &bytes)
+}
+
+/// Whether the file at `path` begins as [`save`] writes it, in any format version.
+fn is_cache(path: &Path) -> bool {
+    let begins = || {
+        let mut head = vec![0; BEGINNING.len()];
+        path.metadata().ok().filter(Metadata::is_file)?;
+        File::open(path).ok()?.read_exact(&mut head).ok()?;
+        Some(head == BEGINNING.as_bytes())
+    };
+    begins() == Some(true)
 }
 
 fn parse_key(name: &str) -> Option<Key> {

@@ -20,6 +20,7 @@ use crate::{
         document::{default_lens, tumor_radius_mm},
         layout,
         overlap::{regions_of_mask, with_mask_toggled},
+        rulers::MOST_RULERS,
     },
     world::World,
 };
@@ -327,7 +328,7 @@ impl EditCommand {
             Self::SetPreset(preset) => edit.light.preset = *preset,
             Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
             Self::AddRuler(ruler) => {
-                if ruler.length_mm().is_finite() {
+                if ruler.length_mm().is_finite() && edit.rulers.len() < MOST_RULERS {
                     edit.rulers.push((**ruler).clone());
                 }
             }

@@ -11,7 +11,7 @@ use glioscope_core::case::{CaseSpec, LoadOptions};
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, History, Place, Session, session},
+    model::{CaseRef, Document, History, Place, Session, rulers::MOST_RULERS, session},
     world::{
         Loaded, World,
         jobs::Waker,
@@ -207,6 +207,10 @@ impl Workstation {
                 }
             }
             Command::Edit(edit) => {
+                if matches!(edit, EditCommand::AddRuler(_)) && doc.edit.rulers.len() >= MOST_RULERS {
+                    let found = format!("{MOST_RULERS} of them");
+                    self.error = Some(AppError::wrong("lines", found, "fewer, to keep another"));
+                }
                 let before = doc.edit.clone();
                 edit.apply(doc, &self.world);
                 if doc.edit != before {

@@ -71,7 +71,6 @@ pub struct EllipsoidOpacity {
     #[serde(default)]
     pub of: Option<ComponentOf>,
     /// Number of its component among those of `of`; without it, among all of the time point.
-    #[serde(alias = "id")]
     pub number: u32,
     /// 0 to 1, multiplied by the opacity of all.
     pub opacity: f64,

@@ -12,6 +12,7 @@ pub mod pane;
 pub mod place;
 pub mod rulers;
 pub mod session;
+mod session_limits;
 mod session_names;
 mod session_old;
 

@@ -16,8 +16,9 @@ use serde_json::Value;
 use super::{
     document::Document,
     place::{Place, relative_to},
+    session_limits::{self, unknown_keys},
     session_names,
-    session_old::upgrade_version_1,
+    session_old::{upgrade_version_1, upgrade_version_2},
 };
 
 /// Extension of session files.
@@ -49,6 +50,8 @@ pub struct Session {
     pub document: Document,
     /// The file it was read from; `None` for the session of an open case.
     pub origin: Option<Origin>,
+    /// What was found while it was read.
+    pub findings: Vec<Check>,
     /// The document as JSON: dates by label.
     named: Value,
 }
@@ -132,25 +135,43 @@ pub fn load(path: &Path) -> Result<Session, FileError> {
     let bytes = read_small(path, MAX_BYTES, "a session file")?;
     let mut value: Value = serde_json::from_slice(&bytes)
         .map_err(|e| wrong(path, &format!("broken JSON ({e})"), "a session file"))?;
-    match value.get(KEY).and_then(Value::as_u64) {
-        Some(1) => value.get_mut("document").into_iter().for_each(upgrade_version_1),
-        Some(2..=VERSION) => {}
-        Some(version) => {
+    let version = value.get(KEY).and_then(Value::as_u64);
+    let mut document = value.get_mut("document");
+    match (version, &mut document) {
+        (Some(1), Some(document)) => {
+            upgrade_version_1(document);
+            upgrade_version_2(document);
+        }
+        (Some(2), Some(document)) => upgrade_version_2(document),
+        (Some(1..=VERSION), _) => {}
+        (Some(version), _) => {
             return Err(wrong(
                 path,
                 &format!("session version {version}"),
                 &format!("version 1 to {VERSION}"),
             ));
         }
-        None => return Err(wrong(path, &format!("JSON without \"{KEY}\""), "a session file")),
+        (None, _) => return Err(wrong(path, &format!("JSON without \"{KEY}\""), "a session file")),
     }
     let unfit = |e: serde_json::Error| {
         wrong(path, &format!("a session that doesn't fit ({e})"), "a session file")
     };
-    let file: SessionFile = serde_json::from_value(value).map_err(unfit)?;
-    let document = serde_json::from_value(session_names::blank(&file.document)).map_err(unfit)?;
+    // Lists in it may be long: it is taken, not copied.
+    let named = value.get_mut("document").map(Value::take);
+    let named = named.ok_or_else(|| wrong(path, "no \"document\"", "a session file"))?;
+    let file: SessionFile = SessionFile::deserialize(&value).map_err(unfit)?;
+    let blank = session_names::blank(&named);
+    let document = Document::deserialize(&blank).map_err(unfit)?;
+    session_limits::check(&document, &named).map_err(|fault| wrong(path, &fault.found, &fault.expected))?;
+    let known = serde_json::to_value(&document).map_err(unfit)?;
+    let mut unknown = unknown_keys(&blank, &known);
+    unknown.extend(unknown_keys(&value, &serde_json::to_value(&file).map_err(unfit)?));
+    let findings = (!unknown.is_empty()).then(|| {
+        let found = format!("{}: found unknown keys, which are ignored: {}", path.display(), unknown.join(", "));
+        Check::warning("session-unknown-key", found)
+    });
     let origin = Origin { path: path.to_owned(), relative: file.relative, files: file.files };
-    Ok(Session { document, origin: Some(origin), named: file.document })
+    Ok(Session { document, origin: Some(origin), findings: findings.into_iter().collect(), named })
 }
 
 impl Session {
@@ -161,7 +182,7 @@ impl Session {
     pub fn of(document: &Document, case: &Case) -> Result<Self, FileError> {
         let named = session_names::named(document, case)
             .map_err(|e| wrong(Path::new("session"), &e.to_string(), "a document that can be written"))?;
-        Ok(Self { document: document.clone(), origin: None, named })
+        Ok(Self { document: document.clone(), origin: None, findings: Vec::new(), named })
     }
 
     /// The document for `case`, and a warning about what refers to dates, masks or images that the case lacks and is left

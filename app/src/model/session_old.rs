@@ -1,4 +1,4 @@
-//! Session files of version 1.
+//! Session files of versions 1 and 2.
 
 use serde_json::Value;
 
@@ -24,6 +24,17 @@ const RENAMED: [(&str, &str, &str); 5] = [
 /// Fields of single panes' magnifications in version 1, now in `zooms`: field, pane.
 const ZOOMS: [(&str, &str); 3] =
     [("context_zoom", "context"), ("ellipsoid_zoom", "ellipsoids"), ("change_zoom", "change")];
+
+/// Upgrades the document of a file of version 2 to version 3, but for numbers of dates and masks, which only the case can
+/// name.
+pub(super) fn upgrade_version_2(document: &mut Value) {
+    let opacities = document.pointer_mut("/edit/ellipsoid_opacities").and_then(Value::as_array_mut);
+    for own in opacities.into_iter().flatten().filter_map(Value::as_object_mut) {
+        if let Some(number) = own.remove("id") {
+            own.insert("number".into(), number);
+        }
+    }
+}
 
 /// Upgrades the document of a file of version 1 to version 2. Anything unexpected is left unchanged; deserialising then
 /// reports it.

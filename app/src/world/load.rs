@@ -159,6 +159,7 @@ fn find(request: &mut Request, progress: &Progress) -> Result<Found, AppError> {
         Some(origin) => session_case::find(session, origin, options, progress)?,
         None => Found::unchecked(Place::of(&session.document), options, progress)?,
     };
+    found.findings.extend(session.findings.iter().cloned());
     found.findings.extend(stale_options(&found.spec, options));
     Ok(found)
 }

@@ -11,7 +11,7 @@ use glioscope_core::case::{CaseSpec, LoadOptions};
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, History, Place, Session, rulers::MOST_RULERS, session},
+    model::{CaseRef, Document, Edit, History, Place, Session, rulers::MOST_RULERS, session},
     world::{
         Loaded, World,
         jobs::Waker,
@@ -44,6 +44,8 @@ pub struct Workstation {
     pub accept_guesses: bool,
     /// Path where the session was last saved or read.
     pub session_path: Option<PathBuf>,
+    /// What was last saved or opened; `None`: nothing of the document.
+    pub saved: Option<Box<Edit>>,
     /// Options of loading.
     pub options: LoadOptions,
     /// The last error, until dismissed.
@@ -80,13 +82,22 @@ impl Workstation {
     fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
         self.world = World::new(loaded);
         self.history = History::default();
+        self.saved = None;
         let first = self.world.case().and_then(|c| c.time_points.first());
         self.doc = document.or_else(|| {
             first.map(|time_point| Document::new(case, time_point, self.world.time_point_count()))
         });
         if let Some(doc) = &mut self.doc {
             doc.nav.time = doc.nav.time.min(self.world.time_point_count().saturating_sub(1));
+            self.saved = Some(Box::new(doc.edit.clone()));
         }
+    }
+
+    /// Whether there is work that would be lost if the case were closed: anything that undo covers but the arrangement of
+    /// the panes.
+    pub fn has_unsaved_work(&self) -> bool {
+        let Some(doc) = &self.doc else { return false };
+        self.saved.as_ref().is_none_or(|saved| !saved.same_work(&doc.edit))
     }
 
     /// Options of loading `case`. The case grid and the order of dates were given for the case open now, or for the first
@@ -123,7 +134,8 @@ impl Workstation {
         match Session::of(doc, case) {
             Ok(session) => {
                 let session_path = self.session_path.clone();
-                self.start(Request { session_path, ..Request::of_session(session, files, &self.limits()) }, wake);
+                let request = Request::of_session(session, files, &self.limits());
+                self.start(Request { session_path, is_unsaved: true, ..request }, wake);
             }
             Err(error) => self.error = Some(error.into()),
         }
@@ -148,6 +160,17 @@ impl Workstation {
         }
     }
 
+    /// Opens work that was never saved, from the file that it was kept in meanwhile. Where it is saved is asked later.
+    pub fn open_unsaved(&mut self, path: &Path, wake: Waker) {
+        match session::load(path) {
+            Ok(session) => {
+                let request = Request::of_session(session, &[], &self.limits());
+                self.start(Request { session_path: None, is_unsaved: true, ..request }, wake);
+            }
+            Err(error) => self.error = Some(error.into()),
+        }
+    }
+
     /// Takes over a finished load, if any. Returns the case or the session that was opened.
     pub fn poll(&mut self) -> Option<CaseRef> {
         let result = self.job.as_ref()?.job.poll()?;
@@ -158,8 +181,12 @@ impl Workstation {
                 None
             }
             Ok(Opened::Loaded(opened)) => {
+                let is_unsaved = request.is_unsaved;
                 self.session_path = request.session_path;
                 self.install_opened(*opened);
+                if is_unsaved {
+                    self.saved = None;
+                }
                 Some(self.session_path.clone().map_or(request.case, CaseRef::Path))
             }
             Err(error) => {
@@ -179,6 +206,7 @@ impl Workstation {
         match session::save(&path, doc, case, self.world.files()) {
             Ok(()) => {
                 self.notice = Some("Session saved.".into());
+                self.saved = Some(Box::new(doc.edit.clone()));
                 self.session_path = Some(path);
                 true
             }

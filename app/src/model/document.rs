@@ -101,6 +101,14 @@ pub struct Edit {
     pub maximized: Option<PaneId>,
 }
 
+impl Edit {
+    /// Whether `other` has the same content: all but the arrangement of the panes, which is no work to lose.
+    pub fn same_work(&self, other: &Self) -> bool {
+        let arranged = |edit: &Self| Self { layout: layout::single(PaneId::Closeup), maximized: None, ..edit.clone() };
+        self == other || arranged(self) == arranged(other)
+    }
+}
+
 /// The navigation state, which undo doesn't cover.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Navigation {

@@ -1,8 +1,10 @@
 //! The window: menu, warnings, panes, status line. Commands of the views are carried out after everything is drawn.
 
 pub mod about;
+pub mod autosave;
 pub mod dialogs;
 mod drop;
+mod leave;
 mod menu;
 pub mod offscreen;
 mod palette;
@@ -33,7 +35,9 @@ use crate::{
         jobs::{Ask, Job, Waker},
     },
 };
+use autosave::Autosave;
 use dialogs::{Answer, Dialog, Purpose};
+use leave::Leave;
 use palette::CommandPalette;
 use panes::PaneArea;
 use pictures::Pictures;
@@ -54,7 +58,10 @@ struct OpenParts {
 struct ScriptedPicture {
     path: PathBuf,
     requested: bool,
-    error: Option<AppError>,
+    /// Whether everything was final when the last frame was drawn. The next one draws what was finished meanwhile.
+    was_ready: bool,
+    /// How it ended, until it is taken.
+    outcome: Option<Result<(), AppError>>,
 }
 
 /// The program with a window.
@@ -77,6 +84,9 @@ pub struct GlioscopeApp {
     /// A file being written on a worker, with the notice for its end.
     export: Option<Job<&'static str>>,
     scripted: Option<ScriptedPicture>,
+    leave: Leave,
+    /// Copies of unsaved work; `None` where none are kept.
+    autosave: Option<Autosave>,
 }
 
 impl GlioscopeApp {
@@ -100,14 +110,22 @@ impl GlioscopeApp {
             pictures: Pictures::default(),
             export: None,
             scripted: None,
+            leave: Leave::default(),
+            autosave: None,
         })
     }
 
     /// Takes a screenshot once the case is loaded and drawn in final quality, then quits.
     #[must_use]
     pub fn picture_and_quit(mut self, path: PathBuf) -> Self {
-        self.scripted = Some(ScriptedPicture { path, requested: false, error: None });
+        self.scripted = Some(ScriptedPicture { path, requested: false, was_ready: false, outcome: None });
         self
+    }
+
+    /// Keeps copies of unsaved work, and offers those of windows that ended without asking.
+    #[must_use]
+    pub fn autosaved(self, autosave: Option<Autosave>) -> Self {
+        Self { autosave, ..self }
     }
 
     /// For picture files and tests: waits for results, and draws 3D views in final quality without a draft.
@@ -136,6 +154,7 @@ impl GlioscopeApp {
     pub fn draw(&mut self, ui: &mut Ui) {
         let ctx = ui.ctx().clone();
         self.ask.wake = Waker::of(&ctx);
+        self.hold_window(&ctx);
         self.receive(&ctx);
         let mut out = Commands::default();
         shortcuts(&ctx, &mut out);
@@ -146,6 +165,7 @@ impl GlioscopeApp {
         let fill = egui::Frame::NONE.fill(ui.visuals().panel_fill);
         CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
         self.palette.show(ui, &mut out);
+        self.ask(ui);
         prompts::guess(ui, &self.work, &mut out);
         prompts::open_path(ui, &mut self.open.path, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
@@ -167,18 +187,21 @@ impl GlioscopeApp {
                 "{dropped_files} files were dropped and the first is opened; drop their folder to open them as one case."
             ));
         }
+        if let Some(wait) = self.autosave.as_mut().and_then(|autosave| autosave.keep(&self.work, now)) {
+            ctx.request_repaint_after(wait);
+        }
         self.picture_once_ready(&ctx);
     }
 
-    /// Takes the error of the scripted screenshot, if it failed.
-    pub fn scripted_error(&mut self) -> Option<AppError> {
-        self.scripted.as_mut()?.error.take()
+    /// Takes how the scripted screenshot ended: written, or why it failed.
+    pub fn scripted_outcome(&mut self) -> Option<Result<(), AppError>> {
+        self.scripted.as_mut()?.outcome.take()
     }
 
     fn picture_once_ready(&mut self, ctx: &Context) {
         let Some(scripted) = &mut self.scripted else { return };
         if let Some(error) = self.work.error.take() {
-            scripted.error = Some(error);
+            scripted.outcome = Some(Err(error));
             ctx.send_viewport_cmd(egui::ViewportCommand::Close);
             return;
         }
@@ -189,9 +212,12 @@ impl GlioscopeApp {
             && self.work.doc.is_some()
             && !self.results.working()
             && self.pane_rects.keys().all(|pane| self.panes.ready(*pane));
-        if ready {
+        let was_ready = std::mem::replace(&mut scripted.was_ready, ready);
+        if ready && was_ready {
             scripted.requested = true;
             self.pictures.request(ctx, None, &scripted.path);
+        } else if ready {
+            ctx.request_repaint();
         } else {
             ctx.request_repaint_after(Duration::from_millis(50));
         }
@@ -253,8 +279,12 @@ impl GlioscopeApp {
         }
         match self.dialog.as_ref().map(Dialog::poll) {
             None | Some(Answer::Waiting) => {}
-            Some(Answer::Cancelled) => self.dialog = None,
+            Some(Answer::Cancelled) => {
+                self.dialog = None;
+                self.after_save(ctx, false);
+            }
             Some(Answer::Unavailable) => {
+                self.after_save(ctx, false);
                 if let Some(dialog) = self.dialog.take() {
                     self.report_missing_chooser(&dialog.purpose);
                 }
@@ -270,7 +300,8 @@ impl GlioscopeApp {
                 Ok(path) => self.work.notice = Some(format!("Picture written to {}", path.display())),
                 Err(error) => self.work.error = Some(error),
             }
-            if self.scripted.is_some() && self.work.error.is_none() {
+            if let (Some(scripted), None) = (&mut self.scripted, &self.work.error) {
+                scripted.outcome = Some(Ok(()));
                 ctx.send_viewport_cmd(egui::ViewportCommand::Close);
             }
         }
@@ -297,11 +328,15 @@ impl GlioscopeApp {
         }
     }
 
-    /// Saves slowly computed results beside a saved session.
-    fn save_results(&self, session: &Path) {
-        if let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case()) {
+    /// Saves the session, and slowly computed results beside it; returns whether the session was saved.
+    fn save_to(&mut self, session: &Path) -> bool {
+        let saved = self.work.save(session.to_owned());
+        if saved
+            && let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case())
+        {
             self.results.ellipsoids.write_cache(session, case, doc.nav.time, doc.edit.ellipsoids.neighbors);
         }
+        saved
     }
 
     /// Carries out one command.

@@ -13,7 +13,7 @@ use crate::{
     command::AppCommand,
     error::AppError,
     model::{
-        CaseRef, PaneId,
+        PaneId,
         session::{self, EXTENSION},
     },
     output,
@@ -21,7 +21,7 @@ use crate::{
 };
 
 impl GlioscopeApp {
-    fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
+    pub(super) fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
         self.dialog = Some(Dialog::open(purpose, Waker::of(ctx)));
     }
 
@@ -32,30 +32,21 @@ impl GlioscopeApp {
             AppCommand::OpenDialog => self.open.path = Some(String::new()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
-            AppCommand::Open(case) => self.work.open(case.clone(), Vec::new(), wake()),
-            AppCommand::OpenSample => self.work.open(CaseRef::Sample, Vec::new(), wake()),
-            AppCommand::OpenSession(path) => self.work.open_session(path, &[], wake()),
+            AppCommand::Open(_) | AppCommand::OpenSample | AppCommand::OpenSession(_) => {
+                if !self.asks_before(command) {
+                    self.open_now(ctx, command);
+                }
+            }
             AppCommand::AddTracts(files) => self.work.add_tracts(files, wake()),
             AppCommand::ClearRecent => self.recent.clear(),
             AppCommand::SaveSession => match self.work.session_path.clone() {
-                Some(path) => {
-                    if self.work.save(path.clone()) {
-                        self.save_results(&path);
-                    }
-                }
+                Some(path) => drop(self.save_to(&path)),
                 None => self.open_file_dialog(ctx, Purpose::SaveSession),
             },
             AppCommand::SaveSessionAs => self.open_file_dialog(ctx, Purpose::SaveSession),
             AppCommand::SaveSessionTo(path) => {
-                let whole = session::with_ending(path.clone());
-                // The dialog asked before it overwrites what was chosen, not this.
-                if whole != *path && whole.exists() {
-                    let expected = format!("a new name, or {EXTENSION} at the end of a name to overwrite");
-                    self.work.error = Some(AppError::file(&whole, "a file that exists", expected));
-                } else if self.work.save(whole.clone()) {
-                    self.recent.add(&whole);
-                    self.save_results(&whole);
-                }
+                let saved = self.save_as(path);
+                self.after_save(ctx, saved);
             }
             AppCommand::AcceptGuess(true) => self.work.accept_guess(wake()),
             AppCommand::AcceptGuess(false) => self.work.guess = None,
@@ -77,8 +68,24 @@ impl GlioscopeApp {
                 let is_dark = ctx.global_style().visuals.dark_mode;
                 ctx.set_theme(if is_dark { egui::Theme::Light } else { egui::Theme::Dark });
             }
-            AppCommand::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
+            AppCommand::Quit => self.quit(ctx),
         }
+    }
+
+    /// Saves the session to `path`, with the ending of sessions; returns whether it was saved.
+    fn save_as(&mut self, path: &Path) -> bool {
+        let whole = session::with_ending(path.to_owned());
+        // The dialog asked before it overwrites what was chosen, not this.
+        if whole != path && whole.exists() {
+            let expected = format!("a new name, or one with .{EXTENSION} to overwrite it");
+            self.work.error = Some(AppError::file(&whole, "a file that exists", expected));
+            return false;
+        }
+        let saved = self.save_to(&whole);
+        if saved {
+            self.recent.add(&whole);
+        }
+        saved
     }
 
     fn take_picture(&mut self, ctx: &Context, pane: Option<PaneId>, path: &Path) {

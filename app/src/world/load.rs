@@ -30,6 +30,8 @@ pub struct Request {
     pub session: Option<Box<Session>>,
     /// The file of the session; from then on the session is saved there.
     pub session_path: Option<PathBuf>,
+    /// Whether the session has work that no file has.
+    pub is_unsaved: bool,
     /// Options of loading.
     pub options: LoadOptions,
 }
@@ -48,7 +50,8 @@ impl Request {
         }
         let session_path = session.origin.as_ref().map(|origin| origin.path.clone());
         let case = case.clone();
-        Self { case, tracts: tracts.to_vec(), session: Some(Box::new(session)), session_path, options }
+        let (tracts, session) = (tracts.to_vec(), Some(Box::new(session)));
+        Self { case, tracts, session, session_path, is_unsaved: false, options }
     }
 }
 

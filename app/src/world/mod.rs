@@ -142,11 +142,12 @@ impl Results {
     }
 
     /// Whether a worker is computing a result that pictures wait for.
-    pub fn working(&self) -> bool {
+    pub fn working(&mut self) -> bool {
+        // Each takes what is finished.
         self.image.working()
-            || self.comparison.working()
-            || self.ellipsoids.working()
-            || self.tracts.working()
-            || self.numbers.working()
+            | self.comparison.working()
+            | self.ellipsoids.working()
+            | self.tracts.working()
+            | self.numbers.working()
     }
 }

@@ -32,8 +32,12 @@ impl Digest {
     /// Adds bytes and their number.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.add(bytes.len() as u64);
-        for chunk in bytes.chunks(8) {
-            self.add(chunk.iter().fold(0, |word, &b| word << 8 | u64::from(b)));
+        let (words, rest) = bytes.as_chunks::<8>();
+        for word in words {
+            self.add(u64::from_be_bytes(*word));
+        }
+        if !rest.is_empty() {
+            self.add(rest.iter().fold(0, |word, &b| word << 8 | u64::from(b)));
         }
     }
 

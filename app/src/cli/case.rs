@@ -92,7 +92,9 @@ impl CaseArguments {
             Some(CaseRef::Path(path)) if session::is_session(&path) => {
                 Ok(Request::of_session(session::load(&path)?, &self.tracts, &options))
             }
-            None if !or_sample => Err(AppError::arguments("no case", "a path, --mask and --context, or --sample")),
+            None if !or_sample => {
+                Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"))
+            }
             reference => {
                 let (case, tracts) = (reference.unwrap_or_default(), self.tracts.clone());
                 Ok(Request { case, tracts, options, ..Request::default() })

@@ -76,7 +76,8 @@ pub fn is_session(path: &Path) -> bool {
     let Ok(head) = read_start(path) else { return false };
     let is_json = head.trim_ascii_start().first() == Some(&b'{');
     let has_key = |bytes: &[u8]| bytes.windows(KEY.len()).any(|window| window == KEY.as_bytes());
-    is_json && (has_key(&head) || read_small(path, MAX_BYTES, "a session file").is_ok_and(|all| has_key(&all)))
+    is_json
+        && (has_key(&head) || read_small(path, MAX_BYTES, "a session file").is_ok_and(|all| has_key(&all)))
 }
 
 /// The first bytes of a regular file.
@@ -153,9 +154,8 @@ pub fn load(path: &Path) -> Result<Session, FileError> {
         }
         (None, _) => return Err(wrong(path, &format!("JSON without \"{KEY}\""), "a session file")),
     }
-    let unfit = |e: serde_json::Error| {
-        wrong(path, &format!("a session that doesn't fit ({e})"), "a session file")
-    };
+    let unfit =
+        |e: serde_json::Error| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file");
     // Lists in it may be long: it is taken, not copied.
     let named = value.get_mut("document").map(Value::take);
     let named = named.ok_or_else(|| wrong(path, "no \"document\"", "a session file"))?;
@@ -167,7 +167,8 @@ pub fn load(path: &Path) -> Result<Session, FileError> {
     let mut unknown = unknown_keys(&blank, &known);
     unknown.extend(unknown_keys(&value, &serde_json::to_value(&file).map_err(unfit)?));
     let findings = (!unknown.is_empty()).then(|| {
-        let found = format!("{}: found unknown keys, which are ignored: {}", path.display(), unknown.join(", "));
+        let found =
+            format!("{}: found unknown keys, which are ignored: {}", path.display(), unknown.join(", "));
         Check::warning("session-unknown-key", found)
     });
     let origin = Origin { path: path.to_owned(), relative: file.relative, files: file.files };
@@ -196,7 +197,8 @@ impl Session {
         let document = serde_json::from_value(value)
             .map_err(|e| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file"))?;
         let checks = (!dropped.is_empty()).then(|| {
-            let text = format!("Not restored from the session, as the case lacks it: {}.", dropped.join("; "));
+            let text =
+                format!("Not restored from the session, as the case lacks it: {}.", dropped.join("; "));
             Check::warning("session-dropped", text)
         });
         Ok((document, checks.into_iter().collect()))

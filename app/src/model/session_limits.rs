@@ -63,7 +63,11 @@ fn place(name: &str, place_mm: DVec3) -> Checked {
 }
 
 fn count(name: &str, found: usize, most: usize) -> Checked {
-    if found <= most { Ok(()) } else { fault(&format!("{found} entries of"), name, format!("at most {most}")) }
+    if found <= most {
+        Ok(())
+    } else {
+        fault(&format!("{found} entries of"), name, format!("at most {most}"))
+    }
 }
 
 fn neighbors(name: &str, found: u32) -> Checked {
@@ -179,7 +183,9 @@ fn check_layout(layout: &Tree<PaneId>) -> Checked {
         match container {
             Container::Tabs(_) => {}
             Container::Linear(linear) => linear.shares.iter().try_for_each(|(_, of)| share(*of))?,
-            Container::Grid(grid) => grid.col_shares.iter().chain(&grid.row_shares).try_for_each(|of| share(*of))?,
+            Container::Grid(grid) => {
+                grid.col_shares.iter().chain(&grid.row_shares).try_for_each(|of| share(*of))?;
+            }
         }
         pending.extend(container.children().copied());
     }

@@ -36,7 +36,9 @@ pub(super) fn numbered(named: &Value, case: &Case) -> (Value, Vec<String>) {
     let mut value = named.clone();
     let mut dropped = convert_times(&mut value, &mut |time| match time {
         Value::String(label) => case.time_at(label).map(|index| json!(index)),
-        number => number.as_u64().filter(|index| (*index as usize) < case.time_points.len()).map(|n| json!(n)),
+        number => {
+            number.as_u64().filter(|index| (*index as usize) < case.time_points.len()).map(|n| json!(n))
+        }
     });
     let shown = value.pointer("/nav/time").and_then(Value::as_u64).unwrap_or_default() as usize;
     let Some(shown) = case.time_points.get(shown) else { return (value, dropped) };
@@ -55,7 +57,9 @@ fn convert_times(document: &mut Value, change: &mut dyn FnMut(&Value) -> Option<
             json!(0)
         });
     }
-    for (pointer, what) in [("/edit/rulers", "line"), ("/edit/ellipsoid_opacities", "opacity of an ellipsoid")] {
+    for (pointer, what) in
+        [("/edit/rulers", "line"), ("/edit/ellipsoid_opacities", "opacity of an ellipsoid")]
+    {
         let Some(list) = document.pointer_mut(pointer).and_then(Value::as_array_mut) else { continue };
         list.retain_mut(|item| {
             let Some(time) = item.get_mut("time") else { return true };
@@ -137,7 +141,8 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
     }
     if let Some(list) = document.pointer_mut("/edit/ellipsoid_opacities").and_then(Value::as_array_mut) {
         list.retain(|own| {
-            let (mask, region) = (own.pointer("/of/mask"), own.pointer("/of/region").and_then(Value::as_array));
+            let (mask, region) =
+                (own.pointer("/of/mask"), own.pointer("/of/region").and_then(Value::as_array));
             let mut ids = mask.into_iter().chain(region.into_iter().flatten()).filter_map(Value::as_str);
             let missing = ids.find(|id| !has_mask(case, id));
             dropped.extend(missing.map(|id| format!("opacity of an ellipsoid of mask {id}")));

@@ -88,7 +88,8 @@ fn own_opacities(input: &Input<'_>, components: &[ComponentEllipsoid]) -> BTreeM
     let (time, neighbors) = (input.doc.nav.time, input.doc.edit.ellipsoids.neighbors);
     let all = input.doc.edit.ellipsoid_opacities.iter();
     let here = all.filter(|own| own.time == time && own.neighbors == neighbors);
-    here.filter_map(|own| Some((own.component(&input.time_point.regions, components)?, own.opacity))).collect()
+    here.filter_map(|own| Some((own.component(&input.time_point.regions, components)?, own.opacity)))
+        .collect()
 }
 
 /// A camera that fits all ellipsoids that are large enough, selected or not, so that a change of the selection doesn't

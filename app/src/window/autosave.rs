@@ -21,6 +21,10 @@ pub const INTERVAL: Duration = Duration::from_secs(30);
 /// The most windows whose work is kept.
 const MOST_FILES: u32 = 100;
 
+fn file_name(number: u32) -> String {
+    format!("unsaved-{number}.{EXTENSION}")
+}
+
 /// A file of unsaved work, locked as long as this exists.
 struct Kept {
     file: PathBuf,
@@ -34,7 +38,7 @@ impl Kept {
         let lock = folder.join(format!("unsaved-{number}.lock"));
         let locked = OpenOptions::new().create(true).truncate(false).write(true).open(&lock).ok()?;
         locked.try_lock().ok()?;
-        Some(Self { file: folder.join(format!("unsaved-{number}.{EXTENSION}")), lock, _locked: locked })
+        Some(Self { file: folder.join(file_name(number)), lock, _locked: locked })
     }
 
     fn remove(&self) {
@@ -77,6 +81,9 @@ impl Autosave {
         std::fs::create_dir_all(folder).ok()?;
         let (mut own, mut left_behind) = (None, Vec::new());
         for number in 0..MOST_FILES {
+            if own.is_some() && !folder.join(file_name(number)).exists() {
+                continue;
+            }
             let Some(kept) = Kept::lock(folder, number) else { continue };
             if kept.file.exists() {
                 left_behind.push(kept);

@@ -112,6 +112,8 @@ impl Dialog {
                 (_, None) => dialog
                     .set_title("Open a case")
                     .add_filter(format!("Cases, {} files, sessions", volume_names()), &case_filter())
+                    // A session is known by its content, whatever its name.
+                    .add_filter("All files", &["*"])
                     .pick_file(),
                 (_, Some(name)) => dialog.set_title("Save").set_file_name(name).save_file(),
             };

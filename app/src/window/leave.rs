@@ -172,8 +172,7 @@ fn ask_unsaved(ctx: &Context, leaving: &Leaving) -> Option<Answer> {
         }
     };
     let text = format!("The session has changes that aren't saved. What becomes of them before {before}?");
-    let buttons =
-        [("Save", Answer::Save), ("Discard", Answer::Discard), ("Cancel", Answer::Cancel)];
+    let buttons = [("Save", Answer::Save), ("Discard", Answer::Discard), ("Cancel", Answer::Cancel)];
     question(ctx, "Unsaved changes", &text, &buttons)
 }
 

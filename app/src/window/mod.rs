@@ -331,9 +331,7 @@ impl GlioscopeApp {
     /// Saves the session, and slowly computed results beside it; returns whether the session was saved.
     fn save_to(&mut self, session: &Path) -> bool {
         let saved = self.work.save(session.to_owned());
-        if saved
-            && let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case())
-        {
+        if saved && let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case()) {
             self.results.ellipsoids.write_cache(session, case, doc.nav.time, doc.edit.ellipsoids.neighbors);
         }
         saved

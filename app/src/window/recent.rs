@@ -29,8 +29,10 @@ impl Recent {
     /// The list stored in `folder`; empty if there is none.
     pub fn in_folder(folder: &Path) -> Self {
         let file = folder.join("recent.json");
-        let paths =
-            read_small(&file, MAX_BYTES, "a list of cases").ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
+        let paths = read_small(&file, MAX_BYTES, "a list of cases")
+            .ok()
+            .and_then(|b| serde_json::from_slice(&b).ok())
+            .unwrap_or_default();
         Self { file: Some(file), paths }
     }
 

@@ -163,7 +163,7 @@ fn find(request: &mut Request, progress: &Progress) -> Result<Found, AppError> {
         None => Found::unchecked(Place::of(&session.document), options, progress)?,
     };
     found.findings.extend(session.findings.iter().cloned());
-    found.findings.extend(stale_options(&found.spec, options));
+    found.findings.extend(stale_options(&found.spec, &session.document, options));
     Ok(found)
 }
 
@@ -188,12 +188,14 @@ fn read(request: Request, found: Found, progress: &Progress) -> Result<ReadCase,
     Ok(ReadCase { place, spec, case, files, document, options })
 }
 
-/// Leaves out the order of dates and the case grid of a session where they name others than the case has now.
-fn stale_options(spec: &CaseSpec, options: &mut LoadOptions) -> Vec<Check> {
+/// Leaves out the order of dates and the case grid of a session where they name others than the case has now. Those given
+/// on the command line are refused instead, when the case is read.
+fn stale_options(spec: &CaseSpec, document: &Document, options: &mut LoadOptions) -> Vec<Check> {
     let mut findings = Vec::new();
     let times = spec.contexts.iter().map(|c| &c.time).chain(spec.masks.iter().map(|m| &m.time));
     let dates: BTreeSet<&String> = times.flatten().collect();
-    if !options.order.is_empty() && options.order.iter().collect::<BTreeSet<_>>() != dates {
+    let of_session = !options.order.is_empty() && options.order == document.order;
+    if of_session && options.order.iter().collect::<BTreeSet<_>>() != dates {
         let dates: Vec<&str> = dates.into_iter().map(String::as_str).collect();
         let text = format!(
             "The session has the order {} of dates, and the case the dates {}; the order of the case is used.",
@@ -205,10 +207,12 @@ fn stale_options(spec: &CaseSpec, options: &mut LoadOptions) -> Vec<Check> {
     }
     let mut ids = spec.contexts.iter().map(|c| &c.id).chain(spec.masks.iter().map(|m| &m.id));
     if let CaseGridChoice::Of(id) = &options.case_grid
+        && document.case_grid.as_ref() == Some(id)
         && !ids.any(|known| known == id)
     {
-        let text =
-            format!("The session has the grid of {id}, which the case lacks; that of the finest mask is used.");
+        let text = format!(
+            "The session has the grid of {id}, which the case lacks; that of the finest mask is used."
+        );
         findings.push(Check::warning("session-case-grid", text));
         options.case_grid = CaseGridChoice::FinestMask;
     }

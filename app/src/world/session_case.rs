@@ -120,10 +120,15 @@ fn at_place(place: Place, options: &LoadOptions, progress: &Progress) -> Result<
 ///
 /// # Errors
 /// [`FileError`] where one can't be read.
-pub(super) fn marks(case: &CaseRef, spec: &CaseSpec, progress: &Progress) -> Result<Vec<FileMark>, FileError> {
+pub(super) fn marks(
+    case: &CaseRef,
+    spec: &CaseSpec,
+    progress: &Progress,
+) -> Result<Vec<FileMark>, FileError> {
     progress.say("comparing files");
     let images = spec.contexts.iter().map(|c| &c.source);
-    let sources = images.chain(spec.masks.iter().map(|m| &m.source)).chain(spec.tracts.iter().map(|t| &t.source));
+    let sources =
+        images.chain(spec.masks.iter().map(|m| &m.source)).chain(spec.tracts.iter().map(|t| &t.source));
     let manifest = match case {
         CaseRef::Path(path) => case::manifest_of(path),
         CaseRef::Sample | CaseRef::Arguments { .. } => None,

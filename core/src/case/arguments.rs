@@ -169,9 +169,8 @@ mod tests {
     fn the_file_of_an_argument_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         crate::files::write_whole(&folder.path().join("a@b.nii"), b"").unwrap();
-        let moved = |text: &str| {
-            argument_with_file(text, true, folder.path(), &|file| Path::new("/x").join(file))
-        };
+        let moved =
+            |text: &str| argument_with_file(text, true, folder.path(), &|file| Path::new("/x").join(file));
         assert_eq!(moved("T1=a@b.nii:1,4@2024").as_deref(), Some("T1=/x/a@b.nii:1,4@2024"));
         assert_eq!(moved("T1=c.nii@2024").as_deref(), Some("T1=/x/c.nii@2024"));
         assert_eq!(moved("c.nii"), None);

@@ -73,7 +73,9 @@ impl FileMark {
             progress.check()?;
             block.clear();
             let read = file.by_ref().take(BLOCK_BYTES).read_to_end(&mut block);
-            read.map_err(|e| FileError::wrong(printable(&path.display().to_string()), e.to_string(), expected))?;
+            read.map_err(|e| {
+                FileError::wrong(printable(&path.display().to_string()), e.to_string(), expected)
+            })?;
             if block.is_empty() {
                 break;
             }
@@ -125,7 +127,11 @@ mod tests {
         write_whole(&path, b"12345").unwrap();
         assert_eq!(read_small(&path, 5, "a note").unwrap(), b"12345");
         let error = |path: &Path| read_small(path, 4, "a note").unwrap_err().to_string();
-        assert!(error(&path).ends_with("a: found 5 bytes, expected a note of at most 4 bytes"), "{}", error(&path));
+        assert!(
+            error(&path).ends_with("a: found 5 bytes, expected a note of at most 4 bytes"),
+            "{}",
+            error(&path)
+        );
         assert!(error(folder.path()).contains("found a folder, expected a note"));
         assert!(error(Path::new("/dev/zero")).contains("found a device or a pipe"));
     }

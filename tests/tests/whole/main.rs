@@ -13,6 +13,7 @@ mod figures;
 mod goldens;
 mod real_views;
 mod real_window;
+mod session_files;
 mod sessions;
 mod ui;
 mod ui_change;

@@ -277,8 +277,12 @@ fn overlap_ring_areas_are_proportional_to_mask_volumes() {
     let doc = work.doc.as_ref().unwrap();
     let regions = &work.world.time_point(doc).unwrap().regions;
     let colors = work.world.colors(doc);
-    let input =
-        OverlapInput { regions, selection: &doc.edit.selection.at(regions), colors: &colors, mode: OverlapMode::Regions };
+    let input = OverlapInput {
+        regions,
+        selection: &doc.edit.selection.at(regions),
+        colors: &colors,
+        mode: OverlapMode::Regions,
+    };
     let rgba = Offscreen::new(&software_gpu(), false)
         .picture([900, 900], 1.0, |ui| {
             overlap::show_diagram(ui, &input, &mut Commands::default());

@@ -24,8 +24,9 @@ fn expected(name: &str) -> PathBuf {
 fn version_1_session_keeps_every_field() {
     let sample = workstation(CaseRef::Sample);
     let case = sample.world.case().unwrap();
-    let (document, checks) =
-        session::load(&expected("session_v1_all.glioscope.json")).unwrap().restore(case).unwrap();
+    let read = session::load(&expected("session_v1_all.glioscope.json")).unwrap();
+    assert_eq!(read.findings, [], "every key is known");
+    let (document, checks) = read.restore(case).unwrap();
     // Number 3 of the masks T1, T2, PET: the first two. Images and masks are those of the sample.
     assert_eq!(checks, []);
     let edit = &document.edit;
@@ -120,7 +121,7 @@ fn errors_of_invalid_sessions_name_file_and_cause() {
 }
 
 /// Loads what a workstation is opening.
-fn wait(work: &mut Workstation) {
+pub(crate) fn wait(work: &mut Workstation) {
     while work.job.is_some() {
         work.poll();
         std::thread::sleep(std::time::Duration::from_millis(5));
@@ -128,7 +129,7 @@ fn wait(work: &mut Workstation) {
 }
 
 /// A workstation with the session at `path` open.
-fn opened(path: &Path) -> Workstation {
+pub(crate) fn opened(path: &Path) -> Workstation {
     let mut work = Workstation::default();
     work.open_session(path, &[], Waker::default());
     wait(&mut work);
@@ -136,12 +137,12 @@ fn opened(path: &Path) -> Workstation {
     work
 }
 
-fn apply(work: &mut Workstation, command: impl Into<Command>) {
+pub(crate) fn apply(work: &mut Workstation, command: impl Into<Command>) {
     work.apply(&command.into(), std::time::Instant::now());
 }
 
 /// Messages of the findings with this code.
-fn findings(work: &Workstation, code: &str) -> Vec<String> {
+pub(crate) fn findings(work: &Workstation, code: &str) -> Vec<String> {
     work.world.checks().iter().filter(|check| check.code == code).map(|check| check.message.clone()).collect()
 }
 
@@ -183,9 +184,9 @@ fn a_session_keeps_its_dates_and_masks_when_others_are_added_or_listed_in_anothe
     // The masks the other way round, and the first date's files again as an earlier date.
     let blocks: Vec<&str> = text.split("[[mask]]").collect();
     let masks = || blocks[1..].iter().rev().map(|block| format!("[[mask]]{}\n", block.trim_end()));
-    let earlier = masks().filter(|block| block.contains("2024-01-15\"")).map(|block| {
-        block.replace("time = \"2024-01-15\"", "time = \"2023-12-01\"")
-    });
+    let earlier = masks()
+        .filter(|block| block.contains("2024-01-15\""))
+        .map(|block| block.replace("time = \"2024-01-15\"", "time = \"2023-12-01\""));
     let changed: String = std::iter::once(blocks[0].to_owned()).chain(masks()).chain(earlier).collect();
     std::fs::write(&manifest, changed).unwrap();
     let work = opened(&path);
@@ -241,7 +242,8 @@ fn the_opacity_of_an_ellipsoid_follows_its_mask() {
     work.save(path.clone());
     let blocks: Vec<&str> = text.split("[[mask]]").collect();
     let masks = blocks[1..].iter().rev().map(|block| format!("[[mask]]{}\n", block.trim_end()));
-    std::fs::write(&manifest, std::iter::once(blocks[0].to_owned()).chain(masks).collect::<String>()).unwrap();
+    std::fs::write(&manifest, std::iter::once(blocks[0].to_owned()).chain(masks).collect::<String>())
+        .unwrap();
     let work = opened(&path);
     let regions = work.world.case().unwrap().time_points[0].regions.clone();
     let components = all(&work);

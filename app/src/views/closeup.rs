@@ -66,6 +66,7 @@ pub fn scene_of(work: &Workstation, dark: bool) -> Option<RegionScene> {
 
 impl Pane for CloseupPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.canvas.begin();
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let input = stage.input;

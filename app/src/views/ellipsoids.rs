@@ -127,6 +127,7 @@ struct DrawnKey {
 
 impl Pane for EllipsoidPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.canvas.begin();
         let (input, ask) = (stage.input, stage.ask);
         ui.horizontal(|ui| controls(ui, &input, out));
         let rect = ui.available_rect_before_wrap();

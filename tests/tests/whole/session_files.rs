@@ -10,7 +10,7 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use glioscope::{
     command::{AppCommand, EditCommand, Workstation},
-    model::{CaseRef, session},
+    model::{CaseRef, PaneId, session},
     window::{
         autosave::{Autosave, INTERVAL},
         dialogs::open_command,
@@ -438,6 +438,20 @@ fn unsaved_work_is_kept_and_offered_after_a_crash() {
     assert!(again.save(folder.path().join("saved.glioscope.json")));
     autosave.keep(&again, start);
     assert_eq!(files().len(), 0, "saved");
+}
+
+/// A pane that has nothing to draw is as final as its message: pictures of the window don't wait for it for ever.
+#[test]
+fn a_maximised_pane_without_a_scene_is_ready() {
+    let folder = tempfile::tempdir().unwrap();
+    let manifest = patient(folder.path(), "A", 5);
+    let mut harness = window_with(opened_case(CaseRef::Path(manifest)), [600.0, 500.0], Theme::Light);
+    perform(&mut harness, EditCommand::MaximizePane(PaneId::Change));
+    assert!(harness.query_by_label_contains("Restore the change view").is_some());
+    assert!(harness.state().panes.ready(PaneId::Change), "one date: nothing to compare");
+    perform(&mut harness, EditCommand::MaximizePane(PaneId::Change));
+    perform(&mut harness, EditCommand::MaximizePane(PaneId::Closeup));
+    assert!(harness.state().panes.ready(PaneId::Closeup));
 }
 
 /// The codes of findings about sessions are exactly those documented in docs/checks.md.

@@ -47,6 +47,7 @@ fn camera(input: &Input<'_>) -> Camera {
 
 impl Pane for ContextPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.canvas.begin();
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let (input, ask) = (stage.input, stage.ask);

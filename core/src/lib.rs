@@ -41,6 +41,7 @@ pub mod components;
 pub mod csv;
 pub mod dates;
 pub mod decimal;
+pub mod digest;
 pub mod distance;
 pub mod ellipsoid;
 pub mod files;

@@ -217,6 +217,11 @@ impl Selection {
         bits != 0 && !self.hidden.contains(&bits)
     }
 
+    /// Bits of the hidden regions, ascending; also of those without a voxel.
+    pub fn hidden(&self) -> impl Iterator<Item = u32> {
+        self.hidden.iter().copied()
+    }
+
     /// Shows or hides one region.
     pub fn set(&mut self, bits: u32, shown: bool) {
         if shown {

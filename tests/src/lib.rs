@@ -195,7 +195,7 @@ pub fn pane_picture(harness: &mut Window, pane: PaneId) -> RgbaImage {
 pub fn wait_for_workers(harness: &mut Window) {
     for _ in 0..2000 {
         harness.run_ok();
-        let app = harness.state();
+        let app = harness.state_mut();
         if app.work.job.is_none() && !app.is_exporting() && !app.results.working() {
             break;
         }

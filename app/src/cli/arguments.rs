@@ -56,7 +56,7 @@ pub enum Task {
     },
     /// Describe a file or a case, without reading voxels where possible.
     Info {
-        /// An image, a manifest or a folder.
+        /// An image, a manifest, a folder or a session file.
         target: Option<PathBuf>,
         /// The case, given as masks and images.
         #[command(flatten)]

@@ -4,12 +4,16 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glioscope_core::{
-    case::{Case, CaseError, CaseGridChoice, LoadOptions},
+    case::{CaseGridChoice, LoadOptions},
     files::{DEFAULT_MAX_BYTES, format::volume_names},
 };
 
 use super::terminal;
-use crate::{error::AppError, model::CaseRef, world::load};
+use crate::{
+    error::AppError,
+    model::{CaseRef, session},
+    world::load::{self, ReadCase, Request},
+};
 
 /// A case given as masks and images.
 #[derive(Clone, Debug, Default, Args)]
@@ -78,28 +82,36 @@ impl CaseArguments {
         }
     }
 
-    /// Reads the case, with a progress bar on the terminal, and prints its guesses and warnings to stderr. Returns its
-    /// reference too.
+    /// What to open: the case given, or the session with what isn't given here.
+    ///
+    /// # Errors
+    /// [`AppError`] where none is given and `or_sample` is false, and for a session that can't be read.
+    pub fn request(&self, or_sample: bool) -> Result<Request, AppError> {
+        let options = self.options();
+        match self.reference()? {
+            Some(CaseRef::Path(path)) if session::is_session(&path) => {
+                Ok(Request::of_session(session::load(&path)?, &self.tracts, &options))
+            }
+            None if !or_sample => {
+                Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"))
+            }
+            reference => {
+                let (case, tracts) = (reference.unwrap_or_default(), self.tracts.clone());
+                Ok(Request { case, tracts, options, ..Request::default() })
+            }
+        }
+    }
+
+    /// Reads the case, with a progress bar on the terminal, and prints its guesses and warnings to stderr.
     ///
     /// # Errors
     /// [`AppError`] where it can't be read, or where none is given and `or_sample` is false.
-    pub fn load(&self, or_sample: bool) -> Result<(CaseRef, Case), AppError> {
-        let reference = match self.reference()? {
-            Some(reference) => reference,
-            None if or_sample => CaseRef::Sample,
-            None => {
-                return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
-            }
-        };
-        let options = self.options();
-        let (spec, case) = terminal::with_progress(|progress| -> Result<_, CaseError> {
-            let mut spec = load::spec_of(&reference, &options, progress)?;
-            spec.add_tracts(&self.tracts);
-            glioscope_core::case::load(&spec, &options, progress).map(|case| (spec, case))
-        })?;
-        terminal::guess(&spec);
-        terminal::notes(&case.checks);
-        Ok((reference, case))
+    pub fn read(&self, or_sample: bool) -> Result<ReadCase, AppError> {
+        let request = self.request(or_sample)?;
+        let read = terminal::with_progress(|progress| load::read_at_once(request, progress))?;
+        terminal::guess(&read.spec);
+        terminal::notes(&read.case.checks);
+        Ok(read)
     }
 }
 

@@ -67,7 +67,7 @@ pub struct ChangeArguments {
 }
 
 pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
-    let (_, case) = arguments.case.load(false)?;
+    let case = arguments.case.read(false)?.case;
     arguments.csv.iter().try_for_each(|path| case.inputs.refuse_as_output(path))?;
     let options = ChangeOptions {
         skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },

@@ -39,7 +39,7 @@ pub(super) fn run(
     tolerance: f64,
     json: bool,
 ) -> Result<(), AppError> {
-    let (_, case) = case.load(false)?;
+    let case = case.read(false)?.case;
     let options = Options { tolerance, ..Options::default() };
     let ellipsoids = terminal::with_progress(|progress| {
         progress.say("ellipsoids");

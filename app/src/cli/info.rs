@@ -12,7 +12,7 @@ use super::{
     case::{CaseArguments, MaskArguments},
     terminal,
 };
-use crate::{error::AppError, model::CaseRef, world::load};
+use crate::{error::AppError, model::session, world::load};
 
 pub(super) fn run(
     target: Option<PathBuf>,
@@ -23,6 +23,7 @@ pub(super) fn run(
     if let Some(path) = &target
         && path.is_file()
         && !is_manifest(path)
+        && !session::is_session(path)
     {
         let info: Box<dyn FileInfo> = if cross_check {
             let options = ReadOptions { max_bytes: parts.max_bytes, ..ReadOptions::default() };
@@ -35,8 +36,7 @@ pub(super) fn run(
         return if as_json { terminal::print_json_text(&json()?) } else { terminal::print(&info.text()) };
     }
     let case = CaseArguments { path: target, parts: parts.clone(), tracts: Vec::new() };
-    let reference = case.reference()?.unwrap_or(CaseRef::Sample);
-    let spec = load::spec_of(&reference, &case.options(), &Progress::new())?;
+    let spec = load::describe(case.request(true)?, &Progress::new())?;
     if cross_check {
         return Err(AppError::wrong("--cross-check", "a case", "one image"));
     }

@@ -5,15 +5,15 @@ use glioscope_render::{LightSettings, Preset, light};
 use super::arguments::LightArguments;
 use crate::model::LightChoice;
 
-/// The lighting given by the arguments: the preset's, or custom settings based on it.
-pub(super) fn light(arguments: &LightArguments) -> LightChoice {
+/// The lighting given by the arguments: the preset's, or custom settings based on it. What they leave open is as in `base`.
+pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoice {
     let LightArguments { light: mode, quality, aperture, slices, footprint, slice_mm, darkens } = *arguments;
-    let default = LightChoice::default();
+    let is_open = mode.is_none() && quality.is_none() && aperture.is_none();
     let mut choice = LightChoice {
-        mode: mode.unwrap_or(default.mode),
-        preset: quality,
-        aperture_deg: aperture.unwrap_or(default.aperture_deg),
-        own: None,
+        mode: mode.unwrap_or(base.mode),
+        preset: quality.or(base.preset),
+        aperture_deg: aperture.unwrap_or(base.aperture_deg),
+        own: base.own.filter(|_| is_open),
     };
     if slices.is_none() && footprint.is_none() && slice_mm.is_none() && darkens.is_none() {
         return choice;
@@ -37,14 +37,14 @@ mod tests {
 
     #[test]
     fn custom_settings_start_from_the_preset() {
-        assert_eq!(light(&LightArguments::default()), LightChoice::default());
+        assert_eq!(light(&LightArguments::default(), &LightChoice::default()), LightChoice::default());
         let arguments = LightArguments {
             light: Some(LightingMode::Slices),
             slices: Some(SliceVariant::PaperExact),
             darkens: Some(MutualOcclusion::NONE),
             ..LightArguments::default()
         };
-        let choice = light(&arguments);
+        let choice = light(&arguments, &LightChoice::default());
         let own = choice.own.unwrap();
         assert_eq!((choice.mode, own.mode), (LightingMode::Slices, LightingMode::Slices));
         assert_eq!((own.variant, own.mutual), (SliceVariant::PaperExact, MutualOcclusion::NONE));

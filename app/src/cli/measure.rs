@@ -9,7 +9,7 @@ use crate::{error::AppError, format};
 const EXTRA_DECIMALS: usize = 1;
 
 pub(super) fn run(case: &CaseArguments, json: bool) -> Result<(), AppError> {
-    let (_, case) = case.load(false)?;
+    let case = case.read(false)?.case;
     if json { terminal::print_json(&measure::report(&case)) } else { terminal::print(&table(&case)) }
 }
 

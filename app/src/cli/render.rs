@@ -24,7 +24,7 @@ use crate::{
     model::{ChangeSetting, Document, EllipsoidKind, OverlapMode, PaneId},
     output,
     views::{closeup, view3d::screen::PassTimes},
-    world::{Loaded, World},
+    world::World,
 };
 
 /// Applies the arguments to the document.
@@ -44,7 +44,7 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
         }
     }
     if let Some(text) = &arguments.select {
-        edit.selection = resolve::selection(text, &time_point.regions)?;
+        edit.selection.set(&time_point.regions, &resolve::selection(text, &time_point.regions)?);
     }
     if let Some([azimuth, elevation]) = arguments.camera {
         nav.camera.world_from_camera = Camera::orientation(azimuth, elevation);
@@ -87,14 +87,14 @@ fn apply_3d(arguments: &RenderArguments, doc: &mut Document, world: &World) -> R
         return Err(AppError::wrong("--clip", found, format!("at most {MOST_CLIP_PLANES}")));
     }
     edit.clips.extend_from_slice(&arguments.clips);
-    edit.light = light::light(&arguments.light);
+    edit.light = light::light(&arguments.light, &edit.light);
     let look = &mut edit.ellipsoids;
     if arguments.moment {
         look.kind = EllipsoidKind::Moment;
     }
     look.opacity = arguments.ellipsoid_opacity.unwrap_or(look.opacity);
     look.smallest_ml = arguments.hide_below.unwrap_or(look.smallest_ml);
-    nav.show_plane = arguments.slice_plane;
+    nav.show_plane |= arguments.slice_plane;
     apply_change(arguments, &mut edit.change, world)?;
     if let Some(zoom) = arguments.zoom {
         nav.zooms = PaneId::all().map(|pane| (pane, zoom)).collect();
@@ -111,12 +111,16 @@ fn apply_change(
 ) -> Result<(), AppError> {
     setting.style = arguments.style.unwrap_or(setting.style);
     setting.threshold_mm = arguments.threshold.unwrap_or(setting.threshold_mm);
-    setting.on_slices = arguments.changed_rim;
+    setting.on_slices |= arguments.changed_rim;
     let Some(case) = world.case() else { return Ok(()) };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());
     let compares = matches!(arguments.view, View::Pane(pane) if pane.row().needs_dates)
         || arguments.changed_rim
         || [of, from, to].iter().any(Option::is_some);
+    let chosen_in_session = setting.dates.is_some() || setting.of.is_some();
+    if chosen_in_session && [of, from, to].iter().all(Option::is_none) {
+        return Ok(());
+    }
     // A case with one time point is drawn without a comparison.
     if compares && case.time_points.len() > 1 {
         let choice = resolve::change(case, of, from, to)?;
@@ -131,11 +135,11 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     if !needs_frame && !arguments.explain {
         return Err(AppError::arguments("no --out FILE", "where to write the picture"));
     }
-    let (reference, case) = arguments.case.load(true)?;
-    let inputs = case.inputs.clone();
+    let read = arguments.case.read(true)?;
+    let inputs = read.case.inputs.clone();
     // Before minutes of drawing.
     arguments.out.iter().try_for_each(|path| inputs.refuse_as_output(path))?;
-    let mut work = Workstation::with_case(reference, Loaded::new(case));
+    let mut work = Workstation::with_opened(read.into());
     apply(arguments, &mut work)?;
     let is_closeup = view == View::Pane(PaneId::Closeup);
     let scene = closeup::scene_of(&work, arguments.dark).filter(|_| is_closeup);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glioscope_core::measure;
+use glioscope_core::{files::read_small, measure};
 
 use super::{
     case::CaseArguments,
@@ -10,20 +10,82 @@ use super::{
     parse::View,
     terminal,
 };
-use crate::{command::Workstation, error::AppError, model::PaneId, output, world::Loaded};
+use crate::{command::Workstation, error::AppError, model::PaneId, output, world::load::ReadCase};
 
 /// Size of the window's picture.
 const WINDOW_PX: [u32; 2] = [1600, 1000];
 
+/// Name of the file of numbers, which says whose report it is.
+const NUMBERS: &str = "measure.json";
+/// Maximum size of the numbers of a report that is replaced.
+const MAX_BYTES: u64 = 1 << 30;
+
 pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), AppError> {
-    let (reference, case) = case.load(true)?;
-    std::fs::create_dir_all(out)
-        .map_err(|e| AppError::file(out, e.to_string(), "a folder that can be made"))?;
+    let read = case.read(true)?;
+    let case = &read.case;
     let inputs = case.inputs.clone();
-    output::write_json(&out.join("measure.json"), &inputs, &measure::report(&case))?;
-    let time_point_count = case.time_points.len();
-    let mut app =
-        OffscreenApp::new(Workstation::with_case(reference, Loaded::new(case)), &gpu(software)?, false)?;
+    names().try_for_each(|name| inputs.refuse_as_output(&out.join(name)))?;
+    let replaced = earlier_report(out, &case.name)?;
+    let cant = |e: std::io::Error| AppError::file(out, e.to_string(), "a folder that can be made");
+    let made = !out.exists();
+    std::fs::create_dir_all(out).map_err(cant)?;
+    // Everything is written here first: a report is put in place whole, and never beside pictures of another one.
+    let new = tempfile::Builder::new().prefix(".glioscope-").tempdir_in(out).map_err(cant)?;
+    let written = write(read, new.path(), software);
+    let names = match written {
+        Ok(names) => names,
+        Err(error) => {
+            drop(new);
+            if made {
+                // Only where it is still empty.
+                let _ = std::fs::remove_dir(out);
+            }
+            return Err(error);
+        }
+    };
+    for name in replaced {
+        std::fs::remove_file(out.join(name)).map_err(cant)?;
+    }
+    for name in names {
+        std::fs::rename(new.path().join(&name), out.join(&name)).map_err(cant)?;
+    }
+    terminal::print(&format!("pictures and numbers written to {}", out.display()))
+}
+
+/// Names of every file that a report may have; the numbers last.
+fn names() -> impl Iterator<Item = String> {
+    let panes = PaneId::all().filter_map(|pane| pane.row().report_px.and(pane.row().cli));
+    std::iter::once("window").chain(panes).map(|name| format!("{name}.png")).chain([NUMBERS.to_owned()])
+}
+
+/// Names of the files of an earlier report in `out`, which the new one replaces.
+///
+/// # Errors
+/// [`AppError`] where they are of another case, or of none that is known.
+fn earlier_report(out: &Path, case: &str) -> Result<Vec<String>, AppError> {
+    let there: Vec<String> = names().filter(|name| out.join(name).symlink_metadata().is_ok()).collect();
+    let Some(first) = there.first() else { return Ok(there) };
+    let expected = format!("another folder, or a report of \"{case}\" to replace");
+    let numbers = out.join(NUMBERS);
+    if numbers.symlink_metadata().is_err() {
+        return Err(AppError::file(out, format!("{first} without {NUMBERS}"), expected));
+    }
+    let bytes = read_small(&numbers, MAX_BYTES, "a report")?;
+    let report: Option<serde_json::Value> = serde_json::from_slice(&bytes).ok();
+    match report.as_ref().and_then(|report| report.get("case")?.as_str()) {
+        Some(name) if name == case => Ok(there),
+        Some(name) => Err(AppError::file(&numbers, format!("the report of \"{name}\""), expected)),
+        None => Err(AppError::file(&numbers, "a file of another kind", expected)),
+    }
+}
+
+/// Writes the report into an empty folder and returns the names of its files.
+fn write(read: ReadCase, folder: &Path, software: bool) -> Result<Vec<String>, AppError> {
+    let inputs = read.case.inputs.clone();
+    output::write_json(&folder.join(NUMBERS), &inputs, &measure::report(&read.case))?;
+    let mut names = vec![NUMBERS.to_owned()];
+    let time_point_count = read.case.time_points.len();
+    let mut app = OffscreenApp::new(Workstation::with_opened(read.into()), &gpu(software)?, false)?;
     // A single time point has nothing to compare with.
     let panes = PaneId::all()
         .map(|pane| (pane, pane.row()))
@@ -31,7 +93,9 @@ pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<()
     let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, View::Pane(pane), row.report_px?)));
     for (name, view, size) in std::iter::once(("window", View::Window, WINDOW_PX)).chain(pictures) {
         let rgba = app.capture(view, size, 1.0)?;
-        output::write_png(&out.join(format!("{name}.png")), &inputs, size, &rgba)?;
+        let name = format!("{name}.png");
+        output::write_png(&folder.join(&name), &inputs, size, &rgba)?;
+        names.push(name);
     }
-    terminal::print(&format!("pictures and numbers written to {}", out.display()))
+    Ok(names)
 }

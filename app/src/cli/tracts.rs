@@ -70,7 +70,7 @@ struct TractReport {
 }
 
 pub(super) fn run(arguments: &TractArguments) -> Result<(), AppError> {
-    let (_, case) = arguments.case.load(false)?;
+    let case = arguments.case.read(false)?.case;
     if case.tracts.is_empty() {
         return Err(AppError::arguments("no tracts", "--tracts FILE or [[tracts]] in the manifest"));
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use egui::{Key, Modifiers};
 use egui_tiles::Tree;
 use glam::DVec3;
-use glioscope_core::{Selection, optics::Camera};
+use glioscope_core::{Regions, Selection, optics::Camera};
 use glioscope_render::{
     ClipPlane, Coloring, Lens, LightingMode, Palette, Preset, TransferFunction,
     flat::{Overlay, Window},
@@ -16,11 +16,12 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
-        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, OverlapMode, PaneId, Ruler,
+        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, HiddenRegions, OverlapMode, PaneId, Ruler,
         document::{default_lens, tumor_radius_mm},
         layout,
         masks::MaskLook,
         overlap::{regions_of_mask, with_mask_toggled},
+        rulers::MOST_RULERS,
     },
     world::World,
 };
@@ -269,21 +270,16 @@ impl EditCommand {
         let Document { edit, nav, .. } = doc;
         match self {
             Self::Undo | Self::Redo => {}
-            Self::ToggleRegion(bits) => edit.selection.toggle(*bits),
-            Self::OnlyRegion(bits) => edit.selection = Selection::only(regions, &[*bits]),
-            Self::SetRegion(bits, shown) => edit.selection.set(*bits, *shown),
-            Self::ShowAllRegions => edit.selection = Selection::all(),
-            Self::ToggleMask(k) if edit.overlap_mode == OverlapMode::WholeMasks => {
-                edit.selection = with_mask_toggled(regions, &edit.selection, *k);
+            Self::ShowAllRegions => edit.selection = HiddenRegions::none(),
+            Self::ToggleRegion(_)
+            | Self::OnlyRegion(_)
+            | Self::SetRegion(..)
+            | Self::ToggleMask(_)
+            | Self::OnlyMask(_) => {
+                let mut selection = edit.selection.at(regions);
+                self.select(&mut selection, regions, edit.overlap_mode);
+                edit.selection.set(regions, &selection);
             }
-            Self::ToggleMask(k) => {
-                let of_mask = regions_of_mask(regions, *k);
-                let all_shown = of_mask.iter().all(|bits| edit.selection.shows(*bits));
-                for bits in of_mask {
-                    edit.selection.set(bits, !all_shown);
-                }
-            }
-            Self::OnlyMask(k) => edit.selection = Selection::only(regions, &regions_of_mask(regions, *k)),
             Self::SetOverlapMode(mode) => edit.overlap_mode = *mode,
             Self::SetPalette(palette) => edit.palette = *palette,
             Self::SetColoring(coloring) => edit.coloring = *coloring,
@@ -347,7 +343,7 @@ impl EditCommand {
             Self::SetPreset(preset) => edit.light.preset = *preset,
             Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
             Self::AddRuler(ruler) => {
-                if ruler.length_mm().is_finite() {
+                if ruler.length_mm().is_finite() && edit.rulers.len() < MOST_RULERS {
                     edit.rulers.push((**ruler).clone());
                 }
             }
@@ -380,6 +376,27 @@ impl EditCommand {
                 edit.layout = layout::default_layout(world.time_point_count());
                 edit.maximized = None;
             }
+        }
+    }
+
+    /// Applies a command that shows or hides regions or masks of one time point.
+    fn select(&self, selection: &mut Selection, regions: &Regions, mode: OverlapMode) {
+        match self {
+            Self::ToggleRegion(bits) => selection.toggle(*bits),
+            Self::OnlyRegion(bits) => *selection = Selection::only(regions, &[*bits]),
+            Self::SetRegion(bits, shown) => selection.set(*bits, *shown),
+            Self::ToggleMask(k) if mode == OverlapMode::WholeMasks => {
+                *selection = with_mask_toggled(regions, selection, *k);
+            }
+            Self::ToggleMask(k) => {
+                let of_mask = regions_of_mask(regions, *k);
+                let all_shown = of_mask.iter().all(|bits| selection.shows(*bits));
+                for bits in of_mask {
+                    selection.set(bits, !all_shown);
+                }
+            }
+            Self::OnlyMask(k) => *selection = Selection::only(regions, &regions_of_mask(regions, *k)),
+            _ => {}
         }
     }
 }

@@ -14,24 +14,20 @@ use glioscope_core::{
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, History, PictureSize, session},
+    model::{CaseRef, Document, Edit, History, PictureSize, Place, Session, rulers::MOST_RULERS, session},
     world::{
         Loaded, World,
         jobs::Waker,
-        load::{LoadJob, Opened},
+        load::{LoadJob, Opened, OpenedCase, Request},
     },
 };
 
 /// A case whose files' roles were guessed from their names.
 pub struct Guess {
-    /// The case requested.
-    pub case: CaseRef,
+    /// What is being opened.
+    pub request: Request,
     /// The guess, with its reasons in the notes.
     pub spec: CaseSpec,
-    /// Files of fibre tracts in addition to the case's.
-    pub tracts: Vec<PathBuf>,
-    /// The document to restore, from a session file.
-    pub document: Option<Document>,
 }
 
 /// The running program's state.
@@ -51,6 +47,8 @@ pub struct Workstation {
     pub accept_guesses: bool,
     /// Path where the session was last saved or read.
     pub session_path: Option<PathBuf>,
+    /// What was last saved or opened; `None`: nothing of the document.
+    pub saved: Option<Box<Edit>>,
     /// Options of loading.
     pub options: LoadOptions,
     /// The size of exported pictures.
@@ -69,100 +67,135 @@ impl Workstation {
         work
     }
 
+    /// A workstation with a case that was read, and the session with it, if any.
+    pub fn with_opened(opened: OpenedCase) -> Self {
+        let mut work = Self::default();
+        work.install_opened(opened);
+        work
+    }
+
+    fn install_opened(&mut self, opened: OpenedCase) {
+        let OpenedCase { place: Place { case, tracts }, loaded, document, options } = opened;
+        self.install(case.clone(), loaded, document);
+        if let Some(doc) = &mut self.doc {
+            doc.set_source(case, tracts, &options);
+        }
+        self.options = options;
+    }
+
     /// Replaces the current case; starts with `document`, or with the initial one.
     fn install(&mut self, case: CaseRef, loaded: Loaded, document: Option<Document>) {
         self.world = World::new(loaded);
         self.history = History::default();
+        self.saved = None;
         let first = self.world.case().and_then(|c| c.time_points.first());
         self.doc = document.or_else(|| {
             first.map(|time_point| Document::new(case, time_point, self.world.time_point_count()))
         });
         if let Some(doc) = &mut self.doc {
             doc.nav.time = doc.nav.time.min(self.world.time_point_count().saturating_sub(1));
+            self.saved = Some(Box::new(doc.edit.clone()));
         }
+    }
+
+    /// Whether there is work that would be lost if the case were closed: anything that undo covers but the arrangement of
+    /// the panes.
+    pub fn has_unsaved_work(&self) -> bool {
+        let Some(doc) = &self.doc else { return false };
+        self.saved.as_ref().is_none_or(|saved| !saved.same_work(&doc.edit))
     }
 
     /// Options of loading `case`. The case grid and the order of dates were given for the case open now, or for the first
     /// one: they say nothing about another.
     fn options_for(&self, case: &CaseRef) -> LoadOptions {
         let is_another = self.doc.as_ref().is_some_and(|doc| doc.case != *case);
-        let limits = LoadOptions { max_bytes: self.options.max_bytes, ..LoadOptions::default() };
-        if is_another { limits } else { self.options.clone() }
+        if is_another { self.limits() } else { self.options.clone() }
     }
 
-    /// Starts opening a case; the current one remains until the new one is loaded completely. Additional fibre tracts
-    /// are those of `document`.
-    pub fn open(&mut self, case: CaseRef, document: Option<Document>, wake: Waker) {
-        let tracts = document.as_ref().map(|doc| doc.tracts.clone()).unwrap_or_default();
-        self.open_with(case, tracts, document, wake);
+    /// Options of loading that hold for every case.
+    fn limits(&self) -> LoadOptions {
+        LoadOptions { max_bytes: self.options.max_bytes, ..LoadOptions::default() }
     }
 
-    /// As [`Workstation::open`], with the additional files of fibre tracts given.
-    pub fn open_with(
-        &mut self,
-        case: CaseRef,
-        tracts: Vec<PathBuf>,
-        document: Option<Document>,
-        wake: Waker,
-    ) {
+    /// Starts opening a case with additional files of fibre tracts; the current one remains until the new one is loaded
+    /// completely.
+    pub fn open(&mut self, case: CaseRef, tracts: Vec<PathBuf>, wake: Waker) {
+        let options = self.options_for(&case);
+        self.start(Request { case, tracts, options, ..Request::default() }, wake);
+    }
+
+    fn start(&mut self, request: Request, wake: Waker) {
         if let Some(job) = self.job.take() {
             job.job.progress.cancel();
         }
         self.error = None;
         self.guess = None;
-        let options = self.options_for(&case);
-        self.job = Some(LoadJob::start(case, tracts, None, options, document, wake));
+        self.job = Some(LoadJob::start(request, None, wake));
     }
 
     /// Opens the case again with additional files of fibre tracts, keeping the current document.
     pub fn add_tracts(&mut self, files: &[PathBuf], wake: Waker) {
-        let Some(mut document) = self.doc.clone() else { return };
-        document.tracts.extend_from_slice(files);
-        self.open(document.case.clone(), Some(document), wake);
+        let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return };
+        match Session::of(doc, case) {
+            Ok(session) => {
+                let session_path = self.session_path.clone();
+                let request = Request::of_session(session, files, &self.limits());
+                self.start(Request { session_path, is_unsaved: true, ..request }, wake);
+            }
+            Err(error) => self.error = Some(error.into()),
+        }
     }
 
     /// Reads the case as guessed.
     pub fn accept_guess(&mut self, wake: Waker) {
-        if let Some(Guess { case, spec, tracts, document }) = self.guess.take() {
-            let options = self.options_for(&case);
-            self.job = Some(LoadJob::start(case, tracts, Some(spec), options, document, wake));
+        if let Some(Guess { request, spec }) = self.guess.take() {
+            self.job = Some(LoadJob::start(request, Some(spec), wake));
         }
     }
 
     /// Opens a session file and the case it refers to, with additional `tracts`.
     pub fn open_session(&mut self, path: &Path, tracts: &[PathBuf], wake: Waker) {
         match session::load(path) {
-            Ok(mut document) => {
-                document.tracts.extend_from_slice(tracts);
-                self.session_path = Some(path.to_owned());
-                self.open(document.case.clone(), Some(document), wake);
+            Ok(session) => {
+                // What was given on the command line is for the first case opened.
+                let given = if self.doc.is_some() { self.limits() } else { self.options.clone() };
+                self.start(Request::of_session(session, tracts, &given), wake);
             }
             Err(error) => self.error = Some(error.into()),
         }
     }
 
-    /// Takes over a finished load, if any. Returns the case that was opened.
+    /// Opens work that was never saved, from the file that it was kept in meanwhile. Where it is saved is asked later.
+    pub fn open_unsaved(&mut self, path: &Path, wake: Waker) {
+        match session::load(path) {
+            Ok(session) => {
+                let request = Request::of_session(session, &[], &self.limits());
+                self.start(Request { session_path: None, is_unsaved: true, ..request }, wake);
+            }
+            Err(error) => self.error = Some(error.into()),
+        }
+    }
+
+    /// Takes over a finished load, if any. Returns the case or the session that was opened.
     pub fn poll(&mut self) -> Option<CaseRef> {
         let result = self.job.as_ref()?.job.poll()?;
-        let job = self.job.take()?;
+        let LoadJob { request, job } = self.job.take()?;
         match result {
             Ok(Opened::Guessed(spec)) => {
-                self.guess = Some(Guess { case: job.case, spec, tracts: job.tracts, document: job.document });
+                self.guess = Some(Guess { request, spec });
                 None
             }
-            Ok(Opened::Loaded(loaded)) => {
-                if job.document.is_none() {
-                    self.session_path = None;
+            Ok(Opened::Loaded(opened)) => {
+                let is_unsaved = request.is_unsaved;
+                self.session_path = request.session_path;
+                self.install_opened(*opened);
+                if is_unsaved {
+                    self.saved = None;
                 }
-                self.options = self.options_for(&job.case);
-                self.install(job.case.clone(), *loaded, job.document);
-                if let Some(doc) = &mut self.doc {
-                    doc.tracts = job.tracts;
-                }
-                Some(job.case)
+                Some(self.session_path.clone().map_or(request.case, CaseRef::Path))
             }
             Err(error) => {
-                if job.job.progress.check().is_ok() {
+                if job.progress.check().is_ok() {
                     self.error = Some(error);
                 } else {
                     self.notice = Some("Loading cancelled; nothing was changed.".into());
@@ -177,15 +210,24 @@ impl Workstation {
         self.world.case().map(|case| case.inputs.clone()).unwrap_or_default()
     }
 
-    /// Saves the session to `path`.
-    pub fn save(&mut self, path: PathBuf) {
-        let Some(doc) = &self.doc else { return };
-        match self.inputs().refuse_as_output(&path).and_then(|()| session::save(&path, doc)) {
+    /// Saves the session to `path`; returns whether that succeeded.
+    pub fn save(&mut self, path: PathBuf) -> bool {
+        let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return false };
+        let written = case
+            .inputs
+            .refuse_as_output(&path)
+            .and_then(|()| session::save(&path, doc, case, self.world.files()));
+        match written {
             Ok(()) => {
                 self.notice = Some("Session saved.".into());
+                self.saved = Some(Box::new(doc.edit.clone()));
                 self.session_path = Some(path);
+                true
             }
-            Err(error) => self.error = Some(error.into()),
+            Err(error) => {
+                self.error = Some(error.into());
+                false
+            }
         }
     }
 
@@ -209,6 +251,10 @@ impl Workstation {
                 }
             }
             Command::Edit(edit) => {
+                if matches!(edit, EditCommand::AddRuler(_)) && doc.edit.rulers.len() >= MOST_RULERS {
+                    let found = format!("{MOST_RULERS} of them");
+                    self.error = Some(AppError::wrong("lines", found, "fewer, to keep another"));
+                }
                 let mut before = doc.edit.clone();
                 edit.apply(doc, &self.world);
                 before.arrange_as(&doc.edit);
@@ -264,8 +310,9 @@ mod tests {
         let arranged = work.doc.clone().unwrap().edit;
         for (command, shown) in [(EditCommand::Undo, true), (EditCommand::Redo, false)] {
             work.apply(&command.into(), now);
-            let edit = &work.doc.as_ref().unwrap().edit;
-            assert_eq!(edit.selection.shows(1), shown);
+            let doc = work.doc.as_ref().unwrap();
+            let edit = &doc.edit;
+            assert_eq!(work.world.selection(doc).shows(1), shown);
             assert_eq!((&edit.layout, edit.maximized), (&arranged.layout, arranged.maximized));
         }
     }

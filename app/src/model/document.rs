@@ -11,8 +11,8 @@ use std::{
 use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
-    Grid, Selection,
-    case::TimePoint,
+    Grid,
+    case::{CaseGridChoice, LoadOptions, TimePoint},
     optics::{Camera, Projection},
 };
 use glioscope_render::{
@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     change::ChangeSetting,
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
+    hidden::HiddenRegions,
     layout,
     light::LightChoice,
     masks::MaskLooks,
@@ -53,8 +54,8 @@ pub enum CaseRef {
 /// The state that undo covers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Edit {
-    /// Visible regions.
-    pub selection: Selection,
+    /// Which regions are hidden.
+    pub selection: HiddenRegions,
     /// Whether the lens is on.
     pub lens_on: bool,
     /// The lens.
@@ -110,6 +111,13 @@ impl Edit {
     pub fn arrange_as(&mut self, other: &Self) {
         self.layout.clone_from(&other.layout);
         self.maximized = other.maximized;
+    }
+
+    /// Whether `other` has the same content: all but the arrangement of the panes, which is no work to lose.
+    pub fn same_work(&self, other: &Self) -> bool {
+        let arranged =
+            |edit: &Self| Self { layout: layout::single(PaneId::Closeup), maximized: None, ..edit.clone() };
+        self == other || arranged(self) == arranged(other)
     }
 }
 
@@ -173,6 +181,12 @@ pub struct Document {
     /// Files of fibre tracts in addition to the case's.
     #[serde(default)]
     pub tracts: Vec<PathBuf>,
+    /// Labels of the time points in time order, where the user states it; empty: as the case states.
+    #[serde(default)]
+    pub order: Vec<String>,
+    /// Id of the mask or image whose grid is the case grid; `None`: the finest mask.
+    #[serde(default)]
+    pub case_grid: Option<String>,
     /// State that undo covers.
     pub edit: Edit,
     /// State that undo doesn't cover.
@@ -229,8 +243,10 @@ impl Document {
         Self {
             case,
             tracts: Vec::new(),
+            order: Vec::new(),
+            case_grid: None,
             edit: Edit {
-                selection: Selection::all(),
+                selection: HiddenRegions::none(),
                 lens_on: time_point.regions.union_voxels() > 0,
                 lens,
                 windows: BTreeMap::new(),
@@ -266,6 +282,17 @@ impl Document {
                 ruler_on: false,
             },
         }
+    }
+
+    /// Records how its case was read: from where, and with the order of dates and the case grid of `options`.
+    pub fn set_source(&mut self, case: CaseRef, tracts: Vec<PathBuf>, options: &LoadOptions) {
+        self.case = case;
+        self.tracts = tracts;
+        self.order.clone_from(&options.order);
+        self.case_grid = match &options.case_grid {
+            CaseGridChoice::FinestMask => None,
+            CaseGridChoice::Of(id) => Some(id.clone()),
+        };
     }
 
     /// The lines measured at the current time point, with their indices.

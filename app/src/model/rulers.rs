@@ -10,6 +10,9 @@ use strum::{IntoStaticStr, VariantArray};
 
 use super::pane::PaneId;
 
+/// The most lines of a case.
+pub const MOST_RULERS: usize = 1000;
+
 /// A measured straight line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ruler {

@@ -1,141 +1,210 @@
 //! The session file: a [`Document`] as JSON under a format version, written whole or not at all.
 
-use std::path::Path;
+use std::{
+    io::Read as _,
+    path::{Path, PathBuf},
+};
 
-use glioscope_core::files::{FileError, write_whole};
+use glioscope_core::{
+    Check,
+    case::Case,
+    files::{FileError, FileMark, read_small, write_whole_private},
+};
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::document::Document;
+use super::{
+    document::Document,
+    place::{Place, relative_to},
+    session_limits::{self, unknown_keys},
+    session_names,
+    session_old::{upgrade_version_1, upgrade_version_2},
+};
 
 /// Extension of session files.
 pub const EXTENSION: &str = "glioscope.json";
-/// The version this program writes, and the newest it reads. [`upgrade_version_1`] converts the previous one.
-const VERSION: u64 = 2;
+/// The version this program writes, and the newest it reads. Version 2 had numbers of dates and of masks instead of their
+/// names, which [`session_names`] still reads.
+const VERSION: u64 = 3;
+/// The key by which a session file is recognised.
+const KEY: &str = "glioscope_session";
+/// Maximum size of a session file.
+const MAX_BYTES: u64 = 16 << 20;
 
 #[derive(Serialize, Deserialize)]
 struct SessionFile {
     glioscope_session: u64,
-    document: Document,
+    /// Where the case lies, seen from the folder of the session file.
+    #[serde(default)]
+    relative: Option<Place>,
+    /// The case's files as they were read.
+    #[serde(default)]
+    files: Vec<FileMark>,
+    document: Value,
 }
 
-/// Whether a path has the extension of a session file, in any case.
+/// A session as read, before its case is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Session {
+    /// The document, without what refers to dates of the case.
+    pub document: Document,
+    /// The file it was read from; `None` for the session of an open case.
+    pub origin: Option<Origin>,
+    /// What was found while it was read.
+    pub findings: Vec<Check>,
+    /// The document as JSON: dates by label.
+    named: Value,
+}
+
+/// The file of a session, and what it says about the files of its case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Origin {
+    /// The session file.
+    pub path: PathBuf,
+    /// Where the case lies, seen from the session file's folder; `None` before version 3.
+    pub relative: Option<Place>,
+    /// The case's files as they were when the session was saved; empty before version 3 and for the sample.
+    pub files: Vec<FileMark>,
+}
+
+/// Whether a file is a session: by its ending, or by its content whatever its name.
 pub fn is_session(path: &Path) -> bool {
-    path.to_string_lossy().to_lowercase().ends_with(EXTENSION)
+    if path.to_string_lossy().to_lowercase().ends_with(&format!(".{EXTENSION}")) {
+        return !path.is_dir();
+    }
+    // Other files that a case may be opened from don't begin with a brace, and may be large.
+    let Ok(head) = read_start(path) else { return false };
+    let is_json = head.trim_ascii_start().first() == Some(&b'{');
+    let has_key = |bytes: &[u8]| bytes.windows(KEY.len()).any(|window| window == KEY.as_bytes());
+    is_json
+        && (has_key(&head) || read_small(path, MAX_BYTES, "a session file").is_ok_and(|all| has_key(&all)))
 }
 
-/// Saves the document. Images are not copied: the file refers to the case by its path.
+/// The first bytes of a regular file.
+fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    if path.metadata()?.is_file() {
+        std::fs::File::open(path)?.take(1024).read_to_end(&mut head)?;
+    }
+    Ok(head)
+}
+
+/// `path` with the ending of session files, unless it has it.
+pub fn with_ending(path: PathBuf) -> PathBuf {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let lower = name.to_lowercase();
+    if lower.ends_with(&format!(".{EXTENSION}")) {
+        return path;
+    }
+    let stem = if lower.ends_with(".json") { &name[..name.len() - ".json".len()] } else { &name };
+    path.with_file_name(format!("{stem}.{EXTENSION}"))
+}
+
+/// Saves the document of `case`, whose files are `files`. Images are not copied: the session file refers to the case by
+/// its absolute path and by the one seen from its own folder.
 ///
 /// # Errors
 /// [`FileError`]; an existing file at `path` is then unchanged.
-pub fn save(path: &Path, document: &Document) -> Result<(), FileError> {
-    let file = SessionFile { glioscope_session: VERSION, document: document.clone() };
-    let text = serde_json::to_string_pretty(&file)
-        .map_err(|e| wrong(path, &format!("a document that can't be written ({e})"), "one that can"))?;
-    write_whole(path, text.as_bytes())
+pub fn save(path: &Path, document: &Document, case: &Case, files: &[FileMark]) -> Result<(), FileError> {
+    let cant = |e: serde_json::Error| {
+        wrong(path, &format!("a document that can't be written ({e})"), "one that can")
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut document = document.clone();
+    let place = Place::of(&document).absolute();
+    let relative = place.relative_to(folder);
+    (document.case, document.tracts) = (place.case, place.tracts);
+    let marks = files.iter().map(|mark| {
+        let file = relative_to(&mark.file, folder);
+        FileMark { file, ..mark.clone() }
+    });
+    let file = SessionFile {
+        glioscope_session: VERSION,
+        relative: Some(relative),
+        files: marks.collect(),
+        document: session_names::named(&document, case).map_err(cant)?,
+    };
+    let text = serde_json::to_string_pretty(&file).map_err(cant)?;
+    write_whole_private(path, text.as_bytes())
 }
 
 /// Reads a session.
 ///
 /// # Errors
 /// [`FileError`]; also for a file of a newer version.
-pub fn load(path: &Path) -> Result<Document, FileError> {
-    let bytes = std::fs::read(path).map_err(|e| wrong(path, &e.to_string(), "a session file"))?;
+pub fn load(path: &Path) -> Result<Session, FileError> {
+    let bytes = read_small(path, MAX_BYTES, "a session file")?;
     let mut value: Value = serde_json::from_slice(&bytes)
         .map_err(|e| wrong(path, &format!("broken JSON ({e})"), "a session file"))?;
-    match value.get("glioscope_session").and_then(Value::as_u64) {
-        Some(1) => upgrade_version_1(&mut value),
-        Some(VERSION) => {}
-        Some(version) => {
+    let version = value.get(KEY).and_then(Value::as_u64);
+    let mut document = value.get_mut("document");
+    match (version, &mut document) {
+        (Some(1), Some(document)) => {
+            upgrade_version_1(document);
+            upgrade_version_2(document);
+        }
+        (Some(2), Some(document)) => upgrade_version_2(document),
+        (Some(1..=VERSION), _) => {}
+        (Some(version), _) => {
             return Err(wrong(
                 path,
                 &format!("session version {version}"),
                 &format!("version 1 to {VERSION}"),
             ));
         }
-        None => return Err(wrong(path, "JSON without \"glioscope_session\"", "a session file")),
+        (None, _) => return Err(wrong(path, &format!("JSON without \"{KEY}\""), "a session file")),
     }
-    let file: SessionFile = serde_json::from_value(value)
-        .map_err(|e| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file"))?;
-    Ok(file.document)
+    let unfit =
+        |e: serde_json::Error| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file");
+    // Lists in it may be long: it is taken, not copied.
+    let named = value.get_mut("document").map(Value::take);
+    let named = named.ok_or_else(|| wrong(path, "no \"document\"", "a session file"))?;
+    let file: SessionFile = SessionFile::deserialize(&value).map_err(unfit)?;
+    let blank = session_names::blank(&named);
+    let document = Document::deserialize(&blank).map_err(unfit)?;
+    session_limits::check(&document, &named).map_err(|fault| wrong(path, &fault.found, &fault.expected))?;
+    let known = serde_json::to_value(&document).map_err(unfit)?;
+    let mut unknown = unknown_keys(&blank, &known);
+    unknown.extend(unknown_keys(&value, &serde_json::to_value(&file).map_err(unfit)?));
+    let findings = (!unknown.is_empty()).then(|| {
+        let found =
+            format!("{}: found unknown keys, which are ignored: {}", path.display(), unknown.join(", "));
+        Check::warning("session-unknown-key", found)
+    });
+    let origin = Origin { path: path.to_owned(), relative: file.relative, files: file.files };
+    Ok(Session { document, origin: Some(origin), findings: findings.into_iter().collect(), named })
+}
+
+impl Session {
+    /// The session of an open case, to open that again.
+    ///
+    /// # Errors
+    /// [`FileError`] where the document can't be written as JSON.
+    pub fn of(document: &Document, case: &Case) -> Result<Self, FileError> {
+        let named = session_names::named(document, case)
+            .map_err(|e| wrong(Path::new("session"), &e.to_string(), "a document that can be written"))?;
+        Ok(Self { document: document.clone(), origin: None, findings: Vec::new(), named })
+    }
+
+    /// The document for `case`, and a warning about what refers to dates, masks or images that the case lacks and is left
+    /// out.
+    ///
+    /// # Errors
+    /// [`FileError`] where a name is of the wrong kind.
+    pub fn restore(&self, case: &Case) -> Result<(Document, Vec<Check>), FileError> {
+        let (value, dropped) = session_names::numbered(&self.named, case);
+        let path = self.origin.as_ref().map_or(Path::new("session"), |origin| &origin.path);
+        let document = serde_json::from_value(value)
+            .map_err(|e| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file"))?;
+        let checks = (!dropped.is_empty()).then(|| {
+            let text =
+                format!("Not restored from the session, as the case lacks it: {}.", dropped.join("; "));
+            Check::warning("session-dropped", text)
+        });
+        Ok((document, checks.into_iter().collect()))
+    }
 }
 
 fn wrong(path: &Path, found: &str, expected: &str) -> FileError {
     FileError::Wrong { file: path.display().to_string(), found: found.into(), expected: expected.into() }
-}
-
-/// JSON pointers to values that version 1 wrote in PascalCase instead of snake_case.
-const PASCAL_CASE: [&str; 6] = [
-    "/edit/overlay",
-    "/edit/palette",
-    "/edit/coloring",
-    "/edit/overlap_mode",
-    "/nav/convention",
-    "/nav/camera/projection",
-];
-
-/// Fields renamed since version 1: JSON pointer to their object, old name, new name.
-const RENAMED: [(&str, &str, &str); 5] = [
-    ("/edit/light", "shading", "mode"),
-    ("/edit/light/own", "shading", "mode"),
-    ("/edit/light/own/mutual", "solid_on_image", "opaque_on_image"),
-    ("/edit/light/own/mutual", "image_on_solid", "image_on_opaque"),
-    ("/edit/light/own/mutual", "solid_on_solid", "opaque_on_opaque"),
-];
-
-/// Fields of single panes' magnifications in version 1, now in `zooms`: field, pane.
-const ZOOMS: [(&str, &str); 3] =
-    [("context_zoom", "context"), ("ellipsoid_zoom", "ellipsoids"), ("change_zoom", "change")];
-
-/// Upgrades a file of version 1 to [`VERSION`]. Anything unexpected is left unchanged; deserialising then reports it.
-fn upgrade_version_1(file: &mut Value) {
-    file["glioscope_session"] = json!(VERSION);
-    let Some(document) = file.get_mut("document") else { return };
-    for pointer in PASCAL_CASE {
-        if let Some(Value::String(word)) = document.pointer_mut(pointer) {
-            *word = snake_case(word);
-        }
-    }
-    for (pointer, old, new) in RENAMED {
-        if let Some(object) = document.pointer_mut(pointer).and_then(Value::as_object_mut)
-            && let Some(value) = object.remove(old)
-        {
-            object.insert(new.into(), value);
-        }
-    }
-    if let Some(nav) = document.pointer_mut("/nav").and_then(Value::as_object_mut) {
-        let zooms = ZOOMS.iter().filter_map(|(field, pane)| Some(((*pane).to_owned(), nav.remove(*field)?)));
-        let zooms: serde_json::Map<String, Value> = zooms.collect();
-        nav.insert("zooms".into(), zooms.into());
-    }
-    for pointer in ["/edit/layout", "/edit/maximized", "/edit/rulers"] {
-        if let Some(part) = document.pointer_mut(pointer) {
-            flatten_slice_panes(part);
-        }
-    }
-}
-
-/// Replaces `{"slice": "Axial"}`, version 1's name of a slice pane, with `"axial"` throughout `value`.
-fn flatten_slice_panes(value: &mut Value) {
-    match value {
-        Value::Object(object) if object.len() == 1 && object.contains_key("slice") => {
-            if let Some(Value::String(plane)) = object.remove("slice") {
-                *value = snake_case(&plane).into();
-            }
-        }
-        Value::Object(object) => object.values_mut().for_each(flatten_slice_panes),
-        Value::Array(list) => list.iter_mut().for_each(flatten_slice_panes),
-        _ => {}
-    }
-}
-
-fn snake_case(word: &str) -> String {
-    let mut out = String::with_capacity(word.len() + 2);
-    for (i, letter) in word.char_indices() {
-        if letter.is_ascii_uppercase() && i > 0 {
-            out.push('_');
-        }
-        out.push(letter.to_ascii_lowercase());
-    }
-    out
 }

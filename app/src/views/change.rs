@@ -83,6 +83,7 @@ pub fn no_comparison_text(error: &ChangeError) -> String {
 
 impl Pane for ChangePane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.canvas.begin();
         let (input, ask) = (stage.input, stage.ask);
         let chosen = input.doc.edit.change.chosen(input.case);
         if let Ok(chosen) = &chosen {

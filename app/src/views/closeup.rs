@@ -49,7 +49,7 @@ impl Picked for Pick {
 pub fn scene(doc: &Document, world: &World, dark: bool) -> RegionScene {
     RegionScene {
         tumor: world.tumor(doc).cloned(),
-        selection: doc.edit.selection.clone(),
+        selection: world.selection(doc),
         colors: world.colors(doc),
         lens: doc.active_lens(),
         camera: doc.nav.camera,
@@ -66,6 +66,7 @@ pub fn scene_of(work: &Workstation, dark: bool) -> Option<RegionScene> {
 
 impl Pane for CloseupPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.canvas.begin();
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let input = stage.input;
@@ -78,7 +79,7 @@ impl Pane for CloseupPane {
         let plane = doc.nav.show_plane.then(|| stage.results.plane.get(doc, input.context)).flatten();
         let scene = RegionScene {
             tumor: input.tumor.cloned(),
-            selection: doc.edit.selection.clone(),
+            selection: input.selection.clone(),
             colors: input.colors.clone(),
             lens: doc.active_lens(),
             camera: doc.nav.camera,
@@ -145,7 +146,7 @@ fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     let regions = &input.time_point.regions;
     let (at, anchor, text) = if regions.union_voxels() == 0 {
         (rect.center(), Align2::CENTER_CENTER, "No mask is active at this time point")
-    } else if input.doc.edit.selection.is_empty(regions) {
+    } else if input.selection.is_empty(regions) {
         (rect.center_top() + vec2(0.0, 28.0), Align2::CENTER_TOP, "Every region is hidden")
     } else {
         return;

@@ -1,7 +1,7 @@
 //! The ellipsoid diagram (thesis 7.6), similar to a 3D Venn diagram: an ellipsoid for every connected component of the
 //! selected regions or masks.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use egui::{Align2, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, vec2};
 use glam::DVec3;
@@ -42,11 +42,10 @@ pub struct EllipsoidPane {
 
 /// Whether a component is of a shown region or, in whole-mask mode, of a fully shown mask.
 fn is_selected(input: &Input<'_>, of: Of) -> bool {
-    let edit = &input.doc.edit;
-    match (of, edit.overlap_mode) {
-        (Of::Region(bits), OverlapMode::Regions) => edit.selection.shows(bits),
+    match (of, input.doc.edit.overlap_mode) {
+        (Of::Region(bits), OverlapMode::Regions) => input.selection.shows(bits),
         (Of::Mask(k), OverlapMode::WholeMasks) => {
-            mask_shown(&input.time_point.regions, &edit.selection, k) == Shown::All
+            mask_shown(&input.time_point.regions, input.selection, k) == Shown::All
         }
         _ => false,
     }
@@ -57,11 +56,8 @@ pub fn drawn(input: &Input<'_>, components: &[ComponentEllipsoid]) -> (Vec<Drawn
     let look = &input.doc.edit.ellipsoids;
     let mut too_small = 0;
     let mut list = Vec::new();
-    let (time, neighbors) = (input.doc.nav.time, look.neighbors);
-    let opacity_of = |id| {
-        let of_this = |o: &&EllipsoidOpacity| o.time == time && o.neighbors == neighbors && o.id == id;
-        input.doc.edit.ellipsoid_opacities.iter().find(of_this).map_or(1.0, |o| o.opacity)
-    };
+    let own = own_opacities(input, components);
+    let opacity_of = |id: u32| own.get(&id).copied().unwrap_or(1.0);
     for (component, id) in components.iter().zip(0_u32..) {
         if !is_selected(input, component.of) {
             continue;
@@ -85,6 +81,15 @@ pub fn drawn(input: &Input<'_>, components: &[ComponentEllipsoid]) -> (Vec<Drawn
         });
     }
     (list, too_small)
+}
+
+/// Opacities set for single ellipsoids of the time point shown, by index of the component.
+fn own_opacities(input: &Input<'_>, components: &[ComponentEllipsoid]) -> BTreeMap<u32, f64> {
+    let (time, neighbors) = (input.doc.nav.time, input.doc.edit.ellipsoids.neighbors);
+    let all = input.doc.edit.ellipsoid_opacities.iter();
+    let here = all.filter(|own| own.time == time && own.neighbors == neighbors);
+    here.filter_map(|own| Some((own.component(&input.time_point.regions, components)?, own.opacity)))
+        .collect()
 }
 
 /// A camera that fits all ellipsoids that are large enough, selected or not, so that a change of the selection doesn't
@@ -125,6 +130,7 @@ struct DrawnKey {
 
 impl Pane for EllipsoidPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.canvas.begin();
         let (input, ask) = (stage.input, stage.ask);
         ui.horizontal_wrapped(|ui| controls(ui, &input, out));
         let rect = ui.available_rect_before_wrap();
@@ -194,7 +200,7 @@ impl EllipsoidPane {
         let key = DrawnKey {
             look: edit.ellipsoids,
             mode: edit.overlap_mode,
-            selection: edit.selection.clone(),
+            selection: input.selection.clone(),
             colors: input.colors.clone(),
             opacities: edit.ellipsoid_opacities.clone(),
             time: input.doc.nav.time,
@@ -227,16 +233,24 @@ impl EllipsoidPane {
                 self.clicked.and_then(|p| Some((p, components.get(p.id as usize)?)))
             {
                 let (time, neighbors) = (input.doc.nav.time, input.doc.edit.ellipsoids.neighbors);
-                let is_this =
-                    |o: &EllipsoidOpacity| o.time == time && o.neighbors == neighbors && o.id == pick.id;
-                let current = all.iter().find(|o| is_this(o)).map_or(1.0, |o| o.opacity);
+                let regions = &input.time_point.regions;
+                let current = own_opacities(input, components).get(&pick.id).copied().unwrap_or(1.0);
                 let mut opacity = current;
                 ui.label(format!("{} {}", name_of(input, component.of), format::ml(component.volume_ml)));
                 let response = ui.add(Slider::new(&mut opacity, 0.0..=1.0).fixed_decimals(2).text("opacity"));
                 response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Opacity of this ellipsoid"));
                 if opacity != current {
-                    new.retain(|o| !is_this(o));
-                    new.push(EllipsoidOpacity { time, neighbors, id: pick.id, opacity });
+                    new.retain(|own| {
+                        (own.time, own.neighbors) != (time, neighbors)
+                            || own.component(regions, components) != Some(pick.id)
+                    });
+                    new.extend(EllipsoidOpacity::new(
+                        time,
+                        neighbors,
+                        (regions, components),
+                        pick.id,
+                        opacity,
+                    ));
                 }
             } else {
                 ui.weak("No ellipsoid here");

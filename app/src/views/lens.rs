@@ -185,7 +185,7 @@ fn name_cell(ui: &mut Ui, input: &Input<'_>, line: &Row) {
         stroke,
         egui::StrokeKind::Outside,
     );
-    let hidden = !input.doc.edit.selection.shows(line.bits);
+    let hidden = !input.selection.shows(line.bits);
     let text = RichText::new(if hidden { format!("{} (hidden)", line.name) } else { line.name.clone() });
     let label = egui::Label::new(if hidden { text.weak() } else { text }).truncate().selectable(false);
     ui.add(label).on_hover_text(format!("{}: {} in the lens", line.name, line.cells[0]));

@@ -4,7 +4,7 @@ use std::{any::Any, path::Path, sync::Arc};
 
 use egui::Ui;
 use glioscope_core::{
-    RegionVolume, Sides,
+    RegionVolume, Selection, Sides,
     case::{Case, TimePoint},
 };
 use glioscope_render::MaskColors;
@@ -25,6 +25,8 @@ pub struct Input<'a> {
     pub case: &'a Arc<Case>,
     /// The time point shown.
     pub time_point: &'a TimePoint,
+    /// Its regions that are shown.
+    pub selection: &'a Selection,
     /// Its regions, cropped to their bounding box; `None` if no voxel is active.
     pub tumor: Option<&'a Arc<RegionVolume>>,
     /// Colours of its masks.

@@ -1,10 +1,12 @@
 //! The window: menu, warnings, panes, status line. Commands of the views are carried out after everything is drawn.
 
 pub mod about;
+pub mod autosave;
 pub mod dialogs;
 mod drop;
 mod enlarged;
 mod go_to;
+mod leave;
 mod masks;
 mod menu;
 mod modal;
@@ -40,7 +42,9 @@ use crate::{
         jobs::{Ask, Job, Waker},
     },
 };
+use autosave::Autosave;
 use dialogs::{Choice, Chooser, Dialog};
+use leave::Leave;
 use palette::CommandPalette;
 use panes::PaneArea;
 use pictures::Pictures;
@@ -65,7 +69,10 @@ struct OpenParts {
 struct ScriptedPicture {
     path: PathBuf,
     requested: bool,
-    error: Option<AppError>,
+    /// Whether everything was final when the last frame was drawn. The next one draws what was finished meanwhile.
+    was_ready: bool,
+    /// How it ended, until it is taken.
+    outcome: Option<Result<(), AppError>>,
 }
 
 /// The program with a window.
@@ -94,6 +101,9 @@ pub struct GlioscopeApp {
     /// A command that goes to a place which a worker looks for.
     going_to: Option<AppCommand>,
     started: bool,
+    leave: Leave,
+    /// Copies of unsaved work; `None` where none are kept.
+    autosave: Option<Autosave>,
 }
 
 impl GlioscopeApp {
@@ -127,14 +137,22 @@ impl GlioscopeApp {
             pictures: Pictures::default(),
             export: None,
             scripted: None,
+            leave: Leave::default(),
+            autosave: None,
         })
     }
 
     /// Takes a screenshot once the case is loaded and drawn in final quality, then quits.
     #[must_use]
     pub fn picture_and_quit(mut self, path: PathBuf) -> Self {
-        self.scripted = Some(ScriptedPicture { path, requested: false, error: None });
+        self.scripted = Some(ScriptedPicture { path, requested: false, was_ready: false, outcome: None });
         self
+    }
+
+    /// Keeps copies of unsaved work, and offers those of windows that ended without asking.
+    #[must_use]
+    pub fn autosaved(self, autosave: Option<Autosave>) -> Self {
+        Self { autosave, ..self }
     }
 
     /// For picture files and tests: waits for results, and draws 3D views in final quality without a draft.
@@ -163,6 +181,7 @@ impl GlioscopeApp {
     pub fn draw(&mut self, ui: &mut Ui) {
         let ctx = ui.ctx().clone();
         self.ask.wake = Waker::of(&ctx);
+        self.hold_window(&ctx);
         self.receive(&ctx);
         self.go_to_pending();
         if !std::mem::replace(&mut self.started, true) {
@@ -185,6 +204,7 @@ impl GlioscopeApp {
         let fill = egui::Frame::NONE.fill(ui.visuals().panel_fill);
         CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
         self.palette.show(ui, &places, &mut out);
+        self.ask(ui);
         prompts::guess(ui, &self.work, &mut out);
         typed_path::show(ui, &mut self.open.path, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
@@ -206,6 +226,13 @@ impl GlioscopeApp {
             self.work.notice = Some(format!(
                 "{dropped_files} files were dropped and the first is opened; drop their folder to open them as one case."
             ));
+        }
+        if let Some(wait) = self.autosave.as_mut().and_then(|autosave| autosave.keep(&self.work, now)) {
+            ctx.request_repaint_after(wait);
+        }
+        if self.dialog.is_none() && self.open.path.is_none() {
+            // Cancelled: what waited for a name to save to doesn't happen.
+            self.after_save(&ctx, false);
         }
         self.picture_once_ready(&ctx);
     }
@@ -245,22 +272,23 @@ impl GlioscopeApp {
     /// Whether a dialog or the palette holds the keyboard.
     fn dialog_is_open(&self, ctx: &Context) -> bool {
         let asks = self.work.guess.is_some() && !self.work.accept_guesses;
-        asks || self.open.about
+        asks || self.is_asking()
+            || self.open.about
             || self.open.masks
             || self.open.path.is_some()
             || self.palette.is_open()
             || modal::is_open(ctx)
     }
 
-    /// Takes the error of the scripted screenshot, if it failed.
-    pub fn scripted_error(&mut self) -> Option<AppError> {
-        self.scripted.as_mut()?.error.take()
+    /// Takes how the scripted screenshot ended: written, or why it failed.
+    pub fn scripted_outcome(&mut self) -> Option<Result<(), AppError>> {
+        self.scripted.as_mut()?.outcome.take()
     }
 
     fn picture_once_ready(&mut self, ctx: &Context) {
         let Some(scripted) = &mut self.scripted else { return };
         if let Some(error) = self.work.error.take() {
-            scripted.error = Some(error);
+            scripted.outcome = Some(Err(error));
             ctx.send_viewport_cmd(egui::ViewportCommand::Close);
             return;
         }
@@ -271,9 +299,12 @@ impl GlioscopeApp {
             && self.work.doc.is_some()
             && !self.results.working()
             && self.pane_rects.keys().all(|pane| self.panes.ready(*pane));
-        if ready {
+        let was_ready = std::mem::replace(&mut scripted.was_ready, ready);
+        if ready && was_ready {
             scripted.requested = true;
             self.pictures.request(ctx, None, &scripted.path, self.work.inputs());
+        } else if ready {
+            ctx.request_repaint();
         } else {
             ctx.request_repaint_after(Duration::from_millis(50));
         }
@@ -295,7 +326,7 @@ impl GlioscopeApp {
     fn with_panes(&mut self, ui: &mut Ui, out: &mut Commands, show: impl FnOnce(&mut Ui, &mut PaneArea<'_>)) {
         let Workstation { doc: Some(doc), world, session_path, .. } = &self.work else { return };
         let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
-        let colors = world.colors(doc);
+        let (colors, selection) = (world.colors(doc), world.selection(doc));
         let setting = &doc.edit.change;
         if setting.on_slices {
             // The change view requests it too, but may not be open.
@@ -306,6 +337,7 @@ impl GlioscopeApp {
             doc,
             case,
             time_point,
+            selection: &selection,
             tumor: world.tumor(doc),
             colors: &colors,
             context: world.context(doc),
@@ -339,7 +371,7 @@ impl GlioscopeApp {
             && let Some(Dialog { purpose, .. }) = self.dialog.take()
         {
             match choice {
-                Choice::Cancelled => {}
+                Choice::Cancelled => self.after_save(ctx, false),
                 Choice::Path(path) => self.perform(ctx, &purpose.command(path), Instant::now()),
                 Choice::Unavailable(why) => {
                     let why = format!("This desktop has no file chooser ({why}), so type the path.");
@@ -353,7 +385,8 @@ impl GlioscopeApp {
                 Ok(path) => self.work.notice = Some(format!("Picture written to {}", path.display())),
                 Err(error) => self.work.error = Some(error),
             }
-            if self.scripted.is_some() && self.work.error.is_none() {
+            if let (Some(scripted), None) = (&mut self.scripted, &self.work.error) {
+                scripted.outcome = Some(Ok(()));
                 ctx.send_viewport_cmd(egui::ViewportCommand::Close);
             }
         }
@@ -377,11 +410,13 @@ impl GlioscopeApp {
         std::path::absolute(folder).ok()
     }
 
-    /// Saves slowly computed results beside a saved session.
-    fn save_results(&self, session: &Path) {
-        if let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case()) {
+    /// Saves the session, and slowly computed results beside it; returns whether the session was saved.
+    fn save_to(&mut self, session: &Path) -> bool {
+        let saved = self.work.save(session.to_owned());
+        if saved && let (Some(doc), Some(case)) = (&self.work.doc, self.work.world.case()) {
             self.results.ellipsoids.write_cache(session, case, doc.nav.time, doc.edit.ellipsoids.neighbors);
         }
+        saved
     }
 
     /// Carries out one command.

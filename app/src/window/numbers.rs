@@ -78,8 +78,9 @@ impl Shown {
 
     fn hidden(&self) -> Value {
         let time_point = self.case.time_points.get(self.doc.nav.time);
-        let regions = time_point.iter().flat_map(|time_point| time_point.regions.list());
-        let hidden = regions.filter(|region| !self.doc.edit.selection.shows(region.bits));
+        let Some(regions) = time_point.map(|time_point| &time_point.regions) else { return Value::Null };
+        let shown = self.doc.edit.selection.at(regions);
+        let hidden = regions.list().iter().filter(|region| !shown.shows(region.bits));
         hidden.map(|region| self.names(region.bits)).collect()
     }
 

@@ -12,14 +12,17 @@ use super::{
 use crate::{
     command::AppCommand,
     error::AppError,
-    model::{CaseRef, PaneId},
+    model::{
+        PaneId,
+        session::{self, EXTENSION},
+    },
     output,
     world::jobs::{Job, Waker},
 };
 use egui::Context;
 
 impl GlioscopeApp {
-    fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
+    pub(super) fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
         self.dialog = Some(Dialog::open(purpose, self.folder(), &self.chooser, Waker::of(ctx)));
     }
 
@@ -30,26 +33,21 @@ impl GlioscopeApp {
             AppCommand::OpenDialog => self.open.path = Some(TypedPath::to_open()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
-            AppCommand::Open(case) => self.work.open(case.clone(), None, wake()),
-            AppCommand::OpenSample => self.work.open(CaseRef::Sample, None, wake()),
-            AppCommand::OpenSession(path) => {
-                self.recent.add(path);
-                self.work.open_session(path, &[], wake());
+            AppCommand::Open(_) | AppCommand::OpenSample | AppCommand::OpenSession(_) => {
+                if !self.asks_before(command) {
+                    self.open_now(ctx, command);
+                }
             }
             AppCommand::AddTracts(files) => self.work.add_tracts(files, wake()),
             AppCommand::ClearRecent => self.recent.clear(),
             AppCommand::SaveSession => match self.work.session_path.clone() {
-                Some(path) => {
-                    self.work.save(path.clone());
-                    self.save_results(&path);
-                }
+                Some(path) => drop(self.save_to(&path)),
                 None => self.open_file_dialog(ctx, Purpose::SaveSession),
             },
             AppCommand::SaveSessionAs => self.open_file_dialog(ctx, Purpose::SaveSession),
             AppCommand::SaveSessionTo(path) => {
-                self.work.save(path.clone());
-                self.recent.add(path);
-                self.save_results(path);
+                let saved = self.save_as(path);
+                self.after_save(ctx, saved);
             }
             AppCommand::AcceptGuess(true) => self.work.accept_guess(wake()),
             AppCommand::AcceptGuess(false) => self.work.guess = None,
@@ -88,8 +86,24 @@ impl GlioscopeApp {
                 self.preferences.change().pictures = *size;
                 self.preferences.save();
             }
-            AppCommand::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
+            AppCommand::Quit => self.quit(ctx),
         }
+    }
+
+    /// Saves the session to `path`, with the ending of sessions; returns whether it was saved.
+    fn save_as(&mut self, path: &Path) -> bool {
+        let whole = session::with_ending(path.to_owned());
+        // The dialog asked before it overwrites what was chosen, not this.
+        if whole != path && whole.exists() {
+            let expected = format!("a new name, or one with .{EXTENSION} to overwrite it");
+            self.work.error = Some(AppError::file(&whole, "a file that exists", expected));
+            return false;
+        }
+        let saved = self.save_to(&whole);
+        if saved {
+            self.recent.add(&whole);
+        }
+        saved
     }
 
     fn take_picture(&mut self, ctx: &Context, pane: Option<PaneId>, path: &Path) {

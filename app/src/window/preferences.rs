@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::write_private;
+use glioscope_core::files::write_whole_private;
 use serde::{Deserialize, Serialize};
 
 use crate::model::PictureSize;
@@ -65,7 +65,7 @@ impl Preferences {
         let Some(file) = self.file.as_ref().filter(|_| self.now != self.written) else { return };
         if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.now)) {
             let _ = std::fs::create_dir_all(folder);
-            if write_private(file, &bytes).is_ok() {
+            if write_whole_private(file, &bytes).is_ok() {
                 self.written = self.now.clone();
             }
         }
@@ -98,10 +98,10 @@ mod tests {
             assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         }
         // Sizes that no window has, and files that aren't ours.
-        write_private(&file, br#"{"size_points": [1e9, -4.0]}"#).unwrap();
+        write_whole_private(&file, br#"{"size_points": [1e9, -4.0]}"#).unwrap();
         let read = Preferences::in_folder(Some(folder.path()));
         assert_eq!(read.get().size_points, Some([16_384.0, 320.0]));
-        write_private(&file, b"[]").unwrap();
+        write_whole_private(&file, b"[]").unwrap();
         assert_eq!(Preferences::in_folder(Some(folder.path())).get(), &Remembered::default());
     }
 }

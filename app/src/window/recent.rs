@@ -3,8 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::write_private;
+use glioscope_core::files::{read_small, write_whole_private};
 
+/// Largest size of the list's file.
+const MAX_BYTES: u64 = 1 << 20;
 /// Largest number of paths in the list.
 const MAX_PATHS: usize = 12;
 
@@ -32,8 +34,10 @@ impl Recent {
     /// The list stored in `folder`; empty if there is none.
     pub fn in_folder(folder: &Path) -> Self {
         let file = folder.join("recent.json");
-        let paths =
-            std::fs::read(&file).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
+        let paths = read_small(&file, MAX_BYTES, "a list of cases")
+            .ok()
+            .and_then(|b| serde_json::from_slice(&b).ok())
+            .unwrap_or_default();
         Self { file: Some(file), paths }
     }
 
@@ -61,7 +65,7 @@ impl Recent {
         let Some(file) = &self.file else { return };
         if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.paths)) {
             let _ = std::fs::create_dir_all(folder);
-            let _ = write_private(file, &bytes);
+            let _ = write_whole_private(file, &bytes);
         }
     }
 }

@@ -6,7 +6,7 @@ use egui_wgpu::{NativeAdapterSelectorMethod, WgpuConfiguration, WgpuSetup, WgpuS
 use glioscope_core::case::LoadOptions;
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 
-use super::{GlioscopeApp, preferences::Preferences, recent::Recent};
+use super::{GlioscopeApp, autosave::Autosave, preferences::Preferences, recent::Recent};
 use crate::{
     command::Workstation,
     error::AppError,
@@ -70,27 +70,34 @@ pub fn run(start: Start) -> Result<(), AppError> {
         },
         ..eframe::NativeOptions::default()
     };
-    let (error_sender, errors) = mpsc::channel();
+    let (send, outcomes) = mpsc::channel();
+    let picture = start.picture.clone();
     let create = move |cc: &eframe::CreationContext<'_>| -> Result<Box<dyn eframe::App>, _> {
-        Ok(Box::new(Windowed { app: app(cc, start, recent)?, errors: error_sender }))
+        Ok(Box::new(Windowed { app: app(cc, start, recent)?, outcomes: send }))
     };
     eframe::run_native("Glioscope", options, Box::new(create))
         .map_err(|e| AppError::Window(e.to_string()))?;
-    errors.try_recv().map_or(Ok(()), Err)
+    match (picture, outcomes.try_recv()) {
+        (None, _) => Ok(()),
+        (Some(_), Ok(outcome)) => outcome,
+        (Some(path), Err(_)) => {
+            Err(AppError::file(&path, "a window that closed before the picture was drawn", "a picture"))
+        }
+    }
 }
 
-/// The program in its window; sends the error of a scripted screenshot.
+/// The program in its window; sends how a scripted screenshot ended.
 struct Windowed {
     app: GlioscopeApp,
-    errors: mpsc::Sender<AppError>,
+    outcomes: mpsc::Sender<Result<(), AppError>>,
 }
 
 impl eframe::App for Windowed {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
         self.app.draw(ui);
-        if let Some(error) = self.app.scripted_error() {
+        if let Some(outcome) = self.app.scripted_outcome() {
             // The receiver exists until the window has closed.
-            let _ = self.errors.send(error);
+            let _ = self.outcomes.send(outcome);
         }
     }
 }
@@ -115,11 +122,11 @@ fn app(
     let wake = Waker::of(&cc.egui_ctx);
     match start.case.unwrap_or_default() {
         CaseRef::Path(path) if session::is_session(&path) => work.open_session(&path, &start.tracts, wake),
-        case => work.open_with(case, start.tracts, None, wake),
+        case => work.open(case, start.tracts, wake),
     }
     let app = GlioscopeApp::new(work, Some(graphics), recent)?;
     Ok(match start.picture {
         Some(path) => app.picture_and_quit(path),
-        None => app,
+        None => app.autosaved(Autosave::of_user()),
     })
 }

@@ -82,7 +82,7 @@ impl Comparisons {
     }
 
     /// Whether a worker is computing it.
-    pub fn working(&self) -> bool {
+    pub fn working(&mut self) -> bool {
         self.result.working()
     }
 

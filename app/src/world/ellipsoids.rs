@@ -47,7 +47,7 @@ impl Ellipsoids {
     }
 
     /// Whether a worker is computing them.
-    pub fn working(&self) -> bool {
+    pub fn working(&mut self) -> bool {
         self.result.working()
     }
 

@@ -65,7 +65,7 @@ impl ImageResult {
     }
 
     /// Whether a worker is preparing it.
-    pub fn working(&self) -> bool {
+    pub fn working(&mut self) -> bool {
         self.volume.working()
     }
 }

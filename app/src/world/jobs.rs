@@ -188,8 +188,9 @@ impl<K: PartialEq, V: Send + 'static> Derived<K, V> {
         self.cached.as_ref()?.1.as_ref().ok()
     }
 
-    /// Whether a worker is computing one.
-    pub fn working(&self) -> bool {
+    /// Whether a worker is computing one. Takes what a worker has finished: nobody may ask for it any more.
+    pub fn working(&mut self) -> bool {
+        self.receive();
         self.job.is_some()
     }
 
@@ -234,6 +235,17 @@ mod tests {
         who.sort_unstable();
         assert_eq!(who, [2, 3], "both workers ended");
         assert!(matches!(derived.get(3, &Ask::default(), |_| Ok(0)), Lookup::Ready(v) if **v == 30));
+    }
+
+    #[test]
+    fn a_finished_job_that_nobody_asks_for_any_more_is_not_working() {
+        let mut derived: Derived<u32, u32> = Derived::default();
+        let (woken, wakes) = mpsc::channel();
+        let ask = Ask { wait: false, wake: Waker::new(move || woken.send(()).unwrap()) };
+        assert!(matches!(derived.get(1, &ask, |_| Ok(10)), Lookup::Working(_)));
+        wakes.recv().unwrap();
+        assert!(!derived.working());
+        assert!(matches!(derived.get(1, &ask, |_| panic!("computed twice")), Lookup::Ready(v) if **v == 10));
     }
 
     #[test]

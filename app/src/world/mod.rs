@@ -7,14 +7,16 @@ pub mod jobs;
 pub mod load;
 pub mod numbers;
 pub mod places;
+mod session_case;
 pub mod slice_plane;
 pub mod tracts;
 
 use std::sync::Arc;
 
 use glioscope_core::{
-    Check, RegionVolume,
+    Check, RegionVolume, Selection,
     case::{Case, TimePoint},
+    files::FileMark,
 };
 use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
 
@@ -29,6 +31,8 @@ pub struct Loaded {
     contexts: Vec<Vec<Arc<PreparedContext>>>,
     /// Cropped region volume of each time point; `None` where no voxel is active.
     tumors: Vec<Option<Arc<RegionVolume>>>,
+    /// Its files as they were read.
+    files: Vec<FileMark>,
 }
 
 impl Loaded {
@@ -41,7 +45,13 @@ impl Loaded {
             .collect();
         let tumors =
             case.time_points.iter().map(|t| RegionVolume::of(&t.index, &t.regions).map(Arc::new)).collect();
-        Self { case: Arc::new(case), contexts, tumors }
+        Self { case: Arc::new(case), contexts, tumors, files: Vec::new() }
+    }
+
+    /// With the marks of the case's files, for sessions.
+    #[must_use]
+    pub fn with_files(self, files: Vec<FileMark>) -> Self {
+        Self { files, ..self }
     }
 }
 
@@ -82,6 +92,11 @@ impl World {
         Some((time_point.contexts[index].id.as_str(), prepared))
     }
 
+    /// The regions shown at the current time point.
+    pub fn selection(&self, doc: &Document) -> Selection {
+        self.time_point(doc).map(|t| doc.edit.selection.at(&t.regions)).unwrap_or_default()
+    }
+
     /// Colours of the masks of the current time point.
     pub fn colors(&self, doc: &Document) -> MaskColors {
         let masks = self.time_point(doc).map(|t| t.masks.as_slice()).unwrap_or_default();
@@ -102,6 +117,11 @@ impl World {
     /// The cropped region volume of the current time point; `None` where no voxel is active.
     pub fn tumor(&self, doc: &Document) -> Option<&Arc<RegionVolume>> {
         self.loaded.as_ref()?.tumors.get(doc.nav.time)?.as_ref()
+    }
+
+    /// The case's files as they were read; empty where that isn't known.
+    pub fn files(&self) -> &[FileMark] {
+        self.loaded.as_ref().map_or(&[], |l| &l.files)
     }
 
     /// Findings of the checks of the case.
@@ -136,11 +156,12 @@ impl Results {
     }
 
     /// Whether a worker is computing a result that pictures wait for.
-    pub fn working(&self) -> bool {
+    pub fn working(&mut self) -> bool {
+        // Each takes what is finished.
         self.image.working()
-            || self.comparison.working()
-            || self.ellipsoids.working()
-            || self.tracts.working()
-            || self.numbers.working()
+            | self.comparison.working()
+            | self.ellipsoids.working()
+            | self.tracts.working()
+            | self.numbers.working()
     }
 }

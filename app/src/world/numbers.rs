@@ -81,8 +81,9 @@ impl Numbers {
     }
 
     /// Whether a worker is computing any.
-    pub fn working(&self) -> bool {
-        self.agreement.working() || self.lens.working()
+    pub fn working(&mut self) -> bool {
+        // Both take what is finished.
+        self.agreement.working() | self.lens.working()
     }
 }
 

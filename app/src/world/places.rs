@@ -59,7 +59,7 @@ impl Places {
     }
 
     /// Whether a worker is looking for them.
-    pub fn working(&self) -> bool {
+    pub fn working(&mut self) -> bool {
         self.result.working()
     }
 }

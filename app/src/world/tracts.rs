@@ -62,7 +62,7 @@ impl TractResult {
     }
 
     /// Whether a worker is preparing tubes.
-    pub fn working(&self) -> bool {
+    pub fn working(&mut self) -> bool {
         self.sets.working()
     }
 }

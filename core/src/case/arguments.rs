@@ -1,6 +1,6 @@
 //! `--mask ID=FILE[:1,4][@TIME]` and `--context ID=FILE[@TIME]`: a case on the command line.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{CaseError, CaseSpec, ContextSpec, MaskSpec};
 use crate::files::Source;
@@ -69,6 +69,20 @@ fn parse<'a>(
         Some(parts) if !parts.id.is_empty() && !parts.file.is_empty() => Ok(parts),
         _ => Err(CaseError::wrong(flag, format!("{text:?}"), form)),
     }
+}
+
+/// The value of `--mask` (`is_mask`) or `--context` with another file: `change` of the one that it names. Files are
+/// relative to `folder`. `None` for a malformed value.
+pub fn argument_with_file(
+    text: &str,
+    is_mask: bool,
+    folder: &Path,
+    change: &dyn Fn(&Path) -> PathBuf,
+) -> Option<String> {
+    let found = interpret_argument(text, is_mask, &|file| folder.join(file).exists())?;
+    let (id, rest) = text.split_once('=')?;
+    let end = rest.get(found.file.len()..)?;
+    Some(format!("{id}={}{end}", change(Path::new(found.file)).to_str()?))
 }
 
 /// See [`CaseSpec::from_arguments`].
@@ -149,6 +163,17 @@ mod tests {
             parts("T1", "a", None, Some("b:1@2024"))
         );
         assert_eq!(interpret_argument("T1=s:3", true, &with("s:3")).unwrap(), parts("T1", "s:3", None, None));
+    }
+
+    #[test]
+    fn the_file_of_an_argument_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        crate::files::write_whole(&folder.path().join("a@b.nii"), b"").unwrap();
+        let moved =
+            |text: &str| argument_with_file(text, true, folder.path(), &|file| Path::new("/x").join(file));
+        assert_eq!(moved("T1=a@b.nii:1,4@2024").as_deref(), Some("T1=/x/a@b.nii:1,4@2024"));
+        assert_eq!(moved("T1=c.nii@2024").as_deref(), Some("T1=/x/c.nii@2024"));
+        assert_eq!(moved("c.nii"), None);
     }
 
     #[test]

@@ -26,6 +26,7 @@ use crate::{
     files::{self, FileError, Inputs, ReadOptions, Source},
 };
 
+pub use arguments::argument_with_file;
 pub use discover::open_spec;
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};

@@ -7,6 +7,8 @@
 use std::{
     collections::BTreeMap,
     fmt,
+    fs::{File, Metadata},
+    io::Read as _,
     path::{Path, PathBuf},
 };
 
@@ -16,15 +18,18 @@ use serde::{Deserialize, Serialize};
 use super::{ComponentEllipsoid, Options};
 use crate::{
     components::Connectivity,
+    digest::Digest,
     files::{FileError, read_small, write_whole},
     tumor_index::{IndexData, TumorIndex},
 };
 
 /// Format version, raised whenever the numbers or their layout change: older files are then ignored.
 const FORMAT: u32 = 1;
-
-/// Maximum size of a cache file in bytes: some kilobytes per component.
+/// How the file begins.
+const BEGINNING: &str = "{\"glioscope_ellipsoids\":";
+/// Maximum size of the file in bytes: some kilobytes per component.
 const MAX_BYTES: u64 = 256 << 20;
+const EXPECTED: &str = "a cache of ellipsoids";
 
 /// A 128-bit hash of everything the ellipsoids depend on: index, grid, connectivity, options and the
 /// file format. Not cryptographic: it doesn't withstand a deliberate search for collisions.
@@ -54,7 +59,7 @@ impl Key {
             digest.add(a);
             digest.add(b);
         }
-        digest.key()
+        Key(digest.finish())
     }
 }
 
@@ -76,45 +81,7 @@ fn slice_key<T: Copy + Into<u32>>(values: &[T]) -> Key {
             digest.add(pair.iter().fold(1, |word, &v| word << 32 | u64::from(v.into())));
         }
     }
-    digest.key()
-}
-
-/// Two lanes of multiply, rotate and add, with the finaliser of MurmurHash3 (public domain): the same
-/// on every machine and with every compiler version, unlike the standard library's hasher.
-struct Digest {
-    lanes: [u64; 2],
-    words: u64,
-}
-
-impl Digest {
-    fn new() -> Self {
-        Self { lanes: [0x243f_6a88_85a3_08d3, 0x1319_8a2e_0370_7344], words: 0 }
-    }
-
-    fn add(&mut self, word: u64) {
-        let [a, b] = &mut self.lanes;
-        *a = (*a ^ word.wrapping_mul(0x87c3_7b91_1142_53d5)).rotate_left(27).wrapping_mul(5).wrapping_add(*b);
-        *b = (*b ^ word.wrapping_mul(0x4cf5_ad43_2745_937f)).rotate_left(31).wrapping_mul(9).wrapping_add(*a);
-        self.words += 1;
-    }
-
-    fn bytes(&mut self, bytes: &[u8]) {
-        self.add(bytes.len() as u64);
-        for chunk in bytes.chunks(8) {
-            self.add(chunk.iter().fold(0, |word, &b| word << 8 | u64::from(b)));
-        }
-    }
-
-    fn key(&self) -> Key {
-        let finalize = |mut v: u64| {
-            v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
-            v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
-            v ^ v >> 33
-        };
-        let (a, b) = (self.lanes[0] ^ self.words, self.lanes[1] ^ self.words);
-        let (a, b) = (a.wrapping_add(b), b.wrapping_add(a.rotate_left(32)));
-        Key([finalize(a), finalize(b.wrapping_add(finalize(a)))])
-    }
+    Key(digest.finish())
 }
 
 /// Cached ellipsoids by key: one entry per time point.
@@ -143,10 +110,7 @@ pub fn path_beside(session: &Path) -> PathBuf {
 /// The valid entries of the file at `path`: damaged ones are dropped, and a file that is absent,
 /// unreadable or of another format has none.
 pub fn load(path: &Path) -> Entries {
-    let read = || {
-        let bytes = read_small(path, MAX_BYTES, "a cache of ellipsoids").ok()?;
-        serde_json::from_slice::<CacheFile>(&bytes).ok()
-    };
+    let read = || serde_json::from_slice::<CacheFile>(&read_small(path, MAX_BYTES, EXPECTED).ok()?).ok();
     let Some(file) = read().filter(|f| f.glioscope_ellipsoids == FORMAT) else {
         return Entries::new();
     };
@@ -161,8 +125,12 @@ pub fn load(path: &Path) -> Entries {
 /// Writes `entries` to `path`, or leaves an existing file untouched.
 ///
 /// # Errors
-/// [`FileError::Wrong`] where it can't be written. The caller may continue without a cache.
+/// [`FileError::Wrong`] where it can't be written, or where a file of another kind has that name: `FILE.ellipsoids.json`
+/// may be a report. The caller may continue without a cache.
 pub fn save(path: &Path, entries: &Entries) -> Result<(), FileError> {
+    if path.symlink_metadata().is_ok() && !is_cache(path) {
+        return Err(FileError::wrong(path.display().to_string(), "a file of another kind", EXPECTED));
+    }
     let not_finite =
         || FileError::wrong(path.display().to_string(), "numbers JSON can't hold", "finite ones");
     let mut file = CacheFile { glioscope_ellipsoids: FORMAT, entries: BTreeMap::new() };
@@ -172,6 +140,17 @@ pub fn save(path: &Path, entries: &Entries) -> Result<(), FileError> {
     }
     let bytes = serde_json::to_vec(&file).map_err(|_| not_finite())?;
     write_whole(path, &bytes)
+}
+
+/// Whether the file at `path` begins as [`save`] writes it, in any format version.
+fn is_cache(path: &Path) -> bool {
+    let begins = || {
+        let mut head = vec![0; BEGINNING.len()];
+        path.metadata().ok().filter(Metadata::is_file)?;
+        File::open(path).ok()?.read_exact(&mut head).ok()?;
+        Some(head == BEGINNING.as_bytes())
+    };
+    begins() == Some(true)
 }
 
 fn parse_key(name: &str) -> Option<Key> {
@@ -184,5 +163,5 @@ fn checksum(name: &str, components: &[ComponentEllipsoid]) -> Option<String> {
     let mut digest = Digest::new();
     digest.bytes(name.as_bytes());
     digest.bytes(&serde_json::to_vec(components).ok()?);
-    Some(digest.key().to_string())
+    Some(Key(digest.finish()).to_string())
 }

@@ -10,6 +10,7 @@ use tempfile::NamedTempFile;
 use crate::{Cancelled, Check, Volume};
 
 mod bounded_gzip;
+mod content;
 mod cross_check;
 pub mod format;
 mod inputs;
@@ -24,6 +25,7 @@ mod tracts;
 mod tracts_tck;
 mod tracts_trk;
 
+pub use content::FileMark;
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
 pub use inputs::Inputs;
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
@@ -148,14 +150,20 @@ pub fn printable(name: &str) -> String {
 
 /// Start of the names of temporary files.
 const PREFIX: &str = ".glioscope-";
+/// Permissions of ordinary new files. Those of tempfile let only the owner read them, which is too strict for exported
+/// results.
+const ORDINARY: u32 = 0o666;
+/// Permissions of files that only their owner reads.
+const PRIVATE: u32 = 0o600;
 
-/// Builder of temporary files with the permissions of ordinary new files; tempfile's default lets only the owner
-/// read them, which is too strict for exported results.
-fn temporary() -> tempfile::Builder<'static, 'static> {
+/// Builder of temporary files with these permissions.
+fn temporary(mode: u32) -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(PREFIX);
     #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
+    #[cfg(not(unix))]
+    let _ = mode;
     builder
 }
 
@@ -175,18 +183,12 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_whole_with(path, "", |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
 }
 
-/// As [`write_whole`], for a file that only its owner can read: its content or names in it concern a patient.
+/// As [`write_whole`], readable and writable by its owner alone: for files that name patients' folders.
 ///
 /// # Errors
 /// As [`write_whole`].
-pub fn write_private(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    write_whole_with(path, "", |file| {
-        #[cfg(unix)]
-        file.as_file()
-            .set_permissions(std::os::unix::fs::PermissionsExt::from_mode(0o600))
-            .map_err(|e| write_failed(path, &e))?;
-        file.write_all(bytes).map_err(|e| write_failed(path, &e))
-    })
+pub fn write_whole_private(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    persist(path, "", PRIVATE, |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
 }
 
 /// As [`write_whole`], with content that `write` writes to the temporary file, whose name ends in `suffix`.
@@ -194,6 +196,15 @@ pub fn write_private(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
 pub(crate) fn write_whole_with(
     path: &Path,
     suffix: &'static str,
+    write: impl FnOnce(&mut NamedTempFile) -> Result<(), FileError>,
+) -> Result<(), FileError> {
+    persist(path, suffix, ORDINARY, write)
+}
+
+fn persist(
+    path: &Path,
+    suffix: &'static str,
+    mode: u32,
     write: impl FnOnce(&mut NamedTempFile) -> Result<(), FileError>,
 ) -> Result<(), FileError> {
     // Renaming over a device would replace it by a regular file.
@@ -212,7 +223,7 @@ pub(crate) fn write_whole_with(
     let path = target.as_deref().unwrap_or(path);
     let failed = |e: std::io::Error| write_failed(path, &e);
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = temporary().suffix(suffix).tempfile_in(folder).map_err(failed)?;
+    let mut file = temporary(mode).suffix(suffix).tempfile_in(folder).map_err(failed)?;
     write(&mut file)?;
     file.as_file().sync_all().map_err(failed)?;
     file.persist(path).map_err(|e| failed(e.error))?;

@@ -14,6 +14,7 @@ mod goldens;
 mod real_views;
 mod real_window;
 mod reported;
+mod session_files;
 mod sessions;
 mod ui;
 mod ui_change;

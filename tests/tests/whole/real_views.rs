@@ -280,7 +280,7 @@ fn overlap_ring_areas_are_proportional_to_mask_volumes() {
     let input = OverlapInput {
         regions,
         names: regions.mask_ids(),
-        selection: &doc.edit.selection,
+        selection: &doc.edit.selection.at(regions),
         colors: &colors,
         mode: OverlapMode::Regions,
     };

@@ -32,7 +32,8 @@ fn t2_only(harness: &Harness<'_, GlioscopeApp>) -> u32 {
 }
 
 fn shows(harness: &Harness<'_, GlioscopeApp>, bits: u32) -> bool {
-    harness.state().work.doc.as_ref().unwrap().edit.selection.shows(bits)
+    let work = &harness.state().work;
+    work.world.selection(work.doc.as_ref().unwrap()).shows(bits)
 }
 
 /// Number of pure green pixels in the closeup: the region of T2 alone, visible inside the lens.
@@ -220,7 +221,7 @@ fn a_session_is_saved_completely_and_reopens() {
     harness.run_ok();
     assert_eq!(error_text(&harness), "");
     let saved = harness.state().work.doc.clone().unwrap();
-    assert_eq!(session::load(&path).unwrap(), saved);
+    assert_eq!(session::load(&path).unwrap().document, saved);
 
     let mut other = sample();
     issue(&mut other, AppCommand::OpenSession(path));

@@ -169,7 +169,8 @@ fn every_press_of_a_key_counts() {
     }
     let undo = || press(Key::Z, Modifiers::COMMAND);
     in_one_frame(&mut harness, undo().into_iter().chain(undo()));
-    assert!(doc(&harness).edit.selection.shows(1) && doc(&harness).edit.selection.shows(2));
+    let work = &harness.state().work;
+    assert!(work.world.selection(doc(&harness)).shows(1) && work.world.selection(doc(&harness)).shows(2));
     assert_eq!(doc(&harness).edit.lens.radius_mm, radius_mm);
 }
 
@@ -184,8 +185,11 @@ fn rows_of_the_lens_table_hide_their_region() {
         let state = harness.state();
         state.work.world.time_point(doc(&harness)).unwrap().regions.list().to_vec()
     };
-    let hidden: Vec<u32> =
-        all.iter().map(|r| r.bits).filter(|b| !doc(&harness).edit.selection.shows(*b)).collect();
+    let hidden: Vec<u32> = all
+        .iter()
+        .map(|r| r.bits)
+        .filter(|b| !harness.state().work.world.selection(doc(&harness)).shows(*b))
+        .collect();
     assert_eq!(hidden.len(), 1);
     assert_eq!(hidden[0].count_ones(), 1);
 }

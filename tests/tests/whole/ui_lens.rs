@@ -8,7 +8,7 @@ use glam::DVec3;
 use glioscope::{
     command::{AppCommand, Command, EditCommand, LookCommand},
     format,
-    model::{CaseRef, PaneId, session},
+    model::{CaseRef, HiddenRegions, PaneId, session},
     views::view3d::linked_camera,
 };
 use glioscope_core::{
@@ -222,7 +222,7 @@ fn t1_from_the_front() -> Window {
     let t1 = regions.mask_ids().iter().position(|id| id == "T1").unwrap();
     assert_eq!(time_point.masks[t1].native_voxels, regions.mask_voxels(t1), "T1 is on the case grid");
     let shown: Vec<u32> = regions.list().iter().map(|r| r.bits).filter(|b| b >> t1 & 1 == 1).collect();
-    doc.edit.selection = Selection::only(regions, &shown);
+    doc.edit.selection = HiddenRegions::of(regions, &Selection::only(regions, &shown));
     doc.edit.lens_on = false;
     doc.nav.camera.projection = Projection::Orthographic;
     perform(&mut harness, LookCommand::LookFrom(AnatomicalView::Anterior));
@@ -421,7 +421,7 @@ fn agreement_colours_have_the_expected_area_in_a_slice_and_appear_in_the_closeup
         let regions = &app.work.world.time_point(doc).unwrap().regions;
         let bits = regions.list().iter().map(|r| r.bits);
         let shown: Vec<u32> = bits.filter(|b| b.count_ones() as usize == level).collect();
-        doc.edit.selection = Selection::only(regions, &shown);
+        doc.edit.selection = HiddenRegions::of(regions, &Selection::only(regions, &shown));
         harness.run_ok();
         let found = closeup(&mut harness);
         assert!(found[level - 1] > 500 && before[level - 1] * 5 < found[level - 1], "{before:?} {found:?}");
@@ -488,7 +488,7 @@ fn rulers_are_saved_with_the_session() {
     let folder = tempfile::tempdir().unwrap();
     let saved = folder.path().join("lines.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(saved.clone()));
-    let loaded = session::load(&saved).unwrap();
+    let loaded = session::load(&saved).unwrap().document;
     assert_eq!(loaded.edit.rulers, doc(&harness).edit.rulers);
     assert_eq!(loaded.edit.rulers.len(), 1);
 }

@@ -39,7 +39,7 @@ fn the_lighting_mode_is_chosen_in_the_menu_undone_and_saved() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
-    assert_eq!(session::load(&path).unwrap().edit.light, expected);
+    assert_eq!(session::load(&path).unwrap().document.edit.light, expected);
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(light(&harness).aperture_deg, LightChoice::default().aperture_deg);
     perform(&mut harness, EditCommand::Undo);

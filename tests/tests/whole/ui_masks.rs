@@ -35,7 +35,7 @@ fn a_mask_is_renamed_in_the_dialog_everywhere_in_the_window() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("named.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
-    assert_eq!(session::load(&path).unwrap().edit.masks, doc(&harness).edit.masks);
+    assert_eq!(session::load(&path).unwrap().document.edit.masks, doc(&harness).edit.masks);
     harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     harness.run_ok();
     assert!(harness.query_by_label("T2 only").is_some(), "undone at once");

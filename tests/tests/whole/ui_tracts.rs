@@ -212,7 +212,7 @@ fn tracts_are_added_hidden_named_and_saved() {
     // A session restores its tracts and their visibility.
     perform(&mut harness, EditCommand::ToggleTracts("beside".into()));
     perform(&mut harness, AppCommand::SaveSessionTo(saved.clone()));
-    let document = session::load(&saved).unwrap();
+    let document = session::load(&saved).unwrap().document;
     assert_eq!(document.tracts.len(), 2);
     let mut again = window(workstation(CaseRef::Sample));
     perform(&mut again, AppCommand::OpenSession(saved.clone()));
@@ -227,6 +227,6 @@ fn tracts_are_added_hidden_named_and_saved() {
     value["document"].as_object_mut().unwrap().remove("tracts").unwrap();
     value["document"]["edit"].as_object_mut().unwrap().remove("hidden_tracts").unwrap();
     std::fs::write(&saved, value.to_string()).unwrap();
-    let old = session::load(&saved).unwrap();
+    let old = session::load(&saved).unwrap().document;
     assert!(old.tracts.is_empty() && old.edit.hidden_tracts.is_empty());
 }

@@ -163,7 +163,7 @@ fn transfer_functions_and_clipping_planes_are_drawn_saved_and_undone() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
-    let saved = session::load(&path).unwrap();
+    let saved = session::load(&path).unwrap().document;
     assert_eq!(saved.edit.transfers.get(&id), Some(&borders));
     assert_eq!(saved.edit.clips, [plane]);
 
@@ -314,12 +314,8 @@ fn one_ellipsoid_is_made_transparent_and_undone() {
         harness.run_ok();
     }
     assert!(harness.query_by_label("Opacity of this ellipsoid").is_some(), "its menu is open");
-    let own = EllipsoidOpacity {
-        time: 0,
-        neighbors: doc(&harness).edit.ellipsoids.neighbors,
-        id: picked.id,
-        opacity: 0.0,
-    };
+    let neighbors = doc(&harness).edit.ellipsoids.neighbors;
+    let own = EllipsoidOpacity { time: 0, neighbors, of: None, number: picked.id, opacity: 0.0 };
     harness.key_press(egui::Key::Escape);
     harness.run_ok();
     perform(&mut harness, EditCommand::SetEllipsoidOpacities(vec![own]));

@@ -47,6 +47,7 @@ fn camera(input: &Input<'_>) -> Camera {
 
 impl Pane for ContextPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        self.canvas.begin();
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let (input, ask) = (stage.input, stage.ask);
@@ -75,7 +76,7 @@ impl Pane for ContextPane {
             transfer,
             clip: input.doc.edit.clips.clone(),
             tumor: input.tumor.cloned(),
-            selection: input.doc.edit.selection.clone(),
+            selection: input.selection.clone(),
             colors: input.colors.clone(),
             lens: input.doc.active_lens(),
             tubes,

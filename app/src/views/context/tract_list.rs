@@ -49,7 +49,7 @@ pub(super) fn fiber_text(stage: &mut Stage<'_>, picked: PickedFiber) -> String {
     };
     let name = format!("{id}, fibre {}", picked.fiber);
     let (doc, time_point) = (input.doc, input.time_point);
-    let cells = match results.tracts.cells(input.case, (doc.nav.time, time_point), &doc.edit.selection, ask) {
+    let cells = match results.tracts.cells(input.case, (doc.nav.time, time_point), input.selection, ask) {
         Lookup::Ready(cells) => cells.clone(),
         Lookup::Working(_) | Lookup::Failed(_) => return name,
     };

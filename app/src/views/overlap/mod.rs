@@ -44,7 +44,7 @@ impl Pane for OverlapPane {
         let diagram = OverlapInput {
             names: &names,
             regions: &input.time_point.regions,
-            selection: &input.doc.edit.selection,
+            selection: input.selection,
             colors: input.colors,
             mode: input.doc.edit.overlap_mode,
         };

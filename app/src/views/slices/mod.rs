@@ -171,7 +171,7 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
         let names = input.doc.edit.masks.names(index.mask_ids());
         let active = names.iter().enumerate().filter(|(k, _)| found.bits >> k & 1 == 1);
         let names: Vec<&str> = active.map(|(_, name)| name.as_str()).collect();
-        let hidden = if input.doc.edit.selection.shows(found.bits) { "" } else { " (hidden)" };
+        let hidden = if input.selection.shows(found.bits) { "" } else { " (hidden)" };
         parts.push(format!("{}{hidden}", names.join(" + ")));
     }
     parts.join("  ·  ")
@@ -234,7 +234,7 @@ fn shown_masks(input: &Input<'_>) -> ShownMasks {
         None => ShownMasks {
             index: input.time_point.index.clone(),
             colors: input.colors.clone(),
-            selection: edit.selection.clone(),
+            selection: input.selection.clone(),
             unfilled: None,
         },
     }

@@ -99,6 +99,7 @@ fn slice_harness(plane: Plane, sides: Sides, convention: Convention) -> Harness<
                     doc,
                     case: &case,
                     time_point: &case.time_points[0],
+                    selection: &view.work.world.selection(doc),
                     tumor: None,
                     colors: &view.work.world.colors(doc),
                     context: view.work.world.context(doc),

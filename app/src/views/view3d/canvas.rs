@@ -32,6 +32,8 @@ pub struct Canvas<V: View3d> {
     hover: Option<V::Pick>,
     /// Whether a finer frame is in progress.
     pending: bool,
+    /// Whether there is a scene. Without one the pane shows a message, which is final.
+    has_scene: bool,
 }
 
 impl<V: View3d> Default for Canvas<V> {
@@ -42,14 +44,20 @@ impl<V: View3d> Default for Canvas<V> {
             pointer: None,
             hover: None,
             pending: false,
+            has_scene: false,
         }
     }
 }
 
 impl<V: View3d<Pick: Picked>> Canvas<V> {
-    /// Whether the frame last drawn is of the final quality.
+    /// Whether the frame last drawn is of the final quality, or the pane has nothing to draw.
     pub fn refined(&self) -> bool {
-        self.refinement.refined() && !self.pending
+        !self.has_scene || self.refinement.refined() && !self.pending
+    }
+
+    /// Begins a frame of the window, in which [`Canvas::draw`] may not be reached.
+    pub fn begin(&mut self) {
+        self.has_scene = false;
     }
 
     /// The pick under the pointer.
@@ -91,6 +99,7 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         at_once: bool,
         out: &mut Commands,
     ) -> bool {
+        self.has_scene = true;
         let rect = view.rect;
         let size = rect.size() * ui.pixels_per_point();
         if size.x < 1.0 || size.y < 1.0 {

@@ -98,6 +98,24 @@ fn saved_entries_load_bit_for_bit_and_damaged_ones_are_dropped() {
     assert!(cache::save(&folder.path().join("no/such/place"), &entries).is_err());
 }
 
+#[test]
+fn a_file_of_another_kind_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("case.ellipsoids.json");
+    let report = b"{\"case\": \"Head phantom\", \"components\": []}";
+    write_whole(&path, report).unwrap();
+    let error = cache::save(&path, &Entries::new()).unwrap_err().to_string();
+    assert!(error.contains("a file of another kind"), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), report);
+    // Its own is, of whatever version.
+    let own = folder.path().join("own.ellipsoids.json");
+    for text in ["{\"glioscope_ellipsoids\":99}", "{\"glioscope_ellipsoids\":1,"] {
+        write_whole(&own, text.as_bytes()).unwrap();
+        cache::save(&own, &Entries::new()).unwrap();
+        assert!(std::fs::read_to_string(&own).unwrap().contains("\"entries\":{}"));
+    }
+}
+
 #[allow(clippy::disallowed_methods, reason = "hundreds of times, and the file is damaged on purpose")]
 fn write_damaged(path: &Path, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap();

@@ -166,7 +166,7 @@ mod tests {
             let at = |v: [usize; 3], side: usize| -> Option<[usize; 3]> {
                 let mut to = v;
                 let axis = side / 2;
-                to[axis] = if side % 2 == 0 { v[axis].checked_sub(1)? } else { v[axis] + 1 };
+                to[axis] = if side.is_multiple_of(2) { v[axis].checked_sub(1)? } else { v[axis] + 1 };
                 (to[axis] < dims[axis]).then_some(to)
             };
             let mut outside = MaskBits::empty(dims);

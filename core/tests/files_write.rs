@@ -243,7 +243,7 @@ fn writer_to_be_killed() {
 fn a_killed_writer_leaves_the_old_or_the_new_file_whole() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.json");
-    std::fs::write(&path, content(1)).unwrap();
+    write_whole(&path, &content(1)).unwrap();
     let valid = [content(0), content(1)];
     let (mut seen, mut leftovers, mut state) = ([0; 2], 0, 7_u64);
     for kill in 0..200 {
@@ -279,8 +279,8 @@ fn a_killed_writer_leaves_the_old_or_the_new_file_whole() {
     assert!(seen.iter().all(|count| *count > 20), "{seen:?}");
     // The next write removes what is old, and only that.
     let (mine, recent) = (folder.path().join("mine.glioscope"), folder.path().join(".glioscope-running"));
-    std::fs::write(&mine, b"x").unwrap();
-    std::fs::write(&recent, b"x").unwrap();
+    write_whole(&mine, b"x").unwrap();
+    write_whole(&recent, b"x").unwrap();
     write_whole(&path, b"done").unwrap();
     let mut left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).collect();
     left.sort();

@@ -226,7 +226,8 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
     // Some active voxel touches each face.
     let axes = (0..3).filter_map(|axis| grid.world_from_voxel().matrix3.col(axis).try_normalize());
     let face_mm = axes.flat_map(|axis| corners.map(|corner| (corner - center_mm).dot(axis).abs()));
-    face_mm.fold(half_diagonal_mm, f64::max)
+    // The camera leaves a margin beyond the radius.
+    face_mm.map(|mm| mm / 1.1).fold(half_diagonal_mm, f64::max)
 }
 
 impl Document {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec3};
 
-use super::{ChangeError, groups::Groups, vectors::PointCloud};
+use super::{ChangeError, groups::Groups, point_cloud::PointCloud};
 use crate::{
     MaskBits,
     grid::ijk,

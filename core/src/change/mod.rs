@@ -10,6 +10,7 @@
 mod cavities;
 mod choice;
 mod groups;
+mod point_cloud;
 mod report;
 mod stats;
 #[cfg(test)]

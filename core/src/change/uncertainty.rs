@@ -175,7 +175,7 @@ mod tests {
         // One standard deviation along any direction n: the plane with normal n at sqrt(nᵀCn) is one away.
         let u = of(&grid([4; 3], [0.5, 2.0, 6.0], [0.0; 3]), 0.1);
         for n in [DVec3::X, DVec3::Z, DVec3::new(1.0, -2.0, 0.5), DVec3::new(-0.3, 0.2, 3.0)] {
-            let n = n.normalize();
+            let n = n.normalize_or_zero();
             let offset = u.along(n) / COVERAGE;
             // Nearest point of the plane in deviations, by the closed form offset/|Lᵀn|, and by search.
             let basis = n.any_orthonormal_pair();

@@ -7,12 +7,9 @@ use rayon::prelude::*;
 
 use super::{
     COVERAGE, ChangeError, ChangeFlags, SurfaceChange, Uncertainty, Unpartnered, cavities::Enclosing,
-    groups::Groups,
+    groups::Groups, point_cloud::PointCloud,
 };
-use crate::{Cancelled, Grid, Progress, distance::KdTree, grid::ijk, skeleton::Skeleton};
-
-/// Number of points up to which brute force is faster than a tree.
-const BRUTE_FORCE_MAX: usize = 48;
+use crate::{Cancelled, Grid, Progress, grid::ijk, skeleton::Skeleton};
 
 /// Surface voxels per progress update.
 const BATCH: usize = 1024;
@@ -62,35 +59,6 @@ impl Surfaces {
             all[date].iter().filter(is_outside).copied().collect()
         };
         Self { outer: [outer(0), outer(1)], all }
-    }
-}
-
-/// Points with an id each, and a k-d tree over them.
-pub(super) struct PointCloud {
-    tree: Option<KdTree>,
-    points: Vec<DVec3>,
-    ids: Vec<u32>,
-}
-
-impl PointCloud {
-    pub fn new(points: Vec<DVec3>, ids: Vec<u32>) -> Result<Self, ChangeError> {
-        let tree = if points.len() > BRUTE_FORCE_MAX { KdTree::new(&points)? } else { None };
-        Ok(Self { tree, points, ids })
-    }
-
-    /// Id of the nearest point and its distance; the first on ties.
-    pub fn nearest(&self, p: DVec3) -> Option<(u32, f64)> {
-        if let Some(tree) = &self.tree {
-            return tree.nearest(p).map(|(i, d)| (self.ids[i], d));
-        }
-        let mut best: Option<(f64, usize)> = None;
-        for (i, q) in self.points.iter().enumerate() {
-            let d = q.distance_squared(p);
-            if best.is_none_or(|(least, _)| d < least) {
-                best = Some((d, i));
-            }
-        }
-        best.map(|(d, i)| (self.ids[i], d.sqrt()))
     }
 }
 

@@ -56,13 +56,14 @@ fn is_same_file(a: &Path, b: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::write_whole;
 
     #[test]
     fn inputs_are_recognised_under_every_name() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         for name in ["mask.nii.gz", "other.nii.gz", "pair.hdr", "pair.img"] {
-            std::fs::write(at(name), b"x").unwrap();
+            write_whole(&at(name), b"x").unwrap();
         }
         let inputs = Inputs::new([at("mask.nii.gz"), at("pair.hdr"), at("gone.nii")]);
         for name in ["mask.nii.gz", "pair.hdr", "pair.img"] {

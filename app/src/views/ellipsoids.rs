@@ -107,8 +107,12 @@ fn camera(input: &Input<'_>, components: &[ComponentEllipsoid]) -> Camera {
     });
     let (focus_mm, radius_mm) = if low.is_finite() && high.is_finite() {
         let middle_mm = (low + high) / 2.0;
-        let reach_mm = |e: &Ellipsoid| e.center_mm.distance(middle_mm) + e.semi_axes_mm.max_element();
-        let farthest_mm = large().map(reach_mm).fold(0.0, f64::max);
+        // The ends of the axes; the camera leaves a margin beyond the radius.
+        let ends = |e: &Ellipsoid| -> [DVec3; 6] {
+            let half = [0, 1, 2].map(|i| e.rotation.col(i) * e.semi_axes_mm[i]);
+            std::array::from_fn(|i| e.center_mm + half[i % 3] * if i < 3 { 1.0 } else { -1.0 })
+        };
+        let farthest_mm = large().flat_map(ends).map(|end| end.distance(middle_mm) / 1.1).fold(0.0, f64::max);
         (middle_mm, ((high - low).length() / 2.0 * 0.72).max(farthest_mm))
     } else {
         (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point) * 0.72)

@@ -31,6 +31,17 @@ pub fn find_iso_date(text: &str) -> Option<usize> {
     (0..ends).filter(alone).find(|&at| text.get(at..at + ISO_LENGTH).and_then(iso_date).is_some())
 }
 
+/// The date that eight digits state: 2024-01-15 for `20240115`. Only from 2000 to 2100: earlier ones are more often birth
+/// dates.
+pub fn compact_date(digits: &str) -> Option<Date> {
+    let part = |range: std::ops::Range<usize>| {
+        digits.get(range).filter(|text| text.bytes().all(|b| b.is_ascii_digit()))
+    };
+    let (year, month, day) = (part(0..4)?, part(4..6)?, part(6..8)?);
+    let date = Date::new(year.parse().ok()?, month.parse().ok()?, day.parse().ok()?).ok()?;
+    (digits.len() == 8 && (2000..=2100).contains(&date.year())).then_some(date)
+}
+
 /// Days since the first of `labels`, if each begins with a date and the dates increase; `None` otherwise.
 pub fn days_since_first(labels: &[&str]) -> Option<Vec<f64>> {
     let dates: Vec<Date> = labels.iter().map(|label| leading_date(label)).collect::<Option<_>>()?;
@@ -61,6 +72,16 @@ mod tests {
             "2024-01-1é",
         ] {
             assert!(iso_date(invalid).is_none(), "{invalid}");
+        }
+    }
+
+    #[test]
+    fn eight_digits_are_a_date_where_that_day_exists() {
+        let text = |digits: &str| compact_date(digits).map(|date| date.to_string());
+        assert_eq!(text("20240115").as_deref(), Some("2024-01-15"));
+        for other in ["20240231", "15012024", "19840312", "2024011", "202401150", "2024-1-1", "+2240115", ""]
+        {
+            assert_eq!(text(other), None, "{other}");
         }
     }
 

@@ -220,6 +220,24 @@ fn only_regular_files_are_overwritten_and_symlinks_are_kept() {
     assert_eq!(std::fs::read(&file).unwrap(), b"after");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_replaced_file_keeps_its_permissions_and_a_protected_one_is_refused() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("numbers.csv");
+    write_whole(&path, b"1").unwrap();
+    for mode in [0o600, 0o664, 0o640] {
+        std::fs::set_permissions(&path, PermissionsExt::from_mode(mode)).unwrap();
+        write_whole(&path, b"2").unwrap();
+        assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, mode);
+    }
+    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o444)).unwrap();
+    let error = write_whole(&path, b"3").unwrap_err().to_string();
+    assert!(error.contains("write-protected"), "{error}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"2");
+}
+
 /// Names the file that [`writer_to_be_killed`] writes, over and over.
 const KILLED_FILE: &str = "GLIOSCOPE_TEST_KILLED_FILE";
 

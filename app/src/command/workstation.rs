@@ -3,7 +3,7 @@
 
 use std::{
     path::{Path, PathBuf},
-    time::Instant,
+    time::{Instant, SystemTime},
 };
 
 use glioscope_core::{
@@ -30,6 +30,14 @@ pub struct Guess {
     pub spec: CaseSpec,
 }
 
+/// Size and time of last change of a file.
+type Stamp = (u64, SystemTime);
+
+fn stamp(path: &Path) -> Option<Stamp> {
+    let metadata = path.metadata().ok()?;
+    Some((metadata.len(), metadata.modified().ok()?))
+}
+
 /// The running program's state.
 #[derive(Default)]
 pub struct Workstation {
@@ -47,6 +55,8 @@ pub struct Workstation {
     pub accept_guesses: bool,
     /// Path where the session was last saved or read.
     pub session_path: Option<PathBuf>,
+    /// Size and time of that file then.
+    pub session_stamp: Option<Stamp>,
     /// What was last saved or opened; `None`: nothing of the document.
     pub saved: Option<Box<Edit>>,
     /// Options of loading.
@@ -187,6 +197,7 @@ impl Workstation {
             }
             Ok(Opened::Loaded(opened)) => {
                 let is_unsaved = request.is_unsaved;
+                self.session_stamp = request.session_path.as_deref().and_then(stamp);
                 self.session_path = request.session_path;
                 self.install_opened(*opened);
                 if is_unsaved {
@@ -213,6 +224,15 @@ impl Workstation {
     /// Saves the session to `path`; returns whether that succeeded.
     pub fn save(&mut self, path: PathBuf) -> bool {
         let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return false };
+        let now = stamp(&path);
+        if self.session_path.as_ref() == Some(&path)
+            && self.session_stamp.is_some_and(|known| now.is_some_and(|now| now != known))
+        {
+            let found = "a session that changed on disk since it was opened or saved here";
+            self.error =
+                Some(AppError::file(&path, found, "another name (Save session as), or to open it again"));
+            return false;
+        }
         let written = case
             .inputs
             .refuse_as_output(&path)
@@ -221,6 +241,7 @@ impl Workstation {
             Ok(()) => {
                 self.notice = Some("Session saved.".into());
                 self.saved = Some(Box::new(doc.edit.clone()));
+                self.session_stamp = stamp(&path);
                 self.session_path = Some(path);
                 true
             }

@@ -317,3 +317,45 @@ impl Document {
         self.edit.lens_on.then_some(self.edit.lens)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use glioscope_core::{Grid, Mask, MaskBits, Regions, TumorIndex};
+
+    fn time_point(inside: impl Fn(DVec3) -> bool) -> TimePoint {
+        let grid = Grid::axis_aligned([160, 40, 40], DVec3::ONE, DVec3::new(-130.0, -20.0, -20.0)).unwrap();
+        let bits = MaskBits::from_fn(grid.dims(), |l| inside(grid.center_of_voxel_mm(grid.ijk(l))));
+        let mask = Mask::new("T", grid.clone(), bits).unwrap();
+        let index = TumorIndex::new(grid, &[&mask]).unwrap();
+        let regions = Arc::new(Regions::of(&index));
+        TimePoint {
+            label: String::new(),
+            contexts: Vec::new(),
+            masks: Vec::new(),
+            index: Arc::new(index),
+            regions,
+        }
+    }
+
+    #[test]
+    fn the_camera_reaches_a_small_lesion_far_from_a_large_one() {
+        let large = |p: DVec3| p.length() <= 15.0;
+        let far = DVec3::new(-110.0, 0.0, 0.0);
+        let both = time_point(|p| large(p) || p.distance(far) <= 4.0);
+        let focus_mm = default_lens(&both).center_mm;
+        let camera = Camera::fit(
+            focus_mm,
+            tumor_radius_mm(&both),
+            Camera::orientation(0.0, 0.0),
+            Projection::Perspective,
+        );
+        let outermost_mm = (far.x - 4.0 - focus_mm.x).abs();
+        assert!(camera.height_mm / 2.0 >= outermost_mm, "{} {outermost_mm}", camera.height_mm);
+        // One lesion alone: half the diagonal of its box of 31 voxels.
+        let radius_mm = tumor_radius_mm(&time_point(large));
+        assert!((radius_mm - 31.0 * 3.0_f64.sqrt() / 2.0).abs() < 1e-9, "{radius_mm}");
+    }
+}

@@ -72,7 +72,7 @@ fn change_look(input: &Input<'_>, compared: &Comparison) -> ChangeLook {
 pub fn no_comparison_text(error: &ChangeError) -> String {
     match error {
         ChangeError::OneDate { .. } => "One date: nothing to compare with.".into(),
-        ChangeError::NoCommonMask(_) => "The two dates have no mask of the same name.".into(),
+        ChangeError::NoCommonMask { .. } => "The two dates have no mask of the same name.".into(),
         ChangeError::UnknownOrder { .. } => {
             "The order of the dates isn't stated: choose the earlier and the later one in the dates pane."
                 .into()

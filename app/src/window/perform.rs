@@ -99,6 +99,8 @@ impl GlioscopeApp {
             self.work.error = Some(AppError::file(&whole, "a file that exists", expected));
             return false;
         }
+        // Who chooses a file to overwrite was asked.
+        self.work.session_stamp = None;
         let saved = self.save_to(&whole);
         if saved {
             self.recent.add(&whole);

@@ -135,7 +135,7 @@ fn compute(
         })
         .collect();
     let [before, after] = pair.as_slice() else {
-        return Err(ChangeError::NoCommonMask(case.name.clone()).into());
+        return Err(ChangeError::no_common_mask(case, choice.dates).into());
     };
     let index = TumorIndex::new(case.grid.clone(), &[before, after])?;
     let change = Arc::new(change);

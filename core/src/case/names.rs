@@ -4,7 +4,7 @@
 use std::{ops::Range, path::Path};
 
 use crate::{
-    dates::{ISO_LENGTH, find_iso_date},
+    dates::{ISO_LENGTH, compact_date, find_iso_date},
     files::format::volume_stem,
 };
 
@@ -177,6 +177,17 @@ pub(super) fn parse_name(relative: &Path) -> Option<ParsedName> {
         time.get_or_insert_with(|| tokens[at + 1].1.clone());
         tokens.drain(..at + 2);
     }
+    let compact = |tokens: &[Token]| {
+        let mut dates = tokens.iter().enumerate();
+        dates.find_map(|(at, (_, text))| Some((at, compact_date(text)?.to_string())))
+    };
+    if let Some((at, date)) = compact(&tokens).filter(|_| tokens.len() > 1) {
+        tokens.remove(at);
+        time.get_or_insert(date);
+    }
+    if time.is_none() {
+        time = folders.iter().rev().find_map(|folder| Some(compact(&self::tokens(folder))?.1));
+    }
     // A name of nothing but its time keeps it as its id.
     if let Some(found) =
         find_numbered_time(&tokens).filter(|found| time.is_none() && found.len() < tokens.len())
@@ -249,6 +260,9 @@ mod tests {
             ("Timepoint_1/seg.nii.gz", Some("Timepoint_1")),
             ("case7_Timepoint_1_seg.nii.gz", Some("Timepoint_1")),
             ("fu2/seg.nii.gz", Some("fu2")),
+            ("seg_20240205.nii.gz", Some("2024-02-05")),
+            ("20240205/seg.nii.gz", Some("2024-02-05")),
+            ("seg_19840312.nii.gz", None),
             ("t1_post.nii.gz", None),
             ("scan-20.nii.gz", None),
             ("week3.nii.gz", None),

@@ -6,10 +6,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use jiff::civil::Date;
-
 use super::names::{self, ParsedName};
-use crate::dates::{ISO_LENGTH, find_iso_date};
+use crate::dates::{ISO_LENGTH, compact_date, find_iso_date};
 
 /// Words before a patient's number.
 const PATIENT_WORDS: &[&str] = &["patient", "pat", "pt", "subject", "subj", "case", "p", "participant", "id"];
@@ -47,14 +45,6 @@ fn without_channel<'a>(stem: &'a str, stems: &HashSet<&str>) -> &'a str {
     }
 }
 
-/// Whether digits are a date without separators: `20240115`.
-fn is_compact_date(digits: &str) -> bool {
-    let part = |range: std::ops::Range<usize>| digits.get(range).and_then(|text| text.parse::<i16>().ok());
-    let date = (part(0..4), part(4..6), part(6..8));
-    let (Some(year @ 1900..=2100), Some(month), Some(day)) = date else { return false };
-    digits.len() == 8 && Date::new(year, month as i8, day as i8).is_ok()
-}
-
 /// The identifier of a patient at the start of the name of a file or folder: its parts up to the last identifying
 /// number before a word that states a kind or a time.
 fn identifier(text: &str) -> Option<String> {
@@ -70,7 +60,7 @@ fn identifier(text: &str) -> Option<String> {
         let (word, number) = part.split_at(part.find(|c: char| c.is_ascii_digit()).unwrap_or(part.len()));
         let is_year =
             number.len() == 4 && number.parse().is_ok_and(|year: u32| (1900..=2100).contains(&year));
-        let is_long = number.len() >= IDENTIFYING_DIGITS && !is_compact_date(number) && !is_year;
+        let is_long = number.len() >= IDENTIFYING_DIGITS && compact_date(number).is_none() && !is_year;
         let is_named = if word.is_empty() {
             is_long || at > 0 && is_word(&parts[at - 1])
         } else {
@@ -79,7 +69,7 @@ fn identifier(text: &str) -> Option<String> {
         !number.is_empty() && is_number(number) && is_named
     };
     let is_brats = text.to_lowercase().starts_with("brats") && parts.len() > 1;
-    let is_bare_number = parts.len() == 1 && is_number(&parts[0]) && !is_compact_date(&parts[0]);
+    let is_bare_number = parts.len() == 1 && is_number(&parts[0]) && compact_date(&parts[0]).is_none();
     let last = if is_brats || is_bare_number {
         parts.len().checked_sub(1)
     } else {
@@ -100,7 +90,8 @@ mod tests {
 
     #[test]
     fn two_patients_are_two_however_they_are_named() {
-        let two: [&[&str]; 14] = [
+        let two: [&[&str]; 15] = [
+            &["19840312_seg.nii", "19790505_seg.nii"],
             &["A001/seg.nii", "A002/seg.nii"],
             &["ID07_seg.nii", "ID08_seg.nii"],
             &["a/BraTS20_Training_001_flair.nii.gz", "b/BraTS20_Training_002_flair.nii.gz"],

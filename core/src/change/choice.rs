@@ -66,7 +66,7 @@ impl Choice {
                 let expected = format!("a mask of both dates: {}", ids.join(", "));
                 choice_error(case, format!("no mask {id} at both dates"), expected)
             })?,
-            None => ids.first().ok_or_else(|| ChangeError::NoCommonMask(case.name.clone()))?,
+            None => ids.first().ok_or_else(|| ChangeError::no_common_mask(case, dates))?,
         };
         Ok(Self { id: (*id).to_owned(), dates })
     }
@@ -110,6 +110,18 @@ impl Choice {
             0 | 1 => Err(ChangeError::OneDate { case: case.name.clone(), dates: case.time_points.len() }),
             dates => Ok(dates - 1),
         }
+    }
+}
+
+impl ChangeError {
+    /// The masks of two time points have no id in common.
+    pub fn no_common_mask(case: &Case, dates: [usize; 2]) -> Self {
+        let [from, to] = dates.map(|at| {
+            let masks = case.time_points.get(at).map(|time| time.masks.as_slice()).unwrap_or_default();
+            let ids: Vec<&str> = masks.iter().map(|m| m.mask.id()).collect();
+            if ids.is_empty() { "none".to_owned() } else { ids.join(", ") }
+        });
+        Self::NoCommonMask { case: case.name.clone(), from, to }
     }
 }
 

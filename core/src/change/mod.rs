@@ -94,8 +94,15 @@ pub enum ChangeError {
         dates: String,
     },
     /// The two time points have no mask id in common.
-    #[error("{0}: found no mask that both dates have, expected one of the same id")]
-    NoCommonMask(String),
+    #[error("{case}: found no mask that both dates have ({from}; {to}), expected one of the same id")]
+    NoCommonMask {
+        /// The case.
+        case: String,
+        /// Ids of the earlier time point's masks.
+        from: String,
+        /// Ids of the later time point's masks.
+        to: String,
+    },
     /// The case has no such mask or time point.
     #[error("{case}: found {found}, expected {expected}")]
     Choice {

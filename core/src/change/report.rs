@@ -277,7 +277,7 @@ pub fn between(
     let [Some(before), Some(after)] =
         [earlier, later].map(|time| time.masks.iter().find(|m| m.mask.id() == id))
     else {
-        return Err(ChangeError::NoCommonMask(case.name.clone()));
+        return Err(ChangeError::no_common_mask(case, dates));
     };
     let samplings = [before, after].map(|m| Sampling::new(&m.native_grid, &case.grid));
     let bits = [before, after].map(|m| m.mask.bits());

@@ -177,8 +177,8 @@ fn write_failed(path: &Path, why: &dyn std::fmt::Display) -> FileError {
 /// folder is flushed to disk, then renamed over `path`. A symbolic link is kept: its target is written.
 ///
 /// # Errors
-/// [`FileError::Wrong`] with the system's reason, or where `path` is a folder, a device, a pipe, or a link whose target
-/// doesn't exist.
+/// [`FileError::Wrong`] with the system's reason, or where `path` is a folder, a device, a pipe, a write-protected file, or
+/// a link whose target doesn't exist.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_whole_with(path, "", |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
 }
@@ -225,6 +225,15 @@ fn persist(
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut file = temporary(mode).suffix(suffix).tempfile_in(folder).map_err(failed)?;
     write(&mut file)?;
+    // A file that is replaced keeps its permissions, unless the new one is private.
+    if let Some(replaced) = path.metadata().ok().map(|metadata| metadata.permissions()) {
+        if replaced.readonly() {
+            return Err(write_failed(path, &"a write-protected file"));
+        }
+        if mode == ORDINARY {
+            file.as_file().set_permissions(replaced).map_err(failed)?;
+        }
+    }
     file.as_file().sync_all().map_err(failed)?;
     file.persist(path).map_err(|e| failed(e.error))?;
     sweep(folder);

@@ -348,6 +348,27 @@ fn endless_and_huge_sessions_are_refused_at_once() {
     assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
 }
 
+#[test]
+fn a_session_that_changed_on_disk_is_not_overwritten_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.glioscope.json");
+    let mut work = workstation(CaseRef::Sample);
+    assert!(work.save(path.clone()) && work.save(path.clone()));
+    let by_another = std::fs::read_to_string(&path).unwrap() + "\n";
+    std::fs::write(&path, &by_another).unwrap();
+    assert!(!work.save(path.clone()));
+    let error = work.error.take().unwrap().to_string();
+    assert!(error.contains("changed on disk"), "{error}");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), by_another);
+    // Chosen again in the dialog, which asks; or gone.
+    let mut harness = window_with(work, [900.0, 700.0], Theme::Light);
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_ne!(std::fs::read_to_string(&path).unwrap(), by_another);
+    std::fs::remove_file(&path).unwrap();
+    perform(&mut harness, AppCommand::SaveSession);
+    assert!(path.exists());
+}
+
 fn has_close_command(harness: &glioscope_tests::Window, wanted: &egui::ViewportCommand) -> bool {
     harness.output().viewport_output.values().any(|output| output.commands.contains(wanted))
 }

@@ -99,7 +99,16 @@ fn nearest(
     let Some(beside) = beside else { return own };
     let here = same(&beside);
     match own {
-        Ok(own) if here <= same(&own) || 2 * here < of => Ok(own),
+        Ok(mut own) if here <= same(&own) || 2 * here < of => {
+            let opened = own.spec.inputs().paths().first().map(|file| file.display().to_string());
+            let text = format!(
+                "{}: found the case beside it changed ({here} of {of} files are as saved), expected all; the one it was                  saved with is opened instead ({})",
+                origin.path.display(),
+                opened.unwrap_or_else(|| own.spec.name.clone())
+            );
+            own.findings.push(Check::warning("session-place", text));
+            Ok(own)
+        }
         Err(gone) if of == 0 || 2 * here < of => {
             let found = format!(
                 "a case of other files beside it ({here} of {of} are the same), and none where its own was ({gone})"

@@ -143,6 +143,9 @@ fn a_session_opens_its_own_case_or_none() {
     std::fs::copy(&path, &copy).unwrap();
     let voxels = |path: &Path| t1_voxels(&opened(path));
     assert_eq!((voxels(&path), voxels(&copy)), (125, 125));
+    // Which of the two is opened is said.
+    let places = |path: &Path| findings(&opened(path), "session-place").len();
+    assert_eq!((places(&path), places(&copy)), (0, 1));
     let text = std::fs::read_to_string(&path).unwrap();
     let value: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(value["relative"]["case"], json!({"path": "case.toml"}));

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use egui::{Align2, Context, Ui};
+use egui::{Context, Ui};
 
-use super::{GlioscopeApp, dialogs::Purpose};
+use super::{GlioscopeApp, dialogs::Purpose, modal};
 use crate::{
     command::{AppCommand, Command},
     model::{CaseRef, session},
@@ -146,10 +146,10 @@ impl GlioscopeApp {
     }
 }
 
+/// Enter is the first button, Escape the last.
 fn question(ctx: &Context, title: &str, text: &str, buttons: &[(&str, Answer)]) -> Option<Answer> {
     let mut answer = None;
-    let window = egui::Window::new(title).collapsible(false).resizable(false);
-    window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ctx, |ui| {
+    let reply = modal::show(ctx, title, |ui| {
         ui.set_max_width(460.0);
         ui.label(text);
         ui.add_space(6.0);
@@ -160,8 +160,14 @@ fn question(ctx: &Context, title: &str, text: &str, buttons: &[(&str, Answer)]) 
                 }
             }
         });
+        modal::Reply::None
     });
-    answer
+    let of = |button: Option<&(&str, Answer)>| button.map(|(_, answer)| *answer);
+    match reply {
+        modal::Reply::Accept => of(buttons.first()),
+        modal::Reply::Cancel => of(buttons.last()),
+        modal::Reply::None => answer,
+    }
 }
 
 fn ask_unsaved(ctx: &Context, leaving: &Leaving) -> Option<Answer> {

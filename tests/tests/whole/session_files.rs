@@ -400,6 +400,13 @@ fn leaving_with_unsaved_work_asks() {
     harness.get_by_label("Cancel").click();
     harness.run_ok();
     assert!(!harness.state().is_asking());
+    // Escape is Cancel, as in every dialog.
+    ask_to_close(&mut harness);
+    harness.run_ok();
+    assert!(harness.state().is_asking());
+    harness.key_press(egui::Key::Escape);
+    harness.run_ok();
+    assert!(!harness.state().is_asking() && harness.state().work.has_unsaved_work());
     // The command asks, too, and saving answers.
     issue(&mut harness, AppCommand::Quit);
     harness.run_ok();

@@ -14,6 +14,13 @@ pub enum Severity {
     Error,
 }
 
+/// The first `most` of `names`, and how many more there are: `a, b and 3 more`.
+pub fn listed(names: &[String], most: usize) -> String {
+    let (first, rest) = names.split_at(names.len().min(most));
+    let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+    format!("{}{more}", first.join(", "))
+}
+
 /// One finding. Codes are stable, lower-case, hyphenated and documented in `docs/checks.md`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Check {

@@ -1,14 +1,11 @@
 //! The session file: a [`Document`] as JSON under a format version, written whole or not at all.
 
-use std::{
-    io::Read as _,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use glioscope_core::{
     Check,
     case::Case,
-    files::{FileError, FileMark, read_small, write_whole_private},
+    files::{FileError, FileMark, read_head, read_small, write_whole_private},
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -28,6 +25,8 @@ pub const EXTENSION: &str = "glioscope.json";
 const VERSION: u64 = 3;
 /// The key by which a session file is recognised.
 const KEY: &str = "glioscope_session";
+/// Number of bytes in which the key stands if this program wrote the file.
+const HEAD_BYTES: u64 = 1024;
 /// Maximum size of a session file.
 const MAX_BYTES: u64 = 16 << 20;
 
@@ -67,36 +66,31 @@ pub struct Origin {
     pub files: Vec<FileMark>,
 }
 
+fn has_ending(path: &Path) -> bool {
+    path.to_string_lossy().to_lowercase().ends_with(&format!(".{EXTENSION}"))
+}
+
 /// Whether a file is a session: by its ending, or by its content whatever its name.
 pub fn is_session(path: &Path) -> bool {
-    if path.to_string_lossy().to_lowercase().ends_with(&format!(".{EXTENSION}")) {
+    if has_ending(path) {
         return !path.is_dir();
     }
     // Other files that a case may be opened from don't begin with a brace, and may be large.
-    let Ok(head) = read_start(path) else { return false };
+    let Some(head) = read_head(path, HEAD_BYTES) else { return false };
     let is_json = head.trim_ascii_start().first() == Some(&b'{');
     let has_key = |bytes: &[u8]| bytes.windows(KEY.len()).any(|window| window == KEY.as_bytes());
     is_json
         && (has_key(&head) || read_small(path, MAX_BYTES, "a session file").is_ok_and(|all| has_key(&all)))
 }
 
-/// The first bytes of a regular file.
-fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
-    let mut head = Vec::new();
-    if path.metadata()?.is_file() {
-        std::fs::File::open(path)?.take(1024).read_to_end(&mut head)?;
-    }
-    Ok(head)
-}
-
 /// `path` with the ending of session files, unless it has it.
 pub fn with_ending(path: PathBuf) -> PathBuf {
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let lower = name.to_lowercase();
-    if lower.ends_with(&format!(".{EXTENSION}")) {
+    if has_ending(&path) {
         return path;
     }
-    let stem = if lower.ends_with(".json") { &name[..name.len() - ".json".len()] } else { &name };
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let stem =
+        if name.to_lowercase().ends_with(".json") { &name[..name.len() - ".json".len()] } else { &name };
     path.with_file_name(format!("{stem}.{EXTENSION}"))
 }
 

@@ -6,6 +6,7 @@ use std::path::Path;
 use glioscope_core::{
     Check, Progress,
     case::{self, CaseError, CaseSpec, LoadOptions},
+    check::listed,
     files::{FileError, FileMark},
     sample,
 };
@@ -150,10 +151,8 @@ fn difference(found: &Found, origin: &Origin, same: usize) -> Option<Check> {
         });
     }
     let names = |marks: Vec<&FileMark>| {
-        let mut names: Vec<String> = marks.iter().map(|mark| mark.file.display().to_string()).collect();
-        let more = names.len().saturating_sub(MOST_NAMED);
-        names.truncate(MOST_NAMED);
-        if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") }
+        let names: Vec<String> = marks.iter().map(|mark| mark.file.display().to_string()).collect();
+        listed(&names, MOST_NAMED)
     };
     let lacks = |list: &[FileMark], mark: &FileMark| !list.iter().any(|other| other.same_content(mark));
     let gone: Vec<&FileMark> = saved.iter().filter(|mark| lacks(&found.files, mark)).collect();

@@ -38,7 +38,8 @@ fn canonical(a: &Grid, b: &Grid) -> Ordering {
         .then_with(by_place)
 }
 
-/// The grid that is chosen, and the id of the mask or image it comes from: the finest by [`canonical`]; the result doesn't depend on the order of the masks. `images`: time, id, grid.
+/// The grid that is chosen, and the id of the mask or image it comes from: the finest by [`canonical`]; the result
+/// doesn't depend on the order of the masks. `images`: time, id, grid.
 pub(super) fn choose(
     spec: &CaseSpec,
     choice: &CaseGridChoice,

@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     Check, Progress,
+    check::listed,
     files::{
         self, ReadOptions, Source,
         format::{self, volume_stem},
@@ -190,7 +191,7 @@ fn assign_times(
     entries.retain(|e| e.named.time.is_some());
     notes.push(Check::note("guessed-times", format!("times: guessed from names: {}", labels.join(", "))));
     if !timeless.is_empty() {
-        let names = folder::listed(&timeless);
+        let names = listed(&timeless, folder::MAX_LISTED);
         let text = format!("{names}: found no time in the name while others have one; left out");
         notes.push(Check::warning("guess-left-out", text));
     }
@@ -262,11 +263,9 @@ fn guess(
     }
     let subjects = subject::subjects(&paths, &named);
     if subjects.len() > 1 {
-        let first = subjects.iter().take(3).map(String::as_str).collect::<Vec<_>>().join(", ");
-        let more = if subjects.len() > 3 { ", …" } else { "" };
         return Err(wrong(
             folder,
-            format!("files of {} patients ({first}{more})", subjects.len()),
+            format!("files of {} patients ({})", subjects.len(), listed(&subjects, 3)),
             "the folder of one, or its files named one by one or in a case.toml",
         ));
     }

@@ -1,7 +1,7 @@
 //! Findings about the files of a case: those that say the same of several files are one.
 
 use super::native::at_time;
-use crate::{Check, files::Source};
+use crate::{Check, check::listed, files::Source};
 
 /// Ids listed in one finding at most; the others are counted.
 const MAX_LISTED: usize = 12;
@@ -53,12 +53,8 @@ pub(super) fn together(findings: Vec<Finding>) -> Vec<Check> {
         let message = if kind.len() == 1 {
             format!("{}: {}", first.id, first.check.message)
         } else {
-            let names: Vec<String> = kind.iter().take(MAX_LISTED).map(|f| at_time(&f.id, &f.time)).collect();
-            let more = match kind.len().saturating_sub(MAX_LISTED) {
-                0 => String::new(),
-                more => format!(" and {more} more"),
-            };
-            format!("{}{more} ({} files): {}", names.join(", "), kind.len(), first.text())
+            let names: Vec<String> = kind.iter().map(|f| at_time(&f.id, &f.time)).collect();
+            format!("{} ({} files): {}", listed(&names, MAX_LISTED), kind.len(), first.text())
         };
         Check { code: first.check.code, severity: first.check.severity, message }
     };

@@ -3,16 +3,17 @@
 use std::{
     collections::BTreeMap,
     fs::Metadata,
-    io::Read,
     path::{Path, PathBuf},
 };
 
 use super::CaseError;
 use crate::{
     Check, Progress,
+    check::listed,
     files::{
+        broken_link,
         format::{is_tracts, is_volume, volume_stem},
-        open_regular, printable, stand_in,
+        other_half, printable, read_head, stand_in,
     },
 };
 
@@ -23,7 +24,7 @@ const MAX_DEPTH: usize = 4;
 const MAX_ENTRIES: usize = 10_000;
 
 /// Names listed in one finding at most; the others are counted.
-const MAX_LISTED: usize = 8;
+pub(super) const MAX_LISTED: usize = 8;
 
 /// Size in bytes up to which a file may be a pointer of git-annex or git-LFS.
 const MAX_POINTER_BYTES: u64 = 4096;
@@ -42,15 +43,6 @@ pub(super) struct Listing {
     pub left_out: Vec<Check>,
 }
 
-/// The first names of a list, and how many more there are.
-pub(super) fn listed(names: &[String]) -> String {
-    let more = match names.len().saturating_sub(MAX_LISTED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
-    format!("{}{more}", names[..names.len().min(MAX_LISTED)].join(", "))
-}
-
 /// The entries of a folder, sorted.
 pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
     let fail = |e: std::io::Error| {
@@ -65,7 +57,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
 /// Images and masks below `folder`, and what is left out. Hidden entries are skipped.
 pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
-    let (mut volumes, mut halves) = (Vec::new(), Vec::new());
+    let mut volumes = Vec::new();
     let mut visited = 0;
     let mut pending = vec![(folder.to_path_buf(), 0)];
     while let Some((current, depth)) = pending.pop() {
@@ -103,40 +95,20 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
                 out.name(&relative, &why);
             } else if volume_stem(name).is_some() {
                 volumes.push(relative);
-            } else {
-                halves.push(relative);
+            } else if other_half(&path).is_none() {
+                out.name(&relative, "the second half of a pair without its .hdr");
             }
-        }
-    }
-    for half in halves {
-        if !has_header(&half, &volumes) {
-            out.name(&half, "the second half of a pair without its .hdr");
         }
     }
     volumes.sort();
     Ok(Listing { volumes, left_out: out.checks() })
 }
 
-/// Whether the header of the pair that ends in `.img` is among `volumes`.
-fn has_header(image: &Path, volumes: &[PathBuf]) -> bool {
-    let stem = |path: &Path| {
-        let name = path.to_string_lossy().to_lowercase();
-        let name = name.strip_suffix(".gz").unwrap_or(&name);
-        name.strip_suffix(".img").or_else(|| name.strip_suffix(".hdr")).map(str::to_owned)
-    };
-    let of_image = stem(image);
-    of_image.is_some() && volumes.iter().any(|volume| stem(volume) == of_image)
-}
-
 /// Why nothing can be read from a file, as far as that is seen without reading it.
 fn unusable(path: &Path, meta: Option<&Metadata>) -> Option<String> {
     let Some(meta) = meta else {
-        let target = std::fs::read_link(path).unwrap_or_default();
-        return Some(if target.to_string_lossy().contains("annex/objects") {
-            "a link of git-annex whose content is not here (fetch it first: git annex get)".into()
-        } else {
-            format!("a link whose target {} does not exist", printable(&target.display().to_string()))
-        });
+        let (found, instead) = broken_link(path)?;
+        return Some(instead.map_or_else(|| found.clone(), |instead| format!("{found}, expected {instead}")));
     };
     if !meta.is_file() {
         return Some("a pipe or device".into());
@@ -147,9 +119,8 @@ fn unusable(path: &Path, meta: Option<&Metadata>) -> Option<String> {
     if meta.len() > MAX_POINTER_BYTES {
         return None;
     }
-    let mut head = Vec::new();
-    open_regular(path).ok()?.0.take(MAX_POINTER_BYTES).read_to_end(&mut head).ok()?;
-    stand_in(&head).map(|(found, expected)| format!("{found} in place of {expected}"))
+    stand_in(&read_head(path, MAX_POINTER_BYTES)?)
+        .map(|(found, expected)| format!("{found} in place of {expected}"))
 }
 
 /// What is left out, by the reason.
@@ -181,7 +152,7 @@ impl LeftOut {
             .named
             .into_iter()
             .map(|(why, names)| {
-                Check::warning("left-out", format!("{}: found {why}; left out", listed(&names)))
+                Check::warning("left-out", format!("{}: found {why}; left out", listed(&names, MAX_LISTED)))
             })
             .collect();
         if !self.counted.is_empty() {

@@ -7,8 +7,6 @@
 use std::{
     collections::BTreeMap,
     fmt,
-    fs::{File, Metadata},
-    io::Read as _,
     path::{Path, PathBuf},
 };
 
@@ -19,7 +17,7 @@ use super::{ComponentEllipsoid, Options};
 use crate::{
     components::Connectivity,
     digest::Digest,
-    files::{FileError, read_small, write_whole},
+    files::{FileError, read_head, read_small, write_whole},
     tumor_index::{IndexData, TumorIndex},
 };
 
@@ -144,13 +142,7 @@ pub fn save(path: &Path, entries: &Entries) -> Result<(), FileError> {
 
 /// Whether the file at `path` begins as [`save`] writes it, in any format version.
 fn is_cache(path: &Path) -> bool {
-    let begins = || {
-        let mut head = vec![0; BEGINNING.len()];
-        path.metadata().ok().filter(Metadata::is_file)?;
-        File::open(path).ok()?.read_exact(&mut head).ok()?;
-        Some(head == BEGINNING.as_bytes())
-    };
-    begins() == Some(true)
+    read_head(path, BEGINNING.len() as u64).is_some_and(|head| head == BEGINNING.as_bytes())
 }
 
 fn parse_key(name: &str) -> Option<Key> {

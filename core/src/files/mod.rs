@@ -28,10 +28,11 @@ mod tracts_trk;
 pub use content::FileMark;
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
 pub use inputs::Inputs;
+pub(crate) use nifti::other_half;
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
-pub(crate) use opened::{missing, open_regular, stand_in};
-pub use opened::{read_small, read_small_text};
+pub(crate) use opened::{broken_link, missing, open_regular, stand_in};
+pub use opened::{read_head, read_small, read_small_text};
 pub use read::{info, read, read_tract_bytes, read_tracts};
 pub use tracts::{LoadedTracts, TractOptions};
 

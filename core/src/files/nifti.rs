@@ -532,7 +532,7 @@ impl Half {
 }
 
 /// The other file of a header and image pair, where `path` is one and the other exists.
-pub(super) fn other_half(path: &Path) -> Option<PathBuf> {
+pub(crate) fn other_half(path: &Path) -> Option<PathBuf> {
     Half::of(path)?.partner(path).ok()
 }
 

@@ -26,18 +26,30 @@ pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), FileError> {
 /// Why there is nothing at `path`, where `expected` is: a missing file, or a link to one.
 pub(crate) fn missing(path: &Path, error: &std::io::Error, expected: &str) -> FileError {
     let name = printable(&path.display().to_string());
-    let target = if error.kind() == ErrorKind::NotFound { std::fs::read_link(path).ok() } else { None };
-    match target {
-        Some(target) if target.to_string_lossy().contains("annex/objects") => {
-            FileError::wrong(name, "a link of git-annex whose content is not here", FETCH_ANNEX)
-        }
-        Some(target) => {
-            let target = printable(&target.display().to_string());
-            FileError::wrong(name, format!("a link whose target {target} does not exist"), expected)
-        }
-        None if error.kind() == ErrorKind::NotFound => FileError::wrong(name, "no such file", expected),
+    let is_missing = error.kind() == ErrorKind::NotFound;
+    match is_missing.then(|| broken_link(path)).flatten() {
+        Some((found, instead)) => FileError::wrong(name, found, instead.unwrap_or(expected)),
+        None if is_missing => FileError::wrong(name, "no such file", expected),
         None => FileError::wrong(name, error.to_string(), expected),
     }
+}
+
+/// What the link at `path` is, whose target doesn't exist, and what is expected instead where that is known; `None` where
+/// there is no link.
+pub(crate) fn broken_link(path: &Path) -> Option<(String, Option<&'static str>)> {
+    let target = std::fs::read_link(path).ok()?;
+    if target.to_string_lossy().contains("annex/objects") {
+        return Some(("a link of git-annex whose content is not here".into(), Some(FETCH_ANNEX)));
+    }
+    let target = printable(&target.display().to_string());
+    Some((format!("a link whose target {target} does not exist"), None))
+}
+
+/// The first bytes of a regular file, at most `max_bytes`; `None` where it can't be read.
+pub fn read_head(path: &Path, max_bytes: u64) -> Option<Vec<u8>> {
+    let mut head = Vec::new();
+    open_regular(path).ok()?.0.take(max_bytes).read_to_end(&mut head).ok()?;
+    Some(head)
 }
 
 const FETCH_ANNEX: &str = "its content (fetch it first: git annex get)";

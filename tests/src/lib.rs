@@ -68,6 +68,16 @@ pub fn window_on(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Window {
     window_with(workstation(case), size, theme)
 }
 
+/// The window with the sample, light, 1280 by 800 points, drawn once.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn sample() -> Window {
+    let mut harness = window_on(CaseRef::Sample, [1280.0, 800.0], egui::Theme::Light);
+    harness.run_ok();
+    harness
+}
+
 /// As [`window_on`], with the list of recent cases and the preferences beside it.
 ///
 /// # Panics

@@ -9,17 +9,11 @@ use glioscope::{
     window::GlioscopeApp,
 };
 use glioscope_tests::{
-    Dropped, Window, count_color, crop, drafting_window_on, error_text, issue, screens, window_on,
+    Dropped, Window, count_color, crop, drafting_window_on, error_text, issue, sample, screens, window_on,
 };
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
 const GREEN: [u8; 3] = [0, 255, 0];
-
-fn sample() -> Window {
-    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
-    harness.run_ok();
-    harness
-}
 
 fn closeup<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a CloseupPane {
     harness.state().panes.get(PaneId::Closeup).unwrap()

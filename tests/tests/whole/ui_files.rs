@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use egui::Theme;
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{CaseRef, PaneId, PictureSize, Ruler},
+    model::{PaneId, PictureSize, Ruler},
     window::recent::Recent,
 };
 use glioscope_core::{
@@ -14,16 +13,10 @@ use glioscope_core::{
     change::{self, ChangeOptions},
     glam::DVec3,
 };
-use glioscope_tests::{Window, doc, error_text, issue, perform, wait_for_workers, window_of_user, window_on};
+use glioscope_tests::{Window, doc, error_text, issue, perform, sample, wait_for_workers, window_of_user};
 use serde_json::Value;
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
-
-fn sample() -> Window {
-    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
-    harness.run_ok();
-    harness
-}
 
 #[test]
 fn exported_numbers_have_what_the_window_shows_and_csv_has_the_same() {

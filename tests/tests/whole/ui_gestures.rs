@@ -1,22 +1,14 @@
 //! Gestures whose events arrive within one frame, as they do while a frame takes long: nothing is lost, and each acts
 //! where and with which keys it was made.
 
-use egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, Rect, Theme, vec2};
+use egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, Rect, vec2};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{EditCommand, LookCommand},
-    model::{CaseRef, PaneId},
+    model::PaneId,
 };
 use glioscope_render::TransferPreset;
-use glioscope_tests::{Window, doc, maximized, perform, window_on};
-
-const SIZE: [f32; 2] = [1280.0, 800.0];
-
-fn sample() -> Window {
-    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
-    harness.run_ok();
-    harness
-}
+use glioscope_tests::{Window, doc, maximized, perform, sample};
 
 fn rect(harness: &Window, pane: PaneId) -> Rect {
     harness.state().pane_rect(pane).unwrap()

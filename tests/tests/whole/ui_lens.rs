@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use egui::{Event, Modifiers, Pos2, Rect, Theme, Vec2, pos2, vec2};
+use egui::{Event, Modifiers, Pos2, Rect, Vec2, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::DVec3;
 use glioscope::{
     command::{AppCommand, Command, EditCommand, LookCommand},
     format,
-    model::{CaseRef, HiddenRegions, PaneId, session},
+    model::{HiddenRegions, PaneId, session},
     views::view3d::linked_camera,
 };
 use glioscope_core::{
@@ -16,16 +16,8 @@ use glioscope_core::{
     optics::{AnatomicalView, Camera, Projection},
 };
 use glioscope_render::{Coloring, agreement_color, flat::Overlay};
-use glioscope_tests::{Window, count_color, crop, doc, error_text, perform, window_on};
+use glioscope_tests::{Window, count_color, crop, doc, error_text, perform, sample};
 use strum::VariantArray;
-
-const SIZE: [f32; 2] = [1280.0, 800.0];
-
-fn sample() -> Window {
-    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
-    harness.run_ok();
-    harness
-}
 
 fn undo(harness: &mut Window) {
     harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::Z);

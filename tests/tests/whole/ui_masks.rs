@@ -1,20 +1,12 @@
 //! Names and colours that the user gives to masks.
 
-use egui::{Key, Modifiers, Theme};
+use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{CaseRef, PaneId, masks::MaskLook, session},
+    model::{PaneId, masks::MaskLook, session},
 };
-use glioscope_tests::{Window, count_color, crop, doc, pane_picture, perform, window_on};
-
-const SIZE: [f32; 2] = [1280.0, 800.0];
-
-fn sample() -> Window {
-    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
-    harness.run_ok();
-    harness
-}
+use glioscope_tests::{Window, count_color, crop, doc, pane_picture, perform, sample};
 
 #[test]
 fn a_mask_is_renamed_in_the_dialog_everywhere_in_the_window() {

@@ -2,26 +2,15 @@
 
 use std::collections::BTreeSet;
 
-use egui::{Modifiers, Theme};
+use egui::Modifiers;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
-use glioscope::{
-    command::{AppCommand, EditCommand},
-    model::CaseRef,
-};
+use glioscope::command::{AppCommand, EditCommand};
 use glioscope_core::{
     Progress, TumorIndex,
     change::{self, ChangeOptions},
 };
-use glioscope_tests::{Window, doc, perform, window_on};
-
-const SIZE: [f32; 2] = [1280.0, 800.0];
-
-fn sample() -> Window {
-    let mut harness = window_on(CaseRef::Sample, SIZE, Theme::Light);
-    harness.run_ok();
-    harness
-}
+use glioscope_tests::{Window, doc, perform, sample};
 
 /// Connected pieces, by flood filling over faces, edges and corners, of the voxels for which `active` holds.
 fn pieces(index: &TumorIndex, active: impl Fn(u32) -> bool) -> Vec<BTreeSet<[usize; 3]>> {

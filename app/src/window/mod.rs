@@ -196,8 +196,13 @@ impl GlioscopeApp {
             shortcuts(&ctx, &mut out);
         }
         let dropped_files = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
-        self.look_for_places();
-        let places = go_to::choices(&self.work, &self.results);
+        // Only what can be chosen from a menu or the palette is looked for.
+        let places = if self.palette.is_open() || egui::Popup::is_any_open(&ctx) {
+            self.look_for_places();
+            go_to::choices(&self.work, &self.results)
+        } else {
+            Vec::new()
+        };
         Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &places, &mut out));
         warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
         Panel::bottom("status").show(ui, |ui| warnings::status(ui, &mut self.work, &mut out));

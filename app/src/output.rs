@@ -11,7 +11,7 @@ use image::{ImageEncoder, codecs::png::PngEncoder};
 
 use crate::{
     error::AppError,
-    model::{Ruler, RulerFormat, rulers},
+    model::{ExportFormat, Ruler, rulers},
 };
 
 /// Writes `bytes` to `path`, unless that is one of the case's `inputs`.
@@ -86,9 +86,9 @@ pub fn write_json(path: &Path, inputs: &Inputs, value: &impl serde::Serialize) -
 /// # Errors
 /// As [`write`].
 pub fn write_rulers(path: &Path, case: &Case, lines: &[Ruler]) -> Result<(), AppError> {
-    match RulerFormat::of(path) {
-        Some(RulerFormat::Csv) => write(path, &case.inputs, &rulers::as_csv(case, lines)),
-        Some(RulerFormat::Json) => write_json(path, &case.inputs, &rulers::as_json(case, lines)),
+    match ExportFormat::of(path) {
+        Some(ExportFormat::Csv) => write(path, &case.inputs, &rulers::as_csv(case, lines)),
+        Some(ExportFormat::Json) => write_json(path, &case.inputs, &rulers::as_json(case, lines)),
         None => {
             let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
             Err(AppError::file(path, format!("the ending \"{extension}\""), ".csv or .json"))

@@ -7,7 +7,7 @@ use glioscope_core::files::format::volume_names;
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
 use super::{Entry, Label, Listed, Menu, Workstation};
-use crate::model::{CaseRef, PaneId, PictureSize, RulerFormat};
+use crate::model::{CaseRef, ExportFormat, PaneId, PictureSize};
 
 /// A command that acts outside the document.
 #[derive(Clone, Debug, PartialEq, EnumDiscriminants)]
@@ -24,9 +24,9 @@ pub enum AppCommand {
     SaveSessionTo(PathBuf),
     CancelLoading,
     AcceptGuess(bool),
-    ExportMeasurements(RulerFormat),
+    ExportMeasurements(ExportFormat),
     ExportMeasurementsTo(PathBuf),
-    ExportRulers(RulerFormat),
+    ExportRulers(ExportFormat),
     ExportRulersTo(PathBuf),
     BrowseFiles,
     BrowseFolders,
@@ -60,13 +60,13 @@ impl AppCommand {
                 vec![listed(Self::SaveSessionAs).keys(CTRL | Modifiers::SHIFT, Key::S).menu(Menu::File, 1)]
             }
             AppKind::ExportMeasurements => {
-                let [csv, json] = [RulerFormat::Csv, RulerFormat::Json].map(Self::ExportMeasurements);
+                let [csv, json] = [ExportFormat::Csv, ExportFormat::Json].map(Self::ExportMeasurements);
                 vec![
                     listed(json).keys(CTRL, Key::E).menu(Menu::File, 2),
                     listed(csv).keys(CTRL | Modifiers::SHIFT, Key::E).menu(Menu::File, 2),
                 ]
             }
-            AppKind::ExportRulers => RulerFormat::VARIANTS
+            AppKind::ExportRulers => ExportFormat::VARIANTS
                 .iter()
                 .map(|format| listed(Self::ExportRulers(*format)).menu(Menu::Tools, 1))
                 .collect(),

@@ -210,6 +210,11 @@ pub fn ball_radius_mm(volume_ml: f64, grid: &Grid) -> f64 {
     ball_mm.max(grid.spacing_mm().max_element() * 2.0)
 }
 
+/// Volume of the lens.
+pub fn ball_ml(radius_mm: f64) -> f64 {
+    4.0 / 3.0 * std::f64::consts::PI * radius_mm.powi(3) / 1000.0
+}
+
 /// Radius that the camera must fit about the centroid: half the diagonal of the active voxels' bounding box, or of the
 /// grid where none is active; more where a face of the box lies farther away, as with a small lesion far from a large
 /// one.

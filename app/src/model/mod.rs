@@ -28,5 +28,5 @@ pub use overlap::OverlapMode;
 pub use pane::PaneId;
 pub use picture::PictureSize;
 pub use place::Place;
-pub use rulers::{Ruler, RulerFormat};
+pub use rulers::{ExportFormat, Ruler};
 pub use session::{Origin, Session};

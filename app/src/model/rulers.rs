@@ -45,17 +45,17 @@ impl Ruler {
     }
 }
 
-/// File format of exported lines.
+/// File format of exported numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, IntoStaticStr, VariantArray)]
 #[strum(serialize_all = "lowercase")]
-pub enum RulerFormat {
-    /// One row per line.
+pub enum ExportFormat {
+    /// A table.
     Csv,
-    /// Includes the case's doubts.
+    /// Also what is doubtful about the case.
     Json,
 }
 
-impl RulerFormat {
+impl ExportFormat {
     /// Its file extension, without the dot.
     pub fn extension(self) -> &'static str {
         self.into()
@@ -81,11 +81,6 @@ impl RulerFormat {
         name.push(".");
         name.push(self.extension());
         PathBuf::from(name)
-    }
-
-    /// Suggested file name.
-    pub fn file_name(self) -> String {
-        format!("lines.{}", self.extension())
     }
 }
 

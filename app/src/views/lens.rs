@@ -11,6 +11,7 @@ use super::{
 use crate::{
     command::{Command, Commands, EditCommand},
     format,
+    model::document::ball_ml,
 };
 
 /// Height of a row, points.
@@ -39,7 +40,7 @@ fn content(ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
     };
     let voxels: u64 = counts.iter().map(|(_, n)| n).sum();
     let ml = |voxels: u64| tumor.grid().volume_ml(voxels);
-    let ball_ml = 4.0 / 3.0 * std::f64::consts::PI * lens.radius_mm.powi(3) / 1000.0;
+    let ball_ml = ball_ml(lens.radius_mm);
     let size_in_lens = if is_current {
         format::ml(ml(voxels))
     } else {

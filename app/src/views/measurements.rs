@@ -12,7 +12,7 @@ use super::{
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, LookCommand},
     format,
-    model::{RulerFormat, rulers},
+    model::{ExportFormat, rulers},
 };
 
 /// Height of a row, points.
@@ -36,7 +36,7 @@ fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         if ui.selectable_label(doc.nav.ruler_on, text).on_hover_text(command.tooltip()).clicked() {
             out.push(command);
         }
-        for format in RulerFormat::VARIANTS {
+        for format in ExportFormat::VARIANTS {
             let command = Command::from(AppCommand::ExportRulers(*format));
             let button = egui::Button::new(format!("{}…", format.name()));
             let response = ui.add_enabled(!doc.edit.rulers.is_empty(), button);

@@ -11,7 +11,7 @@ use glioscope_core::files::format::{self, volume_filter, volume_names};
 
 use crate::{
     command::{AppCommand, Command},
-    model::{CaseRef, PaneId, RulerFormat, session},
+    model::{CaseRef, ExportFormat, PaneId, session},
     world::jobs::Waker,
 };
 
@@ -27,9 +27,9 @@ pub enum Purpose {
     /// Write a picture of a pane, or of the window.
     Picture(Option<PaneId>),
     /// Write the numbers.
-    Measurements(RulerFormat),
+    Measurements(ExportFormat),
     /// Write the rulers.
-    Rulers(RulerFormat),
+    Rulers(ExportFormat),
 }
 
 impl Purpose {
@@ -40,7 +40,7 @@ impl Purpose {
             Self::SaveSession => format!("case.{}", session::EXTENSION),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
             Self::Measurements(format) => format!("numbers.{}", format.extension()),
-            Self::Rulers(format) => format.file_name(),
+            Self::Rulers(format) => format!("lines.{}", format.extension()),
         })
     }
 
@@ -56,7 +56,8 @@ impl Purpose {
         }
     }
 
-    /// The file's path with the ending that its content needs, where that is missing.
+    /// The file's path with the ending that its content needs, where that is missing: the file that
+    /// [`Purpose::command`] writes.
     pub fn complete(&self, path: PathBuf) -> PathBuf {
         let with = |path: PathBuf, ending: &str| {
             let mut name = path.into_os_string();
@@ -65,7 +66,7 @@ impl Purpose {
             PathBuf::from(name)
         };
         match self {
-            Self::SaveSession if !session::is_session(&path) => with(path, session::EXTENSION),
+            Self::SaveSession => session::with_ending(path),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
             Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
@@ -190,7 +191,8 @@ impl Dialog {
     pub fn open(purpose: Purpose, folder: Option<PathBuf>, chooser: &Chooser, wake: Waker) -> Self {
         let (send, receive) = mpsc::channel();
         let (thread_purpose, chooser) = (purpose.clone(), chooser.clone());
-        std::thread::spawn(move || {
+        // Without a thread the answer is that the dialog stopped.
+        let _ = std::thread::Builder::new().spawn(move || {
             // Fails where the window was closed meanwhile.
             let _ = send.send(chooser(&thread_purpose, folder.as_deref()));
             wake.wake();
@@ -237,7 +239,7 @@ mod tests {
         assert_eq!(Purpose::OpenFile.command(path()), AppCommand::Open(CaseRef::Path(path())).into());
         let session = PathBuf::from("/somewhere/x.glioscope.json");
         assert_eq!(Purpose::OpenFile.command(session.clone()), AppCommand::OpenSession(session).into());
-        let rulers = Purpose::Rulers(RulerFormat::Csv);
+        let rulers = Purpose::Rulers(ExportFormat::Csv);
         assert_eq!(rulers.file_name().as_deref(), Some("lines.csv"));
         assert_eq!(
             rulers.command("/a/lines".into()),

@@ -377,7 +377,14 @@ impl GlioscopeApp {
         {
             match choice {
                 Choice::Cancelled => self.after_save(ctx, false),
-                Choice::Path(path) => self.perform(ctx, &purpose.command(path), Instant::now()),
+                Choice::Path(path) => {
+                    let whole = purpose.complete(path.clone());
+                    if whole != path && whole.exists() {
+                        self.open.path = Some(TypedPath::about_existing(purpose, &whole));
+                    } else {
+                        self.perform(ctx, &purpose.command(path), Instant::now());
+                    }
+                }
                 Choice::Unavailable(why) => {
                     let why = format!("This desktop has no file chooser ({why}), so type the path.");
                     let folder = self.folder().unwrap_or_default();

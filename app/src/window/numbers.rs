@@ -14,7 +14,7 @@ use serde_json::{Map, Value, json};
 
 use crate::{
     error::AppError,
-    model::{Document, RulerFormat, rulers},
+    model::{Document, ExportFormat, document::ball_ml, rulers},
     output,
 };
 
@@ -37,8 +37,8 @@ impl Shown {
     /// [`AppError`] naming the file, or if loading is cancelled.
     pub fn write(&self, path: &Path, progress: &Progress) -> Result<(), AppError> {
         let numbers = self.json(progress)?;
-        match RulerFormat::of(path) {
-            Some(RulerFormat::Csv) => output::write(path, &self.case.inputs, &as_csv(&numbers)),
+        match ExportFormat::of(path) {
+            Some(ExportFormat::Csv) => output::write(path, &self.case.inputs, &as_csv(&numbers)),
             _ => output::write_json(path, &self.case.inputs, &numbers),
         }
     }
@@ -105,7 +105,7 @@ impl Shown {
             "time": time_point.label,
             "center_mm": lens.center_mm.to_array(),
             "radius_mm": lens.radius_mm,
-            "ball_ml": 4.0 / 3.0 * std::f64::consts::PI * lens.radius_mm.powi(3) / 1000.0,
+            "ball_ml": ball_ml(lens.radius_mm),
             "voxels": all,
             "volume_ml": tumor.grid().volume_ml(all),
             "share_of_union": share(all, time_point.regions.union_voxels()),

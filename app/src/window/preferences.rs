@@ -4,10 +4,14 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::write_whole_private;
+use glioscope_core::files::{read_small, write_whole_private};
 use serde::{Deserialize, Serialize};
 
 use crate::model::PictureSize;
+
+/// Maximum size of the file.
+const MAX_BYTES: u64 = 1 << 20;
+const EXPECTED: &str = "what the window remembers";
 
 /// Range of a window's remembered sides, points.
 const SIDE_RANGE: (f32, f32) = (320.0, 16_384.0);
@@ -40,7 +44,7 @@ impl Preferences {
     /// What was remembered in `folder`; the defaults if nothing was. Without a folder nothing is remembered.
     pub fn in_folder(folder: Option<&Path>) -> Self {
         let file = folder.map(|folder| folder.join("window.json"));
-        let read = |file: &PathBuf| serde_json::from_slice(&std::fs::read(file).ok()?).ok();
+        let read = |file: &PathBuf| serde_json::from_slice(&read_small(file, MAX_BYTES, EXPECTED).ok()?).ok();
         let mut now: Remembered = file.as_ref().and_then(read).unwrap_or_default();
         let (low, high) = SIDE_RANGE;
         now.size_points = now

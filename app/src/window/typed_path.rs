@@ -36,6 +36,20 @@ impl TypedPath {
         Self { purpose, path, why, wrong: String::new(), replaces: None, just_opened: true }
     }
 
+    /// Asks about `path`, an existing file to write that the file chooser didn't ask about: it asked about the name
+    /// without its ending.
+    pub fn about_existing(purpose: Purpose, path: &Path) -> Self {
+        let wrong = format!("{} exists. Press Save to replace it.", path.display());
+        Self {
+            purpose,
+            path: path.display().to_string(),
+            why: String::new(),
+            wrong,
+            replaces: Some(path.to_owned()),
+            just_opened: true,
+        }
+    }
+
     /// The path entered; `None` where it can't be right, and then why.
     fn entered(&mut self) -> Option<PathBuf> {
         let typed = self.path.trim();
@@ -62,7 +76,7 @@ impl TypedPath {
             return None;
         }
         if path.exists() && self.replaces.as_ref() != Some(&path) {
-            self.wrong = format!("{} exists. Once more replaces it.", path.display());
+            self.wrong = format!("{} exists. Press Save again to replace it.", path.display());
             self.replaces = Some(path);
             return None;
         }
@@ -139,13 +153,13 @@ pub fn show(ui: &Ui, open: &mut Option<TypedPath>, out: &mut Commands) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::RulerFormat;
+    use crate::model::ExportFormat;
 
     #[test]
     fn paths_that_can_not_be_right_stay_in_the_dialog() {
         let folder = tempfile::tempdir().unwrap();
         let mut typed =
-            TypedPath::new(Purpose::Measurements(RulerFormat::Json), folder.path(), String::new());
+            TypedPath::new(Purpose::Measurements(ExportFormat::Json), folder.path(), String::new());
         let proposed = folder.path().join("numbers.json");
         assert_eq!(typed.entered().as_deref(), Some(proposed.as_path()));
         glioscope_core::files::write_whole(&proposed, b"{}").unwrap();

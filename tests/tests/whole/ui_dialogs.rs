@@ -6,7 +6,7 @@ use egui::{Event, Key, Modifiers, Theme};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::AppCommand,
-    model::{CaseRef, PaneId, RulerFormat},
+    model::{CaseRef, ExportFormat, PaneId},
     window::dialogs::{Choice, Purpose},
 };
 use glioscope_tests::{Window, doc, error_text, issue, perform, wait_for_workers, window_on};
@@ -100,8 +100,8 @@ fn without_a_file_chooser_every_dialog_asks_for_the_path_and_says_why() {
         AppCommand::BrowseFiles,
         AppCommand::BrowseFolders,
         AppCommand::SaveSessionAs,
-        AppCommand::ExportMeasurements(RulerFormat::Json),
-        AppCommand::ExportRulers(RulerFormat::Csv),
+        AppCommand::ExportMeasurements(ExportFormat::Json),
+        AppCommand::ExportRulers(ExportFormat::Csv),
         AppCommand::ScreenshotWindow,
         AppCommand::ScreenshotPane(PaneId::Overlap),
     ] {
@@ -115,7 +115,7 @@ fn without_a_file_chooser_every_dialog_asks_for_the_path_and_says_why() {
     }
     assert_eq!(error_text(&harness), "");
     let path = folder.path().join("numbers.json");
-    issue(&mut harness, AppCommand::ExportMeasurements(RulerFormat::Json));
+    issue(&mut harness, AppCommand::ExportMeasurements(ExportFormat::Json));
     wait_for_answer(&mut harness);
     harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
     harness.event(Event::Text(path.display().to_string()));
@@ -126,10 +126,43 @@ fn without_a_file_chooser_every_dialog_asks_for_the_path_and_says_why() {
     assert!(path.exists());
 }
 
+/// The chooser asked about the name as it was typed, not about the one with the ending added.
+#[test]
+fn a_file_whose_ending_was_added_is_not_replaced_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let content = |path: &Path| std::fs::read_to_string(path).unwrap();
+    for (command, typed, written) in [
+        (AppCommand::SaveSessionAs, "visit", "visit.glioscope.json"),
+        (AppCommand::ExportMeasurements(ExportFormat::Json), "all", "all.json"),
+        (AppCommand::ExportRulers(ExportFormat::Csv), "lines", "lines.csv"),
+    ] {
+        let [typed, written] = [typed, written].map(|name| folder.path().join(name));
+        let mut harness = with_chooser(Choice::Path(typed));
+        for accepts in [false, true] {
+            std::fs::write(&written, "something").unwrap();
+            issue(&mut harness, command.clone());
+            wait_for_answer(&mut harness);
+            assert!(is_asking(&harness), "{command:?}");
+            assert!(harness.query_by_label_contains("exists. Press Save to replace it.").is_some());
+            assert_eq!(content(&written), "something");
+            harness.key_press(if accepts { Key::Enter } else { Key::Escape });
+            harness.run_steps(2);
+            wait_for_workers(&mut harness);
+            assert!(!is_asking(&harness));
+            assert_eq!(content(&written) != "something", accepts, "{command:?}");
+        }
+        std::fs::remove_file(&written).unwrap();
+        issue(&mut harness, command.clone());
+        wait_for_answer(&mut harness);
+        wait_for_workers(&mut harness);
+        assert!(written.exists() && !is_asking(&harness), "{command:?}");
+    }
+}
+
 #[test]
 fn a_cancelled_chooser_asks_for_nothing() {
     let mut harness = with_chooser(Choice::Cancelled);
-    issue(&mut harness, AppCommand::ExportMeasurements(RulerFormat::Json));
+    issue(&mut harness, AppCommand::ExportMeasurements(ExportFormat::Json));
     wait_for_answer(&mut harness);
     assert!(!is_asking(&harness));
     assert_eq!(error_text(&harness), "");

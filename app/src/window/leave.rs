@@ -171,13 +171,13 @@ fn question(ctx: &Context, title: &str, text: &str, buttons: &[(&str, Answer)]) 
 }
 
 fn ask_unsaved(ctx: &Context, leaving: &Leaving) -> Option<Answer> {
-    let before = match leaving {
+    let next = match leaving {
         Leaving::Close => "the window closes".to_owned(),
         Leaving::Open(command) => {
-            format!("\u{201c}{}\u{201d}", Command::from(command.clone()).text())
+            format!("another case is opened ({})", Command::from(command.clone()).text())
         }
     };
-    let text = format!("The session has changes that aren't saved. What becomes of them before {before}?");
+    let text = format!("The session has unsaved changes. Save them before {next}?");
     let buttons = [("Save", Answer::Save), ("Discard", Answer::Discard), ("Cancel", Answer::Cancel)];
     question(ctx, "Unsaved changes", &text, &buttons)
 }

@@ -8,13 +8,16 @@ use crate::{
     model::masks::MaskLook,
 };
 
+/// Width of a name's field.
+const NAME_POINTS: f32 = 200.0;
+
 /// Draws the dialog if it is open. What is changed in it is changed at once, and can be undone.
 pub fn show(ui: &Ui, open: &mut bool, work: &Workstation, out: &mut Commands) {
     let Some(doc) = work.doc.as_ref().filter(|_| *open) else { return };
     let Some(time_point) = work.world.time_point(doc) else { return };
     let colors = work.world.colors(doc);
     let reply = modal::show(ui.ctx(), "Names and colours of masks", |ui| {
-        ui.set_width(360.0);
+        ui.set_width(380.0);
         ui.label(
             "For the window and its pictures, saved in the session. Files and exported numbers keep the ids.",
         );
@@ -31,8 +34,9 @@ pub fn show(ui: &Ui, open: &mut bool, work: &Workstation, out: &mut Commands) {
                     new.color = Some(color);
                 }
                 let mut name = look.name.clone().unwrap_or_default();
-                let field = TextEdit::singleline(&mut name).hint_text(id.as_str()).desired_width(180.0);
-                let response = ui.add(field);
+                let field = TextEdit::singleline(&mut name).hint_text(id.as_str());
+                // A grid gives a field the width of its text otherwise.
+                let response = ui.add_sized([NAME_POINTS, ui.spacing().interact_size.y], field);
                 ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(format!("Name of {id}")));
                 if response.changed() {
                     new.name = Some(name);

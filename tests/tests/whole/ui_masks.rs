@@ -12,6 +12,8 @@ use glioscope_tests::{Window, count_color, crop, doc, pane_picture, perform, sam
 fn a_mask_is_renamed_in_the_dialog_everywhere_in_the_window() {
     let mut harness = sample();
     perform(&mut harness, AppCommand::ShowMasks);
+    let width = harness.get_by_label("Name of T2").rect().width();
+    assert!(width > 150.0, "a name of several words fits: {width}");
     harness.get_by_label("Name of T2").focus();
     harness.run_ok();
     harness.get_by_label("Name of T2").type_text("rater B");

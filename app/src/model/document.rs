@@ -115,9 +115,9 @@ impl Edit {
 
     /// Whether `other` has the same content: all but the arrangement of the panes, which is no work to lose.
     pub fn same_work(&self, other: &Self) -> bool {
-        let arranged =
-            |edit: &Self| Self { layout: layout::single(PaneId::Closeup), maximized: None, ..edit.clone() };
-        self == other || arranged(self) == arranged(other)
+        let mut arranged = other.clone();
+        arranged.arrange_as(self);
+        *self == arranged
     }
 }
 

@@ -26,7 +26,7 @@ pub fn write(path: &Path, inputs: &Inputs, bytes: &[u8]) -> Result<(), AppError>
 /// Writes an RGBA picture as PNG, 8 bits per channel.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_png(path: &Path, inputs: &Inputs, size: [u32; 2], rgba: &[u8]) -> Result<(), AppError> {
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes)
@@ -40,7 +40,7 @@ pub fn write_png(path: &Path, inputs: &Inputs, size: [u32; 2], rgba: &[u8]) -> R
 /// Writes a picture of the window as PNG, cropped to `crop` (logical points) where given.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_window_png(
     path: &Path,
     inputs: &Inputs,
@@ -73,7 +73,7 @@ pub fn write_window_png(
 /// Writes `value` as indented JSON.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_json(path: &Path, inputs: &Inputs, value: &impl serde::Serialize) -> Result<(), AppError> {
     let mut bytes = serde_json::to_vec_pretty(value)
         .map_err(|e| AppError::file(path, format!("numbers that JSON can't hold ({e})"), "finite ones"))?;
@@ -84,7 +84,7 @@ pub fn write_json(path: &Path, inputs: &Inputs, value: &impl serde::Serialize) -
 /// Writes measured lines in the format given by the extension of `path`.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_rulers(path: &Path, case: &Case, lines: &[Ruler]) -> Result<(), AppError> {
     match ExportFormat::of(path) {
         Some(ExportFormat::Csv) => write(path, &case.inputs, &rulers::as_csv(case, lines)),

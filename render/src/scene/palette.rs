@@ -1,8 +1,10 @@
 //! Colours of masks and regions, the same in every view.
 //!
-//! Up to three masks: [`Palette::Thesis`] gives them red, green and blue and adds them in overlaps
-//! (thesis 7.3); [`Palette::ColorBlindSafe`] gives seven colours of Okabe and Ito's set (2008) that
-//! mix as paint does (red and yellow make orange). Four or more masks, or masks with custom colours: a
+//! Up to three masks: [`Palette::ColorBlindSafe`] gives their seven regions colours that every two of
+//! which differ by at least 20 in ΔE00, for common vision and for each colour vision deficiency, with
+//! hues near those of adding red, green and blue; single masks are dark, overlaps light.
+//! [`Palette::Thesis`] gives pure red, green and blue, added in overlaps (thesis 7.3), of which the
+//! closest two differ by 4 to 9 for readers with a deficiency. Four or more masks, or masks with custom colours: a
 //! region has the mean of its masks' colours in linear light, moved slightly towards white with every
 //! further mask, so that agreement is brighter. Views show a legend.
 //!
@@ -20,11 +22,11 @@ keywords! {
     /// A colour scheme.
     #[derive(Default)]
     pub enum Palette {
-        /// Additive red, green and blue.
-        #[default]
-        Thesis,
         /// Distinguishable with every common colour vision deficiency.
+        #[default]
         ColorBlindSafe,
+        /// Additive red, green and blue.
+        Thesis,
     }
 }
 
@@ -48,15 +50,18 @@ const RAMP: [[f64; 3]; 2] = [[0.42, -0.005, -0.145], [0.92, -0.03, 0.15]];
 /// Shift of the ramp's middle towards green, away from the greys of tissue outside the lens.
 const RAMP_BEND: f64 = -0.075;
 
-const OKABE_ITO_REGIONS: [Rgb; 8] = [
+/// Found by a search that keeps hues near the additive rule, lightness L* of single masks about 40, of
+/// all three above 90. Least ΔE00 of any two: 26.0, and 21.0, 20.8 and 21.6 for protanopes,
+/// deuteranopes and tritanopes (Machado, Oliveira and Fernandes 2009, severity 1).
+const SAFE_REGIONS: [Rgb; 8] = [
     [0, 0, 0],
-    [213, 94, 0],    // A: vermilion
-    [0, 114, 178],   // B: blue
-    [204, 121, 167], // A+B: reddish purple
-    [240, 228, 66],  // C: yellow
-    [230, 159, 0],   // A+C: orange
-    [0, 158, 115],   // B+C: bluish green
-    [255, 255, 255], // all three
+    [194, 28, 5],    // A: red
+    [10, 116, 100],  // B: teal
+    [250, 207, 20],  // A+B: yellow
+    [138, 17, 206],  // C: violet
+    [250, 97, 163],  // A+C: pink
+    [5, 229, 250],   // B+C: cyan
+    [238, 250, 230], // all three: nearly white
 ];
 
 const MANY_THESIS: [Rgb; 10] = [
@@ -72,15 +77,17 @@ const MANY_THESIS: [Rgb; 10] = [
     [120, 120, 130],
 ];
 
+/// The first three as for three masks, the others found by the same search: least ΔE00 of any two 23.5,
+/// and 19.4, 19.0 and 19.8 with the deficiencies.
 const MANY_SAFE: [Rgb; 8] = [
-    [213, 94, 0],
-    [0, 114, 178],
-    [240, 228, 66],
-    [0, 158, 115],
-    [86, 180, 233],
-    [204, 121, 167],
-    [230, 159, 0],
-    [120, 120, 130],
+    [194, 28, 5],
+    [10, 116, 100],
+    [138, 17, 206],
+    [142, 184, 17],
+    [240, 79, 255],
+    [102, 240, 246],
+    [161, 143, 161],
+    [218, 219, 190],
 ];
 
 fn linear(channel: u8) -> f64 {
@@ -129,7 +136,7 @@ impl MaskColors {
             .map(|(k, own)| {
                 own.unwrap_or_else(|| match (palette, by_table) {
                     (Palette::Thesis, true) => [[255, 0, 0], [0, 255, 0], [0, 0, 255]][k],
-                    (Palette::ColorBlindSafe, true) => OKABE_ITO_REGIONS[1 << k],
+                    (Palette::ColorBlindSafe, true) => SAFE_REGIONS[1 << k],
                     (Palette::Thesis, false) => MANY_THESIS[k % MANY_THESIS.len()],
                     (Palette::ColorBlindSafe, false) => MANY_SAFE[k % MANY_SAFE.len()],
                 })
@@ -167,7 +174,7 @@ impl MaskColors {
         let active: Vec<Rgb> =
             (0..self.masks.len()).filter(|k| bits >> k & 1 == 1).map(|k| self.masks[k]).collect();
         match (self.by_table, self.palette) {
-            (true, Palette::ColorBlindSafe) => OKABE_ITO_REGIONS[(bits & 7) as usize],
+            (true, Palette::ColorBlindSafe) => SAFE_REGIONS[(bits & 7) as usize],
             (true, Palette::Thesis) => {
                 active.iter().fold([0; 3], |sum, c| std::array::from_fn(|i| u8::saturating_add(sum[i], c[i])))
             }
@@ -179,18 +186,6 @@ impl MaskColors {
                     encoded(mean + (1.0 - mean) * towards_white)
                 })
             }
-        }
-    }
-
-    /// The legend's description of the scheme.
-    pub fn scheme(&self) -> &'static str {
-        if self.coloring == Coloring::Agreement {
-            return "How many masks are active, whichever they are.";
-        }
-        match (self.by_table, self.palette) {
-            (true, Palette::Thesis) => "Overlaps add their masks' colours.",
-            (true, Palette::ColorBlindSafe) => "Overlaps mix like paint; all masks together are white.",
-            (false, _) => "An overlap has the mean colour of its masks, brighter with every further mask.",
         }
     }
 }
@@ -227,33 +222,107 @@ mod tests {
         assert_eq!(c.region(1), [1, 2, 3]);
     }
 
-    /// CIE 1976 lightness of a colour for a viewer with normal colour vision, and for viewers without one kind of
-    /// cone (Machado, Oliveira and Fernandes 2009, severity 1).
+    /// Linear sRGB as seen with common vision, and without one kind of cone: protan, deutan, tritan (Machado,
+    /// Oliveira and Fernandes 2009, severity 1).
+    const VIEWERS: [[[f64; 3]; 3]; 4] = [
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+    ];
+
+    fn product(rows: [[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
+        rows.map(|row| row.iter().zip(v).map(|(m, c)| m * c).sum())
+    }
+
+    /// CIELAB (D65) of a colour for each viewer.
+    fn lab_for_each_viewer(rgb: Rgb) -> [[f64; 3]; 4] {
+        const XYZ: [[f64; 3]; 3] = [
+            [0.4124564, 0.3575761, 0.1804375],
+            [0.2126729, 0.7151522, 0.0721750],
+            [0.0193339, 0.1191920, 0.9503041],
+        ];
+        let f = |t: f64| if t > 216.0 / 24389.0 { t.cbrt() } else { (24389.0 / 27.0 * t + 16.0) / 116.0 };
+        let white = product(XYZ, [1.0; 3]);
+        VIEWERS.map(|viewer| {
+            let xyz = product(XYZ, product(viewer, rgb.map(linear)).map(|c| c.clamp(0.0, 1.0)));
+            let [x, y, z]: [f64; 3] = std::array::from_fn(|i| f(xyz[i] / white[i]));
+            [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+        })
+    }
+
+    /// CIE 1976 lightness of a colour for each viewer.
     fn lightness_for_each_viewer(rgb: Rgb) -> [f64; 4] {
-        let c = rgb.map(linear);
-        let lightness_of = |rows: [[f64; 3]; 3]| {
-            let [r, g, b] = rows.map(|row| row.iter().zip(c).map(|(m, c)| m * c).sum::<f64>());
-            let y = (0.2126 * r + 0.7152 * g + 0.0722 * b).clamp(0.0, 1.0);
-            if y > 0.008856 { 116.0 * y.cbrt() - 16.0 } else { 903.3 * y }
+        lab_for_each_viewer(rgb).map(|lab| lab[0])
+    }
+
+    /// CIEDE2000 (Sharma, Wu and Dalal 2005).
+    fn delta_e00([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
+        let mean_chroma = (a1.hypot(b1) + a2.hypot(b2)) / 2.0;
+        let saturation = |c: f64| (c.powi(7) / (c.powi(7) + 25.0_f64.powi(7))).sqrt();
+        let stretch = 1.0 + 0.5 * (1.0 - saturation(mean_chroma));
+        let (a1, a2) = (a1 * stretch, a2 * stretch);
+        let (c1, c2) = (a1.hypot(b1), a2.hypot(b2));
+        let hue = |a: f64, b: f64| b.atan2(a).to_degrees().rem_euclid(360.0);
+        let (h1, h2) = (hue(a1, b1), hue(a2, b2));
+        let grey = c1 * c2 == 0.0;
+        let turn = if grey { 0.0 } else { (h2 - h1 + 180.0).rem_euclid(360.0) - 180.0 };
+        let mean_hue = if grey { h1 + h2 } else { (h1 + turn / 2.0).rem_euclid(360.0) };
+        let hue_step = 2.0 * (c1 * c2).sqrt() * (turn / 2.0).to_radians().sin();
+        let (l, c) = ((l1 + l2) / 2.0, (c1 + c2) / 2.0);
+        let cos = |degrees: f64| degrees.to_radians().cos();
+        let t =
+            1.0 - 0.17 * cos(mean_hue - 30.0) + 0.24 * cos(2.0 * mean_hue) + 0.32 * cos(3.0 * mean_hue + 6.0)
+                - 0.20 * cos(4.0 * mean_hue - 63.0);
+        let off = (l - 50.0).powi(2);
+        let lightness = (l2 - l1) / (1.0 + 0.015 * off / (20.0 + off).sqrt());
+        let chroma = (c2 - c1) / (1.0 + 0.045 * c);
+        let hue = hue_step / (1.0 + 0.015 * c * t);
+        let rotation = -2.0
+            * saturation(c)
+            * (2.0 * 30.0 * (-((mean_hue - 275.0) / 25.0).powi(2)).exp()).to_radians().sin();
+        (lightness * lightness + chroma * chroma + hue * hue + rotation * chroma * hue).sqrt()
+    }
+
+    #[test]
+    fn colour_differences_are_those_of_sharma_wu_and_dalal() {
+        // Table 1 of their paper, pairs 1, 7, 10, 17, 25 and 33.
+        for (a, b, expected) in [
+            ([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485], 2.0425),
+            ([50.0, 0.0, 0.0], [50.0, -1.0, 2.0], 2.3669),
+            ([50.0, -0.0010, 2.4900], [50.0, 0.0009, -2.4900], 4.8045),
+            ([50.0, 2.5, 0.0], [73.0, 25.0, -18.0], 27.1492),
+            ([60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387], 1.2644),
+            ([6.7747, -0.2908, -2.4247], [5.8714, -0.0985, -2.2286], 0.6377),
+        ] {
+            assert!((delta_e00(a, b) - expected).abs() < 1e-4, "{a:?} {b:?}: {}", delta_e00(a, b));
+        }
+    }
+
+    #[test]
+    fn the_safe_colours_differ_for_every_viewer() {
+        let least = |colors: &[Rgb]| {
+            let mut least = [f64::INFINITY; 4];
+            for (i, a) in colors.iter().enumerate() {
+                for b in &colors[..i] {
+                    let pair = lab_for_each_viewer(*a).into_iter().zip(lab_for_each_viewer(*b));
+                    for (least, (a, b)) in least.iter_mut().zip(pair) {
+                        *least = least.min(delta_e00(a, b));
+                    }
+                }
+            }
+            least
         };
-        [
-            lightness_of([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
-            lightness_of([
-                [0.152286, 1.052583, -0.204868],
-                [0.114503, 0.786281, 0.099216],
-                [-0.003882, -0.048116, 1.051998],
-            ]),
-            lightness_of([
-                [0.367322, 0.860646, -0.227968],
-                [0.280085, 0.672501, 0.047413],
-                [-0.011820, 0.042940, 0.968881],
-            ]),
-            lightness_of([
-                [1.255528, -0.076749, -0.178779],
-                [-0.078411, 0.930809, 0.147602],
-                [0.004733, 0.691367, 0.303900],
-            ]),
-        ]
+        let regions = |palette| {
+            let colors = MaskColors::new(palette, &[None; 3]);
+            (1..8).map(|bits| colors.region(bits)).collect::<Vec<_>>()
+        };
+        let safe = least(&regions(Palette::ColorBlindSafe));
+        assert!(safe[0] > 25.0 && safe.iter().all(|d| *d > 20.0), "{safe:?}");
+        let many = least(&MANY_SAFE);
+        assert!(many[0] > 23.0 && many.iter().all(|d| *d > 18.0), "{many:?}");
+        // The measure tells a palette that isn't safe.
+        assert!(least(&regions(Palette::Thesis))[1] < 5.0);
     }
 
     #[test]

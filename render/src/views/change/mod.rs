@@ -83,8 +83,8 @@ pub struct ChangeLook {
 impl ChangeLook {
     /// Growth and recession as in the thesis: red and green.
     pub const THESIS: [Rgb; 2] = [[214, 30, 30], [20, 150, 40]];
-    /// A colour-blind-safe pair: vermilion and blue of Okabe and Ito (2008).
-    pub const COLOR_BLIND_SAFE: [Rgb; 2] = [[213, 94, 0], [0, 114, 178]];
+    /// Orange and a dark green, which differ in lightness too (L* 61 and 48): for colour-blind readers and in print.
+    pub const COLOR_BLIND_SAFE: [Rgb; 2] = [[242, 107, 58], [18, 128, 109]];
     /// Colour of the unchanged surface, for light and dark backgrounds.
     pub const BASE: Rgb = [222, 218, 208];
 
@@ -99,7 +99,7 @@ impl ChangeLook {
 
 impl Default for ChangeLook {
     fn default() -> Self {
-        let [grow, shrink] = Self::THESIS;
+        let [grow, shrink] = Self::pair(Palette::default());
         Self { style: ChangeStyle::Height, full_mm: 6.0, smooth_mm: 1.5, threshold_mm: 1.5, grow, shrink }
     }
 }

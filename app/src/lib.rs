@@ -1,7 +1,7 @@
 //! Glioscope, the workstation: one window of linked views on overlapping tumour masks, and the same
 //! numbers and pictures from a command line.
 //!
-//! Modules, each depending on those before it: [`model`] (saved state), [`world`] (the loaded case and derived
+//! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the loaded case and derived
 //! results), [`command`] (user actions), [`views`] (one file per pane), [`window`], [`cli`]. Views read the document
 //! and the world and write commands; commands change the document; the document determines what is derived and drawn.
 
@@ -11,6 +11,7 @@ pub mod error;
 pub mod format;
 pub mod model;
 pub mod output;
+pub mod theme;
 pub mod views;
 pub mod window;
 pub mod world;

@@ -12,7 +12,7 @@ use egui_kittest::{Harness, HarnessBuilder};
 use egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use glioscope::{
     command::{Command as UserCommand, EditCommand, Workstation},
-    model::{CaseRef, Document, PaneId},
+    model::{CaseRef, Document, PaneId, layout},
     views::view3d::{Graphics, ScreenReport},
     window::{GlioscopeApp, recent::Recent, run::adapter_selector},
     world::{Loaded, load},
@@ -23,6 +23,9 @@ use glioscope_core::{
 };
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 use image::RgbaImage;
+
+/// The colours of the first three masks in the default palette.
+pub const MASK_COLORS: [[u8; 3]; 3] = [[194, 28, 5], [10, 116, 100], [138, 17, 206]];
 
 /// The wgpu setup of every test: the software adapter, with the features and limits that the renderer requires.
 pub fn software_setup() -> WgpuSetup {
@@ -45,7 +48,18 @@ fn software_setup_with(max_buffer_bytes: Option<u64>) -> WgpuSetup {
     WgpuSetup::CreateNew(setup)
 }
 
-/// A workstation with `case` open.
+/// The arrangement for cases of one time point, with the change view and the dates as hidden tabs behind the closeup and
+/// the context view: so tests find every view at the same place in every case.
+pub fn every_view() -> egui_tiles::Tree<PaneId> {
+    let mut tree = layout::default_layout(1);
+    for (hidden, shown) in [(PaneId::Change, PaneId::Closeup), (PaneId::Dates, PaneId::Context)] {
+        layout::toggle(&mut tree, hidden);
+        tree.make_active(|_, tile| matches!(tile, egui_tiles::Tile::Pane(pane) if *pane == shown));
+    }
+    tree
+}
+
+/// A workstation with `case` open, and its views arranged as [`every_view`].
 ///
 /// # Panics
 /// When the case doesn't load.
@@ -55,7 +69,15 @@ pub fn workstation(case: CaseRef) -> Workstation {
         .and_then(|spec| case::load(&spec, &options, &progress))
         .map(Loaded::new);
     match loaded {
-        Ok(loaded) => Workstation::with_case(case, loaded),
+        Ok(loaded) => {
+            let mut work = Workstation::with_case(case, loaded);
+            if let Some(doc) =
+                work.doc.as_mut().filter(|doc| layout::contains(&doc.edit.layout, PaneId::Change))
+            {
+                doc.edit.layout = every_view();
+            }
+            work
+        }
         Err(error) => fail(&error.to_string()),
     }
 }

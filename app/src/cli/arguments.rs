@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
-    ChangeStyle, ClipPlane, LightingMode, MutualOcclusion, Preset, SliceVariant, TransferPreset,
+    ChangeStyle, ClipPlane, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant, TransferPreset,
     flat::Overlay,
 };
 
@@ -187,9 +187,9 @@ pub struct RenderArguments {
     /// The date, by its label.
     #[arg(long, value_name = "LABEL")]
     pub time: Option<String>,
-    /// Colours that remain distinguishable with common colour vision deficiencies.
-    #[arg(long)]
-    pub color_blind_safe: bool,
+    /// Colours of masks and of change; the default is distinguishable with common colour vision deficiencies.
+    #[arg(long, value_name = "PALETTE", value_parser = keyword::<Palette>())]
+    pub palette: Option<Palette>,
     /// Colours show how many masks are active, not which.
     #[arg(long)]
     pub agreement: bool,

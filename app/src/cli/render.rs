@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glioscope_core::optics::{Camera, Projection};
 use glioscope_render::{
-    CloseupRenderer, Coloring, Gpu, Palette, Plan, Quality, RegionScene, closeup_plan,
+    CloseupRenderer, Coloring, Gpu, Plan, Quality, RegionScene, closeup_plan,
     flat::{Convention, Window},
     image::MOST_CLIP_PLANES,
     light::expected_error,
@@ -63,9 +63,7 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
         nav.convention = Convention::Neurological;
     }
     edit.overlay = arguments.overlay.unwrap_or(edit.overlay);
-    if arguments.color_blind_safe {
-        edit.palette = Palette::ColorBlindSafe;
-    }
+    edit.palette = arguments.palette.unwrap_or(edit.palette);
     if arguments.agreement {
         edit.coloring = Coloring::Agreement;
     }

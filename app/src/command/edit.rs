@@ -172,8 +172,8 @@ impl EditCommand {
             })
             .detail("Regions: each overlap apart. Whole masks: overlaps are not told apart"),
             Self::SetPalette(palette) => Label::new(match palette {
-                Palette::Thesis => "Colours: red, green, blue",
                 Palette::ColorBlindSafe => "Colours: colour-blind safe",
+                Palette::Thesis => "Colours: red, green, blue",
             }),
             Self::SetColoring(Coloring::Masks) => {
                 Label::new("Colours: which masks").detail("A region has the colours of its masks, mixed")

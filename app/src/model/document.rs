@@ -215,9 +215,9 @@ pub fn ball_ml(radius_mm: f64) -> f64 {
     4.0 / 3.0 * std::f64::consts::PI * radius_mm.powi(3) / 1000.0
 }
 
-/// Radius that the camera must fit about the centroid: half the diagonal of the active voxels' bounding box, or of the
-/// grid where none is active; more where a face of the box lies farther away, as with a small lesion far from a large
-/// one.
+/// Radius that the camera must fit about the centroid: three quarters of half the diagonal of the active voxels' bounding
+/// box, or of the grid where none is active, so that a ball fills two thirds of the view; more where a face of the box
+/// lies farther away, as with a small lesion far from a large one.
 pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
     let grid = time_point.index.grid();
     let corners = time_point
@@ -232,7 +232,7 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
     let axes = (0..3).filter_map(|axis| grid.world_from_voxel().matrix3.col(axis).try_normalize());
     let face_mm = axes.flat_map(|axis| corners.map(|corner| (corner - center_mm).dot(axis).abs()));
     // The camera leaves a margin beyond the radius.
-    face_mm.map(|mm| mm / 1.1).fold(half_diagonal_mm, f64::max)
+    face_mm.map(|mm| mm / 1.1).fold(0.75 * half_diagonal_mm, f64::max)
 }
 
 impl Document {
@@ -257,8 +257,8 @@ impl Document {
                 lens,
                 windows: BTreeMap::new(),
                 overlay: Overlay::Both,
-                overlay_opacity: 0.35,
-                palette: Palette::Thesis,
+                overlay_opacity: 0.2,
+                palette: Palette::default(),
                 coloring: Coloring::Masks,
                 masks: MaskLooks::default(),
                 rulers: Vec::new(),
@@ -360,7 +360,11 @@ mod tests {
         let outermost_mm = (far.x - 4.0 - focus_mm.x).abs();
         assert!(camera.height_mm / 2.0 >= outermost_mm, "{} {outermost_mm}", camera.height_mm);
         // One lesion alone: half the diagonal of its box of 31 voxels.
-        let radius_mm = tumor_radius_mm(&time_point(large));
-        assert!((radius_mm - 31.0 * 3.0_f64.sqrt() / 2.0).abs() < 1e-9, "{radius_mm}");
+        let alone = time_point(large);
+        let radius_mm = tumor_radius_mm(&alone);
+        assert!((radius_mm - 0.75 * 31.0 * 3.0_f64.sqrt() / 2.0).abs() < 1e-9, "{radius_mm}");
+        // Its 31 mm fill two thirds of the view.
+        let height_mm = Document::new(CaseRef::Sample, &alone, 1).nav.camera.height_mm;
+        assert!((31.0 / height_mm - 2.0 / 3.0).abs() < 0.02, "{height_mm}");
     }
 }

@@ -1,37 +1,34 @@
 //! The layout of panes; the default follows the thesis's Fig. 7.1.
 
 use super::pane::PaneId;
-use egui_tiles::{Container, Linear, LinearDir, Tiles, Tree};
+use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
 
-/// Left: closeup above context view. Middle: ellipsoid diagram above overlap diagram, with the lens and measurements
-/// panes as tabs behind it. Right: the three slices. With several time points, the change view is a tab behind the
-/// closeup, and the dates pane one behind the context view.
+/// Panes by what the case holds. Right: the three slices. With one time point, left the closeup above the context view,
+/// in the middle the ellipsoid diagram above the overlap diagram. With several, the change view takes the closeup's
+/// place, the closeup that of the ellipsoid diagram, and the ellipsoid diagram and the dates are tabs behind closeup and
+/// context view. The lens and measurements panes are tabs behind the overlap diagram.
 pub fn default_layout(time_point_count: usize) -> Tree<PaneId> {
     let mut tiles = Tiles::default();
     let views = [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids];
     let [closeup, context, ellipsoids] = views.map(|pane| tiles.insert_pane(pane));
-    let (closeup, context) = match time_point_count {
-        0 | 1 => (closeup, context),
-        _ => {
-            let behind = [PaneId::Change, PaneId::Dates].map(|pane| tiles.insert_pane(pane));
-            (tiles.insert_tab_tile(vec![closeup, behind[0]]), tiles.insert_tab_tile(vec![context, behind[1]]))
-        }
+    let (first, context, second) = if time_point_count < 2 {
+        (closeup, context, ellipsoids)
+    } else {
+        let [change, dates] = [PaneId::Change, PaneId::Dates].map(|pane| tiles.insert_pane(pane));
+        let context = tiles.insert_tab_tile(vec![context, dates]);
+        (change, context, tiles.insert_tab_tile(vec![closeup, ellipsoids]))
     };
     let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements].map(|pane| tiles.insert_pane(pane));
     let overlap = tiles.insert_tab_tile(numbers.to_vec());
     let slices = [PaneId::Axial, PaneId::Coronal, PaneId::Sagittal].map(|pane| tiles.insert_pane(pane));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
-    let left = linear(&mut tiles, LinearDir::Vertical, &[(closeup, 1.25), (context, 1.0)]);
-    let middle = linear(&mut tiles, LinearDir::Vertical, &[(ellipsoids, 1.0), (overlap, 1.55)]);
+    let left = linear(&mut tiles, LinearDir::Vertical, &[(first, 1.25), (context, 1.0)]);
+    let middle = linear(&mut tiles, LinearDir::Vertical, &[(second, 1.0), (overlap, 1.55)]);
     let root = linear(&mut tiles, LinearDir::Horizontal, &[(left, 1.25), (middle, 1.0), (right, 0.85)]);
     Tree::new(egui::Id::unique("layout"), root, tiles)
 }
 
-fn linear(
-    tiles: &mut Tiles<PaneId>,
-    dir: LinearDir,
-    children: &[(egui_tiles::TileId, f32)],
-) -> egui_tiles::TileId {
+fn linear(tiles: &mut Tiles<PaneId>, dir: LinearDir, children: &[(TileId, f32)]) -> TileId {
     let mut container = Linear::new(dir, children.iter().map(|c| c.0).collect());
     for &(child, share) in children {
         container.shares.set_share(child, share);
@@ -51,16 +48,76 @@ pub fn contains(layout: &Tree<PaneId>, pane: PaneId) -> bool {
     layout.tiles.find_pane(&pane).is_some()
 }
 
-/// Adds `pane` at the end of the root container, or removes it where it is present.
+/// The slices from top to bottom.
+const SLICES: [PaneId; 3] = [PaneId::Axial, PaneId::Coronal, PaneId::Sagittal];
+
+/// Adds `pane` as a tab beside a pane of its kind, in front, so that no other pane gets smaller, and a slice above or
+/// below the other slices; or removes it where it is present.
 pub fn toggle(layout: &mut Tree<PaneId>, pane: PaneId) {
     if let Some(tile) = layout.tiles.find_pane(&pane) {
         layout.remove_recursively(tile);
-    } else {
-        let tile = layout.tiles.insert_pane(pane);
-        match layout.root() {
-            Some(root) => layout.move_tile_to_container(tile, root, usize::MAX, true),
-            None => *layout = single(pane),
+        return;
+    }
+    let tile = layout.tiles.insert_pane(pane);
+    let neighbour = neighbours(pane).iter().find_map(|of| layout.tiles.find_pane(of));
+    let row = |of: PaneId| SLICES.iter().position(|slice| *slice == of);
+    if let (Some(own), Some(neighbour)) = (row(pane), neighbour)
+        && let Some((column, index)) = column_of(layout, neighbour)
+    {
+        let below = layout.tiles.get_pane(&neighbour).is_some_and(|slice| row(*slice) < Some(own));
+        layout.move_tile_to_container(tile, column, index + usize::from(below), true);
+        return;
+    }
+    let tabs = neighbour.and_then(|neighbour| {
+        let parent = layout.tiles.parent_of(neighbour)?;
+        matches!(layout.tiles.get_container(parent), Some(Container::Tabs(_))).then_some(parent)
+    });
+    match (tabs, neighbour, layout.root()) {
+        (Some(tabs), ..) => layout.move_tile_to_container(tile, tabs, usize::MAX, false),
+        (None, Some(neighbour), _) => wrap_in_tabs(layout, neighbour, tile),
+        (None, None, Some(root)) => layout.move_tile_to_container(tile, root, usize::MAX, true),
+        (None, None, None) => *layout = single(pane),
+    }
+    layout.make_active(|id, _| id == tile);
+}
+
+/// Panes of the same kind as `pane`, the nearest first.
+fn neighbours(pane: PaneId) -> &'static [PaneId] {
+    use PaneId as P;
+    match pane {
+        P::Closeup => &[P::Change, P::Ellipsoids, P::Context],
+        P::Change => &[P::Closeup, P::Context],
+        P::Context | P::Dates => &[P::Context, P::Dates, P::Closeup],
+        P::Ellipsoids => &[P::Closeup, P::Overlap],
+        P::Overlap | P::Lens | P::Measurements => &[P::Overlap, P::Lens, P::Measurements, P::Ellipsoids],
+        P::Transfer | P::Diagnostics => &[P::Overlap, P::Lens, P::Measurements, P::Ellipsoids],
+        P::Axial => &[P::Coronal, P::Sagittal],
+        P::Coronal => &[P::Axial, P::Sagittal],
+        P::Sagittal => &[P::Coronal, P::Axial],
+    }
+}
+
+/// The container of panes one above or beside the other that `tile` lies in, and its index there.
+fn column_of(layout: &Tree<PaneId>, tile: TileId) -> Option<(TileId, usize)> {
+    let mut child = tile;
+    loop {
+        let parent = layout.tiles.parent_of(child)?;
+        if let Some(Container::Linear(linear)) = layout.tiles.get_container(parent) {
+            return Some((parent, linear.children.iter().position(|c| *c == child)?));
         }
+        child = parent;
+    }
+}
+
+/// Puts `tile` as a tab behind `neighbour`, which has none yet.
+fn wrap_in_tabs(layout: &mut Tree<PaneId>, neighbour: TileId, tile: TileId) {
+    let parent = layout.tiles.parent_of(neighbour);
+    let tabs = layout.tiles.insert_tab_tile(vec![neighbour, tile]);
+    match parent.and_then(|parent| layout.tiles.get_mut(parent)) {
+        Some(Tile::Container(container)) => {
+            let _ = container.replace_child(neighbour, tabs);
+        }
+        _ => layout.root = Some(tabs),
     }
 }
 
@@ -79,5 +136,48 @@ mod tests {
         assert!(contains(&layout, PaneId::Diagnostics));
         toggle(&mut layout, PaneId::Diagnostics);
         assert!(!contains(&layout, PaneId::Diagnostics));
+    }
+
+    /// The children of the container that `pane` lies in.
+    fn siblings(layout: &Tree<PaneId>, pane: PaneId) -> Vec<PaneId> {
+        let tile = layout.tiles.find_pane(&pane).unwrap();
+        let parent = layout.tiles.parent_of(tile).unwrap();
+        let children = layout.tiles.get_container(parent).unwrap().children();
+        children.filter_map(|child| layout.tiles.get_pane(child).copied()).collect()
+    }
+
+    #[test]
+    fn a_pane_opens_in_front_of_one_of_its_kind_and_squeezes_none() {
+        let mut layout = default_layout(1);
+        toggle(&mut layout, PaneId::Transfer);
+        let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements, PaneId::Transfer];
+        assert_eq!(siblings(&layout, PaneId::Transfer), numbers);
+        let tile = layout.tiles.find_pane(&PaneId::Transfer).unwrap();
+        assert!(layout.active_tiles().contains(&tile));
+        // Alone in its place: it becomes a tab behind the new one.
+        toggle(&mut layout, PaneId::Change);
+        assert_eq!(siblings(&layout, PaneId::Change), [PaneId::Closeup, PaneId::Change]);
+    }
+
+    #[test]
+    fn a_closed_slice_comes_back_between_the_others() {
+        for pane in SLICES {
+            let mut layout = default_layout(1);
+            toggle(&mut layout, pane);
+            assert!(!contains(&layout, pane));
+            toggle(&mut layout, pane);
+            assert_eq!(siblings(&layout, pane), SLICES);
+        }
+    }
+
+    #[test]
+    fn change_is_in_front_where_there_are_dates() {
+        let layout = default_layout(2);
+        let front = layout.active_tiles();
+        let in_front = |pane| front.contains(&layout.tiles.find_pane(&pane).unwrap());
+        for pane in [PaneId::Change, PaneId::Closeup, PaneId::Context, PaneId::Overlap, PaneId::Axial] {
+            assert!(in_front(pane), "{pane:?}");
+        }
+        assert!(!contains(&default_layout(1), PaneId::Change));
     }
 }

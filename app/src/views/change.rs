@@ -1,7 +1,7 @@
 //! The change view (thesis 7.3.4): where the surface of one mask grew, shrank or stayed between two time points, as a
 //! height map or as arrows, within the image.
 
-use egui::{Color32, ComboBox, FontId, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use egui::{Color32, ComboBox, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::change::{ChangeError, Choice, Flag, Lengths, ids_at};
 use glioscope_render::{
@@ -19,14 +19,15 @@ use crate::{
     command::{Commands, EditCommand},
     format,
     model::{ChangeSetting, PaneId, document::tumor_radius_mm},
+    theme::{self, LABEL_POINTS, Tokens},
     world::{
         comparison::Comparison,
         jobs::{Lookup, progress_text},
     },
 };
 
-/// Line height of the legend.
-const LINE_POINTS: f32 = 16.0;
+/// The band of uncertainty in the legend's ramp.
+const UNCERTAIN: [u8; 3] = [140, 144, 150];
 
 /// The pane of the change view.
 #[derive(Default)]
@@ -134,7 +135,7 @@ impl Pane for ChangePane {
                 clip: input.doc.edit.clips.clone(),
             },
             camera,
-            background: draw::background(ui.visuals().dark_mode),
+            background: Tokens::in_ui(ui).viewport_rgb(),
             silhouette: [0, 0, 0],
         };
         let view = View { doc: input.doc, pane: PaneId::Change, camera, rect };
@@ -254,27 +255,37 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands)
 /// Colour ramps with their range and statistics, and the flags.
 fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &ChangeLook) {
     let dark = ui.visuals().dark_mode;
-    let ink = draw::ink(dark);
+    let ink = Tokens::of(dark).text;
     let painter = ui.painter().with_clip_rect(rect);
     let report = &compared.report;
+    let axes_mm = report.uncertainty_mm.axes_mm;
+    let [least_mm, most_mm] =
+        [axes_mm.into_iter().fold(f64::INFINITY, f64::min), axes_mm.into_iter().fold(0.0, f64::max)];
     let mm = |v: Option<f64>| v.map_or_else(|| "–".into(), |v| format!("{v:.1}"));
     let directions = [("grew", look.grow, &report.growth), ("shrank", look.shrink, &report.recession)];
     let mut lines: Vec<(Option<[u8; 3]>, String)> = directions
         .into_iter()
         .map(|(verb, color, lengths)| {
             let text = format!(
-                "{verb} 0 to {:.1} mm: {} voxels, median {}, 95 % {}, most {} mm",
-                look.full_mm,
-                lengths.count,
+                "{verb}: median {}, 95 % {}, most {} mm, at {} voxels",
                 mm(lengths.p50_mm),
                 mm(lengths.p95_mm),
-                mm(lengths.max_mm)
+                mm(lengths.max_mm),
+                format::count(lengths.count as u64),
             );
             (Some(color), text)
         })
         .collect();
-    let uncertain =
-        format!("{} of {} within uncertainty (drawn faint)", report.within_uncertainty, report.vectors);
+    let uncertain = format!(
+        "grey: less than can be told, ± {} mm: {} of {} voxels",
+        if most_mm - least_mm < 0.05 {
+            format!("{least_mm:.1}")
+        } else {
+            format!("{least_mm:.1} to {most_mm:.1}")
+        },
+        format::count(report.within_uncertainty as u64),
+        format::count(report.vectors as u64)
+    );
     lines.push((None, uncertain));
     if report.flags.contains(&Flag::NoOverlap) {
         lines.clear();
@@ -292,34 +303,70 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
     if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
     }
-    let font = FontId::proportional(12.0);
+    let font = theme::font(LABEL_POINTS);
     let galleys: Vec<_> = lines
         .into_iter()
-        .map(|(color, text)| (color, painter.layout_no_wrap(text, font.clone(), ink)))
+        .map(|(color, text)| {
+            (color, painter.layout(text, font.clone(), ink, (rect.width() - 40.0).max(80.0)))
+        })
         .collect();
-    let inset = |color: Option<[u8; 3]>| if color.is_some() { 52.0 } else { 0.0 };
+    let inset = |color: Option<[u8; 3]>| if color.is_some() { 17.0 } else { 0.0 };
+    let has_ramp = galleys.iter().any(|(color, _)| color.is_some());
     let width = galleys.iter().map(|(color, g)| g.size().x + inset(*color)).fold(0.0, f32::max);
-    let corner = rect.left_top() + vec2(10.0, 8.0);
-    let height = galleys.len() as f32 * LINE_POINTS;
-    draw::plate(&painter, Rect::from_min_size(corner, vec2(width, height)), dark);
-    for (row, (color, galley)) in galleys.into_iter().enumerate() {
-        let at = corner + vec2(0.0, row as f32 * LINE_POINTS);
+    let mut corner = rect.left_top() + vec2(10.0, 8.0);
+    let height = galleys.iter().map(|(_, galley)| galley.size().y + 2.0).sum::<f32>();
+    let ramp_height = if has_ramp { 28.0 } else { 0.0 };
+    draw::plate(&painter, Rect::from_min_size(corner, vec2(width, height + ramp_height)), dark);
+    if has_ramp {
+        corner.y += ramp(&painter, corner, look, least_mm, ink);
+    }
+    for (color, galley) in galleys {
         if let Some(color) = color {
-            ramp(&painter, at + vec2(0.0, 2.0), color);
+            let swatch = Rect::from_min_size(corner + vec2(0.0, 2.0), vec2(11.0, 11.0));
+            painter.rect_filled(swatch, 2.0, theme::color(color));
         }
-        painter.galley(at + vec2(inset(color), 0.0), galley, ink);
+        let line = galley.size().y + 2.0;
+        painter.galley(corner + vec2(inset(color), 0.0), galley, ink);
+        corner.y += line;
     }
 }
 
-/// A colour ramp from the unchanged surface's colour to full change.
-fn ramp(painter: &egui::Painter, at: egui::Pos2, [r, g, b]: [u8; 3]) {
-    let [from_r, from_g, from_b] = ChangeLook::BASE.map(f32::from);
-    for step in 0..23_u8 {
-        let share = f32::from(step) / 22.0;
-        let mix = |from: f32, to: u8| (from + (f32::from(to) - from) * share) as u8;
-        let piece = Rect::from_min_size(at + vec2(f32::from(step) * 2.0, 0.0), vec2(2.0, 11.0));
-        painter.rect_filled(piece, 0.0, Color32::from_rgb(mix(from_r, r), mix(from_g, g), mix(from_b, b)));
+/// The ramp of change: shrinkage on the left, growth on the right, zero in the middle; the band within `uncertainty_mm`,
+/// that of the most certain direction, is grey. Below it the ends and the band in millimetres. Returns its height.
+fn ramp(
+    painter: &egui::Painter,
+    at: egui::Pos2,
+    look: &ChangeLook,
+    uncertainty_mm: f64,
+    ink: Color32,
+) -> f32 {
+    const HALF_STEPS: i32 = 60;
+    let middle_x = at.x + HALF_STEPS as f32;
+    let band = (uncertainty_mm / look.full_mm).clamp(0.0, 1.0);
+    for step in -HALF_STEPS..=HALF_STEPS {
+        let share = f64::from(step.abs()) / f64::from(HALF_STEPS);
+        let full = if step < 0 { look.shrink } else { look.grow };
+        let mixed: [u8; 3] = std::array::from_fn(|i| {
+            let (from, to) = (f64::from(ChangeLook::BASE[i]), f64::from(full[i]));
+            (from + (to - from) * share) as u8
+        });
+        let color = if share <= band { UNCERTAIN } else { mixed };
+        let left = middle_x + step as f32 - 0.5;
+        painter.rect_filled(
+            Rect::from_min_size(egui::pos2(left, at.y), vec2(1.5, 10.0)),
+            0.0,
+            theme::color(color),
+        );
     }
+    painter.vline(middle_x, at.y..=at.y + 13.0, egui::Stroke::new(1.0, ink));
+    let text = |x: f32, anchor: egui::Align2, text: String| {
+        painter.text(egui::pos2(x, at.y + 12.0), anchor, text, theme::font(LABEL_POINTS), ink)
+    };
+    let half = HALF_STEPS as f32;
+    text(middle_x - half, egui::Align2::LEFT_TOP, format!("−{:.1}", look.full_mm));
+    text(middle_x, egui::Align2::CENTER_TOP, "0".into());
+    text(middle_x + half, egui::Align2::RIGHT_TOP, format!("{:.1} mm", look.full_mm));
+    28.0
 }
 
 /// A flag as text; `None` where the statistics already show it.
@@ -330,9 +377,9 @@ fn flag_text(flag: Flag) -> Option<&'static str> {
         Flag::FromEmpty => "nothing at the earlier date",
         Flag::ToEmpty => "nothing at the later date",
         Flag::NoOverlap => "no overlap: not aligned? Only volumes are compared",
-        Flag::Vanished => "a component vanished: it has no arrows",
-        Flag::Appeared => "a component appeared: it has no arrows",
-        Flag::Split => "a component split",
+        Flag::Vanished => "components vanished: they have no arrows",
+        Flag::Appeared => "components appeared: they have no arrows",
+        Flag::Split => "components split",
         Flag::Merged => "components merged",
         Flag::Regrouped => "components regrouped",
         Flag::TouchesBorder => "a mask touches the image's border",

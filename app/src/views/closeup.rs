@@ -1,6 +1,6 @@
 //! The tumour intersection closeup (thesis 7.3.3): rendered frame, orientation cube, legend and mouse input.
 
-use egui::{Align2, FontId, Painter, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use egui::{Align2, Painter, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::measure::Agreement;
 use glioscope_render::{
@@ -17,6 +17,7 @@ use crate::{
     command::{Commands, Workstation},
     format,
     model::{Document, PaneId},
+    theme::{self, LABEL_POINTS, TEXT_POINTS, Tokens},
     world::{World, jobs::Lookup, numbers::AgreementNumbers},
 };
 
@@ -53,7 +54,7 @@ pub fn scene(doc: &Document, world: &World, dark: bool) -> RegionScene {
         colors: world.colors(doc),
         lens: doc.active_lens(),
         camera: doc.nav.camera,
-        background: draw::background(dark),
+        background: Tokens::of(dark).viewport_rgb(),
         silhouette: [0, 0, 0],
         plane: None,
     }
@@ -83,7 +84,7 @@ impl Pane for CloseupPane {
             colors: input.colors.clone(),
             lens: doc.active_lens(),
             camera: doc.nav.camera,
-            background: draw::background(ui.visuals().dark_mode),
+            background: Tokens::in_ui(ui).viewport_rgb(),
             silhouette: [0, 0, 0],
             plane,
         };
@@ -135,13 +136,13 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
 /// Draws the orientation cube, scale bar, legend and notes.
 fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     let painter = ui.painter().with_clip_rect(rect);
-    let ink = draw::ink(ui.visuals().dark_mode);
+    let ink = Tokens::in_ui(ui).text;
     marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, "at the lens"), false);
     legend(&painter, input, rect, ui.visuals().dark_mode, agreement);
     if input.doc.nav.ruler_on {
         let text = "Ruler: drag from surface to surface";
         let at = rect.center_bottom() - vec2(0.0, 10.0);
-        painter.text(at, Align2::CENTER_BOTTOM, text, FontId::proportional(13.0), ink);
+        painter.text(at, Align2::CENTER_BOTTOM, text, theme::font(TEXT_POINTS), ink);
     }
     let regions = &input.time_point.regions;
     let (at, anchor, text) = if regions.union_voxels() == 0 {
@@ -151,42 +152,54 @@ fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     } else {
         return;
     };
-    painter.text(at, anchor, text, FontId::proportional(15.0), ink);
+    painter.text(at, anchor, text, theme::font(TEXT_POINTS), ink);
 }
+
+/// Most masks whose overlaps are in the legend, too.
+const MAX_MASKS_WITH_OVERLAPS: usize = 3;
 
 /// Colour and text.
 type LegendRow = ([u8; 3], String);
 
 /// Draws the colours with their meaning: masks, or the number of masks active at a voxel.
 fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, dark: bool, agreement: &[LegendRow]) {
-    let ink = draw::ink(dark);
-    let ids = input.time_point.regions.mask_ids().iter().enumerate();
+    let ink = Tokens::of(dark).text;
     let rows: Vec<LegendRow> = match input.colors.coloring() {
-        Coloring::Masks => ids.map(|(k, id)| (input.colors.mask(k), input.doc.edit.masks.name(id))).collect(),
+        Coloring::Masks => mask_rows(input),
         Coloring::Agreement => agreement.iter().rev().cloned().collect(),
     };
     let mut at = rect.left_top() + vec2(10.0, 8.0);
     for (color, text) in rows {
         let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
         let edge = egui::Stroke::new(1.0, ink.gamma_multiply(0.6));
-        let font = FontId::proportional(12.0);
+        let font = theme::font(LABEL_POINTS);
         let galley = painter.layout_no_wrap(text, font, ink);
         let row = Rect::from_min_size(at, galley.size() + vec2(17.0, 0.0));
         // Legible over a magnified tumour, too.
         draw::plate(painter, row, dark);
-        painter.rect(swatch, 2.0, draw::color(color), edge, egui::StrokeKind::Outside);
+        painter.rect(swatch, 2.0, theme::color(color), edge, egui::StrokeKind::Outside);
         painter.galley(at + vec2(17.0, 0.0), galley, ink);
         at.y += 16.0;
         if at.y > rect.bottom() - 90.0 {
             break;
         }
     }
-    if input.colors.mask_count() >= 2 {
-        let galley =
-            painter.layout_no_wrap(input.colors.scheme().to_owned(), FontId::proportional(10.5), ink);
-        draw::plate(painter, Rect::from_min_size(at, galley.size()), dark);
-        painter.galley_with_override_text_color(at, galley, ink.gamma_multiply(0.75));
-    }
+}
+
+/// Legend rows of the masks, and of their overlaps where there are few.
+fn mask_rows(input: &Input<'_>) -> Vec<LegendRow> {
+    let regions = &input.time_point.regions;
+    let ids = regions.mask_ids();
+    let masks = ids.iter().enumerate();
+    let masks = masks.map(|(k, id)| (input.colors.mask(k), input.doc.edit.masks.name(id)));
+    let overlaps = regions.list().iter().filter(|region| {
+        ids.len() <= MAX_MASKS_WITH_OVERLAPS
+            && region.bits.count_ones() > 1
+            && input.selection.shows(region.bits)
+    });
+    let overlaps = overlaps
+        .map(|region| (input.colors.region(region.bits), input.doc.edit.masks.region(ids, region.bits)));
+    masks.chain(overlaps).collect()
 }
 
 /// Legend rows of the levels of agreement, fewest masks first; empty in other colourings and until they are computed.

@@ -1,7 +1,7 @@
 //! All time points of the case: which is shown, which two are compared, and volumes over time (thesis 7.3.4).
 
-use egui::{Color32, Role, Sense, Ui, WidgetInfo, vec2};
-use egui_plot::{Line, MarkerShape, Plot, PlotPoints, Points, VLine};
+use egui::{Align2, RichText, Role, Sense, Ui, WidgetInfo, vec2};
+use egui_plot::{GridMark, Line, MarkerShape, Plot, PlotPoint, PlotPoints, Points, Text, VLine};
 use glioscope_core::{Selection, case::TimePoint, change::Choice, dates};
 
 use super::{
@@ -15,6 +15,7 @@ use crate::{
     command::{Commands, EditCommand, LookCommand},
     format,
     model::OverlapMode,
+    theme::{self, LABEL_POINTS, Tokens},
     world::{
         comparison::Comparison,
         jobs::{Lookup, progress_text},
@@ -33,18 +34,38 @@ pub struct DatesPane {
     regions: bool,
 }
 
+/// Least distance of two labels of dates on the axis, points.
+const LABEL_STEP_POINTS: f64 = 78.0;
+/// Width of the chart's axis of volumes, points.
+const AXIS_POINTS: f32 = 40.0;
+
 /// Position of each date on the time axis: days since the first if all labels are ISO dates in rising order, else their
-/// index from 0. Second, the label of the axis.
-pub fn positions(labels: &[&str]) -> (Vec<f64>, &'static str) {
-    match dates::days_since_first(labels) {
-        Some(days) => (days, "days since the first date"),
-        None => ((0..labels.len()).map(|i| i as f64).collect(), "date number"),
+/// index from 0.
+pub fn positions(labels: &[&str]) -> Vec<f64> {
+    dates::days_since_first(labels).unwrap_or_else(|| (0..labels.len()).map(|i| i as f64).collect())
+}
+
+/// Indices of the dates that are named on an axis `width` points long: the first, and each that is far enough from the
+/// one named before it.
+fn named(xs: &[f64], width: f64) -> Vec<usize> {
+    let (Some(first), Some(last)) = (xs.first(), xs.last()) else { return Vec::new() };
+    let points_per_unit = width / (last - first).max(1e-9);
+    let mut named: Vec<usize> = Vec::new();
+    for (index, x) in xs.iter().enumerate() {
+        if named.last().is_none_or(|&before| (x - xs[before]) * points_per_unit >= LABEL_STEP_POINTS) {
+            named.push(index);
+        }
     }
+    named
 }
 
 impl Pane for DatesPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
-        draw::padded(ui, |ui| self.content(ui, stage, out));
+        draw::padded(ui, |ui| {
+            egui::ScrollArea::vertical()
+                .auto_shrink([false, false])
+                .show(ui, |ui| self.content(ui, stage, out));
+        });
     }
 }
 
@@ -79,9 +100,9 @@ impl DatesPane {
         ui.horizontal_wrapped(|ui| {
             ui.selectable_value(&mut self.regions, false, "Masks");
             ui.selectable_value(&mut self.regions, true, "Regions");
-            ui.weak("ml over time; click a date to compare with it, Shift-click for the earlier one");
+            ui.weak("Click a date: compare to it. Shift-click: from it");
         });
-        let height = (ui.available_height() * 0.55).clamp(120.0, 320.0);
+        let height = (ui.available_height() * 0.55).clamp(140.0, 320.0);
         chart(ui, &input, &labels, self.regions, chosen.as_ref().ok(), height, out);
         if let Err(error) = &chosen {
             ui.weak(no_comparison_text(error));
@@ -161,16 +182,19 @@ fn chart(
     height: f32,
     out: &mut Commands,
 ) {
-    let (xs, axis_label) = positions(labels);
+    let xs = positions(labels);
+    let named = named(&xs, f64::from(ui.available_width() - AXIS_POINTS) * 0.9);
+    let span = xs.last().copied().unwrap_or_default().max(1.0);
     let lines = if regions { region_lines(input) } else { mask_lines(input) };
     // Above the chart, not on it, where it would hide lines.
     ui.horizontal_wrapped(|ui| {
         for (name, color, _) in &lines {
             let (swatch, _) = ui.allocate_exact_size(vec2(11.0, 11.0), Sense::hover());
-            ui.painter().rect_filled(swatch, 2.0, draw::color(*color));
+            ui.painter().rect_filled(swatch, 2.0, theme::color(*color));
             ui.label(name);
         }
     });
+    let most_ml = lines.iter().flat_map(|(_, _, values)| values).flatten().copied().fold(0.0, f64::max);
     let plot = Plot::new("volumes over time")
         .height(height)
         .allow_drag(false)
@@ -178,13 +202,34 @@ fn chart(
         .allow_scroll(false)
         .allow_boxed_zoom(false)
         .include_y(0.0)
-        .x_axis_label(axis_label)
-        .y_axis_label("ml");
+        // Room for the value above the highest point.
+        .include_y(1.2 * most_ml)
+        .set_margin_fraction(vec2(0.08, 0.1))
+        .y_axis_min_width(AXIS_POINTS)
+        .y_axis_label("ml")
+        // A line and a name at each date.
+        .x_grid_spacer(|_| xs.iter().map(|&value| GridMark { value, step_size: span }).collect())
+        .x_axis_formatter(|mark, _| {
+            let date = named.iter().find(|&&date| (xs[date] - mark.value).abs() < 1e-6 * span);
+            date.map_or_else(String::new, |&date| name_of(labels[date]).to_owned())
+        })
+        .label_formatter(|_| None);
+    let Tokens { second: marked, text: ink, .. } = *Tokens::in_ui(ui);
+    // Where they don't cover one another.
+    let values_shown = lines.len() <= 3 && named.len() == xs.len();
     let shown = plot.show(ui, |plot| {
         for (name, color, values) in &lines {
             let points: Vec<[f64; 2]> =
                 xs.iter().zip(values).filter_map(|(&x, y)| y.map(|ml| [x, ml])).collect();
-            let color = draw::color(*color);
+            let color = theme::color(*color);
+            if values_shown {
+                for (i, &[x, ml]) in points.iter().enumerate() {
+                    let text = RichText::new(format!(" {ml:.1} ")).size(LABEL_POINTS).color(ink);
+                    // Beside the line of a compared date, and within the chart.
+                    let anchor = if i == 0 { Align2::LEFT_BOTTOM } else { Align2::RIGHT_BOTTOM };
+                    plot.text(Text::new("", PlotPoint::new(x, ml), text).anchor(anchor));
+                }
+            }
             plot.line(Line::new(name.clone(), PlotPoints::from(points.clone())).color(color).width(2.0));
             plot.points(
                 Points::new(name.clone(), PlotPoints::from(points))
@@ -195,7 +240,7 @@ fn chart(
         }
         for date in chosen.into_iter().flat_map(|c| c.dates) {
             if let Some(&x) = xs.get(date) {
-                plot.vline(VLine::new("", x).color(Color32::GRAY).width(1.0));
+                plot.vline(VLine::new("", x).color(marked).width(1.0));
             }
         }
         plot.pointer_coordinate()
@@ -324,8 +369,16 @@ mod tests {
 
     #[test]
     fn iso_dates_are_placed_in_days_and_other_labels_by_number() {
-        assert_eq!(positions(&["2024-01-15", "2024-04-15"]), (vec![0.0, 91.0], "days since the first date"));
-        assert_eq!(positions(&["before", "after"]), (vec![0.0, 1.0], "date number"));
-        assert_eq!(positions(&["2024-02-31", "2024-04-15"]).1, "date number", "no such day");
+        assert_eq!(positions(&["2024-01-15", "2024-04-15"]), [0.0, 91.0]);
+        assert_eq!(positions(&["before", "after"]), [0.0, 1.0]);
+        assert_eq!(positions(&["2024-02-31", "2024-04-15"]), [0.0, 1.0], "no such day");
+    }
+
+    #[test]
+    fn dates_too_close_to_the_one_before_are_not_named() {
+        assert_eq!(named(&[0.0, 91.0], 300.0), [0, 1]);
+        assert_eq!(named(&[0.0, 10.0, 91.0, 100.0], 300.0), [0, 2]);
+        assert_eq!(named(&[0.0], 300.0), [0]);
+        assert!(named(&[], 300.0).is_empty());
     }
 }

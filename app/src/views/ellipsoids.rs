@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use egui::{Align2, FontId, Rect, Role, Sense, Slider, Ui, WidgetInfo, vec2};
+use egui::{Align2, Rect, Role, Sense, Slider, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::{
     Selection,
@@ -27,6 +27,7 @@ use crate::{
         document::tumor_radius_mm,
         overlap::{Shown, mask_shown},
     },
+    theme::{self, LABEL_POINTS, Tokens},
     world::jobs::{Handle, Lookup, progress_text},
 };
 
@@ -115,7 +116,7 @@ fn camera(input: &Input<'_>, components: &[ComponentEllipsoid]) -> Camera {
         let farthest_mm = large().flat_map(ends).map(|end| end.distance(middle_mm) / 1.1).fold(0.0, f64::max);
         (middle_mm, ((high - low).length() / 2.0 * 0.72).max(farthest_mm))
     } else {
-        (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point) * 0.72)
+        (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point))
     };
     linked_camera(&nav.camera, focus_mm, radius_mm, nav.zoom(PaneId::Ellipsoids))
 }
@@ -164,7 +165,7 @@ impl Pane for EllipsoidPane {
             opacity: edit.ellipsoids.opacity,
             lens: input.doc.active_lens(),
             camera: camera(&input, &components),
-            background: draw::background(ui.visuals().dark_mode),
+            background: Tokens::in_ui(ui).viewport_rgb(),
             silhouette: [0, 0, 0],
             plane: plane.flatten(),
         };
@@ -351,7 +352,7 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
 
 /// Draws the numbers of shown and hidden components, the orientation cube and the scale bar.
 fn notes(ui: &Ui, input: &Input<'_>, rect: Rect, count: usize, too_small: usize, camera: &Camera) {
-    let ink = draw::ink(ui.visuals().dark_mode);
+    let ink = Tokens::in_ui(ui).text;
     let painter = ui.painter().with_clip_rect(rect);
     let mut text = format!("{count} component{}", if count == 1 { "" } else { "s" });
     if too_small > 0 {
@@ -361,6 +362,6 @@ fn notes(ui: &Ui, input: &Input<'_>, rect: Rect, count: usize, too_small: usize,
     if count == 0 && too_small == 0 {
         text = "Nothing is selected".into();
     }
-    painter.text(rect.left_top() + vec2(10.0, 8.0), Align2::LEFT_TOP, text, FontId::proportional(12.0), ink);
+    painter.text(rect.left_top() + vec2(10.0, 8.0), Align2::LEFT_TOP, text, theme::font(LABEL_POINTS), ink);
     marks::corners(ui, rect, input.sides_known(), (camera, "at the middle"), false);
 }

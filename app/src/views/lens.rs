@@ -12,6 +12,7 @@ use crate::{
     command::{Command, Commands, EditCommand},
     format,
     model::document::ball_ml,
+    theme,
 };
 
 /// Height of a row, points.
@@ -182,7 +183,7 @@ fn name_cell(ui: &mut Ui, input: &Input<'_>, line: &Row) {
     ui.painter().rect(
         rect,
         2.0,
-        draw::color(input.colors.region(line.bits)),
+        theme::color(input.colors.region(line.bits)),
         stroke,
         egui::StrokeKind::Outside,
     );

@@ -1,9 +1,6 @@
 //! Measuring with the mouse, the same in every view: a ruler is dragged from one point to another; drawing of rulers.
 
-use egui::{
-    Align2, Color32, FontId, Id, IdSalt, Key, Painter, PointerButton, Pos2, Rect, Response, Shape, Stroke,
-    Ui, vec2,
-};
+use egui::{Align2, Id, IdSalt, Key, Painter, PointerButton, Pos2, Rect, Response, Shape, Stroke, Ui, vec2};
 use glam::DVec3;
 use glioscope_core::optics::Camera;
 
@@ -12,11 +9,8 @@ use crate::{
     command::{Commands, EditCommand},
     format,
     model::{Document, PaneId, Ruler},
+    theme::{self, EDGE, PLATE, RULER, TEXT_POINTS},
 };
-
-/// Colour of rulers in every view: with the dark halo, visible on black, on white and on every mask.
-const INK: Color32 = Color32::from_rgb(255, 221, 51);
-const HALO: Color32 = Color32::from_black_alpha(200);
 
 /// A ruler being drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -90,19 +84,19 @@ pub fn line(painter: &Painter, ends: [Pos2; 2], look: Look, text: &str) {
     let [from, to] = ends;
     match look {
         Look::Solid => {
-            painter.line_segment(ends, Stroke::new(4.0, HALO));
-            painter.line_segment(ends, Stroke::new(2.0, INK));
+            painter.line_segment(ends, Stroke::new(4.0, EDGE));
+            painter.line_segment(ends, Stroke::new(2.0, RULER));
         }
         Look::Faint => {
-            painter.extend(Shape::dashed_line(&ends, Stroke::new(2.5, HALO.gamma_multiply(0.5)), 5.0, 5.0));
-            painter.extend(Shape::dashed_line(&ends, Stroke::new(1.2, INK.gamma_multiply(0.75)), 5.0, 5.0));
+            painter.extend(Shape::dashed_line(&ends, Stroke::new(2.5, EDGE.gamma_multiply(0.5)), 5.0, 5.0));
+            painter.extend(Shape::dashed_line(&ends, Stroke::new(1.2, RULER.gamma_multiply(0.75)), 5.0, 5.0));
         }
     }
     if look == Look::Solid {
         let across = (to - from).rot90().normalized() * 5.0;
         for end in ends {
-            painter.line_segment([end - across, end + across], Stroke::new(4.0, HALO));
-            painter.line_segment([end - across, end + across], Stroke::new(2.0, INK));
+            painter.line_segment([end - across, end + across], Stroke::new(4.0, EDGE));
+            painter.line_segment([end - across, end + across], Stroke::new(2.0, RULER));
         }
         if !text.is_empty() {
             label(painter, from + (to - from) / 2.0, text);
@@ -111,10 +105,10 @@ pub fn line(painter: &Painter, ends: [Pos2; 2], look: Look, text: &str) {
 }
 
 fn label(painter: &Painter, at: Pos2, text: &str) {
-    let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(12.5), INK);
+    let galley = painter.layout_no_wrap(text.to_owned(), theme::font(TEXT_POINTS), RULER);
     let rect = Align2::LEFT_BOTTOM.anchor_size(at + vec2(6.0, -5.0), galley.size());
-    painter.rect_filled(rect.expand2(vec2(4.0, 1.0)), 3.0, Color32::from_black_alpha(170));
-    painter.galley(rect.min, galley, INK);
+    painter.rect_filled(rect.expand2(vec2(4.0, 1.0)), 3.0, PLATE);
+    painter.galley(rect.min, galley, RULER);
 }
 
 /// Draws the rulers of the time point shown over a 3D view, and the one being drawn.

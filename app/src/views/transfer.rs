@@ -17,7 +17,7 @@ use strum::VariantArray;
 use super::pane::{Input, Pane, Stage};
 use crate::{
     command::{Commands, EditCommand},
-    format,
+    format, theme,
     world::{image::transfer_of, jobs::Lookup},
 };
 
@@ -139,7 +139,7 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
             let x = rect.left() + i as f32 * strip;
             let (color, per_mm) = new.sample(value_at(x), f64::INFINITY);
             let [r, g, b] = color.map(|c| (c * 255.0) as u8);
-            (pos2(x, y_of(per_mm)), Color32::from_rgb(r, g, b))
+            (pos2(x, y_of(per_mm)), theme::color([r, g, b]))
         })
         .collect();
     for pair in samples.windows(2) {
@@ -198,7 +198,7 @@ fn curve(ui: &mut Ui, histogram: &ValueHistogram, new: &mut TransferFunction, st
     for (index, (at, point)) in positions.iter().zip(new.points()).enumerate() {
         let [r, g, b] = point.color;
         let radius = if state.chosen == Some(index) { 6.0 } else { 4.5 };
-        painter.circle(*at, radius, Color32::from_rgb(r, g, b), Stroke::new(1.5, visuals.text_color()));
+        painter.circle(*at, radius, theme::color([r, g, b]), Stroke::new(1.5, visuals.text_color()));
     }
     ui.horizontal(|ui| {
         ui.weak(format::plain(low));
@@ -344,7 +344,7 @@ fn joint_histogram_image(
             let brightness = if *log_height > 0.0 { 0.25 + 0.75 * log_height } else { 0.0 };
             let mixed = color.map(|c| (255.0 * brightness * (0.45 * (1.0 - tint) + c * tint)) as u8);
             // Larger gradients are further up.
-            pixels[(bins - 1 - row) * bins + column] = Color32::from_rgb(mixed[0], mixed[1], mixed[2]);
+            pixels[(bins - 1 - row) * bins + column] = theme::color(mixed);
         }
         let image = ColorImage::new([bins, bins], pixels);
         let texture = ui.ctx().load_texture("joint histogram", image, TextureOptions::NEAREST);

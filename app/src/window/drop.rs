@@ -6,7 +6,10 @@ use egui::Context;
 use glioscope_core::files::format::volume_names;
 
 use super::dialogs::{is_tracts, open_command};
-use crate::command::{AppCommand, Commands};
+use crate::{
+    command::{AppCommand, Commands},
+    theme,
+};
 
 /// Adds dropped fibre tracts to the open case, and opens the first other file or folder. Returns the number of other
 /// files and folders.
@@ -31,7 +34,7 @@ fn hint(ctx: &Context) {
     let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop"));
     let painter = ctx.layer_painter(layer);
     let rect = ctx.content_rect();
-    painter.rect_filled(rect, 0.0, egui::Color32::from_black_alpha(160));
+    painter.rect_filled(rect, 0.0, theme::PLATE);
     painter.text(
         rect.center(),
         egui::Align2::CENTER_CENTER,
@@ -39,7 +42,7 @@ fn hint(ctx: &Context) {
             "Drop a folder, a manifest, a {} file or a session to open it, or fibre tracts to add them",
             volume_names()
         ),
-        egui::FontId::proportional(22.0),
-        egui::Color32::WHITE,
+        theme::font(20.0),
+        theme::ON_IMAGE,
     );
 }

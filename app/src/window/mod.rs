@@ -36,6 +36,7 @@ use crate::{
     command::{AppCommand, Command, Commands, LookCommand, Workstation, listed},
     error::AppError,
     model::{CaseRef, PaneId},
+    theme,
     views::{Panes, Shared, pane::Input, pointer, view3d::Graphics},
     world::{
         Results,
@@ -185,6 +186,7 @@ impl GlioscopeApp {
         self.receive(&ctx);
         self.go_to_pending();
         if !std::mem::replace(&mut self.started, true) {
+            theme::install(&ctx);
             pointer::install(&ctx);
             if let Some(dark) = self.preferences.get().dark.filter(|_| self.scripted.is_none()) {
                 ctx.set_theme(if dark { egui::Theme::Dark } else { egui::Theme::Light });

@@ -6,6 +6,8 @@ use egui::{Context, RawInput, Rect, Ui, mutex::RwLock, pos2, vec2};
 use egui_wgpu::{RendererOptions, ScreenDescriptor};
 use glioscope_render::{Gpu, RenderError};
 
+use crate::theme;
+
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Longest wait for the device.
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -27,6 +29,7 @@ impl Offscreen {
         let options = RendererOptions::PREDICTABLE;
         let renderer = Arc::new(RwLock::new(egui_wgpu::Renderer::new(&gpu.device, FORMAT, options)));
         let ctx = Context::default();
+        theme::install(&ctx);
         ctx.set_theme(if dark { egui::Theme::Dark } else { egui::Theme::Light });
         Self { gpu: gpu.clone(), renderer, ctx }
     }

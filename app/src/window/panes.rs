@@ -2,12 +2,13 @@
 
 use std::collections::HashMap;
 
-use egui::{Rect, Ui, WidgetText, vec2};
-use egui_tiles::{Behavior, SimplificationOptions, TileId, Tiles, UiResponse};
+use egui::{Color32, Rect, Ui, WidgetText, vec2};
+use egui_tiles::{Behavior, SimplificationOptions, TabState, TileId, Tiles, UiResponse};
 
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand},
     model::PaneId,
+    theme::Tokens,
     views::{Panes, Shared},
 };
 
@@ -31,7 +32,7 @@ pub fn show(ui: &mut Ui, area: &mut PaneArea<'_>) {
             ui.horizontal(|ui| {
                 ui.strong(pane.tab());
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    pane_buttons(ui, pane, true, area.out);
+                    pane_buttons(ui, pane, true, false, area.out);
                 });
             });
         });
@@ -54,16 +55,17 @@ impl PaneArea<'_> {
     }
 }
 
-fn pane_buttons(ui: &mut Ui, pane: PaneId, maximized: bool, out: &mut Commands) {
+/// `closable`: whether another pane would be left.
+fn pane_buttons(ui: &mut Ui, pane: PaneId, maximized: bool, closable: bool, out: &mut Commands) {
     let (icon, verb) = if maximized { (Icon::Restore, "Restore") } else { (Icon::Maximise, "Maximise") };
-    for (icon, label, command) in [
-        (icon, format!("{verb} {}", pane.title()), Command::from(EditCommand::MaximizePane(pane))),
-        (
-            Icon::Camera,
-            format!("Picture of {}", pane.title()),
-            Command::from(AppCommand::ScreenshotPane(pane)),
-        ),
-    ] {
+    // Right to left.
+    let close = (Icon::Close, "Close", Command::from(EditCommand::TogglePane(pane)));
+    let buttons = [
+        (icon, verb, Command::from(EditCommand::MaximizePane(pane))),
+        (Icon::Camera, "Picture of", Command::from(AppCommand::ScreenshotPane(pane))),
+    ];
+    for (icon, verb, command) in closable.then_some(close).into_iter().chain(buttons) {
+        let label = format!("{verb} {}", pane.title());
         if icon_button(ui, icon, &label).clicked() {
             out.push(command);
         }
@@ -73,6 +75,7 @@ fn pane_buttons(ui: &mut Ui, pane: PaneId, maximized: bool, out: &mut Commands) 
 /// Icons drawn as shapes, because egui's default fonts lack them.
 #[derive(Clone, Copy)]
 enum Icon {
+    Close,
     Maximise,
     Restore,
     Camera,
@@ -89,6 +92,11 @@ fn icon_button(ui: &mut Ui, icon: Icon, label: &str) -> egui::Response {
     let centered = |size| Rect::from_center_size(rect.center(), size);
     let outline = |rect, rounding| painter.rect_stroke(rect, rounding, stroke, egui::StrokeKind::Middle);
     match icon {
+        Icon::Close => {
+            let square = centered(vec2(8.0, 8.0));
+            painter.line_segment([square.left_top(), square.right_bottom()], stroke);
+            painter.line_segment([square.right_top(), square.left_bottom()], stroke);
+        }
         Icon::Maximise => {
             let frame = centered(vec2(11.0, 9.0));
             outline(frame, 1.0);
@@ -130,12 +138,49 @@ impl Behavior<PaneId> for PaneArea<'_> {
     ) {
         if let Some(pane) = tabs.active.and_then(|tile| tiles.get_pane(&tile)) {
             ui.add_space(4.0);
-            pane_buttons(ui, *pane, false, self.out);
+            let closable = tiles.iter().filter(|(_, tile)| tile.is_pane()).count() > 1;
+            pane_buttons(ui, *pane, false, closable, self.out);
         }
     }
 
     fn tab_bar_height(&self, _style: &egui::Style) -> f32 {
-        22.0
+        24.0
+    }
+
+    fn tab_bar_color(&self, visuals: &egui::Visuals) -> Color32 {
+        Tokens::of(visuals.dark_mode).raised
+    }
+
+    fn tab_bg_color(
+        &self,
+        visuals: &egui::Visuals,
+        _: &Tiles<PaneId>,
+        _: TileId,
+        state: &TabState,
+    ) -> Color32 {
+        if state.active { visuals.panel_fill } else { Color32::TRANSPARENT }
+    }
+
+    fn tab_outline_stroke(
+        &self,
+        visuals: &egui::Visuals,
+        _: &Tiles<PaneId>,
+        _: TileId,
+        state: &TabState,
+    ) -> egui::Stroke {
+        let tokens = Tokens::of(visuals.dark_mode);
+        if state.active { egui::Stroke::new(1.0, tokens.line) } else { egui::Stroke::NONE }
+    }
+
+    fn tab_text_color(
+        &self,
+        visuals: &egui::Visuals,
+        _: &Tiles<PaneId>,
+        _: TileId,
+        state: &TabState,
+    ) -> Color32 {
+        let tokens = Tokens::of(visuals.dark_mode);
+        if state.active { tokens.text } else { tokens.second }
     }
 
     fn gap_width(&self, _style: &egui::Style) -> f32 {

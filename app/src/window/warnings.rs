@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use egui::{Color32, Panel, Ui};
+use egui::{Panel, Ui};
 use glioscope_core::{Check, Severity};
 
 use crate::{
     command::{AppCommand, Commands, Workstation},
+    theme::Tokens,
     world::jobs::progress_text,
 };
 
@@ -15,17 +16,14 @@ pub fn strip(ui: &mut Ui, checks: &[Check], open: &mut bool) {
     let (serious, notes): (Vec<&Check>, Vec<&Check>) =
         checks.iter().partition(|check| check.severity >= Severity::Warning);
     let Some(first) = serious.first() else { return };
-    let (fill, ink) = if ui.visuals().dark_mode {
-        (Color32::from_rgb(92, 62, 6), Color32::from_rgb(255, 226, 165))
-    } else {
-        (Color32::from_rgb(255, 232, 176), Color32::from_rgb(82, 50, 0))
-    };
-    let frame = egui::Frame::new().fill(fill).inner_margin(egui::Margin::symmetric(8, 4));
+    let tokens = Tokens::in_ui(ui);
+    let frame = egui::Frame::new().fill(tokens.warning_ground).inner_margin(egui::Margin::symmetric(8, 4));
     Panel::top("warnings").frame(frame).show(ui, |ui| {
-        ui.visuals_mut().override_text_color = Some(ink);
         ui.horizontal(|ui| {
             let text = if *open { "Hide warnings" } else { "Show warnings" };
-            ui.strong(format!("{} warning{}", serious.len(), if serious.len() == 1 { "" } else { "s" }));
+            let count = format!("{} warning{}", serious.len(), if serious.len() == 1 { "" } else { "s" });
+            sign(ui, tokens.warning);
+            ui.label(egui::RichText::new(count).strong().color(tokens.warning));
             if ui.button(text).clicked() {
                 *open = !*open;
             }
@@ -42,6 +40,18 @@ pub fn strip(ui: &mut Ui, checks: &[Check], open: &mut bool) {
             });
         }
     });
+}
+
+/// A triangle with an exclamation mark: warnings and errors aren't told by colour alone. Drawn, because egui's default
+/// fonts lack it.
+fn sign(ui: &mut Ui, ink: egui::Color32) {
+    let (rect, _) = ui.allocate_exact_size(egui::vec2(14.0, 13.0), egui::Sense::hover());
+    let at = |x: f32, y: f32| rect.lerp_inside(egui::vec2(x, y));
+    let stroke = egui::Stroke::new(1.4, ink);
+    let corners = vec![at(0.5, 0.05), at(0.98, 0.95), at(0.02, 0.95)];
+    ui.painter().add(egui::Shape::closed_line(corners, stroke));
+    ui.painter().line_segment([at(0.5, 0.36), at(0.5, 0.64)], stroke);
+    ui.painter().circle_filled(at(0.5, 0.8), 0.9, ink);
 }
 
 /// Status line: loading progress, and the last error, which can be dismissed, or notice.
@@ -62,7 +72,9 @@ pub fn status(ui: &mut Ui, work: &mut Workstation, out: &mut Commands) {
         let mut dismissed = false;
         if let Some(error) = &work.error {
             dismissed = ui.button("Dismiss").clicked();
-            ui.colored_label(ui.visuals().error_fg_color, error.to_string());
+            let ink = ui.visuals().error_fg_color;
+            sign(ui, ink);
+            ui.colored_label(ink, error.to_string());
         } else if let Some(notice) = &work.notice {
             ui.label(notice);
         }

@@ -18,7 +18,7 @@ use glioscope_core::{
     optics::{Camera, Projection},
 };
 use glioscope_render::{Gpu, Quality, RegionScene};
-use glioscope_tests::{count_color, golden, real_data, run, software_gpu, workstation};
+use glioscope_tests::{MASK_COLORS, count_color, golden, real_data, run, software_gpu, workstation};
 use image::RgbaImage;
 
 use crate::PROGRAM;
@@ -291,7 +291,7 @@ fn overlap_ring_areas_are_proportional_to_mask_volumes() {
         .unwrap();
     let picture = RgbaImage::from_raw(900, 900, rgba).unwrap();
     let sizes: Vec<f64> = (0..3).map(|k| regions.mask_voxels(k) as f64).collect();
-    let areas = [[255, 0, 0], [0, 255, 0], [0, 0, 255]].map(|c| count_color(&picture, c, 8) as f64);
+    let areas = MASK_COLORS.map(|c| count_color(&picture, c, 8) as f64);
     let (sum_of_sizes, sum_of_areas) = (sizes.iter().sum::<f64>(), areas.iter().sum::<f64>());
     for k in 0..3 {
         let (size, area) = (sizes[k] / sum_of_sizes, areas[k] / sum_of_areas);

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glioscope_tests::count_color;
+use glioscope_tests::{MASK_COLORS, count_color};
 
 use crate::PROGRAM;
 
@@ -69,7 +69,7 @@ fn the_window_opens_on_the_sample_and_shows_its_views() {
     let picture = image::open(&picture).unwrap().to_rgba8();
     assert!(picture.width() >= 1000 && picture.height() >= 600, "{:?}", picture.dimensions());
     // The overlap diagram and the closeup show each mask's colour over large areas; slices are grey.
-    for color in [[255, 0, 0], [0, 255, 0], [0, 0, 255]] {
+    for color in MASK_COLORS {
         assert!(count_color(&picture, color, 8) > 3000, "{color:?}");
     }
 }

@@ -9,11 +9,13 @@ use glioscope::{
     window::GlioscopeApp,
 };
 use glioscope_tests::{
-    Dropped, Window, count_color, crop, drafting_window_on, error_text, issue, sample, screens, window_on,
+    Dropped, MASK_COLORS, Window, count_color, crop, drafting_window_on, error_text, issue, sample, screens,
+    window_on,
 };
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
-const GREEN: [u8; 3] = [0, 255, 0];
+/// The colour of T2, the sample's second mask.
+const TEAL: [u8; 3] = MASK_COLORS[1];
 
 fn closeup<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a CloseupPane {
     harness.state().panes.get(PaneId::Closeup).unwrap()
@@ -30,33 +32,33 @@ fn shows(harness: &Harness<'_, GlioscopeApp>, bits: u32) -> bool {
     work.world.selection(work.doc.as_ref().unwrap()).shows(bits)
 }
 
-/// Number of pure green pixels in the closeup: the region of T2 alone, visible inside the lens.
-fn green_in_closeup(harness: &mut Window) -> usize {
+/// Number of T2's pixels in the closeup: the region of T2 alone, visible inside the lens.
+fn t2_in_closeup(harness: &mut Window) -> usize {
     let rect = harness.state().pane_rect(PaneId::Closeup).unwrap();
     let picture = harness.render().unwrap();
-    // Exclude the legend, whose swatches are green too.
-    let rect = egui::Rect::from_min_max(rect.min + egui::vec2(0.0, 80.0), rect.max);
-    count_color(&crop(&picture, rect), GREEN, 40)
+    // Exclude the legend, whose swatches have its colour too.
+    let rect = egui::Rect::from_min_max(rect.min + egui::vec2(0.0, 130.0), rect.max);
+    count_color(&crop(&picture, rect), TEAL, 40)
 }
 
 #[test]
 fn clicking_a_segment_hides_its_region_everywhere_and_undo_restores_it() {
     let mut harness = sample();
     let bits = t2_only(&harness);
-    let before = green_in_closeup(&mut harness);
+    let before = t2_in_closeup(&mut harness);
     assert!(before > 2000, "T2 alone is visible in the closeup: {before} pixels");
 
     harness.get_all_by_label_contains("T2 only,").next().unwrap().click();
     harness.run_ok();
     assert!(!shows(&harness, bits));
-    let hidden = green_in_closeup(&mut harness);
+    let hidden = t2_in_closeup(&mut harness);
     assert!(hidden * 20 < before, "hidden in the closeup: {hidden} of {before} pixels");
     assert!(harness.query_by_label_contains("6 of 7 shown").is_some());
 
     harness.key_press_modifiers(Modifiers::COMMAND, egui::Key::Z);
     harness.run_ok();
     assert!(shows(&harness, bits));
-    assert_eq!(green_in_closeup(&mut harness), before);
+    assert_eq!(t2_in_closeup(&mut harness), before);
 
     harness.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, egui::Key::Z);
     harness.run_ok();
@@ -273,8 +275,8 @@ fn a_pane_screenshot_matches_the_pane() {
     let written = image::open(&path).unwrap().to_rgba8();
     let rect = harness.state().pane_rect(PaneId::Overlap).unwrap();
     let window = harness.render().unwrap();
-    assert_eq!(count_color(&written, GREEN, 0), count_color(&crop(&window, rect), GREEN, 0));
-    assert!(count_color(&written, GREEN, 0) > 5000);
+    assert_eq!(count_color(&written, TEAL, 0), count_color(&crop(&window, rect), TEAL, 0));
+    assert!(count_color(&written, TEAL, 0) > 5000);
 }
 
 #[test]

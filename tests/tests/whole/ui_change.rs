@@ -5,7 +5,7 @@ use egui_kittest::{Harness, kittest::Queryable};
 use glam::{DVec2, DVec3};
 use glioscope::{
     command::{EditCommand, LookCommand},
-    model::{CaseRef, ChangeSetting, PaneId, document::tumor_radius_mm},
+    model::{CaseRef, ChangeSetting, PaneId, document::tumor_radius_mm, layout},
     views::{
         change::{ChangePane, pair_colors},
         view3d::linked_camera,
@@ -156,6 +156,9 @@ fn hidden_change_views_compute_no_comparison() {
             && harness.state().results.comparison.last().is_none()
     };
     assert!(nothing(&mut harness), "the change view is a hidden tab behind the closeup");
+    // As a user opens a case with dates: change is in front.
+    perform(&mut harness, EditCommand::SetLayout(Box::new(layout::default_layout(2))));
+    assert!(!nothing(&mut harness), "the change view is drawn");
 
     let folder = tempfile::tempdir().unwrap();
     glioscope_core::sample::write_sample(folder.path()).unwrap();

@@ -13,7 +13,9 @@ use glioscope_core::{
     change::{self, ChangeOptions},
     glam::DVec3,
 };
-use glioscope_tests::{Window, doc, error_text, issue, perform, sample, wait_for_workers, window_of_user};
+use glioscope_tests::{
+    MASK_COLORS, Window, doc, error_text, issue, perform, sample, wait_for_workers, window_of_user,
+};
 use serde_json::Value;
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
@@ -111,7 +113,7 @@ fn pictures_are_as_large_as_chosen() {
         assert!((found as f32 - 2.0 * points).abs() <= 1.0, "{found} {points}");
     }
     // Twice the pixels, not each pixel twice: the areas of pure green agree within the blurred edges of the smaller one.
-    let green = |picture: &image::RgbaImage| glioscope_tests::count_color(picture, [0, 255, 0], 0) as f64;
+    let green = |picture: &image::RgbaImage| glioscope_tests::count_color(picture, MASK_COLORS[1], 0) as f64;
     let ratio = green(&twice) / green(&once);
     assert!((4.0..4.4).contains(&ratio), "{ratio}");
     let halves = twice.pixels().zip(twice.pixels().skip(1)).step_by(2).filter(|(a, b)| a != b).count();

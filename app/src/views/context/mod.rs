@@ -2,7 +2,7 @@
 
 mod tract_list;
 
-use egui::{FontId, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use egui::{Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::optics::Camera;
 use glioscope_render::{ContextPick, ContextScene, flat, views::context::Context};
@@ -15,6 +15,7 @@ use super::{
 use crate::{
     command::Commands,
     model::{PaneId, document::tumor_radius_mm},
+    theme::{self, LABEL_POINTS, Tokens},
     world::jobs::Lookup,
 };
 
@@ -81,7 +82,7 @@ impl Pane for ContextPane {
             lens: input.doc.active_lens(),
             tubes,
             camera: camera(&input),
-            background: draw::background(ui.visuals().dark_mode),
+            background: Tokens::in_ui(ui).viewport_rgb(),
             silhouette: [0, 0, 0],
         };
         let view = View { doc: input.doc, pane: PaneId::Context, camera: scene.camera, rect };
@@ -95,10 +96,10 @@ impl Pane for ContextPane {
         });
         let name = input.context.map_or("no image", |(id, _)| id);
         let dark = ui.visuals().dark_mode;
-        let ink = draw::ink(dark);
+        let ink = Tokens::of(dark).text;
         let painter = ui.painter().with_clip_rect(rect);
         let text = note.unwrap_or_else(|| name.to_owned());
-        let text = painter.layout_no_wrap(text, FontId::proportional(12.0), ink);
+        let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ink);
         let text_rect = Rect::from_min_size(rect.left_top() + vec2(10.0, 8.0), text.size());
         draw::plate(&painter, text_rect, dark);
         painter.galley(text_rect.min, text, ink);

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, FontId, Id, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use egui::{Color32, Id, Rect, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 use glioscope_core::case::CaseTracts;
 use glioscope_render::{DrawnTubes, PickedFiber, tract_color};
 
 use crate::{
     command::{Command, Commands, EditCommand},
     format,
+    theme::{self, LABEL_POINTS, Tokens},
     views::{
         draw,
         pane::{Input, Stage},
@@ -76,9 +77,9 @@ pub(super) fn list(
         return;
     }
     let dark = ui.visuals().dark_mode;
-    let ink = draw::ink(dark);
+    let ink = Tokens::of(dark).text;
     let painter = ui.painter().with_clip_rect(rect);
-    let font = FontId::proportional(12.0);
+    let font = theme::font(LABEL_POINTS);
     // Space for the scale bar below.
     let max_rows = ((rect.bottom() - 60.0 - top) / LINE_POINTS).max(0.0) as usize;
     let rows = if case.tracts.len() > max_rows { max_rows.saturating_sub(1) } else { case.tracts.len() };
@@ -113,7 +114,7 @@ pub(super) fn list(
         let response = ui.interact(line, Id::unique(("fibre tracts", id)), Sense::click());
         let command = Command::from(EditCommand::ToggleTracts(id.clone()));
         response.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, shown, command.text()));
-        let color = draw::color(tract_color(index.unwrap_or_default()));
+        let color = theme::color(tract_color(index.unwrap_or_default()));
         let fill = if shown { color } else { Color32::TRANSPARENT };
         let edge = if response.hovered() { ink } else { ink.gamma_multiply(0.6) };
         let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));

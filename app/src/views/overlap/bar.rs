@@ -3,13 +3,14 @@
 
 use std::sync::Arc;
 
-use egui::{CornerRadius, FontId, Galley, Id, Pos2, Rect, StrokeKind, TextStyle, Ui, pos2, vec2};
+use egui::{CornerRadius, Galley, Id, Pos2, Rect, StrokeKind, Ui, pos2, vec2};
 
 use super::{
     OverlapInput, Shown, Target,
     interact::{self, FocusArea, Interaction},
     paint::{Style, dim_text},
 };
+use crate::theme::{self, LABEL_POINTS};
 use crate::{command::Commands, format};
 
 /// Height of the bar with its labels, points.
@@ -93,7 +94,7 @@ fn labels(
     masks: &[Target],
     pieces: &[Option<Rect>],
 ) -> Vec<(Arc<Galley>, Rect)> {
-    let font = FontId::proportional(TextStyle::Small.resolve(ui.style()).size + 1.5);
+    let font = theme::font(LABEL_POINTS);
     let galleys: Vec<Arc<Galley>> = masks
         .iter()
         .map(|&m| {

@@ -6,6 +6,7 @@
 
 mod bar;
 pub mod interact;
+mod matrix;
 mod paint;
 pub mod ring;
 mod ring_view;
@@ -73,6 +74,9 @@ pub struct OverlapInput<'a> {
     pub mode: OverlapMode,
 }
 
+/// Smallest width of the ring with its labels, points.
+const MIN_RING_WIDTH: f32 = 200.0;
+
 /// Largest number of masks that the ring can show with their overlaps.
 const MAX_RING_MASKS: usize = 3;
 
@@ -90,6 +94,7 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Com
     let size = ui.available_size();
     let mut in_diagram = None;
     let mut in_table = None;
+    let matrix = matrix::size(input, pairs);
     if side_by_side(input, size) {
         let table_width = (size.x * 0.48).clamp(215.0, 340.0);
         ui.horizontal_top(|ui| {
@@ -97,15 +102,38 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Com
             ui.allocate_ui(left, |ui| in_diagram = diagram_in(ui, left, input, marked, out));
             ui.vertical(|ui| {
                 ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+                    if matrix.is_some() {
+                        ui.scope(|ui| matrix::show(ui, input, pairs));
+                        ui.add_space(8.0);
+                    }
                     in_table = tables(ui, input, pairs, in_diagram, out);
                 });
             });
         });
     } else {
+        let matrix = matrix.map(|needed| (needed, matrix_place(input, size, needed)));
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-            let height = stacked_height(input, size);
-            in_diagram = diagram_in(ui, vec2(ui.available_width(), height), input, marked, out);
+            let mut left = size;
+            if let Some((needed, MatrixPlace::Above)) = matrix {
+                ui.scope(|ui| matrix::show(ui, input, pairs));
+                ui.add_space(4.0);
+                left.y -= needed.y + 4.0;
+            }
+            let height = stacked_height(input, left);
+            let mut diagram = vec2(ui.available_width(), height);
+            if let Some((needed, MatrixPlace::Beside)) = matrix {
+                diagram.x -= needed.x + 8.0;
+                let corner = ui.cursor().min + vec2(diagram.x + 8.0, 0.0);
+                let mut beside =
+                    ui.new_child(egui::UiBuilder::new().max_rect(Rect::from_min_size(corner, needed)));
+                matrix::show(&mut beside, input, pairs);
+            }
+            in_diagram = diagram_in(ui, diagram, input, marked, out);
             ui.add_space(4.0);
+            if let Some((_, MatrixPlace::Below)) = matrix {
+                ui.scope(|ui| matrix::show(ui, input, pairs));
+                ui.add_space(8.0);
+            }
             in_table = tables(ui, input, pairs, in_diagram, out);
         });
     }
@@ -130,6 +158,29 @@ pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) -
     match diagram_in(ui, size, input, None, out) {
         Some(Target::Region(bits)) => Some(bits),
         _ => None,
+    }
+}
+
+/// Where the matrix of agreement stands while the tables are below the diagram.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum MatrixPlace {
+    /// Above the UpSet plot.
+    Above,
+    /// Right of the ring.
+    Beside,
+    /// Between the diagram and the tables: the pane is too small for it to be seen at once with the diagram.
+    Below,
+}
+
+fn matrix_place(input: &OverlapInput<'_>, size: egui::Vec2, needed: egui::Vec2) -> MatrixPlace {
+    let free = size - needed;
+    if is_ring(input) && free.x >= MIN_RING_WIDTH && needed.y + bar::HEIGHT_PT <= stacked_height(input, size)
+    {
+        MatrixPlace::Beside
+    } else if !is_ring(input) && free.y >= upset::min_height(input.regions.mask_ids().len()) {
+        MatrixPlace::Above
+    } else {
+        MatrixPlace::Below
     }
 }
 
@@ -233,7 +284,7 @@ fn diagram_in(
     let color = paint::dim_text(ui);
     ui.painter().text(rect.left_top(), egui::Align2::LEFT_TOP, note, small, color);
     let split = rect.bottom() - bar::HEIGHT_PT;
-    let above = Rect::from_min_max(rect.min + vec2(0.0, 10.0), pos2(rect.right(), split - 4.0));
+    let above = Rect::from_min_max(rect.min + vec2(0.0, 15.0), pos2(rect.right(), split - 4.0));
     let below = Rect::from_min_max(pos2(rect.left(), split), rect.max);
     let ring = ring_view::show(ui, id.with("ring"), above, &pieces, input, marked, out);
     let bar = bar::show(ui, id.with("bar"), below, input, marked.or(ring.hovered), out);

@@ -1,13 +1,18 @@
 //! Colours of the view, and antialiased fills of ring parts.
 
+use std::sync::Arc;
+
 use egui::{
-    Color32, Pos2, Stroke, Ui, Visuals,
+    Color32, FontId, Galley, Pos2, Stroke, Ui, Visuals,
     epaint::{Mesh, Vertex},
     lerp, pos2,
+    text::{LayoutJob, TextWrapping},
 };
 use glioscope_render::Rgb;
 
 use super::{Shown, ring};
+
+use crate::theme::{self, ON_IMAGE, Tokens};
 
 /// Width of the border of shown pieces, points.
 pub const BORDER_PT: f32 = 1.7;
@@ -32,20 +37,20 @@ impl Style {
     /// The style for the theme and resolution of `ui`.
     pub fn of(ui: &Ui) -> Self {
         let Visuals { dark_mode, .. } = *ui.visuals();
-        let grey = if dark_mode { 120 } else { 150 };
+        let tokens = Tokens::of(dark_mode);
         Self {
-            casing: if dark_mode { Color32::from_gray(8) } else { Color32::from_gray(45) },
-            shown: Stroke::new(BORDER_PT, Color32::WHITE),
-            hidden: Stroke::new(1.0, Color32::from_gray(grey)),
-            faded: if dark_mode { Color32::from_gray(62) } else { Color32::from_gray(205) },
-            marked: Stroke::new(3.0, Color32::from_rgb(255, 214, 64)),
+            casing: if dark_mode { tokens.viewport } else { tokens.text },
+            shown: Stroke::new(BORDER_PT, ON_IMAGE),
+            hidden: Stroke::new(1.0, tokens.second.gamma_multiply(0.8)),
+            faded: tokens.line,
+            marked: Stroke::new(3.0, tokens.interaction),
             pixel: 1.0 / ui.ctx().pixels_per_point(),
         }
     }
 
     /// A mask's fill: its pure colour when shown, faded when partly shown or hidden.
     pub fn fill(&self, rgb: Rgb, shown: Shown) -> Color32 {
-        let pure = Color32::from_rgb(rgb[0], rgb[1], rgb[2]);
+        let pure = theme::color(rgb);
         match shown {
             Shown::All => pure,
             Shown::Some => self.faded.lerp_to_gamma(pure, 0.62),
@@ -134,6 +139,13 @@ pub fn arc(center: Pos2, from: f64, to: f64, radius: f64) -> Vec<Pos2> {
             pos2(center.x + x as f32, center.y + y as f32)
         })
         .collect()
+}
+
+/// One line of text, cut with an ellipsis at `width` points.
+pub fn elided(ui: &Ui, text: &str, font: &FontId, color: Color32, width: f32) -> Arc<Galley> {
+    let mut job = LayoutJob::simple_singleline(text.to_owned(), font.clone(), color);
+    job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
+    ui.painter().layout_job(job)
 }
 
 /// Colour of text about hidden regions: dimmer than normal text, but legible.

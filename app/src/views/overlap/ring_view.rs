@@ -1,6 +1,6 @@
 //! Drawing of the ring: fills, borders, labels.
 
-use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Shape, Stroke, TextStyle, Ui, epaint::Mesh, pos2, vec2};
+use egui::{Align2, Color32, Id, Pos2, Rect, Shape, Stroke, Ui, epaint::Mesh, pos2, vec2};
 
 use super::{
     OverlapInput, Shown, Target,
@@ -8,6 +8,7 @@ use super::{
     paint::{self, Style},
     ring::{GAP_PT, Piece, RingLayout, Segment, point},
 };
+use crate::theme::{self, LABEL_POINTS};
 use crate::{command::Commands, format};
 
 /// Margins for labels: left and right of the ring, and above and below it, points.
@@ -217,9 +218,10 @@ fn stippled(ends: [Pos2; 2], stroke: Stroke) -> Vec<Shape> {
     Shape::dashed_line(&ends, stroke, 3.5, 3.5)
 }
 
-/// Names and sizes beside the segments, largest segment first; a label that would cover something is left out.
+/// Names and sizes beside the segments, largest segment first. Where there is no room beside a segment, its label stands
+/// at the nearest free place of the left or right edge, with a line to it; a label that fits nowhere is left out.
 fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &OverlapInput<'_>) {
-    let font = FontId::new(TextStyle::Small.resolve(ui.style()).size + 1.5, egui::FontFamily::Proportional);
+    let font = theme::font(LABEL_POINTS);
     let mut occupied: Vec<Rect> = Vec::new();
     let mut order: Vec<&Segment> = layout.segments.iter().collect();
     order.sort_by_key(|s| std::cmp::Reverse(s.piece.voxels));
@@ -232,6 +234,26 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
             let place = beside(rect, center, angle, layout.outer_radius(s), galley.size());
             let free = !occupied.iter().any(|other| other.expand(1.0).intersects(place));
             (free && rect.contains_rect(place) && !over_ring(layout, center, place)).then_some(place)
+        });
+        let on = |radius: f64| {
+            let [x, y] = point((s.from_rad + s.to_rad) / 2.0, radius);
+            center + vec2(x as f32, y as f32)
+        };
+        let place = place.or_else(|| {
+            let edge = on(layout.outer_radius(s) + 2.0 * GAP_PT);
+            let line = |place: &Rect| [place.clamp(edge), edge];
+            let free = |place: &Rect| {
+                !over_ring(layout, center, *place)
+                    && !line_over_ring(layout, center, line(place))
+                    && !occupied.iter().any(|other| {
+                        other.expand(1.0).intersects(*place) || crosses(line(place), other.expand(1.0))
+                    })
+            };
+            let place = at_edges(rect, galley.size())
+                .filter(free)
+                .min_by(|a, b| a.distance_to_pos(edge).total_cmp(&b.distance_to_pos(edge)))?;
+            ui.painter().line_segment(line(&place), Stroke::new(1.0, paint::dim_text(ui)));
+            Some(place)
         });
         if let Some(place) = place {
             occupied.push(place);
@@ -251,6 +273,15 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
     }
 }
 
+/// Places for a label of this size at the left and right edges of `rect`.
+fn at_edges(rect: Rect, size: egui::Vec2) -> impl Iterator<Item = Rect> {
+    let rows = ((rect.height() - size.y) / (size.y / 2.0)).max(0.0) as usize + 1;
+    (0..rows).flat_map(move |row| {
+        let y = rect.top() + row as f32 * size.y / 2.0;
+        [rect.left(), rect.right() - size.x].map(|x| Rect::from_min_size(pos2(x, y), size))
+    })
+}
+
 /// Rectangle of a label of this size outside `radius`: beyond the tangent at `angle`, shifted to stay within `rect`.
 fn beside(rect: Rect, center: Pos2, angle: f64, radius: f64, size: egui::Vec2) -> Rect {
     let [x, y] = point(angle, radius + GAP_PT + 2.5);
@@ -263,6 +294,21 @@ fn beside(rect: Rect, center: Pos2, angle: f64, radius: f64, size: egui::Vec2) -
 
 fn label_color(ui: &Ui, shown: Shown) -> Color32 {
     if shown == Shown::None { paint::dim_text(ui) } else { ui.visuals().text_color() }
+}
+
+/// Points along a line, the last one left out.
+fn along([from, to]: [Pos2; 2]) -> impl Iterator<Item = Pos2> {
+    let steps = (from.distance(to) / 2.0).ceil().clamp(1.0, 500.0);
+    (0..steps as usize).map(move |i| from.lerp(to, i as f32 / steps))
+}
+
+/// Whether a line to the ring's edge would cross the ring or circle before its end.
+fn line_over_ring(layout: &RingLayout, center: Pos2, line: [Pos2; 2]) -> bool {
+    along(line).map(|p| p - center).any(|p| layout.hit(f64::from(p.x), f64::from(p.y)).is_some())
+}
+
+fn crosses(line: [Pos2; 2], label: Rect) -> bool {
+    along(line).any(|p| label.contains(p))
 }
 
 /// Whether a label would cover a part of the ring or circle.

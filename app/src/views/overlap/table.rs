@@ -7,7 +7,7 @@ use glioscope_core::measure::{PAIR_METRICS, Pair};
 use super::{OverlapInput, OverlapMode, Shown, Target, interact::click_row, paint::dim_text};
 use crate::{
     command::{Commands, EditCommand},
-    format,
+    format, theme,
 };
 
 /// Height of a row, points.
@@ -149,14 +149,13 @@ fn name_cell(ui: &mut Ui, input: &OverlapInput<'_>, target: Target, out: &mut Co
 /// The region's colour as in the 3D views, above the colours of its masks.
 fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
     let (rect, _) = ui.allocate_exact_size(vec2(16.0, 13.0), Sense::hover());
-    let color = |rgb: [u8; 3]| egui::Color32::from_rgb(rgb[0], rgb[1], rgb[2]);
     let painter = ui.painter();
     match target {
         Target::Mask(k) => {
-            painter.rect_filled(rect, 2.0, color(input.colors.mask(k)));
+            painter.rect_filled(rect, 2.0, theme::color(input.colors.mask(k)));
         }
         Target::Region(bits) => {
-            painter.rect_filled(rect, 2.0, color(input.colors.region(bits)));
+            painter.rect_filled(rect, 2.0, theme::color(input.colors.region(bits)));
             let masks: Vec<usize> = (0..32).filter(|k| bits >> k & 1 == 1).collect();
             if masks.len() > 1 {
                 let width = rect.width() / masks.len() as f32;
@@ -164,7 +163,7 @@ fn swatch(ui: &mut Ui, input: &OverlapInput<'_>, target: Target) {
                     let left = rect.left() + i as f32 * width;
                     let part =
                         egui::Rect::from_x_y_ranges(left..=left + width, rect.bottom() - 4.0..=rect.bottom());
-                    painter.rect_filled(part, 0.0, color(input.colors.mask(k)));
+                    painter.rect_filled(part, 0.0, theme::color(input.colors.mask(k)));
                 }
             }
         }

@@ -1,17 +1,16 @@
 //! UpSet plot (Lex et al. 2014) for four or more masks. A column is a region, largest first: its bar shows its size,
 //! its dots its masks. A row is a mask, with its whole size on the left.
 
-use egui::{
-    Align2, Color32, CornerRadius, FontId, Id, Pos2, Rect, ScrollArea, Sense, Shape, Stroke, StrokeKind,
-};
-use egui::{TextStyle, Ui, epaint::TextShape, pos2, vec2};
+use egui::{Align2, CornerRadius, Id, Pos2, Rect, ScrollArea, Sense, Shape, Stroke, StrokeKind};
+use egui::{Ui, epaint::TextShape, pos2, vec2};
 use glioscope_core::Region;
 
 use super::{
     OverlapInput, Shown, Target,
     interact::{self, FocusArea, Interaction},
-    paint::{Style, dim_text},
+    paint::{self, Style, dim_text},
 };
+use crate::theme::{self, LABEL_POINTS};
 use crate::{command::Commands, format};
 
 /// Smallest height of a mask's row with name and bar, points.
@@ -23,7 +22,7 @@ const NUMBER_PT: f32 = 52.0;
 /// Space for the check boxes between bars and dots, points.
 const CHECK_PT: f32 = 20.0;
 /// Smallest height of the highest bar, points.
-const BAR_PT: f32 = 44.0;
+const BAR_PT: f32 = 34.0;
 /// Space for the scroll bar below, points.
 const SCROLL_PT: f32 = 9.0;
 
@@ -106,7 +105,7 @@ fn summary(ui: &Ui, layout: &PlotLayout, input: &OverlapInput<'_>) {
         "Bars: size of a region".to_owned(),
         "Dots: its masks".to_owned(),
     ];
-    let font = small(ui);
+    let font = theme::font(LABEL_POINTS);
     for (i, line) in lines.into_iter().enumerate() {
         let at = layout.rect.left_top() + vec2(0.0, 18.0 + i as f32 * 14.0);
         let color = if i == 0 { ui.visuals().text_color() } else { dim_text(ui) };
@@ -114,10 +113,6 @@ fn summary(ui: &Ui, layout: &PlotLayout, input: &OverlapInput<'_>) {
             ui.painter().text(at, Align2::LEFT_TOP, line, font.clone(), color);
         }
     }
-}
-
-fn small(ui: &Ui) -> FontId {
-    FontId::proportional(TextStyle::Small.resolve(ui.style()).size + 1.5)
 }
 
 /// Names and whole sizes of the masks. A click toggles the whole mask.
@@ -138,7 +133,7 @@ fn mask_rows(
     let hit = |p: Pos2| focus_areas.iter().find(|s| s.rect.contains(p)).map(|s| s.target);
     let interaction = interact::clickable_pieces(ui, id, all_rows, &focus_areas, hit, input, out);
     let max_voxels = (0..count).map(|k| input.regions.mask_voxels(k)).max().unwrap_or(0).max(1) as f32;
-    let font = small(ui);
+    let font = theme::font(LABEL_POINTS);
     for area in &focus_areas {
         let Target::Mask(k) = area.target else { continue };
         let rect = area.rect.shrink2(vec2(4.0, 1.5));
@@ -153,7 +148,7 @@ fn mask_rows(
             color,
         );
         let max_width = size.left() - rect.left() - 4.0;
-        let name = elided(ui, &input.name(area.target), &font, color, max_width);
+        let name = paint::elided(ui, &input.name(area.target), &font, color, max_width);
         painter.galley(rect.min, name, color);
         let length = (rect.width() - 4.0) * input.voxels(area.target) as f32 / max_voxels;
         let bar_height = (layout.row_height - 16.5).clamp(2.5, 6.0);
@@ -167,12 +162,6 @@ fn mask_rows(
         }
     }
     interaction
-}
-
-fn elided(ui: &Ui, text: &str, font: &FontId, color: Color32, width: f32) -> std::sync::Arc<egui::Galley> {
-    let mut job = egui::text::LayoutJob::simple_singleline(text.to_owned(), font.clone(), color);
-    job.wrap = egui::text::TextWrapping::truncate_at_width(width.max(1.0));
-    ui.painter().layout_job(job)
 }
 
 fn columns(
@@ -251,7 +240,7 @@ fn bar(
     let border = if is_marked { Stroke::new(2.0, style.marked.color) } else { style.border(shown) };
     painter.rect_stroke(rect, CornerRadius::ZERO, border, StrokeKind::Outside);
     let color = if shown == Shown::None { dim_text(ui) } else { ui.visuals().text_color() };
-    let galley = painter.layout_no_wrap(format::ml(region.volume_ml), small(ui), color);
+    let galley = painter.layout_no_wrap(format::ml(region.volume_ml), theme::font(LABEL_POINTS), color);
     let at = pos2(middle - galley.size().y / 2.0, rect.top() - 5.0);
     painter.add(TextShape::new(at, galley, color).with_angle(-std::f32::consts::FRAC_PI_2));
 }

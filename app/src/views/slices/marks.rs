@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use egui::{Align2, Color32, FontId, Galley, Painter, Pos2, Stroke, Ui, pos2, vec2};
+use egui::{Align2, Color32, Galley, Painter, Pos2, Stroke, Ui, pos2, vec2};
 
 use glioscope_render::{Coloring, agreement_color};
 
@@ -12,13 +12,15 @@ use super::{
     ruler::{self, Draft, Look},
     shown_grid, sides_known,
 };
-use crate::{format, views::draw};
+use crate::format;
+use crate::theme::{
+    self, CROSSHAIR, EDGE, HEADING_POINTS, LABEL_POINTS, ON_IMAGE, TEXT_POINTS, WARNING_ON_IMAGE,
+};
 
-const HALO: Color32 = Color32::from_black_alpha(200);
-const INK: Color32 = Color32::WHITE;
-/// Colour of the lens, the same in every view.
-const LENS_COLOR: Color32 = Color32::from_rgb(255, 40, 40);
-const WARNING: Color32 = Color32::from_rgb(255, 170, 60);
+/// Width kept for an orientation letter on either side of the middle, points.
+const LETTER_POINTS: f32 = 12.0;
+/// Least gap between texts on a line, points.
+const GAP_POINTS: f32 = 12.0;
 /// Half the crosshair's central gap, which leaves the marked point visible, points.
 const HALF_GAP_POINTS: f32 = 9.0;
 const MARGIN_POINTS: f32 = 7.0;
@@ -32,14 +34,14 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
     {
         let radius = (radius_px.min(1e6) as f32) / layout.pixels_per_point;
         let middle = layout.pos_of_pixel(middle);
-        painter.circle_stroke(middle, radius, Stroke::new(3.5, Color32::from_black_alpha(110)));
-        painter.circle_stroke(middle, radius, Stroke::new(1.75, LENS_COLOR));
+        painter.circle_stroke(middle, radius, Stroke::new(3.25, EDGE));
+        painter.circle_stroke(middle, radius, Stroke::new(1.5, ON_IMAGE));
     }
     let sides_known = sides_known(input);
-    let title_height = title(&painter, input, layout, sides_known, not_finite_pixels);
+    let (title_height, is_middle_free) = title(&painter, input, layout, sides_known, not_finite_pixels);
     let readout_height = readout_line(&painter, layout, readout);
     if sides_known {
-        letters(&painter, layout, title_height, readout_height);
+        letters(&painter, layout, if is_middle_free { 0.0 } else { title_height }, readout_height);
     }
     scale_bar(&painter, layout, readout_height);
     if input.colors.coloring() == Coloring::Agreement {
@@ -70,16 +72,20 @@ fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f
     for level in 1..=masks as u32 {
         let color = agreement_color(level, masks);
         let square = egui::Rect::from_min_size(at, vec2(step - 1.0, 15.0));
-        painter.rect(square, 1.0, draw::color(color), Stroke::new(1.0, HALO), egui::StrokeKind::Outside);
+        painter.rect(square, 1.0, theme::color(color), Stroke::new(1.0, EDGE), egui::StrokeKind::Outside);
         if step >= 12.0 {
-            // Dark on the light half of the ramp.
-            let ink = if color[1] > 140 { Color32::BLACK } else { INK };
-            let font = FontId::proportional(11.0);
-            painter.text(square.center(), Align2::CENTER_CENTER, level.to_string(), font, ink);
+            let ink = theme::ink_on(theme::color(color));
+            painter.text(
+                square.center(),
+                Align2::CENTER_CENTER,
+                level.to_string(),
+                theme::font(LABEL_POINTS),
+                ink,
+            );
         }
         at.x += step;
     }
-    draw_text(painter, at + vec2(4.0, 0.0), Align2::LEFT_TOP, "masks", 12.0, INK);
+    draw_text(painter, at + vec2(4.0, 0.0), Align2::LEFT_TOP, "masks", LABEL_POINTS, ON_IMAGE);
 }
 
 fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {
@@ -90,10 +96,7 @@ fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {
         [pos2(at.x, rect.top()), pos2(at.x, at.y - HALF_GAP_POINTS)],
         [pos2(at.x, at.y + HALF_GAP_POINTS), pos2(at.x, rect.bottom())],
     ];
-    for stroke in [
-        Stroke::new(3.0, Color32::from_black_alpha(70)),
-        Stroke::new(1.0, Color32::from_rgba_unmultiplied(255, 255, 255, 170)),
-    ] {
+    for stroke in [Stroke::new(3.0, EDGE.gamma_multiply(0.35)), Stroke::new(1.0, CROSSHAIR)] {
         for [from, to] in lines {
             if from.x <= to.x && from.y <= to.y {
                 painter.line_segment([from, to], stroke);
@@ -104,13 +107,7 @@ fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {
 
 /// Text with a dark halo; returns its height.
 fn draw_text(painter: &Painter, at: Pos2, anchor: Align2, text: &str, size: f32, ink: Color32) -> f32 {
-    draw_galley(
-        painter,
-        at,
-        anchor,
-        painter.layout_no_wrap(text.to_owned(), FontId::proportional(size), ink),
-        ink,
-    )
+    draw_galley(painter, at, anchor, painter.layout_no_wrap(text.to_owned(), theme::font(size), ink), ink)
 }
 
 fn draw_galley(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>, ink: Color32) -> f32 {
@@ -118,53 +115,58 @@ fn draw_galley(painter: &Painter, at: Pos2, anchor: Align2, galley: Arc<Galley>,
     for (dx, dy) in
         [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0)]
     {
-        painter.galley_with_override_text_color(corner + vec2(dx, dy), galley.clone(), HALO);
+        painter.galley_with_override_text_color(corner + vec2(dx, dy), galley.clone(), EDGE);
     }
     let height = galley.size().y;
     painter.galley_with_override_text_color(corner, galley, ink);
     height
 }
 
-/// Plane, position and window at the top; returns their height.
+/// The corners above: image and date left, window right, plane and position below. What doesn't fit is left out in this
+/// order: the date, the window. Returns the height, and whether the middle of the upper edge is free.
 fn title(
     painter: &Painter,
     input: &Input<'_>,
     layout: &Layout,
     sides_known: bool,
     not_finite_pixels: u64,
-) -> f32 {
+) -> (f32, bool) {
     let rect = layout.rect;
-    let mut at = rect.left_top() + vec2(MARGIN_POINTS, MARGIN_POINTS - 2.0);
-    let name = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known));
-    at.y += draw_text(painter, at, Align2::LEFT_TOP, &name, 13.0, INK);
+    let free = rect.width() - 2.0 * MARGIN_POINTS - GAP_POINTS;
+    let line = |text: String| painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
+    let window = input.context.map(|(id, image)| {
+        let window = input.doc.window_of(id, image);
+        line(format!("W {} L {}", three_digits(window.width()), three_digits(window.level())))
+    });
+    let date = input.time_point.label.as_str();
+    let series = input.context.map_or("no image", |(id, _)| id);
+    let dated = if date.is_empty() { series.to_owned() } else { format!("{series} · {date}") };
+    let window_width = window.as_ref().map_or(0.0, |window| window.size().x);
+    let series = [line(dated), line(series.to_owned())]
+        .into_iter()
+        .find(|text| text.size().x + window_width <= free)
+        .unwrap_or_else(|| line(series.to_owned()));
+    let window = window.filter(|window| series.size().x + window.size().x <= free);
+    let middle = [rect.center().x - LETTER_POINTS, rect.center().x + LETTER_POINTS];
+    let is_middle_free = rect.left() + MARGIN_POINTS + series.size().x < middle[0]
+        && window.as_ref().is_none_or(|w| rect.right() - MARGIN_POINTS - w.size().x > middle[1]);
+    let top = rect.left_top() + vec2(MARGIN_POINTS, MARGIN_POINTS - 2.0);
+    let mut at = top;
+    at.y += draw_galley(painter, at, Align2::LEFT_TOP, series, ON_IMAGE);
+    if let Some(window) = window {
+        let corner = rect.right_top() + vec2(-MARGIN_POINTS, MARGIN_POINTS - 2.0);
+        draw_galley(painter, corner, Align2::RIGHT_TOP, window, ON_IMAGE);
+    }
+    let place = format!("{} {}", layout.slice.plane.name(), layout.slice.position_label(sides_known));
+    at.y += draw_text(painter, at, Align2::LEFT_TOP, &place, LABEL_POINTS, ON_IMAGE);
     if !sides_known {
-        at.y += draw_text(painter, at, Align2::LEFT_TOP, "side unknown", 13.0, WARNING);
+        at.y += draw_text(painter, at, Align2::LEFT_TOP, "side unknown", TEXT_POINTS, WARNING_ON_IMAGE);
     }
     if not_finite_pixels > 0 {
         let text = format!("NaN or infinite: {not_finite_pixels} pixels");
-        at.y += draw_text(painter, at, Align2::LEFT_TOP, &text, 11.0, WARNING);
+        at.y += draw_text(painter, at, Align2::LEFT_TOP, &text, LABEL_POINTS, WARNING_ON_IMAGE);
     }
-    let text = match input.context {
-        Some((id, image)) => {
-            let window = input.doc.window_of(id, image);
-            format!("W {} L {}", three_digits(window.width()), three_digits(window.level()))
-        }
-        None => "no image".to_owned(),
-    };
-    // Right of the name where the pane is wide enough, else below it.
-    if rect.width() > 250.0 {
-        draw_text(
-            painter,
-            rect.right_top() + vec2(-MARGIN_POINTS, MARGIN_POINTS - 2.0),
-            Align2::RIGHT_TOP,
-            &text,
-            12.0,
-            INK,
-        );
-    } else {
-        at.y += draw_text(painter, at, Align2::LEFT_TOP, &text, 12.0, INK);
-    }
-    at.y - rect.top()
+    (at.y - rect.top(), is_middle_free)
 }
 
 /// About three significant digits.
@@ -177,22 +179,21 @@ fn three_digits(value: f64) -> String {
 fn readout_line(painter: &Painter, layout: &Layout, readout: &str) -> f32 {
     let rect = layout.rect;
     let max_width = (rect.width() - 2.0 * MARGIN_POINTS).max(40.0);
-    let galley = painter.layout(readout.to_owned(), FontId::proportional(12.0), INK, max_width);
+    let galley = painter.layout(readout.to_owned(), theme::font(LABEL_POINTS), ON_IMAGE, max_width);
     draw_galley(
         painter,
         rect.left_bottom() + vec2(MARGIN_POINTS, -MARGIN_POINTS + 2.0),
         Align2::LEFT_BOTTOM,
         galley,
-        INK,
+        ON_IMAGE,
     ) + MARGIN_POINTS
 }
 
 fn letters(painter: &Painter, layout: &Layout, title_height: f32, readout_height: f32) {
     let rect = layout.rect;
     let [left, right, top, bottom] = layout.slice.letters();
-    // In a narrow pane the title reaches the middle: the top letter is below it.
-    let top_y =
-        if rect.width() > 380.0 { rect.top() + MARGIN_POINTS - 2.0 } else { rect.top() + title_height + 1.0 };
+    // Where the title reaches the middle, the top letter is below it.
+    let top_y = rect.top() + title_height.max(MARGIN_POINTS - 3.0) + 1.0;
     let places = [
         (left, pos2(rect.left() + MARGIN_POINTS, rect.center().y), Align2::LEFT_CENTER),
         (right, pos2(rect.right() - MARGIN_POINTS, rect.center().y), Align2::RIGHT_CENTER),
@@ -200,7 +201,7 @@ fn letters(painter: &Painter, layout: &Layout, title_height: f32, readout_height
         (bottom, pos2(rect.center().x, rect.bottom() - readout_height), Align2::CENTER_BOTTOM),
     ];
     for (letter, at, anchor) in places {
-        draw_text(painter, at, anchor, &letter.to_string(), 16.0, INK);
+        draw_text(painter, at, anchor, &letter.to_string(), HEADING_POINTS, ON_IMAGE);
     }
 }
 
@@ -211,7 +212,7 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
     let length = bar.px as f32 / layout.pixels_per_point;
     let right = rect.right_bottom() + vec2(-MARGIN_POINTS - 1.0, -readout_height - 6.0);
     let left = right - vec2(length, 0.0);
-    for stroke in [Stroke::new(4.0, HALO), Stroke::new(2.0, INK)] {
+    for stroke in [Stroke::new(4.0, EDGE), Stroke::new(2.0, ON_IMAGE)] {
         let overhang = vec2((stroke.width - 2.0) / 2.0, 0.0);
         painter.line_segment([left - overhang, right + overhang], stroke);
         for end in [left, right] {
@@ -220,5 +221,5 @@ fn scale_bar(painter: &Painter, layout: &Layout, readout_height: f32) {
         }
     }
     let text = format!("{} mm", format::plain(bar.mm));
-    draw_text(painter, right - vec2(length / 2.0, 4.0), Align2::CENTER_BOTTOM, &text, 12.0, INK);
+    draw_text(painter, right - vec2(length / 2.0, 4.0), Align2::CENTER_BOTTOM, &text, LABEL_POINTS, ON_IMAGE);
 }

@@ -206,7 +206,7 @@ pub fn ring_marks(ui: &Ui, response: &Response, view: &View<'_>, outcome: &Outco
     let painter = ui.painter().with_clip_rect(view.rect);
     let lens = &view.doc.edit.lens;
     if outcome.ring {
-        ring::highlight(&painter, &view.camera, view.rect, lens);
+        ring::highlight(&painter, crate::theme::Tokens::in_ui(ui).interaction, &view.camera, view.rect, lens);
     }
     let text = match outcome.drag {
         Drag::Ring => format!("lens radius {}", format::length_mm(lens.radius_mm)),

@@ -1,9 +1,10 @@
 //! Marks in the corners of every 3D view: the orientation cube with the patient's directions, and the scale bar.
 
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Ui, Vec2, vec2};
+use egui::{Align2, Painter, Pos2, Rect, Shape, Stroke, Ui, Vec2, vec2};
 use glam::DVec3;
 use glioscope_core::optics::{Camera, Projection};
 
+use crate::theme::{self, LABEL_POINTS, TEXT_POINTS, Tokens};
 use crate::{format, views::draw};
 
 const FACES: [(DVec3, &str); 6] = [
@@ -19,7 +20,8 @@ const FACES: [(DVec3, &str); 6] = [
 fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: bool) {
     let [right, up, back] = camera.axes();
     let flat = |p: DVec3| -> Vec2 { vec2(p.dot(right) as f32, -p.dot(up) as f32) * (size / 2.0) };
-    let line = if dark { Color32::from_gray(225) } else { Color32::from_gray(40) };
+    let tokens = Tokens::of(dark);
+    let line = tokens.text;
     for (normal, letter) in FACES {
         let facing = normal.dot(back) as f32;
         if facing <= 0.02 {
@@ -29,15 +31,18 @@ fn cube(painter: &Painter, center: Pos2, size: f32, camera: &Camera, dark: bool)
         let v = normal.cross(u);
         let corners = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
             .map(|(a, b)| center + flat(normal + u * a + v * b));
-        let grey = if dark { 55.0 + 60.0 * facing } else { 165.0 + 70.0 * facing };
-        let fill = Color32::from_gray(grey as u8);
+        let fill = if dark {
+            tokens.panel.lerp_to_gamma(tokens.second, 0.15 + 0.3 * facing)
+        } else {
+            tokens.line.lerp_to_gamma(tokens.raised, facing)
+        };
         painter.add(Shape::convex_polygon(corners.to_vec(), fill, Stroke::new(1.0, line)));
         let alpha = ((facing - 0.15) / 0.35).clamp(0.0, 1.0);
         painter.text(
             center + flat(normal),
             Align2::CENTER_CENTER,
             letter,
-            FontId::proportional(size * (0.3 + 0.22 * facing)),
+            theme::font(size * (0.3 + 0.22 * facing)),
             line.gamma_multiply(alpha),
         );
     }
@@ -54,7 +59,7 @@ pub fn corners(
 ) {
     let painter = ui.painter().with_clip_rect(rect);
     let dark = ui.visuals().dark_mode;
-    let ink = draw::ink(dark);
+    let ink = Tokens::of(dark).text;
     let cube_size = (rect.height().min(rect.width()) * 0.09).clamp(26.0, 44.0);
     let cube_center = rect.right_bottom() - vec2(cube_size * 1.15, cube_size * 1.2);
     if sides_known {
@@ -64,8 +69,8 @@ pub fn corners(
             rect.right_bottom() - vec2(8.0, 8.0),
             Align2::RIGHT_BOTTOM,
             "side unknown",
-            FontId::proportional(14.0),
-            draw::warning_ink(dark),
+            theme::font(TEXT_POINTS),
+            Tokens::of(dark).warning,
         );
     }
     let mm_per_point = camera.height_mm / f64::from(rect.height().max(1.0));
@@ -82,7 +87,7 @@ pub fn corners(
             String::new()
         };
         let text = format!("{} mm{place}", format::plain(mm));
-        let text = painter.layout_no_wrap(text, FontId::proportional(12.0), ink);
+        let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ink);
         let text_rect = Align2::LEFT_BOTTOM.anchor_size(left - vec2(0.0, 6.0), text.size());
         if is_over_image {
             draw::plate(&painter, text_rect, dark);

@@ -11,7 +11,6 @@ use glioscope_render::Lens;
 pub const GRAB_POINTS: f64 = 6.0;
 /// Number of line segments of the highlighted ring.
 const SEGMENTS: usize = 128;
-const HIGHLIGHT: Color32 = Color32::from_rgb(255, 96, 80);
 
 /// Size of a view in points, for [`Camera::ray`].
 pub fn size_of(rect: Rect) -> DVec2 {
@@ -77,8 +76,8 @@ pub fn cursor_icon(camera: &Camera, rect: Rect, lens: &Lens, pos: Pos2) -> Curso
     }
 }
 
-/// Draws the highlighted ring over the frame; nothing if the eye is inside the lens.
-pub fn highlight(painter: &Painter, camera: &Camera, rect: Rect, lens: &Lens) {
+/// Draws the highlighted ring over the frame in `ink`; nothing if the eye is inside the lens.
+pub fn highlight(painter: &Painter, ink: Color32, camera: &Camera, rect: Rect, lens: &Lens) {
     let [right, up, back] = camera.axes();
     // The circle in which viewing rays touch the ball.
     let (center_mm, axes, radius_mm) = match camera.projection {
@@ -101,8 +100,8 @@ pub fn highlight(painter: &Painter, camera: &Camera, rect: Rect, lens: &Lens) {
         })
         .collect();
     if let Some(points) = points {
-        painter.add(Shape::closed_line(points.clone(), Stroke::new(7.0, HIGHLIGHT.gamma_multiply(0.35))));
-        painter.add(Shape::closed_line(points, Stroke::new(2.5, HIGHLIGHT)));
+        painter.add(Shape::closed_line(points.clone(), Stroke::new(7.0, ink.gamma_multiply(0.35))));
+        painter.add(Shape::closed_line(points, Stroke::new(2.5, ink)));
     }
 }
 

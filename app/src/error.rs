@@ -14,6 +14,9 @@ pub enum AppError {
     /// A file can't be read or written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// No copy of unsaved work can be kept.
+    #[error("unsaved work is not kept safe: {0}")]
+    Unkept(FileError),
     /// A case can't be opened.
     #[error(transparent)]
     Case(#[from] CaseError),

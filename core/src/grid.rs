@@ -322,4 +322,190 @@ mod tests {
         assert_eq!(part.center_of_voxel_mm([1, 1, 1]), grid.center_of_voxel_mm([3, 4, 5]));
         assert!(grid.crop([8, 0, 0], [3, 1, 1]).is_err());
     }
+
+    fn grid(dims: [usize; 3], m: DMat3, t: DVec3) -> Grid {
+        Grid::new(dims, affine(m, t), Sides::Known).unwrap()
+    }
+
+    /// By hand: 3 voxels along x, 4 along y, 5 along z.
+    #[test]
+    fn linear_indices_run_along_x_first() {
+        let dims = [3, 4, 5];
+        for (voxel, index) in
+            [([0, 0, 0], 0), ([2, 0, 0], 2), ([0, 1, 0], 3), ([0, 0, 1], 12), ([2, 3, 4], 59)]
+        {
+            assert_eq!((linear(dims, voxel), ijk(dims, index)), (index, voxel));
+            let grid = grid(dims, DMat3::IDENTITY, DVec3::ZERO);
+            assert_eq!((grid.linear(voxel), grid.ijk(index)), (index, voxel));
+        }
+    }
+
+    #[test]
+    fn a_grid_has_less_than_two_to_the_forty_voxels() {
+        let of = |dims| Grid::new(dims, DAffine3::IDENTITY, Sides::Known);
+        assert_eq!(of([1 << 20, 1 << 20, 1]), Err(GridError::Dims([1 << 20, 1 << 20, 1])));
+        let largest = of([1 << 20, (1 << 20) - 1, 1]).unwrap();
+        assert_eq!(largest.voxel_count(), (1 << 40) - (1 << 20));
+        assert_eq!(largest.dims(), [1 << 20, (1 << 20) - 1, 1]);
+        assert_eq!(of([2, 3, 5]).unwrap().voxel_count(), 30);
+    }
+
+    /// Columns of lengths 2, 3 and 5 at 60 degrees: by hand, 2·3·5·sin 60°.
+    #[test]
+    fn spacings_and_volumes_are_those_of_the_matrix() {
+        let m = DMat3::from_cols(DVec3::X * 2.0, DVec3::new(1.5, 1.5 * 3.0_f64.sqrt(), 0.0), DVec3::Z * 5.0);
+        let grid = grid([2, 2, 2], m, DVec3::ZERO);
+        assert!((grid.spacing_mm() - DVec3::new(2.0, 3.0, 5.0)).length() < 1e-14);
+        let volume_mm3 = 30.0 * 0.75_f64.sqrt();
+        assert!((grid.voxel_volume_mm3() - volume_mm3).abs() < 1e-12);
+        assert!((grid.volume_ml(7) - 7.0 * volume_mm3 / 1000.0).abs() < 1e-12);
+        let mirrored = DMat3::from_cols(m.y_axis, m.x_axis, m.z_axis);
+        assert!((self::grid([1; 3], mirrored, DVec3::ZERO).voxel_volume_mm3() - volume_mm3).abs() < 1e-12);
+    }
+
+    /// Voxels of 2, 3 and 4 mm, the first centre at (10, 20, 30).
+    #[test]
+    fn centre_corners_and_bounds_include_the_faces_of_voxels() {
+        let grid =
+            Grid::axis_aligned([3, 5, 2], DVec3::new(2.0, 3.0, 4.0), DVec3::new(10.0, 20.0, 30.0)).unwrap();
+        assert_eq!(grid.center_mm(), DVec3::new(12.0, 26.0, 32.0));
+        assert_eq!(grid.center_of_voxel_mm([2, 4, 1]), DVec3::new(14.0, 32.0, 34.0));
+        let (low, high) = (DVec3::new(9.0, 18.5, 28.0), DVec3::new(15.0, 33.5, 36.0));
+        assert_eq!(grid.bounds_mm(), (low, high));
+        let corners = grid.corners_mm();
+        for (index, corner) in corners.iter().enumerate() {
+            let of = |axis: usize| if index & (1 << axis) == 0 { low[axis] } else { high[axis] };
+            assert_eq!(*corner, DVec3::new(of(0), of(1), of(2)), "{index}");
+        }
+        assert_eq!(grid.sides(), Sides::Known);
+    }
+
+    #[test]
+    fn a_voxel_has_its_lower_faces_and_not_its_upper_ones() {
+        let grid = Grid::axis_aligned([3, 5, 2], DVec3::new(2.0, 4.0, 8.0), DVec3::ZERO).unwrap();
+        assert_eq!(grid.voxel_at(DVec3::new(-1.0, -2.0, -4.0)), Some([0, 0, 0]));
+        assert_eq!(grid.voxel_at(DVec3::new(4.9, 17.9, 11.9)), Some([2, 4, 1]));
+        assert_eq!(
+            grid.voxel_at(DVec3::new(1.0, 2.0, 4.0)),
+            Some([1, 1, 1]),
+            "the upper face is the next one's"
+        );
+        for outside in [
+            [-1.001, 0.0, 0.0],
+            [5.0, 0.0, 0.0],
+            [0.0, -2.001, 0.0],
+            [0.0, 18.0, 0.0],
+            [0.0, 0.0, -4.1],
+            [0.0, 0.0, 12.0],
+        ] {
+            assert_eq!(grid.voxel_at(DVec3::from_array(outside)), None, "{outside:?}");
+        }
+        assert_eq!(grid.voxel_at(DVec3::NAN), None);
+    }
+
+    #[test]
+    fn crops_end_at_the_last_voxel() {
+        let grid = Grid::axis_aligned([3, 4, 5], DVec3::ONE, DVec3::ZERO).unwrap();
+        assert_eq!(grid.crop([0; 3], [3, 4, 5]).unwrap(), grid);
+        assert_eq!(grid.crop([2, 3, 4], [1; 3]).unwrap().dims(), [1; 3]);
+        for (start, dims) in
+            [([2, 3, 4], [1, 1, 2]), ([0, 1, 0], [3, 4, 5]), ([0; 3], [1, 0, 1]), ([3, 0, 0], [0, 1, 1])]
+        {
+            assert_eq!(grid.crop(start, dims), Err(GridError::Dims(dims)), "{start:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_place_is_within_a_part_of_the_finest_spacing() {
+        let at = |dims, x: f64| {
+            Grid::axis_aligned(dims, DVec3::new(3.0, 2.0, 4.0), DVec3::new(x, 0.0, 0.0)).unwrap()
+        };
+        let grid = at([4, 4, 4], 0.0);
+        // Half of 2 mm.
+        for (x, same) in [(0.0, true), (0.99, true), (-0.99, true), (1.01, false), (-1.01, false)] {
+            assert_eq!(grid.same_place(&at([4, 4, 4], x), 0.5), same, "{x}");
+        }
+        assert!(!grid.same_place(&at([4, 4, 5], 0.0), 0.5), "one slice more");
+        assert!(!grid.same_place(&at([4, 4, 5], 0.0), 100.0), "other dimensions, however near");
+        assert!(grid.same_place(&grid, 0.0));
+    }
+
+    /// The angle from (1, 1, 1) to each axis is acos(1/√3) = 54.7356 degrees, from two axes 45 degrees.
+    #[test]
+    fn oblique_is_how_far_the_worst_axis_is_off() {
+        let upright = grid([2; 3], DMat3::from_diagonal(DVec3::new(-0.5, 2.0, 7.0)), DVec3::ZERO);
+        assert!(!upright.is_oblique(0.0) && !upright.is_oblique(1.0));
+        let turned =
+            DMat3::from_rotation_z(3.0_f64.to_radians()) * DMat3::from_diagonal(DVec3::new(0.5, 2.0, 7.0));
+        let turned = grid([2; 3], turned, DVec3::ZERO);
+        assert!(turned.is_oblique(2.99) && !turned.is_oblique(3.01));
+        let diagonal = DMat3::from_cols(DVec3::ONE * 4.0, DVec3::Y, DVec3::Z);
+        let diagonal = grid([2; 3], diagonal, DVec3::ZERO);
+        assert!(diagonal.is_oblique(54.73) && !diagonal.is_oblique(54.74));
+    }
+
+    #[test]
+    fn axis_codes_weigh_directions_not_lengths_and_keep_the_order_at_45_degrees() {
+        let codes = |x: [f64; 3], y: [f64; 3], z: [f64; 3]| {
+            let m = DMat3::from_cols(DVec3::from_array(x), DVec3::from_array(y), DVec3::from_array(z));
+            grid([2; 3], m, DVec3::ZERO).axis_codes().iter().collect::<String>()
+        };
+        // |cosines|: 0.6 + 1.0 along the axes, 0.8 + 0.1 across; ten times as long, 6.0 + 1.0 against 8.0 + 0.1.
+        assert_eq!(codes([6.0, 8.0, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]), "RAS");
+        assert_eq!(codes([0.6, 0.8, 0.0], [1.0, 0.1, 0.0], [0.0, 0.0, -1.0]), "ARI");
+        // Both assignments are equally good.
+        assert_eq!(codes([1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]), "RAS");
+        for (code, cols) in [
+            ("ASR", [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+            ("ILP", [[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
+            ("RSA", [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]),
+            ("LPI", [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]),
+        ] {
+            assert_eq!(codes(cols[0], cols[1], cols[2]), code);
+        }
+    }
+
+    /// A shear by 1 has the singular values φ and 1/φ, the golden ratio.
+    #[test]
+    fn condition_at_its_edges() {
+        let golden = (1.0 + 5.0_f64.sqrt()) / 2.0;
+        let shear = DMat3::from_cols(DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
+        for scale in [1e-120, 1e-8, 1.0, 1e8, 1e120] {
+            assert!((condition_number(shear * scale) / (golden * golden) - 1.0).abs() < 1e-12, "{scale}");
+            assert!((condition_number(DMat3::IDENTITY * scale) - 1.0).abs() < 1e-12, "{scale}");
+        }
+        // Rank 2, and too small for a determinant's sign to be rounding.
+        let flat = DMat3::from_cols(DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.3, 0.6, 0.9), DVec3::Z);
+        assert!(condition_number(flat) > 1e15);
+        assert!(condition_number(DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::X)).is_infinite());
+        assert!(condition_number(DMat3::from_diagonal(DVec3::new(1.0, f64::NAN, 1.0))).is_infinite());
+        let nearly = |z: f64| {
+            let m = DMat3::from_rotation_x(0.3) * DMat3::from_diagonal(DVec3::new(1.0, 1.0, z));
+            Grid::new([1; 3], affine(m, DVec3::ZERO), Sides::Known).is_ok()
+        };
+        assert!(nearly(1.01e-8) && !nearly(0.99e-8));
+    }
+
+    /// `U diag(1, 3, 12) V`: the columns keep the product with their transpose, and their lengths are 1, 3 and 12.
+    #[test]
+    fn columns_become_orthogonal_whatever_the_scale() {
+        let u = DMat3::from_rotation_y(0.4) * DMat3::from_rotation_z(-1.1);
+        let v = DMat3::from_rotation_x(0.9) * DMat3::from_rotation_y(2.2) * DMat3::from_rotation_z(0.5);
+        for scale in [1e-9, 1.0, 1e9] {
+            let m = u * DMat3::from_diagonal(DVec3::new(1.0, 3.0, 12.0)) * v * scale;
+            let c = orthogonal_columns(m);
+            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+                assert!(c[p].dot(c[q]).abs() < 1e-13 * c[p].length() * c[q].length(), "{scale}: {p} {q}");
+            }
+            let mut lengths = c.map(|column| column.length() / scale);
+            lengths.sort_by(f64::total_cmp);
+            for (found, expected) in lengths.iter().zip([1.0, 3.0, 12.0]) {
+                assert!((found - expected).abs() < 1e-12 * 12.0, "{scale}: {lengths:?}");
+            }
+            let columns = DMat3::from_cols(c[0], c[1], c[2]);
+            let difference = columns * columns.transpose() - m * m.transpose();
+            let largest = difference.to_cols_array().iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+            assert!(largest < 1e-12 * 144.0 * scale * scale, "{scale}: {largest}");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::{
     case::{CaseError, CaseSpec},
-    files::{Source, write_whole},
+    files::{Source, sweep, temporary_folder, write_whole},
     phantom,
 };
 
@@ -65,7 +65,7 @@ pub fn write_sample(folder: &Path) -> Result<(), CaseError> {
     }
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     // Written to a temporary folder, then renamed: an interrupted run leaves no partial sample.
-    let temporary = tempfile::Builder::new().prefix(".glioscope-").tempdir_in(parent).map_err(unwritable)?;
+    let temporary = temporary_folder(parent)?;
     for (name, bytes) in sample_files() {
         write_whole(&temporary.path().join(name), bytes)?;
     }
@@ -76,11 +76,14 @@ pub fn write_sample(folder: &Path) -> Result<(), CaseError> {
         std::fs::set_permissions(temporary.path(), std::fs::Permissions::from_mode(0o755))
             .map_err(unwritable)?;
     }
+    // Elsewhere renaming replaces an empty folder, so that it is never missing.
+    #[cfg(windows)]
     if folder.exists() {
         std::fs::remove_dir(folder).map_err(unwritable)?;
     }
     std::fs::rename(temporary.path(), folder).map_err(unwritable)?;
     // Already renamed: nothing is left to clean up.
     let _ = temporary.keep();
+    sweep(parent);
     Ok(())
 }

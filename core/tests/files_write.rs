@@ -14,7 +14,9 @@ use std::{io::Read, path::Path};
 use common::read_bytes;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::files::nifti_header::{Header, Version};
-use glioscope_core::files::{WriteOptions, nifti_bytes, nifti_info, write_nifti, write_whole};
+use glioscope_core::files::{
+    WriteOptions, nifti_bytes, nifti_info, replace_files, temporary_folder, write_nifti, write_whole,
+};
 use glioscope_core::{Grid, Samples, Scaling, Sides, Volume, files::Source};
 use proptest::prelude::*;
 
@@ -304,4 +306,76 @@ fn a_killed_writer_leaves_the_old_or_the_new_file_whole() {
     left.sort();
     assert_eq!(left, [recent, mine, path]);
     assert!(leftovers > 0);
+}
+
+/// Names and content of the files in `folder`.
+#[cfg(unix)]
+fn files_in(folder: &Path) -> Vec<(String, String)> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    let mut all: Vec<_> = entries
+        .filter(|entry| entry.path().is_file())
+        .map(|e| (e.file_name().into_string().unwrap(), std::fs::read_to_string(e.path()).unwrap()))
+        .collect();
+    all.sort();
+    all
+}
+
+/// The last of the new files meets a folder of its name, which can't be replaced.
+#[cfg(unix)]
+#[test]
+fn files_are_replaced_together_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let names = ["a", "b", "c"].map(str::to_owned);
+    let outdated = ["old".to_owned(), "absent".to_owned()];
+    for (name, content) in [("a", "old a"), ("old", "old"), ("mine", "mine")] {
+        write_whole(&at(name), content.as_bytes()).unwrap();
+    }
+    let replace = |names: &[String], outdated: &[String]| {
+        let new = temporary_folder(folder.path()).unwrap();
+        for name in names {
+            write_whole(&new.path().join(name), format!("new {name}").as_bytes()).unwrap();
+        }
+        replace_files(&new, folder.path(), names, outdated)
+    };
+    let before = files_in(folder.path());
+    std::fs::create_dir(at("c")).unwrap();
+    let error = replace(&names, &outdated).unwrap_err().to_string();
+    assert!(error.contains("writing failed") && !error.contains("put back"), "{error}");
+    assert_eq!(files_in(folder.path()), before);
+    // One that fails in the middle of moving: a file that is named twice is gone the second time.
+    let twice = [names[0].clone(), names[1].clone(), names[0].clone()];
+    std::fs::remove_dir(at("c")).unwrap();
+    assert!(replace(&twice, &[]).is_err());
+    assert_eq!(files_in(folder.path()), before);
+
+    replace(&names, &outdated).unwrap();
+    let after: Vec<String> =
+        files_in(folder.path()).into_iter().map(|(name, text)| format!("{name}: {text}")).collect();
+    assert_eq!(after, ["a: new a", "b: new b", "c: new c", "mine: mine"]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "no temporary folder is left");
+}
+
+#[cfg(unix)]
+#[test]
+fn folders_that_killed_runs_left_are_removed_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let yesterday = std::time::SystemTime::now() - std::time::Duration::from_secs(86_400);
+    let names = [
+        ".glioscope-aB3dE9",
+        ".glioscope-mine",
+        ".glioscope-a.3dE9",
+        "glioscope-aB3dE9",
+        ".glioscope-zB3dE9",
+    ];
+    for name in names {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+        write_whole(&folder.path().join(name).join("file"), b"x").unwrap();
+        if name != ".glioscope-zB3dE9" {
+            std::fs::File::open(folder.path().join(name)).unwrap().set_modified(yesterday).unwrap();
+        }
+    }
+    write_whole(&folder.path().join("file"), b"x").unwrap();
+    let left: Vec<bool> = names.iter().map(|name| folder.path().join(name).exists()).collect();
+    assert_eq!(left, [false, true, true, true, true]);
 }

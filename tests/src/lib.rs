@@ -14,7 +14,7 @@ use glioscope::{
     command::{Command as UserCommand, EditCommand, Workstation},
     model::{CaseRef, Document, PaneId, layout},
     views::view3d::{Graphics, ScreenReport},
-    window::{GlioscopeApp, recent::Recent, run::adapter_selector},
+    window::{GlioscopeApp, autosave::Autosave, recent::Recent, run::adapter_selector},
     world::{Loaded, load},
 };
 use glioscope_core::{
@@ -107,6 +107,15 @@ pub fn sample() -> Window {
 pub fn window_of_user(recent: Recent, size: [f32; 2]) -> Window {
     let work = workstation(CaseRef::Sample);
     harness(work, size, egui::Theme::Light, (software_setup(), recent), GlioscopeApp::refined)
+}
+
+/// The window as it starts for a user: with a list of recent cases, preferences and copies of unsaved work, and with drafts
+/// while something moves.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn user_window(work: Workstation, size: [f32; 2], recent: Recent, autosave: Option<Autosave>) -> Window {
+    harness(work, size, egui::Theme::Light, (software_setup(), recent), |app| app.autosaved(autosave))
 }
 
 /// As [`window_on`], for a given workstation.

@@ -1,8 +1,11 @@
 //! `glioscope report`: writes all pictures and numbers of a case into a folder.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use glioscope_core::{files::read_small, measure};
+use glioscope_core::{
+    files::{read_small, replace_files, temporary_folder},
+    measure,
+};
 
 use super::{
     case::CaseArguments,
@@ -26,30 +29,34 @@ pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<()
     let inputs = case.inputs.clone();
     names().try_for_each(|name| inputs.refuse_as_output(&out.join(name)))?;
     let replaced = earlier_report(out, &case.name)?;
-    let cant = |e: std::io::Error| AppError::file(out, e.to_string(), "a folder that can be made");
-    let made = !out.exists();
-    std::fs::create_dir_all(out).map_err(cant)?;
+    let _made = NewFolder::make(out)?;
     // Everything is written here first: a report is put in place whole, and never beside pictures of another one.
-    let new = tempfile::Builder::new().prefix(".glioscope-").tempdir_in(out).map_err(cant)?;
-    let written = write(read, new.path(), software);
-    let names = match written {
-        Ok(names) => names,
-        Err(error) => {
-            drop(new);
-            if made {
-                // Only where it is still empty.
-                let _ = std::fs::remove_dir(out);
-            }
-            return Err(error);
-        }
-    };
-    for name in replaced {
-        std::fs::remove_file(out.join(name)).map_err(cant)?;
-    }
-    for name in names {
-        std::fs::rename(new.path().join(&name), out.join(&name)).map_err(cant)?;
-    }
+    let new = temporary_folder(out)?;
+    let names = write(read, new.path(), software)?;
+    let outdated: Vec<String> = replaced.into_iter().filter(|name| !names.contains(name)).collect();
+    replace_files(&new, out, &names, &outdated)?;
     terminal::print(&format!("pictures and numbers written to {}", out.display()))
+}
+
+/// A folder made for a report: if it is still empty when this is dropped, it is removed, with the parents made for it.
+struct NewFolder(Vec<PathBuf>);
+
+impl NewFolder {
+    fn make(folder: &Path) -> Result<Self, AppError> {
+        let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
+        let made = folder.ancestors().take_while(is_missing).map(Path::to_owned).collect();
+        let made = Self(made);
+        std::fs::create_dir_all(folder)
+            .map_err(|e| AppError::file(folder, e.to_string(), "a folder that can be made"))?;
+        Ok(made)
+    }
+}
+
+impl Drop for NewFolder {
+    fn drop(&mut self) {
+        // Fails where something is in it.
+        self.0.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
+    }
 }
 
 /// Names of every file that a report may have; the numbers last.

@@ -1,5 +1,5 @@
 //! Unsaved work is kept in the user's state folder while the window is open, and offered at the next start after a crash.
-//! Nothing depends on it, so its errors are ignored. A lock, which ends with its process however that ends, tells files of
+//! That it fails is said once, and tried again. A lock, which ends with its process however that ends, tells files of
 //! open windows from those left behind.
 
 use std::{
@@ -7,6 +7,8 @@ use std::{
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
+
+use glioscope_core::files::FileError;
 
 use crate::{
     command::Workstation,
@@ -60,6 +62,10 @@ pub struct Autosave {
     /// The content of the copy.
     written: Option<Edit>,
     changed_since: Option<Instant>,
+    /// Whether the last copy failed.
+    failed: bool,
+    /// Why, until it is said.
+    failure: Option<FileError>,
     /// Work of windows that ended without asking, oldest first.
     left_behind: Vec<Kept>,
     /// Work that is being opened; its file goes once the own one has it.
@@ -93,7 +99,15 @@ impl Autosave {
         }
         let age = |kept: &Kept| kept.file.metadata().and_then(|metadata| metadata.modified()).ok();
         left_behind.sort_by_key(age);
-        Some(Self { own: own?, written: None, changed_since: None, left_behind, opening: None })
+        Some(Self {
+            own: own?,
+            written: None,
+            changed_since: None,
+            failed: false,
+            failure: None,
+            left_behind,
+            opening: None,
+        })
     }
 
     /// Unsaved work of a window that ended without asking, the newest first.
@@ -130,18 +144,28 @@ impl Autosave {
         let since = *self.changed_since.get_or_insert(now);
         let waited = now.saturating_duration_since(since);
         let taken_over = self.opening.is_some() && work.job.is_none();
-        if waited < INTERVAL && !taken_over {
+        if waited < INTERVAL && (!taken_over || self.failed) {
             return Some(INTERVAL - waited);
         }
-        if session::save(&self.own.file, doc, case, work.world.files()).is_ok()
-            && taken_over
-            && let Some(kept) = self.opening.take()
-        {
+        if let Err(error) = session::save(&self.own.file, doc, case, work.world.files()) {
+            if !std::mem::replace(&mut self.failed, true) {
+                self.failure = Some(error);
+            }
+            self.changed_since = Some(now);
+            return Some(INTERVAL);
+        }
+        self.failed = false;
+        if taken_over && let Some(kept) = self.opening.take() {
             kept.remove();
         }
         self.written = Some(doc.edit.clone());
         self.changed_since = None;
         None
+    }
+
+    /// Why no copy can be written; once, until one can be.
+    pub fn take_failure(&mut self) -> Option<FileError> {
+        self.failure.take()
     }
 
     /// Removes the copy: the work is saved, or given up.

@@ -234,14 +234,23 @@ impl GlioscopeApp {
                 "{dropped_files} files were dropped and the first is opened; drop their folder to open them as one case."
             ));
         }
-        if let Some(wait) = self.autosave.as_mut().and_then(|autosave| autosave.keep(&self.work, now)) {
-            ctx.request_repaint_after(wait);
-        }
+        self.keep_work(&ctx, now);
         if self.dialog.is_none() && self.open.path.is_none() {
             // Cancelled: what waited for a name to save to doesn't happen.
             self.after_save(&ctx, false);
         }
         self.picture_once_ready(&ctx);
+    }
+
+    /// Copies unsaved work from time to time.
+    fn keep_work(&mut self, ctx: &Context, now: Instant) {
+        let Some(autosave) = &mut self.autosave else { return };
+        if let Some(wait) = autosave.keep(&self.work, now) {
+            ctx.request_repaint_after(wait);
+        }
+        if let Some(failure) = autosave.take_failure() {
+            self.work.error = Some(AppError::Unkept(failure));
+        }
     }
 
     /// Remembers the window's size when it closes.

@@ -1,11 +1,6 @@
 //! Reading and writing files. Every error names the file, what was found and what was expected.
 
-use std::{
-    io::Write as _,
-    path::{Path, PathBuf},
-};
-
-use tempfile::NamedTempFile;
+use std::path::PathBuf;
 
 use crate::{Cancelled, Check, Volume};
 
@@ -24,6 +19,7 @@ mod read;
 mod tracts;
 mod tracts_tck;
 mod tracts_trk;
+mod write;
 
 pub use content::FileMark;
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
@@ -35,6 +31,8 @@ pub(crate) use opened::{broken_link, missing, open_regular, stand_in};
 pub use opened::{read_head, read_small, read_small_text};
 pub use read::{info, read, read_tract_bytes, read_tracts};
 pub use tracts::{LoadedTracts, TractOptions};
+pub use write::{replace_files, temporary_folder, write_whole, write_whole_private};
+pub(crate) use write::{sweep, write_failed, write_whole_with};
 
 /// Where a file's bytes come from.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -147,113 +145,4 @@ pub fn printable(name: &str) -> String {
         }
     }
     out
-}
-
-/// Start of the names of temporary files.
-const PREFIX: &str = ".glioscope-";
-/// Permissions of ordinary new files. Those of tempfile let only the owner read them, which is too strict for exported
-/// results.
-const ORDINARY: u32 = 0o666;
-/// Permissions of files that only their owner reads.
-const PRIVATE: u32 = 0o600;
-
-/// Builder of temporary files with these permissions.
-fn temporary(mode: u32) -> tempfile::Builder<'static, 'static> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(PREFIX);
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
-    #[cfg(not(unix))]
-    let _ = mode;
-    builder
-}
-
-/// Writing to `path` failed.
-fn write_failed(path: &Path, why: &dyn std::fmt::Display) -> FileError {
-    let file = printable(&path.display().to_string());
-    FileError::wrong(file, format!("writing failed: {why}"), "a place that can be written")
-}
-
-/// Writes `bytes` to `path` atomically, or leaves the existing file untouched: a temporary file in the same
-/// folder is flushed to disk, then renamed over `path`. A symbolic link is kept: its target is written.
-///
-/// # Errors
-/// [`FileError::Wrong`] with the system's reason, or where `path` is a folder, a device, a pipe, a write-protected file, or
-/// a link whose target doesn't exist.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    write_whole_with(path, "", |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
-}
-
-/// As [`write_whole`], readable and writable by its owner alone: for files that name patients' folders.
-///
-/// # Errors
-/// As [`write_whole`].
-pub fn write_whole_private(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    persist(path, "", PRIVATE, |file| file.write_all(bytes).map_err(|e| write_failed(path, &e)))
-}
-
-/// As [`write_whole`], with content that `write` writes to the temporary file, whose name ends in `suffix`.
-/// When `write` fails, the temporary file is removed and nothing else changes.
-pub(crate) fn write_whole_with(
-    path: &Path,
-    suffix: &'static str,
-    write: impl FnOnce(&mut NamedTempFile) -> Result<(), FileError>,
-) -> Result<(), FileError> {
-    persist(path, suffix, ORDINARY, write)
-}
-
-fn persist(
-    path: &Path,
-    suffix: &'static str,
-    mode: u32,
-    write: impl FnOnce(&mut NamedTempFile) -> Result<(), FileError>,
-) -> Result<(), FileError> {
-    // Renaming over a device would replace it by a regular file.
-    if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
-        return Err(FileError::wrong(
-            path.display().to_string(),
-            "something that is no ordinary file",
-            "a place that can be written",
-        ));
-    }
-    let target = match path.is_symlink().then(|| path.canonicalize()) {
-        None => None,
-        Some(Ok(target)) => Some(target),
-        Some(Err(e)) => return Err(write_failed(path, &format!("a link to nowhere ({e})"))),
-    };
-    let path = target.as_deref().unwrap_or(path);
-    let failed = |e: std::io::Error| write_failed(path, &e);
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = temporary(mode).suffix(suffix).tempfile_in(folder).map_err(failed)?;
-    write(&mut file)?;
-    // A file that is replaced keeps its permissions, unless the new one is private.
-    if let Some(replaced) = path.metadata().ok().map(|metadata| metadata.permissions()) {
-        if replaced.readonly() {
-            return Err(write_failed(path, &"a write-protected file"));
-        }
-        if mode == ORDINARY {
-            file.as_file().set_permissions(replaced).map_err(failed)?;
-        }
-    }
-    file.as_file().sync_all().map_err(failed)?;
-    file.persist(path).map_err(|e| failed(e.error))?;
-    sweep(folder);
-    Ok(())
-}
-
-/// Age from which a temporary file belongs to a run that was killed: no write takes so long.
-const STALE: std::time::Duration = std::time::Duration::from_secs(3600);
-
-/// Removes the temporary files that killed runs left in `folder`.
-fn sweep(folder: &Path) {
-    let is_stale = |entry: &std::fs::DirEntry| {
-        let age =
-            entry.metadata().ok().filter(|m| m.is_file()).and_then(|m| m.modified().ok()?.elapsed().ok());
-        entry.file_name().to_string_lossy().starts_with(PREFIX) && age.is_some_and(|age| age > STALE)
-    };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    for entry in entries.filter(is_stale) {
-        // One that can't be removed is left.
-        let _ = std::fs::remove_file(entry.path());
-    }
 }

@@ -64,7 +64,7 @@ fn without_install_rights_the_install_command_is_printed_and_the_exit_code_is_2(
         stderr.last().map(String::as_str),
         Some(
             "sudo apt-get install --no-install-recommends gcc libc6-dev libvulkan1 mesa-vulkan-drivers libx11-6 \
-             libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0 xvfb xauth python3-venv"
+             libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0 xvfb xauth python3-venv strace"
         )
     );
     Ok(())
@@ -140,6 +140,27 @@ fn without_a_display_the_sample_report_is_written_unless_a_case_is_given() -> Ou
     assert_eq!(case.status.code(), Some(2));
     assert_eq!(lines(&case.stdout), [""; 0], "nothing ran");
     assert!(lines(&case.stderr).iter().any(|l| l.contains("follow-up.toml")), "{case:?}");
+    Ok(())
+}
+
+#[test]
+fn mutants_says_how_to_install_what_it_needs() -> Outcome {
+    let machine = Machine::bare()?;
+    machine.stand_in("cc", "exit 0")?;
+    machine.stand_in("ldconfig", "echo '	libvulkan.so.1 (libc6,x86-64) => /lib/libvulkan.so.1'")?;
+    machine.stand_in("lvp_icd.x86_64.json", "")?;
+    let with_driver = "export VK_DRIVER_FILES=\"$PATH/lvp_icd.x86_64.json\";";
+    machine.stand_in("cargo", "echo cargo \"$@\"; test \"$2\" != --version")?;
+    let output = machine.bash(&format!("{with_driver} main mutants"))?;
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    let stderr = lines(&output.stderr);
+    assert_eq!(stderr, ["./x: cargo-mutants is not installed; run: cargo install cargo-mutants --locked"]);
+    machine.stand_in("cargo", "echo cargo \"$@\"")?;
+    let all = machine.bash(&format!("{with_driver} main mutants --shard 0/10"))?;
+    let command = lines(&all.stdout).join("");
+    assert!(command.contains("--file core/src/grid.rs") && command.ends_with("--shard 0/10"), "{command}");
+    let one = machine.bash(&format!("{with_driver} main mutants -f core/src/mask.rs"))?;
+    assert!(!lines(&one.stdout).join("").contains("grid.rs"), "{one:?}");
     Ok(())
 }
 

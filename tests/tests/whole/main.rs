@@ -9,8 +9,11 @@
 )]
 
 mod cli;
+#[cfg(target_os = "linux")]
+mod faults;
 mod figures;
 mod goldens;
+mod monkey;
 mod real_views;
 mod real_window;
 mod reported;

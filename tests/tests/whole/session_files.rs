@@ -14,6 +14,7 @@ use glioscope::{
     window::{
         autosave::{Autosave, INTERVAL},
         dialogs::open_command,
+        recent::Recent,
     },
     world::jobs::Waker,
 };
@@ -21,7 +22,7 @@ use glioscope_core::{
     Grid, Samples, Scaling, Volume,
     files::{WriteOptions, write_nifti},
 };
-use glioscope_tests::{error_text, issue, perform, run, window_with, workstation};
+use glioscope_tests::{error_text, issue, perform, run, user_window, window_with, workstation};
 use serde_json::{Value, json};
 
 use crate::{
@@ -469,6 +470,48 @@ fn unsaved_work_is_kept_and_offered_after_a_crash() {
     assert!(again.save(folder.path().join("saved.glioscope.json")));
     autosave.keep(&again, start);
     assert_eq!(files().len(), 0, "saved");
+}
+
+/// Work that can't be kept safe is said once, and tried again.
+#[test]
+fn a_failed_copy_of_unsaved_work_is_said_and_tried_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let manifest = patient(&folder.path().join("a"), "A", 5);
+    let state = folder.path().join("state");
+    let start = Instant::now();
+    let mut autosave = Autosave::in_folder(&state).unwrap();
+    let mut work = opened_case(CaseRef::Path(manifest));
+    apply(&mut work, EditCommand::ToggleLens);
+    autosave.keep(&work, start);
+    // Nothing can be written over a folder.
+    let file = state.join("unsaved-0.glioscope.json");
+    std::fs::create_dir(&file).unwrap();
+    let mut now = start;
+    for round in 0..3 {
+        now += INTERVAL;
+        assert_eq!(autosave.keep(&work, now), Some(INTERVAL), "again later");
+        let said = autosave.take_failure().map(|failure| failure.to_string());
+        assert_eq!(said.is_some(), round == 0, "said once: {said:?}");
+        assert!(said.is_none_or(|said| said.contains("unsaved-0")));
+    }
+    std::fs::remove_dir(&file).unwrap();
+    assert_eq!(autosave.keep(&work, now + INTERVAL / 2), Some(INTERVAL / 2));
+    assert_eq!(autosave.keep(&work, now + INTERVAL), None);
+    assert!(file.is_file());
+    drop(autosave);
+
+    // The window says it: work that was left behind is copied as soon as it is opened.
+    let autosave = Autosave::in_folder(&state).unwrap();
+    let mut harness = user_window(Workstation::default(), [900.0, 600.0], Recent::default(), Some(autosave));
+    harness.run_steps(2);
+    let own = state.join("unsaved-1.glioscope.json");
+    std::fs::create_dir(&own).unwrap();
+    harness.get_by_label("Open that work").click();
+    harness.step();
+    glioscope_tests::wait_for_workers(&mut harness);
+    let said = error_text(&harness);
+    assert!(said.contains("not kept safe") && said.contains("unsaved-1"), "{said}");
+    assert!(file.is_file(), "the only copy is left");
 }
 
 /// A pane that has nothing to draw is as final as its message: pictures of the window don't wait for it for ever.

@@ -102,4 +102,37 @@ mod tests {
         assert_eq!(days_since_first(&["2024-04-15", "2024-01-15"]), None, "not in order");
         assert_eq!(days_since_first(&[]), None);
     }
+
+    #[test]
+    fn dates_end_where_further_digits_begin() {
+        let text = |label: &str| leading_date(label).map(|date| date.to_string());
+        for label in ["2024-01-15", "2024-01-15 late", "2024-01-15a", "2024-01-15-2"] {
+            assert_eq!(text(label).as_deref(), Some("2024-01-15"), "{label}");
+        }
+        for label in ["2024-01-150", "a2024-01-15", "2024-01-1", "", "2024-01-32"] {
+            assert_eq!(text(label), None, "{label}");
+        }
+        assert_eq!(find_iso_date("2024-01-15"), Some(0));
+        assert_eq!(find_iso_date("a2024-01-15"), Some(1), "at the very end");
+        for without in ["2024-01-155", "2024-01-1", "", "x", "02024-01-15x"] {
+            assert_eq!(find_iso_date(without), None, "{without}");
+        }
+        assert!(
+            is_shaped_as_date("9999-99-99")
+                && !is_shaped_as_date("9999-99-9")
+                && !is_shaped_as_date("9999-99_99")
+        );
+        assert!(
+            !is_shaped_as_date("9999_99-99")
+                && !is_shaped_as_date("999a-99-99")
+                && !is_shaped_as_date("99-99-9999")
+        );
+        for (digits, is_date) in
+            [("20000101", true), ("21001231", true), ("19991231", false), ("21010101", false)]
+        {
+            assert_eq!(compact_date(digits).is_some(), is_date, "{digits}");
+        }
+        assert_eq!(days_since_first(&["2024-01-15 a", "2024-01-15 b"]), None, "the same day twice");
+        assert_eq!(days_since_first(&["2024-01-15"]), Some(vec![0.0]));
+    }
 }

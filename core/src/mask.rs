@@ -201,4 +201,44 @@ mod tests {
             assert_eq!(MaskBits::full([nx, 2, 3]), MaskBits::from_fn([nx, 2, 3], |_| true));
         }
     }
+
+    #[test]
+    fn each_voxel_is_its_own() {
+        for nx in [1, 63, 64, 65, 130] {
+            let dims = [nx, 3, 2];
+            for voxel in [[0, 0, 0], [nx - 1, 0, 0], [nx / 2, 1, 0], [nx - 1, 2, 1], [0, 1, 1]] {
+                let mut bits = MaskBits::empty(dims);
+                bits.set(voxel);
+                let at = crate::grid::linear(dims, voxel);
+                assert_eq!(bits, MaskBits::from_fn(dims, |linear| linear == at));
+                assert_eq!((bits.count(), bits.bounds()), (1, Some((voxel, [1; 3]))));
+                let outside = bits.inverted();
+                assert_eq!(outside, MaskBits::from_fn(dims, |linear| linear != at));
+                assert_eq!(outside.count(), nx as u64 * 6 - 1);
+                for linear in 0..nx * 6 {
+                    let voxel = crate::grid::ijk(dims, linear);
+                    assert_eq!((bits.get(voxel), outside.get(voxel)), (linear == at, linear != at));
+                }
+                bits.set(voxel);
+                assert_eq!(bits.count(), 1, "set twice is set");
+            }
+            let bits = MaskBits::empty(dims);
+            assert_eq!(
+                (bits.dims(), bits.words_per_line(), bits.words().len()),
+                (dims, nx.div_ceil(64), 6 * nx.div_ceil(64))
+            );
+        }
+    }
+
+    /// Voxels of 1 by 2 by 3 mm.
+    #[test]
+    fn a_mask_has_the_volume_of_its_voxels() {
+        let grid = Grid::axis_aligned([4, 3, 2], glam::DVec3::new(1.0, 2.0, 3.0), glam::DVec3::ZERO).unwrap();
+        let bits = MaskBits::from_fn([4, 3, 2], |linear| linear < 5);
+        let mask = Mask::new("T1", grid.clone(), bits.clone()).unwrap();
+        assert_eq!((mask.id(), mask.voxels(), mask.bits()), ("T1", 5, &bits));
+        assert!((mask.volume_ml() - 0.03).abs() < 1e-15);
+        assert_eq!(mask.grid(), &grid);
+        assert_eq!(Mask::new("T1", grid, MaskBits::empty([4, 3, 1])), None);
+    }
 }

@@ -394,4 +394,85 @@ mod tests {
         assert_eq!(Selection::only(&regions, &[2, 3]), s);
         assert!(Selection::only(&regions, &[]).is_empty(&regions));
     }
+
+    /// Every combination of `masks` masks, one voxel each: voxel n has the bits n.
+    fn all_combinations(dims: [usize; 3], masks: usize) -> TumorIndex {
+        let grid = Grid::axis_aligned(dims, DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO).unwrap();
+        let of = |k: usize| {
+            let bits = MaskBits::from_fn(dims, |linear| linear >> k & 1 == 1);
+            Mask::new(format!("m{k}"), grid.clone(), bits).unwrap()
+        };
+        let masks: Vec<Mask> = (0..masks).map(of).collect();
+        TumorIndex::new(grid.clone(), &masks.iter().collect::<Vec<_>>()).unwrap()
+    }
+
+    /// Voxels of 6 mm³; of 8 combinations of 3 masks, 4 have each mask, 7 have one.
+    #[test]
+    fn totals_names_and_bounds_are_those_of_the_voxels() {
+        let regions = Regions::of(&all_combinations([4, 2, 1], 3));
+        let order: Vec<u32> = regions.list().iter().map(|r| r.bits).collect();
+        assert_eq!(order, [1, 2, 4, 3, 5, 6, 7], "fewest masks first");
+        assert_eq!((regions.union_voxels(), regions.mask_voxels(0), regions.mask_voxels(2)), (7, 4, 4));
+        assert!((regions.union_ml() - 0.042).abs() < 1e-15);
+        assert!((regions.mask_ml(1) - 0.024).abs() < 1e-15);
+        assert_eq!([1, 5, 6, 7].map(|bits| regions.name(bits)), ["m0", "m0+m2", "m1+m2", "m0+m1+m2"]);
+        assert_eq!(regions.bounds(), Some(([0, 0, 0], [4, 2, 1])));
+        assert_eq!(regions.get(6).map(|r| (r.voxels, r.mask_count())), Some((1, 2)));
+        assert_eq!(regions.get(8), None);
+        // Of x 0 to 3 and y 0 to 1 all but the first: sums 12 and 4, of 7.
+        let centroid = regions.centroid_mm().unwrap();
+        assert!((centroid - DVec3::new(12.0 / 7.0, 2.0 * 4.0 / 7.0, 0.0)).length() < 1e-14, "{centroid}");
+    }
+
+    #[test]
+    fn bounds_are_tight_on_every_side() {
+        let grid = Grid::axis_aligned([9, 8, 7], DVec3::ONE, DVec3::ZERO).unwrap();
+        let mut bits = MaskBits::empty([9, 8, 7]);
+        for voxel in [[2, 5, 3], [6, 3, 4], [4, 4, 2]] {
+            bits.set(voxel);
+        }
+        let mask = Mask::new("a", grid.clone(), bits).unwrap();
+        let index = TumorIndex::new(grid, &[&mask]).unwrap();
+        assert_eq!(Regions::of(&index).bounds(), Some(([2, 3, 2], [5, 3, 3])));
+    }
+
+    #[test]
+    fn region_numbers_take_the_smallest_type_that_holds_them() {
+        for (dims, masks, bytes) in [
+            ([16, 16, 1], 8, 1),
+            ([16, 16, 2], 9, 2),
+            ([2, 129, 1], 9, 2),
+            ([256, 256, 1], 16, 2),
+            ([257, 256, 1], 17, 4),
+        ] {
+            let index = all_combinations(dims, masks);
+            let regions = Regions::of(&index);
+            assert_eq!(regions.list().len(), dims.iter().product::<usize>() - 1);
+            let volume = RegionVolume::of(&index, &regions).unwrap();
+            let found = match volume.ids() {
+                IndexData::U8(_) => 1,
+                IndexData::U16(_) => 2,
+                IndexData::U32(_) => 4,
+            };
+            assert_eq!(found, bytes, "{dims:?}");
+            for linear in [1, 2, index.grid().voxel_count() - 1] {
+                assert_eq!(volume.bits_of_id()[volume.id(linear) as usize], linear as u32);
+            }
+            assert_eq!(volume.id(0), 0);
+        }
+    }
+
+    #[test]
+    fn a_selection_is_what_was_hidden() {
+        let regions = Regions::of(&all_combinations([4, 1, 1], 2));
+        let mut s = Selection::only(&regions, &[2]);
+        assert_eq!(s.hidden().collect::<Vec<_>>(), [1, 3]);
+        assert!(!s.is_empty(&regions));
+        s.set(2, false);
+        assert!(s.is_empty(&regions));
+        s.set(3, true);
+        s.toggle(1);
+        assert_eq!(s.hidden().collect::<Vec<_>>(), [2]);
+        assert!(s.shows(1) && s.shows(3) && !s.is_empty(&regions));
+    }
 }

@@ -177,4 +177,42 @@ mod tests {
         assert_eq!(Scaling { slope: 2.0, intercept: 0.0 }.label(1.0, true), Some(2.0));
         assert_eq!(Scaling::NONE.label_tolerance(true), LABEL_TOLERANCE);
     }
+
+    #[test]
+    fn tolerances_are_half_a_step_of_fractional_scalings() {
+        let of = |slope: f64, intercept: f64| Scaling { slope, intercept }.label_tolerance(true);
+        // Whole labels are stored as they are.
+        assert_eq!([of(1.0, 0.0), of(3.0, -7.0)], [LABEL_TOLERANCE; 2]);
+        assert_eq!(of(0.25, 0.0), 0.125);
+        assert_eq!(of(-0.25, 0.0), 0.125);
+        assert_eq!(of(3.0, 0.5), 0.5, "at most half the way to the next label");
+        assert_eq!(of(0.001, 0.0), LABEL_TOLERANCE, "at least what rounding of the slope needs");
+        assert_eq!(Scaling { slope: 0.25, intercept: 0.0 }.label_tolerance(false), LABEL_TOLERANCE);
+    }
+
+    #[test]
+    fn labels_of_real_numbers_are_within_a_hundredth() {
+        let tenth = Scaling { slope: 0.1, intercept: 0.0 };
+        assert_eq!(tenth.label(20.2, false), None, "2.02 is stored as a real number");
+        assert_eq!(Scaling::NONE.label(2.0 + 1.0 / 128.0, false), Some(2.0));
+        assert_eq!(Scaling::NONE.label(2.0 - 1.0 / 64.0, false), None);
+        // 7 steps of 0.3 are 2.1, of integers the nearest to 2.
+        let scaling = Scaling { slope: 0.3, intercept: 0.0 };
+        assert_eq!((scaling.label(7.0, true), scaling.label(7.0, false)), (Some(2.0), None));
+        assert_eq!(scaling.label(8.0, true), None, "2.4 is farther from 2 than 2.1");
+    }
+
+    #[test]
+    fn values_are_stored_numbers_times_slope_plus_intercept() {
+        let grid = Grid::axis_aligned([3, 2, 1], glam::DVec3::ONE, glam::DVec3::ZERO).unwrap();
+        let samples = Samples::I16(vec![-3, 0, 1, 2, 300, 7]);
+        assert_eq!((samples.len(), samples.is_empty(), samples.is_integer()), (6, false, true));
+        assert!(Samples::F64(Vec::new()).is_empty());
+        assert!(!Samples::F32(vec![1.0]).is_integer() && !Samples::F64(vec![1.0]).is_integer());
+        let volume = Volume::new(grid.clone(), samples, Scaling { slope: 0.5, intercept: -2.0 }).unwrap();
+        let expected = [-3.5, -2.0, -1.5, -1.0, 148.0, 1.5];
+        assert_eq!(std::array::from_fn(|at| volume.value(at)), expected);
+        assert_eq!(volume.to_f32(), expected.map(|value| value as f32));
+        assert_eq!(Volume::new(grid, Samples::U8(vec![0; 5]), Scaling::NONE), None);
+    }
 }

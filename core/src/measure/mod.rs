@@ -280,4 +280,46 @@ mod tests {
         assert_eq!(values(pair_of(&[1], &[])), [0.0, 0.0]);
         assert_eq!(values(pair_of(&[1, 5], &[1, 5])), [1.0, 1.0]);
     }
+
+    #[test]
+    fn metrics_are_printed_with_their_decimals() {
+        let dice = &PAIR_METRICS[0];
+        assert_eq!((dice.print(Some(0.5), 0), dice.print(Some(0.5), 2)), ("0.500".into(), "0.50000".into()));
+        assert_eq!(dice.print(None, 0), "unknown");
+        let mut with_unit = *dice;
+        (with_unit.unit, with_unit.decimals) = ("mm", 1);
+        assert_eq!(with_unit.print(Some(2.25), 1), "2.25 mm");
+        let pair = pair_of(&[0, 1, 2, 3], &[2, 3]);
+        assert_eq!(pair.metrics().map(|(metric, _)| metric.key).collect::<Vec<_>>(), ["dice", "jaccard"]);
+        assert_eq!((pair.a.as_str(), pair.b.as_str(), pair.value("none")), ("a", "b", None));
+    }
+
+    #[test]
+    fn a_grid_is_reported_by_rows() {
+        let columns = glam::DMat3::from_cols(
+            DVec3::new(0.0, 2.0, 0.0),
+            DVec3::new(-3.0, 0.0, 0.0),
+            DVec3::new(0.0, 0.0, 4.0),
+        );
+        let affine = glam::DAffine3 { matrix3: columns, translation: DVec3::new(5.0, 6.0, 7.0) };
+        let report = GridReport::of(&Grid::new([2, 3, 4], affine, crate::Sides::Known).unwrap());
+        assert_eq!((report.dims, report.spacing_mm), ([2, 3, 4], [2.0, 3.0, 4.0]));
+        let rows = [[0.0, -3.0, 0.0, 5.0], [2.0, 0.0, 0.0, 6.0], [0.0, 0.0, 4.0, 7.0], [0.0, 0.0, 0.0, 1.0]];
+        assert_eq!(report.world_from_voxel, rows);
+    }
+
+    /// Every order of three masks: pairs are those of the masks, whatever their position.
+    #[test]
+    fn every_pair_is_compared_once() {
+        let grid = Grid::axis_aligned([10, 1, 1], DVec3::ONE, DVec3::ZERO).unwrap();
+        let sizes = [2, 4, 10];
+        let masks = sizes.map(|n| {
+            Mask::new(format!("{n}"), grid.clone(), MaskBits::from_fn([10, 1, 1], |l| l < n)).unwrap()
+        });
+        let index = TumorIndex::new(grid, &masks.each_ref()).unwrap();
+        let found = pairs(&index, &Regions::of(&index));
+        let of = |a: usize, b: usize| (format!("{a}"), format!("{b}"), Some(2.0 * a as f64 / (a + b) as f64));
+        let found: Vec<_> = found.into_iter().map(|p| (p.a.clone(), p.b.clone(), p.value("dice"))).collect();
+        assert_eq!(found, [of(2, 4), of(2, 10), of(4, 10)]);
+    }
 }

@@ -378,6 +378,10 @@ mod tests {
             assert_eq!(*corner, DVec3::new(of(0), of(1), of(2)), "{index}");
         }
         assert_eq!(grid.sides(), Sides::Known);
+        let expected = affine(DMat3::from_diagonal(DVec3::new(2.0, 3.0, 4.0)), DVec3::new(10.0, 20.0, 30.0));
+        assert_eq!(grid.world_from_voxel(), expected);
+        let voxel = grid.voxel_from_world().transform_point3(DVec3::new(12.0, 26.0, 18.0));
+        assert!((voxel - DVec3::new(1.0, 2.0, -3.0)).length() < 1e-14, "{voxel}");
     }
 
     #[test]
@@ -491,7 +495,7 @@ mod tests {
     fn columns_become_orthogonal_whatever_the_scale() {
         let u = DMat3::from_rotation_y(0.4) * DMat3::from_rotation_z(-1.1);
         let v = DMat3::from_rotation_x(0.9) * DMat3::from_rotation_y(2.2) * DMat3::from_rotation_z(0.5);
-        for scale in [1e-9, 1.0, 1e9] {
+        for scale in [1e-16, 1e-9, 1.0, 1e9] {
             let m = u * DMat3::from_diagonal(DVec3::new(1.0, 3.0, 12.0)) * v * scale;
             let c = orthogonal_columns(m);
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {

@@ -45,7 +45,9 @@ pub(super) fn run(
         let masks: Vec<_> = spec
             .masks
             .iter()
-            .map(|m| json!({"id": m.id, "file": m.source.name(), "labels": m.labels, "time": m.time}))
+            .map(|m| {
+                json!({"id": m.id, "name": m.name, "file": m.source.name(), "labels": m.labels, "time": m.time})
+            })
             .collect();
         let contexts: Vec<_> = spec
             .contexts
@@ -65,7 +67,8 @@ pub(super) fn run(
     }
     for m in &spec.masks {
         let labels = m.labels.as_ref().map(|l| format!("  labels {l:?}")).unwrap_or_default();
-        lines.push(format!("mask  {:16} {}{labels}{}", m.id, m.source.name(), time(&m.time)));
+        let name = m.name.as_ref().map(|name| format!("  {name}")).unwrap_or_default();
+        lines.push(format!("mask  {:16} {}{labels}{}{name}", m.id, m.source.name(), time(&m.time)));
     }
     for t in &spec.tracts {
         lines.push(format!("tracts {:15} {}", t.id, t.source.name()));

@@ -29,9 +29,10 @@ fn table(case: &Case) -> String {
         }
         lines.push(format!("{:24} {:>12} {:>14} {:>14}", "mask", "voxels", "volume", "on own grid"));
         for (k, mask) in time_point.masks.iter().enumerate() {
+            let name = mask.name.as_ref().map(|name| format!(" ({name})")).unwrap_or_default();
             lines.push(format!(
                 "{:24} {:>12} {:>14} {:>14}",
-                mask.mask.id(),
+                format!("{}{name}", mask.mask.id()),
                 regions.mask_voxels(k),
                 format::ml(regions.mask_ml(k)),
                 format::ml(mask.native_volume_ml)

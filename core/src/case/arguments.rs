@@ -15,7 +15,7 @@ struct Interpretation<'a> {
 }
 
 /// Parses labels such as `1,4`; `None` for anything else.
-fn labels(text: &str) -> Option<Vec<i64>> {
+pub(super) fn labels(text: &str) -> Option<Vec<i64>> {
     text.split(',').map(|n| n.trim().parse().ok()).collect()
 }
 
@@ -104,6 +104,7 @@ pub(super) fn parse_all(masks: &[String], contexts: &[String]) -> Result<CaseSpe
             labels: p.labels,
             time: p.time.map(str::to_owned),
             color: None,
+            name: None,
         });
     }
     Ok(spec)

@@ -7,11 +7,13 @@ use std::{
 };
 
 use super::{
-    CaseError, CaseSpec, ContextSpec, LoadOptions, MaskSpec,
+    CaseError, CaseSpec, LoadOptions, Proposal, ProposedFile, Role,
     folder::{self, Listing},
     manifest::{folder_name, read_manifest},
     names::{self, Kind, ParsedName},
-    order, select, sessions, subject,
+    order,
+    proposal::LeftOutFor,
+    select, sessions, subject,
 };
 use crate::{
     Check, Progress,
@@ -31,34 +33,79 @@ fn wrong(path: &Path, found: impl Into<String>, expected: &str) -> CaseError {
     CaseError::wrong(printable(&path.display().to_string()), found, expected)
 }
 
+/// How a case is described.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Description {
+    /// By a manifest.
+    Stated(CaseSpec),
+    /// By names and contents of its files.
+    Proposed(Proposal),
+}
+
 /// The case at `path`: a manifest (`.toml`), a folder with one (`case.toml`, or the only `.toml`
 /// that has a `glioscope` key), a folder without, or one image file. Files are opened only where their names are
 /// ambiguous.
 ///
 /// # Errors
 /// [`CaseError`]: no such path, an invalid manifest, a folder without images or with images of several subjects,
-/// an unreadable file.
+/// an unreadable file; folders that may be patients or dates, where `options` doesn't state their order.
 pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
+    match describe(path, options, progress)? {
+        Description::Stated(spec) => Ok(spec),
+        Description::Proposed(proposal) => proposal.unasked(!options.order.is_empty()),
+    }
+}
+
+/// As [`open_spec`], where what was guessed can be corrected before it is used.
+///
+/// # Errors
+/// As [`open_spec`], but where folders may be patients or dates: the proposal says so.
+pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Description, CaseError> {
     let kind = format::volume_names();
     let expected = &format!("a case manifest (.toml), a folder of {kind} files, or a {kind} file");
     let metadata = std::fs::metadata(path).map_err(|e| files::missing(path, &e, expected))?;
     if metadata.is_dir() {
         return match manifest_in(path)? {
-            Some(manifest) => read_manifest(&manifest),
-            None => guess_folder(path, options, progress),
+            Some(manifest) => Ok(Description::Stated(read_manifest(&manifest)?)),
+            None => Ok(Description::Proposed(guess_folder(path, options, progress)?)),
         };
     }
     let Some(name) = path.file_name().and_then(|name| name.to_str()).map(str::to_owned) else {
         return Err(wrong(path, "a name that is not UTF-8", "one that is"));
     };
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        return read_manifest(path);
+        return Ok(Description::Stated(read_manifest(path)?));
     }
     if volume_stem(&name).is_none() {
         return Err(wrong(path, "a file of another kind", expected));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
-    guess(folder, vec![PathBuf::from(&name)], name, options, progress)
+    let listing = Listing { volumes: vec![PathBuf::from(&name)], tracts: Vec::new(), left_out: Vec::new() };
+    Ok(Description::Proposed(guess(folder, listing, name, options, progress)?.with_key(true)))
+}
+
+/// Some files and folders as one case, fibre tracts among them; at least one path.
+///
+/// # Errors
+/// As [`describe`].
+pub fn describe_files(
+    paths: &[PathBuf],
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Proposal, CaseError> {
+    let all: Vec<PathBuf> =
+        paths.iter().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.clone())).collect();
+    let parent = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+    let mut folder = all.first().map(|path| parent(path)).unwrap_or_default();
+    while !all.iter().all(|path| path.starts_with(&folder)) && folder.pop() {}
+    let relative: Vec<PathBuf> =
+        all.iter().map(|path| path.strip_prefix(&folder).unwrap_or(path).to_owned()).collect();
+    let listing = folder::list_files(&folder, &relative, progress)?;
+    let mut proposal = guess_listed(&folder, listing, options, progress)?;
+    for file in proposal.files.iter_mut().filter(|file| file.left_out_for == LeftOutFor::Tracts) {
+        file.role = Role::Tracts;
+    }
+    Ok(proposal.with_key(false))
 }
 
 /// The manifest of a folder, if it has one.
@@ -85,19 +132,31 @@ fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
     }
 }
 
-fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    let Listing { volumes, left_out } = folder::list(folder, progress)?;
-    if volumes.is_empty() {
+fn guess_folder(folder: &Path, options: &LoadOptions, progress: &Progress) -> Result<Proposal, CaseError> {
+    let listing = folder::list(folder, progress)?;
+    let mut proposal = guess_listed(folder, listing, options, progress)?;
+    sessions::order_by_sessions(folder, &mut proposal);
+    Ok(proposal.with_key(true))
+}
+
+fn guess_listed(
+    folder: &Path,
+    listing: Listing,
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Proposal, CaseError> {
+    if listing.volumes.is_empty() {
         let kind = format::volume_names();
-        let others: Vec<String> = left_out.into_iter().map(|check| format!("; {}", check.message)).collect();
+        let others = listing.left_out.into_iter().map(|check| format!("; {}", check.message));
+        let tracts: Vec<String> = listing.tracts.iter().map(|path| path.display().to_string()).collect();
+        let tracts = (!tracts.is_empty())
+            .then(|| format!("; {}: found fibre tracts", listed(&tracts, folder::MAX_LISTED)));
+        let others: Vec<String> = others.chain(tracts).collect();
         let found = format!("no {kind} file ({}){}", format::volume_endings(), others.concat());
         return Err(wrong(folder, found, &format!("a case.toml or {kind} files")));
     }
     let name = folder_name(&folder.join("x"));
-    let mut spec = guess(folder, volumes, name, options, progress)?;
-    spec.notes.extend(left_out);
-    sessions::order_by_sessions(folder, &mut spec);
-    Ok(spec)
+    guess(folder, listing, name, options, progress)
 }
 
 /// A file to be added to the case.
@@ -143,18 +202,19 @@ fn assign_ids(entries: &mut [Entry]) {
     }
 }
 
+/// Times as they were assigned.
+struct Times {
+    /// Files without a time where others have one.
+    timeless: Vec<Entry>,
+    /// Why they may not be times.
+    doubt: Option<String>,
+}
+
 /// Assigns times from the names. A single time label is ignored; files without a time are left out where others have
-/// one. Where no name has a time and ids clash, the top-level folders' names are the times.
-///
-/// # Errors
-/// [`CaseError::Wrong`] where those folders' names don't state an order in time, and none is `stated`: they may be
-/// patients.
-fn assign_times(
-    folder: &Path,
-    entries: &mut Vec<Entry>,
-    stated: &[String],
-    notes: &mut Vec<Check>,
-) -> Result<(), CaseError> {
+/// one. Where no name has a time and ids clash, the top-level folders' names are the times; where these don't state an
+/// order in time, they may be patients.
+fn assign_times(entries: &mut Vec<Entry>, notes: &mut Vec<Check>) -> Times {
+    let mut doubt = None;
     if entries.iter().all(|e| e.named.time.is_none()) {
         let top = |e: &Entry| {
             let mut parts = e.path.iter().filter_map(|p| p.to_str());
@@ -167,13 +227,9 @@ fn assign_times(
         if let (Some(folders), true) = (folders, clash) {
             let distinct: BTreeSet<&String> = folders.iter().collect();
             let distinct: Vec<&str> = distinct.into_iter().map(String::as_str).collect();
-            if stated.is_empty() && !order::is_stated_by(&distinct) {
-                return Err(wrong(
-                    folder,
-                    format!("the same files in {}, which may be patients or dates", distinct.join(", ")),
-                    "the folder of one patient, or the dates' order (--order)",
-                ));
-            }
+            doubt = (!order::is_stated_by(&distinct)).then(|| {
+                format!("the same files in {}, which may be patients or dates", distinct.join(", "))
+            });
             for (e, folder) in entries.iter_mut().zip(folders) {
                 e.named.time = Some(folder);
             }
@@ -184,18 +240,12 @@ fn assign_times(
     labels.dedup();
     if labels.len() < 2 {
         entries.iter_mut().for_each(|e| e.named.time = None);
-        return Ok(());
+        return Times { timeless: Vec::new(), doubt };
     }
-    let timeless: Vec<String> =
-        entries.iter().filter(|e| e.named.time.is_none()).map(|e| e.path.display().to_string()).collect();
-    entries.retain(|e| e.named.time.is_some());
+    let (timed, timeless) = std::mem::take(entries).into_iter().partition(|e| e.named.time.is_some());
+    *entries = timed;
     notes.push(Check::note("guessed-times", format!("times: guessed from names: {}", labels.join(", "))));
-    if !timeless.is_empty() {
-        let names = listed(&timeless, folder::MAX_LISTED);
-        let text = format!("{names}: found no time in the name while others have one; left out");
-        notes.push(Check::warning("guess-left-out", text));
-    }
-    Ok(())
+    Times { timeless, doubt }
 }
 
 /// Where each time has at most one mask file, a label map, each of its labels becomes a mask. Returns the labels of all
@@ -248,14 +298,14 @@ fn note_kinds(entries: &[Entry], notes: &mut Vec<Check>) {
 
 fn guess(
     folder: &Path,
-    files: Vec<PathBuf>,
+    listing: Listing,
     name: String,
     options: &LoadOptions,
     progress: &Progress,
-) -> Result<CaseSpec, CaseError> {
+) -> Result<Proposal, CaseError> {
     let mut named: Vec<ParsedName> = Vec::new();
     let mut paths = Vec::new();
-    for path in files {
+    for path in listing.volumes {
         if let Some(n) = names::parse_name(&path) {
             named.push(n);
             paths.push(path);
@@ -281,39 +331,78 @@ fn guess(
         }
         entries.push(Entry { path, named, is_mask, by_content, labels, id: String::new() });
     }
-    let mut spec = CaseSpec { name, ..CaseSpec::default() };
-    assign_times(folder, &mut entries, &options.order, &mut spec.notes)?;
+    let mut notes = Vec::new();
+    let Times { timeless, doubt } = assign_times(&mut entries, &mut notes);
     assign_ids(&mut entries);
-    note_kinds(&entries, &mut spec.notes);
+    note_kinds(&entries, &mut notes);
     let split = labels_as_masks(folder, &mut entries, options, progress)?;
+    let has_masks = entries.iter().any(|e| e.is_mask);
+    let mut files: Vec<ProposedFile> = entries.into_iter().map(|e| proposed(folder, e)).collect();
     if let Some(labels) = &split {
+        // Every date has a mask of each label, whether its map has it or not.
+        let maps: Vec<&mut ProposedFile> = files.iter_mut().filter(|file| file.role == Role::Mask).collect();
+        let years: Vec<Option<&str>> = maps
+            .into_iter()
+            .map(|file| {
+                let own = std::mem::replace(&mut file.labels, labels.clone());
+                let years = file.split();
+                file.labels = own;
+                years
+            })
+            .collect();
         let words: Vec<String> = labels.iter().map(i64::to_string).collect();
-        spec.notes.push(Check::note(
-            "guessed-labels",
-            format!(
-                "masks: guessed one for each label of the label map: {}; what they mean is unknown",
-                words.join(", ")
-            ),
-        ));
-    } else if entries.iter().any(|e| e.is_mask) {
-        spec.notes.push(Check::note(
+        let meaning = match years.first() {
+            Some(Some(first)) if years.iter().all(|years| *years == Some(*first)) => {
+                format!("named as in {first}, as the file's name says")
+            }
+            _ => "what they mean is unknown".into(),
+        };
+        let text =
+            format!("masks: guessed one for each label of the label map: {}; {meaning}", words.join(", "));
+        notes.push(Check::note("guessed-labels", text));
+    } else if has_masks {
+        notes.push(Check::note(
             "guessed-labels",
             "masks: guessed that every voxel above 0.5 is active, whatever its label",
         ));
     }
-    for e in entries {
-        let (source, time) = (Source::File(folder.join(&e.path)), e.named.time);
-        if !e.is_mask {
-            spec.contexts.push(ContextSpec { id: e.id, source, time });
-            continue;
-        }
-        let parts: Vec<(String, Option<Vec<i64>>)> = match &split {
-            Some(labels) => labels.iter().map(|l| (format!("{}-{l}", e.id), Some(vec![*l]))).collect(),
-            None => vec![(e.id, None)],
-        };
-        for (id, labels) in parts {
-            spec.masks.push(MaskSpec { id, source: source.clone(), labels, time: time.clone(), color: None });
-        }
+    files.extend(timeless.into_iter().map(|mut e| {
+        e.id = names::id(&e.named, e.is_mask);
+        let file = proposed(folder, e);
+        let reason = "no date in its name, while others have one".into();
+        ProposedFile { role: Role::LeftOut, reason, left_out_for: LeftOutFor::NoTime, ..file }
+    }));
+    let mut tracts = CaseSpec::default();
+    let of_folder: Vec<PathBuf> = listing.tracts.iter().map(|path| folder.join(path)).collect();
+    tracts.add_tracts(&of_folder);
+    files.extend(of_folder.into_iter().zip(tracts.tracts).map(|(path, tracts)| {
+        let file = ProposedFile::new(path, Role::LeftOut, tracts.id, String::new());
+        let reason = "fibre tracts are read where you say so".into();
+        ProposedFile { reason, left_out_for: LeftOutFor::Tracts, ..file }
+    }));
+    notes.extend(listing.left_out);
+    Ok(Proposal {
+        name,
+        folder: folder.to_owned(),
+        files,
+        order: Vec::new(),
+        notes,
+        doubt,
+        key: String::new(),
+        described_by: Vec::new(),
+    })
+}
+
+fn proposed(folder: &Path, entry: Entry) -> ProposedFile {
+    let role = if entry.is_mask { Role::Mask } else { Role::Image };
+    let time = entry.named.time.unwrap_or_default();
+    let mut file = ProposedFile::new(folder.join(entry.path), role, entry.id, time);
+    file.labels = entry.labels.unwrap_or_default().into_iter().filter(|label| *label != 0).collect();
+    file.reason = match (entry.by_content, entry.is_mask) {
+        (false, _) => "by its name",
+        (true, true) => "by its content: few values, all whole numbers",
+        (true, false) => "by its content: values of an image, not of labels",
     }
-    Ok(spec)
+    .into();
+    file
 }

@@ -39,6 +39,8 @@ const UNREAD_IMAGES: &[&str] = &[
 pub(super) struct Listing {
     /// Images and masks, relative to the folder, sorted by path.
     pub volumes: Vec<PathBuf>,
+    /// Fibre tracts, likewise.
+    pub tracts: Vec<PathBuf>,
     /// What is left out.
     pub left_out: Vec<Check>,
 }
@@ -57,7 +59,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
 /// Images and masks below `folder`, and what is left out. Hidden entries are skipped.
 pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
-    let mut volumes = Vec::new();
+    let (mut volumes, mut tracts) = (Vec::new(), Vec::new());
     let mut visited = 0;
     let mut pending = vec![(folder.to_path_buf(), 0)];
     while let Some((current, depth)) = pending.pop() {
@@ -87,21 +89,83 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
                 } else {
                     out.name(&relative, &format!("a folder {} levels down", MAX_DEPTH + 1));
                 }
-            } else if is_tracts(name) {
-                out.name(&relative, "fibre tracts, which --tracts or a manifest adds");
-            } else if !is_volume(name) {
-                out.other(&relative);
-            } else if let Some(why) = unusable(&path, meta.as_ref()) {
-                out.name(&relative, &why);
-            } else if volume_stem(name).is_some() {
-                volumes.push(relative);
-            } else if other_half(&path).is_none() {
-                out.name(&relative, "the second half of a pair without its .hdr");
+            } else {
+                match kind(&path, name, meta.as_ref()) {
+                    FileKind::Tracts => tracts.push(relative),
+                    FileKind::Volume => volumes.push(relative),
+                    FileKind::Half => {}
+                    FileKind::Other => out.other(&relative),
+                    FileKind::Unusable(why) => out.name(&relative, &why),
+                }
             }
         }
     }
     volumes.sort();
-    Ok(Listing { volumes, left_out: out.checks() })
+    tracts.sort();
+    Ok(Listing { volumes, tracts, left_out: out.checks() })
+}
+
+/// Images, masks and tracts among `paths`, which are relative to `folder`; folders among them are searched.
+pub(super) fn list_files(
+    folder: &Path,
+    paths: &[PathBuf],
+    progress: &Progress,
+) -> Result<Listing, CaseError> {
+    let mut out = LeftOut::default();
+    let mut all = Listing { volumes: Vec::new(), tracts: Vec::new(), left_out: Vec::new() };
+    for path in paths {
+        let whole = folder.join(path);
+        let meta = whole.metadata().ok();
+        if meta.as_ref().is_some_and(Metadata::is_dir) {
+            let inner = list(&whole, progress)?;
+            all.volumes.extend(inner.volumes.iter().map(|file| path.join(file)));
+            all.tracts.extend(inner.tracts.iter().map(|file| path.join(file)));
+            all.left_out.extend(inner.left_out);
+            continue;
+        }
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            out.name(path, "a name that is not UTF-8");
+            continue;
+        };
+        match kind(&whole, name, meta.as_ref()) {
+            FileKind::Tracts => all.tracts.push(path.clone()),
+            FileKind::Volume => all.volumes.push(path.clone()),
+            FileKind::Half => {}
+            FileKind::Other => out.name(path, "a file of another kind"),
+            FileKind::Unusable(why) => out.name(path, &why),
+        }
+    }
+    for list in [&mut all.volumes, &mut all.tracts] {
+        list.sort();
+        list.dedup();
+    }
+    all.left_out.extend(out.checks());
+    Ok(all)
+}
+
+/// What a file is by its name, as far as that is seen without reading it.
+enum FileKind {
+    Volume,
+    Tracts,
+    /// The second half of a pair, read with the first.
+    Half,
+    Other,
+    Unusable(String),
+}
+
+fn kind(path: &Path, name: &str, meta: Option<&Metadata>) -> FileKind {
+    if is_tracts(name) {
+        return FileKind::Tracts;
+    }
+    if !is_volume(name) {
+        return FileKind::Other;
+    }
+    match unusable(path, meta) {
+        Some(why) => FileKind::Unusable(why),
+        None if volume_stem(name).is_some() => FileKind::Volume,
+        None if other_half(path).is_some() => FileKind::Half,
+        None => FileKind::Unusable("the second half of a pair without its .hdr".into()),
+    }
 }
 
 /// Why nothing can be read from a file, as far as that is seen without reading it.
@@ -206,7 +270,6 @@ mod tests {
                     "pointer.nii.gz: found a git-annex pointer in place of its content (fetch it first: git annex get); left out"
                 ),
                 ("left-out", "empty.nii.gz: found an empty file; left out"),
-                ("left-out", "a.tck: found fibre tracts, which --tracts or a manifest adds; left out"),
                 ("left-out", "alone.img: found the second half of a pair without its .hdr; left out"),
                 (
                     "left-out-kinds",

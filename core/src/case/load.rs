@@ -329,6 +329,7 @@ pub fn load_with(
                 native_volume_ml: native.mask.volume_ml(),
                 expected_volume_ml: native.expected_volume_ml(),
                 color: spec.masks[native.spec].color,
+                name: spec.masks[native.spec].name.clone(),
             };
             (native.time, case_mask)
         })

@@ -14,6 +14,7 @@
 //! labels = [1, 4]          # optional; else every voxel above 0.5
 //! time = "2024-03-02"
 //! color = "#d62728"        # optional
+//! name = "tumour core"     # optional: what it is called beside its id
 //! [[tracts]]               # fibre tracts: .tck or .trk
 //! id = "CST left"
 //! file = "cst-left.tck"
@@ -72,6 +73,7 @@ struct MaskEntry {
     labels: Option<Spanned<Vec<i64>>>,
     time: Option<Spanned<Time>>,
     color: Option<Spanned<String>>,
+    name: Option<Spanned<String>>,
 }
 
 /// A time: a quoted label, or a TOML date without quotes.
@@ -144,6 +146,10 @@ pub fn read_manifest(path: &Path) -> Result<CaseSpec, CaseError> {
 /// As [`read_manifest`].
 pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     let location = ErrorLocation { name: printable(&path.display().to_string()), text };
+    if text.len() as u64 > MAX_BYTES {
+        let found = format!("{} bytes", text.len());
+        return Err(location.wrong(None, found, format!("a case manifest of at most {MAX_BYTES} bytes")));
+    }
     let manifest: Manifest = toml::from_str(text).map_err(|e| location.parse_error(&e))?;
     let version = *manifest.glioscope.get_ref();
     if version != VERSION {
@@ -217,7 +223,8 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
                 location.wrong(Some(text.span().start), found, "six hexadecimal digits as in \"#d62728\"")
             })?),
         };
-        spec.masks.push(MaskSpec { id, source, labels, time, color });
+        let name = entry.name.as_ref().map(|name| text_of(name, "name")).transpose()?;
+        spec.masks.push(MaskSpec { id, source, labels, time, color, name });
     }
     for entry in &manifest.tracts {
         let (at, entry) = (entry.span().start, entry.get_ref());
@@ -279,6 +286,8 @@ struct WrittenMask<'a> {
     time: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     color: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<&'a str>,
 }
 
 /// The manifest of `spec`, to be written into `folder`: paths of files inside it are made relative, others kept as they
@@ -307,6 +316,7 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
             labels: m.labels.as_deref(),
             time: m.time.as_deref(),
             color: m.color.map(|[r, g, b]| format!("#{r:02x}{g:02x}{b:02x}")),
+            name: m.name.as_deref(),
         })
     });
     let tracts = spec.tracts.iter().map(|t| Ok(WrittenTracts { id: &t.id, file: file(&t.source)? }));
@@ -337,6 +347,7 @@ file = "sub/seg.nii.gz"
 labels = [1, 4]
 time = "2024-03-02"
 color = "#d62728"
+name = "tumour core"
 [[tracts]]
 id = "CST"
 file = "dwi/cst.tck"
@@ -356,6 +367,7 @@ file = "dwi/cst.tck"
         assert_eq!(mask.source, Source::File("/cases/one/sub/seg.nii.gz".into()));
         assert_eq!((mask.labels.as_deref(), mask.color), (Some(&[1, 4][..]), Some([0xd6, 0x27, 0x28])));
         assert_eq!(mask.time, spec.contexts[0].time);
+        assert_eq!(mask.name.as_deref(), Some("tumour core"));
         assert_eq!(spec.tracts.len(), 1);
         assert_eq!(spec.tracts[0].id, "CST");
         assert_eq!(spec.tracts[0].source, Source::File("/cases/one/dwi/cst.tck".into()));
@@ -394,15 +406,15 @@ file = "dwi/cst.tck"
             (replaced("id = \"T1c\"", "id = \"T1c"), "line 4: found "),
             (
                 format!("{GOOD}[[mask]]\nid = \"T1\"\nfile = \"b.nii\"\ntime = \"2024-03-02\"\n"),
-                "line 16: found mask T1 twice",
+                "line 17: found mask T1 twice",
             ),
             (
                 format!("{GOOD}[[tracts]]\nid = \"CST\"\nfile = \"b.tck\"\n"),
-                "line 16: found tracts CST twice",
+                "line 17: found tracts CST twice",
             ),
             (
                 format!("{GOOD}time = \"2024-03-02\"\n"),
-                "line 16: found unknown key `time`, expected `id` or `file`",
+                "line 17: found unknown key `time`, expected `id` or `file`",
             ),
             ("glioscope = 1\n".into(), "found no [[context]] and no [[mask]]"),
             ("<!DOCTYPE html>".into(), "line 1: found "),

@@ -1,6 +1,7 @@
 //! A case: one patient's images and masks, over one or more time points.
 
 mod arguments;
+mod brats;
 mod case_grid;
 mod check;
 mod discover;
@@ -11,6 +12,7 @@ mod manifest;
 mod names;
 mod native;
 mod order;
+mod proposal;
 mod select;
 mod sessions;
 mod subject;
@@ -27,10 +29,11 @@ use crate::{
 };
 
 pub use arguments::argument_with_file;
-pub use discover::open_spec;
+pub use discover::{Description, describe, describe_files, open_spec};
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
-pub use order::OrderBasis;
+pub use order::{OrderBasis, unordered_times};
+pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
 
 /// Maximum number of images, masks and tracts in a case: twenty raters over a hundred dates are half of it.
 const MAX_FILES: usize = 4096;
@@ -59,6 +62,8 @@ pub struct MaskSpec {
     pub time: Option<String>,
     /// Colour set by the case, sRGB.
     pub color: Option<[u8; 3]>,
+    /// What it is called beside its id: the tissue that its label means.
+    pub name: Option<String>,
 }
 
 /// A file of fibre tracts listed in a case, not yet read. Tracts belong to the case, not to a time point.
@@ -194,6 +199,8 @@ pub struct CaseMask {
     pub expected_volume_ml: Option<f64>,
     /// Colour set by the case, sRGB.
     pub color: Option<[u8; 3]>,
+    /// What the case calls it beside its id.
+    pub name: Option<String>,
 }
 
 /// Fibre tracts of a case.

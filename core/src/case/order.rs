@@ -2,7 +2,7 @@
 
 use jiff::civil::Date;
 
-use super::{CaseError, CaseSpec};
+use super::{CaseError, CaseSpec, LoadOptions};
 use crate::dates::leading_date;
 
 /// How the order of a case's time points is known.
@@ -141,6 +141,21 @@ pub(super) fn arrange(
 /// Whether labels state their order in time.
 pub(super) fn is_stated_by(labels: &[&str]) -> bool {
     chronological(labels).1 != OrderBasis::Unknown
+}
+
+/// The times of a case in the order first listed, where neither the case nor `options` nor the labels themselves state
+/// their order.
+pub fn unordered_times(spec: &CaseSpec, options: &LoadOptions) -> Option<Vec<String>> {
+    let times = spec.contexts.iter().map(|c| &c.time).chain(spec.masks.iter().map(|m| &m.time)).flatten();
+    let mut labels: Vec<String> = Vec::new();
+    for time in times {
+        if !labels.contains(time) {
+            labels.push(time.clone());
+        }
+    }
+    let names: Vec<&str> = labels.iter().map(String::as_str).collect();
+    let is_stated = !spec.order.is_empty() || !options.order.is_empty() || is_stated_by(&names);
+    (!is_stated).then_some(labels)
 }
 
 /// The order that labels state, as positions, and what it is based on. Labels that don't state an order keep theirs.

@@ -7,7 +7,7 @@ use std::{
 
 use jiff::civil::DateTime;
 
-use super::{CaseSpec, folder};
+use super::{Proposal, Role, folder};
 use crate::{
     Check,
     files::{printable, read_small_text},
@@ -18,9 +18,10 @@ const MAX_BYTES: u64 = 1 << 20;
 
 /// Sets the order of the time points by a `sessions.tsv`, in `folder` or in the folder of its subject, if it lists every
 /// time point. A table that can't be used is reported.
-pub(super) fn order_by_sessions(folder: &Path, spec: &mut CaseSpec) {
-    let images = spec.contexts.iter().filter_map(|c| c.time.clone());
-    let times: BTreeSet<String> = spec.masks.iter().filter_map(|m| m.time.clone()).chain(images).collect();
+pub(super) fn order_by_sessions(folder: &Path, proposal: &mut Proposal) {
+    let dated = proposal.files.iter().filter(|file| matches!(file.role, Role::Image | Role::Mask));
+    let times: BTreeSet<String> =
+        dated.map(|file| file.time.clone()).filter(|time| !time.is_empty()).collect();
     if times.len() < 2 {
         return;
     }
@@ -43,9 +44,9 @@ pub(super) fn order_by_sessions(folder: &Path, spec: &mut CaseSpec) {
         match order {
             Ok(order) => {
                 let text = format!("times: in the order of {name}: {}", order.join(", "));
-                spec.notes.push(Check::note("time-order-sessions", text));
-                spec.order = order;
-                spec.described_by.push(file);
+                proposal.notes.push(Check::note("time-order-sessions", text));
+                proposal.order = order;
+                proposal.described_by.push(file);
                 return;
             }
             Err(found) => {
@@ -54,7 +55,7 @@ pub(super) fn order_by_sessions(folder: &Path, spec: &mut CaseSpec) {
                      of times"
                 );
                 // BIDS lets tables leave the column out.
-                spec.notes.push(if found.starts_with("no column") {
+                proposal.notes.push(if found.starts_with("no column") {
                     Check::note("sessions-unused", text)
                 } else {
                     Check::warning("sessions-unused", text)
@@ -98,21 +99,16 @@ fn read(file: &Path) -> Result<Vec<String>, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::MaskSpec;
+    use super::super::{CaseSpec, ProposedFile};
     use super::*;
-    use crate::files::{Source, write_whole};
+    use crate::files::write_whole;
 
     fn ordered(table: &str) -> (Vec<String>, Vec<Check>) {
         let folder = tempfile::tempdir().unwrap();
         write_whole(&folder.path().join("sub-01_sessions.tsv"), table.as_bytes()).unwrap();
-        let mask = |time: &str| MaskSpec {
-            id: "A".into(),
-            source: Source::File("a.nii".into()),
-            labels: None,
-            time: Some(time.into()),
-            color: None,
-        };
-        let mut spec = CaseSpec { masks: vec![mask("x"), mask("y")], ..CaseSpec::default() };
+        let mask = |time: &str| ProposedFile::new("a.nii".into(), Role::Mask, "A".into(), time.into());
+        let mut spec = Proposal::of_spec(&CaseSpec::default(), folder.path(), &[]).unwrap();
+        spec.files = vec![mask("x"), mask("y")];
         order_by_sessions(folder.path(), &mut spec);
         (spec.order, spec.notes)
     }

@@ -25,7 +25,14 @@ fn source(name: &str) -> Source {
 }
 
 fn mask(id: &str, file: &str, time: Option<&str>) -> MaskSpec {
-    MaskSpec { id: id.into(), source: source(file), labels: None, time: time.map(str::to_owned), color: None }
+    MaskSpec {
+        id: id.into(),
+        source: source(file),
+        labels: None,
+        time: time.map(str::to_owned),
+        color: None,
+        name: None,
+    }
 }
 
 fn image(id: &str, file: &str, time: Option<&str>) -> ContextSpec {

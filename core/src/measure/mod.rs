@@ -138,6 +138,8 @@ pub struct TimeReport {
 pub struct MaskReport {
     /// Its id.
     pub id: String,
+    /// What the case calls it beside its id; null for nothing.
+    pub name: Option<String>,
     /// Active voxels on the case grid.
     pub voxels: u64,
     /// Their volume.
@@ -196,6 +198,7 @@ pub fn report(case: &Case) -> MeasureReport {
                 .enumerate()
                 .map(|(k, m)| MaskReport {
                     id: m.mask.id().to_owned(),
+                    name: m.name.clone(),
                     voxels: regions.mask_voxels(k),
                     volume_ml: regions.mask_ml(k),
                     native_voxels: m.native_voxels,

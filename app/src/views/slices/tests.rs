@@ -44,6 +44,7 @@ fn case(sides: Sides) -> Case {
             expected_volume_ml: None,
             mask,
             color: None,
+            name: None,
         })
         .to_vec();
     let contexts = vec![Context { id: "T1c".into(), volume }];

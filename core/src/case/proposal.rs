@@ -1,0 +1,499 @@
+//! What the files of a folder are, as guessed from names and contents: plain data that a person corrects before the case is
+//! read. Its description is then the same as that of a manifest.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::{Path, PathBuf},
+    time::SystemTime,
+};
+
+use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec, arguments, brats};
+use crate::{
+    Check,
+    check::listed,
+    digest::Digest,
+    files::{Source, format::volume_stem, printable},
+    tumor_index::MAX_MASKS,
+};
+
+/// What a file is in the case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Anatomy.
+    Image,
+    /// A segmentation, or a label map.
+    Mask,
+    /// Fibre tracts.
+    Tracts,
+    /// It isn't read.
+    LeftOut,
+}
+
+/// A mask made from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProposedMask {
+    /// Whether the case has it.
+    pub is_in: bool,
+    /// Its name in the case.
+    pub id: String,
+    /// Its labels, separated by commas; empty: every voxel above 0.5.
+    pub labels: String,
+    /// What it is called beside its id; may be empty.
+    pub name: String,
+    /// Its colour, sRGB; `None`: that of the palette.
+    pub color: Option<[u8; 3]>,
+}
+
+/// Why a file is proposed to be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LeftOutFor {
+    /// Others have a time.
+    NoTime,
+    /// It holds tracts.
+    Tracts,
+    /// The user left it out.
+    Choice,
+}
+
+impl LeftOutFor {
+    fn text(self) -> &'static str {
+        match self {
+            Self::NoTime => "found no time in the name while others have one",
+            Self::Tracts => "found fibre tracts, which --tracts or a manifest adds",
+            Self::Choice => "left out in the dialog of the case's files",
+        }
+    }
+}
+
+/// A file, and what it is proposed to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProposedFile {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// What it is.
+    pub role: Role,
+    /// How that was found, in words; may be empty.
+    pub reason: String,
+    /// Name in the case of an image and of tracts; masks have their own.
+    pub id: String,
+    /// Label of its time point; empty where the case has one.
+    pub time: String,
+    /// The masks made from it, at least one; they count where it is a mask.
+    pub masks: Vec<ProposedMask>,
+    /// Its labels but 0, where it was found to be a label map; sorted.
+    pub labels: Vec<i64>,
+    pub(super) left_out_for: LeftOutFor,
+}
+
+impl ProposedFile {
+    pub(super) fn new(path: PathBuf, role: Role, id: String, time: String) -> Self {
+        let mask = ProposedMask {
+            is_in: true,
+            id: id.clone(),
+            labels: String::new(),
+            name: String::new(),
+            color: None,
+        };
+        Self {
+            path,
+            role,
+            reason: String::new(),
+            id,
+            time,
+            masks: vec![mask],
+            labels: Vec::new(),
+            left_out_for: LeftOutFor::Choice,
+        }
+    }
+
+    /// Makes each of its labels a mask, named where the file's name shows what the labels mean. Returns the source of the
+    /// names.
+    pub fn split(&mut self) -> Option<&'static str> {
+        let stem = self.path.file_name().and_then(|name| volume_stem(name.to_str()?)).unwrap_or_default();
+        let known = brats::label_names(stem, &self.labels);
+        let names = known.as_ref().map(|(_, names)| names.as_slice()).unwrap_or_default();
+        let mask = |(n, label): (usize, &i64)| ProposedMask {
+            is_in: true,
+            id: format!("{}-{label}", self.id),
+            labels: label.to_string(),
+            name: names.get(n).map(|name| (*name).to_owned()).unwrap_or_default(),
+            color: None,
+        };
+        self.masks = self.labels.iter().enumerate().map(mask).collect();
+        known.map(|(years, _)| years)
+    }
+
+    /// Makes one mask of all its labels.
+    pub fn merge(&mut self) {
+        let whole = Self::new(PathBuf::new(), Role::Mask, self.id.clone(), String::new());
+        self.masks = whole.masks;
+    }
+
+    fn masks_in(&self) -> impl Iterator<Item = (usize, &ProposedMask)> {
+        let is_mask = self.role == Role::Mask;
+        self.masks.iter().enumerate().filter(move |(_, mask)| is_mask && mask.is_in)
+    }
+
+    fn time(&self) -> Option<String> {
+        Some(self.time.trim().to_owned()).filter(|time| !time.is_empty())
+    }
+}
+
+/// What is wrong with a proposal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Index of the file; `None`: the case as a whole.
+    pub file: Option<usize>,
+    /// Index of the file's mask.
+    pub mask: Option<usize>,
+    /// What it is, without the file's name.
+    pub text: String,
+}
+
+/// What the files of a folder, or some files, are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal {
+    /// The case's name.
+    pub name: String,
+    /// The folder in which all its files lie.
+    pub folder: PathBuf,
+    /// Its files: those of the case, then those proposed to be left out.
+    pub files: Vec<ProposedFile>,
+    /// Labels of the time points in time order, where that is stated; else empty.
+    pub order: Vec<String>,
+    /// Guesses, and what is left out without a choice.
+    pub notes: Vec<Check>,
+    /// Why it may not be one case, if so.
+    pub doubt: Option<String>,
+    /// Changes whenever a file is added, removed or written, and differs from that of every other folder.
+    pub key: String,
+    pub(super) described_by: Vec<PathBuf>,
+}
+
+impl Proposal {
+    /// The proposal of a case that is described already, with more files below `folder` that it leaves out. `None` where its
+    /// files aren't on disk.
+    pub fn of_spec(spec: &CaseSpec, folder: &Path, left_out: &[PathBuf]) -> Option<Self> {
+        let path_of = |source: &Source| match source {
+            Source::File(path) => Some(path.clone()),
+            Source::Embedded { .. } => None,
+        };
+        let mut files = Vec::new();
+        for image in &spec.contexts {
+            let time = image.time.clone().unwrap_or_default();
+            files.push(ProposedFile::new(path_of(&image.source)?, Role::Image, image.id.clone(), time));
+        }
+        for mask in &spec.masks {
+            let (path, time) = (path_of(&mask.source)?, mask.time.clone().unwrap_or_default());
+            let words: Vec<String> = mask.labels.iter().flatten().map(i64::to_string).collect();
+            let proposed = ProposedMask {
+                is_in: true,
+                id: mask.id.clone(),
+                labels: words.join(", "),
+                name: mask.name.clone().unwrap_or_default(),
+                color: mask.color,
+            };
+            let same =
+                |file: &&mut ProposedFile| file.role == Role::Mask && file.path == path && file.time == time;
+            if let Some(file) = files.iter_mut().find(same) {
+                file.masks.push(proposed);
+            } else {
+                let mut file = ProposedFile::new(path, Role::Mask, mask.id.clone(), time);
+                file.masks = vec![proposed];
+                files.push(file);
+            }
+        }
+        for tracts in &spec.tracts {
+            let path = path_of(&tracts.source)?;
+            files.push(ProposedFile::new(path, Role::Tracts, tracts.id.clone(), String::new()));
+        }
+        for path in left_out {
+            let id = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            files.push(ProposedFile::new(folder.join(path), Role::LeftOut, id, String::new()));
+        }
+        Some(Self {
+            name: spec.name.clone(),
+            folder: folder.to_owned(),
+            files,
+            order: spec.order.clone(),
+            notes: Vec::new(),
+            doubt: None,
+            key: String::new(),
+            described_by: Vec::new(),
+        })
+    }
+
+    /// Path of a file relative to the folder.
+    pub fn shown(&self, file: &ProposedFile) -> String {
+        let relative = file.path.strip_prefix(&self.folder).unwrap_or(&file.path);
+        printable(&relative.display().to_string())
+    }
+
+    /// The description of the case as it now stands; complete where there is no [`Proposal::problems`].
+    pub fn spec(&self) -> CaseSpec {
+        let mut spec = CaseSpec {
+            name: self.name.clone(),
+            described_by: self.described_by.clone(),
+            notes: self.notes.clone(),
+            ..CaseSpec::default()
+        };
+        for file in &self.files {
+            let (id, source, time) =
+                (file.id.trim().to_owned(), Source::File(file.path.clone()), file.time());
+            match file.role {
+                Role::Image => spec.contexts.push(ContextSpec { id, source, time }),
+                Role::Tracts => spec.tracts.push(TractsSpec { id, source }),
+                Role::Mask | Role::LeftOut => {}
+            }
+            spec.masks.extend(file.masks_in().map(|(_, mask)| MaskSpec {
+                id: mask.id.trim().to_owned(),
+                source: Source::File(file.path.clone()),
+                labels: labels(&mask.labels).unwrap_or(Some(Vec::new())),
+                time: file.time(),
+                color: mask.color,
+                name: Some(mask.name.trim().to_owned()).filter(|name| !name.is_empty()),
+            }));
+        }
+        let times = times(&spec);
+        if self.order.iter().collect::<BTreeSet<_>>() == times.iter().collect() {
+            spec.order.clone_from(&self.order);
+        }
+        spec.notes.extend(self.left_out_notes());
+        spec
+    }
+
+    /// Files that are left out, relative to the folder.
+    pub fn left_out(&self) -> Vec<PathBuf> {
+        let out = self.files.iter().filter(|file| file.role == Role::LeftOut);
+        out.map(|file| file.path.strip_prefix(&self.folder).unwrap_or(&file.path).to_owned()).collect()
+    }
+
+    fn left_out_notes(&self) -> Vec<Check> {
+        let note = |why: LeftOutFor| {
+            let out = self.files.iter().filter(|file| file.role == Role::LeftOut && file.left_out_for == why);
+            let names: Vec<String> = out.map(|file| self.shown(file)).collect();
+            let text =
+                |end: &str| format!("{}: {}{end}", listed(&names, super::folder::MAX_LISTED), why.text());
+            (!names.is_empty()).then(|| match why {
+                LeftOutFor::NoTime => Check::warning("guess-left-out", text("; left out")),
+                LeftOutFor::Tracts => Check::warning("left-out", text("; left out")),
+                LeftOutFor::Choice => Check::note("left-out-chosen", text("")),
+            })
+        };
+        [LeftOutFor::NoTime, LeftOutFor::Tracts, LeftOutFor::Choice].into_iter().filter_map(note).collect()
+    }
+
+    /// What keeps the case from being read, in the order of the files.
+    pub fn problems(&self) -> Vec<Problem> {
+        let mut problems = Vec::new();
+        let mut add = |file: usize, mask: Option<usize>, text: String| {
+            problems.push(Problem { file: Some(file), mask, text });
+        };
+        let mut known: BTreeMap<(u8, String, String), ()> = BTreeMap::new();
+        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        let is_dated = |file: &ProposedFile| matches!(file.role, Role::Image | Role::Mask);
+        let has_times = self.files.iter().any(|file| is_dated(file) && file.time().is_some());
+        for (n, file) in self.files.iter().enumerate() {
+            let time = file.time().unwrap_or_default();
+            let mut ids: Vec<(Option<usize>, u8, String, &str)> = Vec::new();
+            match file.role {
+                Role::Image => ids.push((None, 0, time.clone(), &file.id)),
+                Role::Tracts => ids.push((None, 1, String::new(), &file.id)),
+                Role::Mask => {
+                    ids.extend(file.masks_in().map(|(m, mask)| (Some(m), 2, time.clone(), mask.id.as_str())));
+                }
+                Role::LeftOut => {}
+            }
+            if file.role == Role::Mask && ids.is_empty() {
+                add(n, None, "no label is in: choose one, or leave the file out".into());
+            }
+            for (mask, kind, time, id) in ids {
+                let id = id.trim();
+                if id.is_empty() {
+                    add(n, mask, "no id".into());
+                } else if id.chars().any(char::is_control) {
+                    add(n, mask, "an id with control characters".into());
+                } else if known.insert((kind, time.clone(), id.to_owned()), ()).is_some() {
+                    let kind = ["image", "tracts", "mask"][usize::from(kind)];
+                    let at = if time.is_empty() { String::new() } else { format!(" of {time}") };
+                    add(n, mask, format!("another {kind}{at} is called {id}"));
+                }
+            }
+            for (m, mask) in file.masks_in() {
+                if labels(&mask.labels).is_none() {
+                    let text = format!("labels {:?}: numbers separated by commas, or none", mask.labels);
+                    add(n, Some(m), text);
+                }
+                if mask.name.chars().any(char::is_control) {
+                    add(n, Some(m), "a name with control characters".into());
+                }
+                let count = counts.entry(time.clone()).or_default();
+                *count += 1;
+                if *count == MAX_MASKS + 1 {
+                    add(n, Some(m), format!("more than {MAX_MASKS} masks at one date"));
+                }
+            }
+            if is_dated(file) && has_times && time.is_empty() {
+                add(n, None, "no date, while others have one".into());
+            } else if time.chars().any(char::is_control) {
+                add(n, None, "a date with control characters".into());
+            }
+        }
+        let is_in = |file: &&ProposedFile| is_dated(file);
+        let whole = if self.files.iter().find(is_in).is_none() {
+            Some("no image and no mask is in".to_owned())
+        } else if self.files.len() > MAX_FILES {
+            Some(format!("more than {MAX_FILES} files"))
+        } else {
+            None
+        };
+        problems.extend(whole.map(|text| Problem { file: None, mask: None, text }));
+        problems
+    }
+
+    /// As [`Proposal::spec`], where nobody is asked; `has_order`: the order of its dates is stated.
+    ///
+    /// # Errors
+    /// [`CaseError::Wrong`] where it may not be one case.
+    pub fn unasked(&self, has_order: bool) -> Result<CaseSpec, CaseError> {
+        match &self.doubt {
+            Some(doubt) if !has_order => Err(CaseError::wrong(
+                printable(&self.folder.display().to_string()),
+                doubt.clone(),
+                "the folder of one patient, or the dates' order (--order)",
+            )),
+            _ => Ok(self.spec()),
+        }
+    }
+
+    /// Computes the key from the files' sizes and times of change; `is_folder`: they are all that the folder holds.
+    pub(super) fn with_key(mut self, is_folder: bool) -> Self {
+        let mut digest = Digest::new();
+        digest.add(u64::from(is_folder));
+        let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
+        digest.bytes(folder.as_os_str().as_encoded_bytes());
+        let files = self.files.iter().map(|file| &file.path).chain(&self.described_by);
+        for path in files {
+            let relative = path.strip_prefix(&self.folder).unwrap_or(path);
+            digest.bytes(relative.as_os_str().as_encoded_bytes());
+            // The voxels of a pair lie in its second file.
+            let half = crate::files::other_half(path);
+            for path in std::iter::once(path).chain(&half) {
+                let metadata = path.metadata().ok();
+                let changed = metadata.as_ref().and_then(|m| m.modified().ok());
+                let since = changed.and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
+                let since = since.unwrap_or_default();
+                digest.add(metadata.map_or(0, |m| m.len()));
+                digest.add(since.as_secs());
+                digest.add(u64::from(since.subsec_nanos()));
+            }
+        }
+        for note in self.notes.iter().filter(|note| note.code == "left-out") {
+            digest.bytes(note.message.as_bytes());
+        }
+        let [a, b] = digest.finish();
+        self.key = format!("{a:016x}{b:016x}");
+        self
+    }
+}
+
+/// Labels as typed: `Some(None)` for none, `None` where they aren't numbers.
+#[allow(clippy::option_option, reason = "no labels are not wrong labels")]
+fn labels(text: &str) -> Option<Option<Vec<i64>>> {
+    if text.trim().is_empty() { Some(None) } else { arguments::labels(text).map(Some) }
+}
+
+/// The distinct times of a description.
+fn times(spec: &CaseSpec) -> BTreeSet<String> {
+    let images = spec.contexts.iter().filter_map(|c| c.time.clone());
+    spec.masks.iter().filter_map(|m| m.time.clone()).chain(images).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(name: &str, role: Role, id: &str, time: &str) -> ProposedFile {
+        ProposedFile::new(Path::new("/case").join(name), role, id.into(), time.into())
+    }
+
+    fn of_files(files: Vec<ProposedFile>) -> Proposal {
+        let spec = CaseSpec { name: "case".into(), ..CaseSpec::default() };
+        Proposal { files, ..Proposal::of_spec(&spec, Path::new("/case"), &[]).unwrap() }
+    }
+
+    fn texts(proposal: &Proposal) -> Vec<(Option<usize>, Option<usize>, String)> {
+        proposal.problems().into_iter().map(|p| (p.file, p.mask, p.text)).collect()
+    }
+
+    #[test]
+    fn what_can_not_be_read_is_named_beside_its_file() {
+        let mut proposal = of_files(vec![
+            file("t1.nii", Role::Image, "T1", ""),
+            file("a.nii", Role::Mask, "A", ""),
+            file("b.nii", Role::Mask, "B", ""),
+            file("c.tck", Role::Tracts, "C", ""),
+        ]);
+        assert_eq!(texts(&proposal), []);
+        proposal.files[2].masks[0].id = " A ".into();
+        assert_eq!(texts(&proposal), [(Some(2), Some(0), "another mask is called A".into())]);
+        proposal.files[2].time = "later".into();
+        let missing = |n| (Some(n), None, "no date, while others have one".to_owned());
+        assert_eq!(texts(&proposal), [missing(0), missing(1)]);
+        proposal.files[2].time.clear();
+        proposal.files[2].masks[0].id = "T1".into();
+        proposal.files[2].masks[0].labels = "1, x".into();
+        assert!(texts(&proposal)[0].2.starts_with("labels \"1, x\""), "{:?}", texts(&proposal));
+        proposal.files[2].masks[0].is_in = false;
+        assert!(texts(&proposal)[0].2.starts_with("no label is in"), "{:?}", texts(&proposal));
+        for at in 0..3 {
+            proposal.files[at].role = Role::LeftOut;
+        }
+        assert_eq!(texts(&proposal), [(None, None, "no image and no mask is in".into())]);
+        let mut many = of_files(
+            (0..=MAX_MASKS).map(|n| file(&format!("{n}.nii"), Role::Mask, &format!("m{n}"), "")).collect(),
+        );
+        assert_eq!(texts(&many).len(), 1);
+        many.files[0].role = Role::Image;
+        assert_eq!(texts(&many), []);
+    }
+
+    #[test]
+    fn an_edited_proposal_is_what_a_manifest_of_it_says() {
+        let mut map = file("BraTS2021_00002_seg.nii.gz", Role::Mask, "seg", "b");
+        map.labels = vec![1, 2, 4];
+        assert_eq!(map.split(), Some("BraTS 2021"));
+        let mut proposal = of_files(vec![
+            map,
+            file("t1.nii", Role::Image, " T1 ", "a"),
+            file("x.nii", Role::LeftOut, "x", ""),
+            file("y.tck", Role::Tracts, "y", ""),
+        ]);
+        proposal.order = vec!["b".into(), "a".into()];
+        proposal.files[0].masks[1].is_in = false;
+        proposal.files[0].masks[2].labels = "4, 5".into();
+        proposal.files[0].masks[2].color = Some([1, 2, 3]);
+        let spec = proposal.spec();
+        let masks: Vec<_> = spec
+            .masks
+            .iter()
+            .map(|m| (m.id.as_str(), m.labels.clone().unwrap(), m.name.as_deref()))
+            .collect();
+        let expected =
+            [("seg-1", vec![1], Some("necrotic core")), ("seg-4", vec![4, 5], Some("enhancing tumour"))];
+        assert_eq!(masks, expected);
+        assert_eq!((spec.contexts[0].id.as_str(), &spec.order), ("T1", &proposal.order));
+        assert_eq!(spec.notes[0].code, "left-out-chosen");
+        let text = super::super::write_manifest(&spec, Path::new("/case")).unwrap();
+        let read = super::super::parse_manifest(&text, Path::new("/case/case.toml")).unwrap();
+        assert_eq!((&read.masks, &read.contexts), (&spec.masks, &spec.contexts));
+        assert_eq!((&read.tracts, &read.order), (&spec.tracts, &spec.order));
+        // And back: the same rows again.
+        let again = Proposal::of_spec(&read, Path::new("/case"), &proposal.left_out()).unwrap();
+        assert_eq!((again.spec().masks, again.left_out()), (spec.masks, proposal.left_out()));
+        proposal.files[0].merge();
+        assert_eq!(proposal.spec().masks[0].labels, None);
+        proposal.order = vec!["b".into()];
+        assert!(proposal.spec().order.is_empty(), "an order of other dates is none");
+    }
+}

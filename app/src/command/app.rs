@@ -23,7 +23,12 @@ pub enum AppCommand {
     SaveSessionAs,
     SaveSessionTo(PathBuf),
     CancelLoading,
+    OpenFiles(Vec<PathBuf>),
+    ShowCaseFiles,
     AcceptGuess(bool),
+    OrderDates(Option<Vec<String>>),
+    SaveManifest,
+    SaveManifestTo(PathBuf),
     ExportMeasurements(ExportFormat),
     ExportMeasurementsTo(PathBuf),
     ExportRulers(ExportFormat),
@@ -55,6 +60,7 @@ impl AppCommand {
         match kind {
             AppKind::OpenDialog => vec![listed(Self::OpenDialog).keys(CTRL, Key::O).menu(Menu::File, 0)],
             AppKind::OpenSample => vec![listed(Self::OpenSample).menu(Menu::File, 0)],
+            AppKind::ShowCaseFiles => vec![listed(Self::ShowCaseFiles).menu(Menu::File, 1)],
             AppKind::SaveSession => vec![listed(Self::SaveSession).keys(CTRL, Key::S).menu(Menu::File, 1)],
             AppKind::SaveSessionAs => {
                 vec![listed(Self::SaveSessionAs).keys(CTRL | Modifiers::SHIFT, Key::S).menu(Menu::File, 1)]
@@ -100,7 +106,11 @@ impl AppCommand {
             | AppKind::AddTracts
             | AppKind::SaveSessionTo
             | AppKind::CancelLoading
+            | AppKind::OpenFiles
             | AppKind::AcceptGuess
+            | AppKind::OrderDates
+            | AppKind::SaveManifest
+            | AppKind::SaveManifestTo
             | AppKind::ExportMeasurementsTo
             | AppKind::ExportRulersTo
             | AppKind::GoToRegion
@@ -124,6 +134,13 @@ impl AppCommand {
             Self::SaveSessionAs => Label::new("Save the session as…"),
             Self::SaveSessionTo(_) => Label::new("Save the session here"),
             Self::CancelLoading => Label::new("Cancel loading"),
+            Self::OpenFiles(_) => Label::new("Open these files as one case"),
+            Self::ShowCaseFiles => Label::new("Case files…")
+                .detail("What each file of the open case is: image or mask, its id, date, labels and colour"),
+            Self::OrderDates(Some(_)) => Label::new("Use this order"),
+            Self::OrderDates(None) => Label::new("Don't open the case"),
+            Self::SaveManifest => Label::new("Save as case.toml…"),
+            Self::SaveManifestTo(_) => Label::new("Write the manifest"),
             Self::AcceptGuess(true) => Label::new("Open it like this"),
             Self::AcceptGuess(false) => Label::new("Don't open it"),
             Self::ExportMeasurements(format) => {
@@ -185,6 +202,8 @@ impl AppCommand {
             | Self::GoToRegion(_)
             | Self::GoToComponent(..)
             | Self::ScreenshotPane(_) => work.doc.is_some(),
+            // The sample has no files.
+            Self::ShowCaseFiles => work.doc.as_ref().is_some_and(|doc| doc.case != CaseRef::Sample),
             Self::GoToGrowth => work.world.time_point_count() > 1,
             Self::ExportRulers(_) | Self::ExportRulersTo(_) => {
                 work.doc.as_ref().is_some_and(|doc| !doc.edit.rulers.is_empty())

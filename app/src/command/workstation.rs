@@ -7,18 +7,21 @@ use std::{
 };
 
 use glioscope_core::{
-    case::{CaseSpec, LoadOptions},
+    case::{self, LoadOptions, Proposal},
     files::Inputs,
 };
 
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, Edit, History, PictureSize, Place, Session, rulers::MOST_RULERS, session},
+    model::{
+        Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session, masks::MaskLooks,
+        rulers::MOST_RULERS, session,
+    },
     world::{
         Loaded, World,
         jobs::Waker,
-        load::{LoadJob, Opened, OpenedCase, Request},
+        load::{Accepted, LoadJob, Opened, OpenedCase, Request, Unordered},
     },
 };
 
@@ -26,8 +29,20 @@ use crate::{
 pub struct Guess {
     /// What is being opened.
     pub request: Request,
-    /// The guess, with its reasons in the notes.
-    pub spec: CaseSpec,
+    /// The guess, with its reasons in the notes, as the user changes it.
+    pub proposal: Proposal,
+    /// The guess as it was.
+    pub proposed: Proposal,
+}
+
+/// A case with dates whose order the user is asked for.
+pub struct OrderQuestion {
+    /// What is being opened.
+    pub request: Request,
+    /// What was accepted of its files, where that was asked.
+    pub accepted: Option<Accepted>,
+    /// The dates, as the user orders them.
+    pub unordered: Unordered,
 }
 
 /// Size and time of last change of a file.
@@ -51,6 +66,12 @@ pub struct Workstation {
     pub job: Option<LoadJob>,
     /// A guess that awaits the user's confirmation.
     pub guess: Option<Guess>,
+    /// Dates that await their order.
+    pub order_question: Option<OrderQuestion>,
+    /// What was accepted before.
+    pub answers: Answers,
+    /// Names the files of the open case among the answers; empty where they were never asked about.
+    pub case_key: String,
     /// Accept guesses without confirmation: for scripted pictures.
     pub accept_guesses: bool,
     /// Path where the session was last saved or read.
@@ -100,7 +121,9 @@ impl Workstation {
         self.saved = None;
         let first = self.world.case().and_then(|c| c.time_points.first());
         self.doc = document.or_else(|| {
-            first.map(|time_point| Document::new(case, time_point, self.world.time_point_count()))
+            let mut doc = Document::new(case, first?, self.world.time_point_count());
+            doc.edit.masks = self.world.case().map(|case| MaskLooks::of_case(case)).unwrap_or_default();
+            Some(doc)
         });
         if let Some(doc) = &mut self.doc {
             doc.nav.time = doc.nav.time.min(self.world.time_point_count().saturating_sub(1));
@@ -134,13 +157,43 @@ impl Workstation {
         self.start(Request { case, tracts, options, ..Request::default() }, wake);
     }
 
+    /// Starts opening files and folders as one case.
+    pub fn open_files(&mut self, files: Vec<PathBuf>, wake: Waker) {
+        let options = self.limits();
+        self.start(Request { files, options, ..Request::default() }, wake);
+    }
+
     fn start(&mut self, request: Request, wake: Waker) {
         if let Some(job) = self.job.take() {
             job.job.progress.cancel();
         }
         self.error = None;
-        self.guess = None;
+        self.drop_questions();
+        let request = Request { unasked_order: request.unasked_order || self.accept_guesses, ..request };
         self.job = Some(LoadJob::start(request, None, wake));
+    }
+
+    /// Drops what is asked about a case before it is read; the one that is open stays.
+    pub fn drop_questions(&mut self) {
+        self.guess = None;
+        self.order_question = None;
+    }
+
+    /// Asks again what the files of the open case are. The sample has none.
+    pub fn edit_case_files(&mut self, wake: Waker) {
+        let doc = self.doc.as_ref().filter(|doc| doc.case != CaseRef::Sample);
+        let (Some(doc), Some(case)) = (doc, self.world.case()) else { return };
+        match Session::of(doc, case) {
+            Ok(session) => {
+                let session_path = self.session_path.clone();
+                let request = Request::of_session(session, &[], &self.limits());
+                let edits = true;
+                let request =
+                    Request { session_path, is_unsaved: true, edits, unasked_order: false, ..request };
+                self.start(request, wake);
+            }
+            Err(error) => self.error = Some(error.into()),
+        }
     }
 
     /// Opens the case again with additional files of fibre tracts, keeping the current document.
@@ -156,11 +209,76 @@ impl Workstation {
         }
     }
 
-    /// Reads the case as guessed.
+    /// Reads the case as guessed and changed. Nothing happens while the proposal has problems.
     pub fn accept_guess(&mut self, wake: Waker) {
-        if let Some(Guess { request, spec }) = self.guess.take() {
-            self.job = Some(LoadJob::start(request, Some(spec), wake));
+        let Some(Guess { request, proposal, proposed }) = self.guess.take() else { return };
+        if !proposal.problems().is_empty() {
+            self.guess = Some(Guess { request, proposal, proposed });
+            return;
         }
+        let is_changed = proposal != proposed;
+        if self.accept_guesses
+            && let Err(error) = proposal.unasked(!request.options.order.is_empty())
+        {
+            self.error = Some(error.into());
+            return;
+        }
+        let spec = proposal.spec();
+        let has_order = case::unordered_times(&spec, &LoadOptions::default()).is_none();
+        if request.edits && !is_changed && has_order {
+            return;
+        }
+        // Files that were dropped have no other description.
+        match Accepted::new(&proposal, is_changed || !request.files.is_empty()) {
+            Ok(mut accepted) => {
+                if request.edits && accepted.key.is_empty() {
+                    accepted.key.clone_from(&self.case_key);
+                }
+                self.job = Some(LoadJob::start(request, Some(accepted), wake));
+            }
+            Err(error) => self.error = Some(error.into()),
+        }
+    }
+
+    /// Reads the case with its dates in this order; empty: in none.
+    pub fn order_dates(&mut self, order: Vec<String>, wake: Waker) {
+        let Some(OrderQuestion { mut request, accepted, .. }) = self.order_question.take() else { return };
+        request.options.order = order;
+        request.unasked_order = true;
+        self.job = Some(LoadJob::start(request, accepted, wake));
+    }
+
+    /// The manifest of the case that is being asked about, to be written at `path`.
+    ///
+    /// # Errors
+    /// [`AppError`] where it has problems, or where `path` is one of the case's files.
+    pub fn manifest_for(&self, path: &Path) -> Result<String, AppError> {
+        let Some(Guess { request, proposal, .. }) = &self.guess else {
+            return Err(AppError::file(path, "no case whose files are shown", "one (Case files…)"));
+        };
+        if let Some(problem) = proposal.problems().into_iter().next() {
+            return Err(AppError::file(
+                path,
+                format!("a case with {}", problem.text),
+                "one that can be read",
+            ));
+        }
+        let mut spec = proposal.spec();
+        let mut absolute = proposal.clone();
+        for file in &mut absolute.files {
+            if let Ok(whole) = std::path::absolute(&file.path) {
+                file.path = whole;
+            }
+        }
+        let written = absolute.spec();
+        (spec.masks, spec.contexts, spec.tracts) = (written.masks, written.contexts, written.tracts);
+        if spec.order.is_empty() {
+            spec.order.clone_from(&request.options.order);
+        }
+        spec.inputs().refuse_as_output(path)?;
+        self.inputs().refuse_as_output(path)?;
+        let folder = std::path::absolute(path).ok().and_then(|path| path.parent().map(Path::to_owned));
+        Ok(case::write_manifest(&spec, &folder.unwrap_or_default())?)
     }
 
     /// Opens a session file and the case it refers to, with additional `tracts`.
@@ -186,26 +304,54 @@ impl Workstation {
         }
     }
 
-    /// Takes over a finished load, if any. Returns the case or the session that was opened.
-    pub fn poll(&mut self) -> Option<CaseRef> {
+    /// Takes over a finished load, if any. Returns the path of the case or the session that was opened.
+    pub fn poll(&mut self, wake: Waker) -> Option<PathBuf> {
         let result = self.job.as_ref()?.job.poll()?;
-        let LoadJob { request, job } = self.job.take()?;
+        let LoadJob { request, accepted, job } = self.job.take()?;
         match result {
-            Ok(Opened::Guessed(spec)) => {
-                self.guess = Some(Guess { request, spec });
+            Ok(Opened::Guessed(proposal)) => {
+                self.guessed(request, proposal, wake);
+                None
+            }
+            Ok(Opened::Unordered(unordered)) => {
+                self.order_question = Some(OrderQuestion { request, accepted, unordered });
                 None
             }
             Ok(Opened::Loaded(opened)) => {
                 let is_unsaved = request.is_unsaved;
                 self.session_stamp = request.session_path.as_deref().and_then(stamp);
                 self.session_path = request.session_path;
+                let before = self.world.case().cloned();
                 self.install_opened(*opened);
+                if let (true, Some(before), Some(case), Some(doc)) =
+                    (request.edits, before, self.world.case(), &mut self.doc)
+                {
+                    doc.edit.masks.follow(&before, case);
+                }
                 if is_unsaved {
                     self.saved = None;
                 }
-                Some(self.session_path.clone().map_or(request.case, CaseRef::Path))
+                self.case_key.clear();
+                if let Some(accepted) = accepted {
+                    self.answers.add(accepted.answer(&request.options.order));
+                    if accepted.silently {
+                        self.notice = Some(
+                            "Opened as accepted before; File, Case files… changes what they are.".into(),
+                        );
+                    }
+                    self.case_key = accepted.key;
+                }
+                let is_path = request.files.is_empty() && !request.edits;
+                self.session_path.clone().or(match request.case {
+                    CaseRef::Path(path) if is_path => Some(path),
+                    _ => None,
+                })
             }
             Err(error) => {
+                if let Some(accepted) = accepted.filter(|accepted| accepted.silently) {
+                    // Next time it is asked about.
+                    self.answers.forget(&accepted.key);
+                }
                 if job.progress.check().is_ok() {
                     self.error = Some(error);
                 } else {
@@ -214,6 +360,22 @@ impl Workstation {
                 None
             }
         }
+    }
+
+    /// Takes up a guess: as it was accepted before, or to be shown.
+    fn guessed(&mut self, mut request: Request, proposal: Proposal, wake: Waker) {
+        let known = self.answers.find(&proposal.key).filter(|_| !request.edits && !self.accept_guesses);
+        if let Some(answer) = known
+            && let Ok(accepted) = Accepted::before(&proposal, answer, request.session.is_some())
+        {
+            if request.options.order.is_empty() {
+                request.options.order.clone_from(&answer.order);
+            }
+            request.unasked_order = true;
+            self.job = Some(LoadJob::start(request, Some(accepted), wake));
+            return;
+        }
+        self.guess = Some(Guess { request, proposed: proposal.clone(), proposal });
     }
 
     /// The files that the open case was read from: no output is written over them.

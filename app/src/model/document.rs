@@ -49,6 +49,16 @@ pub enum CaseRef {
         /// Each `ID=FILE[@TIME]`.
         contexts: Vec<String>,
     },
+    /// Files of a folder, as the user said what they are.
+    Files {
+        /// The folder.
+        folder: PathBuf,
+        /// What they are: the text of a manifest, with paths relative to the folder.
+        manifest: String,
+        /// Files that were left out, relative to the folder.
+        #[serde(default)]
+        left_out: Vec<PathBuf>,
+    },
 }
 
 /// The state that undo covers.

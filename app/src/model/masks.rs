@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use glioscope_core::case::Case;
 use serde::{Deserialize, Serialize};
 
 /// How a mask is named and coloured, where that differs from the case.
@@ -20,6 +21,36 @@ pub struct MaskLook {
 pub struct MaskLooks(BTreeMap<String, MaskLook>);
 
 impl MaskLooks {
+    /// The names that a case itself gives to its masks beside their ids.
+    pub fn of_case(case: &Case) -> Self {
+        let mut looks = Self::default();
+        for mask in case.time_points.iter().flat_map(|time_point| &time_point.masks) {
+            looks.set(mask.mask.id(), &MaskLook { name: mask.name.clone(), color: None });
+        }
+        looks
+    }
+
+    /// Takes over the names and colours that a case gives otherwise than it did before.
+    pub fn follow(&mut self, before: &Case, now: &Case) {
+        let look_in = |case: &Case, id: &str| {
+            let mut masks = case.time_points.iter().flat_map(|time_point| &time_point.masks);
+            masks.find(|mask| mask.mask.id() == id).map(|mask| (mask.name.clone(), mask.color))
+        };
+        for mask in now.time_points.iter().flat_map(|time_point| &time_point.masks) {
+            let id = mask.mask.id();
+            let (name, color) = look_in(before, id).unwrap_or_default();
+            let mut look = self.get(id);
+            if mask.name != name {
+                look.name.clone_from(&mask.name);
+            }
+            if mask.color != color {
+                // That of the case.
+                look.color = None;
+            }
+            self.set(id, &look);
+        }
+    }
+
     /// How a mask is named and coloured.
     pub fn get(&self, id: &str) -> MaskLook {
         self.0.get(id).cloned().unwrap_or_default()

@@ -1,5 +1,6 @@
 //! Saved state: the document and its types, the layout of panes, undo, and the session file. Independent of views.
 
+pub mod accepted;
 pub mod change;
 pub mod document;
 pub mod ellipsoids;
@@ -18,6 +19,7 @@ mod session_limits;
 mod session_names;
 mod session_old;
 
+pub use accepted::{Answer, Answers};
 pub use change::ChangeSetting;
 pub use document::{CaseRef, Document, Edit, Navigation};
 pub use ellipsoids::{ComponentOf, EllipsoidKind, EllipsoidLook, EllipsoidOpacity};

@@ -51,6 +51,11 @@ impl Place {
                 masks: masks.iter().map(|text| argument(text, true)).collect(),
                 contexts: contexts.iter().map(|text| argument(text, false)).collect(),
             },
+            CaseRef::Files { folder, manifest, left_out } => CaseRef::Files {
+                folder: change(folder),
+                manifest: manifest.clone(),
+                left_out: left_out.clone(),
+            },
         };
         Self { case, tracts: self.tracts.iter().map(|path| change(path)).collect() }
     }
@@ -105,6 +110,13 @@ mod tests {
         assert_eq!(masks, &["T1=../m.nii:1@pre"]);
         assert_eq!(relative.seen_from(Path::new("/a/b/sessions")), place);
         assert_eq!(relative.seen_from(Path::new("/z/y/sessions")).tracts, [Path::new("/z/c/x.tck")]);
+        let files = |folder: &str| {
+            let (manifest, left_out) = ("glioscope = 1".to_owned(), vec!["x.nii".into()]);
+            let case = CaseRef::Files { folder: folder.into(), manifest, left_out };
+            Place { case, tracts: Vec::new() }
+        };
+        assert_eq!(files("/a/b").relative_to(Path::new("/a/c")), files("../b"));
+        assert_eq!(files("../b").seen_from(Path::new("/a/c")), files("/a/b"));
         let folder = Place { case: CaseRef::Path("/a/b".into()), tracts: Vec::new() };
         assert_eq!(folder.relative_to(Path::new("/a/b")).case, CaseRef::Path(".".into()));
         assert_eq!(folder.relative_to(Path::new("/a/b")).seen_from(Path::new("/a/b")), folder);

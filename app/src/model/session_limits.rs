@@ -9,7 +9,7 @@ use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
 use super::{
-    document::{Document, Edit, Navigation},
+    document::{CaseRef, Document, Edit, Navigation},
     pane::PaneId,
     rulers::MOST_RULERS,
 };
@@ -81,6 +81,9 @@ fn neighbors(name: &str, found: u32) -> Checked {
 pub(super) fn check(document: &Document, json: &Value) -> Checked {
     count("tracts", document.tracts.len(), MOST_ENTRIES)?;
     count("order", document.order.len(), MOST_ENTRIES)?;
+    if let CaseRef::Files { left_out, .. } = &document.case {
+        count("left_out", left_out.len(), MOST_ENTRIES)?;
+    }
     check_edit(&document.edit)?;
     check_navigation(&document.nav)?;
     // Private fields of the layout.

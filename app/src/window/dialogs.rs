@@ -24,6 +24,8 @@ pub enum Purpose {
     OpenFolder,
     /// Save the session.
     SaveSession,
+    /// Write the manifest of the case.
+    Manifest,
     /// Write a picture of a pane, or of the window.
     Picture(Option<PaneId>),
     /// Write the numbers.
@@ -38,6 +40,7 @@ impl Purpose {
         Some(match self {
             Self::OpenFile | Self::OpenFolder => return None,
             Self::SaveSession => format!("case.{}", session::EXTENSION),
+            Self::Manifest => "case.toml".into(),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
             Self::Measurements(format) => format!("numbers.{}", format.extension()),
             Self::Rulers(format) => format!("lines.{}", format.extension()),
@@ -50,6 +53,7 @@ impl Purpose {
             Self::OpenFile => "Open a case",
             Self::OpenFolder => "Open a folder as a case",
             Self::SaveSession => "Save the session",
+            Self::Manifest => "Save the case's manifest",
             Self::Picture(_) => "Save the picture",
             Self::Measurements(_) => "Export the numbers",
             Self::Rulers(_) => "Export the lines",
@@ -67,6 +71,7 @@ impl Purpose {
         };
         match self {
             Self::SaveSession => session::with_ending(path),
+            Self::Manifest if !ends_in(&path, "toml") => with(path, "toml"),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
             Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
@@ -79,6 +84,7 @@ impl Purpose {
         match self {
             Self::OpenFile | Self::OpenFolder => open_command(path),
             Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
+            Self::Manifest => AppCommand::SaveManifestTo(path).into(),
             Self::Picture(pane) => AppCommand::ScreenshotTo(*pane, path).into(),
             Self::Measurements(_) => AppCommand::ExportMeasurementsTo(path).into(),
             Self::Rulers(_) => AppCommand::ExportRulersTo(path).into(),

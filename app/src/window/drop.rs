@@ -8,26 +8,41 @@ use glioscope_core::files::format::volume_names;
 use super::dialogs::{is_tracts, open_command};
 use crate::{
     command::{AppCommand, Commands},
+    model::session,
     theme,
 };
 
-/// Adds dropped fibre tracts to the open case, and opens the first other file or folder. Returns the number of other
-/// files and folders.
+/// Adds dropped fibre tracts to the open case; opens a dropped file or folder; opens several as one case. A session or a
+/// manifest among several is opened alone: returns how many files and folders are passed over then.
 pub fn dropped(ctx: &Context, case_is_open: bool, out: &mut Commands) -> usize {
     let paths: Vec<PathBuf> =
         ctx.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
-    let (tracts, paths): (Vec<PathBuf>, Vec<PathBuf>) =
-        paths.into_iter().partition(|path| case_is_open && is_tracts(path));
-    if !tracts.is_empty() {
-        out.push(AppCommand::AddTracts(tracts));
-    }
-    if let Some(path) = paths.first() {
-        out.push(open_command(path.clone()));
-    }
     if ctx.input(|i| !i.raw.hovered_files.is_empty()) {
         hint(ctx);
     }
-    paths.len()
+    if case_is_open && !paths.is_empty() && paths.iter().all(|path| is_tracts(path)) {
+        out.push(AppCommand::AddTracts(paths));
+        return 0;
+    }
+    let describes = |path: &&PathBuf| {
+        let is_manifest = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+        is_manifest || session::is_session(path)
+    };
+    match (paths.as_slice(), paths.iter().find(describes)) {
+        ([], _) => 0,
+        ([only], _) => {
+            out.push(open_command(only.clone()));
+            0
+        }
+        (several, Some(described)) => {
+            out.push(open_command(described.clone()));
+            several.len() - 1
+        }
+        (several, None) => {
+            out.push(AppCommand::OpenFiles(several.to_vec()));
+            0
+        }
+    }
 }
 
 fn hint(ctx: &Context) {
@@ -39,7 +54,7 @@ fn hint(ctx: &Context) {
         rect.center(),
         egui::Align2::CENTER_CENTER,
         format!(
-            "Drop a folder, a manifest, a {} file or a session to open it, or fibre tracts to add them",
+            "Drop a folder, a manifest, {} files or a session to open them, or fibre tracts to add them",
             volume_names()
         ),
         theme::font(20.0),

@@ -88,6 +88,7 @@ impl GlioscopeApp {
         let wake = Waker::of(ctx);
         match command {
             AppCommand::Open(case) => self.work.open(case.clone(), Vec::new(), wake),
+            AppCommand::OpenFiles(files) => self.work.open_files(files.clone(), wake),
             AppCommand::OpenSample => self.work.open(CaseRef::Sample, Vec::new(), wake),
             AppCommand::OpenSession(path) => self.work.open_session(path, &[], wake),
             _ => {}
@@ -187,6 +188,7 @@ fn ask_left_behind(ctx: &Context, path: &Path) -> Option<Answer> {
         CaseRef::Sample => "the sample".to_owned(),
         CaseRef::Path(path) => path.display().to_string(),
         CaseRef::Arguments { masks, .. } => masks.join(" "),
+        CaseRef::Files { folder, .. } => format!("files in {}", folder.display()),
     });
     let of = case.unwrap_or_else(|| "a file that can't be read".into());
     let text = format!("Glioscope ended without saving the work on {of}.");

@@ -2,6 +2,7 @@
 
 pub mod about;
 pub mod autosave;
+mod case_files;
 pub mod dialogs;
 mod drop;
 mod enlarged;
@@ -12,12 +13,12 @@ mod menu;
 mod modal;
 pub mod numbers;
 pub mod offscreen;
+mod order_dates;
 mod palette;
 mod panes;
 mod perform;
 mod pictures;
 pub mod preferences;
-mod prompts;
 pub mod recent;
 pub mod run;
 mod typed_path;
@@ -33,9 +34,9 @@ use egui::{CentralPanel, Context, Event, Panel, Rect, Ui};
 use glioscope_render::{Gpu, RenderError};
 
 use crate::{
-    command::{AppCommand, Command, Commands, LookCommand, Workstation, listed},
+    command::{AppCommand, Command, Commands, EditCommand, LookCommand, Workstation, listed},
     error::AppError,
-    model::{CaseRef, PaneId},
+    model::{Answers, CaseRef, PaneId},
     theme,
     views::{Panes, Shared, pane::Input, pointer, view3d::Graphics},
     world::{
@@ -44,7 +45,7 @@ use crate::{
     },
 };
 use autosave::Autosave;
-use dialogs::{Choice, Chooser, Dialog};
+use dialogs::{Choice, Chooser, Dialog, Purpose};
 use leave::Leave;
 use palette::CommandPalette;
 use panes::PaneArea;
@@ -119,6 +120,7 @@ impl GlioscopeApp {
     ) -> Result<Self, RenderError> {
         let preferences = Preferences::in_folder(recent.folder());
         work.picture_size = preferences.get().pictures;
+        work.answers = Answers::in_folder(recent.folder());
         let panes = graphics.as_ref().map_or_else(|| Ok(Panes::default()), Panes::on)?;
         Ok(Self {
             work,
@@ -197,7 +199,7 @@ impl GlioscopeApp {
         if !self.dialog_is_open(&ctx) {
             shortcuts(&ctx, &mut out);
         }
-        let dropped_files = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
+        let passed_over = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
         // Only what can be chosen from a menu or the palette is looked for.
         let places = if self.palette.is_open() || egui::Popup::is_any_open(&ctx) {
             self.look_for_places();
@@ -212,8 +214,11 @@ impl GlioscopeApp {
         CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
         self.palette.show(ui, &places, &mut out);
         self.ask(ui);
-        prompts::guess(ui, &self.work, &mut out);
+        let covered = self.open.path.is_some();
+        order_dates::show(ui, &mut self.work, &mut out);
+        // Before what it may cover, so that it has the keyboard.
         typed_path::show(ui, &mut self.open.path, &mut out);
+        case_files::show(ui, &mut self.work, covered, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
@@ -229,9 +234,10 @@ impl GlioscopeApp {
         if !pressed {
             self.work.history.hold(false);
         }
-        if dropped_files > 1 {
+        if passed_over > 0 {
+            let files = if passed_over == 1 { "file was" } else { "files were" };
             self.work.notice = Some(format!(
-                "{dropped_files} files were dropped and the first is opened; drop their folder to open them as one case."
+                "A manifest or a session was dropped and is opened alone; {passed_over} other {files} passed over."
             ));
         }
         self.keep_work(&ctx, now);
@@ -274,6 +280,7 @@ impl GlioscopeApp {
         let (AppCommand::Open(CaseRef::Path(path))
         | AppCommand::OpenSession(path)
         | AppCommand::SaveSessionTo(path)
+        | AppCommand::SaveManifestTo(path)
         | AppCommand::ExportMeasurementsTo(path)
         | AppCommand::ExportRulersTo(path)
         | AppCommand::ScreenshotTo(_, path)) = command
@@ -288,7 +295,8 @@ impl GlioscopeApp {
     /// Whether a dialog or the palette holds the keyboard.
     fn dialog_is_open(&self, ctx: &Context) -> bool {
         let asks = self.work.guess.is_some() && !self.work.accept_guesses;
-        asks || self.is_asking()
+        asks || self.work.order_question.is_some()
+            || self.is_asking()
             || self.open.about
             || self.open.masks
             || self.open.path.is_some()
@@ -380,7 +388,7 @@ impl GlioscopeApp {
 
     /// Receives results of other threads since the last frame.
     fn receive(&mut self, ctx: &Context) {
-        if let Some(CaseRef::Path(path)) = self.work.poll() {
+        if let Some(path) = self.work.poll(Waker::of(ctx)) {
             self.recent.add(&path);
         }
         if let Some(choice) = self.dialog.as_ref().and_then(Dialog::poll)
@@ -398,7 +406,7 @@ impl GlioscopeApp {
                 }
                 Choice::Unavailable(why) => {
                     let why = format!("This desktop has no file chooser ({why}), so type the path.");
-                    let folder = self.folder().unwrap_or_default();
+                    let folder = self.folder_for(&purpose).unwrap_or_default();
                     self.open.path = Some(TypedPath::new(purpose, &folder, why));
                 }
             }
@@ -422,11 +430,16 @@ impl GlioscopeApp {
         }
     }
 
-    /// The folder in which file dialogs begin: that of the file chosen last, else that of the case.
-    fn folder(&self) -> Option<PathBuf> {
+    /// The folder in which a file dialog begins: that of the file chosen last, else that of the case. A manifest belongs
+    /// beside the files it describes.
+    fn folder_for(&self, purpose: &Purpose) -> Option<PathBuf> {
+        if let (Purpose::Manifest, Some(guess)) = (purpose, &self.work.guess) {
+            return std::path::absolute(&guess.proposal.folder).ok();
+        }
         let last = self.preferences.get().folder.clone().filter(|folder| folder.is_dir());
         let case = self.work.doc.as_ref().and_then(|doc| match &doc.case {
             CaseRef::Path(path) => path.parent().map(Path::to_owned),
+            CaseRef::Files { folder, .. } => Some(folder.clone()),
             CaseRef::Sample | CaseRef::Arguments { .. } => None,
         });
         let folder = last.or(case).or_else(|| std::env::current_dir().ok())?;
@@ -448,7 +461,7 @@ impl GlioscopeApp {
             command,
             Command::Look(
                 LookCommand::SetCursor(_) | LookCommand::PreviewCursor(..) | LookCommand::SetCamera(_)
-            )
+            ) | Command::Edit(EditCommand::SetLayout(_))
         );
         if !is_navigation {
             self.work.notice = None;

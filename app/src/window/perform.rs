@@ -20,10 +20,12 @@ use crate::{
     world::jobs::{Job, Waker},
 };
 use egui::Context;
+use glioscope_core::files::write_whole;
 
 impl GlioscopeApp {
     pub(super) fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
-        self.dialog = Some(Dialog::open(purpose, self.folder(), &self.chooser, Waker::of(ctx)));
+        let folder = self.folder_for(&purpose);
+        self.dialog = Some(Dialog::open(purpose, folder, &self.chooser, Waker::of(ctx)));
     }
 
     /// Carries out one command.
@@ -33,7 +35,10 @@ impl GlioscopeApp {
             AppCommand::OpenDialog => self.open.path = Some(TypedPath::to_open()),
             AppCommand::BrowseFiles => self.open_file_dialog(ctx, Purpose::OpenFile),
             AppCommand::BrowseFolders => self.open_file_dialog(ctx, Purpose::OpenFolder),
-            AppCommand::Open(_) | AppCommand::OpenSample | AppCommand::OpenSession(_) => {
+            AppCommand::Open(_)
+            | AppCommand::OpenFiles(_)
+            | AppCommand::OpenSample
+            | AppCommand::OpenSession(_) => {
                 if !self.asks_before(command) {
                     self.open_now(ctx, command);
                 }
@@ -50,7 +55,11 @@ impl GlioscopeApp {
                 self.after_save(ctx, saved);
             }
             AppCommand::AcceptGuess(true) => self.work.accept_guess(wake()),
-            AppCommand::AcceptGuess(false) => self.work.guess = None,
+            AppCommand::AcceptGuess(false) | AppCommand::OrderDates(None) => self.work.drop_questions(),
+            AppCommand::OrderDates(Some(order)) => self.work.order_dates(order.clone(), wake()),
+            AppCommand::ShowCaseFiles => self.work.edit_case_files(wake()),
+            AppCommand::SaveManifest => self.open_file_dialog(ctx, Purpose::Manifest),
+            AppCommand::SaveManifestTo(path) => self.save_manifest(path),
             AppCommand::CancelLoading => {
                 if let Some(load) = &self.work.job {
                     load.job.progress.cancel();
@@ -161,6 +170,14 @@ impl GlioscopeApp {
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
             shown.write(&path, progress).map(|()| format!("Numbers written to {}", path.display()))
         }));
+    }
+
+    fn save_manifest(&mut self, path: &Path) {
+        let written = self.work.manifest_for(path).and_then(|text| Ok(write_whole(path, text.as_bytes())?));
+        match written {
+            Ok(()) => self.work.notice = Some(format!("Manifest written to {}", path.display())),
+            Err(error) => self.work.error = Some(error),
+        }
     }
 
     fn export_rulers(&mut self, path: &Path) {

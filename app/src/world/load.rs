@@ -1,11 +1,14 @@
 //! Opening a case on a worker, and the case of a session.
 
-use std::{collections::BTreeSet, path::PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use glioscope_core::{
     Check, Progress,
-    case::{self, Case, CaseGridChoice, CaseSpec, LoadOptions},
-    files::FileMark,
+    case::{self, Case, CaseError, CaseGridChoice, CaseSpec, Description, LoadOptions, Proposal},
+    files::{FileMark, Source},
 };
 
 pub use super::session_case::spec_of;
@@ -16,7 +19,7 @@ use super::{
 };
 use crate::{
     error::AppError,
-    model::{CaseRef, Document, Place, Session},
+    model::{Answer, CaseRef, Document, Place, Session},
 };
 
 /// What a case is opened with.
@@ -32,6 +35,12 @@ pub struct Request {
     pub session_path: Option<PathBuf>,
     /// Whether the session has work that no file has.
     pub is_unsaved: bool,
+    /// Files and folders to open as one case, in place of the case.
+    pub files: Vec<PathBuf>,
+    /// Whether the user wants to say again what the files of the open case are.
+    pub edits: bool,
+    /// Whether dates without an order in time are taken as they are listed.
+    pub unasked_order: bool,
     /// Options of loading.
     pub options: LoadOptions,
 }
@@ -51,14 +60,93 @@ impl Request {
         let session_path = session.origin.as_ref().map(|origin| origin.path.clone());
         let case = case.clone();
         let (tracts, session) = (tracts.to_vec(), Some(Box::new(session)));
-        Self { case, tracts, session, session_path, is_unsaved: false, options }
+        Self { case, tracts, session, session_path, unasked_order: true, options, ..Self::default() }
     }
+}
+
+/// What the user accepted of a proposal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accepted {
+    /// The description of the case.
+    pub spec: CaseSpec,
+    /// The case with its description, where the user changed it; `None`: as it was named.
+    pub case: Option<CaseRef>,
+    /// Names the files: [`Proposal::key`].
+    pub key: String,
+    /// Why it may not be one case, if so.
+    pub doubt: Option<String>,
+    /// Whether it was accepted before, and wasn't asked about again.
+    pub silently: bool,
+}
+
+impl Accepted {
+    /// A proposal as the user left it.
+    ///
+    /// # Errors
+    /// [`CaseError`] where it can't be described by a manifest: a file's name isn't UTF-8.
+    pub fn new(proposal: &Proposal, is_changed: bool) -> Result<Self, CaseError> {
+        let mut spec = proposal.spec();
+        let case = if is_changed {
+            // The guesses are no guesses any more.
+            spec.notes.retain(|note| !note.code.starts_with("guessed-"));
+            Some(CaseRef::Files {
+                folder: proposal.folder.clone(),
+                manifest: case::write_manifest(&spec, &proposal.folder)?,
+                left_out: proposal.left_out(),
+            })
+        } else {
+            None
+        };
+        Ok(Self { spec, case, key: proposal.key.clone(), doubt: proposal.doubt.clone(), silently: false })
+    }
+
+    /// What was accepted of the same files before. A session says itself what its files are.
+    ///
+    /// # Errors
+    /// [`CaseError`] for a manifest that can't be read.
+    pub fn before(proposal: &Proposal, answer: &Answer, is_session: bool) -> Result<Self, CaseError> {
+        let mut spec = proposal.spec();
+        let manifest = answer.manifest.as_ref().filter(|_| !is_session);
+        let case = match manifest {
+            Some(manifest) => {
+                let folder = proposal.folder.clone();
+                let accepted = session_case::accepted_spec(&folder, manifest)?;
+                let mut notes = proposal.notes.clone();
+                notes.retain(|note| !note.code.starts_with("guessed-"));
+                spec = CaseSpec { notes, described_by: spec.described_by, ..accepted };
+                let left_out = answer.left_out.clone();
+                Some(CaseRef::Files { folder, manifest: manifest.clone(), left_out })
+            }
+            None => None,
+        };
+        Ok(Self { spec, case, key: proposal.key.clone(), doubt: proposal.doubt.clone(), silently: true })
+    }
+
+    /// What is remembered of it, with the order of dates that was asked for.
+    pub fn answer(&self, order: &[String]) -> Answer {
+        let (manifest, left_out) = match &self.case {
+            Some(CaseRef::Files { manifest, left_out, .. }) => (Some(manifest.clone()), left_out.clone()),
+            _ => (None, Vec::new()),
+        };
+        Answer { key: self.key.clone(), manifest, left_out, order: order.to_vec() }
+    }
+}
+
+/// Dates whose order nothing states.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unordered {
+    /// Their labels, in the order in which they were last stated or listed.
+    pub times: Vec<String>,
+    /// Why they may not be dates, if so.
+    pub doubt: Option<String>,
 }
 
 /// Result of a [`LoadJob`].
 pub enum Opened {
     /// The roles of the files were guessed from their names: the user confirms the guess before the case is read.
-    Guessed(CaseSpec),
+    Guessed(Proposal),
+    /// The user is asked for the order of the dates before the case is read.
+    Unordered(Unordered),
     /// The case has been read.
     Loaded(Box<OpenedCase>),
 }
@@ -102,27 +190,49 @@ impl From<ReadCase> for OpenedCase {
 pub struct LoadJob {
     /// What is being opened.
     pub request: Request,
+    /// What the user accepted of it.
+    pub accepted: Option<Accepted>,
     /// The worker.
     pub job: Job<Opened>,
 }
 
 impl LoadJob {
-    /// Starts opening what `request` names; where given, `accepted`, a guess that the user has confirmed, is read instead
-    /// of resolving the case again.
-    pub fn start(request: Request, accepted: Option<CaseSpec>, wake: Waker) -> Self {
-        let of_job = request.clone();
-        let job = Job::start(wake, move |progress| open(of_job, accepted, progress));
-        Self { request, job }
+    /// Starts opening what `request` names; where given, `accepted` is read instead of resolving the case again.
+    pub fn start(request: Request, accepted: Option<Accepted>, wake: Waker) -> Self {
+        let of_job = (request.clone(), accepted.clone());
+        let job = Job::start(wake, move |progress| open(of_job.0, of_job.1, progress));
+        Self { request, accepted, job }
     }
 }
 
-fn open(mut request: Request, accepted: Option<CaseSpec>, progress: &Progress) -> Result<Opened, AppError> {
+fn open(mut request: Request, accepted: Option<Accepted>, progress: &Progress) -> Result<Opened, AppError> {
     progress.say("reading names");
-    let mut found = find(&mut request, progress)?;
-    match accepted {
-        Some(spec) => found.spec = spec,
-        None if found.spec.notes.is_empty() => {}
-        None => return Ok(Opened::Guessed(found.spec)),
+    let doubt = accepted.as_ref().and_then(|accepted| accepted.doubt.clone());
+    let found = match accepted {
+        None if request.session.is_none() => match propose(&request, progress)? {
+            Some(proposal) => return Ok(Opened::Guessed(proposal)),
+            None => find(&mut request, progress)?,
+        },
+        None => {
+            let mut found = find(&mut request, progress)?;
+            let proposal = found.proposal.take();
+            let proposal = if request.edits { proposal.or_else(|| described(&found)) } else { proposal };
+            if let Some(proposal) = proposal {
+                return Ok(Opened::Guessed(proposal));
+            }
+            found
+        }
+        Some(accepted) => accept(&mut request, accepted, progress)?,
+    };
+    let options = if request.edits { LoadOptions::default() } else { request.options.clone() };
+    if !request.unasked_order
+        && let Some(mut times) = case::unordered_times(&found.spec, &options)
+    {
+        let stated = &request.options.order;
+        if stated.iter().collect::<BTreeSet<_>>() == times.iter().collect() {
+            times.clone_from(stated);
+        }
+        return Ok(Opened::Unordered(Unordered { times, doubt }));
     }
     let mut read = read(request, found, progress)?;
     if read.files.is_empty() {
@@ -130,6 +240,75 @@ fn open(mut request: Request, accepted: Option<CaseSpec>, progress: &Progress) -
         read.files = session_case::marks(&read.spec, progress).unwrap_or_default();
     }
     Ok(Opened::Loaded(Box::new(read.into())))
+}
+
+/// What is guessed of the files that `request` names; `None` where they are described.
+fn propose(request: &Request, progress: &Progress) -> Result<Option<Proposal>, AppError> {
+    if !request.files.is_empty() {
+        return Ok(Some(case::describe_files(&request.files, &request.options, progress)?));
+    }
+    let CaseRef::Path(path) = &request.case else { return Ok(None) };
+    Ok(match case::describe(path, &request.options, progress)? {
+        Description::Proposed(proposal) => Some(proposal),
+        Description::Stated(_) => None,
+    })
+}
+
+/// The files of a case that is described, to say again what they are. `None` for the sample, which has none.
+fn described(found: &Found) -> Option<Proposal> {
+    let mut spec = found.spec.clone();
+    let absolute = |source: &mut Source| {
+        if let Source::File(path) = source
+            && let Ok(whole) = std::path::absolute(&*path)
+        {
+            *path = whole;
+        }
+    };
+    spec.contexts.iter_mut().for_each(|image| absolute(&mut image.source));
+    spec.masks.iter_mut().for_each(|mask| absolute(&mut mask.source));
+    spec.tracts.iter_mut().for_each(|tracts| absolute(&mut tracts.source));
+    let (folder, left_out) = match &found.place.case {
+        CaseRef::Files { folder, left_out, .. } => (folder.clone(), left_out.clone()),
+        CaseRef::Path(path) => {
+            let path = std::path::absolute(path).ok()?;
+            let folder = if path.is_dir() { path } else { path.parent().map(Path::to_owned)? };
+            (folder, Vec::new())
+        }
+        CaseRef::Arguments { .. } | CaseRef::Sample => (std::env::current_dir().ok()?, Vec::new()),
+    };
+    Proposal::of_spec(&spec, &std::path::absolute(folder).ok()?, &left_out)
+}
+
+/// The case of `request` as the user accepted it.
+fn accept(request: &mut Request, accepted: Accepted, progress: &Progress) -> Result<Found, AppError> {
+    let is_changed = accepted.case.is_some();
+    let mut found = if request.session.is_some() {
+        find(request, progress)?
+    } else {
+        let place = Place { case: request.case.clone(), tracts: Vec::new() };
+        let (files, findings) = (Vec::new(), Vec::new());
+        Found { place, spec: CaseSpec::default(), proposal: None, files, findings }
+    };
+    if is_changed || request.session.is_none() {
+        found.spec = accepted.spec;
+    }
+    if let Some(case) = accepted.case {
+        found.place.case = case;
+        // Other files may have been chosen.
+        found.files.clear();
+    }
+    match (is_changed, request.edits) {
+        // They are among the files accepted.
+        (true, true) => found.place.tracts.clear(),
+        (true, false) => found.spec.add_tracts(&found.place.tracts),
+        (false, _) => {}
+    }
+    let times = found.spec.contexts.iter().map(|c| &c.time).chain(found.spec.masks.iter().map(|m| &m.time));
+    let order = &request.options.order;
+    if request.edits && order.iter().collect::<BTreeSet<_>>() != times.flatten().collect() {
+        request.options.order.clear();
+    }
+    Ok(found)
 }
 
 /// Reads the case that `request` names at once, as its names were guessed.
@@ -170,7 +349,7 @@ fn find(request: &mut Request, progress: &Progress) -> Result<Found, AppError> {
 /// Reads the case found for `request` and restores the session for it. What the session says about dates, masks and images
 /// that the case lacks is left out, with a warning among the case's findings.
 fn read(request: Request, found: Found, progress: &Progress) -> Result<ReadCase, AppError> {
-    let Found { mut place, mut spec, files, mut findings } = found;
+    let Found { mut place, mut spec, files, mut findings, .. } = found;
     let options = request.options;
     spec.add_tracts(&request.tracts);
     place.tracts.extend(request.tracts);

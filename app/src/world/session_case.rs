@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glioscope_core::{
     Check, Progress,
-    case::{self, CaseError, CaseSpec, LoadOptions},
+    case::{self, CaseError, CaseSpec, Description, LoadOptions, Proposal},
     check::listed,
     files::{FileError, FileMark},
     sample,
@@ -25,11 +25,36 @@ const MOST_NAMED: usize = 3;
 /// # Errors
 /// [`CaseError`]: the manifest, folder or argument is invalid.
 pub fn spec_of(case: &CaseRef, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    match case {
-        CaseRef::Sample => Ok(sample::sample_spec()),
-        CaseRef::Path(path) => case::open_spec(path, options, progress),
-        CaseRef::Arguments { masks, contexts } => CaseSpec::from_arguments(masks, contexts),
+    match description_of(case, options, progress)? {
+        Description::Stated(spec) => Ok(spec),
+        Description::Proposed(proposal) => proposal.unasked(!options.order.is_empty()),
     }
+}
+
+/// As [`spec_of`], where what was guessed can still be corrected.
+fn description_of(
+    case: &CaseRef,
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Description, CaseError> {
+    let spec = match case {
+        CaseRef::Sample => sample::sample_spec(),
+        CaseRef::Path(path) => return case::describe(path, options, progress),
+        CaseRef::Arguments { masks, contexts } => CaseSpec::from_arguments(masks, contexts)?,
+        CaseRef::Files { folder, manifest, .. } => accepted_spec(folder, manifest)?,
+    };
+    Ok(Description::Stated(spec))
+}
+
+/// The description that the user gave of files in `folder`.
+///
+/// # Errors
+/// As [`case::parse_manifest`].
+pub(super) fn accepted_spec(folder: &Path, manifest: &str) -> Result<CaseSpec, CaseError> {
+    let mut spec = case::parse_manifest(manifest, &folder.join("the case's files as accepted"))?;
+    // It is no file.
+    spec.described_by.clear();
+    Ok(spec)
 }
 
 /// A case, found but not read.
@@ -38,6 +63,8 @@ pub(super) struct Found {
     pub place: Place,
     /// Its description.
     pub spec: CaseSpec,
+    /// What was guessed of its files, where they are described by nothing else.
+    pub proposal: Option<Proposal>,
     /// Its files; empty where they were not compared with a session.
     pub files: Vec<FileMark>,
     /// What differs from what the session was saved with.
@@ -51,9 +78,12 @@ impl Found {
         options: &LoadOptions,
         progress: &Progress,
     ) -> Result<Self, AppError> {
-        let mut spec = spec_of(&place.case, options, progress)?;
+        let (mut spec, proposal) = match description_of(&place.case, options, progress)? {
+            Description::Stated(spec) => (spec, None),
+            Description::Proposed(proposal) => (proposal.unasked(!options.order.is_empty())?, Some(proposal)),
+        };
         spec.add_tracts(&place.tracts);
-        Ok(Self { place, spec, files: Vec::new(), findings: Vec::new() })
+        Ok(Self { place, spec, proposal, files: Vec::new(), findings: Vec::new() })
     }
 }
 

@@ -20,6 +20,7 @@ mod reported;
 mod session_files;
 mod sessions;
 mod ui;
+mod ui_case_files;
 mod ui_change;
 mod ui_dialogs;
 mod ui_files;

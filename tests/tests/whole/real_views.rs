@@ -55,6 +55,7 @@ fn arguments(case: &CaseRef) -> Vec<String> {
             .chain(contexts.iter().map(|c| format!("--context={c}")))
             .collect(),
         CaseRef::Sample => vec!["--sample".into()],
+        CaseRef::Files { .. } => panic!("it has no arguments"),
     }
 }
 

@@ -123,7 +123,7 @@ fn errors_of_invalid_sessions_name_file_and_cause() {
 /// Loads what a workstation is opening.
 pub(crate) fn wait(work: &mut Workstation) {
     while work.job.is_some() {
-        work.poll();
+        work.poll(Waker::default());
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
 }

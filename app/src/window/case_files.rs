@@ -1,0 +1,305 @@
+//! The dialog of a case's files: what each is, its id, date, labels, name and colour.
+
+use egui::{
+    Align, Button, Checkbox, ComboBox, Key, Label, Layout, Role as Kind, ScrollArea, TextEdit, Ui,
+    WidgetInfo, vec2,
+};
+use glioscope_core::case::{Problem, Proposal, ProposedFile, ProposedMask, Role};
+use glioscope_render::{MaskColors, Palette};
+
+use super::modal::{self, Reply};
+use crate::command::{AppCommand, Command, Commands, Workstation, workstation::Guess};
+
+/// Widths of the columns, points: role, file, id, date, labels, name, colour, and the last with its button.
+const COLUMNS: [f32; 8] = [92.0, 220.0, 140.0, 96.0, 76.0, 190.0, 48.0, 88.0];
+const TITLES: [&str; 8] = ["role", "file", "id", "date", "labels", "name", "colour", ""];
+/// Height left for the rest of the window and of the dialog.
+const MARGIN_POINTS: f32 = 230.0;
+
+/// The most colours that a palette is asked for.
+const MAX_COLORS: usize = 32;
+
+fn role_name(role: Role) -> &'static str {
+    match role {
+        Role::Image => "image",
+        Role::Mask => "mask",
+        Role::Tracts => "fibre tracts",
+        Role::LeftOut => "left out",
+    }
+}
+
+/// Draws the dialog while a case waits for it; `covered`: another dialog is in front of it and has the keyboard.
+pub fn show(ui: &Ui, work: &mut Workstation, covered: bool, out: &mut Commands) {
+    let palette = work.doc.as_ref().map_or(Palette::Thesis, |doc| doc.edit.palette);
+    let accepts = work.accept_guesses;
+    let Some(guess) = &mut work.guess else { return };
+    if accepts {
+        out.push(AppCommand::AcceptGuess(true));
+        return;
+    }
+    let problems = guess.proposal.problems();
+    let mut entered = false;
+    let reply = modal::show(ui.ctx(), "The case's files", |ui| {
+        ui.set_width(COLUMNS.iter().sum::<f32>() + 8.0 * ui.spacing().item_spacing.x);
+        ui.label(if guess.request.edits {
+            "What each file of the open case is. The files stay as they are; what you say is kept in the session."
+        } else {
+            "There is no manifest, so files were told apart by their names and contents. Is this right?"
+        });
+        if let Some(doubt) = &guess.proposal.doubt {
+            ui.colored_label(
+                ui.visuals().warn_fg_color,
+                format!("Found {doubt}: two patients are never one case."),
+            );
+        }
+        ui.add_space(6.0);
+        let height = (ui.ctx().content_rect().height() - MARGIN_POINTS).max(120.0);
+        ScrollArea::vertical().max_height(height).show(ui, |ui| {
+            entered = table(ui, guess, &problems, palette);
+            ui.add_space(6.0);
+            for note in &guess.proposal.notes {
+                ui.add(Label::new(&note.message).wrap());
+            }
+        });
+        ui.add_space(6.0);
+        buttons(ui, guess, &problems, out)
+    });
+    match reply {
+        _ if covered => {}
+        Reply::Cancel => out.push(AppCommand::AcceptGuess(false)),
+        Reply::None if !entered => {}
+        Reply::Accept | Reply::None => {
+            if problems.is_empty() {
+                out.push(AppCommand::AcceptGuess(true));
+            }
+        }
+    }
+}
+
+fn buttons(ui: &mut Ui, guess: &Guess, problems: &[Problem], out: &mut Commands) -> Reply {
+    let mut reply = Reply::None;
+    ui.horizontal(|ui| {
+        let is_right = problems.is_empty();
+        if ui
+            .add_enabled(is_right, Button::new(Command::from(AppCommand::AcceptGuess(true)).text()))
+            .clicked()
+        {
+            reply = Reply::Accept;
+        }
+        let save = Command::from(AppCommand::SaveManifest);
+        let response = ui.add_enabled(is_right, Button::new(save.text()));
+        let tip =
+            "As a manifest: in the folder of the files, the folder is then opened by it without a question";
+        if response.on_hover_text(tip).clicked() {
+            out.push(save);
+        }
+        if ui.button("Cancel").clicked() {
+            reply = Reply::Cancel;
+        }
+        match problems.first() {
+            Some(first) => {
+                let file = first.file.and_then(|file| guess.proposal.files.get(file));
+                let of = file.map(|file| format!("{}: ", guess.proposal.shown(file))).unwrap_or_default();
+                let more = problems.len() - 1;
+                let more = if more == 0 { String::new() } else { format!(" (and {more} more)") };
+                ui.colored_label(ui.visuals().error_fg_color, format!("{of}{}{more}", first.text));
+            }
+            None if !guess.proposal.files.iter().any(|file| file.role == Role::Mask) => {
+                ui.label("There is no mask: only images are shown.");
+            }
+            None => {}
+        }
+    });
+    reply
+}
+
+/// The table of files. Returns whether Enter was pressed in one of its fields.
+fn table(ui: &mut Ui, guess: &mut Guess, problems: &[Problem], palette: Palette) -> bool {
+    ui.horizontal(|ui| {
+        for (width, title) in COLUMNS.into_iter().zip(TITLES) {
+            cell(ui, width, |ui| ui.strong(title));
+        }
+    });
+    let proposal = &mut guess.proposal;
+    let masks = masks_in(proposal);
+    let own: Vec<Option<[u8; 3]>> = masks.iter().map(|(_, color)| *color).collect();
+    let colors = MaskColors::new(palette, &own);
+    let color_of = |id: &str| {
+        let rank = masks.iter().position(|(known, _)| known == id);
+        colors.mask(rank.unwrap_or(0))
+    };
+    let names: Vec<String> = proposal.files.iter().map(|file| proposal.shown(file)).collect();
+    let mut entered = false;
+    for (n, (file, name)) in proposal.files.iter_mut().zip(&names).enumerate() {
+        let mut row = Row { file: name, entered: false, color_of: &color_of };
+        ui.push_id(n, |ui| row.show(ui, file));
+        entered |= row.entered;
+        for problem in problems.iter().filter(|problem| problem.file == Some(n)) {
+            let of = problem.mask.filter(|_| file.masks.len() > 1).and_then(|mask| file.masks.get(mask));
+            let of = of.map(|mask| format!("{}: ", mask.id)).unwrap_or_default();
+            ui.colored_label(ui.visuals().error_fg_color, format!("    {name}: {of}{}", problem.text));
+        }
+    }
+    entered
+}
+
+/// Ids and own colours of the masks that are in, in the order first listed.
+fn masks_in(proposal: &Proposal) -> Vec<(String, Option<[u8; 3]>)> {
+    let files = proposal.files.iter().filter(|file| file.role == Role::Mask);
+    let mut all: Vec<(String, Option<[u8; 3]>)> = Vec::new();
+    for mask in files.flat_map(|file| &file.masks).filter(|mask| mask.is_in) {
+        let id = mask.id.trim();
+        if all.len() < MAX_COLORS && !all.iter().any(|(known, _)| known == id) {
+            all.push((id.to_owned(), mask.color));
+        }
+    }
+    all
+}
+
+fn cell<R>(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui) -> R) -> R {
+    let size = vec2(width, ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
+        ui.set_min_width(width);
+        ui.set_max_width(width);
+        content(ui)
+    })
+    .inner
+}
+
+/// The rows of one file.
+struct Row<'a> {
+    /// The file's name.
+    file: &'a str,
+    /// Whether Enter was pressed in one of its fields.
+    entered: bool,
+    /// Colour of a mask without one of its own.
+    color_of: &'a dyn Fn(&str) -> [u8; 3],
+}
+
+impl Row<'_> {
+    fn show(&mut self, ui: &mut Ui, file: &mut ProposedFile) {
+        let has_many = file.role == Role::Mask && file.masks.len() > 1;
+        ui.horizontal(|ui| {
+            cell(ui, COLUMNS[0], |ui| self.role(ui, file));
+            cell(ui, COLUMNS[1], |ui| {
+                let tip = format!("{}\n{}", file.path.display(), file.reason);
+                ui.add(Label::new(self.file).truncate()).on_hover_text(tip.trim());
+            });
+            if file.role == Role::LeftOut {
+                ui.weak(&file.reason);
+                return;
+            }
+            cell(ui, COLUMNS[2], |ui| match file.role {
+                Role::Mask if has_many => drop(ui.label(format!("{} masks", file.masks.len()))),
+                Role::Mask => {
+                    for mask in &mut file.masks {
+                        self.field(ui, COLUMNS[2], &mut mask.id, "Id");
+                    }
+                }
+                _ => self.field(ui, COLUMNS[2], &mut file.id, "Id"),
+            });
+            cell(ui, COLUMNS[3], |ui| {
+                if file.role != Role::Tracts {
+                    self.field(ui, COLUMNS[3], &mut file.time, "Date");
+                }
+            });
+            if file.role != Role::Mask {
+                return;
+            }
+            match file.masks.as_mut_slice() {
+                [mask] => self.look(ui, mask),
+                _ => COLUMNS[4..7].iter().for_each(|width| cell(ui, *width, |_| ())),
+            }
+            cell(ui, COLUMNS[7], |ui| self.division(ui, file));
+        });
+        if has_many {
+            for (n, mask) in file.masks.iter_mut().enumerate() {
+                ui.push_id(("mask", n), |ui| ui.horizontal(|ui| self.mask(ui, mask)));
+            }
+        }
+    }
+
+    fn role(&self, ui: &mut Ui, file: &mut ProposedFile) {
+        let is_tracts = glioscope_core::files::format::is_tracts(self.file);
+        let roles: &[Role] = if is_tracts {
+            &[Role::Tracts, Role::LeftOut]
+        } else {
+            &[Role::Image, Role::Mask, Role::LeftOut]
+        };
+        let combo =
+            ComboBox::from_id_salt("role").selected_text(role_name(file.role)).width(COLUMNS[0] - 8.0);
+        let response = combo.show_ui(ui, |ui| {
+            for role in roles {
+                ui.selectable_value(&mut file.role, *role, role_name(*role));
+            }
+        });
+        let label = format!("What {} is", self.file);
+        response.response.widget_info(|| WidgetInfo::labeled(Kind::ComboBox, true, &label));
+    }
+
+    /// Makes one mask of each label, or one of all.
+    fn division(&self, ui: &mut Ui, file: &mut ProposedFile) {
+        if file.masks.len() > 1 {
+            let button =
+                ui.small_button("One mask").on_hover_text("Every voxel above 0.5, whatever its label");
+            if button.clicked() {
+                file.merge();
+            }
+        } else if file.labels.len() > 1 {
+            let labels: Vec<String> = file.labels.iter().map(i64::to_string).collect();
+            let tip = format!("One mask for each of the labels {}", labels.join(", "));
+            if ui.small_button("Each label").on_hover_text(tip).clicked() {
+                let _ = file.split();
+            }
+        } else if ui
+            .small_button("Another")
+            .on_hover_text("Another mask of other labels of this file")
+            .clicked()
+            && let Some(first) = file.masks.first().cloned()
+        {
+            file.masks.push(ProposedMask { id: format!("{} 2", first.id), color: None, ..first });
+        }
+    }
+
+    /// The row of one of several masks.
+    fn mask(&mut self, ui: &mut Ui, mask: &mut ProposedMask) {
+        let of = format!("{} of {}", mask.id, self.file);
+        cell(ui, COLUMNS[0], |_| ());
+        cell(ui, COLUMNS[1], |ui| {
+            let response = ui.add(Checkbox::new(&mut mask.is_in, "in"));
+            let is_in = mask.is_in;
+            response.widget_info(|| WidgetInfo::selected(Kind::CheckBox, true, is_in, format!("Use {of}")));
+        });
+        cell(ui, COLUMNS[2], |ui| self.hinted(ui, COLUMNS[2], &mut mask.id, &format!("Id of {of}"), ""));
+        cell(ui, COLUMNS[3], |_| ());
+        self.look(ui, mask);
+    }
+
+    /// Labels, name and colour of a mask.
+    fn look(&mut self, ui: &mut Ui, mask: &mut ProposedMask) {
+        let of = mask.id.clone();
+        cell(ui, COLUMNS[4], |ui| {
+            self.hinted(ui, COLUMNS[4], &mut mask.labels, &format!("Labels of {of}"), "all");
+        });
+        cell(ui, COLUMNS[5], |ui| self.hinted(ui, COLUMNS[5], &mut mask.name, &format!("Name of {of}"), ""));
+        cell(ui, COLUMNS[6], |ui| {
+            let mut color = mask.color.unwrap_or_else(|| (self.color_of)(mask.id.trim()));
+            let response = ui.color_edit_button_srgb(&mut color);
+            response.widget_info(|| WidgetInfo::labeled(Kind::ColorWell, true, format!("Colour of {of}")));
+            if response.changed() {
+                mask.color = Some(color);
+            }
+        });
+    }
+
+    fn field(&mut self, ui: &mut Ui, width: f32, text: &mut String, what: &str) {
+        let label = format!("{what} of {}", self.file);
+        self.hinted(ui, width, text, &label, "");
+    }
+
+    fn hinted(&mut self, ui: &mut Ui, width: f32, text: &mut String, label: &str, hint: &str) {
+        let response = ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(width - 8.0));
+        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
+        self.entered |= response.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+    }
+}

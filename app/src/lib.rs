@@ -1,12 +1,14 @@
 //! Glioscope, the workstation: one window of linked views on overlapping tumour masks, and the same
 //! numbers and pictures from a command line.
 //!
-//! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the loaded case and derived
-//! results), [`command`] (user actions), [`views`] (one file per pane), [`window`], [`cli`]. Views read the document
+//! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the
+//! loaded case and derived results), [`command`] (user actions), [`cpu_paint`] (the interface without a graphics card),
+//! [`views`] (one file per pane), [`window`], [`cli`]. Views read the document
 //! and the world and write commands; commands change the document; the document determines what is derived and drawn.
 
 pub mod cli;
 pub mod command;
+pub mod cpu_paint;
 pub mod error;
 pub mod format;
 pub mod model;

@@ -54,7 +54,12 @@ pub fn quantile(sorted: &[f64], p: f64) -> f64 {
 
 /// Processor time in milliseconds that the process's live threads have used; `None` on systems other than Linux.
 pub fn cpu_ms() -> Option<f64> {
-    let tasks = std::fs::read_dir("/proc/self/task").ok()?;
+    cpu_ms_of("self")
+}
+
+/// The same of the process with this number, or of `self`.
+pub fn cpu_ms_of(process: &str) -> Option<f64> {
+    let tasks = std::fs::read_dir(format!("/proc/{process}/task")).ok()?;
     let thread_ns = |task: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
         let line = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
         line.split_whitespace().next()?.parse().ok()

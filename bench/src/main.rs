@@ -35,6 +35,8 @@ enum Benchmark {
     Change(loops::change::ChangeArguments),
     /// Connected components and enclosing ellipsoids
     Ellipsoids(loops::ellipsoids::EllipsoidsArguments),
+    /// How soon windows answer: from an X event to changed pixels (needs Xvfb)
+    Fluency(loops::fluency::FluencyArguments),
 }
 
 fn main() -> ExitCode {
@@ -46,6 +48,7 @@ fn main() -> ExitCode {
         Benchmark::ForceField(arguments) => loops::force_field::run(&arguments),
         Benchmark::Change(arguments) => loops::change::run(&arguments),
         Benchmark::Ellipsoids(arguments) => loops::ellipsoids::run(&arguments),
+        Benchmark::Fluency(arguments) => loops::fluency::run(&arguments),
     };
     let Err(error) = outcome else { return ExitCode::SUCCESS };
     eprintln!("glioscope-bench: {error}");

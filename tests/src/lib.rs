@@ -159,7 +159,7 @@ fn harness(
         .build_eframe(move |cc| {
             let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
             let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
-            let graphics = Graphics { gpu, egui_renderer: state.renderer.clone() };
+            let graphics = Graphics { gpu, egui_renderer: state.renderer.clone(), pictures: None };
             match GlioscopeApp::new(work, Some(graphics), recent) {
                 Ok(app) => finish(app),
                 Err(error) => fail(&error.to_string()),

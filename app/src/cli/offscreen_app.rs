@@ -36,7 +36,7 @@ pub(super) struct OffscreenApp {
 impl OffscreenApp {
     pub(super) fn new(work: Workstation, gpu: &Gpu, dark: bool) -> Result<Self, AppError> {
         let offscreen = Offscreen::new(gpu, dark);
-        let graphics = Graphics { gpu: gpu.clone(), egui_renderer: offscreen.renderer() };
+        let graphics = Graphics { gpu: gpu.clone(), egui_renderer: offscreen.renderer(), pictures: None };
         let app = GlioscopeApp::new(work, Some(graphics), Recent::default())?.refined();
         Ok(Self { offscreen, app })
     }

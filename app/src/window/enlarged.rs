@@ -46,7 +46,7 @@ impl Enlarged {
         }
         let size = [pixels.x as u32, pixels.y as u32];
         let offscreen = Offscreen::new(gpu, dark);
-        let graphics = Graphics { gpu: gpu.clone(), egui_renderer: offscreen.renderer() };
+        let graphics = Graphics { gpu: gpu.clone(), egui_renderer: offscreen.renderer(), pictures: None };
         let inputs = world.case().map(|case| case.inputs.clone()).unwrap_or_default();
         // Before seconds of drawing.
         inputs.refuse_as_output(path)?;

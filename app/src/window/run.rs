@@ -9,6 +9,7 @@ use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 use super::{GlioscopeApp, autosave::Autosave, preferences::Preferences, recent::Recent};
 use crate::{
     command::Workstation,
+    cpu_paint,
     error::AppError,
     model::{CaseRef, session},
     views::view3d::Graphics,
@@ -113,7 +114,9 @@ fn app(
         render_state.device.clone(),
         render_state.queue.clone(),
     );
-    let graphics = Graphics { gpu, egui_renderer: render_state.renderer.clone() };
+    let pictures =
+        gpu.is_software().then(|| cpu_paint::install(&cc.egui_ctx, &gpu, render_state.target_format));
+    let graphics = Graphics { gpu, egui_renderer: render_state.renderer.clone(), pictures };
     let mut work = Workstation {
         options: start.options,
         accept_guesses: start.picture.is_some(),

@@ -2,6 +2,7 @@
 
 pub mod change;
 pub mod ellipsoids;
+pub mod fluency;
 pub mod force_field;
 pub mod tracts;
 pub mod turning;

@@ -6,7 +6,7 @@ use egui::{TextureId, mutex::RwLock};
 use glam::UVec2;
 use glioscope_render::{Frame, Gpu, PassName, Plan, Quality, RenderError, Renderer, View3d};
 
-use crate::error::AppError;
+use crate::{cpu_paint::ViewPictures, error::AppError};
 
 /// The graphics device of the 3D views, with egui's renderer on it.
 #[derive(Clone)]
@@ -15,6 +15,8 @@ pub struct Graphics {
     pub gpu: Gpu,
     /// egui's renderer, which shows the frames as textures.
     pub egui_renderer: Arc<RwLock<egui_wgpu::Renderer>>,
+    /// The painter that shows them instead, where the window is painted on the CPU.
+    pub pictures: Option<ViewPictures>,
 }
 
 /// Time of each render pass of a frame.
@@ -199,6 +201,10 @@ impl<V: View3d> Screen<V> {
             None => egui_renderer.register_native_texture(device, &view, filter),
         };
         drop(egui_renderer);
+        if let Some(pictures) = &graphics.pictures {
+            let rgba = graphics.gpu.read_rgba(&texture)?;
+            pictures.set(id, [texture.width(), texture.height()], rgba);
+        }
         self.shown = Some(ShownFrame { request, texture, id });
         Ok(id)
     }

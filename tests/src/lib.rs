@@ -12,6 +12,7 @@ use egui_kittest::{Harness, HarnessBuilder};
 use egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use glioscope::{
     command::{Command as UserCommand, EditCommand, Workstation},
+    cpu_paint::{self, ViewPictures},
     model::{CaseRef, Document, PaneId, layout},
     views::view3d::{Graphics, ScreenReport},
     window::{GlioscopeApp, autosave::Autosave, recent::Recent, run::adapter_selector},
@@ -144,11 +145,32 @@ pub fn window_on_small_device(case: CaseRef, size: [f32; 2], max_buffer_bytes: u
     harness(workstation(case), size, egui::Theme::Light, setup, GlioscopeApp::refined)
 }
 
+/// As [`window_on`], painted on the CPU as in the program's window on a software adapter.
+///
+/// # Panics
+/// When there is no software adapter.
+pub fn window_painted_on_cpu(case: CaseRef, size: [f32; 2], theme: egui::Theme) -> Window {
+    let setup = (software_setup(), Recent::default());
+    let paint = |ctx: &_, gpu: &_, format| Some(cpu_paint::install(ctx, gpu, format));
+    harness_painted_by(workstation(case), size, theme, setup, paint, GlioscopeApp::refined)
+}
+
 fn harness(
     work: Workstation,
     size: [f32; 2],
     theme: egui::Theme,
+    setup: (WgpuSetup, Recent),
+    finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
+) -> Window {
+    harness_painted_by(work, size, theme, setup, |_, _, _| None, finish)
+}
+
+fn harness_painted_by(
+    work: Workstation,
+    size: [f32; 2],
+    theme: egui::Theme,
     (setup, recent): (WgpuSetup, Recent),
+    paint: impl FnOnce(&egui::Context, &Gpu, egui_wgpu::wgpu::TextureFormat) -> Option<ViewPictures>,
     finish: impl FnOnce(GlioscopeApp) -> GlioscopeApp,
 ) -> Window {
     HarnessBuilder::default()
@@ -159,7 +181,8 @@ fn harness(
         .build_eframe(move |cc| {
             let Some(state) = cc.wgpu_render_state.as_ref() else { fail("no software adapter") };
             let gpu = Gpu::from_parts(state.adapter.clone(), state.device.clone(), state.queue.clone());
-            let graphics = Graphics { gpu, egui_renderer: state.renderer.clone(), pictures: None };
+            let pictures = paint(&cc.egui_ctx, &gpu, state.target_format);
+            let graphics = Graphics { gpu, egui_renderer: state.renderer.clone(), pictures };
             match GlioscopeApp::new(work, Some(graphics), recent) {
                 Ok(app) => finish(app),
                 Err(error) => fail(&error.to_string()),

@@ -141,7 +141,10 @@ impl Canvas {
         let columns = self.size[0].div_ceil(TILE[0]);
         let [left, top] = mesh.clip.min.map(i64::from);
         let [right, bottom] = mesh.clip.max.map(i64::from);
-        let seed = mix(mix((left << 32 | top).cast_unsigned(), (right << 32 | bottom).cast_unsigned()), texture_seed);
+        let seed = mix(
+            mix((left << 32 | top).cast_unsigned(), (right << 32 | bottom).cast_unsigned()),
+            texture_seed,
+        );
         let hashes: Vec<u64> = mesh.corners.iter().map(corner_hash).collect();
         for &corners in indices.as_chunks::<3>().0 {
             let [Some(a), Some(b), Some(c)] = corners.map(|i| mesh.corners.get(i as usize)) else { continue };
@@ -197,10 +200,7 @@ fn paint_band(rows: &mut Rows<'_>, tiles: &mut [Tile], meshes: &[Mesh<'_>]) -> O
         }
         let (left, right) = (column * TILE[0], ((column + 1) * TILE[0]).min(rows.width));
         rows.pixels.chunks_exact_mut(rows.width).for_each(|row| row[left..right].fill(BACKGROUND));
-        let area = PixelRect {
-            min: [left as i32, rows.top],
-            max: [right as i32, rows.top + height as i32],
-        };
+        let area = PixelRect { min: [left as i32, rows.top], max: [right as i32, rows.top + height as i32] };
         for entry in &tile.entries {
             let mesh = &meshes[entry.mesh as usize];
             let corners = entry.corners.map(|i| mesh.corners[i as usize]);

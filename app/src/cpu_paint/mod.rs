@@ -11,7 +11,9 @@ mod tests;
 
 use std::sync::Arc;
 
-use egui::{Context, FullOutput, Plugin, Rect, Shape, TextureId, epaint::ClippedShape, mutex::Mutex, pos2, vec2};
+use egui::{
+    Context, FullOutput, Plugin, Rect, Shape, TextureId, epaint::ClippedShape, mutex::Mutex, pos2, vec2,
+};
 use egui_wgpu::CallbackTrait;
 use glioscope_render::Gpu;
 
@@ -84,6 +86,12 @@ impl Plugin for Painter {
 
     fn output_hook(&mut self, ctx: &Context, output: &mut FullOutput) {
         self.update_textures(&mut output.textures_delta);
+        let passes = &output.platform_output;
+        let will_be_replaced = passes.requested_discard()
+            && passes.num_completed_passes < ctx.options(|options| options.max_passes.get());
+        if will_be_replaced {
+            return;
+        }
         let pixels_per_point = output.pixels_per_point;
         let screen = ctx.viewport_rect();
         let primitives = ctx.tessellate(std::mem::take(&mut output.shapes), pixels_per_point);
@@ -142,7 +150,11 @@ impl Painter {
                     aspect: wgpu::TextureAspect::All,
                 },
                 self.canvas.pixels()[start..].as_flattened(),
-                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * size[0]), rows_per_image: None },
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(4 * size[0]),
+                    rows_per_image: None,
+                },
                 wgpu::Extent3d {
                     width: part.size[0] as u32,
                     height: part.size[1] as u32,
@@ -171,7 +183,10 @@ impl Painter {
         let bind_group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("Painter::bind_group"),
             layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) }],
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::TextureView(&view),
+            }],
         });
         (texture, Shown { pipeline: self.pipeline.clone(), bind_group })
     }

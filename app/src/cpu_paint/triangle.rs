@@ -102,7 +102,8 @@ impl Edge {
         let to_i32 = |x: i64| x.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
         if step > 0 {
             // at_zero + step * x >= 0
-            *first = (*first).max(to_i32((-at_zero).div_euclid(step) + i64::from((-at_zero).rem_euclid(step) != 0)));
+            *first = (*first)
+                .max(to_i32((-at_zero).div_euclid(step) + i64::from((-at_zero).rem_euclid(step) != 0)));
         } else if step < 0 {
             *end = (*end).min(to_i32(at_zero.div_euclid(-step) + 1));
         } else if at_zero < 0 {
@@ -160,10 +161,22 @@ pub fn fill(rows: &mut Rows<'_>, area: PixelRect, mut corners: [Corner; 3], text
 enum Shade<'a> {
     Flat(Pixel),
     /// Texels as they are where `as_is`, else sampled at a linear position; times a colour.
-    Textured { texture: &'a Texture, texel: [Linear; 2], as_is: bool, color: Pixel },
+    Textured {
+        texture: &'a Texture,
+        texel: [Linear; 2],
+        as_is: bool,
+        color: Pixel,
+    },
     /// Linear colours, times one texel.
-    Gradient { color: [Linear; 4], texel: Pixel },
-    Both { texture: &'a Texture, texel: [Linear; 2], color: [Linear; 4] },
+    Gradient {
+        color: [Linear; 4],
+        texel: Pixel,
+    },
+    Both {
+        texture: &'a Texture,
+        texel: [Linear; 2],
+        color: [Linear; 4],
+    },
 }
 
 impl<'a> Shade<'a> {
@@ -198,7 +211,8 @@ impl<'a> Shade<'a> {
 
     fn span(&self, span: &mut [Pixel], first: i32, y: i32) {
         let columns = span.iter_mut().zip(first..);
-        let mixed = |color: &[Linear; 4], x| color.map(|channel| (channel.at(x, y) + 0.5).clamp(0.0, 255.0) as u8);
+        let mixed =
+            |color: &[Linear; 4], x| color.map(|channel| (channel.at(x, y) + 0.5).clamp(0.0, 255.0) as u8);
         match self {
             Self::Flat(color @ [.., 255]) => span.fill(*color),
             Self::Flat(color) => span.iter_mut().for_each(|pixel| blend(pixel, *color)),
@@ -208,7 +222,11 @@ impl<'a> Shade<'a> {
             Self::Textured { texture, texel, as_is, color } => {
                 let sample = |x| {
                     let [u, v] = texel.map(|axis| axis.at(x, y));
-                    if *as_is { texture.texel(u.floor() as i32, v.floor() as i32) } else { texture.sample(u, v) }
+                    if *as_is {
+                        texture.texel(u.floor() as i32, v.floor() as i32)
+                    } else {
+                        texture.sample(u, v)
+                    }
                 };
                 if *color == [255; 4] {
                     columns.for_each(|(pixel, x)| blend(pixel, sample(x)));
@@ -228,7 +246,10 @@ impl<'a> Shade<'a> {
 fn is_one_to_one([u, v]: [Linear; 2]) -> bool {
     let near = |value: f64, whole: f64| (value - whole).abs() < 1e-5;
     let centered = |origin: f64| (origin.rem_euclid(1.0) - 0.5).abs() < 1.0 / 256.0;
-    near(u.0[1], 1.0) && near(u.0[2], 0.0) && near(v.0[1], 0.0) && near(v.0[2], 1.0)
+    near(u.0[1], 1.0)
+        && near(u.0[2], 0.0)
+        && near(v.0[1], 0.0)
+        && near(v.0[2], 1.0)
         && centered(u.0[0])
         && centered(v.0[0])
 }

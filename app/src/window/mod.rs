@@ -228,8 +228,14 @@ impl GlioscopeApp {
         if pressed {
             self.work.history.hold(true);
         }
-        for command in out.into_vec() {
+        let commands = out.into_vec();
+        let changes_views = commands.iter().any(|c| matches!(c, Command::Edit(_) | Command::Look(_)));
+        for command in commands {
             self.perform(&ctx, &command, now);
+        }
+        if changes_views && self.graphics.as_ref().is_some_and(|graphics| graphics.pictures.is_some()) {
+            // Painted on the CPU, the frame before the change would delay the one that shows it.
+            ctx.request_discard("a command changed what is shown");
         }
         if !pressed {
             self.work.history.hold(false);

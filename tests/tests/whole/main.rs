@@ -22,6 +22,7 @@ mod sessions;
 mod ui;
 mod ui_case_files;
 mod ui_change;
+mod ui_cpu_paint;
 mod ui_dialogs;
 mod ui_files;
 mod ui_gestures;

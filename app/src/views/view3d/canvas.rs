@@ -1,7 +1,7 @@
 //! A 3D view in its pane: rendered frame and mouse input. All views except the closeup follow the orientation of the
 //! closeup's camera, not its position (thesis 7.3.3).
 
-use egui::{Color32, Pos2, Rect, Response, Ui, pos2};
+use egui::{Color32, Context, Id, Pos2, Rect, Response, Ui, pos2};
 use glam::{DVec3, UVec2};
 use glioscope_render::View3d;
 
@@ -47,6 +47,28 @@ impl<V: View3d> Default for Canvas<V> {
             has_scene: false,
         }
     }
+}
+
+/// Counts the 3D views drawn per frame.
+#[derive(Clone, Copy, Default)]
+struct ViewsDrawn {
+    frame: u64,
+    so_far: u32,
+    before: u32,
+}
+
+/// Number of 3D views that draw while something moves, counting the one that asks: in this frame or in the one before it
+/// that drew any, whichever are more.
+fn views_drawn(ctx: &Context) -> u32 {
+    let frame = ctx.cumulative_frame_nr();
+    ctx.data_mut(|data| {
+        let drawn: &mut ViewsDrawn = data.get_temp_mut_or_default(Id::unique("3D views drawn"));
+        if drawn.frame != frame {
+            *drawn = ViewsDrawn { frame, so_far: 0, before: drawn.so_far };
+        }
+        drawn.so_far += 1;
+        drawn.so_far.max(drawn.before)
+    })
 }
 
 impl<V: View3d<Pick: Picked>> Canvas<V> {
@@ -120,7 +142,9 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
             ui.ctx().request_repaint();
         }
         if let Some(milliseconds) = self.screen.draw_ms() {
-            self.refinement.adapt(choice, milliseconds);
+            // Linked views turn together: on the CPU they share the time of a frame.
+            let views = if graphics.gpu.is_software() { views_drawn(ui.ctx()) } else { 1 };
+            self.refinement.adapt(choice, milliseconds * f64::from(views));
         }
         if step.just_refined || (step.in_parts.is_some() && self.screen.frames_drawn() != frames) {
             // The pick under a pointer that didn't move may have changed.
@@ -199,5 +223,26 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
             text = format!("{text}\nWarning: {warning}");
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_that_turn_together_are_counted() {
+        let ctx = Context::default();
+        let counts: Vec<Vec<u32>> = [3, 3, 1, 1]
+            .map(|views| {
+                let mut counts = Vec::new();
+                let output = ctx.run_ui(egui::RawInput::default(), |ui| {
+                    counts = (0..views).map(|_| views_drawn(ui.ctx())).collect();
+                });
+                output.drop_without_applying_deltas();
+                counts
+            })
+            .into();
+        assert_eq!(counts, [vec![1, 2, 3], vec![3, 3, 3], vec![3], vec![1]]);
     }
 }

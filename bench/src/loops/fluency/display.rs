@@ -13,7 +13,9 @@ use x11rb::{
     protocol::{
         Event,
         damage::{self, ConnectionExt as _, ReportLevel},
-        xproto::{ConfigureWindowAux, ConnectionExt as _, ImageFormat, InputFocus, MapState, Window as WindowId},
+        xproto::{
+            ConfigureWindowAux, ConnectionExt as _, ImageFormat, InputFocus, MapState, Window as WindowId,
+        },
         xtest::ConnectionExt as _,
     },
     rust_connection::RustConnection,
@@ -204,10 +206,9 @@ fn largest_window(connection: &RustConnection, root: WindowId) -> Outcome<Option
     let mut largest = None;
     for window in connection.query_tree(root)?.reply()?.children {
         // A window may vanish meanwhile.
-        let (Ok(attributes), Ok(geometry)) = (
-            connection.get_window_attributes(window)?.reply(),
-            connection.get_geometry(window)?.reply(),
-        ) else {
+        let (Ok(attributes), Ok(geometry)) =
+            (connection.get_window_attributes(window)?.reply(), connection.get_geometry(window)?.reply())
+        else {
             continue;
         };
         let area = u32::from(geometry.width) * u32::from(geometry.height);

@@ -78,7 +78,12 @@ const GESTURES: [Gesture; 6] = [
         watch: [1400, 380, 300, 24],
         deed: Deed::Move([1615, 240]),
     },
-    Gesture { name: "hover on the menus", from: [22, 12], watch: [0, 0, 220, 24], deed: Deed::Move([70, 12]) },
+    Gesture {
+        name: "hover on the menus",
+        from: [22, 12],
+        watch: [0, 0, 220, 24],
+        deed: Deed::Move([70, 12]),
+    },
     Gesture { name: "menu", from: [22, 12], watch: [10, 40, 150, 60], deed: Deed::Click },
     Gesture { name: "slice notch", from: [1600, 230], watch: [1550, 100, 200, 200], deed: Deed::Wheel },
     Gesture {
@@ -103,7 +108,8 @@ struct Answer {
 pub fn run(arguments: &FluencyArguments) -> Outcome<()> {
     let mut windows = Vec::new();
     for entry in &arguments.programs {
-        let (label, program) = entry.split_once('=').ok_or("found a program without a label, expected LABEL=FILE")?;
+        let (label, program) =
+            entry.split_once('=').ok_or("found a program without a label, expected LABEL=FILE")?;
         let window = Window::open(Path::new(program), &arguments.start, SCREEN)?;
         windows.push((label, window));
     }
@@ -118,7 +124,9 @@ pub fn run(arguments: &FluencyArguments) -> Outcome<()> {
         arguments.start.join(" "),
         arguments.repeats
     ))?;
-    print_line("| gesture | program | first change, median ms | quartiles | fastest to slowest | settled, median ms | CPU, median ms |")?;
+    print_line(
+        "| gesture | program | first change, median ms | quartiles | fastest to slowest | settled, median ms | CPU, median ms |",
+    )?;
     print_line("|---|---|---:|---:|---:|---:|---:|")?;
     for gesture in &GESTURES {
         let mut answers = vec![Vec::new(); windows.len()];
@@ -143,7 +151,8 @@ pub fn run(arguments: &FluencyArguments) -> Outcome<()> {
 fn row(gesture: &str, label: &str, answers: &[Answer]) -> Outcome<String> {
     let of = |value: fn(&Answer) -> f64| answers.iter().map(value).collect::<Vec<_>>();
     let first = of(|a| a.first_ms);
-    let median_of = |values: &[f64]| quartiles(values).map(|q| q[1]).ok_or("found no repetition, expected one or more");
+    let median_of =
+        |values: &[f64]| quartiles(values).map(|q| q[1]).ok_or("found no repetition, expected one or more");
     let [q1, median, q3] = quartiles(&first).ok_or("found no repetition, expected one or more")?;
     let (low, high) = first.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
     Ok(format!(

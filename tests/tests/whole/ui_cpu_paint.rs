@@ -3,9 +3,10 @@
 use egui::{Modifiers, PointerButton, Pos2, pos2, vec2};
 use glioscope::{
     command::LookCommand,
+    cpu_paint,
     model::{CaseRef, PaneId},
 };
-use glioscope_tests::{Window, perform, sample, screens, window_on, window_painted_on_cpu};
+use glioscope_tests::{Window, perform, sample, screens, software_gpu, window_on, window_painted_on_cpu};
 use image::RgbaImage;
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
@@ -82,12 +83,16 @@ fn the_painter_shows_what_eguis_renderer_shows() {
     }
 }
 
+/// On other adapters nothing is installed (`window/run.rs`), so that egui's own times remain.
 #[test]
-fn only_windows_painted_on_the_cpu_have_no_animations() {
-    let [animated, still] = [sample(), window_painted_on_cpu(CaseRef::Sample, SIZE, egui::Theme::Light)]
-        .map(|window| window.ctx.global_style().scroll_animation);
-    assert_eq!(still, egui::style::ScrollAnimation::none());
-    assert_ne!(animated, still);
+fn painting_on_the_cpu_switches_animations_off() {
+    let (painted, other) = (egui::Context::default(), egui::Context::default());
+    cpu_paint::install(&painted, &software_gpu(), egui_wgpu::wgpu::TextureFormat::Bgra8Unorm);
+    for theme in [egui::Theme::Dark, egui::Theme::Light] {
+        let [still, animated] = [&painted, &other].map(|ctx| ctx.style_of(theme));
+        assert_eq!(still.scroll_animation, egui::style::ScrollAnimation::none());
+        assert!(still.animation_time == 0.0 && animated.animation_time > 0.0);
+    }
 }
 
 /// Over areas that don't answer the pointer, no 3D view is drawn anew and no frames follow those of the movement.

@@ -35,9 +35,12 @@ fn pixel(@builtin(position) at: vec4f) -> @location(0) vec4f {
 }
 ";
 
+/// Pixels of a texture: RGBA, row by row, and its width and height.
+type Picture = (TextureId, [u32; 2], Vec<u8>);
+
 /// Hands the pictures of 3D views, which are on the graphics device, to the painter.
 #[derive(Clone, Default)]
-pub struct ViewPictures(Arc<Mutex<Vec<(TextureId, [u32; 2], Vec<u8>)>>>);
+pub struct ViewPictures(Arc<Mutex<Vec<Picture>>>);
 
 impl ViewPictures {
     /// Sets the pixels of a texture: RGBA, row by row.

@@ -1,6 +1,8 @@
 //! Tests of the painter without a device: closed forms, and repainting against painting anew. The whole window is
 //! compared with egui's own renderer in tests/tests/whole/ui_cpu_paint.rs.
 
+#![allow(clippy::disallowed_methods, reason = "colours of drawn test shapes")]
+
 use egui::{
     ClippedPrimitive, Color32, ColorImage, Context, Mesh, RawInput, Rect, TextureId,
     epaint::{ImageDelta, Primitive, Vertex, textures::TextureOptions},

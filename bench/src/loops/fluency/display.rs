@@ -83,7 +83,8 @@ impl Window {
         std::fs::create_dir_all(&folder)?;
         // As large as the screen from the start, as the program remembers it.
         let remembered = format!("{{\"size_points\": [{}, {}]}}", screen[0], screen[1]);
-        std::fs::write(folder.join("window.json"), remembered)?;
+        glioscope_core::files::write_whole(&folder.join("window.json"), remembered.as_bytes())
+            .map_err(|e| e.to_string())?;
         let child = Command::new(program)
             .args(arguments)
             .env("DISPLAY", &display)

@@ -181,7 +181,7 @@ fn play(window: &mut Window, gesture: &Gesture, repeat: usize, picture: Option<&
         Deed::Move(to) | Deed::Drag(to) => window.move_to(to)?,
         Deed::Click => window.button(1, false)?,
         Deed::Wheel => {
-            let wheel = if repeat % 2 == 0 { 5 } else { 4 };
+            let wheel = if repeat.is_multiple_of(2) { 5 } else { 4 };
             window.button(wheel, true)?;
             window.button(wheel, false)?;
         }

@@ -407,7 +407,8 @@ fn fail(why: &str) -> ! {
     panic!("{why}")
 }
 
+/// Prints a line that `./x test` summarises, such as `SKIPPED: …`.
 #[allow(clippy::print_stdout, reason = "a skipped test must be reported")]
-fn print_line(line: &str) {
+pub fn print_line(line: &str) {
     println!("{line}");
 }

@@ -89,11 +89,10 @@ fn neighbours(pane: PaneId) -> &'static [PaneId] {
         P::Change => &[P::Closeup, P::Context],
         P::Context | P::Dates => &[P::Context, P::Dates, P::Closeup],
         P::Ellipsoids => &[P::Closeup, P::Overlap],
-        P::Overlap | P::Lens | P::Measurements => &[P::Overlap, P::Lens, P::Measurements, P::Ellipsoids],
-        P::Transfer | P::Diagnostics => &[P::Overlap, P::Lens, P::Measurements, P::Ellipsoids],
         P::Axial => &[P::Coronal, P::Sagittal],
         P::Coronal => &[P::Axial, P::Sagittal],
         P::Sagittal => &[P::Coronal, P::Axial],
+        _ => &[P::Overlap, P::Lens, P::Measurements, P::Ellipsoids],
     }
 }
 

@@ -22,7 +22,7 @@ use glioscope_core::{
     glam::DVec3,
     sample::sample_files,
 };
-use glioscope_tests::{Window, error_text, issue, perform, wait_for_workers, window_on};
+use glioscope_tests::{Window, error_text, issue, perform, print_line, wait_for_workers, window_on};
 
 use crate::PROGRAM;
 
@@ -41,7 +41,7 @@ fn may_trace() -> bool {
         .expect("strace is installed (./x test installs it)");
     if !output.status.success() {
         let why = String::from_utf8_lossy(&output.stderr);
-        println!("SKIPPED: failing calls of the system: strace can't trace here ({})", why.trim());
+        print_line(&format!("SKIPPED: failing calls of the system: strace can't trace here ({})", why.trim()));
     }
     output.status.success()
 }
@@ -241,7 +241,7 @@ fn writers() -> [Writer; 3] {
     [
         writer("sample --out OUT/sample", |folder| fs::create_dir(folder.join("sample")).unwrap()),
         writer("change --sample --csv OUT/a.csv", |folder| {
-            fs::write(folder.join("a.csv"), "before").unwrap()
+            fs::write(folder.join("a.csv"), "before").unwrap();
         }),
         writer("render --sample --view sagittal --size 64x64 --software --out OUT/a.png", |folder| {
             fs::write(folder.join("a.png"), "before").unwrap();
@@ -497,7 +497,7 @@ fn failures_of_the_window(mut command: Command, mode: &str) -> BTreeMap<String, 
     let found = stdout.lines().find_map(|line| line.split("FAILED {").nth(1));
     let found =
         found.unwrap_or_else(|| panic!("{mode}: {stdout}{}", String::from_utf8_lossy(&output.stderr)));
-    println!("{mode}: {{{found}");
+    print_line(&format!("{mode}: {{{found}"));
     serde_json::from_str(&format!("{{{found}")).unwrap()
 }
 

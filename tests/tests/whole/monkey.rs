@@ -395,7 +395,7 @@ fn nothing_that_a_monkey_does_panics() {
             let printed = child("monkey_in_a_folder", folder.path(), &variables);
             println!(
                 "case {number}, seed {seed}: {events} events; {}",
-                printed.lines().filter(|l| l.contains("MiB")).next_back().unwrap_or("")
+                printed.lines().rfind(|l| l.contains("MiB")).unwrap_or("")
             );
         }
     }

@@ -49,6 +49,7 @@ pub struct Canvas {
     size: [usize; 2],
     pixels: Vec<Pixel>,
     tiles: Vec<Tile>,
+    threads: Threads,
 }
 
 /// A mesh in pixels.
@@ -69,6 +70,16 @@ fn corner_hash(corner: &Corner) -> u64 {
     let [x, y] = corner.at.map(i32::cast_unsigned);
     let [u, v] = corner.texel.map(f32::to_bits);
     mix(pair(x, y), mix(pair(u, v), u64::from(u32::from_le_bytes(corner.color))))
+}
+
+/// The painter's own threads, one per core: those of all other work may be busy for seconds with what a user waits for,
+/// and take a frame in only afterwards. `None` where they can't be started: then a frame waits.
+struct Threads(Option<rayon::ThreadPool>);
+
+impl Default for Threads {
+    fn default() -> Self {
+        Self(rayon::ThreadPoolBuilder::new().thread_name(|i| format!("painter {i}")).build().ok())
+    }
 }
 
 impl Canvas {
@@ -123,17 +134,18 @@ impl Canvas {
             meshes.push(prepared);
         }
         let bands = self.pixels.par_chunks_mut(size[0] * TILE[1]).zip(self.tiles.par_chunks_mut(columns));
-        bands
-            .enumerate()
-            .filter_map(|(band, (pixels, tiles))| {
-                let top = band * TILE[1];
-                let mut rows = Rows { pixels, width: size[0], top: top as i32 };
-                let [first, end] = paint_band(&mut rows, tiles, &meshes)?;
-                let left = first * TILE[0];
-                let height = rows.pixels.len() / size[0];
-                Some(Painted { at: [left, top], size: [(end * TILE[0]).min(size[0]) - left, height] })
-            })
-            .collect()
+        let painted = bands.enumerate().filter_map(|(band, (pixels, tiles))| {
+            let top = band * TILE[1];
+            let mut rows = Rows { pixels, width: size[0], top: top as i32 };
+            let [first, end] = paint_band(&mut rows, tiles, &meshes)?;
+            let left = first * TILE[0];
+            let height = rows.pixels.len() / size[0];
+            Some(Painted { at: [left, top], size: [(end * TILE[0]).min(size[0]) - left, height] })
+        });
+        match &self.threads.0 {
+            Some(own) => own.install(|| painted.collect()),
+            None => painted.collect(),
+        }
     }
 
     /// Enters the triangles of a mesh in the lists of the tiles they touch.

@@ -63,6 +63,7 @@ pub fn install(ctx: &Context, gpu: &Gpu, format: wgpu::TextureFormat) -> ViewPic
         srgb: format.is_srgb(),
         pictures: pictures.clone(),
         textures: Textures::new(),
+        unused: Vec::new(),
         canvas: Canvas::default(),
         shown: None,
     });
@@ -77,6 +78,8 @@ struct Painter {
     srgb: bool,
     pictures: ViewPictures,
     textures: Textures,
+    /// Textures that egui freed, also in passes that it discarded: removed after the next picture, which may show them.
+    unused: Vec<TextureId>,
     canvas: Canvas,
     /// The canvas on the device.
     shown: Option<(wgpu::Texture, Shown)>,
@@ -92,6 +95,7 @@ impl Plugin for Painter {
         let passes = &output.platform_output;
         let will_be_replaced = passes.requested_discard()
             && passes.num_completed_passes < ctx.options(|options| options.max_passes.get());
+        self.unused.extend(output.textures_delta.free.iter().copied());
         if will_be_replaced {
             return;
         }
@@ -102,8 +106,8 @@ impl Plugin for Painter {
         // At most what a texture may be wide and high.
         let size = [size.x, size.y].map(|v| (v as usize).clamp(1, 16_384));
         let painted = self.canvas.paint(size, &primitives, pixels_per_point, &self.textures);
-        for id in &output.textures_delta.free {
-            self.textures.remove(id);
+        for id in self.unused.drain(..) {
+            self.textures.remove(&id);
         }
         let shown = self.upload(&painted);
         let points = vec2(size[0] as f32, size[1] as f32) / pixels_per_point;

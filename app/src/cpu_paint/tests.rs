@@ -239,3 +239,29 @@ fn repainting_equals_painting_anew() {
         assert!(part > 0 && part < whole / 2, "{part} of {whole} pixels were painted");
     }
 }
+
+#[test]
+fn a_frame_does_not_wait_for_other_work() {
+    use std::sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+        mpsc,
+    };
+    let released = Arc::new(AtomicBool::new(false));
+    let waiting = released.clone();
+    // Every thread of the pool that all other work runs on.
+    rayon::spawn_broadcast(move |_| {
+        while !waiting.load(Ordering::Relaxed) {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+    });
+    let (send, painted) = mpsc::channel();
+    std::thread::spawn(move || {
+        let mut canvas = Canvas::default();
+        let parts = canvas.paint([300, 200], &[], 1.0, &Textures::new());
+        send.send(parts.len())
+    });
+    let parts = painted.recv_timeout(std::time::Duration::from_secs(20));
+    released.store(true, Ordering::Relaxed);
+    assert!(parts.is_ok_and(|parts| parts > 0), "the frame waited for other work");
+}

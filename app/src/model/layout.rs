@@ -60,12 +60,8 @@ pub fn toggle(layout: &mut Tree<PaneId>, pane: PaneId) {
     }
     let tile = layout.tiles.insert_pane(pane);
     let neighbour = neighbours(pane).iter().find_map(|of| layout.tiles.find_pane(of));
-    let row = |of: PaneId| SLICES.iter().position(|slice| *slice == of);
-    if let (Some(own), Some(neighbour)) = (row(pane), neighbour)
-        && let Some((column, index)) = column_of(layout, neighbour)
-    {
-        let below = layout.tiles.get_pane(&neighbour).is_some_and(|slice| row(*slice) < Some(own));
-        layout.move_tile_to_container(tile, column, index + usize::from(below), true);
+    if let (Some(own), Some(neighbour)) = (row_of(pane), neighbour) {
+        place_slice(layout, tile, own, neighbour);
         return;
     }
     let tabs = neighbour.and_then(|neighbour| {
@@ -96,15 +92,42 @@ fn neighbours(pane: PaneId) -> &'static [PaneId] {
     }
 }
 
-/// The container of panes one above or beside the other that `tile` lies in, and its index there.
-fn column_of(layout: &Tree<PaneId>, tile: TileId) -> Option<(TileId, usize)> {
-    let mut child = tile;
-    loop {
-        let parent = layout.tiles.parent_of(child)?;
-        if let Some(Container::Linear(linear)) = layout.tiles.get_container(parent) {
-            return Some((parent, linear.children.iter().position(|c| *c == child)?));
+/// The row of a slice among [`SLICES`]; `None` for other panes.
+fn row_of(pane: PaneId) -> Option<usize> {
+    SLICES.iter().position(|slice| *slice == pane)
+}
+
+/// Puts the slice of row `own` above or below the slice `neighbour`, in their column; a column is made where there is none
+/// left.
+fn place_slice(layout: &mut Tree<PaneId>, tile: TileId, own: usize, neighbour: TileId) {
+    let below = layout.tiles.get_pane(&neighbour).is_some_and(|slice| row_of(*slice) < Some(own));
+    let mut child = neighbour;
+    let parent = loop {
+        let parent = layout.tiles.parent_of(child);
+        match parent.and_then(|parent| layout.tiles.get_container(parent)) {
+            Some(Container::Linear(linear)) if linear.dir == LinearDir::Vertical => {
+                let index = linear.children.iter().position(|c| *c == child).unwrap_or_default();
+                if let Some(column) = parent {
+                    layout.move_tile_to_container(tile, column, index + usize::from(below), true);
+                }
+                return;
+            }
+            Some(Container::Tabs(_)) => child = parent.unwrap_or(child),
+            _ => break parent,
         }
-        child = parent;
+    };
+    let rows = if below { [child, tile] } else { [tile, child] };
+    let column = linear(&mut layout.tiles, LinearDir::Vertical, &rows.map(|row| (row, 1.0)));
+    replace(layout, parent, child, column);
+}
+
+/// Puts `new` in the place of `old`, a child of `parent` or the root.
+fn replace(layout: &mut Tree<PaneId>, parent: Option<TileId>, old: TileId, new: TileId) {
+    match parent.and_then(|parent| layout.tiles.get_mut(parent)) {
+        Some(Tile::Container(container)) => {
+            let _ = container.replace_child(old, new);
+        }
+        _ => layout.root = Some(new),
     }
 }
 
@@ -112,12 +135,7 @@ fn column_of(layout: &Tree<PaneId>, tile: TileId) -> Option<(TileId, usize)> {
 fn wrap_in_tabs(layout: &mut Tree<PaneId>, neighbour: TileId, tile: TileId) {
     let parent = layout.tiles.parent_of(neighbour);
     let tabs = layout.tiles.insert_tab_tile(vec![neighbour, tile]);
-    match parent.and_then(|parent| layout.tiles.get_mut(parent)) {
-        Some(Tile::Container(container)) => {
-            let _ = container.replace_child(neighbour, tabs);
-        }
-        _ => layout.root = Some(tabs),
-    }
+    replace(layout, parent, neighbour, tabs);
 }
 
 #[cfg(test)]
@@ -158,14 +176,59 @@ mod tests {
         assert_eq!(siblings(&layout, PaneId::Change), [PaneId::Closeup, PaneId::Change]);
     }
 
+    /// As drawing it does.
+    fn simplified(layout: &mut Tree<PaneId>) {
+        let options = egui_tiles::SimplificationOptions {
+            all_panes_must_have_tabs: true,
+            ..egui_tiles::SimplificationOptions::default()
+        };
+        layout.simplify(&options);
+    }
+
+    /// The panes of the column that `pane` lies in, from top to bottom.
+    fn column(layout: &Tree<PaneId>, pane: PaneId) -> Vec<PaneId> {
+        fn panes(layout: &Tree<PaneId>, tile: TileId) -> Vec<PaneId> {
+            match layout.tiles.get(tile).unwrap() {
+                Tile::Pane(pane) => vec![*pane],
+                Tile::Container(all) => all.children().flat_map(|child| panes(layout, *child)).collect(),
+            }
+        }
+        let mut tile = layout.tiles.find_pane(&pane).unwrap();
+        loop {
+            tile = layout.tiles.parent_of(tile).unwrap();
+            match layout.tiles.get_container(tile) {
+                Some(Container::Linear(linear)) if linear.dir == LinearDir::Vertical => {
+                    return panes(layout, tile);
+                }
+                _ => {}
+            }
+        }
+    }
+
     #[test]
-    fn a_closed_slice_comes_back_between_the_others() {
-        for pane in SLICES {
-            let mut layout = default_layout(1);
-            toggle(&mut layout, pane);
-            assert!(!contains(&layout, pane));
-            toggle(&mut layout, pane);
-            assert_eq!(siblings(&layout, pane), SLICES);
+    fn closed_slices_come_back_above_and_below_the_others() {
+        let others = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]].map(|pair| pair.map(|i| SLICES[i]));
+        for closed in SLICES.map(|one| vec![one]).into_iter().chain(others.map(Vec::from)) {
+            for backwards in [false, true] {
+                let mut layout = default_layout(1);
+                simplified(&mut layout);
+                for pane in &closed {
+                    toggle(&mut layout, *pane);
+                    simplified(&mut layout);
+                    assert!(!contains(&layout, *pane));
+                }
+                let mut opened = closed.clone();
+                if backwards {
+                    opened.reverse();
+                }
+                for pane in opened {
+                    toggle(&mut layout, pane);
+                    simplified(&mut layout);
+                }
+                assert_eq!(column(&layout, PaneId::Axial), SLICES, "{closed:?} {backwards}");
+                let root = layout.tiles.get_container(layout.root().unwrap()).unwrap();
+                assert_eq!(root.num_children(), 3, "{closed:?}: no further column");
+            }
         }
     }
 

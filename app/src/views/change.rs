@@ -26,9 +26,6 @@ use crate::{
     },
 };
 
-/// The band of uncertainty in the legend's ramp.
-const UNCERTAIN: [u8; 3] = [140, 144, 150];
-
 /// The pane of the change view.
 #[derive(Default)]
 pub struct ChangePane {
@@ -277,7 +274,7 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
         })
         .collect();
     let uncertain = format!(
-        "grey: less than can be told, ± {} mm: {} of {} voxels",
+        "faint: less than can be told, ± {} mm: {} of {} voxels",
         if most_mm - least_mm < 0.05 {
             format!("{least_mm:.1}")
         } else {
@@ -332,7 +329,7 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
 }
 
 /// The ramp of change: shrinkage on the left, growth on the right, zero in the middle; the band within `uncertainty_mm`,
-/// that of the most certain direction, is grey. Below it the ends and the band in millimetres. Returns its height.
+/// that of the most certain direction, is faint, as in the view. Below it the ends and the band in millimetres. Returns its height.
 fn ramp(
     painter: &egui::Painter,
     at: egui::Pos2,
@@ -345,12 +342,12 @@ fn ramp(
     let band = (uncertainty_mm / look.full_mm).clamp(0.0, 1.0);
     for step in -HALF_STEPS..=HALF_STEPS {
         let share = f64::from(step.abs()) / f64::from(HALF_STEPS);
+        let opacity = if share <= band { share * f64::from(ChangeLook::FAINT) } else { share };
         let full = if step < 0 { look.shrink } else { look.grow };
-        let mixed: [u8; 3] = std::array::from_fn(|i| {
+        let color: [u8; 3] = std::array::from_fn(|i| {
             let (from, to) = (f64::from(ChangeLook::BASE[i]), f64::from(full[i]));
-            (from + (to - from) * share) as u8
+            (from + (to - from) * opacity) as u8
         });
-        let color = if share <= band { UNCERTAIN } else { mixed };
         let left = middle_x + step as f32 - 0.5;
         painter.rect_filled(
             Rect::from_min_size(egui::pos2(left, at.y), vec2(1.5, 10.0)),

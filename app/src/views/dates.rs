@@ -223,10 +223,11 @@ fn chart(
                 xs.iter().zip(values).filter_map(|(&x, y)| y.map(|ml| [x, ml])).collect();
             let color = theme::color(*color);
             if values_shown {
-                for (i, &[x, ml]) in points.iter().enumerate() {
+                for &[x, ml] in &points {
                     let text = RichText::new(format!(" {ml:.1} ")).size(LABEL_POINTS).color(ink);
                     // Beside the line of a compared date, and within the chart.
-                    let anchor = if i == 0 { Align2::LEFT_BOTTOM } else { Align2::RIGHT_BOTTOM };
+                    let anchor =
+                        if xs.first() == Some(&x) { Align2::LEFT_BOTTOM } else { Align2::RIGHT_BOTTOM };
                     plot.text(Text::new("", PlotPoint::new(x, ml), text).anchor(anchor));
                 }
             }

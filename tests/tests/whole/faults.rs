@@ -41,7 +41,10 @@ fn may_trace() -> bool {
         .expect("strace is installed (./x test installs it)");
     if !output.status.success() {
         let why = String::from_utf8_lossy(&output.stderr);
-        print_line(&format!("SKIPPED: failing calls of the system: strace can't trace here ({})", why.trim()));
+        print_line(&format!(
+            "SKIPPED: failing calls of the system: strace can't trace here ({})",
+            why.trim()
+        ));
     }
     output.status.success()
 }

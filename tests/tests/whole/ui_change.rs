@@ -159,6 +159,10 @@ fn hidden_change_views_compute_no_comparison() {
     // As a user opens a case with dates: change is in front.
     perform(&mut harness, EditCommand::SetLayout(Box::new(layout::default_layout(2))));
     assert!(!nothing(&mut harness), "the change view is drawn");
+    for pane in [PaneId::Change, PaneId::Closeup, PaneId::Context, PaneId::Overlap, PaneId::Axial] {
+        let rect = harness.state().pane_rect(pane).unwrap();
+        assert!(rect.width() > 200.0 && rect.height() > 150.0, "{pane:?} {rect:?}");
+    }
 
     let folder = tempfile::tempdir().unwrap();
     glioscope_core::sample::write_sample(folder.path()).unwrap();

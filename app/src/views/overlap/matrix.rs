@@ -1,6 +1,6 @@
 //! The matrix of agreement: one metric of every two masks, as numbers on a ramp from dark (0) to light (1).
 
-use egui::{Align2, Color32, CornerRadius, Id, Rect, Sense, Ui, Vec2, pos2, vec2};
+use egui::{Align2, Color32, CornerRadius, Id, Rect, ScrollArea, Sense, Ui, Vec2, pos2, vec2};
 use glioscope_core::measure::{PAIR_METRICS, Pair, PairMetric};
 use glioscope_render::agreement_color;
 
@@ -90,10 +90,12 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair]) {
     let Some(metric) = PAIR_METRICS.get(choice.metric) else { return };
     let values = values(input.regions.mask_ids(), pairs, metric);
     let order = order(&values, choice.sorted);
-    ui.spacing_mut().item_spacing.y = 0.0;
-    for &mask in &order {
-        row(ui, input, metric, (&values, &order), mask);
-    }
+    ScrollArea::horizontal().id_salt("matrix").auto_shrink([false, true]).show(ui, |ui| {
+        ui.spacing_mut().item_spacing.y = 0.0;
+        for &mask in &order {
+            row(ui, input, metric, (&values, &order), mask);
+        }
+    });
 }
 
 fn row(

@@ -177,7 +177,8 @@ fn matrix_place(input: &OverlapInput<'_>, size: egui::Vec2, needed: egui::Vec2) 
     if is_ring(input) && free.x >= MIN_RING_WIDTH && needed.y + bar::HEIGHT_PT <= stacked_height(input, size)
     {
         MatrixPlace::Beside
-    } else if !is_ring(input) && free.y >= upset::min_height(input.regions.mask_ids().len()) {
+    } else if !is_ring(input) && free.x >= 0.0 && free.y >= upset::min_height(input.regions.mask_ids().len())
+    {
         MatrixPlace::Above
     } else {
         MatrixPlace::Below

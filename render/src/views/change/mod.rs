@@ -88,6 +88,9 @@ impl ChangeLook {
     /// Colour of the unchanged surface, for light and dark backgrounds.
     pub const BASE: Rgb = [222, 218, 208];
 
+    /// Opacity of the colour of a length within its uncertainty.
+    pub const FAINT: f32 = surface::FAINT;
+
     /// Growth and recession in a palette.
     pub fn pair(palette: Palette) -> [Rgb; 2] {
         match palette {

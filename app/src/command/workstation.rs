@@ -272,8 +272,9 @@ impl Workstation {
         }
         let written = absolute.spec();
         (spec.masks, spec.contexts, spec.tracts) = (written.masks, written.contexts, written.tracts);
-        if spec.order.is_empty() {
-            spec.order.clone_from(&request.options.order);
+        let order = &request.options.order;
+        if spec.order.is_empty() && spec.times() == order.iter().cloned().collect() {
+            spec.order.clone_from(order);
         }
         spec.inputs().refuse_as_output(path)?;
         self.inputs().refuse_as_output(path)?;
@@ -319,7 +320,11 @@ impl Workstation {
             }
             Ok(Opened::Loaded(opened)) => {
                 let is_unsaved = request.is_unsaved;
-                self.session_stamp = request.session_path.as_deref().and_then(stamp);
+                // A session that is open already isn't read anew: what another window saved meanwhile stays unseen.
+                if !is_unsaved || self.session_path != request.session_path {
+                    self.session_stamp = request.session_path.as_deref().and_then(stamp);
+                }
+                let of_session = request.session.is_some();
                 self.session_path = request.session_path;
                 let before = self.world.case().cloned();
                 self.install_opened(*opened);
@@ -328,12 +333,17 @@ impl Workstation {
                 {
                     doc.edit.masks.follow(&before, case);
                 }
-                if is_unsaved {
+                // The session doesn't have what was corrected of its case.
+                let corrected = |accepted: &Accepted| accepted.case.is_some() && !accepted.silently;
+                if is_unsaved || (of_session && accepted.as_ref().is_some_and(corrected)) {
                     self.saved = None;
                 }
                 self.case_key.clear();
                 if let Some(accepted) = accepted {
-                    self.answers.add(accepted.answer(&request.options.order));
+                    // A session says itself what its files are: that is no answer for the folder.
+                    if !(of_session && accepted.silently) {
+                        self.answers.add(accepted.answer(&request.options.order));
+                    }
                     if accepted.silently {
                         self.notice = Some(
                             "Opened as accepted before; File, Case files… changes what they are.".into(),
@@ -348,11 +358,12 @@ impl Workstation {
                 })
             }
             Err(error) => {
-                if let Some(accepted) = accepted.filter(|accepted| accepted.silently) {
+                let failed = job.progress.check().is_ok();
+                if let Some(accepted) = accepted.filter(|accepted| accepted.silently && failed) {
                     // Next time it is asked about.
                     self.answers.forget(&accepted.key);
                 }
-                if job.progress.check().is_ok() {
+                if failed {
                     self.error = Some(error);
                 } else {
                     self.notice = Some("Loading cancelled; nothing was changed.".into());
@@ -364,7 +375,11 @@ impl Workstation {
 
     /// Takes up a guess: as it was accepted before, or to be shown.
     fn guessed(&mut self, mut request: Request, proposal: Proposal, wake: Waker) {
-        let known = self.answers.find(&proposal.key).filter(|_| !request.edits && !self.accept_guesses);
+        // A session of a folder says nothing of its files: a correction made since is asked about.
+        let applies = |answer: &&crate::model::Answer| {
+            !request.edits && !self.accept_guesses && (request.session.is_none() || answer.manifest.is_none())
+        };
+        let known = self.answers.find(&proposal.key).filter(applies);
         if let Some(answer) = known
             && let Ok(accepted) = Accepted::before(&proposal, answer, request.session.is_some())
         {

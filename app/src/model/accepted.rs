@@ -60,11 +60,13 @@ impl Answers {
     pub fn add(&mut self, answer: Answer) {
         let is_large = answer.left_out.len() > MAX_LEFT_OUT
             || answer.manifest.as_ref().is_some_and(|text| text.len() > MAX_MANIFEST_BYTES);
-        if answer.key.is_empty() || is_large || self.list.first() == Some(&answer) {
+        if answer.key.is_empty() || self.list.first() == Some(&answer) {
             return;
         }
         self.list.retain(|other| other.key != answer.key);
-        self.list.insert(0, answer);
+        if !is_large {
+            self.list.insert(0, answer);
+        }
         self.list.truncate(MAX_ANSWERS);
         self.save();
     }

@@ -246,6 +246,13 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
 }
 
 impl Document {
+    /// Whether `other` is of the same case, read alike, with the same content.
+    pub fn same_work(&self, other: &Self) -> bool {
+        let source =
+            |doc: &Self| (doc.case.clone(), doc.tracts.clone(), doc.order.clone(), doc.case_grid.clone());
+        source(self) == source(other) && self.edit.same_work(&other.edit)
+    }
+
     /// The initial document of a case with `time_point_count` time points: everything visible, the lens on the
     /// tumour, seen from the front, slightly from the left and above.
     pub fn new(case: CaseRef, time_point: &TimePoint, time_point_count: usize) -> Self {

@@ -1,6 +1,6 @@
 //! Names and colours that the user gave to masks. Files, exports and the command line keep the masks' ids.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glioscope_core::case::Case;
 use serde::{Deserialize, Serialize};
@@ -25,25 +25,38 @@ impl MaskLooks {
     pub fn of_case(case: &Case) -> Self {
         let mut looks = Self::default();
         for mask in case.time_points.iter().flat_map(|time_point| &time_point.masks) {
-            looks.set(mask.mask.id(), &MaskLook { name: mask.name.clone(), color: None });
+            // Named at one of its dates is named.
+            if mask.name.is_some() {
+                looks.set(mask.mask.id(), &MaskLook { name: mask.name.clone(), color: None });
+            }
         }
         looks
     }
 
     /// Takes over the names and colours that a case gives otherwise than it did before.
     pub fn follow(&mut self, before: &Case, now: &Case) {
+        // The first name and the first colour at any date.
         let look_in = |case: &Case, id: &str| {
-            let mut masks = case.time_points.iter().flat_map(|time_point| &time_point.masks);
-            masks.find(|mask| mask.mask.id() == id).map(|mask| (mask.name.clone(), mask.color))
+            let masks = case.time_points.iter().flat_map(|time_point| &time_point.masks);
+            let mut same = masks.filter(|mask| mask.mask.id() == id);
+            let all: Vec<_> = same.by_ref().map(|mask| (mask.name.clone(), mask.color)).collect();
+            let name = all.iter().find_map(|(name, _)| name.clone());
+            (name, all.iter().find_map(|(_, color)| *color))
         };
-        for mask in now.time_points.iter().flat_map(|time_point| &time_point.masks) {
-            let id = mask.mask.id();
-            let (name, color) = look_in(before, id).unwrap_or_default();
+        let ids: BTreeSet<&str> = now
+            .time_points
+            .iter()
+            .flat_map(|time_point| &time_point.masks)
+            .map(|mask| mask.mask.id())
+            .collect();
+        for id in ids {
+            let (name, color) = look_in(before, id);
+            let (new_name, new_color) = look_in(now, id);
             let mut look = self.get(id);
-            if mask.name != name {
-                look.name.clone_from(&mask.name);
+            if new_name != name {
+                look.name = new_name;
             }
-            if mask.color != color {
+            if new_color != color {
                 // That of the case.
                 look.color = None;
             }

@@ -13,7 +13,7 @@ use glioscope_core::files::FileError;
 use crate::{
     command::Workstation,
     model::{
-        Edit,
+        Document,
         session::{self, EXTENSION},
     },
 };
@@ -60,7 +60,7 @@ impl Drop for Kept {
 pub struct Autosave {
     own: Kept,
     /// The content of the copy.
-    written: Option<Edit>,
+    written: Option<Document>,
     changed_since: Option<Instant>,
     /// Whether the last copy failed.
     failed: bool,
@@ -137,7 +137,7 @@ impl Autosave {
             return None;
         }
         let (doc, case) = (work.doc.as_ref()?, work.world.case()?);
-        if self.written.as_ref().is_some_and(|written| written.same_work(&doc.edit)) {
+        if self.written.as_ref().is_some_and(|written| written.same_work(doc)) {
             self.changed_since = None;
             return None;
         }
@@ -158,7 +158,7 @@ impl Autosave {
         if taken_over && let Some(kept) = self.opening.take() {
             kept.remove();
         }
-        self.written = Some(doc.edit.clone());
+        self.written = Some(doc.clone());
         self.changed_since = None;
         None
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use egui::Context;
-use glioscope_core::files::format::volume_names;
+use glioscope_core::{case, files::format::volume_names};
 
 use super::dialogs::{is_tracts, open_command};
 use crate::{
@@ -26,7 +26,7 @@ pub fn dropped(ctx: &Context, case_is_open: bool, out: &mut Commands) -> usize {
     }
     let describes = |path: &&PathBuf| {
         let is_manifest = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-        is_manifest || session::is_session(path)
+        is_manifest || session::is_session(path) || case::has_manifest(path)
     };
     match (paths.as_slice(), paths.iter().find(describes)) {
         ([], _) => 0,

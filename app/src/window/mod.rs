@@ -215,9 +215,11 @@ impl GlioscopeApp {
         self.palette.show(ui, &places, &mut out);
         self.ask(ui);
         let covered = self.open.path.is_some();
-        order_dates::show(ui, &mut self.work, &mut out);
         // Before what it may cover, so that it has the keyboard.
         typed_path::show(ui, &mut self.open.path, &mut out);
+        if !covered && !self.open.masks && !self.open.about && !self.palette.is_open() {
+            order_dates::show(ui, &mut self.work, &mut out);
+        }
         case_files::show(ui, &mut self.work, covered, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);

@@ -215,7 +215,10 @@ fn open(mut request: Request, accepted: Option<Accepted>, progress: &Progress) -
         },
         None => {
             let mut found = find(&mut request, progress)?;
-            let proposal = found.proposal.take();
+            let mut proposal = found.proposal.take();
+            if let (true, Some(proposal)) = (request.edits, &mut proposal) {
+                proposal.take_tracts(&found.place.tracts);
+            }
             let proposal = if request.edits { proposal.or_else(|| described(&found)) } else { proposal };
             if let Some(proposal) = proposal {
                 return Ok(Opened::Guessed(proposal));
@@ -303,10 +306,16 @@ fn accept(request: &mut Request, accepted: Accepted, progress: &Progress) -> Res
         (true, false) => found.spec.add_tracts(&found.place.tracts),
         (false, _) => {}
     }
-    let times = found.spec.contexts.iter().map(|c| &c.time).chain(found.spec.masks.iter().map(|m| &m.time));
-    let order = &request.options.order;
-    if request.edits && order.iter().collect::<BTreeSet<_>>() != times.flatten().collect() {
+    let order: BTreeSet<String> = request.options.order.iter().cloned().collect();
+    if (request.edits || is_changed) && order != found.spec.times() {
         request.options.order.clear();
+    }
+    // A mask or an image that was renamed or left out has no grid to choose.
+    if let (true, CaseGridChoice::Of(id)) = (is_changed, &request.options.case_grid) {
+        let ids = found.spec.masks.iter().map(|m| &m.id).chain(found.spec.contexts.iter().map(|c| &c.id));
+        if !ids.into_iter().any(|other| other == id) {
+            request.options.case_grid = CaseGridChoice::FinestMask;
+        }
     }
     Ok(found)
 }

@@ -81,7 +81,12 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let listing = Listing { volumes: vec![PathBuf::from(&name)], tracts: Vec::new(), left_out: Vec::new() };
-    Ok(Description::Proposed(guess(folder, listing, name, options, progress)?.with_key(true)))
+    let mut proposal = guess(folder, listing, name, options, progress)?;
+    if folder.as_os_str().is_empty() {
+        // A bare name: the folder is kept, in sessions and with answers, where another one may be the current folder.
+        proposal.folder = std::env::current_dir().unwrap_or_default();
+    }
+    Ok(Description::Proposed(proposal.with_key(true)))
 }
 
 /// Some files and folders as one case, fibre tracts among them; at least one path.
@@ -106,6 +111,11 @@ pub fn describe_files(
         file.role = Role::Tracts;
     }
     Ok(proposal.with_key(false))
+}
+
+/// Whether a folder has a manifest, so that it needn't be guessed what its files are.
+pub fn has_manifest(folder: &Path) -> bool {
+    folder.is_dir() && !matches!(manifest_in(folder), Ok(None))
 }
 
 /// The manifest of a folder, if it has one.

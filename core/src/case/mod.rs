@@ -19,6 +19,7 @@ mod subject;
 mod values;
 
 use std::{
+    collections::BTreeSet,
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -29,7 +30,7 @@ use crate::{
 };
 
 pub use arguments::argument_with_file;
-pub use discover::{Description, describe, describe_files, open_spec};
+pub use discover::{Description, describe, describe_files, has_manifest, open_spec};
 pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::{OrderBasis, unordered_times};
@@ -125,6 +126,12 @@ impl CaseSpec {
             Source::Embedded { .. } => None,
         });
         Inputs::new(files.chain(self.described_by.iter().cloned()))
+    }
+
+    /// The distinct labels of time points.
+    pub fn times(&self) -> BTreeSet<String> {
+        let images = self.contexts.iter().filter_map(|image| image.time.clone());
+        self.masks.iter().filter_map(|mask| mask.time.clone()).chain(images).collect()
     }
 
     /// Adds the values of repeated `--tracts FILE`. Each is named after its file without extension, with a number

@@ -254,7 +254,7 @@ impl Proposal {
                 name: Some(mask.name.trim().to_owned()).filter(|name| !name.is_empty()),
             }));
         }
-        let times = times(&spec);
+        let times = spec.times();
         if self.order.iter().collect::<BTreeSet<_>>() == times.iter().collect() {
             spec.order.clone_from(&self.order);
         }
@@ -266,6 +266,25 @@ impl Proposal {
     pub fn left_out(&self) -> Vec<PathBuf> {
         let out = self.files.iter().filter(|file| file.role == Role::LeftOut);
         out.map(|file| file.path.strip_prefix(&self.folder).unwrap_or(&file.path).to_owned()).collect()
+    }
+
+    /// Counts these files of fibre tracts in: those listed as tracts, the others added to the list.
+    pub fn take_tracts(&mut self, paths: &[PathBuf]) {
+        let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        for path in paths {
+            let whole = absolute(path);
+            let base = self.folder.clone();
+            let listed = |file: &ProposedFile| {
+                absolute(&base.join(&file.path)) == whole || absolute(&file.path) == whole
+            };
+            match self.files.iter_mut().find(|file| listed(file)) {
+                Some(file) => file.role = Role::Tracts,
+                None => {
+                    let id = whole.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                    self.files.push(ProposedFile::new(whole, Role::Tracts, id, String::new()));
+                }
+            }
+        }
     }
 
     fn left_out_notes(&self) -> Vec<Check> {
@@ -401,12 +420,6 @@ impl Proposal {
 #[allow(clippy::option_option, reason = "no labels are not wrong labels")]
 fn labels(text: &str) -> Option<Option<Vec<i64>>> {
     if text.trim().is_empty() { Some(None) } else { arguments::labels(text).map(Some) }
-}
-
-/// The distinct times of a description.
-fn times(spec: &CaseSpec) -> BTreeSet<String> {
-    let images = spec.contexts.iter().filter_map(|c| c.time.clone());
-    spec.masks.iter().filter_map(|m| m.time.clone()).chain(images).collect()
 }
 
 #[cfg(test)]

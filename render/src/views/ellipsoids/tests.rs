@@ -544,8 +544,8 @@ fn outlines_greys_and_creases_have_the_expected_colours() {
     let [r, g, b] = pixel(&lens, DVec3::new(26.0, 0.0, 0.0));
     assert!(r == g && g == b, "grey outside the lens: {r} {g} {b}");
     assert_eq!(pixel(&lens, DVec3::new(-20.0, 3.0, 0.0)), pixel(&flat, DVec3::new(-20.0, 3.0, 0.0)));
-    let [r, g, _] = pixel(&lens, DVec3::new(-12.0, 0.0, 22.0));
-    assert!(r > 200 && g < 60, "the ring: {r} {g}");
+    let ring = pixel(&lens, DVec3::new(-12.0, 0.0, 22.0));
+    assert!(ring.iter().all(|&c| c > 250), "the ring: {ring:?}");
 }
 
 #[test]

@@ -25,7 +25,7 @@ pub struct Pixel {
     /// Sorted by depth, then id, then front before back.
     pub fragments: Vec<Fragment>,
     pub color: DVec3,
-    /// Within two pixels of the lens's ring, which the twin doesn't draw.
+    /// On the lens's ring with its edges, which the twin doesn't draw.
     pub on_ring: bool,
     /// A ray that grazes an ellipsoid, or meets two distinct surfaces within 1e-3 mm: `f32` may count or
     /// order them differently.
@@ -72,7 +72,7 @@ fn cast_one(scene: &EllipsoidScene, size: [u32; 2], pixel: [u32; 2]) -> Pixel {
             }
         };
         let off_mm = (to - ray.direction * t).length() - lens.radius_mm;
-        out.on_ring = off_mm.abs() < (line_scale + 1.0) * mm_per_pixel;
+        out.on_ring = off_mm.abs() < (2.2 * line_scale + 1.0) * mm_per_pixel;
         greyed = if t > 0.0 { (0.5 + off_mm / mm_per_pixel).clamp(0.0, 1.0) } else { 1.0 };
     }
     for e in scene.ellipsoids.iter() {

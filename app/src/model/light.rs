@@ -19,8 +19,8 @@ pub struct LightChoice {
 
 impl Default for LightChoice {
     fn default() -> Self {
-        let LightSettings { mode, aperture_deg, .. } = LightSettings::DEFAULT;
-        Self { mode, preset: None, aperture_deg, own: None }
+        let aperture_deg = LightSettings::DEFAULT.aperture_deg;
+        Self { mode: LightingMode::default(), preset: None, aperture_deg, own: None }
     }
 }
 

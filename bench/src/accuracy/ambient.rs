@@ -8,8 +8,12 @@ use glioscope_core::optics::{
     Ray, Sight,
     hemisphere::{DepthScene, Weight, openness},
     random::Random,
+    srgb,
+    voxels::OpaqueVoxels,
 };
-use glioscope_render::{CloseupRenderer, Quality};
+use glioscope_render::{
+    CloseupRenderer, LightSettings, LightingMode, Preset, Quality, RegionScene, light::preset,
+};
 use rayon::prelude::*;
 
 use super::{Axis, Bench, Curve, Defaults, Family, Point, errors::Errors, scenes, sweep::Sweep};
@@ -18,11 +22,14 @@ use crate::Outcome;
 pub(super) const FAMILY: Family = Family {
     name: "ambient",
     title: "Ambient occlusion of the closeup",
-    about: "Two truths. The first is the occlusion of the hemisphere, which the pass approximates: more samples \
-            can't remove this error, because the pass has no normals and counts half of the sampled sphere as \
-            unoccluded. The second is the pass's own integral, to which its samples converge. At the default, 12 \
-            pairs, the second error has fallen to a tenth of the first, which remains in any case (more pairs \
-            increase it). Time is that of the whole frame; on this adapter the pairs take little of it.",
+    about: "What the closeup darkens, against the hemisphere about the smoothed normal, traced through the voxels in f64: \
+            rays as on the device, horizons of depths and normals, and the thesis' point pairs. Rays have the noise of \
+            their number alone, so few are enough while something moves and many at rest; the others have errors that \
+            more samples can't remove, as depths don't show what is behind the first hit, and point pairs have no \
+            normals and count half of the sampled sphere as unoccluded. Point pairs are also compared with the \
+            hemisphere of the depth buffer and with their own integral, to which their samples converge. Time is that \
+            of the whole frame. The defaults are rays: 4 while something moves, 256 at rest, where most pixels stop \
+            before.",
     defaults: Defaults::One,
     curves,
 };
@@ -142,7 +149,160 @@ impl Hits {
     }
 }
 
+/// Occluded fraction of the hemisphere at every `stride`-th pixel: pixel index, fraction, standard error.
+type Truth = Vec<(usize, f64, f64)>;
+
+/// Rays through the voxels in `f64`, from as high above the first hits as the steps between voxels are.
+fn through_voxels(
+    scene: &RegionScene,
+    size: [u32; 2],
+    depths_mm: &[f64],
+    (stride, samples): (u32, u32),
+) -> Outcome<Truth> {
+    let radius_mm = radius_mm();
+    let tumor = scene.tumor.as_ref().ok_or("a closeup without masks")?;
+    let voxels = OpaqueVoxels::new(tumor.grid().clone(), |linear| tumor.id(linear) != 0);
+    let sight = Sight::new(&scene.camera, size);
+    let pixels: Vec<[u32; 2]> = (0..size[1])
+        .step_by(stride as usize)
+        .flat_map(|y| (0..size[0]).step_by(stride as usize).map(move |x| [x, y]))
+        .collect();
+    let at_pixel = |pixel: [u32; 2]| {
+        let number = (pixel[1] * size[0] + pixel[0]) as usize;
+        let at_mm = sight.at_mm(pixel, *depths_mm.get(number).filter(|d| d.is_finite())?);
+        let normal = voxels.normal(at_mm)?;
+        let from = at_mm + normal * voxels.step_height_mm(normal);
+        let is_hidden = |ray: &Ray, far: f64| voxels.hidden(ray, far);
+        let mut random = Random::new(5, number as u64);
+        let (open, error) =
+            openness(&is_hidden, from, normal, radius_mm, Weight::Cosine, samples, &mut random);
+        Some((number, 1.0 - open, error))
+    };
+    Ok(pixels.into_par_iter().filter_map(at_pixel).collect())
+}
+
+/// The window's own radius, for all kernels.
+fn radius_mm() -> f64 {
+    preset(LightingMode::Traced, Preset::Balanced).occlusion_radius_mm
+}
+
+/// A kernel: its name, its knob, and qualities with the knob's value and whether it is a default.
+type Kernel = (&'static str, &'static str, Vec<(String, (u32, bool, Quality))>);
+
+fn kernels(bench: &Bench<'_>) -> [Kernel; 3] {
+    let of = |mode| Quality {
+        lighting: LightSettings { mode, ..LightSettings::DEFAULT },
+        occlusion_radius_mm: radius_mm(),
+        ..Quality::FULL
+    };
+    let pairs: &[u32] = bench.effort.of(&[12], &[6, 12, 32], &[1, 2, 4, 6, 12, 24, 32]);
+    let with_pairs = |mode| {
+        let quality =
+            |&n: &u32| (format!("{n} pairs"), (n, false, Quality { occlusion_samples: n, ..of(mode) }));
+        pairs.iter().map(quality).collect()
+    };
+    let rays: &[u32] = bench.effort.of(&[4, 256], &[4, 16, 64, 256], &[1, 2, 4, 8, 16, 32, 64, 128, 256]);
+    let with_rays = rays.iter().map(|&n| {
+        let quality = Quality { occlusion_rays: n, ..of(LightingMode::Traced) };
+        (format!("{n} rays"), (n, n == 4 || n == Quality::MOST_RAYS, quality))
+    });
+    [
+        ("rays through the masks", "Quality::occlusion_rays", with_rays.collect()),
+        ("horizons of depths and normals", "Quality::occlusion_samples", with_pairs(LightingMode::Horizon)),
+        (
+            "point pairs in the depth buffer",
+            "Quality::occlusion_samples",
+            with_pairs(LightingMode::ScreenSpace),
+        ),
+    ]
+}
+
+/// All kernels against the hemisphere traced through the voxels.
+fn against_voxels(
+    bench: &Bench<'_>,
+    (name, scene): (&str, &RegionScene),
+    size: [u32; 2],
+    (stride, samples): (u32, u32),
+) -> Outcome<Vec<Curve>> {
+    let mut truth: Option<Truth> = None;
+    let mut out = Vec::new();
+    for (kernel, knob, settings) in kernels(bench) {
+        let sweep = Sweep {
+            label: &format!("ambient occlusion: {kernel}"),
+            rounds: bench.effort.of(1, 5, 15),
+            time_budget: Duration::from_millis(4000),
+            on_device: true,
+        };
+        let run = |renderer: &mut CloseupRenderer, (_, _, quality): &(u32, bool, Quality)| {
+            renderer.render(bench.gpu, scene, quality, size)?;
+            Ok(bench.gpu.wait()?)
+        };
+        let evaluate = |renderer: &mut CloseupRenderer, (n, is_default, quality): &(u32, bool, Quality)| {
+            let found = renderer.frame().ok_or("no frame was drawn")?.occlusion(bench.gpu)?;
+            if truth.is_none() {
+                truth = Some(through_voxels(scene, size, &found.depths_mm, (stride, samples))?);
+            }
+            let truth = truth.as_deref().unwrap_or_default();
+            let is_encoded = quality.lighting.mode != LightingMode::ScreenSpace;
+            let pairs: Vec<(f64, f64)> = truth
+                .iter()
+                .map(|(number, hidden, _)| {
+                    let dark = found.dark.get(*number).copied().unwrap_or(f64::NAN);
+                    (if is_encoded { 1.0 - srgb::decode(1.0 - dark) } else { dark }, *hidden)
+                })
+                .collect();
+            let errors = Errors::of(pairs.iter().map(|(found, hidden)| found - hidden));
+            let correlation = Some(correlation(&pairs));
+            Ok(Point { is_default: *is_default, correlation, ..Point::new(f64::from(*n), &errors) })
+        };
+        let points = bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, evaluate)?;
+        let measured = truth.as_deref().unwrap_or_default();
+        out.push(Curve {
+            family: FAMILY.name,
+            kernel: kernel.to_owned(),
+            scene: format!("{name}, {}x{} pixels, compared with rays through the voxels", size[0], size[1]),
+            knob,
+            truth: format!(
+                "occluded fraction of the hemisphere within {} mm about the smoothed normal, cosine-weighted, by rays \
+                 through the voxels in f64; {samples} rays at each of {} pixels, mean {:.3}",
+                radius_mm(),
+                measured.len(),
+                measured.iter().map(|(_, hidden, _)| hidden).sum::<f64>() / measured.len().max(1) as f64
+            ),
+            truth_error: Some(Errors::of(measured.iter().map(|(_, _, e)| *e)).rms()),
+            unit: "occluded fraction of light, 0 to 1",
+            axis: Axis::Time,
+            points,
+        });
+    }
+    Ok(out)
+}
+
+/// Pearson's correlation of pairs.
+fn correlation(pairs: &[(f64, f64)]) -> f64 {
+    let n = pairs.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+    let (a, b) = (mean(|p| p.0), mean(|p| p.1));
+    let products = pairs.iter().map(|(x, y)| [(x - a) * (y - b), (x - a).powi(2), (y - b).powi(2)]);
+    let [both, first, second] = products.fold([0.0; 3], |s, p| [s[0] + p[0], s[1] + p[1], s[2] + p[2]]);
+    both / (first * second).sqrt()
+}
+
 fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
+    let (stride, samples) = bench.effort.of((3, 64), (3, 512), (3, 2048));
+    let size = bench.effort.of([48, 48], [128, 128], [256, 256]);
+    let folds = ("a mask of deep folds", scenes::folds_closeup()?);
+    let phantom = ("head phantom's tumour", scenes::phantom_closeup()?);
+    let mut out = Vec::new();
+    for (name, scene) in [folds, phantom] {
+        out.extend(against_voxels(bench, (name, &scene), size, (stride, samples))?);
+    }
+    out.extend(against_depths(bench)?);
+    Ok(out)
+}
+
+/// Point pairs against the hemisphere of the depth buffer, and against their own integral.
+fn against_depths(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let size = bench.effort.of([48, 48], [128, 128], [256, 256]);
     let counts: &[u32] =
         bench.effort.of(&[2, 12, 32], &[2, 6, 12, 32], &[1, 2, 3, 4, 6, 8, 12, 16, 20, 24, 28, 32]);
@@ -184,8 +344,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
             found.dark.get(*number).map_or(f64::NAN, |found| found - hidden)
         };
         let errors = Errors::of(hemisphere.iter().map(error));
-        let is_default = occlusion_samples == Quality::FULL.occlusion_samples;
-        Ok(Point { is_default, ..Point::new(f64::from(occlusion_samples), &errors) })
+        Ok(Point::new(f64::from(occlusion_samples), &errors))
     };
     let of_hemisphere =
         bench.sweep(&sweep, &mut CloseupRenderer::new(bench.gpu)?, &settings, run, evaluate)?;
@@ -210,7 +369,7 @@ fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     };
     Ok(vec![
         curve(
-            "the hemisphere",
+            "the depth buffer's hemisphere",
             format!(
                 "occluded fraction of the hemisphere within {radius_mm} mm, cosine-weighted, at the same first hits; \
                  {samples} rays at each of {} pixels",

@@ -121,7 +121,7 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
     for &scale in effort.of(&[][..], &[], &[0.4, 1.0]) {
         let base = Quality { resolution_scale: scale, ..balanced };
         match mode {
-            LightingMode::ScreenSpace => {}
+            LightingMode::ScreenSpace | LightingMode::Horizon | LightingMode::Traced => {}
             LightingMode::Slices => {
                 for mm in [4.0, 2.0, 1.4, 1.0, 0.7, 0.5] {
                     add(base, format!("pixels {scale}, {mm} mm"), &|l| l.slice_mm = mm);
@@ -142,7 +142,7 @@ fn off_path(mode: LightingMode, effort: Effort) -> Vec<(String, Quality)> {
         let (base, name) = (light::preset(mode, preset), preset.name());
         let is_draft = preset == Preset::Draft;
         match mode {
-            LightingMode::ScreenSpace => {}
+            LightingMode::ScreenSpace | LightingMode::Horizon | LightingMode::Traced => {}
             LightingMode::Slices => {
                 for grid in [3, 5] {
                     add(base, format!("{name}, footprint {grid}x{grid}"), &|l| l.slice_grid = grid);

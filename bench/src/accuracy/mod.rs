@@ -130,6 +130,8 @@ struct Point {
     /// Root mean square and largest colour difference, CIE76 in CIELAB (D65), of the displayed frame; `None` for
     /// kernels without a colour frame.
     delta_e: Option<[f64; 2]>,
+    /// Pearson's correlation of found and true values; `None` if not measured.
+    correlation: Option<f64>,
     /// Ratio of drawn to requested pixels of a frame; 1 for everything else.
     pixel_share: f64,
     /// Whether this is the program's default, or one of its presets.
@@ -151,6 +153,7 @@ impl Point {
             error_rms: errors.rms(),
             error_max: errors.max(),
             delta_e: None,
+            correlation: None,
             pixel_share: 1.0,
             is_default: false,
             is_pareto: false,

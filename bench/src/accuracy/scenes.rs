@@ -4,7 +4,7 @@ use std::sync::{Arc, LazyLock};
 
 use glam::DVec3;
 use glioscope_core::{
-    Grid, RegionVolume, Samples, Scaling, Selection, Volume,
+    Grid, Mask, MaskBits, RegionVolume, Regions, Samples, Scaling, Selection, TumorIndex, Volume,
     case::TimePoint,
     optics::{Camera, Projection},
     phantom,
@@ -46,6 +46,29 @@ pub(super) fn phantom_closeup() -> Outcome<RegionScene> {
         background: [255, 255, 255],
         silhouette: [0, 0, 0],
         plane: None,
+    })
+}
+
+/// The value of a shape of deep folds at a place in millimetres, positive inside: a gyroid in a ball of 22 mm.
+fn folds_at(p: DVec3) -> f64 {
+    let q = p / 3.6;
+    let sheet = q.x.sin() * q.y.cos() + q.y.sin() * q.z.cos() + q.z.sin() * q.x.cos();
+    (sheet + 0.15).min(0.15 * (22.0 - p.length()))
+}
+
+/// A mask of deep folds in the closeup, 1 mm voxels.
+pub(super) fn folds_closeup() -> Outcome<RegionScene> {
+    let grid = Grid::axis_aligned([48; 3], DVec3::ONE, DVec3::splat(-23.5))?;
+    let inside = |l: usize| folds_at(grid.center_of_voxel_mm(grid.ijk(l))) > 0.0;
+    let bits = MaskBits::from_fn(grid.dims(), inside);
+    let mask = Mask::new("folds".to_owned(), grid.clone(), bits).ok_or("a mask that doesn't fit its grid")?;
+    let index = TumorIndex::new(grid, &[&mask])?;
+    let tumor = RegionVolume::of(&index, &Regions::of(&index)).ok_or("folds without a voxel")?;
+    Ok(RegionScene {
+        tumor: Some(Arc::new(tumor)),
+        colors: MaskColors::new(Palette::Thesis, &[None]),
+        camera: camera(DVec3::ZERO, 24.0),
+        ..phantom_closeup()?
     })
 }
 

@@ -124,13 +124,18 @@ fn smaller_ray_steps_are_more_accurate() {
     assert_eq!(defaults(&curves), [1]);
 }
 
-/// More pairs approach the pass's own integral.
+/// More rays approach the hemisphere, and are nearer to it than what only reads depths; more pairs approach the pass's own
+/// integral.
 #[test]
-fn more_point_pairs_are_more_accurate() {
+fn more_rays_and_point_pairs_are_more_accurate() {
     let MeasuredFamily { curves, .. } = measure_tiny("ambient");
-    assert_error_falls(&curves[1], 0.8);
-    assert!(curves[0].truth_error.unwrap() > 0.0, "a standard error");
-    assert_eq!(defaults(&curves), [1, 1]);
+    let [rays, horizons, pairs, .., own] = &curves[..] else { panic!("{} curves", curves.len()) };
+    assert_error_falls(rays, 0.8);
+    assert_error_falls(own, 0.8);
+    assert!(rays.truth_error.unwrap() > 0.0, "a standard error");
+    let least = |c: &Curve| c.points.iter().map(|p| p.error_rms).fold(f64::INFINITY, f64::min);
+    assert!(least(rays) < least(horizons) && least(horizons) < least(pairs), "{curves:?}");
+    assert_eq!(defaults(&curves), [2, 0, 0, 2, 0, 0, 0, 0]);
 }
 
 /// Many cones through the voxels themselves converge to Monte Carlo, up to 8-bit rounding; vicinity occlusion doesn't.

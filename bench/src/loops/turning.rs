@@ -120,8 +120,8 @@ fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<
          ns per sample | least MB moved | copy of as many MB, ms | lighting / copy |\n\
          |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
     )?;
-    // Screen-space lighting doesn't affect the image.
-    let modes = <LightingMode as VariantArray>::VARIANTS.iter().filter(|m| **m != LightingMode::ScreenSpace);
+    // The others don't affect the image.
+    let modes = <LightingMode as VariantArray>::VARIANTS.iter().filter(|m| light::row(**m).has_aperture);
     for &mode in modes {
         for preset in <Preset as VariantArray>::VARIANTS {
             let mut renderer = ContextRenderer::new(gpu)?;

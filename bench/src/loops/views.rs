@@ -47,6 +47,9 @@ pub struct ViewsArguments {
     /// Only scenes whose name starts with this
     #[arg(long)]
     only: Option<String>,
+    /// Lighting mode
+    #[arg(long, value_name = "MODE", default_value = LightingMode::default().name())]
+    light: LightingMode,
     /// Use only the software graphics adapter
     #[arg(long)]
     software: bool,
@@ -66,7 +69,7 @@ impl SceneTimer<'_> {
         let size = [self.arguments.size; 2];
         for (name, scene) in scenes.iter().filter(|(name, _)| is_selected(name)) {
             for quality_preset in Preset::VARIANTS {
-                let quality = preset(LightingMode::ScreenSpace, *quality_preset);
+                let quality = preset(self.arguments.light, *quality_preset);
                 let (mut frame_ms, mut frame_cpu_ms) = (Vec::new(), Vec::new());
                 let mut passes: Vec<(&str, Vec<f64>)> = Vec::new();
                 for _ in 0..self.arguments.frames.max(1) {

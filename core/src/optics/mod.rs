@@ -14,6 +14,7 @@ pub mod srgb;
 #[cfg(test)]
 mod tests;
 pub mod volume;
+pub mod voxels;
 
 pub use camera::{AnatomicalView, Camera, FIELD_OF_VIEW_DEG, Projection, Ray};
 pub use sight::Sight;

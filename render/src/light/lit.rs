@@ -70,12 +70,18 @@ pub(crate) struct LitScene<'a> {
     /// Depths of opaque geometry.
     pub depths: &'a wgpu::Buffer,
     pub surfaces: &'a wgpu::Buffer,
+    /// Normals of opaque geometry, as lib/normal has them; written by the view if `has_normals`, else by passes that
+    /// find them from depths.
+    pub normals: &'a wgpu::Buffer,
+    pub has_normals: bool,
     pub marched: &'a wgpu::Buffer,
     pub occlusion: &'a wgpu::Buffer,
     /// Darkness of opaque geometry and the colour that bleeds onto it; read by the composing pass.
     pub blurred: &'a wgpu::Buffer,
     /// Brick table and brick words; `None` where no masks are stored as bricks.
     pub bricks: Option<[&'a wgpu::Buffer; 2]>,
+    /// Bits of the shown voxels, where masks alone are opaque.
+    pub shown: Option<&'a wgpu::Buffer>,
     /// Colours by surface number.
     pub colors: &'a wgpu::Buffer,
 }

@@ -3,11 +3,13 @@
 
 mod budget;
 pub(crate) mod cones;
+pub(crate) mod horizon;
 pub(crate) mod lit;
 pub(crate) mod screen;
 pub(crate) mod slices;
 #[cfg(test)]
 pub(crate) mod suite;
+pub(crate) mod traced;
 pub(crate) mod vicinity;
 
 use strum::VariantArray;
@@ -22,7 +24,8 @@ use crate::{
 use lit::{Light, LitKind, LitMarch, LitScene};
 
 /// One row per [`LightingMode`], in its order, which is also the order of menus.
-pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] = [screen::ROW, slices::ROW, cones::ROW];
+pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] =
+    [screen::ROW, horizon::ROW, traced::ROW, slices::ROW, cones::ROW];
 
 const _: () = {
     let mut at = 0;

@@ -27,9 +27,13 @@ keywords! {
     /// How light is computed. Each mode has a row in [`crate::light::LIGHTS`].
     #[derive(Default)]
     pub enum LightingMode {
-        /// Ambient occlusion from depths, and a headlight on the gradients of the image.
-        #[default]
+        /// Ambient occlusion by point pairs in the depths, and a headlight on the gradients of the image.
         ScreenSpace,
+        /// The same with ambient occlusion by horizons of depths and normals.
+        Horizon,
+        /// The same with ambient occlusion by rays through the masks, where a view shows masks alone.
+        #[default]
+        Traced,
         /// Directional occlusion by slices; vicinity occlusion of opaque geometry.
         Slices,
         /// Cones traced through the image and the masks.
@@ -155,6 +159,11 @@ pub struct Quality {
     pub occlusion_strength: f64,
     /// Colour bleeding from occluders to occluded places, 0 to 1.
     pub color_bleeding: f64,
+    /// Rays of traced ambient occlusion per pixel, 1 to [`Quality::MOST_RAYS`].
+    pub occlusion_rays: u32,
+    /// Soft light at the eye in the closeup: from 0 (none, flat colours) to 1 (rims have [`Quality::RIM_LIGHT`] of the
+    /// light of faces towards the eye).
+    pub relief: f64,
     /// Distance between samples of the context image along a ray, millimetres; multiplied by the image's finest
     /// spacing in millimetres where that is above 1. Above 0; other values, and steps that would need more than
     /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal, are replaced by the finest step.
@@ -170,6 +179,10 @@ pub struct Quality {
 impl Quality {
     /// The most sample pairs of ambient occlusion.
     pub const MOST_SAMPLES: u32 = 32;
+    /// The most rays of traced ambient occlusion.
+    pub const MOST_RAYS: u32 = 256;
+    /// Light at the rim of a surface at full relief, linear; 1 where it faces the eye.
+    pub const RIM_LIGHT: f64 = 0.45;
     /// The most samples of the context image along a ray.
     pub const MOST_CONTEXT_STEPS: u32 = 8192;
 
@@ -179,6 +192,8 @@ impl Quality {
         occlusion_radius_mm: 6.0,
         occlusion_strength: 0.75,
         color_bleeding: 0.35,
+        occlusion_rays: 64,
+        relief: 1.0,
         context_step_mm: 0.5,
         resolution_scale: 1.0,
         lighting: LightSettings::DEFAULT,

@@ -4,6 +4,7 @@
 pub(crate) mod bricks;
 pub(crate) mod plane;
 pub(crate) mod regions;
+pub(crate) mod shown;
 pub(crate) mod targets;
 pub mod tubes;
 #[cfg(test)]
@@ -14,6 +15,8 @@ use crate::device::PassName;
 
 /// First shown voxel along each ray: inside the lens, or anywhere when it is off.
 pub(crate) const SURFACE: PassName = PassName::new("surface");
+/// Its normals.
+pub(crate) const NORMALS: PassName = PassName::new("normals");
 /// What surrounds it: the closeup's faint outer level, the change view's veil.
 pub(crate) const OUTSIDE: PassName = PassName::new("outside");
 

@@ -8,6 +8,8 @@ pub(crate) struct Targets {
     pub size: [u32; 2],
     pub depths: wgpu::Buffer,
     pub surfaces: wgpu::Buffer,
+    /// See lib/normal.
+    pub normals: wgpu::Buffer,
     pub outsides: wgpu::Buffer,
     pub occlusion: wgpu::Buffer,
     pub blurred: wgpu::Buffer,
@@ -32,6 +34,7 @@ impl Targets {
             size,
             depths: buffer("Targets::depths", 4),
             surfaces: buffer("Targets::surfaces", 8),
+            normals: buffer("Targets::normals", 4),
             outsides: buffer("Targets::outsides", LARGEST),
             occlusion: buffer("Targets::occlusion", 4),
             blurred: buffer("Targets::blurred", 4),

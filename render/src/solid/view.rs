@@ -50,6 +50,10 @@ pub(crate) struct View {
     pub outside_opacity: f32,
     pub inner_line_strength: f32,
     pub outer_line_strength: f32,
+    pub relief: f32,
+    pub unused_a: f32,
+    pub unused_b: f32,
+    pub unused_c: f32,
 }
 
 /// `Outside` of closeup/outside.
@@ -119,6 +123,7 @@ pub(crate) fn camera_view(
         occlusion_radius_mm: quality.occlusion_radius_mm.clamp(0.0, 1e6) as f32,
         occlusion_strength: quality.occlusion_strength.clamp(0.0, 1.0) as f32,
         color_bleeding: quality.color_bleeding.clamp(0.0, 1.0) as f32,
+        relief: quality.relief.clamp(0.0, 1.0) as f32,
         line_scale: (size[1] as f32 / 512.0).clamp(0.6, 4.0),
         depth_span_mm: 1.0,
         ..View::default()
@@ -204,7 +209,7 @@ pub(crate) const LAYOUTS: [crate::layouts::Layout; 2] = [
         View, "View": corner, mm_per_pixel, right, mm_per_pixel_per_mm, up, nearest_mm, forward, voxel_mm, dims,
         log2_ids_per_word, bricks, selected, lens, background, silhouette, size, flags, occlusion_samples,
         occlusion_radius_mm, occlusion_strength, color_bleeding, line_scale, depth_span_mm, outside_opacity,
-        inner_line_strength, outer_line_strength
+        inner_line_strength, outer_line_strength, relief, unused_a, unused_b, unused_c
     ),
     crate::layouts::layout!(OutsideHit, "Outside": depth, number, face, color),
 ];

@@ -35,6 +35,16 @@ impl<V: View3d> Frame<V> {
         self.read(gpu, &self.targets.outsides)
     }
 
+    /// Normals of first hits, see lib/normal.
+    pub(crate) fn read_normals(&self, gpu: &Gpu) -> Vec<u32> {
+        self.read(gpu, &self.targets.normals)
+    }
+
+    /// As [`Frame::read_blurred`], before the filter.
+    pub(crate) fn read_occlusion(&self, gpu: &Gpu) -> Vec<u32> {
+        self.read(gpu, &self.targets.occlusion)
+    }
+
     /// Darkness and bleeding colour, packed.
     pub(crate) fn read_blurred(&self, gpu: &Gpu) -> Vec<u32> {
         self.read(gpu, &self.targets.blurred)

@@ -1,8 +1,10 @@
-// Composes the frame: flat region colours, occlusion, contour lines, the faint outside, the slice, the lens ring.
+// Composes the frame: region colours, light at the eye, occlusion, the cut of the lens, contour lines, the faint outside, the slice, the lens ring.
 #include lib/view
 #include lib/plane
 #include lib/ring
 #include lib/lines
+#include lib/normal
+#include lib/linear
 
 struct Outside {
     depth: f32,
@@ -14,7 +16,28 @@ struct Outside {
 @group(0) @binding(3) var<storage, read> regions: array<u32>;
 @group(0) @binding(6) var<storage, read> outsides: array<Outside>;
 @group(0) @binding(8) var<storage, read> blurred: array<u32>;
+@group(0) @binding(40) var<storage, read> normals: array<u32>;
 @group(0) @binding(10) var picture: texture_storage_2d<rgba8unorm, write>;
+
+// Light at the rim of a surface, where it faces the eye it is 1; linear.
+const RIM_LIGHT = 0.45;
+// Share of light that edges between voxels lack: darker than both faces, whatever their colour.
+const EDGE_DARKER = 0.5;
+// Light on the cut of the lens and on its hatching: a section, not a surface.
+const CUT_LIGHT = 0.86;
+const HATCH_LIGHT = 0.62;
+
+// Light at the eye that a surface reflects. The cut of the lens is hatched instead: lines from the lower left, one point
+// wide.
+fn light_at(pixel: vec2<u32>, surface: vec2<u32>, at: u32) -> f32 {
+    let facing = clamp(-dot(unpacked_normal(normals[at]), sight_of(pixel)), 0.0, 1.0);
+    let along = f32(pixel.x + pixel.y) / (7.0 * view.line_scale);
+    let off_px = abs(fract(along) - 0.5) * 7.0 * view.line_scale;
+    let line = clamp(0.7 * view.line_scale + 0.5 - off_px, 0.0, 1.0);
+    let is_cut = surface.y == 3u && (flags() & LENS_ON) != 0u;
+    let light = select(mix(RIM_LIGHT, 1.0, facing * facing), mix(CUT_LIGHT, HATCH_LIGHT, line), is_cut);
+    return mix(1.0, light, view.relief);
+}
 
 // Silhouettes and large depth steps of the outer level, where it is in front of what the lens shows.
 fn outer_line_at(here: vec2<i32>, front: f32) -> f32 {
@@ -60,7 +83,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // Surfaces in front of the slice hide it or are drawn over it.
     slice_pending = slice_pending && slice.depth < front;
     if front < FAR {
-        color = unpack4x8unorm(regions[surfaces[at].x]).rgb;
+        let surface = surfaces[at];
+        let albedo = decoded(unpack4x8unorm(regions[surface.x]).rgb);
+        color = encoded(albedo * light_at(id.xy, surface, at));
         if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
             let dark = o.a * view.occlusion_strength;
@@ -80,7 +105,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             color = with_plane(color, slice);
             slice_pending = false;
         }
-        color = mix(color, INNER, view.inner_line_strength * lines.grey);
+        color *= 1.0 - EDGE_DARKER * view.inner_line_strength * lines.grey;
         color = mix(color, view.silhouette.rgb, lines.black);
     }
     if has_outside {

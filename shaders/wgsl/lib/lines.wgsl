@@ -75,7 +75,7 @@ fn lines_towards(here: vec2<i32>, front: f32, neighbours: u32) -> Lines {
         let steps = step_mm(depths[clamped(here - to)], front, q, depths[clamped(here + 2 * to)]) / view.voxel_mm;
         let border = max(front, q) >= FAR;
         let deep = select(smoothstep(3.0, 6.0, steps), 1.0, border);
-        lines.black = max(lines.black, deep * coverage(max(1.7 * width, 1.4), away));
+        lines.black = max(lines.black, deep * coverage(max(1.5 * width, 1.3), away));
         // Voxels smaller than a few pixels would turn grey all over.
         let voxel_px = view.voxel_mm / footprint_mm(nearer);
         let raised = smoothstep(0.3, 0.9, steps) * smoothstep(1.0, 3.5, voxel_px);

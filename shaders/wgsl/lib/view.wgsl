@@ -33,6 +33,10 @@ struct View {
     outside_opacity: f32,           // of each region boundary outside the lens
     inner_line_strength: f32,
     outer_line_strength: f32,
+    relief: f32,                    // of the light at the eye: 0 none, 1 full
+    unused_a: f32,
+    unused_b: f32,
+    unused_c: f32,
 }
 
 const LENS_ON = 1u;

@@ -33,6 +33,7 @@ pub(super) fn csv(measured: &[MeasuredFamily]) -> Vec<u8> {
         "unit",
         "delta_e_rms",
         "delta_e_max",
+        "correlation",
         "truth",
         "truth_error",
         "default",
@@ -62,6 +63,7 @@ pub(super) fn csv(measured: &[MeasuredFamily]) -> Vec<u8> {
                 c.unit.to_owned(),
                 number(p.delta_e.map(|d| d[0])),
                 number(p.delta_e.map(|d| d[1])),
+                number(p.correlation),
                 c.truth.clone(),
                 number(c.truth_error),
                 p.is_default.to_string(),
@@ -151,18 +153,19 @@ fn section(out: &mut String, plot: &Plot<'_>) -> std::fmt::Result {
     writeln!(
         out,
         "| Kernel | Setting | CPU ms, median (quartiles) | ms, median (quartiles) | MiB | Error RMS | Error max | \
-         ΔE RMS, max | |\n\
-         |---|---|--:|--:|--:|--:|--:|--:|---|"
+         Correlation | ΔE RMS, max | |\n\
+         |---|---|--:|--:|--:|--:|--:|--:|--:|---|"
     )?;
     for c in &plot.curves {
         for p in c.points.iter().filter(|p| p.is_pareto || p.is_default || c.axis == Axis::Knob) {
             let mib = p.peak_bytes.map_or("–".to_owned(), |b| (b >> 20).to_string());
             let delta_e = p.delta_e.map_or("–".to_owned(), |d| format!("{:.2}, {:.1}", d[0], d[1]));
+            let correlation = p.correlation.map_or("–".to_owned(), |r| format!("{r:.3}"));
             let marks = [(p.is_default, plot.family.defaults.label()), (p.is_pareto, "Pareto")];
             let marks: Vec<&str> = marks.iter().filter(|(is, _)| *is).map(|(_, word)| *word).collect();
             writeln!(
                 out,
-                "| {} | {} | {} | {} | {mib} | {} | {} | {delta_e} | {} |",
+                "| {} | {} | {} | {} | {mib} | {} | {} | {correlation} | {delta_e} | {} |",
                 c.kernel,
                 p.setting,
                 milliseconds(p.cpu),

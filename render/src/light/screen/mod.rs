@@ -22,7 +22,7 @@ pub(crate) const OCCLUSION_BLUR: PassName = PassName::new("occlusion_blur");
 
 pub(super) const ROW: LightRow = LightRow {
     mode: LightingMode::ScreenSpace,
-    title: "Headlight and ambient occlusion",
+    title: "Headlight and point pairs (thesis)",
     summary: "Fastest: relief from the image's gradients, corners of the tumour darker",
     takes_long: false,
     has_aperture: false,

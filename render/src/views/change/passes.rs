@@ -203,10 +203,13 @@ impl View3d for Change {
             view: draw.view,
             depths: opaque.map_or(&targets.depths, |o| &o.depths),
             surfaces: opaque.map_or(&targets.surfaces, |o| &o.faces),
+            normals: &targets.normals,
+            has_normals: false,
             marched: &targets.outsides,
             occlusion: &targets.occlusion,
             blurred: &targets.blurred,
             bricks: Some([&regions.table, &regions.words]),
+            shown: None,
             colors: &regions.regions,
         };
         let notes = draw.lights.bind(gpu, draw.passes, draw.plan, &lit)?;

@@ -5,6 +5,8 @@
 //! bytes, and a small table of colours once per frame.
 
 #[cfg(test)]
+mod normals_tests;
+#[cfg(test)]
 mod stability_tests;
 #[cfg(test)]
 mod tests;
@@ -22,9 +24,10 @@ use crate::{
     },
     scene::{Lens, Plan, Quality, RegionScene, lens::check_view},
     solid::{
-        OUTSIDE, SURFACE,
+        NORMALS, OUTSIDE, SURFACE,
         plane::PlaneBuffers,
         regions::RegionBuffers,
+        shown::ShownVoxels,
         view::{FAR, HAS_OUTSIDE, HAS_SURFACE, NO_SKIPPING, OutsideHit, reference_mm, region_view, world_at},
     },
     views::view3d::{COMPOSE, Draw, Frame, Prepared, View3d},
@@ -45,6 +48,7 @@ pub struct Pick {
 /// The closeup, for [`crate::views::Renderer`].
 pub struct Closeup {
     regions: Option<RegionBuffers>,
+    shown: Option<ShownVoxels>,
     plane: PlaneBuffers,
 }
 
@@ -74,9 +78,9 @@ pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
         _ => None,
     };
     let light = light::passes(quality.lighting.mode, LitKind::Masks);
-    let order = [SURFACE, OUTSIDE].into_iter().chain(light.iter().copied()).chain([COMPOSE]);
+    let order = [SURFACE, NORMALS, OUTSIDE].into_iter().chain(light.iter().copied()).chain([COMPOSE]);
     Plan::of(order, |pass| match pass {
-        SURFACE => no_surface,
+        SURFACE | NORMALS => no_surface,
         OUTSIDE => no_outside,
         _ => light::omission_reason(pass, quality, no_surface, Some(NO_IMAGE)),
     })
@@ -86,8 +90,9 @@ impl View3d for Closeup {
     type Scene = RegionScene;
     type Pick = Pick;
     type FrameData = FrameData;
-    const IN_PARTS: bool = false;
-    const SHADERS: &'static [&'static str] = &["closeup/surface", "closeup/outside", "closeup/compose"];
+    const IN_PARTS: bool = true;
+    const SHADERS: &'static [&'static str] =
+        &["closeup/surface", "closeup/normals", "closeup/outside", "closeup/compose"];
 
     fn plan(scene: &RegionScene, quality: &Quality) -> Plan {
         closeup_plan(scene, quality)
@@ -98,7 +103,7 @@ impl View3d for Closeup {
     }
 
     fn start(gpu: &Gpu) -> Result<Self, RenderError> {
-        Ok(Self { regions: None, plane: PlaneBuffers::new(gpu) })
+        Ok(Self { regions: None, shown: None, plane: PlaneBuffers::new(gpu) })
     }
 
     fn prepare(
@@ -132,6 +137,21 @@ impl View3d for Closeup {
             let entries = [&voxels[..], &[(5, targets.surfaces.as_entire_binding())]].concat();
             draw.passes.bind(gpu, SURFACE, "closeup/surface", &entries, workgroups)?;
         }
+        let shown = if draw.plan.has(NORMALS) {
+            Some(ShownVoxels::reuse(&mut self.shown, gpu, scene.tumor.as_ref(), &scene.selection)?)
+        } else {
+            None
+        };
+        if let Some(shown) = shown {
+            let entries = [
+                (0, draw.view.as_entire_binding()),
+                (4, targets.depths.as_entire_binding()),
+                (5, targets.surfaces.as_entire_binding()),
+                (40, targets.normals.as_entire_binding()),
+                (41, shown.bits.as_entire_binding()),
+            ];
+            draw.passes.bind(gpu, NORMALS, "closeup/normals", &entries, workgroups)?;
+        }
         if draw.plan.has(OUTSIDE) {
             let entries = [&voxels[..], &[(6, targets.outsides.as_entire_binding())]].concat();
             draw.passes.bind(gpu, OUTSIDE, "closeup/outside", &entries, workgroups)?;
@@ -149,10 +169,13 @@ impl View3d for Closeup {
             view: draw.view,
             depths: &targets.depths,
             surfaces: &targets.surfaces,
+            normals: &targets.normals,
+            has_normals: draw.plan.has(NORMALS),
             marched: &targets.outsides,
             occlusion: &targets.occlusion,
             blurred: &targets.blurred,
             bricks: Some([&regions.table, &regions.words]),
+            shown: shown.map(|shown| &shown.bits),
             colors: &regions.regions,
         };
         let notes = draw.lights.bind(gpu, draw.passes, draw.plan, &lit)?;
@@ -165,6 +188,7 @@ impl View3d for Closeup {
             (6, targets.outsides.as_entire_binding()),
             (8, targets.blurred.as_entire_binding()),
             (10, wgpu::BindingResource::TextureView(&picture)),
+            (40, targets.normals.as_entire_binding()),
         ];
         let entries = [&entries[..], &self.plane.entries()].concat();
         draw.passes.bind(gpu, COMPOSE, "closeup/compose", &entries, workgroups)?;

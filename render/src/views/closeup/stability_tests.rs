@@ -93,7 +93,7 @@ fn a_slice_in_a_face_is_drawn_deterministically() {
         scene.camera.projection = projection;
         let plain = bench.draw(&scene, &Quality::FULL);
         // Without occlusion the surface has one colour, except for lines.
-        let flat = Quality { occlusion_strength: 0.0, ..Quality::FULL };
+        let flat = Quality { occlusion_strength: 0.0, relief: 0.0, ..Quality::FULL };
         let bare = bench.draw(&scene, &flat);
         let at = scene.camera.project(DVec3::new(8.0, 15.0, 13.5), DVec2::splat(96.0)).unwrap();
         let color = &bare.rgba[(at.y as usize * 96 + at.x as usize) * 4..][..4];

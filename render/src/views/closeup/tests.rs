@@ -287,7 +287,7 @@ fn omitted_passes_change_no_pixel() {
         let different = lean.iter().zip(&all).filter(|(a, b)| a != b).count();
         assert_eq!(different, 0, "{name}");
     }
-    let flat = Quality { occlusion_strength: 0.0, ..Quality::FULL };
+    let flat = Quality { occlusion_strength: 0.0, relief: 0.0, ..Quality::FULL };
     let scene = balls_scene();
     let Bench { gpu, renderer } = &mut *bench;
     let lean = renderer.render(gpu, &scene, &flat, [96, 96]).unwrap().read_rgba(gpu).unwrap();
@@ -392,7 +392,7 @@ fn the_frame_has_the_expected_colours_lines_and_ring() {
     let Bench { gpu, renderer } = &mut *bench;
     let mut scene = balls_scene();
     scene.lens = None;
-    let flat = Quality { occlusion_strength: 0.0, ..Quality::FULL };
+    let flat = Quality { occlusion_strength: 0.0, relief: 0.0, ..Quality::FULL };
     let count = |rgba: &[u8], what: [u8; 3]| rgba.chunks(4).filter(|p| p[..3] == what).count();
     let off = renderer.render(gpu, &scene, &flat, [200, 200]).unwrap().read_rgba(gpu).unwrap();
     assert!(count(&off, [0, 255, 0]) > 1000, "the T2 mask covers the others");
@@ -613,7 +613,7 @@ fn a_slice_hides_what_is_behind_it_and_is_hidden_by_the_surface() {
 /// Every pass with screen-space light: what plans are compared with.
 fn every_pass() -> Plan {
     let light = light::passes(Quality::FULL.lighting.mode, LitKind::Masks).iter().copied();
-    Plan::of([SURFACE, OUTSIDE].into_iter().chain(light).chain([COMPOSE]), |_| None)
+    Plan::of([SURFACE, NORMALS, OUTSIDE].into_iter().chain(light).chain([COMPOSE]), |_| None)
 }
 
 fn names(plan: &Plan) -> Vec<&'static str> {
@@ -658,9 +658,9 @@ fn each_reason_omits_its_passes() {
 
     let scene = balls_scene();
     let flat = closeup_plan(&scene, &Quality { occlusion_strength: 0.0, ..Quality::FULL });
-    assert_eq!(names(&flat), ["surface", "outside", "compose"]);
+    assert_eq!(names(&flat), ["surface", "normals", "outside", "compose"]);
     let nan = closeup_plan(&scene, &Quality { occlusion_strength: f64::NAN, ..Quality::FULL });
-    assert_eq!(names(&nan), ["surface", "outside", "compose"]);
+    assert_eq!(names(&nan), ["surface", "normals", "outside", "compose"]);
 }
 
 #[test]

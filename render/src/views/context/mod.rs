@@ -167,11 +167,14 @@ impl View3d for Context {
             view: draw.view,
             depths: &targets.depths,
             surfaces: &targets.surfaces,
+            normals: &targets.normals,
+            has_normals: false,
             // The buffer of the closeup's outer level, which has the same size per pixel.
             marched: &targets.outsides,
             occlusion: &targets.occlusion,
             blurred: &targets.blurred,
             bricks: Some([&regions.table, &regions.words]),
+            shown: None,
             colors: &regions.regions,
         };
         let notes = draw.lights.bind(gpu, draw.passes, draw.plan, &lit)?;

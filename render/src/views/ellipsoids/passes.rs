@@ -144,10 +144,13 @@ impl View3d for Ellipsoids {
             view: draw.view,
             depths: &targets.depths,
             surfaces: &targets.surfaces,
+            normals: &targets.normals,
+            has_normals: false,
             marched: &targets.outsides,
             occlusion: &targets.occlusion,
             blurred: &targets.blurred,
             bricks: None,
+            shown: None,
             colors: self.colors.buffer(),
         };
         let notes = draw.lights.bind(gpu, draw.passes, draw.plan, &lit)?;

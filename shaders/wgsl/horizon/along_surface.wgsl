@@ -1,0 +1,48 @@
+// Averages ambient occlusion over the 4x4 pixels that sample different directions: along the surface, not across its
+// edges and silhouettes. Stored as composing passes read it: the share by which the encoded colour is darkened.
+#include lib/view
+#include lib/normal
+#include lib/linear
+
+@group(0) @binding(4) var<storage, read> depths: array<f32>;
+@group(0) @binding(7) var<storage, read> occlusion: array<u32>;
+@group(0) @binding(8) var<storage, read_write> blurred: array<u32>;
+@group(0) @binding(40) var<storage, read> normals: array<u32>;
+
+// Pixels on one surface: normals within 60 degrees, and this close to the other's plane, in radii.
+const LEAST_COSINE = 0.5;
+const OFF_PLANE = 0.25;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    zero = id.x >> 31u;
+    if any(id.xy >= view.size) {
+        return;
+    }
+    let at = linear_index(id.xy);
+    let depth = depths[at];
+    if depth >= FAR {
+        blurred[at] = 0u;
+        return;
+    }
+    let n = unpacked_normal(normals[at]);
+    let c = point_at(id.xy, depth);
+    let reach = max(OFF_PLANE * view.occlusion_radius_mm, 2.0 * footprint_mm(depth));
+    var sum = vec4<f32>(0.0);
+    var weight = 0.0;
+    let last = vec2<i32>(view.size) - 1;
+    for (var y = -2; y < 2; y++) {
+        for (var x = -2; x < 2; x++) {
+            let to = vec2<u32>(clamp(vec2<i32>(id.xy) + vec2<i32>(x, y), vec2<i32>(0), last));
+            let there = linear_index(to);
+            let off = abs(dot(point_at(to, depths[there]) - c, n));
+            let along = off < reach && dot(unpacked_normal(normals[there]), n) > LEAST_COSINE;
+            let o = unpack4x8unorm(occlusion[there]);
+            // Colours count as much as light is lost to them.
+            sum += select(vec4<f32>(0.0), vec4<f32>(o.rgb * o.a, o.a), along);
+            weight += select(0.0, 1.0, along);
+        }
+    }
+    let dark = sum.a / max(weight, 1.0);
+    blurred[at] = pack4x8unorm(vec4<f32>(sum.rgb / max(sum.a, 1e-6), 1.0 - encoded(vec3<f32>(1.0 - dark)).x));
+}

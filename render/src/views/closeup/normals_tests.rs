@@ -99,7 +99,10 @@ fn the_cut_of_the_lens_is_hatched() {
     assert!(cut.len() > 5000, "{} pixels of the cut", cut.len());
     let [dark, light] = [cut[cut.len() / 20], cut[cut.len() / 2]];
     assert!(light > dark + 20, "lines {dark} in {light}");
-    assert!(cut.iter().filter(|r| **r == light).count() * 2 > cut.len(), "one light between the lines");
+    assert!(
+        cut.iter().filter(|r| r.abs_diff(light) < 3).count() * 3 > cut.len(),
+        "one light between the lines"
+    );
     scene.lens = None;
     assert!(levels(&scene).is_empty(), "no cut without a lens");
 }

@@ -21,6 +21,7 @@ use glioscope::{
 use glioscope_core::{
     Progress,
     case::{self, LoadOptions},
+    optics::srgb,
 };
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 use image::RgbaImage;
@@ -391,6 +392,21 @@ pub fn golden(name: &str, picture: &RgbaImage) {
 pub fn crop(picture: &RgbaImage, rect: egui::Rect) -> RgbaImage {
     let (x, y) = (rect.left().max(0.0) as u32, rect.top().max(0.0) as u32);
     image::imageops::crop_imm(picture, x, y, rect.width() as u32, rect.height() as u32).to_image()
+}
+
+/// Number of pixels that show `color` in more or less light: their linear values are its own times 0.25 to 1, within
+/// `tolerance` in each encoded channel.
+pub fn count_shades(picture: &RgbaImage, color: [u8; 3], tolerance: f64) -> usize {
+    let linear = |rgb: [u8; 3]| rgb.map(|c| srgb::decode(f64::from(c) / 255.0));
+    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let full = linear(color);
+    let is_shade = |p: [u8; 3]| {
+        let light = dot(linear(p), full) / dot(full, full);
+        let expected = full.map(|c| 255.0 * srgb::encode((light * c).min(1.0)));
+        (0.25..=1.05).contains(&light)
+            && expected.iter().zip(p).all(|(expected, c)| (expected - f64::from(c)).abs() <= tolerance)
+    };
+    picture.pixels().filter(|p| is_shade([p.0[0], p.0[1], p.0[2]])).count()
 }
 
 /// Number of pixels of this colour, within `tolerance` (8-bit steps) per channel.

@@ -16,7 +16,7 @@ use glioscope_core::{
     optics::{AnatomicalView, Camera, Projection},
 };
 use glioscope_render::{Coloring, agreement_color, flat::Overlay};
-use glioscope_tests::{Window, count_color, crop, doc, error_text, perform, sample};
+use glioscope_tests::{Window, count_color, count_shades, crop, doc, error_text, perform, sample};
 use strum::VariantArray;
 
 fn undo(harness: &mut Window) {
@@ -402,7 +402,7 @@ fn agreement_colours_have_the_expected_area_in_a_slice_and_appear_in_the_closeup
         let area = rect(harness, PaneId::Closeup);
         let picture = harness.render().unwrap();
         let picture = crop(&picture, Rect::from_min_max(area.min + vec2(0.0, 80.0), area.max));
-        (1..=3).map(|k| count_color(&picture, agreement_color(k, 3), 12)).collect()
+        (1..=3).map(|k| count_shades(&picture, agreement_color(k, 3), 8.0)).collect()
     };
     let before = closeup(&mut harness);
     perform(&mut harness, EditCommand::SetColoring(Coloring::Agreement));

@@ -51,7 +51,7 @@ fn a_mask_is_coloured_and_the_others_keep_their_colours() {
         );
         count_color(&below, color, 40)
     };
-    let (red, teal, blue) = (MASK_COLORS[0], MASK_COLORS[1], [90, 90, 255]);
+    let (red, teal, blue) = (MASK_COLORS[0], MASK_COLORS[1], [40, 40, 130]);
     let before = [red, teal, blue].map(|color| count(&mut harness, color));
     assert!(before[0] > 1000 && before[1] > 1000 && before[2] < 50, "{before:?}");
     let look = MaskLook { name: None, color: Some(blue) };

@@ -545,7 +545,7 @@ fn outlines_greys_and_creases_have_the_expected_colours() {
     assert!(r == g && g == b, "grey outside the lens: {r} {g} {b}");
     assert_eq!(pixel(&lens, DVec3::new(-20.0, 3.0, 0.0)), pixel(&flat, DVec3::new(-20.0, 3.0, 0.0)));
     let ring = pixel(&lens, DVec3::new(-12.0, 0.0, 22.0));
-    assert!(ring.iter().all(|&c| c > 250), "the ring: {ring:?}");
+    assert!(ring.iter().all(|&c| c > 200), "the ring: {ring:?}");
 }
 
 #[test]

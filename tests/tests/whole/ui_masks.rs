@@ -6,7 +6,7 @@ use glioscope::{
     command::{AppCommand, EditCommand},
     model::{PaneId, masks::MaskLook, session},
 };
-use glioscope_tests::{MASK_COLORS, Window, count_color, crop, doc, pane_picture, perform, sample};
+use glioscope_tests::{MASK_COLORS, Window, count_shades, crop, doc, pane_picture, perform, sample};
 
 #[test]
 fn a_mask_is_renamed_in_the_dialog_everywhere_in_the_window() {
@@ -49,16 +49,16 @@ fn a_mask_is_coloured_and_the_others_keep_their_colours() {
                 egui::vec2(picture.width() as f32, picture.height() as f32),
             )),
         );
-        count_color(&below, color, 40)
+        count_shades(&below, color, 12.0)
     };
-    let (red, teal, blue) = (MASK_COLORS[0], MASK_COLORS[1], [40, 40, 130]);
-    let before = [red, teal, blue].map(|color| count(&mut harness, color));
+    let (red, teal, green) = (MASK_COLORS[0], MASK_COLORS[1], [40, 160, 40]);
+    let before = [red, teal, green].map(|color| count(&mut harness, color));
     assert!(before[0] > 1000 && before[1] > 1000 && before[2] < 50, "{before:?}");
-    let look = MaskLook { name: None, color: Some(blue) };
+    let look = MaskLook { name: None, color: Some(green) };
     perform(&mut harness, EditCommand::SetMaskLook("T2".into(), look));
-    let after = [red, teal, blue].map(|color| count(&mut harness, color));
-    assert!(after[1] < 50 && after[2] * 10 > before[1] * 9, "T2 is blue: {before:?} {after:?}");
+    let after = [red, teal, green].map(|color| count(&mut harness, color));
+    assert!(after[1] < 50 && after[2] * 10 > before[1] * 9, "T2 is green: {before:?} {after:?}");
     assert!(after[0] * 10 > before[0] * 9, "T1 is still red: {before:?} {after:?}");
     perform(&mut harness, EditCommand::Undo);
-    assert_eq!([red, teal, blue].map(|color| count(&mut harness, color)), before);
+    assert_eq!([red, teal, green].map(|color| count(&mut harness, color)), before);
 }

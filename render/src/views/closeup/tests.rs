@@ -399,9 +399,6 @@ fn the_frame_has_the_expected_colours_lines_and_ring() {
     let dark = off.chunks(4).filter(|p| p[..3].iter().all(|&c| c < 100)).count();
     assert!(dark > 200, "a black silhouette of {dark} pixels");
     let yellow = count(&off, [255, 255, 0]);
-    // The dark edge of the ring; silhouettes are black.
-    let edge = [10, 13, 15];
-    assert_eq!(count(&off, edge), 0, "no lens, no ring");
     scene.selection.set(0b010, false);
     let below = renderer.render(gpu, &scene, &flat, [200, 200]).unwrap().read_rgba(gpu).unwrap();
     assert!(count(&below, [0, 255, 0]) < 10 && count(&below, [255, 255, 0]) > yellow + 500);
@@ -410,7 +407,6 @@ fn the_frame_has_the_expected_colours_lines_and_ring() {
     scene.lens = Some(Lens { center_mm: scene.camera.focus_mm, radius_mm: scene.camera.height_mm / 4.0 });
     scene.camera.projection = Projection::Orthographic;
     let ring = renderer.render(gpu, &scene, &flat, [200, 200]).unwrap().read_rgba(gpu).unwrap();
-    assert!(count(&ring, edge) > 50, "the ring has dark edges");
     let sum: f64 = ring
         .chunks(4)
         .enumerate()

@@ -208,7 +208,7 @@ fn finer_images_are_more_accurate_and_files_are_well_formed() {
     let all = [measured];
     report::write(&all, &run_start, &out).unwrap();
     let mut csv = csv::Reader::from_path(out.join("accuracy.csv")).unwrap();
-    assert_eq!(csv.records().map(|r| r.unwrap().len()).collect::<Vec<_>>(), vec![23; points]);
+    assert_eq!(csv.records().map(|r| r.unwrap().len()).collect::<Vec<_>>(), vec![24; points]);
     let page = std::fs::read_to_string(out.join("accuracy.md")).unwrap();
     assert!(page.contains("images/accuracy-resampling.svg"));
     let svg = std::fs::read_to_string(out.join("images/accuracy-resampling.svg")).unwrap();

@@ -42,6 +42,19 @@ pub enum Description {
     Proposed(Proposal),
 }
 
+impl Description {
+    /// The case where nobody is asked.
+    ///
+    /// # Errors
+    /// As [`Proposal::unasked`].
+    pub fn unasked(self, options: &LoadOptions) -> Result<CaseSpec, CaseError> {
+        match self {
+            Self::Stated(spec) => Ok(spec),
+            Self::Proposed(proposal) => proposal.unasked(!options.order.is_empty()),
+        }
+    }
+}
+
 /// The case at `path`: a manifest (`.toml`), a folder with one (`case.toml`, or the only `.toml`
 /// that has a `glioscope` key), a folder without, or one image file. Files are opened only where their names are
 /// ambiguous.
@@ -50,10 +63,7 @@ pub enum Description {
 /// [`CaseError`]: no such path, an invalid manifest, a folder without images or with images of several subjects,
 /// an unreadable file; folders that may be patients or dates, where `options` doesn't state their order.
 pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    match describe(path, options, progress)? {
-        Description::Stated(spec) => Ok(spec),
-        Description::Proposed(proposal) => proposal.unasked(!options.order.is_empty()),
-    }
+    describe(path, options, progress)?.unasked(options)
 }
 
 /// As [`open_spec`], where what was guessed can be corrected before it is used.
@@ -98,8 +108,7 @@ pub fn describe_files(
     options: &LoadOptions,
     progress: &Progress,
 ) -> Result<Proposal, CaseError> {
-    let all: Vec<PathBuf> =
-        paths.iter().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.clone())).collect();
+    let all: Vec<PathBuf> = paths.iter().map(|path| files::absolute(path)).collect();
     let parent = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
     let mut folder = all.first().map(|path| parent(path)).unwrap_or_default();
     while !all.iter().all(|path| path.starts_with(&folder)) && folder.pop() {}

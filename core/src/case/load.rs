@@ -39,16 +39,10 @@ struct NativeContext {
 fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
     let images = spec.contexts.iter().map(|c| ("image", &c.id, &c.time));
     let masks = spec.masks.iter().map(|m| ("mask", &m.id, &m.time));
-    let mut labels: Vec<String> = Vec::new();
     let (mut named, mut unnamed) = (None, None);
     for (kind, id, time) in images.chain(masks) {
         match time {
-            Some(label) => {
-                named.get_or_insert_with(|| format!("{kind} {id} at {label}"));
-                if !labels.contains(label) {
-                    labels.push(label.clone());
-                }
-            }
+            Some(label) => drop(named.get_or_insert_with(|| format!("{kind} {id} at {label}"))),
             None => drop(unnamed.get_or_insert_with(|| format!("{kind} {id} without a time"))),
         }
     }
@@ -60,7 +54,7 @@ fn time_labels(spec: &CaseSpec) -> Result<Vec<String>, CaseError> {
         )),
         (None, None) => Err(CaseError::wrong(&spec.name, "no image and no mask", "at least one")),
         (None, Some(_)) => Ok(vec![String::new()]),
-        (Some(_), None) => Ok(labels),
+        (Some(_), None) => Ok(spec.times()),
     }
 }
 

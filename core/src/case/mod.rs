@@ -19,7 +19,6 @@ mod subject;
 mod values;
 
 use std::{
-    collections::BTreeSet,
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -128,20 +127,47 @@ impl CaseSpec {
         Inputs::new(files.chain(self.described_by.iter().cloned()))
     }
 
-    /// The distinct labels of time points.
-    pub fn times(&self) -> BTreeSet<String> {
-        let images = self.contexts.iter().filter_map(|image| image.time.clone());
-        self.masks.iter().filter_map(|mask| mask.time.clone()).chain(images).collect()
+    /// The distinct labels of time points, in the order first listed.
+    pub fn times(&self) -> Vec<String> {
+        let all =
+            self.contexts.iter().map(|image| &image.time).chain(self.masks.iter().map(|mask| &mask.time));
+        let mut times: Vec<String> = Vec::new();
+        for time in all.flatten() {
+            if !times.contains(time) {
+                times.push(time.clone());
+            }
+        }
+        times
+    }
+
+    /// Whether `order` names each of its time points once.
+    pub fn is_ordered_by(&self, order: &[String]) -> bool {
+        order::names_each_once(order, &self.times())
+    }
+
+    /// Whether it has an image or a mask of this id.
+    pub fn has_grid_of(&self, id: &str) -> bool {
+        self.contexts.iter().any(|image| image.id == id) || self.masks.iter().any(|mask| mask.id == id)
+    }
+
+    /// Makes the paths of its files absolute.
+    pub fn make_absolute(&mut self) {
+        let images = self.contexts.iter_mut().map(|image| &mut image.source);
+        let sources = images.chain(self.masks.iter_mut().map(|mask| &mut mask.source));
+        for source in sources.chain(self.tracts.iter_mut().map(|tracts| &mut tracts.source)) {
+            if let Source::File(path) = source {
+                *path = files::absolute(path);
+            }
+        }
     }
 
     /// Adds the values of repeated `--tracts FILE`. Each is named after its file without extension, with a number
     /// appended where that name is taken.
     pub fn add_tracts(&mut self, files: &[PathBuf]) {
         for file in files {
-            let name = file.file_name().map_or_else(|| "tracts".into(), |name| name.to_string_lossy());
-            let stem = files::format::tract_stem(&name).unwrap_or(&name);
+            let stem = tracts_id(file);
             let taken = |id: &str| self.tracts.iter().any(|t| t.id == id);
-            let mut id = stem.to_owned();
+            let mut id = stem.clone();
             for number in 2.. {
                 if !taken(&id) {
                     break;
@@ -151,6 +177,12 @@ impl CaseSpec {
             self.tracts.push(TractsSpec { id, source: Source::File(file.clone()) });
         }
     }
+}
+
+/// The id of fibre tracts that have none: their file's name without extension.
+fn tracts_id(file: &Path) -> String {
+    let name = file.file_name().map_or_else(|| "tracts".into(), |name| name.to_string_lossy());
+    files::format::tract_stem(&name).unwrap_or(&name).to_owned()
 }
 
 /// The grid of the tumour index.

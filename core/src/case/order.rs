@@ -129,13 +129,18 @@ pub(super) fn arrange(
         let (order, basis) = chronological(&labels.iter().map(String::as_str).collect::<Vec<_>>());
         return Ok((order.into_iter().map(|at| labels[at].clone()).collect(), basis));
     }
-    let mut sorted = [labels.to_vec(), stated.to_vec()];
-    sorted.iter_mut().for_each(|list| list.sort());
-    if sorted[0] != sorted[1] {
+    if !names_each_once(stated, labels) {
         let found = format!("the order {}", stated.join(", "));
         return Err(CaseError::wrong(&spec.name, found, format!("each date once: {}", labels.join(", "))));
     }
     Ok((stated.to_vec(), OrderBasis::Stated))
+}
+
+/// Whether `order` has each of `labels` once.
+pub(super) fn names_each_once(order: &[String], labels: &[String]) -> bool {
+    let mut sorted = [order.to_vec(), labels.to_vec()];
+    sorted.iter_mut().for_each(|list| list.sort());
+    sorted[0] == sorted[1]
 }
 
 /// Whether labels state their order in time.
@@ -146,13 +151,7 @@ pub(super) fn is_stated_by(labels: &[&str]) -> bool {
 /// The times of a case in the order first listed, where neither the case nor `options` nor the labels themselves state
 /// their order.
 pub fn unordered_times(spec: &CaseSpec, options: &LoadOptions) -> Option<Vec<String>> {
-    let times = spec.contexts.iter().map(|c| &c.time).chain(spec.masks.iter().map(|m| &m.time)).flatten();
-    let mut labels: Vec<String> = Vec::new();
-    for time in times {
-        if !labels.contains(time) {
-            labels.push(time.clone());
-        }
-    }
+    let labels = spec.times();
     let names: Vec<&str> = labels.iter().map(String::as_str).collect();
     let is_stated = !spec.order.is_empty() || !options.order.is_empty() || is_stated_by(&names);
     (!is_stated).then_some(labels)

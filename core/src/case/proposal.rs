@@ -7,12 +7,12 @@ use std::{
     time::SystemTime,
 };
 
-use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec, arguments, brats};
+use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec, arguments, brats, tracts_id};
 use crate::{
     Check,
     check::listed,
     digest::Digest,
-    files::{Source, format::volume_stem, printable},
+    files::{Source, absolute, format::volume_stem, printable},
     tumor_index::MAX_MASKS,
 };
 
@@ -254,8 +254,7 @@ impl Proposal {
                 name: Some(mask.name.trim().to_owned()).filter(|name| !name.is_empty()),
             }));
         }
-        let times = spec.times();
-        if self.order.iter().collect::<BTreeSet<_>>() == times.iter().collect() {
+        if spec.is_ordered_by(&self.order) {
             spec.order.clone_from(&self.order);
         }
         spec.notes.extend(self.left_out_notes());
@@ -270,18 +269,13 @@ impl Proposal {
 
     /// Counts these files of fibre tracts in: those listed as tracts, the others added to the list.
     pub fn take_tracts(&mut self, paths: &[PathBuf]) {
-        let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         for path in paths {
-            let whole = absolute(path);
-            let base = self.folder.clone();
-            let listed = |file: &ProposedFile| {
-                absolute(&base.join(&file.path)) == whole || absolute(&file.path) == whole
-            };
-            match self.files.iter_mut().find(|file| listed(file)) {
+            let path = absolute(path);
+            match self.files.iter_mut().find(|file| absolute(&file.path) == path) {
                 Some(file) => file.role = Role::Tracts,
                 None => {
-                    let id = whole.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                    self.files.push(ProposedFile::new(whole, Role::Tracts, id, String::new()));
+                    let id = tracts_id(&path);
+                    self.files.push(ProposedFile::new(path, Role::Tracts, id, String::new()));
                 }
             }
         }
@@ -308,7 +302,7 @@ impl Proposal {
         let mut add = |file: usize, mask: Option<usize>, text: String| {
             problems.push(Problem { file: Some(file), mask, text });
         };
-        let mut known: BTreeMap<(u8, String, String), ()> = BTreeMap::new();
+        let mut known: BTreeSet<(u8, String, String)> = BTreeSet::new();
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         let is_dated = |file: &ProposedFile| matches!(file.role, Role::Image | Role::Mask);
         let has_times = self.files.iter().any(|file| is_dated(file) && file.time().is_some());
@@ -332,7 +326,7 @@ impl Proposal {
                     add(n, mask, "no id".into());
                 } else if id.chars().any(char::is_control) {
                     add(n, mask, "an id with control characters".into());
-                } else if known.insert((kind, time.clone(), id.to_owned()), ()).is_some() {
+                } else if !known.insert((kind, time.clone(), id.to_owned())) {
                     let kind = ["image", "tracts", "mask"][usize::from(kind)];
                     let at = if time.is_empty() { String::new() } else { format!(" of {time}") };
                     add(n, mask, format!("another {kind}{at} is called {id}"));
@@ -389,8 +383,7 @@ impl Proposal {
     pub(super) fn with_key(mut self, is_folder: bool) -> Self {
         let mut digest = Digest::new();
         digest.add(u64::from(is_folder));
-        let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
-        digest.bytes(folder.as_os_str().as_encoded_bytes());
+        digest.bytes(absolute(&self.folder).as_os_str().as_encoded_bytes());
         let files = self.files.iter().map(|file| &file.path).chain(&self.described_by);
         for path in files {
             let relative = path.strip_prefix(&self.folder).unwrap_or(path);

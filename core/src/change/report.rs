@@ -61,6 +61,13 @@ pub struct ChangeReport {
     pub warnings: Vec<Check>,
 }
 
+impl ChangeReport {
+    /// The findings that the comparison made, without those of `case`, which it was made of.
+    pub fn own_warnings(&self, case: &Case) -> &[Check] {
+        self.warnings.strip_suffix(case.checks.as_slice()).unwrap_or(&self.warnings)
+    }
+}
+
 /// Distances to the nearest voxel of the other surface.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct NearestReport {

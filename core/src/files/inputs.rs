@@ -21,6 +21,12 @@ impl Inputs {
         Self(all)
     }
 
+    /// These and another file.
+    #[must_use]
+    pub fn with(self, file: PathBuf) -> Self {
+        Self::new(self.0.into_iter().chain([file]))
+    }
+
     /// Their paths, sorted.
     pub fn paths(&self) -> &[PathBuf] {
         &self.0

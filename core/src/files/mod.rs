@@ -1,6 +1,6 @@
 //! Reading and writing files. Every error names the file, what was found and what was expected.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::{Cancelled, Check, Volume};
 
@@ -132,6 +132,11 @@ impl FileError {
 /// separators, and formatting characters that reverse the direction of writing.
 pub fn is_misleading(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// An absolute path, by the current folder; as it is where that is unknown. Links are kept.
+pub fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// `name` on one line: misleading characters are escaped.

@@ -216,6 +216,11 @@ pub(crate) fn no_strength(quality: &Quality) -> Option<&'static str> {
     is_off(quality.occlusion_strength).then_some("occlusion strength is 0")
 }
 
+/// Why ambient occlusion is omitted at its strength or radius 0.
+pub(crate) fn no_occlusion(quality: &Quality) -> Option<&'static str> {
+    no_strength(quality).or_else(|| is_off(quality.occlusion_radius_mm).then_some("occlusion radius is 0"))
+}
+
 /// Whether a setting is off: 0, negative or NaN.
 pub(crate) fn is_off(x: f64) -> bool {
     x.is_nan() || x <= 0.0

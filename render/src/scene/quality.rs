@@ -161,8 +161,7 @@ pub struct Quality {
     pub color_bleeding: f64,
     /// Rays of traced ambient occlusion per pixel, 1 to [`Quality::MOST_RAYS`].
     pub occlusion_rays: u32,
-    /// Soft light at the eye in the closeup: from 0 (none, flat colours) to 1 (rims have [`Quality::RIM_LIGHT`] of the
-    /// light of faces towards the eye).
+    /// Soft light at the eye in the closeup: from 0 (none, flat colours) to 1 (rims darkest).
     pub relief: f64,
     /// Distance between samples of the context image along a ray, millimetres; multiplied by the image's finest
     /// spacing in millimetres where that is above 1. Above 0; other values, and steps that would need more than
@@ -181,8 +180,6 @@ impl Quality {
     pub const MOST_SAMPLES: u32 = 32;
     /// The most rays of traced ambient occlusion.
     pub const MOST_RAYS: u32 = 256;
-    /// Light at the rim of a surface at full relief, linear; 1 where it faces the eye.
-    pub const RIM_LIGHT: f64 = 0.45;
     /// The most samples of the context image along a ray.
     pub const MOST_CONTEXT_STEPS: u32 = 8192;
 

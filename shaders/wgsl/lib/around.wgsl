@@ -1,6 +1,6 @@
-// What ambient occlusion by directions about a normal shares: turns and bases.
+// What ambient occlusion in sampled directions shares: tiles of pixels and bases.
 
-// Number of a pixel in its 4x4 tile. Pixels of a tile sample different directions; lib/along_surface averages them.
+// Number of a pixel in its 4x4 tile. Pixels of a tile sample different directions, which filters average.
 fn tile_of(pixel: vec2<u32>) -> u32 {
     return (pixel.x & 3u) + 4u * (pixel.y & 3u);
 }

@@ -3,6 +3,7 @@
 // as unoccluded, the excess as occlusion. Occluders further in front than three radii count less; otherwise
 // every foreground would cast a hard halo on surfaces far behind.
 #include lib/view
+#include lib/around
 
 @group(0) @binding(3) var<storage, read> regions: array<u32>;
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
@@ -30,7 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let radius_px = radius_mm / footprint;
     let bias = 0.75 * footprint;
     // A 4x4 tile of rotations, averaged out by the 4x4 blur.
-    let tile = (id.x & 3u) + 4u * (id.y & 3u);
+    let tile = tile_of(id.xy);
     let turn = f32((tile * 7u + (tile >> 2u) * 5u) & 15u) * (6.2831853 / 16.0);
     let c = cos(turn);
     let s = sin(turn);

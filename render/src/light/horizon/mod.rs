@@ -6,7 +6,10 @@ pub(crate) mod twin;
 #[cfg(test)]
 mod twin_tests;
 
-use super::lit::{Light, LightRow, LitScene, is_off, no_strength};
+use super::{
+    lit::{Light, LightRow, LitScene, no_occlusion},
+    screen,
+};
 use crate::{
     device::{
         Gpu, PassName, RenderError,
@@ -25,48 +28,29 @@ pub(super) const ROW: LightRow = LightRow {
     mode: LightingMode::Horizon,
     title: "Headlight and horizon occlusion",
     summary: "Relief from the image's gradients; hollows darker, from depths and normals",
-    takes_long: false,
-    has_aperture: false,
-    most_cost: 16.0,
-    first_cost: 0.125,
     passes: |_| &[HORIZON, ALONG_SURFACE],
     omission_reason: |pass, quality, no_opaque, _| match pass {
         HORIZON | ALONG_SURFACE => no_opaque.or_else(|| no_occlusion(quality)),
         _ => None,
     },
     flags: &[(ALONG_SURFACE, HAS_OCCLUSION)],
-    image_pass: None,
-    reads_arrows: |_| &[],
     at_cost,
-    measured: &[],
     #[cfg(test)]
-    suite: super::lit::Suite {
-        layouts: &[],
-        variants: &[crate::scene::LightSettings::DEFAULT.variant],
-        max_twin_error: twin_tests::max_twin_error,
-    },
+    suite: super::lit::Suite { max_twin_error: twin_tests::max_twin_error, ..screen::ROW.suite },
     start: |_| Box::new(HorizonLight),
+    ..screen::ROW
 };
 
-/// Why `quality` omits ambient occlusion; `None` if it doesn't.
-pub(super) fn no_occlusion(quality: &Quality) -> Option<&'static str> {
-    no_strength(quality).or_else(|| is_off(quality.occlusion_radius_mm).then_some("occlusion radius is 0"))
-}
-
 /// Distance within which surfaces darken each other.
-pub(super) const RADIUS_MM: f64 = 10.0;
+const RADIUS_MM: f64 = 10.0;
 
 /// Above balanced nothing changes: the remaining error is what depths don't show.
-fn at_cost(cost: f64) -> Quality {
-    let less = cost.min(1.0);
+pub(super) fn at_cost(cost: f64) -> Quality {
     Quality {
-        resolution_scale: less.powf(0.3).max(0.2),
-        occlusion_samples: if cost < 1.0 { 6 } else { 12 },
         occlusion_strength: 1.0,
         color_bleeding: 0.15,
         occlusion_radius_mm: RADIUS_MM,
-        context_step_mm: (0.5 * less.powf(-0.3)).min(2.0),
-        ..Quality::FULL
+        ..screen::at_cost(cost)
     }
 }
 

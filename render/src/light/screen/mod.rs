@@ -5,7 +5,7 @@ mod twin_tests;
 
 use glam::DVec4;
 
-use super::lit::{Light, LightRow, LitScene, is_off, no_strength};
+use super::lit::{Light, LightRow, LitScene, no_occlusion};
 use crate::{
     device::{
         Gpu, PassName, RenderError,
@@ -20,6 +20,7 @@ pub(crate) const OCCLUSION: PassName = PassName::new("occlusion");
 /// Its blur.
 pub(crate) const OCCLUSION_BLUR: PassName = PassName::new("occlusion_blur");
 
+/// Also what the other modes lit by the headlight start from.
 pub(super) const ROW: LightRow = LightRow {
     mode: LightingMode::ScreenSpace,
     title: "Headlight and point pairs (thesis)",
@@ -30,7 +31,7 @@ pub(super) const ROW: LightRow = LightRow {
     first_cost: 0.125,
     passes: |_| &[OCCLUSION, OCCLUSION_BLUR],
     omission_reason: |pass, quality, no_opaque, _| match pass {
-        OCCLUSION | OCCLUSION_BLUR => no_opaque.or_else(|| no_occlusion(quality)),
+        OCCLUSION | OCCLUSION_BLUR => no_opaque.or_else(|| no_samples(quality)),
         _ => None,
     },
     flags: &[(OCCLUSION_BLUR, HAS_OCCLUSION)],
@@ -47,21 +48,14 @@ pub(super) const ROW: LightRow = LightRow {
     start: |gpu| Box::new(ScreenLight::new(gpu)),
 };
 
-/// Why `quality` omits ambient occlusion; `None` if it doesn't.
-fn no_occlusion(quality: &Quality) -> Option<&'static str> {
-    if let Some(reason) = no_strength(quality) {
-        Some(reason)
-    } else if is_off(quality.occlusion_radius_mm) {
-        Some("occlusion radius is 0")
-    } else if quality.occlusion_samples == 0 {
-        Some("occlusion has no samples")
-    } else {
-        None
-    }
+/// Why `quality` omits ambient occlusion by samples; `None` if it doesn't.
+fn no_samples(quality: &Quality) -> Option<&'static str> {
+    let no_samples = (quality.occlusion_samples == 0).then_some("occlusion has no samples");
+    no_occlusion(quality).or(no_samples)
 }
 
 /// Above balanced nothing changes: the remaining error is bias.
-fn at_cost(cost: f64) -> Quality {
+pub(super) fn at_cost(cost: f64) -> Quality {
     let less = cost.min(1.0);
     Quality {
         resolution_scale: less.powf(0.3).max(0.2),

@@ -8,8 +8,8 @@ mod twin_tests;
 use bytemuck::{Pod, Zeroable};
 
 use super::{
-    horizon::{ALONG_SURFACE, HORIZON, RADIUS_MM, bind_filter, bind_horizon, no_occlusion},
-    lit::{Light, LightRow, LitKind, LitScene},
+    horizon::{self, ALONG_SURFACE, HORIZON, bind_filter, bind_horizon},
+    lit::{Light, LightRow, LitKind, LitScene, no_occlusion},
 };
 use crate::{
     device::{
@@ -19,7 +19,6 @@ use crate::{
         runner::{Dispatch, PassRunner, workgroups_of},
     },
     scene::{LightingMode, Plan, Quality},
-    solid::view::HAS_OCCLUSION,
 };
 
 /// Rays of ambient occlusion.
@@ -30,9 +29,6 @@ pub(super) const ROW: LightRow = LightRow {
     title: "Headlight and traced occlusion",
     summary: "Relief from the image's gradients; hollows darker, by rays through the masks in the closeup",
     takes_long: true,
-    has_aperture: false,
-    most_cost: 16.0,
-    first_cost: 0.125,
     passes: |kind| match kind {
         LitKind::Masks => &[RAYS, ALONG_SURFACE],
         LitKind::Image | LitKind::Depths => &[HORIZON, ALONG_SURFACE],
@@ -41,32 +37,19 @@ pub(super) const ROW: LightRow = LightRow {
         RAYS | HORIZON | ALONG_SURFACE => no_opaque.or_else(|| no_occlusion(quality)),
         _ => None,
     },
-    flags: &[(ALONG_SURFACE, HAS_OCCLUSION)],
-    image_pass: None,
-    reads_arrows: |_| &[],
     at_cost,
-    measured: &[],
     #[cfg(test)]
     suite: super::lit::Suite {
         layouts: LAYOUTS,
-        variants: &[crate::scene::LightSettings::DEFAULT.variant],
         max_twin_error: twin_tests::max_twin_error,
+        ..horizon::ROW.suite
     },
     start: |gpu| Box::new(TracedLight::new(gpu)),
+    ..horizon::ROW
 };
 
 fn at_cost(cost: f64) -> Quality {
-    let less = cost.min(1.0);
-    Quality {
-        resolution_scale: less.powf(0.3).max(0.2),
-        occlusion_samples: if cost < 1.0 { 6 } else { 12 },
-        occlusion_rays: ((16.0 * cost) as u32).clamp(4, Quality::MOST_RAYS),
-        occlusion_strength: 1.0,
-        color_bleeding: 0.15,
-        occlusion_radius_mm: RADIUS_MM,
-        context_step_mm: (0.5 * less.powf(-0.3)).min(2.0),
-        ..Quality::FULL
-    }
+    Quality { occlusion_rays: ((16.0 * cost) as u32).clamp(4, Quality::MOST_RAYS), ..horizon::at_cost(cost) }
 }
 
 /// Rays of a dispatch: so few that a part of a frame is short, and that pixels with enough rays stop soon.

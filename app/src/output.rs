@@ -85,10 +85,10 @@ pub fn write_json(path: &Path, inputs: &Inputs, value: &impl serde::Serialize) -
 ///
 /// # Errors
 /// As [`write()`].
-pub fn write_rulers(path: &Path, case: &Case, lines: &[Ruler]) -> Result<(), AppError> {
+pub fn write_rulers(path: &Path, inputs: &Inputs, case: &Case, lines: &[Ruler]) -> Result<(), AppError> {
     match ExportFormat::of(path) {
-        Some(ExportFormat::Csv) => write(path, &case.inputs, &rulers::as_csv(case, lines)),
-        Some(ExportFormat::Json) => write_json(path, &case.inputs, &rulers::as_json(case, lines)),
+        Some(ExportFormat::Csv) => write(path, inputs, &rulers::as_csv(case, lines)),
+        Some(ExportFormat::Json) => write_json(path, inputs, &rulers::as_json(case, lines)),
         None => {
             let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
             Err(AppError::file(path, format!("the ending \"{extension}\""), ".csv or .json"))

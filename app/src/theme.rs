@@ -166,6 +166,8 @@ fn styled(before: &Style, t: &Tokens, dark: bool) -> Style {
     spacing.button_padding = vec2(8.0, 2.0);
     spacing.window_margin = Margin::same(12);
     spacing.menu_margin = Margin::same(8);
+    // Scroll bars beside what they scroll, not over its last digits.
+    spacing.scroll.floating_allocated_width = spacing.scroll.bar_width;
     style.visuals = visuals(t, dark);
     style
 }

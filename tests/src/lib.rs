@@ -19,9 +19,12 @@ use glioscope::{
     world::{Loaded, load},
 };
 use glioscope_core::{
-    Progress,
+    Grid, Progress, Samples, Volume,
     case::{self, LoadOptions},
+    files::{WriteOptions, write_nifti},
+    glam::DVec3,
     optics::srgb,
+    volume::Scaling,
 };
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 use image::RgbaImage;
@@ -318,6 +321,23 @@ pub fn real_data(folder: &str) -> Option<PathBuf> {
         "SKIPPED: real data folder {folder} is absent (GLIOSCOPE_REAL_DATA names its parent)"
     ));
     None
+}
+
+/// Writes a cube of `side` voxels of `spacing_mm` with these values by index as NIfTI, and the folder that it lies in.
+///
+/// # Panics
+/// When it can't be written.
+pub fn write_cube(path: &Path, side: usize, spacing_mm: f64, value: impl Fn([usize; 3]) -> u8) {
+    let written = || -> Result<(), Box<dyn std::error::Error>> {
+        let grid = Grid::axis_aligned([side; 3], DVec3::splat(spacing_mm), DVec3::ZERO)?;
+        let samples = Samples::U8((0..grid.voxel_count()).map(|l| value(grid.ijk(l))).collect());
+        std::fs::create_dir_all(path.parent().unwrap_or(path))?;
+        let volume = Volume::new(grid, samples, Scaling::NONE).ok_or("another number of values")?;
+        Ok(write_nifti(path, &volume, &WriteOptions::default())?)
+    };
+    if let Err(error) = written() {
+        fail(&error.to_string());
+    }
 }
 
 /// Writes fibres, points in RAS+ mm, as an MRtrix `.tck` file.

@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
         ),
         error => error.into(),
     })?;
-    terminal::notes(report.warnings.strip_suffix(case.checks.as_slice()).unwrap_or(&report.warnings));
+    terminal::notes(report.own_warnings(&case));
     if let Some(path) = &arguments.csv {
         output::write(path, &case.inputs, &change::csv(&change))?;
     }

@@ -17,6 +17,7 @@ mod resolve;
 mod sample;
 mod terminal;
 mod tracts;
+mod unused;
 
 use std::{error::Error, process::ExitCode};
 

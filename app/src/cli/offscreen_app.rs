@@ -1,5 +1,6 @@
 //! Draws panes and the window offscreen, on a graphics device without a window.
 
+use glioscope_core::Check;
 use glioscope_render::{AdapterPreference, Gpu, Plan, Quality};
 
 use super::parse::View;
@@ -49,6 +50,12 @@ impl OffscreenApp {
             View::Pane(pane) => draw_pane(ui, app, pane),
         });
         Ok(rgba?)
+    }
+
+    /// Findings of the comparison of dates that was drawn; empty where none was.
+    pub(super) fn comparison_warnings(&self) -> Vec<Check> {
+        let found = self.app.results.comparison.last().zip(self.app.work.world.case());
+        found.map(|(last, case)| last.report.own_warnings(case).to_vec()).unwrap_or_default()
     }
 
     /// Report on the last frame of `pane`'s 3D view; empty for other panes. `timed`: with its pass times.

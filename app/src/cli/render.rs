@@ -16,7 +16,7 @@ use super::{
     light,
     offscreen_app::{DrawReport, OffscreenApp, gpu},
     parse::{LensArgument, View},
-    resolve, terminal,
+    resolve, terminal, unused,
 };
 use crate::{
     command::Workstation,
@@ -139,6 +139,9 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     arguments.out.iter().try_for_each(|path| inputs.refuse_as_output(path))?;
     let mut work = Workstation::with_opened(read.into());
     apply(arguments, &mut work)?;
+    for option in unused::without_effect(arguments) {
+        terminal::warning("option-unused", &format!("{option} changes nothing in this view."));
+    }
     let is_closeup = view == View::Pane(PaneId::Closeup);
     let scene = closeup::scene_of(&work, arguments.dark).filter(|_| is_closeup);
     let quality = work.doc.as_ref().map(|doc| doc.edit.light.at_rest()).unwrap_or_default();
@@ -160,6 +163,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
                 if let View::Pane(pane) = view {
                     report = app.draw_report(pane, arguments.stats)?;
                 }
+                terminal::notes(&app.comparison_warnings());
                 rgba
             }
         };

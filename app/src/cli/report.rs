@@ -104,5 +104,6 @@ fn write(read: ReadCase, folder: &Path, software: bool) -> Result<Vec<String>, A
         output::write_png(&folder.join(&name), &inputs, size, &rgba)?;
         names.push(name);
     }
+    terminal::notes(&app.comparison_warnings());
     Ok(names)
 }

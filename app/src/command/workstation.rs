@@ -7,15 +7,15 @@ use std::{
 };
 
 use glioscope_core::{
-    case::{self, LoadOptions, Proposal},
-    files::Inputs,
+    case::{self, Case, LoadOptions, Proposal},
+    files::{Inputs, absolute},
 };
 
 use super::{Command, EditCommand};
 use crate::{
     error::AppError,
     model::{
-        Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session, masks::MaskLooks,
+        Answer, Answers, CaseRef, Document, Edit, History, PictureSize, Place, Session, masks::MaskLooks,
         rulers::MOST_RULERS, session,
     },
     world::{
@@ -43,6 +43,19 @@ pub struct OrderQuestion {
     pub accepted: Option<Accepted>,
     /// The dates, as the user orders them.
     pub unordered: Unordered,
+}
+
+impl OrderQuestion {
+    /// Names these dates of this case among the answers. `None` where the answer about its files has their order.
+    fn key(&self) -> Option<String> {
+        let CaseRef::Path(path) = &self.request.case else { return None };
+        if self.accepted.as_ref().is_some_and(|accepted| !accepted.key.is_empty()) {
+            return None;
+        }
+        let mut times = self.unordered.times.clone();
+        times.sort();
+        Some(format!("dates of {}: {}", absolute(path).display(), times.join(", ")))
+    }
 }
 
 /// Size and time of last change of a file.
@@ -240,9 +253,25 @@ impl Workstation {
         }
     }
 
+    /// Takes up dates without an order: as they were ordered before, or to be asked about.
+    fn unordered(&mut self, question: OrderQuestion, wake: Waker) {
+        let known = question.key().and_then(|key| self.answers.find(&key)).map(|answer| answer.order.clone());
+        let is_asked = question.request.edits || question.accepted.is_some();
+        self.order_question = Some(question);
+        if let (false, Some(order)) = (is_asked, known) {
+            self.notice =
+                Some("Opened with its dates as ordered before; File, Case files… asks again.".into());
+            self.order_dates(order, wake);
+        }
+    }
+
     /// Reads the case with its dates in this order; empty: in none.
     pub fn order_dates(&mut self, order: Vec<String>, wake: Waker) {
-        let Some(OrderQuestion { mut request, accepted, .. }) = self.order_question.take() else { return };
+        let Some(question) = self.order_question.take() else { return };
+        if let Some(key) = question.key() {
+            self.answers.add(Answer { key, order: order.clone(), ..Answer::default() });
+        }
+        let OrderQuestion { mut request, accepted, .. } = question;
         request.options.order = order;
         request.unasked_order = true;
         self.job = Some(LoadJob::start(request, accepted, wake));
@@ -264,22 +293,15 @@ impl Workstation {
             ));
         }
         let mut spec = proposal.spec();
-        let mut absolute = proposal.clone();
-        for file in &mut absolute.files {
-            if let Ok(whole) = std::path::absolute(&file.path) {
-                file.path = whole;
-            }
-        }
-        let written = absolute.spec();
-        (spec.masks, spec.contexts, spec.tracts) = (written.masks, written.contexts, written.tracts);
+        spec.make_absolute();
         let order = &request.options.order;
-        if spec.order.is_empty() && spec.times() == order.iter().cloned().collect() {
+        if spec.order.is_empty() && spec.is_ordered_by(order) {
             spec.order.clone_from(order);
         }
         spec.inputs().refuse_as_output(path)?;
         self.inputs().refuse_as_output(path)?;
-        let folder = std::path::absolute(path).ok().and_then(|path| path.parent().map(Path::to_owned));
-        Ok(case::write_manifest(&spec, &folder.unwrap_or_default())?)
+        let path = absolute(path);
+        Ok(case::write_manifest(&spec, path.parent().unwrap_or(&path))?)
     }
 
     /// Opens a session file and the case it refers to, with additional `tracts`.
@@ -315,7 +337,7 @@ impl Workstation {
                 None
             }
             Ok(Opened::Unordered(unordered)) => {
-                self.order_question = Some(OrderQuestion { request, accepted, unordered });
+                self.unordered(OrderQuestion { request, accepted, unordered }, wake);
                 None
             }
             Ok(Opened::Loaded(opened)) => {
@@ -327,7 +349,12 @@ impl Workstation {
                 let of_session = request.session.is_some();
                 self.session_path = request.session_path;
                 let before = self.world.case().cloned();
-                self.install_opened(*opened);
+                let mut opened = *opened;
+                // The open case was read again: what was done meanwhile stays.
+                if request.session.as_ref().is_some_and(|session| session.origin.is_none()) {
+                    opened.document = self.document_for(&opened.loaded.case).or(opened.document);
+                }
+                self.install_opened(opened);
                 if let (true, Some(before), Some(case), Some(doc)) =
                     (request.edits, before, self.world.case(), &mut self.doc)
                 {
@@ -373,15 +400,21 @@ impl Workstation {
         }
     }
 
+    /// The document as it is now, for the open case as it was read again.
+    fn document_for(&self, case: &Case) -> Option<Document> {
+        let session = Session::of(self.doc.as_ref()?, self.world.case()?).ok()?;
+        Some(session.restore(case).ok()?.0)
+    }
+
     /// Takes up a guess: as it was accepted before, or to be shown.
     fn guessed(&mut self, mut request: Request, proposal: Proposal, wake: Waker) {
         // A session of a folder says nothing of its files: a correction made since is asked about.
-        let applies = |answer: &&crate::model::Answer| {
+        let applies = |answer: &&Answer| {
             !request.edits && !self.accept_guesses && (request.session.is_none() || answer.manifest.is_none())
         };
         let known = self.answers.find(&proposal.key).filter(applies);
         if let Some(answer) = known
-            && let Ok(accepted) = Accepted::before(&proposal, answer, request.session.is_some())
+            && let Ok(accepted) = Accepted::before(&proposal, answer)
         {
             if request.options.order.is_empty() {
                 request.options.order.clone_from(&answer.order);
@@ -393,9 +426,13 @@ impl Workstation {
         self.guess = Some(Guess { request, proposed: proposal.clone(), proposal });
     }
 
-    /// The files that the open case was read from: no output is written over them.
+    /// The files that the open case and its session were read from: no output is written over them, but the session's own.
     pub fn inputs(&self) -> Inputs {
-        self.world.case().map(|case| case.inputs.clone()).unwrap_or_default()
+        let inputs = self.world.case().map(|case| case.inputs.clone()).unwrap_or_default();
+        match &self.session_path {
+            Some(session) => inputs.with(session.clone()),
+            None => inputs,
+        }
     }
 
     /// Saves the session to `path`; returns whether that succeeded.

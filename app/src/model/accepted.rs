@@ -3,8 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::{read_small, write_whole_private};
 use serde::{Deserialize, Serialize};
+
+use super::kept;
 
 /// Largest size of the file.
 const MAX_BYTES: u64 = 4 << 20;
@@ -42,11 +43,8 @@ impl Answers {
     /// The answers stored in `folder`; without one, none are kept from run to run.
     pub fn in_folder(folder: Option<&Path>) -> Self {
         let file = folder.map(|folder| folder.join("accepted.json"));
-        let read = |file: &PathBuf| {
-            let bytes = read_small(file, MAX_BYTES, "a list of answers").ok()?;
-            serde_json::from_slice::<Vec<Answer>>(&bytes).ok()
-        };
-        let mut list = file.as_ref().and_then(read).unwrap_or_default();
+        let read = |file: &PathBuf| kept::read(file, MAX_BYTES, "a list of answers");
+        let mut list: Vec<Answer> = file.as_ref().and_then(read).unwrap_or_default();
         list.truncate(MAX_ANSWERS);
         Self { file, list }
     }
@@ -78,10 +76,8 @@ impl Answers {
     }
 
     fn save(&self) {
-        let Some(file) = &self.file else { return };
-        if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec(&self.list)) {
-            let _ = std::fs::create_dir_all(folder);
-            let _ = write_whole_private(file, &bytes);
+        if let Some(file) = &self.file {
+            kept::write(file, &self.list);
         }
     }
 }

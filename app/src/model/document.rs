@@ -125,6 +125,10 @@ impl Edit {
 
     /// Whether `other` has the same content: all but the arrangement of the panes, which is no work to lose.
     pub fn same_work(&self, other: &Self) -> bool {
+        // Asked in every frame: most often nothing changed, and nothing is copied.
+        if self == other {
+            return true;
+        }
         let mut arranged = other.clone();
         arranged.arrange_as(self);
         *self == arranged
@@ -248,9 +252,9 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
 impl Document {
     /// Whether `other` is of the same case, read alike, with the same content.
     pub fn same_work(&self, other: &Self) -> bool {
-        let source =
-            |doc: &Self| (doc.case.clone(), doc.tracts.clone(), doc.order.clone(), doc.case_grid.clone());
-        source(self) == source(other) && self.edit.same_work(&other.edit)
+        let Self { case, tracts, order, case_grid, edit, nav: _ } = self;
+        (case, tracts, order, case_grid) == (&other.case, &other.tracts, &other.order, &other.case_grid)
+            && edit.same_work(&other.edit)
     }
 
     /// The initial document of a case with `time_point_count` time points: everything visible, the lens on the

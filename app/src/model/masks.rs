@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use glioscope_core::case::Case;
+use glioscope_core::case::{Case, CaseMask};
 use serde::{Deserialize, Serialize};
 
 /// How a mask is named and coloured, where that differs from the case.
@@ -35,20 +35,15 @@ impl MaskLooks {
 
     /// Takes over the names and colours that a case gives otherwise than it did before.
     pub fn follow(&mut self, before: &Case, now: &Case) {
+        fn masks(case: &Case) -> impl Iterator<Item = &CaseMask> {
+            case.time_points.iter().flat_map(|time_point| &time_point.masks)
+        }
         // The first name and the first colour at any date.
         let look_in = |case: &Case, id: &str| {
-            let masks = case.time_points.iter().flat_map(|time_point| &time_point.masks);
-            let mut same = masks.filter(|mask| mask.mask.id() == id);
-            let all: Vec<_> = same.by_ref().map(|mask| (mask.name.clone(), mask.color)).collect();
-            let name = all.iter().find_map(|(name, _)| name.clone());
-            (name, all.iter().find_map(|(_, color)| *color))
+            let same = || masks(case).filter(|mask| mask.mask.id() == id);
+            (same().find_map(|mask| mask.name.clone()), same().find_map(|mask| mask.color))
         };
-        let ids: BTreeSet<&str> = now
-            .time_points
-            .iter()
-            .flat_map(|time_point| &time_point.masks)
-            .map(|mask| mask.mask.id())
-            .collect();
+        let ids: BTreeSet<&str> = masks(now).map(|mask| mask.mask.id()).collect();
         for id in ids {
             let (name, color) = look_in(before, id);
             let (new_name, new_color) = look_in(now, id);

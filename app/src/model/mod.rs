@@ -6,6 +6,7 @@ pub mod document;
 pub mod ellipsoids;
 pub mod hidden;
 pub mod history;
+pub mod kept;
 pub mod layout;
 pub mod light;
 pub mod masks;

@@ -2,7 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use glioscope_core::case::argument_with_file;
+use glioscope_core::{case::argument_with_file, files::absolute};
 use serde::{Deserialize, Serialize};
 
 use super::document::{CaseRef, Document};
@@ -59,10 +59,6 @@ impl Place {
         };
         Self { case, tracts: self.tracts.iter().map(|path| change(path)).collect() }
     }
-}
-
-fn absolute(path: &Path) -> PathBuf {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
 /// `path` without `.` and, where a folder precedes it, `..`.

@@ -1,6 +1,6 @@
 //! The tumour intersection closeup (thesis 7.3.3): rendered frame, orientation cube, legend and mouse input.
 
-use egui::{Align2, Painter, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use egui::{Align2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::measure::Agreement;
 use glioscope_render::{
@@ -9,6 +9,7 @@ use glioscope_render::{
 
 use super::{
     draw,
+    legend::{self, Mark, Row},
     pane::{Input, Pane, Stage},
     ruler,
     view3d::{Canvas, Picked, ScreenReport, View, marks},
@@ -17,7 +18,7 @@ use crate::{
     command::{Commands, Workstation},
     format,
     model::{Document, PaneId},
-    theme::{self, LABEL_POINTS, TEXT_POINTS, Tokens},
+    theme::{self, TEXT_POINTS, Tokens},
     world::{World, jobs::Lookup, numbers::AgreementNumbers},
 };
 
@@ -134,11 +135,11 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
 }
 
 /// Draws the orientation cube, scale bar, legend and notes.
-fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
+fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[Row]) {
     let painter = ui.painter().with_clip_rect(rect);
     let ink = Tokens::in_ui(ui).text;
     marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, "at the lens"), false);
-    legend(&painter, input, rect, ui.visuals().dark_mode, agreement);
+    legend::show(ui, rect, &legend_rows(input, agreement));
     if input.doc.nav.ruler_on {
         let text = "Ruler: drag from surface to surface";
         let at = rect.center_bottom() - vec2(0.0, 10.0);
@@ -155,55 +156,20 @@ fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[LegendRow]) {
     painter.text(at, anchor, text, theme::font(TEXT_POINTS), ink);
 }
 
-/// Most masks whose overlaps are in the legend, too.
-const MAX_MASKS_WITH_OVERLAPS: usize = 3;
-
-/// Colour and text.
-type LegendRow = ([u8; 3], String);
-
-/// Draws the colours with their meaning: masks, or the number of masks active at a voxel.
-fn legend(painter: &Painter, input: &Input<'_>, rect: Rect, dark: bool, agreement: &[LegendRow]) {
-    let ink = Tokens::of(dark).text;
-    let rows: Vec<LegendRow> = match input.colors.coloring() {
-        Coloring::Masks => mask_rows(input),
+/// The legend: masks and their overlaps, or the number of masks active at a voxel; and the cut of the lens.
+fn legend_rows(input: &Input<'_>, agreement: &[Row]) -> Vec<Row> {
+    let mut rows = match input.colors.coloring() {
+        Coloring::Masks => legend::mask_rows(input),
         Coloring::Agreement => agreement.iter().rev().cloned().collect(),
     };
-    let mut at = rect.left_top() + vec2(10.0, 8.0);
-    for (color, text) in rows {
-        let swatch = Rect::from_min_size(at + vec2(0.0, 2.0), vec2(11.0, 11.0));
-        let edge = egui::Stroke::new(1.0, ink.gamma_multiply(0.6));
-        let font = theme::font(LABEL_POINTS);
-        let galley = painter.layout_no_wrap(text, font, ink);
-        let row = Rect::from_min_size(at, galley.size() + vec2(17.0, 0.0));
-        // Legible over a magnified tumour, too.
-        draw::plate(painter, row, dark);
-        painter.rect(swatch, 2.0, theme::color(color), edge, egui::StrokeKind::Outside);
-        painter.galley(at + vec2(17.0, 0.0), galley, ink);
-        at.y += 16.0;
-        if at.y > rect.bottom() - 90.0 {
-            break;
-        }
+    if input.doc.edit.lens_on && !input.selection.is_empty(&input.time_point.regions) {
+        rows.push((Mark::Hatched, "cut by the lens".into()));
     }
-}
-
-/// Legend rows of the masks, and of their overlaps where there are few.
-fn mask_rows(input: &Input<'_>) -> Vec<LegendRow> {
-    let regions = &input.time_point.regions;
-    let ids = regions.mask_ids();
-    let masks = ids.iter().enumerate();
-    let masks = masks.map(|(k, id)| (input.colors.mask(k), input.doc.edit.masks.name(id)));
-    let overlaps = regions.list().iter().filter(|region| {
-        ids.len() <= MAX_MASKS_WITH_OVERLAPS
-            && region.bits.count_ones() > 1
-            && input.selection.shows(region.bits)
-    });
-    let overlaps = overlaps
-        .map(|region| (input.colors.region(region.bits), input.doc.edit.masks.region(ids, region.bits)));
-    masks.chain(overlaps).collect()
+    rows
 }
 
 /// Legend rows of the levels of agreement, fewest masks first; empty in other colourings and until they are computed.
-fn agreement(stage: &mut Stage<'_>) -> Vec<LegendRow> {
+fn agreement(stage: &mut Stage<'_>) -> Vec<Row> {
     if stage.input.colors.coloring() != Coloring::Agreement {
         return Vec::new();
     }
@@ -214,11 +180,15 @@ fn agreement(stage: &mut Stage<'_>) -> Vec<LegendRow> {
     }
 }
 
-fn agreement_rows(numbers: &AgreementNumbers, mask_count: usize) -> Vec<LegendRow> {
+fn agreement_rows(numbers: &AgreementNumbers, mask_count: usize) -> Vec<Row> {
     let text = |level: &Agreement| {
         let masks = if mask_count == 1 { "mask" } else { "masks" };
         let ml = format::ml(level.volume_ml);
         format!("{} of {mask_count} {masks}: {ml}, {} voxels", level.masks, format::count(level.voxels))
     };
-    numbers.levels.iter().map(|level| (agreement_color(level.masks, mask_count), text(level))).collect()
+    numbers
+        .levels
+        .iter()
+        .map(|level| (Mark::Color(agreement_color(level.masks, mask_count)), text(level)))
+        .collect()
 }

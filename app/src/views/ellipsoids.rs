@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use egui::{Align2, Rect, Role, Sense, Slider, Ui, WidgetInfo, vec2};
+use egui::{Role, Sense, Slider, Ui, WidgetInfo};
 use glam::DVec3;
 use glioscope_core::{
     Selection,
@@ -16,6 +16,7 @@ use glioscope_render::{
 
 use super::{
     draw,
+    legend::{self, Mark},
     pane::{Input, Pane, Stage},
     view3d::{Canvas, Picked, ScreenReport, View, linked_camera, marks},
 };
@@ -27,7 +28,7 @@ use crate::{
         document::tumor_radius_mm,
         overlap::{Shown, mask_shown},
     },
-    theme::{self, LABEL_POINTS, Tokens},
+    theme::Tokens,
     world::jobs::{Handle, Lookup, progress_text},
 };
 
@@ -176,10 +177,15 @@ impl Pane for EllipsoidPane {
         }
         let hover_text = self.canvas.hover().and_then(|pick| pick_text(&input, &components, pick));
         self.opacity_menu(&response, &input, &components, out);
-        notes(ui, &input, rect, scene.ellipsoids.len(), too_small, &scene.camera);
+        let rows = legend_rows(&input, &components, &scene.ellipsoids, too_small);
+        legend::show(ui, rect, &rows);
+        marks::corners(ui, rect, input.sides_known(), (&scene.camera, "at the middle"), false);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
-            let what = format!("Ellipsoid diagram, {} ellipsoids", scene.ellipsoids.len());
+            let mut what = format!("Ellipsoid diagram, {} ellipsoids", scene.ellipsoids.len());
+            for (_, warning) in rows.iter().filter(|(mark, _)| *mark == Mark::Warning) {
+                what += &format!("\n{warning}");
+            }
             WidgetInfo::labeled(Role::Canvas, true, self.canvas.accessible_text(&what, hover_text.as_deref()))
         });
     }
@@ -350,10 +356,19 @@ fn controls(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
     }
 }
 
-/// Draws the numbers of shown and hidden components, the orientation cube and the scale bar.
-fn notes(ui: &Ui, input: &Input<'_>, rect: Rect, count: usize, too_small: usize, camera: &Camera) {
-    let ink = Tokens::in_ui(ui).text;
-    let painter = ui.painter().with_clip_rect(rect);
+/// Ratio of an enclosing ellipsoid's volume to its component's from which the picture says so; of any box it is 2.7.
+const MUCH_LARGER: f64 = 5.0;
+/// Most ellipsoids named as much larger than their components.
+const MAX_NAMED: usize = 3;
+
+/// The number of components, the colours of those shown, and the ellipsoids that are much larger than their components.
+fn legend_rows(
+    input: &Input<'_>,
+    components: &[ComponentEllipsoid],
+    drawn: &[DrawnEllipsoid],
+    too_small: usize,
+) -> Vec<legend::Row> {
+    let count = drawn.len();
     let mut text = format!("{count} component{}", if count == 1 { "" } else { "s" });
     if too_small > 0 {
         let limit = format::plain(input.doc.edit.ellipsoids.smallest_ml);
@@ -362,6 +377,36 @@ fn notes(ui: &Ui, input: &Input<'_>, rect: Rect, count: usize, too_small: usize,
     if count == 0 && too_small == 0 {
         text = "Nothing is selected".into();
     }
-    painter.text(rect.left_top() + vec2(10.0, 8.0), Align2::LEFT_TOP, text, theme::font(LABEL_POINTS), ink);
-    marks::corners(ui, rect, input.sides_known(), (camera, "at the middle"), false);
+    let shown = || drawn.iter().filter_map(|one| Some((one, components.get(one.id as usize)?)));
+    let mut rows = vec![(Mark::None, text)];
+    let mut named = Vec::new();
+    for (one, component) in shown() {
+        if !named.contains(&component.of) {
+            named.push(component.of);
+            rows.push((Mark::Color(one.color), name_of(input, component.of)));
+        }
+    }
+    if input.doc.edit.ellipsoids.kind == EllipsoidKind::Enclosing {
+        rows.extend(much_larger(input, shown().map(|(_, component)| component)));
+    }
+    rows
+}
+
+/// Warnings of enclosing ellipsoids that are mostly empty, the worst first.
+fn much_larger<'a>(
+    input: &Input<'_>,
+    shown: impl Iterator<Item = &'a ComponentEllipsoid>,
+) -> Vec<legend::Row> {
+    let mut large: Vec<_> = shown.filter(|component| component.exaggeration >= MUCH_LARGER).collect();
+    large.sort_by(|a, b| b.exaggeration.total_cmp(&a.exaggeration));
+    let rest = large.split_off(large.len().min(MAX_NAMED)).len();
+    let text = |component: &&ComponentEllipsoid| {
+        let (name, ml) = (name_of(input, component.of), format::ml(component.volume_ml));
+        (Mark::Warning, format!("ellipsoid {:.0} × its component: {name} {ml}", component.exaggeration))
+    };
+    let mut rows: Vec<legend::Row> = large.iter().map(text).collect();
+    if rest > 0 {
+        rows.push((Mark::Warning, format!("and {rest} more at least {MUCH_LARGER:.0} ×")));
+    }
+    rows
 }

@@ -7,6 +7,7 @@ pub mod dates;
 pub mod diagnostics;
 pub mod draw;
 pub mod ellipsoids;
+pub mod legend;
 pub mod lens;
 pub mod measurements;
 pub mod overlap;

@@ -30,7 +30,7 @@ fn role_name(role: Role) -> &'static str {
 
 /// Draws the dialog while a case waits for it; `covered`: another dialog is in front of it and has the keyboard.
 pub fn show(ui: &Ui, work: &mut Workstation, covered: bool, out: &mut Commands) {
-    let palette = work.doc.as_ref().map_or(Palette::Thesis, |doc| doc.edit.palette);
+    let palette = work.doc.as_ref().map_or_else(Palette::default, |doc| doc.edit.palette);
     let accepts = work.accept_guesses;
     let Some(guess) = &mut work.guess else { return };
     if accepts {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use egui::{CentralPanel, Frame, Vec2};
+use glioscope_core::files::Inputs;
 use glioscope_render::Gpu;
 
 use super::{GlioscopeApp, offscreen::Offscreen, recent::Recent};
@@ -29,6 +30,8 @@ pub struct Enlarged {
     pub doc: Document,
     /// The case.
     pub world: World,
+    /// Files that aren't written over.
+    pub inputs: Inputs,
 }
 
 impl Enlarged {
@@ -37,7 +40,7 @@ impl Enlarged {
     /// # Errors
     /// [`AppError`] if the picture has more pixels than the device draws, or can't be written.
     pub fn write(self, gpu: &Gpu, path: &Path) -> Result<(), AppError> {
-        let Self { pane, size_points, pixels_per_point, dark, doc, world } = self;
+        let Self { pane, size_points, pixels_per_point, dark, doc, world, inputs } = self;
         let pixels = (size_points * pixels_per_point).round().max(Vec2::splat(1.0));
         let most = gpu.device.limits().max_texture_dimension_2d;
         if pixels.max_elem() > most as f32 {
@@ -47,7 +50,6 @@ impl Enlarged {
         let size = [pixels.x as u32, pixels.y as u32];
         let offscreen = Offscreen::new(gpu, dark);
         let graphics = Graphics { gpu: gpu.clone(), egui_renderer: offscreen.renderer(), pictures: None };
-        let inputs = world.case().map(|case| case.inputs.clone()).unwrap_or_default();
         // Before seconds of drawing.
         inputs.refuse_as_output(path)?;
         let work = Workstation { doc: Some(doc), world, ..Workstation::default() };

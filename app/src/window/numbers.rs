@@ -7,6 +7,7 @@ use glioscope_core::{
     case::Case,
     change::{self, ChangeOptions, ChangeReport},
     csv, ellipsoid,
+    files::Inputs,
     inside_lens::voxels_inside,
     measure,
 };
@@ -22,6 +23,8 @@ use crate::{
 pub struct Shown {
     /// The case.
     pub case: Arc<Case>,
+    /// Files that aren't written over.
+    pub inputs: Inputs,
     /// The user's choices.
     pub doc: Document,
     /// The regions of the date shown; `None` if no mask is active.
@@ -38,8 +41,8 @@ impl Shown {
     pub fn write(&self, path: &Path, progress: &Progress) -> Result<(), AppError> {
         let numbers = self.json(progress)?;
         match ExportFormat::of(path) {
-            Some(ExportFormat::Csv) => output::write(path, &self.case.inputs, &as_csv(&numbers)),
-            _ => output::write_json(path, &self.case.inputs, &numbers),
+            Some(ExportFormat::Csv) => output::write(path, &self.inputs, &as_csv(&numbers)),
+            _ => output::write_json(path, &self.inputs, &numbers),
         }
     }
 

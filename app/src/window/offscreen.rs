@@ -57,6 +57,7 @@ impl Offscreen {
             let mut input = RawInput {
                 screen_rect: Some(Rect::from_min_size(pos2(0.0, 0.0), points)),
                 time: Some(f64::from(pass) / 60.0),
+                max_texture_side: Some(self.gpu.device.limits().max_texture_dimension_2d as usize),
                 ..RawInput::default()
             };
             let viewport = input.viewports.entry(egui::ViewportId::ROOT).or_default();

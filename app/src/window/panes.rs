@@ -151,16 +151,6 @@ impl Behavior<PaneId> for PaneArea<'_> {
         Tokens::of(visuals.dark_mode).raised
     }
 
-    fn tab_bg_color(
-        &self,
-        visuals: &egui::Visuals,
-        _: &Tiles<PaneId>,
-        _: TileId,
-        state: &TabState,
-    ) -> Color32 {
-        if state.active { visuals.panel_fill } else { Color32::TRANSPARENT }
-    }
-
     fn tab_outline_stroke(
         &self,
         visuals: &egui::Visuals,

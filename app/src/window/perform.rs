@@ -147,6 +147,7 @@ impl GlioscopeApp {
             dark: ctx.global_style().visuals.dark_mode,
             doc,
             world: self.work.world.clone(),
+            inputs: self.work.inputs(),
         };
         let path = path.to_owned();
         self.export = Some(Job::start(Waker::of(ctx), move |_| {
@@ -163,6 +164,7 @@ impl GlioscopeApp {
         let shown = Shown {
             compared: compared.map(|compared| compared.report.clone()),
             tumor: self.work.world.tumor(&doc).cloned(),
+            inputs: self.work.inputs(),
             case,
             doc,
         };
@@ -182,7 +184,7 @@ impl GlioscopeApp {
 
     fn export_rulers(&mut self, path: &Path) {
         let (Some(case), Some(doc)) = (self.work.world.case(), &self.work.doc) else { return };
-        match output::write_rulers(path, case, &doc.edit.rulers) {
+        match output::write_rulers(path, &self.work.inputs(), case, &doc.edit.rulers) {
             Ok(()) => self.work.notice = Some("Lines written.".into()),
             Err(error) => self.work.error = Some(error),
         }

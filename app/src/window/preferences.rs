@@ -4,10 +4,9 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::{read_small, write_whole_private};
 use serde::{Deserialize, Serialize};
 
-use crate::model::PictureSize;
+use crate::model::{PictureSize, kept};
 
 /// Maximum size of the file.
 const MAX_BYTES: u64 = 1 << 20;
@@ -44,7 +43,7 @@ impl Preferences {
     /// What was remembered in `folder`; the defaults if nothing was. Without a folder nothing is remembered.
     pub fn in_folder(folder: Option<&Path>) -> Self {
         let file = folder.map(|folder| folder.join("window.json"));
-        let read = |file: &PathBuf| serde_json::from_slice(&read_small(file, MAX_BYTES, EXPECTED).ok()?).ok();
+        let read = |file: &PathBuf| kept::read(file, MAX_BYTES, EXPECTED);
         let mut now: Remembered = file.as_ref().and_then(read).unwrap_or_default();
         let (low, high) = SIDE_RANGE;
         now.size_points = now
@@ -67,11 +66,8 @@ impl Preferences {
     /// Writes what changed.
     pub fn save(&mut self) {
         let Some(file) = self.file.as_ref().filter(|_| self.now != self.written) else { return };
-        if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.now)) {
-            let _ = std::fs::create_dir_all(folder);
-            if write_whole_private(file, &bytes).is_ok() {
-                self.written = self.now.clone();
-            }
+        if kept::write(file, &self.now) {
+            self.written = self.now.clone();
         }
     }
 }
@@ -79,6 +75,7 @@ impl Preferences {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glioscope_core::files::write_whole_private;
 
     #[test]
     fn what_is_remembered_is_read_again_by_the_user_alone() {

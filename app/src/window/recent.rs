@@ -3,7 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_core::files::{read_small, write_whole_private};
+use glioscope_core::files::absolute;
+
+use crate::model::kept;
 
 /// Largest size of the list's file.
 const MAX_BYTES: u64 = 1 << 20;
@@ -34,10 +36,7 @@ impl Recent {
     /// The list stored in `folder`; empty if there is none.
     pub fn in_folder(folder: &Path) -> Self {
         let file = folder.join("recent.json");
-        let paths = read_small(&file, MAX_BYTES, "a list of cases")
-            .ok()
-            .and_then(|b| serde_json::from_slice(&b).ok())
-            .unwrap_or_default();
+        let paths = kept::read(&file, MAX_BYTES, "a list of cases").unwrap_or_default();
         Self { file: Some(file), paths }
     }
 
@@ -48,7 +47,7 @@ impl Recent {
 
     /// Moves or adds `path` to the front and saves the list.
     pub fn add(&mut self, path: &Path) {
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let path = absolute(path);
         self.paths.retain(|p| *p != path);
         self.paths.insert(0, path);
         self.paths.truncate(MAX_PATHS);
@@ -62,10 +61,8 @@ impl Recent {
     }
 
     fn save(&self) {
-        let Some(file) = &self.file else { return };
-        if let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(&self.paths)) {
-            let _ = std::fs::create_dir_all(folder);
-            let _ = write_whole_private(file, &bytes);
+        if let Some(file) = &self.file {
+            kept::write(file, &self.paths);
         }
     }
 }

@@ -1,14 +1,11 @@
 //! Opening a case on a worker, and the case of a session.
 
-use std::{
-    collections::BTreeSet,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use glioscope_core::{
     Check, Progress,
     case::{self, Case, CaseError, CaseGridChoice, CaseSpec, Description, LoadOptions, Proposal},
-    files::{FileMark, Source},
+    files::{FileMark, absolute},
 };
 
 pub use super::session_case::spec_of;
@@ -100,14 +97,13 @@ impl Accepted {
         Ok(Self { spec, case, key: proposal.key.clone(), doubt: proposal.doubt.clone(), silently: false })
     }
 
-    /// What was accepted of the same files before. A session says itself what its files are.
+    /// What was accepted of the same files before.
     ///
     /// # Errors
     /// [`CaseError`] for a manifest that can't be read.
-    pub fn before(proposal: &Proposal, answer: &Answer, is_session: bool) -> Result<Self, CaseError> {
+    pub fn before(proposal: &Proposal, answer: &Answer) -> Result<Self, CaseError> {
         let mut spec = proposal.spec();
-        let manifest = answer.manifest.as_ref().filter(|_| !is_session);
-        let case = match manifest {
+        let case = match &answer.manifest {
             Some(manifest) => {
                 let folder = proposal.folder.clone();
                 let accepted = session_case::accepted_spec(&folder, manifest)?;
@@ -209,9 +205,9 @@ fn open(mut request: Request, accepted: Option<Accepted>, progress: &Progress) -
     progress.say("reading names");
     let doubt = accepted.as_ref().and_then(|accepted| accepted.doubt.clone());
     let found = match accepted {
-        None if request.session.is_none() => match propose(&request, progress)? {
-            Some(proposal) => return Ok(Opened::Guessed(proposal)),
-            None => find(&mut request, progress)?,
+        None if request.session.is_none() => match described_anew(&request, progress)? {
+            Description::Proposed(proposal) => return Ok(Opened::Guessed(proposal)),
+            Description::Stated(spec) => Found::described(initial_place(&request), spec),
         },
         None => {
             let mut found = find(&mut request, progress)?;
@@ -232,7 +228,7 @@ fn open(mut request: Request, accepted: Option<Accepted>, progress: &Progress) -
         && let Some(mut times) = case::unordered_times(&found.spec, &options)
     {
         let stated = &request.options.order;
-        if stated.iter().collect::<BTreeSet<_>>() == times.iter().collect() {
+        if found.spec.is_ordered_by(stated) {
             times.clone_from(stated);
         }
         return Ok(Opened::Unordered(Unordered { times, doubt }));
@@ -245,41 +241,33 @@ fn open(mut request: Request, accepted: Option<Accepted>, progress: &Progress) -
     Ok(Opened::Loaded(Box::new(read.into())))
 }
 
-/// What is guessed of the files that `request` names; `None` where they are described.
-fn propose(request: &Request, progress: &Progress) -> Result<Option<Proposal>, AppError> {
-    if !request.files.is_empty() {
-        return Ok(Some(case::describe_files(&request.files, &request.options, progress)?));
+/// The description of what `request` names without a session.
+fn described_anew(request: &Request, progress: &Progress) -> Result<Description, CaseError> {
+    if request.files.is_empty() {
+        return session_case::description_of(&request.case, &request.options, progress);
     }
-    let CaseRef::Path(path) = &request.case else { return Ok(None) };
-    Ok(match case::describe(path, &request.options, progress)? {
-        Description::Proposed(proposal) => Some(proposal),
-        Description::Stated(_) => None,
-    })
+    Ok(Description::Proposed(case::describe_files(&request.files, &request.options, progress)?))
+}
+
+/// Where the case of `request` lies, without a session.
+fn initial_place(request: &Request) -> Place {
+    Place { case: request.case.clone(), tracts: Vec::new() }
 }
 
 /// The files of a case that is described, to say again what they are. `None` for the sample, which has none.
 fn described(found: &Found) -> Option<Proposal> {
     let mut spec = found.spec.clone();
-    let absolute = |source: &mut Source| {
-        if let Source::File(path) = source
-            && let Ok(whole) = std::path::absolute(&*path)
-        {
-            *path = whole;
-        }
-    };
-    spec.contexts.iter_mut().for_each(|image| absolute(&mut image.source));
-    spec.masks.iter_mut().for_each(|mask| absolute(&mut mask.source));
-    spec.tracts.iter_mut().for_each(|tracts| absolute(&mut tracts.source));
+    spec.make_absolute();
     let (folder, left_out) = match &found.place.case {
         CaseRef::Files { folder, left_out, .. } => (folder.clone(), left_out.clone()),
         CaseRef::Path(path) => {
-            let path = std::path::absolute(path).ok()?;
+            let path = absolute(path);
             let folder = if path.is_dir() { path } else { path.parent().map(Path::to_owned)? };
             (folder, Vec::new())
         }
         CaseRef::Arguments { .. } | CaseRef::Sample => (std::env::current_dir().ok()?, Vec::new()),
     };
-    Proposal::of_spec(&spec, &std::path::absolute(folder).ok()?, &left_out)
+    Proposal::of_spec(&spec, &absolute(&folder), &left_out)
 }
 
 /// The case of `request` as the user accepted it.
@@ -288,9 +276,7 @@ fn accept(request: &mut Request, accepted: Accepted, progress: &Progress) -> Res
     let mut found = if request.session.is_some() {
         find(request, progress)?
     } else {
-        let place = Place { case: request.case.clone(), tracts: Vec::new() };
-        let (files, findings) = (Vec::new(), Vec::new());
-        Found { place, spec: CaseSpec::default(), proposal: None, files, findings }
+        Found::described(initial_place(request), CaseSpec::default())
     };
     if is_changed || request.session.is_none() {
         found.spec = accepted.spec;
@@ -306,16 +292,15 @@ fn accept(request: &mut Request, accepted: Accepted, progress: &Progress) -> Res
         (true, false) => found.spec.add_tracts(&found.place.tracts),
         (false, _) => {}
     }
-    let order: BTreeSet<String> = request.options.order.iter().cloned().collect();
-    if (request.edits || is_changed) && order != found.spec.times() {
+    if (request.edits || is_changed) && !found.spec.is_ordered_by(&request.options.order) {
         request.options.order.clear();
     }
     // A mask or an image that was renamed or left out has no grid to choose.
-    if let (true, CaseGridChoice::Of(id)) = (is_changed, &request.options.case_grid) {
-        let ids = found.spec.masks.iter().map(|m| &m.id).chain(found.spec.contexts.iter().map(|c| &c.id));
-        if !ids.into_iter().any(|other| other == id) {
-            request.options.case_grid = CaseGridChoice::FinestMask;
-        }
+    if let CaseGridChoice::Of(id) = &request.options.case_grid
+        && is_changed
+        && !found.spec.has_grid_of(id)
+    {
+        request.options.case_grid = CaseGridChoice::FinestMask;
     }
     Ok(found)
 }
@@ -342,9 +327,10 @@ pub fn describe(mut request: Request, progress: &Progress) -> Result<CaseSpec, A
 
 /// Where the case of `request` lies, and its description.
 fn find(request: &mut Request, progress: &Progress) -> Result<Found, AppError> {
-    let Request { case, session, options, .. } = request;
+    let place = initial_place(request);
+    let Request { session, options, .. } = request;
     let Some(session) = session else {
-        return Found::unchecked(Place { case: case.clone(), tracts: Vec::new() }, options, progress);
+        return Found::unchecked(place, options, progress);
     };
     let mut found = match &session.origin {
         Some(origin) => session_case::find(session, origin, options, progress)?,
@@ -380,11 +366,10 @@ fn read(request: Request, found: Found, progress: &Progress) -> Result<ReadCase,
 /// on the command line are refused instead, when the case is read.
 fn stale_options(spec: &CaseSpec, document: &Document, options: &mut LoadOptions) -> Vec<Check> {
     let mut findings = Vec::new();
-    let times = spec.contexts.iter().map(|c| &c.time).chain(spec.masks.iter().map(|m| &m.time));
-    let dates: BTreeSet<&String> = times.flatten().collect();
     let of_session = !options.order.is_empty() && options.order == document.order;
-    if of_session && options.order.iter().collect::<BTreeSet<_>>() != dates {
-        let dates: Vec<&str> = dates.into_iter().map(String::as_str).collect();
+    if of_session && !spec.is_ordered_by(&options.order) {
+        let mut dates = spec.times();
+        dates.sort();
         let text = format!(
             "The session has the order {} of dates, and the case the dates {}; the order of the case is used.",
             options.order.join(", "),
@@ -393,10 +378,9 @@ fn stale_options(spec: &CaseSpec, document: &Document, options: &mut LoadOptions
         findings.push(Check::warning("session-order", text));
         options.order.clear();
     }
-    let mut ids = spec.contexts.iter().map(|c| &c.id).chain(spec.masks.iter().map(|m| &m.id));
     if let CaseGridChoice::Of(id) = &options.case_grid
         && document.case_grid.as_ref() == Some(id)
-        && !ids.any(|known| known == id)
+        && !spec.has_grid_of(id)
     {
         let text = format!(
             "The session has the grid of {id}, which the case lacks; that of the finest mask is used."

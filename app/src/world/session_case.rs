@@ -25,14 +25,11 @@ const MOST_NAMED: usize = 3;
 /// # Errors
 /// [`CaseError`]: the manifest, folder or argument is invalid.
 pub fn spec_of(case: &CaseRef, options: &LoadOptions, progress: &Progress) -> Result<CaseSpec, CaseError> {
-    match description_of(case, options, progress)? {
-        Description::Stated(spec) => Ok(spec),
-        Description::Proposed(proposal) => proposal.unasked(!options.order.is_empty()),
-    }
+    description_of(case, options, progress)?.unasked(options)
 }
 
 /// As [`spec_of`], where what was guessed can still be corrected.
-fn description_of(
+pub(super) fn description_of(
     case: &CaseRef,
     options: &LoadOptions,
     progress: &Progress,
@@ -72,6 +69,11 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// The case at `place` as described, whose files are not looked at.
+    pub(super) fn described(place: Place, spec: CaseSpec) -> Self {
+        Self { place, spec, proposal: None, files: Vec::new(), findings: Vec::new() }
+    }
+
     /// The case at `place`, whose files are not looked at.
     pub(super) fn unchecked(
         place: Place,
@@ -83,7 +85,7 @@ impl Found {
             Description::Proposed(proposal) => (proposal.unasked(!options.order.is_empty())?, Some(proposal)),
         };
         spec.add_tracts(&place.tracts);
-        Ok(Self { place, spec, proposal, files: Vec::new(), findings: Vec::new() })
+        Ok(Self { proposal, ..Self::described(place, spec) })
     }
 }
 
@@ -133,7 +135,8 @@ fn nearest(
         Ok(mut own) if here <= same(&own) || 2 * here < of => {
             let opened = own.spec.inputs().paths().first().map(|file| file.display().to_string());
             let text = format!(
-                "{}: found the case beside it changed ({here} of {of} files are as saved), expected all; the one it was                  saved with is opened instead ({})",
+                "{}: found the case beside it changed ({here} of {of} files are as saved), expected all; the one it was \
+                 saved with is opened instead ({})",
                 origin.path.display(),
                 opened.unwrap_or_else(|| own.spec.name.clone())
             );

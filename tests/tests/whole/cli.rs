@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use glioscope_tests::{real_data, run};
+use glioscope::model::CaseRef;
+use glioscope_tests::{real_data, run, workstation};
 use serde_json::Value;
 
 use crate::PROGRAM;
@@ -124,6 +125,33 @@ fn outputs_never_overwrite_the_case() {
         assert!(nowhere.is_symlink());
     }
     assert_eq!(content(), before);
+    // Nor the session that names the case.
+    let session = folder.path().join("visit.glioscope.json");
+    let mut work = workstation(CaseRef::Path(case));
+    assert!(work.save(session.clone()));
+    let saved = std::fs::read(&session).unwrap();
+    let name = session.to_str().unwrap();
+    for arguments in
+        [&["change", name, "--of", "T1", "--csv", name][..], &["render", name, "--out", name, "--software"]]
+    {
+        let output = run(PROGRAM, arguments);
+        // Before the error stands a warning: this session was saved without marks of its files.
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(refused.iter().all(|words| stderr.contains(words)), "{stderr}");
+    }
+    assert_eq!(std::fs::read(&session).unwrap(), saved);
+}
+
+/// Slices of every size that a picture may have: egui's limit for textures without a device is 2048 pixels.
+#[test]
+fn slices_wider_than_2048_pixels_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("axial.png");
+    let out = path.to_str().unwrap();
+    let drawn = run(PROGRAM, &["render", "--software", "--view", "axial", "--size", "2600x64", "--out", out]);
+    assert!(drawn.status.success(), "{}", String::from_utf8_lossy(&drawn.stderr));
+    assert_eq!(image::open(&path).unwrap().to_rgba8().dimensions(), (2600, 64));
 }
 
 #[test]

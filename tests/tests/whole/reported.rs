@@ -75,6 +75,14 @@ fn masks_of_two_dates_without_a_common_place_have_volumes_only() {
     let plain = run(PROGRAM, &["change", "--mask", &a, "--mask", &b]);
     let plain = String::from_utf8(plain.stdout).unwrap();
     assert!(plain.contains("no overlap: not aligned?") && !plain.contains("vanished"), "{plain}");
+    // A picture of the comparison has the same warning beside it.
+    let out = tempfile::tempdir().unwrap();
+    let picture = text(out.path().join("change.png"));
+    let render = ["render", "--software", "--view", "change", "--size", "400x300", "--out", &picture];
+    let drawn = run(PROGRAM, &[&render[..], &["--mask", &a, "--mask", &b, "--moment"]].concat());
+    let stderr = String::from_utf8_lossy(&drawn.stderr).into_owned();
+    assert!(drawn.status.success() && stderr.contains("warning [no-overlap]"), "{stderr}");
+    assert!(stderr.contains("--moment changes nothing in this view"), "{stderr}");
 }
 
 #[test]

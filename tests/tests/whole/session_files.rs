@@ -7,7 +7,6 @@ use std::{
 
 use egui::Theme;
 use egui_kittest::kittest::Queryable;
-use glam::DVec3;
 use glioscope::{
     command::{AppCommand, EditCommand, Workstation},
     model::{CaseRef, PaneId, session},
@@ -18,11 +17,7 @@ use glioscope::{
     },
     world::jobs::Waker,
 };
-use glioscope_core::{
-    Grid, Samples, Scaling, Volume,
-    files::{WriteOptions, write_nifti},
-};
-use glioscope_tests::{error_text, issue, perform, run, user_window, window_with, workstation};
+use glioscope_tests::{error_text, issue, perform, run, user_window, window_with, workstation, write_cube};
 use serde_json::{Value, json};
 
 use crate::{
@@ -35,12 +30,8 @@ fn patient(folder: &Path, name: &str, side: usize) -> PathBuf {
     std::fs::create_dir_all(folder).unwrap();
     let mut text = format!("glioscope = 1\nname = \"{name}\"\n");
     for (id, side) in [("T1", side), ("T2", side - 1)] {
-        let dims = [16; 3];
-        let grid = Grid::axis_aligned(dims, DVec3::ONE, DVec3::ZERO).unwrap();
-        let inside = |i: usize| [i % 16, i / 16 % 16, i / 256].iter().all(|x| (2..2 + side).contains(x));
-        let samples = Samples::U8((0..16 * 16 * 16).map(|i| u8::from(inside(i))).collect());
-        let volume = Volume::new(grid, samples, Scaling::NONE).unwrap();
-        write_nifti(&folder.join(format!("{id}.nii")), &volume, &WriteOptions::default()).unwrap();
+        let inside = |ijk: [usize; 3]| ijk.iter().all(|x| (2..2 + side).contains(x));
+        write_cube(&folder.join(format!("{id}.nii")), 16, 1.0, |ijk| u8::from(inside(ijk)));
         text.push_str(&format!("[[mask]]\nid = \"{id}\"\nfile = \"{id}.nii\"\n"));
     }
     let manifest = folder.join("case.toml");

@@ -10,7 +10,7 @@ use glioscope::{
 };
 use glioscope_tests::{
     Dropped, MASK_COLORS, Window, count_color, crop, drafting_window_on, error_text, issue, sample, screens,
-    window_on,
+    window_on, write_cube,
 };
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
@@ -313,11 +313,7 @@ fn dropped_folders_open_and_invalid_files_report_an_error_and_keep_the_case() {
 fn warnings_are_listed_above_the_views() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("empty.nii.gz");
-    let grid = glioscope_core::Grid::axis_aligned([8, 8, 8], glam::DVec3::ONE, glam::DVec3::ZERO).unwrap();
-    let samples = glioscope_core::Samples::U8(vec![0; 512]);
-    let volume = glioscope_core::Volume::new(grid, samples, glioscope_core::volume::Scaling::NONE).unwrap();
-    glioscope_core::files::write_nifti(&path, &volume, &glioscope_core::files::WriteOptions::default())
-        .unwrap();
+    write_cube(&path, 8, 1.0, |_| 0);
     let case = CaseRef::Arguments { masks: vec![format!("T1={}", path.display())], contexts: vec![] };
     let mut harness = window_on(case, SIZE, Theme::Dark);
     harness.run_ok();

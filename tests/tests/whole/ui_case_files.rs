@@ -7,41 +7,26 @@ use std::{
 
 use egui::{Event, Key, Modifiers, Theme};
 use egui_kittest::kittest::{NodeT, Queryable};
-use glam::DVec3;
 use glioscope::{
     command::{AppCommand, Command, EditCommand},
     model::{CaseRef, PaneId, session},
     window::{dialogs::Choice, recent::Recent},
 };
-use glioscope_core::{
-    Grid, Samples, Volume,
-    case::{Case, OrderBasis, read_manifest},
-    files::{WriteOptions, write_nifti},
-    volume::Scaling,
-};
+use glioscope_core::case::{Case, OrderBasis, read_manifest};
 use glioscope_tests::{
     Dropped, Window, doc, error_text, issue, perform, run, wait_for_workers, window_of_user, window_on,
-    write_tck,
+    write_cube, write_tck,
 };
 
 use crate::PROGRAM;
 
-/// Writes a volume of 16³ voxels with these values.
-fn write(path: &Path, value: impl Fn([usize; 3]) -> u8) {
-    let grid = Grid::axis_aligned([16; 3], DVec3::ONE, DVec3::ZERO).unwrap();
-    let samples = Samples::U8((0..grid.voxel_count()).map(|l| value(grid.ijk(l))).collect());
-    let volume = Volume::new(grid, samples, Scaling::NONE).unwrap();
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    write_nifti(path, &volume, &WriteOptions::default()).unwrap();
-}
-
 fn image(path: &Path) {
-    write(path, |[x, y, z]| (x * 7 + y * 3 + z) as u8);
+    write_cube(path, 16, 1.0, |[x, y, z]| (x * 7 + y * 3 + z) as u8);
 }
 
 /// A mask of the voxels with `x` below `width`.
 fn mask(path: &Path, width: usize) {
-    write(path, |[x, ..]| u8::from(x < width));
+    write_cube(path, 16, 1.0, |[x, ..]| u8::from(x < width));
 }
 
 /// A folder with an image and two masks.
@@ -306,6 +291,68 @@ fn dates_without_an_order_are_asked_for_and_kept() {
 }
 
 #[test]
+fn dates_of_a_manifest_that_were_ordered_are_not_asked_for_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (config, path) = (folder.path().join("config"), folder.path().join("case.toml"));
+    mask(&folder.path().join("m.nii"), 4);
+    let write_dates = |labels: &[&str]| {
+        let dates =
+            labels.iter().map(|t| format!("[[mask]]\nid = \"A\"\nfile = \"m.nii\"\ntime = \"{t}\"\n"));
+        std::fs::write(&path, format!("glioscope = 1\n{}", dates.collect::<String>())).unwrap();
+    };
+    let opened = |accept: &dyn Fn(&mut Window)| {
+        let mut harness = window_of_user(Recent::in_folder(&config), [1280.0, 720.0]);
+        open(&mut harness, CaseRef::Path(path.clone()));
+        accept(&mut harness);
+        assert_eq!(error_text(&harness), "");
+        let dates: Vec<String> = case(&harness).time_labels().iter().map(ToString::to_string).collect();
+        (dates.join(" "), harness)
+    };
+    let unasked = |harness: &mut Window| {
+        assert!(!is_asked_for_order(harness));
+        assert!(harness.query_by_label_contains("dates as ordered before").is_some());
+    };
+    write_dates(&["B", "A"]);
+    let (dates, _) = opened(&|harness| {
+        click(harness, "Earlier: A");
+        click(harness, "Use this order");
+    });
+    assert_eq!(dates, "A B");
+    let (dates, mut second) = opened(&unasked);
+    assert_eq!(dates, "A B");
+    // Asked again on request, and then known anew.
+    issue(&mut second, AppCommand::ShowCaseFiles);
+    wait_for_workers(&mut second);
+    press(&mut second, Key::Enter);
+    click(&mut second, "Later: A");
+    click(&mut second, "Use this order");
+    assert_eq!(opened(&unasked).0, "B A");
+    write_dates(&["B", "A", "C"]);
+    assert!(
+        opened(&|harness| click(harness, "Use this order")).0.contains('C'),
+        "another date is asked about"
+    );
+}
+
+#[test]
+fn work_done_while_the_case_is_read_again_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = three_files(folder.path());
+    let mut harness = sample_window();
+    open(&mut harness, CaseRef::Path(path));
+    press(&mut harness, Key::Enter);
+    issue(&mut harness, AppCommand::ShowCaseFiles);
+    wait_for_workers(&mut harness);
+    type_in(&mut harness, "Name of a", "necrosis");
+    issue(&mut harness, AppCommand::AcceptGuess(true));
+    issue(&mut harness, EditCommand::SetLensRadius(7.5));
+    assert!(harness.state().work.job.is_some(), "still reading");
+    wait_for_workers(&mut harness);
+    assert_eq!(doc(&harness).edit.masks.name("a"), "necrosis");
+    assert_eq!(doc(&harness).edit.lens.radius_mm, 7.5);
+}
+
+#[test]
 fn folders_that_may_be_patients_or_dates_are_asked_about() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("config");
@@ -362,7 +409,7 @@ fn files_dropped_together_are_one_case() {
 fn labels_are_rows_with_the_names_of_their_year() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("case");
-    write(&path.join("BraTS2021_00002_seg.nii.gz"), |[x, ..]| [0, 1, 2, 4][x / 4]);
+    write_cube(&path.join("BraTS2021_00002_seg.nii.gz"), 16, 1.0, |[x, ..]| [0, 1, 2, 4][x / 4]);
     image(&path.join("BraTS2021_00002_t1ce.nii.gz"));
     let mut harness = sample_window();
     open(&mut harness, CaseRef::Path(path));
@@ -381,7 +428,7 @@ fn labels_are_rows_with_the_names_of_their_year() {
 #[test]
 fn labels_are_named_on_the_command_line_beside_their_ids() {
     let folder = tempfile::tempdir().unwrap();
-    write(&folder.path().join("BraTS-GLI-00005-100-seg.nii.gz"), |[x, ..]| [0, 2, 3, 4][x / 4]);
+    write_cube(&folder.path().join("BraTS-GLI-00005-100-seg.nii.gz"), 16, 1.0, |[x, ..]| [0, 2, 3, 4][x / 4]);
     let answer = |command: &str, option: &[&str]| {
         let path = folder.path().display().to_string();
         let mut arguments = vec![command, path.as_str()];

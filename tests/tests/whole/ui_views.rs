@@ -10,7 +10,8 @@ use glioscope::{
 };
 use glioscope_render::{ClipPlane, TransferPreset};
 use glioscope_tests::{
-    Window, doc, maximized, pane_picture, perform, screens, window_on, window_with, workstation,
+    Window, doc, maximized, pane_picture, perform, screens, wait_for_workers, window_on, window_with,
+    workstation, write_cube,
 };
 
 const SIZE: [f32; 2] = [1280.0, 860.0];
@@ -329,4 +330,23 @@ fn one_ellipsoid_is_made_transparent_and_undone() {
     assert_ne!(hovered.map(|p| p.id), Some(picked.id), "invisible ellipsoids can't be picked");
     perform(&mut harness, EditCommand::Undo);
     assert!(doc(&harness).edit.ellipsoid_opacities.is_empty());
+}
+
+/// Three crossing rods fill an eightieth of the ball around them.
+#[test]
+fn an_ellipsoid_much_larger_than_its_component_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("rods_mask.nii");
+    write_cube(&file, 21, 3.0, |ijk| u8::from(ijk.iter().filter(|i| **i == 10).count() >= 2));
+    let masks = vec![format!("rods={}", file.display())];
+    let case = CaseRef::Arguments { masks, contexts: Vec::new() };
+    let mut harness = window_on(case, [1280.0, 800.0], Theme::Dark);
+    wait_for_workers(&mut harness);
+    let warnings =
+        |harness: &Window| harness.query_all_by_label_contains("ellipsoid 80 × its component").count();
+    assert_eq!(warnings(&harness), 1);
+    let look = doc(&harness).edit.ellipsoids;
+    let moment = EllipsoidLook { kind: EllipsoidKind::Moment, ..look };
+    perform(&mut harness, EditCommand::SetEllipsoidLook(moment));
+    assert_eq!(warnings(&harness), 0, "of the same volume");
 }

@@ -242,12 +242,12 @@ fn labels(ui: &Ui, rect: Rect, layout: &RingLayout, center: Pos2, input: &Overla
         let place = place.or_else(|| {
             let edge = on(layout.outer_radius(s) + 2.0 * GAP_PT);
             let line = |place: &Rect| [place.clamp(edge), edge];
+            // What is cheap to tell first.
             let free = |place: &Rect| {
-                !over_ring(layout, center, *place)
+                !occupied.iter().any(|other| other.expand(1.0).intersects(*place))
+                    && !over_ring(layout, center, *place)
                     && !line_over_ring(layout, center, line(place))
-                    && !occupied.iter().any(|other| {
-                        other.expand(1.0).intersects(*place) || crosses(line(place), other.expand(1.0))
-                    })
+                    && !occupied.iter().any(|other| crosses(line(place), other.expand(1.0)))
             };
             let place = at_edges(rect, galley.size())
                 .filter(free)

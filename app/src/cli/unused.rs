@@ -1,0 +1,71 @@
+//! Options of `render` that change nothing in the view drawn.
+
+use super::{arguments::RenderArguments, parse::View};
+use crate::model::PaneId;
+
+/// The options given that have no effect on the view, as they are typed.
+pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
+    use PaneId::{Axial, Change, Closeup, Context, Coronal, Dates, Ellipsoids, Sagittal, Transfer};
+    let View::Pane(pane) = arguments.view else { return Vec::new() };
+    let a = arguments;
+    let light = &a.light;
+    let views_3d: &[PaneId] = &[Closeup, Context, Ellipsoids, Change];
+    let slices: &[PaneId] = &[Axial, Coronal, Sagittal];
+    let compared: &[PaneId] =
+        if a.changed_rim { &[Change, Dates, Axial, Coronal, Sagittal] } else { &[Change, Dates] };
+    let table = [
+        ("--camera", a.camera.is_some(), views_3d),
+        ("--orthographic", a.orthographic, views_3d),
+        ("--zoom", a.zoom.is_some(), views_3d),
+        ("--light", light.light.is_some(), views_3d),
+        ("--quality", light.quality.is_some(), views_3d),
+        ("--aperture", light.aperture.is_some(), views_3d),
+        ("--slices", light.slices.is_some(), views_3d),
+        ("--footprint", light.footprint.is_some(), views_3d),
+        ("--slice-mm", light.slice_mm.is_some(), views_3d),
+        ("--darkens", light.darkens.is_some(), views_3d),
+        ("--slice-plane", a.slice_plane, &[Closeup, Ellipsoids]),
+        ("--plain", a.plain, &[Closeup]),
+        ("--transfer", a.transfer.is_some(), &[Context, Transfer]),
+        ("--clip", !a.clips.is_empty(), &[Context]),
+        ("--moment", a.moment, &[Ellipsoids]),
+        ("--ellipsoid-opacity", a.ellipsoid_opacity.is_some(), &[Ellipsoids]),
+        ("--hide-below", a.hide_below.is_some(), &[Ellipsoids]),
+        ("--style", a.style.is_some(), &[Change]),
+        ("--threshold", a.threshold.is_some(), &[Change]),
+        ("--of", a.of.is_some(), compared),
+        ("--from", a.from.is_some(), compared),
+        ("--to", a.to.is_some(), compared),
+        ("--changed-rim", a.changed_rim, slices),
+        ("--neurological", a.neurological, slices),
+        ("--overlay", a.overlay.is_some(), slices),
+    ];
+    let unused = table.into_iter().filter(|(_, given, of)| *given && !of.contains(&pane));
+    unused.map(|(option, ..)| option).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Task};
+    use clap::Parser;
+
+    fn unused(view: &str, options: &[&str]) -> Vec<&'static str> {
+        let words = ["glioscope", "render", "--view", view].into_iter().chain(options.iter().copied());
+        let Some(Task::Render(arguments)) = Cli::try_parse_from(words).unwrap().task else { panic!() };
+        without_effect(&arguments)
+    }
+
+    #[test]
+    fn options_are_unused_where_their_view_is_not_drawn() {
+        let options = ["--camera", "30,10", "--light", "cones", "--overlay", "fill", "--moment"];
+        assert_eq!(unused("axial", &options), ["--camera", "--light", "--moment"]);
+        assert_eq!(unused("ellipsoids", &options), ["--overlay"]);
+        assert_eq!(unused("window", &options), [""; 0]);
+        let dates = ["--from", "a", "--to", "b"];
+        assert_eq!(unused("axial", &dates), ["--from", "--to"]);
+        assert_eq!(unused("dates", &dates), [""; 0]);
+        assert_eq!(unused("axial", &["--from", "a", "--changed-rim"]), [""; 0]);
+        assert_eq!(unused("overlap", &["--changed-rim"]), ["--changed-rim"]);
+    }
+}

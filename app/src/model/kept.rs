@@ -1,0 +1,17 @@
+//! Small JSON files in the user's configuration folder, for the user alone. Nothing depends on them, so errors are ignored.
+
+use std::path::Path;
+
+use glioscope_core::files::{read_small, write_whole_private};
+use serde::{Serialize, de::DeserializeOwned};
+
+/// What `file` holds; `None` where it can't be read, has more than `max_bytes` or is something else than `expected`.
+pub fn read<T: DeserializeOwned>(file: &Path, max_bytes: u64, expected: &str) -> Option<T> {
+    serde_json::from_slice(&read_small(file, max_bytes, expected).ok()?).ok()
+}
+
+/// Writes `value` to `file`, whose folder is made; returns whether that succeeded.
+pub fn write(file: &Path, value: &impl Serialize) -> bool {
+    let (Some(folder), Ok(bytes)) = (file.parent(), serde_json::to_vec_pretty(value)) else { return false };
+    std::fs::create_dir_all(folder).is_ok() && write_whole_private(file, &bytes).is_ok()
+}

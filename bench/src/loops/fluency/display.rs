@@ -111,7 +111,10 @@ impl Window {
             }
             std::thread::sleep(Duration::from_millis(50));
         };
-        connection.configure_window(window, &ConfigureWindowAux::new().x(0).y(0))?;
+        // Programs that remember no size open smaller.
+        let size = screen.map(u32::from);
+        let place = ConfigureWindowAux::new().x(0).y(0).width(size[0]).height(size[1]);
+        connection.configure_window(window, &place)?;
         connection.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME)?;
         let damage = connection.generate_id()?;
         connection.damage_create(damage, window, ReportLevel::NON_EMPTY)?.check()?;

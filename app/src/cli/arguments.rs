@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
-    ChangeStyle, ClipPlane, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant, TransferPreset,
-    flat::Overlay,
+    ChangeStyle, ClipPlane, LightSettings, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant,
+    TransferPreset, flat::Overlay,
 };
 
 use super::{
@@ -16,6 +16,8 @@ use super::{
     parse::{self, LensArgument, View, keyword},
     tracts::TractArguments,
 };
+use crate::model::CHANGE_SCALE_MM;
+
 /// Compares tumour segmentations. Without a subcommand it opens the window.
 #[derive(Debug, Parser)]
 #[command(name = "glioscope", version, about, args_conflicts_with_subcommands = true)]
@@ -143,6 +145,25 @@ pub struct LightArguments {
     /// Slices: pairs A-B where A darkens B, of image-image, opaque-image, image-opaque and opaque-opaque; or none.
     #[arg(long, value_name = "A-B,...", value_parser = parse::darkens)]
     pub darkens: Option<MutualOcclusion>,
+    /// Distance within which surfaces darken each other, in the modes with ambient occlusion.
+    #[arg(long, value_name = "MM", value_parser = parse::within(0.0..=1000.0), allow_hyphen_values = true)]
+    pub occlusion_mm: Option<f64>,
+    /// Share of the light that hidden places receive, too: 0 to 1.
+    #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), allow_hyphen_values = true)]
+    pub ambient: Option<f64>,
+    /// Light at the eye in the closeup: 0 (flat colours) to 1 (rims darkest).
+    #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), allow_hyphen_values = true)]
+    pub relief: Option<f64>,
+    /// Closeup: a smooth surface instead of voxels, for the eye only.
+    #[arg(long)]
+    pub smooth: bool,
+    /// Slices: distance of vicinity occlusion among opaque surfaces.
+    #[arg(long, value_name = "MM", value_parser = parse::above_zero(1000.0), allow_hyphen_values = true)]
+    pub vicinity_mm: Option<f64>,
+    /// Slices: samples of vicinity occlusion, 1 to 118.
+    #[arg(long, value_name = "N",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(LightSettings::MOST_VICINITY)))]
+    pub vicinity_samples: Option<u32>,
 }
 
 /// Arguments of `render`.
@@ -227,6 +248,9 @@ pub struct RenderArguments {
     /// Change view: minimum length of arrows.
     #[arg(long, value_name = "MM", value_parser = parse::within(0.0..=1000.0), allow_hyphen_values = true)]
     pub threshold: Option<f64>,
+    /// Change view: the end of the colour scale; without it the comparison's own.
+    #[arg(long, value_name = "MM", value_parser = parse::within(CHANGE_SCALE_MM), allow_hyphen_values = true)]
+    pub scale_mm: Option<f64>,
     /// Slices: the outlines of both dates, and the change.
     #[arg(long)]
     pub changed_rim: bool,

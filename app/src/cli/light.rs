@@ -3,17 +3,26 @@
 use glioscope_render::{LightSettings, Preset, light};
 
 use super::arguments::LightArguments;
-use crate::model::LightChoice;
+use crate::model::{LightChoice, Shading};
 
 /// The lighting given by the arguments: the preset's, or custom settings based on it. What they leave open is as in `base`.
 pub(super) fn light(arguments: &LightArguments, base: &LightChoice) -> LightChoice {
-    let LightArguments { light: mode, quality, aperture, slices, footprint, slice_mm, darkens } = *arguments;
+    let LightArguments { light: mode, quality, aperture, slices, footprint, slice_mm, darkens, .. } =
+        *arguments;
     let is_open = mode.is_none() && quality.is_none() && aperture.is_none();
     let mut choice = LightChoice {
         mode: mode.unwrap_or(base.mode),
         preset: quality.or(base.preset),
         aperture_deg: aperture.unwrap_or(base.aperture_deg),
         own: base.own.filter(|_| is_open),
+        shading: Shading {
+            occlusion_radius_mm: arguments.occlusion_mm.or(base.shading.occlusion_radius_mm),
+            ambient_share: arguments.ambient.or(base.shading.ambient_share),
+            relief: arguments.relief.or(base.shading.relief),
+            smooth: arguments.smooth || base.shading.smooth,
+            vicinity_mm: arguments.vicinity_mm.or(base.shading.vicinity_mm),
+            vicinity_samples: arguments.vicinity_samples.or(base.shading.vicinity_samples),
+        },
     };
     if slices.is_none() && footprint.is_none() && slice_mm.is_none() && darkens.is_none() {
         return choice;

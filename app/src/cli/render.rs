@@ -109,6 +109,7 @@ fn apply_change(
 ) -> Result<(), AppError> {
     setting.style = arguments.style.unwrap_or(setting.style);
     setting.threshold_mm = arguments.threshold.unwrap_or(setting.threshold_mm);
+    setting.full_mm = arguments.scale_mm.or(setting.full_mm);
     setting.on_slices |= arguments.changed_rim;
     let Some(case) = world.case() else { return Ok(()) };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());

@@ -17,6 +17,7 @@ use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
         ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, HiddenRegions, OverlapMode, PaneId, Ruler,
+        Shading,
         document::{default_lens, tumor_radius_mm},
         layout,
         masks::MaskLook,
@@ -64,6 +65,7 @@ pub enum EditCommand {
     SetLightingMode(LightingMode),
     SetPreset(Option<Preset>),
     SetAperture(f64),
+    SetShading(Shading),
     // Measuring.
     AddRuler(Box<Ruler>),
     RenameRuler(usize, String),
@@ -146,6 +148,7 @@ impl EditCommand {
             | EditKind::SetEllipsoidOpacities
             | EditKind::SetChange
             | EditKind::SetAperture
+            | EditKind::SetShading
             | EditKind::AddRuler
             | EditKind::RenameRuler
             | EditKind::DeleteRuler
@@ -209,6 +212,10 @@ impl EditCommand {
             Self::SetPreset(Some(preset)) => Label::new(format!("Quality: {}", preset.name()))
                 .detail("The same whether something moves or not"),
             Self::SetAperture(_) => Label::new("Aperture of the light"),
+            Self::SetShading(shading) if *shading == Shading::default() => {
+                Label::new("Shading as the lighting mode has it")
+            }
+            Self::SetShading(_) => Label::new("Shading"),
             Self::AddRuler(_) => Label::new("Keep the line measured"),
             Self::RenameRuler(..) => Label::new("Name the line"),
             Self::DeleteRuler(_) => Label::new("Delete the line"),
@@ -242,6 +249,7 @@ impl EditCommand {
             Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
             Self::SetAperture(_) => Some("aperture"),
+            Self::SetShading(_) => Some("shading"),
             _ => None,
         }
     }
@@ -342,6 +350,7 @@ impl EditCommand {
             Self::SetLightingMode(mode) => edit.light.mode = *mode,
             Self::SetPreset(preset) => edit.light.preset = *preset,
             Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,
+            Self::SetShading(shading) => edit.light.shading = *shading,
             Self::AddRuler(ruler) => {
                 if ruler.length_mm().is_finite() && edit.rulers.len() < MOST_RULERS {
                     edit.rulers.push((**ruler).clone());

@@ -1,11 +1,16 @@
 //! Settings of the comparison of two time points, and of how the change is drawn.
 
+use std::ops::RangeInclusive;
+
 use glioscope_core::{
     case::{Case, OrderBasis},
     change::{self, ChangeError, Choice, ids_at},
 };
 use glioscope_render::ChangeStyle;
 use serde::{Deserialize, Serialize};
+
+/// Ends of the scale of change that can be fixed, millimetres.
+pub const CHANGE_SCALE_MM: RangeInclusive<f64> = 0.1..=1000.0;
 
 /// The mask and time points compared, and how their change is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,8 +21,8 @@ pub struct ChangeSetting {
     pub dates: Option<[usize; 2]>,
     /// Height map or arrows.
     pub style: ChangeStyle,
-    /// Length at which the height map becomes opaque; `None`: the larger 95th percentile of growth and recession, at
-    /// least 1 mm.
+    /// The end of the colour scale, where two comparisons are to share it; `None`: the larger 95th percentile of growth
+    /// and recession, at least 1 mm.
     pub full_mm: Option<f64>,
     /// Standard deviation of the height map's Gaussian filter.
     pub smooth_mm: f64,

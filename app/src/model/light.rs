@@ -15,25 +15,86 @@ pub struct LightChoice {
     /// Custom settings instead of the preset's.
     #[serde(default)]
     pub own: Option<LightSettings>,
+    /// Shading that differs from the mode's.
+    #[serde(default)]
+    pub shading: Shading,
+}
+
+/// Settings of shading that apply to every preset. `None`: the lighting mode's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Shading {
+    /// Distance within which surfaces darken each other in the modes with ambient occlusion.
+    pub occlusion_radius_mm: Option<f64>,
+    /// Share of the light that hidden places receive, too: 0 to 1.
+    pub ambient_share: Option<f64>,
+    /// Light at the eye in the closeup: 0 (flat colours) to 1 (rims darkest).
+    pub relief: Option<f64>,
+    /// Whether the closeup shows a smooth surface instead of voxels: for the eye only.
+    pub smooth: bool,
+    /// Vicinity occlusion: virtual slice distance.
+    pub vicinity_mm: Option<f64>,
+    /// Vicinity occlusion: samples, 1 to [`LightSettings::MOST_VICINITY`].
+    pub vicinity_samples: Option<u32>,
+}
+
+impl Shading {
+    /// `quality` with these settings. Its error is known no more where they change what was measured.
+    fn at(&self, quality: Quality) -> Quality {
+        let lighting = LightSettings {
+            vicinity_mm: self.vicinity_mm.unwrap_or(quality.lighting.vicinity_mm),
+            vicinity_samples: self.vicinity_samples.unwrap_or(quality.lighting.vicinity_samples),
+            ..quality.lighting
+        };
+        Quality {
+            occlusion_radius_mm: self.occlusion_radius_mm.unwrap_or(quality.occlusion_radius_mm),
+            occlusion_strength: self.ambient_share.map_or(quality.occlusion_strength, |share| 1.0 - share),
+            relief: self.relief.unwrap_or(quality.relief),
+            smooth: self.smooth,
+            cost: quality.cost.filter(|_| lighting == quality.lighting),
+            lighting,
+            ..quality
+        }
+    }
 }
 
 impl Default for LightChoice {
     fn default() -> Self {
         let aperture_deg = LightSettings::DEFAULT.aperture_deg;
-        Self { mode: LightingMode::default(), preset: None, aperture_deg, own: None }
+        let shading = Shading::default();
+        Self { mode: LightingMode::default(), preset: None, aperture_deg, own: None, shading }
     }
 }
 
 impl LightChoice {
-    /// `quality`, which must be for this lighting mode, with this choice's aperture or custom settings.
+    /// `quality`, which must be for this lighting mode, with this choice's aperture or custom settings, and its shading.
     pub fn at(&self, quality: Quality) -> Quality {
         let lighting =
             self.own.unwrap_or(LightSettings { aperture_deg: self.aperture_deg, ..quality.lighting });
-        Quality { lighting, cost: quality.cost.filter(|_| self.own.is_none()), ..quality }
+        let cost = quality.cost.filter(|_| self.own.is_none());
+        self.shading.at(Quality { lighting, cost, ..quality })
     }
 
     /// The quality of views at rest and of exported files: the preset, or the reference without one.
     pub fn at_rest(&self) -> Quality {
         self.at(light::preset(self.mode, self.preset.unwrap_or(Preset::Reference)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shading_changes_what_it_names_and_the_known_error_only_with_what_was_measured() {
+        let mode = LightingMode::Slices;
+        let plain = LightChoice { mode, ..LightChoice::default() };
+        let at = |shading| LightChoice { shading, ..plain }.at_rest();
+        assert_eq!(at(Shading::default()), plain.at_rest());
+        let lit = at(Shading { ambient_share: Some(0.0), relief: Some(0.5), ..Shading::default() });
+        assert_eq!(lit, Quality { occlusion_strength: 1.0, relief: 0.5, ..plain.at_rest() });
+        let near = at(Shading { vicinity_mm: Some(1.0), vicinity_samples: Some(9), ..Shading::default() });
+        assert_eq!((near.lighting.vicinity_mm, near.lighting.vicinity_samples), (1.0, 9));
+        assert_eq!((near.cost, plain.at_rest().cost.is_some()), (None, true));
     }
 }

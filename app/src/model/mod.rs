@@ -21,12 +21,12 @@ mod session_names;
 mod session_old;
 
 pub use accepted::{Answer, Answers};
-pub use change::ChangeSetting;
+pub use change::{CHANGE_SCALE_MM, ChangeSetting};
 pub use document::{CaseRef, Document, Edit, Navigation};
 pub use ellipsoids::{ComponentOf, EllipsoidKind, EllipsoidLook, EllipsoidOpacity};
 pub use hidden::HiddenRegions;
 pub use history::History;
-pub use light::LightChoice;
+pub use light::{LightChoice, Shading};
 pub use overlap::OverlapMode;
 pub use pane::PaneId;
 pub use picture::PictureSize;

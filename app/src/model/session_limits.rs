@@ -9,7 +9,9 @@ use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
 use super::{
+    change::CHANGE_SCALE_MM,
     document::{CaseRef, Document, Edit, Navigation},
+    light::Shading,
     pane::PaneId,
     rulers::MOST_RULERS,
 };
@@ -129,12 +131,20 @@ fn check_edit(edit: &Edit) -> Checked {
     }
     number("light aperture_deg", edit.light.aperture_deg, &(0.0..=85.0))?;
     edit.light.own.iter().try_for_each(check_light)?;
+    check_shading(&edit.light.shading)?;
     let change = &edit.change;
-    numbers(
-        "change",
-        [change.full_mm.unwrap_or_default(), change.smooth_mm, change.threshold_mm, change.registration_mm],
-        &EXTENT_MM,
-    )
+    change.full_mm.map_or(Ok(()), |mm| number("change full_mm", mm, &CHANGE_SCALE_MM))?;
+    numbers("change", [change.smooth_mm, change.threshold_mm, change.registration_mm], &EXTENT_MM)
+}
+
+fn check_shading(shading: &Shading) -> Checked {
+    let given = |name: &str, value: Option<f64>, range| value.map_or(Ok(()), |v| number(name, v, range));
+    given("light shading occlusion_radius_mm", shading.occlusion_radius_mm, &(0.0..=1e3))?;
+    given("light shading ambient_share", shading.ambient_share, &SHARE)?;
+    given("light shading relief", shading.relief, &SHARE)?;
+    given("light shading vicinity_mm", shading.vicinity_mm, &(0.01..=1e3))?;
+    let most = f64::from(LightSettings::MOST_VICINITY);
+    given("light shading vicinity_samples", shading.vicinity_samples.map(f64::from), &(1.0..=most))
 }
 
 fn check_light(own: &LightSettings) -> Checked {

@@ -18,7 +18,7 @@ use super::{
 use crate::{
     command::{Commands, EditCommand},
     format,
-    model::{ChangeSetting, PaneId, document::tumor_radius_mm},
+    model::{CHANGE_SCALE_MM, ChangeSetting, PaneId, document::tumor_radius_mm},
     theme::{self, LABEL_POINTS, Tokens},
     world::{
         comparison::Comparison,
@@ -44,6 +44,9 @@ pub fn pair_colors(palette: Palette) -> MaskColors {
     let (shrink, grow) = colors_of(palette);
     MaskColors::new(palette, &[Some(shrink), Some(grow)])
 }
+
+/// The end of a fixed colour scale before a comparison is known, millimetres.
+const DEFAULT_SCALE_MM: f64 = 5.0;
 
 /// The change in mm that is drawn in full colour: the user's choice, or the larger 95th percentile of growth and
 /// recession, at least 1 mm.
@@ -85,7 +88,10 @@ impl Pane for ChangePane {
         let (input, ask) = (stage.input, stage.ask);
         let chosen = input.doc.edit.change.chosen(input.case);
         if let Ok(chosen) = &chosen {
-            ui.horizontal_wrapped(|ui| controls(ui, &input, chosen, out));
+            let setting = &input.doc.edit.change;
+            let known = stage.results.comparison.cached(input.case, setting);
+            let scale_mm = known.map(|compared| full_change_mm(setting, compared));
+            ui.horizontal_wrapped(|ui| controls(ui, &input, chosen, scale_mm, out));
         }
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
@@ -199,7 +205,8 @@ fn partner_line(ui: &Ui, view: &View<'_>, hover: Option<&ChangePick>) {
     }
 }
 
-fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands) {
+/// `scale_mm`: the end of the colour scale as drawn, if it is known.
+fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f64>, out: &mut Commands) {
     let setting = &input.doc.edit.change;
     let mut new = setting.clone();
     ui.add_space(4.0);
@@ -239,6 +246,17 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, out: &mut Commands)
     let response = ui.add(drag.prefix(prefix));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, name));
     response.on_hover_text(tip);
+    let mut is_fixed = new.full_mm.is_some();
+    let tip =
+        "The same colours for the same change in every comparison; otherwise they end at its 95th percentile";
+    if ui.checkbox(&mut is_fixed, "fixed scale").on_hover_text(tip).changed() {
+        new.full_mm = is_fixed.then(|| scale_mm.map_or(DEFAULT_SCALE_MM, |mm| (10.0 * mm).round() / 10.0));
+    }
+    if let Some(mm) = &mut new.full_mm {
+        let drag = egui::DragValue::new(mm).range(CHANGE_SCALE_MM).speed(0.1).fixed_decimals(1).suffix(" mm");
+        let response = ui.add(drag.prefix("± "));
+        response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "End of the colour scale"));
+    }
     let drag = egui::DragValue::new(&mut new.registration_mm).range(0.0..=20.0).speed(0.02).suffix(" mm");
     let response = ui.add(drag.prefix("registration ± "));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Registration error"));

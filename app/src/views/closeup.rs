@@ -165,6 +165,9 @@ fn legend_rows(input: &Input<'_>, agreement: &[Row]) -> Vec<Row> {
     if input.doc.edit.lens_on && !input.selection.is_empty(&input.time_point.regions) {
         rows.push((Mark::Hatched, "cut by the lens".into()));
     }
+    if input.doc.edit.light.shading.smooth {
+        rows.push((Mark::None, "smoothed for display".into()));
+    }
     rows
 }
 

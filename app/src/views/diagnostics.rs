@@ -38,10 +38,12 @@ impl Pane for DiagnosticsPane {
 /// Lighting mode and its expected error, as text.
 pub fn light_text(quality: &Quality) -> String {
     let mode = light::row(quality.lighting.mode).title;
+    let ambient = 100.0 * (1.0 - quality.occlusion_strength.clamp(0.0, 1.0));
+    let mode = format!("{mode}, {ambient:.0} % of it ambient");
     match light::expected_error(quality) {
         Some([surfaces, tissue]) => format!(
-            "{mode}. Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue (root mean \
-             square in linear light, as measured on the head phantom)."
+            "{mode}. Expected error of the picture: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue \
+             (root mean square in linear light, as measured on the head phantom)."
         ),
         None => format!("{mode}. Expected error: unknown (not measured)."),
     }

@@ -1,18 +1,18 @@
 //! The menu bar with the toolbar, and the welcome page.
 
 use egui::{
-    Button, ComboBox, DragValue, PopupCloseBehavior, Slider, Ui,
+    Button, ComboBox, DragValue, PopupCloseBehavior, Slider, SliderClamping, Ui,
     containers::menu::{MenuConfig, SubMenuButton},
 };
 use glioscope_core::{files::format::volume_names, optics::Projection};
-use glioscope_render::light;
+use glioscope_render::{LightSettings, LightingMode, light};
 
 use super::{about, dialogs::open_command, recent::Recent};
 use crate::{
     command::{
         AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
     },
-    model::{Document, PictureSize, picture::MAX_WIDTH_PX},
+    model::{Document, LightChoice, PictureSize, Shading, picture::MAX_WIDTH_PX},
 };
 
 /// Width proposed for pictures: a text column of 8.5 cm in print at 600 dots per inch.
@@ -79,7 +79,7 @@ impl Bar<'_> {
         match menu {
             Menu::Tracts => self.tracts(ui, out),
             Menu::GoTo => self.places(ui, out),
-            Menu::Light => self.aperture(ui, out),
+            Menu::Light => self.light(ui, out),
             Menu::Pictures => self.picture_width(ui, out),
             _ => {}
         }
@@ -151,17 +151,69 @@ impl Bar<'_> {
         });
     }
 
-    fn aperture(&self, ui: &mut Ui, out: &mut Commands) {
+    fn light(&self, ui: &mut Ui, out: &mut Commands) {
         let Some(doc) = &self.work.doc else { return };
         let choice = &doc.edit.light;
         ui.separator();
+        let row = light::row(choice.mode);
         let mut degrees = choice.aperture_deg;
         let slider = Slider::new(&mut degrees, 0.0..=85.0).suffix("°").fixed_decimals(0).text("Aperture");
-        let response = ui.add_enabled(light::row(choice.mode).has_aperture, slider);
+        let response = ui.add_enabled(row.has_aperture, slider);
         if response.on_hover_text("Wide: soft, subtle shadows. Narrow: hard ones").changed() {
             out.push(EditCommand::SetAperture(degrees));
         }
+        if let Some(shading) = shading(ui, choice) {
+            out.push(EditCommand::SetShading(shading));
+        }
     }
+}
+
+/// Sliders of the shading that every preset of a lighting mode has. Returns it if it was changed.
+fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
+    let (row, at_rest) = (light::row(choice.mode), choice.at_rest());
+    let mut new = choice.shading;
+    let mut radius_mm = at_rest.occlusion_radius_mm;
+    let tip = "How far surfaces darken each other";
+    let radius = Slider::new(&mut radius_mm, 1.0..=30.0).suffix(" mm").fixed_decimals(1);
+    if slider(ui, !row.has_aperture, radius.clamping(SliderClamping::Edits).text("Occlusion within"), tip) {
+        new.occlusion_radius_mm = Some(radius_mm);
+    }
+    let mut percent = 100.0 * (1.0 - at_rest.occlusion_strength);
+    let tip = "Light that hidden places receive, too: none of it is shadow in full";
+    let ambient = Slider::new(&mut percent, 0.0..=100.0).suffix(" %").fixed_decimals(0);
+    if slider(ui, true, ambient.text("Ambient light"), tip) {
+        new.ambient_share = Some(percent / 100.0);
+    }
+    let mut percent = 100.0 * at_rest.relief;
+    let tip = "Closeup: light at the eye, so that rims are darker than what faces it";
+    let relief = Slider::new(&mut percent, 0.0..=100.0).suffix(" %").fixed_decimals(0);
+    if slider(ui, true, relief.text("Relief"), tip) {
+        new.relief = Some(percent / 100.0);
+    }
+    let tip = "Closeup: a smooth surface instead of voxels, for the eye only: no number changes";
+    ui.checkbox(&mut new.smooth, "Smooth surface").on_hover_text(tip);
+    let has_vicinity = choice.mode == LightingMode::Slices;
+    let mut distance_mm = at_rest.lighting.vicinity_mm;
+    let tip = "Slices: distance of the virtual slice through which opaque surfaces darken each other";
+    let vicinity = Slider::new(&mut distance_mm, 0.5..=20.0).suffix(" mm").fixed_decimals(1);
+    if slider(ui, has_vicinity, vicinity.clamping(SliderClamping::Edits).text("Vicinity"), tip) {
+        new.vicinity_mm = Some(distance_mm);
+    }
+    let mut samples = at_rest.lighting.vicinity_samples;
+    let tip = "Slices: points at which a surface looks for others in its vicinity";
+    let samples_slider = Slider::new(&mut samples, 1..=LightSettings::MOST_VICINITY);
+    if slider(ui, has_vicinity, samples_slider.text("Vicinity samples"), tip) {
+        new.vicinity_samples = Some(samples);
+    }
+    let is_own = choice.shading != Shading::default();
+    if ui.add_enabled(is_own, Button::new("Shading as the lighting mode has it")).clicked() {
+        new = Shading::default();
+    }
+    (new != choice.shading).then_some(new)
+}
+
+fn slider(ui: &mut Ui, enabled: bool, slider: Slider<'_>, tip: &str) -> bool {
+    ui.add_enabled(enabled, slider).on_hover_text(tip).changed()
 }
 
 /// One menu entry, of the kind given by the command.
@@ -254,7 +306,7 @@ fn lens_and_ruler(ui: &mut Ui, doc: &Document, out: &mut Commands) {
     let slider = Slider::new(&mut radius_mm, 1.0..=150.0)
         .logarithmic(true)
         .suffix(" mm")
-        .clamping(egui::SliderClamping::Edits)
+        .clamping(SliderClamping::Edits)
         .custom_formatter(|mm, _| format!("{mm:.1}"));
     let response = ui.add_enabled(lens_on, slider);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, lens_on, "Lens radius"));

@@ -54,9 +54,21 @@ impl OpaqueVoxels {
         })
     }
 
-    /// Outward normal at a place near a surface, unit length: down the gradient of the mean of the opaque
-    /// voxels weighted by (1 - t²/2.5²)² along each axis, t in voxels, whose standard deviation is 0.94. `None` where that is flat.
+    /// Outward normal at a place near a surface, unit length: down the gradient of [`OpaqueVoxels::share`]. `None` where that
+    /// is flat.
     pub fn normal(&self, at_mm: DVec3) -> Option<DVec3> {
+        let (_, inwards) = self.smoothed(at_mm);
+        (self.voxel_from_mm.transpose() * -inwards).try_normalize().filter(|_| inwards.length() > 1e-9)
+    }
+
+    /// The mean of the opaque voxels around a place, weighted by (1 - t²/2.5²)² along each axis, t in voxels, whose standard
+    /// deviation is 0.94: 0 to 1.
+    pub fn share(&self, at_mm: DVec3) -> f64 {
+        self.smoothed(at_mm).0
+    }
+
+    /// The weighted mean, and its gradient in voxels but for a factor.
+    fn smoothed(&self, at_mm: DVec3) -> (f64, DVec3) {
         let place = self.place(at_mm);
         let middle = place.floor().as_i64vec3().to_array();
         // Weights, and their derivatives but for a factor.
@@ -77,8 +89,7 @@ impl OpaqueVoxels {
             }
         }
         // Of the weighted mean: where all voxels are alike it is flat.
-        let inwards = slope - whole_slope * (value / whole);
-        (self.voxel_from_mm.transpose() * -inwards).try_normalize().filter(|_| inwards.length() > 1e-9)
+        (value / whole, slope - whole_slope * (value / whole))
     }
 
     /// How far a point moves along `normal` until it has crossed one voxel along the axis that the normal is closest

@@ -89,9 +89,10 @@ pub fn preset(mode: LightingMode, preset: Preset) -> Quality {
     }
 }
 
-/// Expected lighting error on the head phantom's opaque surfaces and in its tissue: root mean square of linear radiance
-/// against Monte Carlo, interpolated between measurements along the path (docs/accuracy.md). `None` for screen-space
-/// light, which is a different model, and for custom settings.
+/// Expected error of the picture shown, on the head phantom's opaque surfaces and in its tissue: root mean square of
+/// linear radiance against Monte Carlo, interpolated between measurements along the path (docs/accuracy.md). They are of
+/// light without an ambient share; the picture's error is proportional to the rest. `None` for light by a headlight, which
+/// is a different model, and for custom settings.
 pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
     let is_default = quality.lighting.aperture_deg == LightSettings::DEFAULT.aperture_deg;
     let cost = quality.cost.filter(|_| is_default)?;
@@ -99,7 +100,8 @@ pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
     let after = measured.iter().position(|(c, _)| *c >= cost).unwrap_or(measured.len().checked_sub(1)?);
     let [(c0, e0), (c1, e1)] = [after.saturating_sub(1), after].map(|i| measured[i]);
     let share = if c1 > c0 { ((cost / c0).ln() / (c1 / c0).ln()).clamp(0.0, 1.0) } else { 1.0 };
-    Some(std::array::from_fn(|scene| e0[scene] * (e1[scene] / e0[scene]).powf(share)))
+    let shown = f64::from(quality.strength());
+    Some(std::array::from_fn(|scene| shown * e0[scene] * (e1[scene] / e0[scene]).powf(share)))
 }
 
 /// The light passes of a renderer, of the lighting mode last used.
@@ -187,6 +189,10 @@ mod tests {
                 assert!(errors.windows(2).all(|pair| pair[0][scene] > pair[1][scene]), "{errors:?}");
             }
             assert_eq!(preset(row.mode, Preset::Balanced), at_cost(row.mode, 1.0));
+            // The ambient share hides a part of the error.
+            let lit = Quality { occlusion_strength: 0.5, ..preset(row.mode, Preset::Balanced) };
+            let whole = Quality { occlusion_strength: 1.0, ..lit };
+            assert_eq!(expected_error(&lit), expected_error(&whole).map(|e| e.map(|e| e / 2.0)));
             // Custom settings are not on the path.
             let mut custom = preset(row.mode, Preset::Balanced);
             custom.lighting.aperture_deg = 30.0;

@@ -163,6 +163,9 @@ pub struct Quality {
     pub occlusion_rays: u32,
     /// Soft light at the eye in the closeup: from 0 (none, flat colours) to 1 (rims darkest).
     pub relief: f64,
+    /// Whether the closeup shows a level set of the smoothed voxels instead of the voxels' faces: for the eye only. What
+    /// has no level set near it, such as single voxels, stays as it is.
+    pub smooth: bool,
     /// Distance between samples of the context image along a ray, millimetres; multiplied by the image's finest
     /// spacing in millimetres where that is above 1. Above 0; other values, and steps that would need more than
     /// [`Quality::MOST_CONTEXT_STEPS`] for the image's diagonal, are replaced by the finest step.
@@ -191,6 +194,7 @@ impl Quality {
         color_bleeding: 0.35,
         occlusion_rays: 64,
         relief: 1.0,
+        smooth: false,
         context_step_mm: 0.5,
         resolution_scale: 1.0,
         lighting: LightSettings::DEFAULT,

@@ -15,6 +15,8 @@ use crate::device::PassName;
 
 /// First shown voxel along each ray: inside the lens, or anywhere when it is off.
 pub(crate) const SURFACE: PassName = PassName::new("surface");
+/// The same on the level set of the smoothed voxels, for the eye only.
+pub(crate) const SMOOTH: PassName = PassName::new("smooth");
 /// Its normals.
 pub(crate) const NORMALS: PassName = PassName::new("normals");
 /// What surrounds it: the closeup's faint outer level, the change view's veil.

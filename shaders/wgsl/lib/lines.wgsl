@@ -80,7 +80,8 @@ fn lines_towards(here: vec2<i32>, front: f32, neighbours: u32) -> Lines {
         let voxel_px = view.voxel_mm / footprint_mm(nearer);
         let raised = smoothstep(0.3, 0.9, steps) * smoothstep(1.0, 3.5, voxel_px);
         let edge = 0.45 * smoothstep(2.0, 7.0, voxel_px);
-        lines.grey = max(lines.grey, select(max(raised, edge), 0.0, border) * coverage(0.9 * width, away));
+        let none = border || (flags() & SMOOTH) != 0u;
+        lines.grey = max(lines.grey, select(max(raised, edge), 0.0, none) * coverage(0.9 * width, away));
     }
     return lines;
 }

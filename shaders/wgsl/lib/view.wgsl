@@ -50,6 +50,7 @@ const HAS_CONTEXT = 128u;
 const HAS_PLANE = 256u;
 const HAS_TUBES = 512u;          // tubes or arrows are among depths and surfaces
 const LINEAR_LIGHT = 1024u;        // the march's colours are in linear light
+const SMOOTH = 2048u;              // surfaces are a level set, without edges of voxels
 
 // Depth of a pixel without a hit.
 const FAR = 1e30;

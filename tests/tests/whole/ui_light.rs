@@ -3,17 +3,19 @@
 
 use std::time::Instant;
 
-use egui::Theme;
+use egui::{Key, Role, Theme};
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
     command::{AppCommand, Command, EditCommand, LookCommand},
-    model::{CaseRef, LightChoice, PaneId, session},
+    model::{CaseRef, LightChoice, PaneId, Shading, session},
     views::{context::ContextPane, view3d::ScreenReport},
     window::GlioscopeApp,
 };
 use glioscope_core::optics::Camera;
 use glioscope_render::{LightingMode, Preset, Quality, light as lights};
-use glioscope_tests::{Window, drafting_window_on, issue, maximized, perform, window_on};
+use glioscope_tests::{
+    MASK_COLORS, Window, count_color, drafting_window_on, issue, maximized, pane_picture, perform, window_on,
+};
 
 fn light(harness: &Harness<'_, GlioscopeApp>) -> LightChoice {
     harness.state().work.doc.as_ref().unwrap().edit.light
@@ -33,18 +35,61 @@ fn the_lighting_mode_is_chosen_in_the_menu_undone_and_saved() {
     assert_eq!(light(&harness).mode, LightingMode::Cones);
     perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
     perform(&mut harness, EditCommand::SetAperture(40.0));
-    let expected =
-        LightChoice { mode: LightingMode::Cones, preset: Some(Preset::Draft), aperture_deg: 40.0, own: None };
+    let shading = Shading { ambient_share: Some(0.1), occlusion_radius_mm: Some(4.0), ..Shading::default() };
+    perform(&mut harness, EditCommand::SetShading(shading));
+    let expected = LightChoice {
+        shading,
+        mode: LightingMode::Cones,
+        preset: Some(Preset::Draft),
+        aperture_deg: 40.0,
+        ..LightChoice::default()
+    };
     assert_eq!(light(&harness), expected);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.glioscope.json");
     perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
     assert_eq!(session::load(&path).unwrap().document.edit.light, expected);
     perform(&mut harness, EditCommand::Undo);
+    assert_eq!(light(&harness).shading, Shading::default());
+    perform(&mut harness, EditCommand::Undo);
     assert_eq!(light(&harness).aperture_deg, LightChoice::default().aperture_deg);
     perform(&mut harness, EditCommand::Undo);
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(light(&harness), LightChoice::default());
+}
+
+#[test]
+fn shading_is_set_in_the_menu_and_put_back() {
+    let mut harness = window_on(CaseRef::Sample, [1000.0, 800.0], Theme::Light);
+    harness.run_ok();
+    let before = pane_picture(&mut harness, PaneId::Closeup);
+    harness.get_by_label("View").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Light and quality").click();
+    harness.run_ok();
+    for (label, key) in [("Ambient light", Key::ArrowRight), ("Relief", Key::ArrowLeft)] {
+        harness.get_by_role_and_label(Role::Slider, label).focus();
+        harness.run_ok();
+        harness.key_press(key);
+        harness.run_ok();
+    }
+    harness.get_by_label("Smooth surface").click();
+    harness.run_ok();
+    let shading = light(&harness).shading;
+    assert!(shading.ambient_share.is_some_and(|share| share > 0.0), "{shading:?}");
+    assert!(shading.relief.is_some_and(|relief| relief < 1.0) && shading.smooth, "{shading:?}");
+    harness.get_by_label("Shading as the lighting mode has it").click();
+    harness.run_ok();
+    harness.key_press(Key::Escape);
+    harness.run_ok();
+    assert_eq!(light(&harness).shading, Shading::default());
+    assert_eq!(pane_picture(&mut harness, PaneId::Closeup), before);
+    // All of the light ambient leaves no occlusion, no relief leaves flat colours: the cut of T1 has its colour.
+    let flat = Shading { ambient_share: Some(1.0), relief: Some(0.0), ..Shading::default() };
+    perform(&mut harness, EditCommand::SetShading(flat));
+    let flat = pane_picture(&mut harness, PaneId::Closeup);
+    let pure = |picture: &_| count_color(picture, MASK_COLORS[0], 2);
+    assert!(pure(&flat) > 1000 + pure(&before), "{} of {}", pure(&before), pure(&flat));
 }
 
 fn context<'a>(harness: &'a Harness<'_, GlioscopeApp>) -> &'a ContextPane {
@@ -105,7 +150,9 @@ fn diagnostics_report_the_expected_lighting_error() {
     perform(&mut harness, EditCommand::SetLightingMode(LightingMode::Cones));
     let draft = lights::preset(LightingMode::Cones, Preset::Draft);
     let [surfaces, tissue] = lights::expected_error(&draft).unwrap();
-    let text = format!("Expected error: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue");
+    let text = format!(
+        "Expected error of the picture: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue"
+    );
     harness.get_all_by_label_contains(&text).next().unwrap();
 }
 

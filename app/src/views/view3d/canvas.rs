@@ -49,6 +49,9 @@ impl<V: View3d> Default for Canvas<V> {
     }
 }
 
+/// Share of a frame's time budget that 3D views have where the CPU draws everything; the interface needs the rest.
+const VIEWS_SHARE_ON_CPU: f64 = 0.6;
+
 /// Counts the 3D views drawn per frame.
 #[derive(Clone, Copy, Default)]
 struct ViewsDrawn {
@@ -142,9 +145,13 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
             ui.ctx().request_repaint();
         }
         if let Some(milliseconds) = self.screen.draw_ms() {
-            // Linked views turn together: on the CPU they share the time of a frame.
-            let views = if graphics.gpu.is_software() { views_drawn(ui.ctx()) } else { 1 };
-            self.refinement.adapt(choice, milliseconds * f64::from(views));
+            // Linked views turn together: on the CPU they share the time of a frame, with the interface.
+            let of_frame = if graphics.gpu.is_software() {
+                milliseconds * f64::from(views_drawn(ui.ctx())) / VIEWS_SHARE_ON_CPU
+            } else {
+                milliseconds
+            };
+            self.refinement.adapt(choice, of_frame);
         }
         if step.just_refined || (step.in_parts.is_some() && self.screen.frames_drawn() != frames) {
             // The pick under a pointer that didn't move may have changed.

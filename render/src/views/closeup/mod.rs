@@ -24,11 +24,14 @@ use crate::{
     },
     scene::{Lens, Plan, Quality, RegionScene, lens::check_view},
     solid::{
-        NORMALS, OUTSIDE, SURFACE,
+        NORMALS, OUTSIDE, SMOOTH, SURFACE,
         plane::PlaneBuffers,
         regions::RegionBuffers,
         shown::ShownVoxels,
-        view::{FAR, HAS_OUTSIDE, HAS_SURFACE, NO_SKIPPING, OutsideHit, reference_mm, region_view, world_at},
+        view::{
+            FAR, HAS_OUTSIDE, HAS_SURFACE, NO_SKIPPING, OutsideHit, SMOOTH_SURFACE, reference_mm,
+            region_view, world_at,
+        },
     },
     views::view3d::{COMPOSE, Draw, Frame, Prepared, View3d},
 };
@@ -78,9 +81,10 @@ pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
         _ => None,
     };
     let light = light::passes(quality.lighting.mode, LitKind::Masks);
-    let order = [SURFACE, NORMALS, OUTSIDE].into_iter().chain(light.iter().copied()).chain([COMPOSE]);
+    let order = [SURFACE, SMOOTH, NORMALS, OUTSIDE].into_iter().chain(light.iter().copied()).chain([COMPOSE]);
     Plan::of(order, |pass| match pass {
         SURFACE | NORMALS => no_surface,
+        SMOOTH => no_surface.or((!quality.smooth).then_some("voxels are shown as they are")),
         OUTSIDE => no_outside,
         _ => light::omission_reason(pass, quality, no_surface, Some(NO_IMAGE)),
     })
@@ -92,7 +96,7 @@ impl View3d for Closeup {
     type FrameData = FrameData;
     const IN_PARTS: bool = true;
     const SHADERS: &'static [&'static str] =
-        &["closeup/surface", "closeup/normals", "closeup/outside", "closeup/compose"];
+        &["closeup/surface", "closeup/smooth", "closeup/normals", "closeup/outside", "closeup/compose"];
 
     fn plan(scene: &RegionScene, quality: &Quality) -> Plan {
         closeup_plan(scene, quality)
@@ -116,7 +120,7 @@ impl View3d for Closeup {
         let regions = RegionBuffers::reuse(&mut self.regions, gpu, scene.tumor.as_ref())?;
         let reference_mm = reference_mm(scene);
         let mut flags = light::flags(draw.quality.lighting.mode, draw.plan);
-        for (pass, flag) in [(SURFACE, HAS_SURFACE), (OUTSIDE, HAS_OUTSIDE)] {
+        for (pass, flag) in [(SURFACE, HAS_SURFACE), (OUTSIDE, HAS_OUTSIDE), (SMOOTH, SMOOTH_SURFACE)] {
             flags |= if draw.plan.has(pass) { flag } else { 0 };
         }
         flags |= if draw.switches.skipping { 0 } else { NO_SKIPPING };
@@ -142,6 +146,13 @@ impl View3d for Closeup {
         } else {
             None
         };
+        if let Some(shown) = shown.filter(|_| draw.plan.has(SMOOTH)) {
+            let surface = [(5, targets.surfaces.as_entire_binding()), (41, shown.bits.as_entire_binding())];
+            // The colours (3) are not needed.
+            let entries = voxels.iter().filter(|(binding, _)| *binding != 3).chain(&surface);
+            let entries: Vec<_> = entries.cloned().collect();
+            draw.passes.bind(gpu, SMOOTH, "closeup/smooth", &entries, workgroups)?;
+        }
         if let Some(shown) = shown {
             let entries = [
                 (0, draw.view.as_entire_binding()),

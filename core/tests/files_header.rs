@@ -472,7 +472,10 @@ fn a_failed_write_leaves_the_existing_file() {
     write_nifti(&path, &volume, &WriteOptions::default()).unwrap();
     let before = std::fs::read(&path).unwrap();
     assert_eq!(before[..2], [0x1f, 0x8b]);
-    assert!(write_nifti(&folder.path().join("none/x.nii"), &volume, &WriteOptions::default()).is_err());
+    let absent = folder.path().join("none/x.nii");
+    let error = write_nifti(&absent, &volume, &WriteOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("none/x.nii: found writing failed: "), "{error}");
+    assert!(!error.contains(".glioscope-"), "the temporary file's name tells nothing: {error}");
     assert!(write_nifti(folder.path(), &volume, &WriteOptions::default()).is_err());
     assert_eq!(std::fs::read(&path).unwrap(), before);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file is left");

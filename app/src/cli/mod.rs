@@ -104,6 +104,9 @@ fn one_line(error: &clap::Error) -> String {
         _ => None,
     };
     let expected = match (error.kind(), error.get(ContextKind::ValidValue)) {
+        (ErrorKind::InvalidValue, Some(ContextValue::Strings(values))) if values.is_empty() => {
+            Some("a value that isn't empty".to_owned())
+        }
         (ErrorKind::InvalidValue, Some(ContextValue::Strings(values))) => Some(values.join(", ")),
         (ErrorKind::ValueValidation, _) => error.source().map(ToString::to_string),
         _ => None,
@@ -137,6 +140,8 @@ mod tests {
         assert!(line.starts_with("--view: found \"nosuch\", expected closeup, context"), "{line}");
         let line = error_line(&["render", "--size", "0x0"]);
         assert_eq!(line, "--size: found \"0x0\", expected WIDTHxHEIGHT, each from 16 to 8192");
+        let line = error_line(&["render", "--out", ""]);
+        assert_eq!(line, "--out: found \"\", expected a value that isn't empty");
         let line = error_line(&["measure", "--nonsense"]);
         assert!(line.contains("--nonsense"), "{line}");
         assert!(error_line(&["sample"]).contains("--out"));

@@ -10,6 +10,8 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
     let a = arguments;
     let light = &a.light;
     let views_3d: &[PaneId] = &[Closeup, Context, Ellipsoids, Change];
+    // Slices of light are left out where no image is drawn.
+    let with_image: &[PaneId] = &[Context, Change];
     let slices: &[PaneId] = &[Axial, Coronal, Sagittal];
     let compared: &[PaneId] =
         if a.changed_rim { &[Change, Dates, Axial, Coronal, Sagittal] } else { &[Change, Dates] };
@@ -20,9 +22,9 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--light", light.light.is_some(), views_3d),
         ("--quality", light.quality.is_some(), views_3d),
         ("--aperture", light.aperture.is_some(), views_3d),
-        ("--slices", light.slices.is_some(), views_3d),
-        ("--footprint", light.footprint.is_some(), views_3d),
-        ("--slice-mm", light.slice_mm.is_some(), views_3d),
+        ("--slices", light.slices.is_some(), with_image),
+        ("--footprint", light.footprint.is_some(), with_image),
+        ("--slice-mm", light.slice_mm.is_some(), with_image),
         ("--darkens", light.darkens.is_some(), views_3d),
         ("--occlusion-mm", light.occlusion_mm.is_some(), views_3d),
         ("--ambient", light.ambient.is_some(), views_3d),
@@ -68,6 +70,7 @@ mod tests {
         let options = ["--camera", "30,10", "--light", "cones", "--overlay", "fill", "--moment"];
         assert_eq!(unused("axial", &options), ["--camera", "--light", "--moment"]);
         assert_eq!(unused("ellipsoids", &options), ["--overlay"]);
+        assert_eq!(unused("closeup", &["--light", "slices", "--footprint", "3"]), ["--footprint"]);
         assert_eq!(unused("window", &options), [""; 0]);
         let dates = ["--from", "a", "--to", "b"];
         assert_eq!(unused("axial", &dates), ["--from", "--to"]);

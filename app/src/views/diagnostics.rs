@@ -40,6 +40,12 @@ pub fn light_text(quality: &Quality) -> String {
     let mode = light::row(quality.lighting.mode).title;
     let ambient = 100.0 * (1.0 - quality.occlusion_strength.clamp(0.0, 1.0));
     let mode = format!("{mode}, {ambient:.0} % of it ambient");
+    if let Some([tumor, folds]) = light::occlusion_error(quality) {
+        return format!(
+            "{mode}. Expected error of the occlusion in the closeup: {tumor:.3} of the light, {folds:.3} in deep folds (root \
+             mean square, as measured)."
+        );
+    }
     match light::expected_error(quality) {
         Some([surfaces, tissue]) => format!(
             "{mode}. Expected error of the picture: {surfaces:.3} of white on opaque surfaces, {tissue:.3} in tissue \

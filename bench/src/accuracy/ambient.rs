@@ -16,7 +16,9 @@ use glioscope_render::{
 };
 use rayon::prelude::*;
 
-use super::{Axis, Bench, Curve, Defaults, Family, Point, errors::Errors, scenes, sweep::Sweep};
+use super::{
+    Axis, Bench, Curve, Defaults, Family, Point, TRACED_KERNEL, errors::Errors, scenes, sweep::Sweep,
+};
 use crate::Outcome;
 
 pub(super) const FAMILY: Family = Family {
@@ -193,6 +195,8 @@ fn kernels(bench: &Bench<'_>) -> [Kernel; 3] {
     let of = |mode| Quality {
         lighting: LightSettings { mode, ..LightSettings::DEFAULT },
         occlusion_radius_mm: radius_mm(),
+        // Without ambient light: that of the window hides a part of the error.
+        occlusion_strength: 1.0,
         ..Quality::FULL
     };
     let pairs: &[u32] = bench.effort.of(&[12], &[6, 12, 32], &[1, 2, 4, 6, 12, 24, 32]);
@@ -207,7 +211,7 @@ fn kernels(bench: &Bench<'_>) -> [Kernel; 3] {
         (format!("{n} rays"), (n, n == 4 || n == Quality::MOST_RAYS, quality))
     });
     [
-        ("rays through the masks", "Quality::occlusion_rays", with_rays.collect()),
+        (TRACED_KERNEL, "Quality::occlusion_rays", with_rays.collect()),
         ("horizons of depths and normals", "Quality::occlusion_samples", with_pairs(LightingMode::Horizon)),
         (
             "point pairs in the depth buffer",
@@ -320,7 +324,7 @@ fn against_depths(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {
     let mut truths = None;
     let mut own_errors = Vec::new();
     let run = |renderer: &mut CloseupRenderer, &occlusion_samples: &u32| {
-        let quality = Quality { occlusion_samples, ..Quality::FULL };
+        let quality = Quality { occlusion_samples, occlusion_strength: 1.0, ..Quality::FULL };
         renderer.render(bench.gpu, &scene, &quality, size)?;
         Ok(bench.gpu.wait()?)
     };

@@ -44,6 +44,9 @@ const FAMILIES: [&Family; 7] = [
     &resampling::FAMILY,
 ];
 
+/// Name of the kernel of traced ambient occlusion.
+const TRACED_KERNEL: &str = "rays through the masks";
+
 /// Kernels that are compared with the same truths.
 struct Family {
     /// Name on the command line and in file names.

@@ -31,6 +31,9 @@ fn temporary(mode: u32) -> tempfile::Builder<'static, 'static> {
 /// Writing to `path` failed.
 pub(crate) fn write_failed(path: &Path, why: &dyn std::fmt::Display) -> FileError {
     let file = printable(&path.display().to_string());
+    // `tempfile` adds the path of its own file, which tells nobody anything.
+    let why = why.to_string();
+    let why = why.split_once(" at path \"").map_or(why.as_str(), |(why, _)| why);
     FileError::wrong(file, format!("writing failed: {why}"), "a place that can be written")
 }
 

@@ -104,6 +104,12 @@ pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
     Some(std::array::from_fn(|scene| shown * e0[scene] * (e1[scene] / e0[scene]).powf(share)))
 }
 
+/// Expected error of the light that is lost to masks in the closeup, as the picture shows it: root mean square on the head
+/// phantom's tumour and on a mask of deep folds (docs/accuracy.md). `None` where it wasn't measured.
+pub fn occlusion_error(quality: &Quality) -> Option<[f64; 2]> {
+    traced::occlusion_error(quality)
+}
+
 /// The light passes of a renderer, of the lighting mode last used.
 #[derive(Default)]
 pub(crate) struct LightPasses {
@@ -177,6 +183,28 @@ mod tests {
             };
             let typed: Vec<[String; 3]> = row.measured.iter().map(typed).collect();
             assert_eq!(typed, published(page, row.mode), "{:?}", row.mode);
+        }
+    }
+
+    #[test]
+    fn measured_errors_of_traced_occlusion_are_those_of_the_accuracy_page() {
+        let page = include_str!("../../../docs/accuracy.md");
+        let table = page.split("### Expected error of traced occlusion").nth(1).unwrap();
+        let row = |line: &str| -> Option<[f64; 3]> {
+            let cells: Vec<&str> = line.strip_prefix('|')?.split('|').map(str::trim).collect();
+            let [rays, tumor, folds, _] = cells[..] else { return None };
+            Some([rays.parse().ok()?, tumor.parse().ok()?, folds.parse().ok()?])
+        };
+        let rows: Vec<[f64; 3]> = table.split("\n#").next().unwrap().lines().filter_map(row).collect();
+        assert!(rows.len() > 5, "{rows:?}");
+        for [rays, tumor, folds] in rows {
+            let quality =
+                Quality { occlusion_rays: rays as u32, ..preset(LightingMode::Traced, Preset::Draft) };
+            let typed = occlusion_error(&quality).unwrap();
+            assert!((typed[0] - tumor).abs() < 1e-9 && (typed[1] - folds).abs() < 1e-9, "{rays}: {typed:?}");
+            let lit = Quality { occlusion_strength: 0.5, ..quality };
+            assert!((occlusion_error(&lit).unwrap()[0] - tumor / 2.0).abs() < 1e-9);
+            assert_eq!(occlusion_error(&Quality { occlusion_radius_mm: 3.0, ..quality }), None);
         }
     }
 

@@ -26,8 +26,7 @@ fn tone_of(grows: bool) -> vec3<f32> {
 }
 
 fn darkened(color: vec3<f32>, occlusion: vec4<f32>) -> vec3<f32> {
-    let dark = occlusion.a * view.occlusion_strength;
-    return color * (1.0 - dark) + occlusion.rgb * (dark * view.color_bleeding);
+    return color * (1.0 - occlusion.a) + occlusion.rgb * (occlusion.a * view.color_bleeding);
 }
 
 // Stripes where no change length is defined: a connected component appeared or disappeared.

@@ -88,8 +88,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         color = encoded(albedo * light_at(id.xy, surface, at));
         if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
-            let dark = o.a * view.occlusion_strength;
-            color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
+            color = color * (1.0 - o.a) + o.rgb * (o.a * view.color_bleeding);
         }
     } else if has_outside {
         if slice_pending && slice.depth >= outsides[at].depth {

@@ -39,8 +39,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         if (flags() & HAS_OCCLUSION) != 0u {
             let o = unpack4x8unorm(blurred[at]);
-            let dark = o.a * view.occlusion_strength;
-            color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
+            color = color * (1.0 - o.a) + o.rgb * (o.a * view.color_bleeding);
         }
     }
     // Nothing of the image is in front of the tumour.

@@ -1,5 +1,6 @@
 // Averages ambient occlusion over the 4x4 pixels that sample different directions: along the surface, not across its
-// edges and silhouettes. Stored as composing passes read it: the share by which the encoded colour is darkened.
+// edges and silhouettes. Stored as composing passes read it: the share by which the encoded colour is darkened, but for
+// ambient light.
 #include lib/view
 #include lib/normal
 #include lib/linear
@@ -43,6 +44,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             weight += select(0.0, 1.0, along);
         }
     }
-    let dark = sum.a / max(weight, 1.0);
+    let dark = view.occlusion_strength * sum.a / max(weight, 1.0);
     blurred[at] = pack4x8unorm(vec4<f32>(sum.rgb / max(sum.a, 1e-6), 1.0 - encoded(vec3<f32>(1.0 - dark)).x));
 }

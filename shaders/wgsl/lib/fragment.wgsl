@@ -32,8 +32,7 @@ fn fragment_at(node: vec2<u32>, pixel: vec2<u32>, nearest: bool, greyed: f32) ->
     }
     if nearest && (flags() & HAS_OCCLUSION) != 0u {
         let o = unpack4x8unorm(blurred[linear_index(pixel)]);
-        let dark = o.a * view.occlusion_strength;
-        color = color * (1.0 - dark) + o.rgb * (dark * view.color_bleeding);
+        color = color * (1.0 - o.a) + o.rgb * (o.a * view.color_bleeding);
     }
     color = min(color, vec3<f32>(1.0));
     let shell = 1.0 - pow(1.0 - e.opacity, min(1.0 / max(facing, 1e-3), THICKEST));

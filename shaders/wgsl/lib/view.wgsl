@@ -26,7 +26,7 @@ struct View {
     flags: u32,
     occlusion_samples: u32,
     occlusion_radius_mm: f32,
-    occlusion_strength: f32,
+    occlusion_strength: f32,        // share of the light that can be hidden; the rest is ambient
     color_bleeding: f32,
     line_scale: f32,                // widths of lines, 1 for a frame 512 pixels high
     depth_span_mm: f32,             // half the diagonal of the volume's box

@@ -1,4 +1,5 @@
-// Averages occlusion over the 4x4 tile of rotations, not across depth steps (Mittring 2007).
+// Averages occlusion over the 4x4 tile of rotations, not across depth steps (Mittring 2007). It darkens the
+// encoded colour.
 #include lib/view
 
 @group(0) @binding(4) var<storage, read> depths: array<f32>;
@@ -31,5 +32,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
     }
-    blurred[at] = pack4x8unorm(sum / max(weight, 1.0));
+    let mean = sum / max(weight, 1.0);
+    blurred[at] = pack4x8unorm(vec4<f32>(mean.rgb, mean.a * view.occlusion_strength));
 }

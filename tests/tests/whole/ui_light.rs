@@ -145,6 +145,12 @@ fn moving_views_draw_drafts_and_still_views_the_reference() {
 fn diagnostics_report_the_expected_lighting_error() {
     let mut harness = window_on(CaseRef::Sample, [1100.0, 900.0], Theme::Light);
     perform(&mut harness, EditCommand::TogglePane(PaneId::Diagnostics));
+    // Rays through the masks, as many as at rest.
+    let traced = lights::preset(LightingMode::Traced, Preset::Reference);
+    let [tumor, folds] = lights::occlusion_error(&traced).unwrap();
+    let text = format!("the occlusion in the closeup: {tumor:.3} of the light, {folds:.3} in deep folds");
+    harness.get_all_by_label_contains(&text).next().unwrap();
+    perform(&mut harness, EditCommand::SetLightingMode(LightingMode::ScreenSpace));
     harness.get_all_by_label_contains("Expected error: unknown").next().unwrap();
     perform(&mut harness, EditCommand::SetPreset(Some(Preset::Draft)));
     perform(&mut harness, EditCommand::SetLightingMode(LightingMode::Cones));

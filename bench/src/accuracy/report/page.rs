@@ -129,6 +129,7 @@ fn write_page(
         if family.defaults == Defaults::Presets {
             write!(out, "{}", path::table(curves))?;
         }
+        write!(out, "{}", path::occlusion_table(curves))?;
     }
     Ok(())
 }

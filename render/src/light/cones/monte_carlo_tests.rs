@@ -84,7 +84,7 @@ fn cones_on_masks_converge_to_monte_carlo() {
             cone_step,
             ..LightSettings::DEFAULT
         };
-        let quality = Quality { lighting, ..Quality::FULL };
+        let quality = Quality { lighting, occlusion_strength: 1.0, ..Quality::FULL };
         let mut renderer = CloseupRenderer::new(&GPU).unwrap();
         let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
         let blurred = frame.read_blurred(&GPU);

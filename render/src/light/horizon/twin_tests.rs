@@ -76,7 +76,7 @@ pub(super) fn max_twin_error() -> f64 {
     let mut renderer = CloseupRenderer::new(&GPU).unwrap();
     let mut worst = 0.0f64;
     for occlusion_samples in [6, 12] {
-        let quality = Quality { occlusion_samples, ..lit(LightingMode::Horizon) };
+        let quality = Quality { occlusion_samples, occlusion_strength: 1.0, ..lit(LightingMode::Horizon) };
         let frame = renderer.render(&GPU, &scene, &quality, [150, 120]).unwrap();
         let surface = Surface::of(frame);
         let dark = |i: usize| {

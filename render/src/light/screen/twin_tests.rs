@@ -87,7 +87,7 @@ pub(super) fn max_twin_error() -> f64 {
     // Pits and towers of voxels.
     let grid = Grid::axis_aligned([12; 3], DVec3::ONE, DVec3::splat(-5.5)).unwrap();
     let scene = scene_of(volume(&grid, 2, |k, p| noise(p, 4 + k as u32) > 0.4).unwrap(), 2, None);
-    let (quality, size) = (Quality::FULL, [150, 120]);
+    let (quality, size) = (Quality { occlusion_strength: 1.0, ..Quality::FULL }, [150, 120]);
     let mut renderer = CloseupRenderer::new(&GPU).unwrap();
     let frame = renderer.render(&GPU, &scene, &quality, size).unwrap();
     let reference = reference_mm(&scene);

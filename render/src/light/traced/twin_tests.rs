@@ -94,7 +94,7 @@ pub(super) fn max_twin_error() -> f64 {
     let mut renderer = CloseupRenderer::new(&GPU).unwrap();
     let mut worst = 0.0f64;
     for scene in [ragged(None), ragged(Some(0.6))] {
-        let quality = Quality { occlusion_rays: 4, ..lit(LightingMode::Traced) };
+        let quality = Quality { occlusion_rays: 4, occlusion_strength: 1.0, ..lit(LightingMode::Traced) };
         let frame = renderer.render(&GPU, &scene, &quality, [150, 120]).unwrap();
         let surface = Surface::of(frame);
         let expected = traced(&surface, &scene, quality.occlusion_radius_mm, quality.occlusion_rays);
@@ -124,7 +124,7 @@ fn rays_are_the_first_of_one_sequence_however_they_are_divided() {
 #[test]
 fn a_frame_at_rest_doesn_t_depend_on_how_it_was_reached() {
     let scene = ragged(Some(0.6));
-    let quality = Quality { occlusion_rays: 256, ..lit(LightingMode::Traced) };
+    let quality = Quality { occlusion_rays: 256, occlusion_strength: 1.0, ..lit(LightingMode::Traced) };
     let draft = Quality { occlusion_rays: 4, resolution_scale: 0.5, ..quality };
     let size = [90, 72];
     let once =

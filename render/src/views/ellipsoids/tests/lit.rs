@@ -78,7 +78,8 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     alone.camera.height_mm = 40.0;
     let both = vec![wall, one(2, towards_eye * 33.0, 2.0, [200, 60, 60])];
     let with = EllipsoidScene { ellipsoids: Arc::new(both), ..alone.clone() };
-    let quality = lit(LightingMode::Slices);
+    // Without ambient light.
+    let quality = Quality { occlusion_strength: 1.0, ..lit(LightingMode::Slices) };
     let n = (SIZE[0] * SIZE[1]) as usize;
     let render = |bench: &mut Bench, scene: &EllipsoidScene| {
         let Bench { gpu, renderer } = bench;

@@ -179,7 +179,7 @@ fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
         new.occlusion_radius_mm = Some(radius_mm);
     }
     let mut percent = 100.0 * (1.0 - at_rest.occlusion_strength);
-    let tip = "Light that hidden places receive, too: none of it is shadow in full";
+    let tip = "Light that hidden places receive, too; at 0 % they are black";
     let ambient = Slider::new(&mut percent, 0.0..=100.0).suffix(" %").fixed_decimals(0);
     if slider(ui, true, ambient.text("Ambient light"), tip) {
         new.ambient_share = Some(percent / 100.0);

@@ -21,7 +21,7 @@ use crate::{
     device::{Gpu, PassName, RenderError, runner::PassRunner},
     scene::{LightSettings, LightingMode, Plan, Preset, Quality},
 };
-use lit::{Light, LitKind, LitMarch, LitScene};
+use lit::{Light, LitKind, LitMarch, LitScene, Measured};
 
 /// One row per [`LightingMode`], in its order, which is also the order of menus.
 pub const LIGHTS: [LightRow; LightingMode::VARIANTS.len()] =
@@ -96,18 +96,28 @@ pub fn preset(mode: LightingMode, preset: Preset) -> Quality {
 pub fn expected_error(quality: &Quality) -> Option<[f64; 2]> {
     let is_default = quality.lighting.aperture_deg == LightSettings::DEFAULT.aperture_deg;
     let cost = quality.cost.filter(|_| is_default)?;
-    let measured = row(quality.lighting.mode).measured;
-    let after = measured.iter().position(|(c, _)| *c >= cost).unwrap_or(measured.len().checked_sub(1)?);
-    let [(c0, e0), (c1, e1)] = [after.saturating_sub(1), after].map(|i| measured[i]);
-    let share = if c1 > c0 { ((cost / c0).ln() / (c1 / c0).ln()).clamp(0.0, 1.0) } else { 1.0 };
+    shown_error(row(quality.lighting.mode).measured, cost, quality)
+}
+
+/// Errors at a knob's value, interpolated between measured ones on logarithmic scales, of a picture with the quality's share
+/// of ambient light. `None` where nothing was measured.
+fn shown_error(measured: Measured, knob: f64, quality: &Quality) -> Option<[f64; 2]> {
+    let after = measured.iter().position(|(k, _)| *k >= knob).unwrap_or(measured.len().checked_sub(1)?);
+    let [(k0, e0), (k1, e1)] = [after.saturating_sub(1), after].map(|i| measured[i]);
+    let share = if k1 > k0 { ((knob / k0).ln() / (k1 / k0).ln()).clamp(0.0, 1.0) } else { 1.0 };
     let shown = f64::from(quality.strength());
     Some(std::array::from_fn(|scene| shown * e0[scene] * (e1[scene] / e0[scene]).powf(share)))
 }
 
 /// Expected error of the light that is lost to masks in the closeup, as the picture shows it: root mean square on the head
-/// phantom's tumour and on a mask of deep folds (docs/accuracy.md). `None` where it wasn't measured.
+/// phantom's tumour and on a mask of deep folds, interpolated between measured numbers of rays (docs/accuracy.md). `None` where
+/// it wasn't measured: in other modes, at other radii, on the smooth surface.
 pub fn occlusion_error(quality: &Quality) -> Option<[f64; 2]> {
-    traced::occlusion_error(quality)
+    let mode = LightingMode::Traced;
+    let radius_mm = preset(mode, Preset::Balanced).occlusion_radius_mm;
+    let is_measured =
+        quality.lighting.mode == mode && quality.occlusion_radius_mm == radius_mm && !quality.smooth;
+    shown_error(traced::MEASURED, f64::from(quality.occlusion_rays), quality).filter(|_| is_measured)
 }
 
 /// The light passes of a renderer, of the lighting mode last used.
@@ -205,6 +215,7 @@ mod tests {
             let lit = Quality { occlusion_strength: 0.5, ..quality };
             assert!((occlusion_error(&lit).unwrap()[0] - tumor / 2.0).abs() < 1e-9);
             assert_eq!(occlusion_error(&Quality { occlusion_radius_mm: 3.0, ..quality }), None);
+            assert_eq!(occlusion_error(&Quality { smooth: true, ..quality }), None);
         }
     }
 

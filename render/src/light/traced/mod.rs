@@ -9,7 +9,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{
     horizon::{self, ALONG_SURFACE, HORIZON, bind_filter, bind_horizon},
-    lit::{Light, LightRow, LitKind, LitScene, no_occlusion},
+    lit::{Light, LightRow, LitKind, LitScene, Measured, no_occlusion},
 };
 use crate::{
     device::{
@@ -50,31 +50,17 @@ pub(super) const ROW: LightRow = LightRow {
 
 /// Numbers of rays, each with the root mean square error of the share of light lost on the head phantom's tumour and on a
 /// mask of deep folds (docs/accuracy.md).
-const MEASURED: &[(u32, [f64; 2])] = &[
-    (1, [0.0213, 0.0592]),
-    (2, [0.0177, 0.0430]),
-    (4, [0.0155, 0.0328]),
-    (8, [0.0132, 0.0268]),
-    (16, [0.0129, 0.0242]),
-    (32, [0.0124, 0.0232]),
-    (64, [0.0121, 0.0226]),
-    (128, [0.0121, 0.0226]),
-    (256, [0.0121, 0.0225]),
+pub(super) const MEASURED: Measured = &[
+    (1.0, [0.0213, 0.0592]),
+    (2.0, [0.0177, 0.0430]),
+    (4.0, [0.0155, 0.0328]),
+    (8.0, [0.0132, 0.0268]),
+    (16.0, [0.0129, 0.0242]),
+    (32.0, [0.0124, 0.0232]),
+    (64.0, [0.0121, 0.0226]),
+    (128.0, [0.0121, 0.0226]),
+    (256.0, [0.0121, 0.0225]),
 ];
-
-/// Expected error of the light lost in the closeup, as the picture shows it: on the head phantom's tumour, and on deep folds,
-/// interpolated between measured numbers of rays. `None` in other modes and at other radii than the mode's.
-pub(super) fn occlusion_error(quality: &Quality) -> Option<[f64; 2]> {
-    let is_measured = quality.lighting.mode == LightingMode::Traced
-        && quality.occlusion_radius_mm == at_cost(1.0).occlusion_radius_mm;
-    let rays = f64::from(quality.occlusion_rays);
-    let after = MEASURED.iter().position(|(n, _)| f64::from(*n) >= rays).unwrap_or(MEASURED.len() - 1);
-    let [(n0, e0), (n1, e1)] = [after.saturating_sub(1), after].map(|i| MEASURED[i]);
-    let [low, high] = [n0, n1].map(f64::from);
-    let share = if high > low { ((rays / low).ln() / (high / low).ln()).clamp(0.0, 1.0) } else { 1.0 };
-    let shown = f64::from(quality.strength());
-    is_measured.then(|| std::array::from_fn(|scene| shown * e0[scene] * (e1[scene] / e0[scene]).powf(share)))
-}
 
 fn at_cost(cost: f64) -> Quality {
     Quality { occlusion_rays: ((16.0 * cost) as u32).clamp(4, Quality::MOST_RAYS), ..horizon::at_cost(cost) }

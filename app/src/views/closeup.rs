@@ -162,10 +162,13 @@ fn legend_rows(input: &Input<'_>, agreement: &[Row]) -> Vec<Row> {
         Coloring::Masks => legend::mask_rows(input),
         Coloring::Agreement => agreement.iter().rev().cloned().collect(),
     };
-    if input.doc.edit.lens_on && !input.selection.is_empty(&input.time_point.regions) {
+    if input.selection.is_empty(&input.time_point.regions) {
+        return rows;
+    }
+    if input.doc.edit.lens_on {
         rows.push((Mark::Hatched, "cut by the lens".into()));
     }
-    if input.doc.edit.light.shading.smooth {
+    if input.doc.edit.light.at_rest().shows_smooth() {
         rows.push((Mark::None, "smoothed for display".into()));
     }
     rows

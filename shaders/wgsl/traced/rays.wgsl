@@ -50,14 +50,18 @@ fn leaves_lens(c: vec3<f32>, w: vec3<f32>) -> f32 {
     return select(FAR, select(0.0, sqrt(b * b + max(inside, 0.0)) - b, inside > 0.0), cut);
 }
 
-// The first shown voxel along a ray before `far`; x is below the margin if there is none.
+// The first shown voxel along a ray before `far`; x is below the margin if there is none. The smooth surface lies within
+// voxels, too: there, those that a ray starts in don't count.
 fn blocker(ray: Ray, far: f32) -> vec3<i32> {
     var cell = vec3<i32>(floor(ray.o));
     var t = 0.0;
+    var starts_inside = (flags() & SMOOTH) != 0u;
     while t < far {
-        if shown_at(cell) {
+        let shown = shown_at(cell);
+        if shown && !starts_inside {
             return cell;
         }
+        starts_inside = starts_inside && shown;
         let next = crossing(ray, cell + ray.ahead);
         t = min(next.x, min(next.y, next.z));
         cell += select(vec3<i32>(0), ray.step, vec3<u32>(first_axis(next)) == vec3<u32>(0u, 1u, 2u));

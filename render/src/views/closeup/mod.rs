@@ -84,6 +84,7 @@ pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
     let order = [SURFACE, SMOOTH, NORMALS, OUTSIDE].into_iter().chain(light.iter().copied()).chain([COMPOSE]);
     Plan::of(order, |pass| match pass {
         SURFACE | NORMALS => no_surface,
+        SMOOTH if quality.smooth && !quality.shows_smooth() => Some("cones of light read the voxels"),
         SMOOTH => no_surface.or((!quality.smooth).then_some("voxels are shown as they are")),
         OUTSIDE => no_outside,
         _ => light::omission_reason(pass, quality, no_surface, Some(NO_IMAGE)),

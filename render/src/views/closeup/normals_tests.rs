@@ -5,7 +5,7 @@ use glioscope_core::{Grid, optics::voxels::OpaqueVoxels};
 
 use crate::{
     CloseupRenderer,
-    light::horizon::twin::Surface,
+    light::{self, horizon::twin::Surface},
     scene::{Quality, RegionScene},
     testing::{GPU, noise, scene_of, volume},
 };
@@ -201,4 +201,24 @@ fn thin_parts_stay_in_the_smooth_surface() {
     let (bricks, smooth) = (depths(&Quality::FULL), depths(&SMOOTH));
     assert!(bricks.iter().filter(|d| d.is_finite()).count() > 500);
     assert_eq!(bricks, smooth);
+}
+
+/// A ball darkens nothing of itself: neither do the voxels, of 1:6, that its smooth surface cuts.
+#[test]
+fn voxels_leave_no_spots_on_the_smooth_surface() {
+    let spacing_mm = DVec3::new(1.0, 1.0, 6.0);
+    let grid = Grid::axis_aligned([40, 40, 8], spacing_mm, DVec3::new(-19.5, -19.5, -21.0)).unwrap();
+    let inside = |_: usize, p: [usize; 3]| {
+        (DVec3::from_array(p.map(|c| c as f64)) * spacing_mm + DVec3::new(-19.5, -19.5, -21.0)).length()
+            < 17.0
+    };
+    let scene = scene_of(volume(&grid, 1, inside).unwrap(), 1, None);
+    let mut renderer = CloseupRenderer::new(&GPU).unwrap();
+    let traced = light::preset(crate::scene::LightingMode::Traced, crate::scene::Preset::Balanced);
+    let frame = renderer.render(&GPU, &scene, &Quality { smooth: true, ..traced }, [160, 160]).unwrap();
+    let found = frame.occlusion(&GPU).unwrap();
+    let hit = || found.dark.iter().zip(&found.depths_mm).filter(|(_, depth)| depth.is_finite());
+    let black = hit().filter(|(dark, _)| **dark > 0.5).count();
+    println!("{black} of {} pixels are dark", hit().count());
+    assert!(hit().count() > 5000 && black == 0, "{black}");
 }

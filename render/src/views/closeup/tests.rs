@@ -628,6 +628,9 @@ fn a_whole_scene_needs_every_pass() {
     assert_eq!((plan.passes, plan.omitted), (every_pass().passes, vec![BRICKS]));
     let smooth = closeup_plan(&scene, &Quality { smooth: true, ..Quality::FULL });
     assert!(smooth.has(SMOOTH) && smooth.omitted.is_empty());
+    let cones = light::preset(crate::scene::LightingMode::Cones, crate::scene::Preset::Balanced);
+    let plan = closeup_plan(&scene, &Quality { smooth: true, ..cones });
+    assert!(plan.omitted.contains(&(SMOOTH, "cones of light read the voxels")), "{:?}", plan.omitted);
 }
 
 #[test]

@@ -70,7 +70,7 @@ fn a_ball_is_darker_at_its_rim() {
         ring[60]
     };
     for mode in [Quality::FULL.lighting.mode, crate::scene::LightingMode::Traced] {
-        let quality = crate::light::suite::lit(mode);
+        let quality = light::suite::lit(mode);
         let [middle, rim] = [0.05, 0.95].map(|share| red_at(&quality, share));
         println!("{mode:?}: middle {middle}, rim {rim}");
         assert!(f64::from(rim) < 0.85 * f64::from(middle) && middle > 230, "{mode:?}: {middle} {rim}");

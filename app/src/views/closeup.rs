@@ -4,7 +4,7 @@ use egui::{Align2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::measure::Agreement;
 use glioscope_render::{
-    Coloring, Gpu, Pick, RegionScene, RenderError, agreement_color, flat, views::closeup::Closeup,
+    Coloring, Gpu, Pick, RegionScene, RenderError, agreement_color, flat, light, views::closeup::Closeup,
 };
 
 use super::{
@@ -168,7 +168,7 @@ fn legend_rows(input: &Input<'_>, agreement: &[Row]) -> Vec<Row> {
     if input.doc.edit.lens_on {
         rows.push((Mark::Hatched, "cut by the lens".into()));
     }
-    if input.doc.edit.light.at_rest().shows_smooth() {
+    if light::shows_smooth(&input.doc.edit.light.at_rest()) {
         rows.push((Mark::None, "smoothed for display".into()));
     }
     rows

@@ -192,8 +192,8 @@ fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
     }
     let tip = "Closeup: a smooth surface instead of voxels, for the eye only: no number changes. Not with cones of light, which \
                read the voxels";
-    let can_be = choice.mode != LightingMode::Cones;
-    ui.add_enabled(can_be, egui::Checkbox::new(&mut new.smooth, "Smooth surface")).on_hover_text(tip);
+    ui.add_enabled(row.lights_smooth, egui::Checkbox::new(&mut new.smooth, "Smooth surface"))
+        .on_hover_text(tip);
     let has_vicinity = choice.mode == LightingMode::Slices;
     let mut distance_mm = at_rest.lighting.vicinity_mm;
     let tip = "Slices: distance of the virtual slice through which opaque surfaces darken each other";

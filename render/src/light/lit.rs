@@ -184,6 +184,8 @@ pub struct LightRow {
     pub takes_long: bool,
     /// Whether [`crate::scene::LightSettings::aperture_deg`] has an effect.
     pub has_aperture: bool,
+    /// Whether the closeup's smooth surface can be lit: a mode that reads the voxels would show them on it.
+    pub lights_smooth: bool,
     /// Cost of [`Preset::Reference`](crate::scene::Preset::Reference), relative to balanced.
     pub most_cost: f64,
     /// Initial cost of the automatic mode: fast enough on two cores with a software adapter.

@@ -80,6 +80,11 @@ pub fn at_cost(mode: LightingMode, cost: f64) -> Quality {
     quality
 }
 
+/// Whether the closeup shows its smooth surface at this quality.
+pub fn shows_smooth(quality: &Quality) -> bool {
+    quality.smooth && row(quality.lighting.mode).lights_smooth
+}
+
 /// A fixed preset of a lighting mode.
 pub fn preset(mode: LightingMode, preset: Preset) -> Quality {
     match preset {

@@ -205,11 +205,6 @@ impl Quality {
     pub const DRAFT: Self =
         Self { occlusion_samples: 6, context_step_mm: 1.0, resolution_scale: 0.5, ..Self::FULL };
 
-    /// Whether the closeup shows its smooth surface: cones of light read the voxels, and would show them on it.
-    pub fn shows_smooth(&self) -> bool {
-        self.smooth && self.lighting.mode != LightingMode::Cones
-    }
-
     /// Darkness of unlit places, 0 to 1.
     pub(crate) fn strength(&self) -> f32 {
         self.occlusion_strength.clamp(0.0, 1.0) as f32

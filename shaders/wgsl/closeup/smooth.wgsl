@@ -23,13 +23,18 @@ fn share_at(ray: Ray, t: f32) -> f32 {
     return smoothed_at(ray.o + t * ray.d).share;
 }
 
+// Offsets of a voxel and its 26 neighbours.
+fn around(n: i32) -> vec3<i32> {
+    return vec3<i32>(n % 3, (n / 3) % 3, n / 9) - 1;
+}
+
 // The shown voxel nearest to a place, of those around it; x is below the margin where there is none.
 fn nearest_shown(place: vec3<f32>) -> vec3<i32> {
     let middle = vec3<i32>(floor(place));
     var nearest = vec3<i32>(-MARGIN - 1);
     var least = 1e9;
     for (var n = 0; n < 27; n++) {
-        let cell = middle + vec3<i32>(n % 3, (n / 3) % 3, n / 9) - 1;
+        let cell = middle + around(n);
         let off = place - vec3<f32>(cell) - 0.5;
         let far = dot(off, off);
         let in_grid = all(cell >= vec3<i32>(0)) && all(cell < vec3<i32>(view.dims));
@@ -44,7 +49,7 @@ fn nearest_shown(place: vec3<f32>) -> vec3<i32> {
 // Whether a voxel is no part of a body that has a level set.
 fn is_thin(cell: vec3<i32>) -> bool {
     for (var n = 0; n < 27; n++) {
-        let beside = cell + vec3<i32>(n % 3, (n / 3) % 3, n / 9) - 1;
+        let beside = cell + around(n);
         if smoothed_at(vec3<f32>(beside) + 0.5).share >= 0.5 {
             return false;
         }

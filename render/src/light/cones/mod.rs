@@ -57,6 +57,7 @@ pub(super) const ROW: LightRow = LightRow {
     summary: "Soft shadows, also of the tumour on itself; light on opaque surfaces per pixel",
     takes_long: true,
     has_aperture: true,
+    lights_smooth: false,
     most_cost: 16.0,
     first_cost: 0.125,
     passes: |kind| match kind {

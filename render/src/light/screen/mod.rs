@@ -27,6 +27,7 @@ pub(super) const ROW: LightRow = LightRow {
     summary: "Fastest: relief from the image's gradients, corners of the tumour darker",
     takes_long: false,
     has_aperture: false,
+    lights_smooth: true,
     most_cost: 16.0,
     first_cost: 0.125,
     passes: |_| &[OCCLUSION, OCCLUSION_BLUR],

@@ -50,6 +50,7 @@ pub(super) const ROW: LightRow = LightRow {
     summary: "Soft shadows of tissue on tissue and on the tumour; light comes from the eye",
     takes_long: true,
     has_aperture: true,
+    lights_smooth: true,
     most_cost: MOST_COST,
     first_cost: 0.02,
     passes: |kind| match kind {

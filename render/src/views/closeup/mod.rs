@@ -84,7 +84,7 @@ pub fn closeup_plan(scene: &RegionScene, quality: &Quality) -> Plan {
     let order = [SURFACE, SMOOTH, NORMALS, OUTSIDE].into_iter().chain(light.iter().copied()).chain([COMPOSE]);
     Plan::of(order, |pass| match pass {
         SURFACE | NORMALS => no_surface,
-        SMOOTH if quality.smooth && !quality.shows_smooth() => Some("cones of light read the voxels"),
+        SMOOTH if quality.smooth && !light::shows_smooth(quality) => Some("cones of light read the voxels"),
         SMOOTH => no_surface.or((!quality.smooth).then_some("voxels are shown as they are")),
         OUTSIDE => no_outside,
         _ => light::omission_reason(pass, quality, no_surface, Some(NO_IMAGE)),
@@ -131,13 +131,13 @@ impl View3d for Closeup {
         draw.write_view(&view);
 
         let workgroups = draw.workgroups();
-        let voxels = [
+        let bricks = [
             (0, draw.view.as_entire_binding()),
             (1, regions.table.as_entire_binding()),
             (2, regions.words.as_entire_binding()),
-            (3, regions.regions.as_entire_binding()),
             (4, targets.depths.as_entire_binding()),
         ];
+        let voxels = [&bricks[..], &[(3, regions.regions.as_entire_binding())]].concat();
         if draw.plan.has(SURFACE) {
             let entries = [&voxels[..], &[(5, targets.surfaces.as_entire_binding())]].concat();
             draw.passes.bind(gpu, SURFACE, "closeup/surface", &entries, workgroups)?;
@@ -149,9 +149,7 @@ impl View3d for Closeup {
         };
         if let Some(shown) = shown.filter(|_| draw.plan.has(SMOOTH)) {
             let surface = [(5, targets.surfaces.as_entire_binding()), (41, shown.bits.as_entire_binding())];
-            // The colours (3) are not needed.
-            let entries = voxels.iter().filter(|(binding, _)| *binding != 3).chain(&surface);
-            let entries: Vec<_> = entries.cloned().collect();
+            let entries = [&bricks[..], &surface].concat();
             draw.passes.bind(gpu, SMOOTH, "closeup/smooth", &entries, workgroups)?;
         }
         if let Some(shown) = shown {

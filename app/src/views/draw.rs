@@ -1,6 +1,12 @@
 //! Drawing shared by the views: colours of background and text, plates under text, messages, warnings.
 
-use egui::{Align2, Painter, Pos2, Rect, Ui, vec2};
+use std::sync::Arc;
+
+use egui::{
+    Align2, Color32, FontId, Galley, Painter, Pos2, Rect, Ui,
+    text::{LayoutJob, TextWrapping},
+    vec2,
+};
 
 use crate::theme::{self, LABEL_POINTS, ON_IMAGE, PLATE, TEXT_POINTS, Tokens};
 
@@ -47,6 +53,13 @@ pub fn beside_pointer(painter: &Painter, rect: Rect, pointer: Pos2, text: String
     let back = Rect::from_min_size(corner, galley.size()).expand2(vec2(6.0, 3.0));
     painter.rect_filled(back, 4.0, PLATE);
     painter.galley(corner, galley, ON_IMAGE);
+}
+
+/// One line of text, cut with an ellipsis at `width` points.
+pub fn elided(ui: &Ui, text: &str, font: &FontId, color: Color32, width: f32) -> Arc<Galley> {
+    let mut job = LayoutJob::simple_singleline(text.to_owned(), font.clone(), color);
+    job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
+    ui.painter().layout_job(job)
 }
 
 /// Adds a margin around text and tables.

@@ -1,15 +1,12 @@
 //! Legend of a 3D view: what its colours and marks mean, at the top left on plates.
 
-use std::sync::Arc;
-
-use egui::{
-    Color32, Galley, Painter, Rect, Stroke, StrokeKind, Ui, pos2,
-    text::{LayoutJob, TextWrapping},
-    vec2,
-};
+use egui::{Painter, Rect, Stroke, StrokeKind, Ui, pos2, vec2};
 
 use super::{draw, pane::Input};
-use crate::theme::{self, LABEL_POINTS, Tokens};
+use crate::{
+    model::overlap::{Shown, mask_shown},
+    theme::{self, LABEL_POINTS, Tokens},
+};
 
 /// What a row explains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,25 +45,20 @@ pub fn show(ui: &Ui, rect: Rect, rows: &[Row]) {
     let dark = ui.visuals().dark_mode;
     let room = (((rect.height() - BELOW) / ROW).floor().max(1.0)) as usize;
     let fits = if rows.len() <= room { rows.len() } else { room - 1 };
+    let font = theme::font(LABEL_POINTS);
     let mut at = rect.left_top() + vec2(10.0, 8.0);
     let more = (rows.len() > fits).then(|| (Mark::None, format!("and {} more", rows.len() - fits)));
     for (mark, text) in rows.iter().take(fits).chain(&more) {
         let inset = if matches!(mark, Mark::Color(_) | Mark::Hatched) { INSET } else { 0.0 };
         let ink = if *mark == Mark::Warning { Tokens::of(dark).warning } else { Tokens::of(dark).text };
-        let galley = elided(&painter, text, (rect.width() * WIDEST).max(LEAST_WIDTH) - inset, ink);
+        let width = (rect.width() * WIDEST).max(LEAST_WIDTH) - inset;
+        let galley = draw::elided(ui, text, &font, ink, width);
         // Legible over a magnified tumour, too.
         draw::plate(&painter, Rect::from_min_size(at, galley.size() + vec2(inset, 0.0)), dark);
         swatch(&painter, Rect::from_min_size(at + vec2(0.0, 2.0), vec2(SWATCH, SWATCH)), *mark, dark);
         painter.galley(at + vec2(inset, 0.0), galley, ink);
         at.y += ROW;
     }
-}
-
-/// One line of text, cut with an ellipsis where it is wider than `width` points.
-fn elided(painter: &Painter, text: &str, width: f32, ink: Color32) -> Arc<Galley> {
-    let mut job = LayoutJob::simple_singleline(text.to_owned(), theme::font(LABEL_POINTS), ink);
-    job.wrap = TextWrapping::truncate_at_width(width);
-    painter.layout_job(job)
 }
 
 fn swatch(painter: &Painter, rect: Rect, mark: Mark, dark: bool) {
@@ -94,14 +86,12 @@ fn swatch(painter: &Painter, rect: Rect, mark: Mark, dark: bool) {
 pub fn mask_rows(input: &Input<'_>) -> Vec<Row> {
     let (regions, masks) = (&input.time_point.regions, &input.doc.edit.masks);
     let ids = regions.mask_ids();
-    let shown: Vec<u32> =
-        regions.list().iter().map(|region| region.bits).filter(|bits| input.selection.shows(*bits)).collect();
     let of_masks = ids.iter().enumerate();
-    let of_masks = of_masks.filter(|(k, _)| shown.iter().any(|bits| bits >> k & 1 == 1));
+    let of_masks = of_masks.filter(|(k, _)| mask_shown(regions, input.selection, *k) != Shown::None);
     let mut rows: Vec<Row> =
         of_masks.map(|(k, id)| (Mark::Color(input.colors.mask(k)), masks.name(id))).collect();
     let mut overlaps: Vec<_> = regions.list().iter().collect();
-    overlaps.retain(|region| region.bits.count_ones() > 1 && shown.contains(&region.bits));
+    overlaps.retain(|region| region.bits.count_ones() > 1 && input.selection.shows(region.bits));
     overlaps.sort_by_key(|region| std::cmp::Reverse(region.voxels));
     let rest = overlaps.split_off(overlaps.len().min(MAX_OVERLAPS));
     rows.extend(

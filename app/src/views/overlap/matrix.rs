@@ -4,8 +4,11 @@ use egui::{Align2, Color32, CornerRadius, Id, Rect, ScrollArea, Sense, Ui, Vec2,
 use glioscope_core::measure::{PAIR_METRICS, Pair, PairMetric};
 use glioscope_render::agreement_color;
 
-use super::{OverlapInput, Target, paint};
-use crate::theme::{self, LABEL_POINTS, Tokens};
+use super::{OverlapInput, Target};
+use crate::{
+    theme::{self, LABEL_POINTS, Tokens},
+    views::draw,
+};
 
 /// Width of the masks' names, points.
 const NAMES_PT: f32 = 70.0;
@@ -110,7 +113,7 @@ fn row(
     let tokens = Tokens::in_ui(ui);
     let font = theme::font(LABEL_POINTS);
     let name = input.name(Target::Mask(mask));
-    let label = paint::elided(ui, &name, &font, tokens.text, NAMES_PT - 6.0);
+    let label = draw::elided(ui, &name, &font, tokens.text, NAMES_PT - 6.0);
     let at = pos2(rect.left(), rect.center().y - label.size().y / 2.0);
     ui.painter().galley(at, label, tokens.text);
     let mut said = vec![];

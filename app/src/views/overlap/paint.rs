@@ -1,12 +1,9 @@
 //! Colours of the view, and antialiased fills of ring parts.
 
-use std::sync::Arc;
-
 use egui::{
-    Color32, FontId, Galley, Pos2, Stroke, Ui, Visuals,
+    Color32, Pos2, Stroke, Ui, Visuals,
     epaint::{Mesh, Vertex},
     lerp, pos2,
-    text::{LayoutJob, TextWrapping},
 };
 use glioscope_render::Rgb;
 
@@ -139,13 +136,6 @@ pub fn arc(center: Pos2, from: f64, to: f64, radius: f64) -> Vec<Pos2> {
             pos2(center.x + x as f32, center.y + y as f32)
         })
         .collect()
-}
-
-/// One line of text, cut with an ellipsis at `width` points.
-pub fn elided(ui: &Ui, text: &str, font: &FontId, color: Color32, width: f32) -> Arc<Galley> {
-    let mut job = LayoutJob::simple_singleline(text.to_owned(), font.clone(), color);
-    job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
-    ui.painter().layout_job(job)
 }
 
 /// Colour of text about hidden regions: dimmer than normal text, but legible.

@@ -8,10 +8,10 @@ use glioscope_core::Region;
 use super::{
     OverlapInput, Shown, Target,
     interact::{self, FocusArea, Interaction},
-    paint::{self, Style, dim_text},
+    paint::{Style, dim_text},
 };
 use crate::theme::{self, LABEL_POINTS};
-use crate::{command::Commands, format};
+use crate::{command::Commands, format, views::draw};
 
 /// Smallest height of a mask's row with name and bar, points.
 const ROW_PT: f32 = 19.0;
@@ -148,7 +148,7 @@ fn mask_rows(
             color,
         );
         let max_width = size.left() - rect.left() - 4.0;
-        let name = paint::elided(ui, &input.name(area.target), &font, color, max_width);
+        let name = draw::elided(ui, &input.name(area.target), &font, color, max_width);
         painter.galley(rect.min, name, color);
         let length = (rect.width() - 4.0) * input.voxels(area.target) as f32 / max_voxels;
         let bar_height = (layout.row_height - 16.5).clamp(2.5, 6.0);

@@ -1,8 +1,8 @@
 //! The table of file formats: discovery, file dialogs, help and messages are derived from its rows.
 
 use super::{
-    FileError, FileInfo, Loaded, ReadOptions, Source, bounded_gzip::Stream, nifti, tracts::LoadedTracts,
-    tracts_tck, tracts_trk,
+    FileError, FileInfo, Loaded, ReadOptions, Segment, Source, bounded_gzip::Stream, nifti,
+    tracts::LoadedTracts, tracts_tck, tracts_trk,
 };
 use crate::Progress;
 
@@ -11,6 +11,9 @@ const SNIFFED_BYTES: usize = 512;
 
 /// Reads a file's header information.
 pub type ReadInfo = fn(&Source, &Progress) -> Result<Box<dyn FileInfo>, FileError>;
+
+/// Reads the names of the segmentations in a file.
+pub type ReadSegments = fn(&Source, &Progress) -> Result<Vec<Segment>, FileError>;
 
 /// A file format of images and masks.
 pub struct VolumeFormat {
@@ -26,6 +29,8 @@ pub struct VolumeFormat {
     pub read: fn(&Source, &ReadOptions, &Progress) -> Result<Loaded, FileError>,
     /// Reads the header information, see [`super::info()`].
     pub info: ReadInfo,
+    /// Reads the names of the segmentations that it holds, see [`super::segments()`].
+    pub segments: ReadSegments,
 }
 
 /// A file format of fibre tracts.
@@ -48,6 +53,7 @@ pub const VOLUME_FORMATS: &[VolumeFormat] = &[VolumeFormat {
     sniff: nifti::sniff,
     read: nifti::read,
     info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
+    segments: |_, _| Ok(Vec::new()),
 }];
 
 /// All formats of fibre tracts.

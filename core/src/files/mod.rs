@@ -29,7 +29,7 @@ pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
 pub(crate) use opened::{broken_link, missing, open_regular, stand_in};
 pub use opened::{read_head, read_small, read_small_text};
-pub use read::{info, read, read_tract_bytes, read_tracts};
+pub use read::{info, read, read_tract_bytes, read_tracts, segments};
 pub use tracts::{LoadedTracts, TractOptions};
 pub use write::{replace_files, temporary_folder, write_whole, write_whole_private};
 pub(crate) use write::{sweep, write_failed, write_whole_with};
@@ -85,6 +85,21 @@ pub struct Loaded {
     pub frames: usize,
     /// Findings.
     pub checks: Vec<Check>,
+}
+
+/// A segmentation that its file names: it becomes one mask.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Segment {
+    /// Its number in the file; unique there.
+    pub number: i64,
+    /// Its name; may be empty, and need not be unique.
+    pub name: String,
+    /// Its display colour, sRGB.
+    pub color: Option<[u8; 3]>,
+    /// The frame that holds it, see [`ReadOptions::frame`].
+    pub frame: usize,
+    /// Its label in that frame; `None`: every voxel above 0.5.
+    pub label: Option<i64>,
 }
 
 /// Header information of a file, in its format's own terms.

@@ -1,7 +1,7 @@
 //! Reading a file in whatever format it has: that of the table's row that recognises it.
 
 use super::{
-    FileError, FileInfo, Loaded, LoadedTracts, ReadOptions, Source, TractOptions,
+    FileError, FileInfo, Loaded, LoadedTracts, ReadOptions, Segment, Source, TractOptions,
     bounded_gzip::Stream,
     format::{TRACT_FORMATS, TractFormat, volume_format},
 };
@@ -25,6 +25,15 @@ pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Resu
 /// As [`read`], without a limit on size.
 pub fn info(source: &Source, progress: &Progress) -> Result<Box<dyn FileInfo>, FileError> {
     (volume_format(source).info)(source, progress)
+}
+
+/// The segmentations that a file names, each with its own name and maybe colour, in the file's order; none in an image,
+/// or in a label map without names.
+///
+/// # Errors
+/// As [`read`].
+pub fn segments(source: &Source, progress: &Progress) -> Result<Vec<Segment>, FileError> {
+    (volume_format(source).segments)(source, progress)
 }
 
 /// Reads a `.tck` or `.trk` file.

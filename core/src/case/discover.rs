@@ -13,13 +13,13 @@ use super::{
     names::{self, Kind, ParsedName},
     order,
     proposal::LeftOutFor,
-    select, sessions, subject,
+    select, sessions, study, subject,
 };
 use crate::{
     Check, Progress,
     check::listed,
     files::{
-        self, ReadOptions, Source,
+        self, ReadOptions, Source, dicom,
         format::{self, volume_stem},
         printable, read_small_text,
     },
@@ -86,11 +86,24 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return Ok(Description::Stated(read_manifest(path)?));
     }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if volume_stem(&name).is_none() && dicom::is_dicom(path) {
+        // One slice means its series.
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let uid = dicom::series_of(path)?;
+        let name = folder_name(path);
+        let proposal = study::propose(folder, name, Some(&uid), Vec::new(), progress)?;
+        return Ok(Description::Proposed(proposal.with_key(true)));
+    }
     if volume_stem(&name).is_none() {
         return Err(wrong(path, "a file of another kind", expected));
     }
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let listing = Listing { volumes: vec![PathBuf::from(&name)], tracts: Vec::new(), left_out: Vec::new() };
+    let listing = Listing {
+        volumes: vec![PathBuf::from(&name)],
+        tracts: Vec::new(),
+        dicom: Vec::new(),
+        left_out: Vec::new(),
+    };
     let mut proposal = guess(folder, listing, name, options, progress)?;
     if folder.as_os_str().is_empty() {
         // A bare name: the folder is kept, in sessions and with answers, where another one may be the current folder.
@@ -164,6 +177,12 @@ fn guess_listed(
     options: &LoadOptions,
     progress: &Progress,
 ) -> Result<Proposal, CaseError> {
+    if listing.volumes.is_empty() && !listing.dicom.is_empty() {
+        let name = folder_name(&folder.join("x"));
+        let mut proposal = study::propose(folder, name, None, Vec::new(), progress)?;
+        add_tracts(&mut proposal, folder, &listing.tracts);
+        return Ok(proposal);
+    }
     if listing.volumes.is_empty() {
         let kind = format::volume_names();
         let others = listing.left_out.into_iter().map(|check| format!("; {}", check.message));
@@ -391,16 +410,13 @@ fn guess(
         let reason = "no date in its name, while others have one".into();
         ProposedFile { role: Role::LeftOut, reason, left_out_for: LeftOutFor::NoTime, ..file }
     }));
-    let mut tracts = CaseSpec::default();
-    let of_folder: Vec<PathBuf> = listing.tracts.iter().map(|path| folder.join(path)).collect();
-    tracts.add_tracts(&of_folder);
-    files.extend(of_folder.into_iter().zip(tracts.tracts).map(|(path, tracts)| {
-        let file = ProposedFile::new(path, Role::LeftOut, tracts.id, String::new());
-        let reason = "fibre tracts are read where you say so".into();
-        ProposedFile { reason, left_out_for: LeftOutFor::Tracts, ..file }
-    }));
     notes.extend(listing.left_out);
-    Ok(Proposal {
+    if !listing.dicom.is_empty() {
+        let names: Vec<String> = listing.dicom.iter().map(|path| printable(&path.display().to_string())).collect();
+        let text = format!("{}: found DICOM beside other images; left out", listed(&names, folder::MAX_LISTED));
+        notes.push(Check::warning("left-out", text));
+    }
+    let mut proposal = Proposal {
         name,
         folder: folder.to_owned(),
         files,
@@ -409,7 +425,21 @@ fn guess(
         doubt,
         key: String::new(),
         described_by: Vec::new(),
-    })
+    };
+    add_tracts(&mut proposal, folder, &listing.tracts);
+    Ok(proposal)
+}
+
+/// Adds fibre tracts, which are read where the user says so.
+fn add_tracts(proposal: &mut Proposal, folder: &Path, paths: &[PathBuf]) {
+    let mut tracts = CaseSpec::default();
+    let of_folder: Vec<PathBuf> = paths.iter().map(|path| folder.join(path)).collect();
+    tracts.add_tracts(&of_folder);
+    proposal.files.extend(of_folder.into_iter().zip(tracts.tracts).map(|(path, tracts)| {
+        let file = ProposedFile::new(path, Role::LeftOut, tracts.id, String::new());
+        let reason = "fibre tracts are read where you say so".into();
+        ProposedFile { reason, left_out_for: LeftOutFor::Tracts, ..file }
+    }));
 }
 
 fn proposed(folder: &Path, entry: Entry) -> ProposedFile {

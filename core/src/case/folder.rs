@@ -11,7 +11,7 @@ use crate::{
     Check, Progress,
     check::listed,
     files::{
-        broken_link,
+        broken_link, dicom,
         format::{is_tracts, is_volume, volume_stem},
         other_half, printable, read_head, stand_in,
     },
@@ -31,7 +31,7 @@ const MAX_POINTER_BYTES: u64 = 4096;
 
 /// Endings of images that aren't read, and of archives that may hold some.
 const UNREAD_IMAGES: &[&str] = &[
-    "mgz", "mgh", "mha", "mhd", "nrrd", "nhdr", "dcm", "ima", "mnc", "mif", "gipl", "par", "rec", "npy",
+    "mgz", "mgh", "mha", "mhd", "nrrd", "nhdr", "mnc", "mif", "gipl", "par", "rec", "npy",
     "npz", "gz", "bz2", "xz", "zst", "zip", "tar", "7z", "rar",
 ];
 
@@ -41,6 +41,8 @@ pub(super) struct Listing {
     pub volumes: Vec<PathBuf>,
     /// Fibre tracts, likewise.
     pub tracts: Vec<PathBuf>,
+    /// DICOM files, likewise: slices and masks.
+    pub dicom: Vec<PathBuf>,
     /// What is left out.
     pub left_out: Vec<Check>,
 }
@@ -59,7 +61,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
 /// Images and masks below `folder`, and what is left out. Hidden entries are skipped.
 pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
-    let (mut volumes, mut tracts) = (Vec::new(), Vec::new());
+    let (mut volumes, mut tracts, mut dicom) = (Vec::new(), Vec::new(), Vec::new());
     let mut visited = 0;
     let mut pending = vec![(folder.to_path_buf(), 0)];
     while let Some((current, depth)) = pending.pop() {
@@ -93,6 +95,11 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
                 match kind(&path, name, meta.as_ref()) {
                     FileKind::Tracts => tracts.push(relative),
                     FileKind::Volume => volumes.push(relative),
+                    FileKind::Dicom => {
+                        // A study has thousands.
+                        visited -= 1;
+                        dicom.push(relative);
+                    }
                     FileKind::Half => {}
                     FileKind::Other => out.other(&relative),
                     FileKind::Unusable(why) => out.name(&relative, &why),
@@ -102,7 +109,8 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
     }
     volumes.sort();
     tracts.sort();
-    Ok(Listing { volumes, tracts, left_out: out.checks() })
+    dicom.sort();
+    Ok(Listing { volumes, tracts, dicom, left_out: out.checks() })
 }
 
 /// Images, masks and tracts among `paths`, which are relative to `folder`; folders among them are searched.
@@ -112,7 +120,8 @@ pub(super) fn list_files(
     progress: &Progress,
 ) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
-    let mut all = Listing { volumes: Vec::new(), tracts: Vec::new(), left_out: Vec::new() };
+    let mut all =
+        Listing { volumes: Vec::new(), tracts: Vec::new(), dicom: Vec::new(), left_out: Vec::new() };
     for path in paths {
         let whole = folder.join(path);
         let meta = whole.metadata().ok();
@@ -120,6 +129,7 @@ pub(super) fn list_files(
             let inner = list(&whole, progress)?;
             all.volumes.extend(inner.volumes.iter().map(|file| path.join(file)));
             all.tracts.extend(inner.tracts.iter().map(|file| path.join(file)));
+            all.dicom.extend(inner.dicom.iter().map(|file| path.join(file)));
             all.left_out.extend(inner.left_out);
             continue;
         }
@@ -130,12 +140,13 @@ pub(super) fn list_files(
         match kind(&whole, name, meta.as_ref()) {
             FileKind::Tracts => all.tracts.push(path.clone()),
             FileKind::Volume => all.volumes.push(path.clone()),
+            FileKind::Dicom => all.dicom.push(path.clone()),
             FileKind::Half => {}
             FileKind::Other => out.name(path, "a file of another kind"),
             FileKind::Unusable(why) => out.name(path, &why),
         }
     }
-    for list in [&mut all.volumes, &mut all.tracts] {
+    for list in [&mut all.volumes, &mut all.tracts, &mut all.dicom] {
         list.sort();
         list.dedup();
     }
@@ -147,6 +158,8 @@ pub(super) fn list_files(
 enum FileKind {
     Volume,
     Tracts,
+    /// A slice, or a file of masks; whatever its name.
+    Dicom,
     /// The second half of a pair, read with the first.
     Half,
     Other,
@@ -157,6 +170,9 @@ fn kind(path: &Path, name: &str, meta: Option<&Metadata>) -> FileKind {
     if is_tracts(name) {
         return FileKind::Tracts;
     }
+    if volume_stem(name).is_none() && dicom::is_dicom(path) {
+        return FileKind::Dicom;
+    }
     if !is_volume(name) {
         return FileKind::Other;
     }
@@ -164,6 +180,7 @@ fn kind(path: &Path, name: &str, meta: Option<&Metadata>) -> FileKind {
         Some(why) => FileKind::Unusable(why),
         None if volume_stem(name).is_some() => FileKind::Volume,
         None if other_half(path).is_some() => FileKind::Half,
+        None if name.to_ascii_lowercase().ends_with(".dcm") => FileKind::Unusable("no DICOM".into()),
         None => FileKind::Unusable("the second half of a pair without its .hdr".into()),
     }
 }

@@ -15,6 +15,11 @@
 //! time = "2024-03-02"
 //! color = "#d62728"        # optional
 //! name = "tumour core"     # optional: what it is called beside its id
+//! [[mask]]
+//! id = "lesion"
+//! file = "DICOM"           # a folder of DICOM files
+//! series = "1.2.840.1"     # Series Instance UID; optional where the folder holds one series
+//! segment = 3              # number of the segment or region of interest; `frame = 1`: a time point, an echo
 //! [[tracts]]               # fibre tracts: .tck or .trk
 //! id = "CST left"
 //! file = "cst-left.tck"
@@ -27,7 +32,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec};
-use crate::files::{Source, printable, read_small_text};
+use crate::files::{Part, Source, Which, printable, read_small_text};
 
 /// The version written, and the only one read.
 pub const VERSION: i64 = 1;
@@ -62,6 +67,8 @@ struct TractsEntry {
 struct ContextEntry {
     id: Spanned<String>,
     file: Spanned<String>,
+    series: Option<Spanned<String>>,
+    frame: Option<Spanned<i64>>,
     time: Option<Spanned<Time>>,
 }
 
@@ -70,6 +77,9 @@ struct ContextEntry {
 struct MaskEntry {
     id: Spanned<String>,
     file: Spanned<String>,
+    series: Option<Spanned<String>>,
+    frame: Option<Spanned<i64>>,
+    segment: Option<Spanned<i64>>,
     labels: Option<Spanned<Vec<i64>>>,
     time: Option<Spanned<Time>>,
     color: Option<Spanned<String>>,
@@ -177,7 +187,32 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         }
         Ok(value.to_owned())
     };
-    let source_of = |s: &Spanned<String>| Ok::<_, CaseError>(Source::File(folder.join(text_of(s, "file")?)));
+    let path_of = |s: &Spanned<String>| Ok::<_, CaseError>(folder.join(text_of(s, "file")?));
+    let source_of = |file: &Spanned<String>,
+                     series: &Option<Spanned<String>>,
+                     frame: &Option<Spanned<i64>>,
+                     segment: &Option<Spanned<i64>>| {
+        let path = path_of(file)?;
+        let series = series.as_ref().map(|uid| text_of(uid, "series")).transpose()?;
+        let which = match (frame, segment) {
+            (Some(frame), Some(_)) => {
+                return Err(location.wrong(Some(frame.span().start), "a frame and a segment", "one of them"));
+            }
+            (_, Some(segment)) => Some(Which::Segment(*segment.get_ref())),
+            (Some(frame), None) => {
+                let number = usize::try_from(*frame.get_ref()).map_err(|_| {
+                    let found = format!("frame = {}", frame.get_ref());
+                    location.wrong(Some(frame.span().start), found, "a number from 0")
+                })?;
+                Some(Which::Frame(number))
+            }
+            (None, None) => series.as_ref().map(|_| Which::Frame(0)),
+        };
+        Ok::<_, CaseError>(match which {
+            None => Source::File(path),
+            Some(which) => Source::Part(Part { path, series, which }),
+        })
+    };
     let time_of = |s: &Option<Spanned<Time>>| match s {
         Some(time) if time.get_ref().label().is_empty() => {
             Err(location.wrong(Some(time.span().start), "an empty time", "a date or a name"))
@@ -194,7 +229,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     let (mut images, mut masks) = (HashSet::new(), HashSet::new());
     for entry in &manifest.context {
         let (at, entry) = (entry.span().start, entry.get_ref());
-        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
+        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file, &entry.series, &entry.frame, &None)?, time_of(&entry.time)?);
         if !images.insert((id.clone(), time.clone())) {
             return Err(location.wrong(Some(at), format!("image {id} twice"), "each id once at each time"));
         }
@@ -202,7 +237,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     }
     for entry in &manifest.mask {
         let (at, entry) = (entry.span().start, entry.get_ref());
-        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file)?, time_of(&entry.time)?);
+        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file, &entry.series, &entry.frame, &entry.segment)?, time_of(&entry.time)?);
         if !masks.insert((id.clone(), time.clone())) {
             return Err(location.wrong(Some(at), format!("mask {id} twice"), "each id once at each time"));
         }
@@ -228,7 +263,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     }
     for entry in &manifest.tracts {
         let (at, entry) = (entry.span().start, entry.get_ref());
-        let (id, source) = (text_of(&entry.id, "id")?, source_of(&entry.file)?);
+        let (id, source) = (text_of(&entry.id, "id")?, Source::File(path_of(&entry.file)?));
         if spec.tracts.iter().any(|t| t.id == id) {
             return Err(location.wrong(Some(at), format!("tracts {id} twice"), "each id once"));
         }
@@ -269,9 +304,21 @@ struct WrittenTracts<'a> {
 }
 
 #[derive(Serialize)]
+struct WrittenSource<'a> {
+    file: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    series: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frame: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    segment: Option<i64>,
+}
+
+#[derive(Serialize)]
 struct WrittenContext<'a> {
     id: &'a str,
-    file: String,
+    #[serde(flatten)]
+    source: WrittenSource<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     time: Option<&'a str>,
 }
@@ -279,7 +326,8 @@ struct WrittenContext<'a> {
 #[derive(Serialize)]
 struct WrittenMask<'a> {
     id: &'a str,
-    file: String,
+    #[serde(flatten)]
+    source: WrittenSource<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     labels: Option<&'a [i64]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -290,6 +338,19 @@ struct WrittenMask<'a> {
     name: Option<&'a str>,
 }
 
+fn written_source(source: &Source, file: String) -> WrittenSource<'_> {
+    let Source::Part(part) = source else {
+        return WrittenSource { file, series: None, frame: None, segment: None };
+    };
+    let (frame, segment) = match part.which {
+        // The first is meant where a series stands alone.
+        Which::Frame(0) if part.series.is_some() => (None, None),
+        Which::Frame(frame) => (Some(frame), None),
+        Which::Segment(number) => (None, Some(number)),
+    };
+    WrittenSource { file, series: part.series.as_deref(), frame, segment }
+}
+
 /// The manifest of `spec`, to be written into `folder`: paths of files inside it are made relative, others kept as they
 /// are. Reading it back gives the same case, except for its notes.
 ///
@@ -298,21 +359,22 @@ struct WrittenMask<'a> {
 pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseError> {
     let wrong = |found: String, expected: &str| CaseError::wrong(&spec.name, found, expected);
     let file = |source: &Source| match source {
-        Source::File(path) => {
+        Source::File(path) | Source::Part(Part { path, .. }) => {
             let relative = path.strip_prefix(folder).unwrap_or(path);
             let name = relative.to_str().ok_or_else(|| wrong(source.name(), "a path in UTF-8"))?;
-            Ok::<_, CaseError>(name.to_owned())
+            // The folder itself.
+            Ok::<_, CaseError>(if name.is_empty() { ".".to_owned() } else { name.to_owned() })
         }
         Source::Embedded { name, .. } => Ok((*name).to_owned()),
     };
     let context = spec
         .contexts
         .iter()
-        .map(|c| Ok(WrittenContext { id: &c.id, file: file(&c.source)?, time: c.time.as_deref() }));
+        .map(|c| Ok(WrittenContext { id: &c.id, source: written_source(&c.source, file(&c.source)?), time: c.time.as_deref() }));
     let mask = spec.masks.iter().map(|m| {
         Ok(WrittenMask {
             id: &m.id,
-            file: file(&m.source)?,
+            source: written_source(&m.source, file(&m.source)?),
             labels: m.labels.as_deref(),
             time: m.time.as_deref(),
             color: m.color.map(|[r, g, b]| format!("#{r:02x}{g:02x}{b:02x}")),

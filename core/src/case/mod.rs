@@ -15,6 +15,7 @@ mod order;
 mod proposal;
 mod select;
 mod sessions;
+mod study;
 mod subject;
 mod values;
 
@@ -25,7 +26,7 @@ use std::{
 
 use crate::{
     Cancelled, Check, Grid, Mask, Progress, Regions, Tracts, TumorIndex, Volume,
-    files::{self, FileError, Inputs, ReadOptions, Source},
+    files::{self, FileError, Inputs, Part, ReadOptions, Source},
 };
 
 pub use arguments::argument_with_file;
@@ -120,10 +121,7 @@ impl CaseSpec {
     pub fn inputs(&self) -> Inputs {
         let sources = self.contexts.iter().map(|c| &c.source).chain(self.masks.iter().map(|m| &m.source));
         let sources = sources.chain(self.tracts.iter().map(|t| &t.source));
-        let files = sources.filter_map(|source| match source {
-            Source::File(path) => Some(path.clone()),
-            Source::Embedded { .. } => None,
-        });
+        let files = sources.flat_map(files::files_of);
         Inputs::new(files.chain(self.described_by.iter().cloned()))
     }
 
@@ -155,7 +153,7 @@ impl CaseSpec {
         let images = self.contexts.iter_mut().map(|image| &mut image.source);
         let sources = images.chain(self.masks.iter_mut().map(|mask| &mut mask.source));
         for source in sources.chain(self.tracts.iter_mut().map(|tracts| &mut tracts.source)) {
-            if let Source::File(path) = source {
+            if let Source::File(path) | Source::Part(Part { path, .. }) = source {
                 *path = files::absolute(path);
             }
         }

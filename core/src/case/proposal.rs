@@ -12,7 +12,7 @@ use crate::{
     Check,
     check::listed,
     digest::Digest,
-    files::{Source, absolute, format::volume_stem, printable},
+    files::{Part, Source, Which, absolute, format::volume_stem, printable},
     tumor_index::MAX_MASKS,
 };
 
@@ -38,6 +38,8 @@ pub struct ProposedMask {
     pub id: String,
     /// Its labels, separated by commas; empty: every voxel above 0.5.
     pub labels: String,
+    /// Its number in a file that names its segments.
+    pub segment: Option<i64>,
     /// What it is called beside its id; may be empty.
     pub name: String,
     /// Its colour, sRGB; `None`: that of the palette.
@@ -68,8 +70,14 @@ impl LeftOutFor {
 /// A file, and what it is proposed to be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProposedFile {
-    /// Where it lies.
+    /// Where it lies; of a DICOM series its folder.
     pub path: PathBuf,
+    /// Series Instance UID of a DICOM series.
+    pub series: Option<String>,
+    /// Its frame, where it has several.
+    pub frame: Option<usize>,
+    /// What a DICOM series is called; empty for other files.
+    pub title: String,
     /// What it is.
     pub role: Role,
     /// How that was found, in words; may be empty.
@@ -91,11 +99,15 @@ impl ProposedFile {
             is_in: true,
             id: id.clone(),
             labels: String::new(),
+            segment: None,
             name: String::new(),
             color: None,
         };
         Self {
             path,
+            series: None,
+            frame: None,
+            title: String::new(),
             role,
             reason: String::new(),
             id,
@@ -116,6 +128,7 @@ impl ProposedFile {
             is_in: true,
             id: format!("{}-{label}", self.id),
             labels: label.to_string(),
+            segment: None,
             name: names.get(n).map(|name| (*name).to_owned()).unwrap_or_default(),
             color: None,
         };
@@ -127,6 +140,15 @@ impl ProposedFile {
     pub fn merge(&mut self) {
         let whole = Self::new(PathBuf::new(), Role::Mask, self.id.clone(), String::new());
         self.masks = whole.masks;
+    }
+
+    /// Where its image, or its mask of a segment, is read from.
+    fn source(&self, segment: Option<i64>) -> Source {
+        let which = segment.map(Which::Segment).or(self.frame.map(Which::Frame));
+        match which.or(self.series.as_ref().map(|_| Which::Frame(0))) {
+            None => Source::File(self.path.clone()),
+            Some(which) => Source::Part(Part { path: self.path.clone(), series: self.series.clone(), which }),
+        }
     }
 
     fn masks_in(&self) -> impl Iterator<Item = (usize, &ProposedMask)> {
@@ -174,37 +196,51 @@ impl Proposal {
     /// The proposal of a case that is described already, with more files below `folder` that it leaves out. `None` where its
     /// files aren't on disk.
     pub fn of_spec(spec: &CaseSpec, folder: &Path, left_out: &[PathBuf]) -> Option<Self> {
-        let path_of = |source: &Source| match source {
-            Source::File(path) => Some(path.clone()),
-            Source::Embedded { .. } => None,
+        let file_of = |source: &Source, role, id: &str, time| {
+            let mut file = ProposedFile::new(source.path()?.to_owned(), role, id.to_owned(), time);
+            if let Source::Part(part) = source {
+                file.series.clone_from(&part.series);
+                file.frame = match part.which {
+                    Which::Frame(frame) if frame > 0 || part.series.is_none() => Some(frame),
+                    _ => None,
+                };
+            }
+            Some(file)
         };
-        let mut files = Vec::new();
+        let mut files: Vec<ProposedFile> = Vec::new();
         for image in &spec.contexts {
             let time = image.time.clone().unwrap_or_default();
-            files.push(ProposedFile::new(path_of(&image.source)?, Role::Image, image.id.clone(), time));
+            files.push(file_of(&image.source, Role::Image, &image.id, time)?);
         }
         for mask in &spec.masks {
-            let (path, time) = (path_of(&mask.source)?, mask.time.clone().unwrap_or_default());
+            let time = mask.time.clone().unwrap_or_default();
+            let mut file = file_of(&mask.source, Role::Mask, &mask.id, time)?;
             let words: Vec<String> = mask.labels.iter().flatten().map(i64::to_string).collect();
             let proposed = ProposedMask {
                 is_in: true,
                 id: mask.id.clone(),
                 labels: words.join(", "),
+                segment: match &mask.source {
+                    Source::Part(Part { which: Which::Segment(number), .. }) => Some(*number),
+                    _ => None,
+                },
                 name: mask.name.clone().unwrap_or_default(),
                 color: mask.color,
             };
-            let same =
-                |file: &&mut ProposedFile| file.role == Role::Mask && file.path == path && file.time == time;
+            let same = |other: &&mut ProposedFile| {
+                other.role == Role::Mask
+                    && (&other.path, &other.series, other.frame, &other.time)
+                        == (&file.path, &file.series, file.frame, &file.time)
+            };
             if let Some(file) = files.iter_mut().find(same) {
                 file.masks.push(proposed);
             } else {
-                let mut file = ProposedFile::new(path, Role::Mask, mask.id.clone(), time);
                 file.masks = vec![proposed];
                 files.push(file);
             }
         }
         for tracts in &spec.tracts {
-            let path = path_of(&tracts.source)?;
+            let path = tracts.source.path()?.to_owned();
             files.push(ProposedFile::new(path, Role::Tracts, tracts.id.clone(), String::new()));
         }
         for path in left_out {
@@ -223,8 +259,11 @@ impl Proposal {
         })
     }
 
-    /// Path of a file relative to the folder.
+    /// Path of a file relative to the folder, or the title of a series.
     pub fn shown(&self, file: &ProposedFile) -> String {
+        if !file.title.is_empty() {
+            return file.title.clone();
+        }
         let relative = file.path.strip_prefix(&self.folder).unwrap_or(&file.path);
         printable(&relative.display().to_string())
     }
@@ -238,8 +277,7 @@ impl Proposal {
             ..CaseSpec::default()
         };
         for file in &self.files {
-            let (id, source, time) =
-                (file.id.trim().to_owned(), Source::File(file.path.clone()), file.time());
+            let (id, source, time) = (file.id.trim().to_owned(), file.source(None), file.time());
             match file.role {
                 Role::Image => spec.contexts.push(ContextSpec { id, source, time }),
                 Role::Tracts => spec.tracts.push(TractsSpec { id, source }),
@@ -247,7 +285,7 @@ impl Proposal {
             }
             spec.masks.extend(file.masks_in().map(|(_, mask)| MaskSpec {
                 id: mask.id.trim().to_owned(),
-                source: Source::File(file.path.clone()),
+                source: file.source(mask.segment),
                 labels: labels(&mask.labels).unwrap_or(Some(Vec::new())),
                 time: file.time(),
                 color: mask.color,

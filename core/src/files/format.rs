@@ -1,7 +1,9 @@
 //! The table of file formats: discovery, file dialogs, help and messages are derived from its rows.
 
+use std::path::Path;
+
 use super::{
-    FileError, FileInfo, Loaded, ReadOptions, Segment, Source, bounded_gzip::Stream, nifti,
+    FileError, FileInfo, Loaded, Part, ReadOptions, Segment, Source, bounded_gzip::Stream, dicom, nifti,
     tracts::LoadedTracts, tracts_tck, tracts_trk,
 };
 use crate::Progress;
@@ -23,6 +25,8 @@ pub struct VolumeFormat {
     pub endings: &'static [&'static str],
     /// The extensions that name a whole image: not the second half of a pair.
     pub whole: &'static [&'static str],
+    /// Whether a folder may be an image: its files are slices.
+    pub has_folders: bool,
     /// Whether a file whose (uncompressed) content begins with these bytes has this format.
     pub sniff: fn(&[u8]) -> bool,
     /// Reads one frame, see [`super::read()`].
@@ -46,15 +50,29 @@ pub struct TractFormat {
 }
 
 /// All formats of images and masks; the first is the fallback for unrecognised files.
-pub const VOLUME_FORMATS: &[VolumeFormat] = &[VolumeFormat {
-    name: "NIfTI",
-    endings: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
-    whole: &["nii", "nii.gz", "hdr", "hdr.gz"],
-    sniff: nifti::sniff,
-    read: nifti::read,
-    info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
-    segments: |_, _| Ok(Vec::new()),
-}];
+pub const VOLUME_FORMATS: &[VolumeFormat] = &[
+    VolumeFormat {
+        name: "NIfTI",
+        endings: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
+        whole: &["nii", "nii.gz", "hdr", "hdr.gz"],
+        has_folders: false,
+        sniff: nifti::sniff,
+        read: nifti::read,
+        info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
+        segments: |_, _| Ok(Vec::new()),
+    },
+    VolumeFormat {
+        name: "DICOM",
+        endings: &["dcm", "ima"],
+        // A file is a slice of its series, or holds masks.
+        whole: &[],
+        has_folders: true,
+        sniff: dicom::sniff,
+        read: dicom::read,
+        info: dicom::info,
+        segments: dicom::segments,
+    },
+];
 
 /// All formats of fibre tracts.
 pub const TRACT_FORMATS: &[TractFormat] = &[
@@ -137,13 +155,18 @@ pub fn volume_endings() -> String {
 /// what is wrong.
 pub fn volume_format(source: &Source) -> &'static VolumeFormat {
     let progress = Progress::new();
+    if source.path().is_some_and(Path::is_dir)
+        && let Some(format) = VOLUME_FORMATS.iter().find(|format| format.has_folders)
+    {
+        return format;
+    }
     let stream = match source {
-        Source::File(path) => Stream::open(path, &progress),
+        Source::File(path) | Source::Part(Part { path, .. }) => Stream::open(path, &progress),
         Source::Embedded { name, bytes } => Stream::of_bytes(name, bytes, &progress),
     };
     let mut head = [0; SNIFFED_BYTES];
     let read_len = stream.and_then(|mut stream| stream.fill(&mut head)).unwrap_or(0);
-    let name = source.name();
+    let name = source.path().map_or_else(|| source.name(), |path| path.display().to_string());
     let mut rows = VOLUME_FORMATS.iter();
     rows.find(|format| (format.sniff)(&head[..read_len]))
         .or_else(|| {

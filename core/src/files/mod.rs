@@ -7,6 +7,7 @@ use crate::{Cancelled, Check, Volume};
 mod bounded_gzip;
 mod content;
 mod cross_check;
+pub mod dicom;
 pub mod format;
 mod inputs;
 mod nifti;
@@ -29,7 +30,7 @@ pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
 pub(crate) use opened::{broken_link, missing, open_regular, stand_in};
 pub use opened::{read_head, read_small, read_small_text};
-pub use read::{info, read, read_tract_bytes, read_tracts, segments};
+pub use read::{files_of, info, read, read_tract_bytes, read_tracts, segments};
 pub use tracts::{LoadedTracts, TractOptions};
 pub use write::{replace_files, temporary_folder, write_whole, write_whole_private};
 pub(crate) use write::{sweep, write_failed, write_whole_with};
@@ -39,6 +40,8 @@ pub(crate) use write::{sweep, write_failed, write_whole_with};
 pub enum Source {
     /// A file on disk.
     File(PathBuf),
+    /// A part of a file, or of a folder of DICOM files.
+    Part(Part),
     /// Bytes embedded in the program, with the name of the file they come from.
     Embedded {
         /// File name with extension.
@@ -48,11 +51,57 @@ pub enum Source {
     },
 }
 
+/// A part of a file, or of a folder of DICOM files.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Part {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// Series Instance UID; `None` for other formats, and for a folder of one series.
+    pub series: Option<String>,
+    /// Which of its volumes or masks.
+    pub which: Which,
+}
+
+impl Part {
+    /// The file, or the series, as a whole.
+    fn whole(&self) -> Source {
+        match &self.series {
+            None => Source::File(self.path.clone()),
+            Some(_) => Source::Part(Self { which: Which::Frame(0), ..self.clone() }),
+        }
+    }
+}
+
+/// Which volume or mask of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Which {
+    /// A frame, from 0: a time point, an echo, a b-value.
+    Frame(usize),
+    /// A segment, by its number in the file: a mask of 0 and 1.
+    Segment(i64),
+}
+
 impl Source {
+    /// The path on disk; `None` for embedded bytes.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) | Self::Part(Part { path, .. }) => Some(path),
+            Self::Embedded { .. } => None,
+        }
+    }
+
     /// The name used in messages.
     pub fn name(&self) -> String {
         match self {
             Self::File(path) => printable(&path.display().to_string()),
+            Self::Part(Part { path, which, .. }) => {
+                let path = printable(&path.display().to_string());
+                match which {
+                    Which::Frame(0) => path,
+                    Which::Frame(frame) => format!("{path}, frame {frame}"),
+                    Which::Segment(number) => format!("{path}, segment {number}"),
+                }
+            }
             Self::Embedded { name, .. } => (*name).to_owned(),
         }
     }

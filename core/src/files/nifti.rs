@@ -9,7 +9,7 @@ use super::bounded_gzip::{CHUNK_BYTES, Stream};
 use super::nifti_describe::Described;
 use super::nifti_header::{ByteOrder, Fault, Header, MAX_EXTENSION_BYTES, SampleType, Version, recognise};
 use super::nifti_space::{Form, length_unit};
-use super::{FileError, FileInfo, Loaded, ReadOptions, Source, printable};
+use super::{FileError, FileInfo, Loaded, Part, ReadOptions, Source, printable};
 use crate::{Check, Progress, Samples, Sides, Volume, decimal};
 
 /// Maximum number of header extensions in a file.
@@ -204,7 +204,7 @@ impl<'a> Opened<'a> {
     fn source(source: &'a Source, progress: &'a Progress) -> Result<Self, FileError> {
         match source {
             Source::Embedded { name, bytes } => Self::single(Stream::of_bytes(name, bytes, progress)?),
-            Source::File(path) => match Half::of(path) {
+            Source::File(path) | Source::Part(Part { path, .. }) => match Half::of(path) {
                 None => Self::single(Stream::open(path, progress)?),
                 Some(Half::Header) => Self::pair(path, None, progress),
                 Some(Half::Image) => {

@@ -1,11 +1,14 @@
 //! Reading a file in whatever format it has: that of the table's row that recognises it.
 
+use std::path::PathBuf;
+
 use super::{
-    FileError, FileInfo, Loaded, LoadedTracts, ReadOptions, Segment, Source, TractOptions,
+    FileError, FileInfo, Loaded, LoadedTracts, Part, ReadOptions, Segment, Source, TractOptions, Which,
     bounded_gzip::Stream,
+    dicom,
     format::{TRACT_FORMATS, TractFormat, volume_format},
 };
-use crate::Progress;
+use crate::{Progress, Samples, Scaling, Volume, check::listed, with_samples};
 
 /// Reads one frame of an image or mask in any of [`super::format::VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
 /// `.hdr`/`.img` pairs, each file gzipped or not, named by either half. gzip is recognised by content, not by name.
@@ -15,7 +18,45 @@ use crate::Progress;
 /// has been checked against the file's length and `options.max_bytes`.
 /// [`FileError::Cancelled`] when `progress` is cancelled.
 pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
-    (volume_format(source).read)(source, options, progress)
+    let Source::Part(part) = source else {
+        return (volume_format(source).read)(source, options, progress);
+    };
+    let whole = part.whole();
+    let format = volume_format(&whole);
+    let (frame, label) = match part.which {
+        Which::Frame(frame) => (frame, None),
+        Which::Segment(number) => {
+            let all = (format.segments)(&whole, progress)?;
+            let numbers: Vec<String> = all.iter().map(|segment| segment.number.to_string()).collect();
+            let segment = all.into_iter().find(|segment| segment.number == number).ok_or_else(|| {
+                let expected = match numbers.is_empty() {
+                    true => "a file with named segments".to_owned(),
+                    false => format!("one of its segments ({})", listed(&numbers, 8)),
+                };
+                FileError::wrong(whole.name(), format!("no segment {number}"), expected)
+            })?;
+            (segment.frame, segment.label)
+        }
+    };
+    let mut loaded = (format.read)(&whole, &ReadOptions { frame, ..*options }, progress)?;
+    loaded.frames = 1;
+    if let Some(label) = label {
+        loaded.volume = with_label(&loaded.volume, label);
+    }
+    Ok(loaded)
+}
+
+/// 1 where a label map has `label`, else 0.
+fn with_label(map: &Volume, label: i64) -> Volume {
+    let scaling = map.scaling();
+    let is_integer = map.samples().is_integer();
+    #[allow(clippy::cast_lossless, clippy::unnecessary_cast, reason = "one macro arm for all ten types")]
+    let voxels = with_samples!(map.samples(), v => v
+        .iter()
+        .map(|&stored| u8::from(scaling.label(stored as f64, is_integer) == Some(label as f64)))
+        .collect());
+    // The number of voxels is the map's.
+    Volume::new(map.grid().clone(), Samples::U8(voxels), Scaling::NONE).unwrap_or_else(|| map.clone())
 }
 
 /// Header information of an image or mask. Reads the file to its end to detect damage and truncation, but keeps no
@@ -25,6 +66,15 @@ pub fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Resu
 /// As [`read`], without a limit on size.
 pub fn info(source: &Source, progress: &Progress) -> Result<Box<dyn FileInfo>, FileError> {
     (volume_format(source).info)(source, progress)
+}
+
+/// The files that a source is read from: one, or those of a DICOM series; none where the series isn't there.
+pub fn files_of(source: &Source) -> Vec<PathBuf> {
+    match source {
+        Source::Embedded { .. } => Vec::new(),
+        Source::File(path) | Source::Part(Part { path, .. }) if path.is_dir() => dicom::files_of(source),
+        Source::File(path) | Source::Part(Part { path, .. }) => vec![path.clone()],
+    }
 }
 
 /// The segmentations that a file names, each with its own name and maybe colour, in the file's order; none in an image,
@@ -49,7 +99,7 @@ pub fn read_tracts(
     progress: &Progress,
 ) -> Result<LoadedTracts, FileError> {
     match source {
-        Source::File(path) => read_stream(Stream::open(path, progress)?, options),
+        Source::File(path) | Source::Part(Part { path, .. }) => read_stream(Stream::open(path, progress)?, options),
         Source::Embedded { name, bytes } => read_tract_bytes(name, bytes, options, progress),
     }
 }

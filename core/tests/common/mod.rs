@@ -1,6 +1,8 @@
 //! Shared by the tests of files and cases: access to real data, and synthetic NIfTI files.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub mod truth;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

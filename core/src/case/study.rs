@@ -1,0 +1,296 @@
+//! A case from DICOM: which series of a folder are images, which hold masks, and which study is which date.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use super::{CaseError, Proposal, ProposedFile, ProposedMask, Role, proposal::LeftOutFor};
+use crate::{
+    Check, Progress,
+    check::listed,
+    files::{
+        dicom::{self, Kind, PatientStudies, SeriesSummary, Studies},
+        printable,
+    },
+    tumor_index::MAX_MASKS,
+};
+
+/// Fewest slices of a series that is proposed as an image: localizers and scouts have fewer.
+const MIN_SLICES: usize = 3;
+
+/// Names and identifiers that tell nobody apart.
+const DUMMIES: [&str; 8] = ["", "0", "ANON", "ANONYM", "ANONYMOUS", "ANONYMIZED", "UNKNOWN", "NONE"];
+
+/// A series with the label of its date.
+struct Dated<'a> {
+    series: &'a SeriesSummary,
+    time: String,
+}
+
+/// A case from the DICOM files below `folder`; `only`: the series of this UID alone.
+///
+/// # Errors
+/// [`CaseError`] where nothing of it can be shown.
+pub(super) fn propose(
+    folder: &Path,
+    name: String,
+    only: Option<&str>,
+    left_out: Vec<Check>,
+    progress: &Progress,
+) -> Result<Proposal, CaseError> {
+    progress.say("Reading headers");
+    let mut studies = dicom::studies(folder, progress)?;
+    if let Some(uid) = only {
+        for study in studies.patients.iter_mut().flat_map(|patient| &mut patient.studies) {
+            study.series.retain(|series| series.uid == uid);
+        }
+        studies.patients.retain(|patient| patient.studies.iter().any(|study| !study.series.is_empty()));
+    }
+    let Some(chosen) = best(&studies) else {
+        let unreadable = studies.unreadable.first().map(ToString::to_string);
+        let of_series = all_series(&studies).find_map(|series| series.problem.clone());
+        let found = unreadable.or(of_series).unwrap_or_else(|| "nothing that can be shown".into());
+        return Err(CaseError::wrong(printable(&folder.display().to_string()), found, "an image or a mask in DICOM"));
+    };
+    let mut notes = left_out;
+    let mut doubt = None;
+    if studies.patients.len() > 1 {
+        let names: Vec<String> = studies.patients.iter().map(|p| p.patient.label()).collect();
+        doubt = Some(format!("files of {} patients ({})", names.len(), listed(&names, 3)));
+    } else if is_dummy(&chosen.patient.id) && is_dummy(&chosen.patient.name) {
+        notes.push(Check::warning(
+            "dicom-nobody",
+            "patient: found no identifier in the files; that all are one patient's can't be told",
+        ));
+    }
+    let dated = dates(chosen, &mut notes);
+    let mut files: Vec<ProposedFile> = Vec::new();
+    for Dated { series, time } in &dated {
+        files.extend(proposed(folder, series, time));
+    }
+    unique_ids(&mut files);
+    for other in studies.patients.iter().filter(|other| other.patient != chosen.patient) {
+        let reason = format!("another patient: {}", other.patient.label());
+        for series in other.studies.iter().flat_map(|study| &study.series) {
+            for mut file in proposed(folder, series, "") {
+                file.role = Role::LeftOut;
+                file.reason.clone_from(&reason);
+                files.push(file);
+            }
+        }
+    }
+    notes.extend(findings(&studies, &dated));
+    Ok(Proposal {
+        name,
+        folder: folder.to_owned(),
+        files,
+        order: Vec::new(),
+        notes,
+        doubt,
+        key: String::new(),
+        described_by: Vec::new(),
+    })
+}
+
+fn all_series(studies: &Studies) -> impl Iterator<Item = &SeriesSummary> {
+    studies.patients.iter().flat_map(|patient| &patient.studies).flat_map(|study| &study.series)
+}
+
+fn is_dummy(text: &str) -> bool {
+    DUMMIES.contains(&text.to_uppercase().as_str())
+}
+
+/// The patient with masks, else with the most images that can be shown.
+fn best(studies: &Studies) -> Option<&PatientStudies> {
+    let score = |patient: &PatientStudies| {
+        let series = || patient.studies.iter().flat_map(|study| &study.series);
+        let masks: usize = series().map(|s| s.segments.len()).sum();
+        let slices: usize = series().flat_map(|s| &s.volumes).filter(|v| v.problem.is_none()).map(|v| v.dims[2]).sum();
+        (masks, slices)
+    };
+    studies.patients.iter().filter(|patient| score(patient) != (0, 0)).max_by_key(|patient| score(patient))
+}
+
+/// The series of a patient with their dates: one for all series of a study, and none where there is one date.
+fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'a>> {
+    let mut all = Vec::new();
+    let mut by_frame: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+    for study in &patient.studies {
+        let first = study.series.iter().map(|s| s.date.as_str()).filter(|d| !d.is_empty()).min().unwrap_or_default();
+        let date = if study.date.is_empty() { first } else { &study.date };
+        let time = readable(date).unwrap_or_else(|| if date.is_empty() { study.uid.clone() } else { date.to_owned() });
+        for series in &study.series {
+            if !series.frame_of_reference.is_empty() && !series.volumes.is_empty() {
+                by_frame.entry(&series.frame_of_reference).or_default().insert(time.clone());
+            }
+            if !series.date.is_empty() && !date.is_empty() && series.date != date && series.kind == Kind::Image {
+                let own = readable(&series.date).unwrap_or_else(|| series.date.clone());
+                notes.push(Check::warning(
+                    "dicom-dates",
+                    format!("{}: acquired on {own}, in a study of {time}", series.label()),
+                ));
+            }
+            all.push(Dated { series, time: time.clone() });
+        }
+    }
+    // Masks may have been drawn in a later study than that of their image.
+    for dated in all.iter_mut().filter(|dated| !dated.series.segments.is_empty()) {
+        if let Some(times) = by_frame.get(dated.series.frame_of_reference.as_str())
+            && times.len() == 1
+            && let Some(time) = times.first()
+        {
+            dated.time.clone_from(time);
+        }
+    }
+    let times: BTreeSet<&String> = all.iter().map(|dated| &dated.time).collect();
+    if times.len() < 2 {
+        all.iter_mut().for_each(|dated| dated.time.clear());
+    } else {
+        let labels: Vec<String> = times.into_iter().cloned().collect();
+        notes.push(Check::note("guessed-times", format!("times: from the studies' dates: {}", labels.join(", "))));
+    }
+    all
+}
+
+/// `2024-03-02` of `20240302`.
+fn readable(date: &str) -> Option<String> {
+    let is_date = date.len() == 8 && date.bytes().all(|b| b.is_ascii_digit());
+    is_date.then(|| format!("{}-{}-{}", &date[..4], &date[4..6], &date[6..]))
+}
+
+/// What a series is in the case: an image for each of its volumes, or a file with its masks.
+fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFile> {
+    let title = |key: &str| {
+        let number = if series.number.is_empty() { String::new() } else { format!("{}: ", series.number) };
+        let key = if key.is_empty() { String::new() } else { format!(" ({key})") };
+        format!("{number}{}{key}", series.label())
+    };
+    let file = |path: PathBuf, role: Role, id: String, key: &str| {
+        let mut file = ProposedFile::new(path, role, id, time.to_owned());
+        file.series = Some(series.uid.clone());
+        file.title = title(key);
+        file
+    };
+    let left_out = |mut file: ProposedFile, reason: &str| {
+        file.role = Role::LeftOut;
+        file.left_out_for = LeftOutFor::Choice;
+        reason.clone_into(&mut file.reason);
+        file
+    };
+    match (&series.problem, series.kind) {
+        (Some(problem), _) => {
+            let file = file(series.folder.clone(), Role::LeftOut, id_of(series), "");
+            vec![left_out(file, problem)]
+        }
+        (None, Kind::Segmentation | Kind::StructureSet) => {
+            // Its image lies somewhere below the folder.
+            let mut file = file(folder.to_owned(), Role::Mask, id_of(series), "");
+            file.reason = format!("DICOM {}", series.kind.name());
+            file.masks = series
+                .segments
+                .iter()
+                .map(|segment| ProposedMask {
+                    is_in: segment.label != Some(0),
+                    id: mask_id(&segment.name, segment.number),
+                    labels: String::new(),
+                    segment: Some(segment.number),
+                    name: String::new(),
+                    color: segment.color,
+                })
+                .collect();
+            if file.masks.is_empty() {
+                return vec![left_out(file, "no segment with closed contours")];
+            }
+            vec![file]
+        }
+        _ => {
+            let several = series.volumes.len() > 1;
+            let each = series.volumes.iter().enumerate().map(|(frame, volume)| {
+                let id = if volume.key.is_empty() { id_of(series) } else { format!("{} {}", id_of(series), volume.key) };
+                let mut file = file(series.folder.clone(), Role::Image, id, &volume.key);
+                file.frame = (several && frame > 0).then_some(frame);
+                let [columns, rows, slices] = volume.dims;
+                file.reason = format!("DICOM image, {columns} × {rows} × {slices}");
+                match &volume.problem {
+                    Some(problem) => left_out(file, problem),
+                    None if volume.is_localizer => left_out(file, "a localizer"),
+                    None if slices < MIN_SLICES => left_out(file, &format!("{slices} slices")),
+                    // Of many time points or echoes the first is proposed.
+                    None if frame > 0 && !volume.key.is_empty() => left_out(file, "another of the series' volumes"),
+                    None => file,
+                }
+            });
+            each.collect()
+        }
+    }
+}
+
+/// `MR T1 post`: modality and description.
+fn id_of(series: &SeriesSummary) -> String {
+    let label = series.label();
+    let id: String = label.chars().filter(|c| !c.is_control()).collect();
+    let id = id.trim();
+    if id.is_empty() { format!("series {}", series.number) } else { id.to_owned() }
+}
+
+fn mask_id(name: &str, number: i64) -> String {
+    let id: String = printable(name).chars().filter(|c| !c.is_control()).collect();
+    let id = id.trim();
+    if id.is_empty() { format!("segment {number}") } else { id.to_owned() }
+}
+
+/// Makes the ids of images, and of masks, differ within each date.
+fn unique_ids(files: &mut [ProposedFile]) {
+    let mut seen: BTreeSet<(bool, String, String)> = BTreeSet::new();
+    let mut unique = |is_mask: bool, time: &str, id: &mut String| {
+        let stem = id.clone();
+        let mut number = 2;
+        while !seen.insert((is_mask, time.to_owned(), id.clone())) {
+            *id = format!("{stem} {number}");
+            number += 1;
+        }
+    };
+    for file in files.iter_mut().filter(|file| file.role != Role::LeftOut) {
+        let time = file.time.clone();
+        match file.role {
+            Role::Mask => file.masks.iter_mut().for_each(|mask| unique(true, &time, &mut mask.id)),
+            _ => unique(false, &time, &mut file.id),
+        }
+    }
+    // More masks than a date can have are for the user to choose from.
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for file in files.iter_mut().filter(|file| file.role == Role::Mask) {
+        for mask in file.masks.iter_mut().filter(|mask| mask.is_in) {
+            let count = counts.entry(file.time.clone()).or_default();
+            *count += 1;
+            mask.is_in = *count <= MAX_MASKS;
+        }
+    }
+}
+
+/// What concerns all: unreadable files, and images of one date that don't claim one space.
+fn findings(studies: &Studies, dated: &[Dated<'_>]) -> Vec<Check> {
+    let mut checks = Vec::new();
+    if !studies.unreadable.is_empty() {
+        let errors: Vec<String> = studies.unreadable.iter().map(ToString::to_string).collect();
+        checks.push(Check::warning("left-out", format!("{}; left out", listed(&errors, 3))));
+    }
+    let mut by_time: BTreeMap<&str, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
+    for Dated { series, time } in dated {
+        let is_shown = series.volumes.iter().any(|v| v.problem.is_none() && !v.is_localizer && v.dims[2] >= MIN_SLICES);
+        if is_shown {
+            let frames = by_time.entry(time).or_default();
+            frames.entry(&series.frame_of_reference).or_default().push(series.label());
+        }
+    }
+    for (time, frames) in by_time {
+        if frames.len() > 1 {
+            let groups: Vec<String> = frames.values().map(|labels| listed(labels, 3)).collect();
+            let at = if time.is_empty() { String::new() } else { format!(" of {time}") };
+            checks.push(Check::warning(
+                "frames-of-reference",
+                format!("images{at}: found {} frames of reference ({}), which are shown as if they were one space", frames.len(), groups.join("; ")),
+            ));
+        }
+    }
+    checks
+}

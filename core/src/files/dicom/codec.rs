@@ -1,0 +1,143 @@
+//! Compressed frames: JPEG, JPEG-LS and JPEG 2000 by kept crates, after a look at what the stream claims. The window and
+//! the command line let another process do it (see [`super::isolated`]): decoders of hostile bytes may abort.
+
+use super::data_set::Unusable;
+use super::instance::PixelFormat;
+use super::isolated;
+
+/// A codec of single images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Codec {
+    Jpeg = 1,
+    JpegLs = 2,
+    Jpeg2000 = 3,
+}
+
+impl Codec {
+    /// The codec of a number.
+    pub fn of(number: u8) -> Option<Self> {
+        [Self::Jpeg, Self::JpegLs, Self::Jpeg2000].into_iter().find(|codec| *codec as u8 == number)
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Jpeg => "JPEG",
+            Self::JpegLs => "JPEG-LS",
+            Self::Jpeg2000 => "JPEG 2000",
+        }
+    }
+}
+
+/// What a stream's header claims.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Claim {
+    width: usize,
+    height: usize,
+    components: usize,
+    bits: u32,
+}
+
+/// The pixels of a compressed frame, row by row, in the stream's own sign.
+///
+/// # Errors
+/// [`Unusable`] where the stream claims another size than `format`, is cut, or can't be decoded.
+pub(super) fn decode(codec: Codec, stream: &[u8], format: &PixelFormat) -> Result<Vec<i32>, Unusable> {
+    let wrong = |found: String, expected: String| Unusable::new(found, expected);
+    let name = codec.name();
+    let claim = match codec {
+        Codec::Jpeg | Codec::JpegLs => jpeg_claim(stream),
+        Codec::Jpeg2000 => jpeg_2000_claim(stream),
+    };
+    let claim = claim.ok_or_else(|| wrong(format!("a frame that is no {name} stream"), name.to_owned()))?;
+    let Claim { width, height, components, bits } = claim;
+    if (width, height, components) != (format.columns, format.rows, 1) {
+        let found = format!("a {name} stream of {width} × {height} pixels and {components} components");
+        return Err(wrong(found, format!("{} × {} of one", format.columns, format.rows)));
+    }
+    if bits > 16 || bits > u32::from(format.bits_allocated) {
+        let found = format!("a {name} stream of {bits} bits a pixel");
+        return Err(wrong(found, format!("at most {}", format.bits_allocated)));
+    }
+    // The end marker; a padding byte makes the length even.
+    let end = stream.iter().rposition(|&byte| byte != 0).unwrap_or_default();
+    if stream.get(end.saturating_sub(1)..=end) != Some(&[0xff, 0xd9]) {
+        return Err(wrong(format!("a {name} stream without its end"), "a whole stream".into()));
+    }
+    let mut numbers = isolated::decode(codec, stream, format.pixels())?;
+    if numbers.len() != format.pixels() {
+        let found = format!("{} pixels in a {name} stream", numbers.len());
+        return Err(wrong(found, format!("{}", format.pixels())));
+    }
+    // JPEG and JPEG-LS know no sign: their numbers are the stored bits.
+    let stored = u32::from(format.bits_stored);
+    if codec != Codec::Jpeg2000 && format.is_signed && stored < 32 {
+        for number in &mut numbers {
+            *number = *number << (32 - stored) >> (32 - stored);
+        }
+    }
+    Ok(numbers)
+}
+
+/// Decodes in this process. The stream's claim has been checked.
+pub(super) fn decode_here(codec: Codec, stream: &[u8]) -> Result<Vec<i32>, String> {
+    match codec {
+        Codec::Jpeg => {
+            let mut decoder = jpeg_decoder::Decoder::new(stream);
+            let bytes = decoder.decode().map_err(|e| e.to_string())?;
+            let info = decoder.info().ok_or("no image")?;
+            match info.pixel_format {
+                jpeg_decoder::PixelFormat::L8 => Ok(bytes.into_iter().map(i32::from).collect()),
+                jpeg_decoder::PixelFormat::L16 => {
+                    let words = bytes.as_chunks::<2>().0;
+                    Ok(words.iter().map(|&b| i32::from(u16::from_ne_bytes(b))).collect())
+                }
+                other => Err(format!("pixels of the format {other:?}")),
+            }
+        }
+        Codec::JpegLs => Err("JPEG-LS, which no kept crate decodes without a C++ compiler".into()),
+        Codec::Jpeg2000 => {
+            let options = jpeg2k::DecodeParameters::new().strict(true);
+            let image = jpeg2k::Image::from_bytes_with(stream, options).map_err(|e| e.to_string())?;
+            let component = image.components().first().ok_or("no component")?;
+            Ok(component.data().to_vec())
+        }
+    }
+}
+
+/// The frame header of a JPEG or JPEG-LS stream: the first SOF segment.
+fn jpeg_claim(stream: &[u8]) -> Option<Claim> {
+    let mut rest = stream.strip_prefix(&[0xff, 0xd8])?;
+    loop {
+        let (&marker, after) = rest.strip_prefix(&[0xff])?.split_first()?;
+        if marker == 0xff {
+            rest = &rest[1..];
+            continue;
+        }
+        let length = usize::from(u16::from_be_bytes(*after.first_chunk()?));
+        let segment = after.get(2..length)?;
+        let is_frame = matches!(marker, 0xc0..=0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf | 0xf7);
+        if is_frame {
+            let [bits, h1, h0, w1, w0, components] = *segment.first_chunk()?;
+            return Some(Claim {
+                width: usize::from(u16::from_be_bytes([w1, w0])),
+                height: usize::from(u16::from_be_bytes([h1, h0])),
+                components: usize::from(components),
+                bits: u32::from(bits),
+            });
+        }
+        rest = after.get(length..)?;
+    }
+}
+
+/// The SIZ segment of a JPEG 2000 codestream, which it begins with; also inside a JP2 file.
+fn jpeg_2000_claim(stream: &[u8]) -> Option<Claim> {
+    const BEGIN: [u8; 4] = [0xff, 0x4f, 0xff, 0x51];
+    let at = if stream.starts_with(&BEGIN) { 0 } else { stream.windows(4).take(4096).position(|w| w == BEGIN)? };
+    let segment = stream.get(at + 4..)?;
+    let word = |at: usize| Some(u32::from_be_bytes(*segment.get(at..)?.first_chunk()?) as usize);
+    let (width, height) = (word(4)?.checked_sub(word(12)?)?, word(8)?.checked_sub(word(16)?)?);
+    let components = usize::from(u16::from_be_bytes(*segment.get(36..)?.first_chunk()?));
+    let bits = u32::from(segment.get(38)? & 0x7f) + 1;
+    Some(Claim { width, height, components, bits })
+}

@@ -184,7 +184,12 @@ fn suv_is_given_where_the_tags_allow_it_and_refused_with_a_reason_elsewhere() {
 }
 
 /// The masks of a file beside its image.
-fn masks_case(mask: &Path, image: &Path, truths: &serde_json::Map<String, Value>, by_name: bool) -> Vec<Option<String>> {
+fn masks_case(
+    mask: &Path,
+    image: &Path,
+    truths: &serde_json::Map<String, Value>,
+    by_name: bool,
+) -> Vec<Option<String>> {
     let mut all = vec![mask.to_owned()];
     all.extend(files_of(image));
     let folder = linked(&all);
@@ -199,7 +204,9 @@ fn masks_case(mask: &Path, image: &Path, truths: &serde_json::Map<String, Value>
     };
     // Trailing spaces are padding in DICOM: of two names that differ by one, the second is meant.
     let find = |key: &str| -> Option<&Segment> {
-        let named = segments.iter().filter(|s| if by_name { s.name == key.trim() } else { s.number.to_string() == key });
+        let named = segments
+            .iter()
+            .filter(|s| if by_name { s.name == key.trim() } else { s.number.to_string() == key });
         if key.ends_with(' ') { named.last() } else { named.into_iter().next() }
     };
     truths
@@ -222,9 +229,13 @@ fn masks_case(mask: &Path, image: &Path, truths: &serde_json::Map<String, Value>
                 return Some(format!("{key}: no warning"));
             }
             if truth.get("ras_dims").is_none() {
-                let count = (0..loaded.volume.grid().voxel_count()).filter(|&at| loaded.volume.value(at) > 0.0).count();
+                let count = (0..loaded.volume.grid().voxel_count())
+                    .filter(|&at| loaded.volume.value(at) > 0.0)
+                    .count();
                 let expected = truth["voxels"].as_u64();
-                return expected.filter(|&n| n != count as u64).map(|n| format!("{key}: {count} voxels, truth {n}"));
+                return expected
+                    .filter(|&n| n != count as u64)
+                    .map(|n| format!("{key}: {count} voxels, truth {n}"));
             }
             truth::difference(&loaded.volume, truth, AFFINE_MM).map(|d| format!("{key}: {d}"))
         })
@@ -260,7 +271,9 @@ fn segmentations_are_placed_by_their_own_functional_groups() {
         let (file, image) = (data.join(name), image_of(data, case));
         match case["expect"].as_str().unwrap() {
             // Files behind binary-other-patient.dcm bear its patient, too; alone they must be refused for their own fault.
-            "refuse" if name.contains("other") || name == "binary-no-place.dcm" => vec![refused(&file, &image)],
+            "refuse" if name.contains("other") || name == "binary-no-place.dcm" => {
+                vec![refused(&file, &image)]
+            }
             "refuse" => vec![refused(&file, Path::new("/nonexistent"))],
             _ => masks_case(&file, &image, case["segments"].as_object().unwrap(), false),
         }
@@ -286,7 +299,8 @@ fn a_patients_ct_mr_and_pet_have_the_masks_of_their_nifti() {
         let studies = files::dicom::studies(&folder, &Progress::new()).unwrap();
         let series = &studies.patients[0].studies[0].series;
         let image = series.iter().find(|s| s.folder.ends_with(name)).unwrap();
-        let part = |which| Source::Part(Part { path: folder.clone(), series: Some(image.uid.clone()), which });
+        let part =
+            |which| Source::Part(Part { path: folder.clone(), series: Some(image.uid.clone()), which });
         let loaded = read_frame(&part(Which::Frame(0)), 0).unwrap();
         let mut outcomes = vec![truth::difference(&loaded.volume, &case["image"], 2e-5)];
         let contours =
@@ -374,12 +388,15 @@ fn every_transfer_syntax_gives_the_same_pixels() {
             let what = what.as_str().unwrap();
             let outcome = match stored(&data.join(file)) {
                 // Twelve bits of baseline JPEG: the crate knows eight.
-                Err(error) if file == "u12-jpeg-extended-12bit.dcm" => (!one_line(&error)).then(|| error.to_string()),
+                Err(error) if file == "u12-jpeg-extended-12bit.dcm" => {
+                    (!one_line(&error)).then(|| error.to_string())
+                }
                 Err(error) => Some(error.to_string()),
                 Ok(pixels) => match what.split_once("largest error ") {
                     None => {
                         let hash = truth::sha256(pixels.iter().flat_map(|v| v.to_le_bytes()).collect());
-                        (hash != case["stored_i32le_sha256"].as_str().unwrap()).then(|| "other pixels".to_owned())
+                        (hash != case["stored_i32le_sha256"].as_str().unwrap())
+                            .then(|| "other pixels".to_owned())
                     }
                     Some((_, most)) => {
                         let most: i32 = most.trim_end_matches(')').parse().unwrap();

@@ -412,8 +412,10 @@ fn guess(
     }));
     notes.extend(listing.left_out);
     if !listing.dicom.is_empty() {
-        let names: Vec<String> = listing.dicom.iter().map(|path| printable(&path.display().to_string())).collect();
-        let text = format!("{}: found DICOM beside other images; left out", listed(&names, folder::MAX_LISTED));
+        let names: Vec<String> =
+            listing.dicom.iter().map(|path| printable(&path.display().to_string())).collect();
+        let text =
+            format!("{}: found DICOM beside other images; left out", listed(&names, folder::MAX_LISTED));
         notes.push(Check::warning("left-out", text));
     }
     let mut proposal = Proposal {

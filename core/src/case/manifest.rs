@@ -229,7 +229,11 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     let (mut images, mut masks) = (HashSet::new(), HashSet::new());
     for entry in &manifest.context {
         let (at, entry) = (entry.span().start, entry.get_ref());
-        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file, &entry.series, &entry.frame, &None)?, time_of(&entry.time)?);
+        let (id, source, time) = (
+            text_of(&entry.id, "id")?,
+            source_of(&entry.file, &entry.series, &entry.frame, &None)?,
+            time_of(&entry.time)?,
+        );
         if !images.insert((id.clone(), time.clone())) {
             return Err(location.wrong(Some(at), format!("image {id} twice"), "each id once at each time"));
         }
@@ -237,7 +241,11 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     }
     for entry in &manifest.mask {
         let (at, entry) = (entry.span().start, entry.get_ref());
-        let (id, source, time) = (text_of(&entry.id, "id")?, source_of(&entry.file, &entry.series, &entry.frame, &entry.segment)?, time_of(&entry.time)?);
+        let (id, source, time) = (
+            text_of(&entry.id, "id")?,
+            source_of(&entry.file, &entry.series, &entry.frame, &entry.segment)?,
+            time_of(&entry.time)?,
+        );
         if !masks.insert((id.clone(), time.clone())) {
             return Err(location.wrong(Some(at), format!("mask {id} twice"), "each id once at each time"));
         }
@@ -367,10 +375,13 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
         }
         Source::Embedded { name, .. } => Ok((*name).to_owned()),
     };
-    let context = spec
-        .contexts
-        .iter()
-        .map(|c| Ok(WrittenContext { id: &c.id, source: written_source(&c.source, file(&c.source)?), time: c.time.as_deref() }));
+    let context = spec.contexts.iter().map(|c| {
+        Ok(WrittenContext {
+            id: &c.id,
+            source: written_source(&c.source, file(&c.source)?),
+            time: c.time.as_deref(),
+        })
+    });
     let mask = spec.masks.iter().map(|m| {
         Ok(WrittenMask {
             id: &m.id,

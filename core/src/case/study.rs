@@ -49,7 +49,11 @@ pub(super) fn propose(
         let unreadable = studies.unreadable.first().map(ToString::to_string);
         let of_series = all_series(&studies).find_map(|series| series.problem.clone());
         let found = unreadable.or(of_series).unwrap_or_else(|| "nothing that can be shown".into());
-        return Err(CaseError::wrong(printable(&folder.display().to_string()), found, "an image or a mask in DICOM"));
+        return Err(CaseError::wrong(
+            printable(&folder.display().to_string()),
+            found,
+            "an image or a mask in DICOM",
+        ));
     };
     let mut notes = left_out;
     let mut doubt = None;
@@ -104,7 +108,8 @@ fn best(studies: &Studies) -> Option<&PatientStudies> {
     let score = |patient: &PatientStudies| {
         let series = || patient.studies.iter().flat_map(|study| &study.series);
         let masks: usize = series().map(|s| s.segments.len()).sum();
-        let slices: usize = series().flat_map(|s| &s.volumes).filter(|v| v.problem.is_none()).map(|v| v.dims[2]).sum();
+        let slices: usize =
+            series().flat_map(|s| &s.volumes).filter(|v| v.problem.is_none()).map(|v| v.dims[2]).sum();
         (masks, slices)
     };
     studies.patients.iter().filter(|patient| score(patient) != (0, 0)).max_by_key(|patient| score(patient))
@@ -115,14 +120,20 @@ fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'
     let mut all = Vec::new();
     let mut by_frame: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
     for study in &patient.studies {
-        let first = study.series.iter().map(|s| s.date.as_str()).filter(|d| !d.is_empty()).min().unwrap_or_default();
+        let first =
+            study.series.iter().map(|s| s.date.as_str()).filter(|d| !d.is_empty()).min().unwrap_or_default();
         let date = if study.date.is_empty() { first } else { &study.date };
-        let time = readable(date).unwrap_or_else(|| if date.is_empty() { study.uid.clone() } else { date.to_owned() });
+        let time = readable(date)
+            .unwrap_or_else(|| if date.is_empty() { study.uid.clone() } else { date.to_owned() });
         for series in &study.series {
             if !series.frame_of_reference.is_empty() && !series.volumes.is_empty() {
                 by_frame.entry(&series.frame_of_reference).or_default().insert(time.clone());
             }
-            if !series.date.is_empty() && !date.is_empty() && series.date != date && series.kind == Kind::Image {
+            if !series.date.is_empty()
+                && !date.is_empty()
+                && series.date != date
+                && series.kind == Kind::Image
+            {
                 let own = readable(&series.date).unwrap_or_else(|| series.date.clone());
                 notes.push(Check::warning(
                     "dicom-dates",
@@ -146,7 +157,10 @@ fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'
         all.iter_mut().for_each(|dated| dated.time.clear());
     } else {
         let labels: Vec<String> = times.into_iter().cloned().collect();
-        notes.push(Check::note("guessed-times", format!("times: from the studies' dates: {}", labels.join(", "))));
+        notes.push(Check::note(
+            "guessed-times",
+            format!("times: from the studies' dates: {}", labels.join(", ")),
+        ));
     }
     all
 }
@@ -205,7 +219,11 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
         _ => {
             let several = series.volumes.len() > 1;
             let each = series.volumes.iter().enumerate().map(|(frame, volume)| {
-                let id = if volume.key.is_empty() { id_of(series) } else { format!("{} {}", id_of(series), volume.key) };
+                let id = if volume.key.is_empty() {
+                    id_of(series)
+                } else {
+                    format!("{} {}", id_of(series), volume.key)
+                };
                 let mut file = file(series.folder.clone(), Role::Image, id, &volume.key);
                 file.frame = (several && frame > 0).then_some(frame);
                 let [columns, rows, slices] = volume.dims;
@@ -215,7 +233,9 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
                     None if volume.is_localizer => left_out(file, "a localizer"),
                     None if slices < MIN_SLICES => left_out(file, &format!("{slices} slices")),
                     // Of many time points or echoes the first is proposed.
-                    None if frame > 0 && !volume.key.is_empty() => left_out(file, "another of the series' volumes"),
+                    None if frame > 0 && !volume.key.is_empty() => {
+                        left_out(file, "another of the series' volumes")
+                    }
                     None => file,
                 }
             });
@@ -276,7 +296,8 @@ fn findings(studies: &Studies, dated: &[Dated<'_>]) -> Vec<Check> {
     }
     let mut by_time: BTreeMap<&str, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
     for Dated { series, time } in dated {
-        let is_shown = series.volumes.iter().any(|v| v.problem.is_none() && !v.is_localizer && v.dims[2] >= MIN_SLICES);
+        let is_shown =
+            series.volumes.iter().any(|v| v.problem.is_none() && !v.is_localizer && v.dims[2] >= MIN_SLICES);
         if is_shown {
             let frames = by_time.entry(time).or_default();
             frames.entry(&series.frame_of_reference).or_default().push(series.label());

@@ -99,7 +99,9 @@ pub fn read_tracts(
     progress: &Progress,
 ) -> Result<LoadedTracts, FileError> {
     match source {
-        Source::File(path) | Source::Part(Part { path, .. }) => read_stream(Stream::open(path, progress)?, options),
+        Source::File(path) | Source::Part(Part { path, .. }) => {
+            read_stream(Stream::open(path, progress)?, options)
+        }
         Source::Embedded { name, bytes } => read_tract_bytes(name, bytes, options, progress),
     }
 }

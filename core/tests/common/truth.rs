@@ -56,9 +56,9 @@ fn canonical(volume: &Volume) -> Canonical {
         }
     }
     let column = |w: usize| if flip[w] { -columns[axis_of[w]] } else { columns[axis_of[w]] };
-    let origin = (0..3).filter(|w| flip[*w]).fold(affine.translation, |o, w| {
-        o + columns[axis_of[w]] * (out[w] - 1) as f64
-    });
+    let origin = (0..3)
+        .filter(|w| flip[*w])
+        .fold(affine.translation, |o, w| o + columns[axis_of[w]] * (out[w] - 1) as f64);
     let affine = DMat4::from_cols(
         column(0).extend(0.0),
         column(1).extend(0.0),
@@ -106,8 +106,12 @@ pub fn difference(volume: &Volume, truth: &Value, tolerance_mm: f64) -> Option<S
         let bytes: Vec<u8> = ours.order.iter().flat_map(|&at| values[at].to_le_bytes()).collect();
         if hex(Sha256::digest(&bytes)) != hash {
             for sample in truth["samples"].as_array().into_iter().flatten() {
-                let index: Vec<usize> =
-                    sample["ras_index"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap() as usize).collect();
+                let index: Vec<usize> = sample["ras_index"]
+                    .as_array()
+                    .unwrap()
+                    .iter()
+                    .map(|n| n.as_u64().unwrap() as usize)
+                    .collect();
                 let at = ours.order[(index[2] * dims[1] + index[1]) * dims[0] + index[0]];
                 let (mine, theirs) = (volume.value(at), sample["value"].as_f64().unwrap());
                 if (mine - theirs).abs() > 1e-6 * theirs.abs().max(1.0) {
@@ -127,11 +131,16 @@ pub fn worst_sample(volume: &Volume, truth: &Value) -> f64 {
     samples
         .iter()
         .map(|sample| {
-            let index: Vec<usize> =
-                sample["ras_index"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap() as usize).collect();
+            let index: Vec<usize> = sample["ras_index"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|n| n.as_u64().unwrap() as usize)
+                .collect();
             let at = ours.order[(index[2] * ours.dims[1] + index[1]) * ours.dims[0] + index[0]];
             let theirs = sample["value"].as_f64().unwrap();
-            let place: Vec<f64> = sample["ras_mm"].as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect();
+            let place: Vec<f64> =
+                sample["ras_mm"].as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect();
             let mine = volume.grid().center_of_voxel_mm(volume.grid().ijk(at));
             assert!(mine.abs_diff_eq(DVec3::new(place[0], place[1], place[2]), 1e-3), "{mine} {place:?}");
             (volume.value(at) - theirs).abs() / theirs.abs().max(1e-12)

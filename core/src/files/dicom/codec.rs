@@ -133,7 +133,8 @@ fn jpeg_claim(stream: &[u8]) -> Option<Claim> {
 /// The SIZ segment of a JPEG 2000 codestream, which it begins with; also inside a JP2 file.
 fn jpeg_2000_claim(stream: &[u8]) -> Option<Claim> {
     const BEGIN: [u8; 4] = [0xff, 0x4f, 0xff, 0x51];
-    let at = if stream.starts_with(&BEGIN) { 0 } else { stream.windows(4).take(4096).position(|w| w == BEGIN)? };
+    let at =
+        if stream.starts_with(&BEGIN) { 0 } else { stream.windows(4).take(4096).position(|w| w == BEGIN)? };
     let segment = stream.get(at + 4..)?;
     let word = |at: usize| Some(u32::from_be_bytes(*segment.get(at..)?.first_chunk()?) as usize);
     let (width, height) = (word(4)?.checked_sub(word(12)?)?, word(8)?.checked_sub(word(16)?)?);

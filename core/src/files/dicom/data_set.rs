@@ -58,11 +58,7 @@ impl Unusable {
 impl DataSet {
     /// Of elements in the file's order: of two with one tag, the first counts. `around`: the character set of the data
     /// set around it.
-    pub fn new(
-        mut elements: Vec<(Tag, Value)>,
-        big_endian: bool,
-        around: &Arc<text::CharacterSet>,
-    ) -> Self {
+    pub fn new(mut elements: Vec<(Tag, Value)>, big_endian: bool, around: &Arc<text::CharacterSet>) -> Self {
         // Stable, so that the first of a tag stays the first.
         elements.sort_by_key(|(tag, _)| *tag);
         elements.dedup_by_key(|(tag, _)| *tag);

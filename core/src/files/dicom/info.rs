@@ -97,7 +97,8 @@ pub(in super::super) fn info(source: &Source, progress: &Progress) -> Result<Box
         }
     } else {
         let segments = segments_of(first)?;
-        info.segments = segments.into_iter().map(|s| NamedSegment { number: s.number, name: s.name }).collect();
+        info.segments =
+            segments.into_iter().map(|s| NamedSegment { number: s.number, name: s.name }).collect();
     }
     Ok(Box::new(info))
 }
@@ -113,8 +114,10 @@ impl FileInfo for Info {
         ];
         for (n, volume) in self.volumes.iter().enumerate() {
             let [columns, rows, slices] = volume.dims;
-            let spacing = volume.spacing_mm.map_or_else(String::new, |mm| format!(", {} mm", decimal::sizes(mm, 4)));
-            let axes = volume.axis_codes.as_deref().map_or_else(String::new, |codes| format!(", axes {codes}"));
+            let spacing =
+                volume.spacing_mm.map_or_else(String::new, |mm| format!(", {} mm", decimal::sizes(mm, 4)));
+            let axes =
+                volume.axis_codes.as_deref().map_or_else(String::new, |codes| format!(", axes {codes}"));
             let key = if volume.key.is_empty() { String::new() } else { format!("  ({})", volume.key) };
             lines.push(format!("volume {n:<4} {columns} × {rows} × {slices}{spacing}{axes}{key}"));
             lines.extend(volume.problem.iter().map(|problem| format!("            {problem}")));
@@ -122,7 +125,11 @@ impl FileInfo for Info {
         for segment in &self.segments {
             lines.push(format!("segment {:<3} {}", segment.number, super::super::printable(&segment.name)));
         }
-        lines.extend(self.checks.iter().map(|c| format!("{:?} [{}]: {}", c.severity, c.code, c.message).to_lowercase()));
+        lines.extend(
+            self.checks
+                .iter()
+                .map(|c| format!("{:?} [{}]: {}", c.severity, c.code, c.message).to_lowercase()),
+        );
         lines.join("\n")
     }
 
@@ -248,7 +255,11 @@ impl Studies {
             lines.push(format!("patient {}", patient.patient.label()));
             for study in &patient.studies {
                 let date = if study.date.is_empty() { "date unknown" } else { &study.date };
-                lines.push(format!("  study {date} {}", super::super::printable(&study.description)).trim_end().to_owned());
+                lines.push(
+                    format!("  study {date} {}", super::super::printable(&study.description))
+                        .trim_end()
+                        .to_owned(),
+                );
                 lines.extend(study.series.iter().map(series_line));
             }
         }

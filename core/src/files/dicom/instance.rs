@@ -52,7 +52,8 @@ impl Identity {
         Self {
             patient: Patient {
                 id: id.iter().filter(|part| !part.is_empty()).cloned().collect::<Vec<_>>().join("@"),
-                name: text(tags::PATIENT_NAME),
+                // Empty component groups at the end say nothing.
+                name: text(tags::PATIENT_NAME).trim_end_matches(['=', '^']).to_owned(),
                 birth_date: text(tags::PATIENT_BIRTH_DATE),
                 sex: text(tags::PATIENT_SEX),
             },
@@ -99,7 +100,10 @@ impl PixelFormat {
         }
         let samples = data.u16(tags::SAMPLES_PER_PIXEL).unwrap_or(1);
         let photometric = data.text(tags::PHOTOMETRIC_INTERPRETATION).unwrap_or_default();
-        if samples != 1 || !(photometric.is_empty() || photometric.starts_with("MONOCHROME") || photometric == "PALETTE COLOR")
+        if samples != 1
+            || !(photometric.is_empty()
+                || photometric.starts_with("MONOCHROME")
+                || photometric == "PALETTE COLOR")
         {
             let found = format!("{samples} samples a pixel ({photometric})");
             return Err(Unusable::new(found, "one sample a pixel, MONOCHROME1 or 2"));
@@ -113,7 +117,10 @@ impl PixelFormat {
             let high = data.u16(tags::HIGH_BIT).unwrap_or(stored.saturating_sub(1));
             let sign = number(tags::PIXEL_REPRESENTATION, "Pixel Representation")?;
             if sign > 1 {
-                return Err(Unusable::new(format!("Pixel Representation {sign}"), "0 (unsigned) or 1 (signed)"));
+                return Err(Unusable::new(
+                    format!("Pixel Representation {sign}"),
+                    "0 (unsigned) or 1 (signed)",
+                ));
             }
             (stored, high, sign == 1)
         };
@@ -122,7 +129,11 @@ impl PixelFormat {
             let found = format!("{bits_allocated} bits allocated a pixel");
             return Err(Unusable::new(found, if is_float { "32 or 64" } else { "1, 8, 16 or 32" }));
         }
-        if bits_stored == 0 || bits_stored > bits_allocated || high_bit >= bits_allocated || high_bit + 1 < bits_stored {
+        if bits_stored == 0
+            || bits_stored > bits_allocated
+            || high_bit >= bits_allocated
+            || high_bit + 1 < bits_stored
+        {
             let found = format!("{bits_stored} bits stored up to bit {high_bit} of {bits_allocated}");
             return Err(Unusable::new(found, "bits within those allocated"));
         }
@@ -191,7 +202,9 @@ pub(super) fn place(
         .map(|data| data.decimals_of(tags::IMAGE_POSITION_PATIENT))
         .transpose()?
         .flatten()
-        .ok_or_else(|| Unusable::new("no Image Position (Patient)", "the position of each slice (0020,0032)"))?;
+        .ok_or_else(|| {
+            Unusable::new("no Image Position (Patient)", "the position of each slice (0020,0032)")
+        })?;
     let Measures { along_row, along_column, pixel_spacing_mm, stated_step_mm, was_scaled } =
         measures_of(orientation, measures)?;
     let position_mm = DVec3::from_array(position);
@@ -211,17 +224,21 @@ pub(super) struct Measures {
 }
 
 /// As [`place`], without a position.
-pub(super) fn measures_of(orientation: Option<&DataSet>, measures: Option<&DataSet>) -> Result<Measures, Unusable> {
+pub(super) fn measures_of(
+    orientation: Option<&DataSet>,
+    measures: Option<&DataSet>,
+) -> Result<Measures, Unusable> {
     let cosines: [f64; 6] = orientation
         .map(|data| data.decimals_of(tags::IMAGE_ORIENTATION_PATIENT))
         .transpose()?
         .flatten()
-        .ok_or_else(|| Unusable::new("no Image Orientation (Patient)", "the directions of rows and columns (0020,0037)"))?;
-    let spacing: [f64; 2] = measures
-        .map(|data| data.decimals_of(tags::PIXEL_SPACING))
-        .transpose()?
-        .flatten()
-        .ok_or_else(|| Unusable::new("no Pixel Spacing", "the distances of rows and columns (0028,0030)"))?;
+        .ok_or_else(|| {
+            Unusable::new("no Image Orientation (Patient)", "the directions of rows and columns (0020,0037)")
+        })?;
+    let spacing: [f64; 2] =
+        measures.map(|data| data.decimals_of(tags::PIXEL_SPACING)).transpose()?.flatten().ok_or_else(
+            || Unusable::new("no Pixel Spacing", "the distances of rows and columns (0028,0030)"),
+        )?;
     if !spacing.iter().all(|mm| SPACINGS_MM.contains(mm)) {
         let found = format!("Pixel Spacing {} and {} mm", spacing[0], spacing[1]);
         return Err(Unusable::new(found, "between 0.0001 and 1000 mm"));
@@ -275,7 +292,10 @@ pub(super) struct Frame {
 pub(super) fn frames(data: &DataSet, format: &PixelFormat) -> Result<Vec<Frame>, Unusable> {
     let is_mosaic = data.texts(tags::IMAGE_TYPE).iter().any(|part| part == "MOSAIC");
     if is_mosaic || data.has(tags::SIEMENS_MOSAIC_COUNT) {
-        return Err(Unusable::new("a mosaic of slices in one image", "an image per slice (convert it: dcm2niix)"));
+        return Err(Unusable::new(
+            "a mosaic of slices in one image",
+            "an image per slice (convert it: dcm2niix)",
+        ));
     }
     if data.has(tags::MODALITY_LUT_SEQUENCE) {
         return Err(Unusable::new("a Modality LUT Sequence", "Rescale Slope and Intercept"));
@@ -336,11 +356,18 @@ fn enhanced_frame(
     key("DiffusionBValue", b_value.map(|b| b.to_string()));
     let time = content.and_then(|item| item.u32s(tags::TEMPORAL_POSITION_INDEX).first().copied());
     key("TemporalPositionIndex", time.map(|n| n.to_string()));
-    let of_type = group(tags::MR_IMAGE_FRAME_TYPE_SEQUENCE).or_else(|| group(tags::CT_IMAGE_FRAME_TYPE_SEQUENCE));
+    let of_type =
+        group(tags::MR_IMAGE_FRAME_TYPE_SEQUENCE).or_else(|| group(tags::CT_IMAGE_FRAME_TYPE_SEQUENCE));
     let frame_type = of_type.map(|item| item.texts(tags::FRAME_TYPE)).unwrap_or_default();
     key("FrameType", Some(frame_type.get(2..).unwrap_or_default().join("\\")).filter(|t| !t.is_empty()));
     const DIMENSIONS: [&str; 8] = [
-        "dimension 1", "dimension 2", "dimension 3", "dimension 4", "dimension 5", "dimension 6", "dimension 7",
+        "dimension 1",
+        "dimension 2",
+        "dimension 3",
+        "dimension 4",
+        "dimension 5",
+        "dimension 6",
+        "dimension 7",
         "dimension 8",
     ];
     let indices = content.map(|item| item.u32s(tags::DIMENSION_INDEX_VALUES)).unwrap_or_default();

@@ -99,7 +99,12 @@ impl Decoder {
         Ok(Self { child, input, output })
     }
 
-    fn ask(&mut self, codec: Codec, stream: &[u8], pixels: usize) -> std::io::Result<Result<Vec<i32>, String>> {
+    fn ask(
+        &mut self,
+        codec: Codec,
+        stream: &[u8],
+        pixels: usize,
+    ) -> std::io::Result<Result<Vec<i32>, String>> {
         let length = u32::try_from(stream.len()).map_err(std::io::Error::other)?;
         self.input.write_all(&[codec as u8])?;
         self.input.write_all(&length.to_le_bytes())?;

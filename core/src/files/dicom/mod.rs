@@ -26,4 +26,6 @@ pub use isolated::{DECODER_ARGUMENT, decode_frames_with, serve};
 pub(super) use open::{files_of, read, segments};
 pub(super) use parse::sniff;
 pub use scan::Kind;
-pub use study::{PatientStudies, SeriesSummary, Studies, StudySummary, VolumeSummary, is_dicom, series_of, studies};
+pub use study::{
+    PatientStudies, SeriesSummary, Studies, StudySummary, VolumeSummary, is_dicom, series_of, studies,
+};

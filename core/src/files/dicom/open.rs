@@ -52,7 +52,12 @@ impl Found {
         Self { kind: own.kind, own: vec![own], around, name }.checked()
     }
 
-    fn in_folder(path: &Path, series: Option<&str>, name: String, progress: &Progress) -> Result<Self, FileError> {
+    fn in_folder(
+        path: &Path,
+        series: Option<&str>,
+        name: String,
+        progress: &Progress,
+    ) -> Result<Self, FileError> {
         let scanned = scan(path, progress)?;
         let uid = match series {
             Some(uid) => uid.to_owned(),
@@ -65,13 +70,23 @@ impl Found {
                 match uids[..] {
                     [] => {
                         let first = scanned.unreadable.into_iter().next();
-                        let none = || FileError::wrong(&name, "no DICOM image, segmentation or structure set", "a series");
+                        let none = || {
+                            FileError::wrong(
+                                &name,
+                                "no DICOM image, segmentation or structure set",
+                                "a series",
+                            )
+                        };
                         return Err(first.unwrap_or_else(none));
                     }
                     [one] => one.to_owned(),
                     _ => {
                         let found = format!("{} series", uids.len());
-                        return Err(FileError::wrong(name, found, "one, or its UID (series = \"…\" in a manifest)"));
+                        return Err(FileError::wrong(
+                            name,
+                            found,
+                            "one, or its UID (series = \"…\" in a manifest)",
+                        ));
                     }
                 }
             }
@@ -120,7 +135,11 @@ fn is_beside(error: &FileError, headers: &[Header]) -> bool {
 }
 
 /// As [`super::super::read()`].
-pub(in super::super) fn read(source: &Source, options: &ReadOptions, progress: &Progress) -> Result<Loaded, FileError> {
+pub(in super::super) fn read(
+    source: &Source,
+    options: &ReadOptions,
+    progress: &Progress,
+) -> Result<Loaded, FileError> {
     let found = Found::of(source, progress)?;
     if found.kind == Kind::Image {
         return found.image()?.read(options, progress);

@@ -94,9 +94,9 @@ fn is_representation(two: [u8; 2]) -> bool {
 
 /// All value representations (PS3.5 6.2).
 const REPRESENTATIONS: [&[u8; 2]; 34] = [
-    b"AE", b"AS", b"AT", b"CS", b"DA", b"DS", b"DT", b"FD", b"FL", b"IS", b"LO", b"LT", b"OB", b"OD", b"OF", b"OL",
-    b"OV", b"OW", b"PN", b"SH", b"SL", b"SQ", b"SS", b"ST", b"SV", b"TM", b"UC", b"UI", b"UL", b"UN", b"UR", b"US",
-    b"UT", b"UV",
+    b"AE", b"AS", b"AT", b"CS", b"DA", b"DS", b"DT", b"FD", b"FL", b"IS", b"LO", b"LT", b"OB", b"OD", b"OF",
+    b"OL", b"OV", b"OW", b"PN", b"SH", b"SL", b"SQ", b"SS", b"ST", b"SV", b"TM", b"UC", b"UI", b"UL", b"UN",
+    b"UR", b"US", b"UT", b"UV",
 ];
 
 /// Parses a file that begins with `bytes` and is `file_bytes` long, up to and with its pixels; `headers_only`: fragments of
@@ -117,7 +117,10 @@ pub(super) fn parse(bytes: &[u8], file_bytes: u64, headers_only: bool) -> Result
     let stated = meta.meta()?;
     let at = meta.at;
     if at as u64 >= file_bytes {
-        return wrong(format!("the end of the file after {file_bytes} bytes"), "a data set after the file meta group");
+        return wrong(
+            format!("the end of the file after {file_bytes} bytes"),
+            "a data set after the file meta group",
+        );
     }
     let rest = bytes.get(at..).unwrap_or_default();
     let transfer_syntax = match stated {
@@ -140,7 +143,8 @@ pub(super) fn parse(bytes: &[u8], file_bytes: u64, headers_only: bool) -> Result
             return Err(Fault::NeedsMore);
         }
         let inflated = inflate(rest)?;
-        let (data, pixels_are_words) = Parser::new(&inflated, 0, inflated.len() as u64, encoding).data_set()?;
+        let (data, pixels_are_words) =
+            Parser::new(&inflated, 0, inflated.len() as u64, encoding).data_set()?;
         return Ok(Parsed { data, transfer_syntax, bytes: Cow::Owned(inflated), pixels_are_words });
     }
     let (data, pixels_are_words) = Parser::new(bytes, at, file_bytes, encoding).data_set()?;
@@ -157,7 +161,10 @@ fn inflate(deflated: &[u8]) -> Result<Vec<u8>, Fault> {
     let mut inflated = Vec::new();
     let mut decoder = DeflateDecoder::new(deflated).take(MAX_INFLATED_BYTES + 1);
     if let Err(error) = decoder.read_to_end(&mut inflated) {
-        return wrong(format!("a data set that does not inflate ({error})"), "deflate, as the transfer syntax says");
+        return wrong(
+            format!("a data set that does not inflate ({error})"),
+            "deflate, as the transfer syntax says",
+        );
     }
     if inflated.len() as u64 > MAX_INFLATED_BYTES {
         let found = format!("a deflated data set of more than {MAX_INFLATED_BYTES} bytes");
@@ -204,7 +211,10 @@ impl<'a> Parser<'a> {
         let end = self.at.saturating_add(length);
         if end as u64 > self.file_bytes {
             let left = self.file_bytes.saturating_sub(self.at as u64);
-            return wrong(format!("{left} bytes where {what} of {length} begins, at {}", self.at), "a whole file");
+            return wrong(
+                format!("{left} bytes where {what} of {length} begins, at {}", self.at),
+                "a whole file",
+            );
         }
         let part = self.bytes.get(self.at..end).ok_or(Fault::NeedsMore)?;
         self.at = end;
@@ -216,7 +226,10 @@ impl<'a> Parser<'a> {
         let end = self.at.saturating_add(length);
         if end as u64 > self.file_bytes {
             let left = self.file_bytes.saturating_sub(self.at as u64);
-            return wrong(format!("{left} bytes where {what} of {length} begins, at {}", self.at), "a whole file");
+            return wrong(
+                format!("{left} bytes where {what} of {length} begins, at {}", self.at),
+                "a whole file",
+            );
         }
         let start = std::mem::replace(&mut self.at, end);
         Ok(start..end)
@@ -289,7 +302,19 @@ impl<'a> Parser<'a> {
         }
         let is_long = matches!(
             &representation,
-            b"OB" | b"OD" | b"OF" | b"OL" | b"OV" | b"OW" | b"SQ" | b"SV" | b"UC" | b"UN" | b"UR" | b"UT" | b"UV"
+            b"OB"
+                | b"OD"
+                | b"OF"
+                | b"OL"
+                | b"OV"
+                | b"OW"
+                | b"SQ"
+                | b"SV"
+                | b"UC"
+                | b"UN"
+                | b"UR"
+                | b"UT"
+                | b"UV"
         );
         if is_long {
             self.take(2, "a length")?;
@@ -426,7 +451,10 @@ impl<'a> Parser<'a> {
             match end {
                 Some(end) if self.at == end => break,
                 Some(end) if self.at > end => {
-                    return wrong(format!("an item of {tag} that is longer than it"), "items within their sequence");
+                    return wrong(
+                        format!("an item of {tag} that is longer than it"),
+                        "items within their sequence",
+                    );
                 }
                 _ => {}
             }

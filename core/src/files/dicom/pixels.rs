@@ -81,10 +81,8 @@ impl<'a> Layout<'a> {
         match value {
             Value::Pixels(range) => {
                 let uid = &parsed.transfer_syntax;
-                let is_plain = matches!(
-                    uid.strip_prefix("1.2.840.10008.1.2"),
-                    Some("" | ".1" | ".1.99" | ".2")
-                );
+                let is_plain =
+                    matches!(uid.strip_prefix("1.2.840.10008.1.2"), Some("" | ".1" | ".1.99" | ".2"));
                 if !is_plain {
                     return Err(Unusable::new(
                         "Pixel Data of defined length",
@@ -127,7 +125,8 @@ fn frames_of(
         return Ok((0..count).map(|n| n..n + 1).collect());
     }
     let table = bytes.get(all.offsets.clone()).unwrap_or_default();
-    let offsets: Vec<usize> = table.as_chunks::<4>().0.iter().map(|&b| u32::from_le_bytes(b) as usize).collect();
+    let offsets: Vec<usize> =
+        table.as_chunks::<4>().0.iter().map(|&b| u32::from_le_bytes(b) as usize).collect();
     let starts: Vec<usize> = if offsets.len() == frames {
         // Offsets count from the first fragment's item tag.
         let first = all.fragments.first().map_or(0, |range| range.start - 8);
@@ -173,7 +172,8 @@ pub(super) fn stored(
                 // Bytes lie in words of two, each with its bytes exchanged, from the start of the pixels.
                 let whole = parsed.bytes.get(range.clone()).unwrap_or_default();
                 let first = number * frame_bytes;
-                let swapped = (first..first + frame_bytes).map(|at| whole.get(at ^ 1).copied().unwrap_or_default());
+                let swapped =
+                    (first..first + frame_bytes).map(|at| whole.get(at ^ 1).copied().unwrap_or_default());
                 Cow::Owned(swapped.collect())
             } else {
                 Cow::Borrowed(part)
@@ -185,7 +185,11 @@ pub(super) fn stored(
             let compressed: Cow<'_, [u8]> = match parts {
                 [one] => Cow::Borrowed(parsed.bytes.get(one.clone()).unwrap_or_default()),
                 _ => Cow::Owned(
-                    parts.iter().flat_map(|part| parsed.bytes.get(part.clone()).unwrap_or_default()).copied().collect(),
+                    parts
+                        .iter()
+                        .flat_map(|part| parsed.bytes.get(part.clone()).unwrap_or_default())
+                        .copied()
+                        .collect(),
                 ),
             };
             match compression {
@@ -193,7 +197,9 @@ pub(super) fn stored(
                 Compression::None => return Err(short(compressed.len(), frame_bytes)),
                 Compression::Rle => Cow::Owned(unpack_rle(&compressed, format)?),
                 Compression::Deflate => Cow::Owned(inflate(&compressed, frame_bytes)?),
-                Compression::Codec(codec) => return codec::decode(*codec, &compressed, format).map(Stored::Whole),
+                Compression::Codec(codec) => {
+                    return codec::decode(*codec, &compressed, format).map(Stored::Whole);
+                }
             }
         }
     };
@@ -233,7 +239,10 @@ fn unpack_rle(compressed: &[u8], format: &PixelFormat) -> Result<Vec<u8>, Unusab
         let start = words[1 + segment];
         let end = if segment + 1 < bytes_each { words[2 + segment] } else { compressed.len() };
         let Some(packed) = compressed.get(start.max(64)..end).filter(|_| start >= 64) else {
-            return wrong(format!("an RLE segment from {start} to {end} of {}", compressed.len()), "one within its frame");
+            return wrong(
+                format!("an RLE segment from {start} to {end} of {}", compressed.len()),
+                "one within its frame",
+            );
         };
         // Native order is little-endian: the first segment has the highest bytes.
         let place = bytes_each - 1 - segment;

@@ -92,7 +92,10 @@ pub(super) fn refuse_strangers(
             return wrong("another patient than that", "one patient");
         }
         if is_referenced && !is_in_same_place && !image.identity.frame_of_reference.is_empty() {
-            return wrong("another frame of reference than that", "one frame of reference, or a registration");
+            return wrong(
+                "another frame of reference than that",
+                "one frame of reference, or a registration",
+            );
         }
     }
     Ok(())

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::super::{FileError, open_regular, printable, stand_in};
 use super::data_set::Unusable;
 use super::instance::{Frame, Identity, PixelFormat, frames};
 use super::parse::{Fault, Parsed, parse, sniff};
 use super::suv::Activity;
 use super::tags;
-use super::super::{FileError, open_regular, printable, stand_in};
 use crate::Progress;
 
 /// Bytes read at first: headers are mostly shorter.
@@ -67,14 +67,21 @@ impl Header {
 
 /// An error about `path`.
 pub(super) fn in_file(path: &Path, wrong: &Unusable) -> FileError {
-    FileError::wrong(printable(&path.display().to_string()), printable(&wrong.found), printable(&wrong.expected))
+    FileError::wrong(
+        printable(&path.display().to_string()),
+        printable(&wrong.found),
+        printable(&wrong.expected),
+    )
 }
 
 /// The bytes of a file.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     let (file, file_bytes) = open_regular(path)?;
     if file_bytes > MAX_FILE_BYTES {
-        return Err(in_file(path, &Unusable::new(format!("{file_bytes} bytes"), format!("at most {MAX_FILE_BYTES}"))));
+        return Err(in_file(
+            path,
+            &Unusable::new(format!("{file_bytes} bytes"), format!("at most {MAX_FILE_BYTES}")),
+        ));
     }
     let mut bytes = Vec::with_capacity(usize::try_from(file_bytes).unwrap_or_default());
     read_up_to(path, file, file_bytes, &mut bytes)?;
@@ -220,7 +227,8 @@ fn scan_files(mut paths: Vec<PathBuf>, progress: &Progress) -> Result<Scanned, F
 }
 
 fn list(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), FileError> {
-    let cant = |e: std::io::Error| in_file(folder, &Unusable::new(e.to_string(), "a folder that can be read"));
+    let cant =
+        |e: std::io::Error| in_file(folder, &Unusable::new(e.to_string(), "a folder that can be read"));
     for entry in std::fs::read_dir(folder).map_err(cant)? {
         let entry = entry.map_err(cant)?;
         if entry.file_name().as_encoded_bytes().starts_with(b".") {

@@ -84,7 +84,9 @@ pub(super) fn short(name: &str) -> String {
 fn kind(data: &DataSet) -> Result<Type, Unusable> {
     match data.text(tags::SEGMENTATION_TYPE).as_deref() {
         Some("BINARY") => Ok(Type::Binary),
-        Some("FRACTIONAL") => Ok(Type::Fractional(f64::from(data.u16(tags::MAXIMUM_FRACTIONAL_VALUE).unwrap_or(255).max(1)))),
+        Some("FRACTIONAL") => {
+            Ok(Type::Fractional(f64::from(data.u16(tags::MAXIMUM_FRACTIONAL_VALUE).unwrap_or(255).max(1))))
+        }
         Some("LABELMAP") => Ok(Type::LabelMap),
         other => {
             let found = format!("Segmentation Type {:?}", other.unwrap_or_default());
@@ -139,7 +141,12 @@ impl Segmentation {
     ///
     /// # Errors
     /// [`FileError::Wrong`] for pixels that are cut, padded or can't be decompressed.
-    pub fn read(&self, header: &Header, parsed: &Parsed<'_>, options: &ReadOptions) -> Result<Loaded, FileError> {
+    pub fn read(
+        &self,
+        header: &Header,
+        parsed: &Parsed<'_>,
+        options: &ReadOptions,
+    ) -> Result<Loaded, FileError> {
         let wrong = |unusable: Unusable| in_file(&header.path, &unusable);
         let is_map = self.kind == Type::LabelMap;
         let count = if is_map { 1 } else { self.segments.len() };
@@ -165,12 +172,14 @@ impl Segmentation {
         let pixels = self.format.pixels();
         let samples = if bytes_each == 2 {
             let mut voxels = vec![self.background; grid.voxel_count()];
-            self.fill(parsed, &wanted, |slice, at, value| voxels[slice * pixels + at] = value as u16).map_err(wrong)?;
+            self.fill(parsed, &wanted, |slice, at, value| voxels[slice * pixels + at] = value as u16)
+                .map_err(wrong)?;
             Samples::U16(voxels)
         } else {
             let empty = if is_map { self.background as u8 } else { 0 };
             let mut voxels = vec![empty; grid.voxel_count()];
-            self.fill(parsed, &wanted, |slice, at, value| voxels[slice * pixels + at] = value as u8).map_err(wrong)?;
+            self.fill(parsed, &wanted, |slice, at, value| voxels[slice * pixels + at] = value as u8)
+                .map_err(wrong)?;
             Samples::U8(voxels)
         };
         let scaling = match self.kind {
@@ -222,8 +231,11 @@ impl Segmentation {
         };
         for &(frame, slice) in wanted {
             let parts = &all.fragments[frames[frame].clone()];
-            let compressed: Vec<u8> =
-                parts.iter().flat_map(|part| parsed.bytes.get(part.clone()).unwrap_or_default()).copied().collect();
+            let compressed: Vec<u8> = parts
+                .iter()
+                .flat_map(|part| parsed.bytes.get(part.clone()).unwrap_or_default())
+                .copied()
+                .collect();
             set_bits(&inflate(&compressed, pixels.div_ceil(8))?, 0, slice);
         }
         Ok(())
@@ -274,7 +286,14 @@ fn places(
                 was_scaled: false,
             });
         let position_mm = frame.place.position_mm;
-        all.push(Place { position_mm, along_row, along_column, pixel_spacing_mm, stated_step_mm, was_scaled });
+        all.push(Place {
+            position_mm,
+            along_row,
+            along_column,
+            pixel_spacing_mm,
+            stated_step_mm,
+            was_scaled,
+        });
         from_images += 1;
     }
     if from_images > 0 {
@@ -304,7 +323,8 @@ fn segment_numbers(
                 .item(tags::SEGMENT_IDENTIFICATION_SEQUENCE)
                 .or_else(|| shared.and_then(|s| s.item(tags::SEGMENT_IDENTIFICATION_SEQUENCE)));
             let number = identification.and_then(|item| item.u16(tags::REFERENCED_SEGMENT_NUMBER));
-            let number = number.ok_or_else(|| Unusable::new(format!("frame {} of no segment", n + 1), "a segment"))?;
+            let number =
+                number.ok_or_else(|| Unusable::new(format!("frame {} of no segment", n + 1), "a segment"))?;
             if !segments.iter().any(|s| s.number == i64::from(number)) {
                 let found = format!("frame {} of segment {number}", n + 1);
                 return Err(Unusable::new(found, format!("one of the {} described", segments.len())));
@@ -374,7 +394,10 @@ fn own_planes(places: &[Place], format: &PixelFormat) -> Result<Planes, Unusable
         (Some(step), _) => step,
         (None, true) if fits(smallest) => smallest,
         (None, true) => {
-            return Err(Unusable::new("frames at distances that are no multiples of one step", "equally spaced slices"));
+            return Err(Unusable::new(
+                "frames at distances that are no multiples of one step",
+                "equally spaced slices",
+            ));
         }
         (None, false) => first.stated_step_mm.unwrap_or(1.0),
     };
@@ -385,7 +408,12 @@ fn own_planes(places: &[Place], format: &PixelFormat) -> Result<Planes, Unusable
     }
     // Along the line through first and last frame, which may be sheared.
     let step_mm = if steps > 0.0 { (last.position_mm - first.position_mm) / steps } else { normal * step };
-    let planes = Planes { first, step_mm, dims: [format.columns, format.rows, steps as usize + 1], series: String::new() };
+    let planes = Planes {
+        first,
+        step_mm,
+        dims: [format.columns, format.rows, steps as usize + 1],
+        series: String::new(),
+    };
     let off = |place: &&Place| {
         let v = planes.voxel(place.position_mm);
         v.x.abs() > OFF_PIXELS || v.y.abs() > OFF_PIXELS || (v.z - v.z.round()).abs() > OFF_SLICE
@@ -402,9 +430,14 @@ fn own_planes(places: &[Place], format: &PixelFormat) -> Result<Planes, Unusable
 /// sRGB of a colour in the PCS encoding of CIELab under D50 (PS3.3 C.10.7.1.1).
 fn color(encoded: &[u16]) -> Option<[u8; 3]> {
     let &[l, a, b] = encoded else { return None };
-    let (l, a, b) = (f64::from(l) * 100.0 / 65535.0, f64::from(a) * 255.0 / 65535.0 - 128.0, f64::from(b) * 255.0 / 65535.0 - 128.0);
+    let (l, a, b) = (
+        f64::from(l) * 100.0 / 65535.0,
+        f64::from(a) * 255.0 / 65535.0 - 128.0,
+        f64::from(b) * 255.0 / 65535.0 - 128.0,
+    );
     let fy = (l + 16.0) / 116.0;
-    let inverse = |t: f64| if t > 6.0 / 29.0 { t * t * t } else { 3.0 * (6.0_f64 / 29.0).powi(2) * (t - 4.0 / 29.0) };
+    let inverse =
+        |t: f64| if t > 6.0 / 29.0 { t * t * t } else { 3.0 * (6.0_f64 / 29.0).powi(2) * (t - 4.0 / 29.0) };
     let [x, y, z] = [0.9642 * inverse(fy + a / 500.0), inverse(fy), 0.8249 * inverse(fy - b / 200.0)];
     // Bradford-adapted matrix from XYZ under D50 to linear sRGB (IEC 61966-2-1).
     let linear = [
@@ -427,7 +460,8 @@ mod tests {
     fn cielab_colours_become_srgb() {
         // White, black and mid grey of CIELab; pure sRGB red is L 54.29, a 80.81, b 69.89 under D50 (Lindbloom).
         let encode = |l: f64, a: f64, b: f64| {
-            [l / 100.0 * 65535.0, (a + 128.0) / 255.0 * 65535.0, (b + 128.0) / 255.0 * 65535.0].map(|v| v.round() as u16)
+            [l / 100.0 * 65535.0, (a + 128.0) / 255.0 * 65535.0, (b + 128.0) / 255.0 * 65535.0]
+                .map(|v| v.round() as u16)
         };
         assert_eq!(color(&encode(100.0, 0.0, 0.0)), Some([255, 255, 255]));
         assert_eq!(color(&encode(0.0, 0.0, 0.0)), Some([0, 0, 0]));

@@ -36,9 +36,11 @@ impl<'a> Series<'a> {
         let Some(&first) = files.first() else {
             return Err(wrong("no image".into(), "the files of a series"));
         };
-        let patient = |header: &Header| (header.identity.patient.id.clone(), header.identity.patient.name.clone());
+        let patient =
+            |header: &Header| (header.identity.patient.id.clone(), header.identity.patient.name.clone());
         if let Some(other) = files.iter().find(|file| patient(file) != patient(first)) {
-            let found = format!("files of two patients in one series ({} and {})", first.name(), other.name());
+            let found =
+                format!("files of two patients in one series ({} and {})", first.name(), other.name());
             return Err(wrong(found, "one patient"));
         }
         let mut frames = Vec::new();
@@ -102,7 +104,8 @@ impl<'a> Series<'a> {
         if let Some(uptake) = &self.uptake {
             match uptake.factor {
                 Some(factor) => {
-                    scaling = Scaling { slope: scaling.slope * factor, intercept: scaling.intercept * factor };
+                    scaling =
+                        Scaling { slope: scaling.slope * factor, intercept: scaling.intercept * factor };
                     checks.push(Check::note("pet-suv", format!("{}: SUVbw, {}", self.name, uptake.how)));
                 }
                 None => checks.push(Check::warning(
@@ -149,7 +152,12 @@ impl<'a> Series<'a> {
         Values::Stored { kept, scaling: Scaling { slope, intercept } }
     }
 
-    fn samples(&self, stack: &Stack, values: Values, progress: &Progress) -> Result<(Samples, u64), FileError> {
+    fn samples(
+        &self,
+        stack: &Stack,
+        values: Values,
+        progress: &Progress,
+    ) -> Result<(Samples, u64), FileError> {
         macro_rules! read {
             ($t:ty, $variant:ident, $convert:expr) => {{
                 let (samples, padded) = self.each_slice::<$t>(stack, progress, $convert)?;
@@ -178,7 +186,11 @@ impl<'a> Series<'a> {
         let pixels = columns * rows;
         let mut voxels = Vec::new();
         voxels.try_reserve_exact(pixels * count).map_err(|_| {
-            FileError::wrong(&self.name, format!("{columns} × {rows} × {count} voxels"), "no more than fit in memory")
+            FileError::wrong(
+                &self.name,
+                format!("{columns} × {rows} × {count} voxels"),
+                "no more than fit in memory",
+            )
         })?;
         voxels.resize(pixels * count, T::default());
         let mut by_file: Vec<Vec<(usize, &mut [T])>> = self.files.iter().map(|_| Vec::new()).collect();
@@ -205,7 +217,9 @@ impl<'a> Series<'a> {
                     let numbers = stored(&parsed, &layout, format, number).map_err(in_header)?;
                     numbers.for_each(|at, value| {
                         out[at] = convert(value, frame.slope, frame.intercept);
-                        padded += u64::from(header.padding.is_some_and(|(low, high)| (low..=high).contains(&value)));
+                        padded += u64::from(
+                            header.padding.is_some_and(|(low, high)| (low..=high).contains(&value)),
+                        );
                     });
                     Ok(padded)
                 };
@@ -275,7 +289,10 @@ fn without_copies<'a>(
     if !copies.is_empty() {
         let names: Vec<String> = copies.iter().map(|path| base_name(path)).collect();
         let names = crate::check::listed(&names, 3);
-        checks.push(Check::warning("dicom-copies", format!("{name}: {names}: copies of other files, left out")));
+        checks.push(Check::warning(
+            "dicom-copies",
+            format!("{name}: {names}: copies of other files, left out"),
+        ));
     }
     Ok(files.into_iter().filter(|file| !copies.contains(&file.path.as_path())).collect())
 }

@@ -194,10 +194,13 @@ fn split<'a, 'b>(group: Members<'a, 'b>) -> Result<Vec<(Key, Members<'a, 'b>)>, 
             let key = names.iter().map(|name| Ordered::of(value(c, name))).collect();
             parts.entry(key).or_default().push(c);
         }
-        let named = |key: Vec<(Ordered, String)>| names.iter().copied().zip(key.into_iter().map(|(_, v)| v)).collect();
+        let named = |key: Vec<(Ordered, String)>| {
+            names.iter().copied().zip(key.into_iter().map(|(_, v)| v)).collect()
+        };
         parts.into_iter().map(|(key, members)| (named(key), members)).collect()
     };
-    let is_whole = |parts: &[(Key, Members<'a, 'b>)]| parts.iter().all(|(_, members)| repeated(members).is_none());
+    let is_whole =
+        |parts: &[(Key, Members<'a, 'b>)]| parts.iter().all(|(_, members)| repeated(members).is_none());
     let singles = names.iter().map(|&name| vec![name]);
     let growing = (2..=names.len()).map(|count| names[..count].to_vec());
     for names in singles.chain(growing) {
@@ -233,7 +236,8 @@ fn repeated<'a, 'b>(sorted: &[&'b Candidate<'a>]) -> Option<(&'b Candidate<'a>, 
 
 /// How many slices the fullest position has.
 fn repeats(sorted: &[&Candidate<'_>]) -> usize {
-    let chunks = sorted.chunk_by(|a, b| a.frame.place.position_mm.abs_diff_eq(b.frame.place.position_mm, SAME_MM));
+    let chunks =
+        sorted.chunk_by(|a, b| a.frame.place.position_mm.abs_diff_eq(b.frame.place.position_mm, SAME_MM));
     chunks.map(<[_]>::len).max().unwrap_or(1)
 }
 

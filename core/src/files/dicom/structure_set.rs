@@ -85,7 +85,11 @@ impl StructureSet {
                 miscounted: 0,
             };
             for contour in own.map(|own| own.items(tags::CONTOUR_SEQUENCE)).unwrap_or_default() {
-                referenced.extend(contour.item(tags::CONTOUR_IMAGE_SEQUENCE).and_then(|i| i.text(tags::REFERENCED_SOP_INSTANCE_UID)));
+                referenced.extend(
+                    contour
+                        .item(tags::CONTOUR_IMAGE_SEQUENCE)
+                        .and_then(|i| i.text(tags::REFERENCED_SOP_INSTANCE_UID)),
+                );
                 roi.add(contour)?;
             }
             if roi.contours.is_empty() && roi.without_area == 0 {
@@ -96,13 +100,19 @@ impl StructureSet {
         }
         if !unfilled.is_empty() {
             let names = crate::check::listed(&unfilled, 5);
-            checks.push(Check::note("rtstruct-open", format!("{name}: {names}: no closed contours, so no masks")));
+            checks.push(Check::note(
+                "rtstruct-open",
+                format!("{name}: {names}: no closed contours, so no masks"),
+            ));
         }
         if !contours.is_empty() {
             let numbers: Vec<String> = contours.keys().map(i64::to_string).collect();
             checks.push(Check::warning(
                 "rtstruct-orphans",
-                format!("{name}: contours of regions {} that are not described, left out", crate::check::listed(&numbers, 5)),
+                format!(
+                    "{name}: contours of regions {} that are not described, left out",
+                    crate::check::listed(&numbers, 5)
+                ),
             ));
         }
         referenced.sort();
@@ -128,7 +138,12 @@ impl StructureSet {
     ///
     /// # Errors
     /// [`FileError::Wrong`] for images of another patient or frame of reference, and where no grid fits.
-    pub fn read(&self, header: &Header, around: &[Header], options: &ReadOptions) -> Result<Loaded, FileError> {
+    pub fn read(
+        &self,
+        header: &Header,
+        around: &[Header],
+        options: &ReadOptions,
+    ) -> Result<Loaded, FileError> {
         let wrong = |unusable: Unusable| in_file(&header.path, &unusable);
         let Some(roi) = self.rois.get(options.frame) else {
             let found = format!("{} region(s) with closed contours", self.rois.len());
@@ -136,7 +151,11 @@ impl StructureSet {
         };
         planes::refuse_strangers(header, &roi.frame_of_reference, &self.referenced, around)?;
         let mut checks = self.checks.clone();
-        let name = if roi.segment.name.is_empty() { format!("region {}", roi.segment.number) } else { roi.segment.name.clone() };
+        let name = if roi.segment.name.is_empty() {
+            format!("region {}", roi.segment.number)
+        } else {
+            roi.segment.name.clone()
+        };
         let images = planes::in_frame_of_reference(header, around, &roi.frame_of_reference);
         let planes = match best(&images, roi, &self.series) {
             Some(planes) => planes.clone(),
@@ -144,7 +163,9 @@ impl StructureSet {
                 let own = own_planes(roi).map_err(wrong)?;
                 checks.push(Check::warning(
                     "rtstruct-own-grid",
-                    format!("{name}: no image in its frame of reference; filled on a grid of {OWN_SPACING_MM} mm"),
+                    format!(
+                        "{name}: no image in its frame of reference; filled on a grid of {OWN_SPACING_MM} mm"
+                    ),
                 ));
                 own
             }
@@ -180,7 +201,11 @@ impl Roi {
         }
         let stated = contour.integer(tags::NUMBER_OF_CONTOUR_POINTS).ok().flatten();
         self.miscounted += usize::from(stated.is_some_and(|n| n != points.len() as i64));
-        if points.len() < 3 { self.without_area += 1 } else { self.contours.push(points) }
+        if points.len() < 3 {
+            self.without_area += 1
+        } else {
+            self.contours.push(points)
+        }
         Ok(())
     }
 }
@@ -194,12 +219,14 @@ fn color(own: &DataSet) -> Option<[u8; 3]> {
 /// The slices of the image that the file names; else those on which most contours lie, and nearest.
 fn best<'a>(images: &'a [Planes], roi: &Roi, named: &[String]) -> Option<&'a Planes> {
     let fit = |planes: &Planes| {
-        let off = roi.contours.iter().filter_map(|points| flat(points, planes)).map(|z| (z - z.round()).abs());
+        let off =
+            roi.contours.iter().filter_map(|points| flat(points, planes)).map(|z| (z - z.round()).abs());
         let on: Vec<f64> = off.filter(|off| *off <= ON_SLICE).collect();
         let far: f64 = on.iter().sum();
         (named.contains(&planes.series), on.len(), -far)
     };
-    let order = |a: (bool, usize, f64), b: (bool, usize, f64)| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2));
+    let order =
+        |a: (bool, usize, f64), b: (bool, usize, f64)| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2));
     // Of equals the first, which has the most slices.
     images.iter().rev().max_by(|a, b| order(fit(a), fit(b)))
 }
@@ -214,7 +241,8 @@ fn flat(points: &[DVec3], planes: &Planes) -> Option<f64> {
 /// Slices for contours without an image: axial, by their own distances.
 fn own_planes(roi: &Roi) -> Result<Planes, Unusable> {
     let points = || roi.contours.iter().flatten();
-    let (low, high) = points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), &p| (l.min(p), h.max(p)));
+    let (low, high) =
+        points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), &p| (l.min(p), h.max(p)));
     let mut heights: Vec<f64> = roi
         .contours
         .iter()
@@ -224,14 +252,22 @@ fn own_planes(roi: &Roi) -> Result<Planes, Unusable> {
     heights.sort_by(f64::total_cmp);
     heights.dedup_by(|a, b| (*a - *b).abs() <= 0.01);
     let (Some(&first), Some(&last)) = (heights.first(), heights.last()) else {
-        return Err(Unusable::new("no axial contours and no image in their frame of reference", "the image beside them"));
+        return Err(Unusable::new(
+            "no axial contours and no image in their frame of reference",
+            "the image beside them",
+        ));
     };
     let gap = heights.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
     let step = if gap.is_finite() { gap } else { 1.0 };
     let count = |extent: f64, spacing: f64| (extent / spacing).ceil() + 3.0;
-    let dims = [count(high.x - low.x, OWN_SPACING_MM), count(high.y - low.y, OWN_SPACING_MM), ((last - first) / step).round() + 1.0];
+    let dims = [
+        count(high.x - low.x, OWN_SPACING_MM),
+        count(high.y - low.y, OWN_SPACING_MM),
+        ((last - first) / step).round() + 1.0,
+    ];
     if dims.iter().any(|&n| n > MAX_OWN as f64) {
-        let found = format!("contours {:.0} × {:.0} mm wide without an image", high.x - low.x, high.y - low.y);
+        let found =
+            format!("contours {:.0} × {:.0} mm wide without an image", high.x - low.x, high.y - low.y);
         return Err(Unusable::new(found, "the image beside them"));
     }
     let first_place = Place {
@@ -278,7 +314,8 @@ fn fill(roi: &Roi, planes: &Planes) -> Filled {
             filled.outside_slices += 1;
             continue;
         }
-        let flat_points: Vec<[f64; 2]> = points.iter().map(|&p| planes.voxel(p)).map(|v| [v.x, v.y]).collect();
+        let flat_points: Vec<[f64; 2]> =
+            points.iter().map(|&p| planes.voxel(p)).map(|v| [v.x, v.y]).collect();
         let is_outside = |p: &[f64; 2]| {
             p[0] < -0.5 || p[1] < -0.5 || p[0] > columns as f64 - 0.5 || p[1] > rows as f64 - 0.5
         };
@@ -369,32 +406,54 @@ fn even_odd(polygon: &[[f64; 2]], columns: usize, rows: usize, mut inside: impl 
 impl Filled {
     fn checks(&self, roi: &Roi, planes: &Planes, name: &str) -> Vec<Check> {
         let mut checks = Vec::new();
-        let mut warn = |code: &'static str, text: String| checks.push(Check::warning(code, format!("{name}: {text}")));
+        let mut warn =
+            |code: &'static str, text: String| checks.push(Check::warning(code, format!("{name}: {text}")));
         if self.not_parallel > 0 {
-            warn("rtstruct-not-parallel", format!("{} contours are not parallel to the slices, left out", self.not_parallel));
+            warn(
+                "rtstruct-not-parallel",
+                format!("{} contours are not parallel to the slices, left out", self.not_parallel),
+            );
         }
         if self.outside_slices > 0 {
-            warn("rtstruct-outside", format!("{} contours lie beyond the image's slices, left out", self.outside_slices));
+            warn(
+                "rtstruct-outside",
+                format!("{} contours lie beyond the image's slices, left out", self.outside_slices),
+            );
         }
         if self.is_clipped {
             warn("rtstruct-clipped", "contours reach beyond the image and are cut there".to_owned());
         }
         if self.between_slices > 0 {
-            warn("rtstruct-between", format!("{} contours lie between slices that have nearer ones or none, left out", self.between_slices));
+            warn(
+                "rtstruct-between",
+                format!(
+                    "{} contours lie between slices that have nearer ones or none, left out",
+                    self.between_slices
+                ),
+            );
         }
         if self.farthest > ON_SLICE {
             let mm = decimal::text(self.farthest * planes.step_mm.length(), 2);
-            warn("rtstruct-off-slice", format!("contours lie up to {mm} mm off their slices; the nearest slice is filled"));
+            warn(
+                "rtstruct-off-slice",
+                format!("contours lie up to {mm} mm off their slices; the nearest slice is filled"),
+            );
         }
         if self.gaps > 0 {
             warn("rtstruct-gaps", format!("{} slices between contours have none and stay empty", self.gaps));
         }
         if roi.miscounted > 0 {
-            warn("rtstruct-count", format!("{} contours have another number of points than stated", roi.miscounted));
+            warn(
+                "rtstruct-count",
+                format!("{} contours have another number of points than stated", roi.miscounted),
+            );
         }
         if roi.open > 0 || roi.without_area > 0 {
             let count = roi.open + roi.without_area;
-            warn("rtstruct-no-area", format!("{count} contours have no area (points, open or of two points), left out"));
+            warn(
+                "rtstruct-no-area",
+                format!("{count} contours have no area (points, open or of two points), left out"),
+            );
         }
         if self.voxels.iter().all(|&v| v == 0) {
             warn("rtstruct-empty", "its contours hold no pixel centre; the mask is empty".to_owned());

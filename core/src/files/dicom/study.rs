@@ -126,7 +126,8 @@ pub fn studies(folder: &Path, progress: &Progress) -> Result<Studies, FileError>
     for (patient, by_study) in tree {
         let mut studies = Vec::new();
         for (uid, by_series) in by_study {
-            let first = by_series.values().flatten().next().map(|header| header.identity.clone()).unwrap_or_default();
+            let first =
+                by_series.values().flatten().next().map(|header| header.identity.clone()).unwrap_or_default();
             let mut series = Vec::new();
             for files in by_series.values() {
                 progress.check()?;
@@ -134,7 +135,12 @@ pub fn studies(folder: &Path, progress: &Progress) -> Result<Studies, FileError>
             }
             let number = |s: &SeriesSummary| s.number.parse::<i64>().unwrap_or(i64::MAX);
             series.sort_by(|a, b| (&a.date, number(a), &a.uid).cmp(&(&b.date, number(b), &b.uid)));
-            studies.push(StudySummary { uid, description: first.study_description, date: first.study_date, series });
+            studies.push(StudySummary {
+                uid,
+                description: first.study_description,
+                date: first.study_date,
+                series,
+            });
         }
         studies.sort_by(|a, b| (&a.date, &a.uid).cmp(&(&b.date, &b.uid)));
         patients.push(PatientStudies { patient, studies });
@@ -150,7 +156,13 @@ fn summary(files: &[Header]) -> Option<SeriesSummary> {
         number: identity.series_number.clone(),
         description: identity.series_description.clone(),
         modality: identity.modality.clone(),
-        date: files.iter().map(|f| &f.identity.date).filter(|d| !d.is_empty()).min().cloned().unwrap_or_default(),
+        date: files
+            .iter()
+            .map(|f| &f.identity.date)
+            .filter(|d| !d.is_empty())
+            .min()
+            .cloned()
+            .unwrap_or_default(),
         kind: first.kind,
         files: files.len(),
         bytes: files.iter().map(|file| file.file_bytes).sum(),
@@ -192,7 +204,9 @@ fn volume(stack: &super::stack::Stack) -> VolumeSummary {
         spacing_mm: [columns_mm, rows_mm, step_mm],
         key: key.join(", "),
         is_localizer: stack.is_localizer,
-        problem: grid.err().map(|unusable| format!("found {}, expected {}", unusable.found, unusable.expected)),
+        problem: grid
+            .err()
+            .map(|unusable| format!("found {}, expected {}", unusable.found, unusable.expected)),
     }
 }
 

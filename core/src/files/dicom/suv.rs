@@ -44,7 +44,8 @@ pub(super) struct Activity {
 impl Activity {
     pub fn of(data: &DataSet) -> Self {
         let pharmaceutical = data.item(tags::RADIOPHARMACEUTICAL_INFORMATION_SEQUENCE);
-        let number = |data: Option<&DataSet>, tag: Tag| data.and_then(|data| data.decimal(tag).ok().flatten());
+        let number =
+            |data: Option<&DataSet>, tag: Tag| data.and_then(|data| data.decimal(tag).ok().flatten());
         // A private factor may be DS, or FL or FD where the file states no representation.
         let date_time = |date: Tag, time: Tag| {
             let date = date_of(&data.text(date)?)?;
@@ -101,7 +102,10 @@ pub(super) fn uptake(files: &[&Activity]) -> Result<Uptake, String> {
         "BQML" => (1.0, String::new()),
         "CNTS" => match (first.philips_suv, first.philips_activity) {
             (Some(factor), _) if factor > 0.0 => {
-                return Ok(Uptake { factor: Some(factor), how: "counts by Philips' SUV scale factor".into() });
+                return Ok(Uptake {
+                    factor: Some(factor),
+                    how: "counts by Philips' SUV scale factor".into(),
+                });
             }
             (_, Some(factor)) if factor > 0.0 => (factor, ", counts by Philips' activity factor".to_owned()),
             _ => return cannot("values are counts, and no factor is stated".into()),
@@ -148,7 +152,9 @@ pub(super) fn uptake(files: &[&Activity]) -> Result<Uptake, String> {
         (None, Some(time), Some(series)) => (series.date().to_datetime(time), " (the series' date assumed)"),
         _ => return cannot("the time of the injection is not stated".into()),
     };
-    let Ok(elapsed) = at_scan.since(injected).and_then(|span| span.total((jiff::Unit::Second, jiff::SpanRelativeTo::days_are_24_hours())))
+    let Ok(elapsed) = at_scan
+        .since(injected)
+        .and_then(|span| span.total((jiff::Unit::Second, jiff::SpanRelativeTo::days_are_24_hours())))
     else {
         return cannot("times that can't be compared are stated".into());
     };

@@ -40,7 +40,9 @@ impl CharacterSet {
                 at += 1 + sequence.len();
                 continue;
             }
-            if matches!(rest[0], b'^' | b'=' | b'\\' | b'\n' | b'\r') && !matches!(current, Set::Kanji | Set::KanjiSupplement) {
+            if matches!(rest[0], b'^' | b'=' | b'\\' | b'\n' | b'\r')
+                && !matches!(current, Set::Kanji | Set::KanjiSupplement)
+            {
                 part.push(rest[0]);
                 out.push_str(&decode_in(current, &std::mem::take(&mut part)));
                 current = initial;
@@ -124,7 +126,8 @@ fn decode_in(set: Set, bytes: &[u8]) -> String {
             encoding_rs::EUC_JP.decode_without_bom_handling(&eight_bits).0.into_owned()
         }
         Set::KanjiSupplement => {
-            let three = bytes.chunks(2).flat_map(|pair| [0x8f].into_iter().chain(pair.iter().map(|b| b | 0x80)));
+            let three =
+                bytes.chunks(2).flat_map(|pair| [0x8f].into_iter().chain(pair.iter().map(|b| b | 0x80)));
             let three: Vec<u8> = three.collect();
             encoding_rs::EUC_JP.decode_without_bom_handling(&three).0.into_owned()
         }

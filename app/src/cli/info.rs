@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use glioscope_core::{
-    Progress,
-    files::{self, FileInfo, ReadOptions, Source},
+    Progress, case,
+    files::{self, FileInfo, ReadOptions, Source, dicom},
 };
 use serde_json::json;
 
@@ -34,6 +34,15 @@ pub(super) fn run(
         terminal::notes(info.checks());
         let json = || info.json().map_err(|e| AppError::file(path, e.to_string(), "finite numbers"));
         return if as_json { terminal::print_json_text(&json()?) } else { terminal::print(&info.text()) };
+    }
+    if let Some(path) = &target
+        && path.is_dir()
+        && !case::has_manifest(path)
+        && case::is_study(path, &Progress::new())
+    {
+        let studies = dicom::studies(path, &Progress::new())?;
+        let json = || studies.json().map_err(|e| AppError::file(path, e.to_string(), "finite numbers"));
+        return if as_json { terminal::print_json_text(&json()?) } else { terminal::print(&studies.text()) };
     }
     let case = CaseArguments { path: target, parts: parts.clone(), tracts: Vec::new() };
     let spec = load::describe(case.request(true)?, &Progress::new())?;

@@ -26,7 +26,7 @@ use clap::{
     error::{ContextKind, ContextValue, ErrorKind},
 };
 
-use glioscope_core::workers;
+use glioscope_core::{files::dicom, workers};
 
 pub use arguments::{Cli, Task, WindowArguments};
 pub use case::CaseArguments;
@@ -38,6 +38,13 @@ use crate::{
 
 /// Runs the program with this process's arguments.
 pub fn main() -> ExitCode {
+    if std::env::args_os().nth(1).is_some_and(|argument| argument == dicom::DECODER_ARGUMENT) {
+        // Started by another process of this program, see core's `files::dicom`.
+        return if dicom::serve().is_ok() { ExitCode::SUCCESS } else { ExitCode::from(2) };
+    }
+    if let Ok(program) = std::env::current_exe() {
+        dicom::decode_frames_with(program);
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return print_clap_error(&error),

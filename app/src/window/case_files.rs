@@ -130,7 +130,17 @@ fn table(ui: &mut Ui, guess: &mut Guess, problems: &[Problem], palette: Palette)
     };
     let names: Vec<String> = proposal.files.iter().map(|file| proposal.shown(file)).collect();
     let mut entered = false;
+    let (mut chosen, mut above) = (None, (String::new(), String::new()));
     for (n, (file, name)) in proposal.files.iter_mut().zip(&names).enumerate() {
+        if (&file.patient, &file.study) != (&above.0, &above.1) {
+            if file.patient != above.0 && patient_heading(ui, &file.patient) {
+                chosen = Some(file.patient.clone());
+            }
+            if !file.study.is_empty() {
+                ui.weak(format!("Study {}", file.study));
+            }
+            above = (file.patient.clone(), file.study.clone());
+        }
         let mut row = Row { file: name, entered: false, color_of: &color_of };
         ui.push_id(n, |ui| row.show(ui, file));
         entered |= row.entered;
@@ -140,7 +150,20 @@ fn table(ui: &mut Ui, guess: &mut Guess, problems: &[Problem], palette: Palette)
             ui.colored_label(ui.visuals().error_fg_color, format!("    {name}: {of}{}", problem.text));
         }
     }
+    if let Some(patient) = chosen {
+        proposal.choose_patient(&patient);
+    }
     entered
+}
+
+/// The line above a patient's series. Returns whether the patient is chosen.
+fn patient_heading(ui: &mut Ui, patient: &str) -> bool {
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        ui.strong(format!("Patient {patient}"));
+        ui.small_button("Only this patient").on_hover_text("Leave out the series of all others").clicked()
+    })
+    .inner
 }
 
 /// Ids and own colours of the masks that are in, in the order first listed.
@@ -239,6 +262,10 @@ impl Row<'_> {
 
     /// Makes one mask of each label, or one of all.
     fn division(&self, ui: &mut Ui, file: &mut ProposedFile) {
+        // The file itself says what its masks are.
+        if file.masks.iter().any(|mask| mask.segment.is_some()) {
+            return;
+        }
         if file.masks.len() > 1 {
             let button =
                 ui.small_button("One mask").on_hover_text("Every voxel above 0.5, whatever its label");
@@ -279,6 +306,10 @@ impl Row<'_> {
     fn look(&mut self, ui: &mut Ui, mask: &mut ProposedMask) {
         let of = mask.id.clone();
         cell(ui, COLUMNS[4], |ui| {
+            if let Some(number) = mask.segment {
+                ui.weak(format!("segment {number}"));
+                return;
+            }
             self.hinted(ui, COLUMNS[4], &mut mask.labels, &format!("Labels of {of}"), "all");
         });
         cell(ui, COLUMNS[5], |ui| self.hinted(ui, COLUMNS[5], &mut mask.name, &format!("Name of {of}"), ""));

@@ -35,6 +35,7 @@ pub use load::load_with;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::{OrderBasis, unordered_times};
 pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
+pub use study::is_study;
 
 /// Maximum number of images, masks and tracts in a case: twenty raters over a hundred dates are half of it.
 const MAX_FILES: usize = 4096;

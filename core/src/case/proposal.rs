@@ -78,6 +78,12 @@ pub struct ProposedFile {
     pub frame: Option<usize>,
     /// What a DICOM series is called; empty for other files.
     pub title: String,
+    /// Whose it is, where the file says so; empty for other files.
+    pub patient: String,
+    /// The study that it belongs to, where the file says so.
+    pub study: String,
+    /// What it is proposed to be where its patient is chosen.
+    pub(super) suggested: Role,
     /// What it is.
     pub role: Role,
     /// How that was found, in words; may be empty.
@@ -108,6 +114,9 @@ impl ProposedFile {
             series: None,
             frame: None,
             title: String::new(),
+            patient: String::new(),
+            study: String::new(),
+            suggested: role,
             role,
             reason: String::new(),
             id,
@@ -299,6 +308,29 @@ impl Proposal {
         spec
     }
 
+    /// The patients whose files it has, in the order of the files; none where no file names one.
+    pub fn patients(&self) -> Vec<&str> {
+        let mut all: Vec<&str> = Vec::new();
+        for file in self.files.iter().filter(|file| !file.patient.is_empty()) {
+            if !all.contains(&file.patient.as_str()) {
+                all.push(&file.patient);
+            }
+        }
+        all
+    }
+
+    /// Takes the files of one patient as they are proposed, and leaves out those of all others.
+    pub fn choose_patient(&mut self, patient: &str) {
+        for file in self.files.iter_mut().filter(|file| !file.patient.is_empty()) {
+            if file.patient == patient {
+                file.role = file.suggested;
+            } else {
+                file.role = Role::LeftOut;
+                file.left_out_for = LeftOutFor::Choice;
+            }
+        }
+    }
+
     /// Files that are left out, relative to the folder.
     pub fn left_out(&self) -> Vec<PathBuf> {
         let out = self.files.iter().filter(|file| file.role == Role::LeftOut);
@@ -391,7 +423,13 @@ impl Proposal {
             }
         }
         let is_in = |file: &&ProposedFile| is_dated(file);
-        let whole = if self.files.iter().find(is_in).is_none() {
+        let mut patients: Vec<&str> =
+            self.files.iter().filter(is_in).map(|f| f.patient.as_str()).filter(|p| !p.is_empty()).collect();
+        patients.sort_unstable();
+        patients.dedup();
+        let whole = if patients.len() > 1 {
+            Some(format!("files of {} patients are in: {}", patients.len(), patients.join("; ")))
+        } else if self.files.iter().find(is_in).is_none() {
             Some("no image and no mask is in".to_owned())
         } else if self.files.len() > MAX_FILES {
             Some(format!("more than {MAX_FILES} files"))
@@ -407,6 +445,11 @@ impl Proposal {
     /// # Errors
     /// [`CaseError::Wrong`] where it may not be one case.
     pub fn unasked(&self, has_order: bool) -> Result<CaseSpec, CaseError> {
+        if let (Some(doubt), true) = (&self.doubt, self.patients().len() > 1) {
+            let folder = printable(&self.folder.display().to_string());
+            let expected = "the folder of one patient, or a manifest (`glioscope info` lists the series)";
+            return Err(CaseError::wrong(folder, doubt.clone(), expected));
+        }
         match &self.doubt {
             Some(doubt) if !has_order => Err(CaseError::wrong(
                 printable(&self.folder.display().to_string()),

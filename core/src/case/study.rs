@@ -23,7 +23,15 @@ const DUMMIES: [&str; 8] = ["", "0", "ANON", "ANONYM", "ANONYMOUS", "ANONYMIZED"
 /// A series with the label of its date.
 struct Dated<'a> {
     series: &'a SeriesSummary,
+    /// Date and description of its study.
+    study: String,
     time: String,
+}
+
+/// Whether a folder's images are DICOM: it has such files and no other images.
+pub fn is_study(folder: &Path, progress: &Progress) -> bool {
+    super::folder::list(folder, progress)
+        .is_ok_and(|listing| listing.volumes.is_empty() && !listing.dicom.is_empty())
 }
 
 /// A case from the DICOM files below `folder`; `only`: the series of this UID alone.
@@ -68,22 +76,33 @@ pub(super) fn propose(
     }
     let dated = dates(chosen, &mut notes);
     let mut files: Vec<ProposedFile> = Vec::new();
-    for Dated { series, time } in &dated {
-        files.extend(proposed(folder, series, time));
+    let several = studies.patients.len() > 1;
+    let label = |patient: &PatientStudies| if several { patient.patient.label() } else { String::new() };
+    for Dated { series, study, time } in &dated {
+        for mut file in proposed(folder, series, time) {
+            file.patient = label(chosen);
+            file.study.clone_from(study);
+            files.push(file);
+        }
     }
     unique_ids(&mut files);
     for other in studies.patients.iter().filter(|other| other.patient != chosen.patient) {
-        let reason = format!("another patient: {}", other.patient.label());
-        for series in other.studies.iter().flat_map(|study| &study.series) {
-            for mut file in proposed(folder, series, "") {
-                file.role = Role::LeftOut;
-                file.reason.clone_from(&reason);
-                files.push(file);
-            }
+        let mut own: Vec<ProposedFile> = Vec::new();
+        for Dated { series, study, time } in dates(other, &mut Vec::new()) {
+            own.extend(proposed(folder, series, &time).into_iter().map(|file| ProposedFile {
+                patient: label(other),
+                study: study.clone(),
+                ..file
+            }));
         }
+        unique_ids(&mut own);
+        files.extend(own);
+    }
+    for file in &mut files {
+        file.suggested = file.role;
     }
     notes.extend(findings(&studies, &dated));
-    Ok(Proposal {
+    let mut proposal = Proposal {
         name,
         folder: folder.to_owned(),
         files,
@@ -92,7 +111,11 @@ pub(super) fn propose(
         doubt,
         key: String::new(),
         described_by: Vec::new(),
-    })
+    };
+    if several {
+        proposal.choose_patient(&chosen.patient.label());
+    }
+    Ok(proposal)
 }
 
 fn all_series(studies: &Studies) -> impl Iterator<Item = &SeriesSummary> {
@@ -140,7 +163,9 @@ fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'
                     format!("{}: acquired on {own}, in a study of {time}", series.label()),
                 ));
             }
-            all.push(Dated { series, time: time.clone() });
+            let description = printable(&study.description);
+            let title = [readable(&study.date).unwrap_or_default(), description].join(" ").trim().to_owned();
+            all.push(Dated { series, study: title, time: time.clone() });
         }
     }
     // Masks may have been drawn in a later study than that of their image.
@@ -295,7 +320,7 @@ fn findings(studies: &Studies, dated: &[Dated<'_>]) -> Vec<Check> {
         checks.push(Check::warning("left-out", format!("{}; left out", listed(&errors, 3))));
     }
     let mut by_time: BTreeMap<&str, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
-    for Dated { series, time } in dated {
+    for Dated { series, time, .. } in dated {
         let is_shown =
             series.volumes.iter().any(|v| v.problem.is_none() && !v.is_localizer && v.dims[2] >= MIN_SLICES);
         if is_shown {

@@ -133,6 +133,18 @@ impl Segmentation {
             let found = format!("two frames of segment {number} at slice {}", slice + 1);
             return Err(wrong(Unusable::new(found, "one frame a slice")));
         }
+        if let Type::Fractional(most) = kind {
+            let what = match data.text(tags::SEGMENTATION_FRACTIONAL_TYPE).as_deref() {
+                Some("PROBABILITY") => "probabilities of belonging to it",
+                Some("OCCUPANCY") => "shares of each voxel",
+                _ => "fractions of unstated meaning",
+            };
+            let name = super::series::base_name(&header.path);
+            checks.push(Check::note(
+                "seg-fractional",
+                format!("{name}: segments hold {what}, stored as 0 to {most}"),
+            ));
+        }
         let background = data.u16(tags::PIXEL_PADDING_VALUE).unwrap_or(0);
         Ok(Self { kind, format, segments, frames, planes, checks, background })
     }

@@ -31,8 +31,8 @@ const MAX_POINTER_BYTES: u64 = 4096;
 
 /// Endings of images that aren't read, and of archives that may hold some.
 const UNREAD_IMAGES: &[&str] = &[
-    "mgz", "mgh", "mha", "mhd", "nrrd", "nhdr", "dcm", "ima", "mnc", "mif", "gipl", "par", "rec", "npy",
-    "npz", "gz", "bz2", "xz", "zst", "zip", "tar", "7z", "rar",
+    "dcm", "ima", "mnc", "mif", "gipl", "par", "rec", "npy", "npz", "gz", "bz2", "xz", "zst", "zip", "tar",
+    "7z", "rar",
 ];
 
 /// What a folder holds.

@@ -388,9 +388,9 @@ impl Proposal {
         for path in files {
             let relative = path.strip_prefix(&self.folder).unwrap_or(path);
             digest.bytes(relative.as_os_str().as_encoded_bytes());
-            // The voxels of a pair lie in its second file.
-            let half = crate::files::other_half(path);
-            for path in std::iter::once(path).chain(&half) {
+            // Voxels may lie in other files.
+            let others = crate::files::other_files(path);
+            for path in std::iter::once(path).chain(&others) {
                 let metadata = path.metadata().ok();
                 let changed = metadata.as_ref().and_then(|m| m.modified().ok());
                 let since = changed.and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());

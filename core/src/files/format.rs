@@ -1,8 +1,10 @@
 //! The table of file formats: discovery, file dialogs, help and messages are derived from its rows.
 
+use std::path::{Path, PathBuf};
+
 use super::{
-    FileError, FileInfo, Loaded, ReadOptions, Segment, Source, bounded_gzip::Stream, nifti,
-    tracts::LoadedTracts, tracts_tck, tracts_trk,
+    FileError, FileInfo, Loaded, ReadOptions, Segment, Source, bounded_gzip::Stream, metaimage, mgh, nifti,
+    nrrd, tracts::LoadedTracts, tracts_tck, tracts_trk,
 };
 use crate::Progress;
 
@@ -31,6 +33,8 @@ pub struct VolumeFormat {
     pub info: ReadInfo,
     /// Reads the names of the segmentations that it holds, see [`super::segments()`].
     pub segments: ReadSegments,
+    /// The other files that the image of a file consists of.
+    pub(super) other_files: fn(&Path) -> Vec<PathBuf>,
 }
 
 /// A file format of fibre tracts.
@@ -46,15 +50,48 @@ pub struct TractFormat {
 }
 
 /// All formats of images and masks; the first is the fallback for unrecognised files.
-pub const VOLUME_FORMATS: &[VolumeFormat] = &[VolumeFormat {
-    name: "NIfTI",
-    endings: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
-    whole: &["nii", "nii.gz", "hdr", "hdr.gz"],
-    sniff: nifti::sniff,
-    read: nifti::read,
-    info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
-    segments: |_, _| Ok(Vec::new()),
-}];
+pub const VOLUME_FORMATS: &[VolumeFormat] = &[
+    VolumeFormat {
+        name: "NIfTI",
+        endings: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
+        whole: &["nii", "nii.gz", "hdr", "hdr.gz"],
+        sniff: nifti::sniff,
+        read: nifti::read,
+        info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
+        segments: |_, _| Ok(Vec::new()),
+        other_files: |path| nifti::other_half(path).into_iter().collect(),
+    },
+    VolumeFormat {
+        name: "NRRD",
+        endings: &["nrrd", "nhdr"],
+        whole: &["nrrd", "nhdr"],
+        sniff: nrrd::sniff,
+        read: nrrd::read,
+        info: |source, progress| Ok(Box::new(nrrd::info(source, progress)?)),
+        segments: nrrd::segments,
+        other_files: nrrd::other_files,
+    },
+    VolumeFormat {
+        name: "MetaImage",
+        endings: &["mha", "mhd"],
+        whole: &["mha", "mhd"],
+        sniff: metaimage::sniff,
+        read: metaimage::read,
+        info: |source, progress| Ok(Box::new(metaimage::info(source, progress)?)),
+        segments: |_, _| Ok(Vec::new()),
+        other_files: metaimage::other_files,
+    },
+    VolumeFormat {
+        name: "MGH",
+        endings: &["mgz", "mgh", "mgh.gz"],
+        whole: &["mgz", "mgh", "mgh.gz"],
+        sniff: mgh::sniff,
+        read: mgh::read,
+        info: |source, progress| Ok(Box::new(mgh::info(source, progress)?)),
+        segments: |_, _| Ok(Vec::new()),
+        other_files: |_| Vec::new(),
+    },
+];
 
 /// All formats of fibre tracts.
 pub const TRACT_FORMATS: &[TractFormat] = &[

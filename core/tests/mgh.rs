@@ -107,7 +107,7 @@ fn what_follows_the_voxels_is_not_read() {
     for bytes in [gzip(&long), long, gzip(&made())] {
         assert!(read(&bytes, 0).unwrap().checks.is_empty());
     }
-    let endless = gzip(&vec![&made()[..], &vec![0; 65 << 20]].concat());
+    let endless = gzip(&[&made()[..], &vec![0; 65 << 20]].concat());
     assert!(read(&endless, 0).unwrap_err().to_string().contains("inflates to more than"));
 }
 
@@ -119,7 +119,7 @@ fn damaged_files_are_refused_in_one_line() {
         (with(4, &[0; 4]), "width, height, depth and frames [0, 3, 4, 1]"),
         (with(4, &[255; 4]), "[-1, 3, 4, 1]"),
         (with(16, &huge), "332 bytes"),
-        (with(4, &huge), "332 bytes"),
+        (with(4, &huge), "no patient's size"),
         (with(20, &[0, 0, 0, 9]), "voxels of type RGB"),
         (with(20, &[0, 0, 0, 99]), "code 99"),
         (with(30, &f32::NAN.to_be_bytes()), "not finite"),
@@ -132,8 +132,6 @@ fn damaged_files_are_refused_in_one_line() {
         let error = read(&bytes, 0).unwrap_err().to_string();
         assert!(error.contains(what) && error.lines().count() == 1, "{what}: {error}");
     }
-    let all = [with(4, &huge), with(8, &huge)].concat();
-    assert!(read(&all, 0).is_err());
     assert!(read(&made(), 1).unwrap_err().to_string().contains("frame 1"));
     for bit in 0..8 * 90 {
         let mut bytes = made();

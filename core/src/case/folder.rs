@@ -249,7 +249,7 @@ mod tests {
         put("empty.nii.gz", "");
         put("pointer.nii.gz", "/annex/objects/MD5E-s9--0.nii.gz\n");
         put("lfs.nii.gz", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n");
-        for name in ["x.mgz", "a.tck", "one.json", "two.json", "t.tsv", "README", ".hidden"] {
+        for name in ["x.mnc", "a.tck", "one.json", "two.json", "t.tsv", "README", ".hidden"] {
             put(name, "some bytes");
         }
         std::fs::create_dir_all(folder.path().join("1/2/3/4/5")).unwrap();
@@ -260,7 +260,7 @@ mod tests {
             found,
             [
                 ("left-out", "1/2/3/4/5: found a folder 5 levels down; left out"),
-                ("left-out", "x.mgz: found a format that is not read; left out"),
+                ("left-out", "x.mnc: found a format that is not read; left out"),
                 (
                     "left-out",
                     "lfs.nii.gz: found a git-LFS pointer in place of its content (fetch it first: git lfs pull); left out"

@@ -2,11 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use super::{
-    FileError, opened,
-    stored_voxels::{MAX_FILES, Place},
-    text_header::quoted,
-};
+use super::{FileError, opened, stored_file::Place, stored_voxels::MAX_FILES, text_header::quoted};
 
 /// Widest number in a pattern.
 const MAX_WIDTH: usize = 20;

@@ -159,9 +159,14 @@ pub fn volume_filter() -> Vec<&'static str> {
     last
 }
 
-/// Names of the image formats for messages: `NIfTI`.
+/// Names of the image formats for messages: `NIfTI, NRRD or MGH`.
 pub fn volume_names() -> String {
-    VOLUME_FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(" or ")
+    let names: Vec<&str> = VOLUME_FORMATS.iter().map(|format| format.name).collect();
+    match names.split_last() {
+        Some((last, [])) => (*last).to_owned(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+        None => String::new(),
+    }
 }
 
 /// Extensions of whole images for messages: `.nii, .nii.gz`.
@@ -227,6 +232,34 @@ mod tests {
             assert!(format.whole.iter().all(|w| format.endings.contains(w)), "{}", format.name);
             assert!(format.endings.iter().all(|e| is_volume(&format!("a.{e}"))));
         }
+    }
+
+    #[test]
+    fn each_format_is_recognised_by_content_and_by_name() {
+        let of =
+            |name: &'static str, bytes: &'static [u8]| volume_format(&Source::Embedded { name, bytes }).name;
+        assert_eq!(of("a.bin", b"NRRD0004\ntype: int\n"), "NRRD");
+        assert_eq!(of("a.nii", b"ObjectType = Image\n"), "MetaImage");
+        assert_eq!(of("a.bin", b"NDims=3\r\n"), "MetaImage");
+        assert_eq!(of("case.toml", b"name = \"x\"\n"), "NIfTI");
+        let mut header = vec![0; 284];
+        for (at, number) in [1_i32, 2, 3, 4, 1, 3].into_iter().enumerate() {
+            header[4 * at..][..4].copy_from_slice(&number.to_be_bytes());
+        }
+        assert_eq!(of("a.bin", header.leak()), "MGH");
+        for (name, format) in [
+            ("a.seg.nrrd", "NRRD"),
+            ("a.NHDR", "NRRD"),
+            ("a.mha", "MetaImage"),
+            ("a.mhd", "MetaImage"),
+            ("a.mgh.gz", "MGH"),
+            ("a.mgz", "MGH"),
+            ("a.raw", "NIfTI"),
+        ] {
+            assert_eq!(of(name, b""), format, "{name}");
+        }
+        assert_eq!((volume_stem("a.seg.nrrd"), volume_stem("a.raw")), (Some("a.seg"), None));
+        assert_eq!(volume_names(), "NIfTI, NRRD, MetaImage or MGH");
     }
 
     #[test]

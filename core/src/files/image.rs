@@ -8,7 +8,8 @@ use super::{
     nifti_header::{ByteOrder, SampleType},
     opened::base_name,
     printable, segment_labels,
-    stored_voxels::{Parts, Place, StoredVoxels},
+    stored_file::Place,
+    stored_voxels::{Parts, StoredVoxels},
     voxels::{Layout, MAX_LEAD, read_frame},
 };
 use crate::{Check, Grid, Progress, Scaling, Sides, Volume, decimal};

@@ -9,7 +9,8 @@ use super::{
     metaimage_header::Keys,
     nifti_header::Fault,
     opened::base_name,
-    stored_voxels::{Coding, Parts, Place},
+    stored_file::Place,
+    stored_voxels::{Coding, Parts},
     voxels::Layout,
 };
 use crate::Progress;

@@ -11,7 +11,8 @@ use super::{
     detached::{self, DataFiles},
     nifti_header::{ByteOrder, Fault, SampleType},
     placed::{grid_in_mm, is_sheared, mm_per_unit, report_unusual_spacing, without_sides},
-    stored_voxels::{Coding, MAX_FILES, Place, Skip},
+    stored_file::Place,
+    stored_voxels::{Coding, MAX_FILES, Skip},
     text_header::{Lines, numbers, quoted, sizes},
 };
 use crate::{Check, Grid, Progress};
@@ -22,19 +23,9 @@ const MAX_DIMENSIONS: u64 = 10;
 /// The key that ends the header.
 const LAST: &str = "ElementDataFile";
 
-/// Keys that a header may begin with.
-const FIRST: &[&str] = &[
-    "ObjectType",
-    "NDims",
-    "ObjectSubType",
-    "Comment",
-    "Name",
-    "ID",
-    "TransformType",
-    "BinaryData",
-    "DimSize",
-    "CompressedData",
-];
+/// Keys that a header may begin with and that no other kind of file does.
+const FIRST: &[&str] =
+    &["ObjectType", "ObjectSubType", "NDims", "BinaryData", "CompressedData", "DimSize", "ElementType"];
 
 /// Whether text that begins with these bytes is a MetaImage header.
 pub(super) fn sniff(begin: &[u8]) -> bool {

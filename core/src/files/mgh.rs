@@ -12,7 +12,8 @@ use super::{
     nifti_header::{ByteOrder, Fault, SampleType},
     opened::base_name,
     placed::{grid_in_mm, is_sheared, report_unusual_spacing, without_sides},
-    stored_voxels::{Coding, Parts, Place, Skip},
+    stored_file::Place,
+    stored_voxels::{Coding, Parts, Skip},
     voxels::Layout,
 };
 use crate::{Check, Progress};

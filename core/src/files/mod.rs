@@ -29,6 +29,7 @@ mod opened;
 mod placed;
 mod read;
 mod segment_labels;
+mod stored_file;
 mod stored_voxels;
 mod text_header;
 mod tracts;

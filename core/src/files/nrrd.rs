@@ -8,7 +8,8 @@ use super::{
     nrrd_header::Fields,
     nrrd_segments,
     opened::base_name,
-    stored_voxels::{Parts, Place},
+    stored_file::Place,
+    stored_voxels::Parts,
     voxels::Layout,
 };
 use crate::{Check, Progress, check::listed};

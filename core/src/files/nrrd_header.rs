@@ -9,7 +9,8 @@ use super::{
     bounded_gzip::Packing,
     detached::{self, DataFiles},
     nifti_header::{ByteOrder, Fault, SampleType},
-    stored_voxels::{Coding, MAX_FILES, Place, Skip},
+    stored_file::Place,
+    stored_voxels::{Coding, MAX_FILES, Skip},
     text_header::{Lines, quoted, sizes},
 };
 use crate::Progress;

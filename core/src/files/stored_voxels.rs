@@ -1,12 +1,10 @@
 //! Voxels as they are stored: in one file or many, from some byte on, raw, compressed or as text.
 
-use std::path::PathBuf;
-
 use super::{
     FileError,
     bounded_gzip::{CHUNK_BYTES, Packing, SLACK_BYTES, Stream},
     nifti_header::SampleType,
-    open_regular, printable,
+    stored_file::Place,
     voxel_text::TextDecoder,
     voxels::VoxelBytes,
 };
@@ -14,54 +12,6 @@ use crate::Progress;
 
 /// Most files of one image: one a slice and frame.
 pub(super) const MAX_FILES: u64 = 1 << 16;
-
-/// Where bytes are.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Place<'a> {
-    /// In a file.
-    File(PathBuf),
-    /// In memory, with the name of the file they come from.
-    Bytes(&'a str, &'a [u8]),
-}
-
-impl<'a> From<&'a super::Source> for Place<'a> {
-    fn from(source: &'a super::Source) -> Self {
-        match source {
-            super::Source::File(path) => Self::File(path.clone()),
-            super::Source::Embedded { name, bytes } => Self::Bytes(name, bytes),
-        }
-    }
-}
-
-impl Place<'_> {
-    /// The name in messages.
-    pub(super) fn name(&self) -> String {
-        match self {
-            Self::File(path) => printable(&path.display().to_string()),
-            Self::Bytes(name, _) => printable(name),
-        }
-    }
-
-    /// Size of the file.
-    pub(super) fn stored_bytes(&self) -> Result<u64, FileError> {
-        match self {
-            Self::File(path) => Ok(open_regular(path)?.1),
-            Self::Bytes(_, bytes) => Ok(bytes.len() as u64),
-        }
-    }
-
-    fn stream<'p>(
-        &'p self,
-        start: u64,
-        packing: Packing,
-        progress: &'p Progress,
-    ) -> Result<Stream<'p>, FileError> {
-        match self {
-            Self::File(path) => Stream::open_at(path, start, packing, progress),
-            Self::Bytes(name, bytes) => Stream::of_bytes_at(name, bytes, start, packing, progress),
-        }
-    }
-}
 
 /// How voxels are encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use super::{
     FileError,
     bounded_gzip::{CHUNK_BYTES, Stream},
-    stored_voxels::Place,
+    stored_file::Place,
 };
 use crate::Progress;
 

@@ -11,7 +11,7 @@ mod common;
 
 use common::{codes, gzip, numbers};
 use glam::DVec3;
-use glioscope_core::files::{self, FileError, Loaded, ReadOptions, Source};
+use glioscope_core::files::{self, FileError, Inputs, Loaded, ReadOptions, Source};
 use glioscope_core::{Progress, Sides};
 
 fn read_frame(bytes: &[u8], frame: usize) -> Result<Loaded, FileError> {
@@ -172,6 +172,34 @@ fn voxels_are_read_wherever_they_begin() {
     assert!(error.contains("found a gzip, expected a NRRD file"), "{error}");
     let detached = with(&format!("space: LPS\n{PLACED}data file: a.raw"));
     assert!(read(&detached).unwrap_err().to_string().contains("voxels in another file"));
+}
+
+/// Data files are read, and no output may overwrite them.
+#[test]
+fn a_detached_header_has_its_data_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for nth in 0..4_u8 {
+        files::write_whole(&at(&format!("s{nth}.raw")), &[nth; 6]).unwrap();
+    }
+    for (fields, count) in
+        [("data file: s%d.raw 0 3 1", 5), ("data file: LIST\ns0.raw\ns1.raw\ns2.raw\ns3.raw", 5)]
+    {
+        let bytes = made("sizes: 2 3 4", &format!("space: LPS\n{PLACED}{fields}"), 0);
+        files::write_whole(&at("a.nhdr"), &bytes).unwrap();
+        let source = Source::File(at("a.nhdr"));
+        let loaded = files::read(&source, &ReadOptions::default(), &Progress::new()).unwrap();
+        assert_eq!(numbers(loaded.volume.samples())[4..8], [0.0, 0.0, 1.0, 1.0]);
+        assert!(files::info(&source, &Progress::new()).unwrap().text().contains("data files  4"));
+        let inputs = Inputs::new([at("a.nhdr")]);
+        assert_eq!(inputs.paths().len(), count);
+        assert!(inputs.refuse_as_output(&at("s2.raw")).is_err());
+        assert!(inputs.refuse_as_output(&at("s9.raw")).is_ok());
+    }
+    files::write_whole(&at("s2.raw"), &[2; 5]).unwrap();
+    let short = files::read(&Source::File(at("a.nhdr")), &ReadOptions::default(), &Progress::new());
+    let error = short.unwrap_err().to_string();
+    assert!(error.contains("s2.raw: found 5 bytes, expected the 6 bytes"), "{error}");
 }
 
 /// Cut at every length, and with every bit of the header flipped.

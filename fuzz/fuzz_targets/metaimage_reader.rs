@@ -9,7 +9,9 @@ use libfuzzer_sys::fuzz_target;
 fuzz_target!(|bytes: &[u8]| {
     for frame in [0, 2] {
         let options = ReadOptions { max_bytes: 16 << 20, frame };
-        let Ok(loaded) = read_metaimage_bytes("fuzz.mha", bytes, &options, &Progress::new()) else { continue };
+        let Ok(loaded) = read_metaimage_bytes("fuzz.mha", bytes, &options, &Progress::new()) else {
+            continue;
+        };
         let volume = &loaded.volume;
         assert_eq!(volume.samples().len(), volume.grid().voxel_count());
         assert!(volume.grid().voxel_volume_mm3() > 0.0);

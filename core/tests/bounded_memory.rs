@@ -141,6 +141,21 @@ fn every_malformed_file_is_rejected_within_bounds() {
     }
 }
 
+/// Some of them load: each has at most 34 kB of voxels.
+#[test]
+fn every_malformed_nrrd_and_metaimage_is_read_within_bounds() {
+    let Some(folder) = real_data("nrrd-mha-malformed") else { return };
+    if !linux() {
+        return;
+    }
+    for path in files_below(&folder).into_iter().filter(|path| path.extension().is_some_and(|e| e != "json"))
+    {
+        let (_, peak_kib, elapsed) = read_in_child(&path);
+        assert!(peak_kib < 100_000, "{}: {peak_kib} KiB", path.display());
+        assert!(elapsed < Duration::from_secs(2), "{}: {elapsed:?}", path.display());
+    }
+}
+
 /// A valid volume needs little more memory than its own voxels: one pass, no second copy.
 #[test]
 fn a_large_valid_volume_needs_little_more_than_its_voxels() {

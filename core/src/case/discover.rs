@@ -19,7 +19,7 @@ use crate::{
     Check, Progress,
     check::listed,
     files::{
-        self, ReadOptions, Source, dicom,
+        self, ReadOptions, Segment, Source, dicom,
         format::{self, volume_stem},
         printable, read_small_text,
     },
@@ -205,6 +205,8 @@ struct Entry {
     by_content: bool,
     /// Distinct values, where the file was read and looks like a label map.
     labels: Option<Vec<i64>>,
+    /// The masks that the file names.
+    segments: Vec<Segment>,
     id: String,
 }
 
@@ -295,6 +297,9 @@ fn labels_as_masks(
     progress: &Progress,
 ) -> Result<Option<Vec<i64>>, CaseError> {
     let times: Vec<_> = entries.iter().filter(|e| e.is_mask).map(|e| e.named.time.clone()).collect();
+    if entries.iter().any(|e| !e.segments.is_empty()) {
+        return Ok(None);
+    }
     if times.is_empty() || (0..times.len()).any(|n| times[..n].contains(&times[n])) {
         return Ok(None);
     }
@@ -362,12 +367,15 @@ fn guess(
     let mut entries = Vec::new();
     for (path, named) in paths.into_iter().zip(named) {
         let (mut is_mask, mut labels) = (named.kind == Kind::Mask, None);
-        let by_content = named.kind == Kind::Unknown;
+        // A file that can't be read says so when the case is.
+        let segments = files::segments(&Source::File(folder.join(&path)), progress).unwrap_or_default();
+        let by_content = named.kind == Kind::Unknown && segments.is_empty();
+        is_mask |= !segments.is_empty();
         if by_content {
             labels = label_values(&folder.join(&path), options, progress)?;
             is_mask = labels.is_some();
         }
-        entries.push(Entry { path, named, is_mask, by_content, labels, id: String::new() });
+        entries.push(Entry { path, named, is_mask, by_content, labels, segments, id: String::new() });
     }
     let mut notes = Vec::new();
     let Times { timeless, doubt } = assign_times(&mut entries, &mut notes);
@@ -376,6 +384,7 @@ fn guess(
     let split = labels_as_masks(folder, &mut entries, options, progress)?;
     let has_masks = entries.iter().any(|e| e.is_mask);
     let mut files: Vec<ProposedFile> = entries.into_iter().map(|e| proposed(folder, e)).collect();
+    tell_segments_apart(&mut files);
     if let Some(labels) = &split {
         // Every date has a mask of each label, whether its map has it or not.
         let maps: Vec<&mut ProposedFile> = files.iter_mut().filter(|file| file.role == Role::Mask).collect();
@@ -398,6 +407,8 @@ fn guess(
         let text =
             format!("masks: guessed one for each label of the label map: {}; {meaning}", words.join(", "));
         notes.push(Check::note("guessed-labels", text));
+    } else if files.iter().any(|file| file.masks.iter().any(|mask| mask.segment.is_some())) {
+        notes.push(Check::note("guessed-labels", "masks: one for each segment that a file names"));
     } else if has_masks {
         notes.push(Check::note(
             "guessed-labels",
@@ -444,10 +455,36 @@ fn add_tracts(proposal: &mut Proposal, folder: &Path, paths: &[PathBuf]) {
     }));
 }
 
+/// Puts the file's id before the names of its segments, where another file of its date has one of them.
+fn tell_segments_apart(files: &mut [ProposedFile]) {
+    let ids =
+        |file: &ProposedFile| -> Vec<String> { file.masks.iter().map(|mask| mask.id.clone()).collect() };
+    let all: Vec<(String, Vec<String>)> = files
+        .iter()
+        .map(|file| (file.time.clone(), if file.role == Role::Mask { ids(file) } else { Vec::new() }))
+        .collect();
+    for (n, file) in files.iter_mut().enumerate().filter(|(_, file)| file.role == Role::Mask) {
+        let is_shared = |id: &String| {
+            let others = all.iter().enumerate().filter(|(m, (time, _))| *m != n && *time == file.time);
+            others.into_iter().any(|(_, (_, ids))| ids.contains(id))
+        };
+        if file.masks.iter().any(|mask| mask.segment.is_some() && is_shared(&mask.id)) {
+            for mask in &mut file.masks {
+                mask.id = format!("{} {}", file.id, mask.id);
+            }
+        }
+    }
+}
+
 fn proposed(folder: &Path, entry: Entry) -> ProposedFile {
     let role = if entry.is_mask { Role::Mask } else { Role::Image };
     let time = entry.named.time.unwrap_or_default();
     let mut file = ProposedFile::new(folder.join(entry.path), role, entry.id, time);
+    if !entry.segments.is_empty() {
+        file.set_segments(&entry.segments);
+        file.reason = "by its content: it names its segments".into();
+        return file;
+    }
     file.labels = entry.labels.unwrap_or_default().into_iter().filter(|label| *label != 0).collect();
     file.reason = match (entry.by_content, entry.is_mask) {
         (false, _) => "by its name",

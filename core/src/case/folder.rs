@@ -30,10 +30,8 @@ pub(super) const MAX_LISTED: usize = 8;
 const MAX_POINTER_BYTES: u64 = 4096;
 
 /// Endings of images that aren't read, and of archives that may hold some.
-const UNREAD_IMAGES: &[&str] = &[
-    "mgz", "mgh", "mha", "mhd", "nrrd", "nhdr", "mnc", "mif", "gipl", "par", "rec", "npy", "npz", "gz",
-    "bz2", "xz", "zst", "zip", "tar", "7z", "rar",
-];
+const UNREAD_IMAGES: &[&str] =
+    &["mnc", "mif", "gipl", "par", "rec", "npy", "npz", "gz", "bz2", "xz", "zst", "zip", "tar", "7z", "rar"];
 
 /// What a folder holds.
 pub(super) struct Listing {
@@ -266,7 +264,7 @@ mod tests {
         put("empty.nii.gz", "");
         put("pointer.nii.gz", "/annex/objects/MD5E-s9--0.nii.gz\n");
         put("lfs.nii.gz", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n");
-        for name in ["x.mgz", "a.tck", "one.json", "two.json", "t.tsv", "README", ".hidden"] {
+        for name in ["x.mnc", "a.tck", "one.json", "two.json", "t.tsv", "README", ".hidden"] {
             put(name, "some bytes");
         }
         std::fs::create_dir_all(folder.path().join("1/2/3/4/5")).unwrap();
@@ -277,7 +275,7 @@ mod tests {
             found,
             [
                 ("left-out", "1/2/3/4/5: found a folder 5 levels down; left out"),
-                ("left-out", "x.mgz: found a format that is not read; left out"),
+                ("left-out", "x.mnc: found a format that is not read; left out"),
                 (
                     "left-out",
                     "lfs.nii.gz: found a git-LFS pointer in place of its content (fetch it first: git lfs pull); left out"

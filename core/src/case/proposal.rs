@@ -12,7 +12,7 @@ use crate::{
     Check,
     check::listed,
     digest::Digest,
-    files::{Part, Source, Which, absolute, format::volume_stem, printable},
+    files::{Part, Segment, Source, Which, absolute, format::volume_stem, printable},
     tumor_index::MAX_MASKS,
 };
 
@@ -143,6 +143,34 @@ impl ProposedFile {
         };
         self.masks = self.labels.iter().enumerate().map(mask).collect();
         known.map(|(years, _)| years)
+    }
+
+    /// Makes each of the segments that it names a mask.
+    pub(super) fn set_segments(&mut self, segments: &[Segment]) {
+        let mut ids: BTreeSet<String> = BTreeSet::new();
+        let mask = |segment: &Segment| {
+            let name: String = printable(&segment.name).chars().filter(|c| !c.is_control()).collect();
+            let stem = match name.trim() {
+                "" => format!("segment {}", segment.number),
+                name => name.to_owned(),
+            };
+            let mut id = stem.clone();
+            let mut number = 2;
+            while !ids.insert(id.clone()) {
+                id = format!("{stem} {number}");
+                number += 1;
+            }
+            ProposedMask {
+                // A label map may name its background.
+                is_in: segment.label != Some(0),
+                id,
+                labels: String::new(),
+                segment: Some(segment.number),
+                name: String::new(),
+                color: segment.color,
+            }
+        };
+        self.masks = segments.iter().map(mask).collect();
     }
 
     /// Makes one mask of all its labels.
@@ -469,9 +497,9 @@ impl Proposal {
         for path in files {
             let relative = path.strip_prefix(&self.folder).unwrap_or(path);
             digest.bytes(relative.as_os_str().as_encoded_bytes());
-            // The voxels of a pair lie in its second file.
-            let half = crate::files::other_half(path);
-            for path in std::iter::once(path).chain(&half) {
+            // Voxels may lie in other files.
+            let others = crate::files::other_files(path);
+            for path in std::iter::once(path).chain(&others) {
                 let metadata = path.metadata().ok();
                 let changed = metadata.as_ref().and_then(|m| m.modified().ok());
                 let since = changed.and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::{CaseError, Proposal, ProposedFile, ProposedMask, Role, proposal::LeftOutFor};
+use super::{CaseError, Proposal, ProposedFile, Role, proposal::LeftOutFor};
 use crate::{
     Check, Progress,
     check::listed,
@@ -224,18 +224,7 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
             // Its image lies somewhere below the folder.
             let mut file = file(folder.to_owned(), Role::Mask, id_of(series), "");
             file.reason = format!("DICOM {}", series.kind.name());
-            file.masks = series
-                .segments
-                .iter()
-                .map(|segment| ProposedMask {
-                    is_in: segment.label != Some(0),
-                    id: mask_id(&segment.name, segment.number),
-                    labels: String::new(),
-                    segment: Some(segment.number),
-                    name: String::new(),
-                    color: segment.color,
-                })
-                .collect();
+            file.set_segments(&series.segments);
             if file.masks.is_empty() {
                 return vec![left_out(file, "no segment with closed contours")];
             }
@@ -275,12 +264,6 @@ fn id_of(series: &SeriesSummary) -> String {
     let id: String = label.chars().filter(|c| !c.is_control()).collect();
     let id = id.trim();
     if id.is_empty() { format!("series {}", series.number) } else { id.to_owned() }
-}
-
-fn mask_id(name: &str, number: i64) -> String {
-    let id: String = printable(name).chars().filter(|c| !c.is_control()).collect();
-    let id = id.trim();
-    if id.is_empty() { format!("segment {number}") } else { id.to_owned() }
 }
 
 /// Makes the ids of images, and of masks, differ within each date.

@@ -1,12 +1,14 @@
-//! Sequential reading of a plain or gzipped file, never further than requested.
+//! Sequential reading of a plain or packed file, never further than requested.
 //!
 //! gzip (RFC 1952) is recognised by its two magic bytes, may have several members and trailing zero padding, and is
-//! read to its end so that every CRC and length is verified.
+//! read to its end so that every CRC and length is verified. zlib (RFC 1950) and bzip2 have no such mark of their own:
+//! a header names them.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use flate2::bufread::GzDecoder;
+use bzip2::bufread::MultiBzDecoder;
+use flate2::bufread::{GzDecoder, ZlibDecoder};
 
 use super::opened::{open_regular, stand_in};
 use super::{FileError, printable};
@@ -52,15 +54,45 @@ impl BufRead for Counted<'_> {
 enum Body<'a> {
     Plain(Counted<'a>),
     Gzip(Box<GzDecoder<Counted<'a>>>),
+    Zlib(Box<ZlibDecoder<Counted<'a>>>),
+    Bzip2(Box<MultiBzDecoder<Counted<'a>>>),
     /// A gzip read to its end, or a reader that failed.
     Ended,
 }
 
-/// A file's content as a stream: plain bytes, or the inflated gzip members.
+/// How bytes are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packing {
+    /// Not at all.
+    Plain,
+    /// RFC 1952.
+    Gzip,
+    /// RFC 1950.
+    Zlib,
+    /// By blocks; a block of zeros has no useful limit on its ratio.
+    Bzip2,
+}
+
+impl Packing {
+    /// Its name in messages.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "file",
+            Self::Gzip => "gzip",
+            Self::Zlib => "zlib stream",
+            Self::Bzip2 => "bzip2 stream",
+        }
+    }
+}
+
+/// A file's content as a stream: plain bytes, or the unpacked ones.
 pub(crate) struct Stream<'a> {
     file: String,
     body: Body<'a>,
-    gzip: bool,
+    packing: Packing,
+    /// Offset in the file of the first byte that belongs to the stream.
+    start: u64,
+    /// Bytes in the file from `start` on.
     stored_bytes: u64,
     reported: u64,
     position: u64,
@@ -73,6 +105,49 @@ impl<'a> Stream<'a> {
         let (inner, bytes) = open_regular(path)?;
         let file = printable(&path.display().to_string());
         Self::new(file, Box::new(BufReader::with_capacity(CHUNK_BYTES, inner)), bytes, progress)
+    }
+
+    /// Reads a regular file from offset `start` on, packed as its header says and not as its bytes look: voxels may
+    /// begin with any.
+    pub(crate) fn open_at(
+        path: &Path,
+        start: u64,
+        packing: Packing,
+        progress: &'a Progress,
+    ) -> Result<Self, FileError> {
+        let (inner, bytes) = open_regular(path)?;
+        let file = printable(&path.display().to_string());
+        let inner = Box::new(BufReader::with_capacity(CHUNK_BYTES, inner));
+        Self::from_offset(file, inner, bytes, start, packing, progress)
+    }
+
+    /// As [`Stream::open_at`], from memory.
+    pub(crate) fn of_bytes_at(
+        name: &str,
+        bytes: &'a [u8],
+        start: u64,
+        packing: Packing,
+        progress: &'a Progress,
+    ) -> Result<Self, FileError> {
+        let inner = Box::new(std::io::Cursor::new(bytes));
+        Self::from_offset(printable(name), inner, bytes.len() as u64, start, packing, progress)
+    }
+
+    fn from_offset(
+        file: String,
+        mut inner: Box<dyn Raw + 'a>,
+        bytes: u64,
+        start: u64,
+        packing: Packing,
+        progress: &'a Progress,
+    ) -> Result<Self, FileError> {
+        if start > bytes {
+            let found = format!("the end of the file after {bytes} bytes");
+            return Err(FileError::wrong(file, found, format!("voxels from byte {start} on")));
+        }
+        let seek_result = inner.seek(SeekFrom::Start(start));
+        seek_result.map_err(|e| FileError::wrong(&file, e.to_string(), "readable bytes"))?;
+        Ok(Self::packed(file, inner, packing, (start, bytes - start), progress))
     }
 
     /// Reads from memory.
@@ -90,11 +165,26 @@ impl<'a> Stream<'a> {
         if let Some((found, expected)) = stand_in(magic) {
             return Err(FileError::wrong(file, found, expected));
         }
-        let gzip = magic.starts_with(&[0x1f, 0x8b]);
+        let packing = if magic.starts_with(&[0x1f, 0x8b]) { Packing::Gzip } else { Packing::Plain };
+        Ok(Self::packed(file, inner, packing, (0, stored_bytes), progress))
+    }
+
+    fn packed(
+        file: String,
+        inner: Box<dyn Raw + 'a>,
+        packing: Packing,
+        (start, stored_bytes): (u64, u64),
+        progress: &'a Progress,
+    ) -> Self {
         let counted = Counted { inner, consumed: 0 };
-        let body = if gzip { Body::Gzip(Box::new(GzDecoder::new(counted))) } else { Body::Plain(counted) };
+        let body = match packing {
+            Packing::Plain => Body::Plain(counted),
+            Packing::Gzip => Body::Gzip(Box::new(GzDecoder::new(counted))),
+            Packing::Zlib => Body::Zlib(Box::new(ZlibDecoder::new(counted))),
+            Packing::Bzip2 => Body::Bzip2(Box::new(MultiBzDecoder::new(counted))),
+        };
         progress.expect(stored_bytes);
-        Ok(Self { file, body, gzip, stored_bytes, reported: 0, position: 0, progress })
+        Self { file, body, packing, start, stored_bytes, reported: 0, position: 0, progress }
     }
 
     /// The file's name in messages.
@@ -104,7 +194,7 @@ impl<'a> Stream<'a> {
 
     /// Whether the file is gzipped.
     pub(crate) fn is_gzip(&self) -> bool {
-        self.gzip
+        self.packing == Packing::Gzip
     }
 
     /// Content bytes read or skipped so far.
@@ -125,15 +215,20 @@ impl<'a> Stream<'a> {
     /// Refuses a claim of `declared` content bytes that the file's length rules out: a plain file
     /// that is shorter, or a gzip that could not hold them even at deflate's maximum ratio.
     pub(crate) fn can_hold(&self, declared: u64) -> Result<(), FileError> {
-        let max_bytes =
-            if self.gzip { self.stored_bytes.saturating_mul(MAX_RATIO) } else { self.stored_bytes };
+        let max_bytes = match self.packing {
+            Packing::Plain => self.stored_bytes,
+            Packing::Gzip | Packing::Zlib => self.stored_bytes.saturating_mul(MAX_RATIO),
+            Packing::Bzip2 => u64::MAX,
+        };
         if declared <= max_bytes {
             return Ok(());
         }
-        let found = if self.gzip {
-            format!("{} bytes of gzip, which inflate to {max_bytes} at most", self.stored_bytes)
-        } else {
-            format!("{} bytes", self.stored_bytes)
+        let found = match self.packing {
+            Packing::Plain => format!("{} bytes", self.stored_bytes),
+            packing => {
+                let name = packing.name();
+                format!("{} bytes of {name}, which inflate to {max_bytes} at most", self.stored_bytes)
+            }
         };
         Err(FileError::wrong(&self.file, found, format!("the {declared} bytes that its header declares")))
     }
@@ -166,7 +261,7 @@ impl<'a> Stream<'a> {
                 self.position = self.stored_bytes;
                 return Err(self.ends_early(expected));
             }
-            let seek_result = counted.inner.seek(SeekFrom::Start(to));
+            let seek_result = counted.inner.seek(SeekFrom::Start(self.start.saturating_add(to)));
             seek_result.map_err(|e| FileError::wrong(&self.file, e.to_string(), expected))?;
             counted.consumed = to;
             self.position = to;
@@ -182,29 +277,43 @@ impl<'a> Stream<'a> {
         Ok(())
     }
 
-    /// Reads to the end, which for a gzip verifies its last CRC, and returns the number of trailing bytes.
-    /// A gzip with more than [`SLACK_BYTES`] of them is refused without inflating the rest.
-    pub(crate) fn finish(mut self) -> Result<u64, FileError> {
-        let trailing = if self.gzip {
+    /// Reads to the end, which for a packed stream verifies its last CRC, and returns the number of trailing bytes.
+    /// A packed stream with more than [`SLACK_BYTES`] of them is refused without unpacking the rest.
+    pub(crate) fn finish(self) -> Result<u64, FileError> {
+        self.finish_within(SLACK_BYTES)
+    }
+
+    /// As [`Stream::finish`], with another limit on the trailing bytes of a packed stream.
+    pub(crate) fn finish_within(mut self, slack_bytes: u64) -> Result<u64, FileError> {
+        let trailing = if self.packing == Packing::Plain {
+            self.stored_bytes.saturating_sub(self.position)
+        } else {
             let mut scratch = [0; 4096];
             let mut trailing = 0;
             loop {
                 let n = self.fill(&mut scratch)? as u64;
                 trailing += n;
                 if n == 0 {
-                    break trailing;
+                    break trailing + self.unpacked_rest();
                 }
-                if trailing > SLACK_BYTES {
-                    let found = format!("a gzip that inflates to more than {} bytes", self.position);
+                if trailing > slack_bytes {
+                    let name = self.packing.name();
+                    let found = format!("a {name} that inflates to more than {} bytes", self.position);
                     let expected = format!("{}, as its header declares", self.position - trailing);
                     return Err(FileError::wrong(self.file, found, expected));
                 }
             }
-        } else {
-            self.stored_bytes.saturating_sub(self.position)
         };
         self.progress.advance(self.stored_bytes.saturating_sub(self.reported))?;
         Ok(trailing)
+    }
+
+    /// Stored bytes behind the end of a zlib stream, which says itself where it ends.
+    fn unpacked_rest(&self) -> u64 {
+        match &self.body {
+            Body::Zlib(zlib) => self.stored_bytes.saturating_sub(zlib.total_in()),
+            _ => 0,
+        }
     }
 
     /// The whole content of a gzip, at most `max_bytes`; memory is used as bytes arrive.
@@ -230,10 +339,14 @@ impl<'a> Stream<'a> {
 
     /// The error for a file that ends at [`Self::position`].
     pub(crate) fn ends_early(&self, expected: &str) -> FileError {
-        let found = match (self.position, self.gzip) {
-            (0, _) => "an empty file".to_owned(),
-            (position, false) => format!("the end of the file after {position} bytes"),
-            (position, true) => format!("the end of the gzip after {position} inflated bytes"),
+        let found = match (self.position, self.packing) {
+            (0, _) if self.start == 0 => "an empty file".to_owned(),
+            (position, Packing::Plain) => {
+                format!("the end of the file after {} bytes", self.start.saturating_add(position))
+            }
+            (position, packing) => {
+                format!("the end of the {} after {position} inflated bytes", packing.name())
+            }
         };
         FileError::wrong(&self.file, found, expected)
     }
@@ -243,12 +356,14 @@ impl<'a> Stream<'a> {
             let read = match &mut self.body {
                 Body::Plain(plain) => plain.read(buf),
                 Body::Gzip(member) => member.read(buf),
+                Body::Zlib(zlib) => zlib.read(buf),
+                Body::Bzip2(blocks) => blocks.read(buf),
                 Body::Ended => return Ok(0),
             };
             match read {
                 Err(e) if e.kind() == ErrorKind::Interrupted => {}
                 Err(e) => return Err(self.read_error(&e)),
-                Ok(0) if self.gzip => self.next_member()?,
+                Ok(0) if self.packing == Packing::Gzip => self.next_member()?,
                 Ok(n) => return Ok(n),
             }
             // A file may have a million empty members: cancelling must work inside this loop too.
@@ -288,22 +403,27 @@ impl<'a> Stream<'a> {
     }
 
     fn read_error(&self, e: &std::io::Error) -> FileError {
-        let found = match (self.gzip, e.kind()) {
-            (true, ErrorKind::UnexpectedEof) => {
-                format!("a gzip that is cut off after {} inflated bytes", self.position)
+        let name = self.packing.name();
+        let (found, expected) = match (self.packing, e.kind()) {
+            (Packing::Plain, _) => (e.to_string(), "readable bytes".to_owned()),
+            (_, ErrorKind::UnexpectedEof) => (
+                format!("a {name} that is cut off after {} inflated bytes", self.position),
+                format!("a whole {name}"),
+            ),
+            (_, ErrorKind::InvalidInput | ErrorKind::InvalidData) => {
+                (format!("a damaged {name} ({e})"), format!("a whole {name}"))
             }
-            (true, ErrorKind::InvalidInput | ErrorKind::InvalidData) => {
-                format!("a damaged gzip ({e})")
-            }
-            _ => e.to_string(),
+            _ => (e.to_string(), format!("a whole {name}")),
         };
-        FileError::wrong(&self.file, found, if self.gzip { "a whole gzip" } else { "readable bytes" })
+        FileError::wrong(&self.file, found, expected)
     }
 
     fn report(&mut self) -> Result<(), FileError> {
         let consumed = match &self.body {
             Body::Plain(plain) => plain.consumed,
             Body::Gzip(member) => member.get_ref().consumed,
+            Body::Zlib(zlib) => zlib.get_ref().consumed,
+            Body::Bzip2(blocks) => blocks.get_ref().consumed,
             Body::Ended => return Ok(self.progress.check()?),
         };
         self.report_consumed(consumed)

@@ -1,10 +1,10 @@
 //! The table of file formats: discovery, file dialogs, help and messages are derived from its rows.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{
-    FileError, FileInfo, Loaded, Part, ReadOptions, Segment, Source, bounded_gzip::Stream, dicom, nifti,
-    tracts::LoadedTracts, tracts_tck, tracts_trk,
+    FileError, FileInfo, Loaded, Part, ReadOptions, Segment, Source, bounded_gzip::Stream, dicom, metaimage,
+    mgh, nifti, nrrd, tracts::LoadedTracts, tracts_tck, tracts_trk,
 };
 use crate::Progress;
 
@@ -35,6 +35,8 @@ pub struct VolumeFormat {
     pub info: ReadInfo,
     /// Reads the names of the segmentations that it holds, see [`super::segments()`].
     pub segments: ReadSegments,
+    /// The other files that the image of a file consists of.
+    pub(super) other_files: fn(&Path) -> Vec<PathBuf>,
 }
 
 /// A file format of fibre tracts.
@@ -60,6 +62,40 @@ pub const VOLUME_FORMATS: &[VolumeFormat] = &[
         read: nifti::read,
         info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
         segments: |_, _| Ok(Vec::new()),
+        other_files: |path| nifti::other_half(path).into_iter().collect(),
+    },
+    VolumeFormat {
+        name: "NRRD",
+        endings: &["nrrd", "nhdr"],
+        whole: &["nrrd", "nhdr"],
+        has_folders: false,
+        sniff: nrrd::sniff,
+        read: nrrd::read,
+        info: |source, progress| Ok(Box::new(nrrd::info(source, progress)?)),
+        segments: nrrd::segments,
+        other_files: nrrd::other_files,
+    },
+    VolumeFormat {
+        name: "MetaImage",
+        endings: &["mha", "mhd"],
+        whole: &["mha", "mhd"],
+        has_folders: false,
+        sniff: metaimage::sniff,
+        read: metaimage::read,
+        info: |source, progress| Ok(Box::new(metaimage::info(source, progress)?)),
+        segments: |_, _| Ok(Vec::new()),
+        other_files: metaimage::other_files,
+    },
+    VolumeFormat {
+        name: "MGH",
+        endings: &["mgz", "mgh", "mgh.gz"],
+        whole: &["mgz", "mgh", "mgh.gz"],
+        has_folders: false,
+        sniff: mgh::sniff,
+        read: mgh::read,
+        info: |source, progress| Ok(Box::new(mgh::info(source, progress)?)),
+        segments: |_, _| Ok(Vec::new()),
+        other_files: |_| Vec::new(),
     },
     VolumeFormat {
         name: "DICOM",
@@ -71,6 +107,7 @@ pub const VOLUME_FORMATS: &[VolumeFormat] = &[
         read: dicom::read,
         info: dicom::info,
         segments: dicom::segments,
+        other_files: |_| Vec::new(),
     },
 ];
 
@@ -140,9 +177,14 @@ pub fn volume_filter() -> Vec<&'static str> {
     last
 }
 
-/// Names of the image formats for messages: `NIfTI`.
+/// Names of the image formats for messages: `NIfTI, NRRD or MGH`.
 pub fn volume_names() -> String {
-    VOLUME_FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(" or ")
+    let names: Vec<&str> = VOLUME_FORMATS.iter().map(|format| format.name).collect();
+    match names.split_last() {
+        Some((last, [])) => (*last).to_owned(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+        None => String::new(),
+    }
 }
 
 /// Extensions of whole images for messages: `.nii, .nii.gz`.
@@ -213,6 +255,34 @@ mod tests {
             assert!(format.whole.iter().all(|w| format.endings.contains(w)), "{}", format.name);
             assert!(format.endings.iter().all(|e| is_volume(&format!("a.{e}"))));
         }
+    }
+
+    #[test]
+    fn each_format_is_recognised_by_content_and_by_name() {
+        let of =
+            |name: &'static str, bytes: &'static [u8]| volume_format(&Source::Embedded { name, bytes }).name;
+        assert_eq!(of("a.bin", b"NRRD0004\ntype: int\n"), "NRRD");
+        assert_eq!(of("a.nii", b"ObjectType = Image\n"), "MetaImage");
+        assert_eq!(of("a.bin", b"NDims=3\r\n"), "MetaImage");
+        assert_eq!(of("case.toml", b"name = \"x\"\n"), "NIfTI");
+        let mut header = vec![0; 284];
+        for (at, number) in [1_i32, 2, 3, 4, 1, 3].into_iter().enumerate() {
+            header[4 * at..][..4].copy_from_slice(&number.to_be_bytes());
+        }
+        assert_eq!(of("a.bin", header.leak()), "MGH");
+        for (name, format) in [
+            ("a.seg.nrrd", "NRRD"),
+            ("a.NHDR", "NRRD"),
+            ("a.mha", "MetaImage"),
+            ("a.mhd", "MetaImage"),
+            ("a.mgh.gz", "MGH"),
+            ("a.mgz", "MGH"),
+            ("a.raw", "NIfTI"),
+        ] {
+            assert_eq!(of(name, b""), format, "{name}");
+        }
+        assert_eq!((volume_stem("a.seg.nrrd"), volume_stem("a.raw")), (Some("a.seg"), None));
+        assert_eq!(volume_names(), "NIfTI, NRRD, MetaImage or MGH");
     }
 
     #[test]

@@ -2,18 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{FileError, nifti, printable};
+use super::{FileError, printable, read::other_files};
 
 /// Files that a case was read from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Inputs(Vec<PathBuf>);
 
 impl Inputs {
-    /// From the files' paths; the second file of a header and image pair is found.
+    /// From the files' paths; the second file of a header and image pair and a header's data files are found.
     pub fn new(files: impl IntoIterator<Item = PathBuf>) -> Self {
         let mut all: Vec<PathBuf> = Vec::new();
         for file in files {
-            all.extend(nifti::other_half(&file));
+            all.extend(other_files(&file));
             all.push(file);
         }
         all.sort();

@@ -2,34 +2,57 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
+
 use crate::{Cancelled, Check, Volume};
 
 mod bounded_gzip;
 mod content;
 mod cross_check;
+mod detached;
 pub mod dicom;
 pub mod format;
+mod image;
 mod inputs;
+mod metaimage;
+mod metaimage_header;
+mod mgh;
 mod nifti;
 mod nifti_describe;
 pub mod nifti_header;
 pub mod nifti_space;
 mod nifti_write;
+mod nrrd;
+mod nrrd_header;
+mod nrrd_segments;
+mod nrrd_space;
 mod opened;
+mod placed;
 mod read;
+mod segment_labels;
+mod stored_file;
+mod stored_voxels;
+mod text_header;
 mod tracts;
 mod tracts_tck;
 mod tracts_trk;
+mod voxel_text;
+mod voxels;
 mod write;
 
 pub use content::FileMark;
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
+pub use image::ImageInfo;
 pub use inputs::Inputs;
+pub use metaimage::read_metaimage_bytes;
+pub use mgh::read_mgh_bytes;
 pub(crate) use nifti::other_half;
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
+pub use nrrd::read_nrrd_bytes;
 pub(crate) use opened::{broken_link, missing, open_regular, stand_in};
 pub use opened::{read_head, read_small, read_small_text};
+pub(crate) use read::other_files;
 pub use read::{files_of, info, read, read_tract_bytes, read_tracts, segments};
 pub use tracts::{LoadedTracts, TractOptions};
 pub use write::{replace_files, temporary_folder, write_whole, write_whole_private};
@@ -115,7 +138,7 @@ pub const DEFAULT_MAX_BYTES: u64 = 4 << 30;
 pub struct ReadOptions {
     /// Maximum size of one frame's voxels in bytes.
     pub max_bytes: u64,
-    /// Frame to read from a file of 4 or more dimensions, from 0, counted through dimensions 4 to 7.
+    /// Frame to read from a file with axes that are not in space, from 0, counted through them in the file's order.
     pub frame: usize,
 }
 
@@ -137,7 +160,7 @@ pub struct Loaded {
 }
 
 /// A segmentation that its file names: it becomes one mask.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Segment {
     /// Its number in the file; unique there.
     pub number: i64,

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use glam::DMat4;
 use serde::Serialize;
 
-use super::bounded_gzip::{CHUNK_BYTES, Stream};
+use super::bounded_gzip::Stream;
 use super::nifti_describe::Described;
 use super::nifti_header::{ByteOrder, Fault, Header, MAX_EXTENSION_BYTES, SampleType, Version, recognise};
 use super::nifti_space::{Form, length_unit};
+use super::opened::base_name;
+use super::voxels::{Layout, read_frame};
 use super::{FileError, FileInfo, Loaded, Part, ReadOptions, Source, printable};
-use crate::{Check, Progress, Samples, Sides, Volume, decimal};
+use crate::{Check, Progress, Sides, Volume, decimal};
 
 /// Maximum number of header extensions in a file.
 const MAX_EXTENSIONS: u64 = 1024;
@@ -409,9 +411,14 @@ fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -
     let all = frame_bytes.saturating_mul(described.frames);
     voxels.can_hold(described.data_offset.saturating_add(all))?;
     let expected = format!("{all} bytes of voxels");
-    voxels.skip(frame_bytes * frame, &expected)?;
-    let samples = read_samples(&mut voxels, &described, opened.header.order, &expected)?;
-    voxels.skip(frame_bytes * (described.frames - 1 - frame), &expected)?;
+    let layout = Layout {
+        sample_type: described.sample_type,
+        order: opened.header.order,
+        voxels: described.grid.voxel_count(),
+        lead: 1,
+        trail: described.frames,
+    };
+    let samples = read_frame(&mut voxels, &layout, frame, &expected)?;
     let mut checks = described.checks;
     finish(voxels, &base_name, &mut checks)?;
     progress.check()?;
@@ -419,63 +426,6 @@ fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -
     let volume = Volume::new(described.grid, samples, described.scaling)
         .ok_or_else(|| FileError::wrong(file, "another number of voxels", expected))?;
     Ok(Loaded { volume, frames, checks })
-}
-
-fn read_samples(
-    stream: &mut Stream<'_>,
-    described: &Described,
-    order: ByteOrder,
-    expected: &str,
-) -> Result<Samples, FileError> {
-    let count = described.grid.voxel_count();
-    macro_rules! typed {
-        ($variant:ident, $t:ty) => {
-            Samples::$variant(match order {
-                ByteOrder::Little => read_numbers(stream, count, <$t>::from_le_bytes, expected)?,
-                ByteOrder::Big => read_numbers(stream, count, <$t>::from_be_bytes, expected)?,
-            })
-        };
-    }
-    Ok(match described.sample_type {
-        SampleType::UInt8 => typed!(U8, u8),
-        SampleType::Int8 => typed!(I8, i8),
-        SampleType::UInt16 => typed!(U16, u16),
-        SampleType::Int16 => typed!(I16, i16),
-        SampleType::UInt32 => typed!(U32, u32),
-        SampleType::Int32 => typed!(I32, i32),
-        SampleType::UInt64 => typed!(U64, u64),
-        SampleType::Int64 => typed!(I64, i64),
-        SampleType::Float32 => typed!(F32, f32),
-        SampleType::Float64 => typed!(F64, f64),
-    })
-}
-
-/// Reads `count` numbers directly into a vector of their type, in cache-sized chunks.
-fn read_numbers<T, const N: usize>(
-    stream: &mut Stream<'_>,
-    count: usize,
-    decode: impl Fn([u8; N]) -> T + Copy,
-    expected: &str,
-) -> Result<Vec<T>, FileError> {
-    let mut numbers = Vec::new();
-    // Pages are committed as they are filled, so a false claim costs address space only.
-    numbers.try_reserve_exact(count).map_err(|_| {
-        FileError::wrong(stream.file(), format!("{count} voxels of {N} bytes"), "no more than fit in memory")
-    })?;
-    let mut chunk = vec![0; CHUNK_BYTES.min(count.saturating_mul(N))];
-    while numbers.len() < count {
-        let want = chunk.len().min((count - numbers.len()).saturating_mul(N));
-        let part = &mut chunk[..want];
-        stream.fill_all(part, expected)?;
-        numbers.extend(part.as_chunks::<N>().0.iter().map(|&bytes| decode(bytes)));
-    }
-    Ok(numbers)
-}
-
-/// The file's name without its folder.
-fn base_name(file: &str) -> String {
-    let name = Path::new(file).file_name().map(|n| n.to_string_lossy().into_owned());
-    name.unwrap_or_else(|| file.to_owned())
 }
 
 /// The file with the header: `path`, or its partner where that is the second half of a pair.

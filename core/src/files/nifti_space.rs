@@ -8,15 +8,8 @@ use glam::{DAffine3, DMat3, DVec3};
 use serde::Serialize;
 
 use super::nifti_header::{Fault, Header};
+use super::placed::{grid_in_mm, is_sheared, report_unusual_spacing};
 use crate::{Check, Grid, Sides, decimal};
-
-/// Largest plausible matrix entry in millimetres: ten kilometres.
-const MAX_MM: f64 = 1e7;
-/// Smallest plausible spacing in millimetres: a hundredth of an atom.
-pub(crate) const MIN_SPACING_MM: f64 = 1e-9;
-
-/// Spacings of images of patients and specimens in millimetres: others load with a warning.
-const USUAL_SPACINGS_MM: [f64; 2] = [1e-3, 100.0];
 
 /// What a grid was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -122,18 +115,7 @@ pub(crate) fn grid_from_header(
     if form == Form::Qform {
         report_quaternion(header, name, checks);
     }
-    let finest = grid.spacing_mm().min_element();
-    let coarsest = grid.spacing_mm().max_element();
-    if finest < USUAL_SPACINGS_MM[0] || coarsest > USUAL_SPACINGS_MM[1] {
-        let [low, high] = USUAL_SPACINGS_MM;
-        checks.push(Check::warning(
-            "spacing-unusual",
-            format!(
-                "{name}: found voxels of {} mm, expected {low} to {high} mm; the unit may be wrong",
-                decimal::sizes(grid.spacing_mm().to_array(), 4)
-            ),
-        ));
-    }
+    report_unusual_spacing(&grid, name, checks);
     if is_sheared(&grid) {
         checks.push(Check::note(
             "sheared",
@@ -299,26 +281,6 @@ fn report_quaternion(header: &Header, name: &str, checks: &mut Vec<Check>) {
 }
 
 /// The affine, converted to millimetres, as a grid; or why it is unusable.
-fn grid_in_mm(matrix: DAffine3, dims: [usize; 3], mm_per_unit: f64) -> Result<Grid, String> {
-    let mm =
-        DAffine3 { matrix3: matrix.matrix3 * mm_per_unit, translation: matrix.translation * mm_per_unit };
-    let grid = Grid::new(dims, mm, Sides::Known).map_err(|e| {
-        let text = e.to_string();
-        text.strip_prefix("found ").and_then(|t| t.split(", expected").next()).unwrap_or(&text).to_owned()
-    })?;
-    let m = mm.matrix3;
-    let largest = [m.x_axis, m.y_axis, m.z_axis, mm.translation]
-        .iter()
-        .fold(0.0_f64, |most, v| most.max(v.abs().max_element()));
-    if largest > MAX_MM {
-        return Err(format!("{largest:.3e} mm is no patient's size"));
-    }
-    if grid.spacing_mm().min_element() < MIN_SPACING_MM {
-        return Err(format!("a spacing of {:.3e} mm", grid.spacing_mm().min_element()));
-    }
-    Ok(grid)
-}
-
 /// Reports forms that put an outer corner more than half the finest spacing apart.
 fn compare_forms(s: &Grid, q: &Grid, name: &str, checks: &mut Vec<Check>) {
     if s.same_place(q, 0.5) {
@@ -339,10 +301,4 @@ fn compare_forms(s: &Grid, q: &Grid, name: &str, checks: &mut Vec<Check>) {
             decimal::text(distance_mm, 2)
         ),
     ));
-}
-
-fn is_sheared(grid: &Grid) -> bool {
-    let m = grid.world_from_voxel().matrix3;
-    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(|c| c / c.length());
-    [x.dot(y), x.dot(z), y.dot(z)].iter().any(|cosine| cosine.abs() > 1e-3)
 }

@@ -20,7 +20,7 @@ use ndarray::{ArrayView3, ShapeBuilder};
 use nifti::{NiftiHeader, writer::WriterOptions};
 
 use super::nifti_header::{Header, SampleType, Version};
-use super::nifti_space::MIN_SPACING_MM;
+use super::placed::MIN_SPACING_MM;
 use super::{
     FileError, Loaded, ReadOptions, Source, nifti as reader, printable, write_failed, write_whole_with,
 };

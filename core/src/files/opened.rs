@@ -45,6 +45,12 @@ pub(crate) fn broken_link(path: &Path) -> Option<(String, Option<&'static str>)>
     Some((format!("a link whose target {target} does not exist"), None))
 }
 
+/// The file's name without its folder.
+pub(super) fn base_name(file: &str) -> String {
+    let name = Path::new(file).file_name().map(|n| n.to_string_lossy().into_owned());
+    name.unwrap_or_else(|| file.to_owned())
+}
+
 /// The first bytes of a regular file, at most `max_bytes`; `None` where it can't be read.
 pub fn read_head(path: &Path, max_bytes: u64) -> Option<Vec<u8>> {
     let mut head = Vec::new();

@@ -1,6 +1,6 @@
 //! Reading a file in whatever format it has: that of the table's row that recognises it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{
     FileError, FileInfo, Loaded, LoadedTracts, Part, ReadOptions, Segment, Source, TractOptions, Which,
@@ -12,6 +12,7 @@ use crate::{Progress, Samples, Scaling, Volume, check::listed, with_samples};
 
 /// Reads one frame of an image or mask in any of [`super::format::VOLUME_FORMATS`]. NIfTI: `.nii`, `.nii.gz` and
 /// `.hdr`/`.img` pairs, each file gzipped or not, named by either half. gzip is recognised by content, not by name.
+/// NRRD and MetaImage: data files are read only where they are in the header's folder or below.
 ///
 /// # Errors
 /// [`FileError::Wrong`] for any defect of the file; nothing is allocated for voxels before the header
@@ -84,6 +85,11 @@ pub fn files_of(source: &Source) -> Vec<PathBuf> {
 /// As [`read`].
 pub fn segments(source: &Source, progress: &Progress) -> Result<Vec<Segment>, FileError> {
     (volume_format(source).segments)(source, progress)
+}
+
+/// The other files that an image consists of, by its name or header: an image's second half, a header's data files.
+pub(crate) fn other_files(path: &Path) -> Vec<PathBuf> {
+    (volume_format(&Source::File(path.to_owned())).other_files)(path)
 }
 
 /// Reads a `.tck` or `.trk` file.

@@ -1,14 +1,34 @@
 //! The voxel faces of a mask as triangles between voxel corners.
 
-use super::MeshError;
-use crate::{MaskBits, Progress, surface::surface_of};
+use glam::DVec3;
+
+use crate::{Cancelled, MaskBits, Progress, surface::surface_of};
+
+/// Why a mask has no surface.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MeshError {
+    /// No voxel is active.
+    #[error("found no active voxel, expected at least one")]
+    Empty,
+    /// Its vertices can't be numbered in 32 bits, or its triangles don't fit into memory.
+    #[error(
+        "found a surface too large, expected at most {max_vertices} vertices and triangles that fit into memory"
+    )]
+    TooLarge {
+        /// Largest number of vertices.
+        max_vertices: usize,
+    },
+    /// The user cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
 
 /// The faces between active and inactive voxels, the outside of the image being inactive.
 pub(super) struct Faces {
     /// The corners used, each once. Corner `[i, j, k]` is the lowest of voxel `[i, j, k]`.
     pub corners: Vec<[u32; 3]>,
-    /// Two for each face: of a quad `a b c d`, first `a b c`, then `a c d`; counterclockwise seen from outside where
-    /// voxel axes are right-handed, clockwise with `mirrored`.
+    /// Two for each face: of a quad `a b c d`, first `a b c`, then `a c d`; counterclockwise seen from outside
+    /// where voxel axes are right-handed, clockwise with `mirrored`.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -34,8 +54,8 @@ fn count_faces(mask: &MaskBits) -> u64 {
     6 * mask.count() - 2 * pairs
 }
 
-/// The faces of `mask`, in memory order of their voxels, with at most `max_vertices` vertices. `mirrored` turns all
-/// triangles round, for grids with left-handed axes.
+/// The faces of `mask`, in memory order of their voxels, with at most `max_vertices` vertices. `mirrored` turns
+/// all triangles round, for grids with left-handed axes.
 ///
 /// # Errors
 /// As [`super::mesh`].
@@ -127,4 +147,33 @@ fn face_corners(voxel: [usize; 3], axis: usize, upper: bool) -> [[usize; 3]; 4] 
         corner[(axis + 2) % 3] += c;
         corner
     })
+}
+
+/// A corner as a vector.
+pub(super) fn point(corner: [u32; 3]) -> DVec3 {
+    DVec3::from_array(corner.map(f64::from))
+}
+
+/// The corners of a triangle.
+pub(super) fn corners_of(positions: &[DVec3], triangle: [u32; 3]) -> [DVec3; 3] {
+    triangle.map(|vertex| positions[vertex as usize])
+}
+
+/// Unit normals of vertices: of the sum of the area vectors of their voxel faces, so that they don't depend on
+/// how faces are divided into triangles; zero where that sum is zero.
+pub(super) fn vertex_normals(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let mut normals = vec![DVec3::ZERO; positions.len()];
+    for pair in triangles.as_chunks::<2>().0 {
+        let quad = quad_of(pair);
+        let [a, b, c, d] = quad.map(|vertex| positions[vertex]);
+        let area = (c - a).cross(d - b);
+        quad.iter().for_each(|&vertex| normals[vertex] += area);
+    }
+    normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
+    normals
+}
+
+/// The corners of the face that two triangles of [`Faces`] make.
+pub(super) fn quad_of(&[first, second]: &[[u32; 3]; 2]) -> [usize; 4] {
+    [first[0], first[1], first[2], second[2]].map(|vertex| vertex as usize)
 }

@@ -13,22 +13,22 @@ use crate::{
     files::{FileError, printable},
 };
 
-/// glTF from RAS millimetres, columns R, A, S and translation: metres, x left, y superior, z anterior, so that the patient
-/// stands upright and faces the viewer.
+/// glTF from RAS millimetres, columns R, A, S and translation: metres, x left, y superior, z anterior, so that
+/// the patient stands upright and faces the viewer.
 const GLTF_FROM_MM: [f64; 16] =
     [-0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.001, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
 /// Writes `meshes` as nodes of one binary glTF file (`.glb`), each with its name and colour.
 ///
-/// glTF has metres and y upwards: the root node's matrix leads there from RAS millimetres. Each mesh's node below it
-/// has a translation in millimetres, and coordinates relative to it as 32-bit floats (error at most 2⁻²⁴ of half the
-/// mesh's extent): their sum is the place in RAS millimetres, however far from the origin. `asset.extras` states
-/// this and the provenance. Smoothed surfaces have normals, voxel faces are flat. Names stay, but for misleading
-/// characters, which are escaped. Takes the memory of one mesh's normals.
+/// glTF has metres and y upwards: the root node's matrix leads there from RAS millimetres. Each mesh's node
+/// below it has a translation in millimetres, and coordinates relative to it as 32-bit floats (error at most
+/// 2⁻²⁴ of half the mesh's extent): their sum is the place in RAS millimetres, however far from the origin.
+/// `asset.extras` states this and the provenance. Smoothed surfaces have normals, voxel faces are flat. Names
+/// stay, but for misleading characters, which are escaped. Takes the memory of one mesh's normals.
 ///
 /// # Errors
-/// [`FileError::Wrong`] with the system's reason, without meshes, or with 4 GiB or more, which the format can't have;
-/// [`FileError::Cancelled`].
+/// [`FileError::Wrong`] with the system's reason, without meshes, or with 4 GiB or more, which the format can't
+/// have; [`FileError::Cancelled`].
 pub fn write_glb(
     path: &Path,
     meshes: &[NamedMesh<'_>],

@@ -2,15 +2,17 @@
 
 use glam::DVec3;
 
-use super::{faces::faces_of, smooth::smoothed};
-use crate::{Cancelled, Mask, Progress, Sides};
+use super::faces::{MeshError, corners_of, faces_of, point, vertex_normals};
+use super::smooth::smoothed;
+use crate::{Mask, Progress, Sides};
 
 /// How a surface follows the voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SurfaceKind {
     /// The faces between active and inactive voxels: exact, a staircase.
     VoxelFaces,
-    /// The same triangles with their corners moved by a part of a voxel, to a smooth surface of the same volume.
+    /// The same triangles with their corners moved by a part of a voxel, to a smooth surface of the same
+    /// volume.
     Smoothed,
 }
 
@@ -23,46 +25,29 @@ pub struct Mesh {
     sides: Sides,
 }
 
-/// Why a mask has no surface.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum MeshError {
-    /// No voxel is active.
-    #[error("found no active voxel, expected at least one")]
-    Empty,
-    /// Its vertices can't be numbered in 32 bits, or its triangles don't fit into memory.
-    #[error(
-        "found a surface too large, expected at most {max_vertices} vertices and triangles that fit into memory"
-    )]
-    TooLarge {
-        /// Largest number of vertices.
-        max_vertices: usize,
-    },
-    /// The user cancelled.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
-
 /// Largest number of vertices: glTF reserves the index 2³² − 1.
 const MAX_VERTICES: usize = u32::MAX as usize;
 
 /// The surface of `mask`: of its voxel faces between active and inactive voxels, the outside of the image being
-/// inactive. Vertices are shared; triangles are counterclockwise seen from outside, on mirrored and sheared grids too.
+/// inactive. Vertices are shared; triangles are counterclockwise seen from outside, on mirrored and sheared
+/// grids too.
 ///
-/// Closed: each edge is used equally often in both directions, by two triangles, or by four where voxels touch at an edge
-/// only. Its volume is that of the voxels; with [`SurfaceKind::VoxelFaces`] to rounding, with
-/// [`SurfaceKind::Smoothed`] to rounding for each connected part of the surface.
+/// Closed: each edge is used equally often in both directions, by two triangles, or by four where voxels touch
+/// at an edge only, which programs that accept two alone report as not watertight. The volume is that of the
+/// voxels to rounding, with [`SurfaceKind::Smoothed`] also that of each connected part of the surface.
 ///
-/// [`SurfaceKind::Smoothed`] has the triangles of the voxel faces. Their corners take 20 steps of Taubin's smoothing
-/// without shrinkage (A signal processing approach to fair surface design, SIGGRAPH 1995) along the edges of faces,
-/// in voxel units: thick slices are smoothed over as many voxels as the others. No corner moves more than 0.4
-/// voxels along an axis, so that what is one voxel thin keeps at least a fifth of that; then each connected part is moved
-/// along its normals until it has its voxels' volume, by a few hundredths of a voxel on a ball. A single voxel
-/// stays as it is, and so does a sheet one voxel thick but for its rim. On voxelised balls of radius 5 to 40 voxels
-/// the mean distance from the sphere is 0.09 voxels and the area 1 to 3 % too large; for the voxel faces these are 0.23
-/// voxels and 50 %. With slices four times as thick the mean distance is 0.08 slices. Parts that are close to each
-/// other may touch.
+/// [`SurfaceKind::Smoothed`] has the triangles of the voxel faces. Their corners take 20 steps of Taubin's
+/// smoothing without shrinkage (A signal processing approach to fair surface design, SIGGRAPH 1995) along the
+/// edges of faces, in voxel units: thick slices are smoothed over as many voxels as the others. No corner moves
+/// more than 0.4 voxels along an axis, so that what is one voxel thin keeps at least a fifth of that; then each
+/// connected part is moved along its normals until it has its voxels' volume, if that takes at most a voxel. A
+/// single voxel stays as it is, and so does a sheet one voxel thick but for its rim. On voxelised balls of
+/// radius 5 to 40 voxels the mean distance from the sphere is 0.09 voxels and the area 1 to 3 % too large; for
+/// the voxel faces these are 0.23 voxels and 50 %. With slices four times as thick the mean distance is 0.08
+/// slices. Parts that are close to each other may touch.
 ///
-/// Memory: 12 bytes for each triangle and 36 for each vertex, of which there are half as many; 68 while smoothing.
+/// Memory: 12 bytes for each triangle and 36 for each vertex, of which there are half as many; 68 while
+/// smoothing.
 ///
 /// # Errors
 /// [`MeshError::Empty`] where no voxel is active, [`MeshError::TooLarge`], [`MeshError::Cancelled`].
@@ -82,35 +67,6 @@ pub fn mesh(mask: &Mask, kind: SurfaceKind, progress: &Progress) -> Result<Mesh,
         }
     };
     Ok(Mesh { positions_mm, triangles: faces.triangles, kind, sides: grid.sides() })
-}
-
-/// A corner as a vector.
-pub(super) fn point(corner: [u32; 3]) -> DVec3 {
-    DVec3::from_array(corner.map(f64::from))
-}
-
-/// The corners of a triangle.
-pub(super) fn corners_of(positions: &[DVec3], triangle: [u32; 3]) -> [DVec3; 3] {
-    triangle.map(|vertex| positions[vertex as usize])
-}
-
-/// Unit normals of vertices: of the sum of the area vectors of their voxel faces, so that they don't depend on how
-/// faces are divided into triangles; zero where that sum is zero.
-pub(super) fn vertex_normals(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; positions.len()];
-    for pair in triangles.as_chunks::<2>().0 {
-        let quad = quad_of(pair);
-        let [a, b, c, d] = quad.map(|vertex| positions[vertex]);
-        let area = (c - a).cross(d - b);
-        quad.iter().for_each(|&vertex| normals[vertex] += area);
-    }
-    normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
-    normals
-}
-
-/// The corners of the face that two triangles of [`super::faces::Faces`] make.
-pub(super) fn quad_of(&[first, second]: &[[u32; 3]; 2]) -> [usize; 4] {
-    [first[0], first[1], first[2], second[2]].map(|vertex| vertex as usize)
 }
 
 impl Mesh {

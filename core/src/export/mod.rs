@@ -1,7 +1,21 @@
 //! Masks for other programs: closed surfaces as STL, OBJ and binary glTF, and segmentations as `.seg.nrrd`.
 //!
-//! Every file is written whole or not at all and has the same bytes for the same input. Names are on one line. Which
-//! inputs, selection and version of the program a file comes from is stated where its format has room.
+//! Every file is written whole or not at all and has the same bytes for the same input. Names are on one line.
+//! Which inputs, selection and version of the program a file comes from is stated where its format has room.
+//!
+//! ```
+//! use glioscope_core::{Grid, Mask, MaskBits, Progress, export, glam::DVec3};
+//!
+//! let grid = Grid::axis_aligned([4, 4, 4], DVec3::new(1.0, 1.0, 5.0), DVec3::ZERO)?;
+//! let mask = Mask::new("T1", grid, MaskBits::full([4, 4, 4])).ok_or("other dimensions")?;
+//! let progress = Progress::new();
+//! let surface = export::mesh(&mask, export::SurfaceKind::VoxelFaces, &progress)?;
+//! assert!((surface.volume_mm3() - 4.0 * 4.0 * 20.0).abs() < 1e-9);
+//!
+//! let folder = tempfile::tempdir()?;
+//! export::write_stl(&folder.path().join("T1.stl"), &surface, &progress)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::{
     io::{BufWriter, Write},
@@ -21,8 +35,9 @@ mod seg_nrrd;
 mod smooth;
 mod stl;
 
+pub use faces::MeshError;
 pub use glb::write_glb;
-pub use mesh::{Mesh, MeshError, SurfaceKind, mesh};
+pub use mesh::{Mesh, SurfaceKind, mesh};
 pub use obj::write_obj;
 pub use seg_nrrd::write_seg_nrrd;
 pub use stl::write_stl;
@@ -71,8 +86,8 @@ impl Provenance {
     }
 }
 
-/// The frame of a surface's coordinates, as 3D Slicer states it in the headers of STL and OBJ files, without which it
-/// assumes LPS.
+/// The frame of a surface's coordinates, as 3D Slicer states it in the headers of STL and OBJ files, without
+/// which it assumes LPS.
 fn frame(sides: Sides) -> &'static str {
     match sides {
         Sides::Known => "SPACE=RAS;UNIT=mm",

@@ -6,23 +6,23 @@ use std::{
     path::Path,
 };
 
-use super::{NamedMesh, Provenance, Stop, common_sides, frame, nothing_to_write, write_each};
+use super::{NamedMesh, Provenance, Stop, common_sides, frame, nothing_to_write, refused, write_each};
 use crate::{
     Progress,
     files::{FileError, is_misleading, replace_files, temporary_folder, write_failed, write_whole_with},
 };
 
-/// Writes `meshes` as objects of one OBJ file, and beside it their colours: a file of the same name that ends in
-/// `.mtl`. Both are put in place together. A comment states the provenance and the frame (`SPACE=RAS;UNIT=mm`, which 3D
-/// Slicer reads).
+/// Writes `meshes` as objects of one OBJ file, and beside it their colours: a file of the same name that ends
+/// in `.mtl`. Both are put in place together. A comment states the provenance and the frame
+/// (`SPACE=RAS;UNIT=mm`, which 3D Slicer reads).
 ///
-/// Coordinates are RAS millimetres with the digits that restore their 64-bit floats. Names of objects and materials are the
-/// meshes', with `_` for white space, `#`, `\` and misleading characters; a name that occurred before gets a
-/// number. Colours (`Kd`) are sRGB from 0 to 1. Takes no memory of the meshes' size.
+/// Coordinates are RAS millimetres with the digits that restore their 64-bit floats. Names of objects and
+/// materials are the meshes', with `_` for white space, `#`, `\` and misleading characters; a name that
+/// occurred before gets a number. Colours (`Kd`) are sRGB from 0 to 1. Takes no memory of the meshes' size.
 ///
 /// # Errors
-/// [`FileError::Wrong`] with the system's reason, without meshes, or where the file's name is not Unicode;
-/// [`FileError::Cancelled`].
+/// [`FileError::Wrong`] with the system's reason, without meshes, or where the file's name ends in `.mtl` or is
+/// not Unicode; [`FileError::Cancelled`].
 pub fn write_obj(
     path: &Path,
     meshes: &[NamedMesh<'_>],
@@ -38,6 +38,9 @@ pub fn write_obj(
         return Err(write_failed(path, &"a name that is not Unicode"));
     };
     let materials = format!("{}.mtl", identifier(stem));
+    if name.eq_ignore_ascii_case(&materials) {
+        return Err(refused(path, "a name that ends in .mtl", "another, as that is the materials' file"));
+    }
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     for target in [path, &folder.join(&materials)] {
         // They are renamed over what is there.
@@ -56,7 +59,7 @@ pub fn write_obj(
     };
     write(&materials, &|out| encode_materials(meshes, &names, out))?;
     write(name, &|out| encode(meshes, &names, &materials, provenance, out, progress))?;
-    replace_files(&together, folder, &[materials.clone(), name.to_owned()], &[])
+    replace_files(&together, folder, &[materials, name.to_owned()], &[])
 }
 
 fn encode_materials(meshes: &[NamedMesh<'_>], names: &[String], out: &mut dyn Write) -> Result<(), Stop> {

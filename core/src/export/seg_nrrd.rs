@@ -21,10 +21,10 @@ const SAME_PLACE: f64 = 1e-3;
 /// Writes `masks` as one `.seg.nrrd` file. Masks that don't overlap share a layer, each in the first layer
 /// where it fits; within a layer labels count from 1. Masks without a voxel are segments too.
 ///
-/// Voxels are bytes, gzipped; more than one layer makes the first axis of four. The place is given in LPS
-/// as the format's custom is, with the digits that restore 64-bit floats. Where left and right are
-/// unknown, the header has `space dimension` instead of `space`. Identifiers are `Segment_1`, `Segment_2` ….
-/// Provenance is in keys that begin with `Glioscope_`. Takes the memory of one mask for each layer.
+/// Voxels are bytes, gzipped; more than one layer makes the first axis of four. The place is given in LPS as
+/// the format's custom is, with the digits that restore 64-bit floats. Where left and right are unknown, the
+/// header has `space dimension` instead of `space`. Identifiers are `Segment_1`, `Segment_2` …. Provenance is
+/// in keys that begin with `Glioscope_`. Takes the memory of one mask for each layer.
 ///
 /// `verify` reads the written file back: it is put in place only when that accepts it.
 ///

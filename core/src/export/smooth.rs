@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use super::faces::Faces;
-use super::mesh::{corners_of, point, quad_of, vertex_normals};
+use super::faces::{Faces, corners_of, point, quad_of, vertex_normals};
 use crate::{Cancelled, Progress};
 
-/// Steps of smoothing, each inwards by [`SHRINK`], then outwards by [`GROW`] of the distance to the neighbours' mean.
+/// Steps of smoothing, each inwards by [`SHRINK`], then outwards by [`GROW`] of the distance to the neighbours'
+/// mean.
 const STEPS: u64 = 20;
 const SHRINK: f64 = 0.5;
 /// Passes what varies over many voxels: 1/GROW + 1/SHRINK is about 0.1 (Taubin, 1995).
@@ -50,8 +50,8 @@ fn move_to_neighbors(faces: &Faces, share: f64, positions: &mut [DVec3], sums: &
     }
 }
 
-/// What a part of the surface encloses when its vertices move along their normals by `t`: coefficients of 1, t, t², t³
-/// of six times the volume; and that of its voxels.
+/// What a part of the surface encloses when its vertices move along their normals by `t`: coefficients of 1, t,
+/// t², t³ of six times the volume; and that of its voxels.
 #[derive(Clone, Copy, Default)]
 struct Part {
     origin: DVec3,
@@ -60,7 +60,8 @@ struct Part {
 }
 
 impl Part {
-    /// The movement that gives the part its voxels' volume, by Newton's method; zero where that would be too far.
+    /// The movement that gives the part its voxels' volume, by Newton's method; zero where that would be too
+    /// far.
     fn offset(&self) -> f64 {
         let [c0, c1, c2, c3] = self.coefficients;
         let mut t = 0.0_f64;
@@ -73,8 +74,8 @@ impl Part {
     }
 }
 
-/// Moves each connected part of the surface along its normals until it has the volume of its voxel faces. The outer surface
-/// of a part and that of a cavity are two parts.
+/// Moves each connected part of the surface along its normals until it has the volume of its voxel faces. The
+/// outer surface of a part and that of a cavity are two parts.
 fn restore_volumes(faces: &Faces, mirrored: bool, positions: &mut [DVec3]) {
     let part_of = parts_of(faces);
     let mut normals = vertex_normals(positions, &faces.triangles);

@@ -4,15 +4,15 @@ use std::{io::Write, path::Path};
 
 use glam::DVec3;
 
-use super::{BATCH, Mesh, PROGRAM, Stop, frame, mesh::corners_of, refused, write_each, write_file};
+use super::{BATCH, Mesh, PROGRAM, Stop, faces::corners_of, frame, refused, write_each, write_file};
 use crate::{Progress, files::FileError};
 
-/// Writes `mesh` as binary STL: one solid, coordinates in RAS millimetres, which the header states in the words that
-/// 3D Slicer reads (`SPACE=RAS;UNIT=mm`). The header has no room for a provenance: it names the program.
+/// Writes `mesh` as binary STL: one solid, coordinates in RAS millimetres, which the header states in the words
+/// that 3D Slicer reads (`SPACE=RAS;UNIT=mm`). The header has no room for a provenance: it names the program.
 ///
-/// Coordinates are 32-bit floats of the world's millimetres, nothing subtracted: the error is at most 2⁻²⁴ of the
-/// coordinate, 8 nm at 0.2 m and 0.03 mm at 1 km from the origin. The surface stays closed, as equal vertices stay
-/// equal. Takes no memory of the mesh's size.
+/// Coordinates are 32-bit floats of the world's millimetres, nothing subtracted: the error is at most 2⁻²⁴ of
+/// the coordinate, 8 nm at 0.2 m and 0.03 mm at 1 km from the origin. The surface stays closed, as equal
+/// vertices stay equal. Takes no memory of the mesh's size.
 ///
 /// # Errors
 /// [`FileError::Wrong`] with the system's reason, or with 2³² or more triangles; [`FileError::Cancelled`].

@@ -200,7 +200,7 @@ fn glb_restores_coordinates_however_far_away() {
 fn what_cant_be_written_leaves_the_folder_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.obj");
-    std::fs::write(&path, b"before").unwrap();
+    crate::files::write_whole(&path, b"before").unwrap();
     let meshes = two();
     let meshes = named(&meshes);
     let cancelled = Progress::new();
@@ -214,6 +214,7 @@ fn what_cant_be_written_leaves_the_folder_as_it_was() {
         write_stl(&path, meshes[0].mesh, &cancelled).unwrap_err(),
         write_stl(&folder.path().join("none/out.stl"), meshes[0].mesh, &new).unwrap_err(),
         write_obj(folder.path(), &meshes, &none, &new).unwrap_err(),
+        write_obj(&folder.path().join("out.mtl"), &meshes, &none, &new).unwrap_err(),
     ] {
         let error = error.to_string();
         assert!(error == "cancelled" || error.contains(folder.path().to_str().unwrap()), "{error}");

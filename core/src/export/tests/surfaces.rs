@@ -1,7 +1,7 @@
 use std::collections::HashMap;
 use std::f64::consts::PI;
 
-use super::super::{MeshError, faces::faces_of, mesh::corners_of};
+use super::super::faces::{MeshError, corners_of, faces_of};
 use super::*;
 use crate::surface::surface_elements;
 

@@ -44,6 +44,7 @@ pub mod decimal;
 pub mod digest;
 pub mod distance;
 pub mod ellipsoid;
+pub mod export;
 pub mod files;
 pub mod grid;
 pub mod inside_lens;

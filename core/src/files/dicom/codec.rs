@@ -3,7 +3,7 @@
 
 use super::data_set::Unusable;
 use super::instance::PixelFormat;
-use super::isolated;
+use super::{isolated, jpeg_ls};
 
 /// A codec of single images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +95,8 @@ pub(super) fn decode_here(codec: Codec, stream: &[u8]) -> Result<Vec<i32>, Strin
                 other => Err(format!("pixels of the format {other:?}")),
             }
         }
-        Codec::JpegLs => Err("JPEG-LS, which no kept crate decodes without a C++ compiler".into()),
+        // No kept crate decodes it without a C++ compiler.
+        Codec::JpegLs => jpeg_ls::decode(stream),
         Codec::Jpeg2000 => {
             let options = jpeg2k::DecodeParameters::new().strict(true);
             let image = jpeg2k::Image::from_bytes_with(stream, options).map_err(|e| e.to_string())?;

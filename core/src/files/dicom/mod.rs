@@ -6,6 +6,7 @@ mod data_set;
 mod info;
 mod instance;
 mod isolated;
+mod jpeg_ls;
 mod open;
 mod parse;
 mod pixels;

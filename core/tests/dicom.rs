@@ -434,3 +434,48 @@ fn names_are_read_in_their_character_sets() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
+
+/// Damaged bytes of small real files are refused or read, and never end the program.
+#[test]
+fn damaged_files_never_panic() {
+    let mut seeds: Vec<PathBuf> = Vec::new();
+    for (folder, name) in [
+        ("dicom-malformed", "good.dcm"),
+        ("dicom-encodings", "s16-rle.dcm"),
+        ("dicom-encodings", "u8-deflated.dcm"),
+        ("dicom-seg-highdicom", "binary-overlapping.dcm"),
+        ("dicom-seg-highdicom", "labelmap-8bit-deflated-frames.dcm"),
+        ("dicom-enhanced", "mr-two-times-shuffled.dcm"),
+        ("dicom-rtstruct", "no-image-references.dcm"),
+    ] {
+        let Some(data) = real_data(folder) else { return };
+        seeds.push(data.join(name));
+    }
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut random = move |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    for seed in seeds {
+        let bytes = std::fs::read(&seed).unwrap();
+        files::dicom::inspect(&bytes, 1 << 24).unwrap();
+        let mut read = 0;
+        for _ in 0..1500 {
+            let mut damaged = bytes.clone();
+            // Headers lie at the start.
+            let region = if random(4) == 0 { damaged.len() } else { damaged.len().min(3000) };
+            for _ in 0..=random(4) {
+                let at = random(region);
+                damaged[at] = if random(2) == 0 { random(256) as u8 } else { damaged[at] ^ 1 << random(8) };
+            }
+            if random(5) == 0 {
+                damaged.truncate(random(damaged.len()));
+            }
+            match files::dicom::inspect(&damaged, 1 << 24) {
+                Ok(_) => read += 1,
+                Err(error) => assert!(one_line(&error), "{error}"),
+            }
+        }
+        println!("{}: {read} of 1500 read", seed.display());
+    }
+}

@@ -13,6 +13,7 @@ use super::{
     case::{CaseArguments, MaskArguments},
     change::ChangeArguments,
     ellipsoids::Neighbors,
+    export::ExportArguments,
     parse::{self, LensArgument, View, keyword},
     tracts::TractArguments,
 };
@@ -99,6 +100,8 @@ pub enum Task {
     Tracts(TractArguments),
     /// Report how the surface of a mask moved between two dates.
     Change(Box<ChangeArguments>),
+    /// Write masks or regions as files of other programs.
+    Export(Box<ExportArguments>),
     /// Draw one view into a PNG.
     Render(Box<RenderArguments>),
     /// Write the pictures of every view and all numbers into a folder.

@@ -6,6 +6,7 @@ mod arguments;
 mod case;
 mod change;
 mod ellipsoids;
+mod export;
 mod info;
 mod light;
 mod measure;
@@ -76,6 +77,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         }
         Some(Task::Tracts(arguments)) => tracts::run(&arguments),
         Some(Task::Change(arguments)) => change::run(&arguments),
+        Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Sample { out }) => sample::run(&out),

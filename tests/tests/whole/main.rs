@@ -9,6 +9,7 @@
 )]
 
 mod cli;
+mod dicom;
 #[cfg(target_os = "linux")]
 mod faults;
 mod figures;

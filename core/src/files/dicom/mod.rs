@@ -24,6 +24,7 @@ mod text;
 pub(super) use info::info;
 pub use instance::Patient;
 pub use isolated::{DECODER_ARGUMENT, decode_frames_with, serve};
+pub use open::inspect;
 pub(super) use open::{files_of, read, segments};
 pub(super) use parse::sniff;
 pub use scan::Kind;

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::super::{FileError, Loaded, ReadOptions, Segment, Source};
 use super::data_set::Unusable;
-use super::scan::{Header, Kind, header, in_file, parsed, read_bytes, scan, scan_beside};
+use super::pixels::{Layout, compression, stored};
+use super::scan::{Header, Kind, header, in_file, of_parsed, parsed, read_bytes, scan, scan_beside};
 use super::segmentation::{self, Segmentation};
 use super::series::Series;
 use super::structure_set::StructureSet;
@@ -161,6 +162,43 @@ pub(in super::super) fn segments(source: &Source, progress: &Progress) -> Result
     match found.kind {
         Kind::Segmentation | Kind::StructureSet => segments_of(&found.own[0]),
         _ => Ok(Vec::new()),
+    }
+}
+
+/// Reads a file from memory as far as it goes alone: data set, place, masks and pixels without a codec. Returns the number
+/// of frames. For tests with damaged bytes.
+///
+/// # Errors
+/// As [`super::super::read()`].
+pub fn inspect(bytes: &[u8], max_bytes: u64) -> Result<usize, FileError> {
+    let path = Path::new("bytes.dcm");
+    let parsed = parsed(path, bytes)?;
+    let own = of_parsed(path, &parsed, bytes.len() as u64);
+    let wrong = |unusable: Unusable| in_file(path, &unusable);
+    match own.kind {
+        Kind::Segmentation => {
+            let options = ReadOptions { max_bytes, frame: 0 };
+            Ok(Segmentation::of(&own, &parsed, &[])?.read(&own, &parsed, &options)?.frames)
+        }
+        Kind::StructureSet => {
+            let options = ReadOptions { max_bytes, frame: 0 };
+            let set = StructureSet::of(&parsed.data, "bytes.dcm").map_err(wrong)?;
+            Ok(set.read(&own, &[], &options)?.frames)
+        }
+        Kind::Directory | Kind::Other => Ok(0),
+        Kind::Image => {
+            let series = Series::of(vec![&own], "bytes.dcm")?;
+            let (format, frames) = own.image.as_ref().map_err(|u| in_file(path, u))?;
+            if format.bytes() <= max_bytes
+                && compression(&parsed.transfer_syntax).is_ok_and(|c| !c.is_codec())
+            {
+                let layout = Layout::of(&parsed, format).map_err(wrong)?;
+                for frame in frames {
+                    stored(&parsed, &layout, format, frame.number).map_err(wrong)?;
+                }
+            }
+            Ok(series.stacks.len())
+        }
     }
 }
 

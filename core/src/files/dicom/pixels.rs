@@ -48,6 +48,13 @@ pub(super) enum Compression {
     Codec(Codec),
 }
 
+impl Compression {
+    /// Whether a codec of another crate is needed.
+    pub fn is_codec(self) -> bool {
+        matches!(self, Self::Codec(_))
+    }
+}
+
 /// What decompresses the frames of a transfer syntax.
 ///
 /// # Errors

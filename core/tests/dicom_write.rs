@@ -9,7 +9,7 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use common::{files_below, real_data};
 use glioscope_core::{
@@ -25,7 +25,6 @@ fn read(source: &Source) -> Loaded {
 type Write = fn(&[SegmentToWrite<'_>], &WriteTo<'_>) -> Result<Written, FileError>;
 
 /// Masks of a label map written for an image, by both writers, have the label map's voxels beside the image.
-/// `GLIOSCOPE_KEEP_WRITTEN`: a folder for the files, for other programs.
 fn round_trip(image: &Path, labels: &Path) {
     let labels = read(&Source::File(labels.to_owned()));
     let (grid, volume) = (labels.volume.grid(), &labels.volume);
@@ -61,10 +60,6 @@ fn round_trip(image: &Path, labels: &Path) {
             let folder = tempfile::tempdir().unwrap();
             let file = folder.path().join(name);
             write_whole(&file, &written.bytes).unwrap();
-            if let Some(keep) = std::env::var_os("GLIOSCOPE_KEEP_WRITTEN") {
-                let stem = if identified { "identified" } else { "hidden" };
-                write_whole(&PathBuf::from(keep).join(format!("{stem}-{name}")), &written.bytes).unwrap();
-            }
             // Without the patient's UIDs it doesn't belong to the image; contours need one.
             if !identified && name != "seg.dcm" {
                 continue;

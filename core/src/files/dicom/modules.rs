@@ -191,7 +191,7 @@ impl<'a> Object<'a> {
                 }
             }
             Some(_) => {
-                data.text(tags::PATIENT_NAME, "Anonymous");
+                data.text(tags::PATIENT_NAME, "Anonymous^Patient");
                 data.text(tags::PATIENT_ID, "ANONYMOUS");
             }
             None => {}

@@ -162,12 +162,18 @@ impl Mapping {
         let both = to.voxel_from_world() * from.world_from_voxel();
         let columns = [both.matrix3.x_axis, both.matrix3.y_axis, both.matrix3.z_axis];
         let (mut axis, mut sign) = ([0; 3], [1; 3]);
-        for (own, column) in columns.iter().enumerate() {
-            axis[own] = (0..3).find(|&other| column[other].abs().round() == 1.0)?;
+        // Where an axis of one voxel points says nothing: it takes what the others leave.
+        let (one, several): (Vec<usize>, Vec<usize>) = (0..3).partition(|&own| from.dims()[own] == 1);
+        let mut taken = [false; 3];
+        for own in several {
+            let column = columns[own];
+            axis[own] = (0..3).find(|&other| column[other].abs().round() == 1.0 && !taken[other])?;
             sign[own] = if column[axis[own]] > 0.0 { 1 } else { -1 };
+            taken[axis[own]] = true;
         }
-        if !(0..3).all(|other| axis.contains(&other)) {
-            return None;
+        for own in one {
+            axis[own] = (0..3).find(|&other| !taken[other])?;
+            taken[axis[own]] = true;
         }
         let offset = both.translation.to_array().map(|v| v.round() as i64);
         let mapping = Self { axis, sign, offset, dims: to.dims() };

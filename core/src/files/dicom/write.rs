@@ -215,7 +215,7 @@ mod tests {
             assert_eq!(written.parse::<f64>().unwrap(), text.parse::<f64>().unwrap(), "{written}");
         }
         for n in 0..2000_u32 {
-            let value = (f64::from(n) * 0.7 - 600.0).sinh() % 1e6 + f64::from(n).sqrt();
+            let value = (f64::from(n) * 0.03 - 30.0).sinh() + f64::from(n).sqrt();
             let read: f64 = decimal(value).parse().unwrap();
             assert!((read - value).abs() <= value.abs() * 1e-10, "{value} {read}");
         }

@@ -76,7 +76,6 @@ fn round_trip(image: &Path, labels: &Path) {
                     back.set(grid.voxel_at(own.center_of_voxel_mm(own.ijk(at))).unwrap());
                 }
                 assert!(back == *mask, "{name}, {}, identified: {identified}", names[n]);
-                println!("{name}, identified: {identified}, {}: {} voxels", names[n], mask.count());
             }
         }
     }

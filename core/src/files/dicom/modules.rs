@@ -39,7 +39,8 @@ pub struct WriteTo<'a> {
     pub identified: bool,
     /// Whether names of masks are written; otherwise they are numbered.
     pub keeps_names: bool,
-    /// What UIDs are made from, beside what is written. Secret: whoever knows it can tell which UID became which.
+    /// What UIDs are made from, beside what is written. Secret, and one for all objects of a project: whoever knows it can
+    /// tell which UID became which. The digest isn't cryptographic: it hides UIDs from readers, not from a search.
     pub salt: &'a str,
     /// Date of the object, `YYYYMMDD`: the only one where it isn't identified.
     pub date: &'a str,
@@ -70,12 +71,15 @@ pub(super) struct Object<'a> {
     pub digest: Digest,
 }
 
+/// A mask with the name that is written.
+pub(super) type Named<'a> = (String, SegmentToWrite<'a>);
+
 /// Masks that have voxels, by the names that are written, and what was left out.
 pub(super) fn not_empty<'a>(
     segments: &[SegmentToWrite<'a>],
     to: &WriteTo<'_>,
     what: &str,
-) -> Result<(Vec<(String, SegmentToWrite<'a>)>, Vec<Check>), FileError> {
+) -> Result<(Vec<Named<'a>>, Vec<Check>), FileError> {
     let (mut kept, mut empty) = (Vec::new(), Vec::new());
     for (n, segment) in segments.iter().enumerate() {
         let plain: String = segment.name.chars().filter(|c| !super::super::is_misleading(*c)).collect();
@@ -110,7 +114,7 @@ impl<'a> Object<'a> {
     /// [`FileError::Wrong`] for a date or time that is none.
     pub fn of(
         sop_class: &'static str,
-        segments: &[(String, SegmentToWrite<'_>)],
+        segments: &[Named<'_>],
         to: &'a WriteTo<'a>,
         what: &str,
     ) -> Result<Self, FileError> {

@@ -7,27 +7,41 @@ mod info;
 mod instance;
 mod isolated;
 mod jpeg_ls;
+mod modules;
 mod open;
+mod outline;
 mod parse;
 mod pixels;
 mod planes;
+mod representation;
 mod scan;
 mod segmentation;
+mod segmentation_write;
 mod series;
+mod slices_to_write;
+mod source_image;
 mod stack;
 mod structure_set;
+mod structure_set_write;
 mod study;
 mod suv;
 mod tags;
 mod text;
+mod write;
+#[cfg(test)]
+mod write_tests;
 
 pub(super) use info::info;
 pub use instance::Patient;
 pub use isolated::{DECODER_ARGUMENT, decode_frames_with, serve};
+pub use modules::{SegmentToWrite, WriteTo, Written};
 pub use open::inspect;
 pub(super) use open::{files_of, read, segments};
 pub(super) use parse::sniff;
 pub use scan::Kind;
+pub use segmentation_write::segmentation;
+pub use source_image::{SourceImage, source_image};
+pub use structure_set_write::structure_set;
 pub use study::{
     PatientStudies, SeriesSummary, Studies, StudySummary, VolumeSummary, is_dicom, series_of, studies,
 };

@@ -464,9 +464,47 @@ fn color(encoded: &[u16]) -> Option<[u8; 3]> {
     }))
 }
 
+/// The inverse of [`color`].
+pub(super) fn encoded_color(srgb: [u8; 3]) -> [u16; 3] {
+    let [red, green, blue] = srgb.map(|part| {
+        let v = f64::from(part) / 255.0;
+        if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    });
+    // Bradford-adapted matrix from linear sRGB to XYZ under D50.
+    let [x, y, z] = [
+        0.436_074_7 * red + 0.385_064_9 * green + 0.143_080_4 * blue,
+        0.222_504_5 * red + 0.716_878_6 * green + 0.060_616_9 * blue,
+        0.013_932_2 * red + 0.097_104_5 * green + 0.714_173_3 * blue,
+    ];
+    let root = |t: f64| {
+        let knee = 6.0_f64 / 29.0;
+        if t > knee.powi(3) { t.cbrt() } else { t / (3.0 * knee * knee) + 4.0 / 29.0 }
+    };
+    let (fx, fy, fz) = (root(x / 0.9642), root(y), root(z / 0.8249));
+    let (l, a, b) = (116.0 * fy - 16.0, 500.0 * (fx - fy), 200.0 * (fy - fz));
+    [l / 100.0, (a + 128.0) / 255.0, (b + 128.0) / 255.0]
+        .map(|v| (v * 65535.0).round().clamp(0.0, 65535.0) as u16)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_colour_comes_back_from_cielab() {
+        for n in 0..256_u32 {
+            for step in [1, 7, 85] {
+                let rgb = [n as u8, (n * step % 256) as u8, (n * 31 / step % 256) as u8];
+                let back = color(&encoded_color(rgb)).unwrap();
+                assert!(back.iter().zip(rgb).all(|(a, b)| a.abs_diff(b) <= 1), "{rgb:?} {back:?}");
+            }
+        }
+        // Pure sRGB red (Lindbloom), as below.
+        let [l, a, b] = encoded_color([255, 0, 0]).map(f64::from);
+        assert!((l * 100.0 / 65535.0 - 54.29).abs() < 0.01, "{l}");
+        assert!((a * 255.0 / 65535.0 - 128.0 - 80.81).abs() < 0.02, "{a}");
+        assert!((b * 255.0 / 65535.0 - 128.0 - 69.89).abs() < 0.02, "{b}");
+    }
 
     #[test]
     fn cielab_colours_become_srgb() {

@@ -20,6 +20,9 @@ const ON_SLICE: f64 = 0.05;
 /// A contour farther from every slice, as a share of the step, lies on none.
 const OFF_SLICE: f64 = 0.49;
 
+/// A point this near to the image's edge, in pixels, lies on it: contours are rounded.
+const ON_EDGE: f64 = 1e-3;
+
 /// Points of one contour may lie this far off its plane, as a share of the step.
 const FLAT: f64 = 0.1;
 
@@ -317,7 +320,8 @@ fn fill(roi: &Roi, planes: &Planes) -> Filled {
         let flat_points: Vec<[f64; 2]> =
             points.iter().map(|&p| planes.voxel(p)).map(|v| [v.x, v.y]).collect();
         let is_outside = |p: &[f64; 2]| {
-            p[0] < -0.5 || p[1] < -0.5 || p[0] > columns as f64 - 0.5 || p[1] > rows as f64 - 0.5
+            let (least, most) = (-0.5 - ON_EDGE, ON_EDGE - 0.5);
+            p[0] < least || p[1] < least || p[0] > columns as f64 + most || p[1] > rows as f64 + most
         };
         filled.is_clipped |= flat_points.iter().any(is_outside);
         by_plane.entry((z * 1000.0).round() as i64).or_default().push(flat_points);

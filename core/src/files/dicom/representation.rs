@@ -1,0 +1,122 @@
+//! The value representations of the attributes that are written (PS3.6).
+
+use super::tags::{self as t, Tag};
+
+/// The value representation of an attribute; unknown (UN) where it is never written.
+pub(super) fn representation(tag: Tag) -> &'static [u8; 2] {
+    match tag {
+        t::DIMENSION_INDEX_POINTER | t::FUNCTIONAL_GROUP_POINTER => b"AT",
+        t::SPECIFIC_CHARACTER_SET
+        | t::IMAGE_TYPE
+        | t::MODALITY
+        | t::PATIENT_SEX
+        | t::PATIENT_IDENTITY_REMOVED
+        | t::PHOTOMETRIC_INTERPRETATION
+        | t::LONGITUDINAL_TEMPORAL_INFORMATION_MODIFIED
+        | t::SPATIAL_LOCATIONS_PRESERVED
+        | t::LOSSY_IMAGE_COMPRESSION
+        | t::SEGMENTATION_TYPE
+        | t::SEGMENT_ALGORITHM_TYPE
+        | t::SEGMENTS_OVERLAP
+        | t::CONTENT_LABEL
+        | t::ROI_GENERATION_ALGORITHM
+        | t::CONTOUR_GEOMETRIC_TYPE
+        | t::RT_ROI_INTERPRETED_TYPE => b"CS",
+        t::STUDY_DATE | t::CONTENT_DATE | t::PATIENT_BIRTH_DATE | t::STRUCTURE_SET_DATE => b"DA",
+        t::SLICE_THICKNESS
+        | t::SPACING_BETWEEN_SLICES
+        | t::IMAGE_POSITION_PATIENT
+        | t::IMAGE_ORIENTATION_PATIENT
+        | t::PIXEL_SPACING
+        | t::CONTOUR_DATA => b"DS",
+        t::REFERENCED_FRAME_NUMBER
+        | t::SERIES_NUMBER
+        | t::INSTANCE_NUMBER
+        | t::NUMBER_OF_FRAMES
+        | t::ROI_NUMBER
+        | t::ROI_DISPLAY_COLOR
+        | t::NUMBER_OF_CONTOUR_POINTS
+        | t::CONTOUR_NUMBER
+        | t::OBSERVATION_NUMBER
+        | t::REFERENCED_ROI_NUMBER => b"IS",
+        t::MANUFACTURER
+        | t::CODE_MEANING
+        | t::MANUFACTURER_MODEL_NAME
+        | t::PATIENT_ID
+        | t::ISSUER_OF_PATIENT_ID
+        | t::DEIDENTIFICATION_METHOD
+        | t::DEVICE_SERIAL_NUMBER
+        | t::SOFTWARE_VERSIONS
+        | t::POSITION_REFERENCE_INDICATOR
+        | t::DIMENSION_DESCRIPTION_LABEL
+        | t::SEGMENT_LABEL
+        | t::SEGMENT_ALGORITHM_NAME
+        | t::CONTENT_DESCRIPTION
+        | t::ROI_NAME => b"LO",
+        t::META_VERSION | t::PIXEL_DATA => b"OB",
+        t::REFERRING_PHYSICIAN_NAME
+        | t::OPERATORS_NAME
+        | t::PATIENT_NAME
+        | t::CONTENT_CREATOR_NAME
+        | t::ROI_INTERPRETER => b"PN",
+        t::IMPLEMENTATION_VERSION_NAME
+        | t::ACCESSION_NUMBER
+        | t::CODE_VALUE
+        | t::CODING_SCHEME_DESIGNATOR
+        | t::STUDY_ID
+        | t::STRUCTURE_SET_LABEL => b"SH",
+        t::REFERENCED_SERIES_SEQUENCE
+        | t::REFERENCED_INSTANCE_SEQUENCE
+        | t::SOURCE_IMAGE_SEQUENCE
+        | t::DERIVATION_IMAGE_SEQUENCE
+        | t::DERIVATION_CODE_SEQUENCE
+        | t::DEIDENTIFICATION_METHOD_CODE_SEQUENCE
+        | t::FRAME_CONTENT_SEQUENCE
+        | t::PLANE_POSITION_SEQUENCE
+        | t::PLANE_ORIENTATION_SEQUENCE
+        | t::DIMENSION_ORGANIZATION_SEQUENCE
+        | t::DIMENSION_INDEX_SEQUENCE
+        | t::PIXEL_MEASURES_SEQUENCE
+        | t::PURPOSE_OF_REFERENCE_CODE_SEQUENCE
+        | t::SEGMENT_SEQUENCE
+        | t::SEGMENTED_PROPERTY_CATEGORY_CODE_SEQUENCE
+        | t::SEGMENT_IDENTIFICATION_SEQUENCE
+        | t::SEGMENTED_PROPERTY_TYPE_CODE_SEQUENCE
+        | t::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE
+        | t::RT_REFERENCED_STUDY_SEQUENCE
+        | t::RT_REFERENCED_SERIES_SEQUENCE
+        | t::CONTOUR_IMAGE_SEQUENCE
+        | t::STRUCTURE_SET_ROI_SEQUENCE
+        | t::ROI_CONTOUR_SEQUENCE
+        | t::CONTOUR_SEQUENCE
+        | t::RT_ROI_OBSERVATIONS_SEQUENCE
+        | t::SHARED_FUNCTIONAL_GROUPS_SEQUENCE
+        | t::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE => b"SQ",
+        t::STUDY_TIME | t::CONTENT_TIME | t::STRUCTURE_SET_TIME => b"TM",
+        t::MEDIA_STORAGE_SOP_CLASS_UID
+        | t::MEDIA_STORAGE_SOP_INSTANCE_UID
+        | t::TRANSFER_SYNTAX_UID
+        | t::IMPLEMENTATION_CLASS_UID
+        | t::SOP_CLASS_UID
+        | t::SOP_INSTANCE_UID
+        | t::REFERENCED_SOP_CLASS_UID
+        | t::REFERENCED_SOP_INSTANCE_UID
+        | t::STUDY_INSTANCE_UID
+        | t::SERIES_INSTANCE_UID
+        | t::FRAME_OF_REFERENCE_UID
+        | t::DIMENSION_ORGANIZATION_UID
+        | t::REFERENCED_FRAME_OF_REFERENCE_UID => b"UI",
+        t::META_GROUP_LENGTH | t::DIMENSION_INDEX_VALUES => b"UL",
+        t::SAMPLES_PER_PIXEL
+        | t::ROWS
+        | t::COLUMNS
+        | t::BITS_ALLOCATED
+        | t::BITS_STORED
+        | t::HIGH_BIT
+        | t::PIXEL_REPRESENTATION
+        | t::SEGMENT_NUMBER
+        | t::REFERENCED_SEGMENT_NUMBER
+        | t::RECOMMENDED_DISPLAY_CIELAB_VALUE => b"US",
+        _ => b"UN",
+    }
+}

@@ -9,8 +9,16 @@ use std::path::Path;
 fn documented_file_codes_are_exactly_those_used() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut used = BTreeSet::new();
-    for entry in std::fs::read_dir(root.join("src/files")).unwrap() {
-        let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+    let mut folders = vec![root.join("src/files")];
+    let mut files = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() { folders.push(path) } else { files.push(path) }
+        }
+    }
+    for file in files {
+        let text = std::fs::read_to_string(file).unwrap();
         for call in ["Check::note(", "Check::warning(", "Check::error(", "Fault::new("] {
             for rest in text.split(call).skip(1) {
                 if let Some(rest) = rest.trim_start().strip_prefix('"') {

@@ -413,8 +413,9 @@ fn info_reports_the_header() {
 #[test]
 fn non_nifti_paths_and_contents_give_one_line_errors() {
     let folder = tempfile::tempdir().unwrap();
+    // A folder may hold slices.
     let error = read(folder.path()).unwrap_err().to_string();
-    assert!(error.contains("found a folder"), "{error}");
+    assert!(error.contains("found no DICOM image"), "{error}");
     let odd = folder.path().join("line\nbreak\u{202e}.nii");
     let error = read(&odd).unwrap_err().to_string();
     assert!(

@@ -5,15 +5,19 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use glioscope_core::{
     Mask, MaskBits, Progress, Samples, Scaling, TumorIndex, Volume,
-    case::{Case, TimePoint},
+    case::{Case, CaseSpec, TimePoint},
     export::{self, MeshError, NamedMask, NamedMesh, Provenance, SurfaceKind},
-    files::{self, FileMark, ReadOptions, Source, WriteOptions, is_misleading},
+    files::{
+        self, FileMark, Part, ReadOptions, Source, WriteOptions,
+        dicom::{self, SegmentToWrite, WriteTo},
+        is_misleading,
+    },
     with_samples,
 };
 use glioscope_render::{MaskColors, Palette};
 
 use super::{case::CaseArguments, resolve, terminal};
-use crate::error::AppError;
+use crate::{error::AppError, output, world::load::ReadCase};
 
 /// What is exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -34,6 +38,10 @@ pub enum Format {
     /// Segmentation of 3D Slicer, with names and colours.
     #[value(name = "seg.nrrd")]
     SegNrrd,
+    /// DICOM segmentation (SEG), binary, with names and colours.
+    DicomSeg,
+    /// DICOM structure set (RTSTRUCT): outlines of the voxels on each slice.
+    Rtstruct,
     /// Surface as STL.
     Stl,
     /// Surfaces as Wavefront OBJ with names and colours.
@@ -66,9 +74,17 @@ pub struct ExportArguments {
     /// Surfaces smoothed by about a voxel, of the same volume, instead of the voxels' faces.
     #[arg(long)]
     pub smooth: bool,
-    /// State the names of the case's files in the output; without it only their hashes.
+    /// State whose the masks are: the patient and study of the DICOM image, or the names of the case's files. Without it,
+    /// DICOM gets fixed words and UIDs of its own, and other files only hashes.
     #[arg(long)]
     pub identified: bool,
+    /// DICOM: the image that the masks belong to, by its id; default: the one on whose slices they lie.
+    #[arg(long, value_name = "ID")]
+    pub image: Option<String>,
+    /// DICOM: what the UIDs of exports without identity are made from, so that those of one project fit together. Without it,
+    /// they are random.
+    #[arg(long, value_name = "SECRET")]
+    pub salt: Option<String>,
 }
 
 /// A mask that is exported.
@@ -83,11 +99,18 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), AppError> {
     if arguments.smooth && !is_surface {
         return Err(AppError::wrong("--smooth", "a format of voxels", "stl, obj or gltf"));
     }
-    let case = arguments.case.read(false)?.case;
+    let is_dicom = matches!(arguments.format, Format::DicomSeg | Format::Rtstruct);
+    if !is_dicom && (arguments.image.is_some() || arguments.salt.is_some()) {
+        return Err(AppError::wrong("--image and --salt", "another format", "dicom-seg or rtstruct"));
+    }
+    let ReadCase { case, spec, .. } = arguments.case.read(false)?;
     let time_point = resolve::time_point(&case, arguments.time.as_deref())?;
     let items = items(arguments, time_point)?;
     if arguments.what == What::Masks {
         note_resampled(time_point, &items);
+    }
+    if is_dicom {
+        return write_dicom(arguments, &case, &spec, time_point, &items);
     }
     let provenance = provenance(arguments, &case)?;
     let written = terminal::with_progress(|progress| {
@@ -214,6 +237,8 @@ fn write(
             Format::Stl | Format::Obj | Format::Gltf => {
                 surfaces(arguments, path, items, provenance, progress)
             }
+            // Written before: they are one file.
+            Format::DicomSeg | Format::Rtstruct => Ok(()),
         }
     };
     let all: Vec<&Item> = items.iter().collect();
@@ -224,6 +249,7 @@ fn write(
     };
     let ending = match arguments.format {
         Format::Nifti => "nii.gz",
+        Format::DicomSeg | Format::Rtstruct => "dcm",
         Format::SegNrrd => "seg.nrrd",
         Format::Stl => "stl",
         Format::Obj => "obj",
@@ -261,6 +287,7 @@ fn has_ending(path: &Path, format: Format) -> bool {
     let endings: &[&str] = match format {
         Format::Nifti => &[".nii", ".nii.gz"],
         Format::SegNrrd => &[".seg.nrrd"],
+        Format::DicomSeg | Format::Rtstruct => &[".dcm"],
         Format::Stl => &[".stl"],
         Format::Obj => &[".obj"],
         Format::Gltf => &[".glb"],
@@ -297,6 +324,97 @@ fn write_nifti(path: &Path, items: &[&Item]) -> Result<(), AppError> {
     let volume = Volume::new(grid.clone(), Samples::U8(labels), Scaling::NONE)
         .ok_or_else(|| AppError::file(path, "other voxels", "those of the case grid"))?;
     Ok(files::write_nifti(path, &volume, &WriteOptions::default())?)
+}
+
+/// The DICOM image that the masks belong to: the one named, else the first on whose slices the case grid lies, else the
+/// first.
+fn image_of<'a>(
+    arguments: &ExportArguments,
+    spec: &'a CaseSpec,
+    time_point: &TimePoint,
+) -> Result<Option<&'a Source>, AppError> {
+    let is_of_time = |time: &Option<String>| time.as_deref().unwrap_or_default() == time_point.label;
+    let is_dicom = |source: &Source| source.path().is_some_and(|path| path.is_dir() || dicom::is_dicom(path));
+    let images: Vec<(&str, &Source)> = spec
+        .contexts
+        .iter()
+        .filter(|image| is_of_time(&image.time) && is_dicom(&image.source))
+        .map(|image| (image.id.as_str(), &image.source))
+        .collect();
+    if let Some(id) = &arguments.image {
+        let ids: Vec<&str> = images.iter().map(|(id, _)| *id).collect();
+        let expected = || format!("a DICOM image of the case: {}", ids.join(", "));
+        let found = images.iter().find(|(known, _)| known == id);
+        return found
+            .map(|(_, source)| Some(*source))
+            .ok_or_else(|| AppError::option("image", id, expected()));
+    }
+    let grid = time_point.index.grid();
+    let lies_on = |id: &str| {
+        let context = time_point.contexts.iter().find(|context| context.id == id);
+        context.is_some_and(|context| context.volume.grid().same_place(grid, 1e-3))
+    };
+    let on = images.iter().find(|(id, _)| lies_on(id)).or(images.first());
+    Ok(on.map(|(_, source)| *source))
+}
+
+fn write_dicom(
+    arguments: &ExportArguments,
+    case: &Case,
+    spec: &CaseSpec,
+    time_point: &TimePoint,
+    items: &[Item],
+) -> Result<(), AppError> {
+    let out = &arguments.out;
+    if !has_ending(out, arguments.format) {
+        return Err(AppError::file(out, "a name without .dcm", "one that ends in .dcm"));
+    }
+    let image = match image_of(arguments, spec, time_point)? {
+        Some(source) => {
+            let series = match source {
+                Source::Part(Part { series, .. }) => series.as_deref(),
+                _ => None,
+            };
+            let path = source.path().unwrap_or(out);
+            Some(terminal::with_progress(|progress| dicom::source_image(path, series, progress))?)
+        }
+        None => None,
+    };
+    if image.is_none() {
+        terminal::assumed("no DICOM image of the case: the masks are of a new study of nobody");
+    }
+    let segments: Vec<SegmentToWrite<'_>> = items
+        .iter()
+        .map(|item| SegmentToWrite { name: &item.name, color: Some(item.color), mask: item.mask.bits() })
+        .collect();
+    let salt = arguments.salt.clone().unwrap_or_else(random_salt);
+    let now = jiff::Timestamp::now();
+    let (date, time) = (now.strftime("%Y%m%d").to_string(), now.strftime("%H%M%S").to_string());
+    let to = WriteTo {
+        grid: time_point.index.grid(),
+        source: image.as_ref(),
+        identified: arguments.identified,
+        keeps_names: true,
+        salt: &salt,
+        date: &date,
+        time: &time,
+        version: env!("CARGO_PKG_VERSION"),
+    };
+    let written = match arguments.format {
+        Format::DicomSeg => dicom::segmentation(&segments, &to)?,
+        _ => dicom::structure_set(&segments, &to)?,
+    };
+    terminal::notes(&written.checks);
+    output::write(out, &case.inputs, &written.bytes)?;
+    let names: Vec<&str> = items.iter().map(|item| item.name.as_str()).collect();
+    terminal::print(&format!("{}: {}", out.display(), names.join(", ")))
+}
+
+/// Text that nobody can guess: the keys of the standard library's hash maps are random.
+fn random_salt() -> String {
+    use std::hash::{BuildHasher, Hasher};
+    let word = || std::collections::hash_map::RandomState::new().build_hasher().finish();
+    format!("{:016x}{:016x}", word(), word())
 }
 
 /// Reads a segmentation back, and compares every mask voxel for voxel.

@@ -468,7 +468,7 @@ file = "dwi/cst.tck"
             (replaced("glioscope = 1\n", ""), "found missing field `glioscope`"),
             (
                 replaced("labels =", "label ="),
-                "line 10: found unknown key `label`, expected one of `id`, `file`, `labels`",
+                "line 10: found unknown key `label`, expected one of `id`, `file`, `series`",
             ),
             (replaced("[1, 4]", "[1, \"x\"]"), "line 10: found invalid type: string \"x\", expected i64"),
             (replaced("[1, 4]", "[]"), "line 10: found an empty list of labels"),

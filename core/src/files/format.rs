@@ -282,7 +282,7 @@ mod tests {
             assert_eq!(of(name, b""), format, "{name}");
         }
         assert_eq!((volume_stem("a.seg.nrrd"), volume_stem("a.raw")), (Some("a.seg"), None));
-        assert_eq!(volume_names(), "NIfTI, NRRD, MetaImage or MGH");
+        assert_eq!(volume_names(), "NIfTI, NRRD, MetaImage, MGH or DICOM");
     }
 
     #[test]

@@ -45,7 +45,11 @@ fn unnamed_dependencies(member: &toml::Table, sources: &[String]) -> Vec<String>
 /// The names of all dependencies of a manifest, whatever their kind.
 fn dependencies(manifest: &toml::Table) -> BTreeSet<String> {
     let kinds = ["dependencies", "dev-dependencies", "build-dependencies"];
-    let tables = kinds.iter().filter_map(|kind| manifest.get(*kind)?.as_table());
+    // Those of one kind of system lie under [target.'cfg(unix)'].
+    let targets = manifest.get("target").and_then(toml::Value::as_table);
+    let of_targets = targets.into_iter().flat_map(toml::Table::values).filter_map(toml::Value::as_table);
+    let all = std::iter::once(manifest).chain(of_targets);
+    let tables = all.flat_map(|part| kinds.iter().filter_map(|kind| part.get(*kind)?.as_table()));
     tables.flat_map(|table| table.keys().cloned()).collect()
 }
 

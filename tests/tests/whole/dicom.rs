@@ -36,12 +36,14 @@ fn numbers(report: &Value) -> (Vec<f64>, Vec<f64>) {
         all.sort_by(f64::total_cmp);
         all
     };
-    (sorted(&time["masks"], "native_ml"), sorted(&time["pairs"], "dice"))
+    (sorted(&time["masks"], "native_volume_ml"), sorted(&time["pairs"], "dice"))
 }
 
 #[test]
 fn a_folder_of_dicom_measures_like_the_same_case_as_nifti() {
-    let (Some(dicom), Some(nifti)) = (real_data("dicom-multimodal"), real_data("sarcoma-ct-mr-pet")) else { return };
+    let (Some(dicom), Some(nifti)) = (real_data("dicom-multimodal"), real_data("sarcoma-ct-mr-pet")) else {
+        return;
+    };
     let a = numbers(&json(&["measure", text(&dicom), "--json"]));
     let b = numbers(&json(&["measure", text(&nifti), "--json"]));
     assert_eq!(a.0.len(), 3);
@@ -56,7 +58,10 @@ fn two_patients_are_never_one_case() {
     let Some(data) = real_data("dicom-folders") else { return };
     let folder = data.join("two-patients");
     let line = refusal(&["measure", text(&folder)]);
-    assert!(line.contains("found files of 2 patients (Doe Archibald, 77654033, Doe Peter, 98890234)"), "{line}");
+    assert!(
+        line.contains("found files of 2 patients (Doe Archibald, 77654033, Doe Peter, 98890234)"),
+        "{line}"
+    );
     let tree = json(&["info", text(&folder), "--json"]);
     let patients = tree["patients"].as_array().unwrap();
     assert_eq!(patients.len(), 2);
@@ -110,7 +115,9 @@ fn compressed_frames_are_decoded_in_another_process() {
     let Some(data) = real_data("dicom-encodings") else { return };
     let count = |file: &str| {
         let mask = format!("m={}", text(&data.join(file)));
-        json(&["measure", "--mask", &mask, "--json"])["time_points"][0]["masks"][0]["voxels"].as_u64().unwrap()
+        json(&["measure", "--mask", &mask, "--json"])["time_points"][0]["masks"][0]["voxels"]
+            .as_u64()
+            .unwrap()
     };
     let plain = count("u8-explicit-le.dcm");
     assert!(plain > 0);
@@ -155,7 +162,8 @@ fn a_manifest_names_series_and_segments() {
 fn exports_hold_the_masks_of_the_case_voxel_for_voxel() {
     let folder = tempfile::tempdir().unwrap();
     let sample = json(&["measure", "--sample", "--json"]);
-    let label = sample["time_points"][0]["time"].as_str().or(sample["time_points"][0]["label"].as_str()).unwrap();
+    let label =
+        sample["time_points"][0]["time"].as_str().or(sample["time_points"][0]["label"].as_str()).unwrap();
     let out = |name: &str, arguments: &[&str]| {
         let path = folder.path().join(name);
         let all = [&["export", "--sample", "--time", label], arguments, &["--out", text(&path)]].concat();
@@ -203,6 +211,7 @@ fn exports_never_overwrite_an_input_and_say_what_they_can_not_hold() {
     assert_eq!(std::fs::read(&mask).unwrap(), before);
     let line = refusal(&["export", "--mask", &argument, "--format", "nifti", "--smooth", "--out", "x.nii"]);
     assert!(line.contains("--smooth: found a format of voxels"), "{line}");
-    let line = refusal(&["export", "--mask", &argument, "--select", "n", "--format", "nifti", "--out", "x.nii"]);
+    let line =
+        refusal(&["export", "--mask", &argument, "--select", "n", "--format", "nifti", "--out", "x.nii"]);
     assert!(line.contains("expected masks of the case: m"), "{line}");
 }

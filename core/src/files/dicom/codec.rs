@@ -2,32 +2,9 @@
 //! the command line let another process do it (see [`super::isolated`]): decoders of hostile bytes may abort.
 
 use super::data_set::Unusable;
+use super::decoders::Codec;
 use super::instance::PixelFormat;
-use super::{isolated, jpeg_ls};
-
-/// A codec of single images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub(super) enum Codec {
-    Jpeg = 1,
-    JpegLs = 2,
-    Jpeg2000 = 3,
-}
-
-impl Codec {
-    /// The codec of a number.
-    pub fn of(number: u8) -> Option<Self> {
-        [Self::Jpeg, Self::JpegLs, Self::Jpeg2000].into_iter().find(|codec| *codec as u8 == number)
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Jpeg => "JPEG",
-            Self::JpegLs => "JPEG-LS",
-            Self::Jpeg2000 => "JPEG 2000",
-        }
-    }
-}
+use super::isolated;
 
 /// What a stream's header claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,33 +54,6 @@ pub(super) fn decode(codec: Codec, stream: &[u8], format: &PixelFormat) -> Resul
         }
     }
     Ok(numbers)
-}
-
-/// Decodes in this process. The stream's claim has been checked.
-pub(super) fn decode_here(codec: Codec, stream: &[u8]) -> Result<Vec<i32>, String> {
-    match codec {
-        Codec::Jpeg => {
-            let mut decoder = jpeg_decoder::Decoder::new(stream);
-            let bytes = decoder.decode().map_err(|e| e.to_string())?;
-            let info = decoder.info().ok_or("no image")?;
-            match info.pixel_format {
-                jpeg_decoder::PixelFormat::L8 => Ok(bytes.into_iter().map(i32::from).collect()),
-                jpeg_decoder::PixelFormat::L16 => {
-                    let words = bytes.as_chunks::<2>().0;
-                    Ok(words.iter().map(|&b| i32::from(u16::from_ne_bytes(b))).collect())
-                }
-                other => Err(format!("pixels of the format {other:?}")),
-            }
-        }
-        // No kept crate decodes it without a C++ compiler.
-        Codec::JpegLs => jpeg_ls::decode(stream),
-        Codec::Jpeg2000 => {
-            let options = jpeg2k::DecodeParameters::new().strict(true);
-            let image = jpeg2k::Image::from_bytes_with(stream, options).map_err(|e| e.to_string())?;
-            let component = image.components().first().ok_or("no component")?;
-            Ok(component.data().to_vec())
-        }
-    }
 }
 
 /// The frame header of a JPEG or JPEG-LS stream: the first SOF segment.

@@ -52,4 +52,3 @@ pub(super) fn decode_here(codec: Codec, stream: &[u8]) -> Result<Vec<i32>, Strin
         }
     }
 }
-

@@ -198,9 +198,13 @@ fn series_line(series: &SeriesSummary) -> String {
         crate::check::listed(&volumes, 6)
     } else {
         let names: Vec<String> = series.segments.iter().map(|s| super::super::printable(&s.name)).collect();
-        format!("{} segments: {}", names.len(), crate::check::listed(&names, 6))
+        format!("{}: {}", counted(names.len(), "segment"), crate::check::listed(&names, 6))
     };
-    format!("    {:>5} {} [{} files] {what}", series.number, series.label(), series.files)
+    format!("    {:>5} {} [{}] {what}", series.number, series.label(), counted(series.files, "file"))
+}
+
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 #[derive(Serialize)]
@@ -265,7 +269,7 @@ impl Studies {
         }
         lines.extend(self.unreadable.iter().map(|error| format!("unreadable  {error}")));
         if self.others > 0 {
-            lines.push(format!("{} files of other kinds", self.others));
+            lines.push(format!("{} of other kinds", counted(self.others, "file")));
         }
         lines.join("\n")
     }

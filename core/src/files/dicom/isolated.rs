@@ -8,8 +8,8 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
-use super::codec::{self, Codec};
 use super::data_set::Unusable;
+use super::decoders::{Codec, decode_here};
 
 /// The argument with which a program is started as a decoder.
 pub const DECODER_ARGUMENT: &str = "decode-frames";
@@ -56,7 +56,7 @@ pub fn serve() -> std::io::Result<()> {
         let mut stream = vec![0; length.min(MAX_STREAM_BYTES)];
         input.read_exact(&mut stream)?;
         let decoded = match Codec::of(head[0]) {
-            Some(codec) => std::panic::catch_unwind(|| codec::decode_here(codec, &stream))
+            Some(codec) => std::panic::catch_unwind(|| decode_here(codec, &stream))
                 .unwrap_or_else(|_| Err("a stream that its decoder fails on".into())),
             None => Err("an unknown codec".into()),
         };
@@ -137,7 +137,7 @@ pub(super) fn decode(codec: Codec, stream: &[u8], pixels: usize) -> Result<Vec<i
         return Err(wrong(format!("a compressed frame of {} bytes", stream.len())));
     }
     let Some(program) = PROGRAM.get() else {
-        return codec::decode_here(codec, stream).map_err(wrong);
+        return decode_here(codec, stream).map_err(wrong);
     };
     let idle = IDLE.lock().ok().and_then(|mut idle| idle.pop());
     let mut decoder = match idle {

@@ -3,6 +3,7 @@
 
 mod codec;
 mod data_set;
+mod decoders;
 mod info;
 mod instance;
 mod isolated;

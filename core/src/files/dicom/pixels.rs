@@ -6,8 +6,9 @@ use std::ops::Range;
 
 use flate2::read::DeflateDecoder;
 
-use super::codec::{self, Codec};
+use super::codec;
 use super::data_set::{Fragments, Unusable, Value};
+use super::decoders::Codec;
 use super::instance::PixelFormat;
 use super::parse::Parsed;
 use super::tags;

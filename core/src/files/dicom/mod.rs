@@ -1,5 +1,6 @@
 //! DICOM: images, segmentations and structure sets (PS3.3, PS3.5, PS3.10). Everything up to the pixels is read by a parser
-//! of our own that checks each length against the file before it allocates; kept crates decompress pixels.
+//! of our own that checks each length against the file before it allocates; kept crates decompress pixels. Masks are written as
+//! segmentations and structure sets.
 
 mod codec;
 mod data_set;

@@ -4,6 +4,7 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
+    clippy::print_stdout,
     reason = "a failed unwrap here is a failed test"
 )]
 
@@ -204,10 +205,10 @@ fn masks_case(
     };
     // Trailing spaces are padding in DICOM: of two names that differ by one, the second is meant.
     let find = |key: &str| -> Option<&Segment> {
-        let named = segments
+        let mut named = segments
             .iter()
             .filter(|s| if by_name { s.name == key.trim() } else { s.number.to_string() == key });
-        if key.ends_with(' ') { named.last() } else { named.into_iter().next() }
+        if key.ends_with(' ') { named.next_back() } else { named.next() }
     };
     truths
         .iter()

@@ -138,7 +138,7 @@ fn items(arguments: &ExportArguments, time_point: &TimePoint) -> Result<Vec<Item
             };
             if let Some(unknown) = wanted.iter().find(|id| !ids.contains(id)) {
                 let expected = format!("masks of the case: {}", ids.join(", "));
-                return Err(AppError::option("select", *unknown, expected));
+                return Err(AppError::option("select", unknown, expected));
             }
             let masks = time_point.masks.iter().enumerate();
             masks
@@ -453,7 +453,7 @@ fn surfaces(
         match export::mesh(&item.mask, kind, progress) {
             Ok(mesh) => meshes.push((item, mesh)),
             Err(MeshError::Empty) => {
-                terminal::assumed(&format!("{}: empty, so it has no surface", item.name))
+                terminal::assumed(&format!("{}: empty, so it has no surface", item.name));
             }
             Err(MeshError::Cancelled(cancelled)) => return Err(cancelled.into()),
             Err(error) => {
@@ -469,8 +469,9 @@ fn surfaces(
     if named.is_empty() {
         return Err(AppError::file(path, "only empty masks", "one with voxels"));
     }
-    Ok(match arguments.format {
-        Format::Obj => export::write_obj(path, &named, provenance, progress)?,
-        _ => export::write_glb(path, &named, provenance, progress)?,
-    })
+    let written = match arguments.format {
+        Format::Obj => export::write_obj(path, &named, provenance, progress),
+        _ => export::write_glb(path, &named, provenance, progress),
+    };
+    Ok(written?)
 }

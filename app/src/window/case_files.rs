@@ -41,8 +41,11 @@ pub fn show(ui: &Ui, work: &mut Workstation, covered: bool, out: &mut Commands) 
     let mut entered = false;
     let reply = modal::show(ui.ctx(), "The case's files", |ui| {
         ui.set_width(COLUMNS.iter().sum::<f32>() + 8.0 * ui.spacing().item_spacing.x);
+        let is_study = guess.proposal.files.iter().any(|file| file.series.is_some());
         ui.label(if guess.request.edits {
             "What each file of the open case is. The files stay as they are; what you say is kept in the session."
+        } else if is_study {
+            "There is no manifest, so series were told apart by their DICOM headers. Is this right?"
         } else {
             "There is no manifest, so files were told apart by their names and contents. Is this right?"
         });
@@ -227,6 +230,9 @@ impl Row<'_> {
                 }
             });
             if file.role != Role::Mask {
+                if file.series.is_some() {
+                    ui.weak(&file.reason);
+                }
                 return;
             }
             match file.masks.as_mut_slice() {

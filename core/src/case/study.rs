@@ -8,7 +8,7 @@ use crate::{
     Check, Progress,
     check::listed,
     files::{
-        dicom::{self, Kind, PatientStudies, SeriesSummary, Studies},
+        dicom::{self, Kind, PatientStudies, SeriesSummary, Studies, VolumeSummary},
         printable,
     },
     tumor_index::MAX_MASKS,
@@ -232,6 +232,17 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
         }
         _ => {
             let several = series.volumes.len() > 1;
+            let is_thin = |volume: &&VolumeSummary| volume.dims[2] < MIN_SLICES;
+            let thin = series.volumes.iter().filter(is_thin).count();
+            if thin == series.volumes.len() {
+                let file = file(series.folder.clone(), Role::Image, id_of(series), "");
+                let reason = match (thin, series.volumes.first()) {
+                    (_, Some(first)) if first.is_localizer => "a localizer".to_owned(),
+                    (1, Some(first)) if first.dims[2] == 1 => "one slice".to_owned(),
+                    _ => format!("{thin} volumes of fewer than {MIN_SLICES} slices"),
+                };
+                return vec![left_out(file, &reason)];
+            }
             let each = series.volumes.iter().enumerate().map(|(frame, volume)| {
                 let id = if volume.key.is_empty() {
                     id_of(series)
@@ -245,7 +256,7 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
                 match &volume.problem {
                     Some(problem) => left_out(file, problem),
                     None if volume.is_localizer => left_out(file, "a localizer"),
-                    None if slices < MIN_SLICES => left_out(file, &format!("{slices} slices")),
+                    None if slices < MIN_SLICES => left_out(file, "fewer than 3 slices"),
                     // Of many time points or echoes the first is proposed.
                     None if frame > 0 && !volume.key.is_empty() => {
                         left_out(file, "another of the series' volumes")

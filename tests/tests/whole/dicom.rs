@@ -101,6 +101,7 @@ fn the_dialog_takes_one_patient_at_a_time() {
     wait_for_workers(&mut harness);
     assert!(harness.query_by_label("Open it like this").is_some());
     assert!(harness.query_all_by_label("Only this patient").count() == 2);
+    harness.run_ok();
     // The gated series of five slices is the one that can be shown.
     click(&mut harness, "Open it like this");
     assert_eq!(error_text(&harness), "");

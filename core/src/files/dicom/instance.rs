@@ -138,7 +138,7 @@ impl PixelFormat {
             return Err(Unusable::new(found, "bits within those allocated"));
         }
         let frames = data.integer(tags::NUMBER_OF_FRAMES)?.unwrap_or(1);
-        let count = usize::try_from(frames).ok().filter(|&n| n >= 1 && n <= MAX_FRAMES);
+        let count = usize::try_from(frames).ok().filter(|n| (1..=MAX_FRAMES).contains(n));
         let Some(frames) = count else {
             return Err(Unusable::new(format!("{frames} frames"), format!("1 to {MAX_FRAMES}")));
         };

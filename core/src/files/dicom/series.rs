@@ -197,7 +197,7 @@ impl<'a> Series<'a> {
         for (slice, out) in stack.slices.iter().zip(voxels.chunks_exact_mut(pixels)) {
             by_file[slice.file].push((slice.frame, out));
         }
-        let jobs: Vec<(&Header, Vec<(usize, &mut [T])>)> =
+        let jobs: Vec<_> =
             self.files.iter().copied().zip(by_file).filter(|(_, slices)| !slices.is_empty()).collect();
         progress.expect(jobs.iter().map(|(header, _)| header.file_bytes).sum());
         let padded: Result<Vec<u64>, FileError> = jobs

@@ -205,9 +205,9 @@ impl Roi {
         let stated = contour.integer(tags::NUMBER_OF_CONTOUR_POINTS).ok().flatten();
         self.miscounted += usize::from(stated.is_some_and(|n| n != points.len() as i64));
         if points.len() < 3 {
-            self.without_area += 1
+            self.without_area += 1;
         } else {
-            self.contours.push(points)
+            self.contours.push(points);
         }
         Ok(())
     }
@@ -285,6 +285,9 @@ fn own_planes(roi: &Roi) -> Result<Planes, Unusable> {
     Ok(Planes { first: first_place, step_mm: DVec3::Z * step, dims, series: String::new() })
 }
 
+/// Polygons in pixel coordinates.
+type Outlines = Vec<Vec<[f64; 2]>>;
+
 /// A filled region, and what was left out of it.
 #[derive(Default)]
 struct Filled {
@@ -307,7 +310,7 @@ fn fill(roi: &Roi, planes: &Planes) -> Filled {
     let [columns, rows, slices] = planes.dims;
     let mut filled = Filled { voxels: vec![0; columns * rows * slices], ..Filled::default() };
     // Contours of one plane by its slice coordinate, in thousandths.
-    let mut by_plane: BTreeMap<i64, Vec<Vec<[f64; 2]>>> = BTreeMap::new();
+    let mut by_plane: BTreeMap<i64, Outlines> = BTreeMap::new();
     for points in &roi.contours {
         let Some(z) = flat(points, planes) else {
             filled.not_parallel += 1;
@@ -327,7 +330,7 @@ fn fill(roi: &Roi, planes: &Planes) -> Filled {
         by_plane.entry((z * 1000.0).round() as i64).or_default().push(flat_points);
     }
     // Each slice takes the nearest plane alone: contours of two planes must not cut each other out.
-    let mut of_slice: BTreeMap<usize, (f64, &Vec<Vec<[f64; 2]>>)> = BTreeMap::new();
+    let mut of_slice: BTreeMap<usize, (f64, &Outlines)> = BTreeMap::new();
     for (&plane, contours) in &by_plane {
         let z = plane as f64 / 1000.0;
         let slice = z.round().clamp(0.0, slices as f64 - 1.0);

@@ -10,6 +10,7 @@ pub mod cli;
 pub mod command;
 pub mod cpu_paint;
 pub mod error;
+pub mod export;
 pub mod format;
 pub mod model;
 pub mod output;

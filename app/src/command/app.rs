@@ -7,6 +7,7 @@ use glioscope_core::files::format::volume_names;
 use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
 use super::{Entry, Label, Listed, Menu, Workstation};
+use crate::export::What;
 use crate::model::{CaseRef, ExportFormat, PaneId, PictureSize};
 
 /// A command that acts outside the document.
@@ -31,6 +32,8 @@ pub enum AppCommand {
     SaveManifestTo(PathBuf),
     ExportMeasurements(ExportFormat),
     ExportMeasurementsTo(PathBuf),
+    ExportMasks(What),
+    ExportMasksTo(What, PathBuf),
     ExportRulers(ExportFormat),
     ExportRulersTo(PathBuf),
     BrowseFiles,
@@ -72,6 +75,9 @@ impl AppCommand {
                     listed(csv).keys(CTRL | Modifiers::SHIFT, Key::E).menu(Menu::File, 2),
                 ]
             }
+            AppKind::ExportMasks => [What::Masks, What::Selection]
+                .map(|what| listed(Self::ExportMasks(what)).menu(Menu::File, 2))
+                .into(),
             AppKind::ExportRulers => ExportFormat::VARIANTS
                 .iter()
                 .map(|format| listed(Self::ExportRulers(*format)).menu(Menu::Tools, 1))
@@ -112,6 +118,7 @@ impl AppCommand {
             | AppKind::SaveManifest
             | AppKind::SaveManifestTo
             | AppKind::ExportMeasurementsTo
+            | AppKind::ExportMasksTo
             | AppKind::ExportRulersTo
             | AppKind::GoToRegion
             | AppKind::GoToComponent
@@ -149,6 +156,12 @@ impl AppCommand {
                 )
             }
             Self::ExportMeasurementsTo(_) => Label::new("Write the numbers"),
+            Self::ExportMasks(What::Selection) => Label::new("Export the selection as one mask…")
+                .detail("The regions shown, together; the file's ending is the format, as for the masks"),
+            Self::ExportMasks(_) => Label::new("Export the masks…").detail(
+                "Of the date shown. The file's ending is the format: .seg.nrrd, .dcm (SEG), .nii.gz, .stl, .obj or .glb",
+            ),
+            Self::ExportMasksTo(..) => Label::new("Write the masks"),
             Self::ExportRulers(format) => Label::new(format!("Export lines as {}…", format.name()))
                 .detail("Every line measured, in millimetres"),
             Self::ExportRulersTo(_) => Label::new("Write the lines"),
@@ -196,6 +209,8 @@ impl AppCommand {
             | Self::SaveSessionTo(_)
             | Self::ExportMeasurements(_)
             | Self::ExportMeasurementsTo(_)
+            | Self::ExportMasks(_)
+            | Self::ExportMasksTo(..)
             | Self::AddTracts(_)
             | Self::ShowMasks
             | Self::GoToDisagreement

@@ -11,6 +11,7 @@ use glioscope_core::files::format::{self, volume_filter, volume_names};
 
 use crate::{
     command::{AppCommand, Command},
+    export::{Format, What},
     model::{CaseRef, ExportFormat, PaneId, session},
     world::jobs::Waker,
 };
@@ -30,6 +31,8 @@ pub enum Purpose {
     Picture(Option<PaneId>),
     /// Write the numbers.
     Measurements(ExportFormat),
+    /// Write the masks, or the selection.
+    Masks(What),
     /// Write the rulers.
     Rulers(ExportFormat),
 }
@@ -43,6 +46,8 @@ impl Purpose {
             Self::Manifest => "case.toml".into(),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
             Self::Measurements(format) => format!("numbers.{}", format.extension()),
+            Self::Masks(What::Selection) => "selection.seg.nrrd".into(),
+            Self::Masks(_) => "masks.seg.nrrd".into(),
             Self::Rulers(format) => format!("lines.{}", format.extension()),
         })
     }
@@ -56,6 +61,8 @@ impl Purpose {
             Self::Manifest => "Save the case's manifest",
             Self::Picture(_) => "Save the picture",
             Self::Measurements(_) => "Export the numbers",
+            Self::Masks(What::Selection) => "Export the selection",
+            Self::Masks(_) => "Export the masks",
             Self::Rulers(_) => "Export the lines",
         }
     }
@@ -73,6 +80,7 @@ impl Purpose {
             Self::SaveSession => session::with_ending(path),
             Self::Manifest if !ends_in(&path, "toml") => with(path, "toml"),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
+            Self::Masks(_) if Format::of(&path).is_none() => with(path, "seg.nrrd"),
             Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
         }
@@ -87,6 +95,7 @@ impl Purpose {
             Self::Manifest => AppCommand::SaveManifestTo(path).into(),
             Self::Picture(pane) => AppCommand::ScreenshotTo(*pane, path).into(),
             Self::Measurements(_) => AppCommand::ExportMeasurementsTo(path).into(),
+            Self::Masks(what) => AppCommand::ExportMasksTo(*what, path).into(),
             Self::Rulers(_) => AppCommand::ExportRulersTo(path).into(),
         }
     }

@@ -290,6 +290,7 @@ impl GlioscopeApp {
         | AppCommand::SaveSessionTo(path)
         | AppCommand::SaveManifestTo(path)
         | AppCommand::ExportMeasurementsTo(path)
+        | AppCommand::ExportMasksTo(_, path)
         | AppCommand::ExportRulersTo(path)
         | AppCommand::ScreenshotTo(_, path)) = command
         else {

@@ -12,15 +12,19 @@ use super::{
 use crate::{
     command::AppCommand,
     error::AppError,
+    export::{self, Export, Format, What},
     model::{
         PaneId,
         session::{self, EXTENSION},
     },
     output,
-    world::jobs::{Job, Waker},
+    world::{
+        jobs::{Job, Waker},
+        load,
+    },
 };
 use egui::Context;
-use glioscope_core::files::write_whole;
+use glioscope_core::{case::LoadOptions, files::write_whole};
 
 impl GlioscopeApp {
     pub(super) fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
@@ -72,6 +76,8 @@ impl GlioscopeApp {
                 self.open_file_dialog(ctx, Purpose::Measurements(*format));
             }
             AppCommand::ExportMeasurementsTo(path) => self.export_measurements(ctx, path),
+            AppCommand::ExportMasks(what) => self.open_file_dialog(ctx, Purpose::Masks(*what)),
+            AppCommand::ExportMasksTo(what, path) => self.export_masks(ctx, *what, path),
             AppCommand::ExportRulers(format) => self.open_file_dialog(ctx, Purpose::Rulers(*format)),
             AppCommand::ExportRulersTo(path) => self.export_rulers(path),
             AppCommand::GoToGrowth
@@ -171,6 +177,51 @@ impl GlioscopeApp {
         let path = path.to_owned();
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
             shown.write(&path, progress).map(|()| format!("Numbers written to {}", path.display()))
+        }));
+    }
+
+    /// Writes the masks of the date shown, or its selection, without what identifies the patient.
+    fn export_masks(&mut self, ctx: &Context, what: What, path: &Path) {
+        let (Some(case), Some(doc)) = (self.work.world.case().cloned(), self.work.doc.clone()) else {
+            return;
+        };
+        let (colors, inputs, path) = (self.work.world.colors(&doc), self.work.inputs(), path.to_owned());
+        self.export = Some(Job::start(Waker::of(ctx), move |progress| {
+            let Some(time_point) = case.time_points.get(doc.nav.time) else {
+                return Err(AppError::file(&path, "no date", "one that is shown"));
+            };
+            let Some(format) = Format::of(&path) else {
+                let expected = ".seg.nrrd, .dcm, .nii.gz, .stl, .obj or .glb";
+                return Err(AppError::file(&path, "another ending", expected));
+            };
+            let name_of = |id: &str| doc.edit.masks.get(id).name;
+            let selection = doc.edit.selection.at(&time_point.regions);
+            let shows = |bits: u32| selection.shows(bits);
+            let (items, what) = match what {
+                What::Selection => (export::selection(time_point, &colors, &shows), "selection"),
+                What::Regions => (export::regions(time_point, &colors, &shows), "regions"),
+                What::Masks => (export::masks(time_point, &colors, &name_of, &|_| true), "masks"),
+            };
+            let spec = load::spec_of(&doc.case, &LoadOptions::default(), progress)?;
+            let export = Export {
+                case: &case,
+                spec: &spec,
+                inputs,
+                time_point,
+                items,
+                what: what.to_owned(),
+                format,
+                is_smooth: false,
+                is_identified: false,
+                image: None,
+                salt: None,
+            };
+            let written = export.write(&path, progress)?;
+            let notes =
+                written.notes.into_iter().chain(written.checks.into_iter().map(|check| check.message));
+            let notes: Vec<String> = notes.collect();
+            let text = format!("Masks written to {}", path.display());
+            Ok(if notes.is_empty() { text } else { format!("{text} ({})", notes.join("; ")) })
         }));
     }
 

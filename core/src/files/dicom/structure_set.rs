@@ -413,64 +413,72 @@ fn even_odd(polygon: &[[f64; 2]], columns: usize, rows: usize, mut inside: impl 
 impl Filled {
     fn checks(&self, roi: &Roi, planes: &Planes, name: &str) -> Vec<Check> {
         let mut checks = Vec::new();
-        let mut warn =
-            |code: &'static str, text: String| checks.push(Check::warning(code, format!("{name}: {text}")));
+        let say = |text: String| format!("{name}: {text}");
         if self.not_parallel > 0 {
-            warn(
+            checks.push(Check::warning(
                 "rtstruct-not-parallel",
-                format!("{} contours are not parallel to the slices, left out", self.not_parallel),
-            );
+                say(format!("{} contours are not parallel to the slices, left out", self.not_parallel)),
+            ));
         }
         if self.outside_slices > 0 {
-            warn(
+            checks.push(Check::warning(
                 "rtstruct-outside",
-                format!("{} contours lie beyond the image's slices, left out", self.outside_slices),
-            );
+                say(format!("{} contours lie beyond the image's slices, left out", self.outside_slices)),
+            ));
         }
         if self.is_clipped {
-            warn("rtstruct-clipped", "contours reach beyond the image and are cut there".to_owned());
+            checks.push(Check::warning(
+                "rtstruct-clipped",
+                say("contours reach beyond the image and are cut there".to_owned()),
+            ));
         }
         if self.between_slices > 0 {
-            warn(
+            checks.push(Check::warning(
                 "rtstruct-between",
-                format!(
+                say(format!(
                     "{} contours lie between slices that have nearer ones or none, left out",
                     self.between_slices
-                ),
-            );
+                )),
+            ));
         }
         if self.farthest > ON_SLICE {
             let mm = decimal::text(self.farthest * planes.step_mm.length(), 2);
-            warn(
+            checks.push(Check::warning(
                 "rtstruct-off-slice",
-                format!("contours lie up to {mm} mm off their slices; the nearest slice is filled"),
-            );
+                say(format!("contours lie up to {mm} mm off their slices; the nearest slice is filled")),
+            ));
         }
         if self.gaps > 0 {
-            warn("rtstruct-gaps", format!("{} slices between contours have none and stay empty", self.gaps));
+            checks.push(Check::warning(
+                "rtstruct-gaps",
+                say(format!("{} slices between contours have none and stay empty", self.gaps)),
+            ));
         }
         if roi.miscounted > 0 {
-            warn(
+            checks.push(Check::warning(
                 "rtstruct-count",
-                format!("{} contours have another number of points than stated", roi.miscounted),
-            );
+                say(format!("{} contours have another number of points than stated", roi.miscounted)),
+            ));
         }
         if roi.open > 0 || roi.without_area > 0 {
             let count = roi.open + roi.without_area;
-            warn(
+            checks.push(Check::warning(
                 "rtstruct-no-area",
-                format!("{count} contours have no area (points, open or of two points), left out"),
-            );
+                say(format!("{count} contours have no area (points, open or of two points), left out")),
+            ));
         }
         if self.voxels.iter().all(|&v| v == 0) {
-            warn("rtstruct-empty", "its contours hold no pixel centre; the mask is empty".to_owned());
+            checks.push(Check::warning(
+                "rtstruct-empty",
+                say("its contours hold no pixel centre; the mask is empty".to_owned()),
+            ));
         }
         if self.has_nested {
             let (inner, all) = (self.xor_voxels, self.union_voxels);
-            warn(
+            checks.push(Check::warning(
                 "rtstruct-nested",
-                format!("contours lie in each other: {inner} voxels with holes (shown), {all} without"),
-            );
+                say(format!("contours lie in each other: {inner} voxels with holes (shown), {all} without")),
+            ));
         }
         checks
     }

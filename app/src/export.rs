@@ -167,6 +167,8 @@ pub struct Export<'a> {
     pub is_smooth: bool,
     /// Whether the output states whose the masks are.
     pub is_identified: bool,
+    /// Whether files that exist are written over.
+    pub overwrites: bool,
     /// DICOM: the image that the masks belong to.
     pub image: Option<String>,
     /// DICOM: what UIDs are made from.
@@ -229,6 +231,15 @@ impl Export<'_> {
         Ok(written)
     }
 
+    /// Refuses files of the case, and others that exist: they may be another series, or another reader's work.
+    fn refuse(&self, path: &Path) -> Result<(), AppError> {
+        self.inputs.refuse_as_output(path)?;
+        if path.exists() && !self.overwrites {
+            return Err(AppError::file(path, "a file that exists", "a new name, or --force"));
+        }
+        Ok(())
+    }
+
     fn line(&self, out: &Path) -> String {
         let names: Vec<&str> = self.items.iter().map(|item| item.name.as_str()).collect();
         format!("{}: {}", out.display(), names.join(", "))
@@ -266,7 +277,7 @@ impl Export<'_> {
         written: &mut Written,
         progress: &Progress,
     ) -> Result<(), AppError> {
-        self.inputs.refuse_as_output(path)?;
+        self.refuse(path)?;
         match self.format {
             Format::Nifti => write_nifti(path, items),
             Format::SegNrrd => {
@@ -353,6 +364,7 @@ impl Export<'_> {
         if !self.format.names(out) {
             return Err(AppError::file(out, "a name without .dcm", "one that ends in .dcm"));
         }
+        self.refuse(out)?;
         let source = self.dicom_image()?;
         let image = source.zip(source.and_then(Source::path)).map(|(source, path)| {
             let series = match source {

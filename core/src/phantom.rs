@@ -198,7 +198,7 @@ pub fn phantom_case() -> Result<Case, CaseError> {
             found: "no such file in the phantom".into(),
             expected: "one of its files".into(),
         };
-        Ok(Loaded { volume: volume.ok_or_else(missing)?, frames: 1, checks: Vec::new() })
+        Ok(Loaded { volume: volume.ok_or_else(missing)?, frames: 1, checks: Vec::new(), origin: None })
     };
     let spec = spec(|name| Source::Embedded { name, bytes: &[] });
     load_with(&spec, &LoadOptions::default(), &Progress::new(), &read)

@@ -41,6 +41,9 @@ pub struct ExportArguments {
     /// DICOM gets fixed words and UIDs of its own, and other files only hashes.
     #[arg(long)]
     pub identified: bool,
+    /// Write over files that exist.
+    #[arg(long)]
+    pub force: bool,
     /// DICOM: the image that the masks belong to, by its id; default: the one on whose slices they lie.
     #[arg(long, value_name = "ID")]
     pub image: Option<String>,
@@ -72,6 +75,7 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), AppError> {
         format,
         is_smooth: arguments.smooth,
         is_identified: arguments.identified,
+        overwrites: arguments.force,
         image: arguments.image.clone(),
         salt: arguments.salt.clone(),
         case: &case,
@@ -107,11 +111,11 @@ fn items(arguments: &ExportArguments, time_point: &TimePoint) -> Result<Vec<Item
             export::masks(time_point, &colors, &name_of, &|id| wanted.contains(&id))
         }
         What::Regions => {
-            let selection = resolve::selection(&arguments.select, regions)?;
+            let selection = resolve::selection_with_voxels(&arguments.select, regions)?;
             export::regions(time_point, &colors, &|bits| selection.shows(bits))
         }
         What::Selection => {
-            let selection = resolve::selection(&arguments.select, regions)?;
+            let selection = resolve::selection_with_voxels(&arguments.select, regions)?;
             export::selection(time_point, &colors, &|bits| selection.shows(bits))
         }
     };

@@ -70,6 +70,26 @@ pub fn selection(text: &str, regions: &Regions) -> Result<Selection, AppError> {
     Ok(Selection::only(regions, &shown))
 }
 
+/// As [`selection`], of regions that have voxels: what is written must be what was named.
+///
+/// # Errors
+/// As [`selection`]; also for a region without voxels.
+pub fn selection_with_voxels(text: &str, regions: &Regions) -> Result<Selection, AppError> {
+    if !matches!(text, "all" | "none") {
+        let ids = regions.mask_ids();
+        for name in text.split(',') {
+            let is_there = region_bits(name, ids).ok().is_some_and(|bits| regions.get(bits).is_some());
+            if !is_there && region_bits(name, ids).is_ok() {
+                let found = format!("{:?}, where no voxel has exactly these masks", name.trim());
+                let known: Vec<String> = regions.list().iter().map(|r| regions.name(r.bits)).collect();
+                let expected = format!("regions of the case: {}", known.join(", "));
+                return Err(AppError::wrong("--select", found, expected));
+            }
+        }
+    }
+    selection(text, regions)
+}
+
 /// The masks that a region's name lists, as bits. A mask's id may hold `+` itself (`T1+C`): of several readings, the one
 /// whose first id is longest counts, then its second, and so on.
 ///

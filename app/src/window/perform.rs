@@ -213,6 +213,8 @@ impl GlioscopeApp {
                 format,
                 is_smooth: false,
                 is_identified: false,
+                // The dialog asked.
+                overwrites: true,
                 image: None,
                 salt: None,
             };

@@ -14,6 +14,7 @@ use super::{
     findings::{self, Finding},
     native::{NativeMask, at_time},
     order,
+    origin::{self, Stated},
     select::{self, Rule, Selected},
     values::{self, Meaning},
 };
@@ -171,6 +172,7 @@ struct FileResult {
     label_tolerance: f64,
     image: Option<Arc<Volume>>,
     selected: Vec<(usize, Selected)>,
+    stated: Option<Stated>,
 }
 
 fn read_one(
@@ -189,6 +191,11 @@ fn read_one(
         checks.push(Check::warning("first-frame-only", text));
     }
     let findings = checks.into_iter().map(|check| Finding::new(id, time, job.source, check)).collect();
+    let stated = loaded.origin.map(|origin| Stated {
+        id: id.to_owned(),
+        time: time.unwrap_or_default().to_owned(),
+        origin,
+    });
     // With labels given, the file is what they say it is.
     let is_open = job.masks.iter().any(|&m| spec.masks[m].labels.is_none());
     let meaning = if is_open { values::meaning(&loaded.volume, progress)? } else { None };
@@ -211,6 +218,7 @@ fn read_one(
         grid: loaded.volume.grid().clone(),
         image: (!job.contexts.is_empty()).then(|| Arc::new(loaded.volume)),
         selected,
+        stated,
     })
 }
 
@@ -253,11 +261,13 @@ pub fn load_with(
     let jobs = jobs(spec);
     let mut checks = spec.notes.clone();
     checks.extend(check::time_order(&listed, &labels, order));
-    let (mut images, mut masks, mut findings) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut images, mut masks) = (Vec::new(), Vec::new());
+    let (mut findings, mut stated) = (Vec::new(), Vec::new());
     let reads = jobs.par_iter().map(|job| read_one(job, spec, progress, read)).collect::<Vec<_>>();
     for (job, outcome) in jobs.iter().zip(reads) {
         let outcome = outcome?;
         findings.extend(outcome.findings);
+        stated.extend(outcome.stated);
         for (m, selected) in outcome.selected {
             let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits).ok_or_else(
                 || CaseError::wrong(&spec.name, "a mask of another size than its file", "the same size"),
@@ -281,6 +291,7 @@ pub fn load_with(
         }
     }
     checks.extend(findings::together(findings));
+    checks.extend(origin::check(&spec.name, &stated, spec.one_patient)?);
     let tracts = load_tracts(spec, options, progress, &mut checks)?;
     images.sort_by_key(|c| c.spec);
     // One id is one mask over time: bits are assigned in the order in which ids are first listed.

@@ -4,6 +4,7 @@
 //! glioscope = 1            # format version, required
 //! name = "Follow-up"       # optional: else the manifest's folder
 //! order = ["B", "A"]       # optional: the times in time order, where their labels don't state it
+//! one_patient = true       # optional: all files are one patient's, though DICOM files name several
 //! [[context]]
 //! id = "T1c"
 //! file = "t1c.nii.gz"      # relative to the manifest
@@ -47,6 +48,8 @@ struct Manifest {
     name: Option<String>,
     #[serde(default)]
     order: Vec<String>,
+    #[serde(default)]
+    one_patient: bool,
     #[serde(default)]
     context: Vec<Spanned<ContextEntry>>,
     #[serde(default)]
@@ -223,6 +226,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
     let mut spec = CaseSpec {
         name: manifest.name.unwrap_or_else(|| folder_name(path)),
         order: manifest.order.iter().map(|label| label.trim().to_owned()).collect(),
+        one_patient: manifest.one_patient,
         described_by: vec![path.to_owned()],
         ..CaseSpec::default()
     };
@@ -297,6 +301,8 @@ struct Written<'a> {
     name: &'a str,
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     order: &'a [String],
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    one_patient: bool,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     context: Vec<WrittenContext<'a>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -397,6 +403,7 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
         glioscope: VERSION,
         name: &spec.name,
         order: &spec.order,
+        one_patient: spec.one_patient,
         context: context.collect::<Result<_, CaseError>>()?,
         mask: mask.collect::<Result<_, CaseError>>()?,
         tracts: tracts.collect::<Result<_, CaseError>>()?,

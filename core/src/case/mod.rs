@@ -12,7 +12,9 @@ mod manifest;
 mod names;
 mod native;
 mod order;
+mod origin;
 mod proposal;
+mod segments;
 mod select;
 mod sessions;
 mod study;
@@ -90,6 +92,8 @@ pub struct CaseSpec {
     pub tracts: Vec<TractsSpec>,
     /// Labels of the time points in time order, where that is stated; empty: as the labels themselves state.
     pub order: Vec<String>,
+    /// Whether the user has said that all files are one patient's, whatever they say themselves.
+    pub one_patient: bool,
     /// Files that the description comes from: the manifest, the table of sessions.
     pub described_by: Vec<PathBuf>,
     /// Guesses and findings made while the description was put together.
@@ -333,7 +337,8 @@ impl CaseError {
 /// [`CaseError`].
 pub fn load(spec: &CaseSpec, options: &LoadOptions, progress: &Progress) -> Result<Case, CaseError> {
     let read_options = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
-    load_with(spec, options, progress, &|source| files::read(source, &read_options, progress))
+    let spec = segments::resolve(spec, progress)?;
+    load_with(&spec, options, progress, &|source| files::read(source, &read_options, progress))
 }
 
 #[cfg(test)]

@@ -53,6 +53,8 @@ pub(super) enum LeftOutFor {
     NoTime,
     /// It holds tracts.
     Tracts,
+    /// Its header says why.
+    Header,
     /// The user left it out.
     Choice,
 }
@@ -62,6 +64,7 @@ impl LeftOutFor {
         match self {
             Self::NoTime => "found no time in the name while others have one",
             Self::Tracts => "found fibre tracts, which --tracts or a manifest adds",
+            Self::Header => "",
             Self::Choice => "left out in the dialog of the case's files",
         }
     }
@@ -388,10 +391,24 @@ impl Proposal {
             (!names.is_empty()).then(|| match why {
                 LeftOutFor::NoTime => Check::warning("guess-left-out", text("; left out")),
                 LeftOutFor::Tracts => Check::warning("left-out", text("; left out")),
+                LeftOutFor::Header => Check::note("left-out", text("")),
                 LeftOutFor::Choice => Check::note("left-out-chosen", text("")),
             })
         };
-        [LeftOutFor::NoTime, LeftOutFor::Tracts, LeftOutFor::Choice].into_iter().filter_map(note).collect()
+        let by_header =
+            |file: &&ProposedFile| file.role == Role::LeftOut && file.left_out_for == LeftOutFor::Header;
+        let headers = self.files.iter().filter(by_header).map(|file| {
+            let text = format!("{}: {}; left out", self.shown(file), file.reason);
+            // A gap or a missing position is a fault; a scout isn't.
+            if file.reason.starts_with("found ") {
+                Check::warning("left-out", text)
+            } else {
+                Check::note("left-out", text)
+            }
+        });
+        let others =
+            [LeftOutFor::NoTime, LeftOutFor::Tracts, LeftOutFor::Choice].into_iter().filter_map(note);
+        others.chain(headers).collect()
     }
 
     /// What keeps the case from being read, in the order of the files.

@@ -11,7 +11,6 @@ use crate::{
         dicom::{self, Kind, PatientStudies, SeriesSummary, Studies, VolumeSummary},
         printable,
     },
-    tumor_index::MAX_MASKS,
 };
 
 /// Fewest slices of a series that is proposed as an image: localizers and scouts have fewer.
@@ -85,6 +84,7 @@ pub(super) fn propose(
             files.push(file);
         }
     }
+    tell_readers_apart(&mut files);
     unique_ids(&mut files);
     for other in studies.patients.iter().filter(|other| other.patient != chosen.patient) {
         let mut own: Vec<ProposedFile> = Vec::new();
@@ -101,7 +101,7 @@ pub(super) fn propose(
     for file in &mut files {
         file.suggested = file.role;
     }
-    notes.extend(findings(&studies, &dated));
+    notes.extend(unreadable(&studies));
     let mut proposal = Proposal {
         name,
         folder: folder.to_owned(),
@@ -142,12 +142,12 @@ fn best(studies: &Studies) -> Option<&PatientStudies> {
 fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'a>> {
     let mut all = Vec::new();
     let mut by_frame: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
-    for study in &patient.studies {
+    for (n, study) in patient.studies.iter().enumerate() {
         let first =
             study.series.iter().map(|s| s.date.as_str()).filter(|d| !d.is_empty()).min().unwrap_or_default();
         let date = if study.date.is_empty() { first } else { &study.date };
         let time = readable(date)
-            .unwrap_or_else(|| if date.is_empty() { study.uid.clone() } else { date.to_owned() });
+            .unwrap_or_else(|| if date.is_empty() { format!("undated {}", n + 1) } else { date.to_owned() });
         for series in &study.series {
             if !series.frame_of_reference.is_empty() && !series.volumes.is_empty() {
                 by_frame.entry(&series.frame_of_reference).or_default().insert(time.clone());
@@ -211,7 +211,7 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
     };
     let left_out = |mut file: ProposedFile, reason: &str| {
         file.role = Role::LeftOut;
-        file.left_out_for = LeftOutFor::Choice;
+        file.left_out_for = LeftOutFor::Header;
         reason.clone_into(&mut file.reason);
         file
     };
@@ -277,6 +277,23 @@ fn id_of(series: &SeriesSummary) -> String {
     if id.is_empty() { format!("series {}", series.number) } else { id.to_owned() }
 }
 
+/// Puts the series' description before the names of segments, where two series of a date have one name: else a reader's mask
+/// of one date would be compared with another reader's of the next.
+fn tell_readers_apart(files: &mut [ProposedFile]) {
+    let mut seen: BTreeMap<(String, String), usize> = BTreeMap::new();
+    let mut is_shared = false;
+    for (n, file) in files.iter().enumerate().filter(|(_, file)| file.role == Role::Mask) {
+        for mask in &file.masks {
+            let other = seen.insert((file.time.clone(), mask.id.clone()), n);
+            is_shared |= other.is_some_and(|other| other != n);
+        }
+    }
+    for file in files.iter_mut().filter(|file| is_shared && file.role == Role::Mask) {
+        let id = file.id.clone();
+        file.masks.iter_mut().for_each(|mask| mask.id = format!("{id} {}", mask.id));
+    }
+}
+
 /// Makes the ids of images, and of masks, differ within each date.
 fn unique_ids(files: &mut [ProposedFile]) {
     let mut seen: BTreeSet<(bool, String, String)> = BTreeSet::new();
@@ -295,42 +312,14 @@ fn unique_ids(files: &mut [ProposedFile]) {
             _ => unique(false, &time, &mut file.id),
         }
     }
-    // More masks than a date can have are for the user to choose from.
-    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    for file in files.iter_mut().filter(|file| file.role == Role::Mask) {
-        for mask in file.masks.iter_mut().filter(|mask| mask.is_in) {
-            let count = counts.entry(file.time.clone()).or_default();
-            *count += 1;
-            mask.is_in = *count <= MAX_MASKS;
-        }
-    }
 }
 
-/// What concerns all: unreadable files, and images of one date that don't claim one space.
-fn findings(studies: &Studies, dated: &[Dated<'_>]) -> Vec<Check> {
+/// Files that can't be read.
+fn unreadable(studies: &Studies) -> Vec<Check> {
     let mut checks = Vec::new();
     if !studies.unreadable.is_empty() {
         let errors: Vec<String> = studies.unreadable.iter().map(ToString::to_string).collect();
         checks.push(Check::warning("left-out", format!("{}; left out", listed(&errors, 3))));
-    }
-    let mut by_time: BTreeMap<&str, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
-    for Dated { series, time, .. } in dated {
-        let is_shown =
-            series.volumes.iter().any(|v| v.problem.is_none() && !v.is_localizer && v.dims[2] >= MIN_SLICES);
-        if is_shown {
-            let frames = by_time.entry(time).or_default();
-            frames.entry(&series.frame_of_reference).or_default().push(series.label());
-        }
-    }
-    for (time, frames) in by_time {
-        if frames.len() > 1 {
-            let groups: Vec<String> = frames.values().map(|labels| listed(labels, 3)).collect();
-            let at = if time.is_empty() { String::new() } else { format!(" of {time}") };
-            checks.push(Check::warning(
-                "frames-of-reference",
-                format!("images{at}: found {} frames of reference ({}), which are shown as if they were one space", frames.len(), groups.join("; ")),
-            ));
-        }
     }
     checks
 }

@@ -47,7 +47,7 @@ fn load_from(spec: &CaseSpec, options: &LoadOptions, files: &[(&str, Volume)]) -
     let read = |source: &Source| {
         let found = files.iter().find(|(name, _)| *name == source.name());
         let volume = found.map(|(_, v)| v.clone()).unwrap_or_else(|| boxed(&grid(1.0, 0.0), 0, 2));
-        Ok(Loaded { volume, frames: 1, checks: Vec::new() })
+        Ok(Loaded { volume, frames: 1, checks: Vec::new(), origin: None })
     };
     load_with(spec, options, &Progress::new(), &read)
 }
@@ -183,7 +183,12 @@ fn a_file_named_twice_is_read_once() {
         reads.fetch_add(1, Ordering::Relaxed);
         let stored = (0..1000).map(|l| (l % 5) as u8).collect();
         let volume = Volume::new(grid(1.0, 0.0), Samples::U8(stored), Scaling::NONE).unwrap();
-        Ok(Loaded { volume, frames: 3, checks: vec![Check::note("noticed", "seg.nii: something")] })
+        Ok(Loaded {
+            volume,
+            frames: 3,
+            checks: vec![Check::note("noticed", "seg.nii: something")],
+            origin: None,
+        })
     };
     let with_labels =
         |id: &str, labels: &[i64]| MaskSpec { labels: Some(labels.to_vec()), ..mask(id, "seg", None) };

@@ -159,7 +159,7 @@ impl Image<'_> {
             .ok_or_else(|| FileError::wrong(&self.file, "another number of voxels", expected))?;
         let name = base_name(&self.file);
         self.checks.extend(segment_labels::undeclared(&volume, &self.segments, options.frame, &name));
-        Ok(Loaded { volume, frames, checks: self.checks })
+        Ok(Loaded { volume, frames, checks: self.checks, origin: None })
     }
 
     /// As [`super::info()`].

@@ -157,6 +157,21 @@ pub struct Loaded {
     pub frames: usize,
     /// Findings.
     pub checks: Vec<Check>,
+    /// Whose it is and where it lies; `None` in formats that don't say so.
+    pub origin: Option<Origin>,
+}
+
+/// Whose a file is, and which space it claims: what it says itself, each empty where it doesn't.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// Name and identifier for messages.
+    pub patient: String,
+    /// The patient's identifier.
+    pub patient_id: String,
+    /// `YYYYMMDD`.
+    pub birth_date: String,
+    /// Frame of Reference UID: positions in files of one are comparable.
+    pub frame_of_reference: String,
 }
 
 /// A segmentation that its file names: it becomes one mask.

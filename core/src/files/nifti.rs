@@ -425,7 +425,7 @@ fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -
     let frames = usize::try_from(described.frames).unwrap_or(usize::MAX);
     let volume = Volume::new(described.grid, samples, described.scaling)
         .ok_or_else(|| FileError::wrong(file, "another number of voxels", expected))?;
-    Ok(Loaded { volume, frames, checks })
+    Ok(Loaded { volume, frames, checks, origin: None })
 }
 
 /// The file with the header: `path`, or its partner where that is the second half of a pair.

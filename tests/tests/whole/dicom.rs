@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use egui::Theme;
+use egui::{Key, Theme};
 use egui_kittest::kittest::Queryable;
-use glioscope::{command::AppCommand, model::CaseRef};
-use glioscope_tests::{Window, doc, error_text, issue, real_data, run, wait_for_workers, window_on};
+use glioscope::{command::AppCommand, export::What, model::CaseRef};
+use glioscope_tests::{doc, error_text, issue, real_data, run, wait_for_workers, window_on};
 use serde_json::Value;
 
 use crate::PROGRAM;
@@ -86,12 +86,6 @@ fn two_patients_are_never_one_case() {
     }
 }
 
-fn click(harness: &mut Window, label: &str) {
-    harness.get_by_label(label).click();
-    harness.run_ok();
-    wait_for_workers(harness);
-}
-
 #[test]
 fn the_dialog_takes_one_patient_at_a_time() {
     let Some(data) = real_data("dicom-folders") else { return };
@@ -103,7 +97,9 @@ fn the_dialog_takes_one_patient_at_a_time() {
     assert!(harness.query_all_by_label("Only this patient").count() == 2);
     harness.run_ok();
     // The gated series of five slices is the one that can be shown.
-    click(&mut harness, "Open it like this");
+    harness.key_press(Key::Enter);
+    harness.run_ok();
+    wait_for_workers(&mut harness);
     assert_eq!(error_text(&harness), "");
     let case = harness.state().work.world.case().unwrap();
     let ids: Vec<&str> = case.time_points[0].contexts.iter().map(|c| c.id.as_str()).collect();
@@ -196,8 +192,101 @@ fn exports_hold_the_masks_of_the_case_voxel_for_voxel() {
     }
     let again = folder.path().join("again.glb");
     std::fs::copy(folder.path().join("all.glb"), &again).unwrap();
-    out("all.glb", &["--format", "gltf", "--smooth"]);
+    let all = folder.path().join("all.glb");
+    let arguments =
+        ["export", "--sample", "--time", label, "--format", "gltf", "--smooth", "--out", text(&all)];
+    assert!(refusal(&arguments).contains("found a file that exists"));
+    out("all.glb", &["--format", "gltf", "--smooth", "--force"]);
     assert_eq!(std::fs::read(&again).unwrap(), std::fs::read(folder.path().join("all.glb")).unwrap());
+}
+
+#[test]
+fn masks_of_another_patient_are_refused_however_they_are_named() {
+    let Some(series) = real_data("dicom-series") else { return };
+    let Some(masks) = real_data("dicom-seg-highdicom") else { return };
+    let image = format!("i={}", text(&series.join("plain-axial")));
+    let mask = |file: &str| format!("m={}", text(&masks.join(file)));
+    let other = mask("binary-other-patient.dcm");
+    let line = refusal(&["measure", "--context", &image, "--mask", &format!("{other}:1")]);
+    assert!(line.contains("found files of two patients: i (Phantom Test, GS-TEST-1)"), "{line}");
+    // A number behind a file that names its segments is a segment's.
+    let count = |argument: &str| {
+        let report = json(&["measure", "--mask", argument, "--json"]);
+        report["time_points"][0]["masks"][0]["voxels"].as_u64().unwrap()
+    };
+    assert_eq!(count(&format!("{}:2", mask("binary-3-segments.dcm"))), 3492);
+    let line = refusal(&["measure", "--mask", &format!("{}:9", mask("binary-3-segments.dcm"))]);
+    assert!(line.contains("found no segment 9, expected one of its segments (1, 2, 3)"), "{line}");
+    let line = refusal(&["measure", "--mask", &mask("binary-3-segments.dcm")]);
+    assert!(line.contains("found 3 segments (1, 2, 3), expected one of them (FILE:NUMBER)"), "{line}");
+    // The background of a label map is none of its labels.
+    assert_eq!(count(&mask("labelmap-background-5.dcm")), 5031);
+    // Another frame of reference is said.
+    let other = format!("{}:1", mask("binary-other-frame-of-reference.dcm"));
+    let report = json(&["measure", "--context", &image, "--mask", &other, "--json"]);
+    let codes: Vec<&str> =
+        report["warnings"].as_array().unwrap().iter().map(|w| w["code"].as_str().unwrap()).collect();
+    assert!(codes.contains(&"frames-of-reference"), "{codes:?}");
+}
+
+#[test]
+fn the_window_exports_the_masks_of_the_date_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = window_on(CaseRef::Sample, [1280.0, 720.0], Theme::Light);
+    harness.run_ok();
+    let masks = folder.path().join("masks.seg.nrrd");
+    issue(&mut harness, AppCommand::ExportMasksTo(What::Masks, masks.clone()));
+    wait_for_workers(&mut harness);
+    assert_eq!(error_text(&harness), "");
+    let shown = harness.state().work.doc.as_ref().unwrap().nav.time;
+    let case = harness.state().work.world.case().unwrap();
+    let expected: Vec<u64> = case.time_points[shown].masks.iter().map(|m| m.mask.voxels()).collect();
+    let union = case.time_points[shown].regions.union_voxels();
+    let voxels = |path: &Path| -> Vec<u64> {
+        let report = json(&["measure", text(path), "--json"]);
+        let masks = report["time_points"][0]["masks"].as_array().unwrap();
+        masks.iter().map(|m| m["voxels"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(voxels(&masks), expected);
+    let selection = folder.path().join("selection.nii.gz");
+    issue(&mut harness, AppCommand::ExportMasksTo(What::Selection, selection.clone()));
+    wait_for_workers(&mut harness);
+    assert_eq!(voxels(&selection), [union]);
+    // Another ending is said, and nothing is written.
+    issue(&mut harness, AppCommand::ExportMasksTo(What::Masks, folder.path().join("masks.xyz")));
+    wait_for_workers(&mut harness);
+    assert!(error_text(&harness).contains("expected .seg.nrrd"), "{}", error_text(&harness));
+    assert!(!folder.path().join("masks.xyz").exists());
+}
+
+/// Strings that identify a patient are in no export unless asked for.
+#[test]
+fn exports_name_nobody_unless_asked() {
+    let Some(data) = real_data("dicom-multimodal") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let holds = |path: &Path, word: &[u8]| {
+        let bytes = std::fs::read(path).unwrap();
+        bytes.windows(word.len()).any(|part| part == word)
+    };
+    for (name, format) in [
+        ("a.seg.nrrd", "seg.nrrd"),
+        ("a.dcm", "dicom-seg"),
+        ("r.dcm", "rtstruct"),
+        ("a.obj", "obj"),
+        ("a.glb", "gltf"),
+    ] {
+        let path = folder.path().join(name);
+        let output = run(PROGRAM, &["export", text(&data), "--format", format, "--out", text(&path)]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        // The patient's name and ID, and the root of the study's UIDs.
+        for word in [&b"STS_003"[..], b"1.3.6.1.4.1.14519", b"20050415"] {
+            assert!(!holds(&path, word), "{format}: {}", String::from_utf8_lossy(word));
+        }
+    }
+    let path = folder.path().join("identified.dcm");
+    let arguments = ["export", text(&data), "--format", "dicom-seg", "--identified", "--out", text(&path)];
+    assert!(run(PROGRAM, &arguments).status.success());
+    assert!(holds(&path, b"STS_003") && holds(&path, b"1.3.6.1.4.1.14519"));
 }
 
 #[test]

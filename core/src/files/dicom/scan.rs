@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::super::{FileError, open_regular, printable, stand_in};
+use super::super::{FileError, Origin, open_regular, printable, stand_in};
 use super::data_set::Unusable;
 use super::instance::{Frame, Identity, PixelFormat, frames};
 use super::parse::{Fault, Parsed, parse, sniff};
@@ -59,6 +59,17 @@ pub(super) struct Header {
 }
 
 impl Header {
+    /// Whose it is and which space it claims.
+    pub fn origin(&self) -> Origin {
+        let identity = &self.identity;
+        Origin {
+            patient: identity.patient.label(),
+            patient_id: identity.patient.id.clone(),
+            birth_date: identity.patient.birth_date.clone(),
+            frame_of_reference: identity.frame_of_reference.clone(),
+        }
+    }
+
     /// What the file is called in messages.
     pub fn name(&self) -> String {
         printable(&self.path.display().to_string())
@@ -211,8 +222,11 @@ fn scan_files(mut paths: Vec<PathBuf>, progress: &Progress) -> Result<Scanned, F
         .par_iter()
         .map(|path| {
             progress.advance(1)?;
-            let is_dicom = super::super::read_head(path, 256).is_some_and(|head| sniff(&head));
-            Ok(is_dicom.then(|| header(path)))
+            // What can't be opened may be a slice.
+            Ok(match super::super::read_head(path, 256) {
+                None => Some(header(path)),
+                Some(head) => sniff(&head).then(|| header(path)),
+            })
         })
         .collect();
     let mut scanned = Scanned::default();

@@ -53,11 +53,15 @@ pub(super) struct Segmentation {
 /// [`Unusable`] for an unknown type or a segment without a number.
 pub(super) fn segments(data: &DataSet) -> Result<Vec<Segment>, Unusable> {
     let kind = kind(data)?;
+    let background = (kind == Type::LabelMap).then(|| data.u16(tags::PIXEL_PADDING_VALUE)).flatten();
     let mut segments: Vec<Segment> = Vec::new();
     for (at, item) in data.items(tags::SEGMENT_SEQUENCE).iter().enumerate() {
         let number = item
             .u16(tags::SEGMENT_NUMBER)
             .ok_or_else(|| Unusable::new("a segment without a number", "Segment Number (0062,0004)"))?;
+        if Some(number) == background {
+            continue;
+        }
         if segments.iter().any(|s| s.number == i64::from(number)) {
             return Err(Unusable::new(format!("segment {number} twice"), "each number once"));
         }
@@ -66,7 +70,8 @@ pub(super) fn segments(data: &DataSet) -> Result<Vec<Segment>, Unusable> {
             number: i64::from(number),
             name: short(&item.text(tags::SEGMENT_LABEL).unwrap_or_default()),
             color: color(&item.u16s(tags::RECOMMENDED_DISPLAY_CIELAB_VALUE)),
-            frame: if is_map { 0 } else { at },
+            // Of a label map, frame 0 has 0 as its background, frame 1 the labels as they are stored.
+            frame: if is_map { 1 } else { at },
             label: is_map.then_some(i64::from(number)),
         });
     }
@@ -162,8 +167,8 @@ impl Segmentation {
         let wrong = |unusable: Unusable| in_file(&header.path, &unusable);
         let is_map = self.kind == Type::LabelMap;
         let count = if is_map { 1 } else { self.segments.len() };
-        let segment = self.segments.get(options.frame).filter(|_| options.frame < count);
-        if options.frame >= count || (segment.is_none() && !is_map) {
+        let segment = self.segments.get(options.frame).filter(|_| !is_map);
+        if options.frame > usize::from(is_map) && is_map || (segment.is_none() && !is_map) {
             let found = format!("{count} segment(s)");
             return Err(wrong(Unusable::new(found, format!("more than {}", options.frame))));
         }
@@ -194,13 +199,29 @@ impl Segmentation {
                 .map_err(wrong)?;
             Samples::U8(voxels)
         };
+        let samples = if is_map && options.frame == 0 { self.with_background_0(samples) } else { samples };
         let scaling = match self.kind {
             Type::Fractional(most) => Scaling { slope: 1.0 / most, intercept: 0.0 },
             _ => Scaling::NONE,
         };
         let volume = Volume::new(grid, samples, scaling);
         let volume = volume.ok_or_else(|| wrong(Unusable::new("other voxels", "those of its frames")))?;
-        Ok(Loaded { volume, frames: count, checks: self.checks.clone() })
+        Ok(Loaded { volume, frames: count, checks: self.checks.clone(), origin: Some(header.origin()) })
+    }
+
+    /// A label map in which the background is 0, as in other formats.
+    fn with_background_0(&self, samples: Samples) -> Samples {
+        match samples {
+            Samples::U8(mut labels) => {
+                labels.iter_mut().filter(|l| u16::from(**l) == self.background).for_each(|l| *l = 0);
+                Samples::U8(labels)
+            }
+            Samples::U16(mut labels) => {
+                labels.iter_mut().filter(|l| **l == self.background).for_each(|l| *l = 0);
+                Samples::U16(labels)
+            }
+            other => other,
+        }
     }
 
     /// Passes each pixel of the wanted frames with its slice.

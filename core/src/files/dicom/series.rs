@@ -116,7 +116,8 @@ impl<'a> Series<'a> {
         }
         let volume = Volume::new(grid, samples, scaling)
             .ok_or_else(|| FileError::wrong(&self.name, "another number of voxels", "those of its slices"))?;
-        Ok(Loaded { volume, frames: count, checks })
+        let origin = self.files.get(stack.slices[0].file).map(|file| file.origin());
+        Ok(Loaded { volume, frames: count, checks, origin })
     }
 
     /// How the voxels of `stack` are kept.

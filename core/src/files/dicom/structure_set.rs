@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::super::{FileError, Loaded, ReadOptions, Segment};
+use super::super::{FileError, Loaded, Origin, ReadOptions, Segment};
 use super::data_set::{DataSet, Unusable};
 use super::instance::Place;
 use super::planes::{self, Planes};
@@ -182,7 +182,9 @@ impl StructureSet {
         checks.extend(filled.checks(roi, &planes, &name));
         let volume = Volume::new(grid, Samples::U8(filled.voxels), Scaling::NONE);
         let volume = volume.ok_or_else(|| wrong(Unusable::new("other voxels", "those of its slices")))?;
-        Ok(Loaded { volume, frames: self.rois.len(), checks })
+        let frame_of_reference = roi.frame_of_reference.clone();
+        let origin = Some(Origin { frame_of_reference, ..header.origin() });
+        Ok(Loaded { volume, frames: self.rois.len(), checks, origin })
     }
 }
 

@@ -12,7 +12,7 @@ use super::{
     manifest::{folder_name, read_manifest},
     names::{self, Kind, ParsedName},
     order,
-    proposal::LeftOutFor,
+    proposal::{LeftOutFor, drop_alike_colors},
     select, sessions, study, subject,
 };
 use crate::{
@@ -98,12 +98,7 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
     if volume_stem(&name).is_none() {
         return Err(wrong(path, "a file of another kind", expected));
     }
-    let listing = Listing {
-        volumes: vec![PathBuf::from(&name)],
-        tracts: Vec::new(),
-        dicom: Vec::new(),
-        left_out: Vec::new(),
-    };
+    let listing = Listing { volumes: vec![PathBuf::from(&name)], ..Listing::default() };
     let mut proposal = guess(folder, listing, name, options, progress)?;
     if folder.as_os_str().is_empty() {
         // A bare name: the folder is kept, in sessions and with answers, where another one may be the current folder.
@@ -182,6 +177,13 @@ fn guess_listed(
         let mut proposal = study::propose(folder, name, None, Vec::new(), progress)?;
         add_tracts(&mut proposal, folder, &listing.tracts);
         return Ok(proposal);
+    }
+    if listing.volumes.is_empty() && listing.has_deeper {
+        // Studies nest deeper than research folders.
+        let name = folder_name(&folder.join("x"));
+        if let Ok(proposal) = study::propose(folder, name, None, Vec::new(), progress) {
+            return Ok(proposal);
+        }
     }
     if listing.volumes.is_empty() {
         let kind = format::volume_names();
@@ -385,6 +387,7 @@ fn guess(
     let has_masks = entries.iter().any(|e| e.is_mask);
     let mut files: Vec<ProposedFile> = entries.into_iter().map(|e| proposed(folder, e)).collect();
     tell_segments_apart(&mut files);
+    drop_alike_colors(&mut files);
     if let Some(labels) = &split {
         // Every date has a mask of each label, whether its map has it or not.
         let maps: Vec<&mut ProposedFile> = files.iter_mut().filter(|file| file.role == Role::Mask).collect();

@@ -34,6 +34,7 @@ const UNREAD_IMAGES: &[&str] =
     &["mnc", "mif", "gipl", "par", "rec", "npy", "npz", "gz", "bz2", "xz", "zst", "zip", "tar", "7z", "rar"];
 
 /// What a folder holds.
+#[derive(Default)]
 pub(super) struct Listing {
     /// Images and masks, relative to the folder, sorted by path.
     pub volumes: Vec<PathBuf>,
@@ -41,6 +42,8 @@ pub(super) struct Listing {
     pub tracts: Vec<PathBuf>,
     /// DICOM files, likewise: slices and masks.
     pub dicom: Vec<PathBuf>,
+    /// Whether some folders lie too deep to be searched for images.
+    pub has_deeper: bool,
     /// What is left out.
     pub left_out: Vec<Check>,
 }
@@ -60,7 +63,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
 pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
     let (mut volumes, mut tracts, mut dicom) = (Vec::new(), Vec::new(), Vec::new());
-    let mut visited = 0;
+    let (mut visited, mut has_deeper) = (0, false);
     let mut pending = vec![(folder.to_path_buf(), 0)];
     while let Some((current, depth)) = pending.pop() {
         progress.check()?;
@@ -87,6 +90,7 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
                 } else if depth < MAX_DEPTH {
                     pending.push((path, depth + 1));
                 } else {
+                    has_deeper = true;
                     out.name(&relative, &format!("a folder {} levels down", MAX_DEPTH + 1));
                 }
             } else {
@@ -108,7 +112,7 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
     volumes.sort();
     tracts.sort();
     dicom.sort();
-    Ok(Listing { volumes, tracts, dicom, left_out: out.checks() })
+    Ok(Listing { volumes, tracts, dicom, has_deeper, left_out: out.checks() })
 }
 
 /// Images, masks and tracts among `paths`, which are relative to `folder`; folders among them are searched.
@@ -118,8 +122,7 @@ pub(super) fn list_files(
     progress: &Progress,
 ) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
-    let mut all =
-        Listing { volumes: Vec::new(), tracts: Vec::new(), dicom: Vec::new(), left_out: Vec::new() };
+    let mut all = Listing::default();
     for path in paths {
         let whole = folder.join(path);
         let meta = whole.metadata().ok();

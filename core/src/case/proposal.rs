@@ -535,6 +535,30 @@ impl Proposal {
     }
 }
 
+/// Distance of sRGB colours below which two masks look alike.
+const ALIKE: f64 = 60.0;
+
+/// Leaves the colours of files to the palette, where two masks of a date would look alike: planning systems give every target
+/// the same red.
+pub(super) fn drop_alike_colors(files: &mut [ProposedFile]) {
+    let mut colors: BTreeMap<String, Vec<[u8; 3]>> = BTreeMap::new();
+    let mut is_alike = false;
+    for file in files.iter().filter(|file| file.role == Role::Mask) {
+        let known = colors.entry(file.time.clone()).or_default();
+        for color in file.masks_in().filter_map(|(_, mask)| mask.color) {
+            let distance = |other: &[u8; 3]| -> f64 {
+                let of = |n: usize| f64::from(color[n]) - f64::from(other[n]);
+                (of(0) * of(0) + of(1) * of(1) + of(2) * of(2)).sqrt()
+            };
+            is_alike |= known.iter().any(|other| distance(other) < ALIKE);
+            known.push(color);
+        }
+    }
+    if is_alike {
+        files.iter_mut().flat_map(|file| &mut file.masks).for_each(|mask| mask.color = None);
+    }
+}
+
 /// Labels as typed: `Some(None)` for none, `None` where they aren't numbers.
 #[allow(clippy::option_option, reason = "no labels are not wrong labels")]
 fn labels(text: &str) -> Option<Option<Vec<i64>>> {
@@ -588,6 +612,26 @@ mod tests {
         assert_eq!(texts(&many).len(), 1);
         many.files[0].role = Role::Image;
         assert_eq!(texts(&many), []);
+    }
+
+    #[test]
+    fn colours_of_files_count_where_they_differ() {
+        let red = |name: &str, color| {
+            let mut file = file(name, Role::Mask, name, "");
+            file.masks[0].color = Some(color);
+            file
+        };
+        let mut files = vec![red("a.nii", [255, 0, 0]), red("b.nii", [0, 160, 0])];
+        drop_alike_colors(&mut files);
+        assert_eq!(files[1].masks[0].color, Some([0, 160, 0]));
+        files.push(red("c.nii", [250, 10, 10]));
+        drop_alike_colors(&mut files);
+        assert!(files.iter().all(|file| file.masks[0].color.is_none()));
+        // At another date it is the same mask.
+        let mut files = vec![red("a.nii", [255, 0, 0]), red("b.nii", [255, 0, 0])];
+        files[1].time = "later".into();
+        drop_alike_colors(&mut files);
+        assert_eq!(files[0].masks[0].color, Some([255, 0, 0]));
     }
 
     #[test]

@@ -3,7 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::{CaseError, Proposal, ProposedFile, Role, proposal::LeftOutFor};
+use super::{
+    CaseError, Proposal, ProposedFile, Role,
+    proposal::{LeftOutFor, drop_alike_colors},
+};
 use crate::{
     Check, Progress,
     check::listed,
@@ -98,6 +101,7 @@ pub(super) fn propose(
         unique_ids(&mut own);
         files.extend(own);
     }
+    drop_alike_colors(&mut files);
     for file in &mut files {
         file.suggested = file.role;
     }

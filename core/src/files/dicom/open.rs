@@ -104,6 +104,13 @@ impl Found {
         }
         if matches!(kind, Kind::Segmentation | Kind::StructureSet) && own.len() > 1 {
             own.sort_by(|a, b| a.path.cmp(&b.path));
+            let first = read_bytes(&own[0].path)?;
+            let is_copy = |other: &Header| read_bytes(&other.path).is_ok_and(|bytes| bytes == first);
+            if own[1..].iter().all(is_copy) {
+                own.truncate(1);
+            }
+        }
+        if matches!(kind, Kind::Segmentation | Kind::StructureSet) && own.len() > 1 {
             let found = format!("{} files in series {uid}", own.len());
             return Err(FileError::wrong(name, found, "one segmentation or structure set (name its file)"));
         }

@@ -436,6 +436,57 @@ fn names_are_read_in_their_character_sets() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+#[test]
+fn segmentations_of_dcmqi_have_its_counts() {
+    check_all("dicom-seg", |data, name, case| {
+        let path = data.join(name);
+        let segments = files::segments(&whole(&path), &Progress::new()).unwrap();
+        let truths = case["segments"].as_object().unwrap();
+        truths
+            .iter()
+            .map(|(number, truth)| {
+                let segment = segments.iter().find(|s| s.number.to_string() == *number);
+                let Some(segment) = segment else { return Some(format!("{number}: not found")) };
+                let which = Which::Segment(segment.number);
+                let loaded = read_frame(&Source::Part(Part { path: path.clone(), series: None, which }), 0);
+                let volume = match loaded {
+                    Ok(loaded) => loaded.volume,
+                    Err(error) => return Some(error.to_string()),
+                };
+                let count = (0..volume.grid().voxel_count()).filter(|&at| volume.value(at) > 0.5).count();
+                let is_right = truth["voxels"] == count && truth["label"] == segment.name.as_str();
+                (!is_right).then(|| format!("{number}: {count} voxels, {}, truth {truth}", segment.name))
+            })
+            .collect()
+    });
+}
+
+#[test]
+fn files_of_other_makers_give_their_pixels() {
+    let Some(data) = real_data("dicom-encodings") else { return };
+    let (_, cases) = truth::cases(&data).into_iter().find(|(name, _)| name == "pydicom").unwrap();
+    let (mut right, mut refused) = (0, Vec::new());
+    for (file, case) in cases.as_object().unwrap() {
+        let Some(hash) = case["stored_i32le_sha256"].as_str() else { continue };
+        match stored(&data.join("pydicom").join(file)) {
+            Ok(pixels) => {
+                // Lossy JPEG may be rounded otherwise.
+                let lossy = case["transfer_syntax"] == "1.2.840.10008.1.2.4.91";
+                let found = truth::sha256(pixels.iter().flat_map(|v| v.to_le_bytes()).collect());
+                assert!(found == hash || lossy, "{file}");
+                right += 1;
+            }
+            Err(error) => {
+                assert!(one_line(&error), "{error}");
+                refused.push(format!("{file}: {error}"));
+            }
+        }
+    }
+    // Images without a place in the patient, twelve-bit JPEG, a dose grid.
+    println!("{right} right, refused:\n{}", refused.join("\n"));
+    assert!(right >= 8 && refused.len() <= 6, "{right} {refused:?}");
+}
+
 /// Damaged bytes of small real files are refused or read, and never end the program.
 #[test]
 fn damaged_files_never_panic() {

@@ -162,7 +162,7 @@ def to_others(folder, study, images, masks):
         sys.exit(f"the structure set has {names}")
     for name, mask in masks.items():
         for ending, kind in [("nii.gz", "nifti"), ("seg.nrrd", "seg.nrrd")]:
-            path = folder / f"{name}.{ending}"
+            path = folder / f"export-{name}.{ending}"
             glioscope("export", study, "--select", name, "--format", kind, "--out", path)
             image = sitk.ReadImage(str(path))
             array = sitk.GetArrayFromImage(image)

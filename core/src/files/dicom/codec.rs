@@ -13,6 +13,7 @@ struct Claim {
     height: usize,
     components: usize,
     bits: u32,
+    is_signed: bool,
 }
 
 /// The pixels of a compressed frame, row by row, in the stream's own sign.
@@ -27,7 +28,7 @@ pub(super) fn decode(codec: Codec, stream: &[u8], format: &PixelFormat) -> Resul
         Codec::Jpeg2000 => jpeg_2000_claim(stream),
     };
     let claim = claim.ok_or_else(|| wrong(format!("a frame that is no {name} stream"), name.to_owned()))?;
-    let Claim { width, height, components, bits } = claim;
+    let Claim { width, height, components, bits, is_signed } = claim;
     if (width, height, components) != (format.columns, format.rows, 1) {
         let found = format!("a {name} stream of {width} × {height} pixels and {components} components");
         return Err(wrong(found, format!("{} × {} of one", format.columns, format.rows)));
@@ -46,9 +47,10 @@ pub(super) fn decode(codec: Codec, stream: &[u8], format: &PixelFormat) -> Resul
         let found = format!("{} pixels in a {name} stream", numbers.len());
         return Err(wrong(found, format!("{}", format.pixels())));
     }
-    // JPEG and JPEG-LS know no sign: their numbers are the stored bits.
+    // Numbers of a stream without a sign are the stored bits: JPEG and JPEG-LS know none, and some JPEG 2000 streams omit
+    // it (pydicom's J2K_pixelrep_mismatch.dcm).
     let stored = u32::from(format.bits_stored);
-    if codec != Codec::Jpeg2000 && format.is_signed && stored < 32 {
+    if !is_signed && format.is_signed && stored < 32 {
         for number in &mut numbers {
             *number = *number << (32 - stored) >> (32 - stored);
         }
@@ -75,6 +77,7 @@ fn jpeg_claim(stream: &[u8]) -> Option<Claim> {
                 height: usize::from(u16::from_be_bytes([h1, h0])),
                 components: usize::from(components),
                 bits: u32::from(bits),
+                is_signed: false,
             });
         }
         rest = after.get(length..)?;
@@ -90,6 +93,7 @@ fn jpeg_2000_claim(stream: &[u8]) -> Option<Claim> {
     let word = |at: usize| Some(u32::from_be_bytes(*segment.get(at..)?.first_chunk()?) as usize);
     let (width, height) = (word(4)?.checked_sub(word(12)?)?, word(8)?.checked_sub(word(16)?)?);
     let components = usize::from(u16::from_be_bytes(*segment.get(36..)?.first_chunk()?));
-    let bits = u32::from(segment.get(38)? & 0x7f) + 1;
-    Some(Claim { width, height, components, bits })
+    let precision = *segment.get(38)?;
+    let bits = u32::from(precision & 0x7f) + 1;
+    Some(Claim { width, height, components, bits, is_signed: precision >> 7 == 1 })
 }

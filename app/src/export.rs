@@ -29,6 +29,17 @@ pub enum What {
     Selection,
 }
 
+impl What {
+    /// Its word: `masks`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Masks => "masks",
+            Self::Regions => "regions",
+            Self::Selection => "selection",
+        }
+    }
+}
+
 /// The format of the files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Format {

@@ -9,7 +9,10 @@
 
 mod common;
 
-use common::{files_below, read, real_data};
+use common::{
+    files_below, read, real_data,
+    truth::{self, InRas},
+};
 use glam::DVec3;
 
 #[test]
@@ -61,31 +64,10 @@ fn every_malformed_file_is_refused_in_one_line() {
 /// flipped, no value is interpolated.
 fn reoriented_to_ras(path: &std::path::Path) -> ([usize; 3], Vec<f64>, [DVec3; 4]) {
     let volume = read(path).unwrap().volume;
-    let grid = volume.grid();
-    let codes = grid.axis_codes();
-    // For each of R, A, S: the voxel axis along it, and whether it is reversed.
-    let along = [['R', 'L'], ['A', 'P'], ['S', 'I']].map(|[forward, backward]| {
-        let axis = codes.iter().position(|&c| c == forward || c == backward).unwrap();
-        (axis, codes[axis] == backward)
-    });
-    let dims = along.map(|(axis, _)| grid.dims()[axis]);
-    let source = |ras: [usize; 3]| {
-        let mut ijk = [0; 3];
-        for (i, (axis, back)) in along.into_iter().enumerate() {
-            ijk[axis] = if back { dims[i] - 1 - ras[i] } else { ras[i] };
-        }
-        ijk
-    };
-    let mut values = Vec::new();
-    for z in 0..dims[2] {
-        for y in 0..dims[1] {
-            for x in 0..dims[0] {
-                values.push(volume.value(grid.linear(source([x, y, z]))));
-            }
-        }
-    }
-    let corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]];
-    (dims, values, corners.map(|c| grid.center_of_voxel_mm(source(c))))
+    let InRas { dims, affine, order } = truth::in_ras(&volume);
+    let values = order.into_iter().map(|at| volume.value(at)).collect();
+    let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+    (dims, values, corners.map(|c| affine.transform_point3(c)))
 }
 
 #[test]

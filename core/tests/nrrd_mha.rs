@@ -13,12 +13,14 @@ mod common;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use common::real_data;
+use common::{
+    real_data,
+    truth::{self, InRas},
+};
 use glam::DVec3;
 use glioscope_core::files::{self, FileError, Inputs, Loaded, ReadOptions, Segment, Source};
 use glioscope_core::{Progress, Sides, Volume};
 use serde_json::Value;
-use sha2::{Digest as _, Sha256};
 
 fn read_frame(path: &Path, frame: usize) -> Result<Loaded, FileError> {
     files::read(
@@ -28,49 +30,11 @@ fn read_frame(path: &Path, frame: usize) -> Result<Loaded, FileError> {
     )
 }
 
-fn truth(folder: &Path) -> Vec<(String, Value)> {
-    let text = std::fs::read_to_string(folder.join("truth.json")).unwrap();
-    let truth: Value = serde_json::from_str(&text).unwrap();
-    let cases = truth["cases"].as_object().unwrap();
-    cases.iter().map(|(name, case)| (name.clone(), case.clone())).collect()
-}
-
 /// Values with axes along R, A and S, R fastest, their dimensions and the affine that belongs to them.
 fn in_ras(volume: &Volume) -> (Vec<f64>, [usize; 3], [[f64; 4]; 3]) {
-    let grid = volume.grid();
-    let codes = grid.axis_codes();
-    let along = [['R', 'L'], ['A', 'P'], ['S', 'I']].map(|[forward, backward]| {
-        let axis = codes.iter().position(|&c| c == forward || c == backward).unwrap();
-        (axis, codes[axis] == backward)
-    });
-    let dims = along.map(|(axis, _)| grid.dims()[axis]);
-    let source = |ras: [usize; 3]| {
-        let mut ijk = [0; 3];
-        for (i, (axis, is_back)) in along.into_iter().enumerate() {
-            ijk[axis] = if is_back { dims[i] - 1 - ras[i] } else { ras[i] };
-        }
-        ijk
-    };
-    let mut values = Vec::new();
-    for z in 0..dims[2] {
-        for y in 0..dims[1] {
-            for x in 0..dims[0] {
-                values.push(volume.value(grid.linear(source([x, y, z]))));
-            }
-        }
-    }
-    let m = grid.world_from_voxel();
-    let origin = m.transform_point3(DVec3::from_array(source([0; 3]).map(|n| n as f64)));
-    let column = |i: usize| {
-        let (axis, is_back) = along[i];
-        m.matrix3.col(axis) * if is_back { -1.0 } else { 1.0 }
-    };
-    let affine = [0, 1, 2].map(|row| [column(0)[row], column(1)[row], column(2)[row], origin[row]]);
-    (values, dims, affine)
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
+    let InRas { dims, affine, order } = truth::in_ras(volume);
+    let rows = [0, 1, 2].map(|row| affine.row(row).to_array());
+    (order.into_iter().map(|at| volume.value(at)).collect(), dims, rows)
 }
 
 /// What differs between a volume and its facts.
@@ -101,11 +65,11 @@ fn differences(name: &str, volume: &Volume, facts: &Value) -> Vec<String> {
     if let Some(hash) = facts["ras_u8_sha256"].as_str() {
         let bytes: Vec<u8> = values.iter().map(|&v| v as u8).collect();
         assert!(values.iter().all(|&v| v.fract() == 0.0 && (0.0..256.0).contains(&v)), "{name}");
-        expect("labels", hex(&Sha256::digest(bytes)), hash.into());
+        expect("labels", truth::sha256(bytes), hash.into());
     }
     if let Some(hash) = facts["ras_f32le_sha256"].as_str() {
         let bytes: Vec<u8> = values.iter().flat_map(|&v| (v as f32).to_le_bytes()).collect();
-        expect("values", hex(&Sha256::digest(bytes)), hash.into());
+        expect("values", truth::sha256(bytes), hash.into());
     }
     if let Some(volume_ml) = facts["volume_ml"].as_f64() {
         let voxels = values.iter().filter(|v| **v != 0.0).count() as u64;
@@ -146,7 +110,7 @@ fn segment_differences(name: &str, path: &Path, facts: &Value) -> Vec<String> {
 fn every_case_is_as_its_truth_says() {
     let Some(folder) = real_data("nrrd-mha") else { return };
     let (mut wrong, mut met) = (Vec::new(), 0);
-    for (name, case) in truth(&folder) {
+    for (name, case) in truth::cases(&folder) {
         let path = folder.join(&name);
         let before = wrong.len();
         let loaded = read_frame(&path, 0);
@@ -203,7 +167,7 @@ fn every_case_is_as_its_truth_says() {
 fn every_malformed_file_is_refused_in_one_line_and_at_once() {
     let Some(folder) = real_data("nrrd-mha-malformed") else { return };
     let (mut wrong, mut met) = (Vec::new(), 0);
-    for (name, case) in truth(&folder) {
+    for (name, case) in truth::cases(&folder) {
         let path = folder.join(&name);
         let source = Source::File(path.clone());
         let start = Instant::now();

@@ -63,15 +63,10 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<(), AppError> {
     }
     let ReadCase { case, spec, .. } = arguments.case.read(false)?;
     let time_point = resolve::time_point(&case, arguments.time.as_deref())?;
-    let what = match arguments.what {
-        What::Masks => "masks",
-        What::Regions => "regions",
-        What::Selection => "selection",
-    };
     let export = Export {
         items: items(arguments, time_point)?,
         inputs: case.inputs.clone(),
-        what: format!("{what}: {}", arguments.select),
+        what: format!("{}: {}", arguments.what.word(), arguments.select),
         format,
         is_smooth: arguments.smooth,
         is_identified: arguments.identified,

@@ -78,8 +78,8 @@ pub fn selection_with_voxels(text: &str, regions: &Regions) -> Result<Selection,
     if !matches!(text, "all" | "none") {
         let ids = regions.mask_ids();
         for name in text.split(',') {
-            let is_there = region_bits(name, ids).ok().is_some_and(|bits| regions.get(bits).is_some());
-            if !is_there && region_bits(name, ids).is_ok() {
+            // Unknown masks are refused below.
+            if region_bits(name, ids).is_ok_and(|bits| regions.get(bits).is_none()) {
                 let found = format!("{:?}, where no voxel has exactly these masks", name.trim());
                 let known: Vec<String> = regions.list().iter().map(|r| regions.name(r.bits)).collect();
                 let expected = format!("regions of the case: {}", known.join(", "));

@@ -24,7 +24,10 @@ use crate::{
     },
 };
 use egui::Context;
-use glioscope_core::{case::LoadOptions, files::write_whole};
+use glioscope_core::{
+    case::{CaseSpec, LoadOptions},
+    files::write_whole,
+};
 
 impl GlioscopeApp {
     pub(super) fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
@@ -197,19 +200,24 @@ impl GlioscopeApp {
             let name_of = |id: &str| doc.edit.masks.get(id).name;
             let selection = doc.edit.selection.at(&time_point.regions);
             let shows = |bits: u32| selection.shows(bits);
-            let (items, what) = match what {
-                What::Selection => (export::selection(time_point, &colors, &shows), "selection"),
-                What::Regions => (export::regions(time_point, &colors, &shows), "regions"),
-                What::Masks => (export::masks(time_point, &colors, &name_of, &|_| true), "masks"),
+            let items = match what {
+                What::Selection => export::selection(time_point, &colors, &shows),
+                What::Regions => export::regions(time_point, &colors, &shows),
+                What::Masks => export::masks(time_point, &colors, &name_of, &|_| true),
             };
-            let spec = load::spec_of(&doc.case, &LoadOptions::default(), progress)?;
+            // Files are read again for it, and only DICOM names its image.
+            let spec = if format.is_dicom() {
+                load::spec_of(&doc.case, &LoadOptions::default(), progress)?
+            } else {
+                CaseSpec::default()
+            };
             let export = Export {
                 case: &case,
                 spec: &spec,
                 inputs,
                 time_point,
                 items,
-                what: what.to_owned(),
+                what: what.word().to_owned(),
                 format,
                 is_smooth: false,
                 is_identified: false,

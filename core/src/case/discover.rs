@@ -12,7 +12,7 @@ use super::{
     manifest::{folder_name, read_manifest},
     names::{self, Kind, ParsedName},
     order,
-    proposal::{LeftOutFor, drop_alike_colors},
+    proposal::{LeftOutFor, drop_alike_colors, tell_files_apart},
     select, sessions, study, subject,
 };
 use crate::{
@@ -386,7 +386,7 @@ fn guess(
     let split = labels_as_masks(folder, &mut entries, options, progress)?;
     let has_masks = entries.iter().any(|e| e.is_mask);
     let mut files: Vec<ProposedFile> = entries.into_iter().map(|e| proposed(folder, e)).collect();
-    tell_segments_apart(&mut files);
+    tell_files_apart(&mut files);
     drop_alike_colors(&mut files);
     if let Some(labels) = &split {
         // Every date has a mask of each label, whether its map has it or not.
@@ -432,16 +432,7 @@ fn guess(
             format!("{}: found DICOM beside other images; left out", listed(&names, folder::MAX_LISTED));
         notes.push(Check::warning("left-out", text));
     }
-    let mut proposal = Proposal {
-        name,
-        folder: folder.to_owned(),
-        files,
-        order: Vec::new(),
-        notes,
-        doubt,
-        key: String::new(),
-        described_by: Vec::new(),
-    };
+    let mut proposal = Proposal::new(name, folder, files, notes, doubt);
     add_tracts(&mut proposal, folder, &listing.tracts);
     Ok(proposal)
 }
@@ -456,27 +447,6 @@ fn add_tracts(proposal: &mut Proposal, folder: &Path, paths: &[PathBuf]) {
         let reason = "fibre tracts are read where you say so".into();
         ProposedFile { reason, left_out_for: LeftOutFor::Tracts, ..file }
     }));
-}
-
-/// Puts the file's id before the names of its segments, where another file of its date has one of them.
-fn tell_segments_apart(files: &mut [ProposedFile]) {
-    let ids =
-        |file: &ProposedFile| -> Vec<String> { file.masks.iter().map(|mask| mask.id.clone()).collect() };
-    let all: Vec<(String, Vec<String>)> = files
-        .iter()
-        .map(|file| (file.time.clone(), if file.role == Role::Mask { ids(file) } else { Vec::new() }))
-        .collect();
-    for (n, file) in files.iter_mut().enumerate().filter(|(_, file)| file.role == Role::Mask) {
-        let is_shared = |id: &String| {
-            let others = all.iter().enumerate().filter(|(m, (time, _))| *m != n && *time == file.time);
-            others.into_iter().any(|(_, (_, ids))| ids.contains(id))
-        };
-        if file.masks.iter().any(|mask| mask.segment.is_some() && is_shared(&mask.id)) {
-            for mask in &mut file.masks {
-                mask.id = format!("{} {}", file.id, mask.id);
-            }
-        }
-    }
 }
 
 fn proposed(folder: &Path, entry: Entry) -> ProposedFile {

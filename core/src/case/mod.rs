@@ -168,15 +168,7 @@ impl CaseSpec {
     /// appended where that name is taken.
     pub fn add_tracts(&mut self, files: &[PathBuf]) {
         for file in files {
-            let stem = tracts_id(file);
-            let taken = |id: &str| self.tracts.iter().any(|t| t.id == id);
-            let mut id = stem.clone();
-            for number in 2.. {
-                if !taken(&id) {
-                    break;
-                }
-                id = format!("{stem} {number}");
-            }
+            let id = names::unique(&tracts_id(file), |id| self.tracts.iter().any(|t| t.id == id));
             self.tracts.push(TractsSpec { id, source: Source::File(file.clone()) });
         }
     }

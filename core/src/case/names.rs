@@ -233,6 +233,13 @@ pub(super) fn id(named: &ParsedName, is_mask: bool) -> String {
     if id.is_empty() { named.stem.clone() } else { id }
 }
 
+/// `stem`, or with the first number from 2 that makes it one that isn't taken.
+pub(super) fn unique(stem: &str, is_taken: impl Fn(&str) -> bool) -> String {
+    let numbered = (2..).map(|number: u32| format!("{stem} {number}"));
+    let mut all = std::iter::once(stem.to_owned()).chain(numbered);
+    all.find(|id| !is_taken(id)).unwrap_or_else(|| stem.to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -14,22 +14,16 @@ pub(super) struct Stated {
 
 /// Refuses files of several patients, and says which of them don't claim one space. `is_one_patient`: the user has said so.
 pub(super) fn check(case: &str, all: &[Stated], is_one_patient: bool) -> Result<Vec<Check>, CaseError> {
-    let differs = |a: &str, b: &str| !a.is_empty() && !b.is_empty() && a != b;
     let name = |s: &Stated| at_time(&s.id, &s.time);
-    if let Some(first) = all.first().filter(|_| !is_one_patient) {
-        let (of, birth) = (&first.origin.patient_id, &first.origin.birth_date);
-        let is_other =
-            |s: &&Stated| differs(&s.origin.patient_id, of) || differs(&s.origin.birth_date, birth);
-        if let Some(other) = all.iter().find(is_other) {
-            let found = format!(
-                "files of two patients: {} ({}) and {} ({})",
-                name(first),
-                first.origin.patient,
-                name(other),
-                other.origin.patient
-            );
-            return Err(CaseError::wrong(case, found, "one patient (or one_patient = true in a manifest)"));
-        }
+    // Every pair: a file that names nobody agrees with all others.
+    let strangers = all.iter().enumerate().find_map(|(n, one)| {
+        let other = all[n + 1..].iter().find(|other| one.origin.is_other_patient(&other.origin))?;
+        Some((one, other))
+    });
+    if let Some((one, other)) = strangers.filter(|_| !is_one_patient) {
+        let (a, b) = (&one.origin.patient, &other.origin.patient);
+        let found = format!("files of two patients: {} ({a}) and {} ({b})", name(one), name(other));
+        return Err(CaseError::wrong(case, found, "one patient (or one_patient = true in a manifest)"));
     }
     let mut frames: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for stated in all.iter().filter(|s| !s.origin.frame_of_reference.is_empty()) {
@@ -47,4 +41,35 @@ pub(super) fn check(case: &str, all: &[Stated], is_one_patient: bool) -> Result<
             groups.join("; ")
         ),
     )])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stated(id: &str, patient_id: &str, frame_of_reference: &str) -> Stated {
+        let origin = Origin {
+            patient_id: patient_id.into(),
+            frame_of_reference: frame_of_reference.into(),
+            ..Origin::default()
+        };
+        Stated { id: id.into(), time: String::new(), origin }
+    }
+
+    #[test]
+    fn a_file_of_nobody_hides_no_two_patients() {
+        let all = [stated("a", "", ""), stated("b", "1", ""), stated("c", "2", "")];
+        let error = check("case", &all, false).unwrap_err().to_string();
+        assert!(error.contains("two patients: b () and c ()"), "{error}");
+        assert_eq!(check("case", &all, true), Ok(Vec::new()));
+        assert_eq!(check("case", &all[..2], false), Ok(Vec::new()));
+    }
+
+    #[test]
+    fn frames_of_reference_that_differ_are_said() {
+        let all = [stated("a", "1", "x"), stated("b", "1", "x"), stated("c", "1", "")];
+        assert_eq!(check("case", &all, false), Ok(Vec::new()));
+        let all = [stated("a", "1", "x"), stated("b", "1", "y")];
+        assert_eq!(check("case", &all, false).unwrap()[0].code, "frames-of-reference");
+    }
 }

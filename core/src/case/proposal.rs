@@ -7,7 +7,9 @@ use std::{
     time::SystemTime,
 };
 
-use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec, arguments, brats, tracts_id};
+use super::{
+    CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec, arguments, brats, names, tracts_id,
+};
 use crate::{
     Check,
     check::listed,
@@ -53,21 +55,12 @@ pub(super) enum LeftOutFor {
     NoTime,
     /// It holds tracts.
     Tracts,
-    /// Its header says why.
-    Header,
+    /// It can't be opened; its reason says why.
+    Fault,
+    /// It is a scout, a single slice or another time point; its reason says which.
+    Unneeded,
     /// The user left it out.
     Choice,
-}
-
-impl LeftOutFor {
-    fn text(self) -> &'static str {
-        match self {
-            Self::NoTime => "found no time in the name while others have one",
-            Self::Tracts => "found fibre tracts, which --tracts or a manifest adds",
-            Self::Header => "",
-            Self::Choice => "left out in the dialog of the case's files",
-        }
-    }
 }
 
 /// A file, and what it is proposed to be.
@@ -157,12 +150,8 @@ impl ProposedFile {
                 "" => format!("segment {}", segment.number),
                 name => name.to_owned(),
             };
-            let mut id = stem.clone();
-            let mut number = 2;
-            while !ids.insert(id.clone()) {
-                id = format!("{stem} {number}");
-                number += 1;
-            }
+            let id = names::unique(&stem, |id| ids.contains(id));
+            ids.insert(id.clone());
             ProposedMask {
                 // A label map may name its background.
                 is_in: segment.label != Some(0),
@@ -233,6 +222,26 @@ pub struct Proposal {
 }
 
 impl Proposal {
+    /// Of these files below `folder`; `doubt`: why they may not be one case.
+    pub(super) fn new(
+        name: String,
+        folder: &Path,
+        files: Vec<ProposedFile>,
+        notes: Vec<Check>,
+        doubt: Option<String>,
+    ) -> Self {
+        Self {
+            name,
+            folder: folder.to_owned(),
+            files,
+            order: Vec::new(),
+            notes,
+            doubt,
+            key: String::new(),
+            described_by: Vec::new(),
+        }
+    }
+
     /// The proposal of a case that is described already, with more files below `folder` that it leaves out. `None` where its
     /// files aren't on disk.
     pub fn of_spec(spec: &CaseSpec, folder: &Path, left_out: &[PathBuf]) -> Option<Self> {
@@ -287,16 +296,8 @@ impl Proposal {
             let id = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             files.push(ProposedFile::new(folder.join(path), Role::LeftOut, id, String::new()));
         }
-        Some(Self {
-            name: spec.name.clone(),
-            folder: folder.to_owned(),
-            files,
-            order: spec.order.clone(),
-            notes: Vec::new(),
-            doubt: None,
-            key: String::new(),
-            described_by: Vec::new(),
-        })
+        let proposal = Self::new(spec.name.clone(), folder, files, Vec::new(), None);
+        Some(Self { order: spec.order.clone(), ..proposal })
     }
 
     /// Path of a file relative to the folder, or the title of a series.
@@ -383,32 +384,27 @@ impl Proposal {
     }
 
     fn left_out_notes(&self) -> Vec<Check> {
-        let note = |why: LeftOutFor| {
-            let out = self.files.iter().filter(|file| file.role == Role::LeftOut && file.left_out_for == why);
-            let names: Vec<String> = out.map(|file| self.shown(file)).collect();
-            let text =
-                |end: &str| format!("{}: {}{end}", listed(&names, super::folder::MAX_LISTED), why.text());
-            (!names.is_empty()).then(|| match why {
-                LeftOutFor::NoTime => Check::warning("guess-left-out", text("; left out")),
-                LeftOutFor::Tracts => Check::warning("left-out", text("; left out")),
-                LeftOutFor::Header => Check::note("left-out", text("")),
-                LeftOutFor::Choice => Check::note("left-out-chosen", text("")),
-            })
+        let of = |why: LeftOutFor| {
+            self.files.iter().filter(move |file| file.role == Role::LeftOut && file.left_out_for == why)
         };
-        let by_header =
-            |file: &&ProposedFile| file.role == Role::LeftOut && file.left_out_for == LeftOutFor::Header;
-        let headers = self.files.iter().filter(by_header).map(|file| {
-            let text = format!("{}: {}; left out", self.shown(file), file.reason);
-            // A gap or a missing position is a fault; a scout isn't.
-            if file.reason.starts_with("found ") {
-                Check::warning("left-out", text)
-            } else {
-                Check::note("left-out", text)
-            }
-        });
-        let others =
-            [LeftOutFor::NoTime, LeftOutFor::Tracts, LeftOutFor::Choice].into_iter().filter_map(note);
-        others.chain(headers).collect()
+        let together = |why: LeftOutFor, text: &str| {
+            let names: Vec<String> = of(why).map(|file| self.shown(file)).collect();
+            let message = format!("{}: {text}", listed(&names, super::folder::MAX_LISTED));
+            (!names.is_empty()).then_some(message)
+        };
+        let alone = |file: &ProposedFile| format!("{}: {}; left out", self.shown(file), file.reason);
+        let no_time =
+            together(LeftOutFor::NoTime, "found no time in the name while others have one; left out");
+        let tracts =
+            together(LeftOutFor::Tracts, "found fibre tracts, which --tracts or a manifest adds; left out");
+        let chosen = together(LeftOutFor::Choice, "left out in the dialog of the case's files");
+        let mut checks: Vec<Check> =
+            no_time.map(|text| Check::warning("guess-left-out", text)).into_iter().collect();
+        checks.extend(tracts.map(|text| Check::warning("left-out", text)));
+        checks.extend(chosen.map(|text| Check::note("left-out-chosen", text)));
+        checks.extend(of(LeftOutFor::Fault).map(|file| Check::warning("left-out", alone(file))));
+        checks.extend(of(LeftOutFor::Unneeded).map(|file| Check::note("left-out", alone(file))));
+        checks
     }
 
     /// What keeps the case from being read, in the order of the files.
@@ -535,6 +531,25 @@ impl Proposal {
     }
 }
 
+/// Puts each file's id before the names of its segments, where two files of a date have one name: else a reader's mask of one
+/// date would be compared with another reader's of the next.
+pub(super) fn tell_files_apart(files: &mut [ProposedFile]) {
+    let has_segments =
+        |file: &ProposedFile| file.role == Role::Mask && file.masks.iter().any(|mask| mask.segment.is_some());
+    let mut seen: BTreeMap<(String, String), usize> = BTreeMap::new();
+    let mut is_shared = false;
+    for (n, file) in files.iter().enumerate().filter(|(_, file)| has_segments(file)) {
+        for mask in &file.masks {
+            let other = seen.insert((file.time.clone(), mask.id.clone()), n);
+            is_shared |= other.is_some_and(|other| other != n);
+        }
+    }
+    for file in files.iter_mut().filter(|file| is_shared && has_segments(file)) {
+        let id = file.id.clone();
+        file.masks.iter_mut().for_each(|mask| mask.id = format!("{id} {}", mask.id));
+    }
+}
+
 /// Distance of sRGB colours below which two masks look alike.
 const ALIKE: f64 = 60.0;
 
@@ -612,6 +627,25 @@ mod tests {
         assert_eq!(texts(&many).len(), 1);
         many.files[0].role = Role::Image;
         assert_eq!(texts(&many), []);
+    }
+
+    #[test]
+    fn readers_who_use_one_name_are_told_apart_at_every_date() {
+        let of_reader = |reader: &str, time: &str| {
+            let mut file = file(&format!("{reader}-{time}.seg.nrrd"), Role::Mask, reader, time);
+            file.masks[0].id = "tumour".into();
+            file.masks[0].segment = Some(1);
+            file
+        };
+        let ids = |files: &[ProposedFile]| -> Vec<String> {
+            files.iter().map(|file| file.masks[0].id.clone()).collect()
+        };
+        let mut files = vec![of_reader("A", "1"), of_reader("B", "1"), of_reader("B", "2")];
+        tell_files_apart(&mut files);
+        assert_eq!(ids(&files), ["A tumour", "B tumour", "B tumour"]);
+        let mut files = vec![of_reader("A", "1"), of_reader("A", "2")];
+        tell_files_apart(&mut files);
+        assert_eq!(ids(&files), ["tumour", "tumour"]);
     }
 
     #[test]

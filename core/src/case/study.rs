@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::{
-    CaseError, Proposal, ProposedFile, Role,
-    proposal::{LeftOutFor, drop_alike_colors},
+    CaseError, Proposal, ProposedFile, Role, names,
+    proposal::{LeftOutFor, drop_alike_colors, tell_files_apart},
 };
 use crate::{
     Check, Progress,
@@ -87,7 +87,7 @@ pub(super) fn propose(
             files.push(file);
         }
     }
-    tell_readers_apart(&mut files);
+    tell_files_apart(&mut files);
     unique_ids(&mut files);
     for other in studies.patients.iter().filter(|other| other.patient != chosen.patient) {
         let mut own: Vec<ProposedFile> = Vec::new();
@@ -106,16 +106,7 @@ pub(super) fn propose(
         file.suggested = file.role;
     }
     notes.extend(unreadable(&studies));
-    let mut proposal = Proposal {
-        name,
-        folder: folder.to_owned(),
-        files,
-        order: Vec::new(),
-        notes,
-        doubt,
-        key: String::new(),
-        described_by: Vec::new(),
-    };
+    let mut proposal = Proposal::new(name, folder, files, notes, doubt);
     if several {
         proposal.choose_patient(&chosen.patient.label());
     }
@@ -213,16 +204,19 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
         file.title = title(key);
         file
     };
-    let left_out = |mut file: ProposedFile, reason: &str| {
-        file.role = Role::LeftOut;
-        file.left_out_for = LeftOutFor::Header;
-        reason.clone_into(&mut file.reason);
-        file
+    let left_out = |file: ProposedFile, left_out_for: LeftOutFor, reason: &str| ProposedFile {
+        role: Role::LeftOut,
+        left_out_for,
+        reason: reason.to_owned(),
+        ..file
     };
+    let unneeded = |file, reason: &str| left_out(file, LeftOutFor::Unneeded, reason);
+    let faulty = |file, problem: &str| left_out(file, LeftOutFor::Fault, problem);
     match (&series.problem, series.kind) {
-        (Some(problem), _) => {
+        (Some(problem), kind) => {
             let file = file(series.folder.clone(), Role::LeftOut, id_of(series), "");
-            vec![left_out(file, problem)]
+            let is_image_or_mask = !matches!(kind, Kind::Other | Kind::Directory);
+            vec![if is_image_or_mask { faulty(file, problem) } else { unneeded(file, problem) }]
         }
         (None, Kind::Segmentation | Kind::StructureSet) => {
             // Its image lies somewhere below the folder.
@@ -230,7 +224,7 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
             file.reason = format!("DICOM {}", series.kind.name());
             file.set_segments(&series.segments);
             if file.masks.is_empty() {
-                return vec![left_out(file, "no segment with closed contours")];
+                return vec![unneeded(file, "no segment with closed contours")];
             }
             vec![file]
         }
@@ -245,7 +239,7 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
                     (1, Some(first)) if first.dims[2] == 1 => "one slice".to_owned(),
                     _ => format!("{thin} volumes of fewer than {MIN_SLICES} slices"),
                 };
-                return vec![left_out(file, &reason)];
+                return vec![unneeded(file, &reason)];
             }
             let each = series.volumes.iter().enumerate().map(|(frame, volume)| {
                 let id = if volume.key.is_empty() {
@@ -258,12 +252,12 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
                 let [columns, rows, slices] = volume.dims;
                 file.reason = format!("DICOM image, {columns} × {rows} × {slices}");
                 match &volume.problem {
-                    Some(problem) => left_out(file, problem),
-                    None if volume.is_localizer => left_out(file, "a localizer"),
-                    None if slices < MIN_SLICES => left_out(file, "fewer than 3 slices"),
+                    Some(problem) => faulty(file, problem),
+                    None if volume.is_localizer => unneeded(file, "a localizer"),
+                    None if slices < MIN_SLICES => unneeded(file, "fewer than 3 slices"),
                     // Of many time points or echoes the first is proposed.
                     None if frame > 0 && !volume.key.is_empty() => {
-                        left_out(file, "another of the series' volumes")
+                        unneeded(file, "another of the series' volumes")
                     }
                     None => file,
                 }
@@ -281,33 +275,13 @@ fn id_of(series: &SeriesSummary) -> String {
     if id.is_empty() { format!("series {}", series.number) } else { id.to_owned() }
 }
 
-/// Puts the series' description before the names of segments, where two series of a date have one name: else a reader's mask
-/// of one date would be compared with another reader's of the next.
-fn tell_readers_apart(files: &mut [ProposedFile]) {
-    let mut seen: BTreeMap<(String, String), usize> = BTreeMap::new();
-    let mut is_shared = false;
-    for (n, file) in files.iter().enumerate().filter(|(_, file)| file.role == Role::Mask) {
-        for mask in &file.masks {
-            let other = seen.insert((file.time.clone(), mask.id.clone()), n);
-            is_shared |= other.is_some_and(|other| other != n);
-        }
-    }
-    for file in files.iter_mut().filter(|file| is_shared && file.role == Role::Mask) {
-        let id = file.id.clone();
-        file.masks.iter_mut().for_each(|mask| mask.id = format!("{id} {}", mask.id));
-    }
-}
-
 /// Makes the ids of images, and of masks, differ within each date.
 fn unique_ids(files: &mut [ProposedFile]) {
     let mut seen: BTreeSet<(bool, String, String)> = BTreeSet::new();
     let mut unique = |is_mask: bool, time: &str, id: &mut String| {
-        let stem = id.clone();
-        let mut number = 2;
-        while !seen.insert((is_mask, time.to_owned(), id.clone())) {
-            *id = format!("{stem} {number}");
-            number += 1;
-        }
+        let key = |id: &str| (is_mask, time.to_owned(), id.to_owned());
+        *id = names::unique(id, |id| seen.contains(&key(id)));
+        seen.insert(key(id));
     };
     for file in files.iter_mut().filter(|file| file.role != Role::LeftOut) {
         let time = file.time.clone();

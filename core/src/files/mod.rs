@@ -174,6 +174,14 @@ pub struct Origin {
     pub frame_of_reference: String,
 }
 
+impl Origin {
+    /// Whether both name a patient, and not the same: by identifier or date of birth, as far as both state them.
+    pub fn is_other_patient(&self, other: &Self) -> bool {
+        let differs = |a: &str, b: &str| !a.is_empty() && !b.is_empty() && a != b;
+        differs(&self.patient_id, &other.patient_id) || differs(&self.birth_date, &other.birth_date)
+    }
+}
+
 /// A segmentation that its file names: it becomes one mask.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Segment {

@@ -14,58 +14,48 @@ pub fn cases(folder: &Path) -> Vec<(String, Value)> {
     truth["cases"].as_object().unwrap().iter().map(|(name, case)| (name.clone(), case.clone())).collect()
 }
 
-/// A volume in the closest RAS+ order: dimensions, affine and the linear index of each voxel, first axis fastest.
-struct Canonical {
-    dims: [usize; 3],
-    affine: DMat4,
-    order: Vec<usize>,
+/// A volume with its axes along R, A and S: only permuted and flipped.
+pub struct InRas {
+    /// Voxels along R, A and S.
+    pub dims: [usize; 3],
+    /// Millimetres of those voxels.
+    pub affine: DMat4,
+    /// Linear index in the volume of each of them, R fastest.
+    pub order: Vec<usize>,
 }
 
-fn canonical(volume: &Volume) -> Canonical {
+/// The order of a volume's voxels along R, A and S.
+pub fn in_ras(volume: &Volume) -> InRas {
     let grid = volume.grid();
-    let (dims, affine) = (grid.dims(), grid.world_from_voxel());
-    let columns = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
-    let mut axis_of = [usize::MAX; 3];
-    let mut taken = [false; 3];
-    for _ in 0..3 {
-        let mut best = (0.0, 0, 0);
-        for world in (0..3).filter(|w| axis_of[*w] == usize::MAX) {
-            for axis in (0..3).filter(|a| !taken[*a]) {
-                let size = columns[axis][world].abs() / columns[axis].length();
-                if size > best.0 {
-                    best = (size, world, axis);
-                }
-            }
+    let codes = grid.axis_codes();
+    // For each of R, A, S: the voxel axis along it, and whether it is reversed.
+    let along = [['R', 'L'], ['A', 'P'], ['S', 'I']].map(|[forward, backward]| {
+        let axis = codes.iter().position(|&c| c == forward || c == backward).unwrap();
+        (axis, codes[axis] == backward)
+    });
+    let dims = along.map(|(axis, _)| grid.dims()[axis]);
+    let source = |ras: [usize; 3]| {
+        let mut ijk = [0; 3];
+        for (i, (axis, is_back)) in along.into_iter().enumerate() {
+            ijk[axis] = if is_back { dims[i] - 1 - ras[i] } else { ras[i] };
         }
-        axis_of[best.1] = best.2;
-        taken[best.2] = true;
-    }
-    let flip: [bool; 3] = std::array::from_fn(|w| columns[axis_of[w]][w] < 0.0);
-    let out: [usize; 3] = std::array::from_fn(|w| dims[axis_of[w]]);
+        ijk
+    };
     let mut order = Vec::with_capacity(grid.voxel_count());
-    let at = |w: usize, n: usize| if flip[w] { out[w] - 1 - n } else { n };
-    for z in 0..out[2] {
-        for y in 0..out[1] {
-            for x in 0..out[0] {
-                let mut ijk = [0; 3];
-                ijk[axis_of[0]] = at(0, x);
-                ijk[axis_of[1]] = at(1, y);
-                ijk[axis_of[2]] = at(2, z);
-                order.push(grid.linear(ijk));
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                order.push(grid.linear(source([x, y, z])));
             }
         }
     }
-    let column = |w: usize| if flip[w] { -columns[axis_of[w]] } else { columns[axis_of[w]] };
-    let origin = (0..3)
-        .filter(|w| flip[*w])
-        .fold(affine.translation, |o, w| o + columns[axis_of[w]] * (out[w] - 1) as f64);
-    let affine = DMat4::from_cols(
-        column(0).extend(0.0),
-        column(1).extend(0.0),
-        column(2).extend(0.0),
-        origin.extend(1.0),
-    );
-    Canonical { dims: out, affine, order }
+    let matrix = grid.world_from_voxel().matrix3;
+    let column = |i: usize| {
+        let (axis, is_back) = along[i];
+        (matrix.col(axis) * if is_back { -1.0 } else { 1.0 }).extend(0.0)
+    };
+    let origin = grid.center_of_voxel_mm(source([0; 3])).extend(1.0);
+    InRas { dims, affine: DMat4::from_cols(column(0), column(1), column(2), origin), order }
 }
 
 /// SHA-256 in hexadecimal digits.
@@ -80,7 +70,7 @@ fn hex(digest: impl AsRef<[u8]>) -> String {
 /// What differs from the truth of a volume; `None` where nothing does. `tolerance_mm`: of the affine. Some truths give
 /// voxels alone.
 pub fn difference(volume: &Volume, truth: &Value, tolerance_mm: f64) -> Option<String> {
-    let ours = canonical(volume);
+    let ours = in_ras(volume);
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
     let dims: Vec<usize> = list(&truth["ras_dims"]).iter().map(|n| n.as_u64().unwrap() as usize).collect();
     if !dims.is_empty() && dims != ours.dims {
@@ -126,7 +116,7 @@ pub fn difference(volume: &Volume, truth: &Value, tolerance_mm: f64) -> Option<S
 
 /// Largest relative difference of values from the samples of a truth.
 pub fn worst_sample(volume: &Volume, truth: &Value) -> f64 {
-    let ours = canonical(volume);
+    let ours = in_ras(volume);
     let samples = truth["samples"].as_array().unwrap();
     samples
         .iter()

@@ -49,6 +49,12 @@ pub(super) struct Unusable {
     pub expected: String,
 }
 
+impl std::fmt::Display for Unusable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "found {}, expected {}", self.found, self.expected)
+    }
+}
+
 impl Unusable {
     pub fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self { found: found.into(), expected: expected.into() }

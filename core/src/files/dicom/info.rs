@@ -76,7 +76,6 @@ pub(in super::super) fn info(source: &Source, progress: &Progress) -> Result<Box
         for stack in &series.stacks {
             let grid = stack.grid();
             info.checks.extend(stack.step.iter().flat_map(|step| step.checks.clone()));
-            let key: Vec<String> = stack.key.iter().map(|(name, value)| format!("{name} {value}")).collect();
             let grid_of = grid.as_ref().ok();
             info.volumes.push(Volume {
                 dims: stack.dims,
@@ -84,8 +83,8 @@ pub(in super::super) fn info(source: &Source, progress: &Progress) -> Result<Box
                 world_from_voxel: grid_of
                     .map(|grid| glam::DMat4::from(grid.world_from_voxel()).transpose().to_cols_array_2d()),
                 axis_codes: grid_of.map(|grid| grid.axis_codes().iter().collect()),
-                key: key.join(", "),
-                problem: grid.err().map(|u| format!("found {}, expected {}", u.found, u.expected)),
+                key: stack.key_text(),
+                problem: grid.err().map(|unusable| unusable.to_string()),
             });
         }
         if let Some(uptake) = &series.uptake {

@@ -62,9 +62,7 @@ pub(super) fn in_frame_of_reference(own: &Header, headers: &[Header], uid: &str)
 }
 
 fn is_other_patient(a: &Header, b: &Header) -> bool {
-    let (a, b) = (&a.identity.patient, &b.identity.patient);
-    let differs = |a: &str, b: &str| !a.is_empty() && !b.is_empty() && a != b;
-    differs(&a.id, &b.id) || differs(&a.birth_date, &b.birth_date)
+    a.origin().is_other_patient(&b.origin())
 }
 
 /// Refuses a mask whose images are another patient's, or in another frame of reference. `referenced`: the SOP Instance

@@ -64,6 +64,12 @@ pub(super) struct Step {
 }
 
 impl Stack {
+    /// What tells it from the series' others, as text: `EchoTime 90`; may be empty.
+    pub fn key_text(&self) -> String {
+        let key: Vec<String> = self.key.iter().map(|(name, value)| format!("{name} {value}")).collect();
+        key.join(", ")
+    }
+
     /// The grid, RAS+.
     ///
     /// # Errors

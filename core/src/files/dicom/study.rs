@@ -195,18 +195,15 @@ fn summary(files: &[Header]) -> Option<SeriesSummary> {
 }
 
 fn volume(stack: &super::stack::Stack) -> VolumeSummary {
-    let key: Vec<String> = stack.key.iter().map(|(name, value)| format!("{name} {value}")).collect();
     let grid = stack.grid();
     let [rows_mm, columns_mm] = stack.first.pixel_spacing_mm;
     let step_mm = stack.step.as_ref().map_or(0.0, |step| step.step_mm.length());
     VolumeSummary {
         dims: stack.dims,
         spacing_mm: [columns_mm, rows_mm, step_mm],
-        key: key.join(", "),
+        key: stack.key_text(),
         is_localizer: stack.is_localizer,
-        problem: grid
-            .err()
-            .map(|unusable| format!("found {}, expected {}", unusable.found, unusable.expected)),
+        problem: grid.err().map(|unusable| unusable.to_string()),
     }
 }
 

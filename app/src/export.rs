@@ -228,7 +228,8 @@ impl Export<'_> {
             written.files.push(self.line(out));
             return Ok(written);
         }
-        if out.is_file() {
+        // A device, too.
+        if out.exists() && !out.is_dir() {
             let expected = format!("a name that ends in .{ending}, or a folder");
             return Err(AppError::file(out, "a file of another kind", expected));
         }

@@ -299,6 +299,8 @@ fn exports_never_overwrite_an_input_and_say_what_they_can_not_hold() {
     let line = refusal(&["export", "--mask", &argument, "--format", "nifti", "--out", text(&mask)]);
     assert!(line.contains("a file that the case was read from"), "{line}");
     assert_eq!(std::fs::read(&mask).unwrap(), before);
+    let line = refusal(&["export", "--mask", &argument, "--format", "nifti", "--out", "/dev/full"]);
+    assert!(line.contains("/dev/full: found a file of another kind"), "{line}");
     let line = refusal(&["export", "--mask", &argument, "--format", "nifti", "--smooth", "--out", "x.nii"]);
     assert!(line.contains("--smooth: found a format of voxels"), "{line}");
     let line =

@@ -1,6 +1,6 @@
 //! One binary segmentation.
 
-use crate::grid::Grid;
+use crate::grid::{Grid, ijk};
 
 /// One bit per voxel. Each x-line starts a new 64-bit word; bits past the line's end are zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -115,6 +115,41 @@ impl MaskBits {
         (lo[0] != usize::MAX).then(|| (lo, std::array::from_fn(|a| hi[a] - lo[a] + 1)))
     }
 
+    /// Lengths of runs in memory order: of inactive voxels first (0 where the first voxel is active), then of active and
+    /// inactive ones in turn, up to the last active voxel. Empty where none is active.
+    pub fn runs(&self) -> Vec<u64> {
+        let mut runs = Vec::new();
+        // The voxel behind the last run.
+        let mut end = 0;
+        self.for_each(|linear| {
+            let linear = linear as u64;
+            match runs.last_mut() {
+                Some(length) if linear == end => *length += 1,
+                _ => runs.extend([linear - end, 1]),
+            }
+            end = linear + 1;
+        });
+        runs
+    }
+
+    /// The voxels of [`Self::runs`]; `None` for runs that don't fit the dimensions, that are in excess, or where a run but
+    /// the first is empty.
+    pub fn of_runs(dims: [usize; 3], runs: &[u64]) -> Option<Self> {
+        let voxels = dims.iter().try_fold(1_u64, |product, n| product.checked_mul(*n as u64))?;
+        let total = runs.iter().try_fold(0_u64, |sum, length| sum.checked_add(*length))?;
+        if total > voxels || runs.len() % 2 == 1 || runs.iter().skip(1).any(|length| *length == 0) {
+            return None;
+        }
+        let mut bits = Self::empty(dims);
+        let mut linear = 0;
+        for pair in runs.chunks_exact(2) {
+            let start = linear + pair[0] as usize;
+            linear = start + pair[1] as usize;
+            (start..linear).for_each(|at| bits.set(ijk(dims, at)));
+        }
+        Some(bits)
+    }
+
     /// Calls `visit(linear)` for every active voxel, in memory order.
     pub fn for_each(&self, mut visit: impl FnMut(usize)) {
         for (line, words) in self.words.chunks_exact(self.words_per_line.max(1)).enumerate() {
@@ -172,6 +207,30 @@ impl Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn runs_hold_every_voxel(dims in [1_usize..80, 1_usize..5, 1_usize..4], seed in any::<u64>(), one_in in 1_u64..9) {
+            let random = |at: usize| (at as u64 + 1).wrapping_mul(seed | 1).rotate_left(23).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
+            let bits = MaskBits::from_fn(dims, |at| random(at) % one_in == 0);
+            let runs = bits.runs();
+            prop_assert_eq!(runs.iter().skip(1).step_by(2).sum::<u64>(), bits.count());
+            prop_assert_eq!(MaskBits::of_runs(dims, &runs), Some(bits));
+        }
+    }
+
+    #[test]
+    fn runs_that_do_not_fit_are_refused() {
+        let dims = [4, 2, 1];
+        assert_eq!(MaskBits::of_runs(dims, &[1, 2]).unwrap().runs(), [1, 2]);
+        assert_eq!(MaskBits::of_runs(dims, &[]), Some(MaskBits::empty(dims)));
+        assert_eq!(MaskBits::of_runs(dims, &[0, 8]), Some(MaskBits::full(dims)));
+        for runs in [&[0, 9][..], &[3], &[1, 0], &[1, 2, 0, 1], &[u64::MAX, 2]] {
+            assert_eq!(MaskBits::of_runs(dims, runs), None, "{runs:?}");
+        }
+        assert_eq!(MaskBits::of_runs([usize::MAX, 3, 1], &[0, 1]), None);
+    }
 
     #[test]
     fn bits_cross_word_and_line_boundaries() {
@@ -216,7 +275,7 @@ mod tests {
                 assert_eq!(outside, MaskBits::from_fn(dims, |linear| linear != at));
                 assert_eq!(outside.count(), nx as u64 * 6 - 1);
                 for linear in 0..nx * 6 {
-                    let voxel = crate::grid::ijk(dims, linear);
+                    let voxel = ijk(dims, linear);
                     assert_eq!((bits.get(voxel), outside.get(voxel)), (linear == at, linear != at));
                 }
                 bits.set(voxel);

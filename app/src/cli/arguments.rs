@@ -208,6 +208,9 @@ pub struct RenderArguments {
     /// How masks are drawn on slices.
     #[arg(long, value_parser = keyword::<Overlay>())]
     pub overlay: Option<Overlay>,
+    /// Outlines on slices are solid, dashed and dotted in turn.
+    #[arg(long)]
+    pub outline_patterns: bool,
     /// The date, by its label.
     #[arg(long, value_name = "LABEL")]
     pub time: Option<String>,

@@ -108,12 +108,7 @@ impl CaseArguments {
     /// [`AppError`] where it can't be read, or where none is given and `or_sample` is false.
     pub fn read(&self, or_sample: bool) -> Result<ReadCase, AppError> {
         let request = self.request(or_sample)?;
-        let session = request.session_path.clone();
-        let mut read = terminal::with_progress(|progress| load::read_at_once(request, progress))?;
-        if let Some(session) = session {
-            // Not written over either.
-            read.case.inputs = read.case.inputs.with(session);
-        }
+        let read = terminal::with_progress(|progress| load::read_at_once(request, progress))?;
         terminal::guess(&read.spec);
         terminal::notes(&read.case.checks);
         Ok(read)

@@ -27,7 +27,10 @@ use clap::{
     error::{ContextKind, ContextValue, ErrorKind},
 };
 
-use glioscope_core::{files::dicom, workers};
+use glioscope_core::{
+    files::{archive, dicom},
+    workers,
+};
 
 pub use arguments::{Cli, Task, WindowArguments};
 pub use case::CaseArguments;
@@ -57,7 +60,9 @@ pub fn main() -> ExitCode {
             "a system that allows them",
         )
     });
-    match started.and_then(|()| execute(cli)) {
+    let ended = started.and_then(|()| execute(cli));
+    archive::remove_unpacked();
+    match ended {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             terminal::error(&error.to_string());
@@ -98,9 +103,13 @@ fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), AppError> {
 /// Prints help and version unchanged, and errors as one line.
 fn print_clap_error(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
-        // A closed pipe is no error.
-        let _ = error.print();
-        return ExitCode::SUCCESS;
+        return match terminal::print(&error.render().to_string()) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                terminal::error(&error.to_string());
+                ExitCode::from(2)
+            }
+        };
     }
     terminal::error(&one_line(error));
     ExitCode::from(2)

@@ -63,6 +63,7 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
         nav.convention = Convention::Neurological;
     }
     edit.overlay = arguments.overlay.unwrap_or(edit.overlay);
+    edit.outline_patterns |= arguments.outline_patterns;
     edit.palette = arguments.palette.unwrap_or(edit.palette);
     if arguments.agreement {
         edit.coloring = Coloring::Agreement;
@@ -142,6 +143,12 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     apply(arguments, &mut work)?;
     for option in unused::without_effect(arguments) {
         terminal::warning("option-unused", &format!("{option} changes nothing in this view."));
+    }
+    if let Some(choice) = work.doc.as_ref().map(|doc| doc.edit.light) {
+        for option in unused::without_effect_on_light(&arguments.light, &choice) {
+            let mode = choice.mode.name();
+            terminal::warning("option-unused", &format!("{option} changes nothing with the light {mode}."));
+        }
     }
     let is_closeup = view == View::Pane(PaneId::Closeup);
     let scene = closeup::scene_of(&work, arguments.dark).filter(|_| is_closeup);

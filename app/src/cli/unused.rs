@@ -1,7 +1,12 @@
 //! Options of `render` that change nothing in the view drawn.
 
-use super::{arguments::RenderArguments, parse::View};
-use crate::model::PaneId;
+use glioscope_render::{LightingMode, light};
+
+use super::{
+    arguments::{LightArguments, RenderArguments},
+    parse::View,
+};
+use crate::model::{LightChoice, PaneId};
 
 /// The options given that have no effect on the view, as they are typed.
 pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
@@ -48,8 +53,27 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--changed-rim", a.changed_rim, slices),
         ("--neurological", a.neurological, slices),
         ("--overlay", a.overlay.is_some(), slices),
+        ("--outline-patterns", a.outline_patterns, slices),
     ];
     let unused = table.into_iter().filter(|(_, given, of)| *given && !of.contains(&pane));
+    unused.map(|(option, ..)| option).collect()
+}
+
+/// The options of light given that have no effect in the lighting mode of `choice`, as they are typed.
+pub(super) fn without_effect_on_light(arguments: &LightArguments, choice: &LightChoice) -> Vec<&'static str> {
+    let a = arguments;
+    let row = light::row(choice.mode);
+    let table = [
+        ("--aperture", a.aperture.is_some(), row.has_aperture),
+        ("--occlusion-mm", a.occlusion_mm.is_some(), choice.has_ambient_occlusion()),
+        ("--smooth", a.smooth, row.lights_smooth),
+        ("--vicinity-mm", a.vicinity_mm.is_some(), choice.has_vicinity()),
+        ("--vicinity-samples", a.vicinity_samples.is_some(), choice.has_vicinity()),
+        ("--slices", a.slices.is_some(), choice.mode == LightingMode::Slices),
+        ("--footprint", a.footprint.is_some(), choice.mode == LightingMode::Slices),
+        ("--slice-mm", a.slice_mm.is_some(), choice.mode == LightingMode::Slices),
+    ];
+    let unused = table.into_iter().filter(|(_, given, has_effect)| *given && !has_effect);
     unused.map(|(option, ..)| option).collect()
 }
 
@@ -77,5 +101,19 @@ mod tests {
         assert_eq!(unused("dates", &dates), [""; 0]);
         assert_eq!(unused("axial", &["--from", "a", "--changed-rim"]), [""; 0]);
         assert_eq!(unused("overlap", &["--changed-rim"]), ["--changed-rim"]);
+    }
+    #[test]
+    fn options_of_light_are_unused_in_other_lighting_modes() {
+        let unused = |mode, arguments: &LightArguments| {
+            without_effect_on_light(arguments, &LightChoice { mode, ..LightChoice::default() })
+        };
+        let aperture =
+            LightArguments { aperture: Some(20.0), vicinity_mm: Some(2.0), ..LightArguments::default() };
+        assert_eq!(unused(LightingMode::Traced, &aperture), ["--aperture", "--vicinity-mm"]);
+        assert_eq!(unused(LightingMode::Cones, &aperture), ["--vicinity-mm"]);
+        assert_eq!(unused(LightingMode::Slices, &aperture), [""; 0]);
+        let occlusion = LightArguments { occlusion_mm: Some(5.0), smooth: true, ..LightArguments::default() };
+        assert_eq!(unused(LightingMode::Cones, &occlusion), ["--occlusion-mm", "--smooth"]);
+        assert_eq!(unused(LightingMode::Horizon, &occlusion), [""; 0]);
     }
 }

@@ -50,6 +50,7 @@ pub enum AppCommand {
     ShowPalette,
     ToggleDark,
     ShowMasks,
+    ShowMakeMask,
     ShowAbout,
     Quit,
 }
@@ -105,6 +106,7 @@ impl AppCommand {
             AppKind::ShowPalette => vec![listed(Self::ShowPalette).keys(CTRL, Key::P).menu(Menu::Edit, 2)],
             AppKind::ToggleDark => vec![listed(Self::ToggleDark).menu(Menu::View, 0)],
             AppKind::ShowMasks => vec![listed(Self::ShowMasks).menu(Menu::Colors, 2)],
+            AppKind::ShowMakeMask => vec![listed(Self::ShowMakeMask).menu(Menu::Edit, 1)],
             AppKind::ShowAbout => vec![listed(Self::ShowAbout).key(Key::F1).menu(Menu::Help, 0)],
             AppKind::Quit => vec![listed(Self::Quit).keys(CTRL, Key::Q).menu(Menu::File, 3)],
             AppKind::Open
@@ -190,6 +192,8 @@ impl AppCommand {
             Self::ShowPalette => Label::new("All commands…"),
             Self::ToggleDark => Label::new("Light or dark"),
             Self::ShowMasks => Label::new("Names and colours of masks…"),
+            Self::ShowMakeMask => Label::new("Make a mask of the selection…")
+                .detail("Of what is shown, of what is in the lens, of one piece, or where masks agree"),
             Self::ShowAbout => Label::new("About Glioscope"),
             Self::Quit => Label::new("Quit"),
         }
@@ -213,6 +217,7 @@ impl AppCommand {
             | Self::ExportMasksTo(..)
             | Self::AddTracts(_)
             | Self::ShowMasks
+            | Self::ShowMakeMask
             | Self::GoToDisagreement
             | Self::GoToRegion(_)
             | Self::GoToComponent(..)

@@ -20,6 +20,7 @@ use crate::{
         Shading,
         document::{default_lens, tumor_radius_mm},
         layout,
+        made::{MOST_MADE, MadeMask},
         masks::MaskLook,
         overlap::{regions_of_mask, with_mask_toggled},
         rulers::MOST_RULERS,
@@ -45,6 +46,9 @@ pub enum EditCommand {
     SetPalette(Palette),
     SetColoring(Coloring),
     SetMaskLook(String, MaskLook),
+    MakeMask(Box<MadeMask>),
+    /// By id and label of its date.
+    DeleteMadeMask(String, String),
     // Lens.
     ToggleLens,
     SetLensRadius(f64),
@@ -75,6 +79,7 @@ pub enum EditCommand {
     SetOverlay(Overlay),
     NextOverlay,
     SetOverlayOpacity(f32),
+    ToggleOutlinePatterns,
     // Panes.
     TogglePane(PaneId),
     MaximizePane(PaneId),
@@ -122,6 +127,9 @@ impl EditCommand {
                 .iter()
                 .map(|overlay| listed(Self::SetOverlay(*overlay)).menu(Menu::Slices, 1))
                 .collect(),
+            EditKind::ToggleOutlinePatterns => {
+                vec![listed(Self::ToggleOutlinePatterns).menu(Menu::Slices, 1)]
+            }
             EditKind::NextOverlay => vec![listed(Self::NextOverlay).key(Key::O)],
             EditKind::TogglePane => PaneId::all()
                 .map(|pane| {
@@ -137,6 +145,8 @@ impl EditCommand {
             | EditKind::ToggleMask
             | EditKind::OnlyMask
             | EditKind::SetMaskLook
+            | EditKind::MakeMask
+            | EditKind::DeleteMadeMask
             | EditKind::SetLensRadius
             | EditKind::SetLensCenter
             | EditKind::DragLensCenter
@@ -182,8 +192,10 @@ impl EditCommand {
                 Label::new("Colours: which masks").detail("A region has the colours of its masks, mixed")
             }
             Self::SetColoring(Coloring::Agreement) => Label::new("Colours: how many masks agree")
-                .detail("Dark blue where one mask is active, light yellow where all are"),
+                .detail("Violet where one mask is active, light yellow where all are"),
             Self::SetMaskLook(..) => Label::new("Name and colour of the mask"),
+            Self::MakeMask(_) => Label::new("Make the mask"),
+            Self::DeleteMadeMask(..) => Label::new("Delete the mask that was made"),
             Self::ToggleLens => Label::new("Lens on or off")
                 .detail("Inside the lens: the selection, in full. Outside: everything, faint"),
             Self::SetLensRadius(_) => Label::new("Lens radius"),
@@ -226,6 +238,8 @@ impl EditCommand {
             }
             Self::NextOverlay => Label::new("Masks on slices: next of fill, outline, both"),
             Self::SetOverlayOpacity(_) => Label::new("Opacity of masks"),
+            Self::ToggleOutlinePatterns => Label::new("Outlines with patterns")
+                .detail("Solid, dashed and dotted in turn, so that masks differ without colour"),
             Self::TogglePane(pane) => Label::new(format!("Show or hide {}", pane.title())),
             Self::MaximizePane(pane) => {
                 Label::new(format!("Maximise {}", pane.title())).detail("Again brings the other panes back")
@@ -263,6 +277,7 @@ impl EditCommand {
             Self::SetLightingMode(mode) => Entry::Choice(edit.light.mode == *mode),
             Self::SetPreset(preset) => Entry::Choice(edit.light.preset == *preset),
             Self::SetOverlay(overlay) => Entry::Choice(edit.overlay == *overlay),
+            Self::ToggleOutlinePatterns => Entry::Switch(edit.outline_patterns),
             Self::ToggleLens => Entry::Switch(edit.lens_on),
             Self::ToggleTracts(id) => Entry::Switch(!edit.hidden_tracts.contains(id)),
             Self::TogglePane(pane) => Entry::Switch(layout::contains(&edit.layout, *pane)),
@@ -292,6 +307,11 @@ impl EditCommand {
             Self::SetPalette(palette) => edit.palette = *palette,
             Self::SetColoring(coloring) => edit.coloring = *coloring,
             Self::SetMaskLook(id, look) => edit.masks.set(id, look),
+            Self::MakeMask(made) if edit.made.len() < MOST_MADE => edit.made.push((**made).clone()),
+            Self::MakeMask(_) => {}
+            Self::DeleteMadeMask(id, time) => {
+                edit.made.retain(|made| (&made.id, &made.time) != (id, time));
+            }
             Self::ToggleLens => edit.lens_on = !edit.lens_on,
             Self::SetLensRadius(radius_mm) => {
                 if radius_mm.is_finite() {
@@ -370,6 +390,7 @@ impl EditCommand {
                 edit.windows.insert(id.clone(), *window);
             }
             Self::SetOverlay(overlay) => edit.overlay = *overlay,
+            Self::ToggleOutlinePatterns => edit.outline_patterns = !edit.outline_patterns,
             Self::NextOverlay => {
                 let all = Overlay::VARIANTS;
                 let current = all.iter().position(|overlay| *overlay == edit.overlay).unwrap_or_default();
@@ -382,7 +403,7 @@ impl EditCommand {
             }
             Self::SetLayout(tree) => edit.layout = (**tree).clone(),
             Self::ResetLayout => {
-                edit.layout = layout::default_layout(world.time_point_count());
+                edit.layout = layout::default_layout(world.time_point_count(), regions.mask_ids().len());
                 edit.maximized = None;
             }
         }

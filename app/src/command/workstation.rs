@@ -499,6 +499,7 @@ impl Workstation {
             }
             Command::Look(look) => look.apply(doc, &self.world),
         }
+        self.world.set_made(&doc.edit.made);
     }
 }
 

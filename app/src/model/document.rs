@@ -27,6 +27,7 @@ use super::{
     hidden::HiddenRegions,
     layout,
     light::LightChoice,
+    made::MadeMask,
     masks::MaskLooks,
     overlap::OverlapMode,
     pane::PaneId,
@@ -76,6 +77,9 @@ pub struct Edit {
     pub overlay: Overlay,
     /// Opacity of masks' fill on slices, 0 to 1.
     pub overlay_opacity: f32,
+    /// Whether outlines on slices are solid, dashed and dotted in turn.
+    #[serde(default)]
+    pub outline_patterns: bool,
     /// Colour scheme.
     pub palette: Palette,
     /// Whether a region's colour shows which masks are active or how many.
@@ -84,6 +88,9 @@ pub struct Edit {
     /// Names and colours of masks.
     #[serde(default)]
     pub masks: MaskLooks,
+    /// Masks made from those of the case.
+    #[serde(default)]
+    pub made: Vec<MadeMask>,
     /// Measured lines, in the order they were drawn.
     #[serde(default)]
     pub rulers: Vec<Ruler>,
@@ -279,9 +286,11 @@ impl Document {
                 windows: BTreeMap::new(),
                 overlay: Overlay::Both,
                 overlay_opacity: 0.2,
+                outline_patterns: false,
                 palette: Palette::default(),
                 coloring: Coloring::Masks,
                 masks: MaskLooks::default(),
+                made: Vec::new(),
                 rulers: Vec::new(),
                 overlap_mode: OverlapMode::Regions,
                 transfers: BTreeMap::new(),
@@ -291,7 +300,7 @@ impl Document {
                 ellipsoid_opacities: Vec::new(),
                 light: LightChoice::default(),
                 change: ChangeSetting::default(),
-                layout: layout::default_layout(time_point_count),
+                layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),
                 maximized: None,
             },
             nav: Navigation {

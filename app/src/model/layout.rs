@@ -6,8 +6,9 @@ use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
 /// Panes by what the case holds. Right: the three slices. With one time point, left the closeup above the context view,
 /// in the middle the ellipsoid diagram above the overlap diagram. With several, the change view takes the closeup's
 /// place, the closeup that of the ellipsoid diagram, and the ellipsoid diagram and the dates are tabs behind closeup and
-/// context view. The lens and measurements panes are tabs behind the overlap diagram.
-pub fn default_layout(time_point_count: usize) -> Tree<PaneId> {
+/// context view. The lens and measurements panes are tabs behind the overlap diagram, which is low where one mask leaves
+/// it only its size.
+pub fn default_layout(time_point_count: usize, mask_count: usize) -> Tree<PaneId> {
     let mut tiles = Tiles::default();
     let views = [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids];
     let [closeup, context, ellipsoids] = views.map(|pane| tiles.insert_pane(pane));
@@ -20,10 +21,11 @@ pub fn default_layout(time_point_count: usize) -> Tree<PaneId> {
     };
     let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements].map(|pane| tiles.insert_pane(pane));
     let overlap = tiles.insert_tab_tile(numbers.to_vec());
+    let overlap_share = if mask_count < 2 { 0.4 } else { 1.55 };
     let slices = [PaneId::Axial, PaneId::Coronal, PaneId::Sagittal].map(|pane| tiles.insert_pane(pane));
     let right = linear(&mut tiles, LinearDir::Vertical, &slices.map(|s| (s, 1.0)));
     let left = linear(&mut tiles, LinearDir::Vertical, &[(first, 1.25), (context, 1.0)]);
-    let middle = linear(&mut tiles, LinearDir::Vertical, &[(second, 1.0), (overlap, 1.55)]);
+    let middle = linear(&mut tiles, LinearDir::Vertical, &[(second, 1.0), (overlap, overlap_share)]);
     let root = linear(&mut tiles, LinearDir::Horizontal, &[(left, 1.25), (middle, 1.0), (right, 0.85)]);
     Tree::new(egui::Id::unique("layout"), root, tiles)
 }
@@ -144,7 +146,7 @@ mod tests {
 
     #[test]
     fn default_layout_has_the_main_views_and_toggling_twice_restores_it() {
-        let mut layout = default_layout(1);
+        let mut layout = default_layout(1, 3);
         for pane in [PaneId::Closeup, PaneId::Context, PaneId::Ellipsoids, PaneId::Overlap, PaneId::Coronal] {
             assert!(contains(&layout, pane));
         }
@@ -165,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_pane_opens_in_front_of_one_of_its_kind_and_squeezes_none() {
-        let mut layout = default_layout(1);
+        let mut layout = default_layout(1, 3);
         toggle(&mut layout, PaneId::Transfer);
         let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements, PaneId::Transfer];
         assert_eq!(siblings(&layout, PaneId::Transfer), numbers);
@@ -210,7 +212,7 @@ mod tests {
         let others = [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]].map(|pair| pair.map(|i| SLICES[i]));
         for closed in SLICES.map(|one| vec![one]).into_iter().chain(others.map(Vec::from)) {
             for backwards in [false, true] {
-                let mut layout = default_layout(1);
+                let mut layout = default_layout(1, 3);
                 simplified(&mut layout);
                 for pane in &closed {
                     toggle(&mut layout, *pane);
@@ -234,12 +236,12 @@ mod tests {
 
     #[test]
     fn change_is_in_front_where_there_are_dates() {
-        let layout = default_layout(2);
+        let layout = default_layout(2, 3);
         let front = layout.active_tiles();
         let in_front = |pane| front.contains(&layout.tiles.find_pane(&pane).unwrap());
         for pane in [PaneId::Change, PaneId::Closeup, PaneId::Context, PaneId::Overlap, PaneId::Axial] {
             assert!(in_front(pane), "{pane:?}");
         }
-        assert!(!contains(&default_layout(1), PaneId::Change));
+        assert!(!contains(&default_layout(1, 3), PaneId::Change));
     }
 }

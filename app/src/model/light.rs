@@ -75,6 +75,16 @@ impl LightChoice {
         self.shading.at(Quality { lighting, cost, ..quality })
     }
 
+    /// Whether the mode has ambient occlusion within [`Shading::occlusion_radius_mm`].
+    pub fn has_ambient_occlusion(&self) -> bool {
+        !light::row(self.mode).has_aperture
+    }
+
+    /// Whether the mode has vicinity occlusion of opaque surfaces.
+    pub fn has_vicinity(&self) -> bool {
+        self.mode == LightingMode::Slices
+    }
+
     /// The quality of views at rest and of exported files: the preset, or the reference without one.
     pub fn at_rest(&self) -> Quality {
         self.at(light::preset(self.mode, self.preset.unwrap_or(Preset::Reference)))

@@ -9,6 +9,7 @@ pub mod history;
 pub mod kept;
 pub mod layout;
 pub mod light;
+pub mod made;
 pub mod masks;
 pub mod overlap;
 pub mod pane;

@@ -12,6 +12,7 @@ use super::{
     change::CHANGE_SCALE_MM,
     document::{CaseRef, Document, Edit, Navigation},
     light::Shading,
+    made,
     pane::PaneId,
     rulers::MOST_RULERS,
 };
@@ -109,6 +110,9 @@ fn check_edit(edit: &Edit) -> Checked {
         finite("window high", window.high)?;
     }
     number("overlay_opacity", edit.overlay_opacity, &SHARE)?;
+    if let Some((found, expected)) = made::fault(&edit.made) {
+        return Err(Fault { found, expected });
+    }
     count("rulers", edit.rulers.len(), MOST_RULERS)?;
     for ruler in &edit.rulers {
         place("ruler from_mm", ruler.from_mm)?;

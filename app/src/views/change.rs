@@ -303,7 +303,8 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
     );
     lines.push((None, uncertain));
     if report.flags.contains(&Flag::NoOverlap) {
-        lines.clear();
+        let [from, to] = [report.from_ml, report.to_ml].map(format::ml);
+        lines = vec![(None, format!("{from} at {}, {to} at {}", report.from, report.to))];
     }
     let cavities = &report.cavities;
     if cavities.from_ml > 0.0 || cavities.to_ml > 0.0 {
@@ -333,7 +334,8 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
     let ramp_height = if has_ramp { 28.0 } else { 0.0 };
     draw::plate(&painter, Rect::from_min_size(corner, vec2(width, height + ramp_height)), dark);
     if has_ramp {
-        corner.y += ramp(&painter, corner, look, least_mm, ink);
+        let most_mm = [report.recession.max_mm, report.growth.max_mm].map(|mm| mm.unwrap_or(0.0));
+        corner.y += ramp(&painter, corner, look, (least_mm, most_mm), ink);
     }
     for (color, galley) in galleys {
         if let Some(color) = color {
@@ -347,12 +349,13 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
 }
 
 /// The ramp of change: shrinkage on the left, growth on the right, zero in the middle; the band within `uncertainty_mm`,
-/// that of the most certain direction, is faint, as in the view. Below it the ends and the band in millimetres. Returns its height.
+/// that of the most certain direction, is faint, as in the view. Below it the ends in millimetres; an end that `most_mm`
+/// of shrinkage or growth exceeds says so. Returns its height.
 fn ramp(
     painter: &egui::Painter,
     at: egui::Pos2,
     look: &ChangeLook,
-    uncertainty_mm: f64,
+    (uncertainty_mm, most_mm): (f64, [f64; 2]),
     ink: Color32,
 ) -> f32 {
     const HALF_STEPS: i32 = 60;
@@ -378,9 +381,11 @@ fn ramp(
         painter.text(egui::pos2(x, at.y + 12.0), anchor, text, theme::font(LABEL_POINTS), ink)
     };
     let half = HALF_STEPS as f32;
-    text(middle_x - half, egui::Align2::LEFT_TOP, format!("−{:.1}", look.full_mm));
+    let exceeded = |mm: f64, sign: &'static str| if mm > look.full_mm { sign } else { "" };
+    let (less, more) = (exceeded(most_mm[0], "≤ "), exceeded(most_mm[1], "≥ "));
+    text(middle_x - half, egui::Align2::LEFT_TOP, format!("{less}−{:.1}", look.full_mm));
     text(middle_x, egui::Align2::CENTER_TOP, "0".into());
-    text(middle_x + half, egui::Align2::RIGHT_TOP, format!("{:.1} mm", look.full_mm));
+    text(middle_x + half, egui::Align2::RIGHT_TOP, format!("{more}{:.1} mm", look.full_mm));
     28.0
 }
 

@@ -138,7 +138,8 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
 fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[Row]) {
     let painter = ui.painter().with_clip_rect(rect);
     let ink = Tokens::in_ui(ui).text;
-    marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, "at the lens"), false);
+    let scale_position = if input.doc.edit.lens_on { "at the lens" } else { "at the middle" };
+    marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, scale_position), false);
     legend::show(ui, rect, &legend_rows(input, agreement));
     if input.doc.nav.ruler_on {
         let text = "Ruler: drag from surface to surface";

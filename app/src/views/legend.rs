@@ -47,17 +47,23 @@ pub fn show(ui: &Ui, rect: Rect, rows: &[Row]) {
     let fits = if rows.len() <= room { rows.len() } else { room - 1 };
     let font = theme::font(LABEL_POINTS);
     let mut at = rect.left_top() + vec2(10.0, 8.0);
+    let width = (rect.width() * WIDEST).max(LEAST_WIDTH);
     let more = (rows.len() > fits).then(|| (Mark::None, format!("and {} more", rows.len() - fits)));
     for (mark, text) in rows.iter().take(fits).chain(&more) {
         let inset = if matches!(mark, Mark::Color(_) | Mark::Hatched) { INSET } else { 0.0 };
         let ink = if *mark == Mark::Warning { Tokens::of(dark).warning } else { Tokens::of(dark).text };
-        let width = (rect.width() * WIDEST).max(LEAST_WIDTH) - inset;
-        let galley = draw::elided(ui, text, &font, ink, width);
+        let galley = if *mark == Mark::Warning {
+            // Whole, over several lines.
+            painter.layout(text.clone(), font.clone(), ink, width)
+        } else {
+            draw::elided(ui, text, &font, ink, width - inset)
+        };
+        let height = galley.size().y;
         // Legible over a magnified tumour, too.
         draw::plate(&painter, Rect::from_min_size(at, galley.size() + vec2(inset, 0.0)), dark);
         swatch(&painter, Rect::from_min_size(at + vec2(0.0, 2.0), vec2(SWATCH, SWATCH)), *mark, dark);
         painter.galley(at + vec2(inset, 0.0), galley, ink);
-        at.y += ROW;
+        at.y += height.max(ROW);
     }
 }
 

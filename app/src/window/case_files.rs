@@ -4,17 +4,24 @@ use egui::{
     Align, Button, Checkbox, ComboBox, Key, Label, Layout, Role as Kind, ScrollArea, TextEdit, Ui,
     WidgetInfo, vec2,
 };
-use glioscope_core::case::{Problem, Proposal, ProposedFile, ProposedMask, Role};
+use glioscope_core::case::{Problem, Proposal, ProposedFile, ProposedMask, Role, Scheme};
 use glioscope_render::{MaskColors, Palette};
 
-use super::modal::{self, Reply};
+use super::{
+    modal::{self, Reply},
+    thumbnails::Thumbnails,
+};
 use crate::command::{AppCommand, Command, Commands, Workstation, workstation::Guess};
 
 /// Widths of the columns, points: role, file, id, date, labels, name, colour, and the last with its button.
-const COLUMNS: [f32; 8] = [92.0, 220.0, 140.0, 96.0, 76.0, 190.0, 48.0, 88.0];
+const COLUMNS: [f32; 8] = [92.0, 220.0, 140.0, 96.0, 76.0, 190.0, 48.0, 150.0];
 const TITLES: [&str; 8] = ["role", "file", "id", "date", "labels", "name", "colour", ""];
 /// Height left for the rest of the window and of the dialog.
 const MARGIN_POINTS: f32 = 230.0;
+
+/// Sides of a series' picture in its row and in its tip, points.
+const ROW_PICTURE_POINTS: f32 = 30.0;
+const TIP_PICTURE_POINTS: f32 = 160.0;
 
 /// The most colours that a palette is asked for.
 const MAX_COLORS: usize = 32;
@@ -29,7 +36,7 @@ fn role_name(role: Role) -> &'static str {
 }
 
 /// Draws the dialog while a case waits for it; `covered`: another dialog is in front of it and has the keyboard.
-pub fn show(ui: &Ui, work: &mut Workstation, covered: bool, out: &mut Commands) {
+pub fn show(ui: &Ui, work: &mut Workstation, thumbnails: &mut Thumbnails, covered: bool, out: &mut Commands) {
     let palette = work.doc.as_ref().map_or_else(Palette::default, |doc| doc.edit.palette);
     let accepts = work.accept_guesses;
     let Some(guess) = &mut work.guess else { return };
@@ -58,7 +65,7 @@ pub fn show(ui: &Ui, work: &mut Workstation, covered: bool, out: &mut Commands) 
         ui.add_space(6.0);
         let height = (ui.ctx().content_rect().height() - MARGIN_POINTS).max(120.0);
         ScrollArea::vertical().max_height(height).show(ui, |ui| {
-            entered = table(ui, guess, &problems, palette);
+            entered = table(ui, guess, &problems, palette, thumbnails);
             ui.add_space(6.0);
             for note in &guess.proposal.notes {
                 ui.add(Label::new(&note.message).wrap());
@@ -117,7 +124,13 @@ fn buttons(ui: &mut Ui, guess: &Guess, problems: &[Problem], out: &mut Commands)
 }
 
 /// The table of files. Returns whether Enter was pressed in one of its fields.
-fn table(ui: &mut Ui, guess: &mut Guess, problems: &[Problem], palette: Palette) -> bool {
+fn table(
+    ui: &mut Ui,
+    guess: &mut Guess,
+    problems: &[Problem],
+    palette: Palette,
+    thumbnails: &mut Thumbnails,
+) -> bool {
     ui.horizontal(|ui| {
         for (width, title) in COLUMNS.into_iter().zip(TITLES) {
             cell(ui, width, |ui| ui.strong(title));
@@ -144,7 +157,7 @@ fn table(ui: &mut Ui, guess: &mut Guess, problems: &[Problem], palette: Palette)
             }
             above = (file.patient.clone(), file.study.clone());
         }
-        let mut row = Row { file: name, entered: false, color_of: &color_of };
+        let mut row = Row { file: name, entered: false, color_of: &color_of, thumbnails };
         ui.push_id(n, |ui| row.show(ui, file));
         entered |= row.entered;
         for problem in problems.iter().filter(|problem| problem.file == Some(n)) {
@@ -200,6 +213,7 @@ struct Row<'a> {
     entered: bool,
     /// Colour of a mask without one of its own.
     color_of: &'a dyn Fn(&str) -> [u8; 3],
+    thumbnails: &'a mut Thumbnails,
 }
 
 impl Row<'_> {
@@ -209,7 +223,18 @@ impl Row<'_> {
             cell(ui, COLUMNS[0], |ui| self.role(ui, file));
             cell(ui, COLUMNS[1], |ui| {
                 let tip = format!("{}\n{}", file.path.display(), file.reason);
-                ui.add(Label::new(self.file).truncate()).on_hover_text(tip.trim());
+                let source = file.shown_source().filter(|_| file.role != Role::Tracts);
+                // Names of series say little, and there are many of them.
+                if let (Some(source), true) = (&source, file.series.is_some()) {
+                    self.thumbnails.show(ui, source, ROW_PICTURE_POINTS);
+                }
+                let label = ui.add(Label::new(self.file).truncate());
+                label.on_hover_ui(|ui| {
+                    ui.label(tip.trim());
+                    if let Some(source) = &source {
+                        self.thumbnails.show(ui, source, TIP_PICTURE_POINTS);
+                    }
+                });
             });
             if file.role == Role::LeftOut {
                 ui.weak(&file.reason);
@@ -266,11 +291,14 @@ impl Row<'_> {
         response.response.widget_info(|| WidgetInfo::labeled(Kind::ComboBox, true, &label));
     }
 
-    /// Makes one mask of each label, or one of all.
+    /// Makes one mask of each label, or one of all, or those of a label scheme.
     fn division(&self, ui: &mut Ui, file: &mut ProposedFile) {
         // The file itself says what its masks are.
         if file.masks.iter().any(|mask| mask.segment.is_some()) {
             return;
+        }
+        if file.labels.len() > 1 {
+            self.schemes(ui, file);
         }
         if file.masks.len() > 1 {
             let button =
@@ -282,7 +310,7 @@ impl Row<'_> {
             let labels: Vec<String> = file.labels.iter().map(i64::to_string).collect();
             let tip = format!("One mask for each of the labels {}", labels.join(", "));
             if ui.small_button("Each label").on_hover_text(tip).clicked() {
-                let _ = file.split();
+                file.split();
             }
         } else if ui
             .small_button("Another")
@@ -292,6 +320,36 @@ impl Row<'_> {
         {
             file.masks.push(ProposedMask { id: format!("{} 2", first.id), color: None, ..first });
         }
+    }
+
+    /// The menu of label schemes that know all labels of the file.
+    fn schemes(&self, ui: &mut Ui, file: &mut ProposedFile) {
+        let mut all = Scheme::built_in();
+        if let Some(own) = file.scheme.clone().filter(|own| !all.contains(own)) {
+            all.insert(0, own);
+        }
+        all.retain(|scheme| scheme.knows(&file.labels));
+        if all.is_empty() {
+            return;
+        }
+        let menu = ui.menu_button("Scheme", |ui| {
+            for scheme in all {
+                if !scheme.groups.is_empty() {
+                    let names: Vec<&str> = scheme.groups.iter().map(|group| group.name).collect();
+                    if ui.button(format!("{}: {}", scheme.name, names.join(", "))).clicked() {
+                        file.scheme = Some(scheme.clone());
+                        file.group();
+                    }
+                }
+                if ui.button(format!("{}: each label", scheme.name)).clicked() {
+                    file.scheme = Some(scheme);
+                    file.split();
+                }
+            }
+        });
+        let label = format!("Label scheme of {}", self.file);
+        menu.response.widget_info(|| WidgetInfo::labeled(Kind::Button, true, &label));
+        menu.response.on_hover_text("What the labels mean, and which of them are one mask");
     }
 
     /// The row of one of several masks.

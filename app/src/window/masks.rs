@@ -21,11 +21,16 @@ pub fn show(ui: &Ui, open: &mut bool, work: &Workstation, out: &mut Commands) {
         ui.label(
             "For the window and its pictures, saved in the session. Files and exported numbers keep the ids.",
         );
-        egui::Grid::new("masks").num_columns(4).show(ui, |ui| {
+        egui::Grid::new("masks").num_columns(5).show(ui, |ui| {
             for (k, id) in time_point.regions.mask_ids().iter().enumerate() {
+                let made =
+                    doc.edit.made.iter().find(|made| (&made.id, &made.time) == (id, &time_point.label));
                 let look = doc.edit.masks.get(id);
                 let mut new = look.clone();
-                ui.label(id);
+                let label = ui.label(id);
+                if let Some(made) = made {
+                    label.on_hover_text(format!("Made {}", made.provenance()));
+                }
                 let mut color = colors.mask(k);
                 let response = ui.color_edit_button_srgb(&mut color);
                 response
@@ -43,6 +48,9 @@ pub fn show(ui: &Ui, open: &mut bool, work: &Workstation, out: &mut Commands) {
                 }
                 if ui.add_enabled(look != MaskLook::default(), egui::Button::new("Reset")).clicked() {
                     new = MaskLook::default();
+                }
+                if made.is_some() && ui.button("Delete").on_hover_text("Undo brings it back").clicked() {
+                    out.push(EditCommand::DeleteMadeMask(id.clone(), time_point.label.clone()));
                 }
                 if new != look {
                     out.push(EditCommand::SetMaskLook(id.clone(), new));

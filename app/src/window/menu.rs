@@ -5,7 +5,7 @@ use egui::{
     containers::menu::{MenuConfig, SubMenuButton},
 };
 use glioscope_core::{files::format::volume_names, optics::Projection};
-use glioscope_render::{LightSettings, LightingMode, light};
+use glioscope_render::{LightSettings, light};
 
 use super::{about, dialogs::open_command, recent::Recent};
 use crate::{
@@ -175,7 +175,12 @@ fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
     let mut radius_mm = at_rest.occlusion_radius_mm;
     let tip = "How far surfaces darken each other";
     let radius = Slider::new(&mut radius_mm, 1.0..=30.0).suffix(" mm").fixed_decimals(1);
-    if slider(ui, !row.has_aperture, radius.clamping(SliderClamping::Edits).text("Occlusion within"), tip) {
+    if slider(
+        ui,
+        choice.has_ambient_occlusion(),
+        radius.clamping(SliderClamping::Edits).text("Occlusion within"),
+        tip,
+    ) {
         new.occlusion_radius_mm = Some(radius_mm);
     }
     let mut percent = 100.0 * (1.0 - at_rest.occlusion_strength);
@@ -194,7 +199,7 @@ fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
                read the voxels";
     ui.add_enabled(row.lights_smooth, egui::Checkbox::new(&mut new.smooth, "Smooth surface"))
         .on_hover_text(tip);
-    let has_vicinity = choice.mode == LightingMode::Slices;
+    let has_vicinity = choice.has_vicinity();
     let mut distance_mm = at_rest.lighting.vicinity_mm;
     let tip = "Slices: distance of the virtual slice through which opaque surfaces darken each other";
     let vicinity = Slider::new(&mut distance_mm, 0.5..=20.0).suffix(" mm").fixed_decimals(1);

@@ -8,6 +8,7 @@ mod drop;
 mod enlarged;
 mod go_to;
 mod leave;
+mod make_mask;
 mod masks;
 mod menu;
 mod modal;
@@ -21,6 +22,7 @@ mod pictures;
 pub mod preferences;
 pub mod recent;
 pub mod run;
+mod thumbnails;
 mod typed_path;
 mod warnings;
 
@@ -47,11 +49,13 @@ use crate::{
 use autosave::Autosave;
 use dialogs::{Choice, Chooser, Dialog, Purpose};
 use leave::Leave;
+use make_mask::MakeMask;
 use palette::CommandPalette;
 use panes::PaneArea;
 use pictures::Pictures;
 use preferences::Preferences;
 use recent::Recent;
+use thumbnails::Thumbnails;
 use typed_path::TypedPath;
 
 /// Which dialogs and lists are open; never saved.
@@ -61,6 +65,8 @@ struct OpenParts {
     about: bool,
     /// The dialog of names and colours of masks.
     masks: bool,
+    /// The dialog that makes a mask.
+    make_mask: Option<MakeMask>,
     /// The list of warnings.
     warnings: bool,
     /// The dialog to type a path, with the text so far.
@@ -90,6 +96,7 @@ pub struct GlioscopeApp {
     ask: Ask,
     open: OpenParts,
     palette: CommandPalette,
+    thumbnails: Thumbnails,
     recent: Recent,
     preferences: Preferences,
     /// How files are chosen.
@@ -130,6 +137,7 @@ impl GlioscopeApp {
             ask: Ask::default(),
             open: OpenParts::default(),
             palette: CommandPalette::default(),
+            thumbnails: Thumbnails::default(),
             recent,
             preferences,
             chooser: dialogs::desktop_chooser(),
@@ -217,11 +225,16 @@ impl GlioscopeApp {
         let covered = self.open.path.is_some();
         // Before what it may cover, so that it has the keyboard.
         typed_path::show(ui, &mut self.open.path, &mut out);
-        if !covered && !self.open.masks && !self.open.about && !self.palette.is_open() {
+        let asks_of_masks = self.open.masks || self.open.make_mask.is_some();
+        if !covered && !asks_of_masks && !self.open.about && !self.palette.is_open() {
             order_dates::show(ui, &mut self.work, &mut out);
         }
-        case_files::show(ui, &mut self.work, covered, &mut out);
+        if self.work.guess.is_none() {
+            self.thumbnails.clear();
+        }
+        case_files::show(ui, &mut self.work, &mut self.thumbnails, covered, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
+        make_mask::show(ui, &mut self.open.make_mask, &self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
         let now = Instant::now();
@@ -308,6 +321,7 @@ impl GlioscopeApp {
             || self.is_asking()
             || self.open.about
             || self.open.masks
+            || self.open.make_mask.is_some()
             || self.open.path.is_some()
             || self.palette.is_open()
             || modal::is_open(ctx)

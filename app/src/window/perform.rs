@@ -6,6 +6,7 @@ use super::{
     GlioscopeApp,
     dialogs::{Dialog, Purpose},
     enlarged::Enlarged,
+    make_mask::MakeMask,
     numbers::Shown,
     typed_path::TypedPath,
 };
@@ -92,6 +93,7 @@ impl GlioscopeApp {
             }
             AppCommand::ShowPalette => self.palette.open(),
             AppCommand::ShowMasks => self.open.masks = true,
+            AppCommand::ShowMakeMask => self.open.make_mask = Some(MakeMask::new(&self.work)),
             AppCommand::ShowAbout => self.open.about = true,
             AppCommand::ToggleDark => {
                 let is_dark = ctx.global_style().visuals.dark_mode;

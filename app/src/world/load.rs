@@ -1,6 +1,9 @@
 //! Opening a case on a worker, and the case of a session.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use glioscope_core::{
     Check, Progress,
@@ -16,7 +19,10 @@ use super::{
 };
 use crate::{
     error::AppError,
-    model::{Answer, CaseRef, Document, Place, Session},
+    model::{
+        Answer, CaseRef, Document, Place, Session,
+        made::{self, MadeMask},
+    },
 };
 
 /// What a case is opened with.
@@ -87,7 +93,7 @@ impl Accepted {
             // The guesses are no guesses any more.
             spec.notes.retain(|note| !note.code.starts_with("guessed-"));
             Some(CaseRef::Files {
-                folder: proposal.folder.clone(),
+                folder: proposal.archive.clone().unwrap_or_else(|| proposal.folder.clone()),
                 manifest: case::write_manifest(&spec, &proposal.folder)?,
                 left_out: proposal.left_out(),
             })
@@ -105,8 +111,8 @@ impl Accepted {
         let mut spec = proposal.spec();
         let case = match &answer.manifest {
             Some(manifest) => {
-                let folder = proposal.folder.clone();
-                let accepted = session_case::accepted_spec(&folder, manifest)?;
+                let folder = proposal.archive.clone().unwrap_or_else(|| proposal.folder.clone());
+                let accepted = session_case::accepted_spec(&proposal.folder, manifest)?;
                 let mut notes = proposal.notes.clone();
                 notes.retain(|note| !note.code.starts_with("guessed-"));
                 spec = CaseSpec { notes, described_by: spec.described_by, ..accepted };
@@ -153,8 +159,12 @@ pub struct ReadCase {
     pub place: Place,
     /// Its description.
     pub spec: CaseSpec,
-    /// The case.
-    pub case: Case,
+    /// The case as its files have it.
+    base: Arc<Case>,
+    /// The masks made from it in its session.
+    made: Vec<MadeMask>,
+    /// The case with them.
+    pub case: Arc<Case>,
     /// Its files as they were read; empty where that isn't known.
     pub files: Vec<FileMark>,
     /// The document restored from a session; `None`: the initial one.
@@ -177,8 +187,9 @@ pub struct OpenedCase {
 
 impl From<ReadCase> for OpenedCase {
     fn from(read: ReadCase) -> Self {
-        let ReadCase { place, case, files, document, options, .. } = read;
-        Self { place, loaded: Loaded::new(case).with_files(files), document, options }
+        let ReadCase { place, base, made, case, files, document, options, .. } = read;
+        let loaded = Loaded::with_made(base, made, case).with_files(files);
+        Self { place, loaded, document, options }
     }
 }
 
@@ -233,7 +244,7 @@ fn open(mut request: Request, accepted: Option<Accepted>, progress: &Progress) -
         }
         return Ok(Opened::Unordered(Unordered { times, doubt }));
     }
-    let mut read = read(request, found, progress)?;
+    let mut read = read(request, found, false, progress)?;
     if read.files.is_empty() {
         // Where a file has gone since it was read, sessions are saved without marks.
         read.files = session_case::marks(&read.spec, progress).unwrap_or_default();
@@ -305,13 +316,13 @@ fn accept(request: &mut Request, accepted: Accepted, progress: &Progress) -> Res
     Ok(found)
 }
 
-/// Reads the case that `request` names at once, as its names were guessed.
+/// Reads the case that `request` names at once, as its names were guessed. Its session is one of its inputs.
 ///
 /// # Errors
 /// [`AppError`] where the case can't be read.
 pub fn read_at_once(mut request: Request, progress: &Progress) -> Result<ReadCase, AppError> {
     let found = find(&mut request, progress)?;
-    read(request, found, progress)
+    read(request, found, true, progress)
 }
 
 /// The description of the case that `request` names, with what its session finds changed, without reading it.
@@ -343,23 +354,36 @@ fn find(request: &mut Request, progress: &Progress) -> Result<Found, AppError> {
 
 /// Reads the case found for `request` and restores the session for it. What the session says about dates, masks and images
 /// that the case lacks is left out, with a warning among the case's findings.
-fn read(request: Request, found: Found, progress: &Progress) -> Result<ReadCase, AppError> {
+fn read(
+    request: Request,
+    found: Found,
+    is_session_kept: bool,
+    progress: &Progress,
+) -> Result<ReadCase, AppError> {
     let Found { mut place, mut spec, files, mut findings, .. } = found;
     let options = request.options;
     spec.add_tracts(&request.tracts);
     place.tracts.extend(request.tracts);
-    let mut case = case::load(&spec, &options, progress)?;
+    let mut base = case::load(&spec, &options, progress)?;
+    if let (true, Some(session)) = (is_session_kept, request.session_path) {
+        // Not written over either.
+        base.inputs = base.inputs.with(session);
+    }
+    let made = request.session.as_ref().map(|session| session.document.edit.made.clone()).unwrap_or_default();
     let document = match request.session {
         None => None,
         Some(session) => {
-            let (document, checks) = session.restore(&case)?;
+            let case = (!made.is_empty()).then(|| made::with_made(&base, &made));
+            let (document, checks) = session.restore(case.as_ref().unwrap_or(&base))?;
             findings.extend(checks);
             Some(document)
         }
     };
-    case.checks.extend(findings);
-    case.checks.sort_by_key(|check| std::cmp::Reverse(check.severity));
-    Ok(ReadCase { place, spec, case, files, document, options })
+    base.checks.extend(findings);
+    base.checks.sort_by_key(|check| std::cmp::Reverse(check.severity));
+    let base = Arc::new(base);
+    let case = if made.is_empty() { base.clone() } else { Arc::new(made::with_made(&base, &made)) };
+    Ok(ReadCase { place, spec, base, made, case, files, document, options })
 }
 
 /// Leaves out the order of dates and the case grid of a session where they name others than the case has now. Those given

@@ -5,6 +5,7 @@ pub mod ellipsoids;
 pub mod image;
 pub mod jobs;
 pub mod load;
+pub mod make_mask;
 pub mod numbers;
 pub mod places;
 mod session_case;
@@ -20,12 +21,19 @@ use glioscope_core::{
 };
 use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
 
-use crate::model::Document;
+use crate::model::{
+    Document,
+    made::{self, MadeMask},
+};
 
 /// A case and the data that every view needs of it, derived once per load. Clones share all of it.
 #[derive(Clone)]
 pub struct Loaded {
-    /// The case.
+    /// The case as its files have it.
+    base: Arc<Case>,
+    /// The masks made from it.
+    made: Vec<MadeMask>,
+    /// The case with them.
     pub case: Arc<Case>,
     /// Images prepared for slicing: per time point, in the order of its contexts.
     contexts: Vec<Vec<Arc<PreparedContext>>>,
@@ -38,14 +46,30 @@ pub struct Loaded {
 impl Loaded {
     /// Prepares the images and crops the regions.
     pub fn new(case: Case) -> Self {
+        let case = Arc::new(case);
+        Self::with_made(case.clone(), Vec::new(), case)
+    }
+
+    /// As [`Loaded::new`], of `base` with the masks made from it: `case` is the case with them.
+    pub fn with_made(base: Arc<Case>, made: Vec<MadeMask>, case: Arc<Case>) -> Self {
         let contexts = case
             .time_points
             .iter()
             .map(|t| t.contexts.iter().map(|c| Arc::new(PreparedContext::new(c.volume.clone()))).collect())
             .collect();
-        let tumors =
-            case.time_points.iter().map(|t| RegionVolume::of(&t.index, &t.regions).map(Arc::new)).collect();
-        Self { case: Arc::new(case), contexts, tumors, files: Vec::new() }
+        let tumors = tumors(&case);
+        Self { base, made, case, contexts, tumors, files: Vec::new() }
+    }
+
+    /// With these masks made from those of the case's files, in place of others made before.
+    pub fn set_made(&mut self, made: &[MadeMask]) {
+        if self.made == made {
+            return;
+        }
+        self.made = made.to_vec();
+        self.case =
+            if made.is_empty() { self.base.clone() } else { Arc::new(made::with_made(&self.base, made)) };
+        self.tumors = tumors(&self.case);
     }
 
     /// With the marks of the case's files, for sessions.
@@ -53,6 +77,11 @@ impl Loaded {
     pub fn with_files(self, files: Vec<FileMark>) -> Self {
         Self { files, ..self }
     }
+}
+
+/// The cropped region volume of each time point.
+fn tumors(case: &Case) -> Vec<Option<Arc<RegionVolume>>> {
+    case.time_points.iter().map(|t| RegionVolume::of(&t.index, &t.regions).map(Arc::new)).collect()
 }
 
 /// The loaded case, if any.
@@ -70,6 +99,13 @@ impl World {
     /// The case.
     pub fn case(&self) -> Option<&Arc<Case>> {
         self.loaded.as_ref().map(|l| &l.case)
+    }
+
+    /// Makes the case have these masks beside those of its files.
+    pub fn set_made(&mut self, made: &[MadeMask]) {
+        if let Some(loaded) = &mut self.loaded {
+            loaded.set_made(made);
+        }
     }
 
     /// Number of time points; 0 without a case.

@@ -7,7 +7,7 @@ use glioscope_core::{
     Check, Progress,
     case::{self, CaseError, CaseSpec, Description, LoadOptions, Proposal},
     check::listed,
-    files::{FileError, FileMark},
+    files::{FileError, FileMark, archive},
     sample,
 };
 
@@ -38,7 +38,14 @@ pub(super) fn description_of(
         CaseRef::Sample => sample::sample_spec(),
         CaseRef::Path(path) => return case::describe(path, options, progress),
         CaseRef::Arguments { masks, contexts } => CaseSpec::from_arguments(masks, contexts)?,
-        CaseRef::Files { folder, manifest, .. } => accepted_spec(folder, manifest)?,
+        CaseRef::Files { folder, manifest, .. } => {
+            let inside = if archive::is_zip(folder) {
+                archive::unpacked(folder, options.max_bytes, progress)?
+            } else {
+                folder.clone()
+            };
+            accepted_spec(&inside, manifest)?
+        }
     };
     Ok(Description::Stated(spec))
 }

@@ -1,8 +1,8 @@
-//! `--mask ID=FILE[:1,4][@TIME]` and `--context ID=FILE[@TIME]`: a case on the command line.
+//! `--mask ID=FILE[:1,4|:brats-2021][@TIME]` and `--context ID=FILE[@TIME]`: a case on the command line.
 
 use std::path::{Path, PathBuf};
 
-use super::{CaseError, CaseSpec, ContextSpec, MaskSpec};
+use super::{CaseError, CaseSpec, ContextSpec, MaskSpec, Scheme};
 use crate::files::Source;
 
 /// One interpretation of an argument.
@@ -11,6 +11,8 @@ struct Interpretation<'a> {
     id: &'a str,
     file: &'a str,
     labels: Option<Vec<i64>>,
+    /// The word of a label scheme.
+    scheme: Option<&'a str>,
     time: Option<&'a str>,
 }
 
@@ -19,11 +21,15 @@ pub(super) fn labels(text: &str) -> Option<Vec<i64>> {
     text.split(',').map(|n| n.trim().parse().ok()).collect()
 }
 
-/// Splits `FILE:1,4` into file and labels; `None` labels where none follow the last colon.
-fn split_labels(text: &str) -> (&str, Option<Vec<i64>>) {
-    match text.rsplit_once(':').map(|(file, list)| (file, labels(list))) {
-        Some((file, Some(list))) if !file.is_empty() => (file, Some(list)),
-        _ => (text, None),
+/// Splits `FILE:1,4` into file and labels, `FILE:brats-2021` into file and scheme; neither where none follow the last colon.
+fn split_labels(text: &str) -> (&str, Option<Vec<i64>>, Option<&str>) {
+    match text.rsplit_once(':').filter(|(file, _)| !file.is_empty()) {
+        Some((file, word)) if Scheme::of_word(word).is_some() => (file, None, Some(word)),
+        Some((file, list)) => match labels(list) {
+            Some(labels) => (file, Some(labels), None),
+            None => (text, None, None),
+        },
+        None => (text, None, None),
     }
 }
 
@@ -35,15 +41,21 @@ fn interpret_argument<'a>(
 ) -> Option<Interpretation<'a>> {
     let (id, rest) = text.split_once('=').map(|(id, rest)| (id.trim(), rest))?;
     let interpret = |file: &'a str, time: Option<&'a str>| {
-        let (file, labels) = if with_labels { split_labels(file) } else { (file, None) };
-        Interpretation { id, file, labels, time }
+        let (file, labels, scheme) = if with_labels { split_labels(file) } else { (file, None, None) };
+        Interpretation { id, file, labels, scheme, time }
     };
-    let entire_rest = Interpretation { id, file: rest, labels: None, time: None };
+    let entire_rest = Interpretation { id, file: rest, labels: None, scheme: None, time: None };
     let mut interpretations = vec![entire_rest, interpret(rest, None)];
     for (at, _) in rest.rmatch_indices('@') {
         let (before, time) = (&rest[..at], rest[at + 1..].trim());
         if !time.is_empty() {
-            interpretations.push(Interpretation { id, file: before, labels: None, time: Some(time) });
+            interpretations.push(Interpretation {
+                id,
+                file: before,
+                labels: None,
+                scheme: None,
+                time: Some(time),
+            });
             interpretations.push(interpret(before, Some(time)));
         }
     }
@@ -65,6 +77,17 @@ fn parse<'a>(
     with_labels: bool,
 ) -> Result<Interpretation<'a>, CaseError> {
     let parts = interpret_argument(text, with_labels, &|file| Path::new(file).exists());
+    // Not a file of that name: labels that are no numbers.
+    if let Some(parts) = parts.as_ref().filter(|parts| with_labels && !Path::new(parts.file).exists())
+        && let Some((file, list)) = parts.file.rsplit_once(':')
+        && Path::new(file).is_file()
+    {
+        return Err(CaseError::wrong(
+            flag,
+            format!("labels {list:?} of {file}"),
+            format!("whole numbers, such as 1,4, or a scheme ({})", Scheme::words()),
+        ));
+    }
     match parts {
         Some(parts) if !parts.id.is_empty() && !parts.file.is_empty() => Ok(parts),
         _ => Err(CaseError::wrong(flag, format!("{text:?}"), form)),
@@ -97,7 +120,12 @@ pub(super) fn parse_all(masks: &[String], contexts: &[String]) -> Result<CaseSpe
         });
     }
     for text in masks {
-        let p = parse("--mask", "ID=FILE[:LABEL,LABEL…][@TIME]", text, true)?;
+        let p = parse("--mask", "ID=FILE[:LABEL,LABEL…|:SCHEME][@TIME]", text, true)?;
+        if let Some(scheme) = p.scheme {
+            let scheme = Scheme::named(scheme, Path::new(""))?;
+            spec.masks.extend(scheme.masks(p.id, &Source::File(p.file.into()), p.time));
+            continue;
+        }
         spec.masks.push(MaskSpec {
             id: p.id.into(),
             source: Source::File(p.file.into()),
@@ -120,7 +148,7 @@ mod tests {
         labels: Option<&[i64]>,
         time: Option<&'a str>,
     ) -> Interpretation<'a> {
-        Interpretation { id, file, labels: labels.map(<[i64]>::to_vec), time }
+        Interpretation { id, file, labels: labels.map(<[i64]>::to_vec), scheme: None, time }
     }
 
     #[test]

@@ -77,6 +77,11 @@ pub(super) fn time_order(listed: &[String], ordered: &[String], basis: OrderBasi
 
 fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>) {
     let labels = spec.masks[m.spec].labels.as_deref();
+    if labels.is_some_and(|labels| labels.contains(&0)) {
+        let text =
+            format!("{name}: found label 0, the background in most files, expected labels of a tumour");
+        checks.push(Check::warning("mask-of-background", text));
+    }
     if m.mask.bits().bounds().is_none() {
         let why = match labels {
             Some(labels) => format!("no voxel has {}{}", list(labels), within(m)),

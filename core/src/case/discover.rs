@@ -7,7 +7,7 @@ use std::{
 };
 
 use super::{
-    CaseError, CaseSpec, LoadOptions, Proposal, ProposedFile, Role,
+    CaseError, CaseSpec, LoadOptions, Proposal, ProposedFile, Role, Scheme,
     folder::{self, Listing},
     manifest::{folder_name, read_manifest},
     names::{self, Kind, ParsedName},
@@ -19,7 +19,7 @@ use crate::{
     Check, Progress,
     check::listed,
     files::{
-        self, ReadOptions, Segment, Source, dicom,
+        self, ReadOptions, Segment, Source, archive, dicom,
         format::{self, volume_stem},
         printable, read_small_text,
     },
@@ -72,7 +72,8 @@ pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
 /// As [`open_spec`], but where folders may be patients or dates: the proposal says so.
 pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Description, CaseError> {
     let kind = format::volume_names();
-    let expected = &format!("a case manifest (.toml), a folder of {kind} files, or a {kind} file");
+    let expected =
+        &format!("a case manifest (.toml), a folder or zip archive of {kind} files, or a {kind} file");
     let metadata = std::fs::metadata(path).map_err(|e| files::missing(path, &e, expected))?;
     if metadata.is_dir() {
         return match manifest_in(path)? {
@@ -83,6 +84,9 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
     let Some(name) = path.file_name().and_then(|name| name.to_str()).map(str::to_owned) else {
         return Err(wrong(path, "a name that is not UTF-8", "one that is"));
     };
+    if archive::is_zip(path) {
+        return describe_archive(path, &name, options, progress);
+    }
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         return Ok(Description::Stated(read_manifest(path)?));
     }
@@ -105,6 +109,35 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
         proposal.folder = std::env::current_dir().unwrap_or_default();
     }
     Ok(Description::Proposed(proposal.with_key(true)))
+}
+
+/// The case in a zip archive, described as a folder with its files.
+fn describe_archive(
+    path: &Path,
+    name: &str,
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<Description, CaseError> {
+    let folder = archive::unpacked(path, options.max_bytes, progress)?;
+    match describe(&folder, options, progress) {
+        Ok(Description::Stated(mut spec)) => {
+            spec.described_by.push(path.to_owned());
+            Ok(Description::Stated(spec))
+        }
+        Ok(Description::Proposed(mut proposal)) => {
+            proposal.name = name.strip_suffix(".zip").unwrap_or(name).to_owned();
+            proposal.described_by.push(path.to_owned());
+            proposal.archive = Some(path.to_owned());
+            Ok(Description::Proposed(proposal.with_key(true)))
+        }
+        // The folder's own name says nothing to anybody.
+        Err(CaseError::Wrong { case, found, expected }) => {
+            let inside = printable(&folder.display().to_string());
+            let case = case.replace(&inside, &printable(&path.display().to_string()));
+            Err(CaseError::Wrong { case, found, expected })
+        }
+        Err(other) => Err(other),
+    }
 }
 
 /// Some files and folders as one case, fibre tracts among them; at least one path.
@@ -341,6 +374,55 @@ fn note_kinds(entries: &[Entry], notes: &mut Vec<Check>) {
     note(true, true, "from contents (few values, all whole numbers)");
 }
 
+/// Makes each of the labels of all label maps a mask. Where dates number tissues differently, each group of their schemes is
+/// one instead, so that no label is compared with another tissue's.
+fn divide(files: &mut [ProposedFile], labels: &[i64], notes: &mut Vec<Check>) {
+    let mut maps: Vec<&mut ProposedFile> = files.iter_mut().filter(|file| file.role == Role::Mask).collect();
+    let schemes: Vec<Option<&Scheme>> = maps.iter().map(|file| file.scheme.as_ref()).collect();
+    let mut names: Vec<&str> = schemes.iter().flatten().map(|scheme| scheme.name.as_str()).collect();
+    names.dedup();
+    let meanings = |scheme: &Scheme| -> Vec<Option<String>> {
+        labels.iter().map(|label| Some(scheme.label(*label)?.name.clone())).collect()
+    };
+    let differ = schemes.iter().flatten().any(|scheme| Some(meanings(scheme)) != schemes[0].map(meanings));
+    let is_grouped =
+        differ && schemes.iter().all(|scheme| scheme.is_some_and(|scheme| !scheme.groups.is_empty()));
+    if differ {
+        let instead = if is_grouped {
+            "whole tumour, core and enhancing tumour are masks instead"
+        } else {
+            "a label isn't the same tissue at every date"
+        };
+        let known = if schemes.contains(&None) { "some as in" } else { "as in" };
+        let text = format!(
+            "label maps: found labels {known} {}, expected the same at every date; {instead}",
+            names.join(" and ")
+        );
+        notes.push(Check::warning("label-schemes-differ", text));
+    }
+    let text = if is_grouped {
+        format!("masks: guessed the groups of {}", names.join(" and "))
+    } else {
+        let words: Vec<String> = labels.iter().map(i64::to_string).collect();
+        let meaning = match names.as_slice() {
+            [one] if !differ => format!("named as in {one}"),
+            _ => "what they mean is unknown".into(),
+        };
+        format!("masks: guessed one for each label of the label map: {}; {meaning}", words.join(", "))
+    };
+    for file in &mut maps {
+        if is_grouped {
+            file.group();
+            continue;
+        }
+        // Every date has a mask of each label, whether its map has it or not.
+        let own = std::mem::replace(&mut file.labels, labels.to_vec());
+        file.split();
+        file.labels = own;
+    }
+    notes.push(Check::note("guessed-labels", text));
+}
+
 fn guess(
     folder: &Path,
     listing: Listing,
@@ -386,30 +468,12 @@ fn guess(
     let split = labels_as_masks(folder, &mut entries, options, progress)?;
     let has_masks = entries.iter().any(|e| e.is_mask);
     let mut files: Vec<ProposedFile> = entries.into_iter().map(|e| proposed(folder, e)).collect();
+    let table = Scheme::beside(folder, &listing.tables);
+    files.iter_mut().for_each(|file| file.find_scheme(table.as_ref()));
     tell_files_apart(&mut files);
     drop_alike_colors(&mut files);
     if let Some(labels) = &split {
-        // Every date has a mask of each label, whether its map has it or not.
-        let maps: Vec<&mut ProposedFile> = files.iter_mut().filter(|file| file.role == Role::Mask).collect();
-        let years: Vec<Option<&str>> = maps
-            .into_iter()
-            .map(|file| {
-                let own = std::mem::replace(&mut file.labels, labels.clone());
-                let years = file.split();
-                file.labels = own;
-                years
-            })
-            .collect();
-        let words: Vec<String> = labels.iter().map(i64::to_string).collect();
-        let meaning = match years.first() {
-            Some(Some(first)) if years.iter().all(|years| *years == Some(*first)) => {
-                format!("named as in {first}, as the file's name says")
-            }
-            _ => "what they mean is unknown".into(),
-        };
-        let text =
-            format!("masks: guessed one for each label of the label map: {}; {meaning}", words.join(", "));
-        notes.push(Check::note("guessed-labels", text));
+        divide(&mut files, labels, &mut notes);
     } else if files.iter().any(|file| file.masks.iter().any(|mask| mask.segment.is_some())) {
         notes.push(Check::note("guessed-labels", "masks: one for each segment that a file names"));
     } else if has_masks {

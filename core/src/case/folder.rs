@@ -6,13 +6,13 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::CaseError;
+use super::{CaseError, Scheme};
 use crate::{
     Check, Progress,
     check::listed,
     files::{
         broken_link, dicom,
-        format::{is_tracts, is_volume, volume_stem},
+        format::{is_dsi_studio, is_tracts, is_volume, volume_stem},
         other_half, printable, read_head, stand_in,
     },
 };
@@ -42,6 +42,8 @@ pub(super) struct Listing {
     pub tracts: Vec<PathBuf>,
     /// DICOM files, likewise: slices and masks.
     pub dicom: Vec<PathBuf>,
+    /// Tables that may say what labels mean, likewise.
+    pub tables: Vec<PathBuf>,
     /// Whether some folders lie too deep to be searched for images.
     pub has_deeper: bool,
     /// What is left out.
@@ -63,6 +65,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
 pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
     let (mut volumes, mut tracts, mut dicom) = (Vec::new(), Vec::new(), Vec::new());
+    let mut tables = Vec::new();
     let (mut visited, mut has_deeper) = (0, false);
     let mut pending = vec![(folder.to_path_buf(), 0)];
     while let Some((current, depth)) = pending.pop() {
@@ -103,6 +106,7 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
                         dicom.push(relative);
                     }
                     FileKind::Half => {}
+                    FileKind::Table => tables.push(relative),
                     FileKind::Other => out.other(&relative),
                     FileKind::Unusable(why) => out.name(&relative, &why),
                 }
@@ -112,7 +116,8 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
     volumes.sort();
     tracts.sort();
     dicom.sort();
-    Ok(Listing { volumes, tracts, dicom, has_deeper, left_out: out.checks() })
+    tables.sort();
+    Ok(Listing { volumes, tracts, dicom, tables, has_deeper, left_out: out.checks() })
 }
 
 /// Images, masks and tracts among `paths`, which are relative to `folder`; folders among them are searched.
@@ -131,6 +136,7 @@ pub(super) fn list_files(
             all.volumes.extend(inner.volumes.iter().map(|file| path.join(file)));
             all.tracts.extend(inner.tracts.iter().map(|file| path.join(file)));
             all.dicom.extend(inner.dicom.iter().map(|file| path.join(file)));
+            all.tables.extend(inner.tables.iter().map(|file| path.join(file)));
             all.left_out.extend(inner.left_out);
             continue;
         }
@@ -143,11 +149,12 @@ pub(super) fn list_files(
             FileKind::Volume => all.volumes.push(path.clone()),
             FileKind::Dicom => all.dicom.push(path.clone()),
             FileKind::Half => {}
+            FileKind::Table => all.tables.push(path.clone()),
             FileKind::Other => out.name(path, "a file of another kind"),
             FileKind::Unusable(why) => out.name(path, &why),
         }
     }
-    for list in [&mut all.volumes, &mut all.tracts, &mut all.dicom] {
+    for list in [&mut all.volumes, &mut all.tracts, &mut all.dicom, &mut all.tables] {
         list.sort();
         list.dedup();
     }
@@ -161,6 +168,8 @@ enum FileKind {
     Tracts,
     /// A slice, or a file of masks; whatever its name.
     Dicom,
+    /// A table of labels.
+    Table,
     /// The second half of a pair, read with the first.
     Half,
     Other,
@@ -171,11 +180,14 @@ fn kind(path: &Path, name: &str, meta: Option<&Metadata>) -> FileKind {
     if is_tracts(name) {
         return FileKind::Tracts;
     }
+    if is_dsi_studio(name) {
+        return FileKind::Unusable("fibre tracts of DSI Studio, which are not read".into());
+    }
     if volume_stem(name).is_none() && dicom::is_dicom(path) {
         return FileKind::Dicom;
     }
     if !is_volume(name) {
-        return FileKind::Other;
+        return if Scheme::is_table(path) { FileKind::Table } else { FileKind::Other };
     }
     match unusable(path, meta) {
         Some(why) => FileKind::Unusable(why),

@@ -17,6 +17,10 @@
 //! color = "#d62728"        # optional
 //! name = "tumour core"     # optional: what it is called beside its id
 //! [[mask]]
+//! id = "BraTS"
+//! file = "seg.nii.gz"
+//! scheme = "brats-2021"    # in place of labels: masks BraTS-WT, BraTS-TC, BraTS-ET; or a table of labels: a mask of each
+//! [[mask]]
 //! id = "lesion"
 //! file = "DICOM"           # a folder of DICOM files
 //! series = "1.2.840.1"     # Series Instance UID; optional where the folder holds one series
@@ -32,7 +36,7 @@ use std::{collections::HashSet, path::Path};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec};
+use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, TractsSpec};
 use crate::files::{Part, Source, Which, printable, read_small_text};
 
 /// The version written, and the only one read.
@@ -84,6 +88,7 @@ struct MaskEntry {
     frame: Option<Spanned<i64>>,
     segment: Option<Spanned<i64>>,
     labels: Option<Spanned<Vec<i64>>>,
+    scheme: Option<Spanned<String>>,
     time: Option<Spanned<Time>>,
     color: Option<Spanned<String>>,
     name: Option<Spanned<String>>,
@@ -250,6 +255,27 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
             source_of(&entry.file, &entry.series, &entry.frame, &entry.segment)?,
             time_of(&entry.time)?,
         );
+        if let Some(scheme) = &entry.scheme {
+            let given = [
+                ("labels", entry.labels.is_some()),
+                ("segment", entry.segment.is_some()),
+                ("color", entry.color.is_some()),
+                ("name", entry.name.is_some()),
+            ];
+            if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given) {
+                let found = format!("scheme and {key} of one mask");
+                return Err(location.wrong(Some(scheme.span().start), found, "one of them"));
+            }
+            let known = Scheme::named(&text_of(scheme, "scheme")?, folder)?;
+            for mask in known.masks(&id, &source, time.as_deref()) {
+                if !masks.insert((mask.id.clone(), time.clone())) {
+                    let found = format!("mask {} twice", mask.id);
+                    return Err(location.wrong(Some(at), found, "each id once at each time"));
+                }
+                spec.masks.push(mask);
+            }
+            continue;
+        }
         if !masks.insert((id.clone(), time.clone())) {
             return Err(location.wrong(Some(at), format!("mask {id} twice"), "each id once at each time"));
         }

@@ -1,19 +1,20 @@
 //! A case: one patient's images and masks, over one or more time points.
 
 mod arguments;
-mod brats;
 mod case_grid;
 mod check;
 mod discover;
 mod findings;
 mod folder;
 mod load;
+mod made;
 mod manifest;
 mod names;
 mod native;
 mod order;
 mod origin;
 mod proposal;
+mod scheme;
 mod segments;
 mod select;
 mod sessions;
@@ -34,9 +35,11 @@ use crate::{
 pub use arguments::argument_with_file;
 pub use discover::{Description, describe, describe_files, has_manifest, open_spec};
 pub use load::load_with;
+pub use made::MadeMask;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::{OrderBasis, unordered_times};
 pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
+pub use scheme::{Scheme, SchemeGroup, SchemeLabel};
 pub use study::is_study;
 
 /// Maximum number of images, masks and tracts in a case: twenty raters over a hundred dates are half of it.

@@ -8,7 +8,8 @@ use std::{
 };
 
 use super::{
-    CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, TractsSpec, arguments, brats, names, tracts_id,
+    CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup, TractsSpec, arguments, names,
+    tracts_id,
 };
 use crate::{
     Check,
@@ -92,6 +93,8 @@ pub struct ProposedFile {
     pub masks: Vec<ProposedMask>,
     /// Its labels but 0, where it was found to be a label map; sorted.
     pub labels: Vec<i64>,
+    /// What its labels mean, where its name or a table beside it says so.
+    pub scheme: Option<Scheme>,
     pub(super) left_out_for: LeftOutFor,
 }
 
@@ -119,26 +122,53 @@ impl ProposedFile {
             time,
             masks: vec![mask],
             labels: Vec::new(),
+            scheme: None,
             left_out_for: LeftOutFor::Choice,
         }
     }
 
-    /// Makes each of its labels a mask, named where the file's name shows what the labels mean. Returns the source of the
-    /// names.
-    pub fn split(&mut self) -> Option<&'static str> {
+    /// Finds its scheme: that which its name shows, else the table beside it; only one that knows all its labels.
+    pub(super) fn find_scheme(&mut self, table: Option<&Scheme>) {
         let stem = self.path.file_name().and_then(|name| volume_stem(name.to_str()?)).unwrap_or_default();
-        let known = brats::label_names(stem, &self.labels);
-        let names = known.as_ref().map(|(_, names)| names.as_slice()).unwrap_or_default();
-        let mask = |(n, label): (usize, &i64)| ProposedMask {
-            is_in: true,
-            id: format!("{}-{label}", self.id),
-            labels: label.to_string(),
-            segment: None,
-            name: names.get(n).map(|name| (*name).to_owned()).unwrap_or_default(),
-            color: None,
+        let known = Scheme::of_stem(stem).or_else(|| table.cloned());
+        self.scheme = known.filter(|scheme| scheme.knows(&self.labels));
+    }
+
+    /// Makes each of its labels a mask, named and coloured as in its scheme.
+    pub fn split(&mut self) {
+        let mask = |label: &i64| {
+            let row = self.scheme.as_ref().and_then(|scheme| scheme.label(*label));
+            ProposedMask {
+                is_in: true,
+                id: format!("{}-{label}", self.id),
+                labels: label.to_string(),
+                segment: None,
+                name: row.map(|row| row.name.clone()).unwrap_or_default(),
+                color: row.and_then(|row| row.color),
+            }
         };
-        self.masks = self.labels.iter().enumerate().map(mask).collect();
-        known.map(|(years, _)| years)
+        self.masks = self.labels.iter().map(mask).collect();
+    }
+
+    /// Makes each group of its scheme a mask: whole tumour, core and enhancing tumour overlap. Nothing changes where it has
+    /// none.
+    pub fn group(&mut self) {
+        let groups = self.scheme.as_ref().map(|scheme| scheme.groups).unwrap_or_default();
+        if groups.is_empty() {
+            return;
+        }
+        let mask = |group: &SchemeGroup| {
+            let words: Vec<String> = group.labels.iter().map(i64::to_string).collect();
+            ProposedMask {
+                is_in: true,
+                id: format!("{}-{}", self.id, group.id),
+                labels: words.join(", "),
+                segment: None,
+                name: group.name.to_owned(),
+                color: None,
+            }
+        };
+        self.masks = groups.iter().map(mask).collect();
     }
 
     /// Makes each of the segments that it names a mask.
@@ -180,6 +210,12 @@ impl ProposedFile {
         }
     }
 
+    /// What a picture of it shows: the image, or its first mask. `None` for what can't be opened.
+    pub fn shown_source(&self) -> Option<Source> {
+        let can_open = self.role != Role::LeftOut || self.left_out_for != LeftOutFor::Fault;
+        can_open.then(|| self.source(self.masks.first().and_then(|mask| mask.segment)))
+    }
+
     fn masks_in(&self) -> impl Iterator<Item = (usize, &ProposedMask)> {
         let is_mask = self.role == Role::Mask;
         self.masks.iter().enumerate().filter(move |(_, mask)| is_mask && mask.is_in)
@@ -208,6 +244,8 @@ pub struct Proposal {
     pub name: String,
     /// The folder in which all its files lie.
     pub folder: PathBuf,
+    /// The archive that the folder is the content of.
+    pub archive: Option<PathBuf>,
     /// Its files: those of the case, then those proposed to be left out.
     pub files: Vec<ProposedFile>,
     /// Labels of the time points in time order, where that is stated; else empty.
@@ -233,6 +271,7 @@ impl Proposal {
         Self {
             name,
             folder: folder.to_owned(),
+            archive: None,
             files,
             order: Vec::new(),
             notes,
@@ -505,7 +544,8 @@ impl Proposal {
     pub(super) fn with_key(mut self, is_folder: bool) -> Self {
         let mut digest = Digest::new();
         digest.add(u64::from(is_folder));
-        digest.bytes(absolute(&self.folder).as_os_str().as_encoded_bytes());
+        let place = self.archive.as_ref().unwrap_or(&self.folder);
+        digest.bytes(absolute(place).as_os_str().as_encoded_bytes());
         let files = self.files.iter().map(|file| &file.path).chain(&self.described_by);
         for path in files {
             let relative = path.strip_prefix(&self.folder).unwrap_or(path);
@@ -513,7 +553,8 @@ impl Proposal {
             // Voxels may lie in other files.
             let others = crate::files::other_files(path);
             for path in std::iter::once(path).chain(&others) {
-                let metadata = path.metadata().ok();
+                // Files of an archive are written anew whenever it is unpacked.
+                let metadata = self.archive.as_ref().unwrap_or(path).metadata().ok();
                 let changed = metadata.as_ref().and_then(|m| m.modified().ok());
                 let since = changed.and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
                 let since = since.unwrap_or_default();
@@ -672,7 +713,15 @@ mod tests {
     fn an_edited_proposal_is_what_a_manifest_of_it_says() {
         let mut map = file("BraTS2021_00002_seg.nii.gz", Role::Mask, "seg", "b");
         map.labels = vec![1, 2, 4];
-        assert_eq!(map.split(), Some("BraTS 2021"));
+        map.find_scheme(None);
+        assert_eq!(map.scheme.as_ref().unwrap().name, "BraTS 2021");
+        map.group();
+        let masks = |file: &ProposedFile| {
+            file.masks.iter().map(|mask| format!("{}: {}", mask.id, mask.labels)).collect::<Vec<_>>()
+        };
+        assert_eq!(masks(&map), ["seg-WT: 1, 2, 4", "seg-TC: 1, 4", "seg-ET: 4"]);
+        map.split();
+        assert_eq!(masks(&map), ["seg-1: 1", "seg-2: 2", "seg-4: 4"]);
         let mut proposal = of_files(vec![
             map,
             file("t1.nii", Role::Image, " T1 ", "a"),

@@ -299,6 +299,9 @@ fn invalid_cases_are_refused_in_one_line_naming_the_cause() {
     );
     let unlabelled = MaskSpec { labels: Some(vec![]), ..mask("A", "a", None) };
     assert!(error(&case_of(vec![], vec![unlabelled])).contains("mask A with an empty list of labels"));
+    let background = MaskSpec { labels: Some(vec![1, 0]), ..mask("A", "a", None) };
+    let case = load_from(&case_of(vec![], vec![background]), &LoadOptions::default(), &[]).unwrap();
+    assert!(case.checks.iter().any(|check| check.code == "mask-of-background"));
 }
 
 /// Every order of `masks`.

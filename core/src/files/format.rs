@@ -154,6 +154,13 @@ pub fn tract_stem(name: &str) -> Option<&str> {
     stem(name, tract_endings())
 }
 
+/// Whether a file's name is that of fibre tracts of DSI Studio, which are named instead of read: the layout of `.tt.gz` is
+/// that program's own.
+pub fn is_dsi_studio(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    name.ends_with(".tt.gz") || name.ends_with(".tt")
+}
+
 /// Whether a file has a fibre tract extension.
 pub fn is_tracts(name: &str) -> bool {
     tract_stem(name).is_some()

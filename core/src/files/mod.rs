@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::{Cancelled, Check, Volume};
 
+pub mod archive;
 mod bounded_gzip;
 mod content;
 mod cross_check;

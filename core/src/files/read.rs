@@ -6,7 +6,7 @@ use super::{
     FileError, FileInfo, Loaded, LoadedTracts, Part, ReadOptions, Segment, Source, TractOptions, Which,
     bounded_gzip::Stream,
     dicom,
-    format::{TRACT_FORMATS, TractFormat, volume_format},
+    format::{TRACT_FORMATS, TractFormat, is_dsi_studio, volume_format},
 };
 use crate::{Progress, Samples, Scaling, Volume, check::listed, with_samples};
 
@@ -142,6 +142,9 @@ fn read_plain(mut stream: Stream<'_>, options: &TractOptions) -> Result<LoadedTr
     let expected = format!("tracts: {}", each.collect::<Vec<_>>().join(" or "));
     let wrong =
         |stream: &Stream<'_>, found: &str, expected: &str| FileError::wrong(stream.file(), found, expected);
+    if is_dsi_studio(stream.file()) {
+        return Err(wrong(&stream, "fibre tracts of DSI Studio (.tt.gz)", &expected));
+    }
     if stream.is_gzip() {
         return Err(wrong(&stream, "a gzip within a gzip", &expected));
     }

@@ -52,6 +52,8 @@ pub struct MaskLayer<'a> {
     pub opacity: f32,
     /// Width of outlines; 0 counts as 1.
     pub outline_px: u32,
+    /// Whether outlines have the gaps of their mask's [`crate::flat::OutlinePattern`].
+    pub outline_patterns: bool,
     /// Bits of a region that is shown but not filled: the one shared by two time points, so that the anatomy stays
     /// visible where nothing changed.
     pub unfilled: Option<u32>,
@@ -197,7 +199,7 @@ fn draw_masks(view: &SliceView, masks: &MaskLayer<'_>, rgba: &mut [u8]) {
         });
     }
     if masks.overlay != Overlay::Fill {
-        let owners = outlines(&bits, width, masks.outline_px.max(1) as usize);
+        let owners = outlines(&bits, width, masks.outline_px.max(1) as usize, masks.outline_patterns);
         let colors: Vec<Rgb> = (0..32).map(|k| masks.colors.mask(k)).collect();
         rows_of(rgba, view).zip(owners.par_chunks_exact(width)).for_each(|((_, line), owners)| {
             for (pixel, &owner) in line.chunks_exact_mut(4).zip(owners).filter(|(_, o)| **o != 0) {

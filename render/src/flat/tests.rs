@@ -37,7 +37,16 @@ fn mask_layer<'a>(
     selection: &'a Selection,
     overlay: Overlay,
 ) -> MaskLayer<'a> {
-    MaskLayer { index, colors, selection, overlay, opacity: 1.0, outline_px: 1, unfilled: None }
+    MaskLayer {
+        index,
+        colors,
+        selection,
+        overlay,
+        opacity: 1.0,
+        outline_px: 1,
+        outline_patterns: false,
+        unfilled: None,
+    }
 }
 
 fn masks_only(view: &SliceView, masks: MaskLayer<'_>) -> SliceImage {
@@ -418,6 +427,7 @@ fn a_slice_takes_milliseconds() {
         let context = Some(ContextLayer { image: &image, window: Window { low: 0.0, high: 1000.0 } });
         let masks = Some(MaskLayer {
             outline_px: 2,
+            outline_patterns: false,
             unfilled: None,
             opacity: 0.4,
             ..mask_layer(&index, &colors, &selection, Overlay::Both)

@@ -42,13 +42,13 @@ keywords! {
     }
 }
 
-/// The ramp's ends in Oklab (lightness, green to red, blue to yellow): a deep blue, legible on dark
-/// grey, and a light yellow, legible on near white. Blue to yellow with increasing lightness is
-/// distinguishable with every common colour vision deficiency.
-const RAMP: [[f64; 3]; 2] = [[0.42, -0.005, -0.145], [0.92, -0.03, 0.15]];
+/// The ramp's ends in Oklab (lightness, green to red, blue to yellow): a violet, legible on dark grey, and a light
+/// yellow, legible on near white. Blue would mean interaction, orange and teal growth and shrinkage. Lightness increases
+/// in equal steps, so the levels are distinguishable with every common colour vision deficiency.
+const RAMP: [[f64; 3]; 2] = [[0.42, 0.08, -0.14], [0.92, -0.01, 0.11]];
 
-/// Shift of the ramp's middle towards green, away from the greys of tissue outside the lens.
-const RAMP_BEND: f64 = -0.075;
+/// Shift of the ramp's middle towards pink, away from the greys of tissue outside the lens.
+const RAMP_BEND: f64 = 0.075;
 
 /// Found by a search that keeps hues near the additive rule, lightness L* of single masks about 40, of
 /// all three above 90. Least ΔE00 of any two: 26.0, and 21.0, 20.8 and 21.6 for protanopes,
@@ -77,9 +77,9 @@ const MANY_THESIS: [Rgb; 10] = [
     [120, 120, 130],
 ];
 
-/// The first three as for three masks, the others found by the same search: least ΔE00 of any two 23.5,
-/// and 19.4, 19.0 and 19.8 with the deficiencies.
-const MANY_SAFE: [Rgb; 8] = [
+/// The first three as for three masks, the others found by the same search: least ΔE00 of any two of the first eight
+/// 23.5, and 19.4, 19.0 and 19.8 with the deficiencies; of all 12.5, 11.2, 10.9 and 10.8.
+const MANY_SAFE: [Rgb; 16] = [
     [194, 28, 5],
     [10, 116, 100],
     [138, 17, 206],
@@ -88,6 +88,14 @@ const MANY_SAFE: [Rgb; 8] = [
     [102, 240, 246],
     [161, 143, 161],
     [218, 219, 190],
+    [56, 173, 131],
+    [156, 244, 68],
+    [142, 40, 41],
+    [105, 88, 133],
+    [109, 130, 182],
+    [208, 179, 185],
+    [188, 109, 80],
+    [160, 170, 210],
 ];
 
 fn linear(channel: u8) -> f64 {
@@ -98,7 +106,7 @@ fn encoded(linear: f64) -> u8 {
     (srgb::encode(linear) * 255.0).round() as u8
 }
 
-/// Colour where `masks` of `of` masks are active: dark blue for one, light yellow for all, in
+/// Colour where `masks` of `of` masks are active: violet for one, light yellow for all, in
 /// equal steps of Oklab lightness (Ottosson 2020). Levels outside 1 to `of` get the nearest end.
 pub fn agreement_color(masks: u32, of: usize) -> Rgb {
     let last = of.max(1) as f64 - 1.0;
@@ -114,6 +122,13 @@ pub fn agreement_color(masks: u32, of: usize) -> Rgb {
         -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s,
     ]
     .map(encoded)
+}
+
+/// The colour of mask `k` of many in the thesis' palette: where its own are used up, the others' last ones.
+fn many_thesis(k: usize) -> Rgb {
+    let further = &MANY_SAFE[8..];
+    let nth = k % (MANY_THESIS.len() + further.len());
+    MANY_THESIS.get(nth).copied().unwrap_or_else(|| further[nth - MANY_THESIS.len()])
 }
 
 /// The colours of one case's masks and regions.
@@ -137,7 +152,7 @@ impl MaskColors {
                 own.unwrap_or_else(|| match (palette, by_table) {
                     (Palette::Thesis, true) => [[255, 0, 0], [0, 255, 0], [0, 0, 255]][k],
                     (Palette::ColorBlindSafe, true) => SAFE_REGIONS[1 << k],
-                    (Palette::Thesis, false) => MANY_THESIS[k % MANY_THESIS.len()],
+                    (Palette::Thesis, false) => many_thesis(k),
                     (Palette::ColorBlindSafe, false) => MANY_SAFE[k % MANY_SAFE.len()],
                 })
             })
@@ -319,8 +334,10 @@ mod tests {
         };
         let safe = least(&regions(Palette::ColorBlindSafe));
         assert!(safe[0] > 25.0 && safe.iter().all(|d| *d > 20.0), "{safe:?}");
+        let first = least(&MANY_SAFE[..8]);
+        assert!(first[0] > 23.0 && first.iter().all(|d| *d > 18.0), "{first:?}");
         let many = least(&MANY_SAFE);
-        assert!(many[0] > 23.0 && many.iter().all(|d| *d > 18.0), "{many:?}");
+        assert!(many.iter().all(|d| *d > 10.0), "{many:?}");
         // The measure tells a palette that isn't safe.
         assert!(least(&regions(Palette::Thesis))[1] < 5.0);
     }

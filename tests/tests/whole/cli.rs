@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glioscope::model::CaseRef;
-use glioscope_tests::{real_data, run, workstation};
+use glioscope_tests::{real_data, run, workstation, write_cube};
 use serde_json::Value;
 
 use crate::PROGRAM;
@@ -81,6 +81,30 @@ fn invalid_input_gives_one_error_line_and_exit_code_2() {
 }
 
 /// Whatever name an output has, no file of the case is overwritten, and none is even when a link leads there.
+#[test]
+fn labels_that_are_no_numbers_are_told_from_a_file_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.nii.gz");
+    write_cube(&path, 4, 1.0, |[i, ..]| u8::from(i < 2));
+    let argument = |end: &str| format!("A={}{end}", path.display());
+    assert_refused(&["measure", "--mask", &argument(":tumour")], &["--mask", "\"tumour\"", "whole numbers"]);
+    assert_refused(&["measure", "--mask", &argument(":1,x@now")], &["\"1,x\"", "whole numbers"]);
+    // A file of that name is that file.
+    let odd = folder.path().join("m.nii.gz:x");
+    std::fs::copy(&path, &odd).unwrap();
+    let text = json(&["measure", "--json", "--mask", &format!("A={}", odd.display())]);
+    assert_eq!(text["time_points"][0]["masks"][0]["voxels"], 32);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_help_that_can_not_be_written_is_an_error() {
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = std::process::Command::new(PROGRAM).arg("--help").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).starts_with("glioscope: stdout: found"));
+}
+
 #[test]
 fn outputs_never_overwrite_the_case() {
     let folder = tempfile::tempdir().unwrap();

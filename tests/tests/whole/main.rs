@@ -14,6 +14,7 @@ mod dicom;
 mod faults;
 mod figures;
 mod goldens;
+mod made_masks;
 mod monkey;
 mod real_views;
 mod real_window;

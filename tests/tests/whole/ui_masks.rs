@@ -4,9 +4,11 @@ use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{PaneId, masks::MaskLook, session},
+    model::{CaseRef, HiddenRegions, PaneId, masks::MaskLook, session},
 };
-use glioscope_tests::{MASK_COLORS, Window, count_shades, crop, doc, pane_picture, perform, sample};
+use glioscope_tests::{
+    MASK_COLORS, Window, count_shades, crop, doc, pane_picture, perform, sample, window_on, write_cube,
+};
 
 #[test]
 fn a_mask_is_renamed_in_the_dialog_everywhere_in_the_window() {
@@ -33,6 +35,21 @@ fn a_mask_is_renamed_in_the_dialog_everywhere_in_the_window() {
     harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     harness.run_ok();
     assert!(harness.query_by_label("T2 only").is_some(), "undone at once");
+}
+
+#[test]
+fn one_mask_has_its_size_and_no_diagram() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.nii.gz");
+    write_cube(&path, 8, 1.0, |at| u8::from(at.iter().all(|i| (2..6).contains(i))));
+    let masks = vec![format!("A={}", path.display())];
+    let case = CaseRef::Arguments { masks, contexts: Vec::new() };
+    let mut harness = window_on(case, [1280.0, 720.0], egui::Theme::Dark);
+    assert!(harness.query_by_label("One mask: no overlaps.").is_some());
+    assert!(harness.query_by_label("Whole masks").is_none(), "one mask has no overlaps to tell apart");
+    harness.get_by_label("Show A").click();
+    harness.run_ok();
+    assert_ne!(doc(&harness).edit.selection, HiddenRegions::none(), "hidden by a click on its row");
 }
 
 #[test]

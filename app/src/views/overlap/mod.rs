@@ -84,13 +84,26 @@ const MAX_RING_MASKS: usize = 3;
 /// agreement of each pair of masks; empty until it is computed. Returns the bits of the region under the cursor, in the
 /// diagram or in the table; `None` in whole-mask mode.
 pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Commands) -> Option<u32> {
-    header(ui, input, out);
+    let is_single = input.regions.mask_ids().len() == 1;
+    if !is_single {
+        header(ui, input, out);
+    }
     if input.regions.union_voxels() == 0 {
         empty_message(ui, input);
         return None;
     }
     let hovered_row_id = ui.scope_id().with("pointed at in the table");
     let marked: Option<Target> = ui.data(|d| d.get_temp(hovered_row_id)).flatten();
+    if is_single {
+        // A ring of one mask says nothing.
+        let hovered = ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+            let hovered = table::regions(ui, input, marked, out);
+            ui.add_space(6.0);
+            ui.weak("One mask: no overlaps.");
+            hovered
+        });
+        return hovered.inner.and_then(Target::region);
+    }
     let size = ui.available_size();
     let mut in_diagram = None;
     let mut in_table = None;
@@ -141,10 +154,7 @@ pub fn show(ui: &mut Ui, input: &OverlapInput<'_>, pairs: &[Pair], out: &mut Com
         ui.data_mut(|d| d.insert_temp(hovered_row_id, in_table));
         ui.ctx().request_repaint();
     }
-    match in_diagram.or(in_table) {
-        Some(Target::Region(bits)) => Some(bits),
-        _ => None,
-    }
+    in_diagram.or(in_table).and_then(Target::region)
 }
 
 /// Draws only the diagram and the bar, filling `ui`: for pictures. While all regions are shown, the area of each mask's
@@ -155,10 +165,7 @@ pub fn show_diagram(ui: &mut Ui, input: &OverlapInput<'_>, out: &mut Commands) -
         return None;
     }
     let size = ui.available_size();
-    match diagram_in(ui, size, input, None, out) {
-        Some(Target::Region(bits)) => Some(bits),
-        _ => None,
-    }
+    diagram_in(ui, size, input, None, out).and_then(Target::region)
 }
 
 /// Where the matrix of agreement stands while the tables are below the diagram.

@@ -15,6 +15,16 @@ pub enum Target {
     Mask(usize),
 }
 
+impl Target {
+    /// The bits of a region; `None` for a mask.
+    pub(super) fn region(self) -> Option<u32> {
+        match self {
+            Self::Region(bits) => Some(bits),
+            Self::Mask(_) => None,
+        }
+    }
+}
+
 impl OverlapInput<'_> {
     /// `T1+PET`, or the mask's own name.
     pub(super) fn name(&self, target: Target) -> String {

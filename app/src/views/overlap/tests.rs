@@ -473,11 +473,11 @@ fn all_of_many_regions_are_in_the_accessibility_tree() {
 
 #[test]
 fn the_context_menu_shows_only_its_region() {
-    let mut setup = Setup::new(regions(&["T1"], &[(1, 3400)]));
+    let mut setup = Setup::new(regions(&["T1", "T2"], &[(1, 3400)]));
     setup.selection.set(1, false);
     let (mut h, sent) = setup.harness();
     h.run();
-    h.get_by_label("T1, 3.40 ml, 100.0 % of union, hidden").click_secondary();
+    h.get_by_label("T1 only, 3.40 ml, 100.0 % of union, hidden").click_secondary();
     h.run();
     save_picture("menu_dark_small", &mut h);
     h.get_by_label("Show only T1").click();

@@ -5,16 +5,22 @@ use std::sync::Arc;
 
 use egui::{Align2, Color32, Galley, Painter, Pos2, Stroke, Ui, pos2, vec2};
 
-use glioscope_render::{Coloring, agreement_color};
+use glioscope_render::{
+    Coloring, agreement_color,
+    flat::{OutlinePattern, Overlay},
+};
 
 use super::{
     Input, Layout,
     ruler::{self, Draft, Look},
     shown_grid, sides_known,
 };
-use crate::format;
 use crate::theme::{
     self, CROSSHAIR, EDGE, HEADING_POINTS, LABEL_POINTS, ON_IMAGE, TEXT_POINTS, WARNING_ON_IMAGE,
+};
+use crate::{
+    format,
+    model::overlap::{Shown, mask_shown},
 };
 
 /// Width kept for an orientation letter on either side of the middle, points.
@@ -46,6 +52,8 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
     scale_bar(&painter, layout, readout_height);
     if input.colors.coloring() == Coloring::Agreement {
         agreement(&painter, layout, input.colors.mask_count(), readout_height);
+    } else if input.doc.edit.outline_patterns && input.doc.edit.overlay != Overlay::Fill {
+        patterns(&painter, input, layout, readout_height);
     }
 }
 
@@ -86,6 +94,35 @@ fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f
         at.x += step;
     }
     draw_text(painter, at + vec2(4.0, 0.0), Align2::LEFT_TOP, "masks", LABEL_POINTS, ON_IMAGE);
+}
+
+/// Legend of the outlines' patterns: a line per mask shown, as many as fit into half the height.
+fn patterns(painter: &Painter, input: &Input<'_>, layout: &Layout, readout_height: f32) {
+    const ROW_POINTS: f32 = 14.0;
+    const LINE_POINTS: f32 = 26.0;
+    if input.compared.is_some() && input.doc.edit.change.on_slices {
+        return;
+    }
+    let regions = &input.time_point.regions;
+    let shown = regions.mask_ids().iter().enumerate();
+    let shown = shown.filter(|(k, _)| mask_shown(regions, input.selection, *k) != Shown::None);
+    let room = (layout.rect.height() * 0.5 / ROW_POINTS) as usize;
+    let mut at = layout.rect.left_bottom() + vec2(MARGIN_POINTS, -readout_height - 8.0);
+    for (k, id) in shown.take(room).collect::<Vec<_>>().into_iter().rev() {
+        at.y -= ROW_POINTS;
+        let ends = [at + vec2(0.0, ROW_POINTS / 2.0), at + vec2(LINE_POINTS, ROW_POINTS / 2.0)];
+        painter.line_segment(ends, Stroke::new(4.0, EDGE));
+        let stroke = Stroke::new(2.0, theme::color(input.colors.mask(k)));
+        let [mark, gap] = OutlinePattern::of_mask(k).mark_and_gap_widths().map(|widths| widths as f32 * 1.5);
+        if gap > 0.0 {
+            painter.extend(egui::Shape::dashed_line(&ends, stroke, mark, gap));
+        } else {
+            painter.line_segment(ends, stroke);
+        }
+        let name = input.doc.edit.masks.name(id);
+        let place = at + vec2(LINE_POINTS + 5.0, 0.0);
+        draw_text(painter, place, Align2::LEFT_TOP, &name, LABEL_POINTS, ON_IMAGE);
+    }
 }
 
 fn crosshair(painter: &Painter, layout: &Layout, at: Pos2) {

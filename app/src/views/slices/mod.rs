@@ -200,6 +200,7 @@ struct SliceKey {
     overlay: Overlay,
     opacity: f32,
     outline_px: u32,
+    outline_patterns: bool,
     style: SliceStyle,
 }
 
@@ -260,6 +261,7 @@ impl SlicePane {
             overlay: edit.overlay,
             opacity: edit.overlay_opacity,
             outline_px,
+            outline_patterns: edit.outline_patterns,
             style,
         };
         if let Some(drawn) = &self.drawn
@@ -276,6 +278,7 @@ impl SlicePane {
                 overlay: edit.overlay,
                 opacity: edit.overlay_opacity,
                 outline_px,
+                outline_patterns: edit.outline_patterns,
                 unfilled: masks.unfilled,
             }),
             style,

@@ -38,6 +38,9 @@ pub enum AppError {
     /// No usable graphics adapter or device.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// A server of an archive can't be used.
+    #[error(transparent)]
+    Pacs(#[from] glioscope_pacs::Error),
     /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

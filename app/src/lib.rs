@@ -14,6 +14,7 @@ pub mod export;
 pub mod format;
 pub mod model;
 pub mod output;
+pub mod pacs;
 pub mod theme;
 pub mod views;
 pub mod window;

@@ -14,6 +14,7 @@ use super::{
     change::ChangeArguments,
     ellipsoids::Neighbors,
     export::ExportArguments,
+    pacs::PacsTask,
     parse::{self, LensArgument, View, keyword},
     tracts::TractArguments,
 };
@@ -102,6 +103,12 @@ pub enum Task {
     Change(Box<ChangeArguments>),
     /// Write masks or regions as files of other programs.
     Export(Box<ExportArguments>),
+    /// List, retrieve and send studies of an archive (PACS) by DICOMweb.
+    Pacs {
+        /// What is done.
+        #[command(subcommand)]
+        task: PacsTask,
+    },
     /// Draw one view into a PNG.
     Render(Box<RenderArguments>),
     /// Write the pictures of every view and all numbers into a folder.

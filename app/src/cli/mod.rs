@@ -11,6 +11,7 @@ mod info;
 mod light;
 mod measure;
 mod offscreen_app;
+mod pacs;
 mod parse;
 mod render;
 mod report;
@@ -85,6 +86,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
+        Some(Task::Pacs { task }) => pacs::run(task),
         Some(Task::Sample { out }) => sample::run(&out),
     }
 }

@@ -17,6 +17,7 @@ use crate::model::{CaseRef, ExportFormat, PaneId, PictureSize};
 pub enum AppCommand {
     OpenDialog,
     OpenSample,
+    ShowPacs,
     Open(CaseRef),
     OpenSession(PathBuf),
     AddTracts(Vec<PathBuf>),
@@ -64,6 +65,7 @@ impl AppCommand {
         match kind {
             AppKind::OpenDialog => vec![listed(Self::OpenDialog).keys(CTRL, Key::O).menu(Menu::File, 0)],
             AppKind::OpenSample => vec![listed(Self::OpenSample).menu(Menu::File, 0)],
+            AppKind::ShowPacs => vec![listed(Self::ShowPacs).menu(Menu::File, 0)],
             AppKind::ShowCaseFiles => vec![listed(Self::ShowCaseFiles).menu(Menu::File, 1)],
             AppKind::SaveSession => vec![listed(Self::SaveSession).keys(CTRL, Key::S).menu(Menu::File, 1)],
             AppKind::SaveSessionAs => {
@@ -192,6 +194,7 @@ impl AppCommand {
             Self::ShowPalette => Label::new("All commands…"),
             Self::ToggleDark => Label::new("Light or dark"),
             Self::ShowMasks => Label::new("Names and colours of masks…"),
+            Self::ShowPacs => Label::new("Open from PACS…").detail("Studies of an archive, by DICOMweb"),
             Self::ShowMakeMask => Label::new("Make a mask of the selection…")
                 .detail("Of what is shown, of what is in the lens, of one piece, or where masks agree"),
             Self::ShowAbout => Label::new("About Glioscope"),

@@ -15,6 +15,7 @@ mod modal;
 pub mod numbers;
 pub mod offscreen;
 mod order_dates;
+mod pacs;
 mod palette;
 mod panes;
 mod perform;
@@ -48,8 +49,10 @@ use crate::{
 };
 use autosave::Autosave;
 use dialogs::{Choice, Chooser, Dialog, Purpose};
+use glioscope_pacs::InUse;
 use leave::Leave;
 use make_mask::MakeMask;
+use pacs::PacsDialog;
 use palette::CommandPalette;
 use panes::PaneArea;
 use pictures::Pictures;
@@ -65,6 +68,8 @@ struct OpenParts {
     about: bool,
     /// The dialog of names and colours of masks.
     masks: bool,
+    /// The dialog that opens a study of an archive.
+    pacs: Option<PacsDialog>,
     /// The dialog that makes a mask.
     make_mask: Option<MakeMask>,
     /// The list of warnings.
@@ -97,6 +102,8 @@ pub struct GlioscopeApp {
     open: OpenParts,
     palette: CommandPalette,
     thumbnails: Thumbnails,
+    /// Studies that stay in the cache while the window is open.
+    in_use: Vec<InUse>,
     recent: Recent,
     preferences: Preferences,
     /// How files are chosen.
@@ -138,6 +145,7 @@ impl GlioscopeApp {
             open: OpenParts::default(),
             palette: CommandPalette::default(),
             thumbnails: Thumbnails::default(),
+            in_use: Vec::new(),
             recent,
             preferences,
             chooser: dialogs::desktop_chooser(),
@@ -225,8 +233,8 @@ impl GlioscopeApp {
         let covered = self.open.path.is_some();
         // Before what it may cover, so that it has the keyboard.
         typed_path::show(ui, &mut self.open.path, &mut out);
-        let asks_of_masks = self.open.masks || self.open.make_mask.is_some();
-        if !covered && !asks_of_masks && !self.open.about && !self.palette.is_open() {
+        let asks_else = self.open.masks || self.open.make_mask.is_some() || self.open.pacs.is_some();
+        if !covered && !asks_else && !self.open.about && !self.palette.is_open() {
             order_dates::show(ui, &mut self.work, &mut out);
         }
         if self.work.guess.is_none() {
@@ -235,6 +243,7 @@ impl GlioscopeApp {
         case_files::show(ui, &mut self.work, &mut self.thumbnails, covered, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         make_mask::show(ui, &mut self.open.make_mask, &self.work, &mut out);
+        pacs::show(ui, &mut self.open.pacs, &mut self.in_use, &mut self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
         let now = Instant::now();
@@ -322,6 +331,7 @@ impl GlioscopeApp {
             || self.open.about
             || self.open.masks
             || self.open.make_mask.is_some()
+            || self.open.pacs.is_some()
             || self.open.path.is_some()
             || self.palette.is_open()
             || modal::is_open(ctx)

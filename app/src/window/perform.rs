@@ -8,6 +8,7 @@ use super::{
     enlarged::Enlarged,
     make_mask::MakeMask,
     numbers::Shown,
+    pacs::PacsDialog,
     typed_path::TypedPath,
 };
 use crate::{
@@ -93,6 +94,7 @@ impl GlioscopeApp {
             }
             AppCommand::ShowPalette => self.palette.open(),
             AppCommand::ShowMasks => self.open.masks = true,
+            AppCommand::ShowPacs => self.open.pacs = Some(PacsDialog::new()),
             AppCommand::ShowMakeMask => self.open.make_mask = Some(MakeMask::new(&self.work)),
             AppCommand::ShowAbout => self.open.about = true,
             AppCommand::ToggleDark => {

@@ -20,12 +20,9 @@ pub struct Recent {
 }
 
 impl Recent {
-    /// The user's list; `GLIOSCOPE_CONFIG` overrides the configuration folder.
+    /// The list in the user's configuration folder.
     pub fn of_user() -> Self {
-        let folder = std::env::var_os("GLIOSCOPE_CONFIG").map(PathBuf::from).or_else(|| {
-            directories::ProjectDirs::from("", "", "glioscope").map(|d| d.config_dir().to_owned())
-        });
-        folder.map_or_else(Self::default, |folder| Self::in_folder(&folder))
+        kept::config_folder().map_or_else(Self::default, |folder| Self::in_folder(&folder))
     }
 
     /// The folder that it is stored in; `None`: it is stored nowhere.

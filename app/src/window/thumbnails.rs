@@ -58,11 +58,6 @@ impl Thumbnails {
         self.made.clear();
     }
 
-    /// Whether a picture is being made.
-    pub fn working(&self) -> bool {
-        self.job.is_some()
-    }
-
     fn receive(&mut self, ui: &Ui) {
         let Some(result) = self.job.as_ref().and_then(|(_, job)| job.poll()) else { return };
         let Some((source, _)) = self.job.take() else { return };

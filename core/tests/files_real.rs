@@ -14,13 +14,15 @@ use common::{
     truth::{self, InRas},
 };
 use glam::DVec3;
+use glioscope_core::{
+    Progress,
+    files::{self, Source},
+};
 
 #[test]
 fn every_data_type_loads_or_is_refused_with_its_name() {
     let Some(folder) = real_data("nifti-types") else { return };
     let refused = |name: &str| match name {
-        "rgb/3D.nii" | "rgb/4D.nii" => Some("voxels of type RGB24"),
-        "rgba/4D.nii" => Some("voxels of type RGBA32"),
         "complex/complex32.nii" => Some("voxels of type complex64"),
         "complex/complex64.nii" => Some("voxels of type complex128"),
         "avg152T1_LR_nifti.hdr.gz" => Some("no .img.gz or .img beside it"),
@@ -39,7 +41,26 @@ fn every_data_type_loads_or_is_refused_with_its_name() {
             (Err(e), None) => panic!("{e}"),
         }
     }
-    assert_eq!(loaded, 30);
+    assert_eq!(loaded, 33);
+}
+
+/// Colours of the voxels, as counted with Python's struct: three of one voxel each, the others black.
+#[test]
+fn colours_are_labels() {
+    let Some(folder) = real_data("nifti-types") else { return };
+    for name in ["rgb/3D.nii", "rgb/4D.nii", "rgba/4D.nii"] {
+        let path = folder.join(name);
+        let source = Source::File(path.clone());
+        let segments = files::segments(&source, &Progress::new()).unwrap();
+        let colors: Vec<_> = segments.iter().map(|segment| segment.color.unwrap()).collect();
+        assert_eq!(colors, [[0, 55, 55], [55, 0, 55], [55, 55, 0]], "{name}");
+        assert_eq!((segments[0].name.as_str(), segments[2].label), ("#003737", Some(3)));
+        let loaded = read(&path).unwrap();
+        let counts = [0, 1, 2, 3]
+            .map(|label| (0..27).filter(|at| loaded.volume.value(*at) == f64::from(label)).count());
+        assert_eq!(counts, [24, 1, 1, 1], "{name}");
+        assert!(loaded.checks.iter().any(|check| check.code == "color-labels"));
+    }
 }
 
 #[test]

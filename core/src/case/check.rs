@@ -75,6 +75,28 @@ pub(super) fn time_order(listed: &[String], ordered: &[String], basis: OrderBasi
     (listed != ordered).then(|| Check::note("time-order", text))
 }
 
+/// Masks of one id that are called differently at different dates: labels of two schemes, most often.
+pub(super) fn names(spec: &CaseSpec) -> Vec<Check> {
+    let mut seen: Vec<(&str, Vec<&str>)> = Vec::new();
+    for mask in &spec.masks {
+        let Some(name) = mask.name.as_deref() else { continue };
+        match seen.iter_mut().find(|(id, _)| *id == mask.id) {
+            Some((_, names)) if names.contains(&name) => {}
+            Some((_, names)) => names.push(name),
+            None => seen.push((&mask.id, vec![name])),
+        }
+    }
+    let differ = seen.into_iter().filter(|(_, names)| names.len() > 1);
+    let text = |(id, names): (&str, Vec<&str>)| {
+        let names: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
+        format!(
+            "{id}: found the names {}, expected one mask: dates are compared by the id",
+            names.join(" and ")
+        )
+    };
+    differ.map(text).map(|text| Check::warning("mask-names-differ", text)).collect()
+}
+
 fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>) {
     let labels = spec.masks[m.spec].labels.as_deref();
     if labels.is_some_and(|labels| labels.contains(&0)) {

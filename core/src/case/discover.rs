@@ -405,7 +405,7 @@ fn divide(files: &mut [ProposedFile], labels: &[i64], notes: &mut Vec<Check>) {
     } else {
         let words: Vec<String> = labels.iter().map(i64::to_string).collect();
         let meaning = match names.as_slice() {
-            [one] if !differ => format!("named as in {one}"),
+            [one] if !differ && schemes.iter().all(Option::is_some) => format!("named as in {one}"),
             _ => "what they mean is unknown".into(),
         };
         format!("masks: guessed one for each label of the label map: {}; {meaning}", words.join(", "))
@@ -530,4 +530,51 @@ fn proposed(folder: &Path, entry: Entry) -> ProposedFile {
     }
     .into();
     file
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(stem: &str, time: &str, labels: &[i64]) -> ProposedFile {
+        let path = PathBuf::from(format!("{stem}.nii.gz"));
+        let mut file = ProposedFile::new(path, Role::Mask, "seg".into(), time.into());
+        file.labels = labels.to_vec();
+        file.find_scheme(None);
+        file
+    }
+
+    fn ids(file: &ProposedFile) -> Vec<String> {
+        file.masks.iter().map(|mask| format!("{}={}", mask.id, mask.labels)).collect()
+    }
+
+    #[test]
+    fn dates_that_number_tissues_differently_are_compared_by_tissue() {
+        let mut notes = Vec::new();
+        // Label 4 is the enhancing tumour at first, the resection cavity then.
+        let mut files =
+            [map("BraTS2021_00002_seg", "a", &[1, 2, 4]), map("BraTS-GLI-00002-000-seg", "b", &[1, 2, 3, 4])];
+        divide(&mut files, &[1, 2, 3, 4], &mut notes);
+        assert_eq!(ids(&files[0]), ["seg-WT=1, 2, 4", "seg-TC=1, 4", "seg-ET=4"]);
+        assert_eq!(ids(&files[1]), ["seg-WT=1, 2, 3", "seg-TC=1, 3", "seg-ET=3"]);
+        assert_eq!(notes[0].code, "label-schemes-differ");
+
+        // A date of which nothing is known can't be grouped.
+        let mut notes = Vec::new();
+        let mut files = [map("BraTS2021_00002_seg", "a", &[1, 2, 4]), map("seg", "b", &[1, 2, 4])];
+        divide(&mut files, &[1, 2, 4], &mut notes);
+        assert_eq!(ids(&files[1]), ["seg-1=1", "seg-2=2", "seg-4=4"]);
+        assert!(notes[0].message.ends_with("what they mean is unknown"), "{}", notes[0].message);
+
+        let mut notes = Vec::new();
+        let mut files =
+            [map("BraTS2021_00002_seg", "a", &[1, 2]), map("BraTS2021_00002_b_seg", "b", &[1, 4])];
+        divide(&mut files, &[1, 2, 4], &mut notes);
+        assert_eq!(
+            (notes.len(), ids(&files[1])),
+            (1, ["seg-1=1", "seg-2=2", "seg-4=4"].map(str::to_owned).to_vec())
+        );
+        assert!(notes[0].message.ends_with("named as in BraTS 2021"), "{}", notes[0].message);
+        assert_eq!(files[0].labels, [1, 2], "its own are kept");
+    }
 }

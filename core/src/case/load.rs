@@ -261,6 +261,7 @@ pub fn load_with(
     let jobs = jobs(spec);
     let mut checks = spec.notes.clone();
     checks.extend(check::time_order(&listed, &labels, order));
+    checks.extend(check::names(spec));
     let (mut images, mut masks) = (Vec::new(), Vec::new());
     let (mut findings, mut stated) = (Vec::new(), Vec::new());
     let reads = jobs.par_iter().map(|job| read_one(job, spec, progress, read)).collect::<Vec<_>>();

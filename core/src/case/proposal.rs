@@ -454,6 +454,8 @@ impl Proposal {
         };
         let mut known: BTreeSet<(u8, String, String)> = BTreeSet::new();
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        // One id is one mask over time: what it is called at the first date that says so.
+        let mut names: BTreeMap<&str, (&str, String)> = BTreeMap::new();
         let is_dated = |file: &ProposedFile| matches!(file.role, Role::Image | Role::Mask);
         let has_times = self.files.iter().any(|file| is_dated(file) && file.time().is_some());
         for (n, file) in self.files.iter().enumerate() {
@@ -486,6 +488,18 @@ impl Proposal {
                 if labels(&mask.labels).is_none() {
                     let text = format!("labels {:?}: numbers separated by commas, or none", mask.labels);
                     add(n, Some(m), text);
+                }
+                let (id, name) = (mask.id.trim(), mask.name.trim());
+                match names.get(id) {
+                    Some((other, at)) if !name.is_empty() && *other != name => {
+                        let at = if at.is_empty() { "elsewhere".to_owned() } else { format!("at {at}") };
+                        let text = format!(
+                            "{id} is \"{name}\" here and \"{other}\" {at}: they need two ids, or one name"
+                        );
+                        add(n, Some(m), text);
+                    }
+                    None if !name.is_empty() => drop(names.insert(id, (name, time.clone()))),
+                    _ => {}
                 }
                 if mask.name.chars().any(char::is_control) {
                     add(n, Some(m), "a name with control characters".into());
@@ -707,6 +721,26 @@ mod tests {
         files[1].time = "later".into();
         drop_alike_colors(&mut files);
         assert_eq!(files[0].masks[0].color, Some([255, 0, 0]));
+    }
+
+    #[test]
+    fn one_mask_is_not_two_tissues() {
+        let mut first = file("BraTS2021_00002_seg.nii.gz", Role::Mask, "seg", "a");
+        let mut then = file("BraTS-GLI-00002-000-seg.nii.gz", Role::Mask, "seg", "b");
+        for map in [&mut first, &mut then] {
+            map.labels = vec![1, 4];
+            map.find_scheme(None);
+            map.split();
+        }
+        let mut proposal = of_files(vec![first, then]);
+        let problems: Vec<String> = proposal.problems().into_iter().map(|problem| problem.text).collect();
+        assert_eq!(problems.len(), 2, "{problems:?}");
+        assert!(
+            problems[1].starts_with("seg-4 is \"resection cavity\" here and \"enhancing tumour\" at a"),
+            "{problems:?}"
+        );
+        proposal.files.iter_mut().for_each(ProposedFile::group);
+        assert_eq!(proposal.problems(), []);
     }
 
     #[test]

@@ -141,7 +141,9 @@ pub fn cross_check(
     let loaded = ours::read(&source, options, progress)?;
     let header_path = ours::header_path(path)?;
     let bytes = (8 * loaded.volume.samples().len() as u64).saturating_mul(info.frames);
-    let theirs = if bytes > options.max_bytes {
+    let theirs = if info.components > 1 {
+        Err("it takes colours for numbers".to_owned())
+    } else if bytes > options.max_bytes {
         Err(format!("{bytes} bytes of values in all of its frames, above the limit of {}", options.max_bytes))
     } else {
         without_panic(move || read_with_crate(&header_path)).and_then(|read| read)

@@ -61,7 +61,7 @@ pub const VOLUME_FORMATS: &[VolumeFormat] = &[
         sniff: nifti::sniff,
         read: nifti::read,
         info: |source, progress| Ok(Box::new(nifti::nifti_info_with(source, progress)?)),
-        segments: |_, _| Ok(Vec::new()),
+        segments: nifti::segments,
         other_files: |path| nifti::other_half(path).into_iter().collect(),
     },
     VolumeFormat {

@@ -1,6 +1,9 @@
 //! Reading NIfTI: one frame's voxels or the header information, from a single file or a pair.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+};
 
 use glam::DMat4;
 use serde::Serialize;
@@ -11,8 +14,8 @@ use super::nifti_header::{ByteOrder, Fault, Header, MAX_EXTENSION_BYTES, SampleT
 use super::nifti_space::{Form, length_unit};
 use super::opened::base_name;
 use super::voxels::{Layout, read_frame};
-use super::{FileError, FileInfo, Loaded, Part, ReadOptions, Source, printable};
-use crate::{Check, Progress, Sides, Volume, decimal};
+use super::{FileError, FileInfo, Loaded, Part, ReadOptions, Segment, Source, printable};
+use crate::{Check, Progress, Samples, Sides, Volume, decimal};
 
 /// Maximum number of header extensions in a file.
 const MAX_EXTENSIONS: u64 = 1024;
@@ -36,6 +39,8 @@ pub struct HeaderInfo {
     pub frames: u64,
     /// Data type of the stored voxels.
     pub datatype: SampleType,
+    /// Components of a voxel: 3 or 4 where it is a colour, which is read as a label; else 1.
+    pub components: usize,
     /// Bytes of one frame's voxels.
     pub frame_bytes: u64,
     /// Distance between neighbouring voxel centres, from the form in force.
@@ -84,7 +89,13 @@ impl FileInfo for HeaderInfo {
                 self.frames,
                 if self.frames == 1 { "" } else { "s" }
             ),
-            format!("voxels      {:?}, {} bytes a frame", self.datatype, self.frame_bytes),
+            match self.components {
+                1 => format!("voxels      {:?}, {} bytes a frame", self.datatype, self.frame_bytes),
+                n => format!(
+                    "voxels      colours of {n} components, {} bytes a frame; each is a label",
+                    self.frame_bytes
+                ),
+            },
             format!("spacing     {} mm", decimal::sizes(self.spacing_mm, 4)),
             format!("axes        {}", self.axis_codes.as_deref().unwrap_or("side unknown")),
             format!(
@@ -173,6 +184,7 @@ pub fn nifti_info_with(source: &Source, progress: &Progress) -> Result<HeaderInf
             .collect(),
         frames: described.frames,
         datatype: described.sample_type,
+        components: described.components,
         frame_bytes: described.frame_bytes,
         spacing_mm: grid.spacing_mm().to_array(),
         world_from_voxel: DMat4::from(world_from_voxel).transpose().to_cols_array_2d(),
@@ -414,7 +426,7 @@ fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -
     let layout = Layout {
         sample_type: described.sample_type,
         order: opened.header.order,
-        voxels: described.grid.voxel_count(),
+        voxels: described.grid.voxel_count() * described.components,
         lead: 1,
         trail: described.frames,
     };
@@ -422,10 +434,96 @@ fn read_opened(opened: Opened<'_>, options: &ReadOptions, progress: &Progress) -
     let mut checks = described.checks;
     finish(voxels, &base_name, &mut checks)?;
     progress.check()?;
+    let samples = match &samples {
+        Samples::U8(bytes) if described.components > 1 => {
+            let labels = ColorLabels::of(bytes, described.components).ok_or_else(|| {
+                let found = format!("a picture of more than {MOST_COLORS} colours");
+                FileError::wrong(&file, found, "colours that are labels")
+            })?;
+            let text = format!(
+                "{base_name}: found colours in place of numbers; each of {} is a label",
+                labels.colors.len()
+            );
+            checks.push(Check::note("color-labels", text));
+            Samples::U8(labels.voxels)
+        }
+        _ => samples,
+    };
     let frames = usize::try_from(described.frames).unwrap_or(usize::MAX);
     let volume = Volume::new(described.grid, samples, described.scaling)
         .ok_or_else(|| FileError::wrong(file, "another number of voxels", expected))?;
     Ok(Loaded { volume, frames, checks, origin: None })
+}
+
+/// The colours of a file that has colours in place of numbers, each with its label; none of other files.
+pub(super) fn segments(source: &Source, progress: &Progress) -> Result<Vec<Segment>, FileError> {
+    let opened = Opened::source(source, progress)?;
+    let components = opened.described.components;
+    if components == 1 {
+        return Ok(Vec::new());
+    }
+    let Opened { described, mut voxels, file, .. } = opened;
+    if described.frame_bytes > ReadOptions::default().max_bytes {
+        return Err(FileError::wrong(file, format!("{} bytes of colours", described.frame_bytes), "fewer"));
+    }
+    let layout = Layout {
+        sample_type: described.sample_type,
+        order: opened.header.order,
+        voxels: described.grid.voxel_count() * components,
+        lead: 1,
+        trail: described.frames,
+    };
+    let samples = read_frame(&mut voxels, &layout, 0, &format!("{} bytes of voxels", described.frame_bytes))?;
+    let Samples::U8(bytes) = samples else { return Ok(Vec::new()) };
+    // More colours than labels are refused when the file is read.
+    let colors = ColorLabels::of(&bytes, components).map(|labels| labels.colors).unwrap_or_default();
+    Ok(colors
+        .into_iter()
+        .zip(1..)
+        .map(|([r, g, b], number)| Segment {
+            number,
+            name: format!("#{r:02x}{g:02x}{b:02x}"),
+            color: Some([r, g, b]),
+            frame: 0,
+            label: Some(number),
+        })
+        .collect())
+}
+
+/// The most colours of a label map.
+const MOST_COLORS: usize = 255;
+
+/// Colours as labels.
+struct ColorLabels {
+    /// The colours of the labels 1, 2, …: all that occur but black, sorted.
+    colors: Vec<[u8; 3]>,
+    /// The label of each voxel; 0 where it is black or transparent.
+    voxels: Vec<u8>,
+}
+
+impl ColorLabels {
+    /// Of voxels with 3 or 4 components each; `None` where there are more than [`MOST_COLORS`] colours.
+    fn of(bytes: &[u8], components: usize) -> Option<Self> {
+        // Some writers leave alpha 0 everywhere: then it says nothing.
+        let has_alpha = components == 4 && bytes.chunks_exact(4).any(|voxel| voxel[3] != 0);
+        let color = |voxel: &[u8]| match voxel {
+            [_, _, _, 0] if has_alpha => [0; 3],
+            [r, g, b, ..] => [*r, *g, *b],
+            _ => [0; 3],
+        };
+        let mut colors = BTreeSet::new();
+        let mut last = [0; 3];
+        for voxel in bytes.chunks_exact(components).map(color) {
+            if voxel != last && voxel != [0; 3] && colors.insert(voxel) && colors.len() > MOST_COLORS {
+                return None;
+            }
+            last = voxel;
+        }
+        let colors: Vec<[u8; 3]> = colors.into_iter().collect();
+        let label = |voxel: [u8; 3]| colors.binary_search(&voxel).map_or(0, |at| at as u8 + 1);
+        let voxels = bytes.chunks_exact(components).map(|voxel| label(color(voxel))).collect();
+        Some(Self { colors, voxels })
+    }
 }
 
 /// The file with the header: `path`, or its partner where that is the second half of a pair.

@@ -15,8 +15,10 @@ pub struct Described {
     pub form: Form,
     /// Product of dimensions 4 to 7.
     pub frames: u64,
-    /// Data type of the stored voxels.
+    /// Data type of the stored voxels, or of each component of a colour.
     pub sample_type: SampleType,
+    /// Components of a voxel: 3 or 4 of a colour, else 1.
+    pub components: usize,
     /// Bytes of one frame.
     pub frame_bytes: u64,
     /// Byte offset of the first frame in the file with the voxels.
@@ -30,6 +32,10 @@ pub struct Described {
 /// Exclusive limit on the voxels of a frame, as in [`Grid::new`].
 const MAX_VOXELS: u64 = 1 << 40;
 
+/// NIfTI's codes of colours.
+const RGB24: i16 = 128;
+const RGBA32: i16 = 2304;
+
 impl Header {
     /// Checks all relevant fields. Each check's message starts with `name`. Memory use doesn't depend on the
     /// sizes that the header claims.
@@ -39,10 +45,14 @@ impl Header {
     pub fn describe(&self, name: &str) -> Result<Described, Fault> {
         let mut checks = Vec::new();
         let (dims, frames) = self.shape(name, &mut checks)?;
-        let sample_type = SampleType::from_code(self.datatype)?;
-        let bits = sample_type.bytes() * 8;
+        let (sample_type, components, name_of_type) = match self.datatype {
+            RGB24 => (SampleType::UInt8, 3, "RGB24"),
+            RGBA32 => (SampleType::UInt8, 4, "RGBA32"),
+            code => SampleType::from_code(code).map(|sample_type| (sample_type, 1, sample_type.name()))?,
+        };
+        let bits = sample_type.bytes() * 8 * components;
         if usize::try_from(self.bitpix) != Ok(bits) {
-            let found = format!("bitpix {} with datatype {}", self.bitpix, sample_type.name());
+            let found = format!("bitpix {} with datatype {name_of_type}", self.bitpix);
             return Err(Fault::new("bitpix-datatype", found, format!("bitpix {bits}")));
         }
         let too_large = || {
@@ -51,7 +61,7 @@ impl Header {
         };
         let voxels = dims.iter().try_fold(1u64, |product, &d| product.checked_mul(d as u64));
         let voxels = voxels.filter(|&n| n < MAX_VOXELS).ok_or_else(too_large)?;
-        let frame_bytes = voxels * sample_type.bytes() as u64;
+        let frame_bytes = voxels * (sample_type.bytes() * components) as u64;
         let data_offset = self.data_offset()?;
         frame_bytes
             .checked_mul(frames)
@@ -59,8 +69,19 @@ impl Header {
             .filter(|&end| i64::try_from(end).is_ok())
             .ok_or_else(too_large)?;
         let (grid, form) = nifti_space::grid_from_header(self, dims, name, &mut checks)?;
-        let scaling = self.scaling(name, &mut checks);
-        Ok(Described { grid, form, frames, sample_type, frame_bytes, data_offset, scaling, checks })
+        // Colours are not scaled (nifti1.h, scl_slope).
+        let scaling = if components > 1 { Scaling::NONE } else { self.scaling(name, &mut checks) };
+        Ok(Described {
+            grid,
+            form,
+            frames,
+            sample_type,
+            components,
+            frame_bytes,
+            data_offset,
+            scaling,
+            checks,
+        })
     }
 
     /// All findings about the header alone, errors included.

@@ -123,11 +123,9 @@ impl SampleType {
         let name = match code {
             1 => "binary (1 bit)".into(),
             32 => "complex64".into(),
-            128 => "RGB24".into(),
             1536 => "float128".into(),
             1792 => "complex128".into(),
             2048 => "complex256".into(),
-            2304 => "RGBA32".into(),
             other => format!("unknown (code {other})"),
         };
         let found = format!("voxels of type {name}");

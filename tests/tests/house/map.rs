@@ -8,8 +8,16 @@ use std::{
 use super::structure::{CRATES, Outcome, Result, files, root};
 
 /// Where sources are: every folder under these has a line in the map.
-const SOURCES: [&str; 8] =
-    ["core/src", "pacs/src", "shaders/src", "shaders/wgsl", "render/src", "app/src", "bench/src", "tests/src"];
+const SOURCES: [&str; 8] = [
+    "core/src",
+    "pacs/src",
+    "shaders/src",
+    "shaders/wgsl",
+    "render/src",
+    "app/src",
+    "bench/src",
+    "tests/src",
+];
 
 /// Pages about the program of today; CHANGELOG.md and docs/studies.md speak of earlier commits too.
 const PAGES: [&str; 9] = [

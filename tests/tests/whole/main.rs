@@ -8,6 +8,7 @@
     reason = "in a test a failed unwrap is a failed test"
 )]
 
+mod archives;
 mod cli;
 mod dicom;
 #[cfg(target_os = "linux")]

@@ -175,7 +175,15 @@ pub fn spec(source: impl Fn(&'static str) -> Source) -> CaseSpec {
         let (id, source, time) = (id.to_owned(), source(name), Some(TIMES[time].to_owned()));
         if is_mask {
             // No colours of its own: the palette's red, green and blue add up in overlaps.
-            spec.masks.push(MaskSpec { id, source, labels: None, time, color: None, name: None });
+            spec.masks.push(MaskSpec {
+                id,
+                source,
+                labels: None,
+                above: None,
+                time,
+                color: None,
+                name: None,
+            });
         } else {
             spec.contexts.push(ContextSpec { id, source, time });
         }

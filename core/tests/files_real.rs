@@ -71,12 +71,7 @@ fn every_malformed_file_is_refused_in_one_line() {
     for path in files {
         let e = read(&path).expect_err(&path.display().to_string()).to_string();
         assert!(e.lines().count() == 1 && e.contains(path.to_str().unwrap()), "{e}");
-        assert_eq!(
-            glioscope_core::files::nifti_info(&glioscope_core::files::Source::File(path))
-                .unwrap_err()
-                .to_string(),
-            e
-        );
+        assert_eq!(files::nifti_info(&Source::File(path)).unwrap_err().to_string(), e);
         println!("{e}");
     }
 }

@@ -370,11 +370,8 @@ impl Row<'_> {
     fn look(&mut self, ui: &mut Ui, mask: &mut ProposedMask) {
         let of = mask.id.clone();
         cell(ui, COLUMNS[4], |ui| {
-            if let Some(number) = mask.segment {
-                ui.weak(format!("segment {number}"));
-                return;
-            }
-            self.hinted(ui, COLUMNS[4], &mut mask.labels, &format!("Labels of {of}"), "all");
+            let hint = mask.segment.map_or_else(|| "all".into(), |number| format!("segment {number}"));
+            self.hinted(ui, COLUMNS[4], &mut mask.labels, &format!("Labels of {of}"), &hint);
         });
         cell(ui, COLUMNS[5], |ui| self.hinted(ui, COLUMNS[5], &mut mask.name, &format!("Name of {of}"), ""));
         cell(ui, COLUMNS[6], |ui| {

@@ -1,4 +1,4 @@
-//! `--mask ID=FILE[:1,4|:brats-2021][@TIME]` and `--context ID=FILE[@TIME]`: a case on the command line.
+//! `--mask ID=FILE[:1,4|:>0.3|:brats-2021][@TIME]` and `--context ID=FILE[@TIME]`: a case on the command line.
 
 use std::path::{Path, PathBuf};
 
@@ -10,23 +10,35 @@ use crate::files::Source;
 struct Interpretation<'a> {
     id: &'a str,
     file: &'a str,
-    labels: Option<Vec<i64>>,
+    active: Option<Active>,
     /// The word of a label scheme.
     scheme: Option<&'a str>,
     time: Option<&'a str>,
 }
 
-/// Parses labels such as `1,4`; `None` for anything else.
-pub(super) fn labels(text: &str) -> Option<Vec<i64>> {
-    text.split(',').map(|n| n.trim().parse().ok()).collect()
+/// Which voxels of a file are active.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Active {
+    /// Those with these labels.
+    Labels(Vec<i64>),
+    /// Those above this value.
+    Above(f64),
+}
+
+/// Parses labels such as `1,4`, or a threshold such as `>0.3`; `None` for anything else.
+pub(super) fn active(text: &str) -> Option<Active> {
+    if let Some(above) = text.trim().strip_prefix('>') {
+        return above.trim().parse().ok().filter(|above: &f64| above.is_finite()).map(Active::Above);
+    }
+    text.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>().map(Active::Labels)
 }
 
 /// Splits `FILE:1,4` into file and labels, `FILE:brats-2021` into file and scheme; neither where none follow the last colon.
-fn split_labels(text: &str) -> (&str, Option<Vec<i64>>, Option<&str>) {
+fn split_labels(text: &str) -> (&str, Option<Active>, Option<&str>) {
     match text.rsplit_once(':').filter(|(file, _)| !file.is_empty()) {
         Some((file, word)) if Scheme::of_word(word).is_some() => (file, None, Some(word)),
-        Some((file, list)) => match labels(list) {
-            Some(labels) => (file, Some(labels), None),
+        Some((file, list)) => match active(list) {
+            Some(active) => (file, Some(active), None),
             None => (text, None, None),
         },
         None => (text, None, None),
@@ -41,10 +53,10 @@ fn interpret_argument<'a>(
 ) -> Option<Interpretation<'a>> {
     let (id, rest) = text.split_once('=').map(|(id, rest)| (id.trim(), rest))?;
     let interpret = |file: &'a str, time: Option<&'a str>| {
-        let (file, labels, scheme) = if with_labels { split_labels(file) } else { (file, None, None) };
-        Interpretation { id, file, labels, scheme, time }
+        let (file, active, scheme) = if with_labels { split_labels(file) } else { (file, None, None) };
+        Interpretation { id, file, active, scheme, time }
     };
-    let entire_rest = Interpretation { id, file: rest, labels: None, scheme: None, time: None };
+    let entire_rest = Interpretation { id, file: rest, active: None, scheme: None, time: None };
     let mut interpretations = vec![entire_rest, interpret(rest, None)];
     for (at, _) in rest.rmatch_indices('@') {
         let (before, time) = (&rest[..at], rest[at + 1..].trim());
@@ -52,7 +64,7 @@ fn interpret_argument<'a>(
             interpretations.push(Interpretation {
                 id,
                 file: before,
-                labels: None,
+                active: None,
                 scheme: None,
                 time: Some(time),
             });
@@ -85,7 +97,10 @@ fn parse<'a>(
         return Err(CaseError::wrong(
             flag,
             format!("labels {list:?} of {file}"),
-            format!("whole numbers, such as 1,4, or a scheme ({})", Scheme::words()),
+            format!(
+                "whole numbers, such as 1,4, a threshold, such as >0.3, or a scheme ({})",
+                Scheme::words()
+            ),
         ));
     }
     match parts {
@@ -120,16 +135,22 @@ pub(super) fn parse_all(masks: &[String], contexts: &[String]) -> Result<CaseSpe
         });
     }
     for text in masks {
-        let p = parse("--mask", "ID=FILE[:LABEL,LABEL…|:SCHEME][@TIME]", text, true)?;
+        let p = parse("--mask", "ID=FILE[:LABEL,LABEL…|:>VALUE|:SCHEME][@TIME]", text, true)?;
         if let Some(scheme) = p.scheme {
             let scheme = Scheme::named(scheme, Path::new(""))?;
             spec.masks.extend(scheme.masks(p.id, &Source::File(p.file.into()), p.time));
             continue;
         }
+        let (labels, above) = match p.active {
+            Some(Active::Labels(labels)) => (Some(labels), None),
+            Some(Active::Above(above)) => (None, Some(above)),
+            None => (None, None),
+        };
         spec.masks.push(MaskSpec {
             id: p.id.into(),
             source: Source::File(p.file.into()),
-            labels: p.labels,
+            labels,
+            above,
             time: p.time.map(str::to_owned),
             color: None,
             name: None,
@@ -148,7 +169,13 @@ mod tests {
         labels: Option<&[i64]>,
         time: Option<&'a str>,
     ) -> Interpretation<'a> {
-        Interpretation { id, file, labels: labels.map(<[i64]>::to_vec), scheme: None, time }
+        Interpretation {
+            id,
+            file,
+            active: labels.map(|labels| Active::Labels(labels.to_vec())),
+            scheme: None,
+            time,
+        }
     }
 
     #[test]

@@ -107,8 +107,11 @@ fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>
     if m.mask.bits().bounds().is_none() {
         let why = match labels {
             Some(labels) => format!("no voxel has {}{}", list(labels), within(m)),
-            None if matches!(m.meaning, Some(Meaning::Soft { .. })) => "no voxel is above 50 %".into(),
-            None => "no voxel is above 0.5".into(),
+            None => match (spec.masks[m.spec].above, m.meaning) {
+                (Some(above), _) => format!("no voxel is above {above}"),
+                (None, Some(Meaning::Soft { .. })) => "no voxel is above 50 %".into(),
+                (None, _) => "no voxel is above 0.5".into(),
+            },
         };
         checks.push(Check::warning(
             "mask-empty",
@@ -125,11 +128,13 @@ fn contents(spec: &CaseSpec, m: &NativeMask, name: &str, checks: &mut Vec<Check>
         Some(Meaning::Soft { full, .. }) => {
             let unit = if full == 1.0 { "0 to 1" } else { "0 to 100, per cent" };
             let expected = decimal::text(m.expected_volume_ml().unwrap_or_default(), 3);
+            let above = 100.0 * spec.masks[m.spec].above.map_or(0.5, |above| above / full);
             checks.push(Check::warning(
                 "mask-soft",
                 format!(
-                    "{name}: found a soft mask (probabilities, {unit}), expected labels; active above 50 %: {} ml; \
+                    "{name}: found a soft mask (probabilities, {unit}), expected labels; active above {} %: {} ml; \
                      the sum of the probabilities is {expected} ml",
+                    decimal::text(above, 1),
                     decimal::text(m.mask.volume_ml(), 3)
                 ),
             ));

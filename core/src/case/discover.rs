@@ -91,6 +91,11 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
         return Ok(Description::Stated(read_manifest(path)?));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
+    if name.eq_ignore_ascii_case("DICOMDIR") {
+        // The index of a medium means the medium; what lies there is seen from the files themselves.
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        return describe(folder, options, progress);
+    }
     if volume_stem(&name).is_none() && dicom::is_dicom(path) {
         // One slice means its series.
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

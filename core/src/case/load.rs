@@ -207,6 +207,7 @@ fn read_one(
         .masks
         .iter()
         .map(|&m| {
+            let threshold = spec.masks[m].above.unwrap_or(threshold);
             let rule = spec.masks[m].labels.as_deref().map_or(Rule::Above(threshold), Rule::Labels);
             Ok((m, select::select(&loaded.volume, rule, progress)?))
         })

@@ -12,7 +12,7 @@
 //! [[mask]]
 //! id = "T1"
 //! file = "seg.nii.gz"
-//! labels = [1, 4]          # optional; else every voxel above 0.5
+//! labels = [1, 4]          # optional; else every voxel above 0.5, or half of a soft mask, or `above = 0.3`
 //! time = "2024-03-02"
 //! color = "#d62728"        # optional
 //! name = "tumour core"     # optional: what it is called beside its id
@@ -88,6 +88,7 @@ struct MaskEntry {
     frame: Option<Spanned<i64>>,
     segment: Option<Spanned<i64>>,
     labels: Option<Spanned<Vec<i64>>>,
+    above: Option<Spanned<f64>>,
     scheme: Option<Spanned<String>>,
     time: Option<Spanned<Time>>,
     color: Option<Spanned<String>>,
@@ -258,6 +259,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         if let Some(scheme) = &entry.scheme {
             let given = [
                 ("labels", entry.labels.is_some()),
+                ("above", entry.above.is_some()),
                 ("segment", entry.segment.is_some()),
                 ("color", entry.color.is_some()),
                 ("name", entry.name.is_some()),
@@ -289,6 +291,14 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
             }
             labels => labels.as_ref().map(|l| l.get_ref().clone()),
         };
+        let above = match &entry.above {
+            Some(above) if entry.labels.is_some() || !above.get_ref().is_finite() => {
+                let found =
+                    format!("above = {} and labels = {:?}", above.get_ref(), labels.unwrap_or_default());
+                return Err(location.wrong(Some(above.span().start), found, "labels, or a finite threshold"));
+            }
+            above => above.as_ref().map(|above| *above.get_ref()),
+        };
         let color = match &entry.color {
             None => None,
             Some(text) => Some(parse_color(text.get_ref()).ok_or_else(|| {
@@ -297,7 +307,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
             })?),
         };
         let name = entry.name.as_ref().map(|name| text_of(name, "name")).transpose()?;
-        spec.masks.push(MaskSpec { id, source, labels, time, color, name });
+        spec.masks.push(MaskSpec { id, source, labels, above, time, color, name });
     }
     for entry in &manifest.tracts {
         let (at, entry) = (entry.span().start, entry.get_ref());
@@ -371,6 +381,8 @@ struct WrittenMask<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     labels: Option<&'a [i64]>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    above: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     time: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     color: Option<String>,
@@ -419,6 +431,7 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
             id: &m.id,
             source: written_source(&m.source, file(&m.source)?),
             labels: m.labels.as_deref(),
+            above: m.above,
             time: m.time.as_deref(),
             color: m.color.map(|[r, g, b]| format!("#{r:02x}{g:02x}{b:02x}")),
             name: m.name.as_deref(),

@@ -65,6 +65,8 @@ pub struct MaskSpec {
     pub source: Source,
     /// Labels that count as active; `None` for every voxel above 0.5, or above 50 in a soft mask in per cent.
     pub labels: Option<Vec<i64>>,
+    /// Without labels: values above it are active, in the file's unit; `None`: half of a soft mask, else 0.5.
+    pub above: Option<f64>,
     /// Its time point's label.
     pub time: Option<String>,
     /// Colour set by the case, sRGB.

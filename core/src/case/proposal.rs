@@ -8,8 +8,8 @@ use std::{
 };
 
 use super::{
-    CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup, TractsSpec, arguments, names,
-    tracts_id,
+    CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup, TractsSpec, arguments,
+    arguments::Active, names, tracts_id,
 };
 use crate::{
     Check,
@@ -304,10 +304,11 @@ impl Proposal {
             let time = mask.time.clone().unwrap_or_default();
             let mut file = file_of(&mask.source, Role::Mask, &mask.id, time)?;
             let words: Vec<String> = mask.labels.iter().flatten().map(i64::to_string).collect();
+            let above = mask.above.map(|above| format!(">{above}"));
             let proposed = ProposedMask {
                 is_in: true,
                 id: mask.id.clone(),
-                labels: words.join(", "),
+                labels: above.unwrap_or_else(|| words.join(", ")),
                 segment: match &mask.source {
                     Source::Part(Part { which: Which::Segment(number), .. }) => Some(*number),
                     _ => None,
@@ -366,7 +367,15 @@ impl Proposal {
             spec.masks.extend(file.masks_in().map(|(_, mask)| MaskSpec {
                 id: mask.id.trim().to_owned(),
                 source: file.source(mask.segment),
-                labels: labels(&mask.labels).unwrap_or(Some(Vec::new())),
+                labels: match active(&mask.labels) {
+                    Some(Some(Active::Labels(labels))) => Some(labels),
+                    Some(_) => None,
+                    None => Some(Vec::new()),
+                },
+                above: match active(&mask.labels) {
+                    Some(Some(Active::Above(above))) => Some(above),
+                    _ => None,
+                },
                 time: file.time(),
                 color: mask.color,
                 name: Some(mask.name.trim().to_owned()).filter(|name| !name.is_empty()),
@@ -485,8 +494,15 @@ impl Proposal {
                 }
             }
             for (m, mask) in file.masks_in() {
-                if labels(&mask.labels).is_none() {
-                    let text = format!("labels {:?}: numbers separated by commas, or none", mask.labels);
+                let is_wrong = match active(&mask.labels) {
+                    None => true,
+                    Some(Some(Active::Labels(_))) => mask.segment.is_some(),
+                    Some(_) => false,
+                };
+                if is_wrong {
+                    let expected = if mask.segment.is_some() { "" } else { "numbers separated by commas, " };
+                    let text =
+                        format!("labels {:?}: {expected}a threshold such as >0.3, or none", mask.labels);
                     add(n, Some(m), text);
                 }
                 let (id, name) = (mask.id.trim(), mask.name.trim());
@@ -629,10 +645,10 @@ pub(super) fn drop_alike_colors(files: &mut [ProposedFile]) {
     }
 }
 
-/// Labels as typed: `Some(None)` for none, `None` where they aren't numbers.
+/// Labels or a threshold as typed: `Some(None)` for none, `None` where they are neither.
 #[allow(clippy::option_option, reason = "no labels are not wrong labels")]
-fn labels(text: &str) -> Option<Option<Vec<i64>>> {
-    if text.trim().is_empty() { Some(None) } else { arguments::labels(text).map(Some) }
+fn active(text: &str) -> Option<Option<Active>> {
+    if text.trim().is_empty() { Some(None) } else { arguments::active(text).map(Some) }
 }
 
 #[cfg(test)]

@@ -226,6 +226,7 @@ impl Scheme {
             id: format!("{id}-{end}"),
             source: source.clone(),
             labels: Some(labels),
+            above: None,
             time: time.map(str::to_owned),
             color,
             name: Some(name.to_owned()),

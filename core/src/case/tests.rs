@@ -29,6 +29,7 @@ fn mask(id: &str, file: &str, time: Option<&str>) -> MaskSpec {
         id: id.into(),
         source: source(file),
         labels: None,
+        above: None,
         time: time.map(str::to_owned),
         color: None,
         name: None,

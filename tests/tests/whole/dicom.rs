@@ -62,6 +62,9 @@ fn two_patients_are_never_one_case() {
         line.contains("found files of 2 patients (Doe Archibald, 77654033, Doe Peter, 98890234)"),
         "{line}"
     );
+    // The index of a CD means the CD.
+    let index = refusal(&["measure", text(&folder.join("DICOMDIR"))]);
+    assert!(index.contains("found files of 2 patients"), "{index}");
     let tree = json(&["info", text(&folder), "--json"]);
     let patients = tree["patients"].as_array().unwrap();
     assert_eq!(patients.len(), 2);

@@ -409,6 +409,9 @@ fn open_and_close_in_a_folder() {
     let mut window = window(&folder, CaseRef::Path(folder.join("case")));
     let mut cases = Vec::new();
     let mut at_first = 0;
+    // The least of the last ten: what is kept of a case stays, what a worker still holds or the allocator returns late
+    // doesn't.
+    let mut at_last = i64::MAX;
     for opened in 0..10 + number(OPENINGS) {
         let command = match opened % 3 {
             0 => AppCommand::Open(CaseRef::Path(folder.join("other"))),
@@ -424,11 +427,14 @@ fn open_and_close_in_a_folder() {
         if opened == 9 {
             at_first = resident_bytes();
         }
+        if opened >= number(OPENINGS) {
+            at_last = at_last.min(resident_bytes() as i64);
+        }
         if opened % 10 == 9 {
             println!("opened {opened}: {} MiB", resident_bytes() >> 20);
         }
     }
-    println!("GREW {}", resident_bytes() as i64 - at_first as i64);
+    println!("GREW {}", at_last - at_first as i64);
 }
 
 /// After ten openings every cache is filled. An image of the sample has 4 million voxels of at least a byte: were only one

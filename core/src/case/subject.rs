@@ -114,6 +114,21 @@ mod tests {
         assert_eq!(named, ["BraTS20_Training_001", "BraTS20_Training_002"]);
     }
 
+    /// Four digits are a channel where the first channel or the labels of the same name are there too.
+    #[test]
+    fn only_channels_are_left_out_of_names() {
+        let stems = HashSet::from(["A_001", "B_001_0000"]);
+        for (stem, case) in [
+            ("A_001_0002", "A_001"),
+            ("B_001_0002", "B_001"),
+            ("C_001_0002", "C_001_0002"),
+            ("A_001_002", "A_001_002"),
+            ("A_001_post", "A_001_post"),
+        ] {
+            assert_eq!(without_channel(stem, &stems), case);
+        }
+    }
+
     #[test]
     fn one_patient_is_one_with_raters_runs_dates_and_channels() {
         let one: [&[&str]; 12] = [

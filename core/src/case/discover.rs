@@ -92,7 +92,7 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let uid = dicom::series_of(path)?;
         let name = folder_name(path);
-        let proposal = study::propose(folder, name, Some(&uid), Vec::new(), progress)?;
+        let proposal = study::propose(folder, name, Some(&uid), progress)?;
         return Ok(Description::Proposed(proposal.with_key(true)));
     }
     if volume_stem(&name).is_none() {
@@ -174,14 +174,14 @@ fn guess_listed(
 ) -> Result<Proposal, CaseError> {
     if listing.volumes.is_empty() && !listing.dicom.is_empty() {
         let name = folder_name(&folder.join("x"));
-        let mut proposal = study::propose(folder, name, None, Vec::new(), progress)?;
+        let mut proposal = study::propose(folder, name, None, progress)?;
         add_tracts(&mut proposal, folder, &listing.tracts);
         return Ok(proposal);
     }
     if listing.volumes.is_empty() && listing.has_deeper {
         // Studies nest deeper than research folders.
         let name = folder_name(&folder.join("x"));
-        if let Ok(proposal) = study::propose(folder, name, None, Vec::new(), progress) {
+        if let Ok(proposal) = study::propose(folder, name, None, progress) {
             return Ok(proposal);
         }
     }

@@ -145,7 +145,7 @@ impl ProposedFile {
     pub(super) fn set_segments(&mut self, segments: &[Segment]) {
         let mut ids: BTreeSet<String> = BTreeSet::new();
         let mask = |segment: &Segment| {
-            let name: String = printable(&segment.name).chars().filter(|c| !c.is_control()).collect();
+            let name = printable(&segment.name);
             let stem = match name.trim() {
                 "" => format!("segment {}", segment.number),
                 name => name.to_owned(),

@@ -90,10 +90,11 @@ mod tests {
 
     #[test]
     fn two_patients_are_two_however_they_are_named() {
-        let two: [&[&str]; 15] = [
+        let two: [&[&str]; 16] = [
             &["19840312_seg.nii", "19790505_seg.nii"],
             &["A001/seg.nii", "A002/seg.nii"],
             &["ID07_seg.nii", "ID08_seg.nii"],
+            &["MR0042_seg.nii", "MR0043_seg.nii"],
             &["a/BraTS20_Training_001_flair.nii.gz", "b/BraTS20_Training_002_flair.nii.gz"],
             &["BraTS2021_00000_seg.nii.gz", "BraTS2021_00002_seg.nii.gz"],
             &["Brats18_2013_2_1_seg.nii.gz", "Brats18_2013_3_1_seg.nii.gz"],

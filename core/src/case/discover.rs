@@ -9,7 +9,7 @@ use std::{
 use super::{
     CaseError, CaseSpec, LoadOptions, Proposal, ProposedFile, Role,
     folder::{self, Listing},
-    manifest::{folder_name, read_manifest},
+    manifest::{self, folder_name, read_manifest},
     names::{self, Kind, ParsedName},
     order,
     proposal::{LeftOutFor, drop_alike_colors, tell_files_apart},
@@ -144,10 +144,8 @@ fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
     }
     let mut found = Vec::new();
     for entry in folder::entries(folder)? {
-        let small = entry.metadata().is_ok_and(|m| m.is_file() && m.len() < 1 << 20);
-        if small
-            && entry.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
-            && read_small_text(&entry, 1 << 20, "a manifest")
+        if entry.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+            && read_small_text(&entry, manifest::MAX_BYTES, "a manifest")
                 .is_ok_and(|t| t.lines().any(|l| l.trim_start().starts_with("glioscope")))
         {
             found.push(entry);

@@ -239,3 +239,27 @@ fn what_is_not_taken_is_named() {
     put_mask(&folder, "sub-02_seg.nii");
     assert!(error(&folder).contains("files of 2 patients (01, 02)"), "{}", error(&folder));
 }
+
+#[test]
+fn the_key_of_a_proposal_changes_with_its_files_and_with_nothing_else() {
+    let (_keep, folder) = temp();
+    put(&folder, "t1.nii", |at| at as f32);
+    let key = || proposed(&folder).key;
+    let mut keys = vec![key()];
+    assert_eq!(key(), keys[0]);
+    put_mask(&folder, "seg.nii");
+    keys.push(key());
+    // A file that was changed at another time, then one of another size at that time, then one left out.
+    let file = std::fs::File::options().write(true).open(folder.join("t1.nii")).unwrap();
+    let at = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::new(1_700_000_000, 5);
+    file.set_modified(at).unwrap();
+    keys.push(key());
+    file.set_modified(at + std::time::Duration::from_nanos(7)).unwrap();
+    keys.push(key());
+    file.set_len(file.metadata().unwrap().len() + 1).unwrap();
+    file.set_modified(at).unwrap();
+    keys.push(key());
+    text(&folder, "empty.nii", "");
+    keys.push(key());
+    assert_eq!(keys.iter().collect::<std::collections::BTreeSet<_>>().len(), keys.len(), "{keys:?}");
+}

@@ -457,7 +457,10 @@ impl Proposal {
                     add(n, Some(m), format!("more than {MAX_MASKS} masks at one date"));
                 }
             }
-            if is_dated(file) && has_times && time.is_empty() {
+            if !is_dated(file) {
+                continue;
+            }
+            if has_times && time.is_empty() {
                 add(n, None, "no date, while others have one".into());
             } else if time.chars().any(char::is_control) {
                 add(n, None, "a date with control characters".into());
@@ -627,6 +630,84 @@ mod tests {
         assert_eq!(texts(&many).len(), 1);
         many.files[0].role = Role::Image;
         assert_eq!(texts(&many), []);
+    }
+
+    #[test]
+    fn control_characters_and_several_patients_are_named() {
+        let mut proposal = of_files(vec![
+            file("a.nii", Role::Mask, "A", "now"),
+            file("b.nii", Role::Image, "B", " now "),
+            file("c.nii", Role::Image, "B", "now"),
+        ]);
+        assert_eq!(texts(&proposal), [(Some(2), None, "another image of now is called B".into())]);
+        proposal.files[2].id = " ".into();
+        assert_eq!(texts(&proposal), [(Some(2), None, "no id".into())]);
+        proposal.files[2].id = "C".into();
+        assert_eq!(texts(&proposal), []);
+        proposal.files[0].masks[0].id = "A\n".into();
+        assert_eq!(texts(&proposal), [], "space around an id is none of it");
+        proposal.files[0].masks[0].id = "A\nB".into();
+        proposal.files[0].masks[0].name = "\u{7}".into();
+        proposal.files[1].time = "n\tow".into();
+        proposal.files[2].patient = "one".into();
+        proposal.files[1].patient = "two".into();
+        let expected = [
+            (Some(0), Some(0), "an id with control characters"),
+            (Some(0), Some(0), "a name with control characters"),
+            (Some(1), None, "a date with control characters"),
+            (None, None, "files of 2 patients are in: one; two"),
+        ];
+        assert_eq!(texts(&proposal), expected.map(|(file, mask, text)| (file, mask, text.to_owned())));
+        proposal.files[1].role = Role::LeftOut;
+        assert_eq!(texts(&proposal).len(), 2, "{:?}", texts(&proposal));
+        let many = |count: usize| {
+            let left_out = (1..count).map(|n| file(&format!("{n}.nii"), Role::LeftOut, "x", ""));
+            of_files(left_out.chain([file("a.nii", Role::Mask, "A", "")]).collect())
+        };
+        assert_eq!(texts(&many(MAX_FILES)), []);
+        assert_eq!(texts(&many(MAX_FILES + 1)), [(None, None, "more than 4096 files".into())]);
+    }
+
+    #[test]
+    fn tracts_that_are_asked_for_are_counted_in_whether_listed_or_not() {
+        let mut proposal =
+            of_files(vec![file("a.tck", Role::LeftOut, "a", ""), file("b.tck", Role::LeftOut, "b", "")]);
+        proposal.take_tracts(&["/case/b.tck".into(), "/elsewhere/c.tck".into()]);
+        let found: Vec<(&str, Role)> = proposal.files.iter().map(|f| (f.id.as_str(), f.role)).collect();
+        assert_eq!(found, [("a", Role::LeftOut), ("b", Role::Tracts), ("c", Role::Tracts)]);
+        let shown = proposal.files.iter().map(|file| proposal.shown(file)).collect::<Vec<_>>();
+        assert_eq!(shown, ["a.tck", "b.tck", "/elsewhere/c.tck"]);
+    }
+
+    #[test]
+    fn what_is_left_out_is_noted_by_its_reason() {
+        let of = |name: &str, why: LeftOutFor| ProposedFile {
+            left_out_for: why,
+            reason: "torn".into(),
+            ..file(name, Role::LeftOut, name, "")
+        };
+        let proposal = of_files(vec![
+            of("a", LeftOutFor::NoTime),
+            of("b", LeftOutFor::Tracts),
+            of("c", LeftOutFor::Fault),
+            of("d", LeftOutFor::Unneeded),
+            of("e", LeftOutFor::Choice),
+            of("f", LeftOutFor::Choice),
+            file("t1.nii", Role::Image, "T1", ""),
+        ]);
+        let notes = proposal.spec().notes;
+        let found: Vec<(&str, &str)> =
+            notes.iter().map(|n| (n.code, n.message.split(';').next().unwrap_or_default())).collect();
+        assert_eq!(
+            found,
+            [
+                ("guess-left-out", "a: found no time in the name while others have one"),
+                ("left-out", "b: found fibre tracts, which --tracts or a manifest adds"),
+                ("left-out-chosen", "e, f: left out in the dialog of the case's files"),
+                ("left-out", "c: torn"),
+                ("left-out", "d: torn"),
+            ]
+        );
     }
 
     #[test]

@@ -8,7 +8,8 @@ use glam::DVec3;
 use glioscope_core::{
     Grid, Progress, Samples, Scaling, Volume,
     case::{
-        CaseSpec, Description, LoadOptions, Proposal, Role, describe, describe_files, has_manifest, open_spec,
+        CaseSpec, Description, LoadOptions, Proposal, Role, describe, describe_files, has_manifest, is_study,
+        open_spec,
     },
     files::{WriteOptions, write_nifti, write_whole},
 };
@@ -238,6 +239,19 @@ fn what_is_not_taken_is_named() {
     put_mask(&folder, "sub-01_seg.nii");
     put_mask(&folder, "sub-02_seg.nii");
     assert!(error(&folder).contains("files of 2 patients (01, 02)"), "{}", error(&folder));
+}
+
+#[test]
+fn a_study_is_a_folder_with_dicom_and_no_other_images() {
+    let (_keep, folder) = temp();
+    let found = || is_study(&folder, &Progress::new());
+    text(&folder, "notes.txt", "none");
+    assert!(!found());
+    text(&folder, "deep/slice", &format!("{}DICM\u{2}\0\0\0", "\0".repeat(128)));
+    assert!(found());
+    put_mask(&folder, "seg.nii");
+    assert!(!found());
+    assert!(!is_study(&folder.join("absent"), &Progress::new()));
 }
 
 #[test]

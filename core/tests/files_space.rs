@@ -11,7 +11,7 @@ mod common;
 
 use common::{NiftiBuilder, codes};
 use glam::{DMat3, DVec3};
-use glioscope_core::files::FileError;
+use glioscope_core::files::{FileError, nifti_space::Form};
 use glioscope_core::{Severity, Sides};
 
 type Rows = [[f64; 4]; 3];
@@ -282,5 +282,12 @@ fn a_thickness_that_is_missing_is_one_unit_and_one_that_is_stated_counts() {
         assert_eq!(of(&[2, 2, 3, 1], f32::NAN, form).unwrap(), (1.0, true));
         assert!(of(&[3, 2, 3, 1], f32::NAN, form).unwrap_err().to_string().contains("pixdim[3] = NaN"));
         assert!(of(&[3, 2, 3, 4], 0.0, form).is_err());
+    }
+}
+
+#[test]
+fn forms_are_named_as_in_json() {
+    for form in [Form::Sform, Form::Qform, Form::Pixdim] {
+        assert_eq!(serde_json::to_value(form).unwrap(), form.name());
     }
 }

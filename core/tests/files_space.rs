@@ -285,6 +285,16 @@ fn a_thickness_that_is_missing_is_one_unit_and_one_that_is_stated_counts() {
     }
 }
 
+/// The upper bits are the unit of time.
+#[test]
+fn a_unit_of_length_that_is_missing_or_unknown_is_named() {
+    for (units, found) in [(8, "no unit of length"), (13, "unit code 5")] {
+        let mut nifti = NiftiBuilder::new();
+        let text = message(nifti.put(123, &[units]).sform(1, SCANNER), "units-unknown");
+        assert_eq!(text, Some(format!("made.nii: {found}; mm assumed")));
+    }
+}
+
 #[test]
 fn forms_are_named_as_in_json() {
     for form in [Form::Sform, Form::Qform, Form::Pixdim] {

@@ -437,6 +437,7 @@ mod tests {
         };
         let one = proposal(vec![patient("A", vec![("20240101", vec![image("20240101", "f")])])]).unwrap();
         assert_eq!((roles(&one), codes(&one)), (vec![(Role::Image, "MR T1", "")], vec![]));
+        assert_eq!(one.patients(), [""; 0], "there is nobody else to choose");
         let studies = vec![
             ("20240101", vec![image("20240101", "f")]),
             ("", vec![image("20240303", "g"), image("20240302", "g")]),

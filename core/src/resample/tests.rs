@@ -174,7 +174,7 @@ fn each_corner_of_a_mask_is_outside_where_a_grid_ends_before_it() {
     let full = Mask::new("full", m, MaskBits::full([4; 3])).unwrap();
     for corner in 0..8 {
         let diagonal = DVec3::from_array([0, 1, 2].map(|a| if corner >> a & 1 == 1 { 1.0 } else { -1.0 }));
-        let (end_mm, x) = (4.0 / 3_f64.sqrt(), diagonal.normalize());
+        let (end_mm, x) = (4.0 / 3_f64.sqrt(), diagonal / 3_f64.sqrt());
         let (y, z) = x.any_orthonormal_pair();
         let to_first = DVec3::new(end_mm - 19.5, -9.5, -9.5);
         let turned = DMat3::from_cols(x, y, z);

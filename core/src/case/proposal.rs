@@ -730,6 +730,46 @@ mod tests {
     }
 
     #[test]
+    fn segments_are_masks_but_for_a_background_each_with_an_id_of_its_own() {
+        let segment = |number, name: &str, label| Segment {
+            number,
+            name: name.into(),
+            color: Some([1, 2, 3]),
+            frame: 0,
+            label,
+        };
+        let mut file = file("a.seg.nrrd", Role::Mask, "a", "");
+        file.set_segments(&[
+            segment(0, " core ", Some(1)),
+            segment(1, "core", None),
+            segment(7, "\n", Some(2)),
+            segment(8, "", Some(3)),
+            segment(9, "background", Some(0)),
+        ]);
+        let found: Vec<_> = file.masks.iter().map(|m| (m.segment, m.id.as_str(), m.is_in)).collect();
+        assert_eq!(
+            found,
+            [
+                (Some(0), "core", true),
+                (Some(1), "core 2", true),
+                (Some(7), "\\n", true),
+                (Some(8), "segment 8", true),
+                (Some(9), "background", false),
+            ]
+        );
+        assert!(file.masks.iter().all(|mask| mask.color == Some([1, 2, 3]) && mask.labels.is_empty()));
+        let sources: Vec<Source> = of_files(vec![file]).spec().masks.into_iter().map(|m| m.source).collect();
+        let of = |number| {
+            Source::Part(Part {
+                path: "/case/a.seg.nrrd".into(),
+                series: None,
+                which: Which::Segment(number),
+            })
+        };
+        assert_eq!(sources, [0, 1, 7, 8].map(of));
+    }
+
+    #[test]
     fn colours_of_files_count_where_they_differ() {
         let red = |name: &str, color| {
             let mut file = file(name, Role::Mask, name, "");

@@ -770,6 +770,31 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_files_and_of_series_stay_what_they_are() {
+        let part = |series: Option<&str>, which| {
+            Source::Part(Part { path: "/case/x".into(), series: series.map(str::to_owned), which })
+        };
+        let sources = [
+            (Source::File("/case/x".into()), None),
+            (part(None, Which::Frame(0)), Some(0)),
+            (part(None, Which::Frame(2)), Some(2)),
+            (part(Some("1.2"), Which::Frame(0)), None),
+            (part(Some("1.2"), Which::Frame(3)), Some(3)),
+        ];
+        let image = |(n, (source, _)): (usize, &(Source, Option<usize>))| ContextSpec {
+            id: format!("image {n}"),
+            source: source.clone(),
+            time: None,
+        };
+        let spec =
+            CaseSpec { contexts: sources.iter().enumerate().map(image).collect(), ..CaseSpec::default() };
+        let proposal = Proposal::of_spec(&spec, Path::new("/case"), &[]).unwrap();
+        assert_eq!(proposal.spec().contexts, spec.contexts);
+        let frames: Vec<Option<usize>> = proposal.files.iter().map(|file| file.frame).collect();
+        assert_eq!(frames, sources.map(|(_, frame)| frame));
+    }
+
+    #[test]
     fn colours_of_files_count_where_they_differ() {
         let red = |name: &str, color| {
             let mut file = file(name, Role::Mask, name, "");

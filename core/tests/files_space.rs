@@ -143,7 +143,12 @@ fn lengths_are_converted_to_millimetres() {
 
 #[test]
 fn invalid_quaternions_and_spacings_are_repaired_and_reported() {
-    // nifti_quatern_to_mat44: (0, 0, 2) is normalised to (0, 0, 1), a half turn.
+    // nifti_quatern_to_mat44: (2, 0, 0) is normalised to (1, 0, 0), a half turn, and so about each axis.
+    for (quatern, signs) in [([2.0, 0.0, 0.0], [1.0, -1.0, -1.0]), ([0.0, -3.0, 0.0], [-1.0, 1.0, -1.0])] {
+        let (rows, codes) = rows_of(NiftiBuilder::new().qform(1, quatern, [0.0; 3]));
+        assert_eq!([rows[0][0], rows[1][1], rows[2][2]], [1.5 * signs[0], 2.0 * signs[1], 3.0 * signs[2]]);
+        assert_eq!(codes, ["quaternion-norm"]);
+    }
     let (rows, codes) = rows_of(NiftiBuilder::new().qform(1, [0.0, 0.0, 2.0], [0.0; 3]));
     assert_rows(rows, [[-1.5, 0.0, 0.0, 0.0], [0.0, -2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]], "norm");
     assert_eq!(codes, ["quaternion-norm"]);

@@ -361,6 +361,24 @@ mod tests {
         assert_eq!(of.map(|(part, whole)| percent(part, whole)), expected);
     }
 
+    #[test]
+    fn spacings_and_the_tolerance_of_labels_are_written_out() {
+        let grid = Grid::axis_aligned([2, 2, 2], DVec3::new(0.4, 1.0, 5.25), DVec3::ZERO).unwrap();
+        assert_eq!(spacing(&grid), "0.40×1.00×5.25 mm");
+        let native = |label_tolerance: f64| NativeMask {
+            spec: 0,
+            time: 0,
+            mask: mask(&grid, &[]),
+            missing_labels: Vec::new(),
+            invalid: 0,
+            meaning: None,
+            label_tolerance,
+        };
+        let texts = [1e-9, 0.01, 0.25].map(|tolerance| within(&native(tolerance)));
+        assert_eq!(texts, ["", "", " within 0.250 of its value"], "a hundredth is rounding");
+        assert_eq!((list(&[4]), list(&[1, 4])), ("label 4".into(), "labels 1, 4".into()));
+    }
+
     /// Every pair of voxels: they touch up to one step along each axis; between their boxes lie the steps but one.
     #[test]
     fn masks_touch_at_faces_edges_and_corners_and_else_are_apart_by_their_gap() {

@@ -255,6 +255,12 @@ mod tests {
         assert_eq!([rounded(9, 95), rounded(10, 94), rounded(10, 101)], [None; 3]);
         assert_eq!([rounded(64, 630), rounded(65, 640)], [None, Some(Meaning::Image)]);
         assert_eq!([scattered(64, 315.0 / 2.0), scattered(65, 160.5)], [None, Some(Meaning::Image)]);
+        // 0 and -0 are one value, of nine.
+        let signed = |at: usize| match (at.wrapping_mul(2_654_435_761) >> 16) % 9 * 12 {
+            0 if at % 2 == 0 => -0.0,
+            value => value as f64,
+        };
+        assert_eq!(of(Samples::F64(all(signed)), whole), None);
         let third = (N * N * N) as f64 / 3.0;
         for (values, expected) in [
             ([0.0, 0.5, 1.25], Some(1.5 * third)),

@@ -257,7 +257,7 @@ mod tests {
         assert_eq!([scattered(64, 315.0 / 2.0), scattered(65, 160.5)], [None, Some(Meaning::Image)]);
         // 0 and -0 are one value, of nine.
         let signed = |at: usize| match (at.wrapping_mul(2_654_435_761) >> 16) % 9 * 12 {
-            0 if at % 2 == 0 => -0.0,
+            0 if at.is_multiple_of(2) => -0.0,
             value => value as f64,
         };
         assert_eq!(of(Samples::F64(all(signed)), whole), None);

@@ -320,6 +320,13 @@ fn invalid_cases_are_refused_in_one_line_naming_the_cause() {
     assert!(error(&twice).contains("mask A (now) twice"));
     let nameless = case_of(vec![image(" ", "i", None)], vec![]);
     assert!(error(&nameless).contains("image number 1 with an empty id"));
+    // A case of as many files as may be is checked further.
+    let name = |n: usize| if n == 4094 { String::new() } else { n.to_string() };
+    let images = (0..4095).map(|n| image(&name(n), "i", None)).collect();
+    let mut most = case_of(images, vec![mask("A", "a", None)]);
+    assert!(error(&most).contains("image number 4095 with an empty id"));
+    most.add_tracts(&["cst.tck".into()]);
+    assert!(error(&most).contains("4097 images, masks and tracts, expected at most 4096"));
     let many: Vec<MaskSpec> = (0..33).map(|k| mask(&format!("m{k}"), "a", None)).collect();
     assert!(load_from(&case_of(vec![], many[..32].to_vec()), &LoadOptions::default(), &[]).is_ok());
     let text = error(&case_of(vec![], many));

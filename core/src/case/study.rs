@@ -401,6 +401,8 @@ mod tests {
         let chosen = |patients: Vec<PatientStudies>| -> Vec<String> {
             let proposal = proposal(patients).unwrap();
             assert_eq!(proposal.doubt.as_deref(), Some("files of 3 patients (A, B, C)"));
+            assert!(proposal.files.iter().all(|file| file.study == "2024-01-01"));
+            assert_eq!(proposal.patients().len(), 3);
             let shown = proposal.files.iter().filter(|file| file.role != Role::LeftOut);
             shown.map(|file| file.patient.clone()).collect()
         };

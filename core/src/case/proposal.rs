@@ -788,8 +788,12 @@ mod tests {
         };
         let spec =
             CaseSpec { contexts: sources.iter().enumerate().map(image).collect(), ..CaseSpec::default() };
-        let proposal = Proposal::of_spec(&spec, Path::new("/case"), &[]).unwrap();
-        assert_eq!(proposal.spec().contexts, spec.contexts);
+        let mut proposal = Proposal::of_spec(&spec, Path::new("/case"), &[]).unwrap();
+        proposal.notes.push(Check::note("guessed-kinds", "by names"));
+        proposal.described_by.push("/case/sessions.tsv".into());
+        let again = proposal.spec();
+        assert_eq!((again.contexts, &again.notes), (spec.contexts, &proposal.notes));
+        assert_eq!(again.described_by, proposal.described_by);
         let frames: Vec<Option<usize>> = proposal.files.iter().map(|file| file.frame).collect();
         assert_eq!(frames, sources.map(|(_, frame)| frame));
     }
@@ -847,6 +851,7 @@ mod tests {
         // And back: the same rows again.
         let again = Proposal::of_spec(&read, Path::new("/case"), &proposal.left_out()).unwrap();
         assert_eq!((again.spec().masks, again.left_out()), (spec.masks, proposal.left_out()));
+        assert_eq!((again.spec().name, &again.order), ("case".into(), &proposal.order));
         proposal.files[0].merge();
         assert_eq!(proposal.spec().masks[0].labels, None);
         proposal.order = vec!["b".into()];

@@ -334,4 +334,6 @@ pub fn load(spec: &CaseSpec, options: &LoadOptions, progress: &Progress) -> Resu
 }
 
 #[cfg(test)]
+mod proposal_tests;
+#[cfg(test)]
 mod tests;

@@ -132,11 +132,13 @@ mod tests {
 
     #[test]
     fn one_patient_is_one_with_raters_runs_dates_and_channels() {
-        let one: [&[&str]; 12] = [
+        let one: [&[&str]; 14] = [
             &["05-01-2024/seg.nii", "04-02-2024/seg.nii"],
             &["hnfnetv1-20.nii.gz", "isen-20.nii.gz", "t1.nii.gz"],
             &["rater1_seg.nii", "rater2_seg.nii", "reader-3_seg.nii"],
             &["seg_1.nii", "seg_2.nii"],
+            &["a1_seg.nii", "a2_seg.nii"],
+            &["rater001_seg.nii", "rater002_seg.nii"],
             &["run-001_seg.nii", "run-002_seg.nii"],
             &["20240115_seg.nii", "20240301_seg.nii"],
             &["scan_2024-01-15_seg.nii", "scan_2025-01-15_seg.nii"],

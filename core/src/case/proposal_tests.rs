@@ -258,8 +258,8 @@ fn an_edited_proposal_is_what_a_manifest_of_it_says() {
     assert_eq!(masks, expected);
     assert_eq!((spec.contexts[0].id.as_str(), &spec.order), ("T1", &proposal.order));
     assert_eq!(spec.notes[0].code, "left-out-chosen");
-    let text = super::write_manifest(&spec, Path::new("/case")).unwrap();
-    let read = super::parse_manifest(&text, Path::new("/case/case.toml")).unwrap();
+    let text = write_manifest(&spec, Path::new("/case")).unwrap();
+    let read = parse_manifest(&text, Path::new("/case/case.toml")).unwrap();
     assert_eq!((&read.masks, &read.contexts), (&spec.masks, &spec.contexts));
     assert_eq!((&read.tracts, &read.order), (&spec.tracts, &spec.order));
     // And back: the same rows again.

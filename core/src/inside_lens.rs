@@ -81,7 +81,7 @@ impl Ball {
         [rows.x_axis, rows.y_axis, rows.z_axis].map(DVec3::length).into_iter().enumerate().fold(
             [(0.0, 0.0); 3],
             |mut out, (axis, per_mm)| {
-                let half = per_mm * self.radius_mm * (1.0 + 1e-9) + 1e-6;
+                let half = per_mm * self.radius_mm + 1e-6;
                 out[axis] = (self.center[axis] - half, self.center[axis] + half);
                 out
             },
@@ -176,7 +176,8 @@ mod tests {
             DVec3::new(-0.6, 0.7, 2.0),
         );
         let mirrored = DMat3::from_diagonal(DVec3::new(-1.5, 0.5, 1.0)) * oblique;
-        for (n, matrix) in [straight, oblique, sheared, mirrored].into_iter().enumerate() {
+        let fine = straight * 0.2;
+        for (n, matrix) in [straight, oblique, sheared, mirrored, fine].into_iter().enumerate() {
             for (masks, offset_mm) in [(3, DVec3::splat(-20.0)), (9, DVec3::new(1e6, -1e6, 1e5))] {
                 let (index, volume) = noise([23, 17, 11], matrix, offset_mm, masks);
                 let mut random = Random(n as u64 * 7 + masks as u64);
@@ -208,6 +209,17 @@ mod tests {
             let found: BTreeMap<u32, u64> =
                 voxels_inside(&volume, center_mm, radius_mm).into_iter().collect();
             assert_eq!(found, brute(&index, center_mm, radius_mm), "{radius_mm}");
+        }
+    }
+
+    #[test]
+    fn a_point_contains_the_voxel_around_which_it_lies_and_less_than_a_point_none() {
+        let grid = Grid::axis_aligned([2, 2, 2], DVec3::ONE, DVec3::ZERO).unwrap();
+        let full = Mask::new("full", grid.clone(), MaskBits::full([2, 2, 2])).unwrap();
+        let index = TumorIndex::new(grid, &[&full]).unwrap();
+        let volume = RegionVolume::of(&index, &Regions::of(&index)).unwrap();
+        for (radius_mm, expected) in [(0.0, &[(1, 1)][..]), (-1e-9, &[])] {
+            assert_eq!(voxels_inside(&volume, DVec3::X, radius_mm), expected, "{radius_mm}");
         }
     }
 

@@ -114,3 +114,23 @@ impl TumorIndex {
         self.grid.voxel_at(world_mm).map_or(0, |ijk| self.get(self.grid.linear(ijk)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MaskBits;
+    use glam::DVec3;
+
+    /// Voxels of 2 mm about 0, 2 and 4 mm: the second has bit 0, the third bit 1.
+    #[test]
+    fn a_place_has_the_bits_of_the_voxel_around_it() {
+        let grid = Grid::axis_aligned([3, 1, 1], DVec3::splat(2.0), DVec3::ZERO).unwrap();
+        let masks = [1, 2].map(|at| {
+            Mask::new("m", grid.clone(), MaskBits::from_fn([3, 1, 1], |linear| linear == at)).unwrap()
+        });
+        let index = TumorIndex::new(grid, &masks.each_ref()).unwrap();
+        let at = |x: f64, y: f64| index.at_mm(DVec3::new(x, y, 0.0));
+        assert_eq!([at(0.9, 0.0), at(1.1, 0.0), at(2.9, 0.9), at(3.1, 0.0)], [0, 0b01, 0b01, 0b10]);
+        assert_eq!([at(2.0, 1.1), at(5.1, 0.0), at(-1.1, 0.0)], [0; 3], "outside");
+    }
+}

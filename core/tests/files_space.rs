@@ -11,8 +11,8 @@ mod common;
 
 use common::{NiftiBuilder, codes};
 use glam::{DMat3, DVec3};
-use glioscope_core::Sides;
-use glioscope_core::files::FileError;
+use glioscope_core::files::{FileError, nifti_space::Form};
+use glioscope_core::{Severity, Sides};
 
 type Rows = [[f64; 4]; 3];
 
@@ -143,7 +143,12 @@ fn lengths_are_converted_to_millimetres() {
 
 #[test]
 fn invalid_quaternions_and_spacings_are_repaired_and_reported() {
-    // nifti_quatern_to_mat44: (0, 0, 2) is normalised to (0, 0, 1), a half turn.
+    // nifti_quatern_to_mat44: (2, 0, 0) is normalised to (1, 0, 0), a half turn, and so about each axis.
+    for (quatern, signs) in [([2.0, 0.0, 0.0], [1.0, -1.0, -1.0]), ([0.0, -3.0, 0.0], [-1.0, 1.0, -1.0])] {
+        let (rows, codes) = rows_of(NiftiBuilder::new().qform(1, quatern, [0.0; 3]));
+        assert_eq!([rows[0][0], rows[1][1], rows[2][2]], [1.5 * signs[0], 2.0 * signs[1], 3.0 * signs[2]]);
+        assert_eq!(codes, ["quaternion-norm"]);
+    }
     let (rows, codes) = rows_of(NiftiBuilder::new().qform(1, [0.0, 0.0, 2.0], [0.0; 3]));
     assert_rows(rows, [[-1.5, 0.0, 0.0, 0.0], [0.0, -2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]], "norm");
     assert_eq!(codes, ["quaternion-norm"]);
@@ -183,4 +188,121 @@ fn an_unusable_form_falls_back_to_the_other_or_is_refused() {
     }
     assert!(NiftiBuilder::new().f32s(80, &[0.0]).read().unwrap_err().to_string().contains("pixdim[1] = 0"));
     assert!(NiftiBuilder::new().f32s(88, &[f32::NAN]).sform(1, SCANNER).read().is_err());
+}
+
+/// The rows of an sform that stretches x by a factor.
+fn stretched(factor: f32) -> [[f32; 4]; 3] {
+    [[1.5 * factor, 0.0, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]]
+}
+
+fn message(nifti: &NiftiBuilder, code: &str) -> Option<String> {
+    let checks = nifti.read().unwrap().checks;
+    checks.into_iter().find(|check| check.code == code).map(|check| check.message)
+}
+
+#[test]
+fn codes_past_the_known_ones_are_used_and_negative_ones_are_not() {
+    let of = |code: i16| {
+        let mut nifti = NiftiBuilder::new();
+        nifti.qform(1, [0.0; 3], [0.0; 3]).sform(code, SCANNER);
+        (rows_of(&nifti).0[0][0] < 0.0, message(&nifti, "form-code-unknown"))
+    };
+    let text = |code, meaning| Some(format!("made.nii: sform_code {code} is not one of 0 to 5; {meaning}"));
+    assert_eq!((of(5), of(0)), ((true, None), (false, None)));
+    assert_eq!(of(6), (true, text(6, "used, but its space is unknown")));
+    assert_eq!(of(-1), (false, text(-1, "taken as 0: not set")));
+}
+
+#[test]
+fn a_pixdim_that_contradicts_the_sform_by_more_than_a_hundredth_is_reported() {
+    let reported = |nifti: &NiftiBuilder| message(nifti, "pixdim-sform-disagree");
+    for (factor, expected) in [(0.992, false), (1.008, false), (0.988, true), (1.012, true)] {
+        let mut nifti = NiftiBuilder::new();
+        nifti.sform(1, stretched(factor));
+        assert_eq!(reported(&nifti).is_some(), expected, "{factor}");
+        // In micrometres all is a thousandth of it, pixdim too.
+        assert_eq!(reported(nifti.put(123, &[3])).is_some(), expected, "{factor} in µm");
+        // Along one voxel there is no spacing.
+        let mut one = nifti.clone();
+        assert_eq!(reported(one.i16s(42, &[1])), None, "{factor}");
+    }
+    let mut nifti = NiftiBuilder::new();
+    let text = reported(nifti.sform(1, stretched(2.0))).unwrap();
+    assert!(
+        text.contains("pixdim says 1.5000 × 2.0000 × 3.0000 mm, the sform 3.0000 × 2.0000 × 3.0000 mm"),
+        "{text}"
+    );
+}
+
+#[test]
+fn forms_that_disagree_say_how_far_and_whether_sides_may_be_swapped() {
+    let of = |rows: [[f32; 4]; 3]| {
+        let mut nifti = NiftiBuilder::new();
+        message(nifti.qform(1, [0.0; 3], [0.0; 3]).sform(1, rows), "sform-qform-disagree").unwrap()
+    };
+    // The faces of two voxels along x lie at -0.75 and 2.25 mm, stretched threefold at -2.25 and 6.75.
+    let text = of(stretched(3.0));
+    assert!(text.contains("up to 4.50 mm apart; the sform is used"), "{text}");
+    let text = of(stretched(-1.0));
+    assert!(text.contains("up to 4.50 mm apart; one mirrors the other, so left and right may be"), "{text}");
+}
+
+#[test]
+fn quaternions_and_qfac_are_reported_where_they_are_not_as_the_standard_says() {
+    let of = |b: f32, qfac: f32| {
+        let mut nifti = NiftiBuilder::new();
+        nifti.f32s(76, &[qfac]).qform(1, [b, 0.0, 0.0], [0.0; 3]);
+        (message(&nifti, "quaternion-norm"), message(&nifti, "qfac"))
+    };
+    assert_eq!([of(1.0, 1.0), of(0.8, -1.0), of(1.000_005, 1.0)], [const { (None, None) }; 3]);
+    let text = |text: &str| Some(format!("made.nii: {text}"));
+    assert_eq!(of(1.000_02, 1.0).0, text("the quaternion's length is 1.000020, above 1; made 1"));
+    for (qfac, taken) in [("2", "1"), ("-2", "-1"), ("0", "1")] {
+        let expected = text(&format!("pixdim[0] (qfac) is {qfac}, taken as {taken}"));
+        assert_eq!(of(0.0, qfac.parse().unwrap()).1, expected);
+    }
+    // 0 is defined to mean 1.
+    let severity = |qfac: f32| {
+        let checks =
+            NiftiBuilder::new().f32s(76, &[qfac]).qform(1, [0.0; 3], [0.0; 3]).read().unwrap().checks;
+        checks[0].severity
+    };
+    assert_eq!([severity(0.0), severity(2.0)], [Severity::Note, Severity::Warning]);
+}
+
+/// Of one slice: 1 mm, or what pixdim says; sizes that aren't needed aren't asked for.
+#[test]
+fn a_thickness_that_is_missing_is_one_unit_and_one_that_is_stated_counts() {
+    let of = |dims: &[i16; 4], z: f32, form: i16| {
+        let mut nifti = NiftiBuilder::new();
+        nifti.i16s(40, dims).f32s(88, &[z]).qform(form, [0.0; 3], [0.0; 3]);
+        nifti.read().map(|loaded| {
+            (loaded.volume.grid().spacing_mm().z, codes(&loaded).contains(&"thickness-unknown"))
+        })
+    };
+    for form in [0, 1] {
+        assert_eq!(of(&[3, 2, 3, 1], 5.0, form).unwrap(), (5.0, false));
+        assert_eq!(of(&[3, 2, 3, 1], -5.0, form).unwrap(), (5.0, false));
+        assert_eq!(of(&[3, 2, 3, 1], 0.0, form).unwrap(), (1.0, true));
+        assert_eq!(of(&[2, 2, 3, 1], f32::NAN, form).unwrap(), (1.0, true));
+        assert!(of(&[3, 2, 3, 1], f32::NAN, form).unwrap_err().to_string().contains("pixdim[3] = NaN"));
+        assert!(of(&[3, 2, 3, 4], 0.0, form).is_err());
+    }
+}
+
+/// The upper bits are the unit of time.
+#[test]
+fn a_unit_of_length_that_is_missing_or_unknown_is_named() {
+    for (units, found) in [(8, "no unit of length"), (13, "unit code 5")] {
+        let mut nifti = NiftiBuilder::new();
+        let text = message(nifti.put(123, &[units]).sform(1, SCANNER), "units-unknown");
+        assert_eq!(text, Some(format!("made.nii: {found}; mm assumed")));
+    }
+}
+
+#[test]
+fn forms_are_named_as_in_json() {
+    for form in [Form::Sform, Form::Qform, Form::Pixdim] {
+        assert_eq!(serde_json::to_value(form).unwrap(), form.name());
+    }
 }

@@ -131,3 +131,30 @@ pub(super) fn covering(
     Grid::new(extent.to_array().map(|d| d as usize), shifted, grid.sides())
         .map_err(|e| CaseError::wrong(case, e.to_string(), "a usable case grid"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube(voxels: usize, spacing_mm: f64) -> Grid {
+        Grid::axis_aligned([voxels; 3], DVec3::splat(spacing_mm), DVec3::ZERO).unwrap()
+    }
+
+    /// Whatever the unit of length; equally fine, the grid with more voxels goes first.
+    #[test]
+    fn grids_are_as_fine_as_six_digits_of_their_spacing_say() {
+        for spacing_mm in [0.0011, 1.1, 110.0] {
+            let large = cube(9, spacing_mm);
+            for (part, expected) in
+                [(1.0, Ordering::Less), (1.0 - 6e-7, Ordering::Less), (1.0 - 1e-4, Ordering::Greater)]
+            {
+                let small = cube(8, spacing_mm * part);
+                assert_eq!(canonical(&large, &small), expected, "{spacing_mm} {part}");
+                assert_eq!(canonical(&small, &large), expected.reverse(), "{spacing_mm} {part}");
+            }
+            // Also with another number of digits before the point.
+            assert_eq!(canonical(&cube(2, spacing_mm * 0.9), &large), Ordering::Less);
+            assert_eq!(canonical(&large, &large), Ordering::Equal);
+        }
+    }
+}

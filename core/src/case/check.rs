@@ -287,13 +287,14 @@ pub(super) fn after_resampling(labels: &[String], native: &[NativeMask], on_grid
     checks
 }
 
-/// Number of connected parts (26-neighbourhood) of a mask of which no voxel is left on the case grid.
+/// Number of connected parts (26-neighbourhood) of a mask of which no voxel is left on the case grid, onto which it was
+/// resampled: each voxel there lies in an active one.
 fn lost_parts(native: &Mask, on_grid: &Mask) -> usize {
     let Ok(parts) = Components::of_mask(native.bits(), Connectivity::TwentySix) else { return 0 };
     // Runs of voxels in memory order, with their parts: labels of a whole grid would take gigabytes.
-    let mut runs: Vec<([u32; 4], usize)> = Vec::new();
+    let mut runs: Vec<([u32; 3], usize)> = Vec::new();
     for (number, part) in parts.list().iter().enumerate() {
-        runs.extend(parts.runs(part).iter().map(|run| ([run.z, run.y, run.first, run.last], number)));
+        runs.extend(parts.runs(part).iter().map(|run| ([run.z, run.y, run.first], number)));
     }
     runs.sort_unstable();
     let mut is_left = vec![false; parts.list().len()];
@@ -303,8 +304,7 @@ fn lost_parts(native: &Mask, on_grid: &Mask) -> usize {
         let place = map.transform_point3(DVec3::from_array(v.map(|index| index as f64)));
         let Some([x, y, z]) = resample::source_voxel(place, native.grid().dims()) else { return };
         let [x, y, z] = [x, y, z].map(|index| index as u32);
-        let after =
-            runs.partition_point(|([run_z, run_y, first, _], _)| (*run_z, *run_y, *first) <= (z, y, x));
+        let after = runs.partition_point(|(start, _)| *start <= [z, y, x]);
         if let Some((_, number)) = after.checked_sub(1).and_then(|at| runs.get(at)) {
             is_left[*number] = true;
         }
@@ -373,4 +373,92 @@ fn box_gap_mm(a: &Mask, b: &Mask) -> f64 {
         voxels as f64
     };
     (DVec3::new(gap(0), gap(1), gap(2)) * a.grid().spacing_mm()).length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MaskBits;
+
+    fn mask(grid: &Grid, voxels: &[[usize; 3]]) -> Mask {
+        let mut bits = MaskBits::empty(grid.dims());
+        voxels.iter().for_each(|voxel| bits.set(*voxel));
+        Mask::new("m", grid.clone(), bits).unwrap()
+    }
+
+    #[test]
+    fn shares_are_none_and_all_only_where_they_are() {
+        let of = [(1, 1001), (1, 1000), (1, 3), (999, 1000), (9999, 10_000), (7, 7)];
+        let expected = ["less than 0.1 %", "0.1 %", "33.3 %", "99.9 %", "more than 99.9 %", "all"];
+        assert_eq!(of.map(|(part, whole)| percent(part, whole)), expected);
+    }
+
+    #[test]
+    fn spacings_and_the_tolerance_of_labels_are_written_out() {
+        let grid = Grid::axis_aligned([2, 2, 2], DVec3::new(0.4, 1.0, 5.25), DVec3::ZERO).unwrap();
+        assert_eq!(spacing(&grid), "0.40×1.00×5.25 mm");
+        let native = |label_tolerance: f64| NativeMask {
+            spec: 0,
+            time: 0,
+            mask: mask(&grid, &[]),
+            missing_labels: Vec::new(),
+            invalid: 0,
+            meaning: None,
+            label_tolerance,
+        };
+        let texts = [1e-9, 0.01, 0.25].map(|tolerance| within(&native(tolerance)));
+        assert_eq!(texts, ["", "", " within 0.250 of its value"], "a hundredth is rounding");
+        assert_eq!((list(&[4]), list(&[1, 4])), ("label 4".into(), "labels 1, 4".into()));
+    }
+
+    /// Every pair of voxels: they touch up to one step along each axis; between their boxes lie the steps but one.
+    #[test]
+    fn masks_touch_at_faces_edges_and_corners_and_else_are_apart_by_their_gap() {
+        let grid = Grid::axis_aligned([4, 3, 3], DVec3::new(1.0, 2.0, 4.0), DVec3::ZERO).unwrap();
+        for a in 0..36 {
+            for b in 0..36 {
+                let (at_a, at_b) = (grid.ijk(a), grid.ijk(b));
+                let masks = [mask(&grid, &[at_a]), mask(&grid, &[at_b])];
+                let steps: [usize; 3] = std::array::from_fn(|axis| at_a[axis].abs_diff(at_b[axis]));
+                assert_eq!(adjacent(&masks[0], &masks[1]), steps.iter().all(|n| *n < 2), "{at_a:?} {at_b:?}");
+                let gap = DVec3::from_array(steps.map(|n| n.saturating_sub(1) as f64));
+                let expected_mm = (gap * DVec3::new(1.0, 2.0, 4.0)).length();
+                assert!((box_gap_mm(&masks[0], &masks[1]) - expected_mm).abs() < 1e-12, "{at_a:?} {at_b:?}");
+            }
+        }
+        // Boxes that overlap, voxels that don't touch.
+        let corner = mask(&grid, &[[0, 0, 0], [3, 2, 2]]);
+        let inside = mask(&grid, &[[3, 0, 1]]);
+        assert_eq!((adjacent(&corner, &inside), box_gap_mm(&corner, &inside)), (false, 0.0));
+        assert_eq!(
+            (adjacent(&corner, &mask(&grid, &[])), box_gap_mm(&mask(&grid, &[]), &corner)),
+            (false, f64::INFINITY)
+        );
+    }
+
+    #[test]
+    fn parts_of_which_no_voxel_is_left_are_counted() {
+        let grid = Grid::axis_aligned([9, 7, 5], DVec3::new(1.0, 1.0, 2.0), DVec3::ZERO).unwrap();
+        // Parts of one run, of runs in two slices, and two in one line.
+        let parts: [&[[usize; 3]]; 4] = [
+            &[[0, 0, 0], [1, 0, 0]],
+            &[[4, 3, 1], [5, 4, 2], [6, 4, 2]],
+            &[[1, 6, 4]],
+            &[[4, 6, 4], [5, 6, 4]],
+        ];
+        let native = mask(&grid, &parts.concat());
+        for kept in 0_usize..16 {
+            // Of each part that is kept the last voxel.
+            let last: Vec<[usize; 3]> =
+                (0..4).filter(|n| kept >> n & 1 == 1).map(|n| parts[n][parts[n].len() - 1]).collect();
+            let lost = 4 - last.len();
+            assert_eq!(lost_parts(&native, &mask(&grid, &last)), lost, "{kept:04b}");
+            // Of a grid that begins a voxel later.
+            let later =
+                Grid::axis_aligned([10, 8, 6], DVec3::new(1.0, 1.0, 2.0), DVec3::new(-1.0, -1.0, -2.0))
+                    .unwrap();
+            let moved: Vec<[usize; 3]> = last.iter().map(|voxel| voxel.map(|at| at + 1)).collect();
+            assert_eq!(lost_parts(&native, &mask(&later, &moved)), lost, "{kept:04b}");
+        }
+    }
 }

@@ -9,7 +9,7 @@ use std::{
 use super::{
     CaseError, CaseSpec, LoadOptions, Proposal, ProposedFile, Role, Scheme,
     folder::{self, Listing},
-    manifest::{folder_name, read_manifest},
+    manifest::{self, folder_name, read_manifest},
     names::{self, Kind, ParsedName},
     order,
     proposal::{LeftOutFor, drop_alike_colors, tell_files_apart},
@@ -101,7 +101,7 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let uid = dicom::series_of(path)?;
         let name = folder_name(path);
-        let proposal = study::propose(folder, name, Some(&uid), Vec::new(), progress)?;
+        let proposal = study::propose(folder, name, Some(&uid), progress)?;
         return Ok(Description::Proposed(proposal.with_key(true)));
     }
     if volume_stem(&name).is_none() {
@@ -182,10 +182,8 @@ fn manifest_in(folder: &Path) -> Result<Option<PathBuf>, CaseError> {
     }
     let mut found = Vec::new();
     for entry in folder::entries(folder)? {
-        let small = entry.metadata().is_ok_and(|m| m.is_file() && m.len() < 1 << 20);
-        if small
-            && entry.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
-            && read_small_text(&entry, 1 << 20, "a manifest")
+        if entry.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+            && read_small_text(&entry, manifest::MAX_BYTES, "a manifest")
                 .is_ok_and(|t| t.lines().any(|l| l.trim_start().starts_with("glioscope")))
         {
             found.push(entry);
@@ -212,14 +210,14 @@ fn guess_listed(
 ) -> Result<Proposal, CaseError> {
     if listing.volumes.is_empty() && !listing.dicom.is_empty() {
         let name = folder_name(&folder.join("x"));
-        let mut proposal = study::propose(folder, name, None, Vec::new(), progress)?;
+        let mut proposal = study::propose(folder, name, None, progress)?;
         add_tracts(&mut proposal, folder, &listing.tracts);
         return Ok(proposal);
     }
     if listing.volumes.is_empty() && listing.has_deeper {
         // Studies nest deeper than research folders.
         let name = folder_name(&folder.join("x"));
-        if let Ok(proposal) = study::propose(folder, name, None, Vec::new(), progress) {
+        if let Ok(proposal) = study::propose(folder, name, None, progress) {
             return Ok(proposal);
         }
     }

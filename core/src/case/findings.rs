@@ -64,6 +64,7 @@ pub(super) fn together(findings: Vec<Finding>) -> Vec<Check> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Severity;
 
     fn finding(n: usize, text: &str) -> Finding {
         let (id, file) = (format!("m{n}"), format!("{n}.nii"));
@@ -80,6 +81,11 @@ mod tests {
         let alike = [0, 1, 2].map(|n| finding(n, "no unit"));
         let found = messages(alike.into_iter().chain([finding(3, "unit code 5")]).collect());
         assert_eq!(found, ["m0, m1, m2 (3 files): no unit", "m3: 3.nii: unit code 5"]);
+        for (code, severity) in [("first-frame-only", Severity::Note), ("units-unknown", Severity::Warning)] {
+            let mut other = finding(1, "no unit");
+            (other.check.code, other.check.severity) = (code, severity);
+            assert_eq!(messages(vec![finding(0, "no unit"), other]).len(), 2, "{code} {severity:?}");
+        }
         let many = messages((0..20).map(|n| finding(n, "no unit")).collect());
         assert_eq!(many.len(), 1);
         assert!(many[0].ends_with(", m11 and 8 more (20 files): no unit"), "{many:?}");

@@ -63,6 +63,10 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<PathBuf>, CaseError> {
 
 /// Images and masks below `folder`, and what is left out. Hidden entries are skipped.
 pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
+    list_at_most(MAX_ENTRIES, folder, progress)
+}
+
+fn list_at_most(most: usize, folder: &Path, progress: &Progress) -> Result<Listing, CaseError> {
     let mut out = LeftOut::default();
     let (mut volumes, mut tracts, mut dicom) = (Vec::new(), Vec::new(), Vec::new());
     let mut tables = Vec::new();
@@ -72,8 +76,8 @@ pub(super) fn list(folder: &Path, progress: &Progress) -> Result<Listing, CaseEr
         progress.check()?;
         for path in entries(&current)? {
             visited += 1;
-            if visited > MAX_ENTRIES {
-                let found = format!("more than {MAX_ENTRIES} files and folders");
+            if visited > most {
+                let found = format!("more than {most} files and folders");
                 return Err(CaseError::wrong(folder.display().to_string(), found, "the folder of one case"));
             }
             let relative = path.strip_prefix(folder).unwrap_or(&path).to_path_buf();
@@ -306,6 +310,27 @@ mod tests {
                     "files: found other kinds, which are left out: 2 of .json, 1 of .tsv, 1 of no ending"
                 ),
             ]
+        );
+    }
+
+    /// Slices of DICOM aren't counted, hidden files are.
+    #[test]
+    fn a_folder_of_more_than_one_case_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |name: &str, content: &[u8]| write_whole(&folder.path().join(name), content).unwrap();
+        for name in [".hidden", "a.txt", "b.nii"] {
+            put(name, b"some bytes");
+        }
+        let slice = [&[0; 128][..], b"DICM\x02\0\0\0"].concat();
+        for name in ["1.dcm", "2.dcm"] {
+            put(name, &slice);
+        }
+        let list = |most| list_at_most(most, folder.path(), &Progress::new());
+        assert_eq!(list(3).unwrap().dicom.len(), 2);
+        let error = list(2).map(|_| ()).unwrap_err().to_string();
+        assert!(
+            error.contains("found more than 2 files and folders, expected the folder of one case"),
+            "{error}"
         );
     }
 

@@ -43,7 +43,7 @@ use crate::files::{Part, Source, Which, printable, read_small_text};
 pub const VERSION: i64 = 1;
 
 /// Maximum size of a manifest in bytes.
-const MAX_BYTES: u64 = 1 << 20;
+pub(super) const MAX_BYTES: u64 = 1 << 20;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

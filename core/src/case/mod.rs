@@ -339,4 +339,6 @@ pub fn load(spec: &CaseSpec, options: &LoadOptions, progress: &Progress) -> Resu
 }
 
 #[cfg(test)]
+mod proposal_tests;
+#[cfg(test)]
 mod tests;

@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn labels_are_put_in_time_order() {
-        let cases: [(&[&str], &[&str], OrderBasis); 17] = [
+        let cases: [(&[&str], &[&str], OrderBasis); 18] = [
             (&["2024-05-01", "2024-01-01"], &["2024-01-01", "2024-05-01"], OrderBasis::Dates),
             (&["2024-05-01 late", "2024-01-01"], &["2024-01-01", "2024-05-01 late"], OrderBasis::Dates),
             (&["post", "pre"], &["pre", "post"], OrderBasis::Words),
@@ -221,6 +221,11 @@ mod tests {
             ),
             (&["3 months", "1.5 months"], &["1.5 months", "3 months"], OrderBasis::Words),
             (&["1y", "0.5y"], &["0.5y", "1y"], OrderBasis::Words),
+            (
+                &["13months", "1y", "5weeks", "11months", "1month", "4weeks"],
+                &["4weeks", "1month", "5weeks", "11months", "1y", "13months"],
+                OrderBasis::Words,
+            ),
             (
                 &["visit 2-1", "visit 1-10", "visit 1-2"],
                 &["visit 1-2", "visit 1-10", "visit 2-1"],
@@ -255,6 +260,9 @@ mod tests {
             ["10.2023", "2.2024"],
             ["2023.12", "2024.1"],
             ["v2.10", "v3.1"],
+            ["5-24", "6-23"],
+            ["week2", "week1e5"],
+            ["2 months", "1.5e1 months"],
             ["rano-1.5", "rano-2"],
             ["day-7", "day0"],
             ["D-7", "D0"],

@@ -37,3 +37,65 @@ pub(super) fn resolve(spec: &CaseSpec, progress: &Progress) -> Result<CaseSpec, 
     }
     Ok(spec)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::MaskSpec;
+    use super::*;
+
+    /// What a mask of a file with these segments, in `layers` layers, is read from: the number of its segment, `None` for
+    /// the whole file.
+    fn resolved(layers: usize, segments: &str, labels: Option<&[i64]>) -> Result<Option<i64>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.seg.nrrd");
+        let text = format!(
+            "NRRD0004\ntype: uchar\ndimension: 4\nspace: left-posterior-superior\nsizes: {layers} 2 2 2\n\
+             kinds: list domain domain domain\nspace directions: none (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n\
+             encoding: raw\n{segments}\n\n"
+        );
+        let bytes = [text.into_bytes(), vec![1; 8 * layers]].concat();
+        files::write_whole(&path, &bytes).unwrap();
+        let mask = MaskSpec {
+            id: "A".into(),
+            source: Source::File(path),
+            labels: labels.map(<[i64]>::to_vec),
+            above: None,
+            time: None,
+            color: None,
+            name: None,
+        };
+        let spec = CaseSpec { masks: vec![mask.clone()], ..CaseSpec::default() };
+        let found = resolve(&spec, &Progress::new()).map_err(|e| e.to_string())?.masks.remove(0);
+        match &found.source {
+            Source::Part(Part { which: Which::Segment(number), .. }) => {
+                assert_eq!(found.labels, None);
+                Ok(Some(*number))
+            }
+            _ => {
+                assert_eq!(found, mask);
+                Ok(None)
+            }
+        }
+    }
+
+    #[test]
+    fn the_segment_that_is_named_is_meant_the_only_one_or_all_labels_of_a_map() {
+        let (none, one) = ("note:=none", "Segment4_ID:=a\nSegment4_Layer:=0");
+        let map = "Segment0_ID:=a\nSegment0_LabelValue:=3\nSegment1_ID:=b\nSegment1_LabelValue:=5";
+        let layers = "Segment0_ID:=a\nSegment1_ID:=b";
+        let labels_of_layers =
+            "Segment0_LabelValue:=3\nSegment0_Layer:=0\nSegment1_LabelValue:=3\nSegment1_Layer:=1";
+        assert_eq!((resolved(1, none, None), resolved(1, none, Some(&[1, 4]))), (Ok(None), Ok(None)));
+        assert_eq!((resolved(1, one, None), resolved(1, one, Some(&[4]))), (Ok(Some(4)), Ok(Some(4))));
+        assert_eq!((resolved(1, map, None), resolved(1, map, Some(&[1]))), (Ok(None), Ok(Some(1))));
+        for (count, text, labels) in [
+            (1, map, Some(&[0, 1][..])),
+            (2, layers, None),
+            (2, layers, Some(&[0, 1])),
+            (2, labels_of_layers, None),
+        ] {
+            let error = resolved(count, text, labels).unwrap_err();
+            assert!(error.contains("found 2 segments (0, 1), expected one of them"), "{text}: {error}");
+        }
+    }
+}

@@ -103,21 +103,32 @@ mod tests {
     use super::*;
     use crate::files::write_whole;
 
-    fn ordered(table: &str) -> (Vec<String>, Vec<Check>) {
+    fn ordered(sessions: &[&str], table: &str) -> (Vec<String>, Vec<Check>) {
         let folder = tempfile::tempdir().unwrap();
         write_whole(&folder.path().join("sub-01_sessions.tsv"), table.as_bytes()).unwrap();
         let mask = |time: &str| ProposedFile::new("a.nii".into(), Role::Mask, "A".into(), time.into());
         let mut spec = Proposal::of_spec(&CaseSpec::default(), folder.path(), &[]).unwrap();
-        spec.files = vec![mask("x"), mask("y")];
+        spec.files = sessions.iter().map(|session| mask(session)).collect();
         order_by_sessions(folder.path(), &mut spec);
         (spec.order, spec.notes)
     }
 
+    /// One session needs no order; a session without files does no harm.
+    #[test]
+    fn two_sessions_or_more_are_in_the_order_of_their_times() {
+        let table = "session_id\tacq_time\nses-x\t2024-05-01T10:00:00\nses-y\t2024-01-01T09:00:00Z\n\
+                     ses-z\t2024-05-01T09:59:59\n";
+        for (sessions, expected) in
+            [(&["x"][..], &[][..]), (&["x", "y"], &["y", "x"]), (&["x", "y", "z"], &["y", "z", "x"])]
+        {
+            let (order, notes) = ordered(sessions, table);
+            assert_eq!(order, expected);
+            assert!(notes.iter().map(|n| n.code).eq((!order.is_empty()).then_some("time-order-sessions")));
+        }
+    }
+
     #[test]
     fn a_table_that_cannot_be_used_is_reported() {
-        let (order, notes) =
-            ordered("session_id\tacq_time\nses-x\t2024-05-01T10:00:00\nses-y\t2024-01-01T09:00:00Z\n");
-        assert_eq!((order, notes[0].code), (vec!["y".to_owned(), "x".to_owned()], "time-order-sessions"));
         let head = "session_id\tacq_time\nses-x\t2024-05-01T10:00:00\n";
         for (table, why) in [
             ("session_id\tage\nses-x\t9\n".to_owned(), "found no column acq_time"),
@@ -130,7 +141,7 @@ mod tests {
                 "found 2097152 bytes, expected a table of sessions of at most 1048576 bytes",
             ),
         ] {
-            let (order, notes) = ordered(&table);
+            let (order, notes) = ordered(&["x", "y"], &table);
             assert!(order.is_empty());
             assert_eq!((notes.len(), notes[0].code), (1, "sessions-unused"));
             assert!(notes[0].message.contains(why), "{:?}", notes[0]);

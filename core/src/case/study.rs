@@ -44,20 +44,28 @@ pub(super) fn propose(
     folder: &Path,
     name: String,
     only: Option<&str>,
-    left_out: Vec<Check>,
     progress: &Progress,
 ) -> Result<Proposal, CaseError> {
     progress.say("Reading headers");
     let mut studies = dicom::studies(folder, progress)?;
     if let Some(uid) = only {
-        for study in studies.patients.iter_mut().flat_map(|patient| &mut patient.studies) {
-            study.series.retain(|series| series.uid == uid);
-        }
-        studies.patients.retain(|patient| patient.studies.iter().any(|study| !study.series.is_empty()));
+        keep_series(&mut studies, uid);
     }
-    let Some(chosen) = best(&studies) else {
+    of_studies(folder, name, &studies)
+}
+
+/// Removes all series but one.
+fn keep_series(studies: &mut Studies, uid: &str) {
+    for study in studies.patients.iter_mut().flat_map(|patient| &mut patient.studies) {
+        study.series.retain(|series| series.uid == uid);
+    }
+    studies.patients.retain(|patient| patient.studies.iter().any(|study| !study.series.is_empty()));
+}
+
+fn of_studies(folder: &Path, name: String, studies: &Studies) -> Result<Proposal, CaseError> {
+    let Some(chosen) = best(studies) else {
         let unreadable = studies.unreadable.first().map(ToString::to_string);
-        let of_series = all_series(&studies).find_map(|series| series.problem.clone());
+        let of_series = all_series(studies).find_map(|series| series.problem.clone());
         let found = unreadable.or(of_series).unwrap_or_else(|| "nothing that can be shown".into());
         return Err(CaseError::wrong(
             printable(&folder.display().to_string()),
@@ -65,7 +73,7 @@ pub(super) fn propose(
             "an image or a mask in DICOM",
         ));
     };
-    let mut notes = left_out;
+    let mut notes = Vec::new();
     let mut doubt = None;
     if studies.patients.len() > 1 {
         let names: Vec<String> = studies.patients.iter().map(|p| p.patient.label()).collect();
@@ -105,7 +113,7 @@ pub(super) fn propose(
     for file in &mut files {
         file.suggested = file.role;
     }
-    notes.extend(unreadable(&studies));
+    notes.extend(unreadable(studies));
     let mut proposal = Proposal::new(name, folder, files, notes, doubt);
     if several {
         proposal.choose_patient(&chosen.patient.label());
@@ -270,8 +278,7 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
 /// `MR T1 post`: modality and description.
 fn id_of(series: &SeriesSummary) -> String {
     let label = series.label();
-    let id: String = label.chars().filter(|c| !c.is_control()).collect();
-    let id = id.trim();
+    let id = label.trim();
     if id.is_empty() { format!("series {}", series.number) } else { id.to_owned() }
 }
 
@@ -300,4 +307,236 @@ fn unreadable(studies: &Studies) -> Vec<Check> {
         checks.push(Check::warning("left-out", format!("{}; left out", listed(&errors, 3))));
     }
     checks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::{
+        Segment,
+        dicom::{Patient, StudySummary},
+    };
+
+    fn volume(slices: usize, key: &str) -> VolumeSummary {
+        VolumeSummary {
+            dims: [4, 5, slices],
+            spacing_mm: [1.0; 3],
+            key: key.into(),
+            is_localizer: false,
+            problem: None,
+        }
+    }
+
+    fn series(uid: &str, date: &str, volumes: Vec<VolumeSummary>) -> SeriesSummary {
+        SeriesSummary {
+            uid: uid.into(),
+            number: String::new(),
+            description: "T1".into(),
+            modality: "MR".into(),
+            date: date.into(),
+            kind: Kind::Image,
+            files: 1,
+            bytes: 1,
+            frame_of_reference: String::new(),
+            folder: "/case/images".into(),
+            first_file: "/case/images/1".into(),
+            volumes,
+            segments: Vec::new(),
+            problem: None,
+            checks: Vec::new(),
+        }
+    }
+
+    fn masks(uid: &str, frame_of_reference: &str, names: &[&str]) -> SeriesSummary {
+        let segment = |(number, name): (i64, &&str)| Segment {
+            number,
+            name: (*name).to_owned(),
+            color: None,
+            frame: 0,
+            label: None,
+        };
+        SeriesSummary {
+            kind: Kind::Segmentation,
+            frame_of_reference: frame_of_reference.into(),
+            segments: (1..).zip(names).map(segment).collect(),
+            ..series(uid, "", Vec::new())
+        }
+    }
+
+    fn patient(id: &str, studies: Vec<(&str, Vec<SeriesSummary>)>) -> PatientStudies {
+        let of = |(date, series): (&str, Vec<SeriesSummary>)| StudySummary {
+            uid: date.into(),
+            description: String::new(),
+            date: date.into(),
+            series,
+        };
+        let patient = Patient { id: id.into(), ..Patient::default() };
+        PatientStudies { patient, studies: studies.into_iter().map(of).collect() }
+    }
+
+    fn proposal(patients: Vec<PatientStudies>) -> Result<Proposal, CaseError> {
+        of_studies(Path::new("/case"), "case".into(), &Studies { patients, ..Studies::default() })
+    }
+
+    fn codes(proposal: &Proposal) -> Vec<&str> {
+        proposal.notes.iter().map(|note| note.code).collect()
+    }
+
+    /// Role, id and time of each file.
+    fn roles(proposal: &Proposal) -> Vec<(Role, &str, &str)> {
+        proposal.files.iter().map(|file| (file.role, file.id.as_str(), file.time.as_str())).collect()
+    }
+
+    #[test]
+    fn the_patient_with_masks_is_proposed_then_the_one_with_most_slices() {
+        let image = |slices| series("1", "", vec![volume(slices, "")]);
+        let broken = VolumeSummary { problem: Some("torn".into()), ..volume(500, "") };
+        let all = || {
+            vec![
+                patient("A", vec![("20240101", vec![image(200), image(20)])]),
+                patient("B", vec![("20240101", vec![image(210), series("2", "", vec![broken.clone()])])]),
+                patient("C", vec![("20240101", vec![image(3), masks("3", "", &["tumour"])])]),
+            ]
+        };
+        let chosen = |patients: Vec<PatientStudies>| -> Vec<String> {
+            let proposal = proposal(patients).unwrap();
+            assert_eq!(proposal.doubt.as_deref(), Some("files of 3 patients (A, B, C)"));
+            assert!(proposal.files.iter().all(|file| file.study == "2024-01-01"));
+            assert_eq!(proposal.patients().len(), 3);
+            let shown = proposal.files.iter().filter(|file| file.role != Role::LeftOut);
+            shown.map(|file| file.patient.clone()).collect()
+        };
+        assert_eq!(chosen(all()), ["C", "C"]);
+        let mut without_masks = all();
+        without_masks[2].studies[0].series.pop();
+        assert_eq!(chosen(without_masks), ["A", "A"]);
+    }
+
+    #[test]
+    fn what_can_not_be_shown_says_why() {
+        let why = |patients| proposal(patients).unwrap_err().to_string();
+        assert!(why(vec![patient("A", vec![])]).contains("found nothing that can be shown"));
+        let problem = Some("no pixels".to_owned());
+        let report = SeriesSummary { problem, ..series("1", "", Vec::new()) };
+        assert!(why(vec![patient("A", vec![("", vec![report])])]).contains("found no pixels"));
+        let mut two = Studies {
+            patients: vec![
+                patient("A", vec![("", vec![series("1", "", vec![]), series("2", "", vec![])])]),
+                patient("B", vec![("", vec![series("3", "", vec![])])]),
+            ],
+            ..Studies::default()
+        };
+        keep_series(&mut two, "2");
+        assert_eq!(all_series(&two).map(|s| s.uid.as_str()).collect::<Vec<_>>(), ["2"]);
+        assert_eq!(two.patients.len(), 1);
+    }
+
+    #[test]
+    fn times_are_the_dates_of_studies_and_masks_have_that_of_their_image() {
+        let image = |date: &str, frame: &str| SeriesSummary {
+            frame_of_reference: frame.into(),
+            ..series("1", date, vec![volume(9, "")])
+        };
+        let one = proposal(vec![patient("A", vec![("20240101", vec![image("20240101", "f")])])]).unwrap();
+        assert_eq!((roles(&one), codes(&one)), (vec![(Role::Image, "MR T1", "")], vec![]));
+        assert_eq!(one.patients(), [""; 0], "there is nobody else to choose");
+        let studies = vec![
+            ("20240101", vec![image("20240101", "f")]),
+            ("", vec![image("20240303", "g"), image("20240302", "g")]),
+            ("", vec![image("", "h")]),
+            ("2024030x", vec![masks("m", "f", &["a"]), masks("n", "g", &["a"]), masks("o", "?", &["a"])]),
+        ];
+        let all = proposal(vec![patient("A", studies)]).unwrap();
+        let times: Vec<&str> = all.files.iter().map(|file| file.time.as_str()).collect();
+        let second = "2024-03-02";
+        assert_eq!(times, ["2024-01-01", second, second, "undated 3", "2024-01-01", second, "2024030x"]);
+        assert_eq!(codes(&all), ["dicom-dates", "guessed-times"]);
+        assert!(all.notes[0].message.ends_with("acquired on 2024-03-03, in a study of 2024-03-02"));
+        // Two studies in one frame of reference: the masks' own study counts.
+        let studies = vec![
+            ("20240101", vec![image("", "f")]),
+            ("20240202", vec![image("", "f")]),
+            ("20240303", vec![masks("m", "f", &["a"])]),
+        ];
+        assert_eq!(proposal(vec![patient("A", studies)]).unwrap().files[2].time, "2024-03-03");
+    }
+
+    #[test]
+    fn series_without_a_volume_to_show_are_left_out_with_the_reason() {
+        let of = |series: SeriesSummary| -> Vec<(Role, LeftOutFor, String)> {
+            let files = proposed(Path::new("/case"), &series, "");
+            files.into_iter().map(|file| (file.role, file.left_out_for, file.reason)).collect()
+        };
+        let unneeded = |reason: &str| (Role::LeftOut, LeftOutFor::Unneeded, reason.to_owned());
+        let fault = |reason: &str| (Role::LeftOut, LeftOutFor::Fault, reason.to_owned());
+        let shown = |reason: &str| (Role::Image, LeftOutFor::Choice, reason.to_owned());
+        let scout = |slices| VolumeSummary { is_localizer: true, ..volume(slices, "") };
+        let torn = VolumeSummary { problem: Some("torn".into()), ..volume(9, "") };
+        let images = |volumes| of(series("1", "", volumes));
+        assert_eq!(images(vec![volume(3, "")]), [shown("DICOM image, 4 × 5 × 3")]);
+        assert_eq!(images(vec![volume(1, "")]), [unneeded("one slice")]);
+        assert_eq!(images(vec![volume(2, "")]), [unneeded("1 volumes of fewer than 3 slices")]);
+        assert_eq!(
+            images(vec![volume(1, ""), volume(2, "")]),
+            [unneeded("2 volumes of fewer than 3 slices")]
+        );
+        assert_eq!(images(vec![scout(2)]), [unneeded("a localizer")]);
+        assert_eq!(images(vec![scout(9), torn]), [unneeded("a localizer"), fault("torn")]);
+        assert_eq!(
+            images(vec![volume(9, "echo 1"), volume(9, "echo 2"), volume(9, ""), volume(2, "")]),
+            [
+                shown("DICOM image, 4 × 5 × 9"),
+                unneeded("another of the series' volumes"),
+                shown("DICOM image, 4 × 5 × 9"),
+                unneeded("fewer than 3 slices"),
+            ]
+        );
+        assert_eq!(of(masks("1", "", &[])), [unneeded("no segment with closed contours")]);
+        for (kind, expected) in [
+            (Kind::Image, fault("torn")),
+            (Kind::StructureSet, fault("torn")),
+            (Kind::Directory, unneeded("torn")),
+            (Kind::Other, unneeded("torn")),
+        ] {
+            let problem = Some("torn".to_owned());
+            assert_eq!(
+                of(SeriesSummary { problem, kind, ..series("1", "", vec![volume(9, "")]) }),
+                [expected]
+            );
+        }
+    }
+
+    #[test]
+    fn volumes_of_a_series_are_its_frames_and_named_by_what_tells_them_apart() {
+        let several = SeriesSummary {
+            number: "7".into(),
+            ..series("1.2", "", vec![volume(9, ""), volume(9, "echo 2")])
+        };
+        let files = proposed(Path::new("/case"), &several, "");
+        let found: Vec<_> = files.iter().map(|f| (f.frame, f.id.as_str(), f.title.as_str())).collect();
+        assert_eq!(found, [(None, "MR T1", "7: MR T1"), (Some(1), "MR T1 echo 2", "7: MR T1 (echo 2)")]);
+        let nameless = SeriesSummary { modality: String::new(), description: " ".into(), ..several };
+        assert_eq!(proposed(Path::new("/case"), &nameless, "")[0].id, "series 7");
+    }
+
+    #[test]
+    fn ids_differ_within_a_date_and_kind() {
+        let image = || series("1", "", vec![volume(9, "")]);
+        let of_date = || vec![image(), image(), masks("m", "", &["MR T1"])];
+        let all = patient("0", vec![("20240101", of_date()), ("20240202", of_date())]);
+        let all = proposal(vec![all]).unwrap();
+        let (first, second) = ("2024-01-01", "2024-02-02");
+        let expected = [
+            (Role::Image, "MR T1", first),
+            (Role::Image, "MR T1 2", first),
+            (Role::Mask, "MR T1", first),
+            (Role::Image, "MR T1", second),
+            (Role::Image, "MR T1 2", second),
+            (Role::Mask, "MR T1", second),
+        ];
+        assert_eq!(roles(&all), expected);
+        assert!(all.files.iter().all(|file| file.masks[0].id != "MR T1 2"));
+        // Nobody is named, so that nothing says whose the files are.
+        assert_eq!(codes(&all), ["dicom-nobody", "guessed-times"]);
+    }
 }

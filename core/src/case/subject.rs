@@ -90,10 +90,11 @@ mod tests {
 
     #[test]
     fn two_patients_are_two_however_they_are_named() {
-        let two: [&[&str]; 15] = [
+        let two: [&[&str]; 16] = [
             &["19840312_seg.nii", "19790505_seg.nii"],
             &["A001/seg.nii", "A002/seg.nii"],
             &["ID07_seg.nii", "ID08_seg.nii"],
+            &["MR0042_seg.nii", "MR0043_seg.nii"],
             &["a/BraTS20_Training_001_flair.nii.gz", "b/BraTS20_Training_002_flair.nii.gz"],
             &["BraTS2021_00000_seg.nii.gz", "BraTS2021_00002_seg.nii.gz"],
             &["Brats18_2013_2_1_seg.nii.gz", "Brats18_2013_3_1_seg.nii.gz"],
@@ -114,13 +115,30 @@ mod tests {
         assert_eq!(named, ["BraTS20_Training_001", "BraTS20_Training_002"]);
     }
 
+    /// Four digits are a channel where the first channel or the labels of the same name are there too.
+    #[test]
+    fn only_channels_are_left_out_of_names() {
+        let stems = HashSet::from(["A_001", "B_001_0000"]);
+        for (stem, case) in [
+            ("A_001_0002", "A_001"),
+            ("B_001_0002", "B_001"),
+            ("C_001_0002", "C_001_0002"),
+            ("A_001_002", "A_001_002"),
+            ("A_001_post", "A_001_post"),
+        ] {
+            assert_eq!(without_channel(stem, &stems), case);
+        }
+    }
+
     #[test]
     fn one_patient_is_one_with_raters_runs_dates_and_channels() {
-        let one: [&[&str]; 12] = [
+        let one: [&[&str]; 14] = [
             &["05-01-2024/seg.nii", "04-02-2024/seg.nii"],
             &["hnfnetv1-20.nii.gz", "isen-20.nii.gz", "t1.nii.gz"],
             &["rater1_seg.nii", "rater2_seg.nii", "reader-3_seg.nii"],
             &["seg_1.nii", "seg_2.nii"],
+            &["a1_seg.nii", "a2_seg.nii"],
+            &["rater001_seg.nii", "rater002_seg.nii"],
             &["run-001_seg.nii", "run-002_seg.nii"],
             &["20240115_seg.nii", "20240301_seg.nii"],
             &["scan_2024-01-15_seg.nii", "scan_2025-01-15_seg.nii"],

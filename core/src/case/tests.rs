@@ -77,6 +77,36 @@ fn has(case: &Case, code: &str) -> bool {
 }
 
 #[test]
+fn a_description_knows_its_files_times_and_ids() {
+    let masks = vec![mask("M", "b.nii", Some("two")), mask("N", "b.nii", Some("one"))];
+    let mut spec = case_of(vec![image("I", "a.nii", Some("one"))], masks);
+    spec.add_tracts(&["left/cst.tck.gz".into(), "right/cst.trk".into(), "notes".into()]);
+    spec.described_by.push("case.toml".into());
+    assert_eq!(spec.times(), ["one", "two"]);
+    let order = |labels: &[&str]| labels.iter().map(|label| (*label).to_owned()).collect::<Vec<_>>();
+    assert!(spec.is_ordered_by(&order(&["two", "one"])));
+    assert!(
+        [&["one"][..], &["one", "one"], &["one", "two", "two"]]
+            .iter()
+            .all(|o| !spec.is_ordered_by(&order(o)))
+    );
+    assert_eq!(["I", "M", "N", "cst", "J"].map(|id| spec.has_grid_of(id)), [true, true, true, false, false]);
+    let ids: Vec<&str> = spec.tracts.iter().map(|tracts| tracts.id.as_str()).collect();
+    assert_eq!(ids, ["cst", "cst 2", "notes"]);
+    let names = ["a.nii", "b.nii", "b.nii", "left/cst.tck.gz", "right/cst.trk", "notes"];
+    let all = names.iter().chain(["case.toml"].iter()).map(PathBuf::from);
+    assert_eq!(spec.inputs(), Inputs::new(all));
+    spec.make_absolute();
+    let paths = |spec: &CaseSpec| -> Vec<PathBuf> {
+        let masks = spec.masks.iter().map(|m| &m.source);
+        let sources = spec.contexts.iter().map(|c| &c.source).chain(masks);
+        sources.chain(spec.tracts.iter().map(|t| &t.source)).map(|s| s.path().unwrap().to_owned()).collect()
+    };
+    let here = std::env::current_dir().unwrap();
+    assert_eq!(paths(&spec), names.map(|name| here.join(name)));
+}
+
+#[test]
 fn the_case_grid_is_that_of_the_finest_mask() {
     let files = [
         ("coarse", boxed(&grid(2.0, 0.5), 1, 4)),
@@ -291,6 +321,13 @@ fn invalid_cases_are_refused_in_one_line_naming_the_cause() {
     assert!(error(&twice).contains("mask A (now) twice"));
     let nameless = case_of(vec![image(" ", "i", None)], vec![]);
     assert!(error(&nameless).contains("image number 1 with an empty id"));
+    // A case of as many files as may be is checked further.
+    let name = |n: usize| if n == 4094 { String::new() } else { n.to_string() };
+    let images = (0..4095).map(|n| image(&name(n), "i", None)).collect();
+    let mut most = case_of(images, vec![mask("A", "a", None)]);
+    assert!(error(&most).contains("image number 4095 with an empty id"));
+    most.add_tracts(&["cst.tck".into()]);
+    assert!(error(&most).contains("4097 images, masks and tracts, expected at most 4096"));
     let many: Vec<MaskSpec> = (0..33).map(|k| mask(&format!("m{k}"), "a", None)).collect();
     assert!(load_from(&case_of(vec![], many[..32].to_vec()), &LoadOptions::default(), &[]).is_ok());
     let text = error(&case_of(vec![], many));

@@ -237,4 +237,53 @@ mod tests {
         let outside = |at: usize| if ball(at) > 0.0 { noise(at) as i16 } else { -1024 };
         assert_eq!(of(Samples::I16(all(outside)), whole), Some(Meaning::Image));
     }
+    /// Each limit of [`meaning`], on both of its sides.
+    #[test]
+    fn limits_are_where_they_are_said_to_be() {
+        let whole = Scaling::NONE;
+        // `count` values from 0 to `max`, the neighbours of which are rarely equal.
+        let scattered = |count: usize, max: f64| {
+            let step = max / (count - 1) as f64;
+            of(Samples::F64(all(|at| ((at.wrapping_mul(2_654_435_761) >> 16) % count) as f64 * step)), whole)
+        };
+        let rounded = |count: usize, max: usize| {
+            let value = |at: usize| (at.wrapping_mul(2_654_435_761) >> 16) % count * max / (count - 1);
+            of(Samples::U16(all(|at| value(at) as u16)), whole)
+        };
+        let is_soft = |found: Option<Meaning>, unit: f64| matches!(found, Some(Meaning::Soft { full, .. }) if full == unit);
+        assert!(is_soft(rounded(10, 95), 100.0) && is_soft(rounded(10, 100), 100.0));
+        assert_eq!([rounded(9, 95), rounded(10, 94), rounded(10, 101)], [None; 3]);
+        assert_eq!([rounded(64, 630), rounded(65, 640)], [None, Some(Meaning::Image)]);
+        assert_eq!([scattered(64, 315.0 / 2.0), scattered(65, 160.5)], [None, Some(Meaning::Image)]);
+        // 0 and -0 are one value, of nine.
+        let signed = |at: usize| match (at.wrapping_mul(2_654_435_761) >> 16) % 9 * 12 {
+            0 if at.is_multiple_of(2) => -0.0,
+            value => value as f64,
+        };
+        assert_eq!(of(Samples::F64(all(signed)), whole), None);
+        let third = (N * N * N) as f64 / 3.0;
+        for (values, expected) in [
+            ([0.0, 0.5, 1.25], Some(1.5 * third)),
+            ([-0.25, 0.5, 1.0], Some(1.5 * third)),
+            ([f64::NAN, 0.5, f64::INFINITY], Some(0.5 * third)),
+            ([0.0, 0.5, 1.26], None),
+            ([-0.26, 0.5, 1.0], None),
+        ] {
+            let expected = expected.map(|expected_voxels| Meaning::Soft { full: 1.0, expected_voxels });
+            assert_eq!(of(Samples::F64(all(|at| values[at % 3])), whole), expected, "{values:?}");
+        }
+    }
+
+    /// Of the pairs 5 5, 5 7, 5 5 below and 7 7 below in the first slice three are equal, of 7 in the second none; lowest,
+    /// highest and 0 don't count, nor do the ends of lines and slices as neighbours.
+    #[test]
+    fn neighbours_are_compared_within_lines_and_columns() {
+        let stored = vec![5.0, 5.0, 7.0, 5.0, 9.0, 7.0, 7.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let grid = Grid::axis_aligned([3, 2, 2], DVec3::ONE, DVec3::ZERO).unwrap();
+        let volume =
+            |stored: Vec<f64>| Volume::new(grid.clone(), Samples::F64(stored), Scaling::NONE).unwrap();
+        assert_eq!(equal_share(&volume(stored), -1.0, 9.0), 3.0 / 11.0);
+        let plain = vec![-1.0, -1.0, 0.0, 0.0, 9.0, 9.0, f64::NAN, f64::NAN, 5.0, 9.0, 9.0, -1.0];
+        assert_eq!(equal_share(&volume(plain), -1.0, 9.0), 1.0);
+    }
 }

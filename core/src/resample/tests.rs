@@ -40,8 +40,10 @@ fn masks_already_on_the_target_grid_keep_every_bit() {
     let mask = speckle(dims, grid(dims, m, DVec3::new(3.0, -40.0, 7.0)), 1);
     assert_eq!(&resampled(&mask, mask.grid()), mask.bits());
     // And through the affine: moved by less than half a voxel but by more than `SAME_PLACE_VOXELS`.
-    let moved = grid(dims, m, DVec3::new(3.0, -40.0, 7.0) + m.x_axis * 0.01);
-    assert_eq!(&resampled(&mask, &moved), mask.bits());
+    for part in [0.01, 0.4995, -0.4995] {
+        let moved = grid(dims, m, DVec3::new(3.0, -40.0, 7.0) + m * DVec3::splat(part));
+        assert_eq!(&resampled(&mask, &moved), mask.bits(), "{part} of a voxel");
+    }
 }
 
 /// Every voxel of the source becomes exactly f³ voxels when the target divides it by f.
@@ -112,6 +114,29 @@ fn any_affine_matches_the_reference() {
     }
 }
 
+/// The target's own size limits what is visited; bits past the end of a line stay 0.
+#[test]
+fn a_target_inside_the_source_is_filled_to_its_edges() {
+    let source = axis_aligned([80, 40, 30], DVec3::ONE, DVec3::ZERO);
+    let full = Mask::new("full", source.clone(), MaskBits::full(source.dims())).unwrap();
+    let volume = Volume::new(source, Samples::U8(vec![7; 80 * 40 * 30]), Scaling::NONE).unwrap();
+    for turn in [0.0, 0.2] {
+        let m = DMat3::from_rotation_z(turn) * DMat3::from_diagonal(DVec3::new(0.5, 0.75, 1.5));
+        let target = grid([70, 9, 11], m, DVec3::new(25.2, 10.1, 6.3));
+        assert_eq!(resampled(&full, &target), MaskBits::full(target.dims()));
+        let found = image_onto(&volume, &target, &Progress::new()).unwrap();
+        assert_eq!(found.inside, MaskBits::full(target.dims()));
+        assert_eq!(found.values, vec![7.0; target.voxel_count()]);
+    }
+}
+
+#[test]
+fn a_place_is_in_the_voxel_around_it() {
+    let at = |x: f64, y: f64, z: f64| source_voxel(DVec3::new(x, y, z), [5, 4, 3]);
+    assert_eq!((at(-0.5, 1.49, 1.5), at(4.4, 3.0, 0.0)), (Some([0, 1, 2]), Some([4, 3, 0])));
+    assert_eq!([at(-0.6, 0.0, 0.0), at(0.0, 3.5, 0.0), at(0.0, 0.0, 2.5)], [None; 3]);
+}
+
 /// Half the resolution, centres on the border of two voxels: the higher index decides, also where
 /// rounding puts the centre a little below the border.
 #[test]
@@ -140,6 +165,23 @@ fn voxels_outside_are_inactive_and_counted() {
     assert_eq!(resampled(&empty, &half).count(), 0);
     assert_eq!(voxels_outside(&empty, &[]), 0);
     assert_eq!(voxels_outside(&full, &[]), 64);
+}
+
+/// A plane across a diagonal separates one corner of 4³ voxels: at 4.5/√3 mm from the centre, its neighbours at 3.5/√3.
+#[test]
+fn each_corner_of_a_mask_is_outside_where_a_grid_ends_before_it() {
+    let m = axis_aligned([4; 3], DVec3::ONE, DVec3::splat(-1.5));
+    let full = Mask::new("full", m, MaskBits::full([4; 3])).unwrap();
+    for corner in 0..8 {
+        let diagonal = DVec3::from_array([0, 1, 2].map(|a| if corner >> a & 1 == 1 { 1.0 } else { -1.0 }));
+        let (end_mm, x) = (4.0 / 3_f64.sqrt(), diagonal / 3_f64.sqrt());
+        let (y, z) = x.any_orthonormal_pair();
+        let to_first = DVec3::new(end_mm - 19.5, -9.5, -9.5);
+        let turned = DMat3::from_cols(x, y, z);
+        let cut = grid([20; 3], turned, turned * to_first);
+        assert_eq!(voxels_outside(&full, &[&cut]), 1, "{diagonal}");
+        assert_eq!(voxels_outside(&full, &[&cut, full.grid()]), 0);
+    }
 }
 
 /// A linear function of position is reproduced by trilinear interpolation, between the outermost

@@ -29,6 +29,8 @@ enum Benchmark {
     Turning(loops::turning::TurningArguments),
     /// Reading and measuring 100,000 fibres
     Tracts,
+    /// Reading images: files, or folders with a DICOM series
+    Images(loops::images::ImagesArguments),
     /// The skeleton's force field on a graphics device and on the CPU
     ForceField(loops::force_field::ForceFieldArguments),
     /// Kernels of the change between two masks
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         Benchmark::Views(arguments) => loops::views::run(&arguments),
         Benchmark::Turning(arguments) => loops::turning::run(&arguments),
         Benchmark::Tracts => loops::tracts::run(),
+        Benchmark::Images(arguments) => loops::images::run(&arguments),
         Benchmark::ForceField(arguments) => loops::force_field::run(&arguments),
         Benchmark::Change(arguments) => loops::change::run(&arguments),
         Benchmark::Ellipsoids(arguments) => loops::ellipsoids::run(&arguments),

@@ -224,12 +224,16 @@ impl Workstation {
 
     /// Reads the case as guessed and changed. Nothing happens while the proposal has problems.
     pub fn accept_guess(&mut self, wake: Waker) {
-        let Some(Guess { request, proposal, proposed }) = self.guess.take() else { return };
+        let Some(Guess { request, mut proposal, proposed }) = self.guess.take() else { return };
+        // Where nobody is asked, a warning of the case says it.
+        proposal.is_aligned |= self.accept_guesses;
         if !proposal.problems().is_empty() {
             self.guess = Some(Guess { request, proposal, proposed });
             return;
         }
-        let is_changed = proposal != proposed;
+        // An answer about the files changes nothing of what they are.
+        let asked = Proposal { is_aligned: proposed.is_aligned, ..proposal.clone() };
+        let is_changed = asked != proposed;
         if self.accept_guesses
             && let Err(error) = proposal.unasked(!request.options.order.is_empty())
         {

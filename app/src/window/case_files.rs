@@ -72,6 +72,12 @@ pub fn show(ui: &Ui, work: &mut Workstation, thumbnails: &mut Thumbnails, covere
             }
         });
         ui.add_space(6.0);
+        if guess.proposal.frames_of_reference() > 1 {
+            ui.checkbox(&mut guess.proposal.is_aligned, "They are aligned: show them over each other").on_hover_text(
+                "Scans of different frames of reference lie where each scanner put them. Nothing in the files says that \
+                 a place in one is the same place in another.",
+            );
+        }
         buttons(ui, guess, &problems, out)
     });
     match reply {

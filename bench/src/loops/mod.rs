@@ -4,6 +4,7 @@ pub mod change;
 pub mod ellipsoids;
 pub mod fluency;
 pub mod force_field;
+pub mod images;
 pub mod tracts;
 pub mod turning;
 pub mod views;

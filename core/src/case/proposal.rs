@@ -79,6 +79,8 @@ pub struct ProposedFile {
     pub patient: String,
     /// The study that it belongs to, where the file says so.
     pub study: String,
+    /// Frame of Reference UID, where the file has one; empty otherwise. Equal ones lie in one space.
+    pub(super) frame_of_reference: String,
     /// What it is proposed to be where its patient is chosen.
     pub(super) suggested: Role,
     /// What it is.
@@ -115,6 +117,7 @@ impl ProposedFile {
             title: String::new(),
             patient: String::new(),
             study: String::new(),
+            frame_of_reference: String::new(),
             suggested: role,
             role,
             reason: String::new(),
@@ -246,6 +249,8 @@ pub struct Proposal {
     pub folder: PathBuf,
     /// The archive that the folder is the content of.
     pub archive: Option<PathBuf>,
+    /// Whether the user said that images and masks of several frames of reference lie in one space.
+    pub is_aligned: bool,
     /// Its files: those of the case, then those proposed to be left out.
     pub files: Vec<ProposedFile>,
     /// Labels of the time points in time order, where that is stated; else empty.
@@ -272,6 +277,7 @@ impl Proposal {
             name,
             folder: folder.to_owned(),
             archive: None,
+            is_aligned: false,
             files,
             order: Vec::new(),
             notes,
@@ -386,6 +392,14 @@ impl Proposal {
         }
         spec.notes.extend(self.left_out_notes());
         spec
+    }
+
+    /// In how many spaces the images and masks that are in lie, as far as their files say so.
+    pub fn frames_of_reference(&self) -> usize {
+        let is_in = |file: &&ProposedFile| matches!(file.role, Role::Image | Role::Mask);
+        let all: BTreeSet<&str> =
+            self.files.iter().filter(is_in).map(|file| file.frame_of_reference.as_str()).collect();
+        all.iter().filter(|uid| !uid.is_empty()).count()
     }
 
     /// The patients whose files it has, in the order of the files; none where no file names one.
@@ -546,6 +560,11 @@ impl Proposal {
             Some("no image and no mask is in".to_owned())
         } else if self.files.len() > MAX_FILES {
             Some(format!("more than {MAX_FILES} files"))
+        } else if self.frames_of_reference() > 1 && !self.is_aligned {
+            Some(format!(
+                "{} frames of reference: leave out what isn't aligned, or say that they are",
+                self.frames_of_reference()
+            ))
         } else {
             None
         };

@@ -299,3 +299,21 @@ fn one_mask_is_not_two_tissues() {
     proposal.files.iter_mut().for_each(ProposedFile::group);
     assert_eq!(proposal.problems(), []);
 }
+
+#[test]
+fn scans_of_two_frames_of_reference_wait_for_the_user() {
+    let scan = |name: &str, frame: &str| {
+        let mut scan = file(name, Role::Image, name, "");
+        scan.frame_of_reference = frame.into();
+        scan
+    };
+    let mut proposal = of_files(vec![scan("ct", "1.2"), scan("pet", "1.2"), scan("nifti", "")]);
+    assert_eq!((proposal.frames_of_reference(), proposal.problems().len()), (1, 0));
+    proposal.files.push(scan("mr", "1.3"));
+    assert!(proposal.problems()[0].text.starts_with("2 frames of reference"));
+    proposal.files[3].role = Role::LeftOut;
+    assert_eq!(proposal.problems(), []);
+    proposal.files[3].role = Role::Image;
+    proposal.is_aligned = true;
+    assert_eq!(proposal.problems(), []);
+}

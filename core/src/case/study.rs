@@ -210,6 +210,7 @@ fn proposed(folder: &Path, series: &SeriesSummary, time: &str) -> Vec<ProposedFi
         let mut file = ProposedFile::new(path, role, id, time.to_owned());
         file.series = Some(series.uid.clone());
         file.title = title(key);
+        file.frame_of_reference.clone_from(&series.frame_of_reference);
         file
     };
     let left_out = |file: ProposedFile, left_out_for: LeftOutFor, reason: &str| ProposedFile {

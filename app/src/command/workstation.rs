@@ -232,8 +232,9 @@ impl Workstation {
             return;
         }
         // An answer about the files changes nothing of what they are.
-        let asked = Proposal { is_aligned: proposed.is_aligned, ..proposal.clone() };
-        let is_changed = asked != proposed;
+        let mut files = proposal.clone();
+        files.is_aligned = proposed.is_aligned;
+        let is_changed = files != proposed;
         if self.accept_guesses
             && let Err(error) = proposal.unasked(!request.options.order.is_empty())
         {

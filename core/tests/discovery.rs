@@ -145,7 +145,7 @@ fn each_label_of_the_only_map_of_a_date_is_a_mask() {
     assert_eq!(proposed(&folder).files[0].masks.len(), 1);
     put(&folder, "BraTS20_Training_001_seg.nii", |at| [0.0, 1.0, 4.0][at % 3]);
     let named = notes(&proposed(&folder), "guessed-labels");
-    assert!(named[0].ends_with("1, 4; named as in BraTS 2017 to 2020, as the file's name says"), "{named:?}");
+    assert!(named[0].ends_with("1, 4; named as in BraTS 2017 to 2020"), "{named:?}");
 }
 
 #[test]

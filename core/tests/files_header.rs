@@ -395,7 +395,7 @@ fn info_reports_the_header() {
     let info = serde_json::to_value(files::nifti_info(&Source::File(path.clone())).unwrap()).unwrap();
     let expected = serde_json::json!({
         "file": path.display().to_string(), "image_file": null, "format": "NIfTI-1", "byte_order": "little",
-        "gzip": true, "dims": [2, 3, 2, 2], "frames": 2, "datatype": "int16", "frame_bytes": 24,
+        "gzip": true, "dims": [2, 3, 2, 2], "frames": 2, "datatype": "int16", "components": 1, "frame_bytes": 24,
         "spacing_mm": [1.5, 2.0, 3.0],
         "world_from_voxel": [[-1.5, 0.0, 0.0, 90.0], [0.0, 0.0, 3.0, -126.0], [0.0, 2.0, 0.0, -72.0], [0.0, 0.0, 0.0, 1.0]],
         "axis_codes": "LSA", "form": "sform", "sform_code": 1, "qform_code": 0, "unit": "mm",

@@ -33,6 +33,10 @@ fn stored_numbers_match_the_nifti_crate() {
             {
                 continue;
             }
+            // It takes colours for numbers.
+            if ours.checks.iter().any(|check| check.code == "color-labels") {
+                continue;
+            }
             let theirs = ReaderOptions::new().read_file(&path).unwrap_or_else(|e| panic!("{path:?}: {e}"));
             let theirs = theirs.into_volume();
             with_samples!(ours.volume.samples(), v => compare(theirs, v, ours.frames, &path));

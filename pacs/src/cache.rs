@@ -275,5 +275,4 @@ fn remove(result: io::Result<()>, path: &Path) -> Result<(), Error> {
 }
 
 #[cfg(test)]
-#[path = "cache_tests.rs"]
 mod tests;

@@ -201,5 +201,4 @@ impl Peek for BufReader<File> {
 }
 
 #[cfg(test)]
-#[path = "identity_tests.rs"]
 mod tests;

@@ -279,5 +279,4 @@ fn after(bytes: &[u8]) -> After {
 }
 
 #[cfg(test)]
-#[path = "multipart_tests.rs"]
 mod tests;

@@ -140,6 +140,7 @@ impl Workstation {
         });
         if let Some(doc) = &mut self.doc {
             doc.nav.time = doc.nav.time.min(self.world.time_point_count().saturating_sub(1));
+            self.world.set_made(&doc.edit.made);
             self.saved = Some(Box::new(doc.edit.clone()));
         }
     }

@@ -1,6 +1,6 @@
 //! The dialog that opens a study of an archive (PACS).
 
-use egui::{Button, ComboBox, Grid, Label, ScrollArea, TextEdit, Ui};
+use egui::{Align, Button, ComboBox, Grid, Label, Layout, ScrollArea, TextEdit, Ui};
 use glioscope_core::files::printable;
 use glioscope_pacs::{InUse, Query, Retrieved, StudyRow};
 
@@ -82,6 +82,11 @@ impl PacsDialog {
         self.asked = Some(Asked::Study(Job::start(wake, move |progress| {
             pacs::retrieve(&pacs::server(&server)?.connect()?, &study, None, progress)
         })));
+    }
+
+    fn clear_cache(&mut self) {
+        let cleared = pacs::cache().and_then(|cache| Ok(cache.clear()?));
+        self.problem = cleared.err().map(|error| error.to_string());
     }
 
     fn cancel(&mut self) {
@@ -166,6 +171,12 @@ pub fn show(
             if ui.button("Cancel").clicked() {
                 reply = Reply::Cancel;
             }
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                let button = ui.add_enabled(dialog.asked.is_none(), Button::new("Empty the cache"));
+                if button.on_hover_text("Removes all studies retrieved, but those that are open").clicked() {
+                    dialog.clear_cache();
+                }
+            });
         });
         reply
     });

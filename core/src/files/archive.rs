@@ -48,7 +48,12 @@ pub fn unpacked(path: &Path, max_bytes: u64, progress: &Progress) -> Result<Path
     }
     sweep(&std::env::temp_dir());
     let prefix = format!("{PREFIX}{}-", std::process::id());
-    let folder = tempfile::Builder::new().prefix(&prefix).tempdir();
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix);
+    // A patient's files are their user's alone.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
+    let folder = builder.tempdir();
     let folder = folder.map_err(|e| write_failed(&std::env::temp_dir(), &e))?;
     unpack(&path, folder.path(), max_bytes, progress)?;
     let place = folder.path().to_owned();

@@ -63,7 +63,7 @@ fn a_consensus_is_made_by_clicking_and_is_a_mask_like_any_other() {
     let numbers = measured(&path);
     let masks = numbers["time_points"][0]["masks"].as_array().unwrap();
     assert_eq!((masks.len(), &masks[3]["voxels"]), (4, &Value::from(expected)));
-    assert!(numbers["checks"].to_string().contains("where at least 2 of 3 masks are active"));
+    assert!(numbers["warnings"].to_string().contains("where at least 2 of 3 masks are active"));
 
     // Exported like the others, and read again.
     let out = folder.path().join("majority.nii.gz");

@@ -120,7 +120,8 @@ def main():
             same("refused without a password", "expected" in error and len(error.splitlines()) == 1, True)
             run("pacs", "servers", "here", url)
             same("known servers", run("pacs", "servers").split(), ["here", url])
-            round_trip(folder, "here", ["--sample"], login)
+            # The sample has two dates, and a file of masks one.
+            round_trip(folder, "here", ["--sample", "--time", "2024-01-15"], login)
             for case in CASES:
                 round_trip(folder, "here", [case], login)
             wrong = {**login, "GLIOSCOPE_PACS_PASSWORD": "another"}

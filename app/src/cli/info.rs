@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glioscope_core::{
     Progress, case,
-    files::{self, FileInfo, ReadOptions, Source, dicom},
+    files::{self, FileInfo, ReadOptions, Source, archive, dicom},
 };
 use serde_json::json;
 
@@ -20,8 +20,12 @@ pub(super) fn run(
     as_json: bool,
     cross_check: bool,
 ) -> Result<(), AppError> {
+    let archive = target.as_ref().filter(|path| archive::is_zip(path));
+    let unpacked =
+        archive.map(|path| archive::unpacked(path, parts.max_bytes, &Progress::new())).transpose()?;
     if let Some(path) = &target
         && path.is_file()
+        && archive.is_none()
         && !is_manifest(path)
         && !session::is_session(path)
     {
@@ -35,7 +39,7 @@ pub(super) fn run(
         let json = || info.json().map_err(|e| AppError::file(path, e.to_string(), "finite numbers"));
         return if as_json { terminal::print_json_text(&json()?) } else { terminal::print(&info.text()) };
     }
-    if let Some(path) = &target
+    if let Some(path) = unpacked.as_ref().or(target.as_ref())
         && path.is_dir()
         && !case::has_manifest(path)
         && case::is_study(path, &Progress::new())

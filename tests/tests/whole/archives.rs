@@ -174,7 +174,8 @@ fn a_scheme_is_chosen_in_the_dialog() {
         .get_by_label_contains("BraTS 2021: whole tumour, tumour core, enhancing tumour")
         .click_accesskit();
     harness.run_ok();
-    assert!(harness.query_by_label("Name of seg-WT").is_some());
+    harness.run_ok();
+    assert!(harness.query_by_label("Name of seg-WT").is_some(), "{harness:?}");
     harness.key_press(Key::Escape);
     harness.run_ok();
     harness.key_press(Key::Enter);

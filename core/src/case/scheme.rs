@@ -17,7 +17,7 @@ const HEAD_BYTES: u64 = 4096;
 /// The longest name, in characters.
 const LONGEST_NAME: usize = 200;
 /// Numbers of labels: a byte or two in every format that has them.
-const LARGEST_LABEL: i64 = 1 << 31;
+const LARGEST_LABEL: u64 = 1 << 31;
 
 /// A label and its meaning.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -285,7 +285,7 @@ fn row(line: &str) -> Option<SchemeLabel> {
     let [Some(red), Some(green), Some(blue)] = bytes else { return None };
     let name: String =
         printable(name.trim()).chars().filter(|c| !c.is_control()).take(LONGEST_NAME).collect();
-    (label.abs() <= LARGEST_LABEL && !name.is_empty()).then_some(SchemeLabel {
+    (label.unsigned_abs() <= LARGEST_LABEL && !name.is_empty()).then_some(SchemeLabel {
         label,
         name,
         color: Some([red, green, blue]),
@@ -470,6 +470,7 @@ mod tests {
             "x name 0 0 0 0",
             "2147483649 a 0 0 0 0",
             "-2147483649 a 0 0 0 0",
+            "-9223372036854775808 a 0 0 0 0",
         ] {
             assert_eq!(row(line), None, "{line}");
         }

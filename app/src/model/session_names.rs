@@ -67,8 +67,9 @@ fn convert_times(document: &mut Value, change: &mut dyn FnMut(&Value) -> Option<
                 Some(new) => *time = new,
                 None => {
                     let time = time.to_string();
-                    let name = item.get("name").and_then(Value::as_str).unwrap_or_default();
-                    dropped.push(format!("{what} {name} of {time}"));
+                    let name = item.get("name").and_then(Value::as_str).filter(|name| !name.is_empty());
+                    let name = name.map(|name| format!(" {name}")).unwrap_or_default();
+                    dropped.push(format!("{what}{name} of {time}"));
                     return false;
                 }
             }
@@ -300,10 +301,7 @@ pub(super) mod tests {
             "opacity of an ellipsoid of mask Y",
             "the image shown, PD",
         ];
-        let (value, words) = numbered(&found, &case());
-        assert_eq!(value, expected);
-        // What has no name has a space more.
-        assert_eq!(words.iter().map(|words| words.replace("  ", " ")).collect::<Vec<_>>(), said);
+        assert_eq!(numbered(&found, &case()), (expected, said.map(str::to_owned).to_vec()));
     }
 
     #[test]

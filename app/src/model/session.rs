@@ -202,3 +202,116 @@ impl Session {
 fn wrong(path: &Path, found: &str, expected: &str) -> FileError {
     FileError::Wrong { file: path.display().to_string(), found: found.into(), expected: expected.into() }
 }
+
+#[cfg(test)]
+mod tests {
+    use glioscope_core::files::write_whole;
+    use serde_json::json;
+
+    use super::*;
+    use crate::model::{CaseRef, session_names::tests::case};
+
+    #[test]
+    fn a_session_is_known_by_its_ending_or_by_its_content() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let far = format!("{{\"document\": \"{}\", \"{KEY}\": 3}}", "x".repeat(2 * HEAD_BYTES as usize));
+        for (name, text, expected) in [
+            ("A.Glioscope.JSON", "anything", true),
+            ("first", "{\"glioscope_session\": 3}", true),
+            ("later.txt", &far, true),
+            ("spaced", "\n {\"glioscope_session\": 3}", true),
+            ("other.json", "{\"of_another_program\": [1, 2, 3]}", false),
+            ("list", "[\"glioscope_session\"]", false),
+            ("empty", "", false),
+            ("glioscope.json", "{}", false),
+        ] {
+            write_whole(&path(name), text.as_bytes()).unwrap();
+            assert_eq!(is_session(&path(name)), expected, "{name}");
+        }
+        std::fs::create_dir(path("folder.glioscope.json")).unwrap();
+        assert!(!is_session(&path("folder.glioscope.json")) && !is_session(folder.path()));
+        assert!(is_session(&path("gone.glioscope.json")) && !is_session(&path("gone")));
+    }
+
+    #[test]
+    fn the_ending_is_added_once_and_replaces_json() {
+        for (name, expected) in [
+            ("a/visit", "a/visit.glioscope.json"),
+            ("visit.txt", "visit.txt.glioscope.json"),
+            ("visit.json", "visit.glioscope.json"),
+            ("Visit.JSON", "Visit.glioscope.json"),
+            ("visit.glioscope.json", "visit.glioscope.json"),
+            ("Visit.Glioscope.Json", "Visit.Glioscope.Json"),
+        ] {
+            assert_eq!(with_ending(name.into()), PathBuf::from(expected));
+        }
+    }
+
+    #[test]
+    fn a_session_comes_back_with_its_files_as_seen_from_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("visit.glioscope.json");
+        let case = case();
+        let source = folder.path().join("nii").join("case.toml");
+        let mut document = Document::new(CaseRef::Path(source), &case.time_points[0], 2);
+        document.nav.time = 1;
+        let mark = |file: PathBuf| FileMark { file, bytes: 5, hash: "ab".into() };
+        save(&path, &document, &case, &[mark(folder.path().join("nii").join("T1.nii"))]).unwrap();
+        let session = load(&path).unwrap();
+        assert_eq!(session.findings, []);
+        let origin = session.origin.clone().unwrap();
+        assert_eq!(origin.path, path);
+        assert_eq!(origin.files, [mark(Path::new("nii").join("T1.nii"))]);
+        let relative = Place { case: CaseRef::Path(Path::new("nii").join("case.toml")), tracts: Vec::new() };
+        assert_eq!(origin.relative, Some(relative));
+        assert_eq!(session.document.nav.time, 0, "not before its case is known");
+        assert_eq!(session.restore(&case).unwrap(), (document.clone(), Vec::new()));
+        assert_eq!(Session::of(&document, &case).unwrap().restore(&case).unwrap(), (document, Vec::new()));
+
+        // Without feb: the first date, and that is said.
+        let mut less = case;
+        less.time_points.truncate(1);
+        let (restored, checks) = session.restore(&less).unwrap();
+        assert_eq!(restored.nav.time, 0);
+        assert!(
+            matches!(&checks[..], [check] if check.code == "session-dropped" && check.message.contains("\"feb\""))
+        );
+    }
+
+    #[test]
+    fn what_a_session_file_says_too_much_or_wrongly_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("visit.glioscope.json");
+        let case = case();
+        save(&path, &Document::new(CaseRef::Sample, &case.time_points[0], 2), &case, &[]).unwrap();
+        let good: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let with = |pointer: &str, key: &str, value: Value| {
+            let mut changed = good.clone();
+            let object = changed.pointer_mut(pointer).and_then(Value::as_object_mut).unwrap();
+            object.insert(key.into(), value);
+            write_whole(&path, changed.to_string().as_bytes()).unwrap();
+            load(&path)
+        };
+        for (pointer, key, path) in [("", "fils", "fils"), ("/document/edit", "lens_onn", "edit.lens_onn")] {
+            let findings = with(pointer, key, json!(1)).unwrap().findings;
+            assert!(
+                matches!(&findings[..], [check] if check.code == "session-unknown-key" && check.message.ends_with(&format!(": {path}")))
+            );
+        }
+        // Version 2 may have numbers, too.
+        assert!(with("", KEY, json!(2)).is_ok());
+        for (pointer, key, value, word) in [
+            ("", KEY, json!(0), "found session version 0, expected version 1 to 3"),
+            ("", KEY, json!(4), "found session version 4"),
+            ("", KEY, json!("3"), "JSON without \"glioscope_session\""),
+            ("", "document", json!(null), "doesn't fit"),
+            ("", "files", json!(3), "doesn't fit"),
+            ("/document/nav", "time", json!([]), "doesn't fit"),
+            ("/document/nav", "mm_per_point", json!(0.0), "found mm_per_point 0e0"),
+        ] {
+            let error = with(pointer, key, value).unwrap_err().to_string();
+            assert!(error.contains("visit.glioscope.json: ") && error.contains(word), "{error}");
+        }
+    }
+}

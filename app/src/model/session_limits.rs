@@ -239,3 +239,226 @@ fn collect_unknown(found: &Value, known: &Value, path: &str, out: &mut Vec<Strin
         _ => {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use egui_tiles::{Grid, Linear, LinearDir, Tiles};
+    use glioscope_render::flat::Window;
+    use serde_json::json;
+
+    use super::*;
+    use crate::model::session_names::tests::case;
+
+    fn document() -> Document {
+        let case = case();
+        Document::new(CaseRef::Sample, &case.time_points[0], 2)
+    }
+
+    fn found(checked: Checked) -> String {
+        checked.map_or_else(|fault| fault.found, |()| String::new())
+    }
+
+    /// `json` as read, checked; what is out of range, empty for nothing.
+    fn found_in(json: &Value) -> String {
+        let document: Document = serde_json::from_value(json.clone()).unwrap();
+        found(check(&document, json))
+    }
+
+    #[test]
+    fn every_number_has_a_range_whose_ends_belong_to_it() {
+        let mut good = serde_json::to_value(document()).unwrap();
+        let edit = &mut good["edit"];
+        edit["light"]["own"] = serde_json::to_value(LightSettings::DEFAULT).unwrap();
+        edit["rulers"] =
+            json!([{"name": "", "from_mm": [0, 0, 0], "to_mm": [0, 0, 0], "view": "axial", "time": 0}]);
+        edit["clips"] = json!([{"normal": [0, 0, 1], "offset_mm": 0}]);
+        edit["ellipsoid_opacities"] = json!([{"time": 0, "neighbors": 6, "number": 0, "opacity": 0}]);
+        good["nav"]["zooms"] = json!({"context": 1.0});
+        assert_eq!(found_in(&good), "");
+        let place = [json!([-1e6, 1e6]), json!([-1.1e6, 1.1e6])];
+        let length = [json!([1e-6, 1e6]), json!([0.0, 1.1e6])];
+        let share = [json!([0.0, 1.0]), json!([-0.1, 1.1])];
+        let extent = [json!([0.0, 1e4]), json!([-0.1, 1.1e4])];
+        let neighbors = [json!([6, 18, 26]), json!([0, 7, 27])];
+        let mm = [json!([0.01, 1e3]), json!([0.009, 1001.0])];
+        let degrees = [json!([0.0, 85.0]), json!([-0.1, 85.1])];
+        let vicinity =
+            [json!([1, LightSettings::MOST_VICINITY]), json!([0, LightSettings::MOST_VICINITY + 1])];
+        let sub_cones =
+            [json!([1, LightSettings::MOST_SUB_CONES]), json!([0, LightSettings::MOST_SUB_CONES + 1])];
+        for (pointer, name, [inside, outside]) in [
+            ("/edit/lens/center_mm/1", "lens center_mm", place.clone()),
+            ("/edit/lens/radius_mm", "lens radius_mm", length.clone()),
+            ("/edit/overlay_opacity", "overlay_opacity", share.clone()),
+            ("/edit/rulers/0/from_mm/0", "ruler from_mm", place.clone()),
+            ("/edit/rulers/0/to_mm/2", "ruler to_mm", place.clone()),
+            ("/edit/clips/0/normal/1", "clip normal", place.clone()),
+            ("/edit/clips/0/normal/2", "length of clip normal", [json!([1e-9]), json!([0.0])]),
+            ("/edit/ellipsoids/opacity", "ellipsoids opacity", share.clone()),
+            (
+                "/edit/ellipsoids/smallest_ml",
+                "ellipsoids smallest_ml",
+                [json!([0.0, 1e6]), json!([-0.1, 1.1e6])],
+            ),
+            ("/edit/ellipsoids/neighbors", "ellipsoids neighbors", neighbors.clone()),
+            ("/edit/ellipsoid_opacities/0/opacity", "ellipsoid_opacities opacity", share.clone()),
+            ("/edit/ellipsoid_opacities/0/neighbors", "ellipsoid_opacities neighbors", neighbors),
+            ("/edit/light/aperture_deg", "light aperture_deg", degrees.clone()),
+            ("/edit/light/own/aperture_deg", "light own aperture_deg", degrees),
+            ("/edit/light/own/slice_grid", "light own slice_grid", [json!([1, 13]), json!([0, 14])]),
+            ("/edit/light/own/slice_mm", "light own slice_mm", [json!([0.01, 100.0]), json!([0.009, 100.1])]),
+            ("/edit/light/own/reference_mm", "light own reference_mm", mm.clone()),
+            ("/edit/light/own/sub_cones", "light own sub_cones", sub_cones),
+            ("/edit/light/own/coarsest_level", "light own coarsest_level", [json!([0, 16]), json!([17])]),
+            (
+                "/edit/light/own/cone_step",
+                "light own cone_step",
+                [json!([0.01, 100.0]), json!([0.009, 100.1])],
+            ),
+            ("/edit/light/own/cell_mm", "light own cell_mm", mm.clone()),
+            ("/edit/light/own/vicinity_samples", "light own vicinity_samples", vicinity.clone()),
+            ("/edit/light/own/vicinity_mm", "light own vicinity_mm", mm.clone()),
+            (
+                "/edit/light/shading/occlusion_radius_mm",
+                "light shading occlusion_radius_mm",
+                [json!([0.0, 1e3, null]), json!([-0.1, 1001.0])],
+            ),
+            ("/edit/light/shading/ambient_share", "light shading ambient_share", share.clone()),
+            ("/edit/light/shading/relief", "light shading relief", share),
+            ("/edit/light/shading/vicinity_mm", "light shading vicinity_mm", mm),
+            ("/edit/light/shading/vicinity_samples", "light shading vicinity_samples", vicinity),
+            ("/edit/change/full_mm", "change full_mm", [json!([0.1, 1000.0, null]), json!([0.09, 1001.0])]),
+            ("/edit/change/smooth_mm", "change", extent.clone()),
+            ("/edit/change/threshold_mm", "change", extent.clone()),
+            ("/edit/change/registration_mm", "change", extent),
+            ("/nav/camera/focus_mm/0", "camera focus_mm", place.clone()),
+            ("/nav/camera/height_mm", "camera height_mm", length),
+            ("/nav/cursor_mm/1", "cursor_mm", place.clone()),
+            ("/nav/mm_per_point", "mm_per_point", [json!([1e-3, 1e3, null]), json!([9e-4, 1001.0])]),
+            ("/nav/pan_mm/2/1", "pan_mm", place),
+            ("/nav/zooms/context", "zooms", [json!([1e-3, 1e4]), json!([9e-4, 1.1e4])]),
+            ("/edit/layout/width", "layout width", [json!([0.0, 1e5]), json!([-0.1, 1.1e5])]),
+            ("/edit/layout/height", "layout height", [json!([0.0, 1e5]), json!([-0.1, 1.1e5])]),
+            (
+                "/edit/layout/tiles/next_tile_id",
+                "layout next_tile_id",
+                [json!([0, 1_u64 << 40]), json!([(1_u64 << 40) + 1])],
+            ),
+        ] {
+            let with = |value: &Value| {
+                let mut changed = good.clone();
+                *changed.pointer_mut(pointer).unwrap() = value.clone();
+                found_in(&changed)
+            };
+            for value in inside.as_array().unwrap() {
+                assert_eq!(with(value), "", "{pointer} {value}");
+            }
+            for value in outside.as_array().unwrap() {
+                let found = with(value);
+                assert!(found.starts_with(&format!("{name} ")), "{pointer} {value}: {found}");
+            }
+        }
+        for (world_from_camera, name) in
+            [(0.9996, ""), (1.0004, ""), (0.999, "length of"), (1.001, "length of")]
+        {
+            let mut changed = good.clone();
+            changed["nav"]["camera"]["world_from_camera"] = json!([0.0, world_from_camera, 0.0, 0.0]);
+            assert!(found_in(&changed).starts_with(name) && found_in(&changed).is_empty() == name.is_empty());
+        }
+    }
+
+    #[test]
+    fn no_number_may_be_infinite_or_none() {
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for (window, name) in [
+                (Window { low: value, high: 1.0 }, "window low"),
+                (Window { low: 0.0, high: value }, "window high"),
+            ] {
+                let mut changed = document();
+                changed.edit.windows.insert("T1".into(), window);
+                assert!(found(check(&changed, &Value::Null)).starts_with(name));
+            }
+            let mut changed = document();
+            changed.nav.cursor_mm = DVec3::new(0.0, 0.0, value);
+            assert!(found(check(&changed, &Value::Null)).starts_with("cursor_mm"));
+        }
+        assert!(number("x", f64::NAN, &SHARE).is_err() && finite("x", f64::MAX).is_ok());
+    }
+
+    #[test]
+    fn lists_are_as_long_as_a_window_makes_them_at_most() {
+        let entries = |count: usize| vec![String::new(); count];
+        let paths = |count: usize| vec![PathBuf::new(); count];
+        for (count, is_long) in [(1 << 16, false), ((1 << 16) + 1, true)] {
+            let of = |name: &str| if is_long { format!("{count} entries of {name}") } else { String::new() };
+            let tracts = Document { tracts: paths(count), ..document() };
+            assert_eq!(found(check(&tracts, &Value::Null)), of("tracts"));
+            let order = Document { order: entries(count), ..document() };
+            assert_eq!(found(check(&order, &Value::Null)), of("order"));
+            let (folder, manifest) = (PathBuf::new(), String::new());
+            let case = CaseRef::Files { folder, manifest, left_out: paths(count) };
+            assert_eq!(found(check(&Document { case, ..document() }, &Value::Null)), of("left_out"));
+        }
+    }
+
+    #[test]
+    fn a_layout_is_a_tree_of_few_tiles_with_each_pane_once() {
+        let tree = |root: u64, tiles: &[(u64, Tile<PaneId>)]| {
+            let mut all = Tiles::default();
+            tiles.iter().for_each(|(id, tile)| all.insert(TileId(*id), tile.clone()));
+            found(check_layout(&Tree::new(egui::Id::unique("layout"), TileId(root), all)))
+        };
+        let [axial, lens] = [Tile::Pane(PaneId::Axial), Tile::Pane(PaneId::Lens)];
+        let pair = |children: [u64; 2]| children.map(TileId).to_vec();
+        let linear = |children: [u64; 2], share: f32| {
+            let mut linear = Linear::new(LinearDir::Vertical, pair(children));
+            linear.shares.set_share(TileId(children[1]), share);
+            Tile::Container(Container::Linear(linear))
+        };
+        let grid = |columns: f32, rows: f32| {
+            let mut grid = Grid::new(pair([1, 2]));
+            (grid.col_shares, grid.row_shares) = (vec![1.0, columns], vec![rows]);
+            Tile::Container(Container::Grid(grid))
+        };
+        let tabs = |children: [u64; 2]| Tile::Container(Container::new_tabs(pair(children)));
+        let with = |container: Tile<PaneId>, second: &Tile<PaneId>| {
+            tree(3, &[(1, axial.clone()), (2, second.clone()), (3, container)])
+        };
+        for container in
+            [linear([1, 2], 0.0), linear([1, 2], 1e4), grid(0.0, 1e4), grid(1e4, 0.0), tabs([1, 2])]
+        {
+            assert_eq!(with(container, &lens), "");
+        }
+        for container in [
+            linear([1, 2], -1.0),
+            linear([1, 2], 1.1e4),
+            linear([1, 2], f32::NAN),
+            grid(1.1e4, 1.0),
+            grid(1.0, -1.0),
+        ] {
+            assert!(with(container, &lens).starts_with("layout share "));
+        }
+        assert_eq!(with(tabs([1, 2]), &axial), "layout tile 1 with the axial slice again");
+        assert_eq!(with(tabs([1, 1]), &lens), "layout tile 1 in two places");
+        assert_eq!(with(tabs([1, 3]), &lens), "layout tile 3 in two places");
+        assert_eq!(with(tabs([1, 4]), &lens), "layout tile 4 without a description");
+
+        let largest = 1 << 40;
+        assert_eq!(tree(largest, &[(largest, axial.clone())]), "");
+        assert_eq!(tree(largest + 1, &[(largest + 1, axial.clone())]), "layout tile 1099511627777");
+        // Those in no place count, too.
+        let many: Vec<_> = (0..1001).map(|id| (id, axial.clone())).collect();
+        assert_eq!(tree(0, &many[..1000]), "");
+        assert_eq!(tree(0, &many), "1001 entries of layout tiles");
+    }
+
+    #[test]
+    fn unknown_keys_are_paths_in_objects_and_lists() {
+        let found = json!({"a": 1, "b": {"c": 1, "d": {"e": 2}}, "list": [{"x": 1}, {"y": 2, "z": 3}, {"n": 1}], "f": {"g": 1}});
+        let known = json!({"b": {"d": {"e": 0}}, "list": [{"x": 0}, {"z": 0}], "f": 0});
+        assert_eq!(unknown_keys(&found, &known), ["a", "b.c", "list.1.y"]);
+        assert_eq!(unknown_keys(&found, &found), [""; 0]);
+    }
+}

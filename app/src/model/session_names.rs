@@ -67,8 +67,9 @@ fn convert_times(document: &mut Value, change: &mut dyn FnMut(&Value) -> Option<
                 Some(new) => *time = new,
                 None => {
                     let time = time.to_string();
-                    let name = item.get("name").and_then(Value::as_str).unwrap_or_default();
-                    dropped.push(format!("{what} {name} of {time}"));
+                    let name = item.get("name").and_then(Value::as_str).filter(|name| !name.is_empty());
+                    let name = name.map(|name| format!(" {name}")).unwrap_or_default();
+                    dropped.push(format!("{what}{name} of {time}"));
                     return false;
                 }
             }
@@ -157,4 +158,161 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
         *context = json!(shown.contexts.first().map(|c| &c.id));
     }
     dropped
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+    use glioscope_core::{
+        Grid, Mask, MaskBits, Regions, Samples, Scaling, TumorIndex, Volume,
+        case::{Context, OrderBasis},
+        files::Inputs,
+    };
+
+    use super::*;
+    use crate::model::{CaseRef, PaneId, Ruler};
+
+    /// One voxel at two dates: jan with masks A and B and the image T1, feb with masks B and C and the image FLAIR.
+    pub fn case() -> Case {
+        let grid = Grid::axis_aligned([1; 3], DVec3::ONE, DVec3::ZERO).unwrap();
+        let time_point = |label: &str, ids: [&str; 2], image: &str| {
+            let masks = ids.map(|id| Mask::new(id, grid.clone(), MaskBits::full([1; 3])).unwrap());
+            let index = TumorIndex::new(grid.clone(), &masks.iter().collect::<Vec<_>>()).unwrap();
+            let volume = Volume::new(grid.clone(), Samples::U8(vec![7]), Scaling::NONE).unwrap();
+            TimePoint {
+                label: label.into(),
+                contexts: vec![Context { id: image.into(), volume: Arc::new(volume) }],
+                masks: Vec::new(),
+                regions: Arc::new(Regions::of(&index)),
+                index: Arc::new(index),
+            }
+        };
+        Case {
+            name: "A".into(),
+            grid: grid.clone(),
+            time_points: vec![time_point("jan", ["A", "B"], "T1"), time_point("feb", ["B", "C"], "FLAIR")],
+            order: OrderBasis::Stated,
+            tracts: Vec::new(),
+            checks: Vec::new(),
+            inputs: Inputs::default(),
+        }
+    }
+
+    #[test]
+    fn indices_become_labels_in_a_file_and_indices_again() {
+        let case = case();
+        let mut document = Document::new(CaseRef::Sample, &case.time_points[0], 2);
+        let ruler = |time| {
+            let (name, view) = ("Line".to_owned(), PaneId::Axial);
+            Ruler { name, from_mm: DVec3::ZERO, to_mm: DVec3::X, view, time }
+        };
+        document.edit.rulers = vec![ruler(1), ruler(0)];
+        document.edit.change.dates = Some([1, 0]);
+        document.nav.time = 1;
+        let named = named(&document, &case).unwrap();
+        for (pointer, label) in [
+            ("/nav/time", "feb"),
+            ("/edit/rulers/0/time", "feb"),
+            ("/edit/rulers/1/time", "jan"),
+            ("/edit/change/dates/0", "feb"),
+            ("/edit/change/dates/1", "jan"),
+        ] {
+            assert_eq!(named.pointer(pointer), Some(&json!(label)), "{pointer}");
+        }
+        assert_eq!(numbered(&named, &case), (serde_json::to_value(&document).unwrap(), Vec::new()));
+    }
+
+    /// Sessions of before version 3 have indices of dates, and bits of regions at the date shown.
+    #[test]
+    fn what_the_case_has_is_kept_by_name_or_by_old_number() {
+        let found = json!({
+            "nav": {"time": 1, "context": "T1"},
+            "edit": {
+                "rulers": [{"name": "a", "time": "feb"}, {"name": "b", "time": 0}, {"name": "c"}],
+                "ellipsoid_opacities": [
+                    {"time": 1, "of": {"mask": "C"}},
+                    {"time": "jan", "of": {"region": ["A", "B"]}},
+                    {"time": 0},
+                ],
+                "change": {"dates": ["feb", 0], "of": "C"},
+                "selection": {"hidden": [["A"], 3, ["B", "C"], 2]},
+            },
+        });
+        let expected = json!({
+            "nav": {"time": 1, "context": "T1"},
+            "edit": {
+                "rulers": [{"name": "a", "time": 1}, {"name": "b", "time": 0}, {"name": "c"}],
+                "ellipsoid_opacities": [
+                    {"time": 1, "of": {"mask": "C"}},
+                    {"time": 0, "of": {"region": ["A", "B"]}},
+                    {"time": 0},
+                ],
+                "change": {"dates": [1, 0], "of": "C"},
+                // Once, though feb's number 3 is the same region as a name.
+                "selection": {"hidden": [["A"], ["B", "C"], ["C"]]},
+            },
+        });
+        assert_eq!(numbered(&found, &case()), (expected, Vec::new()));
+        let none =
+            json!({"nav": {"time": "jan", "context": null}, "edit": {"change": {"dates": null, "of": null}}});
+        let expected =
+            json!({"nav": {"time": 0, "context": null}, "edit": {"change": {"dates": null, "of": null}}});
+        assert_eq!(numbered(&none, &case()), (expected, Vec::new()));
+    }
+
+    #[test]
+    fn what_the_case_lacks_is_left_out_and_said() {
+        let found = json!({
+            "nav": {"time": "mar", "context": "PD"},
+            "edit": {
+                "rulers": [{"name": "a", "time": "mar"}, {"name": "b", "time": 2}, {"name": "c", "time": "feb"}],
+                "ellipsoid_opacities": [
+                    {"time": "mar", "of": {"mask": "A"}},
+                    {"time": "jan", "of": {"mask": "X"}},
+                    {"time": "jan", "of": {"region": ["A", "Y"]}},
+                    {"time": "jan", "of": {"mask": "A"}},
+                ],
+                "change": {"dates": ["jan", "mar"], "of": "X"},
+                "selection": {"hidden": [["A", "X"], 4, 4_294_967_297_u64, 1]},
+            },
+        });
+        let expected = json!({
+            "nav": {"time": 0, "context": "T1"},
+            "edit": {
+                "rulers": [{"name": "c", "time": 1}],
+                "ellipsoid_opacities": [{"time": 0, "of": {"mask": "A"}}],
+                "change": {"dates": null, "of": null},
+                "selection": {"hidden": [["A"]]},
+            },
+        });
+        let said = [
+            "the date shown, \"mar\"",
+            "line a of \"mar\"",
+            "line b of 2",
+            "opacity of an ellipsoid of \"mar\"",
+            "the comparison of [\"jan\",\"mar\"]",
+            "hidden region A+X",
+            "hidden region number 4",
+            "hidden region number 4294967297",
+            "the comparison of mask X",
+            "opacity of an ellipsoid of mask X",
+            "opacity of an ellipsoid of mask Y",
+            "the image shown, PD",
+        ];
+        assert_eq!(numbered(&found, &case()), (expected, said.map(str::to_owned).to_vec()));
+    }
+
+    #[test]
+    fn only_names_have_placeholders_before_the_case_is_read() {
+        let of = |times: [Value; 3], hidden: Value| {
+            let rulers: Vec<Value> = times.iter().map(|time| json!({"time": time})).collect();
+            let edit = json!({"rulers": rulers, "change": {"dates": times}, "selection": {"hidden": hidden}});
+            json!({"nav": {"time": times[0], "context": "X"}, "edit": edit})
+        };
+        let named = of([json!("mar"), json!(7), json!(true)], json!([3, ["X"], "wrong"]));
+        let expected = of([json!(0), json!(0), json!(true)], json!([["X"], "wrong"]));
+        assert_eq!(blank(&named), expected);
+    }
 }

@@ -87,3 +87,69 @@ fn snake_case(word: &str) -> String {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn version_1_has_its_names_of_today_and_anything_unexpected_as_it_was() {
+        let mut document = json!({
+            "edit": {
+                "overlay": "Outline",
+                "palette": "ColorBlindSafe",
+                "coloring": 3,
+                "light": {
+                    "shading": "slices",
+                    "own": {"shading": "cones", "mutual": {"solid_on_image": true, "other": false}},
+                },
+                "layout": {
+                    "tiles": {
+                        "1": {"Pane": {"slice": "Axial"}},
+                        "2": {"slice": "Coronal", "share": 1.0},
+                        "3": {"name": "Axial"},
+                    },
+                },
+                "rulers": [{"view": {"slice": "Sagittal"}}, {"view": "closeup"}],
+                "ellipsoid_opacities": [{"id": 4}],
+            },
+            "nav": {"camera": {"projection": "Orthographic"}, "context_zoom": 1.5, "change_zoom": 3.0},
+        });
+        upgrade_version_1(&mut document);
+        let expected = json!({
+            "edit": {
+                "overlay": "outline",
+                "palette": "color_blind_safe",
+                "coloring": 3,
+                "light": {
+                    "mode": "slices",
+                    "own": {"mode": "cones", "mutual": {"opaque_on_image": true, "other": false}},
+                },
+                "layout": {
+                    "tiles": {
+                        "1": {"Pane": "axial"},
+                        "2": {"slice": "Coronal", "share": 1.0},
+                        "3": {"name": "Axial"},
+                    },
+                },
+                "rulers": [{"view": "sagittal"}, {"view": "closeup"}],
+                "ellipsoid_opacities": [{"id": 4}],
+            },
+            "nav": {"camera": {"projection": "orthographic"}, "zooms": {"context": 1.5, "change": 3.0}},
+        });
+        assert_eq!(document, expected);
+        let mut wrong = json!([{"slice": "Axial"}]);
+        upgrade_version_1(&mut wrong);
+        assert_eq!(wrong, json!([{"slice": "Axial"}]), "no document");
+    }
+
+    #[test]
+    fn version_2_numbered_ellipsoids_by_id() {
+        let mut document = json!({"edit": {"ellipsoid_opacities": [{"id": 4, "time": 1}, {"number": 5}, 6]}});
+        upgrade_version_2(&mut document);
+        let expected = json!({"edit": {"ellipsoid_opacities": [{"number": 4, "time": 1}, {"number": 5}, 6]}});
+        assert_eq!(document, expected);
+    }
+}

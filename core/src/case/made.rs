@@ -163,7 +163,7 @@ mod tests {
         // The same box, moved by two voxels along x: two layers of it lie outside.
         let shift = glam::DAffine3::from_translation(DVec3::X * 2.0);
         let grid = Grid::new(dims, case.grid.world_from_voxel() * shift, case.grid.sides()).unwrap();
-        let mask = Mask::new("m", grid, MaskBits::full(dims)).unwrap();
+        let mask = Mask::new("m", grid.clone(), MaskBits::full(dims)).unwrap();
         let time = case.time_points[0].label.clone();
         let with = case.with_made_masks(&[MadeMask { mask, time, provenance: String::new() }]);
         let added = with.time_points[0].masks.last().unwrap();
@@ -174,5 +174,16 @@ mod tests {
                 .iter()
                 .any(|c| c.code == "made-mask-cut" && c.message.contains(&(2 * y * z).to_string()))
         );
+
+        // What lies in both boxes is all there, and nothing is said about voxels outside.
+        let middle = dims.map(|n| n / 2);
+        let mut bits = MaskBits::empty(dims);
+        bits.set(middle);
+        let mask = Mask::new("middle", grid, bits).unwrap();
+        let time = case.time_points[0].label.clone();
+        let with = case.with_made_masks(&[MadeMask { mask, time, provenance: String::new() }]);
+        let added = with.time_points[0].masks.last().unwrap();
+        assert!(added.mask.bits().get([middle[0] + 2, middle[1], middle[2]]));
+        assert_eq!((added.mask.voxels(), with.checks.iter().any(|c| c.code == "made-mask-cut")), (1, false));
     }
 }

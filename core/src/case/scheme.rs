@@ -17,7 +17,7 @@ const HEAD_BYTES: u64 = 4096;
 /// The longest name, in characters.
 const LONGEST_NAME: usize = 200;
 /// Numbers of labels: a byte or two in every format that has them.
-const LARGEST_LABEL: i64 = 1 << 31;
+const LARGEST_LABEL: u64 = 1 << 31;
 
 /// A label and its meaning.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -285,7 +285,7 @@ fn row(line: &str) -> Option<SchemeLabel> {
     let [Some(red), Some(green), Some(blue)] = bytes else { return None };
     let name: String =
         printable(name.trim()).chars().filter(|c| !c.is_control()).take(LONGEST_NAME).collect();
-    (label.abs() <= LARGEST_LABEL && !name.is_empty()).then_some(SchemeLabel {
+    (label.unsigned_abs() <= LARGEST_LABEL && !name.is_empty()).then_some(SchemeLabel {
         label,
         name,
         color: Some([red, green, blue]),
@@ -295,6 +295,7 @@ fn row(line: &str) -> Option<SchemeLabel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::write_whole;
 
     #[test]
     fn labels_are_named_by_the_year_that_the_file_shows() {
@@ -340,7 +341,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let read = |text: &str| {
             let path = folder.path().join("table.txt");
-            std::fs::write(&path, text).unwrap();
+            write_whole(&path, text.as_bytes()).unwrap();
             Scheme::read(&path)
         };
         // As ITK-SNAP, 3D Slicer and FreeSurfer write them.
@@ -373,5 +374,110 @@ mod tests {
         ] {
             assert!(read(text).unwrap_err().to_string().contains(found), "{text}");
         }
+    }
+
+    #[test]
+    fn each_built_in_scheme_has_a_word() {
+        let names: Vec<String> = Scheme::built_in().into_iter().map(|scheme| scheme.name).collect();
+        assert_eq!(names, ["BraTS 2017 to 2020", "BraTS 2021", "BraTS since 2023"]);
+        let words = Scheme::words();
+        assert_eq!(words, "brats-2020, brats-2021, brats-2023");
+        let of_words: Vec<String> =
+            words.split(", ").map(|word| Scheme::of_word(word).unwrap().name).collect();
+        assert_eq!(of_words, names);
+        assert_eq!(Scheme::of_word("brats"), None);
+    }
+
+    #[test]
+    fn a_scheme_is_that_of_a_word_or_of_the_only_table_beside() {
+        let folder = tempfile::tempdir().unwrap();
+        write_whole(&folder.path().join("table.txt"), b"7 Cavity 1 2 3 255\n").unwrap();
+        write_whole(&folder.path().join("notes.txt"), b"hello").unwrap();
+        let named = |text: &str| Scheme::named(text, folder.path());
+        assert_eq!(named("brats-2021").unwrap().name, "BraTS 2021");
+        let label = SchemeLabel { label: 7, name: "Cavity".into(), color: Some([1, 2, 3]) };
+        let table = Scheme { name: "table.txt".into(), labels: vec![label], groups: &[] };
+        assert_eq!(named("table.txt").unwrap(), table);
+        let error = named("tabel.txt").unwrap_err().to_string();
+        assert!(error.contains("\"tabel.txt\"") && error.contains("brats-2023, or a table"), "{error}");
+        assert!(named("notes.txt").unwrap_err().to_string().contains("line 1"));
+        let beside = |files: &[&str]| {
+            Scheme::beside(folder.path(), &files.iter().map(PathBuf::from).collect::<Vec<_>>())
+        };
+        assert_eq!(beside(&["table.txt"]), Some(table));
+        for files in [&[][..], &["table.txt", "notes.txt"], &["notes.txt"], &["gone.txt"]] {
+            assert_eq!(beside(files), None, "{files:?}");
+        }
+    }
+
+    #[test]
+    fn a_label_map_has_a_mask_of_each_group_or_else_of_each_label() {
+        let source = Source::File("seg.nii".into());
+        let mask = |id: &str, name: &str, labels: &[i64], time: Option<&str>, color| MaskSpec {
+            id: id.into(),
+            source: source.clone(),
+            labels: Some(labels.to_vec()),
+            above: None,
+            time: time.map(str::to_owned),
+            color,
+            name: Some(name.into()),
+        };
+        let groups = Scheme::of_word("brats-2023").unwrap().masks("seg", &source, Some("jan"));
+        let expected = [
+            mask("seg-WT", "whole tumour", &[1, 2, 3], Some("jan"), None),
+            mask("seg-TC", "tumour core", &[1, 3], Some("jan"), None),
+            mask("seg-ET", "enhancing tumour", &[3], Some("jan"), None),
+        ];
+        assert_eq!(groups, expected);
+        let label = |label, name: &str, color| SchemeLabel { label, name: name.into(), color };
+        let labels = vec![label(7, "Cavity", Some([1, 2, 3])), label(-1, "Other", None)];
+        let table = Scheme { name: String::new(), labels, groups: &[] };
+        let expected =
+            [mask("m-7", "Cavity", &[7], None, Some([1, 2, 3])), mask("m--1", "Other", &[-1], None, None)];
+        assert_eq!(table.masks("m", &source, None), expected);
+    }
+
+    #[test]
+    fn a_table_is_known_by_its_ending_and_its_first_line() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text, expected) in [
+            ("a.LABEL", "# x\n\n 1 0 0 0 1 1 1 \"a\"\n", true),
+            ("a.ctbl", "1 a 0 0 0 0", true),
+            ("a.lut", "1 a 0 0 0 0", true),
+            ("a.txt", "\n#x\n1 a 0 0 0 0\nhello", true),
+            ("b.txt", "hello\n1 a 0 0 0 0", false),
+            ("c.txt", "# 1 a 0 0 0 0\n", false),
+            ("d.txt", "", false),
+            ("a.csv", "1 a 0 0 0 0", false),
+            ("txt", "1 a 0 0 0 0", false),
+        ] {
+            let path = folder.path().join(name);
+            write_whole(&path, text.as_bytes()).unwrap();
+            assert_eq!(Scheme::is_table(&path), expected, "{name}");
+        }
+        assert!(!Scheme::is_table(&folder.path().join("gone.txt")));
+    }
+
+    #[test]
+    fn a_row_is_whole_or_none() {
+        for line in [
+            "1 0 0 0 1 1 \"seven numbers\"",
+            "1 0 0 0 1 1 1 1 \"seven numbers\"",
+            "1 0 0 0 1 1 1 \"nothing behind\" x",
+            "1 0 0 0 1 1 1 \"\"",
+            "1 0 0 0 1 1 1 \"one quote",
+            "1 0 0 0 0",
+            "x name 0 0 0 0",
+            "2147483649 a 0 0 0 0",
+            "-2147483649 a 0 0 0 0",
+            "-9223372036854775808 a 0 0 0 0",
+        ] {
+            assert_eq!(row(line), None, "{line}");
+        }
+        let read = |line: &str| row(line).map(|row| (row.label, row.name));
+        assert_eq!(read("1 0 0 0 1 1 1 \" a b \" "), Some((1, "a b".into())));
+        assert_eq!(read("-2147483648 a b 0 0 0 0"), Some((-2_147_483_648, "a b".into())));
+        let [long, longest] = [201, 200].map(|n| "\u{fc}".repeat(n));
+        assert_eq!(read(&format!("1 {long} 0 0 0 0")), Some((1, longest)));
     }
 }

@@ -60,6 +60,7 @@ pub mod skeleton;
 pub mod surface;
 pub mod tract_distance;
 pub mod tracts;
+pub mod transform;
 pub mod tumor_index;
 pub mod volume;
 pub mod workers;

@@ -17,6 +17,7 @@ use super::{
     pacs::PacsTask,
     parse::{self, LensArgument, View, keyword},
     tracts::TractArguments,
+    transform::TransformArguments,
 };
 use crate::model::CHANGE_SCALE_MM;
 
@@ -99,6 +100,8 @@ pub enum Task {
     },
     /// Report the distances of fibre tracts to the masks.
     Tracts(TractArguments),
+    /// Describe a registration transform of another program, or convert it.
+    Transform(TransformArguments),
     /// Report how the surface of a mask moved between two dates.
     Change(Box<ChangeArguments>),
     /// Write masks or regions as files of other programs.

@@ -19,6 +19,7 @@ mod resolve;
 mod sample;
 mod terminal;
 mod tracts;
+mod transform;
 mod unused;
 
 use std::{error::Error, process::ExitCode};
@@ -86,6 +87,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
+        Some(Task::Transform(arguments)) => transform::run(&arguments),
         Some(Task::Pacs { task }) => pacs::run(task),
         Some(Task::Sample { out }) => sample::run(&out),
     }

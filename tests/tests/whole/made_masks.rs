@@ -67,8 +67,10 @@ fn a_consensus_is_made_by_clicking_and_is_a_mask_like_any_other() {
 
     // Exported like the others, and read again.
     let out = folder.path().join("majority.nii.gz");
+    let (session, file) = (path.to_str().unwrap(), out.to_str().unwrap());
+    let date = &first.label;
     let arguments =
-        ["export", path.to_str().unwrap(), "--select", "majority", "--out", out.to_str().unwrap()];
+        ["export", session, "--select", "majority", "--format", "nifti", "--time", date, "--out", file];
     let output = run(PROGRAM, &arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let again = run(PROGRAM, &["measure", "--mask", &format!("m={}", out.display()), "--json"]);

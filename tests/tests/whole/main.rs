@@ -22,6 +22,7 @@ mod real_window;
 mod reported;
 mod session_files;
 mod sessions;
+mod transforms;
 mod ui;
 mod ui_case_files;
 mod ui_change;

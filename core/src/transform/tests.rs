@@ -1,0 +1,197 @@
+//! Transforms that other programs wrote, and what must not be read.
+
+use glam::{DAffine3, DVec3};
+
+use super::{matrix::from_rows, *};
+
+/// The transform that most fixtures hold, from RAS mm of [`images`]' fixed image to RAS mm of its moving one.
+pub(super) fn truth() -> DAffine3 {
+    rows([
+        [0.9937606691655043, -0.10348823636300494, -0.04159227517465231, 4.0],
+        [0.09970865087213879, 0.9914231080712159, -0.08448908641752585, -6.0],
+        [0.04997916927067833, 0.07981482141109528, 0.9955559637318878, 5.0],
+    ])
+}
+
+/// Two oblique images of different spacing; the fixed one is stored right-handed, the moving one left-handed.
+pub(super) fn images() -> Images {
+    Images {
+        fixed: ImageGeometry {
+            dims: [48, 44, 36],
+            spacing_mm: DVec3::new(2.0, 2.5, 3.0),
+            world_from_voxel: from_rows(
+                [
+                    [1.9987002611160278, -0.05368131026625633, -0.08685752004384995],
+                    [0.03997933492064476, 2.4963014125823975, -0.15170487761497498],
+                    [0.05999100208282471, 0.12489169836044312, 2.9949026107788086],
+                ],
+                [-45.0, -60.0, -50.0],
+            ),
+        },
+        moving: ImageGeometry {
+            dims: [44, 52, 46],
+            spacing_mm: DVec3::new(2.5, 2.0, 2.0),
+            world_from_voxel: from_rows(
+                [
+                    [-2.483034133911133, -0.20427900552749634, 0.11124888062477112],
+                    [-0.24913442134857178, 1.9879378080368042, 0.09154235571622849],
+                    [0.14991001784801483, -0.07983475178480148, 1.9948041439056396],
+                ],
+                [58.0, -50.0, -42.0],
+            ),
+        },
+    }
+}
+
+/// A matrix by its first three rows.
+pub(super) fn rows(rows: [[f64; 4]; 3]) -> DAffine3 {
+    from_rows(rows.map(|[a, b, c, _]| [a, b, c]), rows.map(|[_, _, _, t]| t))
+}
+
+/// The largest difference of two matrices' numbers.
+pub(super) fn difference(a: DAffine3, b: DAffine3) -> f64 {
+    let pairs = a.to_cols_array().into_iter().zip(b.to_cols_array());
+    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// What a file maps; the message where it is refused.
+pub(super) fn mapped(bytes: impl AsRef<[u8]>, given: Given) -> Result<DAffine3, String> {
+    let transform = read_bytes("t", bytes.as_ref(), &given).map_err(|error| error.to_string())?;
+    Ok(transform.moving_from_fixed())
+}
+
+/// The bytes of a text in hexadecimal digits.
+pub(super) fn hex(digits: &str) -> Vec<u8> {
+    let digits = digits.as_bytes().chunks_exact(2).map(|pair| std::str::from_utf8(pair).unwrap());
+    digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect()
+}
+
+#[test]
+fn reflections_and_impossible_matrices_are_refused_by_what_they_are() {
+    let refused = |matrix: DAffine3| Transform::new(matrix).unwrap_err().found;
+    let scale = |x: f64, y: f64, z: f64| DAffine3::from_scale(DVec3::new(x, y, z));
+    assert_eq!(refused(scale(-1.0, 1.0, 1.0)), "a reflection, which swaps left and right");
+    assert!(refused(scale(0.0, 1.0, 1.0)).starts_with("a matrix of condition inf"));
+    assert!(refused(scale(1e-4, 1.0, 1.0)).starts_with("a matrix of condition"));
+    assert!(refused(scale(f64::NAN, 1.0, 1.0)).contains("not finite"));
+    assert!(refused(DAffine3::from_translation(DVec3::new(0.0, 1e7, 0.0))).contains("above 1e6"));
+    assert!(Transform::new(scale(0.5, 1.0, 2.0)).is_ok());
+    let both = Transform::new(truth()).unwrap();
+    assert!(difference(both.fixed_from_moving() * both.moving_from_fixed(), DAffine3::IDENTITY) < 1e-14);
+}
+
+#[test]
+fn written_files_are_read_back_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.tfm");
+    let transform = Transform::new(truth()).unwrap();
+    write_itk(&path, &transform).unwrap();
+    assert_eq!(Format::of_file(&path).unwrap(), Format::ItkText);
+    assert_eq!(read(&path, &Given::default()).unwrap(), transform);
+    for convention in Convention::ALL {
+        write_matrix(&path, &transform, convention).unwrap();
+        assert_eq!(Format::of_file(&path).unwrap(), Format::Matrix);
+        let given = Given { convention: Some(convention), ..Given::default() };
+        let back = read(&path, &given).unwrap().moving_from_fixed();
+        assert!(difference(back, truth()) < 1e-12, "{convention:?}");
+    }
+}
+
+#[test]
+fn files_that_are_no_linear_transform_are_named() {
+    let mut nifti = vec![0; 400];
+    nifti[344..348].copy_from_slice(b"n+1\0");
+    // As SimpleITK 2.5.7 writes them.
+    let warp = "#Insight Transform File V1.0\n#Transform 0\nTransform: DisplacementFieldTransform_double_3_3\nParameters: 0 0\n";
+    let spline = warp.replace("DisplacementFieldTransform_double_3_3", "BSplineTransform_double_3_3_1");
+    let mut spline_mat = vec![0; 20];
+    spline_mat.extend_from_slice(b"BSplineTransform_double_3_3_1\0");
+    let folder = tempfile::tempdir().unwrap();
+    for (bytes, expected) in [
+        (
+            b"\x89HDF\r\n\x1a\n\0\0".as_slice(),
+            "found a transform in HDF5, expected the transform saved as text (.tfm)",
+        ),
+        (b"MATLAB 5.0 MAT-file, Platform", "found a MATLAB 5 file"),
+        (b"\x1f\x8b\x08\0", "found a compressed file"),
+        (&nifti, "found an image, as of a displacement field"),
+        (warp.as_bytes(), "found a transform that is not linear (DisplacementField)"),
+        (&spline_mat, "found a transform that is not linear (BSpline)"),
+        (spline.as_bytes(), "found a transform that is not linear (BSpline)"),
+        (b"", "found an empty file"),
+        (b"# 3dvolreg matrices\n1 0 0 0 0 1 0 0 0 0 1 0", "found a text that begins \"# 3dvolreg"),
+        (b"1 0 0 0\n0 1 0 0\n0 0 1 0\n", "found a text that begins \"1 0 0 0\""),
+        (b"\xff\xfe\0", "found bytes that are no text"),
+    ] {
+        let path = folder.path().join("t");
+        write_whole(&path, bytes).unwrap();
+        let error = read(&path, &Given::default()).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+        assert_eq!(Format::of_file(&path).unwrap_err().to_string(), error);
+    }
+    let wrong = mapped(itk::text(truth()), Given { format: Some(Format::Flirt), ..Given::default() });
+    let with_images = [Format::Flirt, Format::RegisterDat];
+    let all = [Format::ItkText, Format::ItkMat, Format::Lta, Format::Matrix];
+    assert!(with_images.iter().all(|f| f.needs_images()) && !all.iter().any(|f| f.needs_images()));
+    assert_eq!(wrong.unwrap_err(), "t: found ITK text, expected FLIRT .mat");
+}
+
+#[test]
+fn no_bytes_panic_or_pass_as_a_transform_that_is_none() {
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut below = move |n: usize| {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        (seed % n.max(1) as u64) as usize
+    };
+    let words: [&[u8]; 8] = [b"nan", b"1e999", b"-1", b"\n", b"\0", b"\xff\xff\xff\xff", b"=", b"1 4 4\n"];
+    let all = all_fixtures();
+    let mut passed = 0;
+    for _ in 0..400 {
+        for (at, fixture) in all.iter().enumerate() {
+            let mut bytes = fixture.clone();
+            for _ in 0..=below(4) {
+                let position = below(bytes.len());
+                match below(5) {
+                    0 => bytes.truncate(position),
+                    1 => drop(bytes.drain(position..(position + below(30)).min(bytes.len()))),
+                    2 => drop(bytes.splice(position..position, words[below(words.len())].iter().copied())),
+                    3 => bytes
+                        .splice(position.., all[(at + below(all.len())) % all.len()].iter().copied())
+                        .for_each(drop),
+                    _ => {
+                        if let Some(byte) = bytes.get_mut(position) {
+                            *byte = below(256) as u8;
+                        }
+                    }
+                }
+            }
+            for format in [None, Some(Format::Flirt)] {
+                let given = Given {
+                    format,
+                    convention: Some(Convention::RasFixedFromMoving),
+                    images: Some(images()),
+                };
+                if let Ok(read) = mapped(&bytes, given) {
+                    passed += 1;
+                    assert!(read.is_finite() && read.matrix3.determinant() > 0.0);
+                }
+            }
+        }
+    }
+    assert!(passed > 100, "{passed} mutations passed: most of them break nothing but a digit");
+}
+
+fn all_fixtures() -> Vec<Vec<u8>> {
+    let texts = [
+        itk::tests::COMPOSITE,
+        flirt::tests::NITRANSFORMS,
+        register_dat::tests::REGISTER_DAT,
+        lta::tests::VOXELS,
+        lta::tests::RAS,
+        matrix::tests::REG_ALADIN,
+    ];
+    let mats = [itk_mat::tests::ANTS, itk_mat::tests::SIMPLE_ITK].map(hex);
+    texts.into_iter().map(|text| text.as_bytes().to_vec()).chain(mats).collect()
+}

@@ -188,7 +188,12 @@ fn visuals(t: &Tokens, dark: bool) -> Visuals {
         weak_text_color: Some(t.second),
         widgets: Widgets {
             noninteractive: widget(t.panel, t.line, t.text),
-            inactive: WidgetVisuals { bg_stroke: Stroke::NONE, ..widget(button, t.line, t.text) },
+            // The ground of check boxes and radio buttons stands out more than that of buttons.
+            inactive: WidgetVisuals {
+                bg_stroke: Stroke::NONE,
+                bg_fill: t.panel.lerp_to_gamma(t.second, 0.35),
+                ..widget(button, t.line, t.text)
+            },
             hovered: widget(t.line, t.interaction, t.text),
             active: WidgetVisuals {
                 // Also the colour of strong text.
@@ -201,6 +206,8 @@ fn visuals(t: &Tokens, dark: bool) -> Visuals {
         hyperlink_color: t.interaction,
         faint_bg_color: t.panel.lerp_to_gamma(t.line, 0.3),
         extreme_bg_color: if dark { t.viewport } else { t.raised },
+        // In the light theme a field would have the ground it stands on.
+        text_edit_bg_color: (!dark).then(|| t.panel.lerp_to_gamma(t.line, 0.55)),
         code_bg_color: t.line,
         warn_fg_color: t.warning,
         error_fg_color: t.error,

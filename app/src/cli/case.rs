@@ -117,5 +117,5 @@ impl CaseArguments {
 
 /// Help text of the case's path.
 fn case_help() -> String {
-    format!("A manifest (case.toml), a folder, a {} file or a session file", volume_names())
+    format!("A manifest (case.toml), a folder or zip archive, a {} file or a session file", volume_names())
 }

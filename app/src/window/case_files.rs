@@ -1,8 +1,8 @@
 //! The dialog of a case's files: what each is, its id, date, labels, name and colour.
 
 use egui::{
-    Align, Button, Checkbox, ComboBox, Key, Label, Layout, Role as Kind, ScrollArea, TextEdit, Ui,
-    WidgetInfo, vec2,
+    Align, Button, Checkbox, ComboBox, Label, Layout, Role as Kind, ScrollArea, TextEdit, Ui, WidgetInfo,
+    vec2,
 };
 use glioscope_core::case::{Problem, Proposal, ProposedFile, ProposedMask, Role, Scheme};
 use glioscope_render::{MaskColors, Palette};
@@ -103,7 +103,9 @@ fn buttons(ui: &mut Ui, guess: &Guess, problems: &[Problem], out: &mut Commands)
             reply = Reply::Accept;
         }
         let save = Command::from(AppCommand::SaveManifest);
-        let response = ui.add_enabled(is_right, Button::new(save.text()));
+        // Files of an archive lie nowhere that stays.
+        let has_place = guess.proposal.archive.is_none();
+        let response = ui.add_enabled(is_right && has_place, Button::new(save.text()));
         let tip =
             "As a manifest: in the folder of the files, the folder is then opened by it without a question";
         if response.on_hover_text(tip).clicked() {
@@ -230,12 +232,15 @@ impl Row<'_> {
             cell(ui, COLUMNS[1], |ui| {
                 let tip = format!("{}\n{}", file.path.display(), file.reason);
                 let source = file.shown_source().filter(|_| file.role != Role::Tracts);
-                // Names of series say little, and there are many of them.
-                if let (Some(source), true) = (&source, file.series.is_some()) {
-                    self.thumbnails.show(ui, source, ROW_PICTURE_POINTS);
-                }
-                let label = ui.add(Label::new(self.file).truncate());
-                label.on_hover_ui(|ui| {
+                let named = ui.horizontal(|ui| {
+                    // Names of series say little, and there are many of them.
+                    if let (Some(source), true) = (&source, file.series.is_some()) {
+                        self.thumbnails.show(ui, source, ROW_PICTURE_POINTS);
+                    }
+                    ui.add(Label::new(self.file).truncate().show_tooltip_when_elided(false));
+                });
+                named.response.on_hover_ui(|ui| {
+                    ui.label(self.file);
                     ui.label(tip.trim());
                     if let Some(source) = &source {
                         self.thumbnails.show(ui, source, TIP_PICTURE_POINTS);
@@ -398,6 +403,6 @@ impl Row<'_> {
     fn hinted(&mut self, ui: &mut Ui, width: f32, text: &mut String, label: &str, hint: &str) {
         let response = ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(width - 8.0));
         ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
-        self.entered |= response.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+        self.entered |= modal::entered(ui, &response);
     }
 }

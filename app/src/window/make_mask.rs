@@ -6,7 +6,7 @@ use super::modal::{self, Reply};
 use crate::{
     command::{Commands, EditCommand, Workstation},
     model::{Document, made::LONGEST_ID},
-    world::make_mask::{MadeOf, make},
+    world::make_mask::{MadeOf, make, raters},
 };
 
 const WIDTH_POINTS: f32 = 420.0;
@@ -29,14 +29,15 @@ impl MakeMask {
         let last =
             work.doc.as_ref().and_then(|doc| doc.edit.made.last()).and_then(|made| made.author.clone());
         let user = || ["USER", "USERNAME"].iter().find_map(|name| std::env::var(name).ok());
-        let masks = work.doc.as_ref().and_then(|doc| work.world.time_point(doc)).map_or(0, |t| t.masks.len());
+        let masks =
+            work.doc.as_ref().and_then(|doc| Some(raters(doc, work.world.time_point(doc)?).count_ones()));
         let numbered = (2..).map(|n| format!("consensus {n}"));
         let mut names = std::iter::once("consensus".to_owned()).chain(numbered);
         Self {
             id: names.find(|name| !is_taken(work, name)).unwrap_or_default(),
             author: last.or_else(user).unwrap_or_default(),
             of: MadeOf::Selection,
-            least: (masks as u32 / 2 + 1).max(1),
+            least: masks.unwrap_or_default() / 2 + 1,
             problem: None,
         }
     }
@@ -52,6 +53,7 @@ fn is_taken(work: &Workstation, id: &str) -> bool {
 pub fn show(ui: &Ui, open: &mut Option<MakeMask>, work: &Workstation, out: &mut Commands) {
     let (Some(dialog), Some(doc)) = (open.as_mut(), work.doc.as_ref()) else { return };
     let problem = fault(dialog, work);
+    let mut entered = false;
     let reply = modal::show(ui.ctx(), "Make a mask of the selection", |ui| {
         ui.set_width(WIDTH_POINTS);
         ui.label(
@@ -64,8 +66,9 @@ pub fn show(ui: &Ui, open: &mut Option<MakeMask>, work: &Workstation, out: &mut 
         Grid::new("new mask").num_columns(2).show(ui, |ui| {
             for (label, text) in [("Name", &mut dialog.id), ("Made by", &mut dialog.author)] {
                 let name = ui.label(label).id;
-                ui.add_sized([FIELD_POINTS, ui.spacing().interact_size.y], TextEdit::singleline(text))
-                    .labelled_by(name);
+                let field = [FIELD_POINTS, ui.spacing().interact_size.y];
+                let response = ui.add_sized(field, TextEdit::singleline(text)).labelled_by(name);
+                entered |= modal::entered(ui, &response);
                 ui.end_row();
             }
         });
@@ -84,7 +87,7 @@ pub fn show(ui: &Ui, open: &mut Option<MakeMask>, work: &Workstation, out: &mut 
         });
         reply
     });
-    match reply {
+    match if entered { Reply::Accept } else { reply } {
         Reply::None => {}
         Reply::Cancel => *open = None,
         Reply::Accept if problem.is_some() => {}
@@ -123,8 +126,9 @@ fn choices(ui: &mut Ui, dialog: &mut MakeMask, doc: &Document, work: &Workstatio
     let regions = &time_point.regions;
     let shown = regions.list().iter().filter(|region| selection.shows(region.bits));
     let shown_ml: f64 = shown.map(|region| region.volume_ml).sum();
-    let masks = time_point.masks.len() as u32;
-    let agreed = regions.list().iter().filter(|region| region.mask_count() >= dialog.least);
+    let raters = raters(doc, time_point);
+    let masks = raters.count_ones();
+    let agreed = regions.list().iter().filter(|region| (region.bits & raters).count_ones() >= dialog.least);
     let agreed_ml: f64 = agreed.map(|region| region.volume_ml).sum();
     let before = dialog.of;
     let selection = format!("What is selected: {}", crate::format::ml(shown_ml));

@@ -45,6 +45,11 @@ pub fn show(ctx: &Context, title: &str, content: impl FnOnce(&mut Ui) -> Reply) 
     }
 }
 
+/// Whether Enter was pressed in a text field.
+pub fn entered(ui: &Ui, field: &egui::Response) -> bool {
+    field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter))
+}
+
 /// Whether a dialog was shown in the last frame.
 pub fn is_open(ctx: &Context) -> bool {
     ctx.memory(|memory| memory.top_modal_layer().is_some())

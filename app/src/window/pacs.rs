@@ -143,10 +143,10 @@ pub fn show(
             return;
         }
     }
-    let (mut searches, mut chosen) = (false, None);
+    let (mut searches, mut entered, mut chosen) = (false, false, None);
     let reply = modal::show(ui.ctx(), "Open from PACS", |ui| {
         ui.set_width(WIDTH_POINTS);
-        fields(ui, dialog);
+        entered = fields(ui, dialog);
         ui.add_space(4.0);
         let working = match &dialog.asked {
             Some(Asked::Studies(job)) => Some(&job.progress),
@@ -188,20 +188,23 @@ pub fn show(
             let wake = Waker::of(ui.ctx());
             if let Some(row) = chosen {
                 dialog.retrieve(&row, wake);
-            } else if (searches || reply == Reply::Accept) && dialog.asked.is_none() {
+            } else if (searches || entered || reply == Reply::Accept) && dialog.asked.is_none() {
                 dialog.search(wake);
             }
         }
     }
 }
 
-fn fields(ui: &mut Ui, dialog: &mut PacsDialog) {
+/// The fields of the search. Returns whether Enter was pressed in one.
+fn fields(ui: &mut Ui, dialog: &mut PacsDialog) -> bool {
+    let mut entered = false;
     Grid::new("pacs").num_columns(3).show(ui, |ui| {
         let known = pacs::servers();
         let label = ui.label("Server").id;
         let tip = "A name of the list, or the address of its DICOMweb service. Credentials come from the environment: \
                    GLIOSCOPE_PACS_USER and GLIOSCOPE_PACS_PASSWORD, or GLIOSCOPE_PACS_TOKEN";
-        field(ui, &mut dialog.server, "https://host/dicom-web").labelled_by(label).on_hover_text(tip);
+        let server = field(ui, &mut dialog.server, "https://host/dicom-web").labelled_by(label);
+        entered |= modal::entered(ui, &server.on_hover_text(tip));
         if !known.is_empty() {
             ComboBox::from_id_salt("servers").selected_text("Known").show_ui(ui, |ui| {
                 for server in known {
@@ -219,10 +222,12 @@ fn fields(ui: &mut Ui, dialog: &mut PacsDialog) {
             ("Modality", &mut dialog.modality, "MR, PT, SEG"),
         ] {
             let label = ui.label(name).id;
-            field(ui, text, hint).labelled_by(label);
+            let response = field(ui, text, hint).labelled_by(label);
+            entered |= modal::entered(ui, &response);
             ui.end_row();
         }
     });
+    entered
 }
 
 fn field(ui: &mut Ui, text: &mut String, hint: &str) -> egui::Response {

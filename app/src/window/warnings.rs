@@ -54,6 +54,18 @@ fn sign(ui: &mut Ui, ink: egui::Color32) {
     ui.painter().circle_filled(at(0.5, 0.8), 0.9, ink);
 }
 
+/// Width that the words at the right of the status line take, points.
+const DISCLAIMER_POINTS: f32 = 270.0;
+
+/// A text that is cut where the words at the right begin; whole under the pointer.
+fn line(ui: &mut Ui, text: egui::RichText) {
+    let width = (ui.available_width() - DISCLAIMER_POINTS).max(120.0);
+    ui.scope(|ui| {
+        ui.set_max_width(width);
+        ui.add(egui::Label::new(text).truncate());
+    });
+}
+
 /// Status line: loading progress, and the last error, which can be dismissed, or notice.
 pub fn status(ui: &mut Ui, work: &mut Workstation, out: &mut Commands) {
     ui.horizontal(|ui| {
@@ -74,9 +86,9 @@ pub fn status(ui: &mut Ui, work: &mut Workstation, out: &mut Commands) {
             dismissed = ui.button("Dismiss").clicked();
             let ink = ui.visuals().error_fg_color;
             sign(ui, ink);
-            ui.colored_label(ink, error.to_string());
+            line(ui, egui::RichText::new(error.to_string()).color(ink));
         } else if let Some(notice) = &work.notice {
-            ui.label(notice);
+            line(ui, notice.into());
         }
         if dismissed {
             work.error = None;

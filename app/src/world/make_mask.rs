@@ -61,9 +61,9 @@ pub fn make(
         }
         MadeOf::Agreement(least) => {
             let least = least.max(1);
-            let masks = time_point.masks.len();
-            let bits = MaskBits::from_fn(grid.dims(), |at| index.get(at).count_ones() >= least);
-            (bits, format!("where at least {least} of {masks} masks are active"))
+            let raters = raters(doc, time_point);
+            let bits = MaskBits::from_fn(grid.dims(), |at| (index.get(at) & raters).count_ones() >= least);
+            (bits, format!("where at least {least} of {} masks are active", raters.count_ones()))
         }
     };
     if bits.bounds().is_none() {
@@ -71,7 +71,10 @@ pub fn make(
     }
     let parents = time_point.regions.mask_ids().iter().enumerate().filter(|(k, _)| {
         let is_shown = |region: &glioscope_core::Region| region.bits >> k & 1 == 1 && shows(region.bits);
-        matches!(of, MadeOf::Agreement(_)) || time_point.regions.list().iter().any(is_shown)
+        if matches!(of, MadeOf::Agreement(_)) {
+            return raters(doc, time_point) >> k & 1 == 1;
+        }
+        time_point.regions.list().iter().any(is_shown)
     });
     let parents = parents.map(|(_, id)| id.clone()).collect();
     let mut made = MadeMask::new(id.to_owned(), time_point.label.clone(), grid, &bits)
@@ -80,6 +83,13 @@ pub fn make(
     made.how = how;
     made.author = author;
     Ok(made)
+}
+
+/// Bits of the masks of a date that were not made from others: only they can agree.
+pub fn raters(doc: &Document, time_point: &TimePoint) -> u32 {
+    let is_made = |id: &str| doc.edit.made.iter().any(|made| made.id == id && made.time == time_point.label);
+    let ids = time_point.regions.mask_ids().iter().enumerate();
+    ids.filter(|(_, id)| !is_made(id)).fold(0, |bits, (k, _)| bits | 1 << k)
 }
 
 /// The regions shown, in words.

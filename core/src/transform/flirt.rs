@@ -1,7 +1,7 @@
 //! Matrices of FSL's FLIRT: four rows from the input (moving) image to the reference (fixed) one, in FSL's own mm:
 //! voxel indices times spacing, x counted from the other end where the image is stored right-handed.
 //!
-//! Sources: `_fsl_aff_adapt` of nitransforms' `io/fsl.py`, `getFSLVoxelToWorldMatrix` of fslpy.
+//! Sources: `_fsl_aff_adapt` of nitransforms (fsl), `getFSLVoxelToWorldMatrix` of fslpy.
 
 use glam::{DAffine3, DMat3, DVec3};
 

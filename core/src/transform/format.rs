@@ -2,13 +2,11 @@
 
 use std::path::Path;
 
-use super::{EXPECTED, HEAD_BYTES, Refusal, content, itk_mat, lta, matrix, name_of, register_dat};
-use crate::files::{FileError, printable};
+use super::{EXPECTED, HEAD_BYTES, Refusal, content, itk_mat, lta, matrix, name_of, quoted, register_dat};
+use crate::files::FileError;
 
 /// The first line of ITK's text, whatever its version.
 const ITK_TEXT: &str = "#Insight Transform File";
-/// Characters of a file's text in a message.
-const QUOTED: usize = 60;
 
 /// File formats of transforms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,11 +114,4 @@ pub(super) fn text(bytes: &[u8]) -> Result<&str, Refusal> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).ok().filter(|text| !text.contains('\0'));
     text.ok_or_else(|| Refusal::new("bytes that are no text", EXPECTED))
-}
-
-/// A file's text for a message: one short line.
-pub(super) fn quoted(text: &str) -> String {
-    let short: String = text.chars().take(QUOTED).collect();
-    let more = if text.chars().nth(QUOTED).is_some() { "…" } else { "" };
-    format!("\"{}{more}\"", printable(&short))
 }

@@ -6,8 +6,8 @@ use glam::DAffine3;
 
 use super::{
     Refusal,
-    format::quoted,
     itk_class::{LINEAR, base, flip, of_class, ras},
+    quoted,
 };
 
 /// The most transforms of a composite.

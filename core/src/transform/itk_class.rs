@@ -4,7 +4,7 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-use super::{Refusal, format::quoted, matrix::from_rows};
+use super::{Refusal, matrix::from_rows, quoted};
 
 /// How far a versor's length may be above 1 by rounding.
 const VERSOR_ROUNDING: f64 = 1e-6;

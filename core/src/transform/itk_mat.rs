@@ -5,7 +5,7 @@
 
 use glam::DAffine3;
 
-use super::{Refusal, format::quoted, itk_class};
+use super::{Refusal, itk_class, quoted};
 
 /// Bytes of a vector's header: type, rows, columns, whether complex, length of the name with its 0.
 const HEADER: usize = 20;

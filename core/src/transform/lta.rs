@@ -1,12 +1,12 @@
 //! Linear transform arrays of FreeSurfer: a matrix from the source (moving) to the destination (fixed) volume, of voxel
 //! indices or RAS mm, and both volumes' geometry.
 //!
-//! Sources: `LTAchangeType`, `vg_i_to_r` of FreeSurfer's `utils/transform`; `io/lta.py` of nitransforms. The centre
+//! Sources: `LTAchangeType`, `vg_i_to_r` of FreeSurfer's `utils/transform`; nitransforms (lta). The centre
 //! `cras` belongs to index n/2, not (n-1)/2.
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::{Refusal, format::quoted, inverse, matrix};
+use super::{Refusal, inverse, matrix, quoted};
 
 const EXPECTED: &str = "one linear transform of FreeSurfer";
 

@@ -34,6 +34,8 @@ pub use matrix::Convention;
 const MAX_BYTES: u64 = 1 << 20;
 /// Bytes in which a file's kind shows.
 const HEAD_BYTES: u64 = 4096;
+/// Characters of a file's text in a message.
+const QUOTED: usize = 60;
 /// Condition number above which a transform is refused: no registration stretches one direction a thousand times as
 /// much as another.
 pub const MAX_CONDITION: f64 = 1e3;
@@ -195,6 +197,13 @@ fn content(path: &Path) -> Result<Vec<u8>, FileError> {
 
 fn name_of(path: &Path) -> String {
     printable(&path.display().to_string())
+}
+
+/// A file's text for a message: one short line.
+fn quoted(text: &str) -> String {
+    let short: String = text.chars().take(QUOTED).collect();
+    let more = if text.chars().nth(QUOTED).is_some() { "…" } else { "" };
+    format!("\"{}{more}\"", printable(&short))
 }
 
 /// Inverts about the translation: a large offset must not leak into the matrix.

@@ -175,7 +175,13 @@ fn a_scheme_is_chosen_in_the_dialog() {
         .click_accesskit();
     harness.run_ok();
     harness.run_ok();
-    assert!(harness.query_by_label("Name of seg-WT").is_some(), "{harness:?}");
+    let labels: Vec<String> = harness
+        .query_all_by(|node| {
+            node.label().is_some_and(|label| label.contains("seg") || label.contains("BraTS"))
+        })
+        .filter_map(|node| node.accesskit_node().label())
+        .collect();
+    assert!(harness.query_by_label("Name of seg-WT").is_some(), "{labels:?}");
     harness.key_press(Key::Escape);
     harness.run_ok();
     harness.key_press(Key::Enter);

@@ -31,6 +31,9 @@ const GAP_POINTS: f32 = 12.0;
 const HALF_GAP_POINTS: f32 = 9.0;
 const MARGIN_POINTS: f32 = 7.0;
 
+/// Height of the legend of agreement, points.
+const AGREEMENT_POINTS: f32 = 20.0;
+
 /// Draws all overlays except rulers.
 pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, not_finite_pixels: u64) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
@@ -50,10 +53,13 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
         letters(&painter, layout, if is_middle_free { 0.0 } else { title_height }, readout_height);
     }
     scale_bar(&painter, layout, readout_height);
+    let mut below = readout_height;
     if input.colors.coloring() == Coloring::Agreement {
         agreement(&painter, layout, input.colors.mask_count(), readout_height);
-    } else if input.doc.edit.outline_patterns && input.doc.edit.overlay != Overlay::Fill {
-        patterns(&painter, input, layout, readout_height);
+        below += AGREEMENT_POINTS;
+    }
+    if input.doc.edit.outline_patterns && input.doc.edit.overlay != Overlay::Fill {
+        patterns(&painter, input, layout, below);
     }
 }
 
@@ -75,7 +81,7 @@ pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<
 
 /// Legend of the agreement colours: a square per level, with its number of masks.
 fn agreement(painter: &Painter, layout: &Layout, masks: usize, readout_height: f32) {
-    let mut at = layout.rect.left_bottom() + vec2(MARGIN_POINTS + 1.0, -readout_height - 20.0);
+    let mut at = layout.rect.left_bottom() + vec2(MARGIN_POINTS + 1.0, -readout_height - AGREEMENT_POINTS);
     let step = (layout.rect.width() * 0.5 / masks.max(1) as f32).min(17.0);
     for level in 1..=masks as u32 {
         let color = agreement_color(level, masks);

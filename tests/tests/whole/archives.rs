@@ -3,7 +3,7 @@
 use std::{io::Write, path::Path};
 
 use egui::Key;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glioscope::{
     command::AppCommand,
     model::{CaseRef, session},

@@ -181,13 +181,13 @@ fn a_scheme_is_chosen_in_the_dialog() {
         })
         .filter_map(|node| node.accesskit_node().label())
         .collect();
-    assert!(harness.query_by_label("Name of seg-WT").is_some(), "{labels:?}");
+    assert!(harness.query_by_label("Name of BraTS2021_00002-WT").is_some(), "{labels:?}");
     harness.key_press(Key::Escape);
     harness.run_ok();
     harness.key_press(Key::Enter);
     wait_for_workers(&mut harness);
     let time_point = harness.state().work.world.time_point(doc(&harness)).unwrap();
-    assert_eq!(time_point.regions.mask_ids(), ["seg-WT", "seg-TC", "seg-ET"]);
+    assert_eq!(time_point.regions.mask_ids(), ["WT", "TC", "ET"].map(|end| format!("BraTS2021_00002-{end}")));
 }
 
 #[test]

@@ -151,6 +151,7 @@ mod tests {
     use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
     use super::*;
+    use crate::files::write_whole;
 
     fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
         let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
@@ -171,7 +172,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("study.bin");
         let unpack = |bytes: &[u8], max_bytes: u64| {
-            fs::write(&path, bytes).unwrap();
+            write_whole(&path, bytes).unwrap();
             assert!(is_zip(&path));
             unpacked(&path, max_bytes, &Progress::new())
         };

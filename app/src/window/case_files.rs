@@ -14,7 +14,7 @@ use super::{
 use crate::command::{AppCommand, Command, Commands, Workstation, workstation::Guess};
 
 /// Widths of the columns, points: role, file, id, date, labels, name, colour, and the last with its button.
-const COLUMNS: [f32; 8] = [92.0, 220.0, 140.0, 96.0, 76.0, 190.0, 48.0, 150.0];
+const COLUMNS: [f32; 8] = [92.0, 220.0, 140.0, 96.0, 96.0, 190.0, 48.0, 150.0];
 const TITLES: [&str; 8] = ["role", "file", "id", "date", "labels", "name", "colour", ""];
 /// Height left for the rest of the window and of the dialog.
 const MARGIN_POINTS: f32 = 230.0;

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use glioscope_core::{Progress, files::printable};
+use glioscope_core::{Progress, dates, files::printable};
 use glioscope_pacs::{Cache, Client, Credentials, Query, Retrieved, Sent, Server, StudyRow, Uid};
 use serde::{Deserialize, Serialize};
 
@@ -168,7 +168,8 @@ pub fn date_range(text: &str) -> (Option<String>, Option<String>) {
 
 /// A study in one line: date, patient, modalities, what it is called, and its size.
 pub fn study_line(row: &StudyRow) -> String {
-    let date = row.date.as_deref().map_or_else(|| "no date".to_owned(), day_text);
+    let day = |date: &str| dates::dicom_date(date).unwrap_or_else(|| date.to_owned());
+    let date = row.date.as_deref().map_or_else(|| "no date".to_owned(), day);
     let patient = match (&row.patient_name, &row.patient_id) {
         (Some(name), Some(id)) => format!("{} ({id})", name.replace('^', " ")),
         (Some(name), None) => name.replace('^', " "),
@@ -180,14 +181,6 @@ pub fn study_line(row: &StudyRow) -> String {
     let parts = [Some(date), Some(patient), Some(modalities), row.description.clone(), images];
     let parts: Vec<String> = parts.into_iter().flatten().filter(|part| !part.is_empty()).collect();
     printable(&parts.join("  "))
-}
-
-/// `20260302` as `2026-03-02`; another text as it is.
-fn day_text(text: &str) -> String {
-    match (text.get(..4), text.get(4..6), text.get(6..)) {
-        (Some(year), Some(month), Some(day)) if day.len() == 2 => format!("{year}-{month}-{day}"),
-        _ => text.to_owned(),
-    }
 }
 
 #[cfg(test)]
@@ -202,7 +195,22 @@ mod tests {
         assert_eq!(date_range("..2026-04-01"), (None, some("20260401")));
         assert_eq!(date_range("2026-04-01.."), (some("20260401"), None));
         assert_eq!(date_range(""), (None, None));
-        assert_eq!(day_text("20260302"), "2026-03-02");
-        assert_eq!(day_text("2026"), "2026");
+        let line = |date: &str| {
+            study_line(&StudyRow {
+                uid: None,
+                patient_name: None,
+                patient_id: None,
+                birth_date: None,
+                date: some(date),
+                time: None,
+                accession: None,
+                description: None,
+                modalities: Vec::new(),
+                series: None,
+                instances: None,
+            })
+        };
+        assert_eq!(line("20260302"), "2026-03-02  no patient");
+        assert_eq!(line("2026"), "2026  no patient");
     }
 }

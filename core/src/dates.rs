@@ -42,6 +42,12 @@ pub fn compact_date(digits: &str) -> Option<Date> {
     (digits.len() == 8 && (2000..=2100).contains(&date.year())).then_some(date)
 }
 
+/// A date as DICOM writes it, eight digits, with hyphens: `2024-01-15`. `None` for anything else.
+pub fn dicom_date(digits: &str) -> Option<String> {
+    let is_date = digits.len() == 8 && digits.bytes().all(|b| b.is_ascii_digit());
+    is_date.then(|| format!("{}-{}-{}", &digits[..4], &digits[4..6], &digits[6..]))
+}
+
 /// Days since the first of `labels`, if each begins with a date and the dates increase; `None` otherwise.
 pub fn days_since_first(labels: &[&str]) -> Option<Vec<f64>> {
     let dates: Vec<Date> = labels.iter().map(|label| leading_date(label)).collect::<Option<_>>()?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DAffine3, DMat4, DQuat, DVec3};
 use glioscope_core::{
     Progress,
     files::{self, ReadOptions, Source},
@@ -115,9 +115,7 @@ fn write(out: &Path, input: &Path, transform: &Transform) -> Result<(), AppError
 }
 
 fn rows(affine: DAffine3) -> [[f64; 4]; 4] {
-    let [m, t] = [affine.matrix3.transpose().to_cols_array_2d(), [affine.translation.to_array(); 3]];
-    let row = |n: usize| [m[n][0], m[n][1], m[n][2], t[0][n]];
-    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+    DMat4::from(affine).transpose().to_cols_array_2d()
 }
 
 /// How far it turns, and by how much it scales: the rotation nearest to its matrix, and the change of volumes.

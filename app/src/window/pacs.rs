@@ -8,7 +8,7 @@ use super::modal::{self, Reply};
 use crate::{
     command::{AppCommand, Commands, Workstation},
     model::CaseRef,
-    pacs,
+    pacs::{self, KnownServer},
     world::jobs::{Job, Waker, progress_text},
 };
 
@@ -25,6 +25,8 @@ enum Asked {
 
 /// The dialog, while it is open.
 pub struct PacsDialog {
+    /// The user's servers, as the dialog opened.
+    known: Vec<KnownServer>,
     server: String,
     patient: String,
     name: String,
@@ -38,9 +40,10 @@ pub struct PacsDialog {
 impl PacsDialog {
     /// The dialog with the first of the user's servers.
     pub fn new() -> Self {
-        let server = pacs::servers().into_iter().next().map(|server| server.name).unwrap_or_default();
+        let known = pacs::servers();
         Self {
-            server,
+            server: known.first().map(|server| server.name.clone()).unwrap_or_default(),
+            known,
             patient: String::new(),
             name: String::new(),
             date: String::new(),
@@ -199,17 +202,16 @@ pub fn show(
 fn fields(ui: &mut Ui, dialog: &mut PacsDialog) -> bool {
     let mut entered = false;
     Grid::new("pacs").num_columns(3).show(ui, |ui| {
-        let known = pacs::servers();
         let label = ui.label("Server").id;
         let tip = "A name of the list, or the address of its DICOMweb service. Credentials come from the environment: \
                    GLIOSCOPE_PACS_USER and GLIOSCOPE_PACS_PASSWORD, or GLIOSCOPE_PACS_TOKEN";
         let server = field(ui, &mut dialog.server, "https://host/dicom-web").labelled_by(label);
         entered |= modal::entered(ui, &server.on_hover_text(tip));
-        if !known.is_empty() {
+        if !dialog.known.is_empty() {
             ComboBox::from_id_salt("servers").selected_text("Known").show_ui(ui, |ui| {
-                for server in known {
-                    if ui.button(&server.name).on_hover_text(&server.url).clicked() {
-                        dialog.server = server.name;
+                for known in &dialog.known {
+                    if ui.button(&known.name).on_hover_text(&known.url).clicked() {
+                        dialog.server.clone_from(&known.name);
                     }
                 }
             });

@@ -370,19 +370,21 @@ fn read(
         base.inputs = base.inputs.with(session);
     }
     let made = request.session.as_ref().map(|session| session.document.edit.made.clone()).unwrap_or_default();
+    let mut with_made = (!made.is_empty()).then(|| made::with_made(&base, &made));
     let document = match request.session {
         None => None,
         Some(session) => {
-            let case = (!made.is_empty()).then(|| made::with_made(&base, &made));
-            let (document, checks) = session.restore(case.as_ref().unwrap_or(&base))?;
+            let (document, checks) = session.restore(with_made.as_ref().unwrap_or(&base))?;
             findings.extend(checks);
             Some(document)
         }
     };
-    base.checks.extend(findings);
-    base.checks.sort_by_key(|check| std::cmp::Reverse(check.severity));
+    for case in std::iter::once(&mut base).chain(&mut with_made) {
+        case.checks.extend(findings.iter().cloned());
+        case.checks.sort_by_key(|check| std::cmp::Reverse(check.severity));
+    }
     let base = Arc::new(base);
-    let case = if made.is_empty() { base.clone() } else { Arc::new(made::with_made(&base, &made)) };
+    let case = with_made.map_or_else(|| base.clone(), Arc::new);
     Ok(ReadCase { place, spec, base, made, case, files, document, options })
 }
 

@@ -25,6 +25,16 @@ pub(super) enum Active {
     Above(f64),
 }
 
+impl Active {
+    /// As a mask's labels and its threshold.
+    pub(super) fn parts(self) -> (Option<Vec<i64>>, Option<f64>) {
+        match self {
+            Self::Labels(labels) => (Some(labels), None),
+            Self::Above(above) => (None, Some(above)),
+        }
+    }
+}
+
 /// Parses labels such as `1,4`, or a threshold such as `>0.3`; `None` for anything else.
 pub(super) fn active(text: &str) -> Option<Active> {
     if let Some(above) = text.trim().strip_prefix('>') {
@@ -141,11 +151,7 @@ pub(super) fn parse_all(masks: &[String], contexts: &[String]) -> Result<CaseSpe
             spec.masks.extend(scheme.masks(p.id, &Source::File(p.file.into()), p.time));
             continue;
         }
-        let (labels, above) = match p.active {
-            Some(Active::Labels(labels)) => (Some(labels), None),
-            Some(Active::Above(above)) => (None, Some(above)),
-            None => (None, None),
-        };
+        let (labels, above) = p.active.map(Active::parts).unwrap_or_default();
         spec.masks.push(MaskSpec {
             id: p.id.into(),
             source: Source::File(p.file.into()),

@@ -370,21 +370,19 @@ impl Proposal {
                 Role::Tracts => spec.tracts.push(TractsSpec { id, source }),
                 Role::Mask | Role::LeftOut => {}
             }
-            spec.masks.extend(file.masks_in().map(|(_, mask)| MaskSpec {
-                id: mask.id.trim().to_owned(),
-                source: file.source(mask.segment),
-                labels: match active(&mask.labels) {
-                    Some(Some(Active::Labels(labels))) => Some(labels),
-                    Some(_) => None,
-                    None => Some(Vec::new()),
-                },
-                above: match active(&mask.labels) {
-                    Some(Some(Active::Above(above))) => Some(above),
-                    _ => None,
-                },
-                time: file.time(),
-                color: mask.color,
-                name: Some(mask.name.trim().to_owned()).filter(|name| !name.is_empty()),
+            spec.masks.extend(file.masks_in().map(|(_, mask)| {
+                // Neither labels nor a threshold: a problem, as no label is.
+                let active = active(&mask.labels).unwrap_or(Some(Active::Labels(Vec::new())));
+                let (labels, above) = active.map(Active::parts).unwrap_or_default();
+                MaskSpec {
+                    id: mask.id.trim().to_owned(),
+                    source: file.source(mask.segment),
+                    labels,
+                    above,
+                    time: file.time(),
+                    color: mask.color,
+                    name: Some(mask.name.trim().to_owned()).filter(|name| !name.is_empty()),
+                }
             }));
         }
         if spec.is_ordered_by(&self.order) {

@@ -10,6 +10,7 @@ use super::{
 use crate::{
     Check, Progress,
     check::listed,
+    dates::dicom_date,
     files::{
         dicom::{self, Kind, PatientStudies, SeriesSummary, Studies, VolumeSummary},
         printable,
@@ -149,7 +150,7 @@ fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'
         let first =
             study.series.iter().map(|s| s.date.as_str()).filter(|d| !d.is_empty()).min().unwrap_or_default();
         let date = if study.date.is_empty() { first } else { &study.date };
-        let time = readable(date)
+        let time = dicom_date(date)
             .unwrap_or_else(|| if date.is_empty() { format!("undated {}", n + 1) } else { date.to_owned() });
         for series in &study.series {
             if !series.frame_of_reference.is_empty() && !series.volumes.is_empty() {
@@ -160,14 +161,15 @@ fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'
                 && series.date != date
                 && series.kind == Kind::Image
             {
-                let own = readable(&series.date).unwrap_or_else(|| series.date.clone());
+                let own = dicom_date(&series.date).unwrap_or_else(|| series.date.clone());
                 notes.push(Check::warning(
                     "dicom-dates",
                     format!("{}: acquired on {own}, in a study of {time}", series.label()),
                 ));
             }
             let description = printable(&study.description);
-            let title = [readable(&study.date).unwrap_or_default(), description].join(" ").trim().to_owned();
+            let title =
+                [dicom_date(&study.date).unwrap_or_default(), description].join(" ").trim().to_owned();
             all.push(Dated { series, study: title, time: time.clone() });
         }
     }
@@ -191,12 +193,6 @@ fn dates<'a>(patient: &'a PatientStudies, notes: &mut Vec<Check>) -> Vec<Dated<'
         ));
     }
     all
-}
-
-/// `2024-03-02` of `20240302`.
-fn readable(date: &str) -> Option<String> {
-    let is_date = date.len() == 8 && date.bytes().all(|b| b.is_ascii_digit());
-    is_date.then(|| format!("{}-{}-{}", &date[..4], &date[4..6], &date[6..]))
 }
 
 /// What a series is in the case: an image for each of its volumes, or a file with its masks.

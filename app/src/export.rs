@@ -95,6 +95,12 @@ impl Format {
     }
 }
 
+/// Whether a path that doesn't exist is meant as a file: by an ending of files that are written or read.
+fn is_meant_as_file(path: &Path) -> bool {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    Format::of(path).is_some() || files::format::is_volume(&name)
+}
+
 /// A mask that is exported.
 pub struct Item {
     /// Its name in the file.
@@ -229,7 +235,8 @@ impl Export<'_> {
             return Ok(written);
         }
         // A device, too.
-        if out.exists() && !out.is_dir() {
+        let is_file = if out.exists() { !out.is_dir() } else { is_meant_as_file(out) };
+        if is_file {
             let expected = format!("a name that ends in .{ending}, or a folder");
             return Err(AppError::file(out, "a file of another kind", expected));
         }

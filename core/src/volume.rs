@@ -113,6 +113,12 @@ impl Volume {
         (samples.len() == grid.voxel_count()).then_some(Self { grid, samples, scaling })
     }
 
+    /// The same voxels at another place: on `grid`, which must have as many.
+    pub(crate) fn with_grid(&self, grid: Grid) -> Self {
+        debug_assert_eq!(grid.voxel_count(), self.grid.voxel_count());
+        Self { grid, ..self.clone() }
+    }
+
     /// The voxel grid.
     pub fn grid(&self) -> &Grid {
         &self.grid

@@ -1,5 +1,5 @@
 """Makes glioma_regions.json, sarcoma_masks.json and degenerate_masks.json: what NumPy, SciPy and nibabel
-count on the real cases, for the tests in core/tests/case_real.rs.
+count on the real cases, for the tests in core/tests/whole/case_real.rs.
 
     pip install nibabel numpy scipy
     python tests/expected/glioma_regions.py ../shared/data tests/expected

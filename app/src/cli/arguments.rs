@@ -6,7 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use glam::DVec3;
 use glioscope_render::{
     ChangeStyle, ClipPlane, LightSettings, LightingMode, MutualOcclusion, Palette, Preset, SliceVariant,
-    TransferPreset, flat::Overlay,
+    TransferPreset,
+    flat::{ColorMap, Mixing, Overlay},
 };
 
 use super::{
@@ -212,6 +213,18 @@ pub struct RenderArguments {
     /// Its window: LOW,HIGH.
     #[arg(long, value_name = "LOW,HIGH", value_parser = parse::low_high, allow_hyphen_values = true)]
     pub window: Option<[f64; 2]>,
+    /// A second image on slices: ID[@DATE].
+    #[arg(long, value_name = "ID[@DATE]")]
+    pub second: Option<String>,
+    /// How both images share a slice.
+    #[arg(long, value_parser = keyword::<Mixing>(), requires = "second")]
+    pub mixing: Option<Mixing>,
+    /// Colours of the second image.
+    #[arg(long, value_parser = keyword::<ColorMap>(), requires = "second")]
+    pub color_map: Option<ColorMap>,
+    /// Opacity of the second image over the first, or where the line of a swipe is, 0 to 1.
+    #[arg(long, value_name = "SHARE", value_parser = parse::within(0.0..=1.0), requires = "second", allow_hyphen_values = true)]
+    pub mixing_share: Option<f64>,
     /// Patient's left on the left.
     #[arg(long)]
     pub neurological: bool,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glioscope_core::{
-    case::{CaseGridChoice, LoadOptions},
+    case::{Alignment, CaseGridChoice, LoadOptions},
     files::{DEFAULT_MAX_BYTES, format::volume_names},
 };
 
@@ -33,6 +33,14 @@ pub struct MaskArguments {
     /// The dates in time order, by their labels; default: as the case or the labels state.
     #[arg(long, value_name = "LABEL,...", value_delimiter = ',')]
     pub order: Vec<String>,
+    /// A registration transform that moves an image and mask, or all of a date, into the case's space: ITK, ANTs, 3D Slicer,
+    /// FreeSurfer's .lta, or a bare matrix with its convention (FILE:niftyreg). Its fixed image is the one whose space is
+    /// kept. Repeat for more.
+    #[arg(long = "transform", value_name = "ID[@TIME]=FILE", value_parser = transform)]
+    pub transforms: Vec<Alignment>,
+    /// All files lie in one space, though they state several frames of reference.
+    #[arg(long)]
+    pub one_space: bool,
     /// Maximum bytes of voxels that a file may declare, and maximum size of a tract file in bytes.
     #[arg(long, value_name = "BYTES", default_value_t = DEFAULT_MAX_BYTES)]
     pub max_bytes: u64,
@@ -79,6 +87,8 @@ impl CaseArguments {
             max_bytes: self.parts.max_bytes,
             case_grid: self.parts.case_grid.clone().map_or(CaseGridChoice::FinestMask, CaseGridChoice::Of),
             order: self.parts.order.clone(),
+            alignments: self.parts.transforms.clone(),
+            one_space: self.parts.one_space,
         }
     }
 
@@ -113,6 +123,10 @@ impl CaseArguments {
         terminal::notes(&read.case.checks);
         Ok(read)
     }
+}
+
+fn transform(text: &str) -> Result<Alignment, String> {
+    Alignment::from_argument(text).map_err(|_| "ID[@TIME]=FILE[:CONVENTION], or @TIME=FILE".to_owned())
 }
 
 /// Help text of the case's path.

@@ -72,6 +72,7 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     let options = ChangeOptions {
         skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },
         registration_mm: arguments.registration_mm,
+        ..ChangeOptions::default()
     };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());
     let choice = resolve::change(&case, of, from, to)?;
@@ -94,17 +95,20 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
 
 /// The report as a text table.
 fn table(r: &ChangeReport) -> String {
+    let ml = |ml: Option<f64>| ml.map_or_else(|| "–".to_owned(), format::ml);
     let mut lines = vec![
         format!("{} from {} to {}", r.mask, r.from, r.to),
         format!("{:24} {:>14}", "before", format::ml(r.from_ml)),
         format!("{:24} {:>14}", "after", format::ml(r.to_ml)),
-        format!("{:24} {:>14}", "kept", format::ml(r.kept_ml)),
-        format!("{:24} {:>14}", "gone", format::ml(r.gone_ml)),
-        format!("{:24} {:>14}", "new", format::ml(r.new_ml)),
+        format!("{:24} {:>14}", "kept", ml(r.kept_ml)),
+        format!("{:24} {:>14}", "gone", ml(r.gone_ml)),
+        format!("{:24} {:>14}", "new", ml(r.new_ml)),
         String::new(),
     ];
-    if r.flags.contains(&Flag::NoOverlap) {
-        lines.push("no overlap: not aligned? Only volumes are compared".into());
+    if r.has_volumes_only() {
+        let is_stated = r.flags.contains(&Flag::NotAligned);
+        let why = if is_stated { "not aligned: two frames of reference" } else { "no overlap: not aligned?" };
+        lines.push(format!("{why}. Only volumes are compared"));
         return lines.join("\n");
     }
     lines.push(format!(

@@ -59,6 +59,17 @@ fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppE
     if let (Some([low, high]), Some(id)) = (arguments.window, &nav.context) {
         edit.windows = BTreeMap::from([(id.clone(), Window { low, high })]);
     }
+    if let Some(text) = &arguments.second {
+        let (second, is_same_kind) = resolve::second(text, doc, world)?;
+        let mut fusion = doc.edit.fusion.showing(Some(second), is_same_kind);
+        fusion.mixing = arguments.mixing.unwrap_or(fusion.mixing);
+        fusion.map = arguments.color_map.unwrap_or(fusion.map);
+        if let Some(share) = arguments.mixing_share {
+            (fusion.opacity, fusion.share) = (share as f32, share as f32);
+        }
+        doc.edit.fusion = fusion;
+    }
+    let Document { edit, nav, .. } = doc;
     if arguments.neurological {
         nav.convention = Convention::Neurological;
     }

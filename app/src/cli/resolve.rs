@@ -7,7 +7,11 @@ use glioscope_core::{
 };
 
 use super::terminal;
-use crate::error::AppError;
+use crate::{
+    error::AppError,
+    model::{Document, SecondImage},
+    world::World,
+};
 
 /// Index of the time point with this label.
 ///
@@ -119,6 +123,33 @@ pub fn image(time_point: &TimePoint, id: &str) -> Result<Option<String>, AppErro
         return Err(AppError::option("image", id, format!("none or one of {}", ids.join(", "))));
     }
     Ok((id != "none").then(|| id.to_owned()))
+}
+
+/// The second image given by `--second ID[@DATE]`, and whether it is another date's of the image shown.
+///
+/// # Errors
+/// [`AppError::Wrong`] listing the images of the case.
+pub fn second(text: &str, doc: &Document, world: &World) -> Result<(SecondImage, bool), AppError> {
+    let of = |id: &str, time: Option<&str>| SecondImage { id: id.to_owned(), time: time.map(str::to_owned) };
+    let parts = text.rsplit_once('@').map(|(id, time)| of(id, Some(time)));
+    let time_points = world.case().map(|case| case.time_points.as_slice()).unwrap_or_default();
+    let has = |second: &SecondImage| {
+        let here =
+            |n: usize, t: &TimePoint| second.time.as_ref().map_or(n == doc.nav.time, |time| t.label == *time);
+        let mut found = time_points.iter().enumerate().filter(|(n, t)| here(*n, t));
+        found.any(|(_, t)| t.contexts.iter().any(|c| c.id == second.id))
+    };
+    let found = std::iter::once(of(text, None)).chain(parts).find(has);
+    let second = found.ok_or_else(|| {
+        let names = time_points.iter().flat_map(|t| {
+            t.contexts
+                .iter()
+                .map(|c| if t.label.is_empty() { c.id.clone() } else { format!("{}@{}", c.id, t.label) })
+        });
+        AppError::option("second", text, format!("one of {}", names.collect::<Vec<_>>().join(", ")))
+    })?;
+    let is_same_kind = doc.nav.context.as_ref() == Some(&second.id);
+    Ok((second, is_same_kind))
 }
 
 #[cfg(test)]

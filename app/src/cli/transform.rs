@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use glam::{DAffine3, DMat4, DQuat, DVec3};
+use glam::{DAffine3, DMat4, DVec3};
 use glioscope_core::{
     Progress,
     files::{self, ReadOptions, Source},
@@ -94,12 +94,7 @@ pub(super) fn run(arguments: &TransformArguments) -> Result<(), AppError> {
 
 fn geometry(path: &Path) -> Result<ImageGeometry, AppError> {
     let loaded = files::read(&Source::File(path.to_owned()), &ReadOptions::default(), &Progress::new())?;
-    let grid = loaded.volume.grid();
-    Ok(ImageGeometry {
-        dims: grid.dims(),
-        spacing_mm: grid.spacing_mm(),
-        world_from_voxel: grid.world_from_voxel(),
-    })
+    Ok(ImageGeometry::of(loaded.volume.grid()))
 }
 
 fn write(out: &Path, input: &Path, transform: &Transform) -> Result<(), AppError> {
@@ -118,21 +113,8 @@ fn rows(affine: DAffine3) -> [[f64; 4]; 4] {
     DMat4::from(affine).transpose().to_cols_array_2d()
 }
 
-/// How far it turns, and by how much it scales: the rotation nearest to its matrix, and the change of volumes.
-fn turn_and_scale(transform: &Transform) -> (f64, f64) {
-    let mut nearest = transform.moving_from_fixed().matrix3;
-    let volume = nearest.determinant();
-    // Newton's iteration for the polar decomposition (Higham 1986); the condition is bounded.
-    for _ in 0..60 {
-        nearest = (nearest + nearest.inverse().transpose()) * 0.5;
-    }
-    let (_, angle) = DQuat::from_mat3(&nearest).to_axis_angle();
-    let degrees = angle.to_degrees();
-    (degrees.min(360.0 - degrees), volume)
-}
-
 fn described(format: Format, transform: &Transform) -> Value {
-    let (turn_deg, volume_ratio) = turn_and_scale(transform);
+    let (turn_deg, volume_ratio) = (transform.turn_deg(), transform.volume_ratio());
     json!({
         "format": format.name(),
         "moving_from_fixed": rows(transform.moving_from_fixed()),
@@ -143,7 +125,7 @@ fn described(format: Format, transform: &Transform) -> Value {
 }
 
 fn text(format: Format, transform: &Transform) -> String {
-    let (turn_deg, volume_ratio) = turn_and_scale(transform);
+    let (turn_deg, volume_ratio) = (transform.turn_deg(), transform.volume_ratio());
     let shift: DVec3 = transform.moving_from_fixed().translation;
     let mut lines = vec![
         format!("format       {}", format.name()),
@@ -157,27 +139,4 @@ fn text(format: Format, transform: &Transform) -> String {
         format!("  {}", numbers.join(" "))
     }));
     lines.join("\n")
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::DMat3;
-
-    use super::*;
-
-    #[test]
-    fn turns_and_scales_are_those_of_the_parts() {
-        let turn = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.3);
-        let of = |matrix: DMat3| {
-            let affine = DAffine3::from_mat3_translation(matrix, DVec3::new(1.0, 2.0, 3.0));
-            turn_and_scale(&Transform::new(affine).unwrap())
-        };
-        let (degrees, volume) = of(turn);
-        assert!((degrees - 0.3_f64.to_degrees()).abs() < 1e-9 && (volume - 1.0).abs() < 1e-12);
-        // Scaling along axes doesn't turn.
-        let (degrees, volume) = of(turn * DMat3::from_diagonal(DVec3::new(2.0, 1.0, 0.5)));
-        assert!((degrees - 0.3_f64.to_degrees()).abs() < 1e-9 && (volume - 1.0).abs() < 1e-12);
-        assert!(of(DMat3::IDENTITY).0.abs() < 1e-9);
-        assert_eq!(rows(DAffine3::from_translation(DVec3::X * 5.0))[0], [1.0, 0.0, 0.0, 5.0]);
-    }
 }

@@ -16,8 +16,8 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
-        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, HiddenRegions, OverlapMode, PaneId, Ruler,
-        Shading,
+        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions, OverlapMode, PaneId,
+        Ruler, Shading,
         document::{default_lens, tumor_radius_mm},
         layout,
         made::{MOST_MADE, MadeMask},
@@ -80,6 +80,7 @@ pub enum EditCommand {
     NextOverlay,
     SetOverlayOpacity(f32),
     ToggleOutlinePatterns,
+    SetFusion(Box<Fusion>),
     // Panes.
     TogglePane(PaneId),
     MaximizePane(PaneId),
@@ -164,6 +165,7 @@ impl EditCommand {
             | EditKind::DeleteRuler
             | EditKind::SetWindow
             | EditKind::SetOverlayOpacity
+            | EditKind::SetFusion
             | EditKind::SetLayout => Vec::new(),
         }
     }
@@ -238,6 +240,7 @@ impl EditCommand {
             }
             Self::NextOverlay => Label::new("Masks on slices: next of fill, outline, both"),
             Self::SetOverlayOpacity(_) => Label::new("Opacity of masks"),
+            Self::SetFusion(_) => Label::new("Second image on slices"),
             Self::ToggleOutlinePatterns => Label::new("Outlines with patterns")
                 .detail("Solid, dashed and dotted in turn, so that masks differ without colour"),
             Self::TogglePane(pane) => Label::new(format!("Show or hide {}", pane.title())),
@@ -257,6 +260,7 @@ impl EditCommand {
             Self::SetMaskLook(..) => Some("look of a mask"),
             Self::SetWindow(..) => Some("window"),
             Self::SetOverlayOpacity(_) => Some("opacity"),
+            Self::SetFusion(_) => Some("second image"),
             Self::SetTransfer(..) => Some("transfer"),
             Self::SetClips(_) => Some("clips"),
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
@@ -397,6 +401,7 @@ impl EditCommand {
                 edit.overlay = all[(current + 1) % all.len()];
             }
             Self::SetOverlayOpacity(opacity) => edit.overlay_opacity = opacity.clamp(0.0, 1.0),
+            Self::SetFusion(fusion) => edit.fusion = (**fusion).clone(),
             Self::TogglePane(pane) => layout::toggle(&mut edit.layout, *pane),
             Self::MaximizePane(pane) => {
                 edit.maximized = (edit.maximized != Some(*pane)).then_some(*pane);

@@ -119,7 +119,7 @@ impl Workstation {
     }
 
     fn install_opened(&mut self, opened: OpenedCase) {
-        let OpenedCase { place: Place { case, tracts }, loaded, document, options } = opened;
+        let OpenedCase { place: Place { case, tracts, alignments: _ }, loaded, document, options } = opened;
         self.install(case.clone(), loaded, document);
         if let Some(doc) = &mut self.doc {
             doc.set_source(case, tracts, &options);
@@ -227,8 +227,11 @@ impl Workstation {
     pub fn accept_guess(&mut self, wake: Waker) {
         let Some(Guess { request, mut proposal, proposed }) = self.guess.take() else { return };
         // Where nobody is asked, a warning of the case says it.
+        let is_aligned = proposal.is_aligned;
         proposal.is_aligned |= self.accept_guesses;
-        if !proposal.problems().is_empty() {
+        let has_problems = !proposal.problems().is_empty();
+        proposal.is_aligned = is_aligned;
+        if has_problems {
             self.guess = Some(Guess { request, proposal, proposed });
             return;
         }
@@ -244,7 +247,8 @@ impl Workstation {
         }
         let spec = proposal.spec();
         let has_order = case::unordered_times(&spec, &LoadOptions::default()).is_none();
-        if request.edits && !is_changed && has_order {
+        let is_told_again = proposal.is_aligned == proposed.is_aligned;
+        if request.edits && !is_changed && is_told_again && has_order {
             return;
         }
         // Files that were dropped have no other description.
@@ -530,6 +534,8 @@ mod tests {
             max_bytes: 7,
             case_grid: case::CaseGridChoice::Of("T1".into()),
             order: vec!["b".into(), "a".into()],
+            alignments: vec![case::Alignment::from_argument("T1=a.tfm").unwrap()],
+            one_space: true,
         };
         let first = Workstation { options: options.clone(), ..Workstation::default() };
         assert_eq!(first.options_for(&CaseRef::Sample), options);

@@ -30,6 +30,9 @@ pub struct Answer {
     /// The dates in time order, where that was asked.
     #[serde(default)]
     pub order: Vec<String>,
+    /// Whether they lie in one space, whatever frames of reference they state.
+    #[serde(default)]
+    pub one_space: bool,
 }
 
 /// The answers, newest first.

@@ -12,7 +12,7 @@ use egui_tiles::Tree;
 use glam::{DVec2, DVec3};
 use glioscope_core::{
     Grid,
-    case::{CaseGridChoice, LoadOptions, TimePoint},
+    case::{Alignment, CaseGridChoice, LoadOptions, TimePoint},
     optics::{Camera, Projection},
 };
 use glioscope_render::{
@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     change::ChangeSetting,
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
+    fusion::Fusion,
     hidden::HiddenRegions,
     layout,
     light::LightChoice,
@@ -80,6 +81,9 @@ pub struct Edit {
     /// Whether outlines on slices are solid, dashed and dotted in turn.
     #[serde(default)]
     pub outline_patterns: bool,
+    /// A second image on slices.
+    #[serde(default)]
+    pub fusion: Fusion,
     /// Colour scheme.
     pub palette: Palette,
     /// Whether a region's colour shows which masks are active or how many.
@@ -208,6 +212,12 @@ pub struct Document {
     /// Id of the mask or image whose grid is the case grid; `None`: the finest mask.
     #[serde(default)]
     pub case_grid: Option<String>,
+    /// Registration transforms in addition to the case's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alignments: Vec<Alignment>,
+    /// Whether the user said that all files lie in one space, whatever frames of reference they state.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub one_space: bool,
     /// State that undo covers.
     pub edit: Edit,
     /// State that undo doesn't cover.
@@ -259,8 +269,9 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
 impl Document {
     /// Whether `other` is of the same case, read alike, with the same content.
     pub fn same_work(&self, other: &Self) -> bool {
-        let Self { case, tracts, order, case_grid, edit, nav: _ } = self;
+        let Self { case, tracts, order, case_grid, alignments, one_space, edit, nav: _ } = self;
         (case, tracts, order, case_grid) == (&other.case, &other.tracts, &other.order, &other.case_grid)
+            && (alignments, one_space) == (&other.alignments, &other.one_space)
             && edit.same_work(&other.edit)
     }
 
@@ -279,6 +290,8 @@ impl Document {
             tracts: Vec::new(),
             order: Vec::new(),
             case_grid: None,
+            alignments: Vec::new(),
+            one_space: false,
             edit: Edit {
                 selection: HiddenRegions::none(),
                 lens_on: time_point.regions.union_voxels() > 0,
@@ -287,6 +300,7 @@ impl Document {
                 overlay: Overlay::Both,
                 overlay_opacity: 0.2,
                 outline_patterns: false,
+                fusion: Fusion::default(),
                 palette: Palette::default(),
                 coloring: Coloring::Masks,
                 masks: MaskLooks::default(),
@@ -320,10 +334,12 @@ impl Document {
         }
     }
 
-    /// Records how its case was read: from where, and with the order of dates and the case grid of `options`.
+    /// Records how its case was read: from where, and with the order of dates, the case grid and the transforms of `options`.
     pub fn set_source(&mut self, case: CaseRef, tracts: Vec<PathBuf>, options: &LoadOptions) {
         self.case = case;
         self.tracts = tracts;
+        self.alignments.clone_from(&options.alignments);
+        self.one_space = options.one_space;
         self.order.clone_from(&options.order);
         self.case_grid = match &options.case_grid {
             CaseGridChoice::FinestMask => None,
@@ -333,7 +349,12 @@ impl Document {
 
     /// The lines measured at the current time point, with their indices.
     pub fn rulers_shown(&self) -> impl Iterator<Item = (usize, &Ruler)> {
-        self.edit.rulers.iter().enumerate().filter(|(_, ruler)| ruler.time == self.nav.time)
+        self.rulers_at(self.nav.time)
+    }
+
+    /// The lines measured at a time point, with their indices.
+    pub fn rulers_at(&self, time: usize) -> impl Iterator<Item = (usize, &Ruler)> {
+        self.edit.rulers.iter().enumerate().filter(move |(_, ruler)| ruler.time == time)
     }
 
     /// An unused line name: `Line 3`.

@@ -87,6 +87,7 @@ fn neighbours(pane: PaneId) -> &'static [PaneId] {
         P::Change => &[P::Closeup, P::Context],
         P::Context | P::Dates => &[P::Context, P::Dates, P::Closeup],
         P::Ellipsoids => &[P::Closeup, P::Overlap],
+        P::SideBySide => &[P::Change, P::Closeup, P::Context],
         P::Axial => &[P::Coronal, P::Sagittal],
         P::Coronal => &[P::Axial, P::Sagittal],
         P::Sagittal => &[P::Coronal, P::Axial],

@@ -28,6 +28,8 @@ pub enum PaneId {
     Transfer,
     /// Render plan, pass times and graphics adapter.
     Diagnostics,
+    /// Slices of several dates and images, side by side.
+    SideBySide,
     /// The axial slice.
     Axial,
     /// The coronal slice.
@@ -80,6 +82,9 @@ impl PaneId {
             Self::Measurements => row("measurements", "Measurements", "measurements"),
             Self::Transfer => row("the transfer function", "Transfer", "transfer"),
             Self::Diagnostics => PaneRow { cli: None, ..row("diagnostics", "Diagnostics", "diagnostics") },
+            Self::SideBySide => row("the slices side by side", "Side by side", "side-by-side")
+                .report([1400, 760])
+                .needs_dates(),
             Self::Axial => row("the axial slice", "Axial", "axial").report([700, 700]),
             Self::Coronal => row("the coronal slice", "Coronal", "coronal").report([700, 700]),
             Self::Sagittal => row("the sagittal slice", "Sagittal", "sagittal").report([700, 700]),

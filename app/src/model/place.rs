@@ -2,7 +2,10 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use glioscope_core::{case::argument_with_file, files::absolute};
+use glioscope_core::{
+    case::{Alignment, argument_with_file},
+    files::absolute,
+};
 use serde::{Deserialize, Serialize};
 
 use super::document::{CaseRef, Document};
@@ -16,12 +19,16 @@ pub struct Place {
     /// Files of fibre tracts in addition to the case's.
     #[serde(default)]
     pub tracts: Vec<PathBuf>,
+    /// Registration transforms in addition to the case's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alignments: Vec<Alignment>,
 }
 
 impl Place {
     /// Where the case of a document lies.
     pub fn of(document: &Document) -> Self {
-        Self { case: document.case.clone(), tracts: document.tracts.clone() }
+        let Document { case, tracts, alignments, .. } = document;
+        Self { case: case.clone(), tracts: tracts.clone(), alignments: alignments.clone() }
     }
 
     /// With absolute paths, where these are relative to the current folder.
@@ -57,7 +64,9 @@ impl Place {
                 left_out: left_out.clone(),
             },
         };
-        Self { case, tracts: self.tracts.iter().map(|path| change(path)).collect() }
+        let tracts = self.tracts.iter().map(|path| change(path)).collect();
+        let alignments = self.alignments.iter().map(|alignment| alignment.with_files(change)).collect();
+        Self { case, tracts, alignments }
     }
 }
 
@@ -99,9 +108,11 @@ mod tests {
         let place = Place {
             case: CaseRef::Arguments { masks: vec!["T1=/a/b/m.nii:1@pre".into()], contexts: Vec::new() },
             tracts: vec!["/a/c/x.tck".into()],
+            alignments: vec![Alignment::from_argument("T1=/a/b/t.tfm").unwrap()],
         };
         let relative = place.relative_to(Path::new("/a/b/sessions"));
         assert_eq!(relative.tracts, [Path::new("../../c/x.tck")]);
+        assert_eq!(relative.alignments, [Alignment::from_argument("T1=../t.tfm").unwrap()]);
         let CaseRef::Arguments { masks, .. } = &relative.case else { panic!() };
         assert_eq!(masks, &["T1=../m.nii:1@pre"]);
         assert_eq!(relative.seen_from(Path::new("/a/b/sessions")), place);
@@ -109,11 +120,11 @@ mod tests {
         let files = |folder: &str| {
             let (manifest, left_out) = ("glioscope = 1".to_owned(), vec!["x.nii".into()]);
             let case = CaseRef::Files { folder: folder.into(), manifest, left_out };
-            Place { case, tracts: Vec::new() }
+            Place { case, tracts: Vec::new(), alignments: Vec::new() }
         };
         assert_eq!(files("/a/b").relative_to(Path::new("/a/c")), files("../b"));
         assert_eq!(files("../b").seen_from(Path::new("/a/c")), files("/a/b"));
-        let folder = Place { case: CaseRef::Path("/a/b".into()), tracts: Vec::new() };
+        let folder = Place { case: CaseRef::Path("/a/b".into()), tracts: Vec::new(), alignments: Vec::new() };
         assert_eq!(folder.relative_to(Path::new("/a/b")).case, CaseRef::Path(".".into()));
         assert_eq!(folder.relative_to(Path::new("/a/b")).seen_from(Path::new("/a/b")), folder);
     }

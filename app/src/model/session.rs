@@ -107,7 +107,7 @@ pub fn save(path: &Path, document: &Document, case: &Case, files: &[FileMark]) -
     let mut document = document.clone();
     let place = Place::of(&document).absolute();
     let relative = place.relative_to(folder);
-    (document.case, document.tracts) = (place.case, place.tracts);
+    (document.case, document.tracts, document.alignments) = (place.case, place.tracts, place.alignments);
     let marks = files.iter().map(|mark| {
         let file = relative_to(&mark.file, folder);
         FileMark { file, ..mark.clone() }
@@ -263,7 +263,11 @@ mod tests {
         let origin = session.origin.clone().unwrap();
         assert_eq!(origin.path, path);
         assert_eq!(origin.files, [mark(Path::new("nii").join("T1.nii"))]);
-        let relative = Place { case: CaseRef::Path(Path::new("nii").join("case.toml")), tracts: Vec::new() };
+        let relative = Place {
+            case: CaseRef::Path(Path::new("nii").join("case.toml")),
+            tracts: Vec::new(),
+            alignments: Vec::new(),
+        };
         assert_eq!(origin.relative, Some(relative));
         assert_eq!(session.document.nav.time, 0, "not before its case is known");
         assert_eq!(session.restore(&case).unwrap(), (document.clone(), Vec::new()));

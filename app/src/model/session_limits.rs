@@ -83,6 +83,7 @@ fn neighbors(name: &str, found: u32) -> Checked {
 /// Checks every number of a document; `json` is the document as read.
 pub(super) fn check(document: &Document, json: &Value) -> Checked {
     count("tracts", document.tracts.len(), MOST_ENTRIES)?;
+    count("alignments", document.alignments.len(), MOST_ENTRIES)?;
     count("order", document.order.len(), MOST_ENTRIES)?;
     if let CaseRef::Files { left_out, .. } = &document.case {
         count("left_out", left_out.len(), MOST_ENTRIES)?;
@@ -110,6 +111,9 @@ fn check_edit(edit: &Edit) -> Checked {
         finite("window high", window.high)?;
     }
     number("overlay_opacity", edit.overlay_opacity, &SHARE)?;
+    number("fusion opacity", edit.fusion.opacity, &SHARE)?;
+    number("fusion share", edit.fusion.share, &SHARE)?;
+    edit.fusion.threshold.map_or(Ok(()), |value| finite("fusion threshold", value))?;
     if let Some((found, expected)) = made::fault(&edit.made) {
         return Err(Fault { found, expected });
     }

@@ -302,7 +302,7 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
         format::count(report.vectors as u64)
     );
     lines.push((None, uncertain));
-    if report.flags.contains(&Flag::NoOverlap) {
+    if report.has_volumes_only() {
         let [from, to] = [report.from_ml, report.to_ml].map(format::ml);
         lines = vec![(None, format!("{from} at {}, {to} at {}", report.from, report.to))];
     }
@@ -397,6 +397,7 @@ fn flag_text(flag: Flag) -> Option<&'static str> {
         Flag::FromEmpty => "nothing at the earlier date",
         Flag::ToEmpty => "nothing at the later date",
         Flag::NoOverlap => "no overlap: not aligned? Only volumes are compared",
+        Flag::NotAligned => "not aligned: two frames of reference. Only volumes are compared",
         Flag::Vanished => "components vanished: no counterpart",
         Flag::Appeared => "components appeared: no counterpart",
         Flag::Split => "components split",

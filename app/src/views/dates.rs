@@ -337,9 +337,11 @@ fn volumes(ui: &mut Ui, input: &Input<'_>, compared: &Comparison) {
     let report = &compared.report;
     ui.horizontal_wrapped(|ui| {
         ui.strong(input.doc.edit.masks.name(&report.mask));
-        ui.label(format!("kept {}", format::ml(report.kept_ml)));
-        ui.label(format!("gone {}", format::ml(report.gone_ml)));
-        ui.label(format!("new {}", format::ml(report.new_ml)));
+        for (word, ml) in [("kept", report.kept_ml), ("gone", report.gone_ml), ("new", report.new_ml)] {
+            if let Some(ml) = ml {
+                ui.label(format!("{word} {}", format::ml(ml)));
+            }
+        }
         let change = report.to_ml - report.from_ml;
         let share = if report.from_ml > 0.0 {
             format!(" ({:+.1} %)", 100.0 * change / report.from_ml)

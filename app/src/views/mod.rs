@@ -14,6 +14,7 @@ pub mod overlap;
 pub mod pane;
 pub mod pointer;
 pub mod ruler;
+pub mod side_by_side;
 pub mod slices;
 pub mod transfer;
 pub mod view3d;
@@ -44,6 +45,7 @@ fn new_pane(id: PaneId) -> Box<dyn Pane> {
         PaneId::Measurements => Box::<measurements::MeasurementsPane>::default(),
         PaneId::Transfer => Box::<transfer::TransferPane>::default(),
         PaneId::Diagnostics => Box::<diagnostics::DiagnosticsPane>::default(),
+        PaneId::SideBySide => Box::<side_by_side::SideBySidePane>::default(),
         PaneId::Axial => Box::new(slices::SlicePane::new(Plane::Axial)),
         PaneId::Coronal => Box::new(slices::SlicePane::new(Plane::Coronal)),
         PaneId::Sagittal => Box::new(slices::SlicePane::new(Plane::Sagittal)),

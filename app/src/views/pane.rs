@@ -4,17 +4,32 @@ use std::{any::Any, path::Path, sync::Arc};
 
 use egui::Ui;
 use glioscope_core::{
-    RegionVolume, Selection, Sides,
+    Grid, RegionVolume, Selection, Sides,
     case::{Case, TimePoint},
 };
-use glioscope_render::MaskColors;
+use glioscope_render::{
+    MaskColors,
+    flat::{PreparedContext, Window},
+};
 
 use super::view3d::screen::{Graphics, ScreenReport};
 use crate::{
     command::Commands,
     model::{Document, PaneId},
-    world::{Results, comparison::Comparison, image::NamedImage, jobs::Ask},
+    world::{Results, Second, comparison::Comparison, image::NamedImage, jobs::Ask},
 };
+
+/// One of the case's dates, for panes that show several.
+pub struct DateInput<'a> {
+    /// The time point.
+    pub time_point: &'a TimePoint,
+    /// Its regions that are shown.
+    pub selection: Selection,
+    /// Colours of its masks.
+    pub colors: MaskColors,
+    /// Its images, in the order of its contexts.
+    pub images: &'a [Arc<PreparedContext>],
+}
 
 /// Read-only state for drawing a pane.
 #[derive(Clone, Copy)]
@@ -23,6 +38,10 @@ pub struct Input<'a> {
     pub doc: &'a Document,
     /// The case.
     pub case: &'a Arc<Case>,
+    /// All dates; empty where no pane shown needs them.
+    pub dates: &'a [DateInput<'a>],
+    /// Number of the time point shown.
+    pub time: usize,
     /// The time point shown.
     pub time_point: &'a TimePoint,
     /// Its regions that are shown.
@@ -33,6 +52,12 @@ pub struct Input<'a> {
     pub colors: &'a MaskColors,
     /// The image the slices show, with its id.
     pub context: Option<NamedImage<'a>>,
+    /// The image of another date that the window of the image is matched to; `None`: it has its own.
+    pub matched_to: Option<&'a Arc<PreparedContext>>,
+    /// The grid that slices fit; `None`: the image's.
+    pub fit_grid: Option<&'a Grid>,
+    /// The second image that the slices show.
+    pub second: Option<Second<'a>>,
     /// The comparison of two time points chosen in the document; `None` until it is computed.
     pub compared: Option<&'a Arc<Comparison>>,
 }
@@ -41,6 +66,15 @@ impl Input<'_> {
     /// Whether left and right are known in the case.
     pub fn sides_known(&self) -> bool {
         self.case.grid.sides() == Sides::Known
+    }
+
+    /// The window of the image shown.
+    pub fn window(&self) -> Option<Window> {
+        let (id, image) = self.context?;
+        Some(match self.matched_to {
+            Some(other) => self.doc.window_of(id, other).matched(other.histogram(), image.histogram()),
+            None => self.doc.window_of(id, image),
+        })
     }
 }
 

@@ -7,7 +7,7 @@ use egui::{
 use glioscope_core::{files::format::volume_names, optics::Projection};
 use glioscope_render::{LightSettings, light};
 
-use super::{about, dialogs::open_command, recent::Recent};
+use super::{about, dialogs::open_command, fusion, label::label_for_screen_readers, recent::Recent};
 use crate::{
     command::{
         AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
@@ -288,6 +288,7 @@ fn toolbar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Commands) 
             }
         });
     }
+    fusion::bar(ui, work, doc, out);
     ui.separator();
     lens_and_ruler(ui, doc, out);
     ui.separator();
@@ -333,11 +334,6 @@ fn lens_and_ruler(ui: &mut Ui, doc: &Document, out: &mut Commands) {
     if ui.button(text).on_hover_text(projection.tooltip()).clicked() {
         out.push(projection);
     }
-}
-
-/// Labels a combo box for screen readers.
-fn label_for_screen_readers(combo: &egui::Response, name: &str) {
-    combo.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, name));
 }
 
 /// The page shown while no case is open.

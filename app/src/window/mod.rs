@@ -6,7 +6,9 @@ mod case_files;
 pub mod dialogs;
 mod drop;
 mod enlarged;
+mod fusion;
 mod go_to;
+mod label;
 mod leave;
 mod make_mask;
 mod masks;
@@ -39,11 +41,16 @@ use glioscope_render::{Gpu, RenderError};
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, LookCommand, Workstation, listed},
     error::AppError,
-    model::{Answers, CaseRef, PaneId},
+    model::{Answers, CaseRef, PaneId, layout},
     theme,
-    views::{Panes, Shared, pane::Input, pointer, view3d::Graphics},
+    views::{
+        Panes, Shared,
+        pane::{DateInput, Input},
+        pointer,
+        view3d::Graphics,
+    },
     world::{
-        Results,
+        Results, colors_of,
         jobs::{Ask, Job, Waker},
     },
 };
@@ -372,15 +379,22 @@ impl GlioscopeApp {
             menu::welcome(ui, self.work.job.is_some(), &self.recent, out);
             return;
         }
-        self.with_panes(ui, out, panes::show);
+        self.with_panes(ui, None, out, panes::show);
     }
 
     /// Draws one pane alone into all of `ui`, for picture files; nothing if no case is open.
     pub fn one_pane(&mut self, ui: &mut Ui, pane: PaneId) {
-        self.with_panes(ui, &mut Commands::default(), |ui, area| area.pane(ui, pane));
+        self.with_panes(ui, Some(pane), &mut Commands::default(), |ui, area| area.pane(ui, pane));
     }
 
-    fn with_panes(&mut self, ui: &mut Ui, out: &mut Commands, show: impl FnOnce(&mut Ui, &mut PaneArea<'_>)) {
+    /// `alone`: the pane that is drawn in place of the layout.
+    fn with_panes(
+        &mut self,
+        ui: &mut Ui,
+        alone: Option<PaneId>,
+        out: &mut Commands,
+        show: impl FnOnce(&mut Ui, &mut PaneArea<'_>),
+    ) {
         let Workstation { doc: Some(doc), world, session_path, .. } = &self.work else { return };
         let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
         let (colors, selection) = (world.colors(doc), world.selection(doc));
@@ -390,14 +404,35 @@ impl GlioscopeApp {
             self.results.comparison.get(case, setting, &self.ask);
         }
         let compared = self.results.comparison.cached(case, setting).cloned();
+        let is_shown = |pane| match alone.or(doc.edit.maximized) {
+            Some(maximized) => maximized == pane,
+            None => layout::contains(&doc.edit.layout, pane),
+        };
+        let dates: Vec<DateInput<'_>> = if is_shown(PaneId::SideBySide) {
+            let all = case.time_points.iter().enumerate();
+            all.map(|(time, time_point)| DateInput {
+                time_point,
+                selection: doc.edit.selection.at(&time_point.regions),
+                colors: colors_of(doc, time_point),
+                images: world.images(time),
+            })
+            .collect()
+        } else {
+            Vec::new()
+        };
         let input = Input {
             doc,
             case,
+            dates: &dates,
+            time: doc.nav.time,
+            matched_to: None,
+            fit_grid: None,
             time_point,
             selection: &selection,
             tumor: world.tumor(doc),
             colors: &colors,
             context: world.context(doc),
+            second: world.second(doc),
             compared: compared.as_ref(),
         };
         let mut area = PaneArea {

@@ -79,7 +79,8 @@ fn picture(source: &Source, progress: &Progress) -> Result<ColorImage, AppError>
     let bounds_mm = volume.grid().bounds_mm();
     let view = SliceView::fit(Plane::Axial, Convention::Radiological, bounds_mm, through_mm, size);
     let context = Some(ContextLayer { image: &image, window });
-    let slice = render_slice(&view, &SliceLayers { context, masks: None, style: SliceStyle::DARK });
+    let slice =
+        render_slice(&view, &SliceLayers { context, second: None, masks: None, style: SliceStyle::DARK });
     Ok(ColorImage::from_rgba_premultiplied(slice.size.map(|side| side as usize), &slice.rgba))
 }
 

@@ -53,7 +53,8 @@ impl Request {
     /// them open.
     pub fn of_session(session: Session, tracts: &[PathBuf], given: &LoadOptions) -> Self {
         let mut options = given.clone();
-        let Document { case, order, case_grid, .. } = &session.document;
+        let Document { case, order, case_grid, one_space, .. } = &session.document;
+        options.one_space |= one_space;
         if options.order.is_empty() {
             options.order.clone_from(order);
         }
@@ -121,6 +122,7 @@ impl Accepted {
             }
             None => None,
         };
+        spec.one_space |= answer.one_space;
         Ok(Self { spec, case, key: proposal.key.clone(), doubt: proposal.doubt.clone(), silently: true })
     }
 
@@ -130,7 +132,8 @@ impl Accepted {
             Some(CaseRef::Files { manifest, left_out, .. }) => (Some(manifest.clone()), left_out.clone()),
             _ => (None, Vec::new()),
         };
-        Answer { key: self.key.clone(), manifest, left_out, order: order.to_vec() }
+        let (order, one_space) = (order.to_vec(), self.spec.one_space);
+        Answer { key: self.key.clone(), manifest, left_out, order, one_space }
     }
 }
 
@@ -227,7 +230,8 @@ fn open(mut request: Request, accepted: Option<Accepted>, progress: &Progress) -
                 proposal.take_tracts(&found.place.tracts);
             }
             let proposal = if request.edits { proposal.or_else(|| described(&found)) } else { proposal };
-            if let Some(proposal) = proposal {
+            if let Some(mut proposal) = proposal {
+                proposal.is_aligned |= request.options.one_space;
                 return Ok(Opened::Guessed(proposal));
             }
             found
@@ -262,7 +266,7 @@ fn described_anew(request: &Request, progress: &Progress) -> Result<Description,
 
 /// Where the case of `request` lies, without a session.
 fn initial_place(request: &Request) -> Place {
-    Place { case: request.case.clone(), tracts: Vec::new() }
+    Place { case: request.case.clone(), tracts: Vec::new(), alignments: Vec::new() }
 }
 
 /// The files of a case that is described, to say again what they are. `None` for the sample, which has none.
@@ -284,6 +288,8 @@ fn described(found: &Found) -> Option<Proposal> {
 /// The case of `request` as the user accepted it.
 fn accept(request: &mut Request, accepted: Accepted, progress: &Progress) -> Result<Found, AppError> {
     let is_changed = accepted.case.is_some();
+    let was_asked = request.edits;
+    request.options.one_space = accepted.spec.one_space || (request.options.one_space && !was_asked);
     let mut found = if request.session.is_some() {
         find(request, progress)?
     } else {
@@ -349,6 +355,15 @@ fn find(request: &mut Request, progress: &Progress) -> Result<Found, AppError> {
     };
     found.findings.extend(session.findings.iter().cloned());
     found.findings.extend(stale_options(&found.spec, &session.document, options));
+    let (kept, stale): (Vec<_>, Vec<_>) =
+        found.place.alignments.drain(..).partition(|alignment| alignment.moves_any(&found.spec));
+    found.place.alignments = kept;
+    found.findings.extend(stale.iter().map(|alignment| {
+        let (by, target) = (alignment.by.name(), alignment.target());
+        let text =
+            format!("The session moves {target} by {by}, and the case lacks it; the transform is left out.");
+        Check::warning("session-transform", text)
+    }));
     Ok(found)
 }
 
@@ -361,7 +376,12 @@ fn read(
     progress: &Progress,
 ) -> Result<ReadCase, AppError> {
     let Found { mut place, mut spec, files, mut findings, .. } = found;
-    let options = request.options;
+    let mut options = request.options;
+    // Of the session; one given now replaces one of the same target.
+    let given = |target: &str| options.alignments.iter().any(|alignment| alignment.target() == target);
+    place.alignments.retain(|alignment| !given(&alignment.target()));
+    place.alignments.append(&mut options.alignments);
+    options.alignments.clone_from(&place.alignments);
     spec.add_tracts(&request.tracts);
     place.tracts.extend(request.tracts);
     let mut base = case::load(&spec, &options, progress)?;

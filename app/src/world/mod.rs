@@ -19,7 +19,10 @@ use glioscope_core::{
     case::{Case, TimePoint},
     files::FileMark,
 };
-use glioscope_render::{Gpu, MaskColors, flat::PreparedContext};
+use glioscope_render::{
+    Gpu, MaskColors,
+    flat::{PreparedContext, Window},
+};
 
 use crate::model::{
     Document,
@@ -84,6 +87,19 @@ fn tumors(case: &Case) -> Vec<Option<Arc<RegionVolume>>> {
     case.time_points.iter().map(|t| RegionVolume::of(&t.index, &t.regions).map(Arc::new)).collect()
 }
 
+/// The second image of slices.
+#[derive(Clone, Copy)]
+pub struct Second<'a> {
+    /// Its id.
+    pub id: &'a str,
+    /// Label of its date; may be empty.
+    pub time: &'a str,
+    /// The image.
+    pub image: &'a Arc<PreparedContext>,
+    /// Its window.
+    pub window: Window,
+}
+
 /// The loaded case, if any.
 #[derive(Clone, Default)]
 pub struct World {
@@ -128,26 +144,51 @@ impl World {
         Some((time_point.contexts[index].id.as_str(), prepared))
     }
 
+    /// The second image that the slices show; `None` where none is chosen, where the case lacks it, and where it is the
+    /// first one.
+    pub fn second<'a>(&'a self, doc: &Document) -> Option<Second<'a>> {
+        let loaded = self.loaded.as_ref()?;
+        let chosen = doc.edit.fusion.second.as_ref()?;
+        let time = match &chosen.time {
+            Some(label) => loaded.case.time_at(label)?,
+            None => doc.nav.time,
+        };
+        let time_point = loaded.case.time_points.get(time)?;
+        let index = time_point.contexts.iter().position(|c| c.id == chosen.id)?;
+        let image = loaded.contexts.get(time)?.get(index)?;
+        let first = self.context(doc);
+        if first.is_some_and(|(_, first)| Arc::ptr_eq(first, image)) {
+            return None;
+        }
+        // An image of the same kind as the first one looks as it does.
+        let of_first = first.filter(|(id, _)| *id == chosen.id);
+        let window = match of_first {
+            Some((id, first)) => doc.window_of(id, first).matched(first.histogram(), image.histogram()),
+            None => doc.window_of(&chosen.id, image),
+        };
+        let id = time_point.contexts[index].id.as_str();
+        Some(Second { id, time: &time_point.label, image, window })
+    }
+
     /// The regions shown at the current time point.
     pub fn selection(&self, doc: &Document) -> Selection {
         self.time_point(doc).map(|t| doc.edit.selection.at(&t.regions)).unwrap_or_default()
     }
 
+    /// The images of a time point, prepared for slicing, in the order of its contexts.
+    pub fn images(&self, time: usize) -> &[Arc<PreparedContext>] {
+        self.loaded
+            .as_ref()
+            .and_then(|loaded| loaded.contexts.get(time))
+            .map(Vec::as_slice)
+            .unwrap_or_default()
+    }
+
     /// Colours of the masks of the current time point.
     pub fn colors(&self, doc: &Document) -> MaskColors {
-        let masks = self.time_point(doc).map(|t| t.masks.as_slice()).unwrap_or_default();
-        let preferred: Vec<_> = masks.iter().map(|m| m.color).collect();
-        let of_case = MaskColors::new(doc.edit.palette, &preferred);
-        let chosen: Vec<_> = masks.iter().map(|m| doc.edit.masks.get(m.mask.id()).color).collect();
-        let colors = if chosen.iter().any(Option::is_some) {
-            // The other masks keep their colours.
-            let all: Vec<_> =
-                chosen.iter().enumerate().map(|(k, own)| own.or(Some(of_case.mask(k)))).collect();
-            MaskColors::new(doc.edit.palette, &all)
-        } else {
-            of_case
-        };
-        colors.with_coloring(doc.edit.coloring)
+        self.time_point(doc)
+            .map(|t| colors_of(doc, t))
+            .unwrap_or_else(|| MaskColors::new(doc.edit.palette, &[]))
     }
 
     /// The cropped region volume of the current time point; `None` where no voxel is active.
@@ -200,4 +241,20 @@ impl Results {
             | self.tracts.working()
             | self.numbers.working()
     }
+}
+
+/// Colours of the masks of a time point.
+pub fn colors_of(doc: &Document, time_point: &TimePoint) -> MaskColors {
+    let masks = time_point.masks.as_slice();
+    let preferred: Vec<_> = masks.iter().map(|m| m.color).collect();
+    let of_case = MaskColors::new(doc.edit.palette, &preferred);
+    let chosen: Vec<_> = masks.iter().map(|m| doc.edit.masks.get(m.mask.id()).color).collect();
+    let colors = if chosen.iter().any(Option::is_some) {
+        // The other masks keep their colours.
+        let all: Vec<_> = chosen.iter().enumerate().map(|(k, own)| own.or(Some(of_case.mask(k)))).collect();
+        MaskColors::new(doc.edit.palette, &all)
+    } else {
+        of_case
+    };
+    colors.with_coloring(doc.edit.coloring)
 }

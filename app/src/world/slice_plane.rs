@@ -54,6 +54,7 @@ impl PlaneResult {
         }
         let layers = SliceLayers {
             context: Some(ContextLayer { image, window }),
+            second: None,
             masks: None,
             style: SliceStyle::DARK,
         };

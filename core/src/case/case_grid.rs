@@ -20,22 +20,34 @@ const INDEX_BYTES: u64 = 4;
 /// small their voxels are; then by the voxels' volume, then the one with more voxels. The order doesn't depend on where
 /// grids are listed.
 fn canonical(a: &Grid, b: &Grid) -> Ordering {
+    let numbers = |grid: &Grid| grid.world_from_voxel().to_cols_array();
+    let by_place = || {
+        let pairs = numbers(a).into_iter().zip(numbers(b));
+        pairs.map(|(x, y)| x.total_cmp(&y)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+    };
+    by_size(a, b)
+        .then_with(|| b.voxel_count().cmp(&a.voxel_count()))
+        .then_with(|| a.dims().cmp(&b.dims()))
+        .then_with(by_place)
+}
+
+/// By the largest spacing, then by the voxels' volume.
+fn by_size(a: &Grid, b: &Grid) -> Ordering {
     let rounded = |value: f64| {
         let scale = 10_f64.powi(DIGITS - 1 - value.abs().log10().floor() as i32);
         if scale.is_normal() { (value * scale).round() / scale } else { value }
     };
     let by = |measure: &dyn Fn(&Grid) -> f64| rounded(measure(a)).total_cmp(&rounded(measure(b)));
     let by_spacing = by(&|grid| grid.spacing_mm().max_element());
-    let by_size = by_spacing.then_with(|| by(&|grid| grid.voxel_volume_mm3()));
-    let numbers = |grid: &Grid| grid.world_from_voxel().to_cols_array();
-    let by_place = || {
-        let pairs = numbers(a).into_iter().zip(numbers(b));
-        pairs.map(|(x, y)| x.total_cmp(&y)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
-    };
-    by_size
-        .then_with(|| b.voxel_count().cmp(&a.voxel_count()))
-        .then_with(|| a.dims().cmp(&b.dims()))
-        .then_with(by_place)
+    by_spacing.then_with(|| by(&|grid| grid.voxel_volume_mm3()))
+}
+
+/// As [`canonical`]; of grids equally fine first one that no transform moved, whose masks then keep their voxels.
+fn finer(a: &NativeMask, b: &NativeMask) -> Ordering {
+    let (at, bt) = (a.mask.grid(), b.mask.grid());
+    by_size(at, bt)
+        .then_with(|| a.aligned.is_some().cmp(&b.aligned.is_some()))
+        .then_with(|| canonical(at, bt))
 }
 
 /// The grid that is chosen, and the id of the mask or image it comes from: the finest by [`canonical`]; the result
@@ -51,7 +63,7 @@ pub(super) fn choose(
     let none = || CaseError::wrong(&spec.name, "no image and no mask", "at least one");
     let (grid, id) = match choice {
         CaseGridChoice::FinestMask => {
-            let finest = masks.iter().min_by(|a, b| canonical(a.mask.grid(), b.mask.grid()));
+            let finest = masks.iter().min_by(|a, b| finer(a, b));
             finest.map(of_mask).or_else(|| images.first().map(of_image)).ok_or_else(none)?
         }
         CaseGridChoice::Of(id) => {

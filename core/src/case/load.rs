@@ -9,7 +9,9 @@ use std::{
 use rayon::prelude::*;
 
 use super::{
-    Case, CaseError, CaseMask, CaseSpec, CaseTracts, Context, LoadOptions, MAX_FILES, TimePoint, TractsSpec,
+    Aligned, Case, CaseError, CaseMask, CaseSpec, CaseTracts, Context, ContextSpec, LoadOptions, MAX_FILES,
+    MaskSpec, TimePoint, TractsSpec,
+    alignment::{self, Item, Transforms},
     case_grid, check,
     findings::{self, Finding},
     native::{NativeMask, at_time},
@@ -20,7 +22,7 @@ use super::{
 };
 use crate::{
     Check, Grid, Mask, Progress, Regions, TumorIndex, Volume,
-    files::{FileError, Loaded, Source, TractOptions, read_tracts},
+    files::{FileError, Inputs, Loaded, Source, TractOptions, read_tracts},
     resample,
     tumor_index::MAX_MASKS,
 };
@@ -32,7 +34,12 @@ const MAX_LABELS: usize = 1 << 15;
 struct NativeContext {
     spec: usize,
     time: usize,
+    /// At its place in the case.
     volume: Arc<Volume>,
+    /// The grid of its file.
+    own_grid: Grid,
+    /// Where a transform moved it.
+    aligned: Option<Aligned>,
 }
 
 /// The labels of the time points, in the order first listed, images before masks; one empty label where no time is
@@ -242,6 +249,21 @@ fn load_tracts(
     Ok(all)
 }
 
+/// All images and masks, for the checks of transforms.
+fn items<'a>(spec: &'a CaseSpec, images: &'a [NativeContext], masks: &'a [NativeMask]) -> Vec<Item<'a>> {
+    let images = images.iter().map(|c| {
+        let ContextSpec { id, time, .. } = &spec.contexts[c.spec];
+        let time = time.as_deref().unwrap_or_default();
+        Item { id, time, is_mask: false, own: &c.own_grid, aligned: c.aligned.as_ref() }
+    });
+    let masks = masks.iter().map(|m| {
+        let MaskSpec { id, time, .. } = &spec.masks[m.spec];
+        let time = time.as_deref().unwrap_or_default();
+        Item { id, time, is_mask: true, own: &m.own_grid, aligned: m.aligned.as_ref() }
+    });
+    images.chain(masks).collect()
+}
+
 /// As [`super::load`], with images and masks read by `read`: for cases already in memory, and for tests.
 ///
 /// # Errors
@@ -259,6 +281,7 @@ pub fn load_with(
     check_counts(spec, &labels)?;
     let time_of = |time: &Option<String>| labels.iter().position(|l| Some(l) == time.as_ref()).unwrap_or(0);
 
+    let transforms = Transforms::read(spec, &options.alignments)?;
     let jobs = jobs(spec);
     let mut checks = spec.notes.clone();
     checks.extend(check::time_order(&listed, &labels, order));
@@ -269,16 +292,28 @@ pub fn load_with(
     for (job, outcome) in jobs.iter().zip(reads) {
         let outcome = outcome?;
         findings.extend(outcome.findings);
-        stated.extend(outcome.stated);
+        let own_grid = outcome.grid;
+        let is_one_space = spec.one_space || options.one_space;
+        let frame = outcome.stated.as_ref().map(|stated| stated.origin.frame_of_reference.clone());
+        let frame = frame.filter(|_| !is_one_space).unwrap_or_default();
+        let mut all_moved = true;
         for (m, selected) in outcome.selected {
-            let mask = Mask::new(spec.masks[m].id.clone(), outcome.grid.clone(), selected.bits).ok_or_else(
-                || CaseError::wrong(&spec.name, "a mask of another size than its file", "the same size"),
-            )?;
+            let MaskSpec { id, time, .. } = &spec.masks[m];
+            let moved = transforms.moved(&spec.name, (id, time.as_deref()), true, &own_grid)?;
+            all_moved &= moved.is_some();
+            let (grid, aligned) =
+                moved.map_or_else(|| (own_grid.clone(), None), |moved| (moved.grid, Some(moved.aligned)));
+            let mask = Mask::new(id.clone(), grid, selected.bits).ok_or_else(|| {
+                CaseError::wrong(&spec.name, "a mask of another size than its file", "the same size")
+            })?;
             let (missing_labels, invalid) = (selected.missing_labels, selected.invalid);
             masks.push(NativeMask {
                 spec: m,
                 time: time_of(&spec.masks[m].time),
                 mask,
+                own_grid: own_grid.clone(),
+                frame_of_reference: if aligned.is_some() { String::new() } else { frame.clone() },
+                aligned,
                 missing_labels,
                 invalid,
                 meaning: outcome.meaning.filter(|_| spec.masks[m].labels.is_none()),
@@ -287,13 +322,33 @@ pub fn load_with(
         }
         if let Some(volume) = outcome.image {
             for &c in &job.contexts {
-                let time = time_of(&spec.contexts[c].time);
-                images.push(NativeContext { spec: c, time, volume: Arc::clone(&volume) });
+                let ContextSpec { id, time, .. } = &spec.contexts[c];
+                let moved = transforms.moved(&spec.name, (id, time.as_deref()), false, &own_grid)?;
+                all_moved &= moved.is_some();
+                let (volume, aligned) = match moved {
+                    None => (Arc::clone(&volume), None),
+                    Some(moved) => (Arc::new(volume.with_grid(moved.grid)), Some(moved.aligned)),
+                };
+                let (time, own_grid) = (time_of(time), own_grid.clone());
+                images.push(NativeContext { spec: c, time, volume, own_grid, aligned });
             }
         }
+        // What is moved lies in the case's space, whatever its file claims.
+        stated.extend(outcome.stated.map(|mut stated| {
+            if all_moved {
+                stated.origin.frame_of_reference.clear();
+            }
+            stated
+        }));
     }
     checks.extend(findings::together(findings));
-    checks.extend(origin::check(&spec.name, &stated, spec.one_patient)?);
+    let aligned: Vec<Aligned> = images
+        .iter()
+        .filter_map(|c| c.aligned.clone())
+        .chain(masks.iter().filter_map(|m: &NativeMask| m.aligned.clone()))
+        .collect();
+    checks.extend(alignment::checks(&items(spec, &images, &masks)));
+    checks.extend(origin::check(&spec.name, &stated, spec.one_patient, spec.one_space || options.one_space)?);
     let tracts = load_tracts(spec, options, progress, &mut checks)?;
     images.sort_by_key(|c| c.spec);
     // One id is one mask over time: bits are assigned in the order in which ids are first listed.
@@ -331,9 +386,10 @@ pub fn load_with(
         .map(|(native, mask)| {
             let case_mask = CaseMask {
                 mask,
+                frame_of_reference: native.frame_of_reference.clone(),
                 native_grid: native.mask.grid().clone(),
                 native_voxels: native.mask.voxels(),
-                native_volume_ml: native.mask.volume_ml(),
+                native_volume_ml: native.own_grid.volume_ml(native.mask.voxels()),
                 expected_volume_ml: native.expected_volume_ml(),
                 color: spec.masks[native.spec].color,
                 name: spec.masks[native.spec].name.clone(),
@@ -368,5 +424,7 @@ pub fn load_with(
     // Most severe first, else in the order found.
     checks.sort_by_key(|c| std::cmp::Reverse(c.severity));
     checks.dedup();
-    Ok(Case { name: spec.name.clone(), grid, time_points, order, tracts, checks, inputs: spec.inputs() })
+    let transform_files = options.alignments.iter().flat_map(|alignment| alignment.by.files());
+    let inputs = transform_files.fold(spec.inputs(), Inputs::with);
+    Ok(Case { name: spec.name.clone(), grid, time_points, order, tracts, aligned, checks, inputs })
 }

@@ -84,6 +84,7 @@ fn add(time_point: &mut TimePoint, grid: &Grid, made: &MadeMask) -> Result<Vec<C
     let mask = Mask::new(id, grid.clone(), bits).ok_or("its grid is another one")?;
     time_point.masks.push(CaseMask {
         mask,
+        frame_of_reference: String::new(),
         native_grid: native.clone(),
         native_voxels: made.mask.voxels(),
         native_volume_ml: made.mask.volume_ml(),

@@ -5,6 +5,7 @@
 //! name = "Follow-up"       # optional: else the manifest's folder
 //! order = ["B", "A"]       # optional: the times in time order, where their labels don't state it
 //! one_patient = true       # optional: all files are one patient's, though DICOM files name several
+//! one_space = true         # optional: all files lie in one space, though they state several frames of reference
 //! [[context]]
 //! id = "T1c"
 //! file = "t1c.nii.gz"      # relative to the manifest
@@ -28,6 +29,11 @@
 //! [[tracts]]               # fibre tracts: .tck or .trk
 //! id = "CST left"
 //! file = "cst-left.tck"
+//! [[transform]]            # moves the image and mask of this id and time, or all of a time, into the case's space
+//! id = "PET"               # optional beside a time
+//! time = "2024-03-02"      # optional beside an id
+//! file = "pet-to-t1.tfm"   # of another program; its fixed image is the one whose space is kept
+//! convention = "niftyreg"  # of a bare 4x4 matrix; "flirt" and register.dat: with `fixed` and `moving`, image files
 //! ```
 //! Unknown keys are errors: a misspelt `label` must not silently mean "every voxel".
 
@@ -36,7 +42,9 @@ use std::{collections::HashSet, path::Path};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, TractsSpec};
+use super::{
+    AlignedBy, Alignment, CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, TractsSpec,
+};
 use crate::files::{Part, Source, Which, printable, read_small_text};
 
 /// The version written, and the only one read.
@@ -55,11 +63,30 @@ struct Manifest {
     #[serde(default)]
     one_patient: bool,
     #[serde(default)]
+    one_space: bool,
+    #[serde(default)]
     context: Vec<Spanned<ContextEntry>>,
     #[serde(default)]
     mask: Vec<Spanned<MaskEntry>>,
     #[serde(default)]
     tracts: Vec<Spanned<TractsEntry>>,
+    #[serde(default)]
+    transform: Vec<Spanned<TransformEntry>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TransformEntry {
+    id: Option<Spanned<String>>,
+    time: Option<Spanned<Time>>,
+    file: Option<Spanned<String>>,
+    convention: Option<Spanned<String>>,
+    fixed: Option<Spanned<String>>,
+    moving: Option<Spanned<String>>,
+    /// Rows of a matrix from RAS mm of the fixed image to RAS mm of the moving one, in place of a file.
+    matrix: Option<Spanned<[[f64; 4]; 3]>>,
+    /// How the matrix was found.
+    how: Option<Spanned<String>>,
 }
 
 #[derive(Deserialize)]
@@ -233,6 +260,7 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         name: manifest.name.unwrap_or_else(|| folder_name(path)),
         order: manifest.order.iter().map(|label| label.trim().to_owned()).collect(),
         one_patient: manifest.one_patient,
+        one_space: manifest.one_space,
         described_by: vec![path.to_owned()],
         ..CaseSpec::default()
     };
@@ -317,6 +345,33 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
         }
         spec.tracts.push(TractsSpec { id, source });
     }
+    for entry in &manifest.transform {
+        let (at, entry) = (entry.span().start, entry.get_ref());
+        let wrong = |found: &str, expected: &str| Err(location.wrong(Some(at), found, expected));
+        let optional =
+            |s: &Option<Spanned<String>>, what: &str| s.as_ref().map(|s| text_of(s, what)).transpose();
+        let (id, time) = (optional(&entry.id, "id")?, time_of(&entry.time)?);
+        if id.is_none() && time.is_none() {
+            return wrong("a transform without id and time", "what it moves");
+        }
+        let by = match (&entry.file, &entry.matrix) {
+            (Some(file), None) if entry.how.is_none() => {
+                let images = match (&entry.fixed, &entry.moving) {
+                    (Some(fixed), Some(moving)) => Some([path_of(fixed)?, path_of(moving)?]),
+                    (None, None) => None,
+                    _ => return wrong("one of fixed and moving", "both or neither"),
+                };
+                let convention = optional(&entry.convention, "convention")?;
+                AlignedBy::File { path: path_of(file)?, convention, images }
+            }
+            (None, Some(matrix)) => {
+                let how = optional(&entry.how, "how")?.unwrap_or_else(|| "a matrix of the manifest".into());
+                AlignedBy::Matrix { moving_from_fixed: *matrix.get_ref(), how }
+            }
+            _ => return wrong("neither a file nor a matrix, or both", "one of them"),
+        };
+        spec.alignments.push(Alignment { id, time, by });
+    }
     if spec.contexts.is_empty() && spec.masks.is_empty() {
         return Err(location.wrong(None, "no [[context]] and no [[mask]]", "at least one"));
     }
@@ -339,12 +394,36 @@ struct Written<'a> {
     order: &'a [String],
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     one_patient: bool,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    one_space: bool,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     context: Vec<WrittenContext<'a>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     mask: Vec<WrittenMask<'a>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     tracts: Vec<WrittenTracts<'a>>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    transform: Vec<WrittenTransform<'a>>,
+}
+
+#[derive(Default, Serialize)]
+struct WrittenTransform<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    id: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    file: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    convention: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fixed: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    moving: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    matrix: Option<[[f64; 4]; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    how: Option<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -410,13 +489,15 @@ fn written_source(source: &Source, file: String) -> WrittenSource<'_> {
 /// [`CaseError::Wrong`] when a file's path is not UTF-8.
 pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseError> {
     let wrong = |found: String, expected: &str| CaseError::wrong(&spec.name, found, expected);
+    let path_text = |path: &Path| {
+        let relative = path.strip_prefix(folder).unwrap_or(path);
+        let found = || printable(&path.display().to_string());
+        let name = relative.to_str().ok_or_else(|| wrong(found(), "a path in UTF-8"))?;
+        // The folder itself.
+        Ok::<_, CaseError>(if name.is_empty() { ".".to_owned() } else { name.to_owned() })
+    };
     let file = |source: &Source| match source {
-        Source::File(path) | Source::Part(Part { path, .. }) => {
-            let relative = path.strip_prefix(folder).unwrap_or(path);
-            let name = relative.to_str().ok_or_else(|| wrong(source.name(), "a path in UTF-8"))?;
-            // The folder itself.
-            Ok::<_, CaseError>(if name.is_empty() { ".".to_owned() } else { name.to_owned() })
-        }
+        Source::File(path) | Source::Part(Part { path, .. }) => path_text(path),
         Source::Embedded { name, .. } => Ok((*name).to_owned()),
     };
     let context = spec.contexts.iter().map(|c| {
@@ -438,14 +519,33 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
         })
     });
     let tracts = spec.tracts.iter().map(|t| Ok(WrittenTracts { id: &t.id, file: file(&t.source)? }));
+    let transform = spec.alignments.iter().map(|alignment| {
+        let (id, time) = (alignment.id.as_deref(), alignment.time.as_deref());
+        let mut written = WrittenTransform { id, time, ..WrittenTransform::default() };
+        match &alignment.by {
+            AlignedBy::File { path, convention, images } => {
+                written.file = Some(path_text(path)?);
+                written.convention = convention.as_deref();
+                if let Some([fixed, moving]) = images {
+                    (written.fixed, written.moving) = (Some(path_text(fixed)?), Some(path_text(moving)?));
+                }
+            }
+            AlignedBy::Matrix { moving_from_fixed, how } => {
+                (written.matrix, written.how) = (Some(*moving_from_fixed), Some(how.as_str()));
+            }
+        }
+        Ok(written)
+    });
     let written = Written {
         glioscope: VERSION,
         name: &spec.name,
         order: &spec.order,
         one_patient: spec.one_patient,
+        one_space: spec.one_space,
         context: context.collect::<Result<_, CaseError>>()?,
         mask: mask.collect::<Result<_, CaseError>>()?,
         tracts: tracts.collect::<Result<_, CaseError>>()?,
+        transform: transform.collect::<Result<_, CaseError>>()?,
     };
     toml::to_string(&written).map_err(|e| wrong(e.to_string(), "a case that TOML can hold"))
 }
@@ -470,6 +570,16 @@ name = "tumour core"
 [[tracts]]
 id = "CST"
 file = "dwi/cst.tck"
+[[transform]]
+id = "T1"
+file = "t1.mat"
+convention = "flirt"
+fixed = "a.nii"
+moving = "b.nii"
+[[transform]]
+time = "2024-03-02"
+matrix = [[1.0, 0.0, 0.0, 8.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.5]]
+how = "by hand"
 "##;
 
     fn parse(text: &str) -> Result<CaseSpec, CaseError> {
@@ -490,6 +600,12 @@ file = "dwi/cst.tck"
         assert_eq!(spec.tracts.len(), 1);
         assert_eq!(spec.tracts[0].id, "CST");
         assert_eq!(spec.tracts[0].source, Source::File("/cases/one/dwi/cst.tck".into()));
+        let [file, matrix] = spec.alignments.as_slice() else { panic!("{:?}", spec.alignments) };
+        assert_eq!(file.target(), "T1");
+        let images = Some(["/cases/one/a.nii".into(), "/cases/one/b.nii".into()]);
+        let (path, convention) = ("/cases/one/t1.mat".into(), Some("flirt".into()));
+        assert_eq!(file.by, AlignedBy::File { path, convention, images });
+        assert_eq!((matrix.target().as_str(), matrix.by.name().as_str()), ("all of 2024-03-02", "by hand"));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A case: one patient's images and masks, over one or more time points.
 
+mod alignment;
 mod arguments;
 mod case_grid;
 mod check;
@@ -32,6 +33,7 @@ use crate::{
     files::{self, FileError, Inputs, Part, ReadOptions, Source},
 };
 
+pub use alignment::{Aligned, AlignedBy, Alignment};
 pub use arguments::argument_with_file;
 pub use discover::{Description, describe, describe_files, has_manifest, open_spec};
 pub use load::load_with;
@@ -97,8 +99,12 @@ pub struct CaseSpec {
     pub tracts: Vec<TractsSpec>,
     /// Labels of the time points in time order, where that is stated; empty: as the labels themselves state.
     pub order: Vec<String>,
+    /// Registration transforms.
+    pub alignments: Vec<Alignment>,
     /// Whether the user has said that all files are one patient's, whatever they say themselves.
     pub one_patient: bool,
+    /// Whether the user has said that all files lie in one space, whatever frames of reference they state.
+    pub one_space: bool,
     /// Files that the description comes from: the manifest, the table of sessions.
     pub described_by: Vec<PathBuf>,
     /// Guesses and findings made while the description was put together.
@@ -132,7 +138,8 @@ impl CaseSpec {
         let sources = self.contexts.iter().map(|c| &c.source).chain(self.masks.iter().map(|m| &m.source));
         let sources = sources.chain(self.tracts.iter().map(|t| &t.source));
         let files = sources.flat_map(files::files_of);
-        Inputs::new(files.chain(self.described_by.iter().cloned()))
+        let transforms = self.alignments.iter().flat_map(|alignment| alignment.by.files());
+        Inputs::new(files.chain(transforms).chain(self.described_by.iter().cloned()))
     }
 
     /// The distinct labels of time points, in the order first listed.
@@ -166,6 +173,9 @@ impl CaseSpec {
             if let Source::File(path) | Source::Part(Part { path, .. }) = source {
                 *path = files::absolute(path);
             }
+        }
+        for alignment in &mut self.alignments {
+            *alignment = alignment.with_files(&files::absolute);
         }
     }
 
@@ -205,11 +215,21 @@ pub struct LoadOptions {
     pub case_grid: CaseGridChoice,
     /// Labels of the time points in time order; empty: as the case or its labels state.
     pub order: Vec<String>,
+    /// Registration transforms besides those of the case.
+    pub alignments: Vec<Alignment>,
+    /// Whether the user says that all files lie in one space.
+    pub one_space: bool,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { max_bytes: files::DEFAULT_MAX_BYTES, case_grid: CaseGridChoice::default(), order: Vec::new() }
+        Self {
+            max_bytes: files::DEFAULT_MAX_BYTES,
+            case_grid: CaseGridChoice::default(),
+            order: Vec::new(),
+            alignments: Vec::new(),
+            one_space: false,
+        }
     }
 }
 
@@ -227,7 +247,10 @@ pub struct Context {
 pub struct CaseMask {
     /// On the case grid; bit k of the tumour index for the k-th mask.
     pub mask: Mask,
-    /// The grid on which it was drawn.
+    /// Frame of Reference UID that its place is stated in; empty where nothing is stated, where a transform moved it, and
+    /// where the user says that all lie in one space.
+    pub frame_of_reference: String,
+    /// The grid on which it was drawn, at its place in the case.
     pub native_grid: Grid,
     /// Active voxels on its native grid.
     pub native_voxels: u64,
@@ -279,6 +302,8 @@ pub struct Case {
     pub order: OrderBasis,
     /// Fibre tracts, in the order of the case.
     pub tracts: Vec<CaseTracts>,
+    /// The images and masks that registration transforms moved.
+    pub aligned: Vec<Aligned>,
     /// All findings, most severe first.
     pub checks: Vec<Check>,
     /// The files that it was read from.
@@ -338,6 +363,8 @@ pub fn load(spec: &CaseSpec, options: &LoadOptions, progress: &Progress) -> Resu
     load_with(&spec, options, progress, &|source| files::read(source, &read_options, progress))
 }
 
+#[cfg(test)]
+mod alignment_tests;
 #[cfg(test)]
 mod proposal_tests;
 #[cfg(test)]

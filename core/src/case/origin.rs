@@ -13,7 +13,13 @@ pub(super) struct Stated {
 }
 
 /// Refuses files of several patients, and says which of them don't claim one space. `is_one_patient`: the user has said so.
-pub(super) fn check(case: &str, all: &[Stated], is_one_patient: bool) -> Result<Vec<Check>, CaseError> {
+/// `is_one_space`: and that they lie in one space.
+pub(super) fn check(
+    case: &str,
+    all: &[Stated],
+    is_one_patient: bool,
+    is_one_space: bool,
+) -> Result<Vec<Check>, CaseError> {
     let name = |s: &Stated| at_time(&s.id, &s.time);
     // Every pair: a file that names nobody agrees with all others.
     let strangers = all.iter().enumerate().find_map(|(n, one)| {
@@ -33,19 +39,19 @@ pub(super) fn check(case: &str, all: &[Stated], is_one_patient: bool) -> Result<
         return Ok(Vec::new());
     }
     let groups: Vec<String> = frames.values().map(|names| listed(names, 3)).collect();
-    Ok(vec![Check::warning(
-        "frames-of-reference",
-        format!(
-            "found {} frames of reference ({}): nothing says that they are aligned, and they are compared as they lie",
-            frames.len(),
-            groups.join("; ")
-        ),
-    )])
+    let found = format!("found {} frames of reference ({})", frames.len(), groups.join("; "));
+    Ok(vec![if is_one_space {
+        Check::note("frames-of-reference", format!("{found}: compared as they lie, as the case says"))
+    } else {
+        let text = format!("{found}: nothing says that they are aligned, and they are compared as they lie");
+        Check::warning("frames-of-reference", text)
+    }])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Severity;
 
     fn stated(id: &str, patient_id: &str, frame_of_reference: &str) -> Stated {
         let origin = Origin {
@@ -59,17 +65,19 @@ mod tests {
     #[test]
     fn a_file_of_nobody_hides_no_two_patients() {
         let all = [stated("a", "", ""), stated("b", "1", ""), stated("c", "2", "")];
-        let error = check("case", &all, false).unwrap_err().to_string();
+        let error = check("case", &all, false, false).unwrap_err().to_string();
         assert!(error.contains("two patients: b () and c ()"), "{error}");
-        assert_eq!(check("case", &all, true), Ok(Vec::new()));
-        assert_eq!(check("case", &all[..2], false), Ok(Vec::new()));
+        assert_eq!(check("case", &all, true, false), Ok(Vec::new()));
+        assert_eq!(check("case", &all[..2], false, false), Ok(Vec::new()));
     }
 
     #[test]
     fn frames_of_reference_that_differ_are_said() {
         let all = [stated("a", "1", "x"), stated("b", "1", "x"), stated("c", "1", "")];
-        assert_eq!(check("case", &all, false), Ok(Vec::new()));
+        assert_eq!(check("case", &all, false, false), Ok(Vec::new()));
         let all = [stated("a", "1", "x"), stated("b", "1", "y")];
-        assert_eq!(check("case", &all, false).unwrap()[0].code, "frames-of-reference");
+        assert_eq!(check("case", &all, false, false).unwrap()[0].code, "frames-of-reference");
+        let stated = check("case", &all, false, true).unwrap();
+        assert_eq!((stated[0].code.as_ref(), stated[0].severity), ("frames-of-reference", Severity::Note));
     }
 }

@@ -8,8 +8,8 @@ use std::{
 };
 
 use super::{
-    CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup, TractsSpec, arguments,
-    arguments::Active, names, tracts_id,
+    Alignment, CaseError, CaseSpec, ContextSpec, MAX_FILES, MaskSpec, Scheme, SchemeGroup, TractsSpec,
+    arguments, arguments::Active, names, tracts_id,
 };
 use crate::{
     Check,
@@ -262,6 +262,10 @@ pub struct Proposal {
     /// Changes whenever a file is added, removed or written, and differs from that of every other folder.
     pub key: String,
     pub(super) described_by: Vec<PathBuf>,
+    /// As the case that is described already states: see [`CaseSpec`].
+    pub(super) one_patient: bool,
+    /// Its transforms.
+    pub(super) alignments: Vec<Alignment>,
 }
 
 impl Proposal {
@@ -284,6 +288,8 @@ impl Proposal {
             doubt,
             key: String::new(),
             described_by: Vec::new(),
+            one_patient: false,
+            alignments: Vec::new(),
         }
     }
 
@@ -343,7 +349,9 @@ impl Proposal {
             files.push(ProposedFile::new(folder.join(path), Role::LeftOut, id, String::new()));
         }
         let proposal = Self::new(spec.name.clone(), folder, files, Vec::new(), None);
-        Some(Self { order: spec.order.clone(), ..proposal })
+        let (order, one_patient, alignments) =
+            (spec.order.clone(), spec.one_patient, spec.alignments.clone());
+        Some(Self { order, one_patient, alignments, is_aligned: spec.one_space, ..proposal })
     }
 
     /// Path of a file relative to the folder, or the title of a series.
@@ -389,6 +397,19 @@ impl Proposal {
             spec.order.clone_from(&self.order);
         }
         spec.notes.extend(self.left_out_notes());
+        (spec.one_patient, spec.one_space) = (self.one_patient, self.is_aligned);
+        for alignment in &self.alignments {
+            if alignment.moves_any(&spec) {
+                spec.alignments.push(alignment.clone());
+            } else {
+                let text = format!(
+                    "the transform {} moved {}, which is left out or has another name now; left out",
+                    alignment.by.name(),
+                    alignment.target()
+                );
+                spec.notes.push(Check::warning("transform-left-out", text));
+            }
+        }
         spec
     }
 

@@ -51,11 +51,17 @@ pub struct ChangeOptions {
     pub skeleton: SkeletonOptions,
     /// Registration error between the two time points: standard deviation along any direction, finite, at least 0.
     pub registration_mm: f64,
+    /// Whether both masks are taken to lie in one space; otherwise only volumes are compared.
+    pub is_aligned: bool,
 }
 
 impl Default for ChangeOptions {
     fn default() -> Self {
-        Self { skeleton: SkeletonOptions::default(), registration_mm: DEFAULT_REGISTRATION_MM }
+        Self {
+            skeleton: SkeletonOptions::default(),
+            registration_mm: DEFAULT_REGISTRATION_MM,
+            is_aligned: true,
+        }
     }
 }
 
@@ -195,6 +201,9 @@ pub enum Flag {
     ToEmpty,
     /// Neither is empty, and they share no voxel: perhaps the time points aren't aligned, so only volumes are compared.
     NoOverlap,
+    /// The two masks are stated to lie in different spaces, and nothing says how these lie to each other: only volumes are
+    /// compared.
+    NotAligned,
     /// A component vanished.
     Vanished,
     /// A component appeared.
@@ -356,13 +365,16 @@ pub fn change_with(
         }
     };
     let (gone, new) = (out.gone_voxels, out.new_voxels);
-    flag(Flag::NoChange, gone == 0 && new == 0);
+    flag(Flag::NoChange, gone == 0 && new == 0 && options.is_aligned);
     flag(Flag::FromEmpty, kept_voxels + gone == 0);
     flag(Flag::ToEmpty, kept_voxels + new == 0);
     let shares_nothing = kept_voxels == 0 && gone > 0 && new > 0;
-    flag(Flag::NoOverlap, shares_nothing);
+    let not_aligned = !options.is_aligned && kept_voxels + gone > 0 && kept_voxels + new > 0;
+    flag(Flag::NotAligned, not_aligned);
+    flag(Flag::NoOverlap, shares_nothing && !not_aligned);
     flag(Flag::TouchesBorder, touches_border(before) || touches_border(after));
-    let Some(crop) = Crop::around(&[before, after], 1).filter(|_| !shares_nothing) else { return Ok(out) };
+    let has_volumes_only = shares_nothing || not_aligned;
+    let Some(crop) = Crop::around(&[before, after], 1).filter(|_| !has_volumes_only) else { return Ok(out) };
     progress.say("surfaces");
     let local = [cropped(before, crop), cropped(after, crop)];
     let crop_frame = CropFrame { grid, start: crop.start, dims: crop.dims };

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     Check, Grid, Progress,
-    case::Case,
+    case::{Aligned, Case},
     csv::Table,
     skeleton::{ForceSource, SkeletonCounts},
 };
@@ -27,12 +27,12 @@ pub struct ChangeReport {
     pub from_ml: f64,
     /// Volume at the later time point.
     pub to_ml: f64,
-    /// Volume active at both time points.
-    pub kept_ml: f64,
-    /// Volume active only at the earlier time point.
-    pub gone_ml: f64,
-    /// Volume active only at the later time point.
-    pub new_ml: f64,
+    /// Volume active at both time points; `None` where only volumes are compared.
+    pub kept_ml: Option<f64>,
+    /// Volume active only at the earlier time point; likewise.
+    pub gone_ml: Option<f64>,
+    /// Volume active only at the later time point; likewise.
+    pub new_ml: Option<f64>,
     /// Flags of the pair of masks.
     pub flags: Vec<Flag>,
     /// Number of vectors: growth and recession together.
@@ -57,11 +57,22 @@ pub struct ChangeReport {
     pub components: Vec<GroupReport>,
     /// Counters of the algorithms.
     pub counters: Counters,
+    /// The images and masks of the case that registration transforms moved.
+    pub aligned: Vec<Aligned>,
     /// All findings about the case, most severe first; empty for masks without a case.
     pub warnings: Vec<Check>,
 }
 
+fn has_volumes_only(flags: &[Flag]) -> bool {
+    flags.contains(&Flag::NoOverlap) || flags.contains(&Flag::NotAligned)
+}
+
 impl ChangeReport {
+    /// Whether only volumes are compared: the masks share no place, or aren't aligned.
+    pub fn has_volumes_only(&self) -> bool {
+        has_volumes_only(&self.flags)
+    }
+
     /// The findings that the comparison made, without those of `case`, which it was made of.
     pub fn own_warnings(&self, case: &Case) -> &[Check] {
         self.warnings.strip_suffix(case.checks.as_slice()).unwrap_or(&self.warnings)
@@ -180,15 +191,16 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
             recession,
         }
     });
+    let in_place = |voxels: u64| (!has_volumes_only(&change.flags)).then(|| grid.volume_ml(voxels));
     ChangeReport {
         mask: mask.to_owned(),
         from: from.to_owned(),
         to: to.to_owned(),
         from_ml: grid.volume_ml(change.kept_voxels + change.gone_voxels),
         to_ml: grid.volume_ml(change.kept_voxels + change.new_voxels),
-        kept_ml: grid.volume_ml(change.kept_voxels),
-        gone_ml: grid.volume_ml(change.gone_voxels),
-        new_ml: grid.volume_ml(change.new_voxels),
+        kept_ml: in_place(change.kept_voxels),
+        gone_ml: in_place(change.gone_voxels),
+        new_ml: in_place(change.new_voxels),
         flags: change.flags.clone(),
         vectors: change.vectors.len(),
         growth,
@@ -215,6 +227,7 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
             skeleton: change.skeleton.counts,
             force: change.skeleton.force.to_string(),
         },
+        aligned: Vec::new(),
         warnings: Vec::new(),
     }
 }
@@ -288,15 +301,27 @@ pub fn between(
     };
     let samplings = [before, after].map(|m| Sampling::new(&m.native_grid, &case.grid));
     let bits = [before, after].map(|m| m.mask.bits());
-    let found = change_with(bits[0], bits[1], &case.grid, samplings, options, source, progress)?;
+    let frames = [before, after].map(|m| m.frame_of_reference.as_str());
+    let is_aligned = frames[0] == frames[1] || frames.iter().any(|frame| frame.is_empty());
+    let options = ChangeOptions { is_aligned: options.is_aligned && is_aligned, ..*options };
+    let found = change_with(bits[0], bits[1], &case.grid, samplings, &options, source, progress)?;
     let report = report(&found, &case.grid, &id, &earlier.label, &later.label);
-    let mut warnings: Vec<Check> = found.flags.contains(&Flag::NoOverlap).then(|| {
-        let [from, to] = [&earlier.label, &later.label];
-        Check::warning(
-            "no-overlap",
-            format!("{id}: found no voxel that {from} and {to} share, expected two dates in one space: not aligned? Only volumes are compared"),
-        )
-    }).into_iter().collect();
+    let [from, to] = [&earlier.label, &later.label];
+    let mut warnings = Vec::new();
+    if found.flags.contains(&Flag::NotAligned) {
+        let text = format!(
+            "{id}: found {from} and {to} in two frames of reference, expected one, or a transform between them \
+             (--transform), or your word that they are aligned (--one-space); only volumes are compared"
+        );
+        warnings.push(Check::warning("not-aligned", text));
+    }
+    if found.flags.contains(&Flag::NoOverlap) {
+        let text = format!(
+            "{id}: found no voxel that {from} and {to} share, expected two dates in one space: not aligned? Only \
+             volumes are compared"
+        );
+        warnings.push(Check::warning("no-overlap", text));
+    }
     warnings.extend_from_slice(&case.checks);
-    Ok((ChangeReport { warnings, ..report }, found))
+    Ok((ChangeReport { warnings, aligned: case.aligned.clone(), ..report }, found))
 }

@@ -7,7 +7,12 @@ use serde::{Serialize, Serializer, ser::SerializeMap};
 
 pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
 
-use crate::{Check, TumorIndex, case::Case, grid::Grid, regions::Regions};
+use crate::{
+    Check, TumorIndex,
+    case::{Aligned, Case},
+    grid::Grid,
+    regions::Regions,
+};
 
 /// Agreement of two masks.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,6 +106,8 @@ pub struct MeasureReport {
     pub case: String,
     /// The grid of all measurements but the native volumes.
     pub grid: GridReport,
+    /// The images and masks that registration transforms moved.
+    pub aligned: Vec<Aligned>,
     /// All findings, most severe first.
     pub warnings: Vec<Check>,
     /// The time points, in the order of the case.
@@ -224,6 +231,7 @@ pub fn report(case: &Case) -> MeasureReport {
     MeasureReport {
         case: case.name.clone(),
         grid: GridReport::of(&case.grid),
+        aligned: case.aligned.clone(),
         warnings: case.checks.clone(),
         time_points: time_points.collect(),
     }

@@ -3,6 +3,7 @@
 use glam::{DAffine3, DVec3};
 
 use super::{Refusal, inverse};
+use crate::Grid;
 
 /// What is known of an image's grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +17,11 @@ pub struct ImageGeometry {
 }
 
 impl ImageGeometry {
+    /// That of a voxel grid.
+    pub fn of(grid: &Grid) -> Self {
+        Self { dims: grid.dims(), spacing_mm: grid.spacing_mm(), world_from_voxel: grid.world_from_voxel() }
+    }
+
     pub(super) fn checked(&self, which: &str) -> Result<&Self, Refusal> {
         let inverse = inverse(self.world_from_voxel);
         let usable = self.dims.iter().all(|&n| n > 0)

@@ -10,7 +10,7 @@
 
 use std::path::Path;
 
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DQuat};
 
 use crate::files::{FileError, printable, read_head, read_small, write_whole};
 
@@ -110,6 +110,25 @@ impl Transform {
     /// Where a point of the moving image lies in the fixed (reference) one, both in RAS mm.
     pub fn fixed_from_moving(&self) -> DAffine3 {
         inverse(self.moving_from_fixed)
+    }
+}
+
+impl Transform {
+    /// The angle by which it turns, in degrees from 0 to 180: that of the rotation nearest to its matrix.
+    pub fn turn_deg(&self) -> f64 {
+        let mut nearest = self.moving_from_fixed.matrix3;
+        // Newton's iteration for the polar decomposition (Higham 1986); the condition is bounded.
+        for _ in 0..60 {
+            nearest = (nearest + nearest.inverse().transpose()) * 0.5;
+        }
+        let (_, angle) = DQuat::from_mat3(&nearest).to_axis_angle();
+        let degrees = angle.to_degrees();
+        degrees.min(360.0 - degrees)
+    }
+
+    /// By how much volumes grow from the fixed to the moving image; 1 where it is rigid.
+    pub fn volume_ratio(&self) -> f64 {
+        self.moving_from_fixed.matrix3.determinant()
     }
 }
 

@@ -196,3 +196,19 @@ fn all_fixtures() -> Vec<Vec<u8>> {
     let mats = [itk_mat::tests::ANTS, itk_mat::tests::SIMPLE_ITK].map(hex);
     texts.into_iter().map(|text| text.as_bytes().to_vec()).chain(mats).collect()
 }
+
+#[test]
+fn turns_and_scales_are_those_of_the_parts() {
+    let turn = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.3);
+    let of = |matrix: DMat3| {
+        let affine = DAffine3::from_mat3_translation(matrix, DVec3::new(1.0, 2.0, 3.0));
+        let transform = Transform::new(affine).unwrap();
+        (transform.turn_deg(), transform.volume_ratio())
+    };
+    let (degrees, volume) = of(turn);
+    assert!((degrees - 0.3_f64.to_degrees()).abs() < 1e-9 && (volume - 1.0).abs() < 1e-12);
+    // Scaling along axes doesn't turn.
+    let (degrees, volume) = of(turn * DMat3::from_diagonal(DVec3::new(2.0, 1.0, 0.5)));
+    assert!((degrees - 0.3_f64.to_degrees()).abs() < 1e-9 && (volume - 1.0).abs() < 1e-12);
+    assert!(of(DMat3::IDENTITY).0.abs() < 1e-9);
+}

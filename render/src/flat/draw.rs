@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::{
     flat::{
         context::PreparedContext,
+        fusion::{SecondLayer, draw_second},
         outline::outlines,
         sampler::{Place, Sampler},
         view::SliceView,
@@ -78,6 +79,8 @@ impl SliceStyle {
 pub struct SliceLayers<'a> {
     /// The image; without one, masks are drawn on the empty background.
     pub context: Option<ContextLayer<'a>>,
+    /// A second image over it.
+    pub second: Option<SecondLayer<'a>>,
     /// The masks.
     pub masks: Option<MaskLayer<'a>>,
     /// Colours of pixels without an image value.
@@ -120,6 +123,9 @@ pub fn render_slice(view: &SliceView, layers: &SliceLayers<'_>) -> SliceImage {
             0
         }
     };
+    if let Some(second) = &layers.second {
+        draw_second(view, second, layers.style.outside, &mut rgba);
+    }
     if let Some(masks) = &layers.masks {
         draw_masks(view, masks, &mut rgba);
     }
@@ -167,7 +173,7 @@ fn draw_image(
 /// Interpolated stored value. Next to a voxel that isn't finite, the nearest voxel's value; `None` where
 /// that one isn't finite.
 #[inline]
-fn value_at(sampler: &Sampler, place: Place, at: &impl Fn(usize) -> f64) -> Option<f64> {
+pub(super) fn value_at(sampler: &Sampler, place: Place, at: &impl Fn(usize) -> f64) -> Option<f64> {
     let value = sampler.trilinear(place, at);
     if value.is_finite() {
         return Some(value);
@@ -243,7 +249,7 @@ fn shown_fills(bits: &mut [u32], masks: &MaskLayer<'_>) -> Vec<(u32, Rgb)> {
     fills.into_iter().filter_map(|(bits, fill)| Some((bits, fill?))).collect()
 }
 
-fn rows_of<'a>(
+pub(super) fn rows_of<'a>(
     rgba: &'a mut [u8],
     view: &SliceView,
 ) -> impl IndexedParallelIterator<Item = (u32, &'a mut [u8])> + use<'a> {

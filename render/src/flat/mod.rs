@@ -6,6 +6,7 @@
 
 mod context;
 mod draw;
+mod fusion;
 mod outline;
 mod sampler;
 #[cfg(test)]
@@ -15,6 +16,7 @@ mod window;
 
 pub use context::{PreparedContext, Readout, readout};
 pub use draw::{ContextLayer, MaskLayer, Overlay, SliceImage, SliceLayers, SliceStyle, render_slice};
+pub use fusion::{ColorMap, Mixing, SecondLayer};
 pub use outline::OutlinePattern;
 pub use view::{Convention, Plane, ScaleBar, SliceView, place_label};
 pub use window::{Histogram, Preset, Window};

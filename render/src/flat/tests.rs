@@ -28,7 +28,7 @@ fn pixels(image: &SliceImage) -> impl Iterator<Item = (DVec2, [u8; 4])> + '_ {
 
 fn image_only(view: &SliceView, image: &PreparedContext, window: Window) -> SliceImage {
     let context = Some(ContextLayer { image, window });
-    render_slice(view, &SliceLayers { context, masks: None, style: STYLE })
+    render_slice(view, &SliceLayers { context, second: None, masks: None, style: STYLE })
 }
 
 fn mask_layer<'a>(
@@ -50,7 +50,7 @@ fn mask_layer<'a>(
 }
 
 fn masks_only(view: &SliceView, masks: MaskLayer<'_>) -> SliceImage {
-    render_slice(view, &SliceLayers { context: None, masks: Some(masks), style: STYLE })
+    render_slice(view, &SliceLayers { context: None, second: None, masks: Some(masks), style: STYLE })
 }
 
 fn index_of(grid: &Grid, masks: &[&dyn Fn(DVec3) -> bool]) -> TumorIndex {
@@ -254,7 +254,7 @@ fn all_48_axis_orders_give_the_same_bytes() {
                         MaskLayer { opacity: 0.4, ..mask_layer(&index, &colors, &selection, Overlay::Both) };
                     slices.push(render_slice(
                         &view,
-                        &SliceLayers { context, masks: Some(masks), style: STYLE },
+                        &SliceLayers { context, second: None, masks: Some(masks), style: STYLE },
                     ));
                 }
             }
@@ -435,7 +435,7 @@ fn a_slice_takes_milliseconds() {
         let mut times: Vec<f64> = (0..21)
             .map(|_| {
                 let start = std::time::Instant::now();
-                let slice = render_slice(&view, &SliceLayers { context, masks, style: STYLE });
+                let slice = render_slice(&view, &SliceLayers { context, second: None, masks, style: STYLE });
                 assert_eq!(slice.rgba.len(), 512 * 512 * 4);
                 start.elapsed().as_secs_f64() * 1e3
             })

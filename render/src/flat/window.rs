@@ -29,6 +29,20 @@ impl Window {
         self.high - self.low
     }
 
+    /// The window that shows another image of the same kind alike: 1st and 99th percentile keep their greys. Images in
+    /// Hounsfield units keep the values, as do images without percentiles.
+    #[must_use]
+    pub fn matched(self, from: &Histogram, to: &Histogram) -> Self {
+        let (Some(from_range), Some(to_range)) = (from.p01_p99(), to.p01_p99()) else { return self };
+        let width = from_range.1 - from_range.0;
+        if from.looks_like_ct() || to.looks_like_ct() || width.is_nan() || width <= 0.0 {
+            return self;
+        }
+        let scale = (to_range.1 - to_range.0) / width;
+        let [low, high] = [self.low, self.high].map(|value| to_range.0 + (value - from_range.0) * scale);
+        Self { low, high }
+    }
+
     /// Grey of a value, rounded to the nearest of 0 to 255. NaN gives black: callers must handle it.
     pub fn grey(self, value: f64) -> u8 {
         let (scale, offset) = self.scale_offset();

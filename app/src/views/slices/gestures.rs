@@ -31,7 +31,7 @@ impl GestureState {
         &mut self,
         ui: &Ui,
         input: &Input<'_>,
-        layout: &Layout,
+        (pane, layout): (PaneId, &Layout),
         response: &Response,
         out: &mut Commands,
     ) {
@@ -42,7 +42,7 @@ impl GestureState {
         if !input.doc.nav.ruler_on {
             crosshair(ui, input, layout, response, out);
         }
-        self.follow_pointer(ui, input, layout, response, out);
+        self.follow_pointer(ui, input, (pane, layout), response, out);
         if response.dragged_by(PointerButton::Secondary) {
             drag_window(input, response, out);
         }
@@ -60,15 +60,16 @@ impl GestureState {
         &mut self,
         ui: &Ui,
         input: &Input<'_>,
-        layout: &Layout,
+        (pane, layout): (PaneId, &Layout),
         response: &Response,
         out: &mut Commands,
     ) {
         let pointer = response.hover_pos();
         let before = std::mem::replace(&mut self.hovered, pointer);
-        let pane = PaneId::of_plane(layout.slice.plane);
         let nav = &input.doc.nav;
-        if pointer.is_none() && nav.preview.is_some_and(|(of, _)| of == pane) {
+        // One of several slices in a pane ends only its own preview.
+        let is_own = before.is_some() || pane == PaneId::of_plane(layout.slice.plane);
+        if pointer.is_none() && is_own && nav.preview.is_some_and(|(of, _)| of == pane) {
             out.push(LookCommand::PreviewCursor(pane, None));
         }
         let busy = ui.input(|i| {
@@ -144,7 +145,11 @@ fn drag_window(input: &Input<'_>, response: &Response, out: &mut Commands) {
     let Some(range) = image.histogram().range() else { return };
     let drag = response.drag_delta();
     if drag != egui::Vec2::ZERO {
-        let window = input.doc.window_of(id, image).drag(f64::from(drag.x), f64::from(drag.y), range);
+        let Some(window) = input.window() else { return };
+        let window = window.drag(f64::from(drag.x), f64::from(drag.y), range);
+        // What is stored is the window of the image that this one's is matched to.
+        let window =
+            input.matched_to.map_or(window, |other| window.matched(image.histogram(), other.histogram()));
         out.push(EditCommand::SetWindow(id.to_owned(), window));
     }
 }

@@ -7,7 +7,7 @@ use egui::{Align2, Color32, Galley, Painter, Pos2, Stroke, Ui, pos2, vec2};
 
 use glioscope_render::{
     Coloring, agreement_color,
-    flat::{OutlinePattern, Overlay},
+    flat::{Mixing, OutlinePattern, Overlay},
 };
 
 use super::{
@@ -21,6 +21,7 @@ use crate::theme::{
 use crate::{
     format,
     model::overlap::{Shown, mask_shown},
+    world::Second,
 };
 
 /// Width kept for an orientation letter on either side of the middle, points.
@@ -54,6 +55,9 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
     }
     scale_bar(&painter, layout, readout_height);
     let mut below = readout_height;
+    if let Some(second) = &input.second {
+        second_image(&painter, input, layout, second);
+    }
     if input.colors.coloring() == Coloring::Agreement {
         agreement(&painter, layout, input.colors.mask_count(), readout_height);
         below += AGREEMENT_POINTS;
@@ -67,7 +71,7 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
 pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<Draft>) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
     let half_mm = layout.slice.plane.step_mm(shown_grid(input)) / 2.0;
-    for (_, ruler) in input.doc.rulers_shown() {
+    for (_, ruler) in input.doc.rulers_at(input.time) {
         let ends_mm = [ruler.from_mm, ruler.to_mm];
         let is_in_slice = ends_mm.iter().all(|&end| layout.slice.distance_mm(end).abs() <= half_mm);
         let look = if is_in_slice { Look::Solid } else { Look::Faint };
@@ -77,6 +81,53 @@ pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<
     if let Some(Draft { from_mm, to_mm: Some(to_mm) }) = draft {
         ruler::line(&painter, [from_mm, to_mm].map(|end| layout.pos_of(end)), Look::Solid, "");
     }
+}
+
+/// Legend of the second image, below the middle of the right edge: its name and date, its colours with the values at their
+/// ends, and how it is shown. The line of a swipe, where it is one.
+fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &Second<'_>) {
+    const BAR_WIDTH_POINTS: f32 = 10.0;
+    let fusion = &input.doc.edit.fusion;
+    let rect = layout.rect;
+    if fusion.mixing == Mixing::Swipe {
+        let x = rect.left() + rect.width() * fusion.share;
+        for stroke in [Stroke::new(3.0, EDGE), Stroke::new(1.0, ON_IMAGE)] {
+            painter.line_segment([pos2(x, rect.top()), pos2(x, rect.bottom())], stroke);
+        }
+    }
+    let name = if second.time.is_empty() {
+        second.id.to_owned()
+    } else {
+        format!("{} · {}", second.id, second.time)
+    };
+    let how = match fusion.mixing {
+        Mixing::Over => format!("over it, {:.0} %", fusion.opacity * 100.0),
+        Mixing::Checkerboard => "in squares".to_owned(),
+        Mixing::Swipe => "right of the line".to_owned(),
+        Mixing::Edges => "its edges".to_owned(),
+    };
+    let right = rect.right() - MARGIN_POINTS;
+    let mut at = pos2(right, rect.center().y + HEADING_POINTS);
+    for text in [&name, &how] {
+        at.y += draw_text(painter, at, Align2::RIGHT_TOP, text, LABEL_POINTS, ON_IMAGE);
+    }
+    let height = (rect.height() * 0.25).min(70.0);
+    if fusion.mixing == Mixing::Edges || height < 24.0 {
+        return;
+    }
+    at.y += 3.0;
+    let bar = egui::Rect::from_min_size(pos2(right - BAR_WIDTH_POINTS, at.y), vec2(BAR_WIDTH_POINTS, height));
+    painter.rect_stroke(bar, 0.0, Stroke::new(1.0, EDGE), egui::StrokeKind::Outside);
+    let steps = height as usize;
+    for step in 0..steps {
+        let share = 1.0 - (step as f64 + 0.5) / steps as f64;
+        let row = egui::Rect::from_min_size(bar.min + vec2(0.0, step as f32), vec2(BAR_WIDTH_POINTS, 1.0));
+        painter.rect_filled(row, 0.0, theme::color(fusion.map.color(share)));
+    }
+    let beside = bar.left() - 4.0;
+    let [high, low] = [second.window.high, second.window.low].map(three_digits);
+    draw_text(painter, pos2(beside, bar.top()), Align2::RIGHT_TOP, &high, LABEL_POINTS, ON_IMAGE);
+    draw_text(painter, pos2(beside, bar.bottom()), Align2::RIGHT_BOTTOM, &low, LABEL_POINTS, ON_IMAGE);
 }
 
 /// Legend of the agreement colours: a square per level, with its number of masks.
@@ -177,10 +228,9 @@ fn title(
     let rect = layout.rect;
     let free = rect.width() - 2.0 * MARGIN_POINTS - GAP_POINTS;
     let line = |text: String| painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ON_IMAGE);
-    let window = input.context.map(|(id, image)| {
-        let window = input.doc.window_of(id, image);
-        line(format!("W {} L {}", three_digits(window.width()), three_digits(window.level())))
-    });
+    let window = input
+        .window()
+        .map(|window| line(format!("W {} L {}", three_digits(window.width()), three_digits(window.level()))));
     let date = input.time_point.label.as_str();
     let series = input.context.map_or("no image", |(id, _)| id);
     let dated = if date.is_empty() { series.to_owned() } else { format!("{series} · {date}") };

@@ -17,8 +17,8 @@ use glioscope_core::{Selection, Sides, TumorIndex};
 use glioscope_render::{
     MaskColors,
     flat::{
-        ContextLayer, MaskLayer, Overlay, Plane, PreparedContext, SliceLayers, SliceStyle, SliceView, Window,
-        place_label, readout, render_slice,
+        ContextLayer, MaskLayer, Overlay, Plane, PreparedContext, SecondLayer, SliceLayers, SliceStyle,
+        SliceView, Window, place_label, readout, render_slice,
     },
 };
 
@@ -30,8 +30,8 @@ use super::{
 };
 use crate::{
     command::{Commands, EditCommand},
-    model::PaneId,
-    world::jobs::Handle,
+    model::{Fusion, PaneId},
+    world::{Second, jobs::Handle},
 };
 
 /// Width of mask outlines, points; at least one pixel is drawn.
@@ -57,8 +57,7 @@ impl Layout {
             return None;
         }
         let size_px = [size.x.round() as u32, size.y.round() as u32];
-        let grid = input.context.map_or(&input.case.grid, |(_, image)| image.volume().grid());
-        let bounds_mm = grid.bounds_mm();
+        let bounds_mm = input.fit_grid.unwrap_or_else(|| shown_grid(input)).bounds_mm();
         let nav = &input.doc.nav;
         let mut slice = SliceView::fit(plane, nav.convention, bounds_mm, nav.crosshair_mm(), size_px);
         if let Some(mm_per_point) = nav.mm_per_point {
@@ -91,6 +90,8 @@ impl Layout {
 
 /// The pane of one slice view.
 pub struct SlicePane {
+    /// The pane that it is, or is a part of.
+    pane: PaneId,
     plane: Plane,
     drawn: Option<DrawnSlice>,
     gestures: GestureState,
@@ -99,7 +100,17 @@ pub struct SlicePane {
 impl SlicePane {
     /// A pane for this plane.
     pub fn new(plane: Plane) -> Self {
-        Self { plane, drawn: None, gestures: GestureState::default() }
+        Self::in_pane(PaneId::of_plane(plane), plane)
+    }
+
+    /// A slice that is a part of another pane.
+    pub fn in_pane(pane: PaneId, plane: Plane) -> Self {
+        Self { pane, plane, drawn: None, gestures: GestureState::default() }
+    }
+
+    /// Its plane.
+    pub fn plane(&self) -> Plane {
+        self.plane
     }
 
     /// How often the slice was rendered; a test checks that an idle view renders nothing.
@@ -112,9 +123,12 @@ impl SlicePane {
         let (plane, rect) = (self.plane, ui.available_rect_before_wrap());
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let Some(layout) = Layout::new(input, plane, rect, ui.pixels_per_point()) else { return };
-        self.gestures.interact(ui, input, &layout, &response, out);
+        self.gestures.interact(ui, input, (self.pane, &layout), &response, out);
         let inside = |pos: Pos2| layout.rect.contains(pos).then(|| layout.world_at(pos));
-        let draft = ruler::drag(ui, &response, input.doc, PaneId::of_plane(plane), &inside, out);
+        // A line belongs to the date shown.
+        let draft = (input.time == input.doc.nav.time)
+            .then(|| ruler::drag(ui, &response, input.doc, self.pane, &inside, out))
+            .flatten();
 
         let (texture, not_finite_pixels) = self.slice_texture(ui, input, &layout);
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
@@ -194,6 +208,7 @@ fn intensity(value: f64) -> String {
 struct SliceKey {
     slice: SliceView,
     image: Option<(Handle<PreparedContext>, Window)>,
+    second: Option<(Handle<PreparedContext>, Window, Fusion)>,
     index: Handle<TumorIndex>,
     colors: MaskColors,
     selection: Selection,
@@ -210,6 +225,19 @@ struct DrawnSlice {
     texture: TextureHandle,
     not_finite_pixels: u64,
     draws: u64,
+}
+
+/// The second image as a layer.
+fn layer<'a>(second: Second<'a>, fusion: &Fusion) -> SecondLayer<'a> {
+    SecondLayer {
+        image: second.image,
+        window: second.window,
+        map: fusion.map,
+        mixing: fusion.mixing,
+        opacity: fusion.opacity,
+        threshold: fusion.threshold.unwrap_or(second.window.low),
+        share: fusion.share,
+    }
 }
 
 /// The masks that slices show: those of the time point shown, or one mask at the two compared time points with the
@@ -251,10 +279,11 @@ impl SlicePane {
         // Dark in both themes: greys are judged against black, and the overlaid marks are white.
         let style = SliceStyle::DARK;
         let outline_px = (OUTLINE_POINTS * layout.pixels_per_point).round().max(1.0) as u32;
-        let image = input.context.map(|(id, image)| (image, input.doc.window_of(id, image)));
+        let image = input.context.map(|(_, image)| image).zip(input.window());
         let key = SliceKey {
             slice: layout.slice,
             image: image.map(|(image, window)| (Handle::of(image), window)),
+            second: input.second.map(|s| (Handle::of(s.image), s.window, edit.fusion.clone())),
             index: Handle::of(index),
             colors: colors.clone(),
             selection: selection.clone(),
@@ -271,6 +300,7 @@ impl SlicePane {
         }
         let layers = SliceLayers {
             context: image.map(|(image, window)| ContextLayer { image, window }),
+            second: input.second.map(|second| layer(second, &edit.fusion)),
             masks: Some(MaskLayer {
                 index,
                 colors,
@@ -306,9 +336,9 @@ fn window_menu(response: &egui::Response, input: &Input<'_>, out: &mut Commands)
     let Some((id, image)) = input.context else { return };
     response.context_menu(|ui| {
         ui.label(format!("Window of {id}"));
-        let current = input.doc.window_of(id, image);
+        let current = input.window();
         for preset in image.histogram().presets() {
-            if ui.selectable_label(preset.window == current, preset.name).clicked() {
+            if ui.selectable_label(Some(preset.window) == current, preset.name).clicked() {
                 out.push(EditCommand::SetWindow(id.to_owned(), preset.window));
                 ui.close();
             }

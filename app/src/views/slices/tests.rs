@@ -38,6 +38,7 @@ fn case(sides: Sides) -> Case {
     let regions = Arc::new(Regions::of(&index));
     let masks = masks
         .map(|mask| CaseMask {
+            frame_of_reference: String::new(),
             native_grid: mask.grid().clone(),
             native_voxels: mask.voxels(),
             native_volume_ml: mask.volume_ml(),
@@ -55,6 +56,7 @@ fn case(sides: Sides) -> Case {
         time_points: vec![time_point],
         order: OrderBasis::Single,
         tracts: Vec::new(),
+        aligned: Vec::new(),
         checks: Vec::new(),
         inputs: Inputs::default(),
     }
@@ -99,10 +101,15 @@ fn slice_harness(plane: Plane, sides: Sides, convention: Convention) -> Harness<
                 let input = Input {
                     doc,
                     case: &case,
+                    dates: &[],
+                    time: 0,
+                    matched_to: None,
+                    fit_grid: None,
                     time_point: &case.time_points[0],
                     selection: &view.work.world.selection(doc),
                     tumor: None,
                     colors: &view.work.world.colors(doc),
+                    second: None,
                     context: view.work.world.context(doc),
                     compared: None,
                 };

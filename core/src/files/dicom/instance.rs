@@ -21,6 +21,15 @@ pub struct Patient {
     pub sex: String,
 }
 
+impl Patient {
+    /// What tells patients apart: identifier, name whatever its case and spaces, date of birth.
+    pub(super) fn key(&self) -> (String, String, String) {
+        let words = self.name.split(['^', ' ']).filter(|part| !part.is_empty());
+        let name = words.map(str::to_lowercase).collect::<Vec<_>>().join(" ");
+        (self.id.clone(), name, self.birth_date.clone())
+    }
+}
+
 /// What a file belongs to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Identity {

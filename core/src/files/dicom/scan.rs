@@ -199,9 +199,11 @@ pub(super) struct Scanned {
 /// # Errors
 /// [`FileError`] where a folder can't be listed, or holds more than 200,000 files; cancelled.
 pub(super) fn scan(folder: &Path, progress: &Progress) -> Result<Scanned, FileError> {
-    let mut paths = Vec::new();
-    list(folder, 0, &mut paths)?;
-    scan_files(paths, progress)
+    let mut listed = Listed::default();
+    list(folder, 0, &mut listed)?;
+    let mut scanned = scan_files(listed.paths, progress)?;
+    scanned.unreadable.extend(listed.left_out);
+    Ok(scanned)
 }
 
 /// The headers of the files in the folder of `path`, without those in folders below.
@@ -210,9 +212,9 @@ pub(super) fn scan(folder: &Path, progress: &Progress) -> Result<Scanned, FileEr
 /// As [`scan`].
 pub(super) fn scan_beside(path: &Path, progress: &Progress) -> Result<Vec<Header>, FileError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut paths = Vec::new();
-    list(folder, MAX_FOLDER_DEPTH, &mut paths)?;
-    Ok(scan_files(paths, progress)?.headers)
+    let mut listed = Listed::default();
+    list(folder, MAX_FOLDER_DEPTH, &mut listed)?;
+    Ok(scan_files(listed.paths, progress)?.headers)
 }
 
 fn scan_files(mut paths: Vec<PathBuf>, progress: &Progress) -> Result<Scanned, FileError> {
@@ -240,7 +242,16 @@ fn scan_files(mut paths: Vec<PathBuf>, progress: &Progress) -> Result<Scanned, F
     Ok(scanned)
 }
 
-fn list(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), FileError> {
+/// The files below a folder.
+#[derive(Default)]
+struct Listed {
+    paths: Vec<PathBuf>,
+    /// Folders that weren't searched, and why.
+    left_out: Vec<FileError>,
+}
+
+/// An error stops the search only for `folder` itself: one folder below that can't be read hides no others.
+fn list(folder: &Path, depth: usize, listed: &mut Listed) -> Result<(), FileError> {
     let cant =
         |e: std::io::Error| in_file(folder, &Unusable::new(e.to_string(), "a folder that can be read"));
     for entry in std::fs::read_dir(folder).map_err(cant)? {
@@ -249,15 +260,24 @@ fn list(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> Result<(), Fil
             continue;
         }
         let path = entry.path();
-        // Links to folders aren't followed: they may lead in circles. Links to files are.
-        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+        let left_out = |found: &str, expected: &str| in_file(&path, &Unusable::new(found, expected));
+        let kind = entry.file_type();
+        if kind.as_ref().is_ok_and(std::fs::FileType::is_dir) {
             if depth < MAX_FOLDER_DEPTH {
-                list(&path, depth + 1, paths)?;
+                if let Err(error) = list(&path, depth + 1, listed) {
+                    listed.left_out.push(error);
+                }
+            } else {
+                let expected = format!("at most {MAX_FOLDER_DEPTH} folders inside each other");
+                listed.left_out.push(left_out("a folder too deep", &expected));
             }
         } else if path.is_file() {
-            paths.push(path);
+            listed.paths.push(path);
+        } else if kind.is_ok_and(|kind| kind.is_symlink()) && path.is_dir() {
+            // Links to folders aren't followed: they may lead in circles. Links to files are.
+            listed.left_out.push(left_out("a link to a folder", "the folder itself"));
         }
-        if paths.len() > MAX_ENTRIES {
+        if listed.paths.len() > MAX_ENTRIES {
             return Err(in_file(folder, &Unusable::new(format!("more than {MAX_ENTRIES} files"), "fewer")));
         }
     }

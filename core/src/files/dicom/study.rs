@@ -116,9 +116,11 @@ pub fn series_of(path: &Path) -> Result<String, FileError> {
 pub fn studies(folder: &Path, progress: &Progress) -> Result<Studies, FileError> {
     let scanned = scan(folder, progress)?;
     let mut tree: BTreeMap<Patient, BTreeMap<String, BTreeMap<String, Vec<Header>>>> = BTreeMap::new();
+    let mut patients_seen = BTreeMap::new();
     for header in scanned.headers.into_iter().filter(|header| header.kind != Kind::Directory) {
         let identity = &header.identity;
-        let studies = tree.entry(identity.patient.clone()).or_default();
+        let patient = patients_seen.entry(identity.patient.key()).or_insert_with(|| identity.patient.clone());
+        let studies = tree.entry(patient.clone()).or_default();
         let series = studies.entry(identity.study.clone()).or_default();
         series.entry(identity.series.clone()).or_default().push(header);
     }

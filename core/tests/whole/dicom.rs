@@ -1,18 +1,8 @@
 //! DICOM against truths that pydicom, highdicom, SimpleITK and dcm2niix made, case by case.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::print_stdout,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{files_below, real_data, truth};
+use crate::common::{files_below, real_data, truth};
 use glioscope_core::{
     Progress,
     files::{self, FileError, Loaded, Part, ReadOptions, Segment, Source, Which},

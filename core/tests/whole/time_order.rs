@@ -1,7 +1,5 @@
 //! Folders whose names or tables state an order of time points.
 
-#![allow(clippy::unwrap_used, reason = "in a test a failed unwrap is a failed test")]
-
 use std::path::Path;
 
 use glam::DVec3;

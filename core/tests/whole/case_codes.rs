@@ -1,12 +1,5 @@
 //! The check codes used by `src/case` and `src/change` are exactly those documented in docs/checks.md.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -1,15 +1,6 @@
 //! MetaImage headers made here: keys, sides, and damage.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
-use common::{codes, numbers};
+use crate::common::{codes, numbers};
 use glam::DVec3;
 use glioscope_core::files::{self, FileError, Loaded, ReadOptions};
 use glioscope_core::{Progress, Sides};

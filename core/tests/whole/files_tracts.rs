@@ -1,23 +1,13 @@
 //! Reading tracts: agreement with nibabel, and one-line errors for defective files.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-#[path = "common/tracts.rs"]
-mod synthetic;
-
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::common::tracts::{Order, Trk, fibers, nibabel_files, tck, tck_with_header};
 use glioscope_core::files::{
     FileError, LoadedTracts, Source, TractOptions, read_tract_bytes, read_tracts, write_whole,
 };
 use glioscope_core::{Progress, Sides, Tracts};
-use synthetic::{Order, Trk, fibers, nibabel_files, tck, tck_with_header};
 
 fn read(bytes: &[u8]) -> Result<LoadedTracts, FileError> {
     read_tract_bytes("made", bytes, &TractOptions::default(), &Progress::new())

@@ -2,7 +2,6 @@
 //! last frame, the same sum weighted by `index * 7919 % 1009` (which detects a wrong voxel order), and the affine
 //! where the header sets one. Only these numbers are stored here.
 
-#![allow(clippy::excessive_precision, reason = "printed by Python, kept as they are")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -10,9 +9,7 @@
     reason = "a failed unwrap here is a failed test"
 )]
 
-mod common;
-
-use common::real_data;
+use crate::common::real_data;
 use glioscope_core::files::{ReadOptions, Source, read};
 use glioscope_core::{Progress, Sides};
 
@@ -106,7 +103,7 @@ fn dimensions_values_and_affines_match_nibabel() {
         );
         let Some(rows) = expected.affine else {
             assert_eq!(volume.grid().sides(), Sides::Unknown, "{}", expected.file);
-            assert!(common::codes(&loaded).contains(&"side-unknown"));
+            assert!(crate::common::codes(&loaded).contains(&"side-unknown"));
             continue;
         };
         assert_eq!(volume.grid().sides(), Sides::Known, "{}", expected.file);

@@ -2,18 +2,9 @@
 //! NIfTI-2 and on several gzip members, returns wrong voxels for a `vox_offset` above 352 without extensions (none
 //! among these files), and doesn't find an image that is compressed differently from its header.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::path::Path;
 
-use common::{files_below, read, real_data};
+use crate::common::{files_below, read, real_data};
 use glioscope_core::with_samples;
 use nifti::{DataElement, InMemNiftiVolume, NiftiObject, ReaderOptions};
 

@@ -1,18 +1,9 @@
 //! Faults that users reported of other programs, on files made here, and on files made after their reports where those
 //! are at hand (the folder `reported` of the real data, whose README gives the right values).
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::path::Path;
 
-use common::{NiftiBuilder, real_data};
+use crate::common::{NiftiBuilder, real_data};
 use glioscope_core::{
     Check, Progress, Severity,
     case::{Case, CaseSpec, LoadOptions, load},

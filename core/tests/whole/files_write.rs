@@ -1,17 +1,8 @@
 //! Written volumes read back the same: every data type, every kind of affine, plain and gzipped.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::{io::Read, path::Path};
 
-use common::read_bytes;
+use crate::common::read_bytes;
 use glam::{DAffine3, DMat3, DVec3};
 use glioscope_core::files::nifti_header::{Header, Version};
 use glioscope_core::files::{
@@ -268,7 +259,7 @@ fn a_killed_writer_leaves_the_old_or_the_new_file_whole() {
     let (mut seen, mut leftovers, mut state) = ([0; 2], 0, 7_u64);
     for kill in 0..200 {
         let mut child = std::process::Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "writer_to_be_killed", "--ignored"])
+            .args(["--exact", "files_write::writer_to_be_killed", "--ignored"])
             .env(KILLED_FILE, &path)
             .stdout(std::process::Stdio::null())
             .spawn()

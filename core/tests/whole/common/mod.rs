@@ -1,6 +1,6 @@
 //! Shared by the tests of files and cases: access to real data, and synthetic NIfTI files.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub mod tracts;
 pub mod truth;
 
 use std::io::Write;

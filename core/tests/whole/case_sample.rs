@@ -1,12 +1,5 @@
 //! The embedded sample: equal to the generator's output, small, consistent with its ground truth, and readable.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
 use std::collections::BTreeSet;
 
 use glioscope_core::case::{self, CaseSpec, LoadOptions};

@@ -1,7 +1,5 @@
 //! Synthetic `.tck` and `.trk` files.
 
-#![allow(dead_code, reason = "each test file uses a part of it")]
-
 /// Fibres to write, in the file's own coordinates.
 pub fn fibers() -> Vec<Vec<[f32; 3]>> {
     let line = |n: usize, at: [f32; 3], step: [f32; 3]| -> Vec<[f32; 3]> {

@@ -1,15 +1,6 @@
 //! Real files, none of them written by this project: they load or are refused with the expected error.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
-use common::{
+use crate::common::{
     files_below, read, real_data,
     truth::{self, InRas},
 };

@@ -1,15 +1,6 @@
 //! MGH: files that nibabel wrote (`mgh_nibabel.py`), and damaged ones.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
-use common::{codes, gzip, numbers};
+use crate::common::{codes, gzip, numbers};
 use glioscope_core::files::{self, FileError, Loaded, ReadOptions, Source};
 use glioscope_core::{Progress, Samples, Sides};
 use serde_json::Value;

@@ -1,19 +1,10 @@
 //! NRRD, MetaImage and Slicer segmentations made by other programs, against the truth that came with them
 //! (`truth.json`): every case loads as it says, or is refused in one line.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use common::{
+use crate::common::{
     real_data,
     truth::{self, InRas},
 };

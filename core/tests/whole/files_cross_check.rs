@@ -1,17 +1,8 @@
 //! The second opinion on a file: where the crate `nifti` 0.18 agrees with our reader, and where it doesn't.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::path::Path;
 
-use common::{NiftiBuilder, files_below, gzip, real_data};
+use crate::common::{NiftiBuilder, files_below, gzip, real_data};
 use glam::DVec3;
 use glioscope_core::{
     Grid, Progress, Samples, Scaling, Volume,

@@ -1,15 +1,6 @@
 //! Voxel grids from headers: qform against nibabel, which form is in force, and the checks about it.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
-use common::{NiftiBuilder, codes};
+use crate::common::{NiftiBuilder, codes};
 use glam::{DMat3, DVec3};
 use glioscope_core::files::{FileError, nifti_space::Form};
 use glioscope_core::{Severity, Sides};

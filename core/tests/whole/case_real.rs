@@ -1,18 +1,9 @@
 //! Real cases against NumPy, SciPy and nibabel. The expected numbers are committed with the script that made them:
 //! tests/expected/glioma_regions.py.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::path::Path;
 
-use common::real_data;
+use crate::common::real_data;
 use glioscope_core::case::{self, Case, CaseSpec, LoadOptions};
 use glioscope_core::measure::{self, TimeReport};
 use glioscope_core::{Progress, Severity, grid::ijk};
@@ -211,7 +202,7 @@ fn a_case_of_one_empty_mask_loads() {
 #[test]
 fn every_malformed_file_gives_a_one_line_error() {
     let Some(folder) = real_data("nifti-malformed") else { return };
-    for path in common::files_below(&folder) {
+    for path in crate::common::files_below(&folder) {
         let masks = [format!("bad={}", path.display())];
         let spec = CaseSpec::from_arguments(&masks, &[]).unwrap();
         let error = case::load(&spec, &LoadOptions::default(), &Progress::new()).unwrap_err().to_string();

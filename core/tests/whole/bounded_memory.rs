@@ -1,17 +1,6 @@
 //! Files that declare gigabytes, or inflate to them, give an error within 2 s and 100 MB. Each is
 //! read in its own process, which reports its peak resident memory (Linux only).
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-#[path = "common/tracts.rs"]
-mod tracts;
-
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -20,7 +9,7 @@ use std::time::{Duration, Instant};
 use glioscope_core::Progress;
 use glioscope_core::files::{Source, TractOptions, read_tracts};
 
-use common::{NiftiBuilder, files_below, gzip, real_data};
+use crate::common::{NiftiBuilder, files_below, gzip, real_data, tracts};
 
 /// Not a test of its own: [`is_rejected_within_bounds`] runs it in a child process.
 #[test]
@@ -32,7 +21,7 @@ fn child_reads_one_file() {
         true => {
             read_tracts(&Source::File(path.clone()), &TractOptions::default(), &Progress::new()).map(drop)
         }
-        false => common::read(&path).map(drop),
+        false => crate::common::read(&path).map(drop),
     };
     let outcome = read().map(|()| "loaded".to_owned()).unwrap_or_else(|e| e.to_string());
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
@@ -44,7 +33,7 @@ fn child_reads_one_file() {
 fn read_in_child(path: &Path) -> (String, u64, Duration) {
     let start = Instant::now();
     let output = Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "child_reads_one_file", "--nocapture"])
+        .args(["--ignored", "--exact", "bounded_memory::child_reads_one_file", "--nocapture"])
         .env("GLIOSCOPE_CHILD_FILE", path)
         .output()
         .unwrap();

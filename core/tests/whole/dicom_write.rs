@@ -1,17 +1,8 @@
 //! Masks written as DICOM for a real image, and read again beside it.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::path::Path;
 
-use common::{files_below, real_data};
+use crate::common::{files_below, real_data};
 use glioscope_core::{
     MaskBits, Progress,
     files::dicom::{SegmentToWrite, WriteTo, Written, segmentation, source_image, structure_set},

@@ -1,17 +1,8 @@
 //! Surfaces of real masks: closed, with the volume of their voxels, and as many faces as NumPy counts.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
 use std::collections::HashMap;
 
-use common::{read, real_data};
+use crate::common::{read, real_data};
 use glioscope_core::export::{Mesh, SurfaceKind, mesh};
 use glioscope_core::{Mask, MaskBits, Progress};
 

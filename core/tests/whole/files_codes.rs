@@ -1,7 +1,5 @@
 //! The check codes used by `src/files` are exactly those documented in docs/checks.md.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap here is a failed test")]
-
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -1,15 +1,6 @@
 //! Truncated, damaged and impossible headers and files: an error or the same voxels, never a panic.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
-use common::{NiftiBuilder, codes, gzip, numbers, read, read_bytes};
+use crate::common::{NiftiBuilder, codes, gzip, numbers, read, read_bytes};
 use glioscope_core::files::{self, FileError, ReadOptions, Source, WriteOptions, write_nifti};
 use glioscope_core::{Cancelled, Progress, Samples};
 

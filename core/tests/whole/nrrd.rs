@@ -1,15 +1,6 @@
 //! NRRD headers of every kind, made here: spaces, axes, units, and damage.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a failed unwrap here is a failed test"
-)]
-
-mod common;
-
-use common::{codes, gzip, numbers};
+use crate::common::{codes, gzip, numbers};
 use glam::DVec3;
 use glioscope_core::files::{self, FileError, Inputs, Loaded, ReadOptions, Source};
 use glioscope_core::{Progress, Sides};

@@ -1,7 +1,5 @@
 //! What a folder, a file or some files are taken for: by names, contents and manifests.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "in a test a failed unwrap is a failed test")]
-
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;

@@ -1,0 +1,61 @@
+//! A second image on the slices.
+
+use glioscope_render::flat::{ColorMap, Mixing};
+use serde::{Deserialize, Serialize};
+
+/// An image of the case, of any of its dates.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SecondImage {
+    /// Its id.
+    pub id: String,
+    /// Label of its date; `None`: the date shown.
+    #[serde(default)]
+    pub time: Option<String>,
+}
+
+/// Whether and how slices show a second image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Fusion {
+    /// The image; `None`: slices show one image.
+    pub second: Option<SecondImage>,
+    /// How both share a slice.
+    pub mixing: Mixing,
+    /// Its colours.
+    pub map: ColorMap,
+    /// Opacity where it lies over the first one, 0 to 1.
+    pub opacity: f32,
+    /// Where the line of a swipe is, from 0 (left) to 1.
+    pub share: f32,
+    /// Values at or below it are transparent where it lies over the first one, in its own unit; `None`: the low end of its
+    /// window.
+    pub threshold: Option<f64>,
+}
+
+impl Default for Fusion {
+    fn default() -> Self {
+        Self {
+            second: None,
+            mixing: Mixing::Over,
+            map: ColorMap::Hot,
+            opacity: 0.5,
+            share: 0.5,
+            threshold: None,
+        }
+    }
+}
+
+impl Fusion {
+    /// With this second image, looked at as such pairs usually are: an earlier or later scan of the same kind in greys
+    /// behind a swipe line, another kind in colours over the first.
+    #[must_use]
+    pub fn showing(&self, second: Option<SecondImage>, is_same_kind: bool) -> Self {
+        let before = self.clone();
+        match second {
+            None => Self { second, ..before },
+            Some(_) if before.second.is_some() => Self { second, threshold: None, ..before },
+            Some(_) if is_same_kind => Self { second, mixing: Mixing::Swipe, map: ColorMap::Grey, ..before },
+            Some(_) => Self { second, mixing: Mixing::Over, map: ColorMap::Hot, ..before },
+        }
+    }
+}

@@ -1,11 +1,14 @@
 //! Masks and regions as files of other programs: what the command line and the window share.
 
-use std::path::Path;
+use std::{
+    collections::HashSet,
+    path::{Path, PathBuf},
+};
 
 use clap::ValueEnum;
 use glioscope_core::{
-    Check, Mask, MaskBits, Progress, Samples, Scaling, TumorIndex, Volume,
-    case::{Case, CaseSpec, TimePoint},
+    Check, Grid, Mask, MaskBits, Progress, Samples, Scaling, TumorIndex, Volume,
+    case::{Aligned, Case, CaseSpec, TimePoint},
     export::{self, MeshError, NamedMask, NamedMesh, Provenance, SurfaceKind},
     files::{
         self, FileMark, Inputs, Part, ReadOptions, Source, WriteOptions,
@@ -242,8 +245,19 @@ impl Export<'_> {
         }
         std::fs::create_dir_all(out)
             .map_err(|e| AppError::file(out, e.to_string(), "a folder that can be made"))?;
-        for (n, item) in self.items.iter().enumerate() {
-            let path = out.join(format!("{}.{ending}", file_name(&item.name, n)));
+        let mut taken = HashSet::new();
+        let paths = self.items.iter().enumerate().map(|(n, item)| {
+            let name = file_name(&item.name, n);
+            // Names that differ in what a file's name can't hold; where capitals are one, too.
+            let numbered = (2..).map(|n| format!("{name} {n}"));
+            let mut names = std::iter::once(name.clone()).chain(numbered);
+            let name = names.find(|name| taken.insert(name.to_lowercase())).unwrap_or(name.clone());
+            out.join(format!("{name}.{ending}"))
+        });
+        let paths: Vec<PathBuf> = paths.collect();
+        // Before the first is written: a folder half full helps nobody.
+        paths.iter().try_for_each(|path| self.refuse(path))?;
+        for (item, path) in self.items.iter().zip(paths) {
             self.write_file(&path, &[item], &provenance, &mut written, progress)?;
             written.files.push(format!("{}: {}", path.display(), item.name));
         }
@@ -252,11 +266,7 @@ impl Export<'_> {
 
     /// Refuses files of the case, and others that exist: they may be another series, or another reader's work.
     fn refuse(&self, path: &Path) -> Result<(), AppError> {
-        self.inputs.refuse_as_output(path)?;
-        if path.exists() && !self.overwrites {
-            return Err(AppError::file(path, "a file that exists", "a new name, or --force"));
-        }
-        Ok(())
+        output::refuse(path, &self.inputs, self.overwrites)
     }
 
     fn line(&self, out: &Path) -> String {
@@ -344,7 +354,10 @@ impl Export<'_> {
             return Err(AppError::file(path, "only empty masks", "one with voxels"));
         }
         let result = match self.format {
-            Format::Obj => export::write_obj(path, &named, provenance, progress),
+            Format::Obj => {
+                self.refuse(&export::material_file(path))?;
+                export::write_obj(path, &named, provenance, progress)
+            }
             _ => export::write_glb(path, &named, provenance, progress),
         };
         Ok(result?)
@@ -352,7 +365,7 @@ impl Export<'_> {
 
     /// The DICOM image that the masks belong to: the one named, else the first on whose slices the case grid lies, else
     /// the first.
-    fn dicom_image(&self) -> Result<Option<&Source>, AppError> {
+    fn dicom_image(&self) -> Result<Option<(&str, &Source)>, AppError> {
         let is_of_time = |time: &Option<String>| time.as_deref().unwrap_or_default() == self.time_point.label;
         let is_dicom =
             |source: &Source| source.path().is_some_and(|path| path.is_dir() || dicom::is_dicom(path));
@@ -368,7 +381,7 @@ impl Export<'_> {
             let expected = || format!("a DICOM image of the case: {}", ids.join(", "));
             let found = images.iter().find(|(known, _)| known == id);
             let found = found.ok_or_else(|| AppError::option("image", id, expected()))?;
-            return Ok(Some(found.1));
+            return Ok(Some(*found));
         }
         let grid = self.time_point.index.grid();
         let lies_on = |id: &str| {
@@ -376,7 +389,19 @@ impl Export<'_> {
             context.is_some_and(|context| context.volume.grid().same_place(grid, 1e-3))
         };
         let on = images.iter().find(|(id, _)| lies_on(id)).or(images.first());
-        Ok(on.map(|(_, source)| *source))
+        Ok(on.copied())
+    }
+
+    /// The grid of the masks in the space of an image's files: what a transform moved is moved back. Without an image, that of
+    /// the case.
+    fn grid_for(&self, image: Option<&str>) -> Result<Grid, AppError> {
+        let grid = self.time_point.index.grid();
+        let is_it =
+            |a: &&Aligned| !a.is_mask && a.time == self.time_point.label && Some(a.id.as_str()) == image;
+        let Some(moved) = self.case.aligned.iter().find(is_it) else { return Ok(grid.clone()) };
+        let back = moved.case_from_own.inverse() * grid.world_from_voxel();
+        Grid::new(grid.dims(), back, grid.sides())
+            .map_err(|e| AppError::wrong("the image's transform", e.to_string(), "one that can be undone"))
     }
 
     fn write_dicom(&self, out: &Path, written: &mut Written, progress: &Progress) -> Result<(), AppError> {
@@ -384,7 +409,8 @@ impl Export<'_> {
             return Err(AppError::file(out, "a name without .dcm", "one that ends in .dcm"));
         }
         self.refuse(out)?;
-        let source = self.dicom_image()?;
+        let named = self.dicom_image()?;
+        let source = named.map(|(_, source)| source);
         let image = source.zip(source.and_then(Source::path)).map(|(source, path)| {
             let series = match source {
                 Source::Part(Part { series, .. }) => series.as_deref(),
@@ -405,8 +431,9 @@ impl Export<'_> {
         let salt = self.salt.clone().unwrap_or_else(random_salt);
         let now = jiff::Timestamp::now();
         let (date, time) = (now.strftime("%Y%m%d").to_string(), now.strftime("%H%M%S").to_string());
+        let grid = self.grid_for(named.map(|(id, _)| id))?;
         let to = WriteTo {
-            grid: self.time_point.index.grid(),
+            grid: &grid,
             source: image.as_ref(),
             identified: self.is_identified,
             keeps_names: true,

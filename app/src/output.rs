@@ -23,6 +23,18 @@ pub fn write(path: &Path, inputs: &Inputs, bytes: &[u8]) -> Result<(), AppError>
     Ok(write_whole(path, bytes)?)
 }
 
+/// Refuses one of the `inputs` as an output, under whatever name, and a file that exists where not `forced`.
+///
+/// # Errors
+/// [`AppError`] naming the file.
+pub fn refuse(path: &Path, inputs: &Inputs, forced: bool) -> Result<(), AppError> {
+    inputs.refuse_as_output(path)?;
+    if path.exists() && !forced {
+        return Err(AppError::file(path, "a file that exists", "a new name, or --force"));
+    }
+    Ok(())
+}
+
 /// Writes an RGBA picture as PNG, 8 bits per channel.
 ///
 /// # Errors

@@ -54,6 +54,7 @@ pub mod optics;
 pub mod phantom;
 pub mod progress;
 pub mod regions;
+pub mod register;
 pub mod resample;
 pub mod sample;
 pub mod skeleton;

@@ -42,6 +42,9 @@ pub enum Credentials {
 /// Environment variables that [`Credentials::from_environment`] reads: user, password, token.
 const VARIABLES: [&str; 3] = ["GLIOSCOPE_PACS_USER", "GLIOSCOPE_PACS_PASSWORD", "GLIOSCOPE_PACS_TOKEN"];
 
+/// In place of the secret.
+const HIDDEN: &str = "***";
+
 impl Credentials {
     /// Credentials of the environment: `GLIOSCOPE_PACS_TOKEN`, or `GLIOSCOPE_PACS_USER` and `GLIOSCOPE_PACS_PASSWORD`.
     /// `None` where none of the three is set.
@@ -107,13 +110,21 @@ impl Credentials {
         }
     }
 
-    /// `text` without the secret and its encoded form: servers may send back what they were sent.
+    /// `text` without the secret and its encoded form, whatever the case of its letters: servers may send back what they were
+    /// sent.
     pub(crate) fn removed_from(&self, text: &str) -> String {
         let (Self::Basic { password: secret, .. } | Self::Bearer(secret)) = self;
         let mut out = text.to_owned();
         for hidden in [&self.encoded(), &secret.0] {
-            if !hidden.is_empty() {
-                out = out.replace(hidden.as_str(), "***");
+            // Names of types and hosts are compared in lower case.
+            let hidden = hidden.to_ascii_lowercase();
+            let mut from = 0;
+            while let Some(at) = out.get(from..).and_then(|rest| rest.to_ascii_lowercase().find(&hidden)) {
+                if hidden.is_empty() {
+                    break;
+                }
+                out.replace_range(from + at..from + at + hidden.len(), HIDDEN);
+                from += at + HIDDEN.len();
             }
         }
         out
@@ -129,6 +140,16 @@ mod tests {
             let found = pairs.iter().find(|(key, _)| *key == name);
             found.map(|(_, value)| Ok::<_, ()>((*value).to_owned()))
         })
+    }
+
+    #[test]
+    fn the_secret_is_removed_whatever_its_case() {
+        let found = read(&[("GLIOSCOPE_PACS_USER", "anna"), ("GLIOSCOPE_PACS_PASSWORD", "SecretPw*")]);
+        let own = found.unwrap().unwrap();
+        let text = "type text/secretpw* and SECRETPW*, ünïx SecretPw*secretPW*";
+        assert_eq!(own.removed_from(text), "type text/*** and ***, ünïx ******");
+        let encoded = own.encoded();
+        assert_eq!(own.removed_from(&format!("Basic {encoded}")), "Basic ***");
     }
 
     #[test]

@@ -7,6 +7,9 @@ use memchr::memmem::Finder;
 /// Longest boundary; the standard allows 70 characters.
 const MAX_BOUNDARY: usize = 200;
 
+/// Most bytes before the first boundary.
+const MAX_PREAMBLE: usize = 64 << 10;
+
 /// Longest headers of a part, in bytes.
 const MAX_HEADERS: usize = 16 << 10;
 
@@ -120,8 +123,20 @@ impl<R: Read> Multipart<R> {
     /// # Errors
     /// The reader's; a body that ends before its last boundary; headers that are no headers.
     pub fn next(&mut self) -> Result<Option<Head>, Fault> {
-        if matches!(self.state, State::Preamble | State::Content) {
-            self.until_boundary(&mut |_| Ok(()))?;
+        match self.state {
+            State::Preamble => {
+                let mut length = 0;
+                let limited = self.until_boundary(&mut |bytes: &[u8]| {
+                    length += bytes.len();
+                    if length > MAX_PREAMBLE { Err(io::Error::other("too long")) } else { Ok(()) }
+                });
+                if length > MAX_PREAMBLE {
+                    return Err(Fault::Cut("there is no boundary in its first 64 KiB"));
+                }
+                limited?;
+            }
+            State::Content => self.until_boundary(&mut |_| Ok(()))?,
+            State::Headers | State::End => {}
         }
         match self.state {
             State::End => Ok(None),

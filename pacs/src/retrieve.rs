@@ -27,6 +27,9 @@ const MAX_FAILURES: usize = 3;
 /// Most parts of an answer that weren't asked for.
 const MAX_STRAYS: usize = 100;
 
+/// Most bytes of an instance: a larger one can't be opened.
+const MAX_INSTANCE_BYTES: u64 = 8 << 30;
+
 /// How far a retrieval is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
@@ -279,8 +282,15 @@ impl Job<'_> {
     ) -> Result<Option<String>, Error> {
         let mut received = self.folder.receive()?;
         let mut own = None;
+        let mut arrived = 0;
+        let server = self.session.client.name.clone();
         let content = parts.content(&mut |bytes| {
+            arrived += bytes.len() as u64;
             let mut write = || {
+                if arrived > MAX_INSTANCE_BYTES {
+                    let (found, most) = ("a larger instance".to_owned(), "8 GiB".to_owned());
+                    return Err(Error::TooLarge { server: server.clone(), found, most });
+                }
                 self.folder.make_room(bytes.len() as u64)?;
                 let path = received.path().to_owned();
                 received.write_all(bytes).map_err(|error| Error::file(&path, &error, "room to write"))
@@ -303,6 +313,14 @@ impl Job<'_> {
             Some(stated) if stated != length => Err(format!("a part of {length} bytes that states {stated}")),
             _ => identity(received.path()).and_then(|found| self.belongs(found, series, only)),
         };
+        // One that is there already was sent twice.
+        let checked = checked.and_then(|instance| {
+            if self.has(series, &instance) {
+                Err(format!("the instance {instance} once more"))
+            } else {
+                Ok(instance)
+            }
+        });
         match checked {
             Ok(instance) => {
                 self.folder.keep(received, series, &instance)?;

@@ -17,6 +17,7 @@ use super::{
     export::ExportArguments,
     pacs::PacsTask,
     parse::{self, LensArgument, View, keyword},
+    register::RegisterArguments,
     tracts::TractArguments,
     transform::TransformArguments,
 };
@@ -103,6 +104,8 @@ pub enum Task {
     Tracts(TractArguments),
     /// Describe a registration transform of another program, or convert it.
     Transform(TransformArguments),
+    /// Find the transform between two images.
+    Register(RegisterArguments),
     /// Report how the surface of a mask moved between two dates.
     Change(Box<ChangeArguments>),
     /// Write masks or regions as files of other programs.

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use glioscope_core::{
-    case::{Alignment, CaseGridChoice, LoadOptions},
+    Check,
+    case::{Alignment, CaseGridChoice, DateRegistration, LoadOptions, register_dates},
     files::{DEFAULT_MAX_BYTES, format::volume_names},
 };
 
-use super::terminal;
+use super::{register::ModelArgument, terminal};
 use crate::{
     error::AppError,
     model::{CaseRef, session},
@@ -38,6 +39,10 @@ pub struct MaskArguments {
     /// kept. Repeat for more.
     #[arg(long = "transform", value_name = "ID[@TIME]=FILE", value_parser = transform)]
     pub transforms: Vec<Alignment>,
+    /// Register each later date to the first one, by its images, without the masks grown by 5 mm: --register=affine also
+    /// scales and shears. What can't be registered is said and stays where its files say.
+    #[arg(long, value_enum, value_name = "MODEL", num_args = 0..=1, require_equals = true, default_missing_value = "rigid")]
+    pub register: Option<ModelArgument>,
     /// All files lie in one space, though they state several frames of reference.
     #[arg(long)]
     pub one_space: bool,
@@ -97,6 +102,14 @@ impl CaseArguments {
     /// # Errors
     /// [`AppError`] where none is given and `or_sample` is false, and for a session that can't be read.
     pub fn request(&self, or_sample: bool) -> Result<Request, AppError> {
+        let request = self.plain_request(or_sample)?;
+        match self.parts.register {
+            Some(model) => registered(request, model),
+            None => Ok(request),
+        }
+    }
+
+    fn plain_request(&self, or_sample: bool) -> Result<Request, AppError> {
         let options = self.options();
         match self.reference()? {
             Some(CaseRef::Path(path)) if session::is_session(&path) => {
@@ -123,6 +136,34 @@ impl CaseArguments {
         terminal::notes(&read.case.checks);
         Ok(read)
     }
+}
+
+/// The request with its dates registered.
+fn registered(mut request: Request, model: ModelArgument) -> Result<Request, AppError> {
+    let read = terminal::with_progress(|progress| load::read_at_once(request.clone(), progress))?;
+    let dates = terminal::with_progress(|progress| register_dates(&read.case, None, model.into(), progress))?;
+    if dates.is_empty() {
+        return Err(AppError::wrong(
+            "--register",
+            "no date to move",
+            "a case with several dates, some of them not moved yet",
+        ));
+    }
+    for DateRegistration { time, images, result, .. } in dates {
+        let images = images.map(|[first, own]| format!("{own} on {first}: ")).unwrap_or_default();
+        match result {
+            Ok(registered) => {
+                let warning = |text: &String| Check::warning("registered", format!("{time}: {images}{text}"));
+                request.findings.extend(registered.warnings.iter().map(warning));
+                request.options.alignments.push(registered.alignment);
+            }
+            Err(why) => request.findings.push(Check::warning(
+                "registration-failed",
+                format!("{time}: {images}{why}; it lies where its files say"),
+            )),
+        }
+    }
+    Ok(request)
 }
 
 fn transform(text: &str) -> Result<Alignment, String> {

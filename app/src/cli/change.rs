@@ -58,8 +58,9 @@ pub struct ChangeArguments {
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
     /// Registration error between the dates, in millimetres (standard deviation).
-    #[arg(long, value_name = "X", default_value_t = change::DEFAULT_REGISTRATION_MM, allow_hyphen_values = true)]
-    pub registration_mm: f64,
+    /// Without it 0.5, or what the consistency of --register says.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    pub registration_mm: Option<f64>,
     /// Level of detail of the skeleton: 0 core, 1 also branches from minima of the divergence, 2 also branches from
     /// tips of the boundary.
     #[arg(long, value_name = "0|1|2", value_enum, default_value = "0", hide_possible_values = true)]
@@ -71,7 +72,8 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     arguments.csv.iter().try_for_each(|path| case.inputs.refuse_as_output(path))?;
     let options = ChangeOptions {
         skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },
-        registration_mm: arguments.registration_mm,
+        registration_mm: arguments.registration_mm.unwrap_or(change::DEFAULT_REGISTRATION_MM),
+        uses_consistency: arguments.registration_mm.is_none(),
         ..ChangeOptions::default()
     };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());
@@ -107,7 +109,7 @@ fn table(r: &ChangeReport) -> String {
     ];
     if r.has_volumes_only() {
         let is_stated = r.flags.contains(&Flag::NotAligned);
-        let why = if is_stated { "not aligned: two frames of reference" } else { "no overlap: not aligned?" };
+        let why = if is_stated { "not aligned" } else { "no overlap: not aligned?" };
         lines.push(format!("{why}. Only volumes are compared"));
         return lines.join("\n");
     }
@@ -140,10 +142,14 @@ fn table(r: &ChangeReport) -> String {
             format::ml(cavities.to_ml)
         ));
     }
+    let is_measured = r.uncertainty_mm.registration_from == "consistency";
+    let from = if is_measured { " from the registration's consistency" } else { "" };
     let axes = r.uncertainty_mm.axes_mm.map(|mm| decimal::text(mm, 2)).join(", ");
     lines.push(format!(
-        "{} of {} vectors within uncertainty ({axes} mm along the axes of the case grid, registration {} mm)",
-        r.within_uncertainty, r.vectors, r.uncertainty_mm.registration_mm
+        "{} of {} vectors within uncertainty ({axes} mm along the axes of the case grid, registration {} mm{from})",
+        r.within_uncertainty,
+        r.vectors,
+        decimal::text(r.uncertainty_mm.registration_mm, 2)
     ));
     for (number, group) in r.components.iter().enumerate().take(20) {
         let ml = |parts: &[change::PartReport]| -> String {

@@ -21,11 +21,24 @@ pub(super) fn run(
     cross_check: bool,
 ) -> Result<(), AppError> {
     let archive = target.as_ref().filter(|path| archive::is_zip(path));
-    let unpacked =
-        archive.map(|path| archive::unpacked(path, parts.max_bytes, &Progress::new())).transpose()?;
+    let unpacked = match archive {
+        Some(path) => {
+            Some(terminal::with_progress(|progress| archive::unpacked(path, parts.max_bytes, progress))?)
+        }
+        None => None,
+    };
+    let is_archive = archive.is_some();
+    // A directory of files means the folder that it lies in.
+    let target = match target {
+        Some(path) if is_directory_file(&path) => {
+            let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+            Some(if folder.as_os_str().is_empty() { ".".into() } else { folder })
+        }
+        other => other,
+    };
     if let Some(path) = &target
         && path.is_file()
-        && archive.is_none()
+        && !is_archive
         && !is_manifest(path)
         && !session::is_session(path)
     {
@@ -44,7 +57,7 @@ pub(super) fn run(
         && !case::has_manifest(path)
         && case::is_study(path, &Progress::new())
     {
-        let studies = dicom::studies(path, &Progress::new())?;
+        let studies = terminal::with_progress(|progress| dicom::studies(path, progress))?;
         let json = || studies.json().map_err(|e| AppError::file(path, e.to_string(), "finite numbers"));
         return if as_json { terminal::print_json_text(&json()?) } else { terminal::print(&studies.text()) };
     }
@@ -88,6 +101,10 @@ pub(super) fn run(
     }
     lines.extend(spec.notes.iter().map(|n| format!("{}: {}", n.code, n.message)));
     terminal::print(&lines.join("\n"))
+}
+
+fn is_directory_file(path: &Path) -> bool {
+    path.is_file() && path.file_name().is_some_and(|name| name.eq_ignore_ascii_case("DICOMDIR"))
 }
 
 fn is_manifest(path: &Path) -> bool {

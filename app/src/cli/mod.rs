@@ -13,6 +13,7 @@ mod measure;
 mod offscreen_app;
 mod pacs;
 mod parse;
+mod register;
 mod render;
 mod report;
 mod resolve;
@@ -88,6 +89,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
         Some(Task::Transform(arguments)) => transform::run(&arguments),
+        Some(Task::Register(arguments)) => register::run(&arguments),
         Some(Task::Pacs { task }) => pacs::run(task),
         Some(Task::Sample { out }) => sample::run(&out),
     }
@@ -95,6 +97,13 @@ fn execute(cli: Cli) -> Result<(), AppError> {
 
 fn open(case: &CaseArguments, window: WindowArguments) -> Result<(), AppError> {
     let WindowArguments { software, picture } = window;
+    if case.parts.register.is_some() {
+        return Err(AppError::wrong(
+            "--register",
+            "the window",
+            "a command, or Tools, Align dates in the window",
+        ));
+    }
     run::run(Start {
         case: case.reference()?,
         tracts: case.tracts.clone(),

@@ -4,7 +4,7 @@ use std::{
     fmt::Write as _,
     io::{IsTerminal, Write},
     sync::{
-        Arc,
+        Arc, Mutex, Once, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
     thread,
@@ -14,7 +14,7 @@ use std::{
 use glioscope_core::{
     Check, Progress, Severity,
     case::CaseSpec,
-    files::{is_misleading, printable},
+    files::{archive::remove_unpacked, is_misleading, printable},
 };
 
 use crate::error::AppError;
@@ -118,9 +118,7 @@ pub fn assumed(sentence: &str) {
 /// The job's error.
 pub fn with_progress<T: Send, E: Send>(job: impl FnOnce(&Progress) -> Result<T, E> + Send) -> Result<T, E> {
     let progress = Progress::new();
-    let cancel = progress.clone();
-    // A second call in one process keeps the first handler, which then cancels only the finished job.
-    let _ = ctrlc::set_handler(move || cancel.cancel());
+    let _current = Current::new(&progress);
     if !std::io::stderr().is_terminal() {
         return job(&progress);
     }
@@ -133,6 +131,40 @@ pub fn with_progress<T: Send, E: Send>(job: impl FnOnce(&Progress) -> Result<T, 
         done.store(true, Ordering::Relaxed);
         result
     })
+}
+
+/// The job that a signal cancels.
+static CURRENT: Mutex<Option<Progress>> = Mutex::new(None);
+
+/// Makes a job the one that is cancelled, as long as it lives.
+struct Current;
+
+impl Current {
+    fn new(progress: &Progress) -> Self {
+        static HANDLER: Once = Once::new();
+        // Once for the process: interrupt, terminate and hang-up.
+        HANDLER.call_once(|| {
+            let _ = ctrlc::set_handler(|| {
+                let current = CURRENT.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                match current {
+                    Some(job) if job.check().is_ok() => job.cancel(),
+                    // Between jobs, or once more while one is being cancelled.
+                    _ => {
+                        remove_unpacked();
+                        std::process::exit(130);
+                    }
+                }
+            });
+        });
+        *CURRENT.lock().unwrap_or_else(PoisonError::into_inner) = Some(progress.clone());
+        Self
+    }
+}
+
+impl Drop for Current {
+    fn drop(&mut self) {
+        *CURRENT.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
 }
 
 fn show_progress(progress: &Progress, done: &AtomicBool) {

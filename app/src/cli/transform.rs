@@ -6,13 +6,13 @@ use clap::{Args, ValueEnum};
 use glam::{DAffine3, DMat4, DVec3};
 use glioscope_core::{
     Progress,
-    files::{self, ReadOptions, Source},
+    files::{self, Inputs, ReadOptions, Source},
     transform::{self, Convention, Format, Given, ImageGeometry, Images, Transform},
 };
 use serde_json::{Value, json};
 
 use super::terminal;
-use crate::error::AppError;
+use crate::{error::AppError, output};
 
 /// Arguments of `transform`.
 #[derive(Debug, Args)]
@@ -33,6 +33,9 @@ pub struct TransformArguments {
     /// moving one.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Write over a file that exists.
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// As JSON: see docs/json.md.
     #[arg(long)]
     pub json: bool,
@@ -66,7 +69,7 @@ impl Meaning {
 }
 
 pub(super) fn run(arguments: &TransformArguments) -> Result<(), AppError> {
-    let TransformArguments { file, convention, fixed, moving, out, json } = arguments;
+    let TransformArguments { file, convention, fixed, moving, out, force, json } = arguments;
     let images = match (fixed, moving) {
         (Some(fixed), Some(moving)) => Some(Images { fixed: geometry(fixed)?, moving: geometry(moving)? }),
         _ => None,
@@ -83,7 +86,9 @@ pub(super) fn run(arguments: &TransformArguments) -> Result<(), AppError> {
     };
     let read = transform::read(file, &given)?;
     if let Some(out) = out {
-        write(out, file, &read)?;
+        let inputs = std::iter::once(file).chain(fixed).chain(moving).cloned();
+        output::refuse(out, &Inputs::new(inputs), *force)?;
+        write(out, &read)?;
     }
     if *json {
         terminal::print_json(&described(format, &read))
@@ -97,10 +102,7 @@ fn geometry(path: &Path) -> Result<ImageGeometry, AppError> {
     Ok(ImageGeometry::of(loaded.volume.grid()))
 }
 
-fn write(out: &Path, input: &Path, transform: &Transform) -> Result<(), AppError> {
-    if files::absolute(out) == files::absolute(input) {
-        return Err(AppError::file(out, "the transform that is read", "another file"));
-    }
+fn write(out: &Path, transform: &Transform) -> Result<(), AppError> {
     let ending = out.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     match ending.as_deref() {
         Some("tfm" | "txt") => transform::write_itk(out, transform)?,
@@ -109,7 +111,7 @@ fn write(out: &Path, input: &Path, transform: &Transform) -> Result<(), AppError
     Ok(())
 }
 
-fn rows(affine: DAffine3) -> [[f64; 4]; 4] {
+pub(super) fn rows(affine: DAffine3) -> [[f64; 4]; 4] {
     DMat4::from(affine).transpose().to_cols_array_2d()
 }
 

@@ -52,6 +52,9 @@ pub enum AppCommand {
     ToggleDark,
     ShowMasks,
     ShowMakeMask,
+    ShowAlign,
+    ChooseTransform(String),
+    AlignByFile(String, PathBuf),
     ShowAbout,
     Quit,
 }
@@ -109,11 +112,14 @@ impl AppCommand {
             AppKind::ToggleDark => vec![listed(Self::ToggleDark).menu(Menu::View, 0)],
             AppKind::ShowMasks => vec![listed(Self::ShowMasks).menu(Menu::Colors, 2)],
             AppKind::ShowMakeMask => vec![listed(Self::ShowMakeMask).menu(Menu::Edit, 1)],
+            AppKind::ShowAlign => vec![listed(Self::ShowAlign).menu(Menu::Tools, 2)],
             AppKind::ShowAbout => vec![listed(Self::ShowAbout).key(Key::F1).menu(Menu::Help, 0)],
             AppKind::Quit => vec![listed(Self::Quit).keys(CTRL, Key::Q).menu(Menu::File, 3)],
             AppKind::Open
             | AppKind::OpenSession
             | AppKind::AddTracts
+            | AppKind::ChooseTransform
+            | AppKind::AlignByFile
             | AppKind::SaveSessionTo
             | AppKind::CancelLoading
             | AppKind::OpenFiles
@@ -197,6 +203,10 @@ impl AppCommand {
             Self::ShowPacs => Label::new("Open from PACS…").detail("Studies of an archive, by DICOMweb"),
             Self::ShowMakeMask => Label::new("Make a mask of the selection…")
                 .detail("Of what is shown, of what is in the lens, of one piece, or where masks agree"),
+            Self::ShowAlign => Label::new("Align dates…")
+                .detail("By registration, by a transform of another program, or by hand"),
+            Self::ChooseTransform(_) => Label::new("Choose a transform"),
+            Self::AlignByFile(..) => Label::new("Move the date by a transform"),
             Self::ShowAbout => Label::new("About Glioscope"),
             Self::Quit => Label::new("Quit"),
         }
@@ -227,7 +237,9 @@ impl AppCommand {
             | Self::ScreenshotPane(_) => work.doc.is_some(),
             // The sample has no files.
             Self::ShowCaseFiles => work.doc.as_ref().is_some_and(|doc| doc.case != CaseRef::Sample),
-            Self::GoToGrowth => work.world.time_point_count() > 1,
+            Self::GoToGrowth | Self::ShowAlign | Self::ChooseTransform(_) | Self::AlignByFile(..) => {
+                work.world.time_point_count() > 1
+            }
             Self::ExportRulers(_) | Self::ExportRulersTo(_) => {
                 work.doc.as_ref().is_some_and(|doc| !doc.edit.rulers.is_empty())
             }

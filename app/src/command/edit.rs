@@ -5,7 +5,11 @@ use std::collections::BTreeSet;
 use egui::{Key, Modifiers};
 use egui_tiles::Tree;
 use glam::DVec3;
-use glioscope_core::{Regions, Selection, optics::Camera};
+use glioscope_core::{
+    Regions, Selection,
+    case::{Alignment, TimePoint},
+    optics::Camera,
+};
 use glioscope_render::{
     ClipPlane, Coloring, Lens, LightingMode, Palette, Preset, TransferFunction,
     flat::{Overlay, Window},
@@ -17,9 +21,9 @@ use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
         ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions, OverlapMode, PaneId,
-        Ruler, Shading,
+        Ruler, SecondImage, Shading,
         document::{default_lens, tumor_radius_mm},
-        layout,
+        layout::{self, Task},
         made::{MOST_MADE, MadeMask},
         masks::MaskLook,
         overlap::{regions_of_mask, with_mask_toggled},
@@ -86,9 +90,22 @@ pub enum EditCommand {
     MaximizePane(PaneId),
     SetLayout(Box<Tree<PaneId>>),
     ResetLayout,
+    SetTask(Task),
+    // Registration.
+    SetAlignments(Vec<Alignment>),
 }
 
 const CTRL: Modifiers = Modifiers::COMMAND;
+
+/// The image that goes over `first` at a date: PET where there is one, by its name, else another one.
+fn second_of(time_point: &TimePoint, first: Option<&str>) -> Option<SecondImage> {
+    let others = || time_point.contexts.iter().map(|c| &c.id).filter(|id| Some(id.as_str()) != first);
+    let is_pet = |id: &&String| {
+        id.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| word == "pet" || word == "pt")
+    };
+    let id = others().find(is_pet).or_else(|| others().next())?.clone();
+    Some(SecondImage { id, time: None })
+}
 
 impl EditCommand {
     /// The commands of `kind` that need no further input.
@@ -140,6 +157,10 @@ impl EditCommand {
                 .collect(),
             EditKind::MaximizePane => PaneId::all().map(|pane| listed(Self::MaximizePane(pane))).collect(),
             EditKind::ResetLayout => vec![listed(Self::ResetLayout).menu(Menu::View, 1)],
+            EditKind::SetTask => Task::VARIANTS
+                .iter()
+                .map(|task| listed(Self::SetTask(*task)).menu(Menu::Layouts, 0))
+                .collect(),
             EditKind::ToggleRegion
             | EditKind::OnlyRegion
             | EditKind::SetRegion
@@ -166,6 +187,7 @@ impl EditCommand {
             | EditKind::SetWindow
             | EditKind::SetOverlayOpacity
             | EditKind::SetFusion
+            | EditKind::SetAlignments
             | EditKind::SetLayout => Vec::new(),
         }
     }
@@ -249,6 +271,8 @@ impl EditCommand {
             }
             Self::SetLayout(_) => Label::new("Arrange panes"),
             Self::ResetLayout => Label::new("Default layout"),
+            Self::SetAlignments(_) => Label::new("Move dates and images"),
+            Self::SetTask(task) => Label::new(format!("Layout: {}", task.name())).detail(task.detail()),
         }
     }
 
@@ -410,6 +434,16 @@ impl EditCommand {
             Self::ResetLayout => {
                 edit.layout = layout::default_layout(world.time_point_count(), regions.mask_ids().len());
                 edit.maximized = None;
+            }
+            Self::SetAlignments(alignments) => edit.alignments.clone_from(alignments),
+            Self::SetTask(task) => {
+                edit.layout = task.layout(world.time_point_count(), regions.mask_ids().len());
+                edit.maximized = None;
+                if *task == Task::Fusion && edit.fusion.second.is_none() {
+                    let first = nav.context.as_ref();
+                    let second = second_of(time_point, first.map(String::as_str));
+                    edit.fusion = edit.fusion.showing(second, false);
+                }
             }
         }
     }

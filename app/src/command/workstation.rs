@@ -210,6 +210,29 @@ impl Workstation {
         }
     }
 
+    /// Reads the open case again where its transforms were changed: by a command, by undo or redo. Call it every frame.
+    pub fn follow_alignments(&mut self, wake: Waker) {
+        let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return };
+        if doc.edit.alignments == self.options.alignments || self.job.is_some() {
+            return;
+        }
+        match Session::of(doc, case) {
+            Ok(session) => {
+                let session_path = self.session_path.clone();
+                let request = Request::of_session(session, &[], &self.limits());
+                self.start(Request { session_path, is_unsaved: true, realigns: true, ..request }, wake);
+            }
+            Err(error) => self.error = Some(error.into()),
+        }
+    }
+
+    /// Takes back transforms with which the case can't be read.
+    fn drop_alignments(&mut self) {
+        if let Some(doc) = &mut self.doc {
+            doc.edit.alignments.clone_from(&self.options.alignments);
+        }
+    }
+
     /// Opens the case again with additional files of fibre tracts, keeping the current document.
     pub fn add_tracts(&mut self, files: &[PathBuf], wake: Waker) {
         let (Some(doc), Some(case)) = (&self.doc, self.world.case()) else { return };
@@ -364,6 +387,10 @@ impl Workstation {
                 if request.session.as_ref().is_some_and(|session| session.origin.is_none()) {
                     opened.document = self.document_for(&opened.loaded.case).or(opened.document);
                 }
+                let kept = request.realigns.then(|| {
+                    let alignments = self.doc.as_ref().map(|doc| doc.edit.alignments.clone());
+                    (std::mem::take(&mut self.history), self.saved.take(), alignments)
+                });
                 self.install_opened(opened);
                 if let (true, Some(before), Some(case), Some(doc)) =
                     (request.edits, before, self.world.case(), &mut self.doc)
@@ -374,6 +401,13 @@ impl Workstation {
                 let corrected = |accepted: &Accepted| accepted.case.is_some() && !accepted.silently;
                 if is_unsaved || (of_session && accepted.as_ref().is_some_and(corrected)) {
                     self.saved = None;
+                }
+                if let Some((history, saved, alignments)) = kept {
+                    (self.history, self.saved) = (history, saved);
+                    // Changed once more meanwhile: the case is read again.
+                    if let (Some(doc), Some(alignments)) = (&mut self.doc, alignments) {
+                        doc.edit.alignments = alignments;
+                    }
                 }
                 self.case_key.clear();
                 if let Some(accepted) = accepted {
@@ -399,6 +433,9 @@ impl Workstation {
                 if let Some(accepted) = accepted.filter(|accepted| accepted.silently && failed) {
                     // Next time it is asked about.
                     self.answers.forget(&accepted.key);
+                }
+                if request.realigns {
+                    self.drop_alignments();
                 }
                 if failed {
                     self.error = Some(error);

@@ -81,6 +81,9 @@ pub struct Edit {
     /// Whether outlines on slices are solid, dashed and dotted in turn.
     #[serde(default)]
     pub outline_patterns: bool,
+    /// Registration transforms in addition to the case's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alignments: Vec<Alignment>,
     /// A second image on slices.
     #[serde(default)]
     pub fusion: Fusion,
@@ -212,9 +215,6 @@ pub struct Document {
     /// Id of the mask or image whose grid is the case grid; `None`: the finest mask.
     #[serde(default)]
     pub case_grid: Option<String>,
-    /// Registration transforms in addition to the case's.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub alignments: Vec<Alignment>,
     /// Whether the user said that all files lie in one space, whatever frames of reference they state.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub one_space: bool,
@@ -269,9 +269,9 @@ pub fn tumor_radius_mm(time_point: &TimePoint) -> f64 {
 impl Document {
     /// Whether `other` is of the same case, read alike, with the same content.
     pub fn same_work(&self, other: &Self) -> bool {
-        let Self { case, tracts, order, case_grid, alignments, one_space, edit, nav: _ } = self;
+        let Self { case, tracts, order, case_grid, one_space, edit, nav: _ } = self;
         (case, tracts, order, case_grid) == (&other.case, &other.tracts, &other.order, &other.case_grid)
-            && (alignments, one_space) == (&other.alignments, &other.one_space)
+            && *one_space == other.one_space
             && edit.same_work(&other.edit)
     }
 
@@ -290,7 +290,6 @@ impl Document {
             tracts: Vec::new(),
             order: Vec::new(),
             case_grid: None,
-            alignments: Vec::new(),
             one_space: false,
             edit: Edit {
                 selection: HiddenRegions::none(),
@@ -300,6 +299,7 @@ impl Document {
                 overlay: Overlay::Both,
                 overlay_opacity: 0.2,
                 outline_patterns: false,
+                alignments: Vec::new(),
                 fusion: Fusion::default(),
                 palette: Palette::default(),
                 coloring: Coloring::Masks,
@@ -338,7 +338,7 @@ impl Document {
     pub fn set_source(&mut self, case: CaseRef, tracts: Vec<PathBuf>, options: &LoadOptions) {
         self.case = case;
         self.tracts = tracts;
-        self.alignments.clone_from(&options.alignments);
+        self.edit.alignments.clone_from(&options.alignments);
         self.one_space = options.one_space;
         self.order.clone_from(&options.order);
         self.case_grid = match &options.case_grid {

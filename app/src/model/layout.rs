@@ -2,6 +2,7 @@
 
 use super::pane::PaneId;
 use egui_tiles::{Container, Linear, LinearDir, Tile, TileId, Tiles, Tree};
+use strum::VariantArray;
 
 /// Panes by what the case holds. Right: the three slices. With one time point, left the closeup above the context view,
 /// in the middle the ellipsoid diagram above the overlap diagram. With several, the change view takes the closeup's
@@ -28,6 +29,104 @@ pub fn default_layout(time_point_count: usize, mask_count: usize) -> Tree<PaneId
     let middle = linear(&mut tiles, LinearDir::Vertical, &[(second, 1.0), (overlap, overlap_share)]);
     let root = linear(&mut tiles, LinearDir::Horizontal, &[(left, 1.25), (middle, 1.0), (right, 0.85)]);
     Tree::new(egui::Id::unique("layout"), root, tiles)
+}
+
+/// Arrangements of panes by what a reader does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, VariantArray)]
+pub enum Task {
+    /// Several masks of one date.
+    CompareMasks,
+    /// Several dates.
+    FollowUp,
+    /// Several images over each other.
+    Fusion,
+    /// To a patient or a colleague.
+    Explain,
+    /// Slices alone.
+    Read,
+}
+
+impl Task {
+    /// Its name in the menu.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::CompareMasks => "Compare masks",
+            Self::FollowUp => "Follow-up",
+            Self::Fusion => "PET and MR",
+            Self::Explain => "Explain",
+            Self::Read => "Read",
+        }
+    }
+
+    /// What it shows.
+    pub fn detail(self) -> &'static str {
+        match self {
+            Self::CompareMasks => "Closeup, anatomy, ellipsoids, overlaps and slices of one date",
+            Self::FollowUp => "Change in front, prior and current slices side by side",
+            Self::Fusion => "Large slices with a second image over the first, and the anatomy",
+            Self::Explain => "Ellipsoids, the tumour and its anatomy, without tables",
+            Self::Read => "Slices only",
+        }
+    }
+
+    /// Whether a case with so many dates, images of a date and masks has anything to show in it.
+    pub fn suits(self, dates: usize, images: usize, masks: usize) -> bool {
+        match self {
+            Self::CompareMasks => masks > 1,
+            Self::FollowUp => dates > 1,
+            Self::Fusion => images > 1,
+            Self::Explain => masks > 0,
+            Self::Read => images > 0,
+        }
+    }
+
+    /// Its panes.
+    pub fn layout(self, dates: usize, masks: usize) -> Tree<PaneId> {
+        use PaneId as P;
+        let mut tiles = Tiles::default();
+        let mut pane = |pane| tiles.insert_pane(pane);
+        let [axial, coronal, sagittal] = SLICES.map(&mut pane);
+        let rows = |tiles: &mut Tiles<PaneId>, all: &[(TileId, f32)]| linear(tiles, LinearDir::Vertical, all);
+        let columns =
+            |tiles: &mut Tiles<PaneId>, all: &[(TileId, f32)]| linear(tiles, LinearDir::Horizontal, all);
+        let root = match self {
+            Self::CompareMasks => return default_layout(1, masks),
+            Self::FollowUp => {
+                let [change, side, dates, overlap] =
+                    [P::Change, P::SideBySide, P::Dates, P::Overlap].map(|pane| tiles.insert_pane(pane));
+                let numbers = tiles.insert_tab_tile(vec![dates, overlap]);
+                let left = rows(&mut tiles, &[(change, 1.3), (numbers, 1.0)]);
+                let below = columns(&mut tiles, &[(axial, 1.0), (coronal, 1.0), (sagittal, 1.0)]);
+                let right = rows(&mut tiles, &[(side, 1.3), (below, 1.0)]);
+                columns(&mut tiles, &[(left, 1.0), (right, 1.6)])
+            }
+            Self::Fusion => {
+                let [context, overlap] = [P::Context, P::Overlap].map(|pane| tiles.insert_pane(pane));
+                let middle = rows(&mut tiles, &[(coronal, 1.0), (sagittal, 1.0)]);
+                let right = rows(&mut tiles, &[(context, 1.2), (overlap, 1.0)]);
+                columns(&mut tiles, &[(axial, 1.6), (middle, 0.9), (right, 1.0)])
+            }
+            Self::Explain => {
+                let [ellipsoids, closeup, context] =
+                    [P::Ellipsoids, P::Closeup, P::Context].map(|pane| tiles.insert_pane(pane));
+                let right = rows(&mut tiles, &[(context, 1.0), (axial, 1.0)]);
+                let left = rows(&mut tiles, &[(ellipsoids, 1.0), (closeup, 1.0)]);
+                let _ = [coronal, sagittal].map(|tile| tiles.remove(tile));
+                columns(&mut tiles, &[(left, 1.4), (right, 1.0)])
+            }
+            Self::Read => {
+                let slices = [(axial, 1.0), (coronal, 1.0), (sagittal, 1.0)];
+                let all = columns(&mut tiles, &slices);
+                if dates < 2 {
+                    all
+                } else {
+                    let side = tiles.insert_pane(P::SideBySide);
+                    rows(&mut tiles, &[(side, 1.2), (all, 1.0)])
+                }
+            }
+        };
+        Tree::new(egui::Id::unique("layout"), root, tiles)
+    }
 }
 
 fn linear(tiles: &mut Tiles<PaneId>, dir: LinearDir, children: &[(TileId, f32)]) -> TileId {
@@ -233,6 +332,34 @@ mod tests {
                 assert_eq!(root.num_children(), 3, "{closed:?}: no further column");
             }
         }
+    }
+
+    #[test]
+    fn tasks_have_their_panes_once_and_in_front() {
+        use PaneId as P;
+        for (task, dates, front) in [
+            (Task::CompareMasks, 1, vec![P::Closeup, P::Overlap, P::Axial]),
+            (Task::FollowUp, 2, vec![P::Change, P::SideBySide, P::Dates, P::Axial]),
+            (Task::Fusion, 1, vec![P::Axial, P::Coronal, P::Sagittal, P::Context]),
+            (Task::Explain, 1, vec![P::Ellipsoids, P::Closeup, P::Context, P::Axial]),
+            (Task::Read, 1, vec![P::Axial, P::Coronal, P::Sagittal]),
+            (Task::Read, 3, vec![P::SideBySide, P::Axial]),
+        ] {
+            let mut layout = task.layout(dates, 3);
+            simplified(&mut layout);
+            let active = layout.active_tiles();
+            for pane in front {
+                let tile = layout.tiles.find_pane(&pane).unwrap_or_else(|| panic!("{task:?} {pane:?}"));
+                assert!(active.contains(&tile), "{task:?} {pane:?}");
+            }
+            let panes = layout.tiles.iter().filter(|(_, tile)| matches!(tile, Tile::Pane(_))).count();
+            let reached = active.iter().filter(|id| layout.tiles.get_pane(id).is_some()).count();
+            assert!(panes >= reached && panes <= reached + 3, "{task:?}: {panes} {reached}");
+        }
+        assert!(!Task::FollowUp.suits(1, 3, 3) && Task::FollowUp.suits(2, 1, 1));
+        assert!(
+            !Task::Fusion.suits(2, 1, 1) && !Task::CompareMasks.suits(1, 1, 1) && !Task::Read.suits(1, 0, 2)
+        );
     }
 
     #[test]

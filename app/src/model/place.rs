@@ -27,8 +27,8 @@ pub struct Place {
 impl Place {
     /// Where the case of a document lies.
     pub fn of(document: &Document) -> Self {
-        let Document { case, tracts, alignments, .. } = document;
-        Self { case: case.clone(), tracts: tracts.clone(), alignments: alignments.clone() }
+        let Document { case, tracts, edit, .. } = document;
+        Self { case: case.clone(), tracts: tracts.clone(), alignments: edit.alignments.clone() }
     }
 
     /// With absolute paths, where these are relative to the current folder.

@@ -107,7 +107,7 @@ pub fn save(path: &Path, document: &Document, case: &Case, files: &[FileMark]) -
     let mut document = document.clone();
     let place = Place::of(&document).absolute();
     let relative = place.relative_to(folder);
-    (document.case, document.tracts, document.alignments) = (place.case, place.tracts, place.alignments);
+    (document.case, document.tracts, document.edit.alignments) = (place.case, place.tracts, place.alignments);
     let marks = files.iter().map(|mark| {
         let file = relative_to(&mark.file, folder);
         FileMark { file, ..mark.clone() }

@@ -83,7 +83,7 @@ fn neighbors(name: &str, found: u32) -> Checked {
 /// Checks every number of a document; `json` is the document as read.
 pub(super) fn check(document: &Document, json: &Value) -> Checked {
     count("tracts", document.tracts.len(), MOST_ENTRIES)?;
-    count("alignments", document.alignments.len(), MOST_ENTRIES)?;
+    count("alignments", document.edit.alignments.len(), MOST_ENTRIES)?;
     count("order", document.order.len(), MOST_ENTRIES)?;
     if let CaseRef::Files { left_out, .. } = &document.case {
         count("left_out", left_out.len(), MOST_ENTRIES)?;

@@ -195,6 +195,7 @@ pub(super) mod tests {
             time_points: vec![time_point("jan", ["A", "B"], "T1"), time_point("feb", ["B", "C"], "FLAIR")],
             order: OrderBasis::Stated,
             tracts: Vec::new(),
+            one_space: false,
             aligned: Vec::new(),
             checks: Vec::new(),
             inputs: Inputs::default(),

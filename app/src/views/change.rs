@@ -257,10 +257,17 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
         let response = ui.add(drag.prefix("± "));
         response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "End of the colour scale"));
     }
-    let drag = egui::DragValue::new(&mut new.registration_mm).range(0.0..=20.0).speed(0.02).suffix(" mm");
-    let response = ui.add(drag.prefix("registration ± "));
-    response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Registration error"));
-    response.on_hover_text("How far off the two dates may lie from one another (standard deviation)");
+    let measured = input.compared.map(|compared| compared.report.uncertainty_mm);
+    if let Some(measured) = measured.filter(|measured| measured.registration_from == "consistency") {
+        let text = format!("registration ± {:.2} mm", measured.registration_mm);
+        ui.label(text)
+            .on_hover_text("From the consistency of the registration that was run (standard deviation)");
+    } else {
+        let drag = egui::DragValue::new(&mut new.registration_mm).range(0.0..=20.0).speed(0.02).suffix(" mm");
+        let response = ui.add(drag.prefix("registration ± "));
+        response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Registration error"));
+        response.on_hover_text("How far off the two dates may lie from one another (standard deviation)");
+    }
     ui.checkbox(&mut new.on_slices, "on slices").on_hover_text("Slices show both outlines and what changed");
     if new != *setting {
         out.push(EditCommand::SetChange(Box::new(new)));
@@ -397,7 +404,7 @@ fn flag_text(flag: Flag) -> Option<&'static str> {
         Flag::FromEmpty => "nothing at the earlier date",
         Flag::ToEmpty => "nothing at the later date",
         Flag::NoOverlap => "no overlap: not aligned? Only volumes are compared",
-        Flag::NotAligned => "not aligned: two frames of reference. Only volumes are compared",
+        Flag::NotAligned => "not aligned (Tools, Align dates): only volumes are compared",
         Flag::Vanished => "components vanished: no counterpart",
         Flag::Appeared => "components appeared: no counterpart",
         Flag::Split => "components split",

@@ -23,6 +23,8 @@ pub enum Purpose {
     OpenFile,
     /// Open a folder as a case.
     OpenFolder,
+    /// Choose a registration transform that moves this date.
+    Transform(String),
     /// Save the session.
     SaveSession,
     /// Write the manifest of the case.
@@ -41,7 +43,7 @@ impl Purpose {
     /// Proposed name of the file to write; `None` for dialogs that open a file or folder.
     pub fn file_name(&self) -> Option<String> {
         Some(match self {
-            Self::OpenFile | Self::OpenFolder => return None,
+            Self::OpenFile | Self::OpenFolder | Self::Transform(_) => return None,
             Self::SaveSession => format!("case.{}", session::EXTENSION),
             Self::Manifest => "case.toml".into(),
             Self::Picture(pane) => format!("{}.png", pane.map_or("window", PaneId::tab).to_lowercase()),
@@ -57,6 +59,7 @@ impl Purpose {
         match self {
             Self::OpenFile => "Open a case",
             Self::OpenFolder => "Open a folder as a case",
+            Self::Transform(_) => "A transform that moves the date",
             Self::SaveSession => "Save the session",
             Self::Manifest => "Save the case's manifest",
             Self::Picture(_) => "Save the picture",
@@ -91,6 +94,7 @@ impl Purpose {
         let path = self.complete(path);
         match self {
             Self::OpenFile | Self::OpenFolder => open_command(path),
+            Self::Transform(time) => AppCommand::AlignByFile(time.clone(), path).into(),
             Self::SaveSession => AppCommand::SaveSessionTo(path).into(),
             Self::Manifest => AppCommand::SaveManifestTo(path).into(),
             Self::Picture(pane) => AppCommand::ScreenshotTo(*pane, path).into(),
@@ -150,6 +154,9 @@ pub fn desktop_chooser() -> Chooser {
         }
         let answer = match (purpose, purpose.file_name()) {
             (Purpose::OpenFolder, _) => dialog.pick_folder(),
+            (Purpose::Transform(_), _) => {
+                dialog.add_filter("Transforms", &["tfm", "txt", "mat", "lta", "dat"]).pick_file()
+            }
             (_, None) => dialog
                 .add_filter(format!("Cases, {} files, sessions", volume_names()), &case_filter())
                 .pick_file(),

@@ -1,6 +1,7 @@
 //! The window: menu, warnings, panes, status line. Commands of the views are carried out after everything is drawn.
 
 pub mod about;
+mod align;
 pub mod autosave;
 mod case_files;
 pub mod dialogs;
@@ -54,6 +55,7 @@ use crate::{
         jobs::{Ask, Job, Waker},
     },
 };
+use align::Align;
 use autosave::Autosave;
 use dialogs::{Choice, Chooser, Dialog, Purpose};
 use glioscope_pacs::InUse;
@@ -79,6 +81,8 @@ struct OpenParts {
     pacs: Option<PacsDialog>,
     /// The dialog that makes a mask.
     make_mask: Option<MakeMask>,
+    /// The window that aligns dates.
+    align: Option<Align>,
     /// The list of warnings.
     warnings: bool,
     /// The dialog to type a path, with the text so far.
@@ -250,6 +254,7 @@ impl GlioscopeApp {
         case_files::show(ui, &mut self.work, &mut self.thumbnails, covered, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         make_mask::show(ui, &mut self.open.make_mask, &self.work, &mut out);
+        align::show(ui, &mut self.open.align, &self.work, &mut out);
         pacs::show(ui, &mut self.open.pacs, &mut self.in_use, &mut self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);
         about::show(ui, &mut self.open.about, gpu);
@@ -459,6 +464,7 @@ impl GlioscopeApp {
         if let Some(path) = self.work.poll(Waker::of(ctx)) {
             self.recent.add(&path);
         }
+        self.work.follow_alignments(Waker::of(ctx));
         if let Some(choice) = self.dialog.as_ref().and_then(Dialog::poll)
             && let Some(Dialog { purpose, .. }) = self.dialog.take()
         {

@@ -1,9 +1,9 @@
 //! Carries out commands that affect more than the document.
 
-use std::path::Path;
+use std::{path::Path, time::Instant};
 
 use super::{
-    GlioscopeApp,
+    GlioscopeApp, align,
     dialogs::{Dialog, Purpose},
     enlarged::Enlarged,
     make_mask::MakeMask,
@@ -12,7 +12,7 @@ use super::{
     typed_path::TypedPath,
 };
 use crate::{
-    command::AppCommand,
+    command::{AppCommand, EditCommand},
     error::AppError,
     export::{self, Export, Format, What},
     model::{
@@ -28,7 +28,7 @@ use crate::{
 use egui::Context;
 use glioscope_core::{
     case::{CaseSpec, LoadOptions},
-    files::write_whole,
+    files::{absolute, write_whole},
 };
 
 impl GlioscopeApp {
@@ -96,6 +96,18 @@ impl GlioscopeApp {
             AppCommand::ShowMasks => self.open.masks = true,
             AppCommand::ShowPacs => self.open.pacs = Some(PacsDialog::new()),
             AppCommand::ShowMakeMask => self.open.make_mask = Some(MakeMask::new(&self.work)),
+            AppCommand::ShowAlign => {
+                self.open.align.get_or_insert_default();
+            }
+            AppCommand::ChooseTransform(time) => self.open_file_dialog(ctx, Purpose::Transform(time.clone())),
+            AppCommand::AlignByFile(time, path) => {
+                let align = self.open.align.get_or_insert_default();
+                let alignment = align.by_file(time.clone(), absolute(path));
+                if let Some(doc) = &self.work.doc {
+                    let alignments = align::with_date(doc, time, Some(alignment));
+                    self.work.apply(&EditCommand::SetAlignments(alignments).into(), Instant::now());
+                }
+            }
             AppCommand::ShowAbout => self.open.about = true,
             AppCommand::ToggleDark => {
                 let is_dark = ctx.global_style().visuals.dark_mode;

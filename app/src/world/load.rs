@@ -42,10 +42,14 @@ pub struct Request {
     pub files: Vec<PathBuf>,
     /// Whether the user wants to say again what the files of the open case are.
     pub edits: bool,
+    /// Whether the open case is read again because its transforms changed: undo and redo stay.
+    pub realigns: bool,
     /// Whether dates without an order in time are taken as they are listed.
     pub unasked_order: bool,
     /// Options of loading.
     pub options: LoadOptions,
+    /// What was found before it is read.
+    pub findings: Vec<Check>,
 }
 
 impl Request {
@@ -376,6 +380,7 @@ fn read(
     progress: &Progress,
 ) -> Result<ReadCase, AppError> {
     let Found { mut place, mut spec, files, mut findings, .. } = found;
+    findings.extend(request.findings);
     let mut options = request.options;
     // Of the session; one given now replaces one of the same target.
     let given = |target: &str| options.alignments.iter().any(|alignment| alignment.target() == target);

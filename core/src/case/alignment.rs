@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat4};
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::{CaseError, CaseSpec, native::at_time};
+use super::{CaseError, CaseSpec, names::at_time};
 use crate::{
     Check, Grid, Progress,
     check::listed,
@@ -14,6 +14,10 @@ use crate::{
     transform::{self, Convention, Format, Given, ImageGeometry, Images, Transform},
 };
 
+/// By how much a transform may multiply volumes.
+const SCALES: std::ops::RangeInclusive<f64> = 0.1..=10.0;
+/// Change of volumes, as a share, above which it is a warning.
+const SCALE_WARNING: f64 = 0.01;
 /// The word of FLIRT's matrices beside those of [`Convention`].
 const FLIRT: &str = "flirt";
 
@@ -54,6 +58,9 @@ pub enum AlignedBy {
         moving_from_fixed: [[f64; 4]; 3],
         /// How it was found, in words.
         how: String,
+        /// How far repeated registrations differ at the tumour (95 %); `None` where it was not measured.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        consistency_mm: Option<f64>,
     },
 }
 
@@ -63,7 +70,15 @@ impl AlignedBy {
         let [x, y, z] = [moving_from_fixed.x_axis, moving_from_fixed.y_axis, moving_from_fixed.z_axis];
         let t = moving_from_fixed.translation;
         let row = |n: usize| [x[n], y[n], z[n], t[n]];
-        Self::Matrix { moving_from_fixed: [row(0), row(1), row(2)], how: how.into() }
+        let moving_from_fixed = [row(0), row(1), row(2)];
+        Self::Matrix { moving_from_fixed, how: how.into(), consistency_mm: None }
+    }
+
+    /// The numbers of a matrix; `None` of a file.
+    pub fn given(&self) -> Option<DAffine3> {
+        let Self::Matrix { moving_from_fixed: [x, y, z], .. } = self else { return None };
+        let column = |n: usize| glam::DVec3::new(x[n], y[n], z[n]);
+        Some(DAffine3::from_cols(column(0), column(1), column(2), column(3)))
     }
 
     /// What it is called in messages.
@@ -111,9 +126,8 @@ impl AlignedBy {
                 };
                 Ok(transform::read(path, &Given { format: Some(format), convention: known, images })?)
             }
-            Self::Matrix { moving_from_fixed: [x, y, z], how } => {
-                let column = |n: usize| glam::DVec3::new(x[n], y[n], z[n]);
-                let affine = DAffine3::from_cols(column(0), column(1), column(2), column(3));
+            Self::Matrix { how, .. } => {
+                let affine = self.given().unwrap_or(DAffine3::IDENTITY);
                 Transform::new(affine)
                     .map_err(|refusal| CaseError::wrong(how, refusal.found, refusal.expected))
             }
@@ -234,6 +248,8 @@ pub struct Aligned {
     pub is_mask: bool,
     /// How, in words: that of the item, then that of its date.
     pub by: Vec<String>,
+    /// How far repeated registrations of it differ at the tumour (95 %); `None` where that was not measured.
+    pub consistency_mm: Option<f64>,
     /// Maps RAS mm of its file to RAS mm of the case; as JSON four rows of four numbers.
     #[serde(serialize_with = "as_rows")]
     pub case_from_own: DAffine3,
@@ -251,6 +267,8 @@ pub(super) struct Transforms {
 /// The place of an image or mask in the case.
 pub(super) struct Moved {
     pub grid: Grid,
+    /// Whether its date was moved, so that it lies in the space of the case; otherwise only into that of its date.
+    pub with_date: bool,
     pub aligned: Aligned,
 }
 
@@ -300,6 +318,14 @@ impl Transforms {
         }
         let case_from_own =
             found.iter().fold(DAffine3::IDENTITY, |moved, (_, t)| t.fixed_from_moving() * moved);
+        let volumes = case_from_own.matrix3.determinant();
+        if !(SCALES.contains(&volumes)) {
+            let found = format!(
+                "a transform of {} that multiplies volumes by {volumes:.3e}",
+                at_time(id, time.unwrap_or_default())
+            );
+            return Err(CaseError::wrong(case, found, "0.1 to 10: one patient's scans"));
+        }
         let grid = Grid::new(own.dims(), case_from_own * own.world_from_voxel(), own.sides())
             .map_err(|e| CaseError::wrong(case, e.to_string(), "a transform to a usable grid"))?;
         let aligned = Aligned {
@@ -307,10 +333,21 @@ impl Transforms {
             time: time.unwrap_or_default().to_owned(),
             is_mask,
             by: found.iter().map(|(a, _)| a.by.name()).collect(),
+            consistency_mm: consistency(found.iter().map(|(a, _)| &a.by)),
             case_from_own,
         };
-        Ok(Some(Moved { grid, aligned }))
+        let with_date = found.iter().any(|(a, _)| a.id.is_none());
+        Ok(Some(Moved { grid, with_date, aligned }))
     }
+}
+
+/// That of transforms one after the other; unknown where that of any is.
+fn consistency<'a>(all: impl Iterator<Item = &'a AlignedBy>) -> Option<f64> {
+    let of = |by: &AlignedBy| match by {
+        AlignedBy::Matrix { consistency_mm, .. } => *consistency_mm,
+        AlignedBy::File { .. } => None,
+    };
+    all.map(of).try_fold(0.0_f64, |sum, mm| Some(sum.hypot(mm?)))
 }
 
 /// An image or mask, moved or not.
@@ -352,6 +389,16 @@ pub(super) fn checks(items: &[Item<'_>]) -> Vec<Check> {
         let by_mm = aligned.case_from_own.transform_point3(center).distance(center);
         // Its inverse turns as far.
         let turn_deg = Transform::new(aligned.case_from_own).map_or(0.0, |t| t.turn_deg());
+        let volumes = aligned.case_from_own.matrix3.determinant();
+        if item.is_mask && (volumes - 1.0).abs() > SCALE_WARNING {
+            let text = format!(
+                "{name}: moved by {}, which multiplies volumes by {}: volumes on the case grid, and their change, are of \
+                 the mask as it is moved; native volumes are the file's",
+                aligned.by.join(", then by "),
+                decimal::text(volumes, 3)
+            );
+            checks.push(Check::warning("aligned-scales", text));
+        }
         checks.push(Check::note(
             "aligned",
             format!(

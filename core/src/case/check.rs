@@ -2,11 +2,7 @@
 
 use glam::DVec3;
 
-use super::{
-    CaseMask, CaseSpec, OrderBasis,
-    native::{NativeMask, at_time},
-    values::Meaning,
-};
+use super::{CaseMask, CaseSpec, OrderBasis, names::at_time, native::NativeMask, values::Meaning};
 use crate::{
     Check, Components, Connectivity, Grid, Mask, Regions, Sides,
     dates::{is_shaped_as_date, iso_date},

@@ -471,8 +471,17 @@ fn guess(
     let split = labels_as_masks(folder, &mut entries, options, progress)?;
     let has_masks = entries.iter().any(|e| e.is_mask);
     let mut files: Vec<ProposedFile> = entries.into_iter().map(|e| proposed(folder, e)).collect();
-    let table = Scheme::beside(folder, &listing.tables);
-    files.iter_mut().for_each(|file| file.find_scheme(table.as_ref()));
+    for file in &mut files {
+        let relative = file.path.strip_prefix(folder).unwrap_or(&file.path).to_owned();
+        let table = Scheme::beside(folder, &listing.tables, &relative).unwrap_or_else(|why| {
+            let check = Check::warning("label-table-unused", format!("{why}; labels have no names of it"));
+            if file.role == Role::Mask && !notes.contains(&check) {
+                notes.push(check);
+            }
+            None
+        });
+        file.find_scheme(table.as_ref());
+    }
     tell_files_apart(&mut files);
     drop_alike_colors(&mut files);
     if let Some(labels) = &split {

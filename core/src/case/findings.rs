@@ -1,6 +1,6 @@
 //! Findings about the files of a case: those that say the same of several files are one.
 
-use super::native::at_time;
+use super::names::at_time;
 use crate::{Check, check::listed, files::Source};
 
 /// Ids listed in one finding at most; the others are counted.

@@ -14,7 +14,8 @@ use super::{
     alignment::{self, Item, Transforms},
     case_grid, check,
     findings::{self, Finding},
-    native::{NativeMask, at_time},
+    names::at_time,
+    native::NativeMask,
     order,
     origin::{self, Stated},
     select::{self, Rule, Selected},
@@ -289,11 +290,11 @@ pub fn load_with(
     let (mut images, mut masks) = (Vec::new(), Vec::new());
     let (mut findings, mut stated) = (Vec::new(), Vec::new());
     let reads = jobs.par_iter().map(|job| read_one(job, spec, progress, read)).collect::<Vec<_>>();
+    let is_one_space = spec.one_space || options.one_space;
     for (job, outcome) in jobs.iter().zip(reads) {
         let outcome = outcome?;
         findings.extend(outcome.findings);
         let own_grid = outcome.grid;
-        let is_one_space = spec.one_space || options.one_space;
         let frame = outcome.stated.as_ref().map(|stated| stated.origin.frame_of_reference.clone());
         let frame = frame.filter(|_| !is_one_space).unwrap_or_default();
         let mut all_moved = true;
@@ -301,6 +302,7 @@ pub fn load_with(
             let MaskSpec { id, time, .. } = &spec.masks[m];
             let moved = transforms.moved(&spec.name, (id, time.as_deref()), true, &own_grid)?;
             all_moved &= moved.is_some();
+            let is_in_case = moved.as_ref().is_some_and(|moved| moved.with_date);
             let (grid, aligned) =
                 moved.map_or_else(|| (own_grid.clone(), None), |moved| (moved.grid, Some(moved.aligned)));
             let mask = Mask::new(id.clone(), grid, selected.bits).ok_or_else(|| {
@@ -312,7 +314,7 @@ pub fn load_with(
                 time: time_of(&spec.masks[m].time),
                 mask,
                 own_grid: own_grid.clone(),
-                frame_of_reference: if aligned.is_some() { String::new() } else { frame.clone() },
+                frame_of_reference: if is_in_case { String::new() } else { frame.clone() },
                 aligned,
                 missing_labels,
                 invalid,
@@ -348,7 +350,7 @@ pub fn load_with(
         .chain(masks.iter().filter_map(|m: &NativeMask| m.aligned.clone()))
         .collect();
     checks.extend(alignment::checks(&items(spec, &images, &masks)));
-    checks.extend(origin::check(&spec.name, &stated, spec.one_patient, spec.one_space || options.one_space)?);
+    checks.extend(origin::check(&spec.name, &stated, spec.one_patient, is_one_space)?);
     let tracts = load_tracts(spec, options, progress, &mut checks)?;
     images.sort_by_key(|c| c.spec);
     // One id is one mask over time: bits are assigned in the order in which ids are first listed.
@@ -426,5 +428,15 @@ pub fn load_with(
     checks.dedup();
     let transform_files = options.alignments.iter().flat_map(|alignment| alignment.by.files());
     let inputs = transform_files.fold(spec.inputs(), Inputs::with);
-    Ok(Case { name: spec.name.clone(), grid, time_points, order, tracts, aligned, checks, inputs })
+    Ok(Case {
+        name: spec.name.clone(),
+        grid,
+        time_points,
+        order,
+        tracts,
+        one_space: is_one_space,
+        aligned,
+        checks,
+        inputs,
+    })
 }

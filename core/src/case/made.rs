@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Case, CaseMask, TimePoint, native::at_time};
+use super::{Case, CaseMask, TimePoint, names::at_time};
 use crate::{Check, Grid, Mask, Progress, Regions, TumorIndex, resample, tumor_index::MAX_MASKS};
 
 /// A mask made from others.

@@ -87,6 +87,7 @@ struct TransformEntry {
     matrix: Option<Spanned<[[f64; 4]; 3]>>,
     /// How the matrix was found.
     how: Option<Spanned<String>>,
+    consistency_mm: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -366,7 +367,11 @@ pub fn parse_manifest(text: &str, path: &Path) -> Result<CaseSpec, CaseError> {
             }
             (None, Some(matrix)) => {
                 let how = optional(&entry.how, "how")?.unwrap_or_else(|| "a matrix of the manifest".into());
-                AlignedBy::Matrix { moving_from_fixed: *matrix.get_ref(), how }
+                AlignedBy::Matrix {
+                    moving_from_fixed: *matrix.get_ref(),
+                    how,
+                    consistency_mm: entry.consistency_mm.as_ref().map(|mm| *mm.get_ref()),
+                }
             }
             _ => return wrong("neither a file nor a matrix, or both", "one of them"),
         };
@@ -424,6 +429,8 @@ struct WrittenTransform<'a> {
     matrix: Option<[[f64; 4]; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     how: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    consistency_mm: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -530,8 +537,9 @@ pub fn write_manifest(spec: &CaseSpec, folder: &Path) -> Result<String, CaseErro
                     (written.fixed, written.moving) = (Some(path_text(fixed)?), Some(path_text(moving)?));
                 }
             }
-            AlignedBy::Matrix { moving_from_fixed, how } => {
+            AlignedBy::Matrix { moving_from_fixed, how, consistency_mm } => {
                 (written.matrix, written.how) = (Some(*moving_from_fixed), Some(how.as_str()));
+                written.consistency_mm = *consistency_mm;
             }
         }
         Ok(written)
@@ -641,15 +649,27 @@ how = "by hand"
             (replaced("id = \"T1c\"", "id = \"T1c"), "line 4: found "),
             (
                 format!("{GOOD}[[mask]]\nid = \"T1\"\nfile = \"b.nii\"\ntime = \"2024-03-02\"\n"),
-                "line 17: found mask T1 twice",
+                "line 27: found mask T1 twice",
             ),
             (
                 format!("{GOOD}[[tracts]]\nid = \"CST\"\nfile = \"b.tck\"\n"),
-                "line 17: found tracts CST twice",
+                "line 27: found tracts CST twice",
             ),
             (
-                format!("{GOOD}time = \"2024-03-02\"\n"),
-                "line 17: found unknown key `time`, expected `id` or `file`",
+                format!("{GOOD}[[tracts]]\nid = \"x\"\nfile = \"x.tck\"\ntime = \"2024-03-02\"\n"),
+                "line 30: found unknown key `time`, expected `id` or `file`",
+            ),
+            (
+                format!("{GOOD}[[transform]]\nfile = \"x.tfm\"\n"),
+                "line 27: found a transform without id and time",
+            ),
+            (
+                format!("{GOOD}[[transform]]\nid = \"T1\"\nfile = \"x.tfm\"\nhow = \"y\"\n"),
+                "line 27: found neither a file nor a matrix, or both",
+            ),
+            (
+                format!("{GOOD}[[transform]]\nid = \"T1\"\nfile = \"x.mat\"\nfixed = \"y\"\n"),
+                "line 27: found one of fixed and moving, expected both or neither",
             ),
             ("glioscope = 1\n".into(), "found no [[context]] and no [[mask]]"),
             ("<!DOCTYPE html>".into(), "line 1: found "),

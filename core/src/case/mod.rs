@@ -15,6 +15,7 @@ mod native;
 mod order;
 mod origin;
 mod proposal;
+mod registration;
 mod scheme;
 mod segments;
 mod select;
@@ -41,6 +42,7 @@ pub use made::MadeMask;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::{OrderBasis, unordered_times};
 pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
+pub use registration::{DateRegistration, P95_OF_UNIT_ERRORS, Registered, apart_mm, register_dates};
 pub use scheme::{Scheme, SchemeGroup, SchemeLabel};
 pub use study::is_study;
 
@@ -302,6 +304,8 @@ pub struct Case {
     pub order: OrderBasis,
     /// Fibre tracts, in the order of the case.
     pub tracts: Vec<CaseTracts>,
+    /// Whether the user says that all files lie in one space.
+    pub one_space: bool,
     /// The images and masks that registration transforms moved.
     pub aligned: Vec<Aligned>,
     /// All findings, most severe first.

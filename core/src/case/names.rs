@@ -240,6 +240,11 @@ pub(super) fn unique(stem: &str, is_taken: impl Fn(&str) -> bool) -> String {
     all.find(|id| !is_taken(id)).unwrap_or_else(|| stem.to_owned())
 }
 
+/// An id and its time as written in messages: `T1 (2024-01-15)`.
+pub(super) fn at_time(id: &str, time: &str) -> String {
+    if time.is_empty() { id.to_owned() } else { format!("{id} ({time})") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -34,8 +34,3 @@ impl NativeMask {
         }
     }
 }
-
-/// An id and its time as written in messages: `T1 (2024-01-15)`.
-pub(super) fn at_time(id: &str, time: &str) -> String {
-    if time.is_empty() { id.to_owned() } else { format!("{id} ({time})") }
-}

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{CaseError, native::at_time};
+use super::{CaseError, names::at_time};
 use crate::{Check, check::listed, files::Origin};
 
 /// An image or mask with what its file says.

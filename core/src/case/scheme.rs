@@ -240,10 +240,25 @@ impl Scheme {
         self.groups.iter().map(|group| mask(group.id, group.name, group.labels.to_vec(), None)).collect()
     }
 
-    /// The table among `files` below `folder`; `None` where there is none, or several.
-    pub(super) fn beside(folder: &Path, files: &[PathBuf]) -> Option<Self> {
-        let [only] = files else { return None };
-        Self::read(&folder.join(only)).ok()
+    /// The table that belongs to `file` among `tables`, all relative to `folder`: the only one in its folder, else in the
+    /// nearest folder above. Of several, and of one that can't be read, none, and why.
+    pub(super) fn beside(folder: &Path, tables: &[PathBuf], file: &Path) -> Result<Option<Self>, String> {
+        for above in file.ancestors().skip(1) {
+            let here: Vec<&PathBuf> = tables.iter().filter(|table| table.parent() == Some(above)).collect();
+            match here.as_slice() {
+                [] => {}
+                [only] => return Self::read(&folder.join(only)).map(Some).map_err(|error| error.to_string()),
+                several => {
+                    let names: Vec<String> =
+                        several.iter().map(|p| printable(&p.display().to_string())).collect();
+                    return Err(format!(
+                        "{}: found several tables of labels, expected one",
+                        names.join(", ")
+                    ));
+                }
+            }
+        }
+        Ok(None)
     }
 
     /// Whether a file is a table: by its ending, and by its first line that is no comment.
@@ -401,13 +416,23 @@ mod tests {
         let error = named("tabel.txt").unwrap_err().to_string();
         assert!(error.contains("\"tabel.txt\"") && error.contains("brats-2023, or a table"), "{error}");
         assert!(named("notes.txt").unwrap_err().to_string().contains("line 1"));
-        let beside = |files: &[&str]| {
-            Scheme::beside(folder.path(), &files.iter().map(PathBuf::from).collect::<Vec<_>>())
+        std::fs::create_dir_all(folder.path().join("jan/in")).unwrap();
+        write_whole(&folder.path().join("jan/own.txt"), b"7 Other 1 2 3 255\n").unwrap();
+        let beside = |tables: &[&str], file: &str| {
+            let tables: Vec<PathBuf> = tables.iter().map(PathBuf::from).collect();
+            Scheme::beside(folder.path(), &tables, Path::new(file))
         };
-        assert_eq!(beside(&["table.txt"]), Some(table));
-        for files in [&[][..], &["table.txt", "notes.txt"], &["notes.txt"], &["gone.txt"]] {
-            assert_eq!(beside(files), None, "{files:?}");
-        }
+        assert_eq!(beside(&["table.txt"], "feb/seg.nii"), Ok(Some(table.clone())));
+        assert_eq!(beside(&[], "seg.nii"), Ok(None));
+        // The nearest one.
+        let both = ["table.txt", "jan/own.txt"];
+        assert_eq!(beside(&both, "jan/in/seg.nii").unwrap().unwrap().labels[0].name, "Other");
+        assert_eq!(beside(&both, "seg.nii"), Ok(Some(table)));
+        assert_eq!(beside(&["jan/own.txt"], "feb/seg.nii"), Ok(None));
+        let several = beside(&["table.txt", "notes.txt"], "seg.nii").unwrap_err();
+        assert!(several.contains("table.txt, notes.txt: found several tables"), "{several}");
+        assert!(beside(&["notes.txt"], "seg.nii").unwrap_err().contains("line 1"));
+        assert!(beside(&["gone.txt"], "seg.nii").is_err());
     }
 
     #[test]

@@ -51,6 +51,8 @@ pub struct ChangeOptions {
     pub skeleton: SkeletonOptions,
     /// Registration error between the two time points: standard deviation along any direction, finite, at least 0.
     pub registration_mm: f64,
+    /// Whether the consistency of a registration, where one was run between the dates, replaces `registration_mm`.
+    pub uses_consistency: bool,
     /// Whether both masks are taken to lie in one space; otherwise only volumes are compared.
     pub is_aligned: bool,
 }
@@ -60,6 +62,7 @@ impl Default for ChangeOptions {
         Self {
             skeleton: SkeletonOptions::default(),
             registration_mm: DEFAULT_REGISTRATION_MM,
+            uses_consistency: true,
             is_aligned: true,
         }
     }

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     Check, Grid, Progress,
-    case::{Aligned, Case},
+    case::{Aligned, Case, P95_OF_UNIT_ERRORS, apart_mm},
     csv::Table,
     skeleton::{ForceSource, SkeletonCounts},
 };
@@ -108,6 +108,8 @@ pub struct UncertaintyReport {
     pub axes_mm: [f64; 3],
     /// Registration error used: standard deviation.
     pub registration_mm: f64,
+    /// Where it is from: `stated`, or `consistency` of the registration that was run.
+    pub registration_from: &'static str,
     /// Coverage factor.
     pub coverage: f64,
     /// Its formula.
@@ -210,6 +212,7 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
         uncertainty_mm: UncertaintyReport {
             axes_mm: [m.x_axis, m.y_axis, m.z_axis].map(|axis| change.uncertainty.along(axis)),
             registration_mm: change.uncertainty.registration_mm,
+            registration_from: "stated",
             coverage: COVERAGE,
             formula: "coverage * sqrt(from_voxel_mm^2 / 12 + to_voxel_mm^2 / 12 + registration_mm^2), each mask's own voxels",
         },
@@ -280,6 +283,21 @@ pub fn csv(change: &Change) -> Vec<u8> {
     table.into_bytes()
 }
 
+/// How far images of two dates may lie apart at the tumour, by a coarse fit, before the dates count as not aligned: what
+/// a rigid head moves when tissue around a tumour shifts stays below.
+const NOT_ALIGNED_MM: f64 = 4.0;
+
+/// Standard deviation along each axis of the registration between two dates, from the consistency of those that were run;
+/// `None` where none was. The 95th percentile of a distance whose parts are normal is 2.80 of it.
+fn registration_mm(case: &Case, id: &str, times: [&str; 2]) -> Option<f64> {
+    let of = |time: &str| {
+        let moved = case.aligned.iter().find(|a| a.is_mask && a.id == id && a.time == time)?;
+        moved.consistency_mm.map(|mm| mm / P95_OF_UNIT_ERRORS)
+    };
+    let known = times.map(of);
+    known.iter().any(Option::is_some).then(|| known.iter().flatten().map(|mm| mm * mm).sum::<f64>().sqrt())
+}
+
 /// Computes the change of `choice`, with the skeleton's force computed by `source` if there is one and it doesn't
 /// refuse.
 ///
@@ -303,15 +321,31 @@ pub fn between(
     let bits = [before, after].map(|m| m.mask.bits());
     let frames = [before, after].map(|m| m.frame_of_reference.as_str());
     let is_aligned = frames[0] == frames[1] || frames.iter().any(|frame| frame.is_empty());
-    let options = ChangeOptions { is_aligned: options.is_aligned && is_aligned, ..*options };
+    let apart = if options.is_aligned && is_aligned { apart_mm(case, dates, progress)? } else { None };
+    let apart = apart.filter(|(mm, _)| *mm > NOT_ALIGNED_MM);
+    let is_aligned = is_aligned && apart.is_none();
+    let measured =
+        registration_mm(case, &id, [&earlier.label, &later.label]).filter(|_| options.uses_consistency);
+    let options = ChangeOptions {
+        is_aligned: options.is_aligned && is_aligned,
+        registration_mm: measured.unwrap_or(options.registration_mm),
+        ..*options
+    };
     let found = change_with(bits[0], bits[1], &case.grid, samplings, &options, source, progress)?;
-    let report = report(&found, &case.grid, &id, &earlier.label, &later.label);
+    let mut report = report(&found, &case.grid, &id, &earlier.label, &later.label);
+    if measured.is_some() {
+        report.uncertainty_mm.registration_from = "consistency";
+    }
     let [from, to] = [&earlier.label, &later.label];
     let mut warnings = Vec::new();
     if found.flags.contains(&Flag::NotAligned) {
+        let what = match &apart {
+            Some((mm, image)) => format!("{mm:.0} mm apart at the tumour, by their images {image}"),
+            None => "in two frames of reference".to_owned(),
+        };
         let text = format!(
-            "{id}: found {from} and {to} in two frames of reference, expected one, or a transform between them \
-             (--transform), or your word that they are aligned (--one-space); only volumes are compared"
+            "{id}: found {from} and {to} {what}, expected dates in one space: register them (--register), give a \
+             transform (--transform), or say that they are aligned (--one-space); only volumes are compared"
         );
         warnings.push(Check::warning("not-aligned", text));
     }

@@ -38,7 +38,7 @@ mod stl;
 pub use faces::MeshError;
 pub use glb::write_glb;
 pub use mesh::{Mesh, SurfaceKind, mesh};
-pub use obj::write_obj;
+pub use obj::{material_file, write_obj};
 pub use seg_nrrd::write_seg_nrrd;
 pub use stl::write_stl;
 

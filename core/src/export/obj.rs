@@ -3,7 +3,7 @@
 use std::{
     collections::HashSet,
     io::{BufWriter, Write},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use super::{NamedMesh, Provenance, Stop, common_sides, frame, nothing_to_write, refused, write_each};
@@ -11,6 +11,16 @@ use crate::{
     Progress,
     files::{FileError, is_misleading, replace_files, temporary_folder, write_failed, write_whole_with},
 };
+
+/// The file beside an OBJ file that holds its materials, and is written over with it.
+pub fn material_file(path: &Path) -> PathBuf {
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_file_name(material_name(&stem))
+}
+
+fn material_name(stem: &str) -> String {
+    format!("{}.mtl", identifier(stem))
+}
 
 /// Writes `meshes` as objects of one OBJ file, and beside it their colours: a file of the same name that ends
 /// in `.mtl`. Both are put in place together. A comment states the provenance and the frame
@@ -37,7 +47,7 @@ pub fn write_obj(
     else {
         return Err(write_failed(path, &"a name that is not Unicode"));
     };
-    let materials = format!("{}.mtl", identifier(stem));
+    let materials = material_name(stem);
     if name.eq_ignore_ascii_case(&materials) {
         return Err(refused(path, "a name that ends in .mtl", "another, as that is the materials' file"));
     }

@@ -1,7 +1,7 @@
 //! Studies in a zip archive: unpacked into a private folder of this run, which is removed when the program ends.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, HashSet},
     fs::{self, File},
     io::{self, Read},
     path::{Path, PathBuf},
@@ -16,8 +16,12 @@ use crate::Progress;
 
 /// How a zip archive begins; that of an empty one differs.
 const MAGIC: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
-/// The most files of an archive.
+/// The most files of an archive, and the most folders that its names make.
 const MOST_FILES: usize = 100_000;
+/// The most folders inside each other: as deep as studies are searched.
+const MOST_DEPTH: usize = 32;
+/// Characters of a name in a message.
+const SHOWN_CHARS: usize = 120;
 /// Start of the names of the folders; the number of the process follows.
 const PREFIX: &str = "glioscope-zip-";
 
@@ -34,8 +38,8 @@ pub fn is_zip(path: &Path) -> bool {
 ///
 /// # Errors
 /// [`FileError`] naming the archive: it is damaged, encrypted, compressed by another method than deflate, holds more than
-/// 100,000 files or more than `max_bytes` unpacked, or a name that leads out of it; there is no room for its files; or it
-/// was cancelled. Nothing is left then.
+/// 100,000 files or folders, folders more than 32 deep, a link, a name twice, more than `max_bytes` unpacked, or a name that
+/// leads out of it; there is no room for its files; or it was cancelled. Nothing is left then.
 pub fn unpacked(path: &Path, max_bytes: u64, progress: &Progress) -> Result<PathBuf, FileError> {
     let path = absolute(path);
     let mark = FileMark::of(&path, progress)?;
@@ -70,6 +74,9 @@ fn unpack(path: &Path, folder: &Path, max_bytes: u64, progress: &Progress) -> Re
     let name = printable(&path.display().to_string());
     let wrong = |found: String, expected: &str| FileError::wrong(name.clone(), found, expected);
     let damaged = |error: ZipError| match error {
+        ZipError::UnsupportedArchive(why) if why.contains("assword") => {
+            wrong("an encrypted archive".into(), "one without a password")
+        }
         ZipError::UnsupportedArchive(why) => {
             wrong(format!("an archive of another kind ({why})"), "zip with deflate")
         }
@@ -81,6 +88,11 @@ fn unpack(path: &Path, folder: &Path, max_bytes: u64, progress: &Progress) -> Re
     if archive.len() > MOST_FILES {
         return Err(wrong(format!("{} files", archive.len()), "at most 100000"));
     }
+    if let Some(entries) = stated_entries(path).filter(|entries| *entries != archive.len()) {
+        let found = format!("{entries} entries of {} names", archive.len());
+        return Err(wrong(found, "each name once"));
+    }
+    let mut folders = HashSet::new();
     progress.say("unpacking");
     progress.expect(archive.len() as u64);
     let mut left = max_bytes;
@@ -88,16 +100,29 @@ fn unpack(path: &Path, folder: &Path, max_bytes: u64, progress: &Progress) -> Re
         progress.check()?;
         progress.advance(1)?;
         let mut entry = archive.by_index(n).map_err(damaged)?;
-        let shown = printable(&entry.name().map_err(damaged)?);
+        let shown: String = printable(&entry.name().map_err(damaged)?).chars().take(SHOWN_CHARS).collect();
         let Some(inside) = entry.enclosed_name() else {
             return Err(wrong(format!("the name {shown}"), "names within the archive"));
         };
         let target = folder.join(&inside);
         // A link could lead out of the folder.
         if entry.is_symlink() {
-            continue;
+            return Err(wrong(format!("{shown}, which is a link"), "files and folders"));
         }
-        let cant = |e: io::Error| write_failed(&target, &e);
+        let parts = inside.components().count();
+        if parts > MOST_DEPTH {
+            return Err(wrong(format!("a name of {parts} folders"), "at most 32 inside each other"));
+        }
+        folders.extend(inside.ancestors().skip(1).map(Path::to_owned));
+        if folders.len() > MOST_FILES {
+            return Err(wrong("more than 100000 folders".into(), "fewer"));
+        }
+        let cant = |e: io::Error| match e.kind() {
+            io::ErrorKind::AlreadyExists | io::ErrorKind::NotADirectory => {
+                wrong(format!("{shown} beside another entry of its name"), "each name once")
+            }
+            _ => write_failed(&target, &e),
+        };
         if entry.is_dir() {
             fs::create_dir_all(&target).map_err(cant)?;
             continue;
@@ -114,6 +139,10 @@ fn unpack(path: &Path, folder: &Path, max_bytes: u64, progress: &Progress) -> Re
             let count = match entry.read(&mut buffer) {
                 Ok(0) => break,
                 Ok(count) => count,
+                Err(e) if e.to_string().contains("ompression method") => {
+                    let found = format!("{shown}, compressed by another method ({e})");
+                    return Err(wrong(found, "zip with deflate"));
+                }
                 Err(e) => return Err(wrong(format!("{shown}, which is damaged ({e})"), "a zip archive")),
             };
             read += count as u64;
@@ -125,6 +154,22 @@ fn unpack(path: &Path, folder: &Path, max_bytes: u64, progress: &Progress) -> Re
         left -= read;
     }
     Ok(())
+}
+
+/// The number of entries that the end of an archive states (APPNOTE 4.3.16); `None` where it isn't found or doesn't fit its 16
+/// bits. Entries of one name are one to the reader, which would lose all but the last.
+fn stated_entries(path: &Path) -> Option<usize> {
+    const END: usize = 22;
+    let mut file = File::open(path).ok()?;
+    let length = file.metadata().ok()?.len();
+    let tail = length.min((END + 0xffff) as u64);
+    io::Seek::seek(&mut file, io::SeekFrom::Start(length - tail)).ok()?;
+    let mut bytes = Vec::new();
+    file.take(tail).read_to_end(&mut bytes).ok()?;
+    let last = bytes.len().checked_sub(END)?;
+    let at = (0..=last).rev().find(|&at| bytes[at..].starts_with(MAGIC[1]))?;
+    let entries = u16::from_le_bytes([bytes[at + 10], bytes[at + 11]]);
+    (entries != u16::MAX).then_some(usize::from(entries))
 }
 
 /// Removes the folders of runs that were killed.
@@ -200,6 +245,17 @@ mod tests {
             }
         }
         assert!(!Path::new("/etc/evil").exists());
+        let deep = format!("{}x", "a/".repeat(40));
+        for (name, found) in [(deep.as_str(), "a name of 41 folders"), ("a/b.txt/c", "")] {
+            let error = unpack(&archive(&[("a/b.txt", b"x"), (name, b"y")]), 1000);
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains(found), "{error}");
+        }
+        let mut twice = archive(&[("one", b"x"), ("two", b"y")]);
+        let places: Vec<usize> = (0..twice.len() - 3).filter(|&at| &twice[at..at + 3] == b"two").collect();
+        places.into_iter().for_each(|at| twice[at..at + 3].copy_from_slice(b"one"));
+        let error = unpack(&twice, 1000).unwrap_err().to_string();
+        assert!(error.contains("found 2 entries of 1 names, expected each name once"), "{error}");
         let mut cut = good.clone();
         cut.truncate(good.len() / 2);
         assert!(unpack(&cut, 1 << 21).unwrap_err().to_string().contains("damaged archive"));

@@ -8,7 +8,7 @@ use crate::{
         context::PreparedContext,
         fusion::{SecondLayer, draw_second},
         outline::outlines,
-        sampler::{Place, Sampler},
+        sampler::{Sampler, rows_of, value_at},
         view::SliceView,
         window::Window,
     },
@@ -170,17 +170,6 @@ fn draw_image(
     rows_of(rgba, view).map(|(y, line)| draw_row(y, line)).sum()
 }
 
-/// Interpolated stored value. Next to a voxel that isn't finite, the nearest voxel's value; `None` where
-/// that one isn't finite.
-#[inline]
-pub(super) fn value_at(sampler: &Sampler, place: Place, at: &impl Fn(usize) -> f64) -> Option<f64> {
-    let value = sampler.trilinear(place, at);
-    if value.is_finite() {
-        return Some(value);
-    }
-    Some(at(sampler.nearest(place))).filter(|v| v.is_finite())
-}
-
 fn draw_masks(view: &SliceView, masks: &MaskLayer<'_>, rgba: &mut [u8]) {
     let width = view.size_px[0] as usize;
     let sampler = Sampler::new(masks.index.grid());
@@ -247,12 +236,4 @@ fn shown_fills(bits: &mut [u32], masks: &MaskLayer<'_>) -> Vec<(u32, Rgb)> {
         *b = last.1;
     }
     fills.into_iter().filter_map(|(bits, fill)| Some((bits, fill?))).collect()
-}
-
-pub(super) fn rows_of<'a>(
-    rgba: &'a mut [u8],
-    view: &SliceView,
-) -> impl IndexedParallelIterator<Item = (u32, &'a mut [u8])> + use<'a> {
-    let width = view.size_px[0] as usize;
-    (0..view.size_px[1]).into_par_iter().zip(rgba.par_chunks_exact_mut(width * 4))
 }

@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 use glioscope_core::Grid;
+use rayon::prelude::*;
 
 use crate::flat::view::SliceView;
 
@@ -150,6 +151,26 @@ fn inside_span(start: i64, step: i64, low: i64, high: i64) -> Range<i64> {
         1.. => above(low - start, step)..above(high - start, step),
         _ => (start - high).div_euclid(-step) + 1..(start - low).div_euclid(-step) + 1,
     }
+}
+
+/// Interpolated stored value. Next to a voxel that isn't finite, the nearest voxel's value; `None` where
+/// that one isn't finite.
+#[inline]
+pub(super) fn value_at(sampler: &Sampler, place: Place, at: &impl Fn(usize) -> f64) -> Option<f64> {
+    let value = sampler.trilinear(place, at);
+    if value.is_finite() {
+        return Some(value);
+    }
+    Some(at(sampler.nearest(place))).filter(|v| v.is_finite())
+}
+
+/// The rows of a picture of a view, in parallel.
+pub(super) fn rows_of<'a>(
+    rgba: &'a mut [u8],
+    view: &SliceView,
+) -> impl IndexedParallelIterator<Item = (u32, &'a mut [u8])> + use<'a> {
+    let width = view.size_px[0] as usize;
+    (0..view.size_px[1]).into_par_iter().zip(rgba.par_chunks_exact_mut(width * 4))
 }
 
 #[cfg(test)]

@@ -24,6 +24,7 @@ mod session_files;
 mod sessions;
 mod transforms;
 mod ui;
+mod ui_align;
 mod ui_case_files;
 mod ui_change;
 mod ui_cpu_paint;

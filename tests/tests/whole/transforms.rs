@@ -1,6 +1,12 @@
 //! Registration transforms of other programs on the command line.
 
-use glioscope_core::files::write_whole;
+use std::path::{Path, PathBuf};
+
+use glioscope_core::{
+    Grid, Progress, Volume,
+    files::{self, ReadOptions, Source, WriteOptions, write_whole},
+    glam::{DAffine3, DMat3, DVec3},
+};
 use glioscope_tests::{run, write_cube};
 use serde_json::Value;
 
@@ -125,4 +131,107 @@ fn a_transform_brings_a_date_into_the_space_of_the_other() {
         ["change", "--mask", &a, "--mask", &b, "--transform", &transform, "--csv", tfm.to_str().unwrap()];
     assert_eq!(run(PROGRAM, &csv).status.code(), Some(2));
     assert_eq!(std::fs::read(&tfm).unwrap(), text.as_bytes());
+}
+
+/// Where the later scan of the sample lies in [`follow_up`]: turned by 6° about an oblique axis through the head, shifted
+/// by 8 mm. Maps the first date's space to the later files' space.
+fn elsewhere() -> DAffine3 {
+    let turn = DMat3::from_axis_angle(DVec3::new(0.36, 0.48, 0.8), 6_f64.to_radians());
+    DAffine3::from_mat3_translation(turn, DVec3::new(5.0, -4.0, 4.8))
+}
+
+/// The sample with the later date's files put [`elsewhere`]: their voxels are the same, so nothing is resampled.
+fn follow_up(folder: &Path) -> PathBuf {
+    let case = folder.join("sample");
+    assert!(run(PROGRAM, &["sample", "--out", case.to_str().unwrap()]).status.success());
+    for name in ["t1c", "flair", "pet", "t1-mask", "t2-mask", "pet-mask"] {
+        let path = case.join(format!("{name}-2024-04-15.nii.gz"));
+        let loaded =
+            files::read(&Source::File(path.clone()), &ReadOptions::default(), &Progress::new()).unwrap();
+        let own = loaded.volume;
+        let grid = own.grid();
+        let moved = Grid::new(grid.dims(), elsewhere() * grid.world_from_voxel(), grid.sides()).unwrap();
+        let volume = Volume::new(moved, own.samples().clone(), own.scaling()).unwrap();
+        files::write_nifti(&path, &volume, &WriteOptions::default()).unwrap();
+    }
+    case
+}
+
+#[test]
+fn a_follow_up_that_lies_elsewhere_has_no_growth_until_it_is_registered() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = follow_up(folder.path());
+    let case = case.to_str().unwrap();
+    let change = |arguments: &[&str]| {
+        let output = run(PROGRAM, &[&["change", "--of", "T1", "--json"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+    };
+    let truth = change(&["--sample"]);
+    let before = change(&[case]);
+    assert_eq!(before["flags"], serde_json::json!(["not-aligned"]));
+    assert_eq!((&before["kept_ml"], &before["vectors"]), (&Value::Null, &0.into()));
+    let warning = &before["warnings"][0];
+    assert_eq!(warning["code"], "not-aligned");
+    assert!(warning["message"].as_str().unwrap().contains(" mm apart at the tumour, by their images T1c"));
+
+    let after = change(&[case, "--register"]);
+    let aligned = after["aligned"].as_array().unwrap();
+    assert_eq!(aligned.len(), 6, "images and masks of the later date");
+    let consistency_mm = aligned[0]["consistency_mm"].as_f64().unwrap();
+    assert!(consistency_mm > 0.0 && consistency_mm < 2.0, "{consistency_mm}");
+    assert_eq!(after["uncertainty_mm"]["registration_from"], "consistency");
+    for key in ["growth", "recession"] {
+        for number in ["p50_mm", "p95_mm", "max_mm"] {
+            let [found, expected] = [&after, &truth].map(|report| report[key][number].as_f64().unwrap());
+            // Resampled by nearest voxel, whose edge is 1.5 mm, besides.
+            assert!((found - expected).abs() < consistency_mm + 0.5, "{key} {number}: {found} {expected}");
+        }
+    }
+    let [found, expected] = [&after, &truth].map(|report| report["to_ml"].as_f64().unwrap());
+    assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
+    // A stated error takes precedence.
+    let stated = change(&[case, "--register", "--registration-mm", "0.7"]);
+    let of = &stated["uncertainty_mm"];
+    assert_eq!((&of["registration_from"], &of["registration_mm"]), (&"stated".into(), &0.7.into()));
+}
+
+#[test]
+fn two_images_are_registered_on_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = follow_up(folder.path());
+    let file = |name: &str| case.join(name).display().to_string();
+    let (fixed, moving) = (file("t1c-2024-01-15.nii.gz"), file("flair-2024-04-15.nii.gz"));
+    let lesions = [file("t1-mask-2024-01-15.nii.gz"), file("t2-mask-2024-04-15.nii.gz")];
+    let out = folder.path().join("found.tfm");
+    let out = out.to_str().unwrap();
+    let arguments = ["register", "--fixed", &fixed, "--moving", &moving, "--lesions", &lesions[0]];
+    let more = ["--moving-lesions", &lesions[1], "--out", out, "--json"];
+    let output = run(PROGRAM, &[&arguments[..], &more[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&report["model"], &report["converged"]), (&"rigid".into(), &true.into()));
+    let number = |row: usize, column: usize| report["moving_from_fixed"][row][column].as_f64().unwrap();
+    let column = |n: usize| DVec3::new(number(0, n), number(1, n), number(2, n));
+    let found = DAffine3::from_cols(column(0), column(1), column(2), column(3));
+    // At the tumour of the sample: its lens' centre.
+    let at = DVec3::new(-30.4, 17.8, 20.7);
+    let off_mm = found.transform_point3(at).distance(elsewhere().transform_point3(at));
+    assert!(off_mm < 0.75, "half a voxel across sequences: {off_mm} mm");
+    for key in ["median", "p95", "max", "floor", "how"] {
+        assert!(!report["consistency_mm"][key].is_null(), "{key}");
+    }
+    // The file that it writes says the same.
+    assert_eq!(described(&[out])["moving_from_fixed"][0][0], report["moving_from_fixed"][0][0]);
+
+    let refusal = |arguments: &[&str]| {
+        let output = run(PROGRAM, &[&["register"], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    assert!(
+        refusal(&["--fixed", &fixed, "--moving", &moving, "--out", &fixed]).contains("expected .tfm or .txt")
+    );
+    let line = refusal(&["--fixed", &fixed, "--moving", &lesions[0], "--out", out]);
+    assert!(line.trim_end().lines().count() == 1, "{line}");
 }

@@ -252,7 +252,8 @@ struct ShownMasks {
 
 fn shown_masks(input: &Input<'_>) -> ShownMasks {
     let edit = &input.doc.edit;
-    match input.compared.filter(|_| edit.change.on_slices) {
+    // What isn't aligned has no change to fill.
+    match input.compared.filter(|compared| edit.change.on_slices && !compared.report.has_volumes_only()) {
         Some(compared) => ShownMasks {
             index: compared.index.clone(),
             colors: change::pair_colors(edit.palette),

@@ -56,6 +56,7 @@ fn case(sides: Sides) -> Case {
         time_points: vec![time_point],
         order: OrderBasis::Single,
         tracts: Vec::new(),
+        one_space: false,
         aligned: Vec::new(),
         checks: Vec::new(),
         inputs: Inputs::default(),

@@ -190,6 +190,8 @@ pub(super) struct Scanned {
     pub headers: Vec<Header>,
     /// DICOM files that can't be read, and why.
     pub unreadable: Vec<FileError>,
+    /// Folders that weren't searched, and why.
+    pub left_out: Vec<FileError>,
     /// Files of other kinds.
     pub others: usize,
 }
@@ -202,7 +204,7 @@ pub(super) fn scan(folder: &Path, progress: &Progress) -> Result<Scanned, FileEr
     let mut listed = Listed::default();
     list(folder, 0, &mut listed)?;
     let mut scanned = scan_files(listed.paths, progress)?;
-    scanned.unreadable.extend(listed.left_out);
+    scanned.left_out = listed.left_out;
     Ok(scanned)
 }
 

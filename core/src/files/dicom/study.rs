@@ -147,7 +147,11 @@ pub fn studies(folder: &Path, progress: &Progress) -> Result<Studies, FileError>
         studies.sort_by(|a, b| (&a.date, &a.uid).cmp(&(&b.date, &b.uid)));
         patients.push(PatientStudies { patient, studies });
     }
-    Ok(Studies { patients, unreadable: scanned.unreadable, others: scanned.others })
+    Ok(Studies {
+        patients,
+        unreadable: scanned.unreadable.into_iter().chain(scanned.left_out).collect(),
+        others: scanned.others,
+    })
 }
 
 fn summary(files: &[Header]) -> Option<SeriesSummary> {

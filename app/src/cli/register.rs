@@ -1,0 +1,235 @@
+//! `glioscope register`: finds the transform between two images.
+
+use std::{path::PathBuf, time::Instant};
+
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+use glioscope_core::{
+    Mask, MaskBits, Progress, Volume, decimal,
+    files::{self, ReadOptions, Source},
+    register::{self, Consistency, Image, Measure, Model, Options, Outcome},
+    surface,
+    transform::{self, Transform},
+};
+use serde_json::{Value, json};
+
+use super::{terminal, transform::rows};
+use crate::{error::AppError, output};
+
+/// Arguments of `register`.
+#[derive(Debug, Args)]
+pub struct RegisterArguments {
+    /// The image whose space is kept.
+    #[arg(long, value_name = "IMAGE")]
+    pub fixed: PathBuf,
+    /// The image that is moved.
+    #[arg(long, value_name = "IMAGE")]
+    pub moving: PathBuf,
+    /// A mask of what must not count, in the space of the fixed image: lesions and cavities; every voxel above 0. The
+    /// consistency is that at its surface. Repeat for more.
+    #[arg(long, value_name = "MASK")]
+    pub lesions: Vec<PathBuf>,
+    /// Likewise in the space of the moving image.
+    #[arg(long, value_name = "MASK")]
+    pub moving_lesions: Vec<PathBuf>,
+    /// What the transform may do.
+    #[arg(long, value_enum, default_value = "rigid")]
+    pub model: ModelArgument,
+    /// How the images are compared; without it as they turn out to be.
+    #[arg(long, value_enum)]
+    pub measure: Option<MeasureArgument>,
+    /// Write the transform: as .tfm or .txt of ITK.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Write over a file that exists.
+    #[arg(long, requires = "out")]
+    pub force: bool,
+    /// As JSON: see docs/json.md.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What a transform may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ModelArgument {
+    /// Turn and shift.
+    Rigid,
+    /// Also scale and shear.
+    Affine,
+}
+
+impl From<ModelArgument> for Model {
+    fn from(model: ModelArgument) -> Self {
+        match model {
+            ModelArgument::Rigid => Self::Rigid,
+            ModelArgument::Affine => Self::Affine,
+        }
+    }
+}
+
+/// How images are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MeasureArgument {
+    /// By their intensities: one sequence at two dates.
+    Same,
+    /// By mutual information: different sequences or modalities.
+    Across,
+}
+
+pub(super) fn run(arguments: &RegisterArguments) -> Result<(), AppError> {
+    let started = Instant::now();
+    let out = arguments.out.as_ref();
+    if let Some(out) = out {
+        let ending = out.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        if !matches!(ending.as_deref(), Some("tfm" | "txt")) {
+            return Err(AppError::file(out, "another ending", ".tfm or .txt"));
+        }
+        let inputs = [&arguments.fixed, &arguments.moving].into_iter();
+        let inputs = inputs.chain(&arguments.lesions).chain(&arguments.moving_lesions);
+        output::refuse(out, &files::Inputs::new(inputs.cloned()), arguments.force)?;
+    }
+    let (options, outcome, consistency) = terminal::with_progress(|progress| found(arguments, progress))?;
+    let seconds = started.elapsed().as_secs_f64();
+    let transform = Transform::new(outcome.moving_from_fixed)
+        .map_err(|refusal| AppError::file(&arguments.moving, refusal.found, refusal.expected))?;
+    if let Some(out) = out {
+        transform::write_itk(out, &transform)?;
+    }
+    if arguments.json {
+        return terminal::print_json(&described(arguments, &options, &outcome, &consistency, seconds));
+    }
+    terminal::print(&text(&transform, &outcome, &consistency, seconds))
+}
+
+type Found = (Options, Outcome, Consistency);
+
+fn found(arguments: &RegisterArguments, progress: &Progress) -> Result<Found, AppError> {
+    let image = |path: &PathBuf| -> Result<Volume, AppError> {
+        let options = ReadOptions::default();
+        Ok(files::read(&Source::File(path.clone()), &options, progress)?.volume)
+    };
+    let masks = |paths: &[PathBuf]| -> Result<Vec<Mask>, AppError> {
+        let of = |path: &PathBuf| {
+            let volume = image(path)?;
+            let bits = MaskBits::from_fn(volume.grid().dims(), |linear| volume.value(linear) > 0.0);
+            Mask::new("lesion", volume.grid().clone(), bits)
+                .ok_or_else(|| AppError::file(path, "a mask of another size", "one of its own grid"))
+        };
+        paths.iter().map(of).collect()
+    };
+    let [fixed, moving] = [image(&arguments.fixed)?, image(&arguments.moving)?];
+    let [of_fixed, of_moving] = [masks(&arguments.lesions)?, masks(&arguments.moving_lesions)?];
+    let [of_fixed, of_moving]: [Vec<&Mask>; 2] = [of_fixed.iter().collect(), of_moving.iter().collect()];
+    let images =
+        [Image { volume: &fixed, excluded: &of_fixed }, Image { volume: &moving, excluded: &of_moving }];
+    let measure = match arguments.measure {
+        None => Measure::Auto,
+        Some(MeasureArgument::Same) => Measure::SameModality,
+        Some(MeasureArgument::Across) => Measure::AcrossModalities,
+    };
+    let options = Options { model: arguments.model.into(), measure, ..Options::default() };
+    let failed = |error: register::RegisterError| match error {
+        register::RegisterError::Cancelled(cancelled) => AppError::from(cancelled),
+        error => AppError::file(
+            &arguments.moving,
+            error.to_string(),
+            "an image that can be aligned with the fixed one",
+        ),
+    };
+    let outcome = register::register(&images[0], &images[1], &options, progress).map_err(failed)?;
+    let points_mm = points_mm(&of_fixed, &fixed);
+    let consistency = register::consistency(&images[0], &images[1], &options, &outcome, &points_mm, progress)
+        .map_err(failed)?;
+    Ok((options, outcome, consistency))
+}
+
+/// Where the consistency is told: at the lesions' surfaces, else at a lattice over the middle of the image.
+fn points_mm(lesions: &[&Mask], fixed: &Volume) -> Vec<DVec3> {
+    let surfaces = lesions.iter().flat_map(|mask| {
+        surface::surface_voxels(mask.bits()).into_iter().map(|voxel| mask.grid().center_of_voxel_mm(voxel))
+    });
+    let points: Vec<DVec3> = surfaces.collect();
+    if !points.is_empty() {
+        let step = points.len().div_ceil(2000);
+        return points.into_iter().step_by(step).collect();
+    }
+    let grid = fixed.grid();
+    let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
+    let steps = 0..5;
+    let along = |step: usize| 0.25 + 0.125 * step as f64;
+    let lattice = steps.clone().flat_map(|x| steps.clone().flat_map(move |y| (0..5).map(move |z| [x, y, z])));
+    lattice
+        .map(|n| grid.world_from_voxel().transform_point3(last * DVec3::from_array(n.map(along))))
+        .collect()
+}
+
+fn described(
+    arguments: &RegisterArguments,
+    options: &Options,
+    outcome: &Outcome,
+    consistency: &Consistency,
+    seconds: f64,
+) -> Value {
+    let all = consistency.all;
+    let how = if arguments.lesions.is_empty() {
+        "over the middle of the fixed image"
+    } else {
+        "at the lesions' surface"
+    };
+    json!({
+        "model": match options.model { Model::Rigid => "rigid", Model::Affine => "affine" },
+        "measure": measure(outcome),
+        "fixed": arguments.fixed.display().to_string(),
+        "moving": arguments.moving.display().to_string(),
+        "moving_from_fixed": rows(outcome.moving_from_fixed),
+        "consistency_mm": {
+            "median": all.map(|all| all.median_mm),
+            "p95": all.map(|all| all.p95_mm),
+            "max": all.map(|all| all.max_mm),
+            "floor": consistency.floor_mm,
+            "runs": consistency.runs,
+            "failed": consistency.failed,
+            "how": format!(
+                "{how}: repeated from perturbed starts, with the images exchanged and, where lesions are left out, with them"
+            ),
+        },
+        "converged": true,
+        "similarity": outcome.similarity,
+        "overlap": outcome.overlap_share,
+        "outliers": outcome.outlier_share,
+        "finest_mm": outcome.finest_mm,
+        "seconds": seconds,
+        "warnings": outcome.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
+}
+
+fn measure(outcome: &Outcome) -> &'static str {
+    match outcome.measure {
+        Measure::SameModality => "same modality, robust",
+        Measure::AcrossModalities | Measure::Auto => "across modalities, mutual information",
+    }
+}
+
+fn text(transform: &Transform, outcome: &Outcome, consistency: &Consistency, seconds: f64) -> String {
+    let mm = |value: f64| decimal::text(value, 3);
+    let all = consistency.all.map_or_else(
+        || "unknown".to_owned(),
+        |all| {
+            format!("median {} mm, 95 % {} mm, most {} mm", mm(all.median_mm), mm(all.p95_mm), mm(all.max_mm))
+        },
+    );
+    let mut lines = vec![
+        format!("compared     {}", measure(outcome)),
+        format!("turns by     {}°", mm(transform.turn_deg())),
+        format!("consistency  {all} (not accuracy; half a voxel is {} mm)", mm(consistency.floor_mm)),
+        format!("overlap      {:.0} %", outcome.overlap_share * 100.0),
+        format!("time         {} s", decimal::text(seconds, 1)),
+        "moving from fixed, RAS mm:".to_owned(),
+    ];
+    lines.extend(rows(outcome.moving_from_fixed).iter().map(|row| {
+        let numbers: Vec<String> = row.iter().map(|number| format!("{number:14.9}")).collect();
+        format!("  {}", numbers.join(" "))
+    }));
+    lines.extend(outcome.warnings.iter().map(|warning| format!("warning: {warning}")));
+    lines.join("\n")
+}

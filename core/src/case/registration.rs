@@ -1,0 +1,201 @@
+//! Registration of a case's dates: each to the first.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::{AlignedBy, Alignment, Case, TimePoint};
+use crate::{
+    Cancelled, Mask, Progress, decimal,
+    register::{self, Consistency, Image, Measure, Model, Options, RegisterError},
+    surface,
+};
+
+/// Points of the tumour's surface at which repeated registrations are compared.
+const MOST_POINTS: usize = 2000;
+
+/// The distance that three independent errors of standard deviation 1 along the axes exceed in 5 % of cases: the root of
+/// the 95th percentile of χ² with 3 degrees of freedom.
+pub const P95_OF_UNIT_ERRORS: f64 = 2.795_483_482_915_108;
+
+/// The registration of one date.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DateRegistration {
+    /// Label of the date that is moved.
+    pub time: String,
+    /// The images that were registered: of the first date, then of this one.
+    pub images: Option<[String; 2]>,
+    /// The transform, or why there is none.
+    pub result: Result<Registered, String>,
+    /// Run time.
+    pub seconds: f64,
+}
+
+/// A registration that can be applied.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Registered {
+    /// It moves the date.
+    pub alignment: Alignment,
+    /// How far repeated registrations disagree at the tumour: not accuracy.
+    pub consistency: Consistency,
+    /// What a user should know.
+    pub warnings: Vec<String>,
+}
+
+/// Registers every date of `case` to the first, `image` of both where they have it, else the first image that both have,
+/// else their first images by mutual information. The masks of both dates, grown, don't count. Dates that a transform moves
+/// already are left out. Nothing is applied.
+///
+/// # Errors
+/// [`Cancelled`]; a registration that fails is in its date's result.
+pub fn register_dates(
+    case: &Case,
+    image: Option<&str>,
+    model: Model,
+    progress: &Progress,
+) -> Result<Vec<DateRegistration>, Cancelled> {
+    let Some((first, others)) = case.time_points.split_first() else { return Ok(Vec::new()) };
+    let is_moved = |time: &TimePoint| case.aligned.iter().any(|aligned| aligned.time == time.label);
+    let mut all = Vec::new();
+    for later in others.iter().filter(|later| !is_moved(later)) {
+        let started = Instant::now();
+        let (images, result) = match images_of(first, later, image) {
+            None => (None, Err("found a date without an image, expected one to register".into())),
+            Some(pair) => {
+                progress.say(format!("Registering {} to {}", later.label, first.label));
+                let ids = pair.map(|(time, n)| time.contexts[n].id.clone());
+                (Some(ids), registered(pair, model, progress)?)
+            }
+        };
+        let seconds = started.elapsed().as_secs_f64();
+        all.push(DateRegistration { time: later.label.clone(), images, result, seconds });
+    }
+    Ok(all)
+}
+
+/// Resolution and points of the coarse fit that tells whether dates lie in one space at all.
+const COARSE_MM: f64 = 4.0;
+const COARSE_POINTS: usize = 30_000;
+
+/// How far two dates' images lie apart at the tumour, in millimetres (95th percentile over its surface), by a coarse fit from
+/// where they lie: to tell dates that were never aligned, not to align them. `None` where that can't be told: without an
+/// image of one id at both dates, where a fit fails, where a transform moved one of them, and where the user says that all
+/// lie in one space. With it the id of the images.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn apart_mm(
+    case: &Case,
+    dates: [usize; 2],
+    progress: &Progress,
+) -> Result<Option<(f64, String)>, Cancelled> {
+    let [Some(earlier), Some(later)] = dates.map(|at| case.time_points.get(at)) else { return Ok(None) };
+    let is_moved = case.aligned.iter().any(|a| a.time == earlier.label || a.time == later.label);
+    let common = earlier.contexts.iter().find_map(|own| {
+        let other = later.contexts.iter().find(|other| other.id == own.id)?;
+        Some([own, other])
+    });
+    let Some([fixed, moving]) = common.filter(|_| !is_moved && !case.one_space) else { return Ok(None) };
+    let masks = [earlier, later].map(|time| time.masks.iter().map(|m| &m.mask).collect::<Vec<&Mask>>());
+    let images = [
+        Image { volume: &fixed.volume, excluded: &masks[0] },
+        Image { volume: &moving.volume, excluded: &masks[1] },
+    ];
+    let options = Options {
+        start: Some(glam::DAffine3::IDENTITY),
+        finest_mm: COARSE_MM,
+        max_points: COARSE_POINTS,
+        ..Options::default()
+    };
+    let outcome = match register::register(&images[0], &images[1], &options, progress) {
+        Ok(outcome) => outcome,
+        Err(RegisterError::Cancelled(cancelled)) => return Err(cancelled),
+        Err(_) => return Ok(None),
+    };
+    let mut distances: Vec<f64> =
+        surface_points_mm(&masks).into_iter().map(|at| outcome.moving_mm(at).distance(at)).collect();
+    distances.sort_by(f64::total_cmp);
+    let at = (distances.len() * 95 / 100).min(distances.len().saturating_sub(1));
+    Ok(distances.get(at).map(|mm| (*mm, fixed.id.clone())))
+}
+
+type OfDate<'a> = (&'a TimePoint, usize);
+
+fn images_of<'a>(
+    first: &'a TimePoint,
+    later: &'a TimePoint,
+    wanted: Option<&str>,
+) -> Option<[OfDate<'a>; 2]> {
+    let find = |time: &TimePoint, id: &str| time.contexts.iter().position(|c| c.id == id);
+    let both = |id: &str| Some([(first, find(first, id)?), (later, find(later, id)?)]);
+    let common = || first.contexts.iter().find_map(|c| both(&c.id));
+    let any =
+        || (!first.contexts.is_empty() && !later.contexts.is_empty()).then_some([(first, 0), (later, 0)]);
+    wanted.and_then(both).or_else(common).or_else(any)
+}
+
+fn registered(
+    pair: [OfDate<'_>; 2],
+    model: Model,
+    progress: &Progress,
+) -> Result<Result<Registered, String>, Cancelled> {
+    let [fixed, moving] = pair.map(|(time, n)| &time.contexts[n]);
+    let masks = pair.map(|(time, _)| time.masks.iter().map(|m| &m.mask).collect::<Vec<&Mask>>());
+    let images = [
+        Image { volume: &fixed.volume, excluded: &masks[0] },
+        Image { volume: &moving.volume, excluded: &masks[1] },
+    ];
+    let measure = if fixed.id == moving.id { Measure::Auto } else { Measure::AcrossModalities };
+    let options = Options { model, measure, ..Options::default() };
+    let run = || -> Result<Registered, RegisterError> {
+        let outcome = register::register(&images[0], &images[1], &options, progress)?;
+        let points_mm = surface_points_mm(&masks);
+        let consistency =
+            register::consistency(&images[0], &images[1], &options, &outcome, &points_mm, progress)?;
+        let time = pair[1].0.label.clone();
+        let how =
+            format!("registration of {} to {} ({})", moving.id, pair[0].0.label, words(model, &consistency));
+        let mut by = AlignedBy::matrix(outcome.moving_from_fixed, how);
+        if let AlignedBy::Matrix { consistency_mm, .. } = &mut by {
+            *consistency_mm = consistency.p95_with_floor_mm();
+        }
+        let alignment = Alignment { id: None, time: Some(time), by };
+        let warnings = outcome.warnings.iter().map(ToString::to_string).collect();
+        Ok(Registered { alignment, consistency, warnings })
+    };
+    match run() {
+        Err(RegisterError::Cancelled(cancelled)) => Err(cancelled),
+        Err(error) => Ok(Err(error.to_string())),
+        Ok(registered) => Ok(Ok(registered)),
+    }
+}
+
+fn words(model: Model, consistency: &Consistency) -> String {
+    let model = match model {
+        Model::Rigid => "rigid",
+        Model::Affine => "affine",
+    };
+    let mm = consistency.p95_with_floor_mm();
+    let mm = mm.map_or_else(
+        || "consistency unknown".into(),
+        |mm| format!("consistency {} mm", decimal::text(mm, 2)),
+    );
+    format!("{model}, {mm}")
+}
+
+/// Points of the surfaces of the first date's masks, else of the later date's; of both empty, none.
+fn surface_points_mm(masks: &[Vec<&Mask>; 2]) -> Vec<DVec3> {
+    for of_date in masks {
+        let surfaces = of_date.iter().map(|mask| (mask, surface::surface_voxels(mask.bits())));
+        let points: Vec<DVec3> = surfaces
+            .flat_map(|(mask, voxels)| {
+                voxels.into_iter().map(|voxel| mask.grid().center_of_voxel_mm(voxel)).collect::<Vec<_>>()
+            })
+            .collect();
+        if !points.is_empty() {
+            let step = points.len().div_ceil(MOST_POINTS);
+            return points.into_iter().step_by(step).collect();
+        }
+    }
+    Vec::new()
+}

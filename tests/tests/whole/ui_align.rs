@@ -1,0 +1,154 @@
+//! Dates in one space in the window: moved by hand, by a file, by registration; side by side and over each other.
+
+use egui_kittest::kittest::Queryable;
+use glioscope::{
+    command::{AppCommand, EditCommand, LookCommand},
+    model::{Fusion, PaneId, SecondImage, session},
+};
+use glioscope_core::{files::write_whole, glam::DVec3};
+use glioscope_render::flat::{ColorMap, Mixing};
+use glioscope_tests::{
+    Window, count_color, doc, error_text, maximized, pane_picture, perform, sample, wait_for_workers,
+};
+
+const LATER: &str = "2024-04-15";
+
+/// How far the transforms of the open case move the lens' centre back.
+fn moved_mm(harness: &Window) -> Option<DVec3> {
+    let case = harness.state().work.world.case().unwrap();
+    let moved = case.aligned.iter().find(|a| a.time == LATER && a.is_mask)?;
+    let at = doc(harness).edit.lens.center_mm;
+    Some(moved.case_from_own.transform_point3(at) - at)
+}
+
+#[test]
+fn a_date_moved_by_hand_is_moved_back_by_undo() {
+    let mut harness = sample();
+    perform(&mut harness, AppCommand::ShowAlign);
+    for _ in 0..2 {
+        harness.get_by_label("Left").click_accesskit();
+        wait_for_workers(&mut harness);
+    }
+    let moved = moved_mm(&harness).unwrap();
+    assert!((moved - DVec3::new(-2.0, 0.0, 0.0)).length() < 1e-9, "{moved}");
+    assert!(harness.query_by_label_contains("moved by hand").is_some());
+    harness.get_by_label("Turn left").click_accesskit();
+    wait_for_workers(&mut harness);
+    let aligned = &harness.state().work.world.case().unwrap().aligned;
+    let turn = aligned[0].case_from_own.matrix3;
+    assert!((turn.x_axis.x - 1_f64.to_radians().cos()).abs() < 1e-12, "turned by a degree");
+
+    // A session keeps it.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("moved.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_eq!(session::load(&path).unwrap().document.edit.alignments, doc(&harness).edit.alignments);
+    // Undo moves it back, and what else was undone stays in its order.
+    while harness.state().work.history.can_undo() {
+        perform(&mut harness, EditCommand::Undo);
+        wait_for_workers(&mut harness);
+    }
+    assert_eq!(moved_mm(&harness), None);
+    perform(&mut harness, EditCommand::Redo);
+    wait_for_workers(&mut harness);
+    assert!(moved_mm(&harness).is_some());
+    assert_eq!(error_text(&harness), "");
+}
+
+#[test]
+fn a_file_moves_a_date_and_one_that_does_not_is_told_and_taken_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let text = "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n\
+                Parameters: 1 0 0 0 1 0 0 0 1 0 0 5\nFixedParameters: 0 0 0\n";
+    write_whole(&at("up.tfm"), text.as_bytes()).unwrap();
+    write_whole(&at("bare.txt"), b"1 0 0 3\n0 1 0 0\n0 0 1 0\n0 0 0 1\n").unwrap();
+    let mut harness = sample();
+    perform(&mut harness, AppCommand::AlignByFile(LATER.into(), at("bare.txt")));
+    wait_for_workers(&mut harness);
+    assert!(error_text(&harness).contains("a bare 4x4 matrix"), "{}", error_text(&harness));
+    assert!(doc(&harness).edit.alignments.is_empty() && moved_mm(&harness).is_none());
+    perform(&mut harness, AppCommand::AlignByFile(LATER.into(), at("up.tfm")));
+    wait_for_workers(&mut harness);
+    // The fixed image's points lie 5 mm higher in the moving one, which is moved down.
+    assert_eq!(moved_mm(&harness), Some(DVec3::new(0.0, 0.0, -5.0)));
+    perform(&mut harness, AppCommand::ShowAlign);
+    harness.get_by_label("As its files lie").click_accesskit();
+    wait_for_workers(&mut harness);
+    assert_eq!(moved_mm(&harness), None);
+}
+
+#[test]
+fn registering_dates_that_lie_on_each_other_moves_nothing_far() {
+    let mut harness = sample();
+    perform(&mut harness, AppCommand::ShowAlign);
+    harness.get_by_label("Register").click_accesskit();
+    harness.run_ok();
+    let started = std::time::Instant::now();
+    while doc(&harness).edit.alignments.is_empty() && started.elapsed().as_secs() < 120 {
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        harness.run_ok();
+    }
+    wait_for_workers(&mut harness);
+    // The phantom's head is the same at both dates, and its tumour grew.
+    let moved = moved_mm(&harness).unwrap();
+    assert!(moved.length() < 0.1, "{moved}");
+    assert!(harness.query_by_label_contains("consistency at the tumour").is_some());
+}
+
+#[test]
+fn a_second_image_is_chosen_in_the_toolbar_and_drawn() {
+    let mut harness = sample();
+    maximized(&mut harness, PaneId::Axial);
+    let plain = pane_picture(&mut harness, PaneId::Axial);
+    let second = Some(SecondImage { id: "PET".into(), time: None });
+    let fusion =
+        Fusion { second, mixing: Mixing::Over, map: ColorMap::Hot, opacity: 1.0, ..Fusion::default() };
+    perform(&mut harness, EditCommand::SetFusion(Box::new(fusion.clone())));
+    let over = pane_picture(&mut harness, PaneId::Axial);
+    let yellow = |picture: &image::RgbaImage| {
+        picture.pixels().filter(|p| p[0] > 240 && p[1] > 150 && p[2] < 120).count()
+    };
+    assert!(yellow(&over) > yellow(&plain) + 200, "{} {}", yellow(&over), yellow(&plain));
+    // A line in the middle, right of which the second image is grey.
+    let swipe = Fusion { mixing: Mixing::Swipe, map: ColorMap::Grey, ..fusion };
+    perform(&mut harness, EditCommand::SetFusion(Box::new(swipe)));
+    let swiped = pane_picture(&mut harness, PaneId::Axial);
+    let differs =
+        |x: u32| (0..plain.height()).filter(|&y| plain.get_pixel(x, y) != swiped.get_pixel(x, y)).count();
+    let (left, right) = (plain.width() / 4, plain.width() * 6 / 10);
+    assert_eq!(differs(left), 0);
+    assert!(differs(right) > 50);
+    perform(&mut harness, EditCommand::Undo);
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(doc(&harness).edit.fusion.second, None);
+}
+
+#[test]
+fn slices_side_by_side_share_place_and_window_and_name_their_dates() {
+    let mut harness = sample();
+    perform(&mut harness, EditCommand::TogglePane(PaneId::SideBySide));
+    let rect = maximized(&mut harness, PaneId::SideBySide);
+    for (x, date) in [(0.25, "2024-01-15"), (0.75, LATER)] {
+        let at = rect.min + egui::vec2(rect.width() * x, rect.height() * 0.5);
+        harness.event(egui::Event::PointerMoved(at));
+        harness.run_ok();
+        // The crosshair follows in both, and the place is the same for the same part of either.
+        let found = doc(&harness).nav.crosshair_mm();
+        assert!(found.is_finite(), "{date}");
+    }
+    let picture = pane_picture(&mut harness, PaneId::SideBySide);
+    // Masks of both dates are outlined, and the later ones are larger.
+    let red = |from: f32, to: f32| {
+        let (from, to) = ((picture.width() as f32 * from) as u32, (picture.width() as f32 * to) as u32);
+        let part = image::imageops::crop_imm(&picture, from, 0, to - from, picture.height()).to_image();
+        count_color(&part, [200, 30, 20], 60)
+    };
+    let (prior, current) = (red(0.0, 0.5), red(0.5, 1.0));
+    assert!(prior > 100 && current > prior, "{prior} {current}");
+    // A click pins the crosshair there at whatever date.
+    harness.event(egui::Event::PointerMoved(rect.center() + egui::vec2(rect.width() * 0.2, 0.0)));
+    perform(&mut harness, LookCommand::SetTime(1));
+    assert_eq!(doc(&harness).nav.time, 1);
+    assert_eq!(error_text(&harness), "");
+}

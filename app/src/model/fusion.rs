@@ -1,6 +1,6 @@
 //! A second image on the slices.
 
-use glioscope_render::flat::{ColorMap, Mixing};
+use glioscope_render::flat::{ColorMap, Mixing, Window};
 use serde::{Deserialize, Serialize};
 
 /// An image of the case, of any of its dates.
@@ -27,8 +27,8 @@ pub struct Fusion {
     pub opacity: f32,
     /// Where the line of a swipe is, from 0 (left) to 1.
     pub share: f32,
-    /// Values at or below it are transparent where it lies over the first one, in its own unit; `None`: the low end of its
-    /// window.
+    /// Values at or below it are transparent where it lies over the first one, in its own unit; `None`: 40 % of its window in
+    /// colours, its low end in greys.
     pub threshold: Option<f64>,
 }
 
@@ -45,7 +45,19 @@ impl Default for Fusion {
     }
 }
 
+/// Share of the window below which an image in colours is transparent, so that the anatomy shows where nothing is taken up.
+const TRANSPARENT_SHARE: f64 = 0.4;
+
 impl Fusion {
+    /// The threshold in an image of this window.
+    pub fn threshold_in(&self, window: Window) -> f64 {
+        let share = match self.map {
+            ColorMap::Grey | ColorMap::InvertedGrey => 0.0,
+            ColorMap::Hot | ColorMap::Inferno | ColorMap::Viridis => TRANSPARENT_SHARE,
+        };
+        self.threshold.unwrap_or(window.low + share * window.width())
+    }
+
     /// With this second image, looked at as such pairs usually are: an earlier or later scan of the same kind in greys
     /// behind a swipe line, another kind in colours over the first.
     #[must_use]

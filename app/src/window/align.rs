@@ -66,7 +66,7 @@ pub fn show(ui: &Ui, open: &mut Option<Align>, work: &Workstation, out: &mut Com
     take_result(align, doc, out);
     let mut is_open = true;
     let window = egui::Window::new("Align dates").open(&mut is_open).resizable(false).collapsible(false);
-    window.default_width(WIDTH_POINTS).show(ui.ctx(), |ui| {
+    window.default_pos([24.0, 64.0]).default_width(WIDTH_POINTS).show(ui.ctx(), |ui| {
         ui.set_width(WIDTH_POINTS);
         let Some((first, others)) = case.time_points.split_first().filter(|(_, others)| !others.is_empty()) else {
             ui.label("The case has one date: there is nothing to align.");

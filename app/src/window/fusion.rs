@@ -46,8 +46,9 @@ pub(super) fn bar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Com
     });
     label_for_screen_readers(&response.response, "Second image on the slices");
     response.response.on_hover_text("A second image on the slices: another sequence, or another date");
-    if second.is_some() {
-        controls(ui, &mut changed);
+    if let Some(second) = second {
+        let threshold = changed.threshold_in(second.window);
+        controls(ui, &mut changed, threshold);
     }
     if let Some(second) = second.filter(|second| second.id != first) {
         ui.menu_button("Its window", |ui| {
@@ -64,7 +65,7 @@ pub(super) fn bar(ui: &mut Ui, work: &Workstation, doc: &Document, out: &mut Com
     }
 }
 
-fn controls(ui: &mut Ui, fusion: &mut Fusion) {
+fn controls(ui: &mut Ui, fusion: &mut Fusion, threshold: f64) {
     let mixing = |mixing: Mixing| match mixing {
         Mixing::Over => "over the first",
         Mixing::Checkerboard => "checkerboard",
@@ -102,10 +103,9 @@ fn controls(ui: &mut Ui, fusion: &mut Fusion) {
         Mixing::Over => {
             slider(ui, &mut fusion.opacity, "Opacity of the second image");
             let mut has_threshold = fusion.threshold.is_some();
-            let text =
-                "Values at or below the threshold are transparent; without one, those below its window";
+            let text = "Values at or below it are transparent; without one, those below 40 % of its window";
             if ui.checkbox(&mut has_threshold, "above").on_hover_text(text).changed() {
-                fusion.threshold = has_threshold.then_some(0.0);
+                fusion.threshold = has_threshold.then_some(threshold);
             }
             if let Some(threshold) = &mut fusion.threshold {
                 let response = ui.add(DragValue::new(threshold).speed(0.1).max_decimals(2));

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use egui::{Panel, Ui};
-use glioscope_core::{Check, Severity};
+use glioscope_core::{Check, Severity, case::Case};
 
 use crate::{
-    command::{AppCommand, Commands, Workstation},
+    command::{AppCommand, Command, Commands, Workstation},
     theme::Tokens,
     world::jobs::progress_text,
 };
@@ -66,6 +66,19 @@ fn line(ui: &mut Ui, text: egui::RichText) {
     });
 }
 
+/// What transforms moved in a case, in one line; `None` for nothing.
+fn moved(case: &Case) -> Option<String> {
+    let mut all: Vec<String> = Vec::new();
+    for aligned in &case.aligned {
+        let what = if aligned.time.is_empty() { &aligned.id } else { &aligned.time };
+        let text = format!("{what} moved by {}", aligned.by.join(", then by "));
+        if !all.contains(&text) {
+            all.push(text);
+        }
+    }
+    (!all.is_empty()).then(|| all.join("; "))
+}
+
 /// Status line: loading progress, and the last error, which can be dismissed, or notice.
 pub fn status(ui: &mut Ui, work: &mut Workstation, out: &mut Commands) {
     ui.horizontal(|ui| {
@@ -89,6 +102,15 @@ pub fn status(ui: &mut Ui, work: &mut Workstation, out: &mut Commands) {
             line(ui, egui::RichText::new(error.to_string()).color(ink));
         } else if let Some(notice) = &work.notice {
             line(ui, notice.into());
+        } else if let Some(text) = work.world.case().and_then(|case| moved(case)) {
+            let width = (ui.available_width() - DISCLAIMER_POINTS).max(120.0);
+            ui.scope(|ui| {
+                ui.set_max_width(width);
+                let link = egui::Label::new(&text).truncate().sense(egui::Sense::click());
+                if ui.add(link).on_hover_text(Command::from(AppCommand::ShowAlign).tooltip()).clicked() {
+                    out.push(AppCommand::ShowAlign);
+                }
+            });
         }
         if dismissed {
             work.error = None;

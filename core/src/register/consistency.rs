@@ -4,7 +4,7 @@ use crate::Progress;
 use glam::{DAffine3, DVec3};
 
 use super::{
-    pose::{inverse, rotated},
+    pose::{inverse, nearest_turn, rotated},
     prepared::Prepared,
     types::{Image, Measure, Options, Outcome, RegisterError},
 };
@@ -85,13 +85,15 @@ pub fn consistency(
     }
     let has_masks = !fixed.excluded.is_empty() || !moving.excluded.is_empty();
     progress.say("levels");
-    let prepared = Prepared::new(fixed, moving, options, progress)?;
+    let prepared = Prepared::new(fixed, moving, options, progress)?.for_measure(outcome.measure, progress)?;
     let levels = (prepared.resolutions.len() - prepared.fine_from()) as u64;
     progress.expect(levels * (DIRECTIONS.len() as u64 + 1 + u64::from(has_masks)));
     let centre_mm = points_mm.iter().sum::<DVec3>() / points_mm.len().max(1) as f64;
     let mut repeat =
         Repeat { measure: outcome.measure, reference, points_mm, runs: 0, failed: 0, all: Vec::new() };
 
+    let turn = nearest_turn(reference.matrix3);
+    let turned = prepared.turned(turn);
     let mut starts = Vec::new();
     for (index, direction) in DIRECTIONS.iter().enumerate() {
         let direction = DVec3::from_array(*direction) / 3_f64.sqrt();
@@ -99,16 +101,17 @@ pub fn consistency(
         let perturbation =
             DAffine3 { matrix3: turn, translation: centre_mm - turn * centre_mm + direction * SHIFT_MM };
         let options = Options { seed: options.seed.wrapping_add(index as u64 + 1), ..*options };
-        starts.extend(repeat.run(&prepared, reference * perturbation, &options, false, progress)?);
+        starts.extend(repeat.run(&turned, reference * perturbation, &options, false, progress)?);
     }
     let other_seed = Options { seed: options.seed.wrapping_add(101), ..*options };
-    let swapped = prepared.swapped();
     let backward = inverse(reference).unwrap_or(reference);
+    let swapped = prepared.swapped().turned(nearest_turn(backward.matrix3));
     let direction = repeat.run(&swapped, backward, &other_seed, true, progress)?;
     let lesions = if has_masks {
         let whole =
-            Prepared::new(&Image::whole(fixed.volume), &Image::whole(moving.volume), options, progress)?;
-        repeat.run(&whole, reference, options, false, progress)?
+            Prepared::new(&Image::whole(fixed.volume), &Image::whole(moving.volume), options, progress)?
+                .for_measure(outcome.measure, progress)?;
+        repeat.run(&whole.turned(turn), reference, options, false, progress)?
     } else {
         Vec::new()
     };

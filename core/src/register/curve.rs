@@ -45,9 +45,7 @@ impl Curve {
     #[inline]
     pub fn at(&self, value: f64) -> (f64, f64) {
         let u = value * KNOTS as f64;
-        // Also for NaN.
-        let beyond = !(u > 0.0);
-        if beyond {
+        if u.is_nan() || u <= 0.0 {
             return (0.0, 0.0);
         }
         let low = u as usize;

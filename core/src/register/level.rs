@@ -104,6 +104,31 @@ impl Level {
         Ok(self.with(&plans, values))
     }
 
+    /// This level smoothed to a point spread of `width_mm` along each axis that is sharper; what doesn't count still
+    /// doesn't.
+    pub fn smoothed(&self, width_mm: f64, progress: &Progress) -> Result<Self, Cancelled> {
+        let plans: [Plan; 3] = std::array::from_fn(|a| Plan {
+            step: 1,
+            first: 0.0,
+            count: self.dims[a],
+            kernel: (width_mm.powi(2) - self.width_mm[a].powi(2)).max(0.0).sqrt() / self.spacing_mm[a],
+            width_mm: width_mm.max(self.width_mm[a]),
+        });
+        let mut values = self.values.to_vec();
+        for (axis, plan) in plans.iter().enumerate() {
+            progress.check()?;
+            if !plan.keeps() {
+                values = reduced(&values, self.dims, axis, plan);
+            }
+        }
+        values.par_iter_mut().zip(self.values.par_iter()).for_each(|(new, old)| {
+            if !old.is_finite() {
+                *new = f32::NAN;
+            }
+        });
+        Ok(self.with(&plans, values))
+    }
+
     fn with(&self, plans: &[Plan; 3], values: Vec<f32>) -> Self {
         let old_from_new = DAffine3 {
             matrix3: DMat3::from_diagonal(DVec3::from_array(std::array::from_fn(|a| plans[a].step as f64))),

@@ -57,6 +57,9 @@ fn slopes(slope: f64, t: f64, bins: usize) -> [f64; 4] {
     ]
 }
 
+/// A part of the points: its joint histogram, and what counts in both images.
+type Part = (Vec<f64>, Vec<(DVec3, Sample)>);
+
 /// The joint histogram's entropies.
 struct Table {
     /// `NMI`.
@@ -132,7 +135,7 @@ pub(crate) fn similarity(
     model: Model,
 ) -> Option<Similarity> {
     let size = part_size(points.len());
-    let parts: Vec<(Vec<f64>, Vec<(DVec3, Sample)>)> = points
+    let parts: Vec<Part> = points
         .par_chunks(size)
         .map(|points| {
             let mut histogram = vec![0.0; bins * bins];

@@ -134,6 +134,40 @@ pub(crate) fn rotated(angles: DVec3) -> DMat3 {
     DMat3::from_quat(DQuat::from_scaled_axis(angles))
 }
 
+/// The quarter turn of the moving image after which `matrix3` turns by less than about 70°; mostly the identity. Without it
+/// a half turn would have no half way.
+pub(crate) fn nearest_turn(matrix3: DMat3) -> DMat3 {
+    let trace = |turn: DMat3| {
+        let m = turn * matrix3;
+        m.x_axis.x + m.y_axis.y + m.z_axis.z
+    };
+    // The trace of a rotation by 70°.
+    if trace(DMat3::IDENTITY) > 1.68 {
+        return DMat3::IDENTITY;
+    }
+    let better = |best: DMat3, turn: DMat3| if trace(turn) > trace(best) { turn } else { best };
+    quarter_turns().into_iter().fold(DMat3::IDENTITY, better)
+}
+
+/// The 23 rotations that map axes onto axes, but for the identity.
+pub(crate) fn quarter_turns() -> Vec<DMat3> {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let mut turns = Vec::new();
+    for at in 0..36 {
+        let (a, b) = (at / 12, at / 4 % 3);
+        if a == b {
+            continue;
+        }
+        let sign = |bit: usize| if at >> bit & 1 == 1 { -1.0 } else { 1.0 };
+        let (x, y) = (axes[a] * sign(0), axes[b] * sign(1));
+        let turn = DMat3::from_cols(x, y, x.cross(y));
+        if turn != DMat3::IDENTITY {
+            turns.push(turn);
+        }
+    }
+    turns
+}
+
 /// The inverse; `None` where it isn't finite.
 pub(crate) fn inverse(affine: DAffine3) -> Option<DAffine3> {
     let matrix3 = affine.matrix3.inverse();

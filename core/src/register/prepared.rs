@@ -5,9 +5,10 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::{
     curve::Curve,
+    level::Level,
     pair::{Keep, Pair, points},
     pose::half_way,
-    pyramid::{Pyramid, centred, pyramid, schedule, uncentred},
+    pyramid::{Pyramid, centred, finest_useful_mm, pyramid, schedule, uncentred},
     quasi_newton::Climb,
     robust::Fit,
     types::{Image, Measure, Model, Options, RegisterError, Which},
@@ -15,9 +16,10 @@ use super::{
 
 /// Bins at the fine levels.
 const BINS: usize = 32;
-/// Points and bins that tell an image from its mirror image.
-const INNER_POINTS: usize = 60_000;
-const INNER_BINS: usize = 16;
+/// Width of the point spread at which differences of intensities are fitted, of the resolution. Linear interpolation
+/// smooths by the fraction of a voxel; what is smooth already loses less to it. Mutual information, which lives on edges,
+/// is better without.
+const SMOOTH: f64 = 0.9;
 /// Step at which the finest level ends, of its resolution.
 const TOLERANCE: f64 = 2e-4;
 /// Step that may remain where no step improves the fit any more, of the resolution.
@@ -31,6 +33,8 @@ pub(crate) struct Prepared {
     pub fixed: Pyramid,
     pub moving: Pyramid,
     pub resolutions: Vec<f64>,
+    /// Whether the images are too large for the finest resolution that shows anything.
+    pub is_coarser: bool,
     pub fixed_centre_mm: DVec3,
     pub moving_centre_mm: DVec3,
     /// The moving image's centred space is turned (or mirrored) by this.
@@ -58,6 +62,7 @@ impl Prepared {
         progress: &Progress,
     ) -> Result<Self, RegisterError> {
         let resolutions = schedule(fixed.volume, moving.volume, options);
+        let useful_mm = finest_useful_mm(fixed.volume, moving.volume, options);
         let make = |image, which| pyramid(image, which, &resolutions, options.margin_mm, progress);
         let (fixed_pyramid, moving_pyramid) =
             rayon::join(|| make(fixed, Which::Fixed), || make(moving, Which::Moving));
@@ -66,6 +71,7 @@ impl Prepared {
             radius_mm: fixed_pyramid.radius_mm.min(moving_pyramid.radius_mm),
             fixed: fixed_pyramid,
             moving: moving_pyramid,
+            is_coarser: resolutions.last().is_some_and(|finest| *finest > 1.01 * useful_mm),
             resolutions,
             fixed_centre_mm: fixed.volume.grid().center_mm(),
             moving_centre_mm: moving.volume.grid().center_mm(),
@@ -76,6 +82,21 @@ impl Prepared {
     /// The same with the moving image's centred space turned or mirrored by an orthogonal matrix.
     pub fn turned(&self, turn: DMat3) -> Self {
         Self { moving: self.moving.turned(turn), turn: turn * self.turn, ..self.clone() }
+    }
+
+    /// The fine levels as a measure needs them: differences of intensities smoother, see [`SMOOTH`].
+    pub fn for_measure(&self, measure: Measure, progress: &Progress) -> Result<Self, Cancelled> {
+        let mut ready = self.clone();
+        if measure == Measure::SameModality {
+            let first = self.fine_from();
+            for (index, resolution_mm) in self.resolutions.iter().enumerate().skip(first) {
+                let smooth = |level: &Level| level.smoothed(SMOOTH * resolution_mm, progress);
+                let (fixed, moving) = (&self.fixed.levels[index], &self.moving.levels[index]);
+                let (fixed, moving) = rayon::join(|| smooth(fixed), || smooth(moving));
+                (ready.fixed.levels[index], ready.moving.levels[index]) = (fixed?, moving?);
+            }
+        }
+        Ok(ready)
     }
 
     /// The same with fixed and moving image exchanged.
@@ -175,7 +196,7 @@ impl Prepared {
                     radius_mm: self.radius_mm,
                     tolerance_mm,
                     rest_mm: REST * resolution_mm,
-                    most_steps: 30,
+                    most_steps: 60,
                     foreground: self.fixed.foreground.min(self.moving.foreground),
                 };
                 let Some(fitted) = fit.run(at.pose, &gain, progress)? else { return Ok(None) };
@@ -204,21 +225,6 @@ impl Prepared {
 }
 
 impl Prepared {
-    /// Normalised mutual information within both foregrounds, at the second level: of the outlines, which a mirror image
-    /// shares, it says nothing. `None` where it can't be measured.
-    pub fn inner_similarity(&self, pose: DAffine3, seed: u64) -> Option<f64> {
-        let half = half_way(pose, Model::Rigid)?;
-        let index = self.fine_from();
-        let points = points(&self.fixed, &self.moving, &half, 3.0, INNER_POINTS, Keep::Foreground, 0.0, seed);
-        let pair = Pair::new(&self.fixed.levels[index], &self.moving.levels[index], &half);
-        let inner = |x: &DVec3| {
-            let (f, m) = pair.each(*x);
-            f.is_some_and(|v| v > self.fixed.foreground) && m.is_some_and(|v| v > self.moving.foreground)
-        };
-        let points: Vec<DVec3> = points.into_iter().filter(inner).collect();
-        super::mutual::value(&pair, &points, INNER_BINS, self.curves())
-    }
-
     /// A fit of intensities at the coarsest fine level, to see whether the images are of one modality.
     pub fn trial(
         &self,

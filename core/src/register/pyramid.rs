@@ -58,15 +58,20 @@ impl Pyramid {
     }
 }
 
-/// Resolutions worked at, mm, coarse to fine.
-pub(crate) fn schedule(fixed: &Volume, moving: &Volume, options: &Options) -> Vec<f64> {
+/// The finest resolution that shows anything, mm: that asked for, or that of the coarser image. Twice as fine as its voxels
+/// shows nothing more.
+pub(crate) fn finest_useful_mm(fixed: &Volume, moving: &Volume, options: &Options) -> f64 {
     let middle = |volume: &Volume| {
         let mut spacing = volume.grid().spacing_mm().to_array();
         spacing.sort_by(f64::total_cmp);
         spacing[1]
     };
-    // Twice as fine as the coarser image's voxels shows nothing more.
-    let mut finest = options.finest_mm.max(0.6 * middle(fixed).max(middle(moving)));
+    options.finest_mm.max(0.6 * middle(fixed).max(middle(moving)))
+}
+
+/// Resolutions worked at, mm, coarse to fine.
+pub(crate) fn schedule(fixed: &Volume, moving: &Volume, options: &Options) -> Vec<f64> {
+    let mut finest = finest_useful_mm(fixed, moving, options);
     for volume in [fixed, moving] {
         let spacing = volume.grid().spacing_mm();
         let voxels = |finest: f64| -> f64 {

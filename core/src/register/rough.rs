@@ -4,22 +4,26 @@ use crate::{Cancelled, Progress};
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::{
-    pose::apart_mm,
+    pair::overlap_share,
+    pose::{apart_mm, half_way, nearest_turn, quarter_turns},
     prepared::Prepared,
     search::{Found, MAX_SHIFT_MM, MAX_TURN_DEGREES, MIN_OVERLAP, Search},
-    types::{Options, RegisterError, Warning},
+    types::{Model, Options, RegisterError, Warning},
 };
 
 /// Similarity at the second level below which images have nothing in common.
-const MIN_SIMILARITY: f64 = 1.02;
+const MIN_SIMILARITY: f64 = 1.045;
 /// Similarity there below which an alignment must fit clearly better than others: two unrelated bodies reach 1.07.
 const WEAK_SIMILARITY: f64 = 1.08;
-/// Similarity there below which the images' axes may be wrong, so that turned ones are tried.
+/// Similarity there below which the images' axes may be wrong, so that turned ones are tried, and below which too small
+/// an overlap is chance.
 const SURE_SIMILARITY: f64 = 1.12;
 /// Alignments whose similarity beyond 1 is this close to the best one's are as good.
 const AS_GOOD: f64 = 0.97;
 /// The same where similarity is weak.
 const AS_GOOD_WEAK: f64 = 0.9;
+/// Overlap below which a sure similarity is needed.
+const PARTIAL_OVERLAP: f64 = 0.7;
 /// How much more similarity beyond 1 a turned image must have than one as its header says.
 const TURNED_GAIN: f64 = 1.2;
 /// How far apart alignments as good must be to count as different, mm.
@@ -39,8 +43,10 @@ pub(crate) struct Rough {
 
 impl Rough {
     /// A start that is given: nothing is searched.
-    pub fn given(pose: DAffine3) -> Self {
-        Self { pose, turn: DMat3::IDENTITY, evaluations: 0, warnings: Vec::new() }
+    pub fn given(prepared: &Prepared, moving_from_fixed: DAffine3) -> Self {
+        let turn = nearest_turn(moving_from_fixed.matrix3);
+        let pose = prepared.turned(turn).pose(moving_from_fixed);
+        Self { pose, turn, evaluations: 0, warnings: Vec::new() }
     }
 }
 
@@ -80,17 +86,6 @@ pub(crate) fn rough(
         evaluations += reflected.evaluations;
     }
     let mut warnings = Vec::new();
-    if std::env::var_os("REG_DEBUG").is_some() {
-        for (p, f) in [
-            (&turned, &found),
-            (&turned.turned(DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0))), &reflected),
-        ] {
-            for c in f.candidates.iter().take(3) {
-                eprintln!("  value {:.4} inner {:.4}", c.value, p.inner_similarity(c.pose, 1).unwrap_or(0.0));
-            }
-            eprintln!("  --");
-        }
-    }
     let pose = judged(&turned, &found, &reflected, &mut warnings)?;
     if turn != DMat3::IDENTITY {
         warnings.push(Warning::AxesExchanged);
@@ -117,6 +112,11 @@ fn judged(
         return Err(RegisterError::Disagree { found: straight, expected: MIN_SIMILARITY });
     }
     let as_good = if straight < WEAK_SIMILARITY { AS_GOOD_WEAK } else { AS_GOOD };
+    let half = half_way(best.pose, Model::Rigid).ok_or(RegisterError::NotFinite("a transform"))?;
+    let share = overlap_share(&prepared.fixed, &prepared.moving, &half);
+    if share < PARTIAL_OVERLAP && straight < SURE_SIMILARITY {
+        return Err(RegisterError::Disagree { found: straight, expected: SURE_SIMILARITY });
+    }
     if let Some(mirrored) = reflected.candidates.first().map(|c| c.value) {
         let unsure = mirrored - 1.0 > as_good * (straight - 1.0);
         // What fits weakly and no better than its mirror image is probably no alignment at all.
@@ -188,23 +188,4 @@ fn likely_turns(
     }
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     Ok(scored.into_iter().take(TURNS_SEARCHED).map(|(_, turn)| turn).collect())
-}
-
-/// The 23 rotations that map axes onto axes, but for the identity.
-fn quarter_turns() -> Vec<DMat3> {
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-    let mut turns = Vec::new();
-    for at in 0..36 {
-        let (a, b) = (at / 12, at / 4 % 3);
-        if a == b {
-            continue;
-        }
-        let sign = |bit: usize| if at >> bit & 1 == 1 { -1.0 } else { 1.0 };
-        let (x, y) = (axes[a] * sign(0), axes[b] * sign(1));
-        let turn = DMat3::from_cols(x, y, x.cross(y));
-        if turn != DMat3::IDENTITY {
-            turns.push(turn);
-        }
-    }
-    turns
 }

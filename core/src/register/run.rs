@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 
 use super::{
     pair::overlap_share,
-    pose::half_way,
+    pose::{apart_mm, half_way},
     prepared::Prepared,
     rough::{Rough, rough},
     search::MIN_OVERLAP,
@@ -14,6 +14,10 @@ use super::{
 
 /// Correlation, after a gain, above which two images count as of one modality.
 const SAME_MODALITY: f64 = 0.85;
+/// Similarity at the finest level below which images have nothing in common: unrelated ones have 1.003.
+const MIN_SIMILARITY: f64 = 1.01;
+/// How far the finer levels may lead away from the rough alignment, which is good to about 2 mm.
+const MAX_DRIFT_MM: f64 = 12.0;
 /// Outliers, and overlap, that are worth a warning.
 const MANY_OUTLIERS: f64 = 0.3;
 const PARTIAL_OVERLAP: f64 = 0.7;
@@ -36,6 +40,9 @@ const STAGES: u64 = 4;
 ///
 /// Deterministic: the same input gives the same bits, whatever the number of threads.
 ///
+/// Takes 3 to 4 s of one core on two heads of 240x240x155 voxels of 1 mm (4 to 6 s across modalities), and about 350 MiB beside
+/// the images; images of 512³ voxels are read in place and compared at a coarser resolution where they must be.
+///
 /// # Errors
 /// [`RegisterError`] tells why there is no alignment that can be used, or that the user cancelled.
 pub fn register(
@@ -57,7 +64,7 @@ fn run(prepared: &Prepared, options: &Options, progress: &Progress) -> Result<Ou
     let found = match options.start {
         Some(start) => {
             progress.advance(2)?;
-            Rough::given(prepared.pose(start))
+            Rough::given(prepared, start)
         }
         None => rough(prepared, options, progress)?,
     };
@@ -85,16 +92,24 @@ fn run(prepared: &Prepared, options: &Options, progress: &Progress) -> Result<Ou
                 Measure::AcrossModalities
             }
         }
-        measure => measure,
+        measure => {
+            progress.advance(1)?;
+            measure
+        }
     };
     progress.advance(1)?;
-    let refined = prepared.refine(start, first, measure, options, progress)?;
+    let ready = prepared.for_measure(measure, progress)?;
+    let refined = ready.refine(start, first, measure, options, progress)?;
     let refined = refined.ok_or(RegisterError::NoOverlap { share, expected: MIN_OVERLAP })?;
     evaluations += refined.evaluations;
     let half = half_way(refined.pose, model).ok_or(RegisterError::NotFinite("a transform"))?;
     let overlap_share = overlap_share(&prepared.fixed, &prepared.moving, &half);
     if overlap_share < MIN_OVERLAP {
         return Err(RegisterError::NoOverlap { share: overlap_share, expected: MIN_OVERLAP });
+    }
+    let drift_mm = apart_mm(start, refined.pose, prepared.radius_mm);
+    if options.start.is_none() && model == Model::Rigid && drift_mm > MAX_DRIFT_MM {
+        return Err(RegisterError::Drifted { by_mm: drift_mm });
     }
     if !refined.converged {
         return Err(RegisterError::NotConverged { last_step_mm: refined.last_step_mm });
@@ -103,6 +118,9 @@ fn run(prepared: &Prepared, options: &Options, progress: &Progress) -> Result<Ou
     let similarity = prepared.similarity(refined.pose, last, options.seed, model);
     let similarity =
         similarity.ok_or(RegisterError::NoOverlap { share: overlap_share, expected: MIN_OVERLAP })?;
+    if similarity < MIN_SIMILARITY {
+        return Err(RegisterError::Disagree { found: similarity, expected: MIN_SIMILARITY });
+    }
     let moving_from_fixed = prepared.transform(refined.pose);
     if !moving_from_fixed.is_finite() {
         return Err(RegisterError::NotFinite("a transform"));
@@ -119,7 +137,7 @@ fn run(prepared: &Prepared, options: &Options, progress: &Progress) -> Result<Ou
         warnings.push(Warning::LargeScale { scale });
     }
     let finest_mm = prepared.resolutions.last().copied().unwrap_or(options.finest_mm);
-    if finest_mm > options.finest_mm * 1.001 {
+    if prepared.is_coarser {
         warnings.push(Warning::Coarser { finest_mm });
     }
     Ok(Outcome {

@@ -49,7 +49,8 @@ pub struct Options {
     pub model: Model,
     /// How the images are compared.
     pub measure: Measure,
-    /// A rough alignment, fixed to moving, RAS mm: refined, nothing else is tried. `None`: searched.
+    /// A rough alignment, fixed to moving, RAS mm, within about 10 mm and 10°: refined, nothing else is tried, and
+    /// whether left and right are swapped isn't checked. `None`: searched.
     pub start: Option<DAffine3>,
     /// How far excluded masks are grown, mm. At least 0.
     pub margin_mm: f64,
@@ -182,6 +183,12 @@ pub enum RegisterError {
         degrees: f64,
         /// Largest shift searched, mm.
         shift_mm: f64,
+    },
+    /// The finer levels led far away from the rough alignment, so that one of them is wrong.
+    #[error("the finer levels contradict the rough alignment: they lead {by_mm:.0} mm away from it")]
+    Drifted {
+        /// Largest distance within the image, mm.
+        by_mm: f64,
     },
     /// The optimiser did not come to rest.
     #[error("the registration did not converge: the last step was {last_step_mm:.3} mm")]

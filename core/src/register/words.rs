@@ -21,9 +21,7 @@ impl fmt::Display for Warning {
             Self::AxesExchanged => f.write_str(
                 "the images fit far better turned by quarter turns: a header is wrong, or the patient lay otherwise",
             ),
-            Self::Coarser { finest_mm } => {
-                write!(f, "compared at {finest_mm:.1} mm, because the images are large")
-            }
+            Self::Coarser { finest_mm } => write!(f, "compared at {finest_mm:.1} mm, because the images are large"),
         }
     }
 }

@@ -53,7 +53,8 @@ fn a_transform_of_itk_is_described_and_converted() {
     let inverse = described(&[bare, "--convention", "ras-fixed-from-moving"]);
     assert_eq!(inverse["fixed_from_moving"], expected);
     assert!(refusal(&[tfm, "--convention", "greedy"]).contains("--convention: found ITK text"));
-    assert!(refusal(&[tfm, "--out", tfm]).contains("expected another file"));
+    assert!(refusal(&[tfm, "--out", tfm, "--force"]).contains("a file that the case was read from"));
+    assert!(refusal(&[tfm, "--out", bare]).contains("--force"));
 
     // FLIRT's matrices depend on both images: of images alike and isotropic, the identity is the identity.
     write_cube(&at("i.nii.gz"), 8, 1.0, |_| 1);

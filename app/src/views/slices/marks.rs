@@ -87,6 +87,7 @@ pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<
 /// ends, and how it is shown. The line of a swipe, where it is one.
 fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &Second<'_>) {
     const BAR_WIDTH_POINTS: f32 = 10.0;
+    const LEAST_LEGEND_POINTS: f32 = 260.0;
     let fusion = &input.doc.edit.fusion;
     let rect = layout.rect;
     if fusion.mixing == Mixing::Swipe {
@@ -101,18 +102,23 @@ fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &
         format!("{} · {}", second.id, second.time)
     };
     let how = match fusion.mixing {
-        Mixing::Over => format!("over it, {:.0} %", fusion.opacity * 100.0),
+        Mixing::Over => {
+            let above = three_digits(fusion.threshold_in(second.window));
+            format!("over it, {:.0} %, above {above}", fusion.opacity * 100.0)
+        }
         Mixing::Checkerboard => "in squares".to_owned(),
         Mixing::Swipe => "right of the line".to_owned(),
         Mixing::Edges => "its edges".to_owned(),
     };
     let right = rect.right() - MARGIN_POINTS;
     let mut at = pos2(right, rect.center().y + HEADING_POINTS);
-    for text in [&name, &how] {
+    let is_narrow = rect.width() < LEAST_LEGEND_POINTS;
+    let texts = if is_narrow { &[&name][..] } else { &[&name, &how] };
+    for text in texts {
         at.y += draw_text(painter, at, Align2::RIGHT_TOP, text, LABEL_POINTS, ON_IMAGE);
     }
     let height = (rect.height() * 0.25).min(70.0);
-    if fusion.mixing == Mixing::Edges || height < 24.0 {
+    if fusion.mixing == Mixing::Edges || height < 24.0 || is_narrow {
         return;
     }
     at.y += 3.0;

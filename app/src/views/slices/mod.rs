@@ -235,7 +235,7 @@ fn layer<'a>(second: Second<'a>, fusion: &Fusion) -> SecondLayer<'a> {
         map: fusion.map,
         mixing: fusion.mixing,
         opacity: fusion.opacity,
-        threshold: fusion.threshold.unwrap_or(second.window.low),
+        threshold: fusion.threshold_in(second.window),
         share: fusion.share,
     }
 }

@@ -85,7 +85,8 @@ pub fn show(ui: &Ui, open: &mut Option<Align>, work: &Workstation, out: &mut Com
         register(ui, align, work);
         ui.separator();
         bare_matrix(ui, align);
-        by_hand(ui, align, work, doc, others.iter().map(|date| date.label.as_str()).collect(), out);
+        let labels: Vec<&str> = others.iter().map(|date| date.label.as_str()).collect();
+        by_hand(ui, align, work, doc, &labels, out);
     });
     if !is_open {
         if let Some(job) = &align.job {
@@ -239,7 +240,7 @@ fn by_hand(
     align: &mut Align,
     work: &Workstation,
     doc: &Document,
-    dates: Vec<&str>,
+    dates: &[&str],
     out: &mut Commands,
 ) {
     ui.horizontal_wrapped(|ui| {
@@ -248,7 +249,7 @@ fn by_hand(
         let shown = shown.unwrap_or_else(|| dates.first().copied().unwrap_or_default().to_owned());
         let combo = ComboBox::from_id_salt("date by hand").selected_text(&shown).width(100.0);
         let response = combo.show_ui(ui, |ui| {
-            for date in &dates {
+            for date in dates {
                 if ui.selectable_label(*date == shown, *date).clicked() {
                     align.by_hand = Some((*date).to_owned());
                 }

@@ -74,7 +74,7 @@ fn with(alignments: Vec<Alignment>) -> Result<Case, CaseError> {
 }
 
 fn codes(case: &Case) -> Vec<&str> {
-    case.checks.iter().map(|check| check.code.as_ref()).collect()
+    case.checks.iter().map(|check| check.code).collect()
 }
 
 #[test]

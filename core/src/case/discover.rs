@@ -481,6 +481,20 @@ fn guess(
             None
         });
         file.find_scheme(table.as_ref());
+        if let (Some(table), None, Role::Mask) = (&table, &file.scheme, file.role)
+            && !file.labels.is_empty()
+        {
+            let labels: Vec<String> = file.labels.iter().map(i64::to_string).collect();
+            notes.push(Check::warning(
+                "label-table-unused",
+                format!(
+                    "{}: names not every label of {} ({}); labels have no names of it",
+                    table.name,
+                    printable(&relative.display().to_string()),
+                    labels.join(", ")
+                ),
+            ));
+        }
     }
     tell_files_apart(&mut files);
     drop_alike_colors(&mut files);

@@ -78,6 +78,6 @@ mod tests {
         let all = [stated("a", "1", "x"), stated("b", "1", "y")];
         assert_eq!(check("case", &all, false, false).unwrap()[0].code, "frames-of-reference");
         let stated = check("case", &all, false, true).unwrap();
-        assert_eq!((stated[0].code.as_ref(), stated[0].severity), ("frames-of-reference", Severity::Note));
+        assert_eq!((stated[0].code, stated[0].severity), ("frames-of-reference", Severity::Note));
     }
 }

@@ -107,10 +107,8 @@ fn a_transform_brings_a_date_into_the_space_of_the_other() {
     assert!(codes.collect::<Vec<_>>().contains(&"aligned"));
 
     // The same from a manifest, and a target that the case lacks.
-    let manifest = format!(
-        "glioscope = 1\n[[mask]]\nid = \"m\"\nfile = \"a.nii\"\ntime = 2024-01-01\n[[mask]]\nid = \"m\"\nfile = \"b.nii\"\n\
-         time = 2024-03-01\n[[transform]]\ntime = 2024-03-01\nfile = \"back.tfm\"\n"
-    );
+    let manifest = "glioscope = 1\n[[mask]]\nid = \"m\"\nfile = \"a.nii\"\ntime = 2024-01-01\n[[mask]]\nid = \"m\"\nfile = \"b.nii\"\n\
+         time = 2024-03-01\n[[transform]]\ntime = 2024-03-01\nfile = \"back.tfm\"\n";
     write_whole(&at("case.toml"), manifest.as_bytes()).unwrap();
     let case = at("case.toml");
     let output = run(PROGRAM, &["change", "--json", case.to_str().unwrap()]);

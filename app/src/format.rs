@@ -62,6 +62,24 @@ pub fn nice_length_mm(mm_per_point: f64, max_points: f64) -> Option<(f64, f64)> 
     Some((mm, mm / mm_per_point))
 }
 
+/// An image value with about four significant digits.
+pub fn four_digits(value: f64) -> String {
+    let digits = if value == 0.0 { 0.0 } else { (3.0 - value.abs().log10().floor()).clamp(0.0, 6.0) };
+    format!("{value:.0$}", digits as usize)
+}
+
+/// An image value with at most six significant digits; integers in full.
+pub fn six_digits(value: f64) -> String {
+    if value.is_nan() {
+        return "not a number".into();
+    }
+    if value.is_infinite() || (value.fract() == 0.0 && value.abs() < 1e15) {
+        return format!("{value}");
+    }
+    let digits = (5.0 - value.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    if value.abs() < 1e-6 { format!("{value:.5e}") } else { format!("{value:.digits$}") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

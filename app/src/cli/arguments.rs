@@ -80,6 +80,9 @@ pub enum Task {
         /// The case.
         #[command(flatten)]
         case: CaseArguments,
+        /// Also the values of every image in every mask: mean, SD, percentiles, peak.
+        #[arg(long)]
+        statistics: bool,
         /// As JSON: see docs/json.md.
         #[arg(long)]
         json: bool,

@@ -1,6 +1,10 @@
 //! `glioscope measure`: volumes and agreement of masks and regions.
 
-use glioscope_core::{case::Case, decimal, measure};
+use glioscope_core::{
+    case::Case,
+    decimal,
+    measure::{self, Statistics},
+};
 
 use super::{case::CaseArguments, terminal};
 use crate::{error::AppError, format};
@@ -8,9 +12,51 @@ use crate::{error::AppError, format};
 /// Additional decimals compared with the tables of the window.
 const EXTRA_DECIMALS: usize = 1;
 
-pub(super) fn run(case: &CaseArguments, json: bool) -> Result<(), AppError> {
+pub(super) fn run(case: &CaseArguments, statistics: bool, json: bool) -> Result<(), AppError> {
     let case = case.read(false)?.case;
-    if json { terminal::print_json(&measure::report(&case)) } else { terminal::print(&table(&case)) }
+    let values = match statistics {
+        true => Some(terminal::with_progress(|progress| measure::statistics(&case, progress))?),
+        false => None,
+    };
+    if json {
+        let mut report = measure::report(&case);
+        for (time, of_date) in report.time_points.iter_mut().zip(values.into_iter().flatten()) {
+            time.statistics = Some(of_date);
+        }
+        return terminal::print_json(&report);
+    }
+    let text = table(&case);
+    let values = values.map(|values| values_table(&case, &values)).unwrap_or_default();
+    terminal::print(&format!("{text}{values}"))
+}
+
+/// Values of images in masks as a text table, in each image's unit.
+fn values_table(case: &Case, values: &[Vec<Statistics>]) -> String {
+    let mut lines = Vec::new();
+    for (time, of_date) in case.time_points.iter().zip(values) {
+        let place = if time.label.is_empty() { String::new() } else { format!(" at {}", time.label) };
+        lines.push(format!("\n\nvalues of images in masks{place}, in the image's unit"));
+        lines.push(format!(
+            "{:16} {:16} {:>8} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11}",
+            "image", "mask", "voxels", "mean", "SD", "least", "median", "most", "peak (1 ml)"
+        ));
+        for s in of_date {
+            let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::six_digits);
+            lines.push(format!(
+                "{:16} {:16} {:>8} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11}",
+                s.image,
+                s.mask,
+                s.voxels,
+                number(s.mean),
+                number(s.sd),
+                number(s.min),
+                number(s.p50),
+                number(s.max),
+                number(s.peak)
+            ));
+        }
+    }
+    lines.join("\n")
 }
 
 /// The report as a text table.

@@ -79,7 +79,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         None => open(&cli.case, cli.window),
         Some(Task::Open { case, window }) => open(&case, window),
         Some(Task::Info { target, json, case, cross_check }) => info::run(target, &case, json, cross_check),
-        Some(Task::Measure { case, json }) => measure::run(&case, json),
+        Some(Task::Measure { case, statistics, json }) => measure::run(&case, statistics, json),
         Some(Task::Ellipsoids { case, connectivity, tolerance, json }) => {
             ellipsoids::run(&case, connectivity, tolerance, json)
         }

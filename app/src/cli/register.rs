@@ -130,9 +130,10 @@ fn found(arguments: &RegisterArguments, progress: &Progress) -> Result<Found, Ap
     let options = Options { model: arguments.model.into(), measure, ..Options::default() };
     let failed = |error: register::RegisterError| match error {
         register::RegisterError::Cancelled(cancelled) => AppError::from(cancelled),
+        // Its own text says what was expected of the images.
         error => AppError::file(
             &arguments.moving,
-            error.to_string(),
+            format!("no alignment ({})", error.to_string().replace(", expected", ", needed")),
             "an image that can be aligned with the fixed one",
         ),
     };

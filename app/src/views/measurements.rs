@@ -13,6 +13,7 @@ use crate::{
     command::{AppCommand, Command, Commands, EditCommand, LookCommand},
     format,
     model::{ExportFormat, rulers},
+    world::jobs::Lookup,
 };
 
 /// Height of a row, points.
@@ -24,7 +25,13 @@ pub struct MeasurementsPane;
 
 impl Pane for MeasurementsPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
-        draw::padded(ui, |ui| content(ui, &stage.input, out));
+        draw::padded(ui, |ui| {
+            ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+                content(ui, &stage.input, out);
+                ui.add_space(8.0);
+                values(ui, stage);
+            });
+        });
     }
 }
 
@@ -58,7 +65,60 @@ fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         ui.add(egui::Label::new(RichText::new(text).weak()).wrap());
         return;
     }
-    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| list(ui, input, out));
+    list(ui, input, out);
+}
+
+/// The values of the image shown in each mask.
+fn values(ui: &mut Ui, stage: &mut Stage<'_>) {
+    let input = stage.input;
+    let Some((id, image)) = input.context else { return };
+    if input.time_point.masks.is_empty() {
+        return;
+    }
+    ui.strong(format!("Values of {id} in the masks"));
+    let all = match stage.results.numbers.statistics(input.time_point, (id, image), stage.ask) {
+        Lookup::Ready(all) => all.clone(),
+        Lookup::Working(_) => {
+            ui.weak("counting");
+            return;
+        }
+        Lookup::Failed(error) => {
+            ui.colored_label(ui.visuals().error_fg_color, error.to_string());
+            return;
+        }
+    };
+    ui.spacing_mut().item_spacing.x = 4.0;
+    let titles = ["Mask", "Mean", "SD", "Least", "Most", "Peak"];
+    let table = TableBuilder::new(ui).id_salt("values").vscroll(false).striped(true);
+    let table = table.cell_layout(Layout::left_to_right(Align::Center));
+    let table = table.column(Column::remainder().at_least(60.0).clip(true));
+    let table = table.columns(Column::exact(62.0).clip(true), titles.len() - 1);
+    table
+        .header(ROW_PT - 4.0, |mut row| {
+            for title in titles {
+                row.col(|ui| {
+                    let response = ui.strong(title);
+                    if title == "Peak" {
+                        response
+                            .on_hover_text("The highest mean in a ball of 1 ml about a voxel of the mask");
+                    }
+                });
+            }
+        })
+        .body(|mut body| {
+            for of_mask in all.iter() {
+                body.row(ROW_PT - 4.0, |mut row| {
+                    row.col(|ui| {
+                        ui.label(input.doc.edit.masks.name(&of_mask.mask));
+                    });
+                    for value in [of_mask.mean, of_mask.sd, of_mask.min, of_mask.max, of_mask.peak] {
+                        row.col(|ui| {
+                            ui.label(value.map_or_else(|| "–".to_owned(), format::four_digits));
+                        });
+                    }
+                });
+            }
+        });
 }
 
 fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {

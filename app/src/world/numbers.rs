@@ -3,14 +3,17 @@
 use std::sync::Arc;
 
 use glioscope_core::{
-    RegionVolume, TumorIndex,
+    Mask, RegionVolume, TumorIndex,
     case::TimePoint,
     inside_lens::voxels_inside,
-    measure::{self, Agreement, Pair},
+    measure::{self, Agreement, Pair, Statistics},
 };
-use glioscope_render::Lens;
+use glioscope_render::{Lens, flat::PreparedContext};
 
-use super::jobs::{Ask, Derived, Handle, Lookup};
+use super::{
+    image::NamedImage,
+    jobs::{Ask, Derived, Handle, Lookup},
+};
 
 /// Agreement of the masks of a time point.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,9 +39,29 @@ pub struct Numbers {
     agreement: Derived<Handle<TumorIndex>, AgreementNumbers>,
     lens: Derived<LensKey, RegionVoxels>,
     lens_jobs: u64,
+    statistics: Derived<(Handle<TumorIndex>, Handle<PreparedContext>), Vec<Statistics>>,
 }
 
 impl Numbers {
+    /// Values of an image in the masks of `time_point`.
+    pub fn statistics(
+        &mut self,
+        time_point: &TimePoint,
+        (id, image): NamedImage<'_>,
+        ask: &Ask,
+    ) -> Lookup<'_, Vec<Statistics>> {
+        let key = (Handle::of(&time_point.index), Handle::of(image));
+        let masks: Vec<Mask> = time_point.masks.iter().map(|m| m.mask.clone()).collect();
+        let (id, volume) = (id.to_owned(), image.volume().clone());
+        self.statistics.get(key, ask, move |progress| {
+            let of = |mask: &Mask| {
+                progress.check()?;
+                Ok(measure::statistics_of(mask, (&id, &volume)))
+            };
+            masks.iter().map(of).collect()
+        })
+    }
+
     /// Agreement of the masks of `time_point`.
     pub fn agreement(&mut self, time_point: &TimePoint, ask: &Ask) -> Lookup<'_, AgreementNumbers> {
         let (index, regions) = (time_point.index.clone(), time_point.regions.clone());
@@ -82,8 +105,8 @@ impl Numbers {
 
     /// Whether a worker is computing any.
     pub fn working(&mut self) -> bool {
-        // Both take what is finished.
-        self.agreement.working() | self.lens.working()
+        // Each takes what is finished.
+        self.agreement.working() | self.lens.working() | self.statistics.working()
     }
 }
 

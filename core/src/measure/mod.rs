@@ -2,10 +2,12 @@
 //! empty masks too.
 
 mod metrics;
+mod statistics;
 
 use serde::{Serialize, Serializer, ser::SerializeMap};
 
 pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
+pub use statistics::{Statistics, of as statistics_of, statistics};
 
 use crate::{
     Check, TumorIndex,
@@ -138,6 +140,9 @@ pub struct TimeReport {
     pub pairs: Vec<Pair>,
     /// Voxels by number of active masks, from 1 to all; see [`agreement`].
     pub agreement: Vec<Agreement>,
+    /// Values of every image in every mask; `None` where they weren't asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub statistics: Option<Vec<Statistics>>,
 }
 
 /// One mask. An empty one has 0 voxels and 0 ml.
@@ -226,6 +231,7 @@ pub fn report(case: &Case) -> MeasureReport {
                 .collect(),
             pairs: pairs(&time.index, regions),
             agreement: agreement(regions),
+            statistics: None,
         }
     });
     MeasureReport {

@@ -479,3 +479,33 @@ fn an_id_with_a_plus_sign_is_selected_like_any_other() {
     let stderr = String::from_utf8_lossy(&unknown.stderr);
     assert!(!unknown.status.success() && stderr.contains("--select: found \"X\""), "{stderr}");
 }
+
+#[test]
+fn values_of_images_in_masks_are_measured_where_asked_for() {
+    let plain = json(&["measure", "--sample", "--json"]);
+    assert!(plain["time_points"][0]["statistics"].is_null());
+    let report = json(&["measure", "--sample", "--statistics", "--json"]);
+    for time in report["time_points"].as_array().unwrap() {
+        let all = time["statistics"].as_array().unwrap();
+        assert_eq!(all.len(), 9, "three masks in three images");
+        for of in all {
+            let number = |key: &str| of[key].as_f64().unwrap();
+            let ordered = ["min", "p05", "p50", "p95", "max"].map(number);
+            assert!(ordered.is_sorted(), "{of}");
+            assert!((ordered[0]..=ordered[4]).contains(&number("mean")) && number("sd") > 0.0, "{of}");
+        }
+        let of = |mask: &str, image: &str| {
+            let found = all.iter().find(|of| of["mask"] == mask && of["image"] == image).unwrap();
+            (found["mean"].as_f64().unwrap(), found["peak"].as_f64().unwrap(), found["max"].as_f64().unwrap())
+        };
+        // The phantom's uptake is highest in the PET mask, and the peak lies between mean and most.
+        let (mean, peak, most) = of("PET", "PET");
+        assert!(mean > of("T2", "PET").0 && peak > mean && peak <= most, "{mean} {peak} {most}");
+    }
+    let output = run(PROGRAM, &["measure", "--sample", "--statistics"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        text.contains("values of images in masks at 2024-04-15") && text.contains("peak (1 ml)"),
+        "{text}"
+    );
+}

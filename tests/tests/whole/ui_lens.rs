@@ -16,7 +16,9 @@ use glioscope_core::{
     optics::{AnatomicalView, Camera, Projection},
 };
 use glioscope_render::{Coloring, agreement_color, flat::Overlay};
-use glioscope_tests::{Window, count_color, count_shades, crop, doc, error_text, perform, sample};
+use glioscope_tests::{
+    Window, count_color, count_shades, crop, doc, error_text, maximized, perform, sample, wait_for_workers,
+};
 use strum::VariantArray;
 
 fn undo(harness: &mut Window) {
@@ -483,4 +485,26 @@ fn rulers_are_saved_with_the_session() {
     let loaded = session::load(&saved).unwrap().document;
     assert_eq!(loaded.edit.rulers, doc(&harness).edit.rulers);
     assert_eq!(loaded.edit.rulers.len(), 1);
+}
+
+#[test]
+fn values_of_the_image_shown_are_listed_for_each_mask() {
+    let mut harness = sample();
+    maximized(&mut harness, PaneId::Measurements);
+    wait_for_workers(&mut harness);
+    assert!(harness.query_by_label("Values of T1c in the masks").is_some());
+    let of = |harness: &Window| {
+        let work = &harness.state().work;
+        let time = work.world.time_point(doc(harness)).unwrap();
+        let image = time.contexts.iter().find(|c| Some(&c.id) == doc(harness).nav.context.as_ref()).unwrap();
+        let found = glioscope_core::measure::statistics_of(&time.masks[0].mask, (&image.id, &image.volume));
+        glioscope::format::four_digits(found.max.unwrap())
+    };
+    let most = of(&harness);
+    assert!(harness.query_all_by_label(&most).count() > 0, "{most}");
+    perform(&mut harness, LookCommand::SetContext(Some("PET".into())));
+    wait_for_workers(&mut harness);
+    assert!(harness.query_by_label("Values of PET in the masks").is_some());
+    let most = of(&harness);
+    assert!(harness.query_all_by_label(&most).count() > 0, "{most}");
 }

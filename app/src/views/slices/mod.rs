@@ -30,6 +30,7 @@ use super::{
 };
 use crate::{
     command::{Commands, EditCommand},
+    format,
     model::{Fusion, PaneId},
     world::{Second, jobs::Handle},
 };
@@ -177,7 +178,7 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
     let mut parts = vec![place_label(world_mm, sides_known(input))];
     if let Some((id, _)) = input.context {
         parts.push(match found.intensity {
-            Some(value) => format!("{id} {}", intensity(value)),
+            Some(value) => format!("{id} {}", format::six_digits(value)),
             None => format!("outside {id}"),
         });
     }
@@ -189,18 +190,6 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
         parts.push(format!("{}{hidden}", names.join(" + ")));
     }
     parts.join("  ·  ")
-}
-
-/// An image value with at most six significant digits; integers in full.
-fn intensity(value: f64) -> String {
-    if value.is_nan() {
-        return "not a number".into();
-    }
-    if value.is_infinite() || (value.fract() == 0.0 && value.abs() < 1e15) {
-        return format!("{value}");
-    }
-    let digits = (5.0 - value.abs().log10().floor()).clamp(0.0, 12.0) as usize;
-    if value.abs() < 1e-6 { format!("{value:.5e}") } else { format!("{value:.digits$}") }
 }
 
 /// Everything that a slice's pixels depend on.

@@ -1,0 +1,212 @@
+//! Values of an image inside a mask.
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::{Cancelled, Mask, Progress, Volume, case::Case, resample};
+
+/// Radius of a ball of 1 ml: within it the mean of a peak is taken (PERCIST, Wahl 2009).
+const PEAK_RADIUS_MM: f64 = 6.203_504_908_994;
+
+/// Values of an image at the voxels of its own grid whose centres lie in a mask.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Id of the mask.
+    pub mask: String,
+    /// Id of the image.
+    pub image: String,
+    /// Finite values.
+    pub voxels: u64,
+    /// Values that are NaN or infinite, and don't count.
+    pub not_finite: u64,
+    /// Mean; `None` without a finite value, like all that follow.
+    pub mean: Option<f64>,
+    /// Standard deviation of the values (of a sample, n - 1); `None` of one value.
+    pub sd: Option<f64>,
+    /// Smallest value.
+    pub min: Option<f64>,
+    /// 5th percentile, linear between values.
+    pub p05: Option<f64>,
+    /// Median.
+    pub p50: Option<f64>,
+    /// 95th percentile.
+    pub p95: Option<f64>,
+    /// Largest value.
+    pub max: Option<f64>,
+    /// The highest mean in a ball of 1 ml about a voxel of the mask; voxels of the ball outside the mask count, too. `None` where no such
+    /// ball lies inside the image.
+    pub peak: Option<f64>,
+    /// Mean times the volume of these voxels: total lesion glycolysis, where the values are SUV.
+    pub mean_times_ml: Option<f64>,
+}
+
+/// The statistics of every mask in every image of its date, date by date.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn statistics(case: &Case, progress: &Progress) -> Result<Vec<Vec<Statistics>>, Cancelled> {
+    let of_date = |time: &crate::case::TimePoint| {
+        let pairs = time.masks.iter().flat_map(|m| time.contexts.iter().map(move |c| (m, c)));
+        pairs
+            .map(|(m, c)| {
+                progress.check()?;
+                Ok(of(&m.mask, (&c.id, &c.volume)))
+            })
+            .collect::<Result<Vec<_>, Cancelled>>()
+    };
+    case.time_points.iter().map(of_date).collect()
+}
+
+/// The statistics of one mask in one image. A mask that covers no voxel centre of a coarser image has none.
+pub fn of(mask: &Mask, (image, volume): (&str, &Volume)) -> Statistics {
+    let inside = voxels_inside(mask, volume);
+    let (mut values, mut not_finite) = (Vec::with_capacity(inside.len()), 0);
+    for &linear in &inside {
+        let value = volume.value(linear);
+        if value.is_finite() { values.push(value) } else { not_finite += 1 }
+    }
+    values.sort_by(f64::total_cmp);
+    let count = values.len();
+    let mean = (count > 0).then(|| values.iter().sum::<f64>() / count as f64);
+    let squares = |mean: f64| values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+    let percentile = |share: f64| {
+        let at = share * count.checked_sub(1)? as f64;
+        let (low, high) = (values.get(at.floor() as usize)?, values.get(at.ceil() as usize)?);
+        Some(low + (high - low) * at.fract())
+    };
+    let ml = volume.grid().volume_ml(count as u64);
+    Statistics {
+        mask: mask.id().to_owned(),
+        image: image.to_owned(),
+        voxels: count as u64,
+        not_finite,
+        mean,
+        sd: mean.filter(|_| count > 1).map(|mean| (squares(mean) / (count - 1) as f64).sqrt()),
+        min: values.first().copied(),
+        p05: percentile(0.05),
+        p50: percentile(0.5),
+        p95: percentile(0.95),
+        max: values.last().copied(),
+        peak: peak(volume, &inside),
+        mean_times_ml: mean.map(|mean| mean * ml),
+    }
+}
+
+/// Voxels of an image whose centres lie in active voxels of a mask.
+fn voxels_inside(mask: &Mask, volume: &Volume) -> Vec<usize> {
+    let (own, grid) = (mask.grid(), volume.grid());
+    let Some((start, dims)) = mask.bits().bounds() else { return Vec::new() };
+    let (low, high) = resample::box_on(own, grid, start, dims);
+    let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
+    let (low, high) = ((low - 0.5).floor().max(DVec3::ZERO), (high + 0.5).ceil().min(last));
+    if !(low.cmple(high)).all() {
+        return Vec::new();
+    }
+    let [low, high] = [low, high].map(|v| v.to_array().map(|x| x as usize));
+    let slices: Vec<Vec<usize>> = (low[2]..=high[2])
+        .into_par_iter()
+        .map(|z| {
+            let rows = (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| [x, y, z]));
+            let is_in = |voxel: &[usize; 3]| {
+                own.voxel_at(grid.center_of_voxel_mm(*voxel)).is_some_and(|at| mask.bits().get(at))
+            };
+            rows.filter(is_in).map(|voxel| grid.linear(voxel)).collect()
+        })
+        .collect();
+    slices.concat()
+}
+
+fn peak(volume: &Volume, inside: &[usize]) -> Option<f64> {
+    let grid = volume.grid();
+    let mm = grid.world_from_voxel().matrix3;
+    let dims = grid.dims().map(|n| n as i64);
+    // How far the ball reaches along each axis of the grid: by the rows of the inverse, on oblique and sheared grids, too.
+    let inverse = mm.inverse();
+    let reach = [0, 1, 2].map(|axis| (inverse.row(axis).length() * PEAK_RADIUS_MM).floor() as i64);
+    if reach.iter().zip(dims).any(|(reach, dim)| 2 * reach >= dim) {
+        return None;
+    }
+    let ball: Vec<[i64; 3]> = (-reach[2]..=reach[2])
+        .flat_map(|z| {
+            (-reach[1]..=reach[1]).flat_map(move |y| (-reach[0]..=reach[0]).map(move |x| [x, y, z]))
+        })
+        .filter(|at| (mm * DVec3::from_array(at.map(|n| n as f64))).length() <= PEAK_RADIUS_MM)
+        .collect();
+    let mean = |linear: usize| {
+        let at = grid.ijk(linear).map(|n| n as i64);
+        let mut sum = 0.0;
+        for step in &ball {
+            let voxel = [0, 1, 2].map(|axis| at[axis] + step[axis]);
+            if voxel.iter().zip(dims).any(|(n, dim)| !(0..dim).contains(n)) {
+                return None;
+            }
+            sum += volume.value(grid.linear(voxel.map(|n| n as usize)));
+        }
+        Some(sum / ball.len() as f64).filter(|mean| mean.is_finite())
+    };
+    let means = inside.par_iter().filter_map(|&linear| mean(linear));
+    means.reduce_with(f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Grid, MaskBits, Samples, Scaling};
+
+    fn mask(grid: &Grid, inside: impl Fn(DVec3) -> bool) -> Mask {
+        let active = |linear: usize| inside(grid.center_of_voxel_mm(grid.ijk(linear)));
+        Mask::new("m", grid.clone(), MaskBits::from_fn(grid.dims(), active)).unwrap()
+    }
+
+    fn image(grid: &Grid, value: impl Fn(DVec3) -> f32) -> Volume {
+        let values = (0..grid.voxel_count()).map(|linear| value(grid.center_of_voxel_mm(grid.ijk(linear))));
+        Volume::new(grid.clone(), Samples::F32(values.collect()), Scaling { slope: 2.0, intercept: 1.0 })
+            .unwrap()
+    }
+
+    #[test]
+    fn numbers_are_those_of_the_values_in_a_box() {
+        let grid = Grid::axis_aligned([10, 4, 3], DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO).unwrap();
+        // Stored 0 to 4 along x, so 1, 3, 5, 7, 9, in one row.
+        let row = mask(&grid, |p| p.x < 4.5 && p.y < 1.0 && p.z < 1.0);
+        let found = of(&row, ("T1", &image(&grid, |p| p.x as f32)));
+        assert_eq!((found.voxels, found.mean, found.min, found.max), (5, Some(5.0), Some(1.0), Some(9.0)));
+        assert_eq!((found.p50, found.p05, found.p95), (Some(5.0), Some(1.4), Some(8.6)));
+        assert!((found.sd.unwrap() - 10_f64.sqrt()).abs() < 1e-12);
+        assert!((found.mean_times_ml.unwrap() - 5.0 * 5.0 * 6e-3).abs() < 1e-12);
+        assert_eq!(found.peak, None, "no ball of 1 ml in 4 by 3 voxels");
+        let odd = of(&row, ("T1", &image(&grid, |p| if p.x < 0.5 { f32::NAN } else { p.x as f32 })));
+        assert_eq!((odd.voxels, odd.not_finite, odd.min), (4, 1, Some(3.0)));
+        let nothing = of(&mask(&grid, |_| false), ("T1", &image(&grid, |_| 1.0)));
+        assert_eq!((nothing.voxels, nothing.mean, nothing.sd, nothing.max), (0, None, None, None));
+    }
+
+    #[test]
+    fn an_image_on_another_grid_counts_its_own_voxels() {
+        let fine = Grid::axis_aligned([40; 3], DVec3::ONE, DVec3::ZERO).unwrap();
+        let coarse = Grid::axis_aligned([10; 3], DVec3::splat(4.0), DVec3::splat(1.5)).unwrap();
+        let ball = mask(&fine, |p| p.distance(DVec3::splat(20.0)) < 9.0);
+        let found = of(&ball, ("PET", &image(&coarse, |p| p.x as f32)));
+        let expected = (0..coarse.voxel_count()).filter(|&linear| {
+            let at = coarse.center_of_voxel_mm(coarse.ijk(linear));
+            fine.voxel_at(at).is_some_and(|voxel| ball.bits().get(voxel))
+        });
+        assert_eq!(found.voxels, expected.count() as u64);
+        assert!(found.voxels > 30);
+    }
+
+    #[test]
+    fn the_peak_of_a_hot_ball_is_its_value_and_of_a_hot_voxel_its_share() {
+        let grid = Grid::axis_aligned([41; 3], DVec3::ONE, DVec3::splat(-20.0)).unwrap();
+        let all = mask(&grid, |p| p.length() < 14.0);
+        let hot = image(&grid, |p| if p.length() < 10.0 { 3.5 } else { 0.0 });
+        assert_eq!(of(&all, ("PET", &hot)).peak, Some(8.0));
+        let one = of(&all, ("PET", &image(&grid, |p| if p == DVec3::ZERO { 500.0 } else { 0.0 })));
+        let in_ball = (0..grid.voxel_count())
+            .filter(|&linear| grid.center_of_voxel_mm(grid.ijk(linear)).length() <= PEAK_RADIUS_MM)
+            .count() as f64;
+        assert!((one.peak.unwrap() - (1.0 + 1000.0 / in_ball)).abs() < 1e-9);
+        assert_eq!(one.max, Some(1001.0));
+    }
+}

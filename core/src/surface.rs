@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::{Components, Connectivity, Grid, MaskBits, components::TooLarge, grid::ijk};
+use crate::{Components, Connectivity, Grid, Mask, MaskBits, components::TooLarge, grid::ijk};
 
 /// The surface of `mask`: its active voxels with at least one inactive neighbour across a face
 /// (6-neighbourhood). Voxels outside the image count as inactive, so a mask that touches the
@@ -91,6 +91,18 @@ pub struct SurfaceElement {
     pub center_mm: DVec3,
     /// Outward normal, as long as the face's area in mm².
     pub area_mm2: DVec3,
+}
+
+/// Centres of surface voxels of several masks, in RAS mm, evenly thinned to at most `most`; each mask on its own grid. Empty for
+/// empty masks.
+pub fn points_mm(masks: &[&Mask], most: usize) -> Vec<DVec3> {
+    let of = |mask: &&Mask| {
+        let voxels = surface_voxels(mask.bits());
+        voxels.into_iter().map(|voxel| mask.grid().center_of_voxel_mm(voxel)).collect::<Vec<_>>()
+    };
+    let all: Vec<DVec3> = masks.iter().flat_map(of).collect();
+    let step = all.len().div_ceil(most.max(1)).max(1);
+    all.into_iter().step_by(step).collect()
 }
 
 /// The faces of `mask` towards inactive voxels or out of the image, in memory order of their voxels,

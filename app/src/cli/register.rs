@@ -146,13 +146,9 @@ fn found(arguments: &RegisterArguments, progress: &Progress) -> Result<Found, Ap
 
 /// Where the consistency is told: at the lesions' surfaces, else at a lattice over the middle of the image.
 fn points_mm(lesions: &[&Mask], fixed: &Volume) -> Vec<DVec3> {
-    let surfaces = lesions.iter().flat_map(|mask| {
-        surface::surface_voxels(mask.bits()).into_iter().map(|voxel| mask.grid().center_of_voxel_mm(voxel))
-    });
-    let points: Vec<DVec3> = surfaces.collect();
+    let points = surface::points_mm(lesions, 2000);
     if !points.is_empty() {
-        let step = points.len().div_ceil(2000);
-        return points.into_iter().step_by(step).collect();
+        return points;
     }
     let grid = fixed.grid();
     let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));

@@ -185,17 +185,6 @@ fn words(model: Model, consistency: &Consistency) -> String {
 
 /// Points of the surfaces of the first date's masks, else of the later date's; of both empty, none.
 fn surface_points_mm(masks: &[Vec<&Mask>; 2]) -> Vec<DVec3> {
-    for of_date in masks {
-        let surfaces = of_date.iter().map(|mask| (mask, surface::surface_voxels(mask.bits())));
-        let points: Vec<DVec3> = surfaces
-            .flat_map(|(mask, voxels)| {
-                voxels.into_iter().map(|voxel| mask.grid().center_of_voxel_mm(voxel)).collect::<Vec<_>>()
-            })
-            .collect();
-        if !points.is_empty() {
-            let step = points.len().div_ceil(MOST_POINTS);
-            return points.into_iter().step_by(step).collect();
-        }
-    }
-    Vec::new()
+    let of_dates = masks.iter().map(|of_date| surface::points_mm(of_date, MOST_POINTS));
+    of_dates.into_iter().find(|points| !points.is_empty()).unwrap_or_default()
 }

@@ -498,7 +498,7 @@ fn values_of_the_image_shown_are_listed_for_each_mask() {
         let time = work.world.time_point(doc(harness)).unwrap();
         let image = time.contexts.iter().find(|c| Some(&c.id) == doc(harness).nav.context.as_ref()).unwrap();
         let found = glioscope_core::measure::statistics_of(&time.masks[0].mask, (&image.id, &image.volume));
-        glioscope::format::four_digits(found.max.unwrap())
+        format::four_digits(found.max.unwrap())
     };
     let most = of(&harness);
     assert!(harness.query_all_by_label(&most).count() > 0, "{most}");

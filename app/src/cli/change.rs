@@ -107,10 +107,20 @@ fn table(r: &ChangeReport) -> String {
         format!("{:24} {:>14}", "new", ml(r.new_ml)),
         String::new(),
     ];
+    let mut moved: Vec<String> = r
+        .aligned
+        .iter()
+        .filter(|a| a.is_mask && a.id == r.mask && (a.time == r.from || a.time == r.to))
+        .map(|a| format!("{} moved by {}", a.time, a.by.join(", then by ")))
+        .collect();
+    moved.dedup();
+    if !moved.is_empty() {
+        lines.splice(1..1, moved);
+    }
     if r.has_volumes_only() {
         let is_stated = r.flags.contains(&Flag::NotAligned);
-        let why = if is_stated { "not aligned" } else { "no overlap: not aligned?" };
-        lines.push(format!("{why}. Only volumes are compared"));
+        let why = if is_stated { "not aligned." } else { "no overlap: not aligned?" };
+        lines.push(format!("{why} Only volumes are compared"));
         return lines.join("\n");
     }
     lines.push(format!(

@@ -41,7 +41,7 @@ fn values_table(case: &Case, values: &[Vec<Statistics>]) -> String {
             "image", "mask", "voxels", "mean", "SD", "least", "median", "most", "peak (1 ml)"
         ));
         for s in of_date {
-            let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::six_digits);
+            let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::four_digits);
             lines.push(format!(
                 "{:16} {:16} {:>8} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11}",
                 s.image,

@@ -1,6 +1,6 @@
 //! `glioscope render`: draws one view into a PNG, and reports its plan and pass times.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::Path};
 
 use glioscope_core::optics::{Camera, Projection};
 use glioscope_render::{
@@ -26,6 +26,16 @@ use crate::{
     views::{closeup, view3d::screen::PassTimes},
     world::World,
 };
+
+/// Refuses a name that isn't a picture's: a typing error must not replace a patient's image.
+fn refuse_other_endings(path: &Path) -> Result<(), AppError> {
+    match path.extension() {
+        Some(ending) if !ending.eq_ignore_ascii_case("png") => {
+            Err(AppError::file(path, "another ending", "a picture's name, .png"))
+        }
+        _ => Ok(()),
+    }
+}
 
 /// Applies the arguments to the document.
 fn apply(arguments: &RenderArguments, work: &mut Workstation) -> Result<(), AppError> {
@@ -149,6 +159,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     let read = arguments.case.read(true)?;
     let inputs = read.case.inputs.clone();
     // Before minutes of drawing.
+    arguments.out.iter().try_for_each(|path| refuse_other_endings(path))?;
     arguments.out.iter().try_for_each(|path| inputs.refuse_as_output(path))?;
     let mut work = Workstation::with_opened(read.into());
     apply(arguments, &mut work)?;

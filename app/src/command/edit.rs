@@ -23,6 +23,7 @@ use crate::{
         ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions, OverlapMode, PaneId,
         Ruler, SecondImage, Shading,
         document::{default_lens, tumor_radius_mm},
+        fusion::is_pet,
         layout::{self, Task},
         made::{MOST_MADE, MadeMask},
         masks::MaskLook,
@@ -100,10 +101,7 @@ const CTRL: Modifiers = Modifiers::COMMAND;
 /// The image that goes over `first` at a date: PET where there is one, by its name, else another one.
 fn second_of(time_point: &TimePoint, first: Option<&str>) -> Option<SecondImage> {
     let others = || time_point.contexts.iter().map(|c| &c.id).filter(|id| Some(id.as_str()) != first);
-    let is_pet = |id: &&String| {
-        id.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| word == "pet" || word == "pt")
-    };
-    let id = others().find(is_pet).or_else(|| others().next())?.clone();
+    let id = others().find(|id| is_pet(id)).or_else(|| others().next())?.clone();
     Some(SecondImage { id, time: None })
 }
 
@@ -439,7 +437,8 @@ impl EditCommand {
             Self::SetTask(task) => {
                 edit.layout = task.layout(world.time_point_count(), regions.mask_ids().len());
                 edit.maximized = None;
-                if *task == Task::Fusion && edit.fusion.second.is_none() {
+                let has_pet = edit.fusion.second.as_ref().is_some_and(|second| is_pet(&second.id));
+                if *task == Task::Fusion && !has_pet {
                     let first = nav.context.as_ref();
                     let second = second_of(time_point, first.map(String::as_str));
                     edit.fusion = edit.fusion.showing(second, false);

@@ -45,6 +45,11 @@ impl Default for Fusion {
     }
 }
 
+/// Whether an image is PET, by its id.
+pub fn is_pet(id: &str) -> bool {
+    id.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|word| word == "pet" || word == "pt")
+}
+
 /// Share of the window below which an image in colours is transparent, so that the anatomy shows where nothing is taken up.
 const TRANSPARENT_SHARE: f64 = 0.4;
 
@@ -63,11 +68,16 @@ impl Fusion {
     #[must_use]
     pub fn showing(&self, second: Option<SecondImage>, is_same_kind: bool) -> Self {
         let before = self.clone();
+        let is_same_image =
+            |own: &SecondImage| before.second.as_ref().is_some_and(|second| second.id == own.id);
         match second {
             None => Self { second, ..before },
-            Some(_) if before.second.is_some() => Self { second, threshold: None, ..before },
-            Some(_) if is_same_kind => Self { second, mixing: Mixing::Swipe, map: ColorMap::Grey, ..before },
-            Some(_) => Self { second, mixing: Mixing::Over, map: ColorMap::Hot, ..before },
+            // Another date of it.
+            Some(ref own) if is_same_image(own) => Self { second, ..before },
+            Some(_) if is_same_kind => {
+                Self { second, mixing: Mixing::Swipe, map: ColorMap::Grey, threshold: None, ..before }
+            }
+            Some(_) => Self { second, mixing: Mixing::Over, map: ColorMap::Hot, threshold: None, ..before },
         }
     }
 }

@@ -142,7 +142,9 @@ impl SideBySidePane {
             compared: None,
             ..*input
         };
-        let key = (*time, id.clone().unwrap_or_default());
+        // Dates in one place are one widget: the pointer stays over it.
+        let is_cine = self.arrangement == Arrangement::Cine;
+        let key = (if is_cine { usize::MAX } else { *time }, id.clone().unwrap_or_default());
         let plane = self.plane;
         let pane =
             self.cells.entry(key.clone()).or_insert_with(|| SlicePane::in_pane(PaneId::SideBySide, plane));
@@ -183,6 +185,12 @@ impl Pane for SideBySidePane {
         let most_images =
             input.dates.iter().map(|date| date.time_point.contexts.len()).max().unwrap_or_default();
         self.header(ui, input.dates.len(), most_images);
+        if let Some(compared) = input.compared.filter(|compared| compared.report.has_volumes_only()) {
+            let why = compared.report.own_warnings(input.case).first().map(|check| check.message.clone());
+            let text = "Not aligned: these slices show different places (Tools, Align dates)";
+            let response = ui.colored_label(ui.visuals().warn_fg_color, text);
+            response.on_hover_text(why.unwrap_or_default());
+        }
         let is_cine = self.arrangement == Arrangement::Cine && input.dates.len() > 1;
         let now = if is_cine { ui.input(|i| i.time) } else { 0.0 };
         if is_cine {

@@ -265,8 +265,8 @@ fn by_hand(
         });
         label_for_screen_readers(&response.response, "Step");
         let moves = [
-            ("Right", DVec3::X, DVec3::ZERO),
-            ("Left", DVec3::NEG_X, DVec3::ZERO),
+            ("To the right", DVec3::X, DVec3::ZERO),
+            ("To the left", DVec3::NEG_X, DVec3::ZERO),
             ("Forward", DVec3::Y, DVec3::ZERO),
             ("Back", DVec3::NEG_Y, DVec3::ZERO),
             ("Up", DVec3::Z, DVec3::ZERO),
@@ -310,7 +310,8 @@ fn by_hand(
             out.push(EditCommand::SetAlignments(with_date(doc, &shown, Some(alignment))));
         }
     });
-    ui.label("Alt with the arrow keys and Page Up and Down moves it, too. Turns are about the lens.");
+    ui.label("Right and left are the patient's. Alt with the arrow keys moves it as seen on the axial slice, with Page Up and Down up and down. Turns \
+         are about the lens.");
 }
 
 /// Where a date's transform puts its space.

@@ -104,7 +104,7 @@ fn controls(ui: &mut Ui, fusion: &mut Fusion, threshold: f64) {
             slider(ui, &mut fusion.opacity, "Opacity of the second image");
             let mut has_threshold = fusion.threshold.is_some();
             let text = "Values at or below it are transparent; without one, those below 40 % of its window";
-            if ui.checkbox(&mut has_threshold, "above").on_hover_text(text).changed() {
+            if ui.checkbox(&mut has_threshold, "own threshold").on_hover_text(text).changed() {
                 fusion.threshold = has_threshold.then_some(threshold);
             }
             if let Some(threshold) = &mut fusion.threshold {

@@ -404,15 +404,15 @@ impl GlioscopeApp {
         let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
         let (colors, selection) = (world.colors(doc), world.selection(doc));
         let setting = &doc.edit.change;
-        if setting.on_slices {
-            // The change view requests it too, but may not be open.
-            self.results.comparison.get(case, setting, &self.ask);
-        }
-        let compared = self.results.comparison.cached(case, setting).cloned();
         let is_shown = |pane| match alone.or(doc.edit.maximized) {
             Some(maximized) => maximized == pane,
             None => layout::contains(&doc.edit.layout, pane),
         };
+        if setting.on_slices || (is_shown(PaneId::SideBySide) && case.time_points.len() > 1) {
+            // The change view requests it too, but may not be open.
+            self.results.comparison.get(case, setting, &self.ask);
+        }
+        let compared = self.results.comparison.cached(case, setting).cloned();
         let dates: Vec<DateInput<'_>> = if is_shown(PaneId::SideBySide) {
             let all = case.time_points.iter().enumerate();
             all.map(|(time, time_point)| DateInput {

@@ -90,7 +90,12 @@ impl TypedPath {
         }
         let opens = self.purpose.file_name().is_none();
         if opens {
-            let mut what = openable();
+            let mut what = match self.purpose {
+                Purpose::Transform(_) => {
+                    "a transform of ITK, ANTs, 3D Slicer or FreeSurfer, or a bare 4x4 matrix".to_owned()
+                }
+                _ => openable(),
+            };
             what.replace_range(..1, "A");
             ui.label(format!("{what}:"));
         }

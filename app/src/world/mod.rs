@@ -26,6 +26,7 @@ use glioscope_render::{
 
 use crate::model::{
     Document,
+    fusion::is_pet,
     made::{self, MadeMask},
 };
 
@@ -164,7 +165,13 @@ impl World {
         let of_first = first.filter(|(id, _)| *id == chosen.id);
         let window = match of_first {
             Some((id, first)) => doc.window_of(id, first).matched(first.histogram(), image.histogram()),
-            None => doc.window_of(&chosen.id, image),
+            // A small hot lesion lies beyond the percentiles of its initial window.
+            None => match image.histogram().range() {
+                Some((low, high)) if is_pet(&chosen.id) && !doc.edit.windows.contains_key(&chosen.id) => {
+                    Window { low: low.max(0.0), high }
+                }
+                _ => doc.window_of(&chosen.id, image),
+            },
         };
         let id = time_point.contexts[index].id.as_str();
         Some(Second { id, time: &time_point.label, image, window })

@@ -78,9 +78,9 @@ const COARSE_MM: f64 = 4.0;
 const COARSE_POINTS: usize = 30_000;
 
 /// How far two dates' images lie apart at the tumour, in millimetres (95th percentile over its surface), by a coarse fit from
-/// where they lie: to tell dates that were never aligned, not to align them. `None` where that can't be told: without an
-/// image of one id at both dates, where a fit fails, where a transform moved one of them, and where the user says that all
-/// lie in one space. With it the id of the images.
+/// where they lie: to tell dates that were never aligned, or were moved the wrong way, not to align them. `None` where that can't
+/// be told: without an image of one id at both dates, where a fit fails, where a registration that was run here moved them, and
+/// where the user says that all lie in one space. With it the id of the images.
 ///
 /// # Errors
 /// [`Cancelled`].
@@ -90,12 +90,14 @@ pub fn apart_mm(
     progress: &Progress,
 ) -> Result<Option<(f64, String)>, Cancelled> {
     let [Some(earlier), Some(later)] = dates.map(|at| case.time_points.get(at)) else { return Ok(None) };
-    let is_moved = case.aligned.iter().any(|a| a.time == earlier.label || a.time == later.label);
+    let mut moved =
+        case.aligned.iter().filter(|a| a.time == earlier.label || a.time == later.label).peekable();
+    let is_registered = moved.peek().is_some() && moved.all(|a| a.consistency_mm.is_some());
     let common = earlier.contexts.iter().find_map(|own| {
         let other = later.contexts.iter().find(|other| other.id == own.id)?;
         Some([own, other])
     });
-    let Some([fixed, moving]) = common.filter(|_| !is_moved && !case.one_space) else { return Ok(None) };
+    let Some([fixed, moving]) = common.filter(|_| !is_registered && !case.one_space) else { return Ok(None) };
     let masks = [earlier, later].map(|time| time.masks.iter().map(|m| &m.mask).collect::<Vec<&Mask>>());
     let images = [
         Image { volume: &fixed.volume, excluded: &masks[0] },

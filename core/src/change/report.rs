@@ -214,7 +214,7 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
             registration_mm: change.uncertainty.registration_mm,
             registration_from: "stated",
             coverage: COVERAGE,
-            formula: "coverage * sqrt(from_voxel_mm^2 / 12 + to_voxel_mm^2 / 12 + registration_mm^2), each mask's own voxels",
+            formula: "coverage * sqrt(from_voxel_mm^2 / 12 + to_voxel_mm^2 / 12 + resampling_mm^2 + registration_mm^2), each mask's own voxels; resampling: what resampling onto the case grid moved",
         },
         histogram: Histogram::of(change.vectors.iter().map(|v| v.signed_mm)),
         nearest: NearestReport { growth: nearest.0, recession: nearest.1 },
@@ -340,7 +340,9 @@ pub fn between(
     let mut warnings = Vec::new();
     if found.flags.contains(&Flag::NotAligned) {
         let what = match &apart {
-            Some((mm, image)) => format!("{mm:.0} mm apart at the tumour, by their images {image}"),
+            Some((mm, image)) => {
+                format!("{mm:.0} mm apart at the tumour, by their images {image}, as they lie now")
+            }
             None => "in two frames of reference".to_owned(),
         };
         let text = format!(

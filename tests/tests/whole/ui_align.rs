@@ -26,7 +26,7 @@ fn a_date_moved_by_hand_is_moved_back_by_undo() {
     let mut harness = sample();
     perform(&mut harness, AppCommand::ShowAlign);
     for _ in 0..2 {
-        harness.get_by_label("Left").click_accesskit();
+        harness.get_by_label("To the left").click_accesskit();
         wait_for_workers(&mut harness);
     }
     let moved = moved_mm(&harness).unwrap();

@@ -88,6 +88,7 @@ pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<
 fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &Second<'_>) {
     const BAR_WIDTH_POINTS: f32 = 10.0;
     const LEAST_LEGEND_POINTS: f32 = 260.0;
+    const SCALE_BAR_POINTS: f32 = 64.0;
     let fusion = &input.doc.edit.fusion;
     let rect = layout.rect;
     if fusion.mixing == Mixing::Swipe {
@@ -113,11 +114,17 @@ fn second_image(painter: &Painter, input: &Input<'_>, layout: &Layout, second: &
     let right = rect.right() - MARGIN_POINTS;
     let mut at = pos2(right, rect.center().y + HEADING_POINTS);
     let is_narrow = rect.width() < LEAST_LEGEND_POINTS;
-    let texts = if is_narrow { &[&name][..] } else { &[&name, &how] };
-    for text in texts {
+    // Masks are those of the date shown on either side.
+    let date = input.time_point.label.as_str();
+    let masks = (second.time != date && !input.time_point.masks.is_empty()).then(|| format!("masks: {date}"));
+    let mut texts = vec![name];
+    texts.extend((!is_narrow).then_some(how));
+    texts.extend(masks);
+    for text in &texts {
         at.y += draw_text(painter, at, Align2::RIGHT_TOP, text, LABEL_POINTS, ON_IMAGE);
     }
-    let height = (rect.height() * 0.25).min(70.0);
+    // Above the scale bar.
+    let height = (rect.height() * 0.25).min(70.0).min(rect.bottom() - SCALE_BAR_POINTS - at.y);
     if fusion.mixing == Mixing::Edges || height < 24.0 || is_narrow {
         return;
     }

@@ -182,6 +182,11 @@ fn readout_text(input: &Input<'_>, world_mm: DVec3) -> String {
             None => format!("outside {id}"),
         });
     }
+    if let Some(second) = &input.second
+        && let Some(value) = readout(world_mm, Some(second.image.volume()), None).intensity
+    {
+        parts.push(format!("{} {}", second.id, format::six_digits(value)));
+    }
     if found.bits != 0 {
         let names = input.doc.edit.masks.names(index.mask_ids());
         let active = names.iter().enumerate().filter(|(k, _)| found.bits >> k & 1 == 1);

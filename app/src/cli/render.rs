@@ -159,8 +159,8 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     let read = arguments.case.read(true)?;
     let inputs = read.case.inputs.clone();
     // Before minutes of drawing.
-    arguments.out.iter().try_for_each(|path| refuse_other_endings(path))?;
     arguments.out.iter().try_for_each(|path| inputs.refuse_as_output(path))?;
+    arguments.out.iter().try_for_each(|path| refuse_other_endings(path))?;
     let mut work = Workstation::with_opened(read.into());
     apply(arguments, &mut work)?;
     for option in unused::without_effect(arguments) {

@@ -32,6 +32,18 @@ impl Stored {
     }
 }
 
+impl Stored {
+    /// Writes each number to its place in `out`, as `convert` makes it.
+    pub fn fill<T>(&self, out: &mut [T], convert: impl Fn(f64) -> T) {
+        match self {
+            Self::Whole(numbers) => {
+                out.iter_mut().zip(numbers).for_each(|(out, &v)| *out = convert(f64::from(v)));
+            }
+            Self::Real(numbers) => out.iter_mut().zip(numbers).for_each(|(out, &v)| *out = convert(v)),
+        }
+    }
+}
+
 /// Where the bytes of each frame are.
 pub(super) enum Layout<'a> {
     /// One after the other, without compression.
@@ -308,6 +320,11 @@ fn numbers(bytes: &[u8], format: &PixelFormat, is_big_endian: bool) -> Stored {
         (32, true) => Stored::Real(each!(4, f32, f64::from)),
         (64, _) => Stored::Real(each!(8, f64, |v| v)),
         (8, _) => Stored::Whole(bytes.iter().map(|&b| extend(u32::from(b))).collect()),
+        // All bits are the number's: without a branch per pixel.
+        (16, _) if stored == 16 && low == 0 && format.is_signed => {
+            Stored::Whole(each!(2, u16, |v| i32::from(v.cast_signed())))
+        }
+        (16, _) if stored == 16 && low == 0 => Stored::Whole(each!(2, u16, i32::from)),
         (16, _) => Stored::Whole(each!(2, u16, |v| extend(u32::from(v)))),
         _ if format.is_signed || stored < 32 => Stored::Whole(each!(4, u32, extend)),
         _ => Stored::Real(each!(4, u32, f64::from)),

@@ -193,7 +193,8 @@ impl<'a> Series<'a> {
                 "no more than fit in memory",
             )
         })?;
-        voxels.resize(pixels * count, T::default());
+        // In parallel: most of its time is the system's, which gives memory page by page.
+        voxels.par_extend(rayon::iter::repeat_n(T::default(), pixels * count));
         let mut by_file: Vec<Vec<(usize, &mut [T])>> = self.files.iter().map(|_| Vec::new()).collect();
         for (slice, out) in stack.slices.iter().zip(voxels.chunks_exact_mut(pixels)) {
             by_file[slice.file].push((slice.frame, out));
@@ -216,12 +217,10 @@ impl<'a> Series<'a> {
                     let frame = &frames[number];
                     let mut padded = 0;
                     let numbers = stored(&parsed, &layout, format, number).map_err(in_header)?;
-                    numbers.for_each(|at, value| {
-                        out[at] = convert(value, frame.slope, frame.intercept);
-                        padded += u64::from(
-                            header.padding.is_some_and(|(low, high)| (low..=high).contains(&value)),
-                        );
-                    });
+                    numbers.fill(out, |value| convert(value, frame.slope, frame.intercept));
+                    if let Some((low, high)) = header.padding {
+                        numbers.for_each(|_, value| padded += u64::from((low..=high).contains(&value)));
+                    }
                     Ok(padded)
                 };
                 let counts: Result<Vec<u64>, FileError> = slices.into_par_iter().map(decode).collect();

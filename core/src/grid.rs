@@ -1,6 +1,6 @@
 //! Voxel grids: dimensions, spacing and position in the patient.
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 /// Condition number of the voxel-to-world matrix above which a grid is refused.
 pub const MAX_CONDITION: f64 = 1e8;
@@ -265,6 +265,11 @@ pub(crate) fn orthogonal_columns(m: DMat3) -> [DVec3; 3] {
         }
     }
     c
+}
+
+/// The four rows of an affine map as a matrix, as files and JSON have it.
+pub fn rows(affine: DAffine3) -> [[f64; 4]; 4] {
+    DMat4::from(affine).transpose().to_cols_array_2d()
 }
 
 #[cfg(test)]

@@ -167,7 +167,7 @@ fn registered(mut request: Request, model: ModelArgument) -> Result<Request, App
 }
 
 fn transform(text: &str) -> Result<Alignment, String> {
-    Alignment::from_argument(text).map_err(|_| "ID[@TIME]=FILE[:CONVENTION], or @TIME=FILE".to_owned())
+    Alignment::from_argument(text).map_err(|_| Alignment::FORM.to_owned())
 }
 
 /// Help text of the case's path.

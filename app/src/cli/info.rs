@@ -28,14 +28,7 @@ pub(super) fn run(
         None => None,
     };
     let is_archive = archive.is_some();
-    // A directory of files means the folder that it lies in.
-    let target = match target {
-        Some(path) if is_directory_file(&path) => {
-            let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-            Some(if folder.as_os_str().is_empty() { ".".into() } else { folder })
-        }
-        other => other,
-    };
+    let target = target.map(|path| case::folder_of_dicomdir(&path).map(Path::to_owned).unwrap_or(path));
     if let Some(path) = &target
         && path.is_file()
         && !is_archive
@@ -101,10 +94,6 @@ pub(super) fn run(
     }
     lines.extend(spec.notes.iter().map(|n| format!("{}: {}", n.code, n.message)));
     terminal::print(&lines.join("\n"))
-}
-
-fn is_directory_file(path: &Path) -> bool {
-    path.is_file() && path.file_name().is_some_and(|name| name.eq_ignore_ascii_case("DICOMDIR"))
 }
 
 fn is_manifest(path: &Path) -> bool {

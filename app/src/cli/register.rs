@@ -7,13 +7,14 @@ use glam::DVec3;
 use glioscope_core::{
     Mask, MaskBits, Progress, Volume, decimal,
     files::{self, ReadOptions, Source},
+    grid::rows,
     register::{self, Consistency, Image, Measure, Model, Options, Outcome},
     surface,
     transform::{self, Transform},
 };
 use serde_json::{Value, json};
 
-use super::{terminal, transform::rows};
+use super::terminal;
 use crate::{error::AppError, output};
 
 /// Arguments of `register`.

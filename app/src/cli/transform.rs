@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use glam::{DAffine3, DMat4, DVec3};
+use glam::DVec3;
 use glioscope_core::{
     Progress,
     files::{self, Inputs, ReadOptions, Source},
+    grid::rows,
     transform::{self, Convention, Format, Given, ImageGeometry, Images, Transform},
 };
 use serde_json::{Value, json};
@@ -109,10 +110,6 @@ fn write(out: &Path, transform: &Transform) -> Result<(), AppError> {
         _ => transform::write_matrix(out, transform, Convention::RasMovingFromFixed)?,
     }
     Ok(())
-}
-
-pub(super) fn rows(affine: DAffine3) -> [[f64; 4]; 4] {
-    DMat4::from(affine).transpose().to_cols_array_2d()
 }
 
 fn described(format: Format, transform: &Transform) -> Value {

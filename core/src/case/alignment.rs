@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DAffine3, DMat4};
+use glam::DAffine3;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{CaseError, CaseSpec, names::at_time};
@@ -11,6 +11,7 @@ use crate::{
     check::listed,
     decimal,
     files::{self, ReadOptions, Source, printable},
+    grid::rows,
     transform::{self, Convention, Format, Given, ImageGeometry, Images, Transform},
 };
 
@@ -106,7 +107,7 @@ impl AlignedBy {
             Self::File { path, convention, images } => {
                 let seen = Format::of_file(path)?;
                 let word = convention.as_deref().map(str::trim);
-                let known = Convention::ALL.into_iter().find(|known| Some(known.word()) == word);
+                let known = word.and_then(Convention::of_word);
                 let is_flirt = word == Some(FLIRT);
                 if let Some(word) = word.filter(|_| known.is_none() && !is_flirt) {
                     let words = Convention::ALL.map(Convention::word).join(", ");
@@ -146,6 +147,9 @@ fn geometry(path: &Path) -> Result<ImageGeometry, CaseError> {
 }
 
 impl Alignment {
+    /// The form of an argument that states one.
+    pub const FORM: &str = "ID[@TIME]=FILE[:CONVENTION], or @TIME=FILE";
+
     fn moves(&self, id: &str, time: Option<&str>) -> bool {
         self.id.as_deref().is_none_or(|own| own == id)
             && self.time.as_deref().is_none_or(|own| Some(own) == time)
@@ -166,15 +170,12 @@ impl Alignment {
     /// # Errors
     /// [`CaseError::Wrong`] for another form.
     pub fn from_argument(text: &str) -> Result<Self, CaseError> {
-        let form = "ID[@TIME]=FILE[:CONVENTION], or @TIME=FILE";
         let (target, file) = text
             .split_once('=')
             .filter(|(target, file)| !target.trim().is_empty() && !file.trim().is_empty())
-            .ok_or_else(|| CaseError::wrong("--transform", format!("{text:?}"), form))?;
+            .ok_or_else(|| CaseError::wrong("--transform", format!("{text:?}"), Self::FORM))?;
         let target = target.trim();
-        let known = |word: &str| {
-            word == FLIRT || Convention::ALL.into_iter().any(|convention| convention.word() == word)
-        };
+        let known = |word: &str| word == FLIRT || Convention::of_word(word).is_some();
         let (file, convention) = match file.rsplit_once(':') {
             Some((path, word)) if known(word) && !Path::new(file).exists() => (path, Some(word.to_owned())),
             _ => (file, None),
@@ -256,7 +257,7 @@ pub struct Aligned {
 }
 
 fn as_rows<S: Serializer>(affine: &DAffine3, serializer: S) -> Result<S::Ok, S::Error> {
-    DMat4::from(*affine).transpose().to_cols_array_2d().serialize(serializer)
+    rows(*affine).serialize(serializer)
 }
 
 /// The transforms of a case, read.

@@ -68,6 +68,14 @@ pub fn open_spec(path: &Path, options: &LoadOptions, progress: &Progress) -> Res
 
 /// As [`open_spec`], where what was guessed can be corrected before it is used.
 ///
+/// The folder that a DICOMDIR means: the index of a medium means the medium; what lies there is seen from the files themselves.
+/// `None` for other files.
+pub fn folder_of_dicomdir(path: &Path) -> Option<&Path> {
+    let is_one = path.file_name().is_some_and(|name| name.eq_ignore_ascii_case("DICOMDIR"));
+    let folder = path.parent().filter(|_| is_one && path.is_file())?;
+    Some(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
+}
+
 /// # Errors
 /// As [`open_spec`], but where folders may be patients or dates: the proposal says so.
 pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Description, CaseError> {
@@ -91,9 +99,7 @@ pub fn describe(path: &Path, options: &LoadOptions, progress: &Progress) -> Resu
         return Ok(Description::Stated(read_manifest(path)?));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
-    if name.eq_ignore_ascii_case("DICOMDIR") {
-        // The index of a medium means the medium; what lies there is seen from the files themselves.
-        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    if let Some(folder) = folder_of_dicomdir(path) {
         return describe(folder, options, progress);
     }
     if volume_stem(&name).is_none() && dicom::is_dicom(path) {

@@ -36,7 +36,7 @@ use crate::{
 
 pub use alignment::{Aligned, AlignedBy, Alignment};
 pub use arguments::argument_with_file;
-pub use discover::{Description, describe, describe_files, has_manifest, open_spec};
+pub use discover::{Description, describe, describe_files, folder_of_dicomdir, has_manifest, open_spec};
 pub use load::load_with;
 pub use made::MadeMask;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};

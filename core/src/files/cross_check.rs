@@ -5,7 +5,7 @@ use std::{
     path::Path,
 };
 
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use nifti::{IntoNdArray, NiftiHeader, NiftiObject, ReaderOptions};
 use serde::Serialize;
 
@@ -208,7 +208,7 @@ fn compare_affines(grid: &Grid, header: &NiftiHeader) -> Option<AffineCheck> {
     let theirs = Grid::new(grid.dims(), affine(header), Sides::Known).ok()?;
     let distances = grid.corners_mm().into_iter().zip(theirs.corners_mm()).map(|(a, b)| a.distance(b));
     let largest = distances.fold(0.0, f64::max);
-    let rows = |g: &Grid| DMat4::from(g.world_from_voxel()).transpose().to_cols_array_2d();
+    let rows = |g: &Grid| crate::grid::rows(g.world_from_voxel());
     Some(AffineCheck {
         agree: grid.same_place(&theirs, SAME_PLACE_VOXELS),
         rows: BothReaders { ours: rows(grid), theirs: rows(&theirs) },

@@ -1,6 +1,5 @@
 //! An image as its header describes it, whatever the format: one frame's voxels, or the header information.
 
-use glam::DMat4;
 use serde::Serialize;
 
 use super::{
@@ -184,7 +183,7 @@ impl Image<'_> {
             datatype: self.layout.sample_type,
             frame_bytes: self.layout.frame_bytes(),
             spacing_mm: self.grid.spacing_mm().to_array(),
-            world_from_voxel: DMat4::from(self.grid.world_from_voxel()).transpose().to_cols_array_2d(),
+            world_from_voxel: crate::grid::rows(self.grid.world_from_voxel()),
             axis_codes: known.then(|| self.grid.axis_codes().iter().collect()),
             place_from: self.place_from,
             unit: self.unit,

@@ -5,7 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use glam::DMat4;
 use serde::Serialize;
 
 use super::bounded_gzip::Stream;
@@ -187,7 +186,7 @@ pub fn nifti_info_with(source: &Source, progress: &Progress) -> Result<HeaderInf
         components: described.components,
         frame_bytes: described.frame_bytes,
         spacing_mm: grid.spacing_mm().to_array(),
-        world_from_voxel: DMat4::from(world_from_voxel).transpose().to_cols_array_2d(),
+        world_from_voxel: crate::grid::rows(world_from_voxel),
         axis_codes: known.then(|| grid.axis_codes().iter().collect()),
         form: described.form,
         sform_code: header.sform_code,

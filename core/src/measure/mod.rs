@@ -182,12 +182,10 @@ pub struct RegionReport {
 impl GridReport {
     /// The report of `grid`.
     pub fn of(grid: &Grid) -> Self {
-        let (m, t) = (grid.world_from_voxel().matrix3, grid.world_from_voxel().translation);
-        let row = |r: usize| [m.x_axis[r], m.y_axis[r], m.z_axis[r], t[r]];
         Self {
             dims: grid.dims(),
             spacing_mm: grid.spacing_mm().to_array(),
-            world_from_voxel: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
+            world_from_voxel: crate::grid::rows(grid.world_from_voxel()),
         }
     }
 }

@@ -35,6 +35,11 @@ impl Convention {
         }
     }
 
+    /// That of a word.
+    pub fn of_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|known| known.word() == word)
+    }
+
     fn is_fixed_from_moving(self) -> bool {
         self == Self::RasFixedFromMoving
     }

@@ -80,8 +80,7 @@ pub(in super::super) fn info(source: &Source, progress: &Progress) -> Result<Box
             info.volumes.push(Volume {
                 dims: stack.dims,
                 spacing_mm: grid_of.map(|grid| grid.spacing_mm().to_array()),
-                world_from_voxel: grid_of
-                    .map(|grid| glam::DMat4::from(grid.world_from_voxel()).transpose().to_cols_array_2d()),
+                world_from_voxel: grid_of.map(|grid| crate::grid::rows(grid.world_from_voxel())),
                 axis_codes: grid_of.map(|grid| grid.axis_codes().iter().collect()),
                 key: stack.key_text(),
                 problem: grid.err().map(|unusable| unusable.to_string()),

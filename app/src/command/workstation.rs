@@ -189,8 +189,12 @@ impl Workstation {
 
     /// Drops what is asked about a case before it is read; the one that is open stays.
     pub fn drop_questions(&mut self) {
-        self.guess = None;
-        self.order_question = None;
+        let (guess, order) = (self.guess.take(), self.order_question.take());
+        let mut requests = guess.iter().map(|g| &g.request).chain(order.iter().map(|o| &o.request));
+        // Without an answer the open case isn't read with its new transforms, and isn't asked about anew.
+        if requests.any(|request| request.realigns) {
+            self.drop_alignments();
+        }
     }
 
     /// Asks again what the files of the open case are. The sample has none.

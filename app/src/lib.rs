@@ -3,7 +3,7 @@
 //!
 //! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the
 //! loaded case and derived results), [`command`] (user actions), [`cpu_paint`] (the interface without a graphics card),
-//! [`views`] (one file per pane), [`window`], [`cli`]. Views read the document
+//! [`views`] (one file per pane), [`report`] (what is handed over), [`window`], [`cli`]. Views read the document
 //! and the world and write commands; commands change the document; the document determines what is derived and drawn.
 
 pub mod cli;
@@ -15,6 +15,7 @@ pub mod format;
 pub mod model;
 pub mod output;
 pub mod pacs;
+pub mod report;
 pub mod theme;
 pub mod views;
 pub mod window;

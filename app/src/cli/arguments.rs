@@ -21,7 +21,10 @@ use super::{
     tracts::TractArguments,
     transform::TransformArguments,
 };
-use crate::model::CHANGE_SCALE_MM;
+use crate::{
+    model::CHANGE_SCALE_MM,
+    report::{Identity, Language},
+};
 
 /// Compares tumour segmentations. Without a subcommand it opens the window.
 #[derive(Debug, Parser)]
@@ -121,24 +124,55 @@ pub enum Task {
     },
     /// Draw one view into a PNG.
     Render(Box<RenderArguments>),
-    /// Write the pictures of every view and all numbers into a folder.
-    Report {
-        /// The case; default: the embedded sample.
-        #[command(flatten)]
-        case: CaseArguments,
-        /// The folder.
-        #[arg(long)]
-        out: PathBuf,
-        /// Use only the software graphics adapter.
-        #[arg(long)]
-        software: bool,
-    },
+    /// Write a report: one HTML file with pictures and numbers, Markdown, or a folder with a file of each.
+    Report(Box<ReportArguments>),
+    /// Make a report again from what it was made with, and say what differs.
+    Replay(Box<ReplayArguments>),
     /// Write the embedded sample case as files.
     Sample {
         /// The folder.
         #[arg(long)]
         out: PathBuf,
     },
+}
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub struct ReportArguments {
+    /// The case; default: the embedded sample.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// The file (.html, .md) or the folder.
+    #[arg(long, value_name = "FILE|FOLDER")]
+    pub out: PathBuf,
+    /// How much of the patient's identity a file has; without it none.
+    #[arg(long, value_enum)]
+    pub identity: Option<Identity>,
+    /// The language of a file.
+    #[arg(long, value_enum)]
+    pub language: Option<Language>,
+    /// Write over a file that exists.
+    #[arg(long)]
+    pub force: bool,
+    /// Use only the software graphics adapter.
+    #[arg(long)]
+    pub software: bool,
+}
+
+/// Arguments of `replay`.
+#[derive(Debug, Args)]
+pub struct ReplayArguments {
+    /// The report, an HTML file.
+    pub report: PathBuf,
+    /// The case, where the report doesn't say where its files are.
+    #[command(flatten)]
+    pub case: MaskArguments,
+    /// The case as a path: a manifest, a folder, a file or a session.
+    #[arg(long, value_name = "PATH")]
+    pub of: Option<PathBuf>,
+    /// Use only the software graphics adapter.
+    #[arg(long)]
+    pub software: bool,
 }
 
 /// Lighting of the 3D views.

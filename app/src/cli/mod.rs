@@ -15,7 +15,9 @@ mod pacs;
 mod parse;
 mod register;
 mod render;
+mod replay;
 mod report;
+mod report_folder;
 mod resolve;
 mod sample;
 mod terminal;
@@ -87,7 +89,8 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         Some(Task::Change(arguments)) => change::run(&arguments),
         Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
-        Some(Task::Report { case, out, software }) => report::run(&case, &out, software),
+        Some(Task::Report(arguments)) => report::run(&arguments),
+        Some(Task::Replay(arguments)) => replay::run(*arguments),
         Some(Task::Transform(arguments)) => transform::run(&arguments),
         Some(Task::Register(arguments)) => register::run(&arguments),
         Some(Task::Pacs { task }) => pacs::run(task),

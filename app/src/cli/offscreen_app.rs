@@ -8,6 +8,7 @@ use crate::{
     command::Workstation,
     error::AppError,
     model::PaneId,
+    report::Painter,
     views::view3d::{Graphics, screen::PassTimes},
     window::{GlioscopeApp, offscreen::Offscreen, recent::Recent},
 };
@@ -17,6 +18,9 @@ pub(super) fn gpu(software: bool) -> Result<Gpu, AppError> {
     let preference = if software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
     Ok(Gpu::headless(preference)?)
 }
+
+/// Pixels per point of pictures in a report: they are shown at about half their size, and their words must be read.
+const REPORT_SCALE: f32 = 1.5;
 
 /// Plan, pass times, quality and messages of a drawn 3D view.
 #[derive(Default)]
@@ -73,6 +77,16 @@ impl OffscreenApp {
             report.times = Some(screen.pass_times(&gpu)?.clone());
         }
         Ok(report)
+    }
+}
+
+impl Painter for OffscreenApp {
+    fn picture(&mut self, pane: PaneId, size: [u32; 2]) -> Result<Vec<u8>, AppError> {
+        self.capture(View::Pane(pane), size, REPORT_SCALE)
+    }
+
+    fn adapter(&self) -> String {
+        self.app.gpu().map(Gpu::describe).unwrap_or_default()
     }
 }
 

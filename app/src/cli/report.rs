@@ -1,109 +1,55 @@
-//! `glioscope report`: writes all pictures and numbers of a case into a folder.
+//! `glioscope report`: a case as one file that is handed over, or as a folder of pictures and numbers.
 
-use std::path::{Path, PathBuf};
-
-use glioscope_core::{
-    files::{read_small, replace_files, temporary_folder},
-    measure,
-};
+use glioscope_core::{case::Case, files::Inputs};
 
 use super::{
-    case::CaseArguments,
+    arguments::ReportArguments,
     offscreen_app::{OffscreenApp, gpu},
-    parse::View,
-    terminal,
+    report_folder, terminal,
 };
-use crate::{command::Workstation, error::AppError, model::PaneId, output, world::load::ReadCase};
+use crate::{
+    command::Workstation,
+    error::AppError,
+    output,
+    report::{self, Form, Options, Report},
+    world::load::ReadCase,
+};
 
-/// Size of the window's picture.
-const WINDOW_PX: [u32; 2] = [1600, 1000];
-
-/// Name of the file of numbers, which says whose report it is.
-const NUMBERS: &str = "measure.json";
-/// Maximum size of the numbers of a report that is replaced.
-const MAX_BYTES: u64 = 1 << 30;
-
-pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), AppError> {
+pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
+    let ReportArguments { case, out, identity, language, force, software } = arguments;
+    let Some(form) = Form::of(out) else {
+        let options = [("identity", identity.is_some()), ("language", language.is_some())];
+        if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
+            return Err(AppError::option(option, "a folder", "a file: --out FILE.html or FILE.md"));
+        }
+        if out.extension().is_some() && !out.is_dir() {
+            return Err(AppError::file(out, "a file of another kind", ".html, .md, or a folder"));
+        }
+        return report_folder::run(case, out, *software);
+    };
     let read = case.read(true)?;
-    let case = &read.case;
-    let inputs = case.inputs.clone();
-    names().try_for_each(|name| inputs.refuse_as_output(&out.join(name)))?;
-    let replaced = earlier_report(out, &case.name)?;
-    let _made = NewFolder::make(out)?;
-    // Everything is written here first: a report is put in place whole, and never beside pictures of another one.
-    let new = temporary_folder(out)?;
-    let names = write(read, new.path(), software)?;
-    let outdated: Vec<String> = replaced.into_iter().filter(|name| !names.contains(name)).collect();
-    replace_files(&new, out, &names, &outdated)?;
-    terminal::print(&format!("pictures and numbers written to {}", out.display()))
+    let inputs = inputs(&read.case, case.path.as_deref());
+    output::refuse(out, &inputs, *force)?;
+    let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
+    let report = make(read, options, *software)?;
+    let bytes = report::write(&report, form, options.language);
+    output::write(out, &inputs, &bytes)?;
+    terminal::print(&format!("report written to {}", out.display()))
 }
 
-/// A folder made for a report: if it is still empty when this is dropped, it is removed, with the parents made for it.
-struct NewFolder(Vec<PathBuf>);
-
-impl NewFolder {
-    fn make(folder: &Path) -> Result<Self, AppError> {
-        let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
-        let made = folder.ancestors().take_while(is_missing).map(Path::to_owned).collect();
-        let made = Self(made);
-        std::fs::create_dir_all(folder)
-            .map_err(|e| AppError::file(folder, e.to_string(), "a folder that can be made"))?;
-        Ok(made)
-    }
+/// The files that aren't written over: those of the case, and the session.
+fn inputs(case: &Case, path: Option<&std::path::Path>) -> Inputs {
+    path.into_iter().fold(case.inputs.clone(), |inputs, path| inputs.with(path.to_owned()))
 }
 
-impl Drop for NewFolder {
-    fn drop(&mut self) {
-        // Fails where something is in it.
-        self.0.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
-    }
-}
-
-/// Names of every file that a report may have; the numbers last.
-fn names() -> impl Iterator<Item = String> {
-    let panes = PaneId::all().filter_map(|pane| pane.row().report_px.and(pane.row().cli));
-    std::iter::once("window").chain(panes).map(|name| format!("{name}.png")).chain([NUMBERS.to_owned()])
-}
-
-/// Names of the files of an earlier report in `out`, which the new one replaces.
-///
-/// # Errors
-/// [`AppError`] where they are of another case, or of none that is known.
-fn earlier_report(out: &Path, case: &str) -> Result<Vec<String>, AppError> {
-    let there: Vec<String> = names().filter(|name| out.join(name).symlink_metadata().is_ok()).collect();
-    let Some(first) = there.first() else { return Ok(there) };
-    let expected = format!("another folder, or a report of \"{case}\" to replace");
-    let numbers = out.join(NUMBERS);
-    if numbers.symlink_metadata().is_err() {
-        return Err(AppError::file(out, format!("{first} without {NUMBERS}"), expected));
-    }
-    let bytes = read_small(&numbers, MAX_BYTES, "a report")?;
-    let report: Option<serde_json::Value> = serde_json::from_slice(&bytes).ok();
-    match report.as_ref().and_then(|report| report.get("case")?.as_str()) {
-        Some(name) if name == case => Ok(there),
-        Some(name) => Err(AppError::file(&numbers, format!("the report of \"{name}\""), expected)),
-        None => Err(AppError::file(&numbers, "a file of another kind", expected)),
-    }
-}
-
-/// Writes the report into an empty folder and returns the names of its files.
-fn write(read: ReadCase, folder: &Path, software: bool) -> Result<Vec<String>, AppError> {
-    let inputs = read.case.inputs.clone();
-    output::write_json(&folder.join(NUMBERS), &inputs, &measure::report(&read.case))?;
-    let mut names = vec![NUMBERS.to_owned()];
-    let time_point_count = read.case.time_points.len();
-    let mut app = OffscreenApp::new(Workstation::with_opened(read.into()), &gpu(software)?, false)?;
-    // A single time point has nothing to compare with.
-    let panes = PaneId::all()
-        .map(|pane| (pane, pane.row()))
-        .filter(|(_, row)| time_point_count > 1 || !row.needs_dates);
-    let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, View::Pane(pane), row.report_px?)));
-    for (name, view, size) in std::iter::once(("window", View::Window, WINDOW_PX)).chain(pictures) {
-        let rgba = app.capture(view, size, 1.0)?;
-        let name = format!("{name}.png");
-        output::write_png(&folder.join(&name), &inputs, size, &rgba)?;
-        names.push(name);
-    }
-    terminal::notes(&app.comparison_warnings());
-    Ok(names)
+/// The report of a case.
+pub(super) fn make(read: ReadCase, options: Options, software: bool) -> Result<Report, AppError> {
+    let work = Workstation::with_opened(read.into());
+    let (Some(case), Some(doc)) = (work.world.case().cloned(), work.doc.clone()) else {
+        return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
+    };
+    terminal::with_progress(|progress| {
+        let mut app = OffscreenApp::new(work, &gpu(software)?, false)?;
+        report::make((&case, &doc), options, &mut app, progress)
+    })
 }

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use glioscope_core::{
     Check,
-    case::Case,
+    case::{AlignedBy, Case},
     files::{FileError, FileMark, read_head, read_small, write_whole_private},
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    document::Document,
+    document::{CaseRef, Document},
     place::{Place, relative_to},
     session_limits::{self, unknown_keys},
     session_names,
@@ -127,8 +127,37 @@ pub fn save(path: &Path, document: &Document, case: &Case, files: &[FileMark]) -
 /// # Errors
 /// [`FileError`]; also for a file of a newer version.
 pub fn load(path: &Path) -> Result<Session, FileError> {
-    let bytes = read_small(path, MAX_BYTES, "a session file")?;
-    let mut value: Value = serde_json::from_slice(&bytes)
+    parse(path, &read_small(path, MAX_BYTES, "a session file")?)
+}
+
+/// The document of `case` as a session file has it, to be kept in another file. `has_place`: with the paths of the case's files;
+/// without them it can only be opened together with a case.
+///
+/// # Errors
+/// [`FileError`] where the document can't be written as JSON.
+pub fn value(document: &Document, case: &Case, has_place: bool) -> Result<Value, FileError> {
+    let cant =
+        |e: serde_json::Error| wrong(Path::new("session"), &e.to_string(), "a document that can be written");
+    let mut document = document.clone();
+    if has_place {
+        let place = Place::of(&document).absolute();
+        (document.case, document.tracts, document.edit.alignments) =
+            (place.case, place.tracts, place.alignments);
+    } else {
+        (document.case, document.tracts) = (CaseRef::Sample, Vec::new());
+        document.edit.alignments.retain(|alignment| matches!(alignment.by, AlignedBy::Matrix { .. }));
+    }
+    let document = session_names::named(&document, case).map_err(cant)?;
+    let file = SessionFile { glioscope_session: VERSION, relative: None, files: Vec::new(), document };
+    serde_json::to_value(file).map_err(cant)
+}
+
+/// Reads a session from the content of `path`.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<Session, FileError> {
+    let mut value: Value = serde_json::from_slice(bytes)
         .map_err(|e| wrong(path, &format!("broken JSON ({e})"), "a session file"))?;
     let version = value.get(KEY).and_then(Value::as_u64);
     let mut document = value.get_mut("document");

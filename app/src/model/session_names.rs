@@ -191,6 +191,7 @@ pub(super) mod tests {
         };
         Case {
             name: "A".into(),
+            patient: glioscope_core::case::Patient::default(),
             grid: grid.clone(),
             time_points: vec![time_point("jan", ["A", "B"], "T1"), time_point("feb", ["B", "C"], "FLAIR")],
             order: OrderBasis::Stated,

@@ -128,7 +128,7 @@ impl Pane for ChangePane {
         let nav = &input.doc.nav;
         let (focus_mm, radius_mm) = (input.doc.edit.lens.center_mm, tumor_radius_mm(input.time_point));
         let camera = linked_camera(&nav.camera, focus_mm, radius_mm, nav.zoom(PaneId::Change));
-        let scene = ChangeScene {
+        let mut scene = ChangeScene {
             surface: compared.surface.clone(),
             look: change_look(&input, &compared),
             base: ChangeLook::BASE,
@@ -141,15 +141,16 @@ impl Pane for ChangePane {
             background: Tokens::in_ui(ui).viewport_rgb(),
             silhouette: [0, 0, 0],
         };
-        let view = View { doc: input.doc, pane: PaneId::Change, camera, rect };
-        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
+        let mut view = View { doc: input.doc, pane: PaneId::Change, camera, rect };
+        let outcome = self.canvas.handle_mouse(ui, graphics, &mut view, &response, out);
+        scene.camera = view.camera;
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
         let hover_text = self.canvas.hover().map(|pick| pick_text(&compared, pick));
         partner_line(ui, &view, self.canvas.hover());
         legend(ui, &input, rect, &compared, &scene.look);
-        marks::corners(ui, rect, input.sides_known(), (&camera, "at the middle"), true);
+        marks::corners(ui, rect, input.sides_known(), (&view.camera, "at the middle"), true);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let [from, to] = &compared.labels;

@@ -1,6 +1,6 @@
 //! The tumour intersection closeup (thesis 7.3.3): rendered frame, orientation cube, legend and mouse input.
 
-use egui::{Align2, Rect, Role, Sense, Ui, WidgetInfo, vec2};
+use egui::{Align2, Role, Sense, Ui, WidgetInfo, vec2};
 use glam::DVec3;
 use glioscope_core::measure::Agreement;
 use glioscope_render::{
@@ -79,7 +79,7 @@ impl Pane for CloseupPane {
         };
         let doc = input.doc;
         let plane = doc.nav.show_plane.then(|| stage.results.plane.get(doc, input.context)).flatten();
-        let scene = RegionScene {
+        let mut scene = RegionScene {
             tumor: input.tumor.cloned(),
             selection: input.selection.clone(),
             colors: input.colors.clone(),
@@ -89,8 +89,9 @@ impl Pane for CloseupPane {
             silhouette: [0, 0, 0],
             plane,
         };
-        let view = View { doc, pane: PaneId::Closeup, camera: doc.nav.camera, rect };
-        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
+        let mut view = View { doc, pane: PaneId::Closeup, camera: scene.camera, rect };
+        let outcome = self.canvas.handle_mouse(ui, graphics, &mut view, &response, out);
+        scene.camera = view.camera;
         let draft = if outcome.measures() {
             let pick_at = |pos| self.canvas.pick(graphics, rect, pos).map(|p| p.world_mm);
             ruler::drag(ui, &response, doc, PaneId::Closeup, &pick_at, out)
@@ -101,8 +102,8 @@ impl Pane for CloseupPane {
             return;
         }
         let agreement = agreement(stage);
-        draw_marks(ui, &input, rect, &agreement);
-        ruler::draw_3d(&ui.painter().with_clip_rect(rect), doc, &doc.nav.camera, rect, draft);
+        draw_marks(ui, &input, &view, &agreement);
+        ruler::draw_3d(&ui.painter().with_clip_rect(rect), doc, &view.camera, rect, draft);
         let hover_text = self.canvas.hover().map(|pick| pick_text(&input, pick));
         let pointer_text = draft.as_ref().map(ruler::draft_text).or_else(|| hover_text.clone());
         self.canvas.draw_overlays(ui, &view, &response, &outcome, pointer_text.as_deref());
@@ -135,11 +136,12 @@ pub fn pick_text(input: &Input<'_>, pick: &Pick) -> String {
 }
 
 /// Draws the orientation cube, scale bar, legend and notes.
-fn draw_marks(ui: &Ui, input: &Input<'_>, rect: Rect, agreement: &[Row]) {
+fn draw_marks(ui: &Ui, input: &Input<'_>, view: &View<'_>, agreement: &[Row]) {
+    let rect = view.rect;
     let painter = ui.painter().with_clip_rect(rect);
     let ink = Tokens::in_ui(ui).text;
     let scale_position = if input.doc.edit.lens_on { "at the lens" } else { "at the middle" };
-    marks::corners(ui, rect, input.sides_known(), (&input.doc.nav.camera, scale_position), false);
+    marks::corners(ui, rect, input.sides_known(), (&view.camera, scale_position), false);
     legend::show(ui, rect, &legend_rows(input, agreement));
     if input.doc.nav.ruler_on {
         let text = "Ruler: drag from surface to surface";

@@ -161,7 +161,7 @@ impl Pane for EllipsoidPane {
         };
         let (list, too_small) = self.list(&input, &components);
         let plane = input.doc.nav.show_plane.then(|| stage.results.plane.get(input.doc, input.context));
-        let scene = EllipsoidScene {
+        let mut scene = EllipsoidScene {
             ellipsoids: list,
             opacity: edit.ellipsoids.opacity,
             lens: input.doc.active_lens(),
@@ -170,8 +170,9 @@ impl Pane for EllipsoidPane {
             silhouette: [0, 0, 0],
             plane: plane.flatten(),
         };
-        let view = View { doc: input.doc, pane: PaneId::Ellipsoids, camera: scene.camera, rect };
-        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
+        let mut view = View { doc: input.doc, pane: PaneId::Ellipsoids, camera: scene.camera, rect };
+        let outcome = self.canvas.handle_mouse(ui, graphics, &mut view, &response, out);
+        scene.camera = view.camera;
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }

@@ -350,6 +350,7 @@ pub fn load_with(
         .chain(masks.iter().filter_map(|m: &NativeMask| m.aligned.clone()))
         .collect();
     checks.extend(alignment::checks(&items(spec, &images, &masks)));
+    let patient = origin::patient(&stated);
     checks.extend(origin::check(&spec.name, &stated, spec.one_patient, is_one_space)?);
     let tracts = load_tracts(spec, options, progress, &mut checks)?;
     images.sort_by_key(|c| c.spec);
@@ -430,6 +431,7 @@ pub fn load_with(
     let inputs = transform_files.fold(spec.inputs(), Inputs::with);
     Ok(Case {
         name: spec.name.clone(),
+        patient,
         grid,
         time_points,
         order,

@@ -291,11 +291,24 @@ pub struct TimePoint {
     pub regions: Arc<Regions>,
 }
 
+/// Whose files they are, as far as they say; empty where none does.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Patient {
+    /// Name, its parts separated by spaces, family name first.
+    pub name: String,
+    /// Identifier.
+    pub id: String,
+    /// Date of birth, `YYYYMMDD`.
+    pub birth_date: String,
+}
+
 /// A loaded, checked case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// The case's name.
     pub name: String,
+    /// Whose files they are.
+    pub patient: Patient,
     /// The grid of every tumour index.
     pub grid: Grid,
     /// Time points, in time order; in the order first listed where [`Case::order`] is unknown.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{CaseError, names::at_time};
+use super::{CaseError, Patient, names::at_time};
 use crate::{Check, check::listed, files::Origin};
 
 /// An image or mask with what its file says.
@@ -10,6 +10,18 @@ pub(super) struct Stated {
     pub id: String,
     pub time: String,
     pub origin: Origin,
+}
+
+/// The patient that the files state, each fact from the first file that has it.
+pub(super) fn patient(all: &[Stated]) -> Patient {
+    let first = |fact: fn(&Origin) -> &String| {
+        all.iter().map(|s| fact(&s.origin)).find(|text| !text.is_empty()).cloned().unwrap_or_default()
+    };
+    Patient {
+        name: first(|o| &o.patient_name),
+        id: first(|o| &o.patient_id),
+        birth_date: first(|o| &o.birth_date),
+    }
 }
 
 /// Refuses files of several patients, and says which of them don't claim one space. `is_one_patient`: the user has said so.

@@ -51,8 +51,8 @@ pub(crate) use nifti::other_half;
 pub use nifti::{HeaderInfo, nifti_info, nifti_info_with, read_bytes};
 pub use nifti_write::{WriteOptions, nifti_bytes, write_nifti};
 pub use nrrd::read_nrrd_bytes;
-pub(crate) use opened::{broken_link, missing, open_regular, stand_in};
-pub use opened::{read_head, read_small, read_small_text};
+pub(crate) use opened::{broken_link, missing, stand_in};
+pub use opened::{open_regular, read_head, read_small, read_small_text};
 pub(crate) use read::other_files;
 pub use read::{files_of, info, read, read_tract_bytes, read_tracts, segments};
 pub use tracts::{LoadedTracts, TractOptions};
@@ -167,6 +167,8 @@ pub struct Loaded {
 pub struct Origin {
     /// Name and identifier for messages.
     pub patient: String,
+    /// The patient's name, its parts separated by spaces, family name first.
+    pub patient_name: String,
     /// The patient's identifier.
     pub patient_id: String,
     /// `YYYYMMDD`.

@@ -12,7 +12,10 @@ const READABLE: &str = "a file that can be read";
 
 /// Opens a regular file and returns its size in bytes. Anything else (folder, pipe, device) is refused before it is
 /// opened: opening a pipe would wait for a writer, and a device may have no end.
-pub(crate) fn open_regular(path: &Path) -> Result<(File, u64), FileError> {
+///
+/// # Errors
+/// [`FileError`] for anything else, and where it can't be opened.
+pub fn open_regular(path: &Path) -> Result<(File, u64), FileError> {
     let name = printable(&path.display().to_string());
     let meta = std::fs::metadata(path).map_err(|e| missing(path, &e, READABLE))?;
     if !meta.is_file() {

@@ -72,7 +72,7 @@ impl Pane for ContextPane {
         };
         let transfer = stage.results.image.transfer(input.doc, input.context);
         let (tubes, tracts_note) = tract_list::drawn_tubes(ui, stage);
-        let scene = ContextScene {
+        let mut scene = ContextScene {
             volume,
             transfer,
             clip: input.doc.edit.clips.clone(),
@@ -85,8 +85,9 @@ impl Pane for ContextPane {
             background: Tokens::in_ui(ui).viewport_rgb(),
             silhouette: [0, 0, 0],
         };
-        let view = View { doc: input.doc, pane: PaneId::Context, camera: scene.camera, rect };
-        let outcome = self.canvas.handle_mouse(ui, graphics, &view, &response, out);
+        let mut view = View { doc: input.doc, pane: PaneId::Context, camera: scene.camera, rect };
+        let outcome = self.canvas.handle_mouse(ui, graphics, &mut view, &response, out);
+        scene.camera = view.camera;
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }

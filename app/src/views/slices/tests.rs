@@ -52,6 +52,7 @@ fn case(sides: Sides) -> Case {
     let time_point = TimePoint { label: String::new(), contexts, masks, index: Arc::new(index), regions };
     Case {
         name: "test".into(),
+        patient: glioscope_core::case::Patient::default(),
         grid,
         time_points: vec![time_point],
         order: OrderBasis::Single,

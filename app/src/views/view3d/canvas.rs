@@ -99,18 +99,20 @@ impl<V: View3d<Pick: Picked>> Canvas<V> {
         frame.pick(&graphics.gpu, x, y).ok().flatten()
     }
 
-    /// Handles mouse input: rotates, pans, zooms, moves and resizes the lens.
+    /// Handles mouse input: rotates, pans, zooms, moves and resizes the lens. A turn shows in this frame already: `view` then has the
+    /// camera of the next one.
     pub fn handle_mouse(
         &self,
         ui: &Ui,
         graphics: &Graphics,
-        view: &View<'_>,
+        view: &mut View<'_>,
         response: &Response,
         out: &mut Commands,
     ) -> Outcome {
         let pick_at = |pos| self.pick(graphics, view.rect, pos).map(|pick| pick.world_mm());
         let outcome = camera_drag::interact(ui, response, view, &pick_at, out);
         view.push_camera(response, &outcome.camera, out);
+        view.camera = view.moved(&outcome.camera);
         outcome
     }
 

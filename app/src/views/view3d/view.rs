@@ -34,6 +34,15 @@ pub struct View<'a> {
 }
 
 impl View<'_> {
+    /// The camera of the next frame after the mouse moved this one's to `new`. A linked view takes its orientation alone: its focus is
+    /// the tumour's, and its zoom has limits.
+    pub(super) fn moved(&self, new: &Camera) -> Camera {
+        match self.pane {
+            PaneId::Closeup => *new,
+            _ => Camera { world_from_camera: new.world_from_camera, ..self.camera },
+        }
+    }
+
     /// Pushes the changes of the camera by the mouse: the closeup sets its own camera; a linked view sets the
     /// orientation of the closeup's camera and its own zoom.
     pub(super) fn push_camera(&self, response: &Response, new: &Camera, out: &mut Commands) {

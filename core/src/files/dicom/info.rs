@@ -230,11 +230,15 @@ struct Tree<'a> {
 }
 
 impl Patient {
+    /// The name in its first representation, its parts separated by spaces, family name first.
+    pub fn words(&self) -> String {
+        let name = self.name.split('=').next().unwrap_or_default();
+        name.split('^').filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
+    }
+
     /// Name and identifier on one line; `unknown` where neither is stated.
     pub fn label(&self) -> String {
-        let name = self.name.split('=').next().unwrap_or_default();
-        let name: Vec<&str> = name.split('^').filter(|part| !part.is_empty()).collect();
-        let parts = [name.join(" "), self.id.clone()];
+        let parts = [self.words(), self.id.clone()];
         let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         if parts.is_empty() { "unknown".into() } else { super::super::printable(&parts.join(", ")) }
     }

@@ -64,6 +64,7 @@ impl Header {
         let identity = &self.identity;
         Origin {
             patient: identity.patient.label(),
+            patient_name: identity.patient.words(),
             patient_id: identity.patient.id.clone(),
             birth_date: identity.patient.birth_date.clone(),
             frame_of_reference: identity.frame_of_reference.clone(),

@@ -1,0 +1,435 @@
+//! The sections of numbers: volumes, agreement, regions, change.
+
+use glioscope_core::{
+    Check, Severity,
+    case::{Case, TimePoint},
+    change::{ChangeReport, Lengths},
+    dates, decimal,
+    measure::{self, Agreement, PAIR_METRICS, Pair},
+};
+
+use super::{
+    document::{Block, Finding, Table},
+    identity::{Identity, Redactor, initials},
+    plot::{Plot, Series},
+    words::Words,
+};
+use crate::{format, model::Document, world::colors_of};
+
+/// Rows of the table of regions; the smallest ones beyond are counted.
+const MOST_REGIONS: usize = 24;
+
+/// What the sections are made of.
+pub struct Content<'a> {
+    /// The case.
+    pub case: &'a Case,
+    /// The document: names and colours of masks.
+    pub doc: &'a Document,
+    /// Changes between consecutive dates, and from the first to the last.
+    pub changes: &'a [ChangeReport],
+    /// Sentences.
+    pub words: &'a Words,
+    /// Takes out what identifies the patient.
+    pub redactor: &'a Redactor,
+    /// How much of the identity is shown.
+    pub identity: Identity,
+}
+
+impl Content<'_> {
+    /// Whose masks of when are compared.
+    pub fn header(&self) -> Vec<Block> {
+        let words = self.words;
+        let patient = &self.case.patient;
+        let stated = |text: &str| if text.is_empty() { words.get("not-stated") } else { text.to_owned() };
+        let mut facts = Vec::new();
+        match self.identity {
+            Identity::None => facts.push((words.get("patient"), words.get("not-shown"))),
+            Identity::Initials => facts.push((words.get("patient"), stated(&initials(&patient.name)))),
+            Identity::Full => {
+                let birth =
+                    dates::dicom_date(&patient.birth_date).unwrap_or_else(|| patient.birth_date.clone());
+                facts.push((words.get("patient"), stated(&patient.name)));
+                facts.push((words.get("patient-id"), stated(&patient.id)));
+                facts.push((words.get("born"), stated(&birth)));
+                facts.push((words.get("case"), self.case.name.clone()));
+            }
+        }
+        let labels: Vec<&str> =
+            self.case.time_labels().into_iter().filter(|label| !label.is_empty()).collect();
+        if !labels.is_empty() {
+            facts.push((words.get("dates"), labels.join(", ")));
+        }
+        let images = self.distinct(|time| time.contexts.iter().map(|c| c.id.clone()).collect());
+        let masks = self.distinct(|time| time.masks.iter().map(|m| self.name(m.mask.id())).collect());
+        let list = |names: Vec<String>| if names.is_empty() { words.get("none") } else { names.join(", ") };
+        facts.push((words.get("images"), list(images)));
+        facts.push((words.get("masks"), list(masks)));
+        vec![Block::Facts(facts)]
+    }
+
+    /// The findings, warnings first.
+    pub fn findings(&self, own: &[Check]) -> Vec<Block> {
+        let words = self.words;
+        let mut all: Vec<&Check> = own.iter().chain(&self.case.checks).collect();
+        all.sort_by_key(|check| std::cmp::Reverse(check.severity));
+        let finding = |check: &&Check| Finding {
+            is_warning: check.severity >= Severity::Warning,
+            text: self.redactor.text(&check.message),
+        };
+        let mut list: Vec<Finding> = Vec::new();
+        for one in all.iter().map(finding) {
+            if !list.contains(&one) {
+                list.push(one);
+            }
+        }
+        let mut blocks = vec![Block::Heading(words.get("warnings"))];
+        if list.iter().any(|one| one.is_warning) {
+            blocks.push(Block::Text(words.get("warnings-intro")));
+        } else {
+            blocks.push(Block::Text(words.get("no-warnings")));
+        }
+        if !list.is_empty() {
+            blocks.push(Block::Findings(list));
+        }
+        blocks
+    }
+
+    /// The most important numbers in sentences.
+    pub fn summary(&self) -> Vec<Block> {
+        let words = self.words;
+        let mut blocks = vec![Block::Heading(words.get("summary"))];
+        for time in &self.case.time_points {
+            let text = self.summary_of(time);
+            let Some(text) = text else { continue };
+            let date = if time.label.is_empty() { String::new() } else { format!("{}: ", time.label) };
+            blocks.push(Block::Text(format!("{date}{text}")));
+        }
+        if let Some(change) = self.changes.last() {
+            let (before, after) = (words.ml(change.from_ml), words.ml(change.to_ml));
+            let first = words.with(
+                "summary-change",
+                &[
+                    ("mask", self.name(&change.mask)),
+                    ("from", change.from.clone()),
+                    ("to", change.to.clone()),
+                    ("before", before),
+                    ("after", after),
+                    ("percent", words.signed_percent(change.from_ml, change.to_ml)),
+                ],
+            );
+            let second = if change.has_volumes_only() {
+                words.get("summary-volumes-only")
+            } else {
+                words.with(
+                    "summary-surface",
+                    &[
+                        ("growth", words.mm(change.growth.max_mm)),
+                        ("recession", words.mm(change.recession.max_mm)),
+                        ("uncertainty", uncertainty(change, words)),
+                    ],
+                )
+            };
+            blocks.push(Block::Text(format!("{first} {second}")));
+        }
+        blocks
+    }
+
+    fn summary_of(&self, time: &TimePoint) -> Option<String> {
+        let words = self.words;
+        let regions = &time.regions;
+        let volumes =
+            time.masks.iter().enumerate().map(|(k, m)| (self.name(m.mask.id()), regions.mask_ml(k)));
+        let volumes: Vec<(String, f64)> = volumes.collect();
+        let (least, most) = (
+            volumes.iter().min_by(|a, b| a.1.total_cmp(&b.1))?,
+            volumes.iter().max_by(|a, b| a.1.total_cmp(&b.1))?,
+        );
+        if volumes.len() == 1 {
+            let variables = [("mask", least.0.clone()), ("volume", words.ml(least.1))];
+            return Some(words.with("summary-one-mask", &variables));
+        }
+        let all = measure::agreement(regions).last().map_or(0.0, |level| level.volume_ml);
+        let first = words.with(
+            "summary-masks",
+            &[
+                ("count", volumes.len().to_string()),
+                ("smallest", least.0.clone()),
+                ("smallest-volume", words.ml(least.1)),
+                ("largest", most.0.clone()),
+                ("largest-volume", words.ml(most.1)),
+                ("shared", words.ml(all)),
+                ("union", words.ml(regions.union_ml())),
+            ],
+        );
+        let pairs = measure::pairs(&time.index, regions);
+        let dice = |pair: &Pair| pair.value("dice");
+        let worst =
+            pairs.iter().filter_map(|pair| Some((pair, dice(pair)?))).min_by(|a, b| a.1.total_cmp(&b.1));
+        let second = worst.map(|(pair, dice)| {
+            words.with(
+                "summary-pairs",
+                &[
+                    ("a", self.name(&pair.a)),
+                    ("b", self.name(&pair.b)),
+                    ("dice", words.number(&format!("{dice:.3}"))),
+                ],
+            )
+        });
+        Some([Some(first), second].into_iter().flatten().collect::<Vec<_>>().join(" "))
+    }
+
+    /// Volumes, agreement and regions of every date.
+    pub fn dates(&self) -> Vec<Block> {
+        self.case.time_points.iter().flat_map(|time| self.date(time)).collect()
+    }
+
+    fn date(&self, time: &TimePoint) -> Vec<Block> {
+        let mut blocks =
+            vec![Block::Heading(self.heading("section-masks", time)), Block::Table(self.masks(time))];
+        if time.masks.len() < 2 {
+            return blocks;
+        }
+        blocks.push(Block::Heading(self.heading("section-agreement", time)));
+        blocks.push(Block::Table(self.pairs(time)));
+        blocks.push(Block::Table(self.agreement(time)));
+        if !time.regions.list().is_empty() {
+            blocks.push(Block::Heading(self.heading("section-regions", time)));
+            blocks.push(Block::Table(self.regions(time)));
+        }
+        blocks
+    }
+
+    fn masks(&self, time: &TimePoint) -> Table {
+        let words = self.words;
+        let regions = &time.regions;
+        let union_ml = regions.union_ml();
+        let row = |(k, m): (usize, &glioscope_core::case::CaseMask)| {
+            vec![
+                self.name(m.mask.id()),
+                words.ml(regions.mask_ml(k)),
+                words.ml(m.native_volume_ml),
+                words.percent(if union_ml == 0.0 { 0.0 } else { regions.mask_ml(k) / union_ml }),
+            ]
+        };
+        Table {
+            head: ["mask", "volume", "own-volume", "share"].map(|key| words.get(key)).into(),
+            text_columns: 1,
+            rows: time.masks.iter().enumerate().map(row).collect(),
+            note: None,
+        }
+    }
+
+    fn pairs(&self, time: &TimePoint) -> Table {
+        let words = self.words;
+        let names = PAIR_METRICS.iter().map(|metric| metric.name.to_owned());
+        let row = |pair: &Pair| {
+            let values = pair.metrics().map(|(metric, value)| match value {
+                Some(_) => words.number(&metric.print(value, 0)),
+                None => words.get("unknown"),
+            });
+            [self.name(&pair.a), self.name(&pair.b)].into_iter().chain(values).collect()
+        };
+        let definitions: Vec<String> =
+            PAIR_METRICS.iter().map(|metric| format!("{}: {}", metric.name, metric.definition)).collect();
+        Table {
+            head: ["first-mask", "second-mask"].map(|key| words.get(key)).into_iter().chain(names).collect(),
+            text_columns: 2,
+            rows: measure::pairs(&time.index, &time.regions).iter().map(row).collect(),
+            note: Some(definitions.join(". ")),
+        }
+    }
+
+    fn agreement(&self, time: &TimePoint) -> Table {
+        let words = self.words;
+        let row = |level: &Agreement| {
+            vec![level.masks.to_string(), words.ml(level.volume_ml), format::count(level.voxels)]
+        };
+        Table {
+            head: ["active-masks", "volume", "voxels"].map(|key| words.get(key)).into(),
+            text_columns: 1,
+            rows: measure::agreement(&time.regions).iter().map(row).collect(),
+            note: None,
+        }
+    }
+
+    fn regions(&self, time: &TimePoint) -> Table {
+        let words = self.words;
+        let regions = &time.regions;
+        let mut list: Vec<_> = regions.list().iter().collect();
+        list.sort_by(|a, b| b.voxels.cmp(&a.voxels).then(a.bits.cmp(&b.bits)));
+        let left_out = list.len().saturating_sub(MOST_REGIONS);
+        let row = |region: &&glioscope_core::Region| {
+            vec![
+                self.redactor.text(&self.doc.edit.masks.region(regions.mask_ids(), region.bits)),
+                words.ml(region.volume_ml),
+                words.percent(region.volume_ml / regions.union_ml()),
+            ]
+        };
+        let mut note = words.get("regions-note");
+        if left_out > 0 {
+            note =
+                format!("{note} {}", words.with("regions-left-out", &[("left-out", left_out.to_string())]));
+        }
+        Table {
+            head: ["region", "volume", "share"].map(|key| words.get(key)).into(),
+            text_columns: 1,
+            rows: list.iter().take(MOST_REGIONS).map(row).collect(),
+            note: Some(note),
+        }
+    }
+
+    /// Volumes over the dates and the change between them; nothing for one date.
+    pub fn changes(&self) -> Vec<Block> {
+        let words = self.words;
+        if self.case.time_points.len() < 2 {
+            return Vec::new();
+        }
+        let mut blocks = vec![Block::Heading(words.get("section-series"))];
+        let (series, labels, at) = self.series();
+        let number = |v: f64| words.number(&decimal::text(v, 0));
+        let plot = Plot::over_time(words.get("volumes-plot"), &at, &labels, &series, &number);
+        blocks.extend(plot.map(Block::Plot));
+        blocks.push(Block::Table(self.series_table(&series, &labels)));
+        if !self.changes.is_empty() {
+            blocks.push(Block::Heading(words.get("section-change")));
+            blocks.push(Block::Table(self.change_table()));
+        }
+        let moved: Vec<(String, String)> =
+            self.case.aligned.iter().map(|aligned| self.aligned(aligned)).collect();
+        if !moved.is_empty() {
+            blocks.push(Block::Heading(words.get("aligned-images")));
+            blocks.push(Block::Facts(moved));
+        }
+        blocks
+    }
+
+    fn aligned(&self, aligned: &glioscope_core::case::Aligned) -> (String, String) {
+        let words = self.words;
+        let what = if aligned.is_mask { self.name(&aligned.id) } else { self.redactor.text(&aligned.id) };
+        let what = if aligned.time.is_empty() { what } else { format!("{what}, {}", aligned.time) };
+        let how = self.redactor.text(&aligned.by.join("; "));
+        let consistency = aligned.consistency_mm.map(|mm| words.number(&format!("{mm:.2} mm")));
+        let how = match consistency {
+            Some(mm) => format!("{how}; {}", words.with("consistency", &[("mm", mm)])),
+            None => how,
+        };
+        (what, how)
+    }
+
+    /// The volume of each mask over the dates, names of the dates, and their places on a time axis.
+    fn series(&self) -> (Vec<Series>, Vec<String>, Vec<f64>) {
+        let times = &self.case.time_points;
+        let mut series: Vec<(String, Series)> = Vec::new();
+        for (n, time) in times.iter().enumerate() {
+            let colors = colors_of(self.doc, time);
+            for (k, mask) in time.masks.iter().enumerate() {
+                let id = mask.mask.id();
+                if !series.iter().any(|(known, _)| known == id) {
+                    let (name, values) = (self.name(id), vec![None; times.len()]);
+                    series.push((id.to_owned(), Series { name, color: colors.mask(k), values }));
+                }
+                if let Some((_, one)) = series.iter_mut().find(|(known, _)| known == id) {
+                    one.values[n] = Some(time.regions.mask_ml(k));
+                }
+            }
+        }
+        let labels = self.case.time_labels();
+        let at =
+            dates::days_since_first(&labels).unwrap_or_else(|| (0..labels.len()).map(|n| n as f64).collect());
+        let labels = labels.into_iter().map(str::to_owned).collect();
+        (series.into_iter().map(|(_, one)| one).collect(), labels, at)
+    }
+
+    fn series_table(&self, series: &[Series], labels: &[String]) -> Table {
+        let words = self.words;
+        let row = |one: &Series| {
+            let values = one.values.iter().map(|v| v.map_or_else(|| words.get("unknown"), |v| words.ml(v)));
+            std::iter::once(one.name.clone()).chain(values).collect()
+        };
+        Table {
+            head: std::iter::once(words.get("mask")).chain(labels.iter().cloned()).collect(),
+            text_columns: 1,
+            rows: series.iter().map(row).collect(),
+            note: None,
+        }
+    }
+
+    fn change_table(&self) -> Table {
+        let words = self.words;
+        let row = |change: &ChangeReport| {
+            let lengths = if change.has_volumes_only() {
+                [words.get("only-volumes"), String::new(), String::new()]
+            } else {
+                let most = |l: &Lengths| match l.p95_mm {
+                    Some(p95) => format!("{} ({})", words.mm(l.max_mm), words.number(&format!("{p95:.1}"))),
+                    None => words.mm(None),
+                };
+                [most(&change.growth), most(&change.recession), uncertainty(change, words)]
+            };
+            let volumes = [
+                self.name(&change.mask),
+                format!("{} \u{2192} {}", change.from, change.to),
+                words.ml(change.from_ml),
+                words.ml(change.to_ml),
+                words.signed_percent(change.from_ml, change.to_ml),
+            ];
+            volumes.into_iter().chain(lengths).collect()
+        };
+        let registration = self.changes.first().map(|change| {
+            let from = match change.uncertainty_mm.registration_from {
+                "consistency" => "registration-measured",
+                _ => "registration-stated",
+            };
+            let mm = words.number(&format!("{:.2} mm", change.uncertainty_mm.registration_mm));
+            words.with("change-note", &[("registration", mm), ("registration-from", words.get(from))])
+        });
+        let head = ["mask", "between", "before", "after", "difference", "growth", "recession", "uncertainty"];
+        Table {
+            head: head.map(|key| words.get(key)).into(),
+            text_columns: 2,
+            rows: self.changes.iter().map(row).collect(),
+            note: registration,
+        }
+    }
+
+    /// The grid of all numbers.
+    pub fn grid(&self) -> String {
+        let [nx, ny, nz] = self.case.grid.dims();
+        let spacing = decimal::sizes(self.case.grid.spacing_mm().to_array(), 3);
+        let spacing = self.words.number(spacing.trim_end_matches(" mm"));
+        self.words.with("grid-line", &[("dims", format!("{nx} × {ny} × {nz}")), ("spacing", spacing)])
+    }
+
+    /// What a mask is called in the report.
+    fn name(&self, id: &str) -> String {
+        self.redactor.text(&self.doc.edit.masks.name(id))
+    }
+
+    fn heading(&self, key: &str, time: &TimePoint) -> String {
+        if time.label.is_empty() {
+            return self.words.get(key);
+        }
+        self.words.with(&format!("{key}-at"), &[("date", time.label.clone())])
+    }
+
+    /// Names at any date, in the order first met.
+    fn distinct(&self, names: impl Fn(&TimePoint) -> Vec<String>) -> Vec<String> {
+        let mut out: Vec<String> = Vec::new();
+        for name in self.case.time_points.iter().flat_map(names) {
+            let name = self.redactor.text(&name);
+            if !out.contains(&name) {
+                out.push(name);
+            }
+        }
+        out
+    }
+}
+
+/// The uncertainty along the axes: one length, or the least and the most where they differ.
+fn uncertainty(change: &ChangeReport, words: &Words) -> String {
+    let axes = change.uncertainty_mm.axes_mm;
+    let (least, most) =
+        (axes.into_iter().fold(f64::INFINITY, f64::min), axes.into_iter().fold(0.0, f64::max));
+    let [least, most] = [least, most].map(|mm| words.number(&format!("{mm:.1}")));
+    if least == most { format!("{most} mm") } else { format!("{least}\u{2013}{most} mm") }
+}

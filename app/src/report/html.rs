@@ -1,0 +1,140 @@
+//! A report as one HTML file: nothing is loaded from elsewhere.
+
+use base64::{Engine, engine::general_purpose::STANDARD};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::{
+    document::{Block, Finding, Picture, Report, Table},
+    words::Words,
+};
+
+/// The id of the element that holds the recipe.
+const RECIPE_ID: &str = "glioscope-recipe";
+
+const STYLE: &str = include_str!("report.css");
+
+/// The report as HTML.
+pub fn html(report: &Report, words: &Words) -> String {
+    let headings: Vec<&str> = report
+        .blocks
+        .iter()
+        .filter_map(|block| match block {
+            Block::Heading(text) => Some(text.as_str()),
+            _ => None,
+        })
+        .collect();
+    let page = html! {
+        (DOCTYPE)
+        html lang=(report.language) {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                // Nothing is loaded and nothing runs, whatever a name holds.
+                meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'";
+                meta name="generator" content=(report.recipe.program);
+                title { (report.title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                main {
+                    h1 { (report.title) }
+                    nav aria-label=(words.get("contents")) {
+                        ul { @for (n, text) in headings.iter().enumerate() { li { a href={ "#s" (n) } { (text) } } } }
+                    }
+                    (blocks(&report.blocks, words))
+                }
+                script type="application/json" id=(RECIPE_ID) { (PreEscaped(recipe(report))) }
+            }
+        }
+    };
+    page.into_string()
+}
+
+/// The recipe as JSON that can't end its element.
+fn recipe(report: &Report) -> String {
+    let json = serde_json::to_string(&report.recipe).unwrap_or_default();
+    json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
+}
+
+/// The text of the recipe in an HTML report; `None` where there is none.
+pub fn recipe_in(page: &str) -> Option<&str> {
+    let start = format!("<script type=\"application/json\" id=\"{RECIPE_ID}\">");
+    let (_, rest) = page.rsplit_once(start.as_str())?;
+    rest.split_once("</script>").map(|(json, _)| json)
+}
+
+fn blocks(blocks: &[Block], words: &Words) -> Markup {
+    let mut number = 0;
+    html! {
+        @for (at, block) in blocks.iter().enumerate() {
+            @match block {
+                Block::Heading(text) => {
+                    h2 id={ "s" ({ number += 1; number - 1 }) } { (text) }
+                }
+                Block::Text(text) => { p { (text) } }
+                Block::Findings(list) => { (findings(list, words)) }
+                Block::Facts(list) => { (facts(list)) }
+                Block::Table(one) => { (table(one)) }
+                Block::Plot(plot) => { figure class="plot" { (PreEscaped(plot.svg())) figcaption { (plot.caption) } } }
+                // A run of pictures is a grid.
+                Block::Picture(_) => {
+                    @if at == 0 || !matches!(blocks[at - 1], Block::Picture(_)) {
+                        div class="pictures" {
+                            @for one in blocks[at..].iter().map_while(Block::as_picture) { (picture(one)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn findings(list: &[Finding], words: &Words) -> Markup {
+    html! {
+        ul class="findings" {
+            @for one in list {
+                li class=(if one.is_warning { "warning" } else { "note" }) {
+                    strong { (words.get(if one.is_warning { "warning-mark" } else { "note-mark" })) ": " }
+                    (one.text)
+                }
+            }
+        }
+    }
+}
+
+fn facts(list: &[(String, String)]) -> Markup {
+    html! { dl { @for (name, value) in list { div { dt { (name) } dd { (value) } } } } }
+}
+
+fn table(one: &Table) -> Markup {
+    let class = |column: usize| (column >= one.text_columns).then_some("number");
+    html! {
+        // A wide table scrolls in itself; by the keyboard, too.
+        div class="table" tabindex="0" role="region" aria-label=(one.head.join(", ")) {
+            table {
+                thead { tr { @for (n, name) in one.head.iter().enumerate() { th scope="col" class=[class(n)] { (name) } } } }
+                tbody {
+                    @for row in &one.rows {
+                        tr {
+                            @for (n, cell) in row.iter().enumerate() {
+                                @if n == 0 { th scope="row" { (cell) } } @else { td class=[class(n)] { (cell) } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        @if let Some(note) = &one.note { p class="small" { (note) } }
+    }
+}
+
+fn picture(one: &Picture) -> Markup {
+    let [width, height] = one.size;
+    let data = format!("data:image/png;base64,{}", STANDARD.encode(&one.png));
+    html! {
+        figure class=[(width > height).then_some("wide")] {
+            img src=(data) alt=(one.caption) width=(width) height=(height);
+            figcaption { (one.caption) }
+        }
+    }
+}

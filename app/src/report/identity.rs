@@ -1,0 +1,144 @@
+//! How much a report says about whose files they are.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+use glioscope_core::case::{Case, Patient};
+use serde::{Deserialize, Serialize};
+
+/// How much of the patient's identity a report has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Identity {
+    /// Neither name, identifier, date of birth nor names of files and folders; dates of scans stay.
+    #[default]
+    None,
+    /// The name's initials; nothing else.
+    Initials,
+    /// Everything that the files state.
+    Full,
+}
+
+/// Words shorter than this identify nobody, and stand in other words.
+const LEAST_LETTERS: usize = 3;
+
+/// Parts of a path, from its end, that may be named after the patient: file, series, study, patient.
+const NAMING_PARTS: usize = 4;
+
+/// Names of folders that say nothing, and are words of messages.
+const PLAIN_FOLDERS: &[&str] = &[
+    "case", "cases", "data", "dicom", "home", "image", "images", "mask", "masks", "nifti", "shared", "tmp",
+    "work",
+];
+
+/// Takes from texts what identifies the patient.
+pub struct Redactor {
+    /// What is removed, the longest first.
+    secrets: Vec<String>,
+    replacement: String,
+}
+
+impl Redactor {
+    /// For reports of `case` with `identity`; `replacement` stands where something was removed.
+    pub fn new(case: &Case, identity: Identity, replacement: String) -> Self {
+        let secrets = if identity == Identity::Full { Vec::new() } else { secrets(case) };
+        Self { secrets, replacement }
+    }
+
+    /// `text` without what identifies the patient: whole words, whatever their case.
+    pub fn text(&self, text: &str) -> String {
+        self.secrets.iter().fold(text.to_owned(), |text, secret| without(&text, secret, &self.replacement))
+    }
+
+    /// Whether a name holds something that identifies the patient.
+    pub fn is_in(&self, name: &str) -> bool {
+        self.text(name) != name
+    }
+}
+
+/// What identifies the patient: name, identifier, date of birth, and every path, file name and folder name of the case.
+fn secrets(case: &Case) -> Vec<String> {
+    let Patient { name, id, birth_date } = &case.patient;
+    let mut all: Vec<String> = name.split_whitespace().map(str::to_owned).collect();
+    all.extend([name.clone(), id.clone(), birth_date.clone()]);
+    all.extend(glioscope_core::dates::dicom_date(birth_date));
+    // An identifier with its issuer: `1234@hospital`.
+    all.extend(id.split('@').map(str::to_owned));
+    for path in case.inputs.paths() {
+        all.push(path.display().to_string());
+        // The folders above as paths, then each by its name; the file's name with and without its endings.
+        let folders = path.ancestors().skip(1).filter(|folder| folder.components().count() > 1);
+        all.extend(folders.map(|folder| folder.display().to_string()));
+        let names = path.iter().rev().take(NAMING_PARTS).filter_map(|part| part.to_str());
+        all.extend(names.filter(|name| !PLAIN_FOLDERS.contains(name)).map(str::to_owned));
+        all.extend(stem(path));
+    }
+    all.push(case.name.clone());
+    let ids: Vec<&str> = case
+        .time_points
+        .iter()
+        .flat_map(|t| t.masks.iter().map(|m| m.mask.id()).chain(t.contexts.iter().map(|c| c.id.as_str())))
+        .collect();
+    let dates = case.time_labels();
+    // A file is often named after what it holds, which is no secret: `t1c.nii.gz`.
+    all.retain(|s| {
+        s.chars().count() >= LEAST_LETTERS && !ids.contains(&s.as_str()) && !dates.contains(&s.as_str())
+    });
+    all.sort_by(|a, b| b.len().cmp(&a.len()).then(a.cmp(b)));
+    all.dedup();
+    all
+}
+
+/// The name of a file up to its first dot.
+fn stem(path: &Path) -> Option<String> {
+    let name = path.file_name()?.to_str()?;
+    Some(name.split('.').next().unwrap_or(name).to_owned())
+}
+
+/// `text` with whole words that equal `secret`, whatever their case, replaced.
+fn without(text: &str, secret: &str, replacement: &str) -> String {
+    let (lower, wanted) = (text.to_lowercase(), secret.to_lowercase());
+    if lower.len() != text.len() || wanted.is_empty() {
+        // Lower case is of another length (a dotted capital İ): compared as it stands.
+        return text.replace(secret, replacement);
+    }
+    let is_part = |c: Option<char>| c.is_some_and(char::is_alphanumeric);
+    let (mut out, mut from) = (String::new(), 0);
+    for (at, found) in lower.match_indices(&wanted) {
+        let end = at + found.len();
+        let whole = !is_part(lower[..at].chars().next_back()) && !is_part(lower[end..].chars().next());
+        if whole && text.is_char_boundary(at) && text.is_char_boundary(end) {
+            out.push_str(&text[from..at]);
+            out.push_str(replacement);
+            from = end;
+        }
+    }
+    out + &text[from..]
+}
+
+/// The first letters of a name's parts, in the order of the name: `D. J.`.
+pub fn initials(name: &str) -> String {
+    let letters = name.split([' ', '-']).filter_map(|part| part.chars().next());
+    letters.map(|c| format!("{}.", c.to_uppercase())).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_words_are_removed_whatever_their_case() {
+        let gone = |text: &str| without(text, "Doe", "#");
+        assert_eq!(gone("DOE^Jane, doe_1, Doeblin"), "#^Jane, #_1, Doeblin");
+        assert_eq!(gone("/home/doe/doe.nii"), "/home/#/#.nii");
+        assert_eq!(without("Straße und STRASSE", "straße", "#"), "# und STRASSE");
+        assert_eq!(without("İDoe Doe", "Doe", "#"), "İ# #");
+    }
+
+    #[test]
+    fn initials_are_first_letters() {
+        assert_eq!(initials("Doe Jane Ann-Marie"), "D. J. A. M.");
+        assert_eq!(initials(""), "");
+        assert_eq!(initials("ß"), "SS.");
+    }
+}

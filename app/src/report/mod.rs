@@ -1,0 +1,259 @@
+//! The report: one model of what a reader hands over, written as HTML or Markdown.
+//!
+//! The same session and inputs give the same bytes: nothing in it depends on when or where it was made but the adapter that
+//! drew the pictures, which it names.
+
+mod content;
+mod document;
+mod html;
+mod identity;
+mod markdown;
+mod plot;
+mod recipe;
+mod words;
+
+use std::sync::Arc;
+
+use glioscope_core::{
+    Check, Progress,
+    case::Case,
+    change::{self, ChangeOptions, ChangeReport, Choice},
+};
+use glioscope_render::flat::Convention;
+use image::{ImageEncoder, codecs::png::PngEncoder};
+
+pub use document::Report;
+pub use html::recipe_in;
+pub use identity::Identity;
+pub use recipe::Recipe;
+pub use words::Language;
+
+use crate::{
+    error::AppError,
+    model::{Document, PaneId, session},
+};
+use content::Content;
+use document::{Block, Picture};
+use identity::Redactor;
+use recipe::Input;
+use words::Words;
+
+/// Draws panes for a report.
+pub trait Painter {
+    /// A pane as RGBA, 8 bits, row by row.
+    ///
+    /// # Errors
+    /// [`AppError`] where it can't be drawn.
+    fn picture(&mut self, pane: PaneId, size: [u32; 2]) -> Result<Vec<u8>, AppError>;
+
+    /// What draws them.
+    fn adapter(&self) -> String;
+}
+
+/// What a report is made with beside the case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// How much of the patient's identity it has.
+    pub identity: Identity,
+    /// Its language.
+    pub language: Language,
+}
+
+/// The form of a report's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// One HTML file with its pictures.
+    Html,
+    /// Markdown without pictures.
+    Markdown,
+}
+
+impl Form {
+    /// The form that a file's ending means.
+    pub fn of(path: &std::path::Path) -> Option<Self> {
+        let ending = path.extension()?.to_str()?.to_lowercase();
+        match ending.as_str() {
+            "html" | "htm" => Some(Self::Html),
+            "md" => Some(Self::Markdown),
+            _ => None,
+        }
+    }
+}
+
+/// The file of a report.
+pub fn write(report: &Report, form: Form, language: Language) -> Vec<u8> {
+    let words = Words::new(language);
+    match form {
+        Form::Html => html::html(report, &words),
+        Form::Markdown => markdown::markdown(report, &words),
+    }
+    .into_bytes()
+}
+
+/// The report of a case as its document shows it.
+///
+/// # Errors
+/// [`AppError`] where a picture can't be drawn or an input can't be read, and where a name in the pictures identifies the
+/// patient though the report must not.
+pub fn make(
+    (case, doc): (&Arc<Case>, &Document),
+    options: Options,
+    painter: &mut dyn Painter,
+    progress: &Progress,
+) -> Result<Report, AppError> {
+    let words = Words::new(options.language);
+    let redactor = Redactor::new(case, options.identity, words.get("removed"));
+    refuse_names(case, doc, &redactor)?;
+    let (changes, own) = changes(case, doc, progress)?;
+    let content = Content {
+        case,
+        doc,
+        changes: &changes,
+        words: &words,
+        redactor: &redactor,
+        identity: options.identity,
+    };
+    let is_named = options.identity == Identity::Full;
+    let inputs = case.inputs.paths().iter().map(|path| Input::of(path, is_named, progress));
+    let recipe = Recipe {
+        glioscope_report: recipe::VERSION,
+        program: format!("Glioscope {}", env!("CARGO_PKG_VERSION")),
+        adapter: painter.adapter(),
+        identity: options.identity,
+        language: options.language,
+        inputs: inputs.collect::<Result<_, _>>()?,
+        session: session::value(doc, case, is_named)?,
+    };
+    let mut blocks = content.header();
+    blocks.extend(content.findings(&own));
+    blocks.extend(content.summary());
+    blocks.push(Block::Heading(words.get("section-pictures")));
+    blocks.extend(pictures(case, doc, &words, painter, progress)?);
+    blocks.extend(content.changes());
+    blocks.extend(content.dates());
+    blocks.extend(how_made(&recipe, &content));
+    let title =
+        if is_named { words.with("title-of", &[("case", case.name.clone())]) } else { words.get("title") };
+    Ok(Report { language: words.get("language-code"), title, blocks, recipe })
+}
+
+/// Refuses masks and images whose names identify the patient: they stand in pictures.
+fn refuse_names(case: &Case, doc: &Document, redactor: &Redactor) -> Result<(), AppError> {
+    let names = case.time_points.iter().flat_map(|time| {
+        let masks = time.masks.iter().map(|m| doc.edit.masks.name(m.mask.id()));
+        masks.chain(time.contexts.iter().map(|c| c.id.clone()))
+    });
+    match names.into_iter().find(|name| redactor.is_in(name)) {
+        None => Ok(()),
+        Some(name) => Err(AppError::wrong(
+            "--identity",
+            format!(
+                "\"{name}\", the name of a mask or image, which holds a name of the patient or of the files"
+            ),
+            "another name (--mask NAME=FILE, or a name in the window), or --identity full",
+        )),
+    }
+}
+
+/// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.
+fn changes(
+    case: &Arc<Case>,
+    doc: &Document,
+    progress: &Progress,
+) -> Result<(Vec<ChangeReport>, Vec<Check>), AppError> {
+    let Ok(whole) = doc.edit.change.chosen(case) else { return Ok(Default::default()) };
+    let last = case.time_points.len() - 1;
+    let mut pairs: Vec<[usize; 2]> = (0..last).map(|n| [n, n + 1]).collect();
+    if case.order == glioscope_core::case::OrderBasis::Unknown {
+        pairs.clear();
+    }
+    if pairs.last() != Some(&whole.dates) {
+        pairs.push(whole.dates);
+    }
+    let options =
+        ChangeOptions { registration_mm: doc.edit.change.registration_mm, ..ChangeOptions::default() };
+    let (mut reports, mut found) = (Vec::new(), Vec::new());
+    for dates in pairs {
+        // A date may lack the mask.
+        let Ok(choice) = Choice::at(case, Some(&whole.id), dates) else { continue };
+        let (report, _) = change::between(case, &choice, &options, None, progress)?;
+        found.extend(report.own_warnings(case).iter().cloned());
+        reports.push(report);
+    }
+    Ok((reports, found))
+}
+
+/// The panes that a report shows, with the keys of their captions.
+fn panes(case: &Case) -> Vec<(PaneId, &'static str)> {
+    let time_points = &case.time_points;
+    let has_image = time_points.iter().any(|time| !time.contexts.is_empty());
+    let has_overlap = time_points.iter().any(|time| time.masks.len() > 1);
+    let all = [
+        (PaneId::Closeup, "picture-closeup", true),
+        (PaneId::Context, "picture-context", has_image),
+        (PaneId::Overlap, "picture-overlap", has_overlap),
+        (PaneId::Change, "picture-change", time_points.len() > 1),
+        (PaneId::SideBySide, "picture-side-by-side", time_points.len() > 1 && has_image),
+        (PaneId::Axial, "picture-axial", true),
+        (PaneId::Coronal, "picture-coronal", true),
+        (PaneId::Sagittal, "picture-sagittal", true),
+    ];
+    all.into_iter().filter(|(.., wanted)| *wanted).map(|(pane, key, _)| (pane, key)).collect()
+}
+
+fn pictures(
+    case: &Case,
+    doc: &Document,
+    words: &Words,
+    painter: &mut dyn Painter,
+    progress: &Progress,
+) -> Result<Vec<Block>, AppError> {
+    let side = match doc.nav.convention {
+        Convention::Radiological => "picture-side-radiological",
+        Convention::Neurological => "picture-side-neurological",
+    };
+    let date = case.time_points.get(doc.nav.time).map_or("", |time| time.label.as_str());
+    let mut blocks = Vec::new();
+    for (pane, key) in panes(case) {
+        progress.check()?;
+        let Some(size) = pane.row().report_px else { continue };
+        let rgba = painter.picture(pane, size)?;
+        let mut png = Vec::new();
+        PngEncoder::new(&mut png)
+            .write_image(&rgba, size[0], size[1], image::ExtendedColorType::Rgba8)
+            .map_err(|e| AppError::wrong(key, e.to_string(), "a picture that can be encoded"))?;
+        let is_slice = matches!(pane, PaneId::Axial | PaneId::Coronal | PaneId::Sagittal);
+        let is_of_dates = matches!(pane, PaneId::Change | PaneId::SideBySide);
+        let mut caption = words.get(key);
+        if is_slice {
+            caption = format!("{caption} {}", words.get(side));
+        }
+        if !date.is_empty() && !is_of_dates {
+            caption = format!("{date}: {caption}");
+        }
+        let name = pane.row().cli.unwrap_or(key).to_owned();
+        blocks.push(Block::Picture(Picture { name, caption, size, rgba, png }));
+    }
+    Ok(blocks)
+}
+
+/// Versions, settings, and the files that were read.
+fn how_made(recipe: &Recipe, content: &Content<'_>) -> Vec<Block> {
+    let words = content.words;
+    let facts = vec![
+        (words.get("program"), recipe.program.clone()),
+        (words.get("adapter"), recipe.adapter.clone()),
+        (words.get("case-grid"), content.grid()),
+    ];
+    let inputs = recipe.inputs.iter().enumerate().map(|(n, input)| {
+        let name = input.name.clone().unwrap_or_else(|| (n + 1).to_string());
+        (name, input.sha256.clone())
+    });
+    let mut blocks = vec![Block::Heading(words.get("section-made")), Block::Facts(facts)];
+    if !recipe.inputs.is_empty() {
+        blocks.push(Block::Text(format!("{}:", words.get("inputs"))));
+        blocks.push(Block::Facts(inputs.collect()));
+    }
+    blocks.push(Block::Text(words.get("not-a-device")));
+    blocks
+}

@@ -1,0 +1,68 @@
+//! What a report was made with, embedded in it, so that it can be made again and compared.
+
+use std::{io::Read, path::Path};
+
+use glioscope_core::{Progress, files::open_regular};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::{identity::Identity, words::Language};
+use crate::error::AppError;
+
+/// The version of recipes that this program writes and reads.
+pub const VERSION: u64 = 1;
+
+/// What a report was made with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Recipe {
+    /// Version of this recipe.
+    pub glioscope_report: u64,
+    /// Version of the program.
+    pub program: String,
+    /// What drew the pictures.
+    pub adapter: String,
+    /// How much of the patient's identity the report has.
+    pub identity: Identity,
+    /// Its language.
+    pub language: Language,
+    /// The files that were read.
+    pub inputs: Vec<Input>,
+    /// The session as a session file has it; without the case's files unless the report is fully identified.
+    pub session: serde_json::Value,
+}
+
+/// A file that was read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Input {
+    /// Its name without folders; `None` in reports that don't identify the patient.
+    pub name: Option<String>,
+    /// Its size.
+    pub bytes: u64,
+    /// SHA-256 of its bytes, hexadecimal.
+    pub sha256: String,
+}
+
+impl Input {
+    /// A file; its name only if `is_named`.
+    ///
+    /// # Errors
+    /// [`AppError`] where it can't be read.
+    pub fn of(path: &Path, is_named: bool, progress: &Progress) -> Result<Self, AppError> {
+        let (mut file, _) = open_regular(path)?;
+        let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 1 << 20]);
+        loop {
+            progress.check()?;
+            let read = file
+                .read(&mut block)
+                .map_err(|e| AppError::file(path, e.to_string(), "a file that can be read"))?;
+            if read == 0 {
+                break;
+            }
+            bytes += read as u64;
+            hash.update(&block[..read]);
+        }
+        let name = path.file_name().filter(|_| is_named).map(|name| name.to_string_lossy().into_owned());
+        let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self { name, bytes, sha256 })
+    }
+}

@@ -2,9 +2,9 @@
 //! numbers and pictures from a command line.
 //!
 //! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the
-//! loaded case and derived results), [`command`] (user actions), [`cpu_paint`] (the interface without a graphics card),
-//! [`views`] (one file per pane), [`report`] (what is handed over), [`window`], [`cli`]. Views read the document
-//! and the world and write commands; commands change the document; the document determines what is derived and drawn.
+//! loaded case and derived results), [`report`] (what is handed over), [`command`] (user actions), [`cpu_paint`] (the
+//! interface without a graphics card), [`views`] (one file per pane), [`window`], [`cli`]. Views read the document and the
+//! world and write commands; commands change the document; the document determines what is derived and drawn.
 
 pub mod cli;
 pub mod command;

@@ -10,7 +10,7 @@ mod export;
 mod info;
 mod light;
 mod measure;
-mod offscreen_app;
+mod offscreen;
 mod pacs;
 mod parse;
 mod register;

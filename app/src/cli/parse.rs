@@ -30,6 +30,16 @@ pub enum View {
     Window,
 }
 
+impl View {
+    /// The pane; `None` for the whole window.
+    pub fn pane(self) -> Option<PaneId> {
+        match self {
+            Self::Pane(pane) => Some(pane),
+            Self::Window => None,
+        }
+    }
+}
+
 /// A pane that can be exported as a picture, or the window.
 pub fn view() -> impl TypedValueParser<Value = View> {
     let panes = || PaneId::all().filter_map(|pane| Some((pane.row().cli?, View::Pane(pane))));

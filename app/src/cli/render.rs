@@ -14,7 +14,7 @@ use serde_json::json;
 use super::{
     arguments::RenderArguments,
     light,
-    offscreen_app::{DrawReport, OffscreenApp, gpu},
+    offscreen::{DrawReport, comparison_warnings, draw_report, gpu},
     parse::{LensArgument, View},
     resolve, terminal, unused,
 };
@@ -24,6 +24,7 @@ use crate::{
     model::{ChangeSetting, Document, EllipsoidKind, OverlapMode, PaneId},
     output,
     views::{closeup, view3d::screen::PassTimes},
+    window::offscreen_app::OffscreenApp,
     world::World,
 };
 
@@ -189,11 +190,11 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
             Some(scene) => plain_closeup(&gpu, &scene, &quality, arguments, &mut report)?,
             None => {
                 let mut app = OffscreenApp::new(work, &gpu, arguments.dark)?;
-                let rgba = app.capture(view, arguments.size, arguments.scale as f32)?;
-                if let View::Pane(pane) = view {
-                    report = app.draw_report(pane, arguments.stats)?;
+                let rgba = app.capture(view.pane(), arguments.size, arguments.scale as f32)?;
+                if let Some(pane) = view.pane() {
+                    report = draw_report(&mut app, pane, arguments.stats)?;
                 }
-                terminal::notes(&app.comparison_warnings());
+                terminal::notes(&comparison_warnings(&app));
                 rgba
             }
         };

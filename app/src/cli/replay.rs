@@ -7,9 +7,9 @@ use glioscope_core::files::open_regular;
 use super::{arguments::ReplayArguments, case::CaseArguments, report, terminal};
 use crate::{
     error::AppError,
-    model::{CaseRef, session},
-    report::{Form, Identity, Options, Recipe, recipe_in, write},
-    world::load::{self, Request},
+    model::{CaseRef, Session, made, session},
+    report::{Form, Identity, Options, Recipe, Report, anonymous_case, recipe_in, write},
+    world::load::{self, ReadCase, Request},
 };
 
 /// Maximum size of a report.
@@ -22,10 +22,23 @@ pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
     let bytes = read(&path)?;
     let recipe = recipe(&path, &bytes)?;
     let given = CaseArguments { path: of, parts: case, tracts: Vec::new() };
-    let request = request(&path, &recipe, &given)?;
-    let read = terminal::with_progress(|progress| load::read_at_once(request, progress))?;
     let options = Options { identity: recipe.identity, language: recipe.language };
-    let again = report::make(read, options, software)?;
+    let session = session(&path, &recipe)?;
+    let again = match (recipe.identity, given.reference()?) {
+        (Identity::Full, None) => report::make(read_case(session, &given, None)?, options, software)?,
+        // Nothing was read: the embedded sample.
+        (_, None) if recipe.inputs.is_empty() => {
+            of_given(&session, &given, CaseRef::Sample, options, software)?
+        }
+        (_, Some(case)) => of_given(&session, &given, case, options, software)?,
+        (_, None) => {
+            return Err(AppError::file(
+                &path,
+                "a report without the paths of its files",
+                "the case: --of PATH",
+            ));
+        }
+    };
     let differences = differences(&recipe, &again.recipe);
     let same_bytes = write(&again, Form::Html, options.language) == bytes;
     if same_bytes {
@@ -67,30 +80,41 @@ fn recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, AppError> {
         .map_err(|e| AppError::file(path, format!("a recipe that can't be read ({e})"), expected))
 }
 
-/// What the report was made of: its own case, or the one given.
-fn request(path: &Path, recipe: &Recipe, given: &CaseArguments) -> Result<Request, AppError> {
-    let text = recipe.session.to_string();
-    let mut session = session::parse(path, text.as_bytes())?;
-    // It belongs to the report, not to a file that is saved.
+/// The session in a report. It belongs to the report, not to a file that is saved.
+fn session(path: &Path, recipe: &Recipe) -> Result<Session, AppError> {
+    let mut session = session::parse(path, recipe.session.to_string().as_bytes())?;
     session.origin = None;
+    Ok(session)
+}
+
+/// The case of a session, or the one given in its place, whose document isn't restored.
+fn read_case(session: Session, given: &CaseArguments, case: Option<CaseRef>) -> Result<ReadCase, AppError> {
     let mut request = Request::of_session(session, &[], &given.options());
-    match (given.reference()?, recipe.identity) {
-        (Some(CaseRef::Path(path)), _) if session::is_session(&path) => {
-            return Err(AppError::file(&path, "a session", "the case that the report was made of"));
+    if let Some(case) = case {
+        if let CaseRef::Path(path) = &case
+            && session::is_session(path)
+        {
+            return Err(AppError::file(path, "a session", "the case that the report was made of"));
         }
-        (Some(case), _) => request.case = case,
-        // Nothing was read: the embedded sample.
-        (None, _) if recipe.inputs.is_empty() => request.case = CaseRef::Sample,
-        (None, Identity::Full) => {}
-        (None, _) => {
-            return Err(AppError::file(
-                path,
-                "a report without the paths of its files",
-                "the case: --of PATH",
-            ));
-        }
+        (request.case, request.session) = (case, None);
     }
-    Ok(request)
+    terminal::with_progress(|progress| load::read_at_once(request, progress))
+}
+
+/// The report of a case that is given: the session has the names that the report shows.
+fn of_given(
+    session: &Session,
+    given: &CaseArguments,
+    case: CaseRef,
+    options: Options,
+    software: bool,
+) -> Result<Report, AppError> {
+    let read = read_case(session.clone(), given, Some(case))?;
+    let made = made::with_made(&read.case, &session.document.edit.made);
+    let shown = anonymous_case(&made, options);
+    let (document, findings) = session.restore(&shown)?;
+    terminal::notes(&findings);
+    report::of_anonymous(shown, document, options, software)
 }
 
 /// What the two were made with differently.

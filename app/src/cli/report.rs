@@ -2,17 +2,15 @@
 
 use glioscope_core::{case::Case, files::Inputs};
 
-use super::{
-    arguments::ReportArguments,
-    offscreen_app::{OffscreenApp, gpu},
-    report_folder, terminal,
-};
+use super::{arguments::ReportArguments, offscreen::gpu, report_folder, terminal};
 use crate::{
     command::Workstation,
     error::AppError,
+    model::Document,
     output,
     report::{self, Form, Options, Report},
-    world::load::ReadCase,
+    window::offscreen_app::OffscreenApp,
+    world::{Loaded, World, load::ReadCase},
 };
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
@@ -45,9 +43,23 @@ fn inputs(case: &Case, path: Option<&std::path::Path>) -> Inputs {
 /// The report of a case.
 pub(super) fn make(read: ReadCase, options: Options, software: bool) -> Result<Report, AppError> {
     let work = Workstation::with_opened(read.into());
-    let (Some(case), Some(doc)) = (work.world.case().cloned(), work.doc.clone()) else {
+    let (Some(case), Some(doc)) = (work.world.case(), work.doc) else {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
     };
+    let (case, doc) = report::anonymous(case, doc, options)?;
+    of_anonymous(case, doc, options, software)
+}
+
+/// The report of a case and document that have no more of the identity than it may show.
+pub(super) fn of_anonymous(
+    case: Case,
+    doc: Document,
+    options: Options,
+    software: bool,
+) -> Result<Report, AppError> {
+    let loaded = Loaded::new(case);
+    let case = loaded.case.clone();
+    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
     terminal::with_progress(|progress| {
         let mut app = OffscreenApp::new(work, &gpu(software)?, false)?;
         report::make((&case, &doc), options, &mut app, progress)

@@ -9,11 +9,13 @@ use glioscope_core::{
 
 use super::{
     case::CaseArguments,
-    offscreen_app::{OffscreenApp, gpu},
-    parse::View,
+    offscreen::{comparison_warnings, gpu},
     terminal,
 };
-use crate::{command::Workstation, error::AppError, model::PaneId, output, world::load::ReadCase};
+use crate::{
+    command::Workstation, error::AppError, model::PaneId, output, window::offscreen_app::OffscreenApp,
+    world::load::ReadCase,
+};
 
 /// Size of the window's picture.
 const WINDOW_PX: [u32; 2] = [1600, 1000];
@@ -97,13 +99,13 @@ fn write(read: ReadCase, folder: &Path, software: bool) -> Result<Vec<String>, A
     let panes = PaneId::all()
         .map(|pane| (pane, pane.row()))
         .filter(|(_, row)| time_point_count > 1 || !row.needs_dates);
-    let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, View::Pane(pane), row.report_px?)));
-    for (name, view, size) in std::iter::once(("window", View::Window, WINDOW_PX)).chain(pictures) {
-        let rgba = app.capture(view, size, 1.0)?;
+    let pictures = panes.filter_map(|(pane, row)| Some((row.cli?, Some(pane), row.report_px?)));
+    for (name, pane, size) in std::iter::once(("window", None, WINDOW_PX)).chain(pictures) {
+        let rgba = app.capture(pane, size, 1.0)?;
         let name = format!("{name}.png");
         output::write_png(&folder.join(&name), &inputs, size, &rgba)?;
         names.push(name);
     }
-    terminal::notes(&app.comparison_warnings());
+    terminal::notes(&comparison_warnings(&app));
     Ok(names)
 }

@@ -9,6 +9,7 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 use super::{Entry, Label, Listed, Menu, Workstation};
 use crate::export::What;
 use crate::model::{CaseRef, ExportFormat, PaneId, PictureSize};
+use crate::report;
 
 /// A command that acts outside the document.
 #[derive(Clone, Debug, PartialEq, EnumDiscriminants)]
@@ -37,6 +38,9 @@ pub enum AppCommand {
     ExportMasksTo(What, PathBuf),
     ExportRulers(ExportFormat),
     ExportRulersTo(PathBuf),
+    ShowReport,
+    WriteReport(report::Options),
+    WriteReportTo(report::Options, PathBuf),
     BrowseFiles,
     BrowseFolders,
     ClearRecent,
@@ -84,6 +88,7 @@ impl AppCommand {
             AppKind::ExportMasks => [What::Masks, What::Selection]
                 .map(|what| listed(Self::ExportMasks(what)).menu(Menu::File, 2))
                 .into(),
+            AppKind::ShowReport => vec![listed(Self::ShowReport).keys(CTRL, Key::R).menu(Menu::File, 2)],
             AppKind::ExportRulers => ExportFormat::VARIANTS
                 .iter()
                 .map(|format| listed(Self::ExportRulers(*format)).menu(Menu::Tools, 1))
@@ -130,6 +135,8 @@ impl AppCommand {
             | AppKind::ExportMeasurementsTo
             | AppKind::ExportMasksTo
             | AppKind::ExportRulersTo
+            | AppKind::WriteReport
+            | AppKind::WriteReportTo
             | AppKind::GoToRegion
             | AppKind::GoToComponent
             | AppKind::ScreenshotTo => Vec::new(),
@@ -175,6 +182,10 @@ impl AppCommand {
             Self::ExportRulers(format) => Label::new(format!("Export lines as {}…", format.name()))
                 .detail("Every line measured, in millimetres"),
             Self::ExportRulersTo(_) => Label::new("Write the lines"),
+            Self::ShowReport => Label::new("Write a report…")
+                .detail("One file with pictures, numbers and warnings, to hand over: HTML or Markdown"),
+            Self::WriteReport(_) => Label::new("Choose the report's file"),
+            Self::WriteReportTo(..) => Label::new("Write the report"),
             Self::BrowseFiles => Label::new("Browse for a case file…"),
             Self::BrowseFolders => Label::new("Browse for a case folder…"),
             Self::ClearRecent => Label::new("Forget recent cases"),
@@ -228,6 +239,9 @@ impl AppCommand {
             | Self::ExportMeasurementsTo(_)
             | Self::ExportMasks(_)
             | Self::ExportMasksTo(..)
+            | Self::ShowReport
+            | Self::WriteReport(_)
+            | Self::WriteReportTo(..)
             | Self::AddTracts(_)
             | Self::ShowMasks
             | Self::ShowMakeMask

@@ -1,6 +1,9 @@
 //! The session file: a [`Document`] as JSON under a format version, written whole or not at all.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use glioscope_core::{
     Check,
@@ -209,6 +212,13 @@ impl Session {
         Ok(Self { document: document.clone(), origin: None, findings: Vec::new(), named })
     }
 
+    /// The session with other names of masks, images or dates: each value or key that equals an old name becomes the new one.
+    #[must_use]
+    pub fn renamed(mut self, names: &BTreeMap<String, String>) -> Self {
+        rename(&mut self.named, names);
+        self
+    }
+
     /// The document for `case`, and a warning about what refers to dates, masks or images that the case lacks and is left
     /// out.
     ///
@@ -225,6 +235,25 @@ impl Session {
             Check::warning("session-dropped", text)
         });
         Ok((document, checks.into_iter().collect()))
+    }
+}
+
+fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
+    match value {
+        Value::String(text) => {
+            if let Some(new) = names.get(text) {
+                text.clone_from(new);
+            }
+        }
+        Value::Array(all) => all.iter_mut().for_each(|one| rename(one, names)),
+        Value::Object(map) => {
+            let entries = std::mem::take(map).into_iter().map(|(key, mut one)| {
+                rename(&mut one, names);
+                (names.get(&key).cloned().unwrap_or(key), one)
+            });
+            *map = entries.collect();
+        }
+        _ => {}
     }
 }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Identity {
-    /// Neither name, identifier, date of birth nor names of files and folders; dates of scans stay.
+    /// Neither name, identifier, date of birth nor names of files and folders; dates of scans and names of masks and images stay.
     #[default]
     None,
     /// The name's initials; nothing else.
@@ -22,13 +22,13 @@ pub enum Identity {
 /// Words shorter than this identify nobody, and stand in other words.
 const LEAST_LETTERS: usize = 3;
 
-/// Parts of a path, from its end, that may be named after the patient: file, series, study, patient.
-const NAMING_PARTS: usize = 4;
+/// Digits in a row from which on the name of a file or folder identifies a patient; others are words such as `PET`.
+const IDENTIFYING_DIGITS: usize = 3;
 
-/// Names of folders that say nothing, and are words of messages.
-const PLAIN_FOLDERS: &[&str] = &[
-    "case", "cases", "data", "dicom", "home", "image", "images", "mask", "masks", "nifti", "shared", "tmp",
-    "work",
+/// Names of cases that say nothing, and are words of messages.
+const PLAIN_NAMES: &[&str] = &[
+    "case", "cases", "data", "dicom", "image", "images", "mask", "masks", "nifti", "patient", "sample",
+    "shared", "study",
 ];
 
 /// Takes from texts what identifies the patient.
@@ -49,11 +49,6 @@ impl Redactor {
     pub fn text(&self, text: &str) -> String {
         self.secrets.iter().fold(text.to_owned(), |text, secret| without(&text, secret, &self.replacement))
     }
-
-    /// Whether a name holds something that identifies the patient.
-    pub fn is_in(&self, name: &str) -> bool {
-        self.text(name) != name
-    }
 }
 
 /// What identifies the patient: name, identifier, date of birth, and every path, file name and folder name of the case.
@@ -66,14 +61,13 @@ fn secrets(case: &Case) -> Vec<String> {
     all.extend(id.split('@').map(str::to_owned));
     for path in case.inputs.paths() {
         all.push(path.display().to_string());
-        // The folders above as paths, then each by its name; the file's name with and without its endings.
+        // The folders above as paths, then what is named after a patient: folders, and the file with and without its endings.
         let folders = path.ancestors().skip(1).filter(|folder| folder.components().count() > 1);
         all.extend(folders.map(|folder| folder.display().to_string()));
-        let names = path.iter().rev().take(NAMING_PARTS).filter_map(|part| part.to_str());
-        all.extend(names.filter(|name| !PLAIN_FOLDERS.contains(name)).map(str::to_owned));
-        all.extend(stem(path));
+        let names = path.iter().filter_map(|part| part.to_str().map(str::to_owned)).chain(stem(path));
+        all.extend(names.filter(|name| has_number(name)));
     }
-    all.push(case.name.clone());
+    all.extend(Some(case.name.clone()).filter(|name| !PLAIN_NAMES.contains(&name.to_lowercase().as_str())));
     let ids: Vec<&str> = case
         .time_points
         .iter()
@@ -87,6 +81,10 @@ fn secrets(case: &Case) -> Vec<String> {
     all.sort_by(|a, b| b.len().cmp(&a.len()).then(a.cmp(b)));
     all.dedup();
     all
+}
+
+fn has_number(name: &str) -> bool {
+    name.split(|c: char| !c.is_ascii_digit()).any(|digits| digits.len() >= IDENTIFYING_DIGITS)
 }
 
 /// The name of a file up to its first dot.

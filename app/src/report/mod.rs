@@ -3,6 +3,7 @@
 //! The same session and inputs give the same bytes: nothing in it depends on when or where it was made but the adapter that
 //! drew the pictures, which it names.
 
+mod anonymous;
 mod content;
 mod document;
 mod html;
@@ -22,6 +23,7 @@ use glioscope_core::{
 use glioscope_render::flat::Convention;
 use image::{ImageEncoder, codecs::png::PngEncoder};
 
+pub use anonymous::{anonymous, anonymous_case};
 pub use document::Report;
 pub use html::recipe_in;
 pub use identity::Identity;
@@ -90,11 +92,10 @@ pub fn write(report: &Report, form: Form, language: Language) -> Vec<u8> {
     .into_bytes()
 }
 
-/// The report of a case as its document shows it.
+/// The report of a case as its document shows it, both as [`anonymous`] gives them.
 ///
 /// # Errors
-/// [`AppError`] where a picture can't be drawn or an input can't be read, and where a name in the pictures identifies the
-/// patient though the report must not.
+/// [`AppError`] where a picture can't be drawn or an input can't be read.
 pub fn make(
     (case, doc): (&Arc<Case>, &Document),
     options: Options,
@@ -103,7 +104,6 @@ pub fn make(
 ) -> Result<Report, AppError> {
     let words = Words::new(options.language);
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
-    refuse_names(case, doc, &redactor)?;
     let (changes, own) = changes(case, doc, progress)?;
     let content = Content {
         case,
@@ -135,24 +135,6 @@ pub fn make(
     let title =
         if is_named { words.with("title-of", &[("case", case.name.clone())]) } else { words.get("title") };
     Ok(Report { language: words.get("language-code"), title, blocks, recipe })
-}
-
-/// Refuses masks and images whose names identify the patient: they stand in pictures.
-fn refuse_names(case: &Case, doc: &Document, redactor: &Redactor) -> Result<(), AppError> {
-    let names = case.time_points.iter().flat_map(|time| {
-        let masks = time.masks.iter().map(|m| doc.edit.masks.name(m.mask.id()));
-        masks.chain(time.contexts.iter().map(|c| c.id.clone()))
-    });
-    match names.into_iter().find(|name| redactor.is_in(name)) {
-        None => Ok(()),
-        Some(name) => Err(AppError::wrong(
-            "--identity",
-            format!(
-                "\"{name}\", the name of a mask or image, which holds a name of the patient or of the files"
-            ),
-            "another name (--mask NAME=FILE, or a name in the window), or --identity full",
-        )),
-    }
 }
 
 /// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.

@@ -13,6 +13,7 @@ use crate::{
     command::{AppCommand, Command},
     export::{Format, What},
     model::{CaseRef, ExportFormat, PaneId, session},
+    report,
     world::jobs::Waker,
 };
 
@@ -37,6 +38,8 @@ pub enum Purpose {
     Masks(What),
     /// Write the rulers.
     Rulers(ExportFormat),
+    /// Write a report.
+    Report(report::Options),
 }
 
 impl Purpose {
@@ -51,6 +54,7 @@ impl Purpose {
             Self::Masks(What::Selection) => "selection.seg.nrrd".into(),
             Self::Masks(_) => "masks.seg.nrrd".into(),
             Self::Rulers(format) => format!("lines.{}", format.extension()),
+            Self::Report(_) => "report.html".into(),
         })
     }
 
@@ -67,6 +71,7 @@ impl Purpose {
             Self::Masks(What::Selection) => "Export the selection",
             Self::Masks(_) => "Export the masks",
             Self::Rulers(_) => "Export the lines",
+            Self::Report(_) => "Write a report",
         }
     }
 
@@ -84,6 +89,7 @@ impl Purpose {
             Self::Manifest if !ends_in(&path, "toml") => with(path, "toml"),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
             Self::Masks(_) if Format::of(&path).is_none() => with(path, "seg.nrrd"),
+            Self::Report(_) if report::Form::of(&path).is_none() => with(path, "html"),
             Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
         }
@@ -101,6 +107,7 @@ impl Purpose {
             Self::Measurements(_) => AppCommand::ExportMeasurementsTo(path).into(),
             Self::Masks(what) => AppCommand::ExportMasksTo(*what, path).into(),
             Self::Rulers(_) => AppCommand::ExportRulersTo(path).into(),
+            Self::Report(options) => AppCommand::WriteReportTo(*options, path).into(),
         }
     }
 }

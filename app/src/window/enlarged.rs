@@ -2,17 +2,16 @@
 
 use std::path::Path;
 
-use egui::{CentralPanel, Frame, Vec2};
+use egui::Vec2;
 use glioscope_core::files::Inputs;
 use glioscope_render::Gpu;
 
-use super::{GlioscopeApp, offscreen::Offscreen, recent::Recent};
+use super::offscreen_app::OffscreenApp;
 use crate::{
     command::Workstation,
     error::AppError,
     model::{Document, PaneId},
     output,
-    views::view3d::Graphics,
     world::World,
 };
 
@@ -48,19 +47,10 @@ impl Enlarged {
             return Err(AppError::file(path, found, format!("at most {most} along each side")));
         }
         let size = [pixels.x as u32, pixels.y as u32];
-        let offscreen = Offscreen::new(gpu, dark);
-        let graphics = Graphics { gpu: gpu.clone(), egui_renderer: offscreen.renderer(), pictures: None };
         // Before seconds of drawing.
         inputs.refuse_as_output(path)?;
         let work = Workstation { doc: Some(doc), world, ..Workstation::default() };
-        let mut app = GlioscopeApp::new(work, Some(graphics), Recent::default())?.refined();
-        let rgba = offscreen.picture(size, pixels_per_point, |ui| match pane {
-            None => app.draw(ui),
-            Some(pane) => {
-                let fill = Frame::new().fill(ui.visuals().panel_fill);
-                CentralPanel::default().frame(fill).show(ui, |ui| app.one_pane(ui, pane));
-            }
-        })?;
+        let rgba = OffscreenApp::new(work, gpu, dark)?.capture(pane, size, pixels_per_point)?;
         output::write_png(path, &inputs, size, &rgba)
     }
 }

@@ -17,6 +17,7 @@ mod menu;
 mod modal;
 pub mod numbers;
 pub mod offscreen;
+pub mod offscreen_app;
 mod order_dates;
 mod pacs;
 mod palette;
@@ -25,6 +26,7 @@ mod perform;
 mod pictures;
 pub mod preferences;
 pub mod recent;
+mod report;
 pub mod run;
 mod thumbnails;
 mod typed_path;
@@ -81,6 +83,8 @@ struct OpenParts {
     pacs: Option<PacsDialog>,
     /// The dialog that makes a mask.
     make_mask: Option<MakeMask>,
+    /// The dialog that writes a report.
+    report: Option<report::Options>,
     /// The window that aligns dates.
     align: Option<Align>,
     /// The list of warnings.
@@ -254,6 +258,7 @@ impl GlioscopeApp {
         case_files::show(ui, &mut self.work, &mut self.thumbnails, covered, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         make_mask::show(ui, &mut self.open.make_mask, &self.work, &mut out);
+        report::show(ui, &mut self.open.report, &self.work, &mut out);
         align::show(ui, &mut self.open.align, &self.work, &mut out);
         pacs::show(ui, &mut self.open.pacs, &mut self.in_use, &mut self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);

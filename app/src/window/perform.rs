@@ -9,6 +9,7 @@ use super::{
     make_mask::MakeMask,
     numbers::Shown,
     pacs::PacsDialog,
+    report,
     typed_path::TypedPath,
 };
 use crate::{
@@ -92,6 +93,9 @@ impl GlioscopeApp {
                 self.going_to = Some(command.clone());
                 self.go_to_pending();
             }
+            AppCommand::ShowReport => self.open.report = Some(report::Options::default()),
+            AppCommand::WriteReport(options) => self.open_file_dialog(ctx, Purpose::Report(*options)),
+            AppCommand::WriteReportTo(options, path) => self.write_report(ctx, *options, path),
             AppCommand::ShowPalette => self.palette.open(),
             AppCommand::ShowMasks => self.open.masks = true,
             AppCommand::ShowPacs => self.open.pacs = Some(PacsDialog::new()),
@@ -248,6 +252,19 @@ impl GlioscopeApp {
             let notes: Vec<String> = notes.collect();
             let text = format!("Masks written to {}", path.display());
             Ok(if notes.is_empty() { text } else { format!("{text} ({})", notes.join("; ")) })
+        }));
+    }
+
+    /// Writes a report of what is shown, on a worker.
+    fn write_report(&mut self, ctx: &Context, options: report::Options, path: &Path) {
+        let (Some(doc), Some(gpu)) = (self.work.doc.clone(), self.gpu().cloned()) else {
+            self.work.error =
+                Some(AppError::file(path, "no graphics adapter", "one, which draws the report's pictures"));
+            return;
+        };
+        let (world, inputs, path) = (self.work.world.clone(), self.work.inputs(), path.to_owned());
+        self.export = Some(Job::start(Waker::of(ctx), move |progress| {
+            report::write(doc, world, options, (&gpu, &inputs), &path, progress)
         }));
     }
 

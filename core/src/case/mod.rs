@@ -16,6 +16,7 @@ mod order;
 mod origin;
 mod proposal;
 mod registration;
+mod renamed;
 mod scheme;
 mod segments;
 mod select;

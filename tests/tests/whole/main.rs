@@ -19,6 +19,7 @@ mod made_masks;
 mod monkey;
 mod real_views;
 mod real_window;
+mod report_file;
 mod reported;
 mod session_files;
 mod sessions;

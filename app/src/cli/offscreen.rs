@@ -1,0 +1,52 @@
+//! Devices and reports of what is drawn offscreen.
+
+use glioscope_core::Check;
+use glioscope_render::{AdapterPreference, Gpu, Plan, Quality};
+
+use crate::{
+    error::AppError, model::PaneId, views::view3d::screen::PassTimes, window::offscreen_app::OffscreenApp,
+};
+
+/// The graphics device: the software adapter's, or a hardware adapter's where there is one.
+pub(super) fn gpu(software: bool) -> Result<Gpu, AppError> {
+    let preference = if software { AdapterPreference::SoftwareOnly } else { AdapterPreference::RealFirst };
+    Ok(Gpu::headless(preference)?)
+}
+
+/// Plan, pass times, quality and messages of a drawn 3D view.
+#[derive(Default)]
+pub(super) struct DrawReport {
+    pub plan: Option<Plan>,
+    pub times: Option<PassTimes>,
+    pub quality: Option<Quality>,
+    pub warnings: Vec<String>,
+    pub notes: Vec<String>,
+}
+
+/// Findings of the comparison of dates that was drawn; empty where none was.
+pub(super) fn comparison_warnings(drawn: &OffscreenApp) -> Vec<Check> {
+    let app = &drawn.app;
+    let found = app.results.comparison.last().zip(app.work.world.case());
+    found.map(|(last, case)| last.report.own_warnings(case).to_vec()).unwrap_or_default()
+}
+
+/// Report on the last frame of `pane`'s 3D view; empty for other panes. `timed`: with its pass times.
+pub(super) fn draw_report(
+    drawn: &mut OffscreenApp,
+    pane: PaneId,
+    timed: bool,
+) -> Result<DrawReport, AppError> {
+    let Some(gpu) = drawn.app.gpu().cloned() else { return Ok(DrawReport::default()) };
+    let Some(screen) = drawn.app.panes.screen(pane) else { return Ok(DrawReport::default()) };
+    let mut report = DrawReport {
+        plan: screen.plan().map(|(plan, _)| plan.clone()),
+        times: None,
+        quality: screen.quality().copied(),
+        warnings: screen.warnings().to_vec(),
+        notes: screen.notes().to_vec(),
+    };
+    if timed && report.plan.is_some() {
+        report.times = Some(screen.pass_times(&gpu)?.clone());
+    }
+    Ok(report)
+}

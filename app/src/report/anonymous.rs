@@ -1,0 +1,77 @@
+//! The case and its document as a report may show them: without names of masks and images that identify the patient.
+
+use std::collections::BTreeMap;
+
+use glioscope_core::case::Case;
+
+use super::{
+    Options,
+    identity::{Identity, Redactor},
+    words::Words,
+};
+use crate::{
+    error::AppError,
+    model::{Document, Session, masks::MaskLook},
+};
+
+/// `case` and `doc` with ids and names from which what identifies the patient is removed; unchanged in a report with the full
+/// identity.
+///
+/// # Errors
+/// [`AppError`] where the document can't be renamed.
+pub fn anonymous(case: &Case, doc: Document, options: Options) -> Result<(Case, Document), AppError> {
+    let redactor = redactor(case, options);
+    let names = renames(case, options, &redactor);
+    let (shown, mut doc) = if names.is_empty() {
+        (case.clone(), doc)
+    } else {
+        let shown = with_names(case, &names);
+        let (renamed, _) = Session::of(&doc, case)?.renamed(&names).restore(&shown)?;
+        (shown, renamed)
+    };
+    // Names that the user or the file gave beside the ids.
+    let ids = shown.time_points.iter().flat_map(|time| time.masks.iter().map(|m| m.mask.id().to_owned()));
+    for id in ids.collect::<Vec<_>>() {
+        let look = doc.edit.masks.get(&id);
+        let name = look.name.as_ref().map(|name| redactor.text(name));
+        doc.edit.masks.set(&id, &MaskLook { name, ..look });
+    }
+    Ok((shown, doc))
+}
+
+/// `case` alone, as [`anonymous`] names it.
+pub fn anonymous_case(case: &Case, options: Options) -> Case {
+    with_names(case, &renames(case, options, &redactor(case, options)))
+}
+
+fn redactor(case: &Case, options: Options) -> Redactor {
+    Redactor::new(case, options.identity, Words::new(options.language).get("removed"))
+}
+
+fn with_names(case: &Case, names: &BTreeMap<String, String>) -> Case {
+    case.renamed(&|id| names.get(id).cloned().unwrap_or_else(|| id.to_owned()))
+}
+
+/// The ids that are shown otherwise, each with its new one; the new ones are distinct.
+fn renames(case: &Case, options: Options, redactor: &Redactor) -> BTreeMap<String, String> {
+    let mut names: BTreeMap<String, String> = BTreeMap::new();
+    if options.identity == Identity::Full {
+        return names;
+    }
+    let ids = || {
+        let times = case.time_points.iter();
+        times
+            .flat_map(|t| t.masks.iter().map(|m| m.mask.id()).chain(t.contexts.iter().map(|c| c.id.as_str())))
+    };
+    for id in ids() {
+        let new = redactor.text(id);
+        if new == id || names.contains_key(id) {
+            continue;
+        }
+        let is_taken = |name: &str| ids().any(|other| other == name) || names.values().any(|n| n == name);
+        let numbered = (2..).map(|n| format!("{new} {n}"));
+        let free = std::iter::once(new.clone()).chain(numbered).find(|name| !is_taken(name));
+        names.insert(id.to_owned(), free.unwrap_or(new));
+    }
+    names
+}

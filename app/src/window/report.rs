@@ -1,0 +1,102 @@
+//! The dialog that writes a report, and the report of what the window shows.
+
+use std::path::Path;
+
+use egui::{Button, Grid, Ui};
+use glioscope_core::{Progress, files::Inputs};
+use glioscope_render::Gpu;
+
+use super::{
+    modal::{self, Reply},
+    offscreen_app::OffscreenApp,
+};
+pub use crate::report::Options;
+use crate::{
+    command::{AppCommand, Commands, Workstation},
+    error::AppError,
+    model::Document,
+    output,
+    report::{self, Form, Identity, Language},
+    world::{Loaded, World},
+};
+
+const WIDTH_POINTS: f32 = 420.0;
+
+/// Draws the dialog while it is open.
+pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut Commands) {
+    let (Some(options), Some(case)) = (open.as_mut(), work.world.case()) else { return };
+    let patient = &case.patient;
+    let reply = modal::show(ui.ctx(), "Write a report", |ui| {
+        ui.set_width(WIDTH_POINTS);
+        ui.label(
+            "One file to hand over: pictures of the views as they are now, numbers, and warnings in front. It opens without a \
+             network, and from a mail.",
+        );
+        ui.add_space(6.0);
+        Grid::new("report").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
+            ui.label("Patient");
+            ui.vertical(|ui| {
+                let name = if patient.name.is_empty() { "the files name nobody" } else { &patient.name };
+                for (identity, text) in [
+                    (Identity::None, "Neither name nor file names".to_owned()),
+                    (Identity::Initials, "Initials".to_owned()),
+                    (Identity::Full, format!("In full, with file names ({name})")),
+                ] {
+                    ui.radio_value(&mut options.identity, identity, text);
+                }
+            });
+            ui.end_row();
+            ui.label("Language");
+            ui.vertical(|ui| {
+                ui.radio_value(&mut options.language, Language::En, "English");
+                ui.radio_value(&mut options.language, Language::De, "Deutsch");
+            });
+            ui.end_row();
+        });
+        ui.add_space(6.0);
+        let mut reply = Reply::None;
+        ui.horizontal(|ui| {
+            if ui.add(Button::new("Choose the file…")).clicked() {
+                reply = Reply::Accept;
+            }
+            if ui.button("Cancel").clicked() {
+                reply = Reply::Cancel;
+            }
+        });
+        reply
+    });
+    match reply {
+        Reply::None => {}
+        Reply::Cancel => *open = None,
+        Reply::Accept => {
+            out.push(AppCommand::WriteReport(*options));
+            *open = None;
+        }
+    }
+}
+
+/// Writes the report of a document and returns the notice about it.
+///
+/// # Errors
+/// [`AppError`], as [`report::make`]; also for a file of the case, and for another ending.
+pub fn write(
+    doc: Document,
+    world: World,
+    options: Options,
+    (gpu, inputs): (&Gpu, &Inputs),
+    path: &Path,
+    progress: &Progress,
+) -> Result<String, AppError> {
+    let form = Form::of(path).ok_or_else(|| AppError::file(path, "another ending", ".html or .md"))?;
+    // Before seconds of drawing.
+    inputs.refuse_as_output(path)?;
+    let no_case = || AppError::file(path, "no case", "an open one");
+    let (case, doc) = report::anonymous(world.case().ok_or_else(no_case)?, doc, options)?;
+    let loaded = Loaded::new(case);
+    let case = loaded.case.clone();
+    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
+    let mut painter = OffscreenApp::new(work, gpu, false)?;
+    let report = report::make((&case, &doc), options, &mut painter, progress)?;
+    output::write(path, inputs, &report::write(&report, form, options.language))?;
+    Ok(format!("Report written to {}", path.display()))
+}

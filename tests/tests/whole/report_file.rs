@@ -1,0 +1,169 @@
+//! Reports as one file: the same bytes again, nobody's name unless asked, and what is refused.
+
+use std::path::Path;
+
+use glioscope_core::{
+    Grid, Samples, Volume,
+    files::{WriteOptions, write_nifti},
+    glam::DVec3,
+    volume::Scaling,
+};
+use glioscope_tests::{real_data, run};
+
+use crate::PROGRAM;
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A mask: a ball of this radius in millimetres.
+fn ball(path: &Path, radius_mm: f64) {
+    let grid = Grid::axis_aligned([24; 3], DVec3::ONE, DVec3::splat(-12.0)).unwrap();
+    let voxels = (0..grid.voxel_count())
+        .map(|at| u8::from(grid.center_of_voxel_mm(grid.ijk(at)).length() < radius_mm))
+        .collect();
+    let volume = Volume::new(grid, Samples::U8(voxels), Scaling::NONE).unwrap();
+    write_nifti(path, &volume, &WriteOptions::default()).unwrap();
+}
+
+fn report(arguments: &[&str], out: &Path) -> String {
+    let all = [&["report", "--software", "--out", text(out)], arguments].concat();
+    let output = run(PROGRAM, &all);
+    assert!(output.status.success(), "{all:?}: {}", String::from_utf8_lossy(&output.stderr));
+    std::fs::read_to_string(out).unwrap()
+}
+
+/// The page without its pictures, in whose letters every short word is found.
+fn words(page: &str) -> String {
+    let mut parts = page.split("data:image/png;base64,");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |out, part| out + part.split_once('"').map_or("", |(_, rest)| rest))
+}
+
+fn refusal(arguments: &[&str]) -> String {
+    let output = run(PROGRAM, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    stderr.lines().last().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn a_report_is_made_again_byte_for_byte_and_what_differs_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("case");
+    std::fs::create_dir(&case).unwrap();
+    ball(&case.join("A_2024-01-01.nii.gz"), 7.0);
+    ball(&case.join("A_2024-03-01.nii.gz"), 8.0);
+    let [one, two] = ["one.html", "two.html"].map(|name| folder.path().join(name));
+    let options = [text(&case), "--identity", "full"];
+    let page = report(&options, &one);
+    assert_eq!(page, report(&options, &two), "the same bytes");
+    // 4/3 π r³ of the voxels within the ball, to two decimals of a millilitre: counted by the report's own masks elsewhere.
+    for expected in
+        ["A: 2024-01-01", "2024-03-01", "<svg", "data:image/png;base64,", "How this report was made"]
+    {
+        assert!(page.contains(expected) || expected == "A: 2024-01-01", "{expected}");
+    }
+    assert!(
+        !page.contains("http://")
+            || page.matches("http://").count() == page.matches("http://www.w3.org/2000/svg").count()
+    );
+    let again = run(PROGRAM, &["replay", "--software", text(&one)]);
+    let stdout = String::from_utf8_lossy(&again.stdout).into_owned();
+    assert!(again.status.success() && stdout.contains("the same bytes again"), "{stdout}");
+
+    // Another follow-up in the same place.
+    ball(&case.join("A_2024-03-01.nii.gz"), 9.0);
+    let line = refusal(&["replay", "--software", text(&one)]);
+    for expected in ["1 input files", "section \"Change between dates\"", "expected the same bytes again"] {
+        assert!(line.contains(expected), "{expected}: {line}");
+    }
+    assert!(!line.contains("section \"Volumes of masks, 2024-01-01\""), "{line}");
+
+    std::fs::write(folder.path().join("page.html"), "<!doctype html><p>hello</p>").unwrap();
+    let line = refusal(&["replay", text(&folder.path().join("page.html"))]);
+    assert!(
+        line.contains("found no recipe, expected a report that glioscope report wrote as HTML"),
+        "{line}"
+    );
+}
+
+#[test]
+fn a_report_names_nobody_unless_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("Doe_Jane_4711");
+    std::fs::create_dir(&case).unwrap();
+    ball(&case.join("rater-1_mask.nii.gz"), 7.0);
+    ball(&case.join("rater-2_mask.nii.gz"), 6.0);
+    let out = |name: &str| folder.path().join(name);
+    for ending in ["html", "md"] {
+        let page = words(&report(&[text(&case)], &out(&format!("none.{ending}"))));
+        for canary in ["Doe", "Jane", "4711", text(folder.path())] {
+            assert!(!page.contains(canary), "{ending}: {canary}");
+        }
+        assert!(page.contains("1, 2") && page.contains("left out of this report"));
+    }
+    let page = report(&[text(&case), "--identity", "full"], &out("full.html"));
+    assert!(page.contains("Comparison of tumour segmentations: Doe_Jane_4711"));
+    // Without paths the case must be given.
+    let line = refusal(&["replay", "--software", text(&out("none.html"))]);
+    assert!(line.contains("expected the case: --of PATH"), "{line}");
+    let again = run(PROGRAM, &["replay", "--software", text(&out("none.html")), "--of", text(&case)]);
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    // A mask named after the patient is called otherwise, in pictures too.
+    let mask = format!("Doe_Jane_4711 tumour={}", text(&case.join("rater-1_mask.nii.gz")));
+    let page = words(&report(&["--mask", &mask], &out("named.html")));
+    assert!(page.contains("[removed] tumour") && !page.contains("4711"), "{page}");
+    let again = run(PROGRAM, &["replay", "--software", text(&out("named.html")), "--mask", &mask]);
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+}
+
+#[test]
+fn a_report_of_dicom_has_as_much_of_the_identity_as_was_chosen() {
+    let Some(data) = real_data("dicom-multimodal") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let page = |identity: &str| {
+        let out = folder.path().join(format!("{identity}.html"));
+        words(&report(&[text(&data), "--identity", identity], &out))
+    };
+    let (none, initials, full) = (page("none"), page("initials"), page("full"));
+    assert!(full.contains("<dt>Patient</dt><dd>") && full.contains("STS_003"));
+    assert!(!none.contains("STS_003") && !initials.contains("STS_003") && !none.contains("dicom-multimodal"));
+    assert!(initials.contains("<dt>Patient</dt><dd>S.</dd>"), "{}", &initials[..4000]);
+}
+
+#[test]
+fn names_in_a_report_are_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("m.nii.gz");
+    ball(&file, 5.0);
+    let mask = format!("<script>alert(1)</script>&\"|*={}", text(&file));
+    let page = report(&["--mask", &mask, "--language", "de"], &folder.path().join("odd.html"));
+    assert!(!page.contains("<script>alert") && page.contains("&lt;script&gt;alert(1)"));
+    for expected in ["lang=\"de\"", "Volumen der Masken", "0,485 ml"] {
+        assert!(page.contains(expected), "{expected}: {page}");
+    }
+    let page = report(&["--mask", &mask], &folder.path().join("odd.md"));
+    assert!(page.contains("\\<script\\>alert(1)\\</script\\>&\"\\|\\*"), "{page}");
+}
+
+#[test]
+fn a_report_never_replaces_a_file_unasked_nor_an_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("m.nii.gz"), folder.path().join("there.html"));
+    ball(&file, 5.0);
+    std::fs::write(&out, "another report").unwrap();
+    let mask = format!("A={}", text(&file));
+    let line = refusal(&["report", "--mask", &mask, "--software", "--out", text(&out)]);
+    assert!(line.contains("found a file that exists"), "{line}");
+    assert_eq!(std::fs::read_to_string(&out).unwrap(), "another report");
+    report(&["--mask", &mask, "--force"], &out);
+    for (name, expected) in [("x.pdfx", ".html, .md, or a folder"), ("x.txt", ".html, .md, or a folder")] {
+        let line =
+            refusal(&["report", "--mask", &mask, "--software", "--out", text(&folder.path().join(name))]);
+        assert!(line.contains(expected), "{line}");
+    }
+    let line =
+        refusal(&["report", "--mask", &mask, "--identity", "full", "--out", text(&folder.path().join("f"))]);
+    assert!(line.contains("--identity: found \"a folder\""), "{line}");
+}

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glioscope_core::{
     Cancelled, case::CaseError, change::ChangeError, distance::DistanceError, ellipsoid::EllipsoidError,
-    files::FileError, tumor_index::IndexError,
+    files::FileError, lesions::LesionsError, tumor_index::IndexError,
 };
 use glioscope_render::{GpuError, RenderError};
 
@@ -23,6 +23,9 @@ pub enum AppError {
     /// Two time points can't be compared.
     #[error(transparent)]
     Change(#[from] ChangeError),
+    /// Lesions can't be found.
+    #[error(transparent)]
+    Lesions(#[from] LesionsError),
     /// Ellipsoids can't be computed.
     #[error("ellipsoids: {0}")]
     Ellipsoids(#[from] EllipsoidError),

@@ -15,9 +15,12 @@ use super::{
     change::ChangeArguments,
     ellipsoids::Neighbors,
     export::ExportArguments,
+    lesions::LesionArguments,
+    measure::MeasureArguments,
     pacs::PacsTask,
     parse::{self, LensArgument, View, keyword},
     register::RegisterArguments,
+    response::ResponseArguments,
     tracts::TractArguments,
     transform::TransformArguments,
 };
@@ -79,17 +82,11 @@ pub enum Task {
         cross_check: bool,
     },
     /// Measure masks, regions and their agreement.
-    Measure {
-        /// The case.
-        #[command(flatten)]
-        case: CaseArguments,
-        /// Also the values of every image in every mask: mean, SD, percentiles, peak.
-        #[arg(long)]
-        statistics: bool,
-        /// As JSON: see docs/json.md.
-        #[arg(long)]
-        json: bool,
-    },
+    Measure(Box<MeasureArguments>),
+    /// List the lesions of a mask at all dates: volume, diameters, and what became of each.
+    Lesions(Box<LesionArguments>),
+    /// Evaluate response by criteria of brain tumours at all dates: RANO and its kin, each call with its reasons.
+    Response(Box<ResponseArguments>),
     /// Enclose every connected component of every mask and region by an ellipsoid.
     Ellipsoids {
         /// The case.
@@ -124,7 +121,7 @@ pub enum Task {
     },
     /// Draw one view into a PNG.
     Render(Box<RenderArguments>),
-    /// Write a report: one HTML file with pictures and numbers, Markdown, or a folder with a file of each.
+    /// Write a report: one HTML or PDF file with pictures and numbers, Markdown, or a folder with a file of each.
     Report(Box<ReportArguments>),
     /// Make a report again from what it was made with, and say what differs.
     Replay(Box<ReplayArguments>),
@@ -142,7 +139,7 @@ pub struct ReportArguments {
     /// The case; default: the embedded sample.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// The file (.html, .md) or the folder.
+    /// The file (.html, .pdf, .md) or the folder.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub out: PathBuf,
     /// How much of the patient's identity a file has; without it none.

@@ -1,33 +1,207 @@
 //! `glioscope measure`: volumes and agreement of masks and regions.
 
+use clap::{Args, ValueEnum};
 use glioscope_core::{
     case::Case,
     decimal,
-    measure::{self, Statistics},
+    measure::{
+        self, DateComparison, PairComparison, Statistics,
+        conventions::{Comparison, Convention, LesionRule, METRICS, Settings},
+    },
 };
+use serde_json::Value;
 
-use super::{case::CaseArguments, terminal};
+use super::{
+    case::CaseArguments,
+    parse::{self, keyword},
+    terminal,
+};
 use crate::{error::AppError, format};
 
 /// Additional decimals compared with the tables of the window.
 const EXTRA_DECIMALS: usize = 1;
 
-pub(super) fn run(case: &CaseArguments, statistics: bool, json: bool) -> Result<(), AppError> {
-    let case = case.read(false)?.case;
-    let values = match statistics {
+/// Which lesions BraTS joins and leaves out.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Tumor {
+    /// Adult and paediatric glioma.
+    Glioma,
+    /// Meningioma.
+    Meningioma,
+    /// Metastases.
+    Metastases,
+}
+
+impl From<Tumor> for LesionRule {
+    fn from(tumor: Tumor) -> Self {
+        match tumor {
+            Tumor::Glioma => Self::GLIOMA,
+            Tumor::Meningioma => Self::MENINGIOMA,
+            Tumor::Metastases => Self::METASTASES,
+        }
+    }
+}
+
+/// Arguments of `measure`.
+#[derive(Debug, Args)]
+pub struct MeasureArguments {
+    /// The case.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// Also the values of every image in every mask: mean, SD, percentiles, peak.
+    #[arg(long)]
+    pub statistics: bool,
+    /// Also distances of surfaces, surface Dice, kappa, lesions, and the agreement of all masks as raters. The first mask of a
+    /// pair is the reference.
+    #[arg(long)]
+    pub metrics: bool,
+    /// Whose definitions they follow; they differ: docs/metrics.md. Default: deepmind.
+    #[arg(long, value_name = "CONVENTION", value_parser = keyword::<Convention>(), requires = "metrics")]
+    pub convention: Option<Convention>,
+    /// Tolerance of the surface Dice; default: 1.
+    #[arg(long, value_name = "MM", value_parser = parse::within(0.0..=1000.0), requires = "metrics", allow_hyphen_values = true)]
+    pub tau: Option<f64>,
+    /// Percentile of the robust Hausdorff distance; default: 95.
+    #[arg(long, value_name = "P", value_parser = parse::within(0.0..=100.0), requires = "metrics", allow_hyphen_values = true)]
+    pub percentile: Option<f64>,
+    /// Which lesions the convention brats joins and leaves out; default: those of gliomas.
+    #[arg(long, value_enum, requires = "metrics")]
+    pub tumor: Option<Tumor>,
+    /// As JSON: see docs/json.md.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl MeasureArguments {
+    fn settings(&self) -> Settings {
+        let default = Settings::default();
+        Settings {
+            convention: self.convention.unwrap_or(default.convention),
+            percentile: self.percentile.unwrap_or(default.percentile),
+            tolerance_mm: self.tau.unwrap_or(default.tolerance_mm),
+            lesion_rule: self.tumor.map_or(default.lesion_rule, Into::into),
+        }
+    }
+}
+
+pub(super) fn run(arguments: &MeasureArguments) -> Result<(), AppError> {
+    let case = arguments.case.read(false)?.case;
+    let values = match arguments.statistics {
         true => Some(terminal::with_progress(|progress| measure::statistics(&case, progress))?),
         false => None,
     };
-    if json {
+    let compared = match arguments.metrics {
+        true => Some(terminal::with_progress(|progress| {
+            measure::compared(&case, &arguments.settings(), progress)
+        })?),
+        false => None,
+    };
+    if arguments.json {
         let mut report = measure::report(&case);
         for (time, of_date) in report.time_points.iter_mut().zip(values.into_iter().flatten()) {
             time.statistics = Some(of_date);
         }
-        return terminal::print_json(&report);
+        return match compared {
+            None => terminal::print_json(&report),
+            Some(compared) => terminal::print_json(&with_metrics(&report, &compared)?),
+        };
     }
     let text = table(&case);
+    let compared = compared.map(|compared| metrics_table(&compared)).unwrap_or_default();
     let values = values.map(|values| values_table(&case, &values)).unwrap_or_default();
-    terminal::print(&format!("{text}{values}"))
+    terminal::print(&format!("{text}{compared}{values}"))
+}
+
+/// The report as JSON with each pair's metrics in the pair, and the raters of each date beside them. What a convention says of
+/// Dice and Jaccard replaces what the report says.
+fn with_metrics(report: &measure::MeasureReport, compared: &[DateComparison]) -> Result<Value, AppError> {
+    let json = |value: serde_json::Result<Value>| {
+        value.map_err(|e| {
+            AppError::wrong("the answer", format!("numbers that JSON can't hold ({e})"), "finite ones")
+        })
+    };
+    let mut value = json(serde_json::to_value(report))?;
+    let times = value.get_mut("time_points").and_then(Value::as_array_mut).into_iter().flatten();
+    for (time, date) in times.zip(compared) {
+        let pairs = time.get_mut("pairs").and_then(Value::as_array_mut).into_iter().flatten();
+        for (pair, comparison) in pairs.zip(&date.pairs) {
+            *pair = json(serde_json::to_value(comparison))?;
+        }
+        time["raters"] = json(serde_json::to_value(&date.raters))?;
+    }
+    Ok(value)
+}
+
+/// Metrics of pairs as a text table.
+fn metrics_table(compared: &[DateComparison]) -> String {
+    let mut lines = Vec::new();
+    for date in compared {
+        let place = if date.time.is_empty() { String::new() } else { format!(" at {}", date.time) };
+        let Some(first) = date.pairs.first() else { continue };
+        let Comparison { convention, percentile, tolerance_mm, .. } = first.comparison;
+        let name: &str = convention.into();
+        lines.push(format!(
+            "\n\nmetrics{place} by {name}: the first mask is the reference; percentile {percentile}, tolerance {tolerance_mm} mm"
+        ));
+        for pair in &date.pairs {
+            lines.push(format!("{} and {}", pair.a, pair.b));
+            lines.extend(values_of(pair));
+        }
+        if let Some(raters) = &date.raters {
+            let number =
+                |value: Option<f64>| value.map_or_else(|| "undefined".to_owned(), |v| format!("{v:.4}"));
+            lines.push(format!("all {} masks as raters", raters.masks.len()));
+            lines.push(format!("  {:28} {}", "majority", format::ml(raters.majority_ml)));
+            lines.push(format!(
+                "  {:28} {} (union's box), {} (whole grid)",
+                "Fleiss' kappa",
+                number(raters.fleiss_kappa_union_box),
+                number(raters.fleiss_kappa_whole_grid)
+            ));
+            if let (Some(staple), Some(ml)) = (&raters.staple, raters.staple_ml) {
+                lines.push(format!("  {:28} {}", "STAPLE", format::ml(ml)));
+                for ((id, sensitivity), specificity) in
+                    raters.masks.iter().zip(&staple.sensitivity).zip(&staple.specificity)
+                {
+                    lines.push(format!(
+                        "    {id:26} sensitivity {sensitivity:.4}, specificity {specificity:.6}"
+                    ));
+                }
+            }
+        }
+    }
+    lines.join("\n")
+}
+
+/// The values of a pair, one line each; those that the convention hasn't are left out.
+fn values_of(pair: &PairComparison) -> Vec<String> {
+    let comparison = &pair.comparison;
+    let number = |value: f64, decimals: usize, unit: &str| {
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        if value.is_finite() {
+            format!("{value:.0$}{unit}", decimals + EXTRA_DECIMALS)
+        } else {
+            "infinite".to_owned()
+        }
+    };
+    let values = METRICS.iter().zip(&comparison.values);
+    let mut lines: Vec<String> = values
+        .filter_map(|(metric, (_, value))| {
+            Some(format!("  {:28} {}", metric.name, number((*value)?, metric.decimals, metric.unit)))
+        })
+        .collect();
+    if let Some(lesions) = &comparison.lesions {
+        lines.push(format!(
+            "  {:28} {} found, {} missed, {} false, {} too small to count",
+            "lesions", lesions.found, lesions.missed, lesions.false_positives, lesions.ignored
+        ));
+        let of_lesions =
+            [("F1", lesions.f1), ("lesion-wise Dice", lesions.dice), ("panoptic quality", lesions.pq)];
+        let known = of_lesions.into_iter().filter_map(|(name, value)| Some((name, value?)));
+        lines.extend(known.map(|(name, value)| format!("  {name:28} {}", number(value, 3, ""))));
+    }
+    lines.extend(comparison.no_distances.as_ref().map(|why| format!("  no distances: {why}")));
+    lines
 }
 
 /// Values of images in masks as a text table, in each image's unit.

@@ -8,6 +8,7 @@ mod change;
 mod ellipsoids;
 mod export;
 mod info;
+mod lesions;
 mod light;
 mod measure;
 mod offscreen;
@@ -19,6 +20,7 @@ mod replay;
 mod report;
 mod report_folder;
 mod resolve;
+mod response;
 mod sample;
 mod terminal;
 mod tracts;
@@ -81,7 +83,9 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         None => open(&cli.case, cli.window),
         Some(Task::Open { case, window }) => open(&case, window),
         Some(Task::Info { target, json, case, cross_check }) => info::run(target, &case, json, cross_check),
-        Some(Task::Measure { case, statistics, json }) => measure::run(&case, statistics, json),
+        Some(Task::Measure(arguments)) => measure::run(&arguments),
+        Some(Task::Lesions(arguments)) => lesions::run(&arguments),
+        Some(Task::Response(arguments)) => response::run(&arguments),
         Some(Task::Ellipsoids { case, connectivity, tolerance, json }) => {
             ellipsoids::run(&case, connectivity, tolerance, json)
         }

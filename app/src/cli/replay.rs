@@ -40,12 +40,12 @@ pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
         }
     };
     let differences = differences(&recipe, &again.recipe);
-    let same_bytes = write(&again, Form::Html, options.language) == bytes;
-    if same_bytes {
+    let now = write(&again, Form::Html, options.language)?;
+    if now == bytes {
         return terminal::print(&format!("{}: the same bytes again", path.display()));
     }
     let mut found = differences;
-    found.extend(different_parts(&bytes, &write(&again, Form::Html, options.language)));
+    found.extend(different_parts(&bytes, &now));
     let more = found.len().saturating_sub(MOST_NAMED);
     found.truncate(MOST_NAMED);
     let more = if more == 0 { String::new() } else { format!(" and {more} more") };
@@ -114,7 +114,7 @@ fn of_given(
     let shown = anonymous_case(&made, options);
     let (document, findings) = session.restore(&shown)?;
     terminal::notes(&findings);
-    report::of_anonymous(shown, document, options, software)
+    report::of_anonymous(shown, &document, options, software)
 }
 
 /// What the two were made with differently.

@@ -18,10 +18,10 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
     let Some(form) = Form::of(out) else {
         let options = [("identity", identity.is_some()), ("language", language.is_some())];
         if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
-            return Err(AppError::option(option, "a folder", "a file: --out FILE.html or FILE.md"));
+            return Err(AppError::option(option, "a folder", "a file: --out FILE.html, FILE.pdf or FILE.md"));
         }
         if out.extension().is_some() && !out.is_dir() {
-            return Err(AppError::file(out, "a file of another kind", ".html, .md, or a folder"));
+            return Err(AppError::file(out, "a file of another kind", ".html, .pdf, .md, or a folder"));
         }
         return report_folder::run(case, out, *software);
     };
@@ -30,7 +30,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
     output::refuse(out, &inputs, *force)?;
     let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
     let report = make(read, options, *software)?;
-    let bytes = report::write(&report, form, options.language);
+    let bytes = report::write(&report, form, options.language)?;
     output::write(out, &inputs, &bytes)?;
     terminal::print(&format!("report written to {}", out.display()))
 }
@@ -47,13 +47,13 @@ pub(super) fn make(read: ReadCase, options: Options, software: bool) -> Result<R
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
     };
     let (case, doc) = report::anonymous(case, doc, options)?;
-    of_anonymous(case, doc, options, software)
+    of_anonymous(case, &doc, options, software)
 }
 
 /// The report of a case and document that have no more of the identity than it may show.
 pub(super) fn of_anonymous(
     case: Case,
-    doc: Document,
+    doc: &Document,
     options: Options,
     software: bool,
 ) -> Result<Report, AppError> {
@@ -62,6 +62,6 @@ pub(super) fn of_anonymous(
     let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
     terminal::with_progress(|progress| {
         let mut app = OffscreenApp::new(work, &gpu(software)?, false)?;
-        report::make((&case, &doc), options, &mut app, progress)
+        report::make((&case, doc), options, &mut app, progress)
     })
 }

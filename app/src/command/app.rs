@@ -183,7 +183,7 @@ impl AppCommand {
                 .detail("Every line measured, in millimetres"),
             Self::ExportRulersTo(_) => Label::new("Write the lines"),
             Self::ShowReport => Label::new("Write a report…")
-                .detail("One file with pictures, numbers and warnings, to hand over: HTML or Markdown"),
+                .detail("One file with pictures, numbers and warnings, to hand over: HTML, PDF or Markdown"),
             Self::WriteReport(_) => Label::new("Choose the report's file"),
             Self::WriteReportTo(..) => Label::new("Write the report"),
             Self::BrowseFiles => Label::new("Browse for a case file…"),

@@ -5,7 +5,10 @@ use glioscope_core::{
     case::{Case, TimePoint},
     change::{ChangeReport, Lengths},
     dates, decimal,
-    measure::{self, Agreement, PAIR_METRICS, Pair},
+    lesions::{EventKind, LesionDate, LesionReport, LesionsReport},
+    measure::{
+        self, Agreement, DateComparison, PAIR_METRICS, Pair, PairComparison, Raters, conventions::Comparison,
+    },
 };
 
 use super::{
@@ -19,6 +22,9 @@ use crate::{format, model::Document, world::colors_of};
 /// Rows of the table of regions; the smallest ones beyond are counted.
 const MOST_REGIONS: usize = 24;
 
+/// Lesions in the table of lesions; others beyond are counted.
+const MOST_LESIONS: usize = 20;
+
 /// What the sections are made of.
 pub struct Content<'a> {
     /// The case.
@@ -27,6 +33,10 @@ pub struct Content<'a> {
     pub doc: &'a Document,
     /// Changes between consecutive dates, and from the first to the last.
     pub changes: &'a [ChangeReport],
+    /// The masks of each date, compared.
+    pub compared: &'a [DateComparison],
+    /// The lesions; `None` without a mask.
+    pub lesions: Option<&'a LesionsReport>,
     /// Sentences.
     pub words: &'a Words,
     /// Takes out what identifies the patient.
@@ -180,17 +190,26 @@ impl Content<'_> {
 
     /// Volumes, agreement and regions of every date.
     pub fn dates(&self) -> Vec<Block> {
-        self.case.time_points.iter().flat_map(|time| self.date(time)).collect()
+        self.case
+            .time_points
+            .iter()
+            .zip(self.compared)
+            .flat_map(|(time, found)| self.date(time, found))
+            .collect()
     }
 
-    fn date(&self, time: &TimePoint) -> Vec<Block> {
+    fn date(&self, time: &TimePoint, compared: &DateComparison) -> Vec<Block> {
         let mut blocks =
             vec![Block::Heading(self.heading("section-masks", time)), Block::Table(self.masks(time))];
         if time.masks.len() < 2 {
             return blocks;
         }
         blocks.push(Block::Heading(self.heading("section-agreement", time)));
-        blocks.push(Block::Table(self.pairs(time)));
+        blocks.push(Block::Table(self.pairs(time, compared)));
+        if let Some(raters) = &compared.raters {
+            blocks.push(Block::Text(format!("{}:", self.words.get("raters"))));
+            blocks.push(self.raters(raters));
+        }
         blocks.push(Block::Table(self.agreement(time)));
         if !time.regions.list().is_empty() {
             blocks.push(Block::Heading(self.heading("section-regions", time)));
@@ -219,24 +238,57 @@ impl Content<'_> {
         }
     }
 
-    fn pairs(&self, time: &TimePoint) -> Table {
+    fn pairs(&self, time: &TimePoint, compared: &DateComparison) -> Table {
         let words = self.words;
+        let shown = ["hd_mm", "hd95_mm", "assd_mm", "nsd"];
         let names = PAIR_METRICS.iter().map(|metric| metric.name.to_owned());
-        let row = |pair: &Pair| {
-            let values = pair.metrics().map(|(metric, value)| match value {
-                Some(_) => words.number(&metric.print(value, 0)),
-                None => words.get("unknown"),
+        let surfaces = ["hausdorff", "robust-hausdorff", "average-distance", "surface-dice"];
+        let head = ["first-mask", "second-mask"].map(|key| words.get(key)).into_iter().chain(names);
+        let number = |value: Option<f64>, text: &dyn Fn(f64) -> String| match value {
+            Some(value) if value.is_finite() => words.number(&text(value)),
+            _ => words.get("unknown"),
+        };
+        let row = |(pair, found): (Pair, &PairComparison)| {
+            let overlaps = pair.metrics().map(|(metric, value)| number(value, &|v| metric.print(Some(v), 0)));
+            let of_surfaces = shown.map(|key| {
+                let value = found.comparison.value(key);
+                number(value, &|v| if key == "nsd" { format!("{v:.3}") } else { format!("{v:.1} mm") })
             });
-            [self.name(&pair.a), self.name(&pair.b)].into_iter().chain(values).collect()
+            let ids = [self.name(&pair.a), self.name(&pair.b)].into_iter();
+            ids.chain(overlaps.collect::<Vec<_>>()).chain(of_surfaces).collect()
         };
         let definitions: Vec<String> =
-            PAIR_METRICS.iter().map(|metric| format!("{}: {}", metric.name, metric.definition)).collect();
+            PAIR_METRICS.iter().map(|metric| format!("{}: {}.", metric.name, metric.definition)).collect();
+        let distances = compared.pairs.first().map(|pair| {
+            let Comparison { convention, percentile, tolerance_mm, .. } = pair.comparison;
+            let variables = [
+                ("tolerance", words.number(&format!("{tolerance_mm}"))),
+                ("convention", convention.row().title.to_owned()),
+                ("percentile", words.number(&format!("{percentile}"))),
+            ];
+            words.with("by-distances", &variables)
+        });
         Table {
-            head: ["first-mask", "second-mask"].map(|key| words.get(key)).into_iter().chain(names).collect(),
+            head: head.chain(surfaces.map(|key| words.get(key))).collect(),
             text_columns: 2,
-            rows: measure::pairs(&time.index, &time.regions).iter().map(row).collect(),
-            note: Some(definitions.join(". ")),
+            rows: measure::pairs(&time.index, &time.regions)
+                .into_iter()
+                .zip(&compared.pairs)
+                .map(row)
+                .collect(),
+            note: Some(definitions.into_iter().chain(distances).collect::<Vec<_>>().join(" ")),
         }
+    }
+
+    fn raters(&self, raters: &Raters) -> Block {
+        let words = self.words;
+        let mut facts = vec![(words.get("majority"), words.ml(raters.majority_ml))];
+        facts.extend(raters.staple_ml.map(|ml| (words.get("staple"), words.ml(ml))));
+        facts.extend(raters.fleiss_kappa_union_box.map(|kappa| {
+            let kappa = words.number(&format!("{kappa:.3}"));
+            (words.get("fleiss-kappa"), words.with("fleiss-line", &[("box", kappa)]))
+        }));
+        Block::Facts(facts)
     }
 
     fn agreement(&self, time: &TimePoint) -> Table {
@@ -390,6 +442,82 @@ impl Content<'_> {
             rows: self.changes.iter().map(row).collect(),
             note: registration,
         }
+    }
+
+    /// The lesions over the dates.
+    pub fn lesions(&self) -> Vec<Block> {
+        let words = self.words;
+        let Some(report) = self.lesions else { return Vec::new() };
+        let shown = || report.lesions.iter().filter(|lesion| !lesion.small);
+        let rows: Vec<Vec<String>> = shown()
+            .take(MOST_LESIONS)
+            .flat_map(|lesion| self.lesion_rows(lesion, report.dates.len() > 1))
+            .collect();
+        if rows.is_empty() {
+            return Vec::new();
+        }
+        let mut notes = vec![words.get("lesions-note")];
+        let mut counted = |key: &str, count: usize| {
+            let least = words.ml(report.smallest_ml);
+            let sentence = words.with(key, &[("count", count.to_string()), ("least", least)]);
+            notes.extend((count > 0).then_some(sentence));
+        };
+        counted("lesions-small", report.lesions.len() - shown().count());
+        counted("lesions-left-out", shown().count().saturating_sub(MOST_LESIONS));
+        counted("lesions-links", report.links.len());
+        let has_dates = report.dates.len() > 1;
+        let all = ["lesion", "date", "volume", "diameters", "product", "became"];
+        let head = all.into_iter().filter(|key| has_dates || !matches!(*key, "date" | "became"));
+        let masks = report.of.split('+').map(|id| self.name(id)).collect::<Vec<_>>().join("+");
+        vec![
+            Block::Heading(words.with("section-lesions", &[("mask", masks)])),
+            Block::Table(Table {
+                head: head.map(|key| words.get(key)).collect(),
+                text_columns: if has_dates { 2 } else { 1 },
+                rows,
+                note: Some(notes.join(" ")),
+            }),
+        ]
+    }
+
+    fn lesion_rows(&self, lesion: &LesionReport, has_dates: bool) -> Vec<Vec<String>> {
+        let words = self.words;
+        let row = |date: &LesionDate| {
+            let volume = match date.volume_ml {
+                None => words.get("unknown"),
+                Some(_) if date.parts.is_empty() => words.get("not-there"),
+                Some(ml) => words.ml(ml),
+            };
+            let diameters = match (date.d1_mm, date.d2_mm) {
+                (Some(d1), Some(d2)) => {
+                    let mut text = words.number(&format!("{d1:.1} × {d2:.1} mm"));
+                    if date.measurable == Some(false) {
+                        text = format!("{text}, {}", words.get("not-measurable"));
+                    }
+                    text
+                }
+                _ => String::new(),
+            };
+            let product = date.product_mm2.map(|mm2| format!("{mm2:.0} mm²")).unwrap_or_default();
+            let became = |kind: &EventKind| {
+                let name: &str = kind.into();
+                words.get(&format!("event-{name}"))
+            };
+            let mut events: Vec<String> = date.events.iter().map(became).collect();
+            if date.parts.len() > 1 {
+                events.push(words.with("pieces", &[("count", date.parts.len().to_string())]));
+            }
+            let mut row = vec![self.redactor.text(lesion.name.as_deref().unwrap_or(&lesion.id))];
+            if has_dates {
+                row.push(date.time.clone());
+            }
+            row.extend([volume, diameters, product]);
+            if has_dates {
+                row.push(events.join(", "));
+            }
+            row
+        };
+        lesion.dates.iter().map(row).collect()
     }
 
     /// The grid of all numbers.

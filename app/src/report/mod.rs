@@ -1,4 +1,4 @@
-//! The report: one model of what a reader hands over, written as HTML or Markdown.
+//! The report: one model of what a reader hands over, written as HTML, PDF or Markdown.
 //!
 //! The same session and inputs give the same bytes: nothing in it depends on when or where it was made but the adapter that
 //! drew the pictures, which it names.
@@ -9,6 +9,7 @@ mod document;
 mod html;
 mod identity;
 mod markdown;
+mod pdf;
 mod plot;
 mod recipe;
 mod words;
@@ -19,6 +20,8 @@ use glioscope_core::{
     Check, Progress,
     case::Case,
     change::{self, ChangeOptions, ChangeReport, Choice},
+    lesions::{self, LesionsReport, Of},
+    measure::{self, conventions::Settings},
 };
 use glioscope_render::flat::Convention;
 use image::{ImageEncoder, codecs::png::PngEncoder};
@@ -66,6 +69,8 @@ pub struct Options {
 pub enum Form {
     /// One HTML file with its pictures.
     Html,
+    /// PDF (PDF/A-2a, PDF/UA-1).
+    Pdf,
     /// Markdown without pictures.
     Markdown,
 }
@@ -76,6 +81,7 @@ impl Form {
         let ending = path.extension()?.to_str()?.to_lowercase();
         match ending.as_str() {
             "html" | "htm" => Some(Self::Html),
+            "pdf" => Some(Self::Pdf),
             "md" => Some(Self::Markdown),
             _ => None,
         }
@@ -83,13 +89,17 @@ impl Form {
 }
 
 /// The file of a report.
-pub fn write(report: &Report, form: Form, language: Language) -> Vec<u8> {
+///
+/// # Errors
+/// [`AppError`] where PDF can't hold it.
+pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>, AppError> {
     let words = Words::new(language);
     match form {
-        Form::Html => html::html(report, &words),
-        Form::Markdown => markdown::markdown(report, &words),
+        Form::Html => Ok(html::html(report, &words).into_bytes()),
+        Form::Markdown => Ok(markdown::markdown(report, &words).into_bytes()),
+        Form::Pdf => pdf::pdf(report, &words)
+            .map_err(|why| AppError::wrong("the report as PDF", why, "one that PDF/A can hold")),
     }
-    .into_bytes()
 }
 
 /// The report of a case as its document shows it, both as [`anonymous`] gives them.
@@ -105,10 +115,14 @@ pub fn make(
     let words = Words::new(options.language);
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
     let (changes, own) = changes(case, doc, progress)?;
+    let compared = measure::compared(case, &Settings::default(), progress)?;
+    let lesions = lesions(case, doc, progress)?;
     let content = Content {
         case,
         doc,
         changes: &changes,
+        compared: &compared,
+        lesions: lesions.as_ref(),
         words: &words,
         redactor: &redactor,
         identity: options.identity,
@@ -130,6 +144,7 @@ pub fn make(
     blocks.push(Block::Heading(words.get("section-pictures")));
     blocks.extend(pictures(case, doc, &words, painter, progress)?);
     blocks.extend(content.changes());
+    blocks.extend(content.lesions());
     blocks.extend(content.dates());
     blocks.extend(how_made(&recipe, &content));
     let title =
@@ -163,6 +178,15 @@ fn changes(
         reports.push(report);
     }
     Ok((reports, found))
+}
+
+/// The lesions of the mask that is compared between dates, else of the first mask.
+fn lesions(case: &Case, doc: &Document, progress: &Progress) -> Result<Option<LesionsReport>, AppError> {
+    let compared = doc.edit.change.chosen(case).ok().map(|choice| choice.id);
+    let first = || case.time_points.iter().find_map(|time| Some(time.masks.first()?.mask.id().to_owned()));
+    let Some(id) = compared.or_else(first) else { return Ok(None) };
+    let options = lesions::Options { asks_images: !case.one_space, ..lesions::Options::new(Of::Mask(id)) };
+    Ok(Some(lesions::report(case, &options, &[], progress)?))
 }
 
 /// The panes that a report shows, with the keys of their captions.

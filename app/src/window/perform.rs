@@ -264,7 +264,7 @@ impl GlioscopeApp {
         };
         let (world, inputs, path) = (self.work.world.clone(), self.work.inputs(), path.to_owned());
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
-            report::write(doc, world, options, (&gpu, &inputs), &path, progress)
+            report::write(doc, &world, options, (&gpu, &inputs), &path, progress)
         }));
     }
 

@@ -81,13 +81,13 @@ pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut C
 /// [`AppError`], as [`report::make`]; also for a file of the case, and for another ending.
 pub fn write(
     doc: Document,
-    world: World,
+    world: &World,
     options: Options,
     (gpu, inputs): (&Gpu, &Inputs),
     path: &Path,
     progress: &Progress,
 ) -> Result<String, AppError> {
-    let form = Form::of(path).ok_or_else(|| AppError::file(path, "another ending", ".html or .md"))?;
+    let form = Form::of(path).ok_or_else(|| AppError::file(path, "another ending", ".html, .pdf or .md"))?;
     // Before seconds of drawing.
     inputs.refuse_as_output(path)?;
     let no_case = || AppError::file(path, "no case", "an open one");
@@ -97,6 +97,6 @@ pub fn write(
     let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
     let mut painter = OffscreenApp::new(work, gpu, false)?;
     let report = report::make((&case, &doc), options, &mut painter, progress)?;
-    output::write(path, inputs, &report::write(&report, form, options.language))?;
+    output::write(path, inputs, &report::write(&report, form, options.language)?)?;
     Ok(format!("Report written to {}", path.display()))
 }

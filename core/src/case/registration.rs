@@ -14,6 +14,10 @@ use crate::{
 /// Points of the tumour's surface at which repeated registrations are compared.
 const MOST_POINTS: usize = 2000;
 
+/// How far images of two dates may lie apart at the tumour, by a coarse fit, before the dates count as not aligned: what
+/// a rigid head moves when tissue around a tumour shifts stays below.
+pub const NOT_ALIGNED_MM: f64 = 4.0;
+
 /// The distance that three independent errors of standard deviation 1 along the axes exceed in 5 % of cases: the root of
 /// the 95th percentile of χ² with 3 degrees of freedom.
 pub const P95_OF_UNIT_ERRORS: f64 = 2.795_483_482_915_108;

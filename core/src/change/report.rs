@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     Check, Grid, Progress,
-    case::{Aligned, Case, P95_OF_UNIT_ERRORS, apart_mm},
+    case::{Aligned, Case, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, apart_mm},
     csv::Table,
     skeleton::{ForceSource, SkeletonCounts},
 };
@@ -282,10 +282,6 @@ pub fn csv(change: &Change) -> Vec<u8> {
     }
     table.into_bytes()
 }
-
-/// How far images of two dates may lie apart at the tumour, by a coarse fit, before the dates count as not aligned: what
-/// a rigid head moves when tissue around a tumour shifts stays below.
-const NOT_ALIGNED_MM: f64 = 4.0;
 
 /// Standard deviation along each axis of the registration between two dates, from the consistency of those that were run;
 /// `None` where none was. The 95th percentile of a distance whose parts are normal is 2.80 of it.

@@ -1,11 +1,14 @@
 //! Measurements of a case: volumes of masks and regions, pairwise metrics (Dice, Jaccard) and agreement, defined for
 //! empty masks too.
 
+mod compared;
+pub mod conventions;
 mod metrics;
 mod statistics;
 
 use serde::{Serialize, Serializer, ser::SerializeMap};
 
+pub use compared::{DateComparison, PairComparison, Raters, compared};
 pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
 pub use statistics::{Statistics, of as statistics_of, statistics};
 

@@ -158,7 +158,9 @@ fn a_report_never_replaces_a_file_unasked_nor_an_input() {
     assert!(line.contains("found a file that exists"), "{line}");
     assert_eq!(std::fs::read_to_string(&out).unwrap(), "another report");
     report(&["--mask", &mask, "--force"], &out);
-    for (name, expected) in [("x.pdfx", ".html, .md, or a folder"), ("x.txt", ".html, .md, or a folder")] {
+    for (name, expected) in
+        [("x.pdfx", ".html, .pdf, .md, or a folder"), ("x.txt", ".html, .pdf, .md, or a folder")]
+    {
         let line =
             refusal(&["report", "--mask", &mask, "--software", "--out", text(&folder.path().join(name))]);
         assert!(line.contains(expected), "{line}");

@@ -1,0 +1,171 @@
+//! `glioscope lesions`: the lesions of a mask at all dates, their diameters, and what became of them.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use glioscope_core::{
+    case::Case,
+    change::Choice,
+    lesions::{
+        self, DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM, LesionDate, LesionReport, LesionsReport, Of, Options,
+        diameters::DiameterMode,
+    },
+};
+
+use super::{case::CaseArguments, parse, terminal};
+use crate::{error::AppError, format, output};
+
+/// How diameters are measured.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub enum Diameters {
+    /// The longest, then the longest at right angles to it.
+    #[default]
+    LongestThenPerpendicular,
+    /// The pair at right angles with the largest product.
+    LargestProduct,
+}
+
+impl From<Diameters> for DiameterMode {
+    fn from(diameters: Diameters) -> Self {
+        match diameters {
+            Diameters::LongestThenPerpendicular => Self::LongestThenPerpendicular,
+            Diameters::LargestProduct => Self::LargestProduct,
+        }
+    }
+}
+
+/// Which components are lesions, and how they are measured.
+#[derive(Clone, Debug, Args)]
+pub struct LesionOptions {
+    /// The mask, by id, or several whose union is taken: ID,ID. Without it the first mask that all dates have.
+    #[arg(long, value_name = "ID,...", value_delimiter = ',')]
+    pub of: Vec<String>,
+    /// Smaller components are counted, but are neither new, gone nor pieces of a split.
+    #[arg(long, value_name = "ML", default_value_t = DEFAULT_SMALLEST_ML, value_parser = parse::within(0.0..=1000.0),
+          allow_hyphen_values = true)]
+    pub smallest: f64,
+    /// Components without a common voxel are taken for one lesion up to this distance.
+    #[arg(long, value_name = "MM", default_value_t = DEFAULT_WITHIN_MM, value_parser = parse::within(0.0..=1000.0),
+          allow_hyphen_values = true)]
+    pub within: f64,
+    /// How diameters are measured.
+    #[arg(long, value_enum, default_value_t)]
+    pub diameters: Diameters,
+}
+
+impl LesionOptions {
+    /// The options for a case, of the masks `of` where given, else of its default.
+    pub(super) fn of_case(&self, case: &Case, of: &[String]) -> Options {
+        let of = match of {
+            [] => default_mask(case).map_or(Of::Union(Vec::new()), Of::Mask),
+            [one] => Of::Mask(one.clone()),
+            several => Of::Union(several.to_vec()),
+        };
+        Options {
+            smallest_ml: self.smallest,
+            within_mm: self.within,
+            mode: self.diameters.into(),
+            asks_images: !case.one_space,
+            ..Options::new(of)
+        }
+    }
+}
+
+/// The mask that a comparison of the dates takes, else the first.
+fn default_mask(case: &Case) -> Option<String> {
+    let compared = Choice::default_dates(case).and_then(|dates| Choice::at(case, None, dates)).ok();
+    let first = || case.time_points.iter().find_map(|t| t.masks.first()).map(|m| m.mask.id().to_owned());
+    compared.map(|choice| choice.id).or_else(first)
+}
+
+/// Arguments of `lesions`.
+#[derive(Debug, Args)]
+pub struct LesionArguments {
+    /// The case.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// Which components are lesions, and how they are measured.
+    #[command(flatten)]
+    pub options: LesionOptions,
+    /// As JSON: see docs/lesions.md.
+    #[arg(long)]
+    pub json: bool,
+    /// Also write one row per lesion and date to this file.
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &LesionArguments) -> Result<(), AppError> {
+    let case = arguments.case.read(false)?.case;
+    arguments.csv.iter().try_for_each(|path| case.inputs.refuse_as_output(path))?;
+    let report = found(&case, &arguments.options, &arguments.options.of)?;
+    if let Some(path) = &arguments.csv {
+        output::write(path, &case.inputs, &lesions::csv(&report))?;
+    }
+    if arguments.json { terminal::print_json(&report) } else { terminal::print(&table(&report)) }
+}
+
+/// The lesions of the masks `of`; says what is uncertain.
+pub(super) fn found(case: &Case, options: &LesionOptions, of: &[String]) -> Result<LesionsReport, AppError> {
+    let options = options.of_case(case, of);
+    let report = terminal::with_progress(|progress| lesions::report(case, &options, &[], progress))?;
+    for warning in &report.warnings {
+        terminal::warning("lesions", warning);
+    }
+    for pair in &report.pairs {
+        if let Some(why) = &pair.not_linked {
+            terminal::warning(
+                "lesions-not-linked",
+                &format!("{}: {why}; their lesions are not linked", report.of),
+            );
+        }
+    }
+    Ok(report)
+}
+
+/// The report as a text table.
+fn table(report: &LesionsReport) -> String {
+    let mut lines = vec![format!("{}: lesions of {}", report.case, report.of)];
+    let small = report.lesions.iter().filter(|lesion| lesion.small).count();
+    for lesion in report.lesions.iter().filter(|lesion| !lesion.small) {
+        let name = lesion.name.as_ref().map(|name| format!(" ({name})")).unwrap_or_default();
+        lines.push(format!("\nlesion {}{name}{}", lesion.id, growth(lesion)));
+        lines.extend(lesion.dates.iter().map(|date| row(date, report.dates.len() > 1)));
+    }
+    if small > 0 {
+        lines.push(format!("\n{small} more, never above {} ml", report.smallest_ml));
+    }
+    let proposed = report.links.len();
+    if proposed > 0 {
+        lines.push(format!("\n{proposed} links between dates are proposed by the program, and not verified"));
+    }
+    lines.join("\n")
+}
+
+fn row(date: &LesionDate, has_dates: bool) -> String {
+    let time = if has_dates { format!("{:12}", date.time) } else { String::new() };
+    let Some(ml) = date.volume_ml else { return format!("  {time} unknown") };
+    let events: Vec<&str> = date.events.iter().map(Into::into).collect();
+    let events = events.join(", ").replace('_', " ");
+    let (Some(d1), Some(d2), Some(product)) = (date.d1_mm, date.d2_mm, date.product_mm2) else {
+        return format!("  {time} not there  {events}").trim_end().to_owned();
+    };
+    let measurable = if date.measurable == Some(true) { "" } else { "  not measurable" };
+    let parts =
+        if date.parts.len() > 1 { format!("  in {} pieces", date.parts.len()) } else { String::new() };
+    format!(
+        "  {time} {:>10}  {d1:5.1} × {d2:.1} mm  {product:7.0} mm²{measurable}{parts}  {events}",
+        format::ml(ml)
+    )
+    .trim_end()
+    .to_owned()
+}
+
+fn growth(lesion: &LesionReport) -> String {
+    let Some(growth) = &lesion.series.growth else { return String::new() };
+    match (growth.doubling_days, growth.halving_days) {
+        (Some(days), _) => format!(": doubles in {days:.0} days, by {} dates", growth.dates),
+        (_, Some(days)) => format!(": halves in {days:.0} days, by {} dates", growth.dates),
+        _ => String::new(),
+    }
+}

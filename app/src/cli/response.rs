@@ -1,0 +1,193 @@
+//! `glioscope response`: response by criteria of brain tumours, at every date, by diameters and by volume.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use glioscope_core::{
+    case::Case,
+    files::read_small_text,
+    lesions::LesionsReport,
+    response::{
+        Assessment, Compartment, Criterion, DateResponse, History, Judgement, Measurement, Response,
+        evaluate, measurements, with_new_lesions,
+    },
+};
+use serde::Serialize;
+
+use super::{
+    case::CaseArguments,
+    lesions::{LesionOptions, found},
+    parse::keyword,
+    terminal,
+};
+use crate::error::AppError;
+
+/// Maximum size of a history file.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Arguments of `response`.
+#[derive(Debug, Args)]
+pub struct ResponseArguments {
+    /// The case.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// The criteria; default: those of the history.
+    #[arg(long, value_name = "CRITERIA", value_parser = keyword::<Criterion>())]
+    pub criteria: Option<Criterion>,
+    /// RANO 2.0: what the trial assesses; default: that of the history, else enhancing.
+    #[arg(long, value_name = "WHAT", value_parser = keyword::<Assessment>())]
+    pub assessment: Option<Assessment>,
+    /// What images don't show, as a TOML file: treatment, steroids, clinical state, baseline, targets. See docs/response.md.
+    #[arg(long, value_name = "FILE")]
+    pub history: Option<PathBuf>,
+    /// The mask of non-enhancing disease, where that is assessed, too.
+    #[arg(long, value_name = "ID,...", value_delimiter = ',')]
+    pub non_enhancing: Vec<String>,
+    /// Which components are lesions, and how they are measured.
+    #[command(flatten)]
+    pub lesions: LesionOptions,
+    /// As JSON: see docs/response.md.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What `response --json` writes.
+#[derive(Serialize)]
+struct Answer<'a> {
+    case: &'a str,
+    /// The masks measured, with their compartments.
+    of: Vec<(Compartment, String)>,
+    /// Links between lesions that no reader has verified.
+    proposed_links: usize,
+    #[serde(flatten)]
+    response: Response,
+}
+
+pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
+    let mut history = history(arguments)?;
+    let case = arguments.case.read(false)?.case;
+    let (mut all, mut of, mut proposed_links) = (Vec::<Measurement>::new(), Vec::new(), 0);
+    for (compartment, masks) in compartments(arguments, &history) {
+        let report = lesions_of(&case, arguments, masks)?;
+        let mut measured = measurements(&report, compartment);
+        if !all.is_empty() {
+            // Lesions of another mask have names of their own.
+            measured.iter_mut().for_each(|m| m.lesion = format!("{} {}", report.of, m.lesion));
+        }
+        all.extend(measured);
+        history = with_new_lesions(history, &report);
+        proposed_links += report.links.len();
+        of.push((compartment, report.of));
+    }
+    let response = evaluate(&history, &all)
+        .map_err(|e| AppError::wrong(place(arguments.history.as_deref(), &e.place), e.found, e.expected))?;
+    if proposed_links > 0 {
+        let text = format!(
+            "calls rest on {proposed_links} links between lesions of several dates that are proposed by the program, and not verified"
+        );
+        terminal::warning("lesions-proposed", &text);
+    }
+    if arguments.json {
+        return terminal::print_json(&Answer { case: &case.name, of, proposed_links, response });
+    }
+    terminal::print(&table(&case, &response))
+}
+
+fn place(file: Option<&Path>, within: &str) -> String {
+    file.map_or_else(|| within.to_owned(), |file| format!("{}, {within}", file.display()))
+}
+
+/// The history with the criteria that are asked for.
+fn history(arguments: &ResponseArguments) -> Result<History, AppError> {
+    let ResponseArguments { criteria, assessment, history, .. } = arguments;
+    let Some(path) = history else {
+        let criteria = criteria
+            .ok_or_else(|| AppError::arguments("no criteria", "--criteria, or --history with a criterion"))?;
+        let assessment = assessment.or((criteria == Criterion::Rano20).then_some(Assessment::Enhancing));
+        return Ok(History::new(criteria, assessment));
+    };
+    let text = read_small_text(path, MAX_BYTES, "a history")?;
+    let mut history = History::parse(&text)
+        .map_err(|e| AppError::wrong(place(Some(path), &e.place), e.found, e.expected))?;
+    if let Some(criteria) = criteria {
+        history.criterion = *criteria;
+        if *criteria != Criterion::Rano20 {
+            history.assessment = None;
+        }
+    }
+    if history.criterion == Criterion::Rano20 {
+        history.assessment = assessment.or(history.assessment).or(Some(Assessment::Enhancing));
+    }
+    Ok(history)
+}
+
+/// The compartments that are measured, with the masks given for each.
+fn compartments<'a>(arguments: &'a ResponseArguments, history: &History) -> Vec<(Compartment, &'a [String])> {
+    let (of, other) = (arguments.lesions.of.as_slice(), arguments.non_enhancing.as_slice());
+    let is_non_enhancing =
+        history.criterion == Criterion::RanoLgg || history.assessment == Some(Assessment::NonEnhancing);
+    match (is_non_enhancing, other.is_empty()) {
+        (true, true) => vec![(Compartment::NonEnhancing, of)],
+        (true, false) => vec![(Compartment::NonEnhancing, other)],
+        (false, true) => vec![(Compartment::Enhancing, of)],
+        (false, false) => vec![(Compartment::Enhancing, of), (Compartment::NonEnhancing, other)],
+    }
+}
+
+fn lesions_of(
+    case: &Case,
+    arguments: &ResponseArguments,
+    masks: &[String],
+) -> Result<LesionsReport, AppError> {
+    found(case, &arguments.lesions, masks)
+}
+
+/// The calls as text.
+fn table(case: &Case, response: &Response) -> String {
+    let mut lines = vec![format!("{}: {}", case.name, response.criterion.name())];
+    lines.push("imaging criteria from public descriptions, not for clinical use: docs/response.md".into());
+    for date in &response.dates {
+        lines.push(format!("\n{}{}", date.date, since(date)));
+        lines.extend(judgement("by diameters", &date.by_diameters));
+        lines.extend(judgement("by volume", &date.by_volume));
+    }
+    lines.join("\n")
+}
+
+fn since(date: &DateResponse) -> String {
+    date.days_from_baseline
+        .filter(|days| *days > 0)
+        .map(|days| format!(", {days} days after the baseline"))
+        .unwrap_or_default()
+}
+
+fn judgement(by: &str, judgement: &Judgement) -> Vec<String> {
+    let imaging = if judgement.imaging_only { " (imaging only)" } else { "" };
+    let possible: Vec<&str> = judgement.possible.iter().map(|call| call.short()).collect();
+    let possible =
+        if possible.is_empty() { String::new() } else { format!("; possible: {}", possible.join(", ")) };
+    let mut lines = vec![format!("  {by:13} {}{imaging}{possible}", judgement.call.short())];
+    lines.extend(judgement.reasons.iter().map(|reason| format!("    {}", reason.words)));
+    lines.extend(judgement.confirmation.iter().map(|confirmation| format!("    {}", confirmation.words)));
+    for sum in &judgement.sums {
+        let margins = [&sum.margin_from_baseline, &sum.margin_from_nadir];
+        let straddled = margins.into_iter().flatten().filter(|margin| !margin.straddles_percent.is_empty());
+        lines.extend(straddled.map(|margin| {
+            format!(
+                "    within the margin of measurement: {:+.0} to {:+.0} % (relative SD {}, {})",
+                margin.low_percent, margin.high_percent, margin.relative_sd, margin.source
+            )
+        }));
+        if let Some(noise) = sum.noise_alone {
+            lines.push(format!(
+                "    noise alone makes this call in {:.1} % of unchanged tumours",
+                noise * 100.0
+            ));
+        }
+    }
+    for missing in &judgement.missing {
+        let assumed = missing.assumed.as_ref().map(|assumed| format!(" (assumed: {assumed})"));
+        lines.push(format!("    missing: {}{}", missing.words, assumed.unwrap_or_default()));
+    }
+    lines
+}

@@ -1,0 +1,45 @@
+//! Lesions over time: the components of a mask at all dates, their diameters, which of them are one lesion, and what
+//! became of it.
+//!
+//! [`find`] reads a case: components, numbers, what overlaps. [`track`] makes lesions of it, with the user's [`Edit`]s, in
+//! milliseconds, so that an edit is undone by leaving it out. Nothing here depends on the order in which masks, files or
+//! dates are listed, nor on the number of threads.
+
+mod change_point;
+pub mod diameters;
+mod edits;
+mod events;
+mod find;
+mod links;
+mod parts;
+mod report;
+mod series;
+mod split;
+mod table;
+#[cfg(test)]
+mod tests;
+mod track;
+
+pub use change_point::{
+    ChangePoint, ChangePointKind, ChangePointTest, FEWEST_DATES_OF_LEVEL, FEWEST_DATES_OF_RATE,
+};
+pub use edits::{Anchor, Edit, NotApplied};
+pub use events::{Event, EventKind};
+pub use find::{Found, LesionsError, Of, Options, find};
+pub use links::{Link, LinkState, LinkedBy};
+pub use parts::Part;
+pub use report::{
+    DateReport, EventReport, LesionDate, LesionReport, LesionsReport, LinkReport, PairReport, PartReport,
+    Point, report,
+};
+pub use series::{ChangePointReport, Growth, Series};
+pub use table::csv;
+pub use track::{Lesion, Tracked, Unit, track};
+
+/// Default of the smallest lesion: a ball of 5.8 mm. Smaller components are counted, but neither born, gone nor pieces of
+/// a split: most are flecks of a segmentation's edge.
+pub const DEFAULT_SMALLEST_ML: f64 = 0.1;
+
+/// Default of the farthest that components without a common voxel may lie apart to be proposed as one lesion: as far as
+/// dates may lie apart and still count as aligned.
+pub const DEFAULT_WITHIN_MM: f64 = crate::case::NOT_ALIGNED_MM;

@@ -1,0 +1,380 @@
+//! The history of a patient, as the user states it: a TOML file of facts that images don't show, and, where the program
+//! doesn't measure them itself, the measurements.
+
+use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantArray};
+use thiserror::Error;
+
+use super::{
+    fact::{Fact, Label, Radiotherapy, When},
+    rules::Criterion,
+};
+
+/// The version read.
+pub(super) const VERSION: i64 = 1;
+/// Maximum number of scans.
+pub(super) const MAX_SCANS: usize = 100;
+/// Maximum number of measurements.
+pub(super) const MAX_MEASUREMENTS: usize = 20_000;
+
+/// A history that can't be used: one line.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{place}: found {found}, expected {expected}")]
+pub struct HistoryError {
+    /// Where it was found.
+    pub place: String,
+    /// What was found.
+    pub found: String,
+    /// What is accepted.
+    pub expected: String,
+}
+
+/// What a trial of RANO 2.0 assesses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, IntoStaticStr, VariantArray)]
+#[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
+pub enum Assessment {
+    /// Enhancing disease.
+    Enhancing,
+    /// Non-enhancing disease.
+    NonEnhancing,
+    /// Both, each on its own, then combined.
+    Mixed,
+}
+
+/// Whether a lesion takes up contrast.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Compartment {
+    /// It does.
+    Enhancing,
+    /// It doesn't: T2/FLAIR.
+    NonEnhancing,
+}
+
+/// State of the disease at the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Disease {
+    /// Newly diagnosed.
+    NewlyDiagnosed,
+    /// Recurrent.
+    Recurrent,
+}
+
+/// Kind of a treatment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TreatmentKind {
+    /// Any drug that is none of the others.
+    Drug,
+    /// Immunotherapy.
+    Immunotherapy,
+    /// An antiangiogenic drug.
+    Antiangiogenic,
+}
+
+/// A treatment.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Treatment {
+    /// Its first day.
+    pub start: When,
+    /// Its kind.
+    pub kind: TreatmentKind,
+    /// What it is.
+    pub name: Option<String>,
+}
+
+/// A resection.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Surgery {
+    /// Its day. A scan of this day counts as before it.
+    pub date: When,
+    /// The baseline after it; else the criterion's, else the first scan after it.
+    pub baseline: Option<Label>,
+    /// The targets after it; else all measurable lesions of that baseline.
+    pub targets: Option<Vec<String>>,
+}
+
+/// Why steroids were raised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SteroidReason {
+    /// Because of the tumour.
+    Tumour,
+    /// For another cause.
+    Other,
+}
+
+/// The patient's clinical state, compared with baseline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clinical {
+    /// The same.
+    Stable,
+    /// Better.
+    Better,
+    /// Worse, because of the tumour.
+    Worse,
+    /// Much worse: of iRANO; elsewhere as worse.
+    MuchWorse,
+}
+
+/// State of the lesions that aren't targets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NonTarget {
+    /// There are none.
+    None,
+    /// All of them are gone.
+    Gone,
+    /// Present, not worse.
+    NotWorse,
+    /// Worse, without doubt.
+    Worse,
+}
+
+/// New lesions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NewLesion {
+    /// They were looked for, and there are none.
+    None,
+    /// There may be one.
+    Equivocal,
+    /// There is a measurable one.
+    Measurable,
+    /// There is one, not measurable.
+    NonMeasurable,
+}
+
+/// T2/FLAIR as an observation beside the targets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flair {
+    /// Not significantly more.
+    NotWorse,
+    /// Significantly more.
+    Worse,
+}
+
+/// Where the growth lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Field {
+    /// Inside the radiation field.
+    Inside,
+    /// Outside it.
+    Outside,
+}
+
+/// What tissue showed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Histology {
+    /// Nothing was taken.
+    NotDone,
+    /// Tumour.
+    Tumour,
+    /// Effects of treatment.
+    TreatmentEffect,
+}
+
+/// What of the technique changed since the scan before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Technique {
+    /// The sequence.
+    Sequence,
+    /// The contrast agent or its dose.
+    Contrast,
+    /// The slice thickness.
+    SliceThickness,
+}
+
+/// Facts of one scan. What isn't stated is unknown.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScanFacts {
+    /// The scan: an ISO date, or a label with `days`.
+    pub date: Label,
+    /// Day of a scan whose label doesn't begin with a date.
+    pub days: Option<i32>,
+    /// Steroids in mg of dexamethasone per day.
+    pub steroids_mg: Option<Fact<f64>>,
+    /// Why they were raised above the dose at baseline.
+    pub steroids_reason: Option<Fact<SteroidReason>>,
+    /// Clinical state.
+    pub clinical: Option<Fact<Clinical>>,
+    /// Lesions that aren't targets.
+    pub non_target: Option<Fact<NonTarget>>,
+    /// New lesions.
+    pub new_lesion: Option<Fact<NewLesion>>,
+    /// Whether new lesions were looked for: if not, `new_lesion = "none"` counts as unknown.
+    pub new_lesions_looked_for: Option<Fact<bool>>,
+    /// T2/FLAIR beside the targets.
+    pub flair: Option<Fact<Flair>>,
+    /// What of the technique changed since the scan before; an empty list: nothing.
+    pub technique_changed: Option<Fact<Vec<Technique>>>,
+    /// Where the growth lies.
+    pub field: Option<Fact<Field>>,
+    /// Histology.
+    pub histology: Option<Fact<Histology>>,
+}
+
+/// A lesion at a date. A lesion without a measurement at a date is unknown there; one that is `gone` has size 0.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Measurement {
+    /// The scan: an ISO date, or a label with `days`.
+    pub date: Label,
+    /// Day of a scan whose label doesn't begin with a date.
+    pub days: Option<i32>,
+    /// Name of the lesion, the same at all dates.
+    pub lesion: String,
+    /// Its compartment.
+    pub compartment: Compartment,
+    /// It was looked for and is no longer there.
+    #[serde(default)]
+    pub gone: bool,
+    /// Longest diameter in mm.
+    pub longest_mm: Option<f64>,
+    /// Widest perpendicular diameter in mm.
+    pub perpendicular_mm: Option<f64>,
+    /// Their product in mm²; else that of the diameters.
+    pub product_mm2: Option<f64>,
+    /// Number of slices on which it is seen.
+    pub slices: Option<u32>,
+    /// Thickness of a slice in mm.
+    pub slice_thickness_mm: Option<f64>,
+    /// Volume in ml.
+    pub volume_ml: Option<f64>,
+}
+
+/// How far repeated measurements of an unchanged sum differ.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Repeatability {
+    /// Relative standard deviation of one measurement of the sum: 0.1 for 10 %.
+    pub relative_sd: f64,
+    /// Where it is from.
+    pub source: String,
+}
+
+/// Stated repeatability; what is absent is unknown.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Repeatabilities {
+    /// Of sums of products of diameters.
+    pub product: Option<Repeatability>,
+    /// Of sums of longest diameters.
+    pub longest: Option<Repeatability>,
+    /// Of volumes.
+    pub volume: Option<Repeatability>,
+}
+
+/// A number that the trial states.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialValue<T> {
+    /// The number.
+    pub value: T,
+    /// Where the trial states it.
+    pub source: String,
+}
+
+/// A part of RANO 2010 that a trial takes over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Part {
+    /// Which lesions are measurable.
+    Measurable,
+    /// Non-target disease.
+    NonTarget,
+    /// Steroids.
+    Steroids,
+    /// Clinical state.
+    Clinical,
+}
+
+/// What a trial states where no source of the criterion that was read does.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trial {
+    /// Parts that follow RANO 2010.
+    pub follow_2010: Option<TrialValue<Vec<Part>>>,
+    /// Most targets.
+    pub max_targets: Option<TrialValue<u32>>,
+    /// Days after which a response is confirmed.
+    pub confirm_response_days: Option<TrialValue<u32>>,
+    /// Days after which progression is confirmed.
+    pub confirm_progression_days: Option<TrialValue<u32>>,
+    /// Decrease of volume of a minor response in %.
+    pub minor_response_volume_percent: Option<TrialValue<f64>>,
+    /// Least absolute rise of progression in mm.
+    pub progression_absolute_mm: Option<TrialValue<f64>>,
+}
+
+/// What the user states about a patient.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct History {
+    /// Version of the format.
+    pub response: i64,
+    /// The criteria.
+    pub criterion: Criterion,
+    /// What is assessed: RANO 2.0 needs it, the others have no choice.
+    pub assessment: Option<Assessment>,
+    /// State of the disease at the start.
+    pub disease: Option<Fact<Disease>>,
+    /// End of radiotherapy.
+    pub radiotherapy_end: Option<Fact<Radiotherapy>>,
+    /// The baseline; else the criterion's, if a source that was read states it.
+    pub baseline: Option<Fact<Label>>,
+    /// Names of the targets; else all measurable lesions of the baseline.
+    pub targets: Option<Vec<String>>,
+    /// Names of lesions that are followed but aren't targets.
+    #[serde(default)]
+    pub non_targets: Vec<String>,
+    /// All treatments; absent: unknown, an empty list: none.
+    pub treatment: Option<Vec<Treatment>>,
+    /// All resections.
+    #[serde(default)]
+    pub surgery: Vec<Surgery>,
+    /// Repeatability.
+    #[serde(default)]
+    pub repeatability: Repeatabilities,
+    /// The trial's own values.
+    #[serde(default)]
+    pub trial: Trial,
+    /// Facts of scans.
+    #[serde(default)]
+    pub date: Vec<ScanFacts>,
+    /// Measurements.
+    #[serde(default)]
+    pub measurement: Vec<Measurement>,
+}
+
+impl History {
+    /// A history of which nothing but the criteria is known.
+    pub fn new(criterion: Criterion, assessment: Option<Assessment>) -> Self {
+        Self {
+            response: VERSION,
+            criterion,
+            assessment,
+            disease: None,
+            radiotherapy_end: None,
+            baseline: None,
+            targets: None,
+            non_targets: Vec::new(),
+            treatment: None,
+            surgery: Vec::new(),
+            repeatability: Repeatabilities::default(),
+            trial: Trial::default(),
+            date: Vec::new(),
+            measurement: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Measurements and new lesions as the masks of a case show them.
+
+use super::{
+    fact::{Fact, Label},
+    history::{Compartment, History, Measurement, NewLesion, ScanFacts},
+};
+use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport};
+
+/// Who states what the masks show.
+const AUTHOR: &str = "the masks";
+
+/// The lesions of `report` as measurements of `compartment`, from the date at which each is first there. A lesion that a
+/// later date doesn't have is gone; where that isn't known it has no measurement.
+pub fn measurements(report: &LesionsReport, compartment: Compartment) -> Vec<Measurement> {
+    report.lesions.iter().flat_map(|lesion| of_lesion(lesion, compartment)).collect()
+}
+
+fn of_lesion(lesion: &LesionReport, compartment: Compartment) -> Vec<Measurement> {
+    let is_there = |date: &LesionDate| !date.parts.is_empty();
+    let first = lesion.dates.iter().position(is_there).unwrap_or(lesion.dates.len());
+    let known = lesion.dates[first..].iter().filter(|date| date.volume_ml.is_some());
+    known
+        .map(|date| {
+            let largest = date.parts.iter().map(|part| &part.diameters);
+            let largest = largest.reduce(|a, b| if b.product_mm2 > a.product_mm2 { b } else { a });
+            Measurement {
+                date: Label(date.time.clone()),
+                days: None,
+                lesion: lesion.name.clone().unwrap_or_else(|| lesion.id.clone()),
+                compartment,
+                gone: date.parts.is_empty(),
+                longest_mm: date.d1_mm,
+                perpendicular_mm: date.d2_mm,
+                product_mm2: date.product_mm2,
+                slices: largest.map(|d| u32::try_from(d.slices).unwrap_or(u32::MAX)),
+                slice_thickness_mm: largest.map(|d| d.slice_thickness_mm),
+                volume_ml: date.volume_ml.filter(|_| is_there(date)),
+            }
+        })
+        .collect()
+}
+
+/// `history` with the new lesions that the masks show, at dates for which it says nothing of new lesions itself. That masks
+/// show none isn't taken for an answer: they may be of the known lesions alone.
+#[must_use]
+pub fn with_new_lesions(mut history: History, report: &LesionsReport) -> History {
+    for lesion in &report.lesions {
+        for date in lesion.dates.iter().filter(|date| date.events.contains(&EventKind::Born)) {
+            let new = match date.measurable {
+                Some(true) => NewLesion::Measurable,
+                _ => NewLesion::NonMeasurable,
+            };
+            state(&mut history, &date.time, new);
+        }
+    }
+    history
+}
+
+fn state(history: &mut History, time: &str, new: NewLesion) {
+    let of_masks = |fact: &Fact<NewLesion>| fact.author.as_deref() == Some(AUTHOR);
+    let fact = Fact { value: new, author: Some(AUTHOR.to_owned()), entered: None };
+    let Some(facts) = history.date.iter_mut().find(|facts| facts.date.0 == time) else {
+        let date = Label(time.to_owned());
+        history.date.push(ScanFacts { date, new_lesion: Some(fact), ..ScanFacts::default() });
+        return;
+    };
+    match &facts.new_lesion {
+        None => facts.new_lesion = Some(fact),
+        // A measurable one says more than one that isn't.
+        Some(before) if of_masks(before) && new == NewLesion::Measurable => facts.new_lesion = Some(fact),
+        Some(_) => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::{
+        Grid, Progress, Samples, Scaling, Volume,
+        case::{CaseSpec, LoadOptions, load},
+        files::{WriteOptions, write_nifti},
+        lesions::{Of, Options, report},
+        response::{Assessment, Call, Criterion, evaluate},
+    };
+
+    /// A mask of boxes, each with its first voxel and its size.
+    fn write(path: &std::path::Path, boxes: &[([usize; 3], usize)]) {
+        let grid = Grid::axis_aligned([64; 3], DVec3::ONE, DVec3::ZERO).unwrap();
+        let is_in = |at: usize| {
+            let ijk = grid.ijk(at);
+            boxes.iter().any(|(from, size)| (0..3).all(|a| (from[a]..from[a] + size).contains(&ijk[a])))
+        };
+        let voxels = (0..grid.voxel_count()).map(|at| u8::from(is_in(at))).collect();
+        let volume = Volume::new(grid.clone(), Samples::U8(voxels), Scaling::NONE).unwrap();
+        write_nifti(path, &volume, &WriteOptions::default()).unwrap();
+    }
+
+    #[test]
+    fn masks_become_measurements_with_gone_and_new_lesions() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        // A shrinks from 20 to 12 mm; B of 12 mm vanishes; C of 14 mm is new.
+        write(&path("a.nii"), &[([2, 2, 2], 20), ([40, 2, 2], 12)]);
+        write(&path("b.nii"), &[([6, 6, 6], 12), ([40, 40, 40], 14)]);
+        let masks = ["a", "b"].iter().zip(["2024-01-01", "2024-03-01"]);
+        let masks: Vec<String> = masks
+            .map(|(name, date)| format!("T={}@{date}", path(&format!("{name}.nii")).display()))
+            .collect();
+        let spec = CaseSpec::from_arguments(&masks, &[]).unwrap();
+        let case = load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
+        let lesions = report(&case, &Options::new(Of::Mask("T".into())), &[], &Progress::new()).unwrap();
+        let all = measurements(&lesions, Compartment::Enhancing);
+        let of = |lesion: &str| all.iter().filter(|m| m.lesion == lesion).collect::<Vec<_>>();
+        let (a, b, c) = (of("A"), of("B"), of("C"));
+        // A square's longest line is its diagonal, and its longest perpendicular the other one.
+        let diagonal = |side: f64| side * 2.0_f64.sqrt();
+        for (m, side) in a.iter().zip([20.0, 12.0]) {
+            assert!((m.longest_mm.unwrap() - diagonal(side)).abs() < 1e-9);
+            assert!((m.product_mm2.unwrap() - 2.0 * side * side).abs() < 1e-6);
+            assert!((m.volume_ml.unwrap() - side.powi(3) / 1000.0).abs() < 1e-9);
+            assert_eq!((m.slices, m.slice_thickness_mm), (Some(side as u32), Some(1.0)));
+        }
+        assert_eq!(b.iter().map(|m| m.gone).collect::<Vec<_>>(), [false, true]);
+        assert_eq!(c.len(), 1, "nothing before it is there");
+
+        let history = History::new(Criterion::Rano20, Some(Assessment::Enhancing));
+        let history = with_new_lesions(history, &lesions);
+        let new = history.date.iter().find(|facts| facts.date.0 == "2024-03-01").unwrap();
+        assert_eq!(new.new_lesion.as_ref().unwrap().value, NewLesion::Measurable);
+        let mut history = History { baseline: Some(Fact::of(Label("2024-01-01".into()))), ..history };
+        history.radiotherapy_end = Some(Fact::of(crate::response::Radiotherapy::None));
+        let calls = evaluate(&history, &all).unwrap();
+        // A new measurable lesion is progression, though the sum fell.
+        let last = &calls.dates[1].by_diameters;
+        assert_eq!(last.call, Call::Progression, "{:?}", last.reasons);
+        assert!(last.reasons.iter().any(|reason| reason.words.contains("the masks")), "{:?}", last.reasons);
+    }
+}

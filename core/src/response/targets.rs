@@ -1,0 +1,180 @@
+//! Which lesions are targets: measurable at the baseline, and within the criterion's number.
+
+use super::{
+    history::{Assessment, Compartment, History, Measurement, Part},
+    result::TargetReport,
+    rules::{Criterion, Rule, RuleId, rule, unstated_words},
+    timeline::{Epoch, Scan},
+};
+
+/// The relative difference below which two numbers count as equal, so that a change of 25 % is reached whatever the
+/// rounding of the sums.
+pub(super) const TOLERANCE: f64 = 1e-9;
+
+/// Whether `value` is at least `threshold`, up to rounding.
+pub(super) fn at_least(value: f64, threshold: f64) -> bool {
+    value >= threshold - TOLERANCE * threshold.abs()
+}
+
+/// The rules that hold for a history: those of its criterion, and those of RANO 2010 that its trial follows.
+#[derive(Clone, Copy)]
+pub(super) struct Rules<'a> {
+    pub history: &'a History,
+}
+
+impl Rules<'_> {
+    /// The rule about `id`.
+    pub fn get(self, id: RuleId) -> Option<&'static Rule> {
+        let own = rule(self.history.criterion, id);
+        own.or_else(|| {
+            let part = match id {
+                RuleId::MeasurableLongest
+                | RuleId::MeasurablePerpendicular
+                | RuleId::MeasurableSlices
+                | RuleId::ThickSlice
+                | RuleId::ThickSliceFactor => Part::Measurable,
+                RuleId::NonTarget => Part::NonTarget,
+                RuleId::SteroidsNone | RuleId::SteroidsNotRaised => Part::Steroids,
+                RuleId::Clinical => Part::Clinical,
+                _ => return None,
+            };
+            let follows = self.history.trial.follow_2010.as_ref()?.value.contains(&part);
+            // RANO-BM has thresholds of its own, without thick slices.
+            let follows = follows && self.history.criterion != Criterion::RanoBm;
+            follows.then(|| rule(Criterion::Rano2010, id)).flatten()
+        })
+    }
+
+    /// Its number.
+    pub fn number(self, id: RuleId) -> Option<f64> {
+        self.get(id).and_then(|rule| rule.number)
+    }
+
+    /// That it isn't stated.
+    pub fn unstated(self, id: RuleId) -> String {
+        unstated_words(self.history.criterion, id)
+    }
+
+    /// The most targets of one compartment.
+    fn max_targets(self) -> Option<f64> {
+        let trial = self.history.trial.max_targets.as_ref().map(|stated| f64::from(stated.value));
+        let mixed = self.history.assessment == Some(Assessment::Mixed);
+        trial.or_else(|| self.number(if mixed { RuleId::MaxTargetsMixed } else { RuleId::MaxTargets }))
+    }
+
+    /// Whether a lesion is measurable, with what decides it; `None`: unknown, or not stated.
+    fn measurable(self, lesion: &Measurement) -> (Option<bool>, String) {
+        if lesion.gone {
+            return (Some(false), "gone".into());
+        }
+        let (Some(longest), Some(perpendicular), Some(slices)) = (
+            self.number(RuleId::MeasurableLongest),
+            self.number(RuleId::MeasurablePerpendicular),
+            self.number(RuleId::MeasurableSlices),
+        ) else {
+            return (None, self.unstated(RuleId::MeasurableLongest));
+        };
+        let (mut least_longest, mut least_perpendicular) = (Some(longest), Some(perpendicular));
+        if let (Some(thick), Some(factor)) =
+            (self.number(RuleId::ThickSlice), self.number(RuleId::ThickSliceFactor))
+        {
+            let least = match lesion.slice_thickness_mm {
+                Some(thickness) if thickness > thick => Some(factor * thickness),
+                Some(_) => Some(0.0),
+                None => None,
+            };
+            least_longest = least.map(|least| longest.max(least));
+            least_perpendicular = least.map(|least| perpendicular.max(least));
+        }
+        let conditions = [
+            ("longest_mm", lesion.longest_mm, least_longest, longest),
+            ("perpendicular_mm", lesion.perpendicular_mm, least_perpendicular, perpendicular),
+            ("slices", lesion.slices.map(f64::from), Some(slices), slices),
+        ];
+        for (name, value, threshold, lowest) in conditions {
+            // Thick slices only ask for more.
+            let needed = threshold.unwrap_or(lowest);
+            if let Some(value) = value.filter(|&value| !at_least(value, needed)) {
+                return (Some(false), format!("{name} {value}, at least {needed} needed"));
+            }
+        }
+        for (name, value, threshold, _) in conditions {
+            if value.is_none() {
+                return (None, format!("{name} isn't stated"));
+            }
+            if threshold.is_none() {
+                return (None, "slice_thickness_mm isn't stated".into());
+            }
+        }
+        (Some(true), "measurable".into())
+    }
+}
+
+/// The targets of an epoch in one compartment.
+pub(super) enum Targets<'a> {
+    /// These lesions.
+    Known(Vec<&'a str>),
+    /// There is no measurable disease.
+    NoneMeasurable,
+    /// They can't be chosen, in words.
+    Unknown(String),
+}
+
+/// The targets at the baseline, and all lesions of the compartment there.
+pub(super) fn targets<'a>(
+    rules: Rules<'a>,
+    epoch: &Epoch<'a>,
+    baseline: &Scan<'a>,
+    scans: &[Scan<'a>],
+    compartment: Compartment,
+) -> (Targets<'a>, Vec<TargetReport>) {
+    let of_compartment = |name: &str| {
+        let found = scans.iter().find_map(|scan| scan.lesions.get(name));
+        found.is_some_and(|lesion| lesion.compartment == compartment)
+    };
+    let mut reports: Vec<TargetReport> = Vec::new();
+    let mut chosen: Vec<&'a str> = Vec::new();
+    let mut unclear = None;
+    let mut add = |name: &'a str, lesion: Option<&Measurement>, is_stated: bool| {
+        let (measurable, words) =
+            lesion.map_or_else(|| (None, "not measured".into()), |lesion| rules.measurable(lesion));
+        // A lesion that the user chose as target is taken as measurable where nothing says otherwise.
+        let target = measurable.unwrap_or(is_stated);
+        if target {
+            chosen.push(name);
+        } else if measurable.is_none() && unclear.is_none() {
+            unclear = Some(format!("whether {name} is measurable: {words}"));
+        }
+        reports.push(TargetReport { lesion: name.to_owned(), target, measurable, words });
+    };
+    if let Some(stated) = epoch.stated_targets {
+        for name in stated.iter().filter(|name| of_compartment(name)) {
+            add(name, baseline.lesions.get(name.as_str()).copied(), true);
+        }
+    } else {
+        let present = baseline.lesions.iter().filter(|(_, lesion)| lesion.compartment == compartment);
+        for (name, lesion) in
+            present.filter(|(name, _)| !rules.history.non_targets.iter().any(|n| n == *name))
+        {
+            add(name, Some(lesion), false);
+        }
+        if reports.is_empty() {
+            unclear =
+                Some("no lesion is measured at the baseline; targets = [] states that there is none".into());
+        }
+    }
+    let most = rules.max_targets();
+    let targets = match (unclear, most) {
+        (Some(words), _) => Targets::Unknown(words),
+        (None, Some(most)) if chosen.len() as f64 > most => {
+            Targets::Unknown(format!("{} targets, at most {most} of each compartment: choose", chosen.len()))
+        }
+        (None, _) if chosen.is_empty() => Targets::NoneMeasurable,
+        (None, _) => {
+            chosen.sort_unstable();
+            Targets::Known(chosen)
+        }
+    };
+    reports.sort_by(|a, b| a.lesion.cmp(&b.lesion));
+    (targets, reports)
+}

@@ -1,0 +1,283 @@
+//! Reading of histories, their errors, BT-RADS, and the names in JSON.
+
+use std::collections::BTreeMap;
+
+use super::{
+    super::*,
+    made::{id_of, toml},
+};
+
+const GOOD: &str = r#"response = 1
+criterion = "rano-2.0"
+assessment = "enhancing"
+disease = { value = "newly-diagnosed", author = "A. B.", entered = 2024-05-01 }
+radiotherapy_end = 2024-01-03
+baseline = 2024-02-01
+targets = ["A"]
+non_targets = ["B"]
+treatment = [{ start = 2024-02-05, kind = "drug", name = "temozolomide" }]
+[[surgery]]
+date = 2023-11-20
+[repeatability.product]
+relative_sd = 0.1
+source = "own phantom"
+[trial.confirm_response_days]
+value = 28
+source = "protocol, section 6"
+[[date]]
+date = 2024-02-01
+steroids_mg = 2
+[[date]]
+date = "2024-03-01"
+steroids_mg = { value = 4, author = "A. B.", entered = "2024-03-02" }
+clinical = "worse"
+technique_changed = ["contrast"]
+[[measurement]]
+date = 2024-02-01
+lesion = "A"
+compartment = "enhancing"
+longest_mm = 20.0
+perpendicular_mm = 10.0
+slices = 3
+slice_thickness_mm = 1.0
+[[measurement]]
+date = 2024-02-01
+lesion = "B"
+compartment = "enhancing"
+product_mm2 = 40
+[[measurement]]
+date = 2024-03-01
+lesion = "A"
+compartment = "enhancing"
+gone = true
+"#;
+
+#[test]
+fn a_history_is_read() {
+    let history = History::parse(GOOD).unwrap();
+    assert_eq!(history.date[1].steroids_mg.as_ref().unwrap().author.as_deref(), Some("A. B."));
+    assert_eq!(history.date[0].steroids_mg, Some(Fact::of(2.0)));
+    assert_eq!(history.date[0].clinical, None);
+    assert_eq!(history.disease.as_ref().unwrap().entered.as_deref(), Some("2024-05-01"));
+    let response = evaluate(&history, &[]).unwrap();
+    assert_eq!(response.dates.len(), 2);
+    let last = &response.dates[1];
+    assert_eq!((last.days_from_baseline, last.by_diameters.call), (Some(29), Call::PreliminaryProgression));
+    assert!(last.by_diameters.reasons.iter().any(|r| r.words == "clinically worse"), "{last:#?}");
+}
+
+#[test]
+fn each_error_is_one_line_with_what_was_found_and_expected() {
+    let replaced = |from: &str, to: &str| {
+        assert!(GOOD.contains(from), "{from}");
+        GOOD.replacen(from, to, 1)
+    };
+    let added = |text: &str| format!("{GOOD}{text}");
+    let cases = [
+        (replaced("response = 1", "response = 2"), "found response = 2, expected response = 1"),
+        (
+            replaced("\"rano-2.0\"", "\"recist\""),
+            "line 2: found unknown variant `recist`, expected one of `rano-2010`",
+        ),
+        (replaced("assessment = \"enhancing\"\n", ""), "found no assessment, expected assessment = "),
+        (replaced("\"rano-2.0\"", "\"mrano\""), "found an assessment with mRANO, expected "),
+        (replaced("steroids_mg = 2", "steroid = 2"), "found unknown key `steroid`, expected one of `date`"),
+        (
+            replaced("author = \"A. B.\", entered = \"", "auther = \"A. B.\", entered = \""),
+            "found unknown key `auther`",
+        ),
+        (replaced("\"worse\"", "\"bad\""), "found unknown variant `bad`, expected one of `stable`"),
+        (
+            replaced("steroids_mg = 2", "steroids_mg = -2"),
+            "found steroids_mg = -2, expected a number from 0 to 1000",
+        ),
+        (
+            replaced("steroids_mg = 2", "steroids_mg = nan"),
+            "found steroids_mg = NaN, expected a number from 0 to 1000",
+        ),
+        (
+            replaced("2024-01-03", "\"2024-02-31\""),
+            "found \"2024-02-31\", expected an ISO date or a number of days",
+        ),
+        (replaced("2024-01-03", "17"), "expected dates only, or numbers of days only"),
+        (
+            replaced("baseline = 2024-02-01", "baseline = 2024-02-02"),
+            "found baseline = 2024-02-02, expected a scan",
+        ),
+        (
+            replaced("targets = [\"A\"]", "targets = [\"Z\"]"),
+            "found Z among targets or non_targets, expected a measured",
+        ),
+        (replaced("targets = [\"A\"]", "targets = [\"A\", \"A\"]"), "found A twice in targets"),
+        (replaced("non_targets = [\"B\"]", "non_targets = [\"A\"]"), "found A as target and as non-target"),
+        (
+            replaced("relative_sd = 0.1", "relative_sd = 0"),
+            "found relative_sd = 0, expected a number from 0.000001 to 2",
+        ),
+        (replaced("source = \"own phantom\"", "source = \"\""), "found source = \"\", expected a text"),
+        (
+            replaced("confirm_response_days", "confirm_progression_days"),
+            "found a value with RANO 2.0, expected criteria",
+        ),
+        (
+            replaced("longest_mm = 20.0", "longest_mm = 2.0"),
+            "found perpendicular_mm = 10, expected at most longest_mm = 2",
+        ),
+        (replaced("slices = 3", "product_mm2 = 100"), "found product_mm2 = 100, expected at least 200"),
+        (replaced("slices = 3", "slices = 0"), "found slices = 0, expected at least 1"),
+        (
+            replaced("longest_mm = 20.0", "longest_mm = -20.0"),
+            "found longest_mm = -20, expected a number from ",
+        ),
+        (
+            replaced("gone = true", "gone = true\nvolume_ml = 1"),
+            "found gone = true and a size, expected one of them",
+        ),
+        (added("[[date]]\ndate = 2024-02-01\n"), "[[date]] 2024-02-01: found this date twice"),
+        (
+            added("[[date]]\ndate = \"2024-02-01 late\"\n"),
+            "found \"2024-02-01\" and \"2024-02-01 late\" on one day",
+        ),
+        (added("[[date]]\ndate = \"week 3\"\n"), "found neither an ISO date nor days"),
+        (added("[[date]]\ndate = \"week 3\"\ndays = 3\n"), "expected dates only, or numbers of days only"),
+        (
+            added("[[measurement]]\ndate = 2024-02-01\nlesion = \"A\"\ncompartment = \"enhancing\"\n"),
+            "measurement of A at 2024-02-01: found this lesion and date twice",
+        ),
+        (
+            added("[[measurement]]\ndate = 2024-04-01\nlesion = \"A\"\ncompartment = \"non-enhancing\"\n"),
+            "found another compartment than at another date",
+        ),
+        (format!("# {}", "x".repeat(1 << 20)), "bytes, expected at most 1048576"),
+        ("<html>".to_owned(), "line 1: found "),
+    ];
+    for (text, expected) in cases {
+        let error =
+            History::parse(&text).and_then(|history| evaluate(&history, &[])).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}\n  expected {expected}");
+        assert!(!error.contains('\n') && error.contains(", expected "), "{error}");
+    }
+}
+
+#[test]
+fn days_may_be_numbers() {
+    let text = "response = 1\ncriterion = \"rano-2010\"\nradiotherapy_end = 0\nbaseline = \"week 4\"\n\
+        [[date]]\ndate = \"week 4\"\ndays = 28\n[[date]]\ndate = \"week 12\"\ndays = 84\n\
+        [[measurement]]\ndate = \"week 4\"\ndays = 28\nlesion = \"A\"\ncompartment = \"enhancing\"\nproduct_mm2 = 200\n\
+        [[measurement]]\ndate = \"week 12\"\ndays = 84\nlesion = \"A\"\ncompartment = \"enhancing\"\nproduct_mm2 = 250\n";
+    let text = text.replace("baseline =", "targets = [\"A\"]\nbaseline =");
+    let response = evaluate(&History::parse(&text).unwrap(), &[]).unwrap();
+    let last = &response.dates[1];
+    assert_eq!((last.days_from_baseline, last.by_diameters.call), (Some(56), Call::CannotSay));
+    assert!(last.by_diameters.missing.iter().any(|m| m.input == Input::Field), "{last:#?}");
+}
+
+#[test]
+fn measurements_of_the_program_join_those_of_the_file() {
+    let text = toml(Criterion::Rano2010, "", "0 A=20x10 | 56");
+    let history = History::parse(&text).unwrap();
+    let mut measured = history.measurement[0].clone();
+    measured.date = history.date[1].date.clone();
+    measured.longest_mm = Some(25.0);
+    let response = evaluate(&history, std::slice::from_ref(&measured)).unwrap();
+    assert_eq!(response.dates[1].by_diameters.call, Call::Progression);
+    measured.date = history.date[0].date.clone();
+    assert!(evaluate(&history, &[measured]).unwrap_err().to_string().contains("twice"));
+}
+
+#[test]
+fn output_has_stable_names() {
+    let text = toml(Criterion::Rano20, "assessment = \"enhancing\"", "0 A=20x10/5 | 56 A=10x10/2 ?new");
+    let response = evaluate(&History::parse(&text).unwrap(), &[]).unwrap();
+    let value = serde_json::to_value(&response).unwrap();
+    assert_eq!(value["criterion"], "rano-2.0");
+    let judgement = &value["dates"][1]["by_diameters"];
+    let keys: Vec<&str> = judgement.as_object().unwrap().keys().map(String::as_str).collect();
+    let mut expected =
+        vec!["call", "possible", "dated", "confirmation", "reasons", "missing", "imaging_only", "sums"];
+    expected.sort_unstable();
+    let mut sorted = keys;
+    sorted.sort_unstable();
+    assert_eq!(sorted, expected);
+    assert_eq!(judgement["call"], "cannot_say");
+    assert_eq!(judgement["possible"][0], "partial_response");
+    assert_eq!(judgement["missing"][0]["input"], "new_lesion");
+    assert_eq!(judgement["sums"][0]["quantity"], "product_mm2");
+    assert_eq!(judgement["sums"][0]["change_from_baseline_percent"], -50.0);
+    assert_eq!(value["dates"][1]["by_volume"]["sums"][0]["quantity"], "volume_ml");
+}
+
+fn answers(pairs: &[(&str, &str)]) -> BTreeMap<String, String> {
+    pairs.iter().map(|&(question, answer)| (question.to_owned(), answer.to_owned())).collect()
+}
+
+/// Answers, and the category or the next question.
+#[test]
+fn bt_rads_leads_to_each_category() {
+    let worse = [("prior", "yes"), ("change", "worse"), ("early", "no")];
+    let both = [&worse[..], &[("what", "both")]].concat();
+    let table: Vec<(Vec<(&str, &str)>, &str)> = vec![
+        (vec![], "prior"),
+        (vec![("prior", "no")], "0"),
+        (vec![("prior", "no"), ("change", "worse")], "0"),
+        (vec![("prior", "yes")], "change"),
+        (vec![("prior", "yes"), ("change", "better")], "drug"),
+        (vec![("prior", "yes"), ("change", "better"), ("drug", "no")], "1a"),
+        (vec![("prior", "yes"), ("change", "better"), ("drug", "yes")], "1b"),
+        (vec![("prior", "yes"), ("change", "same")], "2"),
+        (vec![("prior", "yes"), ("change", "worse"), ("early", "yes")], "3a"),
+        (worse.to_vec(), "what"),
+        ([&worse[..], &[("what", "flair")]].concat(), "3b"),
+        ([&worse[..], &[("what", "enhancement")]].concat(), "3b"),
+        ([&both[..], &[("large", "yes")]].concat(), "4"),
+        ([&both[..], &[("large", "no"), ("progressive", "yes")]].concat(), "4"),
+        ([&both[..], &[("large", "no"), ("progressive", "no")]].concat(), "3c"),
+    ];
+    for (given, expected) in table {
+        let found = match bt_rads(&answers(&given)).unwrap() {
+            BtRads::Next(question) => question.id.to_owned(),
+            BtRads::Result { category, reason, .. } => {
+                assert!(reason.starts_with("Is there an earlier scan"), "{reason}");
+                category.id.to_owned()
+            }
+        };
+        println!("BT-RADS {given:?}: expected {expected}, found {found}");
+        assert_eq!(found, expected, "{given:?}");
+    }
+    let error = bt_rads(&answers(&[("prior", "perhaps")])).unwrap_err().to_string();
+    assert_eq!(error, "BT-RADS: found prior = perhaps, expected one of yes, no");
+    assert!(bt_rads(&answers(&[("size", "large")])).unwrap_err().to_string().contains("found question size"));
+}
+
+#[test]
+fn names_of_criteria_are_those_of_the_files() {
+    let ids: Vec<String> = Criterion::ALL.iter().map(id_of).collect();
+    assert_eq!(ids, ["rano-2010", "rano-lgg", "mrano", "rano-2.0", "irano", "rano-bm"]);
+}
+
+/// Nothing but some sizes is known of many scans: still quick, and no more is said than follows.
+#[test]
+fn many_unknown_inputs_are_bounded() {
+    let unknown = "?new ?nt ?cl ?st ?fl ?tech ?hist";
+    let scans: Vec<String> = (0..100)
+        .map(|k| {
+            let size = if k % 3 == 0 || k == 99 { "A=20x10" } else { "" };
+            format!("{} {size} {unknown}", 28 * k)
+        })
+        .collect();
+    for known in [false, true] {
+        let mut scans = scans.clone();
+        if known {
+            scans[99] = format!("{} A=20x10", 28 * 99);
+        }
+        let history = History::parse(&toml(Criterion::Rano2010, "", &scans.join("|"))).unwrap();
+        let started = std::time::Instant::now();
+        let response = evaluate(&history, &[]).unwrap();
+        println!("{:?}", started.elapsed());
+        let last = &response.dates[99].by_diameters;
+        // With the facts of the scan known, the assumptions of the rest leave one call.
+        assert_eq!(last.call, if known { Call::StableDisease } else { Call::CannotSay });
+        assert!(!last.missing.is_empty());
+        assert!(started.elapsed().as_secs() < 60, "{:?}", started.elapsed());
+    }
+}

@@ -137,7 +137,12 @@ fn table(report: &LesionsReport) -> String {
     }
     let proposed = report.links.len();
     if proposed > 0 {
-        lines.push(format!("\n{proposed} links between dates are proposed by the program, and not verified"));
+        let links = if proposed == 1 {
+            "1 link between dates is"
+        } else {
+            &format!("{proposed} links between dates are")
+        };
+        lines.push(format!("\n{links} proposed by the program, and not verified"));
     }
     lines.join("\n")
 }

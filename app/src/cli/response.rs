@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
         .map_err(|e| AppError::wrong(place(arguments.history.as_deref(), &e.place), e.found, e.expected))?;
     if proposed_links > 0 {
         let text = format!(
-            "calls rest on {proposed_links} links between lesions of several dates that are proposed by the program, and not verified"
+            "calls rest on links between lesions of several dates that the program proposes, and no reader has verified: {proposed_links}"
         );
         terminal::warning("lesions-proposed", &text);
     }

@@ -3,17 +3,16 @@
 use std::sync::Arc;
 
 use crate::{
-    Cancelled, GridError, Mask, MaskBits, Progress,
+    Mask, MaskBits, Progress,
     case::{Case, NOT_ALIGNED_MM, OrderBasis, TimePoint, apart_mm},
-    components::TooLarge,
     dates,
-    distance::DistanceError,
     grid::ijk,
 };
 
 use super::{
     DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM,
     diameters::DiameterMode,
+    error::LesionsError,
     links::{self, Link},
     parts::{DateParts, Measures},
 };
@@ -70,41 +69,6 @@ impl Options {
         let (smallest_ml, within_mm) = (DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM);
         Self { of, smallest_ml, mode, axis: None, within_mm, asks_images: true }
     }
-}
-
-/// Why lesions can't be found.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum LesionsError {
-    /// No date has the mask.
-    #[error("{case}: found no mask {of} at any date, expected one of {known}")]
-    NoMask {
-        /// The case.
-        case: String,
-        /// The masks asked for.
-        of: String,
-        /// The masks that the case has.
-        known: String,
-    },
-    /// An option is out of range.
-    #[error("found {found}, expected {expected}")]
-    Option {
-        /// What was given.
-        found: String,
-        /// What is possible.
-        expected: &'static str,
-    },
-    /// A mask has too many components or runs.
-    #[error(transparent)]
-    TooLarge(#[from] TooLarge),
-    /// A distance can't be computed.
-    #[error(transparent)]
-    Distance(#[from] DistanceError),
-    /// The cropped grid is invalid.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// The user cancelled.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
 }
 
 /// The components of all dates and the links proposed between them, before any edit.

@@ -8,33 +8,39 @@
 mod change_point;
 pub mod diameters;
 mod edits;
+mod error;
+mod event;
 mod events;
 mod find;
 mod links;
 mod parts;
 mod report;
 mod series;
+mod sets;
 mod split;
 mod table;
 #[cfg(test)]
 mod tests;
 mod track;
+mod tracked;
 
 pub use change_point::{
     ChangePoint, ChangePointKind, ChangePointTest, FEWEST_DATES_OF_LEVEL, FEWEST_DATES_OF_RATE,
 };
 pub use edits::{Anchor, Edit, NotApplied};
-pub use events::{Event, EventKind};
-pub use find::{Found, LesionsError, Of, Options, find};
+pub use error::LesionsError;
+pub use event::{Event, EventKind};
+pub use find::{Found, Of, Options, find};
 pub use links::{Link, LinkState, LinkedBy};
 pub use parts::Part;
 pub use report::{
     DateReport, EventReport, LesionDate, LesionReport, LesionsReport, LinkReport, PairReport, PartReport,
-    Point, report,
+    report,
 };
-pub use series::{ChangePointReport, Growth, Series};
+pub use series::{ChangePointReport, Growth, Point, Series};
 pub use table::csv;
-pub use track::{Lesion, Tracked, Unit, track};
+pub use track::track;
+pub use tracked::{Lesion, Tracked, Unit};
 
 /// Default of the smallest lesion: a ball of 5.8 mm. Smaller components are counted, but neither born, gone nor pieces of
 /// a split: most are flecks of a segmentation's edge.

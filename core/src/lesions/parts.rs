@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::{
     diameters::{DiameterMode, Diameters, diameters},
-    find::LesionsError,
+    error::LesionsError,
 };
 
 /// One component at one date.

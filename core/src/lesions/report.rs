@@ -8,12 +8,14 @@ use serde::Serialize;
 use super::{
     diameters::{DiameterMode, Diameters},
     edits::{Anchor, Edit, NotApplied},
-    events::{Event, EventKind},
-    find::{LesionsError, Options, find},
+    error::LesionsError,
+    event::{Event, EventKind},
+    find::{Options, find},
     links::{Link, LinkState, LinkedBy, Node},
     parts::Part,
-    series::{Series, Tests},
-    track::{Lesion, Tracked, Unit, track},
+    series::{Point, Series, Tests},
+    track::track,
+    tracked::{Lesion, Tracked, Unit},
 };
 
 /// Lesions of a case over its dates.
@@ -79,17 +81,6 @@ pub struct PairReport {
     pub to: String,
     /// Why their lesions aren't linked; `None` where they are.
     pub not_linked: Option<String>,
-}
-
-/// A volume at a date.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Point {
-    /// Label of the date.
-    pub time: String,
-    /// Days since the first date.
-    pub days: Option<f64>,
-    /// The volume; 0 where the lesion isn't there, `None` where that isn't known.
-    pub volume_ml: Option<f64>,
 }
 
 /// One lesion.

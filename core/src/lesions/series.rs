@@ -4,10 +4,18 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use super::{
-    change_point::{ChangePointKind, ChangePointTest},
-    report::Point,
-};
+use super::change_point::{ChangePointKind, ChangePointTest};
+
+/// A volume at a date.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// Label of the date.
+    pub time: String,
+    /// Days since the first date.
+    pub days: Option<f64>,
+    /// The volume; 0 where the lesion isn't there, `None` where that isn't known.
+    pub volume_ml: Option<f64>,
+}
 
 /// Growth of a series: a line through the logarithms of its volumes, by least squares.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -9,7 +9,7 @@ use crate::{
     glam::DVec3,
 };
 
-use super::find::LesionsError;
+use super::error::LesionsError;
 
 /// A voxel to be flooded: the deepest first, of equally deep ones that reached first.
 struct Front {

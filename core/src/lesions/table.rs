@@ -3,7 +3,7 @@
 use crate::csv::{Table, text};
 
 use super::{
-    events::EventKind,
+    event::EventKind,
     links::LinkState,
     report::{LesionDate, LesionsReport},
 };

@@ -226,9 +226,11 @@ fn values_are_written_by_key_and_infinity_as_text() {
     let settings = Settings { percentile: 90.0, ..by(Convention::Deepmind) };
     let json = serde_json::to_value(compared(&full, &empty, [1.0; 3], &settings)).unwrap();
     assert_eq!(json["convention"], "deepmind");
-    assert_eq!((&json["values"]["hd90_mm"], &json["values"]["dice"]), (&"infinity".into(), &0.0.into()));
-    assert!(json["values"]["masd_mm"].is_null() && json["hausdorff"].is_null());
-    assert_eq!(json["values"].as_object().unwrap().len(), METRICS.len());
+    assert_eq!((&json["hd90_mm"], &json["dice"]), (&"infinity".into(), &0.0.into()));
+    assert!(json["masd_mm"].is_null() && json["hausdorff"].is_null());
+    let keys = json.as_object().unwrap();
+    let robust = |key: &str| if key == "hd95_mm" { "hd90_mm".to_owned() } else { key.to_owned() };
+    assert!(METRICS.iter().all(|metric| keys.contains_key(&robust(metric.key))), "{keys:?}");
     let json = serde_json::to_value(compared(&full, &empty, [1.0; 3], &by(Convention::Panoptica))).unwrap();
     assert_eq!(json["lesions"]["hd_percentile_mm"], "infinity");
 }

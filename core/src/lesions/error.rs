@@ -1,0 +1,38 @@
+//! Why lesions can't be found.
+
+use crate::{Cancelled, GridError, components::TooLarge, distance::DistanceError};
+
+/// Why lesions can't be found.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LesionsError {
+    /// No date has the mask.
+    #[error("{case}: found no mask {of} at any date, expected one of {known}")]
+    NoMask {
+        /// The case.
+        case: String,
+        /// The masks asked for.
+        of: String,
+        /// The masks that the case has.
+        known: String,
+    },
+    /// An option is out of range.
+    #[error("found {found}, expected {expected}")]
+    Option {
+        /// What was given.
+        found: String,
+        /// What is possible.
+        expected: &'static str,
+    },
+    /// A mask has too many components or runs.
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
+    /// A distance can't be computed.
+    #[error(transparent)]
+    Distance(#[from] DistanceError),
+    /// The cropped grid is invalid.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The user cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}

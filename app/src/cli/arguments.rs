@@ -20,7 +20,7 @@ use super::{
     pacs::PacsTask,
     parse::{self, LensArgument, View, keyword},
     register::RegisterArguments,
-    response::ResponseArguments,
+    response::{ResponseArguments, ResponseOptions},
     tracts::TractArguments,
     transform::TransformArguments,
 };
@@ -148,6 +148,9 @@ pub struct ReportArguments {
     /// The language of a file.
     #[arg(long, value_enum)]
     pub language: Option<Language>,
+    /// The response by criteria that it has; none without --criteria or --history.
+    #[command(flatten)]
+    pub response: ResponseOptions,
     /// Write over a file that exists.
     #[arg(long)]
     pub force: bool,

@@ -16,7 +16,7 @@ use super::{case::CaseArguments, parse, terminal};
 use crate::{error::AppError, format, output};
 
 /// How diameters are measured.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Diameters {
     /// The longest, then the longest at right angles to it.
     #[default]

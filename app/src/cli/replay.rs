@@ -4,7 +4,12 @@ use std::{io::Read, path::Path};
 
 use glioscope_core::files::open_regular;
 
-use super::{arguments::ReplayArguments, case::CaseArguments, report, terminal};
+use super::{
+    arguments::ReplayArguments,
+    case::CaseArguments,
+    report::{self, Asked},
+    terminal,
+};
 use crate::{
     error::AppError,
     model::{CaseRef, Session, made, session},
@@ -24,13 +29,14 @@ pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
     let given = CaseArguments { path: of, parts: case, tracts: Vec::new() };
     let options = Options { identity: recipe.identity, language: recipe.language };
     let session = session(&path, &recipe)?;
+    let asked = recipe.response.as_ref().map(Asked::of_recipe);
     let again = match (recipe.identity, given.reference()?) {
-        (Identity::Full, None) => report::make(read_case(session, &given, None)?, options, software)?,
+        (Identity::Full, None) => report::make(read_case(session, &given, None)?, options, asked, software)?,
         // Nothing was read: the embedded sample.
         (_, None) if recipe.inputs.is_empty() => {
-            of_given(&session, &given, CaseRef::Sample, options, software)?
+            of_given(&session, &given, CaseRef::Sample, (options, asked.as_ref()), software)?
         }
-        (_, Some(case)) => of_given(&session, &given, case, options, software)?,
+        (_, Some(case)) => of_given(&session, &given, case, (options, asked.as_ref()), software)?,
         (_, None) => {
             return Err(AppError::file(
                 &path,
@@ -106,7 +112,7 @@ fn of_given(
     session: &Session,
     given: &CaseArguments,
     case: CaseRef,
-    options: Options,
+    (options, asked): (Options, Option<&Asked>),
     software: bool,
 ) -> Result<Report, AppError> {
     let read = read_case(session.clone(), given, Some(case))?;
@@ -114,7 +120,7 @@ fn of_given(
     let shown = anonymous_case(&made, options);
     let (document, findings) = session.restore(&shown)?;
     terminal::notes(&findings);
-    report::of_anonymous(shown, &document, options, software)
+    report::of_anonymous(shown, &document, options, asked, software)
 }
 
 /// What the two were made with differently.

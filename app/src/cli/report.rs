@@ -1,22 +1,36 @@
 //! `glioscope report`: a case as one file that is handed over, or as a folder of pictures and numbers.
 
-use glioscope_core::{case::Case, files::Inputs};
+use std::collections::BTreeMap;
 
-use super::{arguments::ReportArguments, offscreen::gpu, report_folder, terminal};
+use glioscope_core::{case::Case, files::Inputs, response::Response};
+
+use super::{
+    arguments::ReportArguments,
+    lesions::{Diameters, LesionOptions},
+    offscreen::gpu,
+    report_folder,
+    response::{ResponseOptions, evaluated},
+    terminal,
+};
 use crate::{
     command::Workstation,
     error::AppError,
     model::Document,
     output,
-    report::{self, Form, Options, Report},
+    report::{self, Form, Options, Report, ResponseRecipe},
     window::offscreen_app::OffscreenApp,
     world::{Loaded, World, load::ReadCase},
 };
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
-    let ReportArguments { case, out, identity, language, force, software } = arguments;
+    let ReportArguments { case, out, identity, language, response, force, software } = arguments;
     let Some(form) = Form::of(out) else {
-        let options = [("identity", identity.is_some()), ("language", language.is_some())];
+        let options = [
+            ("identity", identity.is_some()),
+            ("language", language.is_some()),
+            ("criteria", response.criteria.is_some()),
+            ("history", response.history.is_some()),
+        ];
         if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
             return Err(AppError::option(option, "a folder", "a file: --out FILE.html, FILE.pdf or FILE.md"));
         }
@@ -25,11 +39,12 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
         }
         return report_folder::run(case, out, *software);
     };
+    let asked = Asked::of(response)?;
     let read = case.read(true)?;
     let inputs = inputs(&read.case, case.path.as_deref());
     output::refuse(out, &inputs, *force)?;
     let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
-    let report = make(read, options, *software)?;
+    let report = make(read, options, asked, *software)?;
     let bytes = report::write(&report, form, options.language)?;
     output::write(out, &inputs, &bytes)?;
     terminal::print(&format!("report written to {}", out.display()))
@@ -40,14 +55,77 @@ fn inputs(case: &Case, path: Option<&std::path::Path>) -> Inputs {
     path.into_iter().fold(case.inputs.clone(), |inputs, path| inputs.with(path.to_owned()))
 }
 
+/// The response that a report is to have.
+pub(super) struct Asked {
+    options: ResponseOptions,
+    /// The text of the history.
+    text: Option<String>,
+}
+
+impl Asked {
+    fn of(options: &ResponseOptions) -> Result<Option<Self>, AppError> {
+        let text = options.history_text()?;
+        Ok(options.is_asked().then(|| Self { options: options.clone(), text }))
+    }
+
+    /// That of an earlier report.
+    pub(super) fn of_recipe(recipe: &ResponseRecipe) -> Self {
+        let diameters = if recipe.largest_product { Diameters::LargestProduct } else { Diameters::default() };
+        let lesions = LesionOptions {
+            of: recipe.of.clone(),
+            smallest: recipe.smallest_ml,
+            within: recipe.within_mm,
+            diameters,
+        };
+        let options = ResponseOptions {
+            criteria: recipe.criteria,
+            assessment: recipe.assessment,
+            history: None,
+            non_enhancing: recipe.non_enhancing.clone(),
+            lesions,
+        };
+        Self { options, text: recipe.history.clone() }
+    }
+
+    fn recipe(&self) -> ResponseRecipe {
+        let LesionOptions { of, smallest, within, diameters } = &self.options.lesions;
+        ResponseRecipe {
+            criteria: self.options.criteria,
+            assessment: self.options.assessment,
+            history: self.text.clone(),
+            of: of.clone(),
+            non_enhancing: self.options.non_enhancing.clone(),
+            smallest_ml: *smallest,
+            within_mm: *within,
+            largest_product: *diameters == Diameters::LargestProduct,
+        }
+    }
+
+    /// With the names that masks have in the report.
+    fn renamed(mut self, names: &BTreeMap<String, String>) -> Self {
+        let masks = self.options.lesions.of.iter_mut().chain(&mut self.options.non_enhancing);
+        for id in masks {
+            if let Some(new) = names.get(id) {
+                id.clone_from(new);
+            }
+        }
+        self
+    }
+}
+
 /// The report of a case.
-pub(super) fn make(read: ReadCase, options: Options, software: bool) -> Result<Report, AppError> {
+pub(super) fn make(
+    read: ReadCase,
+    options: Options,
+    asked: Option<Asked>,
+    software: bool,
+) -> Result<Report, AppError> {
     let work = Workstation::with_opened(read.into());
     let (Some(case), Some(doc)) = (work.world.case(), work.doc) else {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
     };
-    let (case, doc) = report::anonymous(case, doc, options)?;
-    of_anonymous(case, &doc, options, software)
+    let (case, doc, names) = report::anonymous(case, doc, options)?;
+    of_anonymous(case, &doc, options, asked.map(|asked| asked.renamed(&names)).as_ref(), software)
 }
 
 /// The report of a case and document that have no more of the identity than it may show.
@@ -55,13 +133,18 @@ pub(super) fn of_anonymous(
     case: Case,
     doc: &Document,
     options: Options,
+    asked: Option<&Asked>,
     software: bool,
 ) -> Result<Report, AppError> {
+    let evaluate = |asked: &Asked| -> Result<(Response, ResponseRecipe), AppError> {
+        Ok((evaluated(&case, &asked.options, asked.text.as_deref())?.response, asked.recipe()))
+    };
+    let response = asked.map(evaluate).transpose()?;
     let loaded = Loaded::new(case);
     let case = loaded.case.clone();
     let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
     terminal::with_progress(|progress| {
         let mut app = OffscreenApp::new(work, &gpu(software)?, false)?;
-        report::make((&case, doc), options, &mut app, progress)
+        report::make((&case, doc), options, response.as_ref(), &mut app, progress)
     })
 }

@@ -1,15 +1,14 @@
 //! `glioscope response`: response by criteria of brain tumours, at every date, by diameters and by volume.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use glioscope_core::{
     case::Case,
     files::read_small_text,
-    lesions::LesionsReport,
     response::{
-        Assessment, Compartment, Criterion, DateResponse, History, Judgement, Measurement, Response,
-        evaluate, measurements, with_new_lesions,
+        Assessment, Compartment, Criterion, DateResponse, History, HistoryError, Judgement, Measurement,
+        Response, evaluate, measurements, with_new_lesions,
     },
 };
 use serde::Serialize;
@@ -25,12 +24,9 @@ use crate::error::AppError;
 /// Maximum size of a history file.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Arguments of `response`.
-#[derive(Debug, Args)]
-pub struct ResponseArguments {
-    /// The case.
-    #[command(flatten)]
-    pub case: CaseArguments,
+/// Which criteria are evaluated, on what.
+#[derive(Clone, Debug, Args)]
+pub struct ResponseOptions {
     /// The criteria; default: those of the history.
     #[arg(long, value_name = "CRITERIA", value_parser = keyword::<Criterion>())]
     pub criteria: Option<Criterion>,
@@ -46,29 +42,76 @@ pub struct ResponseArguments {
     /// Which components are lesions, and how they are measured.
     #[command(flatten)]
     pub lesions: LesionOptions,
+}
+
+impl ResponseOptions {
+    /// Whether a response is asked for.
+    pub(super) fn is_asked(&self) -> bool {
+        self.criteria.is_some() || self.history.is_some()
+    }
+
+    /// The text of the history.
+    pub(super) fn history_text(&self) -> Result<Option<String>, AppError> {
+        let read = |path: &PathBuf| read_small_text(path, MAX_BYTES, "a history");
+        Ok(self.history.as_ref().map(read).transpose()?)
+    }
+}
+
+/// Arguments of `response`.
+#[derive(Debug, Args)]
+pub struct ResponseArguments {
+    /// The case.
+    #[command(flatten)]
+    pub case: CaseArguments,
+    /// Which criteria are evaluated, on what.
+    #[command(flatten)]
+    pub options: ResponseOptions,
     /// As JSON: see docs/response.md.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A response, and what it rests on.
+#[derive(Serialize)]
+pub(super) struct Evaluated {
+    /// The masks measured, with their compartments.
+    of: Vec<(Compartment, String)>,
+    /// Links between lesions that no reader has verified.
+    proposed_links: usize,
+    #[serde(flatten)]
+    pub(super) response: Response,
 }
 
 /// What `response --json` writes.
 #[derive(Serialize)]
 struct Answer<'a> {
     case: &'a str,
-    /// The masks measured, with their compartments.
-    of: Vec<(Compartment, String)>,
-    /// Links between lesions that no reader has verified.
-    proposed_links: usize,
     #[serde(flatten)]
-    response: Response,
+    evaluated: &'a Evaluated,
 }
 
 pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
-    let mut history = history(arguments)?;
+    let text = arguments.options.history_text()?;
+    // Before seconds of reading.
+    history(&arguments.options, text.as_deref())?;
     let case = arguments.case.read(false)?.case;
+    let evaluated = evaluated(&case, &arguments.options, text.as_deref())?;
+    if arguments.json {
+        return terminal::print_json(&Answer { case: &case.name, evaluated: &evaluated });
+    }
+    terminal::print(&table(&case, &evaluated.response))
+}
+
+/// The response of a case; `text` is the history's.
+pub(super) fn evaluated(
+    case: &Case,
+    options: &ResponseOptions,
+    text: Option<&str>,
+) -> Result<Evaluated, AppError> {
+    let mut history = history(options, text)?;
     let (mut all, mut of, mut proposed_links) = (Vec::<Measurement>::new(), Vec::new(), 0);
-    for (compartment, masks) in compartments(arguments, &history) {
-        let report = lesions_of(&case, arguments, masks)?;
+    for (compartment, masks) in compartments(options, &history) {
+        let report = found(case, &options.lesions, masks)?;
         let mut measured = measurements(&report, compartment);
         if !all.is_empty() {
             // Lesions of another mask have names of their own.
@@ -79,36 +122,32 @@ pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
         proposed_links += report.links.len();
         of.push((compartment, report.of));
     }
-    let response = evaluate(&history, &all)
-        .map_err(|e| AppError::wrong(place(arguments.history.as_deref(), &e.place), e.found, e.expected))?;
+    let response = evaluate(&history, &all).map_err(|e| wrong(options, e))?;
     if proposed_links > 0 {
         let text = format!(
             "calls rest on links between lesions of several dates that the program proposes, and no reader has verified: {proposed_links}"
         );
         terminal::warning("lesions-proposed", &text);
     }
-    if arguments.json {
-        return terminal::print_json(&Answer { case: &case.name, of, proposed_links, response });
-    }
-    terminal::print(&table(&case, &response))
+    Ok(Evaluated { of, proposed_links, response })
 }
 
-fn place(file: Option<&Path>, within: &str) -> String {
-    file.map_or_else(|| within.to_owned(), |file| format!("{}, {within}", file.display()))
+fn wrong(options: &ResponseOptions, error: HistoryError) -> AppError {
+    let HistoryError { place, found, expected } = error;
+    let file = options.history.as_ref().map(|file| format!("{}, {place}", file.display()));
+    AppError::wrong(file.unwrap_or(place), found, expected)
 }
 
 /// The history with the criteria that are asked for.
-fn history(arguments: &ResponseArguments) -> Result<History, AppError> {
-    let ResponseArguments { criteria, assessment, history, .. } = arguments;
-    let Some(path) = history else {
+fn history(options: &ResponseOptions, text: Option<&str>) -> Result<History, AppError> {
+    let ResponseOptions { criteria, assessment, .. } = options;
+    let Some(text) = text else {
         let criteria = criteria
             .ok_or_else(|| AppError::arguments("no criteria", "--criteria, or --history with a criterion"))?;
         let assessment = assessment.or((criteria == Criterion::Rano20).then_some(Assessment::Enhancing));
         return Ok(History::new(criteria, assessment));
     };
-    let text = read_small_text(path, MAX_BYTES, "a history")?;
-    let mut history = History::parse(&text)
-        .map_err(|e| AppError::wrong(place(Some(path), &e.place), e.found, e.expected))?;
+    let mut history = History::parse(text).map_err(|e| wrong(options, e))?;
     if let Some(criteria) = criteria {
         history.criterion = *criteria;
         if *criteria != Criterion::Rano20 {
@@ -122,8 +161,8 @@ fn history(arguments: &ResponseArguments) -> Result<History, AppError> {
 }
 
 /// The compartments that are measured, with the masks given for each.
-fn compartments<'a>(arguments: &'a ResponseArguments, history: &History) -> Vec<(Compartment, &'a [String])> {
-    let (of, other) = (arguments.lesions.of.as_slice(), arguments.non_enhancing.as_slice());
+fn compartments<'a>(options: &'a ResponseOptions, history: &History) -> Vec<(Compartment, &'a [String])> {
+    let (of, other) = (options.lesions.of.as_slice(), options.non_enhancing.as_slice());
     let is_non_enhancing =
         history.criterion == Criterion::RanoLgg || history.assessment == Some(Assessment::NonEnhancing);
     match (is_non_enhancing, other.is_empty()) {
@@ -132,14 +171,6 @@ fn compartments<'a>(arguments: &'a ResponseArguments, history: &History) -> Vec<
         (false, true) => vec![(Compartment::Enhancing, of)],
         (false, false) => vec![(Compartment::Enhancing, of), (Compartment::NonEnhancing, other)],
     }
-}
-
-fn lesions_of(
-    case: &Case,
-    arguments: &ResponseArguments,
-    masks: &[String],
-) -> Result<LesionsReport, AppError> {
-    found(case, &arguments.lesions, masks)
 }
 
 /// The calls as text.

@@ -14,12 +14,16 @@ use crate::{
     model::{Document, Session, masks::MaskLook},
 };
 
-/// `case` and `doc` with ids and names from which what identifies the patient is removed; unchanged in a report with the full
-/// identity.
+/// `case` and `doc` with ids and names from which what identifies the patient is removed, and the new name of each id that has one;
+/// unchanged in a report with the full identity.
 ///
 /// # Errors
 /// [`AppError`] where the document can't be renamed.
-pub fn anonymous(case: &Case, doc: Document, options: Options) -> Result<(Case, Document), AppError> {
+pub fn anonymous(
+    case: &Case,
+    doc: Document,
+    options: Options,
+) -> Result<(Case, Document, BTreeMap<String, String>), AppError> {
     let redactor = redactor(case, options);
     let names = renames(case, options, &redactor);
     let (shown, mut doc) = if names.is_empty() {
@@ -36,7 +40,7 @@ pub fn anonymous(case: &Case, doc: Document, options: Options) -> Result<(Case, 
         let name = look.name.as_ref().map(|name| redactor.text(name));
         doc.edit.masks.set(&id, &MaskLook { name, ..look });
     }
-    Ok((shown, doc))
+    Ok((shown, doc, names))
 }
 
 /// `case` alone, as [`anonymous`] names it.

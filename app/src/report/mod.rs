@@ -12,6 +12,7 @@ mod markdown;
 mod pdf;
 mod plot;
 mod recipe;
+mod responses;
 mod words;
 
 use std::sync::Arc;
@@ -22,6 +23,7 @@ use glioscope_core::{
     change::{self, ChangeOptions, ChangeReport, Choice},
     lesions::{self, LesionsReport, Of},
     measure::{self, conventions::Settings},
+    response::Response,
 };
 use glioscope_render::flat::Convention;
 use image::{ImageEncoder, codecs::png::PngEncoder};
@@ -30,7 +32,7 @@ pub use anonymous::{anonymous, anonymous_case};
 pub use document::Report;
 pub use html::recipe_in;
 pub use identity::Identity;
-pub use recipe::Recipe;
+pub use recipe::{Recipe, ResponseRecipe};
 pub use words::Language;
 
 use crate::{
@@ -102,13 +104,15 @@ pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>,
     }
 }
 
-/// The report of a case as its document shows it, both as [`anonymous`] gives them.
+/// The report of a case as its document shows it, both as [`anonymous`] gives them. `response`: what is evaluated of that case, and
+/// with what.
 ///
 /// # Errors
 /// [`AppError`] where a picture can't be drawn or an input can't be read.
 pub fn make(
     (case, doc): (&Arc<Case>, &Document),
     options: Options,
+    response: Option<&(Response, ResponseRecipe)>,
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Report, AppError> {
@@ -136,11 +140,15 @@ pub fn make(
         identity: options.identity,
         language: options.language,
         inputs: inputs.collect::<Result<_, _>>()?,
+        response: response.map(|(_, recipe)| recipe.clone()),
         session: session::value(doc, case, is_named)?,
     };
     let mut blocks = content.header();
     blocks.extend(content.findings(&own));
     blocks.extend(content.summary());
+    blocks.extend(
+        response.into_iter().flat_map(|(response, _)| responses::blocks(response, &words, &redactor)),
+    );
     blocks.push(Block::Heading(words.get("section-pictures")));
     blocks.extend(pictures(case, doc, &words, painter, progress)?);
     blocks.extend(content.changes());

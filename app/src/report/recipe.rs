@@ -2,7 +2,11 @@
 
 use std::{io::Read, path::Path};
 
-use glioscope_core::{Progress, files::open_regular};
+use glioscope_core::{
+    Progress,
+    files::open_regular,
+    response::{Assessment, Criterion},
+};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -27,8 +31,32 @@ pub struct Recipe {
     pub language: Language,
     /// The files that were read.
     pub inputs: Vec<Input>,
+    /// The response that it has; `None` without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub response: Option<ResponseRecipe>,
     /// The session as a session file has it; without the case's files unless the report is fully identified.
     pub session: serde_json::Value,
+}
+
+/// What the response in a report was evaluated with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ResponseRecipe {
+    /// The criteria, where they were given beside the history.
+    pub criteria: Option<Criterion>,
+    /// What is assessed, likewise.
+    pub assessment: Option<Assessment>,
+    /// The text of the history.
+    pub history: Option<String>,
+    /// The masks measured, by the names in the report; empty: the default.
+    pub of: Vec<String>,
+    /// The masks of non-enhancing disease.
+    pub non_enhancing: Vec<String>,
+    /// Smaller lesions are small.
+    pub smallest_ml: f64,
+    /// Components up to this distance are linked.
+    pub within_mm: f64,
+    /// Whether diameters are the pair with the largest product.
+    pub largest_product: bool,
 }
 
 /// A file that was read.

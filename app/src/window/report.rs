@@ -91,12 +91,12 @@ pub fn write(
     // Before seconds of drawing.
     inputs.refuse_as_output(path)?;
     let no_case = || AppError::file(path, "no case", "an open one");
-    let (case, doc) = report::anonymous(world.case().ok_or_else(no_case)?, doc, options)?;
+    let (case, doc, _) = report::anonymous(world.case().ok_or_else(no_case)?, doc, options)?;
     let loaded = Loaded::new(case);
     let case = loaded.case.clone();
     let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
     let mut painter = OffscreenApp::new(work, gpu, false)?;
-    let report = report::make((&case, &doc), options, &mut painter, progress)?;
+    let report = report::make((&case, &doc), options, None, &mut painter, progress)?;
     output::write(path, inputs, &report::write(&report, form, options.language)?)?;
     Ok(format!("Report written to {}", path.display()))
 }

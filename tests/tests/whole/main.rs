@@ -15,6 +15,7 @@ mod dicom;
 mod faults;
 mod figures;
 mod goldens;
+mod lesions;
 mod made_masks;
 mod monkey;
 mod real_views;

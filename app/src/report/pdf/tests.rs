@@ -24,6 +24,7 @@ fn report(blocks: Vec<Block>) -> Report {
         identity: Identity::None,
         language: Language::En,
         inputs: Vec::new(),
+        response: None,
         session: serde_json::Value::Null,
     };
     Report { language: "en".into(), title: "A title".into(), blocks, recipe }

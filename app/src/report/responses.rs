@@ -1,0 +1,128 @@
+//! Response by criteria: the calls with their reasons.
+
+use glioscope_core::response::{DateResponse, Judgement, Response, SumReport};
+
+use super::{
+    document::{Block, Finding, Table},
+    identity::Redactor,
+    words::Words,
+};
+
+/// The calls at all dates, then why.
+pub fn blocks(response: &Response, words: &Words, redactor: &Redactor) -> Vec<Block> {
+    let criteria = ("criteria", response.criterion.name().to_owned());
+    let head = ["date", "by-diameters", "by-volume", "from-baseline", "from-nadir"];
+    let row = |date: &DateResponse| {
+        let (diameters, volume) = (&date.by_diameters, &date.by_volume);
+        let sum = diameters.sums.first();
+        let change = |percent: &dyn Fn(&SumReport) -> Option<f64>| {
+            let percent =
+                sum.and_then(percent).map(|p| words.number(&format!("{p:+.1} %")).replace('-', "\u{2212}"));
+            percent.unwrap_or_default()
+        };
+        vec![
+            date.date.clone(),
+            call(diameters, words),
+            call(volume, words),
+            change(&|sum| sum.change_from_baseline_percent),
+            change(&|sum| sum.change_from_nadir_percent),
+        ]
+    };
+    let mut blocks = vec![
+        Block::Heading(words.with("section-response", std::slice::from_ref(&criteria))),
+        Block::Text(words.get("response-note")),
+        Block::Table(Table {
+            head: head.map(|key| words.get(key)).into(),
+            text_columns: 3,
+            rows: response.dates.iter().map(row).collect(),
+            note: None,
+        }),
+    ];
+    for date in &response.dates {
+        let mut list = Vec::new();
+        for (key, judgement) in [("by-diameters", &date.by_diameters), ("by-volume", &date.by_volume)] {
+            let of = words.get(key);
+            list.extend(reasons(judgement, words).into_iter().map(|(is_warning, text)| Finding {
+                is_warning,
+                text: redactor.text(&format!("{of}: {text}")),
+            }));
+        }
+        if !list.is_empty() {
+            blocks.push(Block::Text(format!("{}:", date.date)));
+            blocks.push(Block::Findings(list));
+        }
+    }
+    blocks
+}
+
+fn call(judgement: &Judgement, words: &Words) -> String {
+    let call = words.get(&format!("call-{}", judgement.call.short().replace([' ', ','], "-")));
+    if judgement.imaging_only { format!("{call} ({})", words.get("imaging-only")) } else { call }
+}
+
+/// Why the call is as it is, and what is missing for another: the latter as warnings.
+fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
+    let mut out: Vec<(bool, String)> =
+        judgement.reasons.iter().map(|reason| (false, reason.words.clone())).collect();
+    out.extend(judgement.confirmation.iter().map(|confirmation| (false, confirmation.words.clone())));
+    for sum in &judgement.sums {
+        for margin in [&sum.margin_from_baseline, &sum.margin_from_nadir].into_iter().flatten() {
+            if margin.straddles_percent.is_empty() {
+                continue;
+            }
+            let percent = |p: f64| words.number(&format!("{p:+.0} %"));
+            let variables = [
+                ("low", percent(margin.low_percent)),
+                ("high", percent(margin.high_percent)),
+                ("source", margin.source.clone()),
+            ];
+            out.push((true, words.with("within-margin", &variables)));
+        }
+        out.extend(sum.noise_alone.map(|noise| {
+            let noise = words.number(&format!("{:.1} %", noise * 100.0));
+            (false, words.with("noise-alone", &[("noise", noise)]))
+        }));
+    }
+    out.extend(judgement.missing.iter().map(|missing| {
+        let what = match &missing.assumed {
+            Some(assumed) => format!("{} ({}: {assumed})", missing.words, words.get("assumed")),
+            None => missing.words.clone(),
+        };
+        (true, words.with("missing", &[("what", what)]))
+    }));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use glioscope_core::response::Call;
+
+    use super::*;
+    use crate::report::Language;
+
+    #[test]
+    fn every_call_has_its_words_in_every_language() {
+        let all = [
+            Call::Baseline,
+            Call::BeforeBaseline,
+            Call::CompleteResponse,
+            Call::UnconfirmedCompleteResponse,
+            Call::PartialResponse,
+            Call::UnconfirmedPartialResponse,
+            Call::MinorResponse,
+            Call::UnconfirmedMinorResponse,
+            Call::StableDisease,
+            Call::Progression,
+            Call::PreliminaryProgression,
+            Call::Observe,
+            Call::CannotSay,
+        ];
+        for language in [Language::En, Language::De] {
+            let words = Words::new(language);
+            for call in all {
+                let key = format!("call-{}", call.short().replace([' ', ','], "-"));
+                assert_ne!(words.get(&key), key, "{language:?}");
+            }
+        }
+    }
+}

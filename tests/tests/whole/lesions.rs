@@ -1,0 +1,146 @@
+//! Metrics by convention, lesions over dates, and response, from the command line.
+
+use std::path::Path;
+
+use glioscope_core::{
+    Grid, Samples, Volume,
+    files::{WriteOptions, write_nifti},
+    glam::DVec3,
+    volume::Scaling,
+};
+use glioscope_tests::run;
+use serde_json::Value;
+
+use crate::PROGRAM;
+
+/// A mask of balls: centre and radius in millimetres.
+fn balls(path: &Path, balls: &[([f64; 3], f64)]) -> String {
+    let grid = Grid::axis_aligned([60, 60, 40], DVec3::ONE, DVec3::ZERO).unwrap();
+    let is_in = |at: usize| {
+        let place = grid.center_of_voxel_mm(grid.ijk(at));
+        balls.iter().any(|(center, radius)| place.distance(DVec3::from_array(*center)) < *radius)
+    };
+    let voxels = (0..grid.voxel_count()).map(|at| u8::from(is_in(at))).collect();
+    let volume = Volume::new(grid.clone(), Samples::U8(voxels), Scaling::NONE).unwrap();
+    write_nifti(path, &volume, &WriteOptions::default()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn answer(arguments: &[&str]) -> (Value, String) {
+    let output = run(PROGRAM, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {stderr}");
+    (serde_json::from_slice(&output.stdout).unwrap(), stderr)
+}
+
+fn refusal(arguments: &[&str]) -> String {
+    let output = run(PROGRAM, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    stderr.lines().last().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn a_shifted_ball_is_as_far_away_as_it_was_shifted_by_every_convention() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let a = format!("A={}", balls(&path("a.nii"), &[([20.0, 20.0, 20.0], 8.0)]));
+    let b = format!("B={}", balls(&path("b.nii"), &[([24.0, 20.0, 20.0], 8.0)]));
+    for convention in ["deepmind", "metrics-reloaded", "medpy", "brats", "panoptica"] {
+        let arguments =
+            ["measure", "--mask", &a, "--mask", &b, "--metrics", "--convention", convention, "--json"];
+        let (json, _) = answer(&arguments);
+        let pair = &json["time_points"][0]["pairs"][0];
+        assert_eq!((pair["a"].as_str(), pair["b"].as_str()), (Some("A"), Some("B")));
+        assert_eq!(pair["convention"], convention);
+        assert_eq!(pair["hd_mm"], 4.0, "{convention}: a shape moved by 4 mm");
+        let hd95 = pair["hd95_mm"].as_f64().unwrap();
+        assert!(hd95 > 2.0 && hd95 <= 4.0, "{convention}: {hd95}");
+        assert_eq!(pair["volume_similarity"], 1.0);
+        assert!(json["time_points"][0]["raters"].is_null(), "two masks are no raters");
+    }
+    let output = run(PROGRAM, &["measure", "--mask", &a, "--mask", &b, "--metrics", "--tau", "5"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("by deepmind") && text.contains("Surface Dice                 1.0000"), "{text}");
+    // What needs --metrics is refused without it, and an unknown convention always.
+    assert!(refusal(&["measure", "--mask", &a, "--tau", "2"]).contains("--metrics"));
+    let line = refusal(&["measure", "--mask", &a, "--metrics", "--convention", "own"]);
+    assert!(line.contains("expected deepmind, metrics-reloaded"), "{line}");
+}
+
+#[test]
+fn lesions_are_followed_and_judged_with_what_the_history_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    // A shrinks from 24 to 14 mm across: its product falls by two thirds. A fleck doesn't count.
+    let first = balls(&path("1.nii"), &[([20.0, 20.0, 20.0], 12.0), ([50.0, 50.0, 5.0], 1.5)]);
+    let second = balls(&path("2.nii"), &[([20.0, 20.0, 20.0], 7.0)]);
+    let third = balls(&path("3.nii"), &[([20.0, 20.0, 20.0], 7.0), ([45.0, 45.0, 20.0], 7.0)]);
+    let dated = |file: &str, date: &str| format!("T={file}@{date}");
+    let masks = [dated(&first, "2024-02-01"), dated(&second, "2024-03-14"), dated(&third, "2024-06-01")];
+    let case: Vec<&str> = masks.iter().flat_map(|mask| ["--mask", mask.as_str()]).collect();
+    let csv = path("lesions.csv");
+    let (json, _) = answer(&[&["lesions"], &case[..], &["--json", "--csv", csv.to_str().unwrap()]].concat());
+    let lesions = json["lesions"].as_array().unwrap();
+    let events = |lesion: &Value| -> Vec<String> {
+        let dates = lesion["dates"].as_array().unwrap();
+        dates.iter().map(|date| date["events"].to_string()).collect()
+    };
+    assert_eq!(
+        lesions.iter().map(|l| l["small"].as_bool().unwrap()).collect::<Vec<_>>(),
+        [false, false, true]
+    );
+    assert_eq!(events(&lesions[0]), ["[]", "[\"continued\"]", "[\"continued\"]"]);
+    assert_eq!(events(&lesions[1]), ["[]", "[]", "[\"born\"]"]);
+    let rows = std::fs::read_to_string(&csv).unwrap();
+    assert!(rows.starts_with("lesion,name,date,days,volume_ml,"), "{rows}");
+    assert!(rows.lines().any(|row| row.starts_with("A,,2024-03-14,42,")), "{rows}");
+
+    // Without a history nothing can be called, and what is missing is said.
+    let call =
+        |json: &Value, date: usize| json["dates"][date]["by_diameters"]["call"].as_str().unwrap().to_owned();
+    let response = |more: &[&str]| answer(&[&["response"], &case[..], &["--json"], more].concat());
+    let (json, _) = response(&["--criteria", "rano-2.0"]);
+    assert_eq!(call(&json, 1), "cannot_say");
+    assert!(!json["dates"][1]["by_diameters"]["missing"].as_array().unwrap().is_empty());
+    let history = path("history.toml");
+    let facts = "steroids_mg = 0\nclinical = \"stable\"\nnon_target = \"none\"\ntechnique_changed = []\n";
+    let text = format!(
+        "response = 1\ncriterion = \"rano-2.0\"\nassessment = \"enhancing\"\ndisease = \"recurrent\"\n\
+         radiotherapy_end = \"none\"\nbaseline = \"2024-02-01\"\ntreatment = []\n\
+         [[date]]\ndate = \"2024-02-01\"\n{facts}[[date]]\ndate = \"2024-03-14\"\n{facts}new_lesion = \"none\"\n\
+         [[date]]\ndate = \"2024-06-01\"\n{facts}"
+    );
+    glioscope_core::files::write_whole(&history, text.as_bytes()).unwrap();
+    let (json, stderr) = response(&["--history", history.to_str().unwrap()]);
+    let of_second = &json["dates"][1]["by_diameters"];
+    assert_eq!(call(&json, 0), "baseline");
+    // (14/24)² - 1 is -66 %; the next scan, with a new lesion, doesn't confirm it.
+    assert!(call(&json, 1).contains("partial_response"), "{of_second}");
+    let change = of_second["sums"][0]["change_from_baseline_percent"].as_f64().unwrap();
+    assert!((-68.0..-60.0).contains(&change), "{change}");
+    // The masks show a new measurable lesion.
+    assert_eq!(call(&json, 2), "progression", "{}", json["dates"][2]["by_diameters"]);
+    assert!(json["proposed_links"].as_u64() >= Some(2) && stderr.contains("[lesions-proposed]"), "{stderr}");
+
+    // The same calls in a report, which is made again with them.
+    let page = path("report.html");
+    let arguments = ["--history", history.to_str().unwrap(), "--software", "--out", page.to_str().unwrap()];
+    let output = run(PROGRAM, &[&["report"], &case[..], &arguments[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let html = std::fs::read_to_string(&page).unwrap();
+    for expected in
+        ["Response by RANO 2.0", "PD, progression", "Lesions of T", "Missing, and able to change the call"]
+    {
+        assert!(html.contains(expected), "{expected}");
+    }
+    let output = run(PROGRAM, &[&["replay", "--software", page.to_str().unwrap()], &case[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+
+    glioscope_core::files::write_whole(&history, b"response = 1\ncriterion = \"rano-3\"\n").unwrap();
+    let line = refusal(&[&["response"], &case[..], &["--history", history.to_str().unwrap()]].concat());
+    assert!(line.contains("history.toml, history, line 2: found") && line.contains("rano-2.0"), "{line}");
+    assert!(refusal(&[&["response"], &case[..]].concat()).contains("no criteria"));
+    let line = refusal(&[&["lesions"], &case[..], &["--of", "X"]].concat());
+    assert!(line.contains("found no mask X at any date, expected one of T"), "{line}");
+}

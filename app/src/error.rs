@@ -8,6 +8,8 @@ use glioscope_core::{
 };
 use glioscope_render::{GpuError, RenderError};
 
+use crate::page::PageError;
+
 /// Why an operation failed.
 #[derive(Debug, thiserror::Error)]
 pub enum AppError {
@@ -26,6 +28,9 @@ pub enum AppError {
     /// Lesions can't be found.
     #[error(transparent)]
     Lesions(#[from] LesionsError),
+    /// The page to take home can't be made.
+    #[error(transparent)]
+    Page(#[from] PageError),
     /// Ellipsoids can't be computed.
     #[error("ellipsoids: {0}")]
     Ellipsoids(#[from] EllipsoidError),

@@ -2,7 +2,7 @@
 //! numbers and pictures from a command line.
 //!
 //! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the
-//! loaded case and derived results), [`report`] (what is handed over), [`command`] (user actions), [`cpu_paint`] (the
+//! loaded case and derived results), [`words`] (sentences by language), [`report`] and [`page`] (what is handed over), [`command`] (user actions), [`cpu_paint`] (the
 //! interface without a graphics card), [`views`] (one file per pane), [`window`], [`cli`]. Views read the document and the
 //! world and write commands; commands change the document; the document determines what is derived and drawn.
 
@@ -15,8 +15,10 @@ pub mod format;
 pub mod model;
 pub mod output;
 pub mod pacs;
+pub mod page;
 pub mod report;
 pub mod theme;
 pub mod views;
 pub mod window;
+pub mod words;
 pub mod world;

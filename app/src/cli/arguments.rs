@@ -18,16 +18,14 @@ use super::{
     lesions::LesionArguments,
     measure::MeasureArguments,
     pacs::PacsTask,
+    page::PageArguments,
     parse::{self, LensArgument, View, keyword},
     register::RegisterArguments,
     response::{ResponseArguments, ResponseOptions},
     tracts::TractArguments,
     transform::TransformArguments,
 };
-use crate::{
-    model::CHANGE_SCALE_MM,
-    report::{Identity, Language},
-};
+use crate::{model::CHANGE_SCALE_MM, report::Identity, words::Language};
 
 /// Compares tumour segmentations. Without a subcommand it opens the window.
 #[derive(Debug, Parser)]
@@ -123,6 +121,8 @@ pub enum Task {
     Render(Box<RenderArguments>),
     /// Write a report: one HTML or PDF file with pictures and numbers, Markdown, or a folder with a file of each.
     Report(Box<ReportArguments>),
+    /// Write the page that a patient takes home: one HTML file that turns in a phone's browser.
+    Page(Box<PageArguments>),
     /// Make a report again from what it was made with, and say what differs.
     Replay(Box<ReplayArguments>),
     /// Write the embedded sample case as files.

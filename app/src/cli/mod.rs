@@ -13,6 +13,7 @@ mod light;
 mod measure;
 mod offscreen;
 mod pacs;
+mod page;
 mod parse;
 mod register;
 mod render;
@@ -94,6 +95,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report(arguments)) => report::run(&arguments),
+        Some(Task::Page(arguments)) => page::run(&arguments),
         Some(Task::Replay(arguments)) => replay::run(*arguments),
         Some(Task::Transform(arguments)) => transform::run(&arguments),
         Some(Task::Register(arguments)) => register::run(&arguments),

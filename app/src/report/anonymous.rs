@@ -7,7 +7,7 @@ use glioscope_core::case::Case;
 use super::{
     Options,
     identity::{Identity, Redactor},
-    words::Words,
+    sentences::words,
 };
 use crate::{
     error::AppError,
@@ -49,7 +49,7 @@ pub fn anonymous_case(case: &Case, options: Options) -> Case {
 }
 
 fn redactor(case: &Case, options: Options) -> Redactor {
-    Redactor::new(case, options.identity, Words::new(options.language).get("removed"))
+    Redactor::new(case, options.identity, words(options.language).get("removed"))
 }
 
 fn with_names(case: &Case, names: &BTreeMap<String, String>) -> Case {

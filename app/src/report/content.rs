@@ -15,8 +15,8 @@ use super::{
     document::{Block, Finding, Table},
     identity::{Identity, Redactor, initials},
     plot::{Plot, Series},
-    words::Words,
 };
+use crate::words::Words;
 use crate::{format, model::Document, world::colors_of};
 
 /// Rows of the table of regions; the smallest ones beyond are counted.

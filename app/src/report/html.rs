@@ -3,10 +3,8 @@
 use base64::{Engine, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::{
-    document::{Block, Finding, Picture, Report, Table},
-    words::Words,
-};
+use super::document::{Block, Finding, Picture, Report, Table};
+use crate::words::Words;
 
 /// The id of the element that holds the recipe.
 const RECIPE_ID: &str = "glioscope-recipe";

@@ -1,9 +1,7 @@
 //! A report as Markdown, without its pictures.
 
-use super::{
-    document::{Block, Report, Table},
-    words::Words,
-};
+use super::document::{Block, Report, Table};
+use crate::words::Words;
 
 /// The report as Markdown.
 pub fn markdown(report: &Report, words: &Words) -> String {

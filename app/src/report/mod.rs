@@ -13,7 +13,7 @@ mod pdf;
 mod plot;
 mod recipe;
 mod responses;
-mod words;
+mod sentences;
 
 use std::sync::Arc;
 
@@ -33,17 +33,17 @@ pub use document::Report;
 pub use html::recipe_in;
 pub use identity::Identity;
 pub use recipe::{Recipe, ResponseRecipe};
-pub use words::Language;
 
 use crate::{
     error::AppError,
     model::{Document, PaneId, session},
+    words::{Language, Words},
 };
 use content::Content;
 use document::{Block, Picture};
 use identity::Redactor;
 use recipe::Input;
-use words::Words;
+use sentences::words;
 
 /// Draws panes for a report.
 pub trait Painter {
@@ -95,7 +95,7 @@ impl Form {
 /// # Errors
 /// [`AppError`] where PDF can't hold it.
 pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>, AppError> {
-    let words = Words::new(language);
+    let words = words(language);
     match form {
         Form::Html => Ok(html::html(report, &words).into_bytes()),
         Form::Markdown => Ok(markdown::markdown(report, &words).into_bytes()),
@@ -116,7 +116,7 @@ pub fn make(
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Report, AppError> {
-    let words = Words::new(options.language);
+    let words = words(options.language);
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
     let (changes, own) = changes(case, doc, progress)?;
     let compared = measure::compared(case, &Settings::default(), progress)?;

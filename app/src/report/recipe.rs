@@ -10,8 +10,9 @@ use glioscope_core::{
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{identity::Identity, words::Language};
+use super::identity::Identity;
 use crate::error::AppError;
+use crate::words::Language;
 
 /// The version of recipes that this program writes and reads.
 pub const VERSION: u64 = 1;

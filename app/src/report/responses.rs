@@ -5,8 +5,8 @@ use glioscope_core::response::{DateResponse, Judgement, Response, SumReport};
 use super::{
     document::{Block, Finding, Table},
     identity::Redactor,
-    words::Words,
 };
+use crate::words::Words;
 
 /// The calls at all dates, then why.
 pub fn blocks(response: &Response, words: &Words, redactor: &Redactor) -> Vec<Block> {
@@ -97,8 +97,7 @@ fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
 mod tests {
     use glioscope_core::response::Call;
 
-    use super::*;
-    use crate::report::Language;
+    use crate::{report::sentences::words, words::Language};
 
     #[test]
     fn every_call_has_its_words_in_every_language() {
@@ -118,7 +117,7 @@ mod tests {
             Call::CannotSay,
         ];
         for language in [Language::En, Language::De] {
-            let words = Words::new(language);
+            let words = words(language);
             for call in all {
                 let key = format!("call-{}", call.short().replace([' ', ','], "-"));
                 assert_ne!(words.get(&key), key, "{language:?}");

@@ -16,7 +16,8 @@ use crate::{
     error::AppError,
     model::Document,
     output,
-    report::{self, Form, Identity, Language},
+    report::{self, Form, Identity},
+    words::Language,
     world::{Loaded, World},
 };
 

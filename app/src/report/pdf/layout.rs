@@ -13,10 +13,8 @@ use super::{
     table,
     text::{Fonts, Line},
 };
-use crate::report::{
-    document::{Block, Finding, Picture, Report},
-    words::Words,
-};
+use crate::report::document::{Block, Finding, Picture, Report};
+use crate::words::Words;
 
 const TITLE: Style = Style::bold(17.0);
 const HEADING: Style = Style::bold(12.5);

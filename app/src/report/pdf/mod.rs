@@ -7,7 +7,8 @@ mod table;
 mod text;
 mod write;
 
-use super::{document::Report, words::Words};
+use super::document::Report;
+use crate::words::Words;
 
 /// The report as PDF. The same report gives the same bytes; the date in it is a fixed one.
 ///

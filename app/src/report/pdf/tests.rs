@@ -13,8 +13,9 @@ use crate::report::{
     identity::Identity,
     plot::{Anchor, Plot, Series, Shape},
     recipe::Recipe,
-    words::{Language, Words},
+    sentences,
 };
+use crate::words::{Language, Words};
 
 fn report(blocks: Vec<Block>) -> Report {
     let recipe = Recipe {
@@ -31,7 +32,7 @@ fn report(blocks: Vec<Block>) -> Report {
 }
 
 fn words() -> Words {
-    Words::new(Language::En)
+    sentences::words(Language::En)
 }
 
 fn table(columns: usize, rows: usize, cell: &str) -> Table {

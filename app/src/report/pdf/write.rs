@@ -24,8 +24,8 @@ use super::{
 use crate::report::{
     document::{Block, Report},
     plot::{Anchor, DOT_PT, Plot, Shape, TEXT_PT},
-    words::Words,
 };
+use crate::words::Words;
 
 const FOOT: Style = Style::plain(8.0, SOFT);
 /// Thickness of the line around letters, as a share of their height: Ubuntu Light is thin on paper, and has no bold.

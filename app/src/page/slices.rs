@@ -1,0 +1,207 @@
+//! Slices as pictures: the image as PNG, outlines as paths.
+
+use glioscope_core::{
+    Mask, Volume,
+    case::TimePoint,
+    glam::{DVec2, DVec3},
+};
+use image::{
+    ExtendedColorType, ImageEncoder,
+    codecs::png::{CompressionType, FilterType, PngEncoder},
+};
+
+use super::{
+    PageError, Plane, Slice,
+    contour::{Field, path},
+};
+
+/// Side of a picture's pixels: finer than the slices of most scans, and enough for a phone.
+const PIXEL_MM: f64 = 0.8;
+/// Distance of the slices among which the largest is searched.
+const SEARCH_MM: f64 = 1.0;
+/// Percentile of the image that is white.
+const WHITE: usize = 99;
+/// An image with values below is a CT.
+const AIR_HU: f64 = -500.0;
+/// The usual window of soft tissue: 400 about 40.
+const SOFT_TISSUE_HU: [f64; 2] = [-160.0, 240.0];
+/// Room around the masks in the outline of true size.
+const TRUE_SIZE_MARGIN_MM: f64 = 1.0;
+
+/// A box, world millimetres.
+pub type Box3 = (DVec3, DVec3);
+
+impl Plane {
+    /// All, in the order in which they are shown.
+    pub const ALL: [Self; 3] = [Self::Axial, Self::Coronal, Self::Sagittal];
+
+    /// Directions to the right and down in the picture, world axes (RAS+).
+    pub(super) fn axes(self) -> [DVec3; 2] {
+        match self {
+            Self::Axial => [DVec3::NEG_X, DVec3::NEG_Y],
+            Self::Coronal => [DVec3::NEG_X, DVec3::NEG_Z],
+            Self::Sagittal => [DVec3::NEG_Y, DVec3::NEG_Z],
+        }
+    }
+}
+
+/// Interpolates `value` at a place in voxels (centres at whole numbers); `outside` beyond the grid.
+pub fn trilinear(dims: [usize; 3], at: DVec3, outside: f64, value: &dyn Fn([usize; 3]) -> f64) -> f64 {
+    let floor = at.floor();
+    let part = (at - floor).to_array();
+    let floor = floor.to_array();
+    let mut sum = 0.0;
+    for corner in 0..8 {
+        let up = [corner & 1, corner >> 1 & 1, corner >> 2 & 1];
+        let weight: f64 =
+            (0..3).map(|axis| if up[axis] == 1 { part[axis] } else { 1.0 - part[axis] }).product();
+        if weight == 0.0 {
+            continue;
+        }
+        let place = [0, 1, 2].map(|axis| floor[axis] + f64::from(up[axis]));
+        let is_inside = (0..3).all(|axis| place[axis] >= 0.0 && place[axis] < dims[axis] as f64);
+        sum += weight * if is_inside { value(place.map(|v| v as usize)) } else { outside };
+    }
+    sum
+}
+
+/// Where a picture lies: its upper left corner, directions and size.
+struct Sheet {
+    corner_mm: DVec3,
+    axes: [DVec3; 2],
+    pixels: [usize; 2],
+    pixel_mm: f64,
+}
+
+impl Sheet {
+    /// The part of the plane through `center_mm` that covers `around`.
+    fn new(plane: Plane, center_mm: DVec3, (lo, hi): Box3, pixel_mm: f64) -> Self {
+        let axes = plane.axes();
+        let range = axes.map(|axis| {
+            let [a, b] = [lo.dot(axis), hi.dot(axis)];
+            [a.min(b), a.max(b)]
+        });
+        let normal = axes[0].cross(axes[1]);
+        let corner_mm = axes[0] * range[0][0] + axes[1] * range[1][0] + normal * center_mm.dot(normal);
+        let pixels = range.map(|[a, b]| ((b - a) / pixel_mm).ceil().max(1.0) as usize);
+        Self { corner_mm, axes, pixels, pixel_mm }
+    }
+
+    /// The part with the points of `loops` and a margin, on the same pixels; `None` without points.
+    fn cropped(&self, loops: &[Vec<[f64; 2]>], margin_mm: f64) -> Option<Self> {
+        let points = || loops.iter().flatten().map(|p| DVec2::from_array(*p));
+        let first = points().next()?;
+        let (lo, hi) = points().fold((first, first), |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let start = ((lo - margin_mm) / self.pixel_mm).floor() * self.pixel_mm;
+        let pixels = ((hi + margin_mm - start) / self.pixel_mm).ceil();
+        let corner_mm = self.corner_mm + self.axes[0] * start.x + self.axes[1] * start.y;
+        Some(Self { corner_mm, pixels: pixels.to_array().map(|n| n as usize), ..*self })
+    }
+
+    fn size_mm(&self) -> [f64; 2] {
+        self.pixels.map(|n| n as f64 * self.pixel_mm)
+    }
+
+    fn sample(&self, mut at: impl FnMut(DVec3) -> f64) -> Field {
+        let [width, height] = self.pixels;
+        let values = (0..width * height).map(|n| {
+            let shift = DVec2::new((n % width) as f64 + 0.5, (n / width) as f64 + 0.5) * self.pixel_mm;
+            at(self.corner_mm + self.axes[0] * shift.x + self.axes[1] * shift.y)
+        });
+        Field { values: values.collect(), size: self.pixels, pixel_mm: self.pixel_mm }
+    }
+
+    fn mask(&self, mask: &Mask) -> Field {
+        let to_voxel = mask.grid().voxel_from_world();
+        let value = |ijk: [usize; 3]| f64::from(u8::from(mask.bits().get(ijk)));
+        self.sample(|mm| trilinear(mask.grid().dims(), to_voxel.transform_point3(mm), 0.0, &value))
+    }
+
+    fn level(&self, time: &TimePoint, count: usize) -> Field {
+        let grid = time.index.grid();
+        let to_voxel = grid.voxel_from_world();
+        let value = |ijk: [usize; 3]| {
+            f64::from(u8::from(time.index.get(grid.linear(ijk)).count_ones() as usize >= count))
+        };
+        self.sample(|mm| trilinear(grid.dims(), to_voxel.transform_point3(mm), 0.0, &value))
+    }
+
+    fn picture(&self, image: &Volume, window: [f64; 2]) -> Result<Vec<u8>, PageError> {
+        let to_voxel = image.grid().voxel_from_world();
+        let value = |ijk: [usize; 3]| image.value(image.grid().linear(ijk));
+        let field = self
+            .sample(|mm| trilinear(image.grid().dims(), to_voxel.transform_point3(mm), window[0], &value));
+        let [black, white] = window;
+        let gray = |v: &f64| ((v - black) / (white - black).max(f64::MIN_POSITIVE) * 255.0).round() as u8;
+        let bytes: Vec<u8> = field.values.iter().map(gray).collect();
+        let [width, height] = self.pixels.map(|n| n as u32);
+        let mut png = Vec::new();
+        PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
+            .write_image(&bytes, width, height, ExtendedColorType::L8)
+            .map_err(|why| PageError::Picture(why.to_string()))?;
+        Ok(png)
+    }
+}
+
+/// What black and white mean: air and a percentile of the values above it, or soft tissue where values are Hounsfield units.
+/// `None` for an even image.
+fn window(image: &Volume) -> Option<[f64; 2]> {
+    let mut values: Vec<f32> = image.to_f32().into_iter().filter(|v| v.is_finite()).collect();
+    let least = values.iter().copied().fold(f32::INFINITY, f32::min);
+    if f64::from(least) < AIR_HU {
+        return Some(SOFT_TISSUE_HU);
+    }
+    values.retain(|v| *v > least);
+    values.sort_unstable_by(f32::total_cmp);
+    let white = values.get(values.len().checked_sub(1)? * WHITE / 100)?;
+    (*white > least).then_some([f64::from(least), f64::from(*white)])
+}
+
+/// Paths of all masks and levels in a sheet, by their place in the page.
+fn paths(sheet: &Sheet, time: &TimePoint, ids: &[&str], levels: usize) -> [Vec<String>; 2] {
+    let masks = ids.iter().map(|id| {
+        let mask = time.masks.iter().find(|m| m.mask.id() == *id);
+        mask.map(|m| path(&sheet.mask(&m.mask).loops_mm())).unwrap_or_default()
+    });
+    let levels = (1..=levels).map(|count| path(&sheet.level(time, count).loops_mm()));
+    [masks.collect(), levels.collect()]
+}
+
+/// The three slices through `center_mm` that cover `around`.
+pub fn slices(
+    (time, image): (&TimePoint, Option<&Volume>),
+    (ids, levels): (&[&str], usize),
+    center_mm: DVec3,
+    around: Box3,
+) -> Result<Vec<Slice>, PageError> {
+    let shown = image.and_then(|image| Some((image, window(image)?)));
+    let one = |plane: Plane| {
+        let sheet = Sheet::new(plane, center_mm, around, PIXEL_MM);
+        let png = shown.map(|(image, window)| sheet.picture(image, window)).transpose()?;
+        let [masks, levels] = paths(&sheet, time, ids, levels);
+        Ok(Slice { plane, size_mm: sheet.size_mm(), png, masks, levels })
+    };
+    Plane::ALL.into_iter().map(one).collect()
+}
+
+/// The axial slice in which what any mask holds has the largest area; `None` where nothing is active.
+pub fn largest(time: &TimePoint, (ids, levels): (&[&str], usize), (lo, hi): Box3) -> Option<Slice> {
+    let around = (lo - TRUE_SIZE_MARGIN_MM, hi + TRUE_SIZE_MARGIN_MM);
+    let count = ((hi.z - lo.z) / SEARCH_MM).floor().max(0.0) as usize;
+    let at = |n: usize| DVec3::new(lo.x, lo.y, lo.z + (n as f64 + 0.5) * SEARCH_MM);
+    let area = |n: usize| {
+        let sheet = Sheet::new(Plane::Axial, at(n), around, 2.0 * SEARCH_MM);
+        let active = sheet.sample(|mm| f64::from(u8::from(time.index.at_mm(mm) != 0)));
+        active.values.iter().sum::<f64>()
+    };
+    // The first of equals.
+    let best = (0..=count).map(|n| (n, area(n))).fold(None, |best: Option<(usize, f64)>, one| match best {
+        Some(b) if b.1 >= one.1 => Some(b),
+        _ => Some(one),
+    });
+    let (n, _) = best.filter(|(_, area)| *area > 0.0)?;
+    let sheet = Sheet::new(Plane::Axial, at(n), around, PIXEL_MM / 2.0);
+    let sheet = sheet.cropped(&sheet.level(time, 1).loops_mm(), TRUE_SIZE_MARGIN_MM)?;
+    let [masks, levels] = paths(&sheet, time, ids, levels);
+    Some(Slice { plane: Plane::Axial, size_mm: sheet.size_mm(), png: None, masks, levels })
+}

@@ -309,6 +309,17 @@ pub fn run(program: &str, arguments: &[&str]) -> Output {
     }
 }
 
+/// What the program says when it refuses these arguments: its last line on stderr.
+///
+/// # Panics
+/// When it ends with another exit code than 2.
+pub fn refusal(program: &str, arguments: &[&str]) -> String {
+    let output = run(program, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+    stderr.lines().last().unwrap_or_default().to_owned()
+}
+
 /// A folder of real data, or `None` after printing that the test is skipped.
 pub fn real_data(folder: &str) -> Option<PathBuf> {
     let root = std::env::var_os("GLIOSCOPE_REAL_DATA")

@@ -18,10 +18,7 @@ fn json(arguments: &[&str]) -> Value {
 }
 
 fn refusal(arguments: &[&str]) -> String {
-    let output = run(PROGRAM, arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
-    stderr.lines().last().unwrap_or_default().to_owned()
+    glioscope_tests::refusal(PROGRAM, arguments)
 }
 
 fn text(path: &Path) -> &str {

@@ -41,10 +41,7 @@ fn words(page: &str) -> String {
 }
 
 fn refusal(arguments: &[&str]) -> String {
-    let output = run(PROGRAM, arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
-    stderr.lines().last().unwrap_or_default().to_owned()
+    glioscope_tests::refusal(PROGRAM, arguments)
 }
 
 #[test]
@@ -168,4 +165,43 @@ fn a_report_never_replaces_a_file_unasked_nor_an_input() {
     let line =
         refusal(&["report", "--mask", &mask, "--identity", "full", "--out", text(&folder.path().join("f"))]);
     assert!(line.contains("--identity: found \"a folder\""), "{line}");
+}
+
+#[test]
+fn a_page_to_take_home_has_no_names_and_takes_edited_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    ball(&at("m.nii.gz"), 7.0);
+    ball(&at("n.nii.gz"), 6.0);
+    let masks = ["Rater-Miller", "Rater-Smith"].iter().zip(["m.nii.gz", "n.nii.gz"]);
+    let masks: Vec<String> = masks.map(|(id, file)| format!("{id}={}@2024-01-01", text(&at(file)))).collect();
+    let page = |more: &[&str], out: &str| {
+        let out = at(out);
+        let case = ["page", "--mask", &masks[0], "--mask", &masks[1], "--out", text(&out)];
+        let output = run(PROGRAM, &[&case[..], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        std::fs::read_to_string(&out).unwrap()
+    };
+    let words = at("words.md");
+    let plain = page(&["--write-text", text(&words)], "plain.html");
+    for canary in ["Miller", "Smith", "2024", text(folder.path()), "m.nii"] {
+        assert!(!plain.contains(canary), "{canary}");
+    }
+    assert_eq!(plain, page(&["--text", text(&words)], "again.html"), "its own words given back");
+    let named = page(&["--names", "--dates"], "named.html");
+    assert!(named.contains("Rater-Miller") && named.contains("2024-01-01"));
+    std::fs::write(&words, "# Liebe Frau M.\n\nEin Satz mit <b>Zeichen</b>.").unwrap();
+    let edited = page(&["--text", text(&words), "--language", "de"], "edited.html");
+    assert!(
+        edited.contains("Liebe Frau M.")
+            && edited.contains("&lt;b&gt;Zeichen")
+            && edited.contains("lang=\"de\"")
+    );
+    let mask = masks[0].as_str();
+    let line = refusal(&["page", "--mask", mask, "--out", text(&at("plain.html"))]);
+    assert!(line.contains("found a file that exists"), "{line}");
+    let line = refusal(&["page", "--mask", mask, "--out", text(&at("page.pdf"))]);
+    assert!(line.contains("expected .html"), "{line}");
+    let line = refusal(&["page", "--mask", mask, "--image", "T1", "--out", text(&at("x.html"))]);
+    assert!(line.contains("found \"T1\", expected the name of an image of the case"), "{line}");
 }

@@ -170,6 +170,9 @@ pub struct ReplayArguments {
     /// The case as a path: a manifest, a folder, a file or a session.
     #[arg(long, value_name = "PATH")]
     pub of: Option<PathBuf>,
+    /// The history of its response, where the report doesn't have it.
+    #[arg(long, value_name = "FILE")]
+    pub history: Option<PathBuf>,
     /// Use only the software graphics adapter.
     #[arg(long)]
     pub software: bool,

@@ -93,11 +93,14 @@ pub struct LesionArguments {
     /// Also write one row per lesion and date to this file.
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
+    /// Write over a file that exists.
+    #[arg(long, requires = "csv")]
+    pub force: bool,
 }
 
 pub(super) fn run(arguments: &LesionArguments) -> Result<(), AppError> {
     let case = arguments.case.read(false)?.case;
-    arguments.csv.iter().try_for_each(|path| case.inputs.refuse_as_output(path))?;
+    arguments.csv.iter().try_for_each(|path| output::refuse(path, &case.inputs, arguments.force))?;
     let report = found(&case, &arguments.options, &arguments.options.of)?;
     if let Some(path) = &arguments.csv {
         output::write(path, &case.inputs, &lesions::csv(&report))?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use glioscope_core::files::read_small_text;
+use glioscope_core::files::{absolute, read_small_text};
 use glioscope_render::agreement_color;
 
 use super::{case::CaseArguments, terminal};
@@ -63,8 +63,11 @@ pub(super) fn run(arguments: &PageArguments) -> Result<(), AppError> {
     let (Some(case), Some(doc)) = (work.world.case(), &work.doc) else {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
     };
-    let outputs = std::iter::once(out).chain(write_text);
-    outputs.clone().try_for_each(|path| output::refuse(path, &case.inputs, *force))?;
+    let mut outputs = std::iter::once(out).chain(write_text);
+    outputs.try_for_each(|path| output::refuse(path, &case.inputs, *force))?;
+    if write_text.as_ref().is_some_and(|path| absolute(path) == absolute(out)) {
+        return Err(AppError::file(out, "the page and its words in one file", "two files"));
+    }
     let colors: Vec<_> = case.time_points.iter().map(|time| colors_of(doc, time)).collect();
     let color = |date: usize, mask: usize| colors.get(date).map_or([128; 3], |colors| colors.mask(mask));
     let name = |id: &str| if *names { doc.edit.masks.name(id) } else { String::new() };
@@ -76,9 +79,9 @@ pub(super) fn run(arguments: &PageArguments) -> Result<(), AppError> {
     };
     let content = terminal::with_progress(|progress| page::content(case, &color, &name, &options, progress))?;
     let words = page::words(*language);
+    output::write(out, &case.inputs, page::page(&content, &words).as_bytes())?;
     if let Some(path) = write_text {
         output::write(path, &case.inputs, page::default_text(&content, &words).as_bytes())?;
     }
-    output::write(out, &case.inputs, page::page(&content, &words).as_bytes())?;
     terminal::print(&format!("page written to {}", out.display()))
 }

@@ -2,7 +2,7 @@
 
 use std::{io::Read, path::Path};
 
-use glioscope_core::files::open_regular;
+use glioscope_core::files::{open_regular, read_small_text};
 
 use super::{
     arguments::ReplayArguments,
@@ -13,7 +13,7 @@ use super::{
 use crate::{
     error::AppError,
     model::{CaseRef, Session, made, session},
-    report::{Form, Identity, Options, Recipe, Report, anonymous_case, recipe_in, write},
+    report::{Form, Identity, Options, Recipe, Report, ResponseRecipe, anonymous_case, recipe_in, write},
     world::load::{self, ReadCase, Request},
 };
 
@@ -23,13 +23,14 @@ const MAX_BYTES: u64 = 256 << 20;
 const MOST_NAMED: usize = 8;
 
 pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
-    let ReplayArguments { report: path, case, of, software } = arguments;
+    let ReplayArguments { report: path, case, of, history, software } = arguments;
     let bytes = read(&path)?;
     let recipe = recipe(&path, &bytes)?;
     let given = CaseArguments { path: of, parts: case, tracts: Vec::new() };
     let options = Options { identity: recipe.identity, language: recipe.language };
     let session = session(&path, &recipe)?;
-    let asked = recipe.response.as_ref().map(Asked::of_recipe);
+    let asked =
+        recipe.response.as_ref().map(|response| asked(&path, response, history.as_deref())).transpose()?;
     let again = match (recipe.identity, given.reference()?) {
         (Identity::Full, None) => report::make(read_case(session, &given, None)?, options, asked, software)?,
         // Nothing was read: the embedded sample.
@@ -84,6 +85,23 @@ fn recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, AppError> {
     let json = recipe_in(page).ok_or_else(|| AppError::file(path, "no recipe", expected))?;
     serde_json::from_str(json)
         .map_err(|e| AppError::file(path, format!("a recipe that can't be read ({e})"), expected))
+}
+
+/// The response that the report has. Its history stands in it only with the full identity.
+fn asked(path: &Path, response: &ResponseRecipe, history: Option<&Path>) -> Result<Asked, AppError> {
+    let is_elsewhere = response.history.is_none() && response.history_sha256.is_some();
+    let text = match history {
+        None if is_elsewhere => {
+            return Err(AppError::file(
+                path,
+                "a response whose history isn't in the report",
+                "--history FILE",
+            ));
+        }
+        None => None,
+        Some(history) => Some(read_small_text(history, MAX_BYTES, "a history")?),
+    };
+    Ok(Asked::of_recipe(response, text))
 }
 
 /// The session in a report. It belongs to the report, not to a file that is saved.

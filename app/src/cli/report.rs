@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glioscope_core::{case::Case, files::Inputs, response::Response};
+use glioscope_core::{case::Case, response::Response};
 
 use super::{
     arguments::ReportArguments,
@@ -17,7 +17,7 @@ use crate::{
     error::AppError,
     model::Document,
     output,
-    report::{self, Form, Options, Report, ResponseRecipe},
+    report::{self, Form, Identity, Options, Report, ResponseRecipe, sha256},
     window::offscreen_app::OffscreenApp,
     world::{Loaded, World, load::ReadCase},
 };
@@ -37,22 +37,18 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
         if out.extension().is_some() && !out.is_dir() {
             return Err(AppError::file(out, "a file of another kind", ".html, .pdf, .md, or a folder"));
         }
-        return report_folder::run(case, out, *software);
+        return report_folder::run(case, out, *force, *software);
     };
     let asked = Asked::of(response)?;
     let read = case.read(true)?;
-    let inputs = inputs(&read.case, case.path.as_deref());
+    let inputs = [&case.path, &response.history].into_iter().flatten();
+    let inputs = inputs.fold(read.case.inputs.clone(), |inputs, path| inputs.with(path.clone()));
     output::refuse(out, &inputs, *force)?;
     let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
     let report = make(read, options, asked, *software)?;
     let bytes = report::write(&report, form, options.language)?;
     output::write(out, &inputs, &bytes)?;
     terminal::print(&format!("report written to {}", out.display()))
-}
-
-/// The files that aren't written over: those of the case, and the session.
-fn inputs(case: &Case, path: Option<&std::path::Path>) -> Inputs {
-    path.into_iter().fold(case.inputs.clone(), |inputs, path| inputs.with(path.to_owned()))
 }
 
 /// The response that a report is to have.
@@ -64,12 +60,22 @@ pub(super) struct Asked {
 
 impl Asked {
     fn of(options: &ResponseOptions) -> Result<Option<Self>, AppError> {
+        let ResponseOptions { assessment, non_enhancing, lesions, .. } = options;
+        let of_response =
+            [assessment.is_some(), !non_enhancing.is_empty(), !lesions.of.is_empty()].contains(&true);
+        if of_response && !options.is_asked() {
+            return Err(AppError::arguments(
+                "options of a response without criteria",
+                "--criteria, or --history with a criterion",
+            ));
+        }
         let text = options.history_text()?;
         Ok(options.is_asked().then(|| Self { options: options.clone(), text }))
     }
 
     /// That of an earlier report.
-    pub(super) fn of_recipe(recipe: &ResponseRecipe) -> Self {
+    /// `text`: the history where the recipe doesn't have it.
+    pub(super) fn of_recipe(recipe: &ResponseRecipe, text: Option<String>) -> Self {
         let diameters = if recipe.largest_product { Diameters::LargestProduct } else { Diameters::default() };
         let lesions = LesionOptions {
             of: recipe.of.clone(),
@@ -84,15 +90,16 @@ impl Asked {
             non_enhancing: recipe.non_enhancing.clone(),
             lesions,
         };
-        Self { options, text: recipe.history.clone() }
+        Self { options, text: recipe.history.clone().or(text) }
     }
 
-    fn recipe(&self) -> ResponseRecipe {
+    fn recipe(&self, identity: Identity) -> ResponseRecipe {
         let LesionOptions { of, smallest, within, diameters } = &self.options.lesions;
         ResponseRecipe {
             criteria: self.options.criteria,
             assessment: self.options.assessment,
-            history: self.text.clone(),
+            history: self.text.clone().filter(|_| identity == Identity::Full),
+            history_sha256: self.text.as_ref().map(|text| sha256(text.as_bytes())),
             of: of.clone(),
             non_enhancing: self.options.non_enhancing.clone(),
             smallest_ml: *smallest,
@@ -136,8 +143,10 @@ pub(super) fn of_anonymous(
     asked: Option<&Asked>,
     software: bool,
 ) -> Result<Report, AppError> {
-    let evaluate = |asked: &Asked| -> Result<(Response, ResponseRecipe), AppError> {
-        Ok((evaluated(&case, &asked.options, asked.text.as_deref())?.response, asked.recipe()))
+    let hides_authors = options.identity != Identity::Full;
+    let evaluate = |asked: &Asked| -> Result<(Response, Vec<String>, ResponseRecipe), AppError> {
+        let found = evaluated(&case, &asked.options, asked.text.as_deref(), hides_authors)?;
+        Ok((found.response, found.warnings, asked.recipe(options.identity)))
     };
     let response = asked.map(evaluate).transpose()?;
     let loaded = Loaded::new(case);

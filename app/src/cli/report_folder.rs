@@ -25,12 +25,21 @@ const NUMBERS: &str = "measure.json";
 /// Maximum size of the numbers of a report that is replaced.
 const MAX_BYTES: u64 = 1 << 30;
 
-pub(super) fn run(case: &CaseArguments, out: &Path, software: bool) -> Result<(), AppError> {
-    let read = case.read(true)?;
+pub(super) fn run(
+    arguments: &CaseArguments,
+    out: &Path,
+    force: bool,
+    software: bool,
+) -> Result<(), AppError> {
+    let read = arguments.read(true)?;
     let case = &read.case;
     let inputs = case.inputs.clone();
     names().try_for_each(|name| inputs.refuse_as_output(&out.join(name)))?;
     let replaced = earlier_report(out, &case.name)?;
+    // Cases of --mask all go by one name: that doesn't tell patients apart.
+    if arguments.path.is_none() && !arguments.parts.sample && !force && !replaced.is_empty() {
+        return Err(AppError::file(out, "a report, maybe of another case", "another folder, or --force"));
+    }
     let _made = NewFolder::make(out)?;
     // Everything is written here first: a report is put in place whole, and never beside pictures of another one.
     let new = temporary_folder(out)?;

@@ -8,7 +8,7 @@ use glioscope_core::{
     files::read_small_text,
     response::{
         Assessment, Compartment, Criterion, DateResponse, History, HistoryError, Judgement, Measurement,
-        Response, evaluate, measurements, with_new_lesions,
+        Response, contradictions, evaluate, measurements, with_days, with_new_lesions,
     },
 };
 use serde::Serialize;
@@ -78,6 +78,8 @@ pub(super) struct Evaluated {
     of: Vec<(Compartment, String)>,
     /// Links between lesions that no reader has verified.
     proposed_links: usize,
+    /// Where the history and the masks contradict each other.
+    pub(super) warnings: Vec<String>,
     #[serde(flatten)]
     pub(super) response: Response,
 }
@@ -95,21 +97,26 @@ pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
     // Before seconds of reading.
     history(&arguments.options, text.as_deref())?;
     let case = arguments.case.read(false)?.case;
-    let evaluated = evaluated(&case, &arguments.options, text.as_deref())?;
+    let evaluated = evaluated(&case, &arguments.options, text.as_deref(), false)?;
     if arguments.json {
         return terminal::print_json(&Answer { case: &case.name, evaluated: &evaluated });
     }
     terminal::print(&table(&case, &evaluated.response))
 }
 
-/// The response of a case; `text` is the history's.
+/// The response of a case; `text` is the history's, whose authors aren't named where `hides_authors`.
 pub(super) fn evaluated(
     case: &Case,
     options: &ResponseOptions,
     text: Option<&str>,
+    hides_authors: bool,
 ) -> Result<Evaluated, AppError> {
     let mut history = history(options, text)?;
+    if hides_authors {
+        history = history.without_authors();
+    }
     let (mut all, mut of, mut proposed_links) = (Vec::<Measurement>::new(), Vec::new(), 0);
+    let mut warnings = Vec::new();
     for (compartment, masks) in compartments(options, &history) {
         let report = found(case, &options.lesions, masks)?;
         let mut measured = measurements(&report, compartment);
@@ -117,7 +124,8 @@ pub(super) fn evaluated(
             // Lesions of another mask have names of their own.
             measured.iter_mut().for_each(|m| m.lesion = format!("{} {}", report.of, m.lesion));
         }
-        all.extend(measured);
+        all.extend(with_days(measured, &history));
+        warnings.extend(contradictions(&history, &report));
         history = with_new_lesions(history, &report);
         proposed_links += report.links.len();
         of.push((compartment, report.of));
@@ -129,7 +137,8 @@ pub(super) fn evaluated(
         );
         terminal::warning("lesions-proposed", &text);
     }
-    Ok(Evaluated { of, proposed_links, response })
+    warnings.iter().for_each(|text| terminal::warning("history-contradicts-masks", text));
+    Ok(Evaluated { of, proposed_links, warnings, response })
 }
 
 fn wrong(options: &ResponseOptions, error: HistoryError) -> AppError {
@@ -147,17 +156,7 @@ fn history(options: &ResponseOptions, text: Option<&str>) -> Result<History, App
         let assessment = assessment.or((criteria == Criterion::Rano20).then_some(Assessment::Enhancing));
         return Ok(History::new(criteria, assessment));
     };
-    let mut history = History::parse(text).map_err(|e| wrong(options, e))?;
-    if let Some(criteria) = criteria {
-        history.criterion = *criteria;
-        if *criteria != Criterion::Rano20 {
-            history.assessment = None;
-        }
-    }
-    if history.criterion == Criterion::Rano20 {
-        history.assessment = assessment.or(history.assessment).or(Some(Assessment::Enhancing));
-    }
-    Ok(history)
+    History::parse_for(text, *criteria, *assessment).map_err(|e| wrong(options, e))
 }
 
 /// The compartments that are measured, with the masks given for each.

@@ -127,7 +127,7 @@ impl Content<'_> {
                     ("percent", words.signed_percent(change.from_ml, change.to_ml)),
                 ],
             );
-            let second = if change.has_volumes_only() {
+            let second = if has_no_surface_change(change) {
                 words.get("summary-volumes-only")
             } else {
                 words.with(
@@ -258,7 +258,7 @@ impl Content<'_> {
             ids.chain(overlaps.collect::<Vec<_>>()).chain(of_surfaces).collect()
         };
         let definitions: Vec<String> =
-            PAIR_METRICS.iter().map(|metric| format!("{}: {}.", metric.name, metric.definition)).collect();
+            PAIR_METRICS.iter().map(|metric| words.get(&format!("metric-{}", metric.key))).collect();
         let distances = compared.pairs.first().map(|pair| {
             let Comparison { convention, percentile, tolerance_mm, .. } = pair.comparison;
             let variables = [
@@ -409,7 +409,7 @@ impl Content<'_> {
     fn change_table(&self) -> Table {
         let words = self.words;
         let row = |change: &ChangeReport| {
-            let lengths = if change.has_volumes_only() {
+            let lengths = if has_no_surface_change(change) {
                 [words.get("only-volumes"), String::new(), String::new()]
             } else {
                 let most = |l: &Lengths| match l.p95_mm {
@@ -551,6 +551,11 @@ impl Content<'_> {
         }
         out
     }
+}
+
+/// Whether there are no lengths: dates that aren't aligned, no place shared, or nothing at one of the dates.
+fn has_no_surface_change(change: &ChangeReport) -> bool {
+    change.has_volumes_only() || change.from_ml == 0.0 || change.to_ml == 0.0
 }
 
 /// The uncertainty along the axes: one length, or the least and the most where they differ.

@@ -25,6 +25,9 @@ const LEAST_LETTERS: usize = 3;
 /// Digits in a row from which on the name of a file or folder identifies a patient; others are words such as `PET`.
 const IDENTIFYING_DIGITS: usize = 3;
 
+/// Digits in a row from which on a number identifies a patient wherever it stands.
+const LONG_NUMBER: usize = 5;
+
 /// Names of cases that say nothing, and are words of messages.
 const PLAIN_NAMES: &[&str] = &[
     "case", "cases", "data", "dicom", "image", "images", "mask", "masks", "nifti", "patient", "sample",
@@ -65,7 +68,9 @@ fn secrets(case: &Case) -> Vec<String> {
         let folders = path.ancestors().skip(1).filter(|folder| folder.components().count() > 1);
         all.extend(folders.map(|folder| folder.display().to_string()));
         let names = path.iter().filter_map(|part| part.to_str().map(str::to_owned)).chain(stem(path));
-        all.extend(names.filter(|name| has_number(name)));
+        let names: Vec<String> = names.filter(|name| has_number(name)).collect();
+        all.extend(names.iter().flat_map(|name| long_numbers(name)));
+        all.extend(names);
     }
     all.extend(Some(case.name.clone()).filter(|name| !PLAIN_NAMES.contains(&name.to_lowercase().as_str())));
     let ids: Vec<&str> = case
@@ -74,10 +79,9 @@ fn secrets(case: &Case) -> Vec<String> {
         .flat_map(|t| t.masks.iter().map(|m| m.mask.id()).chain(t.contexts.iter().map(|c| c.id.as_str())))
         .collect();
     let dates = case.time_labels();
-    // A file is often named after what it holds, which is no secret: `t1c.nii.gz`.
-    all.retain(|s| {
-        s.chars().count() >= LEAST_LETTERS && !ids.contains(&s.as_str()) && !dates.contains(&s.as_str())
-    });
+    // A file is often named after what it holds, which is no secret: `t1c.nii.gz`; but a number is.
+    let is_word = |s: &str| ids.contains(&s) && !has_number(s);
+    all.retain(|s| s.chars().count() >= LEAST_LETTERS && !is_word(s) && !dates.contains(&s.as_str()));
     all.sort_by(|a, b| b.len().cmp(&a.len()).then(a.cmp(b)));
     all.dedup();
     all
@@ -85,6 +89,12 @@ fn secrets(case: &Case) -> Vec<String> {
 
 fn has_number(name: &str) -> bool {
     name.split(|c: char| !c.is_ascii_digit()).any(|digits| digits.len() >= IDENTIFYING_DIGITS)
+}
+
+/// The numbers in a name that identify a patient on their own; years, and numbers of raters, are shorter.
+fn long_numbers(name: &str) -> Vec<String> {
+    let numbers = name.split(|c: char| !c.is_ascii_digit());
+    numbers.filter(|digits| digits.len() >= LONG_NUMBER).map(str::to_owned).collect()
 }
 
 /// The name of a file up to its first dot.
@@ -100,7 +110,10 @@ fn without(text: &str, secret: &str, replacement: &str) -> String {
         // Lower case is of another length (a dotted capital İ): compared as it stands.
         return text.replace(secret, replacement);
     }
-    let is_part = |c: Option<char>| c.is_some_and(char::is_alphanumeric);
+    // A number ends where its digits end: `x4711234`.
+    let is_number = wanted.bytes().all(|b| b.is_ascii_digit());
+    let is_part =
+        |c: Option<char>| c.is_some_and(|c| if is_number { c.is_ascii_digit() } else { c.is_alphanumeric() });
     let (mut out, mut from) = (String::new(), 0);
     for (at, found) in lower.match_indices(&wanted) {
         let end = at + found.len();
@@ -131,6 +144,8 @@ mod tests {
         assert_eq!(gone("/home/doe/doe.nii"), "/home/#/#.nii");
         assert_eq!(without("Straße und STRASSE", "straße", "#"), "# und STRASSE");
         assert_eq!(without("İDoe Doe", "Doe", "#"), "İ# #");
+        assert_eq!(without("x4711234, 47112345, seg_4711234", "4711234", "#"), "x#, 47112345, seg_#");
+        assert_eq!(long_numbers("sub-01_4711234_2024"), ["4711234"]);
     }
 
     #[test]

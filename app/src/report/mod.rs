@@ -32,7 +32,7 @@ pub use anonymous::{anonymous, anonymous_case};
 pub use document::Report;
 pub use html::recipe_in;
 pub use identity::Identity;
-pub use recipe::{Recipe, ResponseRecipe};
+pub use recipe::{Recipe, ResponseRecipe, sha256};
 
 use crate::{
     error::AppError,
@@ -112,7 +112,7 @@ pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>,
 pub fn make(
     (case, doc): (&Arc<Case>, &Document),
     options: Options,
-    response: Option<&(Response, ResponseRecipe)>,
+    response: Option<&(Response, Vec<String>, ResponseRecipe)>,
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Report, AppError> {
@@ -140,14 +140,16 @@ pub fn make(
         identity: options.identity,
         language: options.language,
         inputs: inputs.collect::<Result<_, _>>()?,
-        response: response.map(|(_, recipe)| recipe.clone()),
+        response: response.map(|(.., recipe)| recipe.clone()),
         session: session::value(doc, case, is_named)?,
     };
     let mut blocks = content.header();
     blocks.extend(content.findings(&own));
     blocks.extend(content.summary());
     blocks.extend(
-        response.into_iter().flat_map(|(response, _)| responses::blocks(response, &words, &redactor)),
+        response
+            .into_iter()
+            .flat_map(|(response, warnings, _)| responses::blocks(response, warnings, &words, &redactor)),
     );
     blocks.push(Block::Heading(words.get("section-pictures")));
     blocks.extend(pictures(case, doc, &words, painter, progress)?);

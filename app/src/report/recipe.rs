@@ -46,8 +46,10 @@ pub struct ResponseRecipe {
     pub criteria: Option<Criterion>,
     /// What is assessed, likewise.
     pub assessment: Option<Assessment>,
-    /// The text of the history.
+    /// The text of the history; only in reports with the full identity.
     pub history: Option<String>,
+    /// SHA-256 of that text.
+    pub history_sha256: Option<String>,
     /// The masks measured, by the names in the report; empty: the default.
     pub of: Vec<String>,
     /// The masks of non-enhancing disease.
@@ -91,7 +93,16 @@ impl Input {
             hash.update(&block[..read]);
         }
         let name = path.file_name().filter(|_| is_named).map(|name| name.to_string_lossy().into_owned());
-        let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let sha256 = digits(&hash.finalize());
         Ok(Self { name, bytes, sha256 })
     }
+}
+
+/// SHA-256 of bytes, hexadecimal.
+pub fn sha256(bytes: &[u8]) -> String {
+    digits(&Sha256::digest(bytes))
+}
+
+fn digits(hash: &[u8]) -> String {
+    hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -8,8 +8,8 @@ use super::{
 };
 use crate::words::Words;
 
-/// The calls at all dates, then why.
-pub fn blocks(response: &Response, words: &Words, redactor: &Redactor) -> Vec<Block> {
+/// The calls at all dates, then why; `warnings`: where the history and the masks contradict each other.
+pub fn blocks(response: &Response, warnings: &[String], words: &Words, redactor: &Redactor) -> Vec<Block> {
     let criteria = ("criteria", response.criterion.name().to_owned());
     let head = ["date", "by-diameters", "by-volume", "from-baseline", "from-nadir"];
     let row = |date: &DateResponse| {
@@ -38,6 +38,10 @@ pub fn blocks(response: &Response, words: &Words, redactor: &Redactor) -> Vec<Bl
             note: None,
         }),
     ];
+    if !warnings.is_empty() {
+        let finding = |text: &String| Finding { is_warning: true, text: redactor.text(text) };
+        blocks.insert(2, Block::Findings(warnings.iter().map(finding).collect()));
+    }
     for date in &response.dates {
         let mut list = Vec::new();
         for (key, judgement) in [("by-diameters", &date.by_diameters), ("by-volume", &date.by_volume)] {
@@ -84,10 +88,10 @@ fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
         }));
     }
     out.extend(judgement.missing.iter().map(|missing| {
-        let what = match &missing.assumed {
-            Some(assumed) => format!("{} ({}: {assumed})", missing.words, words.get("assumed")),
-            None => missing.words.clone(),
-        };
+        let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
+        let assumed =
+            missing.assumed.as_ref().map(|assumed| format!(" ({}: {assumed})", words.get("assumed")));
+        let what = format!("{}{date}{}", missing.words, assumed.unwrap_or_default());
         (true, words.with("missing", &[("what", what)]))
     }));
     out

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use super::{
-    history::{History, HistoryError, MAX_MEASUREMENTS, MAX_SCANS, Measurement, VERSION},
+    history::{Assessment, History, HistoryError, MAX_MEASUREMENTS, MAX_SCANS, Measurement, VERSION},
     rules::{Criterion, RuleId, rule},
 };
 
@@ -51,6 +51,36 @@ impl History {
         })?;
         history.check()?;
         Ok(history)
+    }
+
+    /// As [`Self::parse`], with other criteria or another assessment than the text states. With RANO 2.0 and neither, enhancing
+    /// disease is assessed; other criteria have no assessment.
+    ///
+    /// # Errors
+    /// As [`Self::parse`].
+    pub fn parse_for(
+        text: &str,
+        criterion: Option<Criterion>,
+        assessment: Option<Assessment>,
+    ) -> Result<Self, HistoryError> {
+        // What isn't TOML is said with its line by the other.
+        let Ok(mut table) = text.parse::<toml::Table>() else { return Self::parse(text) };
+        let before = table.clone();
+        let mut set = |key: &str, value: &'static str| table.insert(key.to_owned(), value.into());
+        if let Some(criterion) = criterion {
+            set("criterion", criterion.into());
+        }
+        if let Some(assessment) = assessment {
+            set("assessment", assessment.into());
+        }
+        let rano_20: &'static str = Criterion::Rano20.into();
+        if table.get("criterion").and_then(toml::Value::as_str) == Some(rano_20) {
+            let enhancing: &'static str = Assessment::Enhancing.into();
+            table.entry("assessment").or_insert_with(|| enhancing.into());
+        } else if criterion.is_some() {
+            table.remove("assessment");
+        }
+        if table == before { Self::parse(text) } else { Self::parse(&table.to_string()) }
     }
 
     /// Checks what a value alone shows: ranges, sizes, choices that the criteria don't have.

@@ -358,6 +358,32 @@ pub struct History {
 }
 
 impl History {
+    /// Without who stated its facts, and when.
+    #[must_use]
+    pub fn without_authors(mut self) -> Self {
+        fn strip<T>(fact: &mut Option<Fact<T>>) {
+            if let Some(fact) = fact {
+                (fact.author, fact.entered) = (None, None);
+            }
+        }
+        strip(&mut self.disease);
+        strip(&mut self.radiotherapy_end);
+        strip(&mut self.baseline);
+        for facts in &mut self.date {
+            strip(&mut facts.steroids_mg);
+            strip(&mut facts.steroids_reason);
+            strip(&mut facts.clinical);
+            strip(&mut facts.non_target);
+            strip(&mut facts.new_lesion);
+            strip(&mut facts.new_lesions_looked_for);
+            strip(&mut facts.flair);
+            strip(&mut facts.technique_changed);
+            strip(&mut facts.field);
+            strip(&mut facts.histology);
+        }
+        self
+    }
+
     /// A history of which nothing but the criteria is known.
     pub fn new(criterion: Criterion, assessment: Option<Assessment>) -> Self {
         Self {

@@ -42,8 +42,15 @@ fn of_lesion(lesion: &LesionReport, compartment: Compartment) -> Vec<Measurement
 
 /// `history` with the new lesions that the masks show, at dates for which it says nothing of new lesions itself. That masks
 /// show none isn't taken for an answer: they may be of the known lesions alone.
+///
+/// Every date at which the mask was looked at becomes a scan, whether or not it has a lesion.
 #[must_use]
 pub fn with_new_lesions(mut history: History, report: &LesionsReport) -> History {
+    for date in report.dates.iter().filter(|date| date.components.is_some()) {
+        if !history.date.iter().any(|facts| facts.date.0 == date.time) {
+            history.date.push(ScanFacts { date: Label(date.time.clone()), ..ScanFacts::default() });
+        }
+    }
     for lesion in &report.lesions {
         for date in lesion.dates.iter().filter(|date| date.events.contains(&EventKind::Born)) {
             let new = match date.measurable {
@@ -54,6 +61,37 @@ pub fn with_new_lesions(mut history: History, report: &LesionsReport) -> History
         }
     }
     history
+}
+
+/// Where the masks show a new lesion and the history says that there is none, in one line each.
+pub fn contradictions(history: &History, report: &LesionsReport) -> Vec<String> {
+    let says_none = |time: &str| {
+        let facts = history.date.iter().find(|facts| facts.date.0 == time);
+        facts.and_then(|facts| facts.new_lesion.as_ref()).is_some_and(|fact| fact.value == NewLesion::None)
+    };
+    let born = report.lesions.iter().flat_map(|lesion| {
+        let dates = lesion.dates.iter().filter(|date| date.events.contains(&EventKind::Born));
+        dates.map(move |date| (lesion, date))
+    });
+    born.filter(|(_, date)| says_none(&date.time))
+        .map(|(lesion, date)| {
+            let ml = date.volume_ml.unwrap_or_default();
+            format!(
+                "{}: found lesion {} new in {} ({ml:.2} ml), where the history says that there is no new lesion; the call follows \
+                 the history",
+                date.time, lesion.id, report.of
+            )
+        })
+        .collect()
+}
+
+/// `measurements` with the days that the history states for dates that aren't calendar dates.
+#[must_use]
+pub fn with_days(mut measurements: Vec<Measurement>, history: &History) -> Vec<Measurement> {
+    for m in measurements.iter_mut().filter(|m| m.days.is_none()) {
+        m.days = history.date.iter().find(|facts| facts.date == m.date).and_then(|facts| facts.days);
+    }
+    measurements
 }
 
 fn state(history: &mut History, time: &str, new: NewLesion) {
@@ -124,6 +162,15 @@ mod tests {
         }
         assert_eq!(b.iter().map(|m| m.gone).collect::<Vec<_>>(), [false, true]);
         assert_eq!(c.len(), 1, "nothing before it is there");
+        let denied = ScanFacts {
+            date: Label("2024-03-01".into()),
+            new_lesion: Some(Fact::of(NewLesion::None)),
+            ..ScanFacts::default()
+        };
+        let history =
+            History { date: vec![denied], ..History::new(Criterion::Rano20, Some(Assessment::Enhancing)) };
+        assert_eq!(contradictions(&history, &lesions).len(), 1);
+        assert_eq!(contradictions(&with_new_lesions(history, &lesions), &lesions).len(), 1, "it stays said");
 
         let history = History::new(Criterion::Rano20, Some(Assessment::Enhancing));
         let history = with_new_lesions(history, &lesions);

@@ -101,7 +101,7 @@ fn lesions_are_followed_and_judged_with_what_the_history_says() {
     assert_eq!(call(&json, 1), "cannot_say");
     assert!(!json["dates"][1]["by_diameters"]["missing"].as_array().unwrap().is_empty());
     let history = path("history.toml");
-    let facts = "steroids_mg = 0\nclinical = \"stable\"\nnon_target = \"none\"\ntechnique_changed = []\n";
+    let facts = "steroids_mg = 0\nclinical = { value = \"stable\", author = \"Dr. Readerson\" }\nnon_target = \"none\"\ntechnique_changed = []\n";
     let text = format!(
         "response = 1\ncriterion = \"rano-2.0\"\nassessment = \"enhancing\"\ndisease = \"recurrent\"\n\
          radiotherapy_end = \"none\"\nbaseline = \"2024-02-01\"\ntreatment = []\n\
@@ -126,13 +126,58 @@ fn lesions_are_followed_and_judged_with_what_the_history_says() {
     let output = run(PROGRAM, &[&["report"], &case[..], &arguments[..]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let html = std::fs::read_to_string(&page).unwrap();
-    for expected in
-        ["Response by RANO 2.0", "PD, progression", "Lesions of T"]
-    {
+    for expected in ["Response by RANO 2.0", "PD, progression", "Lesions of T"] {
         assert!(html.contains(expected), "{expected}");
     }
-    let output = run(PROGRAM, &[&["replay", "--software", page.to_str().unwrap()], &case[..]].concat());
+    // The history names its author and may say anything: it isn't in a report that names nobody.
+    assert!(!html.contains("clinical = ") && !html.contains("Dr. Readerson"), "the history itself");
+    let replay = ["replay", "--software", page.to_str().unwrap()];
+    let line = refusal(&[&replay[..], &case[..]].concat());
+    assert!(line.contains("expected --history FILE"), "{line}");
+    let given = ["--history", history.to_str().unwrap()];
+    let output = run(PROGRAM, &[&replay[..], &case[..], &given[..]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // Neither a table nor a history is written over.
+    let line = refusal(&[&["lesions"], &case[..], &["--csv", csv.to_str().unwrap()]].concat());
+    assert!(line.contains("found a file that exists"), "{line}");
+    let html_history = path("history.html");
+    std::fs::copy(&history, &html_history).unwrap();
+    let arguments =
+        ["--history", html_history.to_str().unwrap(), "--force", "--out", html_history.to_str().unwrap()];
+    let line = refusal(&[&["report"], &case[..], &arguments[..]].concat());
+    assert!(line.contains("found a file that the case was read from"), "{line}");
+    // Where the history denies what the masks show, that is said beside the call.
+    let denied = format!("{text}new_lesion = \"none\"\n");
+    glioscope_core::files::write_whole(&history, denied.as_bytes()).unwrap();
+    let (json, stderr) = response(&["--history", history.to_str().unwrap()]);
+    assert!(stderr.contains("[history-contradicts-masks]") && stderr.contains("lesion B new"), "{stderr}");
+    assert_eq!(json["warnings"].as_array().unwrap().len(), 1);
+    // The history's criteria can be others, and dates may be days.
+    let lgg = answer(
+        &[
+            &["response"],
+            &case[..],
+            &["--json", "--history", history.to_str().unwrap(), "--criteria", "rano-lgg"],
+        ]
+        .concat(),
+    );
+    assert_eq!(lgg.0["criterion"], "rano-lgg");
+    let undated = [format!("T={first}@pre"), format!("T={second}@post")];
+    let days = "response = 1\ncriterion = \"rano-2010\"\nbaseline = \"pre\"\n[[date]]\ndate = \"pre\"\ndays = 0\n\
+                [[date]]\ndate = \"post\"\ndays = 42\n";
+    glioscope_core::files::write_whole(&history, days.as_bytes()).unwrap();
+    let arguments = [
+        "response",
+        "--mask",
+        &undated[0],
+        "--mask",
+        &undated[1],
+        "--json",
+        "--history",
+        history.to_str().unwrap(),
+    ];
+    let (json, _) = answer(&arguments);
+    assert_eq!(json["dates"][1]["days_from_baseline"], 42);
 
     glioscope_core::files::write_whole(&history, b"response = 1\ncriterion = \"rano-3\"\n").unwrap();
     let line = refusal(&[&["response"], &case[..], &["--history", history.to_str().unwrap()]].concat());

@@ -292,7 +292,7 @@ fn a_report_that_fails_or_is_killed_leaves_the_old_one() {
         return;
     }
     let report = Writer {
-        arguments: "report --mask A=OUT/case/mask.nii.gz --software --out OUT/report"
+        arguments: "report --mask A=OUT/case/mask.nii.gz --software --force --out OUT/report"
             .split(' ')
             .map(str::to_owned)
             .collect(),

@@ -1,12 +1,12 @@
 //! What the window writes: numbers, pictures, and what it remembers from run to run.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
     model::{PaneId, PictureSize, Ruler},
-    window::recent::Recent,
+    window::{dialogs::Choice, recent::Recent},
 };
 use glioscope_core::{
     Progress,
@@ -164,4 +164,34 @@ fn theme_size_and_folder_are_remembered() {
     again.run_ok();
     assert!(again.ctx.global_style().visuals.dark_mode);
     assert_eq!(again.state().work.picture_size, PictureSize::Times(4));
+}
+
+#[test]
+fn the_report_dialog_writes_what_was_chosen_of_what_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("bericht.html");
+    let mut harness = sample();
+    let answer = out.clone();
+    harness.state_mut().chooser = Arc::new(move |_, _| Choice::Path(answer.clone()));
+    perform(&mut harness, AppCommand::ShowReport);
+    harness.get_by_label("Initials").click_accesskit();
+    harness.run_ok();
+    harness.get_by_label("Deutsch").click_accesskit();
+    harness.run_ok();
+    harness.get_by_label("Choose the file…").click_accesskit();
+    for _ in 0..100 {
+        harness.run_ok();
+        if harness.state().is_exporting() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    wait_for_workers(&mut harness);
+    assert_eq!(error_text(&harness), "");
+    let page = std::fs::read_to_string(&out).unwrap();
+    for expected in
+        ["lang=\"de\"", "<h2 id=\"s0\">Warnungen</h2>", "Läsionen von T1", "\"identity\":\"initials\""]
+    {
+        assert!(page.contains(expected), "{expected}");
+    }
 }

@@ -23,7 +23,8 @@ pub fn write(path: &Path, inputs: &Inputs, bytes: &[u8]) -> Result<(), AppError>
     Ok(write_whole(path, bytes)?)
 }
 
-/// Refuses one of the `inputs` as an output, under whatever name, and a file that exists where not `forced`.
+/// Refuses one of the `inputs` as an output, under whatever name, a file that exists where not `forced`, and one in a folder that
+/// doesn't exist.
 ///
 /// # Errors
 /// [`AppError`] naming the file.
@@ -31,6 +32,11 @@ pub fn refuse(path: &Path, inputs: &Inputs, forced: bool) -> Result<(), AppError
     inputs.refuse_as_output(path)?;
     if path.exists() && !forced {
         return Err(AppError::file(path, "a file that exists", "a new name, or --force"));
+    }
+    // Said before what is written takes seconds to make.
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+        return Err(AppError::file(path, format!("no folder {}", folder.display()), "one that exists"));
     }
     Ok(())
 }

@@ -57,6 +57,9 @@ pub struct ChangeArguments {
     /// Also write every vector to this file.
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
+    /// Write over a file that exists.
+    #[arg(long, requires = "csv")]
+    pub force: bool,
     /// Registration error between the dates, in millimetres (standard deviation).
     /// Without it 0.5, or what the consistency of --register says.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
@@ -69,7 +72,7 @@ pub struct ChangeArguments {
 
 pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
     let case = arguments.case.read(false)?.case;
-    arguments.csv.iter().try_for_each(|path| case.inputs.refuse_as_output(path))?;
+    arguments.csv.iter().try_for_each(|path| output::refuse(path, &case.inputs, arguments.force))?;
     let options = ChangeOptions {
         skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },
         registration_mm: arguments.registration_mm.unwrap_or(change::DEFAULT_REGISTRATION_MM),

@@ -243,7 +243,7 @@ fn writers() -> [Writer; 3] {
     };
     [
         writer("sample --out OUT/sample", |folder| fs::create_dir(folder.join("sample")).unwrap()),
-        writer("change --sample --csv OUT/a.csv", |folder| {
+        writer("change --sample --force --csv OUT/a.csv", |folder| {
             fs::write(folder.join("a.csv"), "before").unwrap();
         }),
         writer("render --sample --view sagittal --size 64x64 --software --out OUT/a.png", |folder| {

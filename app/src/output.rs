@@ -41,18 +41,26 @@ pub fn refuse(path: &Path, inputs: &Inputs, forced: bool) -> Result<(), AppError
     Ok(())
 }
 
+/// An RGBA picture as PNG, 8 bits per channel. `place` names it in errors.
+///
+/// # Errors
+/// [`AppError`] where it can't be encoded.
+pub fn png(place: &str, size: [u32; 2], rgba: &[u8]) -> Result<Vec<u8>, AppError> {
+    let mut bytes = Vec::new();
+    let encoded =
+        PngEncoder::new(&mut bytes).write_image(rgba, size[0], size[1], image::ExtendedColorType::Rgba8);
+    encoded.map_err(|e| {
+        AppError::wrong(place, format!("a picture that can't be encoded ({e})"), "one that can")
+    })?;
+    Ok(bytes)
+}
+
 /// Writes an RGBA picture as PNG, 8 bits per channel.
 ///
 /// # Errors
 /// As [`write()`].
 pub fn write_png(path: &Path, inputs: &Inputs, size: [u32; 2], rgba: &[u8]) -> Result<(), AppError> {
-    let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
-        .write_image(rgba, size[0], size[1], image::ExtendedColorType::Rgba8)
-        .map_err(|e| {
-            AppError::file(path, format!("a picture that can't be encoded ({e})"), "one that can")
-        })?;
-    write(path, inputs, &bytes)
+    write(path, inputs, &png(&path.display().to_string(), size, rgba)?)
 }
 
 /// Writes a picture of the window as PNG, cropped to `crop` (logical points) where given.

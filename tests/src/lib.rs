@@ -28,6 +28,7 @@ use glioscope_core::{
 };
 use glioscope_render::{AdapterPreference, Gpu, device::gpu};
 use image::RgbaImage;
+use serde_json::Value;
 
 /// The colours of the first three masks in the default palette.
 pub const MASK_COLORS: [[u8; 3]; 3] = [[194, 28, 5], [10, 116, 100], [138, 17, 206]];
@@ -306,6 +307,20 @@ pub fn run(program: &str, arguments: &[&str]) -> Output {
     match Command::new(program).args(arguments).output() {
         Ok(output) => output,
         Err(error) => fail(&format!("{program}: {error}")),
+    }
+}
+
+/// What the program answers to these arguments as JSON, and what it says on stderr.
+///
+/// # Panics
+/// When it fails, or answers something else.
+pub fn answer(program: &str, arguments: &[&str]) -> (Value, String) {
+    let output = run(program, arguments);
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {stderr}");
+    match serde_json::from_slice(&output.stdout) {
+        Ok(value) => (value, stderr),
+        Err(error) => fail(&format!("{arguments:?}: {error}")),
     }
 }
 

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use glioscope_core::{
     case::Case,
-    change::Choice,
     lesions::{
         self, DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM, LesionDate, LesionReport, LesionsReport, Of, Options,
         diameters::DiameterMode,
@@ -57,7 +56,7 @@ impl LesionOptions {
     /// The options for a case, of the masks `of` where given, else of its default.
     pub(super) fn of_case(&self, case: &Case, of: &[String]) -> Options {
         let of = match of {
-            [] => default_mask(case).map_or(Of::Union(Vec::new()), Of::Mask),
+            [] => lesions::default_mask(case).map_or(Of::Union(Vec::new()), Of::Mask),
             [one] => Of::Mask(one.clone()),
             several => Of::Union(several.to_vec()),
         };
@@ -69,13 +68,6 @@ impl LesionOptions {
             ..Options::new(of)
         }
     }
-}
-
-/// The mask that a comparison of the dates takes, else the first.
-fn default_mask(case: &Case) -> Option<String> {
-    let compared = Choice::default_dates(case).and_then(|dates| Choice::at(case, None, dates)).ok();
-    let first = || case.time_points.iter().find_map(|t| t.masks.first()).map(|m| m.mask.id().to_owned());
-    compared.map(|choice| choice.id).or_else(first)
 }
 
 /// Arguments of `lesions`.

@@ -1,6 +1,6 @@
 //! `glioscope replay`: makes a report again, and says what differs.
 
-use std::{io::Read, path::Path};
+use std::{io::Read, path::Path, sync::Arc};
 
 use glioscope_core::files::{open_regular, read_small_text};
 
@@ -32,7 +32,9 @@ pub(super) fn run(arguments: ReplayArguments) -> Result<(), AppError> {
     let asked =
         recipe.response.as_ref().map(|response| asked(&path, response, history.as_deref())).transpose()?;
     let again = match (recipe.identity, given.reference()?) {
-        (Identity::Full, None) => report::make(read_case(session, &given, None)?, options, asked, software)?,
+        (Identity::Full, None) => {
+            report::make(read_case(session, &given, None)?, (options, Form::Html), asked, software)?
+        }
         // Nothing was read: the embedded sample.
         (_, None) if recipe.inputs.is_empty() => {
             of_given(&session, &given, CaseRef::Sample, (options, asked.as_ref()), software)?
@@ -138,7 +140,7 @@ fn of_given(
     let shown = anonymous_case(&made, options);
     let (document, findings) = session.restore(&shown)?;
     terminal::notes(&findings);
-    report::of_anonymous(shown, &document, options, asked, software)
+    report::of_anonymous(&Arc::new(shown), &document, (options, Form::Html), asked, software)
 }
 
 /// What the two were made with differently.

@@ -1,6 +1,6 @@
 //! `glioscope report`: a case as one file that is handed over, or as a folder of pictures and numbers.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use glioscope_core::{case::Case, response::Response};
 
@@ -17,9 +17,9 @@ use crate::{
     error::AppError,
     model::Document,
     output,
-    report::{self, Form, Identity, Options, Report, ResponseRecipe, sha256},
-    window::offscreen_app::OffscreenApp,
-    world::{Loaded, World, load::ReadCase},
+    report::{self, Anonymous, Form, Identity, Options, Report, ResponseRecipe, sha256},
+    window::report as made,
+    world::load::ReadCase,
 };
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
     let inputs = inputs.fold(read.case.inputs.clone(), |inputs, path| inputs.with(path.clone()));
     output::refuse(out, &inputs, *force)?;
     let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
-    let report = make(read, options, asked, *software)?;
+    let report = make(read, (options, form), asked, *software)?;
     let bytes = report::write(&report, form, options.language)?;
     output::write(out, &inputs, &bytes)?;
     terminal::print(&format!("report written to {}", out.display()))
@@ -123,7 +123,7 @@ impl Asked {
 /// The report of a case.
 pub(super) fn make(
     read: ReadCase,
-    options: Options,
+    options: (Options, Form),
     asked: Option<Asked>,
     software: bool,
 ) -> Result<Report, AppError> {
@@ -131,29 +131,26 @@ pub(super) fn make(
     let (Some(case), Some(doc)) = (work.world.case(), work.doc) else {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
     };
-    let (case, doc, names) = report::anonymous(case, doc, options)?;
-    of_anonymous(case, &doc, options, asked.map(|asked| asked.renamed(&names)).as_ref(), software)
+    let Anonymous { case, doc, names } = report::anonymous(case, doc, options.0)?;
+    of_anonymous(&case, &doc, options, asked.map(|asked| asked.renamed(&names)).as_ref(), software)
 }
 
 /// The report of a case and document that have no more of the identity than it may show.
 pub(super) fn of_anonymous(
-    case: Case,
+    case: &Arc<Case>,
     doc: &Document,
-    options: Options,
+    options: (Options, Form),
     asked: Option<&Asked>,
     software: bool,
 ) -> Result<Report, AppError> {
-    let hides_authors = options.identity != Identity::Full;
+    let identity = options.0.identity;
+    let hides_authors = identity != Identity::Full;
     let evaluate = |asked: &Asked| -> Result<(Response, Vec<String>, ResponseRecipe), AppError> {
-        let found = evaluated(&case, &asked.options, asked.text.as_deref(), hides_authors)?;
-        Ok((found.response, found.warnings, asked.recipe(options.identity)))
+        let found = evaluated(case, &asked.options, asked.text.as_deref(), hides_authors)?;
+        Ok((found.response, found.warnings, asked.recipe(identity)))
     };
     let response = asked.map(evaluate).transpose()?;
-    let loaded = Loaded::new(case);
-    let case = loaded.case.clone();
-    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
     terminal::with_progress(|progress| {
-        let mut app = OffscreenApp::new(work, &gpu(software)?, false)?;
-        report::make((&case, doc), options, response.as_ref(), &mut app, progress)
+        made::of_anonymous(case, doc, options, response.as_ref(), &gpu(software)?, progress)
     })
 }

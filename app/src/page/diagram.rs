@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::{Date, Page, text};
-use crate::words::Words;
+use crate::{format::hex, words::Words};
 
 /// Width in units, about a phone's width in CSS pixels, so that letters keep their size.
 const WIDTH: f64 = 320.0;
@@ -13,11 +13,6 @@ const ROW: f64 = 44.0;
 const RADIUS: f64 = 76.0;
 /// Letters that fit into a row beside a number.
 const MOST_LETTERS: usize = 30;
-
-/// sRGB as CSS.
-pub fn hex([r, g, b]: [u8; 3]) -> String {
-    format!("#{r:02x}{g:02x}{b:02x}")
-}
 
 fn short(name: &str) -> String {
     if name.chars().count() <= MOST_LETTERS {

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::{Date, Page, Plane, Slice, Surface, diagram, print, text};
-use crate::words::Words;
+use crate::{format::hex, words::Words};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -68,7 +68,7 @@ fn in_element(value: &Value) -> String {
 
 /// A rule for the colour of each mask and level.
 fn colors(page: &Page) -> String {
-    let rule = |class: String, color| format!(".{class}{{background:{}}}\n", diagram::hex(color));
+    let rule = |class: String, color| format!(".{class}{{background:{}}}\n", hex(color));
     let masks = page.masks.iter().enumerate().map(|(n, mask)| rule(format!("m{n}"), mask.color));
     let levels = page.dates.iter().enumerate().flat_map(|(d, date)| {
         date.levels.iter().enumerate().map(move |(n, level)| rule(format!("d{d}l{n}"), level.color))
@@ -189,13 +189,13 @@ fn picture(page: &Page, date: &Date, slice: &Slice, words: &Words) -> Markup {
                 }
                 @for (n, path) in slice.levels.iter().enumerate() {
                     @if let Some(level) = date.levels.get(n).filter(|_| !path.is_empty()) {
-                        path class="level" data-level-path=(n) d=(path) fill=(diagram::hex(level.color)) fill-opacity="0.75" fill-rule="evenodd" {}
+                        path class="level" data-level-path=(n) d=(path) fill=(hex(level.color)) fill-opacity="0.75" fill-rule="evenodd" {}
                     }
                 }
                 @for (n, path) in slice.masks.iter().enumerate() {
                     @if let Some(mask) = page.masks.get(n).filter(|_| !path.is_empty()) {
                         path class="halo" data-mask-path=(n) d=(path) fill="none" stroke="#fff" stroke-width=(line * 2.2) stroke-linejoin="round" {}
-                        path data-mask-path=(n) d=(path) fill="none" stroke=(diagram::hex(mask.color)) stroke-width=(line * 1.3) stroke-linejoin="round" {}
+                        path data-mask-path=(n) d=(path) fill="none" stroke=(hex(mask.color)) stroke-width=(line * 1.3) stroke-linejoin="round" {}
                     }
                 }
             }

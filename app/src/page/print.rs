@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::{Page, Paragraph, Slice, diagram, text};
-use crate::words::Words;
+use crate::{format::hex, words::Words};
 
 /// Length of the bar by which a reader checks the size.
 pub const BAR_MM: f64 = 50.0;
@@ -48,7 +48,7 @@ pub fn bar(id: Option<&str>) -> Markup {
 }
 
 fn color(page: &Page, n: usize) -> String {
-    diagram::hex(page.masks.get(n).map_or([128; 3], |mask| mask.color))
+    hex(page.masks.get(n).map_or([128; 3], |mask| mask.color))
 }
 
 fn round(mm: f64) -> f64 {

@@ -1,6 +1,6 @@
 //! The case and its document as a report may show them: without names of masks and images that identify the patient.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use glioscope_core::case::Case;
 
@@ -14,24 +14,30 @@ use crate::{
     model::{Document, Session, masks::MaskLook},
 };
 
-/// `case` and `doc` with ids and names from which what identifies the patient is removed, and the new name of each id that has one;
-/// unchanged in a report with the full identity.
+/// What a report may show.
+pub struct Anonymous {
+    /// The case.
+    pub case: Arc<Case>,
+    /// Its document.
+    pub doc: Document,
+    /// The new name of each id that is shown otherwise.
+    pub names: BTreeMap<String, String>,
+}
+
+/// `case` and `doc` with ids and names from which what identifies the patient is removed; unchanged in a report with the full
+/// identity.
 ///
 /// # Errors
 /// [`AppError`] where the document can't be renamed.
-pub fn anonymous(
-    case: &Case,
-    doc: Document,
-    options: Options,
-) -> Result<(Case, Document, BTreeMap<String, String>), AppError> {
+pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<Anonymous, AppError> {
     let redactor = redactor(case, options);
     let names = renames(case, options, &redactor);
     let (shown, mut doc) = if names.is_empty() {
-        (case.clone(), doc)
+        (Arc::clone(case), doc)
     } else {
         let shown = with_names(case, &names);
         let (renamed, _) = Session::of(&doc, case)?.renamed(&names).restore(&shown)?;
-        (shown, renamed)
+        (Arc::new(shown), renamed)
     };
     // Names that the user or the file gave beside the ids.
     let ids = shown.time_points.iter().flat_map(|time| time.masks.iter().map(|m| m.mask.id().to_owned()));
@@ -40,7 +46,7 @@ pub fn anonymous(
         let name = look.name.as_ref().map(|name| redactor.text(name));
         doc.edit.masks.set(&id, &MaskLook { name, ..look });
     }
-    Ok((shown, doc, names))
+    Ok(Anonymous { case: shown, doc, names })
 }
 
 /// `case` alone, as [`anonymous`] names it.

@@ -64,8 +64,6 @@ pub struct Picture {
     pub size: [u32; 2],
     /// RGBA, 8 bits, row by row, opaque.
     pub rgba: Vec<u8>,
-    /// The same as a PNG file.
-    pub png: Vec<u8>,
 }
 
 /// A report.

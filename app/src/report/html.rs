@@ -4,7 +4,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::document::{Block, Finding, Picture, Report, Table};
-use crate::words::Words;
+use crate::{error::AppError, output, words::Words};
 
 /// The id of the element that holds the recipe.
 const RECIPE_ID: &str = "glioscope-recipe";
@@ -12,7 +12,12 @@ const RECIPE_ID: &str = "glioscope-recipe";
 const STYLE: &str = include_str!("report.css");
 
 /// The report as HTML.
-pub fn html(report: &Report, words: &Words) -> String {
+///
+/// # Errors
+/// [`AppError`] where a picture can't be encoded.
+pub fn html(report: &Report, words: &Words) -> Result<String, AppError> {
+    let pictures = report.blocks.iter().filter_map(Block::as_picture);
+    let images: Vec<String> = pictures.map(data_uri).collect::<Result<_, _>>()?;
     let headings: Vec<&str> = report
         .blocks
         .iter()
@@ -39,13 +44,13 @@ pub fn html(report: &Report, words: &Words) -> String {
                     nav aria-label=(words.get("contents")) {
                         ul { @for (n, text) in headings.iter().enumerate() { li { a href={ "#s" (n) } { (text) } } } }
                     }
-                    (blocks(&report.blocks, words))
+                    (blocks(&report.blocks, &images, words))
                 }
                 script type="application/json" id=(RECIPE_ID) { (PreEscaped(recipe(report))) }
             }
         }
     };
-    page.into_string()
+    Ok(page.into_string())
 }
 
 /// The recipe as JSON that can't end its element.
@@ -61,8 +66,9 @@ pub fn recipe_in(page: &str) -> Option<&str> {
     rest.split_once("</script>").map(|(json, _)| json)
 }
 
-fn blocks(blocks: &[Block], words: &Words) -> Markup {
-    let mut number = 0;
+/// `images`: those of the pictures, in their order.
+fn blocks(blocks: &[Block], images: &[String], words: &Words) -> Markup {
+    let (mut number, mut images) = (0, images.iter());
     html! {
         @for (at, block) in blocks.iter().enumerate() {
             @match block {
@@ -78,7 +84,9 @@ fn blocks(blocks: &[Block], words: &Words) -> Markup {
                 Block::Picture(_) => {
                     @if at == 0 || !matches!(blocks[at - 1], Block::Picture(_)) {
                         div class="pictures" {
-                            @for one in blocks[at..].iter().map_while(Block::as_picture) { (picture(one)) }
+                            @for (one, image) in blocks[at..].iter().map_while(Block::as_picture).zip(images.by_ref()) {
+                                (picture(one, image))
+                            }
                         }
                     }
                 }
@@ -126,12 +134,17 @@ fn table(one: &Table) -> Markup {
     }
 }
 
-fn picture(one: &Picture) -> Markup {
+/// A picture within the page.
+fn data_uri(one: &Picture) -> Result<String, AppError> {
+    let png = output::png(&one.name, one.size, &one.rgba)?;
+    Ok(format!("data:image/png;base64,{}", STANDARD.encode(png)))
+}
+
+fn picture(one: &Picture, image: &str) -> Markup {
     let [width, height] = one.size;
-    let data = format!("data:image/png;base64,{}", STANDARD.encode(&one.png));
     html! {
         figure class=[(width > height).then_some("wide")] {
-            img src=(data) alt=(one.caption) width=(width) height=(height);
+            img src=(image) alt=(one.caption) width=(width) height=(height);
             figcaption { (one.caption) }
         }
     }

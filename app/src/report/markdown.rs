@@ -6,13 +6,7 @@ use crate::words::Words;
 /// The report as Markdown.
 pub fn markdown(report: &Report, words: &Words) -> String {
     let mut parts = vec![format!("# {}", plain(&report.title))];
-    let blocks = &report.blocks;
-    // A section of pictures alone would be an empty heading.
-    let is_shown = |n: &usize| {
-        let is_heading = matches!(blocks[*n], Block::Heading(_));
-        !(is_heading && blocks.get(n + 1).is_some_and(|next| next.as_picture().is_some()))
-    };
-    parts.extend((0..blocks.len()).filter(is_shown).filter_map(|n| part(&blocks[n], words)));
+    parts.extend(report.blocks.iter().filter_map(|block| part(block, words)));
     parts.join("\n\n") + "\n"
 }
 

@@ -26,9 +26,8 @@ use glioscope_core::{
     response::Response,
 };
 use glioscope_render::flat::Convention;
-use image::{ImageEncoder, codecs::png::PngEncoder};
 
-pub use anonymous::{anonymous, anonymous_case};
+pub use anonymous::{Anonymous, anonymous, anonymous_case};
 pub use document::Report;
 pub use html::recipe_in;
 pub use identity::Identity;
@@ -88,6 +87,10 @@ impl Form {
             _ => None,
         }
     }
+
+    fn has_pictures(self) -> bool {
+        self != Self::Markdown
+    }
 }
 
 /// The file of a report.
@@ -97,7 +100,7 @@ impl Form {
 pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>, AppError> {
     let words = words(language);
     match form {
-        Form::Html => Ok(html::html(report, &words).into_bytes()),
+        Form::Html => Ok(html::html(report, &words)?.into_bytes()),
         Form::Markdown => Ok(markdown::markdown(report, &words).into_bytes()),
         Form::Pdf => pdf::pdf(report, &words)
             .map_err(|why| AppError::wrong("the report as PDF", why, "one that PDF/A can hold")),
@@ -105,13 +108,13 @@ pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>,
 }
 
 /// The report of a case as its document shows it, both as [`anonymous`] gives them. `response`: what is evaluated of that case, and
-/// with what.
+/// with what. Pictures are drawn only where the form has them.
 ///
 /// # Errors
 /// [`AppError`] where a picture can't be drawn or an input can't be read.
 pub fn make(
     (case, doc): (&Arc<Case>, &Document),
-    options: Options,
+    (options, form): (Options, Form),
     response: Option<&(Response, Vec<String>, ResponseRecipe)>,
     painter: &mut dyn Painter,
     progress: &Progress,
@@ -151,8 +154,10 @@ pub fn make(
             .into_iter()
             .flat_map(|(response, warnings, _)| responses::blocks(response, warnings, &words, &redactor)),
     );
-    blocks.push(Block::Heading(words.get("section-pictures")));
-    blocks.extend(pictures(case, doc, &words, painter, progress)?);
+    if form.has_pictures() {
+        blocks.push(Block::Heading(words.get("section-pictures")));
+        blocks.extend(pictures(case, doc, &words, painter, progress)?);
+    }
     blocks.extend(content.changes());
     blocks.extend(content.lesions());
     blocks.extend(content.dates());
@@ -193,8 +198,7 @@ fn changes(
 /// The lesions of the mask that is compared between dates, else of the first mask.
 fn lesions(case: &Case, doc: &Document, progress: &Progress) -> Result<Option<LesionsReport>, AppError> {
     let compared = doc.edit.change.chosen(case).ok().map(|choice| choice.id);
-    let first = || case.time_points.iter().find_map(|time| Some(time.masks.first()?.mask.id().to_owned()));
-    let Some(id) = compared.or_else(first) else { return Ok(None) };
+    let Some(id) = compared.or_else(|| lesions::default_mask(case)) else { return Ok(None) };
     let options = lesions::Options { asks_images: !case.one_space, ..lesions::Options::new(Of::Mask(id)) };
     Ok(Some(lesions::report(case, &options, &[], progress)?))
 }
@@ -234,10 +238,6 @@ fn pictures(
         progress.check()?;
         let Some(size) = pane.row().report_px else { continue };
         let rgba = painter.picture(pane, size)?;
-        let mut png = Vec::new();
-        PngEncoder::new(&mut png)
-            .write_image(&rgba, size[0], size[1], image::ExtendedColorType::Rgba8)
-            .map_err(|e| AppError::wrong(key, e.to_string(), "a picture that can be encoded"))?;
         let is_slice = matches!(pane, PaneId::Axial | PaneId::Coronal | PaneId::Sagittal);
         let is_of_dates = matches!(pane, PaneId::Change | PaneId::SideBySide);
         let mut caption = words.get(key);
@@ -248,7 +248,7 @@ fn pictures(
             caption = format!("{date}: {caption}");
         }
         let name = pane.row().cli.unwrap_or(key).to_owned();
-        blocks.push(Block::Picture(Picture { name, caption, size, rgba, png }));
+        blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
     }
     Ok(blocks)
 }

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use crate::format::hex;
+
 /// Size of a plot.
 const SIZE_PT: [f64; 2] = [520.0, 230.0];
 /// Room left for the axes' numbers: left, top, right, bottom.
@@ -234,11 +236,6 @@ fn tick_step(most: f64) -> f64 {
     let raw = most / TICKS;
     let decade = 10_f64.powf(raw.log10().floor());
     [1.0, 2.0, 5.0].map(|f| f * decade).into_iter().find(|step| *step >= raw * 0.999).unwrap_or(10.0 * decade)
-}
-
-/// A colour as `#rrggbb`.
-pub fn hex([r, g, b]: [u8; 3]) -> String {
-    format!("#{r:02x}{g:02x}{b:02x}")
 }
 
 /// Text for XML.

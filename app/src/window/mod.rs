@@ -26,7 +26,7 @@ mod perform;
 mod pictures;
 pub mod preferences;
 pub mod recent;
-mod report;
+pub mod report;
 pub mod run;
 mod thumbnails;
 mod typed_path;

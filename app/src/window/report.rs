@@ -1,9 +1,9 @@
 //! The dialog that writes a report, and the report of what the window shows.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use egui::{Button, Grid, Ui};
-use glioscope_core::{Progress, files::Inputs};
+use glioscope_core::{Progress, case::Case, files::Inputs, response::Response};
 use glioscope_render::Gpu;
 
 use super::{
@@ -16,7 +16,7 @@ use crate::{
     error::AppError,
     model::Document,
     output,
-    report::{self, Form, Identity},
+    report::{self, Form, Identity, Report, ResponseRecipe},
     words::Language,
     world::{Loaded, World},
 };
@@ -92,12 +92,26 @@ pub fn write(
     // Before seconds of drawing.
     inputs.refuse_as_output(path)?;
     let no_case = || AppError::file(path, "no case", "an open one");
-    let (case, doc, _) = report::anonymous(world.case().ok_or_else(no_case)?, doc, options)?;
-    let loaded = Loaded::new(case);
-    let case = loaded.case.clone();
-    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
-    let mut painter = OffscreenApp::new(work, gpu, false)?;
-    let report = report::make((&case, &doc), options, None, &mut painter, progress)?;
+    let shown = report::anonymous(world.case().ok_or_else(no_case)?, doc, options)?;
+    let report = of_anonymous(&shown.case, &shown.doc, (options, form), None, gpu, progress)?;
     output::write(path, inputs, &report::write(&report, form, options.language)?)?;
     Ok(format!("Report written to {}", path.display()))
+}
+
+/// The report of a case and document that have no more of the identity than it may show; `response` as in [`report::make`].
+///
+/// # Errors
+/// As [`report::make`].
+pub fn of_anonymous(
+    case: &Arc<Case>,
+    doc: &Document,
+    options: (Options, Form),
+    response: Option<&(Response, Vec<String>, ResponseRecipe)>,
+    gpu: &Gpu,
+    progress: &Progress,
+) -> Result<Report, AppError> {
+    let loaded = Loaded::with_made(case.clone(), Vec::new(), case.clone());
+    let work = Workstation { doc: Some(doc.clone()), world: World::new(loaded), ..Workstation::default() };
+    let mut painter = OffscreenApp::new(work, gpu, false)?;
+    report::make((case, doc), options, response, &mut painter, progress)
 }

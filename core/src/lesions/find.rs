@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::{
     Mask, MaskBits, Progress,
     case::{Case, NOT_ALIGNED_MM, OrderBasis, TimePoint, apart_mm},
+    change::Choice,
     dates,
     grid::ijk,
 };
@@ -198,6 +199,13 @@ pub fn find(case: &Case, options: &Options, progress: &Progress) -> Result<Found
     }
     found.link()?;
     Ok(found)
+}
+
+/// The mask whose lesions are found where none is named: the one that a comparison of the dates takes, else the first.
+pub fn default_mask(case: &Case) -> Option<String> {
+    let compared = Choice::default_dates(case).and_then(|dates| Choice::at(case, None, dates)).ok();
+    let first = || case.time_points.iter().find_map(|time| Some(time.masks.first()?.mask.id().to_owned()));
+    compared.map(|choice| choice.id).or_else(first)
 }
 
 fn check(options: &Options) -> Result<(), LesionsError> {

@@ -30,7 +30,7 @@ pub use change_point::{
 pub use edits::{Anchor, Edit, NotApplied};
 pub use error::LesionsError;
 pub use event::{Event, EventKind};
-pub use find::{Found, Of, Options, find};
+pub use find::{Found, Of, Options, default_mask, find};
 pub use links::{Link, LinkState, LinkedBy};
 pub use parts::Part;
 pub use report::{

@@ -9,10 +9,7 @@ use serde_json::Value;
 use crate::PROGRAM;
 
 fn json(arguments: &[&str]) -> Value {
-    let output = run(PROGRAM, arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {stderr}");
-    serde_json::from_slice(&output.stdout).unwrap()
+    glioscope_tests::answer(PROGRAM, arguments).0
 }
 
 /// Asserts exit code 2, an empty stdout and one line on stderr that contains each of `words`.

@@ -27,10 +27,7 @@ fn balls(path: &Path, balls: &[([f64; 3], f64)]) -> String {
 }
 
 fn answer(arguments: &[&str]) -> (Value, String) {
-    let output = run(PROGRAM, arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{arguments:?}: {stderr}");
-    (serde_json::from_slice(&output.stdout).unwrap(), stderr)
+    glioscope_tests::answer(PROGRAM, arguments)
 }
 
 fn refusal(arguments: &[&str]) -> String {

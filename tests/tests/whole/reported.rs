@@ -14,10 +14,7 @@ fn text(path: PathBuf) -> String {
 
 /// JSON and stderr of a run that succeeds.
 fn answer(arguments: &[&str]) -> (Value, String) {
-    let output = run(PROGRAM, arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{arguments:?}: {stderr}");
-    (serde_json::from_slice(&output.stdout).unwrap(), stderr)
+    glioscope_tests::answer(PROGRAM, arguments)
 }
 
 /// The line on stderr of a run that is refused.

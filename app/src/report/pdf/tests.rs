@@ -46,7 +46,7 @@ fn table(columns: usize, rows: usize, cell: &str) -> Table {
 
 fn picture(size: [u32; 2], caption: &str) -> Picture {
     let bytes = (0..size[0] * size[1]).flat_map(|n| [n as u8, (n / 3) as u8, 90, 255]).collect();
-    Picture { name: "one".into(), caption: caption.into(), size, rgba: bytes, png: Vec::new() }
+    Picture { name: "one".into(), caption: caption.into(), size, rgba: bytes }
 }
 
 fn leaves(nodes: &[Node], out: &mut Vec<usize>) {

@@ -80,6 +80,11 @@ pub fn six_digits(value: f64) -> String {
     if value.abs() < 1e-6 { format!("{value:.5e}") } else { format!("{value:.digits$}") }
 }
 
+/// JSON that can't end the HTML element it stands in.
+pub fn json_in_element(json: &str) -> String {
+    json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
+}
+
 /// A colour, sRGB, as `#rrggbb`.
 pub fn hex([r, g, b]: [u8; 3]) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")

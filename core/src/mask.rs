@@ -178,6 +178,11 @@ impl Mask {
         (bits.dims() == grid.dims()).then(|| Self { id: id.into(), grid, bits })
     }
 
+    /// The same under another name.
+    pub(crate) fn with_id(&self, id: String) -> Self {
+        Self { id, ..self.clone() }
+    }
+
     /// Its name in the case.
     pub fn id(&self) -> &str {
         &self.id

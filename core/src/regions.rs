@@ -149,6 +149,11 @@ impl Regions {
         self.bounds
     }
 
+    /// The same with other ids of its masks, in their order.
+    pub(crate) fn with_mask_ids(&self, mask_ids: Vec<String>) -> Self {
+        Self { mask_ids, ..self.clone() }
+    }
+
     /// Ids of the masks; bit k is `mask_ids()[k]`.
     pub fn mask_ids(&self) -> &[String] {
         &self.mask_ids

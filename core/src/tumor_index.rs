@@ -84,6 +84,11 @@ impl TumorIndex {
         Ok(Self { grid, mask_ids: masks.iter().map(|m| m.id().to_owned()).collect(), data })
     }
 
+    /// The same with other ids of its masks, in their order.
+    pub(crate) fn with_mask_ids(&self, mask_ids: Vec<String>) -> Self {
+        Self { mask_ids, ..self.clone() }
+    }
+
     /// The grid it is on.
     pub fn grid(&self) -> &Grid {
         &self.grid

@@ -73,7 +73,8 @@ pub fn path(loops: &[Vec<[f64; 2]>]) -> String {
     for points in loops {
         for (n, [x, y]) in points.iter().enumerate() {
             // Writing into a string can't fail.
-            let _ = write!(out, "{}{} {}", if n == 0 { "M" } else { "L" }, hundredths(*x), hundredths(*y));
+            let _ =
+                write!(out, "{}{} {}", if n == 0 { "M" } else { "L" }, two_decimals(*x), two_decimals(*y));
         }
         out.push('Z');
     }
@@ -81,7 +82,7 @@ pub fn path(loops: &[Vec<[f64; 2]>]) -> String {
 }
 
 /// Two decimals without trailing zeros.
-fn hundredths(mm: f64) -> String {
+fn two_decimals(mm: f64) -> String {
     let text = format!("{mm:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::{Date, Page, text};
+use super::{Date, Page, hundredths, text};
 use crate::{format::hex, words::Words};
 
 /// Width in units, about a phone's width in CSS pixels, so that letters keep their size.
@@ -22,22 +22,11 @@ fn short(name: &str) -> String {
     format!("{}…", start.trim_end())
 }
 
-/// What a part toggles.
-struct Part {
-    /// The attribute of its number.
-    kind: &'static str,
-    number: usize,
-    is_button: bool,
-}
-
-fn part(part: &Part, content: &Markup) -> Markup {
-    if !part.is_button {
+/// A part that toggles a mask or a level, where it is a button.
+fn part([mask, level]: [Option<usize>; 2], is_button: bool, content: &Markup) -> Markup {
+    if !is_button {
         return html! { g { (content) } };
     }
-    let (mask, level) = match part.kind {
-        "mask" => (Some(part.number), None),
-        _ => (None, Some(part.number)),
-    };
     html! {
         g class="part" role="button" tabindex="0" aria-pressed="true" data-mask=[mask] data-level=[level] {
             (content)
@@ -60,12 +49,12 @@ pub fn agreement(date: &Date, words: &Words, is_button: bool) -> Option<Markup> 
         let color = hex(level.color);
         let content = html! {
             rect class="hit" x="0" y=(y) width=(WIDTH) height=(ROW) fill="none" {}
-            circle class="fill" cx=(WIDTH / 2.0) cy=(coordinate(8.0 + 2.0 * RADIUS - radius)) r=(coordinate(radius)) fill=(color) {}
+            circle class="fill" cx=(WIDTH / 2.0) cy=(hundredths(8.0 + 2.0 * RADIUS - radius)) r=(hundredths(radius)) fill=(color) {}
             rect class="fill" x="4" y=(y + 12.0) width="20" height="20" rx="5" fill=(color) {}
             text x="34" y=(y + 27.0) { (name) " " }
             text class="value" x=(WIDTH - 4.0) y=(y + 27.0) text-anchor="end" { (volume) }
         };
-        part(&Part { kind: "level", number: n, is_button }, &content)
+        part([None, Some(n)], is_button, &content)
     };
     Some(figure(height, &words.get("diagram-agreement"), is_button, &html! { @for n in 0..of { (one(n)) } }))
 }
@@ -83,15 +72,15 @@ pub fn volumes(page: &Page, date: &Date, words: &Words, is_button: bool) -> Opti
         let y = row * place as f64;
         let name = text::mask_name(page, n, words);
         let volume = text::ml(volume_ml, words);
-        let width = coordinate((WIDTH - 8.0) * volume_ml / most);
-        let color = page.masks.get(n).map_or([128; 3], |mask| mask.color);
+        let width = hundredths((WIDTH - 8.0) * volume_ml / most);
+        let color = page.color(n);
         let content = html! {
             rect class="hit" x="0" y=(y) width=(WIDTH) height=(row) fill="none" {}
             text x="4" y=(y + 18.0) { (short(&name)) " " }
             text class="value" x=(WIDTH - 4.0) y=(y + 18.0) text-anchor="end" { (volume) }
             rect class="fill" x="4" y=(y + 26.0) width=(width) height="16" rx="4" fill=(hex(color)) {}
         };
-        part(&Part { kind: "mask", number: n, is_button }, &content)
+        part([Some(n), None], is_button, &content)
     };
     let rows = html! { @for (place, (n, ml)) in shown.iter().enumerate() { (one(place, *n, *ml)) } };
     Some(figure(row * shown.len() as f64, &words.get("diagram-volumes"), is_button, &rows))
@@ -102,9 +91,4 @@ fn figure(height: f64, label: &str, is_button: bool, content: &Markup) -> Markup
     html! {
         svg class="diagram" viewBox={ "0 0 " (WIDTH) " " (height) } role=(role) aria-label=(label) { (content) }
     }
-}
-
-/// Two decimals.
-fn coordinate(value: f64) -> f64 {
-    (value * 100.0).round() / 100.0
 }

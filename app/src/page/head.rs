@@ -3,6 +3,7 @@
 use glioscope_core::{
     Components, Connectivity, Grid, Mask, MaskBits, Progress, Sides, Volume,
     glam::{DAffine3, DMat3, DVec3},
+    surface::without_cavities,
 };
 
 use super::{PageError, Surface, slices::trilinear};
@@ -32,7 +33,7 @@ pub fn head(image: &Volume, progress: &Progress) -> Result<Option<Surface>, Page
     let above = MaskBits::from_fn(dims, |n| f64::from(values[n]) > threshold);
     let smooth = rounded(&above);
     let Some(part) = largest(&smooth) else { return Ok(None) };
-    let Some(filled) = largest(&part.inverted()).map(|air| air.inverted()) else { return Ok(None) };
+    let Ok(filled) = without_cavities(&part) else { return Ok(None) };
     if filled.count() < LEAST_VOXELS {
         return Ok(None);
     }

@@ -5,8 +5,13 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::{Date, Page, Plane, Slice, Surface, diagram, print, text};
-use crate::{format::hex, words::Words};
+use super::{Date, Page, Slice, Surface, diagram, hundredths, print, text};
+use glioscope_render::flat::Plane;
+
+use crate::{
+    format::{hex, json_in_element},
+    words::Words,
+};
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -47,7 +52,7 @@ pub fn page(content: &Page, words: &Words) -> String {
                 }
                 footer { p { (words.get("footer")) } button type="button" id="print" hidden { (words.get("print")) } }
                 (print::sheet(content, paragraphs, words))
-                script type="application/json" id="data" { (PreEscaped(in_element(&data(content, words)))) }
+                script type="application/json" id="data" { (PreEscaped(json_in_element(&data(content, words).to_string()))) }
                 script { (PreEscaped(LIBRARY)) }
                 script { (PreEscaped(SCRIPT)) }
             }
@@ -59,11 +64,6 @@ pub fn page(content: &Page, words: &Words) -> String {
 /// The hash by which a policy allows an element's text.
 fn hash(text: &str) -> String {
     format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text.as_bytes())))
-}
-
-/// JSON that can't end its element.
-fn in_element(value: &Value) -> String {
-    value.to_string().replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
 }
 
 /// A rule for the colour of each mask and level.
@@ -178,7 +178,7 @@ fn picture(page: &Page, date: &Date, slice: &Slice, words: &Words) -> Markup {
         Plane::Coronal => ("coronal", true),
         Plane::Sagittal => ("sagittal", false),
     };
-    let [width, height] = slice.size_mm.map(|v| (v * 100.0).round() / 100.0);
+    let [width, height] = slice.size_mm.map(hundredths);
     let line = 0.9;
     html! {
         figure {
@@ -269,13 +269,12 @@ fn data(page: &Page, words: &Words) -> Value {
         }));
     }
     let colors: Vec<[u8; 3]> = page.masks.iter().map(|mask| mask.color).collect();
-    let said: Vec<(&str, String)> = ["play", "stop"].into_iter().map(|key| (key, words.get(key))).collect();
     json!({
         "surfaces": surfaces,
         "head": head,
         "dates": dates,
         "colors": colors,
         "hasSides": page.has_sides,
-        "words": said.into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+        "words": { "play": words.get("play"), "stop": words.get("stop") },
     })
 }

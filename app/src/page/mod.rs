@@ -21,6 +21,7 @@ mod surface;
 mod text;
 
 use glioscope_core::{Cancelled, export::MeshError};
+use glioscope_render::flat::Plane;
 
 pub use content::content;
 pub use html::page;
@@ -124,21 +125,10 @@ pub struct Level {
     pub surface: Option<Surface>,
 }
 
-/// A plane of patient space, seen so that the patient's left is at the right.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Plane {
-    /// Across, seen from the feet; the front is at the top.
-    Axial,
-    /// Seen from the front; the top of the head is at the top.
-    Coronal,
-    /// Seen from the patient's left; the front is at the left.
-    Sagittal,
-}
-
 /// A slice, its outlines as SVG paths in millimetres from the picture's upper left corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slice {
-    /// Its plane.
+    /// Its plane, seen so that the patient's left is at the right; a sagittal one from the patient's left.
     pub plane: Plane,
     /// Width and height in millimetres.
     pub size_mm: [f64; 2],
@@ -148,6 +138,18 @@ pub struct Slice {
     pub masks: Vec<String>,
     /// The outline of each of [`Date::levels`].
     pub levels: Vec<String>,
+}
+
+impl Page {
+    /// The colour of a mask, sRGB; grey where there is none of this number.
+    fn color(&self, n: usize) -> [u8; 3] {
+        self.masks.get(n).map_or([128; 3], |mask| mask.color)
+    }
+}
+
+/// A number with two decimals, for SVG.
+fn hundredths(value: f64) -> f64 {
+    (value * 100.0).round() / 100.0
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::{Page, Paragraph, Slice, diagram, text};
+use super::{Page, Paragraph, Slice, diagram, hundredths, text};
 use crate::{format::hex, words::Words};
 
 /// Length of the bar by which a reader checks the size.
@@ -22,8 +22,8 @@ pub fn fits(slice: &Slice) -> bool {
 pub fn true_size(page: &Page, slice: &Slice, words: &Words, id: Option<&str>) -> Markup {
     let [width, height] = slice.size_mm;
     html! {
-        svg class="outlines" id=[id] viewBox={ "0 0 " (round(width)) " " (round(height)) } width={ (round(width)) "mm" }
-            height={ (round(height)) "mm" } data-width=(round(width)) data-height=(round(height)) role="img"
+        svg class="outlines" id=[id] viewBox={ "0 0 " (hundredths(width)) " " (hundredths(height)) } width={ (hundredths(width)) "mm" }
+            height={ (hundredths(height)) "mm" } data-width=(hundredths(width)) data-height=(hundredths(height)) role="img"
             aria-label=(words.get("true-size-alt")) {
             @for (n, path) in slice.masks.iter().enumerate() {
                 @if !path.is_empty() {
@@ -48,11 +48,7 @@ pub fn bar(id: Option<&str>) -> Markup {
 }
 
 fn color(page: &Page, n: usize) -> String {
-    hex(page.masks.get(n).map_or([128; 3], |mask| mask.color))
-}
-
-fn round(mm: f64) -> f64 {
-    (mm * 100.0).round() / 100.0
+    hex(page.color(n))
 }
 
 /// The sheet of the last date.

@@ -1,17 +1,18 @@
 //! Slices as pictures: the image as PNG, outlines as paths.
 
 use glioscope_core::{
-    Mask, Volume,
+    Grid, Mask, Volume,
     case::TimePoint,
     glam::{DVec2, DVec3},
 };
+use glioscope_render::flat::{Convention, Plane, SliceView};
 use image::{
     ExtendedColorType, ImageEncoder,
     codecs::png::{CompressionType, FilterType, PngEncoder},
 };
 
 use super::{
-    PageError, Plane, Slice,
+    PageError, Slice,
     contour::{Field, path},
 };
 
@@ -31,18 +32,16 @@ const TRUE_SIZE_MARGIN_MM: f64 = 1.0;
 /// A box, world millimetres.
 pub type Box3 = (DVec3, DVec3);
 
-impl Plane {
-    /// All, in the order in which they are shown.
-    pub const ALL: [Self; 3] = [Self::Axial, Self::Coronal, Self::Sagittal];
-
-    /// Directions to the right and down in the picture, world axes (RAS+).
-    pub(super) fn axes(self) -> [DVec3; 2] {
-        match self {
-            Self::Axial => [DVec3::NEG_X, DVec3::NEG_Y],
-            Self::Coronal => [DVec3::NEG_X, DVec3::NEG_Z],
-            Self::Sagittal => [DVec3::NEG_Y, DVec3::NEG_Z],
-        }
-    }
+/// Directions to the right and down in the picture, world axes: the patient's left is at the right.
+fn axes(plane: Plane) -> [DVec3; 2] {
+    let view = SliceView {
+        plane,
+        center_mm: DVec3::ZERO,
+        mm_per_pixel: 1.0,
+        size_px: [1; 2],
+        convention: Convention::Radiological,
+    };
+    [view.right(), view.down()]
 }
 
 /// Interpolates `value` at a place in voxels (centres at whole numbers); `outside` beyond the grid.
@@ -76,7 +75,7 @@ struct Sheet {
 impl Sheet {
     /// The part of the plane through `center_mm` that covers `around`.
     fn new(plane: Plane, center_mm: DVec3, (lo, hi): Box3, pixel_mm: f64) -> Self {
-        let axes = plane.axes();
+        let axes = axes(plane);
         let range = axes.map(|axis| {
             let [a, b] = [lo.dot(axis), hi.dot(axis)];
             [a.min(b), a.max(b)]
@@ -111,19 +110,20 @@ impl Sheet {
         Field { values: values.collect(), size: self.pixels, pixel_mm: self.pixel_mm }
     }
 
+    /// What `is_in` says of the voxels of a grid.
+    fn part(&self, grid: &Grid, is_in: impl Fn([usize; 3]) -> bool) -> Field {
+        let to_voxel = grid.voxel_from_world();
+        let value = |ijk: [usize; 3]| f64::from(u8::from(is_in(ijk)));
+        self.sample(|mm| trilinear(grid.dims(), to_voxel.transform_point3(mm), 0.0, &value))
+    }
+
     fn mask(&self, mask: &Mask) -> Field {
-        let to_voxel = mask.grid().voxel_from_world();
-        let value = |ijk: [usize; 3]| f64::from(u8::from(mask.bits().get(ijk)));
-        self.sample(|mm| trilinear(mask.grid().dims(), to_voxel.transform_point3(mm), 0.0, &value))
+        self.part(mask.grid(), |ijk| mask.bits().get(ijk))
     }
 
     fn level(&self, time: &TimePoint, count: usize) -> Field {
-        let grid = time.index.grid();
-        let to_voxel = grid.voxel_from_world();
-        let value = |ijk: [usize; 3]| {
-            f64::from(u8::from(time.index.get(grid.linear(ijk)).count_ones() as usize >= count))
-        };
-        self.sample(|mm| trilinear(grid.dims(), to_voxel.transform_point3(mm), 0.0, &value))
+        let index = &time.index;
+        self.part(index.grid(), |ijk| index.get(index.grid().linear(ijk)).count_ones() as usize >= count)
     }
 
     fn picture(&self, image: &Volume, window: [f64; 2]) -> Result<Vec<u8>, PageError> {
@@ -194,11 +194,8 @@ pub fn largest(time: &TimePoint, (ids, levels): (&[&str], usize), (lo, hi): Box3
         let active = sheet.sample(|mm| f64::from(u8::from(time.index.at_mm(mm) != 0)));
         active.values.iter().sum::<f64>()
     };
-    // The first of equals.
-    let best = (0..=count).map(|n| (n, area(n))).fold(None, |best: Option<(usize, f64)>, one| match best {
-        Some(b) if b.1 >= one.1 => Some(b),
-        _ => Some(one),
-    });
+    // `max_by` takes the last of equals: from behind, the first.
+    let best = (0..=count).rev().map(|n| (n, area(n))).max_by(|a, b| a.1.total_cmp(&b.1));
     let (n, _) = best.filter(|(_, area)| *area > 0.0)?;
     let sheet = Sheet::new(Plane::Axial, at(n), around, PIXEL_MM / 2.0);
     let sheet = sheet.cropped(&sheet.level(time, 1).loops_mm(), TRUE_SIZE_MARGIN_MM)?;

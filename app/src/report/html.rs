@@ -4,7 +4,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::document::{Block, Finding, Picture, Report, Table};
-use crate::{error::AppError, output, words::Words};
+use crate::{error::AppError, format::json_in_element, output, words::Words};
 
 /// The id of the element that holds the recipe.
 const RECIPE_ID: &str = "glioscope-recipe";
@@ -53,10 +53,9 @@ pub fn html(report: &Report, words: &Words) -> Result<String, AppError> {
     Ok(page.into_string())
 }
 
-/// The recipe as JSON that can't end its element.
+/// The recipe as JSON.
 fn recipe(report: &Report) -> String {
-    let json = serde_json::to_string(&report.recipe).unwrap_or_default();
-    json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
+    json_in_element(&serde_json::to_string(&report.recipe).unwrap_or_default())
 }
 
 /// The text of the recipe in an HTML report; `None` where there is none.

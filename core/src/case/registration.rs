@@ -82,8 +82,8 @@ const COARSE_MM: f64 = 4.0;
 const COARSE_POINTS: usize = 30_000;
 
 /// How far two dates' images lie apart at the tumour, in millimetres (95th percentile over its surface), by a coarse fit from
-/// where they lie: to tell dates that were never aligned, or were moved the wrong way, not to align them. `None` where that can't
-/// be told: without an image of one id at both dates, where a fit fails, where a registration that was run here moved them, and
+/// where they lie: to tell dates that were never aligned, or were moved the wrong way, not to align them. `None` up to
+/// [`NOT_ALIGNED_MM`], and where it can't be told: without an image of one id at both dates, where a fit fails, where a registration that was run here moved them, and
 /// where the user says that all lie in one space. With it the id of the images.
 ///
 /// # Errors
@@ -122,7 +122,7 @@ pub fn apart_mm(
         surface_points_mm(&masks).into_iter().map(|at| outcome.moving_mm(at).distance(at)).collect();
     distances.sort_by(f64::total_cmp);
     let at = (distances.len() * 95 / 100).min(distances.len().saturating_sub(1));
-    Ok(distances.get(at).map(|mm| (*mm, fixed.id.clone())))
+    Ok(distances.get(at).filter(|mm| **mm > NOT_ALIGNED_MM).map(|mm| (*mm, fixed.id.clone())))
 }
 
 type OfDate<'a> = (&'a TimePoint, usize);

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use super::{Aligned, Case, CaseMask, Context, TimePoint};
-use crate::{Mask, Regions, TumorIndex};
 
 impl Case {
     /// This case with the ids of its masks and images as `name` gives them; voxels, findings and the case's name stay. Ids
@@ -25,27 +24,18 @@ fn renamed_date(time: &TimePoint, name: &dyn Fn(&str) -> String) -> TimePoint {
     if time.masks.iter().all(|m| name(m.mask.id()) == m.mask.id()) {
         return TimePoint { contexts, ..time.clone() };
     }
-    let masks: Vec<CaseMask> = time
+    let masks = time
         .masks
         .iter()
-        .map(|m| {
-            let (id, old) = (name(m.mask.id()), &m.mask);
-            // The same grid and bits: they fit.
-            let mask = Mask::new(id, old.grid().clone(), old.bits().clone()).unwrap_or_else(|| old.clone());
-            CaseMask { mask, ..m.clone() }
-        })
+        .map(|m| CaseMask { mask: m.mask.with_id(name(m.mask.id())), ..m.clone() })
         .collect();
-    let all: Vec<&Mask> = masks.iter().map(|m| &m.mask).collect();
-    // The masks were in an index of this grid before.
-    match TumorIndex::new(time.index.grid().clone(), &all) {
-        Ok(index) => TimePoint {
-            contexts,
-            masks,
-            regions: Arc::new(Regions::of(&index)),
-            index: Arc::new(index),
-            ..time.clone()
-        },
-        Err(_) => time.clone(),
+    let ids: Vec<String> = time.index.mask_ids().iter().map(|id| name(id)).collect();
+    TimePoint {
+        contexts,
+        masks,
+        regions: Arc::new(time.regions.with_mask_ids(ids.clone())),
+        index: Arc::new(time.index.with_mask_ids(ids)),
+        ..time.clone()
     }
 }
 

@@ -26,7 +26,6 @@ use crate::{
     Cancelled, Grid, GridError, MaskBits, Progress,
     components::TooLarge,
     distance::{Crop, DistanceError},
-    grid::ijk,
     skeleton::{ForceSource, Skeleton, SkeletonError, SkeletonOptions, skeleton_with},
 };
 
@@ -267,17 +266,6 @@ pub struct Change {
     pub counts: ChangeCounts,
 }
 
-fn cropped(mask: &MaskBits, crop: Crop) -> MaskBits {
-    let mut out = MaskBits::empty(crop.dims);
-    let dims = mask.dims();
-    // The crop contains all active voxels.
-    mask.for_each(|l| {
-        let v = ijk(dims, l);
-        out.set(std::array::from_fn(|a| v[a] - crop.start[a]));
-    });
-    out
-}
-
 fn touches_border(mask: &MaskBits) -> bool {
     mask.bounds()
         .is_some_and(|(start, size)| (0..3).any(|a| start[a] == 0 || start[a] + size[a] == mask.dims()[a]))
@@ -379,7 +367,7 @@ pub fn change_with(
     let has_volumes_only = shares_nothing || not_aligned;
     let Some(crop) = Crop::around(&[before, after], 1).filter(|_| !has_volumes_only) else { return Ok(out) };
     progress.say("surfaces");
-    let local = [cropped(before, crop), cropped(after, crop)];
+    let local = [crop.part_of(before), crop.part_of(after)];
     let crop_frame = CropFrame { grid, start: crop.start, dims: crop.dims };
     let groups = groups::Groups::new(&local[0], &local[1], &grid.crop(crop.start, crop.dims)?)?;
     let has = |fate: Fate| groups.list.iter().any(|g| g.fate == fate);

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     Check, Grid, Progress,
-    case::{Aligned, Case, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, apart_mm},
+    case::{Aligned, Case, P95_OF_UNIT_ERRORS, apart_mm},
     csv::Table,
     skeleton::{ForceSource, SkeletonCounts},
 };
@@ -318,7 +318,6 @@ pub fn between(
     let frames = [before, after].map(|m| m.frame_of_reference.as_str());
     let is_aligned = frames[0] == frames[1] || frames.iter().any(|frame| frame.is_empty());
     let apart = if options.is_aligned && is_aligned { apart_mm(case, dates, progress)? } else { None };
-    let apart = apart.filter(|(mm, _)| *mm > NOT_ALIGNED_MM);
     let is_aligned = is_aligned && apart.is_none();
     let measured =
         registration_mm(case, &id, [&earlier.label, &later.label]).filter(|_| options.uses_consistency);

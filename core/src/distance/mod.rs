@@ -88,6 +88,29 @@ impl Crop {
         Some(Self { start, dims })
     }
 
+    /// The voxels of `mask` in it; it lies inside the mask.
+    pub(crate) fn part_of(self, mask: &MaskBits) -> MaskBits {
+        let mut part = MaskBits::empty(self.dims);
+        let [_, ny, _] = mask.dims();
+        let (per_line, part_per_line) = (mask.words_per_line(), part.words_per_line());
+        let (first, shift) = (self.start[0] / 64, self.start[0] % 64);
+        let past_end = self.dims[0] % 64;
+        for (line, out) in part.words_mut().chunks_exact_mut(part_per_line).enumerate() {
+            let [y, z] = [self.start[1] + line % self.dims[1], self.start[2] + line / self.dims[1]];
+            let at = (z * ny + y) * per_line;
+            let Some(words) = mask.words().get(at..at + per_line) else { continue };
+            let word = |w: usize| words.get(first + w).copied().unwrap_or(0);
+            for (w, out) in out.iter_mut().enumerate() {
+                let next = if shift == 0 { 0 } else { word(w + 1) << (64 - shift) };
+                *out = word(w) >> shift | next;
+            }
+            if let (true, Some(last)) = (past_end > 0, out.last_mut()) {
+                *last &= (1 << past_end) - 1;
+            }
+        }
+        part
+    }
+
     /// Position of grid voxel `ijk` in the crop; `None` outside.
     fn local(&self, ijk: [usize; 3]) -> Option<[usize; 3]> {
         let local: [usize; 3] = std::array::from_fn(|a| ijk[a].wrapping_sub(self.start[a]));

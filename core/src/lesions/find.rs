@@ -4,10 +4,9 @@ use std::sync::Arc;
 
 use crate::{
     Mask, MaskBits, Progress,
-    case::{Case, NOT_ALIGNED_MM, OrderBasis, TimePoint, apart_mm},
+    case::{Case, OrderBasis, TimePoint, apart_mm},
     change::Choice,
     dates,
-    grid::ijk,
 };
 
 use super::{
@@ -160,7 +159,7 @@ pub fn find(case: &Case, options: &Options, progress: &Progress) -> Result<Found
             [first, ..] => {
                 let mut bits = MaskBits::empty(case.grid.dims());
                 masks.iter().for_each(|m| {
-                    m.mask.bits().for_each(|l| bits.set(ijk(case.grid.dims(), l)));
+                    bits.words_mut().iter_mut().zip(m.mask.bits().words()).for_each(|(a, b)| *a |= b);
                 });
                 let union = Mask::new(found.of.clone(), case.grid.clone(), bits)
                     .unwrap_or_else(|| first.mask.clone());
@@ -259,7 +258,7 @@ fn not_linked(
         )));
     }
     let apart = if options.asks_images { apart_mm(case, dates, progress)? } else { None };
-    Ok(apart.filter(|(mm, _)| *mm > NOT_ALIGNED_MM).map(|(mm, image)| {
+    Ok(apart.map(|(mm, image)| {
         format!(
             "found {from} and {to} {mm:.0} mm apart at the tumour, by their images {image}, expected dates in one space"
         )

@@ -33,6 +33,7 @@ pub use event::{Event, EventKind};
 pub use find::{Found, Of, Options, default_mask, find};
 pub use links::{Link, LinkState, LinkedBy};
 pub use parts::Part;
+pub(crate) use report::largest;
 pub use report::{
     DateReport, EventReport, LesionDate, LesionReport, LesionsReport, LinkReport, PairReport, PartReport,
     report,

@@ -1,11 +1,11 @@
 //! The components of one date.
 
 use crate::{
-    Cancelled, Components, Connectivity, Grid, Mask, MaskBits, Progress,
+    Cancelled, Components, Connectivity, Grid, Mask, Progress,
     components::Run,
     glam::DVec3,
     grid::ijk,
-    resample::{SAME_PLACE_VOXELS, TIE_VOXELS, mask_onto, source_from_target},
+    resample::{SAME_PLACE_VOXELS, mask_onto, source_from_target, source_voxel},
 };
 use rayon::prelude::*;
 
@@ -135,11 +135,9 @@ impl DateParts {
         progress: &Progress,
     ) -> Result<Self, LesionsError> {
         let on_native = native.map(|native| restored(mask, native, progress)).transpose()?.flatten();
-        let (grid, bits, is_native) = match &on_native {
-            Some((grid, bits)) => ((*grid).clone(), bits, true),
-            None => (mask.grid().clone(), mask.bits(), false),
-        };
-        let components = Components::of_mask(bits, Connectivity::TwentySix)?;
+        let (measured, is_native) = (on_native.as_ref().unwrap_or(mask), on_native.is_some());
+        let grid = measured.grid().clone();
+        let components = Components::of_mask(measured.bits(), Connectivity::TwentySix)?;
         let runs: Vec<Vec<Run>> = components.list().iter().map(|c| components.runs(c).to_vec()).collect();
         let part = |runs| {
             progress.check()?;
@@ -160,9 +158,10 @@ impl DateParts {
             self.case_runs = own;
             return;
         }
-        let part_at = |[x, y, z]: [i64; 3]| {
-            let line = u64::try_from(z * self.grid.dims()[1] as i64 + y).ok().filter(|_| y >= 0)? as usize;
-            let x = u32::try_from(x).ok()?;
+        let dims = self.grid.dims();
+        let part_at = |place: DVec3| {
+            let [x, y, z] = source_voxel(place, dims)?;
+            let (line, x) = (z * dims[1] + y, x as u32);
             let next = own.partition_point(|run| (run.line, run.first) <= (line, x));
             let run = own.get(next.checked_sub(1)?)?;
             (run.line == line && x <= run.last).then_some(run.part)
@@ -173,7 +172,7 @@ impl DateParts {
         mask.bits().for_each(|linear| {
             let [x, y, z] = ijk(case_dims, linear);
             let place = map.transform_point3(DVec3::new(x as f64, y as f64, z as f64));
-            let Some(part) = part_at(place.to_array().map(|v| (v + 0.5 + TIE_VOXELS).floor() as i64)) else {
+            let Some(part) = part_at(place) else {
                 self.unplaced += 1;
                 return;
             };
@@ -225,16 +224,16 @@ impl DateParts {
 
 /// The mask on its native grid, brought back from the case grid, where nothing was lost on the way: as many voxels as the
 /// file has, which make the same mask again on the case grid.
-fn restored<'a>(
+fn restored(
     mask: &Mask,
-    (grid, voxels): (&'a Grid, u64),
+    (grid, voxels): (&Grid, u64),
     progress: &Progress,
-) -> Result<Option<(&'a Grid, MaskBits)>, LesionsError> {
+) -> Result<Option<Mask>, LesionsError> {
     let bits = mask_onto(mask, grid, progress)?;
     if bits.count() != voxels {
         return Ok(None);
     }
     let Some(native) = Mask::new(mask.id(), grid.clone(), bits) else { return Ok(None) };
     let again = mask_onto(&native, mask.grid(), progress)?;
-    Ok((&again == mask.bits()).then(|| (grid, native.bits().clone())))
+    Ok((&again == mask.bits()).then_some(native))
 }

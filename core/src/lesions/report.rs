@@ -348,9 +348,7 @@ impl<'a> View<'a> {
         let units: Vec<(usize, &Unit)> = units.filter(is_here).collect();
         let parts = units.iter().flat_map(|(_, unit)| unit.parts.iter().map(|part| (date, *part)));
         let parts: Vec<PartReport> = parts.filter_map(|node| self.part(node)).collect();
-        let largest = parts.iter().map(|part| &part.diameters).reduce(|largest, diameters| {
-            if diameters.product_mm2 > largest.product_mm2 { diameters } else { largest }
-        });
+        let largest = largest(&parts);
         let is_present = !parts.is_empty();
         let has_mask = self.tracked.found.parts(date).is_some();
         LesionDate {
@@ -366,6 +364,12 @@ impl<'a> View<'a> {
             parts,
         }
     }
+}
+
+/// The diameters with the largest product, the first of equals; `None` without a component.
+pub(crate) fn largest(parts: &[PartReport]) -> Option<&Diameters> {
+    let all = parts.iter().map(|part| &part.diameters);
+    all.reduce(|largest, one| if one.product_mm2 > largest.product_mm2 { one } else { largest })
 }
 
 /// 0 for none, where the sum of the standard library is -0.

@@ -1,6 +1,7 @@
 //! Disjoint sets.
 
 /// Disjoint sets; the smallest member is the root.
+#[derive(Clone)]
 pub(super) struct Sets(Vec<usize>);
 
 impl Sets {

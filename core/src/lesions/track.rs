@@ -194,10 +194,7 @@ impl State {
                 units.join(a, b);
             }
         }
-        let mut lesions = Sets::new(nodes.len());
-        for at in 0..nodes.len() {
-            lesions.join(at, units.root(at));
-        }
+        let mut lesions = units.clone();
         for link in &self.links {
             if let (Some(a), Some(b)) = (place(link.from), place(link.to)) {
                 lesions.join(a, b);

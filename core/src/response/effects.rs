@@ -8,7 +8,7 @@ use super::{
     result::Reason,
     rules::{Criterion, RuleId},
     sums::{nadir, sum},
-    targets::Targets,
+    targets::{Targets, is_of},
     timeline::value,
 };
 
@@ -150,10 +150,7 @@ impl Judge<'_> {
         let (mut is_worse, mut is_gone, mut found) = (false, true, false);
         for line in &self.lines {
             let Targets::Known(targets) = &line.targets else { return None };
-            let of_line = |name: &&str| {
-                let lesion = self.scans.iter().find_map(|scan| scan.lesions.get(*name));
-                lesion.is_some_and(|lesion| lesion.compartment == line.compartment)
-            };
+            let of_line = |name: &&str| is_of(self.scans, name, line.compartment);
             let names: Vec<&str> = non_targets.iter().map(String::as_str).filter(of_line).collect();
             if names.is_empty() {
                 continue;

@@ -4,7 +4,7 @@ use super::{
     fact::{Fact, Label},
     history::{Compartment, History, Measurement, NewLesion, ScanFacts},
 };
-use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport};
+use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest};
 
 /// Who states what the masks show.
 const AUTHOR: &str = "the masks";
@@ -21,8 +21,7 @@ fn of_lesion(lesion: &LesionReport, compartment: Compartment) -> Vec<Measurement
     let known = lesion.dates[first..].iter().filter(|date| date.volume_ml.is_some());
     known
         .map(|date| {
-            let largest = date.parts.iter().map(|part| &part.diameters);
-            let largest = largest.reduce(|a, b| if b.product_mm2 > a.product_mm2 { b } else { a });
+            let largest = largest(&date.parts);
             Measurement {
                 date: Label(date.time.clone()),
                 days: None,

@@ -138,36 +138,35 @@ pub(super) struct Explored<O> {
     pub missing: Vec<(Unknown, bool)>,
 }
 
+/// One outcome of each key, the first.
+fn distinct<'a, O: Clone + 'a, K: PartialEq>(
+    outcomes: impl Iterator<Item = &'a O>,
+    key: &impl Fn(&O) -> K,
+) -> Vec<O> {
+    let mut found: Vec<O> = Vec::new();
+    for outcome in outcomes {
+        if !found.iter().any(|other| key(other) == key(outcome)) {
+            found.push(outcome.clone());
+        }
+    }
+    found
+}
+
 /// Runs `evaluate` for all ways, or, where they are too many, for those that keep the assumptions; outcomes count as the same where their `key` is.
 pub(super) fn explore<O: Clone, K: PartialEq>(
     mut evaluate: impl FnMut(&mut Ask) -> O,
     key: impl Fn(&O) -> K,
 ) -> Explored<O> {
     let (leaves, complete) = walk(&mut evaluate, false);
-    let distinct = |wanted: &dyn Fn(&[Choice]) -> bool| {
-        let mut found: Vec<O> = Vec::new();
-        for (_, outcome) in leaves.iter().filter(|(path, _)| wanted(path)) {
-            if !found.iter().any(|other| key(other) == key(outcome)) {
-                found.push(outcome.clone());
-            }
-        }
-        found
-    };
-    let all = distinct(&|_| true);
-    let mut under_assumptions =
-        distinct(&|path| path.iter().all(|choice| !choice.assumed || choice.taken == 0));
-    let mut is_settled = complete;
-    if !complete {
+    let all = distinct(leaves.iter().map(|(_, outcome)| outcome), &key);
+    let (under_assumptions, is_settled) = if complete {
+        let kept = leaves.iter().filter(|(path, _)| path.iter().all(|c| !c.assumed || c.taken == 0));
+        (distinct(kept.map(|(_, outcome)| outcome), &key), true)
+    } else {
         // Too many ways in all; those that keep the assumptions may be few.
         let (kept, all_kept) = walk(&mut evaluate, true);
-        is_settled = all_kept;
-        under_assumptions.clear();
-        for (_, outcome) in kept {
-            if !under_assumptions.iter().any(|other| key(other) == key(&outcome)) {
-                under_assumptions.push(outcome);
-            }
-        }
-    }
+        (distinct(kept.iter().map(|(_, outcome)| outcome), &key), all_kept)
+    };
     let given =
         if under_assumptions.len() == 1 && is_settled { under_assumptions.first().cloned() } else { None };
     let mut asked: Vec<(Unknown, bool)> = Vec::new();

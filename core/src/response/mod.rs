@@ -1,7 +1,7 @@
 //! Response criteria of brain tumours: the call at each scan, by diameters and by volume, with its reasons, what is unknown,
 //! and what the repeatability of measurements leaves of it.
 //!
-//! Rules are rows of [`RULES`]; what is known from memory alone ([`UNSTATED`]) isn't applied: a call that needs it can't be
+//! Rules are rows of [`RULES`]; what no source that was read states ([`UNSTATED`]) isn't applied: a call that needs it can't be
 //! made, unless the trial's own value stands in the [`History`].
 //!
 //! An epoch is the time between surgeries. Its baseline is the stated scan, else the criterion's, else, after a surgery,

@@ -1,5 +1,5 @@
 //! The table of rules: each criterion's statements and numbers, with what they rest on. The evaluator reads its numbers from
-//! here. What is known from memory alone is in [`UNSTATED`], and isn't applied.
+//! here. What no source that was read states is in [`UNSTATED`], and isn't applied.
 
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantArray};
@@ -186,7 +186,7 @@ const IRANO: &str = "abstract of iRANO: PMC4638131";
 const RANO_BM: &str = "reprint of the RANO-BM table: PMC6499019 table 4";
 const RADIOPAEDIA: &str = "Radiopaedia on RANO-BM; PMC6499019 table 4";
 const MRANO: &str = "abstract of mRANO";
-const LEDGER: &str = "faults found in public engines on the LUMIERE data set";
+const ENGINES: &str = "faults found in public engines on the LUMIERE data set";
 
 const fn row(
     criteria: &'static [Criterion],
@@ -284,12 +284,12 @@ pub static RULES: &[Rule] = &[
     said(&[R20], Id::MixedComplete, Secondary, QUOTED, "mixed disease: complete response and another call is the other call"),
     said(&[R20], Id::MixedAlike, Secondary, QUOTED, "mixed disease: stable disease in both compartments is stable disease (and, as this program reads it, any other call in both that call)"),
 
-    said(&Criterion::ALL, Id::SurgeryResets, Secondary, LEDGER, "surgery resets baseline, lowest sum and targets"),
-    said(&Criterion::ALL, Id::Reappearance, Secondary, LEDGER, "above a lowest sum of zero there is no ratio: reappearance is judged as a new lesion"),
-    said(&Criterion::ALL, Id::TechniqueChanged, Secondary, LEDGER, "sums across a change of sequence, contrast or slice thickness aren't compared; those since the change are"),
+    said(&Criterion::ALL, Id::SurgeryResets, Secondary, ENGINES, "surgery resets baseline, lowest sum and targets"),
+    said(&Criterion::ALL, Id::Reappearance, Secondary, ENGINES, "above a lowest sum of zero there is no ratio: reappearance is judged as a new lesion"),
+    said(&Criterion::ALL, Id::TechniqueChanged, Secondary, ENGINES, "sums across a change of sequence, contrast or slice thickness aren't compared; those since the change are"),
 ];
 
-/// Something that a criterion is remembered to state, but which no source that was read states. It isn't applied.
+/// What a criterion may state, but no source that was read does. It isn't applied.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Unstated {
     /// The criteria.
@@ -311,7 +311,7 @@ const fn unstated(
     Unstated { criteria, id, what, trial }
 }
 
-/// All that isn't applied because it is known from memory alone.
+/// All that isn't applied because no source that was read states it.
 #[rustfmt::skip]
 pub static UNSTATED: &[Unstated] = &[
     unstated(&[MR17], Id::MeasurableLongest, "which lesions are measurable", "follow_2010 \"measurable\""),

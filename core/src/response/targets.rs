@@ -128,10 +128,6 @@ pub(super) fn targets<'a>(
     scans: &[Scan<'a>],
     compartment: Compartment,
 ) -> (Targets<'a>, Vec<TargetReport>) {
-    let of_compartment = |name: &str| {
-        let found = scans.iter().find_map(|scan| scan.lesions.get(name));
-        found.is_some_and(|lesion| lesion.compartment == compartment)
-    };
     let mut reports: Vec<TargetReport> = Vec::new();
     let mut chosen: Vec<&'a str> = Vec::new();
     let mut unclear = None;
@@ -148,7 +144,7 @@ pub(super) fn targets<'a>(
         reports.push(TargetReport { lesion: name.to_owned(), target, measurable, words });
     };
     if let Some(stated) = epoch.stated_targets {
-        for name in stated.iter().filter(|name| of_compartment(name)) {
+        for name in stated.iter().filter(|name| is_of(scans, name, compartment)) {
             add(name, baseline.lesions.get(name.as_str()).copied(), true);
         }
     } else {
@@ -177,4 +173,10 @@ pub(super) fn targets<'a>(
     };
     reports.sort_by(|a, b| a.lesion.cmp(&b.lesion));
     (targets, reports)
+}
+
+/// Whether a lesion is of this compartment, which is the same at all scans.
+pub(super) fn is_of(scans: &[Scan<'_>], name: &str, compartment: Compartment) -> bool {
+    let lesion = scans.iter().find_map(|scan| scan.lesions.get(name));
+    lesion.is_some_and(|lesion| lesion.compartment == compartment)
 }

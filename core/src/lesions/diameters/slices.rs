@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::super::sets::Sets;
 use crate::components::Run;
 
 /// Pixels of each piece, by slice. Indices within the plane are those of the grid's other two axes, in their order.
@@ -21,14 +22,7 @@ pub(super) fn pieces(runs: &[Run], axis: usize) -> BTreeMap<usize, Vec<Vec<[i32;
 /// Lines `[v, first u, last u]` in any order, joined into pieces.
 fn connected(mut lines: Vec<[i32; 3]>) -> Vec<Vec<[i32; 2]>> {
     lines.sort_unstable();
-    let mut root: Vec<usize> = (0..lines.len()).collect();
-    fn find(root: &mut [usize], mut at: usize) -> usize {
-        while root[at] != at {
-            root[at] = root[root[at]];
-            at = root[at];
-        }
-        at
-    }
+    let mut sets = Sets::new(lines.len());
     // Start of the line before, and how far it may be passed.
     let mut from = 0;
     for at in 0..lines.len() {
@@ -39,21 +33,18 @@ fn connected(mut lines: Vec<[i32; 3]>) -> Vec<Vec<[i32; 2]>> {
         }
         let mut other = from;
         while other < at && lines[other][0] == v - 1 && lines[other][1] <= last + 1 {
-            let (a, b) = (find(&mut root, at), find(&mut root, other));
-            root[a.max(b)] = a.min(b);
+            sets.join(at, other);
             other += 1;
         }
         // Along x a line may be given in parts.
         if at > 0 && lines[at - 1][0] == v && lines[at - 1][2] + 1 >= first {
-            let (a, b) = (find(&mut root, at), find(&mut root, at - 1));
-            root[a.max(b)] = a.min(b);
+            sets.join(at, at - 1);
         }
     }
     let mut number: BTreeMap<usize, usize> = BTreeMap::new();
     let mut pieces: Vec<Vec<[i32; 2]>> = Vec::new();
     for (at, [v, first, last]) in lines.iter().enumerate() {
-        let root = find(&mut root, at);
-        let piece = *number.entry(root).or_insert_with(|| {
+        let piece = *number.entry(sets.root(at)).or_insert_with(|| {
             pieces.push(Vec::new());
             pieces.len() - 1
         });

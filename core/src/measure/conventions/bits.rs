@@ -1,29 +1,6 @@
-//! Parts of masks, and dilation, 64 voxels at once.
+//! Dilation of masks, 64 voxels at once.
 
-use crate::{MaskBits, distance::Crop};
-
-/// The voxels of `mask` in `crop`, which lies inside it.
-pub(super) fn cropped(mask: &MaskBits, crop: Crop) -> MaskBits {
-    let mut part = MaskBits::empty(crop.dims);
-    let [_, ny, _] = mask.dims();
-    let (per_line, part_per_line) = (mask.words_per_line(), part.words_per_line());
-    let (first, shift) = (crop.start[0] / 64, crop.start[0] % 64);
-    let past_end = crop.dims[0] % 64;
-    for (line, out) in part.words_mut().chunks_exact_mut(part_per_line).enumerate() {
-        let [y, z] = [crop.start[1] + line % crop.dims[1], crop.start[2] + line / crop.dims[1]];
-        let at = (z * ny + y) * per_line;
-        let Some(words) = mask.words().get(at..at + per_line) else { continue };
-        let word = |w: usize| words.get(first + w).copied().unwrap_or(0);
-        for (w, out) in out.iter_mut().enumerate() {
-            let next = if shift == 0 { 0 } else { word(w + 1) << (64 - shift) };
-            *out = word(w) >> shift | next;
-        }
-        if let (true, Some(last)) = (past_end > 0, out.last_mut()) {
-            *last &= (1 << past_end) - 1;
-        }
-    }
-    part
-}
+use crate::MaskBits;
 
 /// `mask` with the voxels that share a face or an edge with it (18 neighbours), `times` over; what would lie beyond the
 /// mask's size is left out.

@@ -10,7 +10,6 @@ use glam::DVec3;
 use serde::{Serialize, Serializer, ser::SerializeMap};
 
 use super::{
-    bits::cropped,
     convention::{Averages, Convention, ConventionRow, Empty, Lesions, OfEmptyMasks, SurfaceDice},
     distances::SurfaceDistances,
     lesions::{self, LesionError, LesionReport, LesionRule, Measure},
@@ -279,7 +278,7 @@ pub fn compare(
     let (mut distances, mut lesions, mut no_distances, mut start) = (None, None, None, [0; 3]);
     let margin = if row.lesions == Lesions::Dilated { settings.lesion_rule.dilations } else { 0 };
     if let Some(crop) = Crop::around(&[reference, compared], margin) {
-        let [a, b] = [cropped(reference, crop), cropped(compared, crop)];
+        let [a, b] = [crop.part_of(reference), crop.part_of(compared)];
         overlap = Overlap { voxels: overlap.voxels, ..Overlap::of(&a, &b) };
         start = crop.start;
         match measured(&a, &b, grid, settings, overlap.empty()) {

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{
-    bits::{cropped, dilated},
+    bits::dilated,
     convention::{BRATS_MISSED_MM, ConventionRow, Lesions},
     distances::SurfaceDistances,
     number::number,
@@ -117,7 +117,7 @@ fn dilated_report(a: &MaskBits, b: &MaskBits, measure: &Measure) -> Result<Lesio
         let theirs: Vec<_> = partners.iter().filter_map(|&k| predicted.list().get(k)).collect();
         let boxed = bounding(theirs.iter().copied().chain([component]));
         let mut part = filled(&near, &[component], boxed);
-        keep(&mut part, &cropped(a, boxed));
+        keep(&mut part, &boxed.part_of(a));
         of_parts(&part, &filled(&predicted, &theirs, boxed), measure)
     };
     let all = near.list().par_iter().zip(&partners).map(lesion).collect::<Result<Vec<_>, _>>()?;

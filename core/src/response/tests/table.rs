@@ -19,13 +19,13 @@ fn rests_on(judgement: &Judgement, rule: &str) -> bool {
     by_reason || by_confirmation || rule.is_empty() || (rule == "max_targets" && by_baseline)
 }
 
-/// The mark and source of a rule in the table, or that it is remembered only.
+/// The mark and source of a rule in the table, or that no source that was read states it.
 fn source(criterion: Criterion, rule: &str) -> String {
     let stated = RULES.iter().find(|row| row.criteria.contains(&criterion) && id_of(&row.id) == rule);
     let unstated = UNSTATED.iter().any(|row| row.criteria.contains(&criterion) && id_of(&row.id) == rule);
     match stated {
         Some(row) => format!("{}: {}", id_of(&row.mark), row.source),
-        None if unstated => "memory only, not applied".to_owned(),
+        None if unstated => "not stated by a source, not applied".to_owned(),
         None => "evaluator: unknown input".to_owned(),
     }
 }

@@ -173,7 +173,7 @@ proptest! {
             let v = ijk(crop.dims, linear);
             mask.get([0, 1, 2].map(|a| v[a] + start[a]))
         });
-        prop_assert_eq!(bits::cropped(&mask, crop), part);
+        prop_assert_eq!(crop.part_of(&mask), part);
         let sparse = noise(seed, dims, 2);
         let once = |mask: &MaskBits| MaskBits::from_fn(dims, |linear| {
             let v = ijk(dims, linear);

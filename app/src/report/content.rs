@@ -77,8 +77,8 @@ impl Content<'_> {
         vec![Block::Facts(facts)]
     }
 
-    /// The findings, warnings first.
-    pub fn findings(&self, own: &[Check]) -> Vec<Block> {
+    /// The findings, warnings first; `more`: warnings that the case doesn't have.
+    pub fn findings(&self, own: &[Check], more: &[String]) -> Vec<Block> {
         let words = self.words;
         let mut all: Vec<&Check> = own.iter().chain(&self.case.checks).collect();
         all.sort_by_key(|check| std::cmp::Reverse(check.severity));
@@ -86,8 +86,9 @@ impl Content<'_> {
             is_warning: check.severity >= Severity::Warning,
             text: self.redactor.text(&check.message),
         };
+        let more = more.iter().map(|text| Finding { is_warning: true, text: self.redactor.text(text) });
         let mut list: Vec<Finding> = Vec::new();
-        for one in all.iter().map(finding) {
+        for one in more.chain(all.iter().map(finding)) {
             if !list.contains(&one) {
                 list.push(one);
             }
@@ -246,7 +247,8 @@ impl Content<'_> {
         let head = ["first-mask", "second-mask"].map(|key| words.get(key)).into_iter().chain(names);
         let number = |value: Option<f64>, text: &dyn Fn(f64) -> String| match value {
             Some(value) if value.is_finite() => words.number(&text(value)),
-            _ => words.get("unknown"),
+            Some(_) => words.get("infinite"),
+            None => words.get("unknown"),
         };
         let row = |(pair, found): (Pair, &PairComparison)| {
             let overlaps = pair.metrics().map(|(metric, value)| number(value, &|v| metric.print(Some(v), 0)));

@@ -147,7 +147,8 @@ pub fn make(
         session: session::value(doc, case, is_named)?,
     };
     let mut blocks = content.header();
-    blocks.extend(content.findings(&own));
+    let contradictions = response.map_or(&[][..], |(_, warnings, _)| warnings);
+    blocks.extend(content.findings(&own, contradictions));
     blocks.extend(content.summary());
     blocks.extend(
         response
@@ -238,10 +239,10 @@ fn pictures(
         progress.check()?;
         let Some(size) = pane.row().report_px else { continue };
         let rgba = painter.picture(pane, size)?;
-        let is_slice = matches!(pane, PaneId::Axial | PaneId::Coronal | PaneId::Sagittal);
+        let shows_sides = matches!(pane, PaneId::Axial | PaneId::Coronal);
         let is_of_dates = matches!(pane, PaneId::Change | PaneId::SideBySide);
         let mut caption = words.get(key);
-        if is_slice {
+        if shows_sides {
             caption = format!("{caption} {}", words.get(side));
         }
         if !date.is_empty() && !is_of_dates {

@@ -34,7 +34,13 @@ impl Judge<'_> {
             change.map_or_else(String::new, |change| format!(", {}{threshold}", percent(change)))
         };
         let lowest_words = lowest.map_or_else(String::new, |lowest| {
-            format!("the lowest ({:.1} at {}, of {} scans)", lowest.sum, self.label(lowest.at), lowest.scans)
+            let scans = if lowest.scans == 1 { "scan" } else { "scans" };
+            format!(
+                "the lowest ({:.1} at {}, of {} {scans})",
+                lowest.sum,
+                self.label(lowest.at),
+                lowest.scans
+            )
         });
         let (id, words) = match category {
             Category::Complete => (RuleId::CompleteResponse, "all targets are gone".to_owned()),

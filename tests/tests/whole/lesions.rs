@@ -149,6 +149,16 @@ fn lesions_are_followed_and_judged_with_what_the_history_says() {
     let (json, stderr) = response(&["--history", history.to_str().unwrap()]);
     assert!(stderr.contains("[history-contradicts-masks]") && stderr.contains("lesion B new"), "{stderr}");
     assert_eq!(json["warnings"].as_array().unwrap().len(), 1);
+    let arguments =
+        ["--history", history.to_str().unwrap(), "--software", "--force", "--out", page.to_str().unwrap()];
+    let output = run(PROGRAM, &[&["report"], &case[..], &arguments[..]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let html = std::fs::read_to_string(&page).unwrap();
+    let front = html.split("Summary</h2>").next().unwrap();
+    assert!(
+        front.contains("found lesion B new") && !front.contains("nothing to warn of"),
+        "warnings are in front"
+    );
     // The history's criteria can be others, and dates may be days.
     let lgg = answer(
         &[

@@ -145,6 +145,21 @@ fn names_in_a_report_are_text() {
 }
 
 #[test]
+fn a_report_tells_infinite_from_unknown_distances() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    ball(&at("full.nii.gz"), 5.0);
+    ball(&at("empty.nii.gz"), 0.0);
+    let [full, empty] = ["full", "empty"].map(|id| format!("{id}={}", text(&at(&format!("{id}.nii.gz")))));
+    let page = report(&["--mask", &full, "--mask", &empty], &at("r.md"));
+    // DeepMind's package: no distance to nothing; its mean of averages isn't shown.
+    assert!(
+        page.contains("| full | empty | 0.000 | 0.000 | infinite | infinite | infinite | 0.000 |"),
+        "{page}"
+    );
+}
+
+#[test]
 fn a_report_never_replaces_a_file_unasked_nor_an_input() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("m.nii.gz"), folder.path().join("there.html"));

@@ -143,3 +143,4 @@ call-neither-SD-nor-PD--observe = weder SD noch PD: beobachten
 call-cannot-say = nicht zu sagen
 metric-dice = Dice: 2|A∩B| / (|A|+|B|), 0 bis 1; 1 für zwei leere Masken.
 metric-jaccard = Jaccard: |A∩B| / |A∪B|, 0 bis 1; 1 für zwei leere Masken.
+infinite = unendlich

@@ -143,3 +143,4 @@ call-neither-SD-nor-PD--observe = neither SD nor PD: observe
 call-cannot-say = cannot say
 metric-dice = Dice: 2|A∩B| / (|A|+|B|), 0 to 1; 1 for two empty masks.
 metric-jaccard = Jaccard: |A∩B| / |A∪B|, 0 to 1; 1 for two empty masks.
+infinite = infinite

@@ -6,13 +6,22 @@ use clap::{Args, ValueEnum};
 use glioscope_core::{
     case::Case,
     lesions::{
-        self, DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM, LesionDate, LesionReport, LesionsReport, Of, Options,
+        self, LesionDate, LesionReport, LesionsReport, LinkState, Of, Options,
         diameters::DiameterMode,
     },
 };
 
 use super::{case::CaseArguments, parse, terminal};
-use crate::{error::AppError, format, output};
+use crate::{
+    error::AppError,
+    format,
+    model::{
+        ChangeSetting, LesionSetting,
+        lesions::{SMALLEST_ML, WITHIN_MM},
+    },
+    output,
+    world::load::ReadCase,
+};
 
 /// How diameters are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -36,33 +45,42 @@ impl From<Diameters> for DiameterMode {
 /// Which components are lesions, and how they are measured.
 #[derive(Clone, Debug, Args)]
 pub struct LesionOptions {
-    /// The mask, by id, or several whose union is taken: ID,ID. Without it the first mask that all dates have.
+    /// The mask, by id, or several whose union is taken: ID,ID. Without it the session's, else the first mask that all dates
+    /// have.
     #[arg(long, value_name = "ID,...", value_delimiter = ',')]
     pub of: Vec<String>,
-    /// Smaller components are counted, but are neither new, gone nor pieces of a split.
-    #[arg(long, value_name = "ML", default_value_t = DEFAULT_SMALLEST_ML, value_parser = parse::within(0.0..=1000.0),
-          allow_hyphen_values = true)]
-    pub smallest: f64,
-    /// Components without a common voxel are taken for one lesion up to this distance.
-    #[arg(long, value_name = "MM", default_value_t = DEFAULT_WITHIN_MM, value_parser = parse::within(0.0..=1000.0),
-          allow_hyphen_values = true)]
-    pub within: f64,
+    /// Smaller components are counted, but are neither new, gone nor pieces of a split; default: the session's, else 0.1.
+    #[arg(long, value_name = "ML", value_parser = parse::within(SMALLEST_ML), allow_hyphen_values = true)]
+    pub smallest: Option<f64>,
+    /// Components without a common voxel are taken for one lesion up to this distance; default: the session's, else 4.
+    #[arg(long, value_name = "MM", value_parser = parse::within(WITHIN_MM), allow_hyphen_values = true)]
+    pub within: Option<f64>,
     /// How diameters are measured.
     #[arg(long, value_enum, default_value_t)]
     pub diameters: Diameters,
 }
 
 impl LesionOptions {
-    /// The options for a case, of the masks `of` where given, else of its default.
-    pub(super) fn of_case(&self, case: &Case, of: &[String]) -> Options {
+    /// With what a session has where nothing is given.
+    pub(super) fn or(&self, setting: &LesionSetting) -> LesionSetting {
+        let of = setting.of.clone();
+        let (smallest_ml, within_mm) =
+            (self.smallest.unwrap_or(setting.smallest_ml), self.within.unwrap_or(setting.within_mm));
+        LesionSetting { of, smallest_ml, within_mm, edits: setting.edits.clone() }
+    }
+
+    /// The options for the masks `of` of a case, else for those of `setting`.
+    fn of_case(&self, case: &Case, of: &[String], setting: &LesionSetting) -> Options {
+        let setting = self.or(setting);
+        let chosen = || setting.options(case, &ChangeSetting::default()).map(|options| options.of);
         let of = match of {
-            [] => lesions::default_mask(case).map_or(Of::Union(Vec::new()), Of::Mask),
+            [] => chosen().unwrap_or(Of::Union(Vec::new())),
             [one] => Of::Mask(one.clone()),
             several => Of::Union(several.to_vec()),
         };
         Options {
-            smallest_ml: self.smallest,
-            within_mm: self.within,
+            smallest_ml: setting.smallest_ml,
+            within_mm: setting.within_mm,
             mode: self.diameters.into(),
             asks_images: !case.one_space,
             ..Options::new(of)
@@ -91,19 +109,30 @@ pub struct LesionArguments {
 }
 
 pub(super) fn run(arguments: &LesionArguments) -> Result<(), AppError> {
-    let case = arguments.case.read(false)?.case;
+    let ReadCase { case, document, .. } = arguments.case.read(false)?;
     arguments.csv.iter().try_for_each(|path| output::refuse(path, &case.inputs, arguments.force))?;
-    let report = found(&case, &arguments.options, &arguments.options.of)?;
+    let setting = document.map(|document| document.edit.lesions).unwrap_or_default();
+    let report = found(&case, &arguments.options, &arguments.options.of, &setting)?;
     if let Some(path) = &arguments.csv {
         output::write(path, &case.inputs, &lesions::csv(&report))?;
     }
     if arguments.json { terminal::print_json(&report) } else { terminal::print(&table(&report)) }
 }
 
-/// The lesions of the masks `of`; says what is uncertain.
-pub(super) fn found(case: &Case, options: &LesionOptions, of: &[String]) -> Result<LesionsReport, AppError> {
-    let options = options.of_case(case, of);
-    let report = terminal::with_progress(|progress| lesions::report(case, &options, &[], progress))?;
+/// The lesions of the masks `of`, with the setting and the edits of the case's session; says what is uncertain.
+pub(super) fn found(
+    case: &Case,
+    options: &LesionOptions,
+    of: &[String],
+    setting: &LesionSetting,
+) -> Result<LesionsReport, AppError> {
+    let options = options.of_case(case, of, setting);
+    let edits = setting.edits_of(&options.of.name());
+    let report = terminal::with_progress(|progress| lesions::report(case, &options, &edits, progress))?;
+    for lost in &report.edits_not_applied {
+        let text = format!("edit {} of the session has no effect: {}", lost.number + 1, lost.reason);
+        terminal::warning("lesions-edit-lost", &text);
+    }
     for warning in &report.warnings {
         terminal::warning("lesions", warning);
     }
@@ -130,7 +159,7 @@ fn table(report: &LesionsReport) -> String {
     if small > 0 {
         lines.push(format!("\n{small} more, never above {} ml", report.smallest_ml));
     }
-    let proposed = report.links.len();
+    let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
     if proposed > 0 {
         let links = if proposed == 1 {
             "1 link between dates is"

@@ -15,7 +15,7 @@ use super::{
 use crate::{
     command::Workstation,
     error::AppError,
-    model::Document,
+    model::{Document, LesionSetting},
     output,
     report::{self, Anonymous, Form, Identity, Options, Report, ResponseRecipe, sha256},
     window::report as made,
@@ -79,8 +79,8 @@ impl Asked {
         let diameters = if recipe.largest_product { Diameters::LargestProduct } else { Diameters::default() };
         let lesions = LesionOptions {
             of: recipe.of.clone(),
-            smallest: recipe.smallest_ml,
-            within: recipe.within_mm,
+            smallest: Some(recipe.smallest_ml),
+            within: Some(recipe.within_mm),
             diameters,
         };
         let options = ResponseOptions {
@@ -93,8 +93,9 @@ impl Asked {
         Self { options, text: recipe.history.clone().or(text) }
     }
 
-    fn recipe(&self, identity: Identity) -> ResponseRecipe {
-        let LesionOptions { of, smallest, within, diameters } = &self.options.lesions;
+    fn recipe(&self, identity: Identity, setting: &LesionSetting) -> ResponseRecipe {
+        let LesionOptions { of, diameters, .. } = &self.options.lesions;
+        let LesionSetting { smallest_ml, within_mm, .. } = self.options.lesions.or(setting);
         ResponseRecipe {
             criteria: self.options.criteria,
             assessment: self.options.assessment,
@@ -102,8 +103,8 @@ impl Asked {
             history_sha256: self.text.as_ref().map(|text| sha256(text.as_bytes())),
             of: of.clone(),
             non_enhancing: self.options.non_enhancing.clone(),
-            smallest_ml: *smallest,
-            within_mm: *within,
+            smallest_ml,
+            within_mm,
             largest_product: *diameters == Diameters::LargestProduct,
         }
     }
@@ -146,8 +147,8 @@ pub(super) fn of_anonymous(
     let identity = options.0.identity;
     let hides_authors = identity != Identity::Full;
     let evaluate = |asked: &Asked| -> Result<(Response, Vec<String>, ResponseRecipe), AppError> {
-        let found = evaluated(case, &asked.options, asked.text.as_deref(), hides_authors)?;
-        Ok((found.response, found.warnings, asked.recipe(identity)))
+        let found = evaluated((case, &doc.edit.lesions), &asked.options, asked.text.as_deref(), hides_authors)?;
+        Ok((found.response, found.warnings, asked.recipe(identity, &doc.edit.lesions)))
     };
     let response = asked.map(evaluate).transpose()?;
     terminal::with_progress(|progress| {

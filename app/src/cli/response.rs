@@ -6,9 +6,10 @@ use clap::Args;
 use glioscope_core::{
     case::Case,
     files::read_small_text,
+    lesions::LesionsReport,
     response::{
-        Assessment, Compartment, Criterion, DateResponse, History, HistoryError, Judgement, Measurement,
-        Response, contradictions, evaluate, measurements, with_days, with_new_lesions,
+        Assessment, Compartment, Criterion, DateResponse, Evaluated, History, HistoryError, Judgement, Response,
+        evaluate_lesions, measured_compartments,
     },
 };
 use serde::Serialize;
@@ -19,7 +20,7 @@ use super::{
     parse::keyword,
     terminal,
 };
-use crate::error::AppError;
+use crate::{error::AppError, model::LesionSetting, world::load::ReadCase};
 
 /// Maximum size of a history file.
 const MAX_BYTES: u64 = 1 << 20;
@@ -71,19 +72,6 @@ pub struct ResponseArguments {
     pub json: bool,
 }
 
-/// A response, and what it rests on.
-#[derive(Serialize)]
-pub(super) struct Evaluated {
-    /// The masks measured, with their compartments.
-    of: Vec<(Compartment, String)>,
-    /// Links between lesions that no reader has verified.
-    proposed_links: usize,
-    /// Where the history and the masks contradict each other.
-    pub(super) warnings: Vec<String>,
-    #[serde(flatten)]
-    pub(super) response: Response,
-}
-
 /// What `response --json` writes.
 #[derive(Serialize)]
 struct Answer<'a> {
@@ -96,17 +84,19 @@ pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
     let text = arguments.options.history_text()?;
     // Before seconds of reading.
     history(&arguments.options, text.as_deref())?;
-    let case = arguments.case.read(false)?.case;
-    let evaluated = evaluated(&case, &arguments.options, text.as_deref(), false)?;
+    let ReadCase { case, document, .. } = arguments.case.read(false)?;
+    let setting = document.map(|document| document.edit.lesions).unwrap_or_default();
+    let evaluated = evaluated((&case, &setting), &arguments.options, text.as_deref(), false)?;
     if arguments.json {
         return terminal::print_json(&Answer { case: &case.name, evaluated: &evaluated });
     }
     terminal::print(&table(&case, &evaluated.response))
 }
 
-/// The response of a case; `text` is the history's, whose authors aren't named where `hides_authors`.
+/// The response of a case, with the lesions of its session; `text` is the history's, whose authors aren't named where
+/// `hides_authors`.
 pub(super) fn evaluated(
-    case: &Case,
+    (case, setting): (&Case, &LesionSetting),
     options: &ResponseOptions,
     text: Option<&str>,
     hides_authors: bool,
@@ -115,30 +105,23 @@ pub(super) fn evaluated(
     if hides_authors {
         history = history.without_authors();
     }
-    let (mut all, mut of, mut proposed_links) = (Vec::<Measurement>::new(), Vec::new(), 0);
-    let mut warnings = Vec::new();
-    for (compartment, masks) in compartments(options, &history) {
-        let report = found(case, &options.lesions, masks)?;
-        let mut measured = measurements(&report, compartment);
-        if !all.is_empty() {
-            // Lesions of another mask have names of their own.
-            measured.iter_mut().for_each(|m| m.lesion = format!("{} {}", report.of, m.lesion));
-        }
-        all.extend(with_days(measured, &history));
-        warnings.extend(contradictions(&history, &report));
-        history = with_new_lesions(history, &report);
-        proposed_links += report.links.len();
-        of.push((compartment, report.of));
+    let masks = [options.lesions.of.as_slice(), options.non_enhancing.as_slice()];
+    let mut reports = Vec::new();
+    for compartment in measured_compartments(&history, !masks[1].is_empty()) {
+        let is_other = *compartment == Compartment::NonEnhancing && !masks[1].is_empty();
+        reports.push((*compartment, found(case, &options.lesions, masks[usize::from(is_other)], setting)?));
     }
-    let response = evaluate(&history, &all).map_err(|e| wrong(options, e))?;
-    if proposed_links > 0 {
+    let reports: Vec<(Compartment, &LesionsReport)> = reports.iter().map(|(c, report)| (*c, report)).collect();
+    let evaluated = evaluate_lesions(history, &reports).map_err(|e| wrong(options, e))?;
+    let Evaluated { proposed_links, warnings, .. } = &evaluated;
+    if *proposed_links > 0 {
         let text = format!(
             "calls rest on links between lesions of several dates that the program proposes, and no reader has verified: {proposed_links}"
         );
         terminal::warning("lesions-proposed", &text);
     }
     warnings.iter().for_each(|text| terminal::warning("history-contradicts-masks", text));
-    Ok(Evaluated { of, proposed_links, warnings, response })
+    Ok(evaluated)
 }
 
 fn wrong(options: &ResponseOptions, error: HistoryError) -> AppError {
@@ -157,19 +140,6 @@ fn history(options: &ResponseOptions, text: Option<&str>) -> Result<History, App
         return Ok(History::new(criteria, assessment));
     };
     History::parse_for(text, *criteria, *assessment).map_err(|e| wrong(options, e))
-}
-
-/// The compartments that are measured, with the masks given for each.
-fn compartments<'a>(options: &'a ResponseOptions, history: &History) -> Vec<(Compartment, &'a [String])> {
-    let (of, other) = (options.lesions.of.as_slice(), options.non_enhancing.as_slice());
-    let is_non_enhancing =
-        history.criterion == Criterion::RanoLgg || history.assessment == Some(Assessment::NonEnhancing);
-    match (is_non_enhancing, other.is_empty()) {
-        (true, true) => vec![(Compartment::NonEnhancing, of)],
-        (true, false) => vec![(Compartment::NonEnhancing, other)],
-        (false, true) => vec![(Compartment::Enhancing, of)],
-        (false, false) => vec![(Compartment::Enhancing, of), (Compartment::NonEnhancing, other)],
-    }
 }
 
 /// The calls as text.

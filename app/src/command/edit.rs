@@ -8,6 +8,7 @@ use glam::DVec3;
 use glioscope_core::{
     Regions, Selection,
     case::{Alignment, TimePoint},
+    lesions,
     optics::Camera,
 };
 use glioscope_render::{
@@ -20,11 +21,12 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
-        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions, OverlapMode, PaneId,
-        Ruler, SecondImage, Shading,
+        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions, LesionSetting, OverlapMode,
+        PaneId, Ruler, SecondImage, Shading,
         document::{default_lens, tumor_radius_mm},
         fusion::is_pet,
         layout::{self, Task},
+        lesions::MOST_LESION_EDITS,
         made::{MOST_MADE, MadeMask},
         masks::MaskLook,
         overlap::{regions_of_mask, with_mask_toggled},
@@ -70,6 +72,9 @@ pub enum EditCommand {
     SetEllipsoidLook(EllipsoidLook),
     SetEllipsoidOpacities(Vec<EllipsoidOpacity>),
     SetChange(Box<ChangeSetting>),
+    // Lesions.
+    SetLesions(Box<LesionSetting>),
+    EditLesions(Vec<lesions::Edit>),
     // Light.
     SetLightingMode(LightingMode),
     SetPreset(Option<Preset>),
@@ -103,6 +108,21 @@ fn second_of(time_point: &TimePoint, first: Option<&str>) -> Option<SecondImage>
     let others = || time_point.contexts.iter().map(|c| &c.id).filter(|id| Some(id.as_str()) != first);
     let id = others().find(|id| is_pet(id)).or_else(|| others().next())?.clone();
     Some(SecondImage { id, time: None })
+}
+
+/// What edits of lesions do, for undo.
+fn lesion_edit_text(edits: &[lesions::Edit]) -> &'static str {
+    let [edit] = edits else { return "Verify the links" };
+    match edit {
+        lesions::Edit::Link { .. } => "Link the lesions",
+        lesions::Edit::Unlink { .. } => "Unlink the lesions",
+        lesions::Edit::Merge { .. } => "Merge the lesions",
+        lesions::Edit::Split { .. } => "Split the lesion at its neck",
+        lesions::Edit::Ignore { .. } => "Ignore the component: no lesion",
+        lesions::Edit::Name { .. } => "Name the lesion",
+        lesions::Edit::Verify { .. } => "Verify the link",
+        lesions::Edit::VerifyAll => "Verify all links",
+    }
 }
 
 impl EditCommand {
@@ -177,6 +197,8 @@ impl EditCommand {
             | EditKind::SetEllipsoidLook
             | EditKind::SetEllipsoidOpacities
             | EditKind::SetChange
+            | EditKind::SetLesions
+            | EditKind::EditLesions
             | EditKind::SetAperture
             | EditKind::SetShading
             | EditKind::AddRuler
@@ -237,6 +259,8 @@ impl EditCommand {
             Self::SetEllipsoidLook(_) => Label::new("Look of the ellipsoid diagram"),
             Self::SetEllipsoidOpacities(_) => Label::new("Opacity of an ellipsoid"),
             Self::SetChange(_) => Label::new("Compare dates"),
+            Self::SetLesions(_) => Label::new("Which components are lesions"),
+            Self::EditLesions(edits) => Label::new(lesion_edit_text(edits)),
             Self::SetLightingMode(mode) => {
                 let row = light::row(*mode);
                 Label::new(format!("Light: {}", row.title.to_lowercase())).detail(row.summary)
@@ -288,6 +312,7 @@ impl EditCommand {
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
             Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
+            Self::SetLesions(_) => Some("lesions"),
             Self::SetAperture(_) => Some("aperture"),
             Self::SetShading(_) => Some("shading"),
             _ => None,
@@ -393,6 +418,11 @@ impl EditCommand {
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
             Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
             Self::SetChange(setting) => edit.change.clone_from(setting),
+            Self::SetLesions(setting) => edit.lesions.clone_from(setting),
+            Self::EditLesions(own) => {
+                let room = MOST_LESION_EDITS.saturating_sub(edit.lesions.edits.len());
+                edit.lesions.edits.extend(own.iter().take(room).cloned());
+            }
             Self::SetLightingMode(mode) => edit.light.mode = *mode,
             Self::SetPreset(preset) => edit.light.preset = *preset,
             Self::SetAperture(degrees) => edit.light.aperture_deg = *degrees,

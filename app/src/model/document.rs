@@ -27,6 +27,7 @@ use super::{
     fusion::Fusion,
     hidden::HiddenRegions,
     layout,
+    lesions::LesionSetting,
     light::LightChoice,
     made::MadeMask,
     masks::MaskLooks,
@@ -124,6 +125,9 @@ pub struct Edit {
     /// Comparison of two time points.
     #[serde(default)]
     pub change: ChangeSetting,
+    /// Lesions over time, and what the user said about them.
+    #[serde(default)]
+    pub lesions: LesionSetting,
     /// Layout of the panes; see [`Edit::arrange_as`].
     pub layout: Tree<PaneId>,
     /// The maximised pane, if any.
@@ -314,6 +318,7 @@ impl Document {
                 ellipsoid_opacities: Vec::new(),
                 light: LightChoice::default(),
                 change: ChangeSetting::default(),
+                lesions: LesionSetting::default(),
                 layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),
                 maximized: None,
             },

@@ -9,6 +9,7 @@ pub mod hidden;
 pub mod history;
 pub mod kept;
 pub mod layout;
+pub mod lesions;
 pub mod light;
 pub mod made;
 pub mod masks;
@@ -29,6 +30,7 @@ pub use ellipsoids::{ComponentOf, EllipsoidKind, EllipsoidLook, EllipsoidOpacity
 pub use fusion::{Fusion, SecondImage};
 pub use hidden::HiddenRegions;
 pub use history::History;
+pub use lesions::LesionSetting;
 pub use light::{LightChoice, Shading};
 pub use overlap::OverlapMode;
 pub use pane::PaneId;

@@ -4,13 +4,14 @@ use std::{collections::BTreeSet, fmt::Display, ops::RangeInclusive};
 
 use egui_tiles::{Container, Tile, TileId, Tree};
 use glam::{DVec2, DVec3};
-use glioscope_core::Connectivity;
+use glioscope_core::{Connectivity, lesions};
 use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
 use super::{
     change::CHANGE_SCALE_MM,
     document::{CaseRef, Document, Edit, Navigation},
+    lesions::{LesionSetting, MOST_LESION_EDITS, MOST_LESION_NAME, SMALLEST_ML, WITHIN_MM},
     light::Shading,
     made,
     pane::PaneId,
@@ -140,9 +141,23 @@ fn check_edit(edit: &Edit) -> Checked {
     number("light aperture_deg", edit.light.aperture_deg, &(0.0..=85.0))?;
     edit.light.own.iter().try_for_each(check_light)?;
     check_shading(&edit.light.shading)?;
+    check_lesions(&edit.lesions)?;
     let change = &edit.change;
     change.full_mm.map_or(Ok(()), |mm| number("change full_mm", mm, &CHANGE_SCALE_MM))?;
     numbers("change", [change.smooth_mm, change.threshold_mm, change.registration_mm], &EXTENT_MM)
+}
+
+fn check_lesions(setting: &LesionSetting) -> Checked {
+    number("lesions smallest_ml", setting.smallest_ml, &SMALLEST_ML)?;
+    number("lesions within_mm", setting.within_mm, &WITHIN_MM)?;
+    count("lesions edits", setting.edits.len(), MOST_LESION_EDITS)?;
+    for edit in &setting.edits {
+        edit.places_mm().into_iter().try_for_each(|mm| place("lesions edit", mm))?;
+        if let lesions::Edit::Name { name, .. } = edit {
+            count("characters of a lesion's name", name.chars().count(), MOST_LESION_NAME)?;
+        }
+    }
+    Ok(())
 }
 
 fn check_shading(shading: &Shading) -> Checked {

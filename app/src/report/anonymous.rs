@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use glioscope_core::case::Case;
+use glioscope_core::{case::Case, lesions};
 
 use super::{
     Options,
@@ -45,6 +45,11 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
         let look = doc.edit.masks.get(&id);
         let name = look.name.as_ref().map(|name| redactor.text(name));
         doc.edit.masks.set(&id, &MaskLook { name, ..look });
+    }
+    for edit in &mut doc.edit.lesions.edits {
+        if let lesions::Edit::Name { name, .. } = edit {
+            *name = redactor.text(name);
+        }
     }
     Ok(Anonymous { case: shown, doc, names })
 }

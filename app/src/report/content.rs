@@ -5,7 +5,7 @@ use glioscope_core::{
     case::{Case, TimePoint},
     change::{ChangeReport, Lengths},
     dates, decimal,
-    lesions::{EventKind, LesionDate, LesionReport, LesionsReport},
+    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState},
     measure::{
         self, Agreement, DateComparison, PAIR_METRICS, Pair, PairComparison, Raters, conventions::Comparison,
     },
@@ -466,7 +466,8 @@ impl Content<'_> {
         };
         counted("lesions-small", report.lesions.len() - shown().count());
         counted("lesions-left-out", shown().count().saturating_sub(MOST_LESIONS));
-        counted("lesions-links", report.links.len());
+        let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed);
+        counted("lesions-links", proposed.count());
         let has_dates = report.dates.len() > 1;
         let all = ["lesion", "date", "volume", "diameters", "product", "became"];
         let head = all.into_iter().filter(|key| has_dates || !matches!(*key, "date" | "became"));

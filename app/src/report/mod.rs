@@ -21,7 +21,7 @@ use glioscope_core::{
     Check, Progress,
     case::Case,
     change::{self, ChangeOptions, ChangeReport, Choice},
-    lesions::{self, LesionsReport, Of},
+    lesions::{self, LesionsReport},
     measure::{self, conventions::Settings},
     response::Response,
 };
@@ -196,12 +196,12 @@ fn changes(
     Ok((reports, found))
 }
 
-/// The lesions of the mask that is compared between dates, else of the first mask.
+/// The lesions as the document has them.
 fn lesions(case: &Case, doc: &Document, progress: &Progress) -> Result<Option<LesionsReport>, AppError> {
-    let compared = doc.edit.change.chosen(case).ok().map(|choice| choice.id);
-    let Some(id) = compared.or_else(|| lesions::default_mask(case)) else { return Ok(None) };
-    let options = lesions::Options { asks_images: !case.one_space, ..lesions::Options::new(Of::Mask(id)) };
-    Ok(Some(lesions::report(case, &options, &[], progress)?))
+    let setting = &doc.edit.lesions;
+    let Some(options) = setting.options(case, &doc.edit.change) else { return Ok(None) };
+    let edits = setting.edits_of(&options.of.name());
+    Ok(Some(lesions::report(case, &options, &edits, progress)?))
 }
 
 /// The panes that a report shows, with the keys of their captions.

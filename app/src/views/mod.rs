@@ -9,6 +9,7 @@ pub mod draw;
 pub mod ellipsoids;
 pub mod legend;
 pub mod lens;
+pub mod lesions;
 pub mod measurements;
 pub mod overlap;
 pub mod pane;
@@ -40,6 +41,7 @@ fn new_pane(id: PaneId) -> Box<dyn Pane> {
         PaneId::Ellipsoids => Box::<ellipsoids::EllipsoidPane>::default(),
         PaneId::Change => Box::<change::ChangePane>::default(),
         PaneId::Dates => Box::<dates::DatesPane>::default(),
+        PaneId::Lesions => Box::<lesions::LesionsPane>::default(),
         PaneId::Overlap => Box::<overlap::OverlapPane>::default(),
         PaneId::Lens => Box::<lens::LensPane>::default(),
         PaneId::Measurements => Box::<measurements::MeasurementsPane>::default(),

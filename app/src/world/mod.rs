@@ -4,6 +4,7 @@ pub mod comparison;
 pub mod ellipsoids;
 pub mod image;
 pub mod jobs;
+pub mod lesions;
 pub mod load;
 pub mod make_mask;
 pub mod numbers;
@@ -227,6 +228,8 @@ pub struct Results {
     pub tracts: tracts::TractResult,
     /// Agreement of masks, and voxel counts inside the lens.
     pub numbers: numbers::Numbers,
+    /// Lesions over time.
+    pub lesions: lesions::Lesions,
     /// Places worth a look.
     pub places: places::Places,
     /// The axial slice as a plane in 3D.
@@ -247,6 +250,7 @@ impl Results {
             | self.ellipsoids.working()
             | self.tracts.working()
             | self.numbers.working()
+            | self.lesions.working()
     }
 }
 

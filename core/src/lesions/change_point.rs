@@ -6,6 +6,7 @@
 
 use crate::optics::random::Random;
 use serde::{Deserialize, Serialize};
+use strum::IntoStaticStr;
 
 /// Fewest dates of a change of level: with fewer, two levels fit almost anything.
 pub const FEWEST_DATES_OF_LEVEL: usize = 5;
@@ -23,8 +24,9 @@ const SEED: u64 = 0x6c65_7369_6f6e_7301;
 const ROUNDING: f64 = 1e-20;
 
 /// What changes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, IntoStaticStr)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum ChangePointKind {
     /// From one level to another, against no change at all: steady growth is a change of level, too.
     Level,

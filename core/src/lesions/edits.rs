@@ -72,6 +72,33 @@ pub enum Edit {
     VerifyAll,
 }
 
+impl Edit {
+    /// A component that it is about; `None` where it is about all.
+    pub fn anchor(&self) -> Option<&Anchor> {
+        match self {
+            Self::Link { from, .. }
+            | Self::Unlink { from, .. }
+            | Self::Merge { from, .. }
+            | Self::Verify { from, .. } => Some(from),
+            Self::Split { at, .. } | Self::Ignore { at } | Self::Name { at, .. } => Some(at),
+            Self::VerifyAll => None,
+        }
+    }
+
+    /// All places that it names, RAS+ millimetres.
+    pub fn places_mm(&self) -> Vec<DVec3> {
+        match self {
+            Self::Link { from, to }
+            | Self::Unlink { from, to }
+            | Self::Merge { from, to }
+            | Self::Verify { from, to } => vec![from.at_mm, to.at_mm],
+            Self::Split { at, seeds_mm: [a, b] } => vec![at.at_mm, *a, *b],
+            Self::Ignore { at } | Self::Name { at, .. } => vec![at.at_mm],
+            Self::VerifyAll => Vec::new(),
+        }
+    }
+}
+
 /// An edit that has no effect.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NotApplied {

@@ -1,21 +1,85 @@
 //! Measurements and new lesions as the masks of a case show them.
 
+use serde::Serialize;
+
 use super::{
+    evaluate,
     fact::{Fact, Label},
-    history::{Compartment, History, Measurement, NewLesion, ScanFacts},
+    history::{Assessment, Compartment, History, HistoryError, Measurement, NewLesion, ScanFacts},
+    result::Response,
+    rules::Criterion,
 };
-use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest};
+use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState, largest};
 
 /// Who states what the masks show.
 const AUTHOR: &str = "the masks";
 
-/// The lesions of `report` as measurements of `compartment`, from the date at which each is first there. A lesion that a
-/// later date doesn't have is gone; where that isn't known it has no measurement.
-pub fn measurements(report: &LesionsReport, compartment: Compartment) -> Vec<Measurement> {
-    report.lesions.iter().flat_map(|lesion| of_lesion(lesion, compartment)).collect()
+/// A response of lesions, and what it rests on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluated {
+    /// The masks measured, with their compartments.
+    pub of: Vec<(Compartment, String)>,
+    /// Links between lesions that no reader has verified.
+    pub proposed_links: usize,
+    /// Where the history and the masks contradict each other, in one line each.
+    pub warnings: Vec<String>,
+    /// The calls.
+    #[serde(flatten)]
+    pub response: Response,
 }
 
-fn of_lesion(lesion: &LesionReport, compartment: Compartment) -> Vec<Measurement> {
+/// Evaluates a history with the lesions of one compartment or two, as [`evaluate`] does.
+///
+/// # Errors
+/// As [`evaluate`].
+pub fn evaluate_lesions(
+    mut history: History,
+    reports: &[(Compartment, &LesionsReport)],
+) -> Result<Evaluated, HistoryError> {
+    let (mut all, mut of, mut proposed_links) = (Vec::<Measurement>::new(), Vec::new(), 0);
+    let mut warnings = Vec::new();
+    for (compartment, report) in reports {
+        let mut measured = measurements(report, *compartment);
+        if !all.is_empty() {
+            // Lesions of another mask have names of their own.
+            measured.iter_mut().for_each(|m| m.lesion = format!("{} {}", report.of, m.lesion));
+        }
+        all.extend(with_days(measured, &history));
+        warnings.extend(contradictions(&history, report));
+        history = with_new_lesions(history, report);
+        proposed_links += report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
+        of.push((*compartment, report.of.clone()));
+    }
+    let response = evaluate(&history, &all)?;
+    Ok(Evaluated { of, proposed_links, warnings, response })
+}
+
+/// The compartments that a history measures: the mask of `of`, and that of non-enhancing disease where it `has_other`.
+pub fn measured_compartments(history: &History, has_other: bool) -> &'static [Compartment] {
+    let is_non_enhancing =
+        history.criterion == Criterion::RanoLgg || history.assessment == Some(Assessment::NonEnhancing);
+    match (is_non_enhancing, has_other) {
+        (true, _) => &[Compartment::NonEnhancing],
+        (false, false) => &[Compartment::Enhancing],
+        (false, true) => &[Compartment::Enhancing, Compartment::NonEnhancing],
+    }
+}
+
+/// The lesions of `report` as measurements of `compartment`, from the date at which each is first there. A lesion that a
+/// later date doesn't have is gone; where that isn't known it has no measurement.
+fn measurements(report: &LesionsReport, compartment: Compartment) -> Vec<Measurement> {
+    let all = report.lesions.iter();
+    all.flat_map(|lesion| of_lesion(lesion, name_of(lesion, &report.lesions), compartment)).collect()
+}
+
+/// The user's name of a lesion where no other has it, else its id.
+fn name_of<'a>(lesion: &'a LesionReport, all: &[LesionReport]) -> &'a str {
+    let is_taken =
+        |name: &str| all.iter().any(|o| o.id != lesion.id && (o.id == name || o.name.as_deref() == Some(name)));
+    lesion.name.as_deref().filter(|name| !name.is_empty() && !is_taken(name)).unwrap_or(&lesion.id)
+}
+
+fn of_lesion(lesion: &LesionReport, name: &str, compartment: Compartment) -> Vec<Measurement> {
     let is_there = |date: &LesionDate| !date.parts.is_empty();
     let first = lesion.dates.iter().position(is_there).unwrap_or(lesion.dates.len());
     let known = lesion.dates[first..].iter().filter(|date| date.volume_ml.is_some());
@@ -25,7 +89,7 @@ fn of_lesion(lesion: &LesionReport, compartment: Compartment) -> Vec<Measurement
             Measurement {
                 date: Label(date.time.clone()),
                 days: None,
-                lesion: lesion.name.clone().unwrap_or_else(|| lesion.id.clone()),
+                lesion: name.to_owned(),
                 compartment,
                 gone: date.parts.is_empty(),
                 longest_mm: date.d1_mm,
@@ -44,7 +108,7 @@ fn of_lesion(lesion: &LesionReport, compartment: Compartment) -> Vec<Measurement
 ///
 /// Every date at which the mask was looked at becomes a scan, whether or not it has a lesion.
 #[must_use]
-pub fn with_new_lesions(mut history: History, report: &LesionsReport) -> History {
+fn with_new_lesions(mut history: History, report: &LesionsReport) -> History {
     for date in report.dates.iter().filter(|date| date.components.is_some()) {
         if !history.date.iter().any(|facts| facts.date.0 == date.time) {
             history.date.push(ScanFacts { date: Label(date.time.clone()), ..ScanFacts::default() });
@@ -63,7 +127,7 @@ pub fn with_new_lesions(mut history: History, report: &LesionsReport) -> History
 }
 
 /// Where the masks show a new lesion and the history says that there is none, in one line each.
-pub fn contradictions(history: &History, report: &LesionsReport) -> Vec<String> {
+fn contradictions(history: &History, report: &LesionsReport) -> Vec<String> {
     let says_none = |time: &str| {
         let facts = history.date.iter().find(|facts| facts.date.0 == time);
         facts.and_then(|facts| facts.new_lesion.as_ref()).is_some_and(|fact| fact.value == NewLesion::None)
@@ -86,7 +150,7 @@ pub fn contradictions(history: &History, report: &LesionsReport) -> Vec<String> 
 
 /// `measurements` with the days that the history states for dates that aren't calendar dates.
 #[must_use]
-pub fn with_days(mut measurements: Vec<Measurement>, history: &History) -> Vec<Measurement> {
+fn with_days(mut measurements: Vec<Measurement>, history: &History) -> Vec<Measurement> {
     for m in measurements.iter_mut().filter(|m| m.days.is_none()) {
         m.days = history.date.iter().find(|facts| facts.date == m.date).and_then(|facts| facts.days);
     }

@@ -1,0 +1,70 @@
+//! Settings of the lesions over time, and what the user said about them.
+
+use std::ops::RangeInclusive;
+
+use glioscope_core::{
+    case::Case,
+    lesions::{DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM, Edit, Of, Options, default_mask},
+};
+use serde::{Deserialize, Serialize};
+
+use super::change::ChangeSetting;
+
+/// The most edits of a case.
+pub const MOST_LESION_EDITS: usize = 2000;
+/// The longest name of a lesion, characters.
+pub const MOST_LESION_NAME: usize = 100;
+/// Sizes below which components are small, millilitres.
+pub const SMALLEST_ML: RangeInclusive<f64> = 0.0..=1000.0;
+/// Distances up to which components are linked, millimetres.
+pub const WITHIN_MM: RangeInclusive<f64> = 0.0..=1000.0;
+
+/// Which components are lesions, and what the user said about them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LesionSetting {
+    /// The mask, by id; `None`: the one that is compared between dates, else the first.
+    pub of: Option<String>,
+    /// Smaller components are small.
+    pub smallest_ml: f64,
+    /// Components without a common voxel are linked up to this distance.
+    pub within_mm: f64,
+    /// The user's edits, in their order.
+    #[serde(default)]
+    pub edits: Vec<Edit>,
+}
+
+impl Default for LesionSetting {
+    fn default() -> Self {
+        Self {
+            of: None,
+            smallest_ml: DEFAULT_SMALLEST_ML,
+            within_mm: DEFAULT_WITHIN_MM,
+            edits: Vec::new(),
+        }
+    }
+}
+
+impl LesionSetting {
+    /// The mask whose lesions are meant in `case`: the chosen one, else the one that `change` compares, else the first. `None`
+    /// without any mask.
+    pub fn mask(&self, case: &Case, change: &ChangeSetting) -> Option<String> {
+        let has = |id: &&String| case.time_points.iter().any(|time| time.masks.iter().any(|m| m.mask.id() == **id));
+        let compared = || change.chosen(case).ok().map(|choice| choice.id);
+        self.of.as_ref().filter(has).cloned().or_else(compared).or_else(|| default_mask(case))
+    }
+
+    /// The options with which the lesions of `case` are found; `None` without any mask.
+    pub fn options(&self, case: &Case, change: &ChangeSetting) -> Option<Options> {
+        Some(Options {
+            smallest_ml: self.smallest_ml,
+            within_mm: self.within_mm,
+            asks_images: !case.one_space,
+            ..Options::new(Of::Mask(self.mask(case, change)?))
+        })
+    }
+
+    /// Those of the edits that are about the mask of `options`, by its name.
+    pub fn edits_of(&self, of: &str) -> Vec<Edit> {
+        self.edits.iter().filter(|edit| edit.anchor().is_none_or(|anchor| anchor.of == of)).cloned().collect()
+    }
+}

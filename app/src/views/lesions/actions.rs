@@ -1,0 +1,218 @@
+//! What the user does with the selected components and links.
+
+use std::sync::Arc;
+
+use egui::{Key, TextEdit, Ui};
+use glioscope_core::lesions::{Anchor, Edit, Found, LesionsReport, LinkState};
+
+use super::{
+    selected::{Selected, ends, link_between, part_of, verify_all},
+    timeline::{go_to, title},
+};
+use crate::{
+    command::{Commands, EditCommand},
+    format,
+    model::{LesionSetting, lesions::MOST_LESION_NAME},
+    views::pane::Input,
+};
+
+/// A name being typed for a lesion.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Naming {
+    at: Anchor,
+    name: String,
+}
+
+/// Keys that act while the pointer is over the pane.
+const VERIFY: Key = Key::V;
+const UNLINK: Key = Key::U;
+const JOIN: Key = Key::J;
+const NEXT: Key = Key::N;
+
+/// What can be done, as buttons and keys.
+pub(super) fn show(
+    ui: &mut Ui,
+    input: &Input<'_>,
+    report: &LesionsReport,
+    found: Option<&Arc<Found>>,
+    (selected, naming): (&mut Selected, &mut Option<Naming>),
+    out: &mut Commands,
+) {
+    let mut edits = Vec::new();
+    ui.horizontal_wrapped(|ui| {
+        let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
+        if proposed > 0 {
+            if is_asked(ui, "Next proposed", "The next link that nobody verified", Some(NEXT)) {
+                next(input, report, selected, out);
+            }
+            let text = format!("Verify all {proposed}");
+            if is_asked(ui, &text, "Every link that is shown is right", None) {
+                edits = verify_all(report);
+            }
+            ui.separator();
+        }
+        match selected.clone() {
+            Selected::Nothing => {
+                ui.weak("Select a component or a link");
+            }
+            Selected::Link(from, to) => of_link(ui, report, [&from, &to], &mut edits),
+            Selected::Two(one, two) => of_two(ui, report, [&one, &two], &mut edits),
+            Selected::One(at) => of_one(ui, report, found, &at, naming, &mut edits),
+        }
+    });
+    if naming.as_ref().is_some_and(|naming| *selected != Selected::One(naming.at.clone())) {
+        *naming = None;
+    }
+    if !edits.is_empty() {
+        out.push(EditCommand::EditLesions(edits));
+    }
+    list(ui, input, report, out);
+}
+
+/// A button that a key presses too, while the pointer is over the pane and nothing is typed.
+fn is_asked(ui: &mut Ui, text: &str, tip: &str, key: Option<Key>) -> bool {
+    let tip = key.map_or_else(|| tip.to_owned(), |key| format!("{tip} ({})", key.name()));
+    let is_clicked = ui.button(text).on_hover_text(tip).clicked();
+    let is_here = ui.rect_contains_pointer(ui.clip_rect()) && !ui.ctx().egui_wants_keyboard_input();
+    let is_pressed = key.is_some_and(|key| ui.input(|i| i.modifiers.is_none() && i.key_pressed(key)));
+    is_clicked || (is_here && is_pressed)
+}
+
+/// The first proposed link after the selected one, in the order of the list.
+fn next(input: &Input<'_>, report: &LesionsReport, selected: &mut Selected, out: &mut Commands) {
+    let all: Vec<[&Anchor; 2]> = report
+        .links
+        .iter()
+        .filter(|link| link.state == LinkState::Proposed)
+        .filter_map(ends)
+        .collect();
+    let current = all.iter().position(|link| selected.is_link(*link));
+    let at = current.map_or(0, |at| (at + 1) % all.len().max(1));
+    if let Some([from, to]) = all.get(at) {
+        *selected = Selected::Link((*from).clone(), (*to).clone());
+        let volume_ml = part_of(report, to).map_or(1.0, |(_, part)| part.volume_ml);
+        go_to(input, to, volume_ml, out);
+    }
+}
+
+fn of_link(ui: &mut Ui, report: &LesionsReport, [from, to]: [&Anchor; 2], edits: &mut Vec<Edit>) {
+    let Some(link) = link_between(report, [from, to]) else { return };
+    let ends = || (from.clone(), to.clone());
+    if link.state == LinkState::Verified {
+        ui.label("Verified");
+    } else if is_asked(ui, "Verify the link", "Both are one lesion", Some(VERIFY)) {
+        let (from, to) = ends();
+        edits.push(Edit::Verify { from, to });
+    }
+    if is_asked(ui, "Unlink", "They are two lesions", Some(UNLINK)) {
+        let (from, to) = ends();
+        edits.push(Edit::Unlink { from, to });
+    }
+}
+
+fn of_two(ui: &mut Ui, report: &LesionsReport, [one, two]: [&Anchor; 2], edits: &mut Vec<Edit>) {
+    if link_between(report, [one, two]).is_some() {
+        return of_link(ui, report, [one, two], edits);
+    }
+    let (from, to) = (one.clone(), two.clone());
+    if one.time == two.time {
+        if is_asked(ui, "Merge", "Both pieces are one lesion", Some(JOIN)) {
+            edits.push(Edit::Merge { from, to });
+        }
+    } else if is_asked(ui, "Link", "Both are one lesion at two dates", Some(JOIN)) {
+        edits.push(Edit::Link { from, to });
+    }
+}
+
+fn of_one(
+    ui: &mut Ui,
+    report: &LesionsReport,
+    _found: Option<&Arc<Found>>,
+    at: &Anchor,
+    naming: &mut Option<Naming>,
+    edits: &mut Vec<Edit>,
+) {
+    let Some((lesion, part)) = part_of(report, at) else { return };
+    ui.label(format!("Lesion {}, {}", title(lesion), format::ml(part.volume_ml)));
+    match naming {
+        None => {
+            if is_asked(ui, "Name…", "What the lesion is called at all dates", None) {
+                *naming = Some(Naming { at: at.clone(), name: lesion.name.clone().unwrap_or_default() });
+            }
+        }
+        Some(typed) => {
+            let field = TextEdit::singleline(&mut typed.name).desired_width(140.0).char_limit(MOST_LESION_NAME);
+            let response = ui.add(field.hint_text("Name of the lesion"));
+            ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Name of the lesion"));
+            if !response.lost_focus() && !response.has_focus() {
+                response.request_focus();
+            }
+            let is_done = response.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+            let is_left = response.lost_focus() && !is_done;
+            if ui.button("Set").clicked() || is_done {
+                let name = typed.name.trim().to_owned();
+                edits.push(Edit::Name { at: at.clone(), name });
+                *naming = None;
+            } else if is_left && ui.input(|i| i.key_pressed(Key::Escape)) {
+                *naming = None;
+            }
+        }
+    }
+    if is_asked(ui, "Ignore", "It is no lesion and doesn't count", None) {
+        edits.push(Edit::Ignore { at: at.clone() });
+    }
+}
+
+/// The user's edits, each of which can be taken back.
+fn list(ui: &mut Ui, input: &Input<'_>, report: &LesionsReport, out: &mut Commands) {
+    let setting = &input.doc.edit.lesions;
+    let own: Vec<(usize, &Edit)> = setting
+        .edits
+        .iter()
+        .enumerate()
+        .filter(|(_, edit)| edit.anchor().is_none_or(|anchor| anchor.of == report.of))
+        .collect();
+    if own.is_empty() {
+        return;
+    }
+    let title = if own.len() == 1 { "Your edit".to_owned() } else { format!("Your {} edits", own.len()) };
+    egui::CollapsingHeader::new(title).id_salt("edits of lesions").show(ui, |ui| {
+        let mut taken = None;
+        for (number, edit) in &own {
+            ui.horizontal(|ui| {
+                let text = text(edit);
+                let button = ui.small_button("Take back");
+                button.widget_info(|| {
+                    egui::WidgetInfo::labeled(egui::Role::Button, true, format!("Take back: {text}"))
+                });
+                if button.clicked() {
+                    taken = Some(*number);
+                }
+                ui.label(text);
+            });
+        }
+        if let Some(number) = taken {
+            let mut edits = setting.edits.clone();
+            edits.remove(number);
+            out.push(EditCommand::SetLesions(Box::new(LesionSetting { edits, ..setting.clone() })));
+        }
+    });
+}
+
+fn text(edit: &Edit) -> String {
+    let at = |anchor: &Anchor| {
+        let [r, a, s] = anchor.at_mm.to_array();
+        let time = if anchor.time.is_empty() { "" } else { &format!("{} ", anchor.time) };
+        format!("{time}({r:.0}, {a:.0}, {s:.0})")
+    };
+    match edit {
+        Edit::Link { from, to } => format!("{} and {} linked", at(from), at(to)),
+        Edit::Unlink { from, to } => format!("{} and {} unlinked", at(from), at(to)),
+        Edit::Merge { from, to } => format!("{} and {} merged", at(from), at(to)),
+        Edit::Verify { from, to } => format!("link from {} to {} verified", at(from), at(to)),
+        Edit::VerifyAll => "all links verified".to_owned(),
+        Edit::Split { at: whole, .. } => format!("{} split", at(whole)),
+        Edit::Ignore { at: one } => format!("{} ignored", at(one)),
+        Edit::Name { at: one, name } => format!("{} named {name}", at(one)),
+    }
+}

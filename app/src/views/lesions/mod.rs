@@ -1,0 +1,123 @@
+//! Lesions over time: a timeline of their components, which the user links, parts and names, and the numbers of each.
+
+mod actions;
+mod numbers;
+mod selected;
+mod timeline;
+
+use egui::{ComboBox, DragValue, ScrollArea, Ui};
+use glioscope_core::lesions::{LesionsReport, LinkState};
+
+use super::{
+    draw,
+    pane::{Input, Pane, Stage},
+};
+use crate::{
+    command::{Commands, EditCommand},
+    model::{LesionSetting, lesions::SMALLEST_ML},
+    world::jobs::{Lookup, progress_text},
+};
+use selected::Selected;
+
+/// The pane of lesions.
+#[derive(Default)]
+pub struct LesionsPane {
+    selected: Selected,
+    /// Whether small lesions are shown too.
+    small: bool,
+    /// The name being typed, and the lesion's component.
+    naming: Option<actions::Naming>,
+}
+
+impl Pane for LesionsPane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        draw::padded(ui, |ui| {
+            ScrollArea::both().auto_shrink([false, false]).show(ui, |ui| self.content(ui, stage, out));
+        });
+    }
+}
+
+impl LesionsPane {
+    fn content(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        let input = stage.input;
+        let setting = &input.doc.edit.lesions;
+        let Some(mask) = setting.mask(input.case, &input.doc.edit.change) else {
+            ui.weak("The case has no mask");
+            return;
+        };
+        self.head(ui, &input, &mask, out);
+        let report = match stage.results.lesions.get(input.case, (setting, &input.doc.edit.change), stage.ask) {
+            Some(Lookup::Ready(report)) => report.clone(),
+            Some(Lookup::Failed(error)) => {
+                ui.colored_label(ui.visuals().error_fg_color, error.to_string());
+                return;
+            }
+            Some(Lookup::Working(progress)) => {
+                ui.weak(progress_text(progress));
+                match stage.results.lesions.last().filter(|last| last.of == mask) {
+                    Some(last) => last.clone(),
+                    None => return,
+                }
+            }
+            None => return,
+        };
+        warnings(ui, &report);
+        self.selected.keep_in(&report);
+        let all = report.lesions.iter().filter(|lesion| self.small || !lesion.small);
+        let shown: Vec<_> = all.take(timeline::MOST_LESIONS).collect();
+        timeline::show(ui, &input, &report, &shown, &mut self.selected, out);
+        let found = stage.results.lesions.found();
+        actions::show(ui, &input, &report, found, (&mut self.selected, &mut self.naming), out);
+        ui.add_space(6.0);
+        numbers::show(ui, &report, &shown);
+    }
+
+    fn head(&mut self, ui: &mut Ui, input: &Input<'_>, mask: &str, out: &mut Commands) {
+        let setting = &input.doc.edit.lesions;
+        let mut new = setting.clone();
+        ui.horizontal_wrapped(|ui| {
+            ui.label("Lesions of");
+            let mut ids: Vec<&str> =
+                input.case.time_points.iter().flat_map(|time| &time.masks).map(|m| m.mask.id()).collect();
+            ids.sort_unstable();
+            ids.dedup();
+            let name = |id: &str| input.doc.edit.masks.name(id);
+            ComboBox::from_id_salt("mask of lesions").selected_text(name(mask)).show_ui(ui, |ui| {
+                for id in ids {
+                    if ui.selectable_label(id == mask, name(id)).clicked() {
+                        new.of = Some(id.to_owned());
+                    }
+                }
+            });
+            let label = ui.label("small below").on_hover_text(
+                "Smaller components are neither new, gone nor pieces of a split: most are flecks of a segmentation's edge",
+            );
+            ui.add(DragValue::new(&mut new.smallest_ml).range(SMALLEST_ML).speed(0.01).suffix(" ml"))
+                .labelled_by(label.id);
+            ui.checkbox(&mut self.small, "show small ones");
+        });
+        if new != *setting {
+            out.push(EditCommand::SetLesions(Box::new(LesionSetting { edits: setting.edits.clone(), ..new })));
+        }
+    }
+}
+
+/// What is uncertain, and what has no effect.
+fn warnings(ui: &mut Ui, report: &LesionsReport) {
+    let not_linked = report.pairs.iter().filter_map(|pair| {
+        let why = pair.not_linked.as_ref()?;
+        Some(format!("{} to {}: {why}; lesions are not linked", pair.from, pair.to))
+    });
+    let lost = report
+        .edits_not_applied
+        .iter()
+        .map(|lost| format!("Your edit {} has no effect: {}", lost.number + 1, lost.reason));
+    let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
+    let proposed = (proposed > 0).then(|| match proposed {
+        1 => "1 link is proposed by the program and not verified".to_owned(),
+        several => format!("{several} links are proposed by the program and not verified"),
+    });
+    for text in report.warnings.iter().cloned().chain(not_linked).chain(lost).chain(proposed) {
+        ui.colored_label(ui.visuals().warn_fg_color, text);
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use glioscope_core::{case::Case, response::Response};
+use glioscope_core::{case::Case, response::Evaluated};
 
 use super::{
     arguments::ReportArguments,
@@ -146,9 +146,9 @@ pub(super) fn of_anonymous(
 ) -> Result<Report, AppError> {
     let identity = options.0.identity;
     let hides_authors = identity != Identity::Full;
-    let evaluate = |asked: &Asked| -> Result<(Response, Vec<String>, ResponseRecipe), AppError> {
+    let evaluate = |asked: &Asked| -> Result<(Evaluated, ResponseRecipe), AppError> {
         let found = evaluated((case, &doc.edit.lesions), &asked.options, asked.text.as_deref(), hides_authors)?;
-        Ok((found.response, found.warnings, asked.recipe(identity, &doc.edit.lesions)))
+        Ok((found, asked.recipe(identity, &doc.edit.lesions)))
     };
     let response = asked.map(evaluate).transpose()?;
     terminal::with_progress(|progress| {

@@ -20,7 +20,11 @@ use super::{
     parse::keyword,
     terminal,
 };
-use crate::{error::AppError, model::LesionSetting, world::load::ReadCase};
+use crate::{
+    error::AppError,
+    model::{LesionSetting, session},
+    world::{load::ReadCase, response::evaluate_now},
+};
 
 /// Maximum size of a history file.
 const MAX_BYTES: u64 = 1 << 20;
@@ -82,11 +86,27 @@ struct Answer<'a> {
 
 pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
     let text = arguments.options.history_text()?;
-    // Before seconds of reading.
-    history(&arguments.options, text.as_deref())?;
+    let is_asked = arguments.options.is_asked();
+    let may_state = arguments.case.path.as_ref().is_some_and(|path| session::is_session(path));
+    if is_asked || !may_state {
+        // Before seconds of reading.
+        history(&arguments.options, text.as_deref())?;
+    }
     let ReadCase { case, document, .. } = arguments.case.read(false)?;
-    let setting = document.map(|document| document.edit.lesions).unwrap_or_default();
-    let evaluated = evaluated((&case, &setting), &arguments.options, text.as_deref(), false)?;
+    let evaluated = match &document {
+        Some(document) if !is_asked => {
+            let own = terminal::with_progress(|progress| evaluate_now(&case, document, progress))?;
+            let own = own.ok_or_else(|| {
+                AppError::arguments("a session without criteria", "--criteria, or --history with a criterion")
+            })?;
+            warn_of(&own);
+            own
+        }
+        _ => {
+            let setting = document.map(|document| document.edit.lesions).unwrap_or_default();
+            evaluated((&case, &setting), &arguments.options, text.as_deref(), false)?
+        }
+    };
     if arguments.json {
         return terminal::print_json(&Answer { case: &case.name, evaluated: &evaluated });
     }
@@ -113,7 +133,12 @@ pub(super) fn evaluated(
     }
     let reports: Vec<(Compartment, &LesionsReport)> = reports.iter().map(|(c, report)| (*c, report)).collect();
     let evaluated = evaluate_lesions(history, &reports).map_err(|e| wrong(options, e))?;
-    let Evaluated { proposed_links, warnings, .. } = &evaluated;
+    warn_of(&evaluated);
+    Ok(evaluated)
+}
+
+/// Says what a response rests on.
+fn warn_of(Evaluated { proposed_links, warnings, .. }: &Evaluated) {
     if *proposed_links > 0 {
         let text = format!(
             "calls rest on links between lesions of several dates that the program proposes, and no reader has verified: {proposed_links}"
@@ -121,7 +146,6 @@ pub(super) fn evaluated(
         terminal::warning("lesions-proposed", &text);
     }
     warnings.iter().for_each(|text| terminal::warning("history-contradicts-masks", text));
-    Ok(evaluated)
 }
 
 fn wrong(options: &ResponseOptions, error: HistoryError) -> AppError {

@@ -22,7 +22,7 @@ use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
         ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions, LesionSetting, OverlapMode,
-        PaneId, Ruler, SecondImage, Shading,
+        PaneId, ResponseSetting, Ruler, SecondImage, Shading,
         document::{default_lens, tumor_radius_mm},
         fusion::is_pet,
         layout::{self, Task},
@@ -75,6 +75,7 @@ pub enum EditCommand {
     // Lesions.
     SetLesions(Box<LesionSetting>),
     EditLesions(Vec<lesions::Edit>),
+    SetResponse(Box<ResponseSetting>),
     // Light.
     SetLightingMode(LightingMode),
     SetPreset(Option<Preset>),
@@ -199,6 +200,7 @@ impl EditCommand {
             | EditKind::SetChange
             | EditKind::SetLesions
             | EditKind::EditLesions
+            | EditKind::SetResponse
             | EditKind::SetAperture
             | EditKind::SetShading
             | EditKind::AddRuler
@@ -260,6 +262,7 @@ impl EditCommand {
             Self::SetEllipsoidOpacities(_) => Label::new("Opacity of an ellipsoid"),
             Self::SetChange(_) => Label::new("Compare dates"),
             Self::SetLesions(_) => Label::new("Which components are lesions"),
+            Self::SetResponse(_) => Label::new("Statements for the response"),
             Self::EditLesions(edits) => Label::new(lesion_edit_text(edits)),
             Self::SetLightingMode(mode) => {
                 let row = light::row(*mode);
@@ -419,6 +422,7 @@ impl EditCommand {
             Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
             Self::SetChange(setting) => edit.change.clone_from(setting),
             Self::SetLesions(setting) => edit.lesions.clone_from(setting),
+            Self::SetResponse(setting) => edit.response.clone_from(setting),
             Self::EditLesions(own) => {
                 let room = MOST_LESION_EDITS.saturating_sub(edit.lesions.edits.len());
                 edit.lesions.edits.extend(own.iter().take(room).cloned());

@@ -33,6 +33,7 @@ use super::{
     masks::MaskLooks,
     overlap::OverlapMode,
     pane::PaneId,
+    response::ResponseSetting,
     rulers::Ruler,
 };
 
@@ -128,6 +129,9 @@ pub struct Edit {
     /// Lesions over time, and what the user said about them.
     #[serde(default)]
     pub lesions: LesionSetting,
+    /// Response by criteria, and what its reader states.
+    #[serde(default)]
+    pub response: ResponseSetting,
     /// Layout of the panes; see [`Edit::arrange_as`].
     pub layout: Tree<PaneId>,
     /// The maximised pane, if any.
@@ -319,6 +323,7 @@ impl Document {
                 light: LightChoice::default(),
                 change: ChangeSetting::default(),
                 lesions: LesionSetting::default(),
+                response: ResponseSetting::default(),
                 layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),
                 maximized: None,
             },

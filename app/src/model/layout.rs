@@ -6,7 +6,7 @@ use strum::VariantArray;
 
 /// Panes by what the case holds. Right: the three slices. With one time point, left the closeup above the context view,
 /// in the middle the ellipsoid diagram above the overlap diagram. With several, the change view takes the closeup's
-/// place, the closeup that of the ellipsoid diagram, and the ellipsoid diagram and the dates are tabs behind closeup and
+/// place, the closeup that of the ellipsoid diagram, and ellipsoid diagram, dates and lesions are tabs behind closeup and
 /// context view. The lens and measurements panes are tabs behind the overlap diagram, which is low where one mask leaves
 /// it only its size.
 pub fn default_layout(time_point_count: usize, mask_count: usize) -> Tree<PaneId> {
@@ -16,8 +16,9 @@ pub fn default_layout(time_point_count: usize, mask_count: usize) -> Tree<PaneId
     let (first, context, second) = if time_point_count < 2 {
         (closeup, context, ellipsoids)
     } else {
-        let [change, dates] = [PaneId::Change, PaneId::Dates].map(|pane| tiles.insert_pane(pane));
-        let context = tiles.insert_tab_tile(vec![context, dates]);
+        let [change, dates, lesions] =
+            [PaneId::Change, PaneId::Dates, PaneId::Lesions].map(|pane| tiles.insert_pane(pane));
+        let context = tiles.insert_tab_tile(vec![context, dates, lesions]);
         (change, context, tiles.insert_tab_tile(vec![closeup, ellipsoids]))
     };
     let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements].map(|pane| tiles.insert_pane(pane));
@@ -92,9 +93,10 @@ impl Task {
         let root = match self {
             Self::CompareMasks => return default_layout(1, masks),
             Self::FollowUp => {
-                let [change, side, dates, overlap] =
-                    [P::Change, P::SideBySide, P::Dates, P::Overlap].map(|pane| tiles.insert_pane(pane));
-                let numbers = tiles.insert_tab_tile(vec![dates, overlap]);
+                let [change, side] = [P::Change, P::SideBySide].map(|pane| tiles.insert_pane(pane));
+                let numbers =
+                    [P::Dates, P::Lesions, P::Response, P::Overlap].map(|pane| tiles.insert_pane(pane));
+                let numbers = tiles.insert_tab_tile(numbers.to_vec());
                 let left = rows(&mut tiles, &[(change, 1.3), (numbers, 1.0)]);
                 let below = columns(&mut tiles, &[(axial, 1.0), (coronal, 1.0), (sagittal, 1.0)]);
                 let right = rows(&mut tiles, &[(side, 1.3), (below, 1.0)]);
@@ -184,7 +186,9 @@ fn neighbours(pane: PaneId) -> &'static [PaneId] {
     match pane {
         P::Closeup => &[P::Change, P::Ellipsoids, P::Context],
         P::Change => &[P::Closeup, P::Context],
-        P::Context | P::Dates | P::Lesions => &[P::Dates, P::Context, P::Closeup],
+        P::Context | P::Dates | P::Lesions | P::Response => {
+            &[P::Lesions, P::Dates, P::Context, P::Closeup]
+        }
         P::Ellipsoids => &[P::Closeup, P::Overlap],
         P::SideBySide => &[P::Change, P::Closeup, P::Context],
         P::Axial => &[P::Coronal, P::Sagittal],

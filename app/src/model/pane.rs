@@ -20,6 +20,8 @@ pub enum PaneId {
     Dates,
     /// Lesions over time.
     Lesions,
+    /// Response by criteria.
+    Response,
     /// The overlap diagram with its bar and the table of regions.
     Overlap,
     /// The table of the volumes inside the lens.
@@ -80,6 +82,7 @@ impl PaneId {
             Self::Change => row("the change view", "Change", "change").report([900, 900]).needs_dates(),
             Self::Dates => row("the dates", "Dates", "dates").report([700, 900]).needs_dates(),
             Self::Lesions => row("the lesions", "Lesions", "lesions").report([900, 700]).needs_dates(),
+            Self::Response => row("the response", "Response", "response").needs_dates(),
             Self::Overlap => row("the overlap diagram", "Overlap", "overlap").report([700, 900]),
             Self::Lens => row("what is in the lens", "In the lens", "lens"),
             Self::Measurements => row("measurements", "Measurements", "measurements"),

@@ -15,6 +15,7 @@ use super::{
     light::Shading,
     made,
     pane::PaneId,
+    response::{MOST_ANSWERS, MOST_AUTHOR, ResponseSetting},
     rulers::MOST_RULERS,
 };
 
@@ -142,6 +143,7 @@ fn check_edit(edit: &Edit) -> Checked {
     edit.light.own.iter().try_for_each(check_light)?;
     check_shading(&edit.light.shading)?;
     check_lesions(&edit.lesions)?;
+    check_response(&edit.response)?;
     let change = &edit.change;
     change.full_mm.map_or(Ok(()), |mm| number("change full_mm", mm, &CHANGE_SCALE_MM))?;
     numbers("change", [change.smooth_mm, change.threshold_mm, change.registration_mm], &EXTENT_MM)
@@ -158,6 +160,19 @@ fn check_lesions(setting: &LesionSetting) -> Checked {
         }
     }
     Ok(())
+}
+
+fn check_response(setting: &ResponseSetting) -> Checked {
+    count("characters of the response's author", setting.author.chars().count(), MOST_AUTHOR)?;
+    let answers = setting.bt_rads.values().map(std::collections::BTreeMap::len).sum();
+    count("response bt_rads", answers, MOST_ANSWERS)?;
+    match setting.history.as_ref().map(glioscope_core::response::History::check) {
+        Some(Err(error)) => Err(Fault {
+            found: format!("response {}: {}", error.place, error.found),
+            expected: error.expected,
+        }),
+        _ => Ok(()),
+    }
 }
 
 fn check_shading(shading: &Shading) -> Checked {

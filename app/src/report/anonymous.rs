@@ -51,6 +51,9 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
             *name = redactor.text(name);
         }
     }
+    if options.identity != Identity::Full {
+        doc.edit.response.anonymous(|text| redactor.text(text));
+    }
     Ok(Anonymous { case: shown, doc, names })
 }
 

@@ -23,7 +23,7 @@ use glioscope_core::{
     change::{self, ChangeOptions, ChangeReport, Choice},
     lesions::{self, LesionsReport},
     measure::{self, conventions::Settings},
-    response::Response,
+    response::Evaluated,
 };
 use glioscope_render::flat::Convention;
 
@@ -37,6 +37,7 @@ use crate::{
     error::AppError,
     model::{Document, PaneId, session},
     words::{Language, Words},
+    world::response::evaluate_now,
 };
 use content::Content;
 use document::{Block, Picture};
@@ -108,14 +109,14 @@ pub fn write(report: &Report, form: Form, language: Language) -> Result<Vec<u8>,
 }
 
 /// The report of a case as its document shows it, both as [`anonymous`] gives them. `response`: what is evaluated of that case, and
-/// with what. Pictures are drawn only where the form has them.
+/// with what; `None`: what the document states. Pictures are drawn only where the form has them.
 ///
 /// # Errors
 /// [`AppError`] where a picture can't be drawn or an input can't be read.
 pub fn make(
     (case, doc): (&Arc<Case>, &Document),
     (options, form): (Options, Form),
-    response: Option<&(Response, Vec<String>, ResponseRecipe)>,
+    response: Option<&(Evaluated, ResponseRecipe)>,
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Report, AppError> {
@@ -124,6 +125,11 @@ pub fn make(
     let (changes, own) = changes(case, doc, progress)?;
     let compared = measure::compared(case, &Settings::default(), progress)?;
     let lesions = lesions(case, doc, progress)?;
+    let own_response = match response {
+        Some(_) => None,
+        None => evaluate_now(case, doc, progress)?,
+    };
+    let evaluated = response.map(|(evaluated, _)| evaluated).or(own_response.as_ref());
     let content = Content {
         case,
         doc,
@@ -143,18 +149,15 @@ pub fn make(
         identity: options.identity,
         language: options.language,
         inputs: inputs.collect::<Result<_, _>>()?,
-        response: response.map(|(.., recipe)| recipe.clone()),
+        response: response.map(|(_, recipe)| recipe.clone()),
         session: session::value(doc, case, is_named)?,
     };
     let mut blocks = content.header();
-    let contradictions = response.map_or(&[][..], |(_, warnings, _)| warnings);
+    let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.warnings);
     blocks.extend(content.findings(&own, contradictions));
     blocks.extend(content.summary());
-    blocks.extend(
-        response
-            .into_iter()
-            .flat_map(|(response, warnings, _)| responses::blocks(response, warnings, &words, &redactor)),
-    );
+    blocks.extend(evaluated.into_iter().flat_map(|evaluated| responses::blocks(evaluated, &words, &redactor)));
+    blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
         blocks.extend(pictures(case, doc, &words, painter, progress)?);

@@ -1,15 +1,19 @@
 //! Response by criteria: the calls with their reasons.
 
-use glioscope_core::response::{DateResponse, Judgement, Response, SumReport};
+use glioscope_core::{
+    case::Case,
+    response::{BtRads, DateResponse, Evaluated, Judgement, SumReport, bt_rads as form},
+};
 
 use super::{
     document::{Block, Finding, Table},
     identity::Redactor,
 };
-use crate::words::Words;
+use crate::{model::ResponseSetting, words::Words};
 
-/// The calls at all dates, then why; `warnings`: where the history and the masks contradict each other.
-pub fn blocks(response: &Response, warnings: &[String], words: &Words, redactor: &Redactor) -> Vec<Block> {
+/// The calls at all dates, then why.
+pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<Block> {
+    let Evaluated { response, warnings, proposed_links, .. } = evaluated;
     let criteria = ("criteria", response.criterion.name().to_owned());
     let head = ["date", "by-diameters", "by-volume", "from-baseline", "from-nadir"];
     let row = |date: &DateResponse| {
@@ -38,9 +42,13 @@ pub fn blocks(response: &Response, warnings: &[String], words: &Words, redactor:
             note: None,
         }),
     ];
-    if !warnings.is_empty() {
-        let finding = |text: &String| Finding { is_warning: true, text: redactor.text(text) };
-        blocks.insert(2, Block::Findings(warnings.iter().map(finding).collect()));
+    let warning = |text: String| Finding { is_warning: true, text };
+    let mut doubts: Vec<Finding> = warnings.iter().map(|text| warning(redactor.text(text))).collect();
+    if *proposed_links > 0 {
+        doubts.push(warning(words.with("lesions-links", &[("count", proposed_links.to_string())])));
+    }
+    if !doubts.is_empty() {
+        blocks.insert(2, Block::Findings(doubts));
     }
     for date in &response.dates {
         let mut list = Vec::new();
@@ -57,6 +65,25 @@ pub fn blocks(response: &Response, warnings: &[String], words: &Words, redactor:
         }
     }
     blocks
+}
+
+/// What the form of BT-RADS gives at the dates at which its questions are answered to the end.
+pub fn bt_rads(case: &Case, setting: &ResponseSetting, words: &Words) -> Vec<Block> {
+    let category = |time: &str| match form(setting.bt_rads.get(time)?) {
+        Ok(BtRads::Result { category, reason, .. }) => {
+            Some((time.to_owned(), format!("{}: {}. {reason}", category.id, category.meaning)))
+        }
+        _ => None,
+    };
+    let all: Vec<(String, String)> = case.time_labels().into_iter().filter_map(category).collect();
+    if all.is_empty() {
+        return Vec::new();
+    }
+    vec![
+        Block::Heading(words.get("section-bt-rads")),
+        Block::Facts(all),
+        Block::Text(words.get("bt-rads-note")),
+    ]
 }
 
 fn call(judgement: &Judgement, words: &Words) -> String {

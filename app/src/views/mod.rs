@@ -14,6 +14,7 @@ pub mod measurements;
 pub mod overlap;
 pub mod pane;
 pub mod pointer;
+pub mod response;
 pub mod ruler;
 pub mod side_by_side;
 pub mod slices;
@@ -42,6 +43,7 @@ fn new_pane(id: PaneId) -> Box<dyn Pane> {
         PaneId::Change => Box::<change::ChangePane>::default(),
         PaneId::Dates => Box::<dates::DatesPane>::default(),
         PaneId::Lesions => Box::<lesions::LesionsPane>::default(),
+        PaneId::Response => Box::<response::ResponsePane>::default(),
         PaneId::Overlap => Box::<overlap::OverlapPane>::default(),
         PaneId::Lens => Box::<lens::LensPane>::default(),
         PaneId::Measurements => Box::<measurements::MeasurementsPane>::default(),

@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc};
 
 use egui::{Button, Grid, Ui};
-use glioscope_core::{Progress, case::Case, files::Inputs, response::Response};
+use glioscope_core::{Progress, case::Case, files::Inputs, response::Evaluated};
 use glioscope_render::Gpu;
 
 use super::{
@@ -106,7 +106,7 @@ pub fn of_anonymous(
     case: &Arc<Case>,
     doc: &Document,
     options: (Options, Form),
-    response: Option<&(Response, Vec<String>, ResponseRecipe)>,
+    response: Option<&(Evaluated, ResponseRecipe)>,
     gpu: &Gpu,
     progress: &Progress,
 ) -> Result<Report, AppError> {

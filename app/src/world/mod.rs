@@ -9,6 +9,7 @@ pub mod load;
 pub mod make_mask;
 pub mod numbers;
 pub mod places;
+pub mod response;
 mod session_case;
 pub mod slice_plane;
 pub mod tracts;
@@ -230,6 +231,8 @@ pub struct Results {
     pub numbers: numbers::Numbers,
     /// Lesions over time.
     pub lesions: lesions::Lesions,
+    /// Response by criteria.
+    pub response: response::Responses,
     /// Places worth a look.
     pub places: places::Places,
     /// The axial slice as a plane in 3D.
@@ -251,6 +254,7 @@ impl Results {
             | self.tracts.working()
             | self.numbers.working()
             | self.lesions.working()
+            | self.response.working()
     }
 }
 

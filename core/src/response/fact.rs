@@ -5,8 +5,9 @@ use std::fmt;
 use crate::dates::leading_date;
 use jiff::civil::Date;
 use serde::{
-    Deserialize, Deserializer,
+    Deserialize, Deserializer, Serialize, Serializer,
     de::{DeserializeOwned, Error},
+    ser::SerializeStruct,
 };
 
 /// A statement, and who entered it when. In TOML the value itself, or `{ value = …, author = "…", entered = 2024-05-01 }`.
@@ -40,6 +41,19 @@ struct Entry {
     value: toml::Value,
     author: Option<String>,
     entered: Option<toml::Value>,
+}
+
+impl<T: Serialize> Serialize for Fact<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if self.author.is_none() && self.entered.is_none() {
+            return self.value.serialize(serializer);
+        }
+        let mut fact = serializer.serialize_struct("Fact", 3)?;
+        fact.serialize_field("value", &self.value)?;
+        fact.serialize_field("author", &self.author)?;
+        fact.serialize_field("entered", &self.entered)?;
+        fact.end()
+    }
 }
 
 impl<'de, T: DeserializeOwned> Deserialize<'de> for Fact<T> {
@@ -80,6 +94,15 @@ impl When {
         match self {
             Self::Date(date) => (date - Date::constant(1970, 1, 1)).get_days(),
             Self::Day(day) => day,
+        }
+    }
+}
+
+impl Serialize for When {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Date(date) => serializer.collect_str(date),
+            Self::Day(day) => serializer.serialize_i32(*day),
         }
     }
 }
@@ -126,6 +149,15 @@ pub enum Radiotherapy {
     Ended(When),
 }
 
+impl Serialize for Radiotherapy {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::None => serializer.serialize_str("none"),
+            Self::Ended(when) => when.serialize(serializer),
+        }
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "an ISO date, a number of days or \"none\"")]
 enum RawEnd {
@@ -144,7 +176,7 @@ impl TryFrom<RawEnd> for Radiotherapy {
 }
 
 /// Label of a scan: a text, or a TOML date without quotes.
-#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(from = "RawLabel")]
 pub struct Label(pub String);
 

@@ -53,7 +53,7 @@ pub enum Compartment {
 }
 
 /// State of the disease at the start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Disease {
     /// Newly diagnosed.
@@ -63,7 +63,7 @@ pub enum Disease {
 }
 
 /// Kind of a treatment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TreatmentKind {
     /// Any drug that is none of the others.
@@ -75,7 +75,7 @@ pub enum TreatmentKind {
 }
 
 /// A treatment.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Treatment {
     /// Its first day.
@@ -87,7 +87,7 @@ pub struct Treatment {
 }
 
 /// A resection.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Surgery {
     /// Its day. A scan of this day counts as before it.
@@ -99,7 +99,7 @@ pub struct Surgery {
 }
 
 /// Why steroids were raised.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SteroidReason {
     /// Because of the tumour.
@@ -109,7 +109,7 @@ pub enum SteroidReason {
 }
 
 /// The patient's clinical state, compared with baseline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clinical {
     /// The same.
@@ -123,7 +123,7 @@ pub enum Clinical {
 }
 
 /// State of the lesions that aren't targets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NonTarget {
     /// There are none.
@@ -137,7 +137,7 @@ pub enum NonTarget {
 }
 
 /// New lesions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NewLesion {
     /// They were looked for, and there are none.
@@ -151,7 +151,7 @@ pub enum NewLesion {
 }
 
 /// T2/FLAIR as an observation beside the targets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Flair {
     /// Not significantly more.
@@ -161,7 +161,7 @@ pub enum Flair {
 }
 
 /// Where the growth lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Field {
     /// Inside the radiation field.
@@ -171,7 +171,7 @@ pub enum Field {
 }
 
 /// What tissue showed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Histology {
     /// Nothing was taken.
@@ -183,7 +183,7 @@ pub enum Histology {
 }
 
 /// What of the technique changed since the scan before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Technique {
     /// The sequence.
@@ -195,7 +195,7 @@ pub enum Technique {
 }
 
 /// Facts of one scan. What isn't stated is unknown.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScanFacts {
     /// The scan: an ISO date, or a label with `days`.
@@ -225,7 +225,7 @@ pub struct ScanFacts {
 }
 
 /// A lesion at a date. A lesion without a measurement at a date is unknown there; one that is `gone` has size 0.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measurement {
     /// The scan: an ISO date, or a label with `days`.
@@ -254,7 +254,7 @@ pub struct Measurement {
 }
 
 /// How far repeated measurements of an unchanged sum differ.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Repeatability {
     /// Relative standard deviation of one measurement of the sum: 0.1 for 10 %.
@@ -264,7 +264,7 @@ pub struct Repeatability {
 }
 
 /// Stated repeatability; what is absent is unknown.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Repeatabilities {
     /// Of sums of products of diameters.
@@ -276,7 +276,7 @@ pub struct Repeatabilities {
 }
 
 /// A number that the trial states.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialValue<T> {
     /// The number.
@@ -286,7 +286,7 @@ pub struct TrialValue<T> {
 }
 
 /// A part of RANO 2010 that a trial takes over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Part {
     /// Which lesions are measurable.
@@ -300,7 +300,7 @@ pub enum Part {
 }
 
 /// What a trial states where no source of the criterion that was read does.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trial {
     /// Parts that follow RANO 2010.
@@ -318,7 +318,7 @@ pub struct Trial {
 }
 
 /// What the user states about a patient.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct History {
     /// Version of the format.

@@ -14,7 +14,7 @@ use serde_json::Value;
 use crate::PROGRAM;
 
 /// A mask of balls: centre and radius in millimetres.
-fn balls(path: &Path, balls: &[([f64; 3], f64)]) -> String {
+pub(crate) fn balls(path: &Path, balls: &[([f64; 3], f64)]) -> String {
     let grid = Grid::axis_aligned([60, 60, 40], DVec3::ONE, DVec3::ZERO).unwrap();
     let is_in = |at: usize| {
         let place = grid.center_of_voxel_mm(grid.ijk(at));

@@ -34,9 +34,11 @@ mod ui_dialogs;
 mod ui_files;
 mod ui_gestures;
 mod ui_lens;
+mod ui_lesions;
 mod ui_light;
 mod ui_masks;
 mod ui_places;
+mod ui_response;
 mod ui_tracts;
 mod ui_views;
 

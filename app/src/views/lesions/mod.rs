@@ -76,19 +76,21 @@ impl LesionsPane {
         let setting = &input.doc.edit.lesions;
         let mut new = setting.clone();
         ui.horizontal_wrapped(|ui| {
-            ui.label("Lesions of");
+            let label = ui.label("Lesions of");
             let mut ids: Vec<&str> =
                 input.case.time_points.iter().flat_map(|time| &time.masks).map(|m| m.mask.id()).collect();
             ids.sort_unstable();
             ids.dedup();
             let name = |id: &str| input.doc.edit.masks.name(id);
-            ComboBox::from_id_salt("mask of lesions").selected_text(name(mask)).show_ui(ui, |ui| {
+            let combo = ComboBox::from_id_salt("mask of lesions").selected_text(name(mask));
+            let shown = combo.show_ui(ui, |ui| {
                 for id in ids {
                     if ui.selectable_label(id == mask, name(id)).clicked() {
                         new.of = Some(id.to_owned());
                     }
                 }
             });
+            shown.response.labelled_by(label.id);
             let label = ui.label("small below").on_hover_text(
                 "Smaller components are neither new, gone nor pieces of a split: most are flecks of a segmentation's edge",
             );

@@ -2,7 +2,7 @@
 
 use egui::{Align, Layout, RichText, Ui};
 use egui_extras::{Column, TableBuilder};
-use glioscope_core::lesions::{LesionDate, LesionReport, LesionsReport, LinkState, Series};
+use glioscope_core::lesions::{Growth, LesionDate, LesionReport, LesionsReport, LinkState, Series};
 
 use super::timeline::{change_text, title};
 use crate::{format, theme::Tokens};
@@ -91,13 +91,16 @@ fn cells(before: Option<&LesionDate>, date: &LesionDate) -> Vec<String> {
         Some(LinkState::Edited) => events.push_str(" · by you"),
         None => {}
     }
-    vec![format::ml(ml), change_text(before, date), diameters, product, events]
+    let volume = if date.parts.is_empty() { "not there".to_owned() } else { format::ml(ml) };
+    vec![volume, change_text(before, date), diameters, product, events]
 }
 
 /// Growth and change points in a sentence; `None` where there is nothing to say.
 fn series_text(of: &str, series: &Series) -> Option<String> {
     let mut said = Vec::new();
-    if let Some(growth) = &series.growth {
+    // A slope within twice its standard error is none.
+    let is_clear = |growth: &&Growth| growth.standard_error.is_none_or(|sd| growth.log_per_day.abs() > 2.0 * sd);
+    if let Some(growth) = series.growth.as_ref().filter(is_clear) {
         match (growth.doubling_days, growth.halving_days) {
             (Some(days), _) => said.push(format!("doubles in {days:.0} days by {} dates", growth.dates)),
             (_, Some(days)) => said.push(format!("halves in {days:.0} days by {} dates", growth.dates)),

@@ -17,7 +17,7 @@ use crate::{
 /// The most lesions drawn; further ones are in the command line's tables.
 pub(super) const MOST_LESIONS: usize = 40;
 /// Height of a row of components, points.
-const ROW: f32 = 30.0;
+const ROW: f32 = 36.0;
 /// Largest and smallest radius of a disc, points.
 const LARGEST: f32 = 13.0;
 const LEAST: f32 = 3.0;
@@ -144,7 +144,8 @@ pub(super) fn show(
             painter.circle_stroke(disc.at, disc.radius + 3.0, Stroke::new(2.0, tokens.interaction));
         }
         let value = format::ml(disc.volume_ml);
-        let beside = disc.at + vec2(disc.radius + 5.0, 0.0);
+        // Above the line of a link.
+        let beside = disc.at + vec2(0.75, -0.75) * disc.radius + vec2(4.0, -3.0);
         if beside.x + 44.0 < x_of(disc.date) + column / 2.0 + 8.0 {
             painter.text(beside, Align2::LEFT_CENTER, value, theme::font(LABEL_POINTS), tokens.second);
         }
@@ -263,7 +264,7 @@ fn growth_color(before: Option<&LesionDate>, at: &LesionDate, tokens: &Tokens) -
 pub(super) fn change_text(before: Option<&LesionDate>, at: &LesionDate) -> String {
     match ratio(before, at) {
         Some(0.0) => "gone".to_owned(),
-        Some(ratio) => format!("{:+.0} %", 100.0 * (ratio - 1.0)),
+        Some(ratio) => format!("{:+.0} %", 100.0 * (ratio - 1.0)).replace('-', "\u{2212}"),
         None if before.is_some_and(|b| b.volume_ml == Some(0.0)) && at.volume_ml.is_some_and(|ml| ml > 0.0) => {
             "new".to_owned()
         }

@@ -1,0 +1,198 @@
+//! The calls at all dates, and why.
+
+use egui::{Color32, RichText, Ui};
+use egui_extras::{Column, TableBuilder};
+use glioscope_core::response::{
+    Call, Criterion, DateResponse, Evaluated, Judgement, Mark, RULES, RuleId, SumReport,
+};
+
+use crate::theme::Tokens;
+
+/// Height of a row, points.
+const ROW: f32 = 22.0;
+
+/// The table of calls, and the reasons of the date `shown`; a click chooses another.
+pub(super) fn show(ui: &mut Ui, evaluated: &Evaluated, shown: &mut Option<String>) {
+    let warn = ui.visuals().warn_fg_color;
+    ui.weak("Imaging criteria from public descriptions, not for clinical use");
+    if evaluated.proposed_links > 0 {
+        let text = match evaluated.proposed_links {
+            1 => "These calls rest on 1 link between lesions that no reader has verified".to_owned(),
+            n => format!("These calls rest on {n} links between lesions that no reader has verified"),
+        };
+        ui.colored_label(warn, text);
+    }
+    for warning in &evaluated.warnings {
+        ui.colored_label(warn, warning);
+    }
+    let dates = &evaluated.response.dates;
+    let known = shown.as_ref().is_some_and(|label| dates.iter().any(|date| date.date == *label));
+    if !known {
+        *shown = None;
+    }
+    table(ui, dates, shown);
+    let chosen = match shown {
+        Some(label) => dates.iter().find(|date| date.date == *label),
+        None => dates.last(),
+    };
+    if let Some(date) = chosen {
+        let criterion = evaluated.response.criterion;
+        ui.add_space(4.0);
+        why(ui, criterion, &format!("{}, by diameters", date.date), &date.by_diameters);
+        why(ui, criterion, &format!("{}, by volume", date.date), &date.by_volume);
+    }
+}
+
+fn table(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
+    ui.spacing_mut().item_spacing.x = 4.0;
+    let tokens = *Tokens::in_ui(ui);
+    let current = shown.clone().or_else(|| dates.last().map(|date| date.date.clone()));
+    TableBuilder::new(ui)
+        .id_salt("calls")
+        .vscroll(false)
+        .striped(true)
+        .column(Column::exact(110.0).clip(true))
+        .column(Column::exact(44.0))
+        .column(Column::exact(150.0).clip(true))
+        .column(Column::exact(150.0).clip(true))
+        .column(Column::exact(100.0))
+        .column(Column::remainder().at_least(130.0).clip(true))
+        .header(ROW, |mut row| {
+            for (text, tip) in [
+                ("Scan", "Click: why"),
+                ("Days", "Since the baseline"),
+                ("By diameters", ""),
+                ("By volume", ""),
+                ("From baseline", "Change of the sum by diameters"),
+                ("From the lowest", "Change of the sum by diameters, and of how many scans the lowest is"),
+            ] {
+                row.col(|ui| {
+                    let response = ui.strong(text);
+                    if !tip.is_empty() {
+                        response.on_hover_text(tip);
+                    }
+                });
+            }
+        })
+        .body(|mut body| {
+            for date in dates {
+                body.row(ROW, |mut row| {
+                    row.col(|ui| {
+                        let is_shown = current.as_ref() == Some(&date.date);
+                        if ui.selectable_label(is_shown, &date.date).clicked() {
+                            *shown = Some(date.date.clone());
+                        }
+                    });
+                    row.col(|ui| {
+                        ui.label(date.days_from_baseline.map(|days| days.to_string()).unwrap_or_default());
+                    });
+                    for judgement in [&date.by_diameters, &date.by_volume] {
+                        row.col(|ui| {
+                            let text = RichText::new(call_text(judgement)).color(color(judgement.call, &tokens));
+                            ui.label(text.strong());
+                        });
+                    }
+                    let sum = date.by_diameters.sums.first();
+                    let percent = |of: &dyn Fn(&SumReport) -> Option<f64>| {
+                        sum.and_then(of).map(|p| format!("{p:+.1} %")).unwrap_or_default()
+                    };
+                    row.col(|ui| {
+                        ui.label(percent(&|sum| sum.change_from_baseline_percent));
+                    });
+                    row.col(|ui| {
+                        let scans = sum.and_then(|sum| sum.nadir.as_ref()).map(|nadir| nadir.scans);
+                        let of = scans.map(|scans| format!("  (lowest of {scans})")).unwrap_or_default();
+                        let text = percent(&|sum| sum.change_from_nadir_percent);
+                        ui.label(if text.is_empty() { text } else { text + &of });
+                    });
+                });
+            }
+        });
+}
+
+fn call_text(judgement: &Judgement) -> String {
+    let imaging = if judgement.imaging_only { " (imaging only)" } else { "" };
+    format!("{}{imaging}", judgement.call.short())
+}
+
+fn color(call: Call, tokens: &Tokens) -> Color32 {
+    match call {
+        Call::Progression | Call::PreliminaryProgression => tokens.growth,
+        Call::CompleteResponse
+        | Call::UnconfirmedCompleteResponse
+        | Call::PartialResponse
+        | Call::UnconfirmedPartialResponse
+        | Call::MinorResponse
+        | Call::UnconfirmedMinorResponse => tokens.shrinkage,
+        Call::CannotSay => tokens.warning,
+        _ => tokens.text,
+    }
+}
+
+/// The reasons of a call, each with its rule's source; its margin; and what is missing.
+fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement) {
+    let warn = ui.visuals().warn_fg_color;
+    ui.strong(format!("{title}: {}", call_text(judgement)));
+    ui.indent(title, |ui| {
+        if !judgement.possible.is_empty() {
+            let all: Vec<&str> = judgement.possible.iter().map(|call| call.short()).collect();
+            ui.colored_label(warn, format!("what is unknown leaves: {}", all.join("; ")));
+        }
+        if let Some(dated) = &judgement.dated {
+            ui.label(format!("dated at {dated}"));
+        }
+        for reason in &judgement.reasons {
+            let response = ui.label(&reason.words);
+            if let Some(source) = reason.rule.and_then(|id| source(criterion, id)) {
+                ui.weak(format!("    {source}"));
+                response.on_hover_text(source);
+            }
+        }
+        if let Some(confirmation) = &judgement.confirmation {
+            ui.label(&confirmation.words);
+        }
+        for sum in &judgement.sums {
+            sum_text(ui, sum);
+        }
+        for missing in &judgement.missing {
+            let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
+            let assumed = missing.assumed.as_ref().map(|assumed| format!(" (assumed: {assumed})"));
+            ui.colored_label(warn, format!("missing: {}{date}{}", missing.words, assumed.unwrap_or_default()));
+        }
+    });
+}
+
+fn sum_text(ui: &mut Ui, sum: &SumReport) {
+    let warn = ui.visuals().warn_fg_color;
+    for (from, margin) in [("baseline", &sum.margin_from_baseline), ("the lowest", &sum.margin_from_nadir)] {
+        let Some(margin) = margin else { continue };
+        let text = format!(
+            "change from {from} between {:+.0} and {:+.0} % (95 %, relative SD {}, {})",
+            margin.low_percent, margin.high_percent, margin.relative_sd, margin.source
+        );
+        if margin.straddles_percent.is_empty() {
+            ui.label(text);
+        } else {
+            let thresholds: Vec<String> =
+                margin.straddles_percent.iter().map(|percent| format!("{percent:+.0} %")).collect();
+            ui.colored_label(warn, format!("{text}: on both sides of {}", thresholds.join(" and ")));
+        }
+    }
+    if let Some(noise) = sum.noise_alone {
+        ui.label(format!("noise alone makes this call in {:.1} % of unchanged tumours", 100.0 * noise));
+    }
+}
+
+/// What a rule rests on.
+fn source(criterion: Criterion, id: RuleId) -> Option<String> {
+    let rule = RULES.iter().find(|rule| rule.id == id && rule.criteria.contains(&criterion))?;
+    Some(format!("{}: {}", mark(rule.mark), rule.source))
+}
+
+/// How a rule is known, in a word.
+pub(super) fn mark(mark: Mark) -> &'static str {
+    match mark {
+        Mark::Read => "read",
+        Mark::Secondary => "secondary",
+    }
+}

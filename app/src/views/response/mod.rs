@@ -1,0 +1,197 @@
+//! Response by criteria: what a reader states, asked for where it can change a call, and the calls with their reasons.
+
+mod bt_rads;
+mod calls;
+mod fields;
+mod patient;
+mod rules;
+mod scans;
+
+use std::collections::HashSet;
+
+use egui::{ComboBox, ScrollArea, Ui};
+use glioscope_core::response::{Assessment, Criterion, Evaluated, Input as Asked};
+use strum::VariantArray;
+
+use super::{
+    draw,
+    pane::{Input, Pane, Stage},
+};
+use crate::{
+    command::{Commands, EditCommand},
+    model::{ResponseSetting, response::MOST_AUTHOR},
+    world::jobs::{Lookup, progress_text},
+};
+use fields::By;
+
+/// The pane of the response.
+#[derive(Default)]
+pub struct ResponsePane {
+    /// Label of the date whose reasons are shown; `None`: the last.
+    date: Option<String>,
+    /// Whether inputs that change nothing are asked for too.
+    all_inputs: bool,
+}
+
+/// Inputs that are asked for: of the patient, and of scans by their labels.
+struct Wanted {
+    all: bool,
+    missing: HashSet<(Option<String>, Asked)>,
+}
+
+impl Wanted {
+    fn new(evaluated: Option<&Evaluated>, all: bool) -> Self {
+        let dates = evaluated.into_iter().flat_map(|evaluated| &evaluated.response.dates);
+        let missing = dates.flat_map(|date| [&date.by_diameters, &date.by_volume]).flat_map(|j| &j.missing);
+        Self { all, missing: missing.map(|missing| (missing.date.clone(), missing.input)).collect() }
+    }
+
+    /// Whether a fact of the patient is asked for.
+    fn of_patient(&self, input: Asked) -> bool {
+        self.all || self.missing.contains(&(None, input))
+    }
+
+    /// Whether a fact of a scan is asked for.
+    fn at(&self, date: &str, input: Asked) -> bool {
+        self.all || self.missing.contains(&(Some(date.to_owned()), input))
+    }
+}
+
+impl Pane for ResponsePane {
+    fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        draw::padded(ui, |ui| {
+            ScrollArea::both().auto_shrink([false, false]).show(ui, |ui| self.content(ui, stage, out));
+        });
+    }
+}
+
+impl ResponsePane {
+    fn content(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
+        let input = stage.input;
+        let old = &input.doc.edit.response;
+        let mut new = old.clone();
+        head(ui, &input, &mut new);
+        let by = By::today(&old.author);
+        match new.history.clone() {
+            None => {
+                ui.weak("Choose criteria: lesions are then judged at every date, by diameters and by volume");
+            }
+            Some(mut history) => {
+                let results = &mut *stage.results;
+                let lookup = results.response.get(input.case, input.doc, &mut results.lesions, stage.ask);
+                let (evaluated, error) = match lookup {
+                    Some(Lookup::Ready(evaluated)) => (Some(evaluated.clone()), None),
+                    Some(Lookup::Failed(error)) => (None, Some(error.to_string())),
+                    Some(Lookup::Working(progress)) => {
+                        ui.weak(progress_text(progress));
+                        (results.response.last().cloned(), None)
+                    }
+                    None => (results.response.last().cloned(), None),
+                };
+                if let Some(error) = error {
+                    ui.colored_label(ui.visuals().error_fg_color, error);
+                }
+                if let Some(evaluated) = &evaluated {
+                    calls::show(ui, evaluated, &mut self.date);
+                }
+                ui.add_space(6.0);
+                ui.horizontal_wrapped(|ui| {
+                    ui.strong("What the images don't show");
+                    ui.checkbox(&mut self.all_inputs, "also what changes no call")
+                        .on_hover_text("Only inputs that can change a call are asked for");
+                });
+                let wanted = Wanted::new(evaluated.as_deref(), self.all_inputs);
+                patient::show(ui, &input, &mut history, &wanted, &by);
+                scans::show(ui, &input, &mut history, &wanted, &by);
+                rules::repeatability(ui, &mut history);
+                rules::show(ui, history.criterion);
+                new.history = Some(history);
+            }
+        }
+        bt_rads::show(ui, &input, &mut new);
+        if new != *old {
+            out.push(EditCommand::SetResponse(Box::new(new)));
+        }
+    }
+}
+
+/// The criteria, what is assessed, the mask of non-enhancing disease, and who states it.
+fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
+    ui.horizontal_wrapped(|ui| {
+        let label = ui.label("Criteria");
+        let chosen = new.history.as_ref().map(|history| history.criterion);
+        let combo = ComboBox::from_id_salt("criteria").selected_text(chosen.map_or("none", Criterion::name));
+        combo
+            .show_ui(ui, |ui| {
+                if ui.selectable_label(chosen.is_none(), "none").clicked() {
+                    new.set_criterion(None);
+                }
+                for criterion in Criterion::VARIANTS {
+                    let is_chosen = chosen == Some(*criterion);
+                    if ui.selectable_label(is_chosen, criterion.name()).clicked() && !is_chosen {
+                        new.set_criterion(Some(*criterion));
+                    }
+                }
+            })
+            .response
+            .labelled_by(label.id);
+        if let Some(history) = new.history.as_mut().filter(|history| history.criterion == Criterion::Rano20) {
+            let label = ui.label("assessed");
+            let name = |assessment: Assessment| match assessment {
+                Assessment::Enhancing => "enhancing disease",
+                Assessment::NonEnhancing => "non-enhancing disease",
+                Assessment::Mixed => "both",
+            };
+            let combo = ComboBox::from_id_salt("assessment");
+            combo
+                .selected_text(history.assessment.map_or("", name))
+                .show_ui(ui, |ui| {
+                    for assessment in Assessment::VARIANTS {
+                        ui.selectable_value(&mut history.assessment, Some(*assessment), name(*assessment));
+                    }
+                })
+                .response
+                .labelled_by(label.id);
+        }
+        if new.history.is_some() {
+            masks(ui, input, new);
+            let label = ui.label("stated by");
+            if let Some(author) = fields::text(ui, "author", label.id, &new.author, 110.0) {
+                new.author = author.trim().chars().take(MOST_AUTHOR).collect();
+            }
+        }
+    });
+}
+
+fn masks(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
+    let name = |id: &str| input.doc.edit.masks.name(id);
+    let main = input.doc.edit.lesions.mask(input.case, &input.doc.edit.change);
+    if let Some(main) = &main {
+        ui.label(format!("lesions of {}", name(main))).on_hover_text("Chosen in the lesions' pane");
+    }
+    let mut ids: Vec<&str> = input
+        .case
+        .time_points
+        .iter()
+        .flat_map(|time| &time.masks)
+        .map(|m| m.mask.id())
+        .filter(|id| main.as_deref() != Some(*id))
+        .collect();
+    ids.sort_unstable();
+    ids.dedup();
+    if ids.is_empty() {
+        return;
+    }
+    let label = ui.label("non-enhancing");
+    let shown = new.other_mask(input.case).map_or_else(|| "no mask".to_owned(), |id| name(id));
+    ComboBox::from_id_salt("mask of non-enhancing disease")
+        .selected_text(shown)
+        .show_ui(ui, |ui| {
+            ui.selectable_value(&mut new.non_enhancing, None, "no mask");
+            for id in ids {
+                ui.selectable_value(&mut new.non_enhancing, Some(id.to_owned()), name(id));
+            }
+        })
+        .response
+        .labelled_by(label.id);
+}

@@ -1,0 +1,111 @@
+//! Response by criteria, evaluated on a worker from the lesions and what the reader states.
+
+use std::sync::Arc;
+
+use glioscope_core::{
+    Progress,
+    case::Case,
+    lesions::{self, LesionsReport, Of},
+    response::{Compartment, Evaluated, History, HistoryError, evaluate_lesions, measured_compartments},
+};
+
+use super::{
+    jobs::{Ask, Derived, Handle, Lookup},
+    lesions::Lesions,
+};
+use crate::{
+    error::AppError,
+    model::{Document, LesionSetting},
+};
+
+type Reports = Vec<(Compartment, Arc<LesionsReport>)>;
+
+/// What a response is evaluated of.
+#[derive(PartialEq)]
+struct Key {
+    reports: Vec<(Compartment, Handle<LesionsReport>)>,
+    history: History,
+}
+
+/// The response last requested.
+#[derive(Default)]
+pub struct Responses {
+    /// Lesions of the mask of non-enhancing disease.
+    other: Lesions,
+    result: Derived<Key, Evaluated>,
+}
+
+impl Responses {
+    /// The response of `case` as `doc` states it; `None` without criteria or masks. `main`: the lesions of the case.
+    pub fn get(
+        &mut self,
+        case: &Arc<Case>,
+        doc: &Document,
+        main: &mut Lesions,
+        ask: &Ask,
+    ) -> Option<Lookup<'_, Evaluated>> {
+        let history = doc.edit.response.history.as_ref()?;
+        let change = &doc.edit.change;
+        let mut reports: Reports = Vec::new();
+        for (compartment, setting) in measured(case, doc, history) {
+            let is_main = setting == doc.edit.lesions;
+            let lesions = if is_main { &mut *main } else { &mut self.other };
+            match lesions.get(case, (&setting, change), ask)? {
+                Lookup::Ready(report) => reports.push((compartment, report.clone())),
+                // What is shown meanwhile is the lesions' own state.
+                Lookup::Working(_) | Lookup::Failed(_) => return None,
+            }
+        }
+        let key = Key {
+            reports: reports.iter().map(|(compartment, report)| (*compartment, Handle::of(report))).collect(),
+            history: history.clone(),
+        };
+        let history = history.clone();
+        Some(self.result.get(key, ask, move |_| evaluated(history, &reports)))
+    }
+
+    /// The response last evaluated, which may be for older statements.
+    pub fn last(&self) -> Option<&Arc<Evaluated>> {
+        self.result.last()
+    }
+
+    /// Whether a worker is computing it.
+    pub fn working(&mut self) -> bool {
+        // Each takes what is finished.
+        self.other.working() | self.result.working()
+    }
+}
+
+/// The response of `case` as `doc` states it, at once; `None` without criteria or masks.
+///
+/// # Errors
+/// [`AppError`] where lesions can't be found, for statements that contradict each other, and where the user cancels.
+pub fn evaluate_now(case: &Case, doc: &Document, progress: &Progress) -> Result<Option<Evaluated>, AppError> {
+    let Some(history) = &doc.edit.response.history else { return Ok(None) };
+    let mut reports: Reports = Vec::new();
+    for (compartment, setting) in measured(case, doc, history) {
+        let Some(options) = setting.options(case, &doc.edit.change) else { return Ok(None) };
+        let edits = setting.edits_of(&options.of.name());
+        reports.push((compartment, Arc::new(lesions::report(case, &options, &edits, progress)?)));
+    }
+    evaluated(history.clone(), &reports).map(Some)
+}
+
+/// The compartments measured, each with the setting of its lesions.
+fn measured(case: &Case, doc: &Document, history: &History) -> Vec<(Compartment, LesionSetting)> {
+    let main = &doc.edit.lesions;
+    let other = doc.edit.response.other_mask(case);
+    let other = other.map(|id| LesionSetting { of: Some(Of::Mask(id.clone()).name()), ..main.clone() });
+    let setting = |compartment: Compartment| match &other {
+        Some(other) if compartment == Compartment::NonEnhancing => other.clone(),
+        _ => main.clone(),
+    };
+    measured_compartments(history, other.is_some()).iter().map(|c| (*c, setting(*c))).collect()
+}
+
+fn evaluated(history: History, reports: &Reports) -> Result<Evaluated, AppError> {
+    let reports: Vec<(Compartment, &LesionsReport)> =
+        reports.iter().map(|(compartment, report)| (*compartment, report.as_ref())).collect();
+    let wrong = |HistoryError { place, found, expected }| AppError::wrong(place, found, expected);
+    evaluate_lesions(history, &reports).map_err(wrong)
+}

@@ -1,0 +1,141 @@
+//! Lesions over time in the window: the timeline, and what a reader does with it.
+
+use std::path::Path;
+
+use egui::{Key, Modifiers};
+use egui_kittest::kittest::Queryable;
+use glioscope::{
+    command::{AppCommand, EditCommand},
+    model::{CaseRef, PaneId, session},
+};
+use glioscope_core::lesions::Edit;
+use glioscope_tests::{
+    Window, answer, doc, issue, pane_picture, perform, wait_for_workers, window_on,
+};
+
+use crate::{PROGRAM, lesions::balls};
+
+/// Three dates: one lesion grows and becomes two, one vanishes, one is new.
+fn case(folder: &Path) -> CaseRef {
+    let dates: [(&str, &[([f64; 3], f64)]); 3] = [
+        ("2024-01-01", &[([15.0, 15.0, 20.0], 6.0), ([45.0, 15.0, 20.0], 4.0)]),
+        ("2024-04-01", &[([15.0, 15.0, 20.0], 8.0)]),
+        ("2024-07-01", &[([10.0, 15.0, 20.0], 4.0), ([20.0, 15.0, 20.0], 4.5), ([45.0, 45.0, 20.0], 5.0)]),
+    ];
+    let mask = |(date, of): &(&str, &[([f64; 3], f64)])| {
+        format!("T={}@{date}", balls(&folder.join(format!("{date}.nii")), of))
+    };
+    CaseRef::Arguments { masks: dates.iter().map(mask).collect(), contexts: Vec::new() }
+}
+
+fn opened(folder: &Path) -> Window {
+    let mut harness = window_on(case(folder), [1280.0, 720.0], egui::Theme::Dark);
+    maximized_lesions(&mut harness);
+    harness
+}
+
+fn maximized_lesions(harness: &mut Window) {
+    issue(harness, EditCommand::MaximizePane(PaneId::Lesions));
+    wait_for_workers(harness);
+}
+
+fn labels(harness: &Window, part: &str) -> usize {
+    harness.query_all_by_label_contains(part).count()
+}
+
+#[test]
+fn a_reader_verifies_unlinks_merges_names_and_ignores_and_undoes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    assert_eq!(labels(&harness, "Link from"), 3, "one that continues, two of a split");
+    assert!(harness.query_by_label("3 links are proposed by the program and not verified").is_some());
+    assert_eq!(labels(&harness, "Lesion A at 2024-07-01"), 2);
+    assert!(harness.query_all_by_label_contains("one of 2 pieces").count() >= 2);
+
+    // A click goes there.
+    harness.get_by_label_contains("Lesion C at 2024-07-01").click();
+    wait_for_workers(&mut harness);
+    assert_eq!(doc(&harness).nav.time, 2);
+    assert!(doc(&harness).nav.cursor_mm.distance(glam::DVec3::new(45.0, 45.0, 20.0)) < 1.0);
+
+    // The first proposed link by its key, verified and taken away.
+    let over = harness.get_by_label_contains("Lesion C at 2024-07-01").rect().center();
+    harness.hover_at(over);
+    for (key, left, edits) in [(Key::N, 3, 0), (Key::V, 2, 1), (Key::N, 2, 1), (Key::U, 1, 2)] {
+        harness.key_press(key);
+        wait_for_workers(&mut harness);
+        let text = match left {
+            1 => "1 link is proposed by the program and not verified".to_owned(),
+            left => format!("{left} links are proposed by the program and not verified"),
+        };
+        assert!(harness.query_by_label(&text).is_some(), "{key:?}: {text}");
+        assert_eq!(doc(&harness).edit.lesions.edits.len(), edits, "{key:?}");
+    }
+    assert!(matches!(doc(&harness).edit.lesions.edits[..], [Edit::Verify { .. }, Edit::Unlink { .. }]));
+    // What was unlinked is a lesion of its own, new at the last date.
+    assert!(labels(&harness, "Lesion D at 2024-07-01") > 0, "also where the pointer rests on it");
+
+    // A name is on the timeline and in the command line's table of the session.
+    harness.get_by_label_contains("Lesion A at 2024-01-01").click();
+    wait_for_workers(&mut harness);
+    harness.get_by_label("Name…").click();
+    harness.run_ok();
+    harness.get_by_label("Name of the lesion").type_text("frontal");
+    harness.run_ok();
+    harness.key_press(Key::Enter);
+    wait_for_workers(&mut harness);
+    assert!(labels(&harness, "Lesion A: frontal at 2024-01-01") > 0);
+    let path = folder.path().join("read.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    let saved = session::load(&path).unwrap().document.edit.lesions;
+    assert_eq!(saved, doc(&harness).edit.lesions);
+    let (json, _) = answer(PROGRAM, &["lesions", path.to_str().unwrap(), "--json"]);
+    assert_eq!(json["lesions"][0]["name"], "frontal");
+    assert_eq!(json["links"][0]["state"], "verified");
+    assert_eq!(json["unlinked"].as_array().unwrap().len(), 1);
+    // Without the session nothing of it is known.
+    assert_eq!(json["lesions"].as_array().unwrap().len(), 4);
+
+    // Undone one after the other.
+    for left in [2, 1, 0] {
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+        wait_for_workers(&mut harness);
+        assert_eq!(doc(&harness).edit.lesions.edits.len(), left);
+    }
+    assert_eq!(labels(&harness, "Lesion A at 2024-07-01"), 2);
+}
+
+#[test]
+fn all_links_are_verified_at_once_and_an_ignored_component_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    harness.get_by_label("Verify all 3").click();
+    wait_for_workers(&mut harness);
+    assert_eq!(doc(&harness).edit.lesions.edits.len(), 3);
+    assert_eq!(labels(&harness, "proposed by the program"), 0);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    wait_for_workers(&mut harness);
+    assert!(doc(&harness).edit.lesions.edits.is_empty(), "one step");
+
+    harness.get_by_label_contains("Lesion C at 2024-07-01").click();
+    wait_for_workers(&mut harness);
+    harness.get_by_label("Ignore").click();
+    wait_for_workers(&mut harness);
+    assert_eq!(labels(&harness, "Lesion C at"), 0);
+    harness.get_by_label("Your edit").click();
+    harness.run_ok();
+    harness.get_by_label_contains("Take back: ").click();
+    wait_for_workers(&mut harness);
+    assert_eq!(labels(&harness, "Lesion C at"), 1);
+
+    // Discs have the colours of growth and shrinkage.
+    let picture = pane_picture(&mut harness, PaneId::Lesions);
+    let shown = glioscope::theme::DARK;
+    for (color, name) in [(shown.growth, "growth"), (shown.shrinkage, "shrinkage")] {
+        let [r, g, b, _] = color.to_array();
+        assert!(glioscope_tests::count_color(&picture, [r, g, b], 12) > 15, "{name}");
+    }
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        picture.save(Path::new(&folder).join("lesions.png")).unwrap();
+    }
+}

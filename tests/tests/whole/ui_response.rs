@@ -1,0 +1,139 @@
+//! Response by criteria in the window: what is asked, and what the calls then say.
+
+use std::path::Path;
+
+use egui::Key;
+use egui_kittest::kittest::Queryable;
+use glioscope::{
+    command::{AppCommand, EditCommand},
+    model::{CaseRef, PaneId, session},
+};
+use glioscope_tests::{Window, answer, doc, issue, pane_picture, perform, run, wait_for_workers, window_on};
+
+use crate::{PROGRAM, lesions::balls};
+
+/// One lesion that grows from 12 to 18 mm within 5 months.
+fn opened(folder: &Path) -> Window {
+    let dates = [("2024-01-01", 6.0), ("2024-03-01", 6.0), ("2024-06-01", 9.0)];
+    let mask = |(date, radius): &(&str, f64)| {
+        format!("T={}@{date}", balls(&folder.join(format!("{date}.nii")), &[([30.0, 30.0, 20.0], *radius)]))
+    };
+    let case = CaseRef::Arguments { masks: dates.iter().map(mask).collect(), contexts: Vec::new() };
+    let mut harness = window_on(case, [1280.0, 900.0], egui::Theme::Light);
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
+    wait_for_workers(&mut harness);
+    harness
+}
+
+fn choose(harness: &mut Window, field: &str, value: &str) {
+    harness.get_by_role_and_label(egui::accesskit::Role::ComboBox, field).click();
+    harness.run_ok();
+    // The table of calls has buttons of the same names; the list's is the last.
+    let Some(entry) = harness.query_all_by_label(value).last() else { panic!("{value} isn't listed") };
+    entry.click();
+    wait_for_workers(harness);
+}
+
+fn type_into(harness: &mut Window, field: &str, text: &str) {
+    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, field).focus();
+    harness.run_ok();
+    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, field).type_text(text);
+    harness.run_ok();
+    harness.key_press(Key::Enter);
+    wait_for_workers(harness);
+}
+
+#[test]
+fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    assert!(harness.query_by_label("Baseline").is_none(), "nothing is asked without criteria");
+    choose(&mut harness, "Criteria", "RANO 2010");
+    // Without a baseline nothing but what it needs is asked.
+    assert!(harness.query_all_by_label("cannot say").count() >= 3);
+    assert!(harness.query_by_label("Clinical state").is_none());
+    type_into(&mut harness, "stated by", "A. B.");
+    choose(&mut harness, "Baseline", "2024-01-01");
+    harness.get_by_label("there was none").click();
+    wait_for_workers(&mut harness);
+    // 9 against 6 mm: the product rises by more than 25 %.
+    assert!(harness.query_all_by_label_contains("PD").count() >= 1, "progression");
+    assert!(harness.query_all_by_label_contains("secondary: reviews").count() >= 1, "with its source");
+    let fact = doc(&harness).edit.response.history.clone().unwrap().baseline.unwrap();
+    assert_eq!((fact.value.0.as_str(), fact.author.as_deref()), ("2024-01-01", Some("A. B.")));
+    assert!(fact.entered.is_some(), "and when");
+
+    // A stated fact of a scan, taken back by undo.
+    choose(&mut harness, "New lesions at 2024-06-01", "none");
+    let stated = |harness: &Window| {
+        let history = doc(harness).edit.response.history.clone().unwrap();
+        history.date.iter().any(|facts| facts.new_lesion.is_some())
+    };
+    assert!(stated(&harness));
+    perform(&mut harness, EditCommand::Undo);
+    assert!(!stated(&harness));
+
+    // A margin, once a repeatability is stated.
+    harness.get_by_label("How well measurements repeat").click();
+    harness.run_ok();
+    type_into(&mut harness, "Products of diameters", "10");
+    assert!(harness.query_all_by_label_contains("relative SD 0.1").count() >= 1);
+
+    // The same calls from the command line, from the session alone.
+    let path = folder.path().join("read.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_eq!(session::load(&path).unwrap().document.edit.response, doc(&harness).edit.response);
+    let (json, notes) = answer(PROGRAM, &["response", path.to_str().unwrap(), "--json"]);
+    assert_eq!(json["criterion"], "rano-2010");
+    assert_eq!(json["dates"][2]["by_diameters"]["call"], "progression");
+    assert!(notes.contains("no reader has verified"), "{notes}");
+    // And in the report: with the author only where the patient is named, too.
+    for (identity, has_author) in [("none", false), ("full", true)] {
+        let report = folder.path().join(format!("{identity}.md"));
+        let arguments =
+            ["report", path.to_str().unwrap(), "--out", report.to_str().unwrap(), "--identity", identity];
+        assert!(run(PROGRAM, &arguments).status.success());
+        let text = std::fs::read_to_string(&report).unwrap();
+        assert!(text.contains("RANO 2010") && text.contains("PD"), "{text}");
+        assert_eq!(text.contains("A. B."), has_author, "{identity}");
+    }
+    let picture = pane_picture(&mut harness, PaneId::Response);
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        picture.save(Path::new(&folder).join("response.png")).unwrap();
+    }
+}
+
+#[test]
+fn bt_rads_is_asked_question_by_question() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    harness.get_by_label("BT-RADS, question by question").click();
+    harness.run_ok();
+    for (answer, next) in [
+        ("yes", "How does the tumour look, compared with the earlier scan?"),
+        ("worse", "How long ago did radiotherapy end?"),
+        ("less than 90 days", "BT-RADS 3a: worse, favours effects of treatment"),
+    ] {
+        assert!(harness.query_by_label(next).is_none(), "{next} is not asked yet");
+        harness.get_by_label(answer).click();
+        harness.run_ok();
+        assert!(harness.query_by_label(next).is_some(), "{next}");
+    }
+    assert_eq!(doc(&harness).edit.response.bt_rads["2024-01-01"].len(), 3);
+    perform(&mut harness, EditCommand::Undo);
+    harness.run_ok();
+    assert!(harness.query_by_label_contains("BT-RADS 3a").is_none());
+}
+
+#[test]
+fn what_is_no_date_is_said_and_not_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    choose(&mut harness, "Criteria", "mRANO");
+    type_into(&mut harness, "Radiotherapy ended", "31.1.2024");
+    assert!(harness.query_by_label_contains("is no date").is_some());
+    assert_eq!(doc(&harness).edit.response.history.clone().unwrap().radiotherapy_end, None);
+    type_into(&mut harness, "Radiotherapy ended", "2023-12-01");
+    assert!(harness.query_by_label_contains("is no date").is_none());
+    assert!(doc(&harness).edit.response.history.clone().unwrap().radiotherapy_end.is_some());
+}

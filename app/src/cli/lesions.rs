@@ -6,8 +6,7 @@ use clap::{Args, ValueEnum};
 use glioscope_core::{
     case::Case,
     lesions::{
-        self, LesionDate, LesionReport, LesionsReport, LinkState, Of, Options,
-        diameters::DiameterMode,
+        self, LesionDate, LesionReport, LesionsReport, LinkState, Of, Options, diameters::DiameterMode,
     },
 };
 

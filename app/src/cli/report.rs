@@ -147,7 +147,8 @@ pub(super) fn of_anonymous(
     let identity = options.0.identity;
     let hides_authors = identity != Identity::Full;
     let evaluate = |asked: &Asked| -> Result<(Evaluated, ResponseRecipe), AppError> {
-        let found = evaluated((case, &doc.edit.lesions), &asked.options, asked.text.as_deref(), hides_authors)?;
+        let found =
+            evaluated((case, &doc.edit.lesions), &asked.options, asked.text.as_deref(), hides_authors)?;
         Ok((found, asked.recipe(identity, &doc.edit.lesions)))
     };
     let response = asked.map(evaluate).transpose()?;

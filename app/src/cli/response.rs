@@ -8,8 +8,8 @@ use glioscope_core::{
     files::read_small_text,
     lesions::LesionsReport,
     response::{
-        Assessment, Compartment, Criterion, DateResponse, Evaluated, History, HistoryError, Judgement, Response,
-        evaluate_lesions, measured_compartments,
+        Assessment, Compartment, Criterion, DateResponse, Evaluated, History, HistoryError, Judgement,
+        Response, evaluate_lesions, measured_compartments,
     },
 };
 use serde::Serialize;
@@ -131,7 +131,8 @@ pub(super) fn evaluated(
         let is_other = *compartment == Compartment::NonEnhancing && !masks[1].is_empty();
         reports.push((*compartment, found(case, &options.lesions, masks[usize::from(is_other)], setting)?));
     }
-    let reports: Vec<(Compartment, &LesionsReport)> = reports.iter().map(|(c, report)| (*c, report)).collect();
+    let reports: Vec<(Compartment, &LesionsReport)> =
+        reports.iter().map(|(c, report)| (*c, report)).collect();
     let evaluated = evaluate_lesions(history, &reports).map_err(|e| wrong(options, e))?;
     warn_of(&evaluated);
     Ok(evaluated)

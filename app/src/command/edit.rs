@@ -21,8 +21,8 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
-        ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions, LesionSetting, OverlapMode,
-        PaneId, ResponseSetting, Ruler, SecondImage, Shading,
+        AgreementSetting, ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions,
+        LesionSetting, OverlapMode, PaneId, ResponseSetting, Ruler, SecondImage, Shading,
         document::{default_lens, tumor_radius_mm},
         fusion::is_pet,
         layout::{self, Task},
@@ -72,6 +72,7 @@ pub enum EditCommand {
     SetEllipsoidLook(EllipsoidLook),
     SetEllipsoidOpacities(Vec<EllipsoidOpacity>),
     SetChange(Box<ChangeSetting>),
+    SetAgreement(Box<AgreementSetting>),
     // Lesions.
     SetLesions(Box<LesionSetting>),
     EditLesions(Vec<lesions::Edit>),
@@ -198,6 +199,7 @@ impl EditCommand {
             | EditKind::SetEllipsoidLook
             | EditKind::SetEllipsoidOpacities
             | EditKind::SetChange
+            | EditKind::SetAgreement
             | EditKind::SetLesions
             | EditKind::EditLesions
             | EditKind::SetResponse
@@ -261,6 +263,7 @@ impl EditCommand {
             Self::SetEllipsoidLook(_) => Label::new("Look of the ellipsoid diagram"),
             Self::SetEllipsoidOpacities(_) => Label::new("Opacity of an ellipsoid"),
             Self::SetChange(_) => Label::new("Compare dates"),
+            Self::SetAgreement(_) => Label::new("How masks are compared"),
             Self::SetLesions(_) => Label::new("Which components are lesions"),
             Self::SetResponse(_) => Label::new("Statements for the response"),
             Self::EditLesions(edits) => Label::new(lesion_edit_text(edits)),
@@ -315,6 +318,7 @@ impl EditCommand {
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
             Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
+            Self::SetAgreement(_) => Some("agreement"),
             Self::SetLesions(_) => Some("lesions"),
             Self::SetAperture(_) => Some("aperture"),
             Self::SetShading(_) => Some("shading"),
@@ -421,6 +425,7 @@ impl EditCommand {
             Self::SetEllipsoidLook(look) => edit.ellipsoids = *look,
             Self::SetEllipsoidOpacities(all) => edit.ellipsoid_opacities.clone_from(all),
             Self::SetChange(setting) => edit.change.clone_from(setting),
+            Self::SetAgreement(setting) => edit.agreement.clone_from(setting),
             Self::SetLesions(setting) => edit.lesions.clone_from(setting),
             Self::SetResponse(setting) => edit.response.clone_from(setting),
             Self::EditLesions(own) => {

@@ -22,6 +22,7 @@ use glioscope_render::{
 use serde::{Deserialize, Serialize};
 
 use super::{
+    agreement::AgreementSetting,
     change::ChangeSetting,
     ellipsoids::{EllipsoidLook, EllipsoidOpacity},
     fusion::Fusion,
@@ -126,6 +127,9 @@ pub struct Edit {
     /// Comparison of two time points.
     #[serde(default)]
     pub change: ChangeSetting,
+    /// How masks are compared.
+    #[serde(default)]
+    pub agreement: AgreementSetting,
     /// Lesions over time, and what the user said about them.
     #[serde(default)]
     pub lesions: LesionSetting,
@@ -322,6 +326,7 @@ impl Document {
                 ellipsoid_opacities: Vec::new(),
                 light: LightChoice::default(),
                 change: ChangeSetting::default(),
+                agreement: AgreementSetting::default(),
                 lesions: LesionSetting::default(),
                 response: ResponseSetting::default(),
                 layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),

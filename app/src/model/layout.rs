@@ -186,9 +186,7 @@ fn neighbours(pane: PaneId) -> &'static [PaneId] {
     match pane {
         P::Closeup => &[P::Change, P::Ellipsoids, P::Context],
         P::Change => &[P::Closeup, P::Context],
-        P::Context | P::Dates | P::Lesions | P::Response => {
-            &[P::Lesions, P::Dates, P::Context, P::Closeup]
-        }
+        P::Context | P::Dates | P::Lesions | P::Response => &[P::Lesions, P::Dates, P::Context, P::Closeup],
         P::Ellipsoids => &[P::Closeup, P::Overlap],
         P::SideBySide => &[P::Change, P::Closeup, P::Context],
         P::Axial => &[P::Coronal, P::Sagittal],

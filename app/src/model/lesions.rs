@@ -35,12 +35,7 @@ pub struct LesionSetting {
 
 impl Default for LesionSetting {
     fn default() -> Self {
-        Self {
-            of: None,
-            smallest_ml: DEFAULT_SMALLEST_ML,
-            within_mm: DEFAULT_WITHIN_MM,
-            edits: Vec::new(),
-        }
+        Self { of: None, smallest_ml: DEFAULT_SMALLEST_ML, within_mm: DEFAULT_WITHIN_MM, edits: Vec::new() }
     }
 }
 
@@ -48,7 +43,8 @@ impl LesionSetting {
     /// The mask whose lesions are meant in `case`: the chosen one, else the one that `change` compares, else the first. `None`
     /// without any mask.
     pub fn mask(&self, case: &Case, change: &ChangeSetting) -> Option<String> {
-        let has = |id: &&String| case.time_points.iter().any(|time| time.masks.iter().any(|m| m.mask.id() == **id));
+        let has =
+            |id: &&String| case.time_points.iter().any(|time| time.masks.iter().any(|m| m.mask.id() == **id));
         let compared = || change.chosen(case).ok().map(|choice| choice.id);
         self.of.as_ref().filter(has).cloned().or_else(compared).or_else(|| default_mask(case))
     }

@@ -1,6 +1,7 @@
 //! Saved state: the document and its types, the layout of panes, undo, and the session file. Independent of views.
 
 pub mod accepted;
+pub mod agreement;
 pub mod change;
 pub mod document;
 pub mod ellipsoids;
@@ -25,6 +26,7 @@ mod session_names;
 mod session_old;
 
 pub use accepted::{Answer, Answers};
+pub use agreement::AgreementSetting;
 pub use change::{CHANGE_SCALE_MM, ChangeSetting};
 pub use document::{CaseRef, Document, Edit, Navigation};
 pub use ellipsoids::{ComponentOf, EllipsoidKind, EllipsoidLook, EllipsoidOpacity};

@@ -24,6 +24,8 @@ pub enum PaneId {
     Response,
     /// The overlap diagram with its bar and the table of regions.
     Overlap,
+    /// Metrics of agreement by a named convention.
+    Agreement,
     /// The table of the volumes inside the lens.
     Lens,
     /// The list of measured lines.
@@ -84,6 +86,7 @@ impl PaneId {
             Self::Lesions => row("the lesions", "Lesions", "lesions").report([900, 700]).needs_dates(),
             Self::Response => row("the response", "Response", "response").needs_dates(),
             Self::Overlap => row("the overlap diagram", "Overlap", "overlap").report([700, 900]),
+            Self::Agreement => row("the agreement", "Agreement", "agreement"),
             Self::Lens => row("what is in the lens", "In the lens", "lens"),
             Self::Measurements => row("measurements", "Measurements", "measurements"),
             Self::Transfer => row("the transfer function", "Transfer", "transfer"),

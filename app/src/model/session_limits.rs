@@ -9,6 +9,7 @@ use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
 use super::{
+    agreement::{PERCENTILE, TOLERANCE_MM},
     change::CHANGE_SCALE_MM,
     document::{CaseRef, Document, Edit, Navigation},
     lesions::{LesionSetting, MOST_LESION_EDITS, MOST_LESION_NAME, SMALLEST_ML, WITHIN_MM},
@@ -142,6 +143,8 @@ fn check_edit(edit: &Edit) -> Checked {
     number("light aperture_deg", edit.light.aperture_deg, &(0.0..=85.0))?;
     edit.light.own.iter().try_for_each(check_light)?;
     check_shading(&edit.light.shading)?;
+    number("agreement percentile", edit.agreement.percentile, &PERCENTILE)?;
+    number("agreement tolerance_mm", edit.agreement.tolerance_mm, &TOLERANCE_MM)?;
     check_lesions(&edit.lesions)?;
     check_response(&edit.response)?;
     let change = &edit.change;

@@ -22,7 +22,7 @@ use glioscope_core::{
     case::Case,
     change::{self, ChangeOptions, ChangeReport, Choice},
     lesions::{self, LesionsReport},
-    measure::{self, conventions::Settings},
+    measure,
     response::Evaluated,
 };
 use glioscope_render::flat::Convention;
@@ -123,7 +123,7 @@ pub fn make(
     let words = words(options.language);
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
     let (changes, own) = changes(case, doc, progress)?;
-    let compared = measure::compared(case, &Settings::default(), progress)?;
+    let compared = measure::compared(case, &doc.edit.agreement.settings(), progress)?;
     let lesions = lesions(case, doc, progress)?;
     let own_response = match response {
         Some(_) => None,
@@ -156,7 +156,8 @@ pub fn make(
     let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.warnings);
     blocks.extend(content.findings(&own, contradictions));
     blocks.extend(content.summary());
-    blocks.extend(evaluated.into_iter().flat_map(|evaluated| responses::blocks(evaluated, &words, &redactor)));
+    blocks
+        .extend(evaluated.into_iter().flat_map(|evaluated| responses::blocks(evaluated, &words, &redactor)));
     blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));

@@ -1,5 +1,6 @@
 //! One file or folder per pane. A pane reads the document and the case, draws, and pushes commands.
 
+pub mod agreement;
 pub mod change;
 pub mod closeup;
 pub mod context;
@@ -45,6 +46,7 @@ fn new_pane(id: PaneId) -> Box<dyn Pane> {
         PaneId::Lesions => Box::<lesions::LesionsPane>::default(),
         PaneId::Response => Box::<response::ResponsePane>::default(),
         PaneId::Overlap => Box::<overlap::OverlapPane>::default(),
+        PaneId::Agreement => Box::<agreement::AgreementPane>::default(),
         PaneId::Lens => Box::<lens::LensPane>::default(),
         PaneId::Measurements => Box::<measurements::MeasurementsPane>::default(),
         PaneId::Transfer => Box::<transfer::TransferPane>::default(),

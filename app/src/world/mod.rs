@@ -1,5 +1,6 @@
 //! Runtime state: the loaded case and the results derived from it. Never saved.
 
+pub mod agreement;
 pub mod comparison;
 pub mod ellipsoids;
 pub mod image;
@@ -229,6 +230,8 @@ pub struct Results {
     pub tracts: tracts::TractResult,
     /// Agreement of masks, and voxel counts inside the lens.
     pub numbers: numbers::Numbers,
+    /// Metrics of agreement.
+    pub agreement: agreement::Agreements,
     /// Lesions over time.
     pub lesions: lesions::Lesions,
     /// Response by criteria.
@@ -253,6 +256,7 @@ impl Results {
             | self.ellipsoids.working()
             | self.tracts.working()
             | self.numbers.working()
+            | self.agreement.working()
             | self.lesions.working()
             | self.response.working()
     }

@@ -43,6 +43,7 @@ pub use made::MadeMask;
 pub use manifest::{VERSION as MANIFEST_VERSION, parse_manifest, read_manifest, write_manifest};
 pub use order::{OrderBasis, unordered_times};
 pub use proposal::{Problem, Proposal, ProposedFile, ProposedMask, Role};
+pub(crate) use registration::in_two_spaces;
 pub use registration::{
     DateRegistration, NOT_ALIGNED_MM, P95_OF_UNIT_ERRORS, Registered, apart_mm, register_dates,
 };

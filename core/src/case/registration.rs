@@ -81,6 +81,39 @@ pub fn register_dates(
 const COARSE_MM: f64 = 4.0;
 const COARSE_POINTS: usize = 30_000;
 
+/// Why two dates don't lie in one space, as far as masks `ids` and the dates' images say; `None` where nothing says so.
+/// `asks_images`: whether images are compared, too.
+///
+/// # Errors
+/// [`Cancelled`].
+pub(crate) fn in_two_spaces(
+    case: &Case,
+    dates: [usize; 2],
+    ids: [&[&str]; 2],
+    asks_images: bool,
+    progress: &Progress,
+) -> Result<Option<String>, Cancelled> {
+    let labels = case.time_labels();
+    let [from, to] = dates.map(|at| labels.get(at).copied().unwrap_or_default());
+    let frames = |at: usize, ids: &[&str]| -> Vec<&str> {
+        let masks = case.time_points.get(at).map(|time| time.masks.as_slice()).unwrap_or_default();
+        let masks = masks.iter().filter(|m| ids.contains(&m.mask.id()));
+        masks.map(|m| m.frame_of_reference.as_str()).filter(|frame| !frame.is_empty()).collect()
+    };
+    let [earlier, later] = [0, 1].map(|n| frames(dates[n], ids[n]));
+    if earlier.iter().any(|frame| later.iter().any(|other| other != frame)) {
+        return Ok(Some(format!(
+            "found {from} and {to} in two frames of reference, expected dates in one space"
+        )));
+    }
+    let apart = if asks_images { apart_mm(case, dates, progress)? } else { None };
+    Ok(apart.map(|(mm, image)| {
+        format!(
+            "found {from} and {to} {mm:.0} mm apart at the tumour, by their images {image}, expected dates in one space"
+        )
+    }))
+}
+
 /// How far two dates' images lie apart at the tumour, in millimetres (95th percentile over its surface), by a coarse fit from
 /// where they lie: to tell dates that were never aligned, or were moved the wrong way, not to align them. `None` up to
 /// [`NOT_ALIGNED_MM`], and where it can't be told: without an image of one id at both dates, where a fit fails, where a registration that was run here moved them, and

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::{
     Mask, MaskBits, Progress,
-    case::{Case, OrderBasis, TimePoint, apart_mm},
+    case::{Case, OrderBasis, TimePoint, in_two_spaces},
     change::Choice,
     dates,
 };
@@ -241,26 +241,8 @@ fn not_linked(
     options: &Options,
     progress: &Progress,
 ) -> Result<Option<String>, LesionsError> {
-    let labels = case.time_labels();
-    let [from, to] = dates.map(|at| labels.get(at).copied().unwrap_or_default());
     if case.order == OrderBasis::Unknown {
         return Ok(Some("found dates whose order isn't stated, expected their order".into()));
     }
-    let frames = |at: usize| -> Vec<&str> {
-        let masks = case.time_points.get(at).map(|time| time.masks.as_slice()).unwrap_or_default();
-        let masks = masks.iter().filter(|m| ids.contains(&m.mask.id()));
-        masks.map(|m| m.frame_of_reference.as_str()).filter(|frame| !frame.is_empty()).collect()
-    };
-    let [earlier, later] = dates.map(frames);
-    if earlier.iter().any(|frame| later.iter().any(|other| other != frame)) {
-        return Ok(Some(format!(
-            "found {from} and {to} in two frames of reference, expected dates in one space"
-        )));
-    }
-    let apart = if options.asks_images { apart_mm(case, dates, progress)? } else { None };
-    Ok(apart.map(|(mm, image)| {
-        format!(
-            "found {from} and {to} {mm:.0} mm apart at the tumour, by their images {image}, expected dates in one space"
-        )
-    }))
+    Ok(in_two_spaces(case, dates, [ids, ids], options.asks_images, progress)?)
 }

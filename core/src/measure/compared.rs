@@ -1,12 +1,12 @@
 //! The masks of a case compared by a named convention: every pair of a date, and all of them together.
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::conventions::{Comparison, Domain, Ratings, Settings, Staple, compare};
 use crate::{
-    Cancelled, Progress,
-    case::{Case, TimePoint},
+    Cancelled, Mask, MaskBits, Progress,
+    case::{Case, TimePoint, in_two_spaces},
 };
 
 /// Fewest masks that are compared as raters of one tumour.
@@ -50,6 +50,87 @@ pub struct DateComparison {
     pub pairs: Vec<PairComparison>,
     /// All masks; `None` for fewer than three, and where all are empty.
     pub raters: Option<Raters>,
+}
+
+/// What is compared at a date: a mask, or a region.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Operand {
+    /// Label of the date.
+    pub time: String,
+    /// Ids of the masks: of a region those that are active in it, else those whose union is meant.
+    pub masks: Vec<String>,
+    /// Whether it is a region: where exactly these masks are active.
+    pub is_region: bool,
+}
+
+impl Operand {
+    /// Its date and voxels; the reason where the case lacks them.
+    fn voxels(&self, case: &Case) -> Result<(usize, MaskBits), String> {
+        let Self { time, masks, is_region } = self;
+        let lacks = |what: &str, expected: &str| Err(format!("found no {what}, expected {expected}"));
+        let Some(at) = case.time_at(time) else { return lacks(&format!("date {time}"), "one of the case") };
+        let Some(date) = case.time_points.get(at) else { return lacks("date", "one of the case") };
+        let known = |id: &&String| date.masks.iter().any(|m| m.mask.id() == id.as_str());
+        if masks.is_empty() || !masks.iter().all(|id| known(&id)) {
+            return lacks(&format!("masks {} at {time}", masks.join(", ")), "masks of that date");
+        }
+        let (of, others): (Vec<_>, Vec<_>) =
+            date.masks.iter().map(|m| &m.mask).partition(|mask| masks.iter().any(|id| id == mask.id()));
+        let mut bits =
+            of.first().map_or_else(|| MaskBits::empty(case.grid.dims()), |mask| mask.bits().clone());
+        let mut combine = |mask: &Mask, with: fn(u64, u64) -> u64| {
+            bits.words_mut().iter_mut().zip(mask.bits().words()).for_each(|(a, b)| *a = with(*a, *b));
+        };
+        for mask in of.iter().skip(1) {
+            combine(mask, if *is_region { |a, b| a & b } else { |a, b| a | b });
+        }
+        for mask in others.iter().filter(|_| *is_region) {
+            combine(mask, |a, b| a & !b);
+        }
+        Ok((at, bits))
+    }
+}
+
+/// Compares two masks or regions of any dates on the case grid, the first as the reference. The reason in one line where the
+/// case lacks one, and where their dates don't lie in one space.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn compared_two(
+    case: &Case,
+    operands: &[Operand; 2],
+    settings: &Settings,
+    progress: &Progress,
+) -> Result<Result<Comparison, String>, Cancelled> {
+    let [a, b] = operands;
+    let ((from, a_bits), (to, b_bits)) = match (a.voxels(case), b.voxels(case)) {
+        (Ok(a), Ok(b)) => (a, b),
+        (Err(why), _) | (_, Err(why)) => return Ok(Err(why)),
+    };
+    if from != to {
+        let ids = [a, b].map(|of| of.masks.iter().map(String::as_str).collect::<Vec<_>>());
+        let apart = in_two_spaces(case, [from, to], [&ids[0], &ids[1]], !case.one_space, progress)?;
+        if let Some(why) = apart {
+            return Ok(Err(why));
+        }
+    }
+    Ok(compare(&a_bits, &b_bits, &case.grid, settings).map_err(|unequal| unequal.to_string()))
+}
+
+/// Compares the masks of date number `time` of `case`; no pairs where it has no such date.
+///
+/// # Errors
+/// [`Cancelled`].
+pub fn compared_at(
+    case: &Case,
+    time: usize,
+    settings: &Settings,
+    progress: &Progress,
+) -> Result<DateComparison, Cancelled> {
+    match case.time_points.get(time) {
+        Some(time) => date(time, settings, progress),
+        None => Ok(DateComparison { time: String::new(), pairs: Vec::new(), raters: None }),
+    }
 }
 
 /// Compares the masks of every date of `case` on the case grid.
@@ -133,6 +214,54 @@ mod tests {
             }
             let raters = date.raters.as_ref().unwrap();
             assert!(raters.majority_ml > 0.0 && raters.majority_ml < time.regions.union_ml());
+        }
+    }
+
+    #[test]
+    fn any_two_are_the_regions_and_masks_that_they_name() {
+        let spec = sample::sample_spec();
+        let case = crate::case::load(&spec, &LoadOptions::default(), &Progress::new()).unwrap();
+        let of = |time: usize, masks: &[&str], is_region: bool| Operand {
+            time: case.time_points[time].label.clone(),
+            masks: masks.iter().map(|id| (*id).to_owned()).collect(),
+            is_region,
+        };
+        let compare = |a: Operand, b: Operand| {
+            compared_two(&case, &[a, b], &Settings::default(), &Progress::new()).unwrap()
+        };
+        // Two masks of one date are the pair of the table.
+        let date = compared_at(&case, 0, &Settings::default(), &Progress::new()).unwrap();
+        let two = compare(of(0, &["T1"], false), of(0, &["T2"], false)).unwrap();
+        assert_eq!(two, date.pairs[0].comparison);
+        // A region against itself and its mask: its voxels by the list of regions.
+        let regions = &case.time_points[0].regions;
+        for region in regions.list() {
+            let ids = regions.mask_ids();
+            let active: Vec<&str> =
+                (0..ids.len()).filter(|k| region.bits >> k & 1 == 1).map(|k| ids[k].as_str()).collect();
+            let own = compare(of(0, &active, true), of(0, &active[..1], false)).unwrap();
+            assert_eq!(own.overlap.reference, region.voxels);
+            assert_eq!(own.overlap.both, region.voxels, "a region lies in its masks");
+        }
+        // A mask at two dates: as much in common as the change keeps.
+        let dates = compare(of(0, &["T1"], false), of(1, &["T1"], false)).unwrap();
+        let [a, b] =
+            [0, 1].map(|t: usize| case.time_points[t].masks.iter().find(|m| m.mask.id() == "T1").unwrap());
+        let both = a
+            .mask
+            .bits()
+            .words()
+            .iter()
+            .zip(b.mask.bits().words())
+            .map(|(a, b)| (a & b).count_ones())
+            .sum::<u32>();
+        assert_eq!(dates.overlap.both, u64::from(both));
+        for wrong in [
+            of(0, &["no such"], false),
+            of(0, &[], true),
+            Operand { time: "never".into(), ..of(0, &["T1"], false) },
+        ] {
+            assert!(compare(of(0, &["T1"], false), wrong).unwrap_err().contains("expected"));
         }
     }
 }

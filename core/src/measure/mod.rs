@@ -8,7 +8,7 @@ mod statistics;
 
 use serde::{Serialize, Serializer, ser::SerializeMap};
 
-pub use compared::{DateComparison, PairComparison, Raters, compared};
+pub use compared::{DateComparison, Operand, PairComparison, Raters, compared, compared_at, compared_two};
 pub use metrics::{PAIR_METRICS, PairInput, PairMetric};
 pub use statistics::{Statistics, of as statistics_of, statistics};
 

@@ -26,6 +26,7 @@ mod session_files;
 mod sessions;
 mod transforms;
 mod ui;
+mod ui_agreement;
 mod ui_align;
 mod ui_case_files;
 mod ui_change;

@@ -89,7 +89,7 @@ fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
     assert!(notes.contains("no reader has verified"), "{notes}");
     // And in the report: with the author only where the patient is named, too.
     for (identity, has_author) in [("none", false), ("full", true)] {
-        let report = folder.path().join(format!("{identity}.md"));
+        let report = folder.path().join(format!("{identity}.html"));
         let arguments =
             ["report", path.to_str().unwrap(), "--out", report.to_str().unwrap(), "--identity", identity];
         assert!(run(PROGRAM, &arguments).status.success());

@@ -80,12 +80,8 @@ fn is_asked(ui: &mut Ui, text: &str, tip: &str, key: Option<Key>) -> bool {
 
 /// The first proposed link after the selected one, in the order of the list.
 fn next(input: &Input<'_>, report: &LesionsReport, selected: &mut Selected, out: &mut Commands) {
-    let all: Vec<[&Anchor; 2]> = report
-        .links
-        .iter()
-        .filter(|link| link.state == LinkState::Proposed)
-        .filter_map(ends)
-        .collect();
+    let all: Vec<[&Anchor; 2]> =
+        report.links.iter().filter(|link| link.state == LinkState::Proposed).filter_map(ends).collect();
     let current = all.iter().position(|link| selected.is_link(*link));
     let at = current.map_or(0, |at| (at + 1) % all.len().max(1));
     if let Some([from, to]) = all.get(at) {
@@ -141,7 +137,8 @@ fn of_one(
             }
         }
         Some(typed) => {
-            let field = TextEdit::singleline(&mut typed.name).desired_width(140.0).char_limit(MOST_LESION_NAME);
+            let field =
+                TextEdit::singleline(&mut typed.name).desired_width(140.0).char_limit(MOST_LESION_NAME);
             let response = ui.add(field.hint_text("Name of the lesion"));
             ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Name of the lesion"));
             if !response.lost_focus() && !response.has_focus() {

@@ -46,7 +46,8 @@ impl LesionsPane {
             return;
         };
         self.head(ui, &input, &mask, out);
-        let report = match stage.results.lesions.get(input.case, (setting, &input.doc.edit.change), stage.ask) {
+        let report = match stage.results.lesions.get(input.case, (setting, &input.doc.edit.change), stage.ask)
+        {
             Some(Lookup::Ready(report)) => report.clone(),
             Some(Lookup::Failed(error)) => {
                 ui.colored_label(ui.visuals().error_fg_color, error.to_string());
@@ -99,7 +100,10 @@ impl LesionsPane {
             ui.checkbox(&mut self.small, "show small ones");
         });
         if new != *setting {
-            out.push(EditCommand::SetLesions(Box::new(LesionSetting { edits: setting.edits.clone(), ..new })));
+            out.push(EditCommand::SetLesions(Box::new(LesionSetting {
+                edits: setting.edits.clone(),
+                ..new
+            })));
         }
     }
 }

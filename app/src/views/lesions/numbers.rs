@@ -34,7 +34,10 @@ pub(super) fn show(ui: &mut Ui, report: &LesionsReport, shown: &[&LesionReport])
                 ("Date", ""),
                 ("Volume", ""),
                 ("Change", "Of the volume since the date before"),
-                ("Diameters", "Longest in a slice, and the longest at right angles to it, of the largest piece"),
+                (
+                    "Diameters",
+                    "Longest in a slice, and the longest at right angles to it, of the largest piece",
+                ),
                 ("Product", "Sum of the products of all pieces"),
                 ("What happened", "Since the date before, and whether a reader verified the link"),
             ] {
@@ -99,7 +102,8 @@ fn cells(before: Option<&LesionDate>, date: &LesionDate) -> Vec<String> {
 fn series_text(of: &str, series: &Series) -> Option<String> {
     let mut said = Vec::new();
     // A slope within twice its standard error is none.
-    let is_clear = |growth: &&Growth| growth.standard_error.is_none_or(|sd| growth.log_per_day.abs() > 2.0 * sd);
+    let is_clear =
+        |growth: &&Growth| growth.standard_error.is_none_or(|sd| growth.log_per_day.abs() > 2.0 * sd);
     if let Some(growth) = series.growth.as_ref().filter(is_clear) {
         match (growth.doubling_days, growth.halving_days) {
             (Some(days), _) => said.push(format!("doubles in {days:.0} days by {} dates", growth.dates)),

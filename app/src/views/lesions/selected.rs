@@ -80,8 +80,5 @@ pub(super) fn ends(link: &LinkReport) -> Option<[&Anchor; 2]> {
 /// An edit for every link that nobody looked at.
 pub(super) fn verify_all(report: &LesionsReport) -> Vec<Edit> {
     let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed);
-    proposed
-        .filter_map(ends)
-        .map(|[from, to]| Edit::Verify { from: from.clone(), to: to.clone() })
-        .collect()
+    proposed.filter_map(ends).map(|[from, to]| Edit::Verify { from: from.clone(), to: to.clone() }).collect()
 }

@@ -69,7 +69,8 @@ pub(super) fn show(
     // Dates.
     for (date, of) in report.dates.iter().enumerate() {
         let is_shown = input.case.time_points.get(input.time).is_some_and(|time| time.label == of.time);
-        let column_rect = Rect::from_x_y_ranges(x_of(date) - column / 2.0..=x_of(date) + column / 2.0, rect.y_range());
+        let column_rect =
+            Rect::from_x_y_ranges(x_of(date) - column / 2.0..=x_of(date) + column / 2.0, rect.y_range());
         if is_shown {
             painter.rect_filled(column_rect.shrink2(vec2(2.0, 0.0)), 4.0, tokens.raised);
         }
@@ -128,7 +129,8 @@ pub(super) fn show(
         top = band.bottom();
     }
 
-    let places: BTreeMap<(&str, [u64; 3]), Pos2> = discs.iter().map(|disc| (key(disc.anchor), disc.at)).collect();
+    let places: BTreeMap<(&str, [u64; 3]), Pos2> =
+        discs.iter().map(|disc| (key(disc.anchor), disc.at)).collect();
     let mut clicked = None;
     for (n, link) in report.links.iter().enumerate() {
         if let Some(response) = show_link(ui, &painter, (n, link), &places, selected, tokens)
@@ -152,7 +154,8 @@ pub(super) fn show(
         let hit = Rect::from_center_size(disc.at, vec2(2.0, 2.0) * disc.radius.max(9.0));
         let id = ui.scope_id().with(("lesion", disc.anchor.time.as_str(), key(disc.anchor).1));
         let response = ui.interact(hit, id, Sense::click()).on_hover_text(&disc.text);
-        response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected.has(disc.anchor), &disc.text));
+        response
+            .widget_info(|| WidgetInfo::selected(Role::Button, true, selected.has(disc.anchor), &disc.text));
         if response.clicked() {
             let pressed = pointer::press_modifiers(ui.ctx());
             selected.take(disc.anchor, pressed.shift || pressed.command);
@@ -265,7 +268,9 @@ pub(super) fn change_text(before: Option<&LesionDate>, at: &LesionDate) -> Strin
     match ratio(before, at) {
         Some(0.0) => "gone".to_owned(),
         Some(ratio) => format!("{:+.0} %", 100.0 * (ratio - 1.0)).replace('-', "\u{2212}"),
-        None if before.is_some_and(|b| b.volume_ml == Some(0.0)) && at.volume_ml.is_some_and(|ml| ml > 0.0) => {
+        None if before.is_some_and(|b| b.volume_ml == Some(0.0))
+            && at.volume_ml.is_some_and(|ml| ml > 0.0) =>
+        {
             "new".to_owned()
         }
         None => String::new(),
@@ -277,6 +282,7 @@ fn text_of(lesion: &LesionReport, at: &LesionDate, volume_ml: f64, change: Strin
     let time = if at.time.is_empty() { String::new() } else { format!(" at {}", at.time) };
     let change = if change.is_empty() { change } else { format!(", {change}") };
     let events: Vec<&str> = at.events.iter().map(Into::into).collect();
-    let events = if events.is_empty() { String::new() } else { format!(" ({})", events.join(", ").replace('_', " ")) };
+    let events =
+        if events.is_empty() { String::new() } else { format!(" ({})", events.join(", ").replace('_', " ")) };
     format!("Lesion {}{time}: {}{of}{change}{events}", title(lesion), format::ml(volume_ml))
 }

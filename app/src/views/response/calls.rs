@@ -88,7 +88,8 @@ fn table(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
                     });
                     for judgement in [&date.by_diameters, &date.by_volume] {
                         row.col(|ui| {
-                            let text = RichText::new(call_text(judgement)).color(color(judgement.call, &tokens));
+                            let text =
+                                RichText::new(call_text(judgement)).color(color(judgement.call, &tokens));
                             ui.label(text.strong());
                         });
                     }
@@ -157,7 +158,10 @@ fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement) {
         for missing in &judgement.missing {
             let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
             let assumed = missing.assumed.as_ref().map(|assumed| format!(" (assumed: {assumed})"));
-            ui.colored_label(warn, format!("missing: {}{date}{}", missing.words, assumed.unwrap_or_default()));
+            ui.colored_label(
+                warn,
+                format!("missing: {}{date}{}", missing.words, assumed.unwrap_or_default()),
+            );
         }
     });
 }

@@ -29,7 +29,11 @@ impl By {
 /// What is hovered over a fact: who stated it.
 fn said_by<T>(fact: &Fact<T>) -> String {
     let parts: Vec<&str> = [&fact.author, &fact.entered].into_iter().flatten().map(String::as_str).collect();
-    if parts.is_empty() { "stated without a name".to_owned() } else { format!("stated by {}", parts.join(", ")) }
+    if parts.is_empty() {
+        "stated without a name".to_owned()
+    } else {
+        format!("stated by {}", parts.join(", "))
+    }
 }
 
 /// A choice that may be left open.

@@ -91,8 +91,11 @@ fn targets(ui: &mut Ui, history: &mut History) {
     ] {
         ui.horizontal_wrapped(|ui| {
             let label = ui.label(title).on_hover_text(tip);
-            let stated =
-                if is_main { history.targets.clone().unwrap_or_default() } else { history.non_targets.clone() };
+            let stated = if is_main {
+                history.targets.clone().unwrap_or_default()
+            } else {
+                history.non_targets.clone()
+            };
             if let Some(typed) = text(ui, title, label.id, &stated.join(", "), 180.0) {
                 let names = typed.split(',').map(str::trim).filter(|name| !name.is_empty());
                 let mut all: Vec<String> = Vec::new();

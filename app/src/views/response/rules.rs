@@ -42,23 +42,25 @@ pub(super) fn repeatability(ui: &mut Ui, history: &mut History) {
 
 /// The rules of a criterion, and what isn't applied as no source that was read states it.
 pub(super) fn show(ui: &mut Ui, criterion: Criterion) {
-    CollapsingHeader::new(format!("Rules of {}, with their sources", criterion.name())).id_salt("rules").show(ui, |ui| {
-        Grid::new("rules").striped(true).num_columns(3).spacing([12.0, 3.0]).show(ui, |ui| {
-            for title in ["Rule", "Number", "Known by"] {
-                ui.strong(title);
-            }
-            ui.end_row();
-            for rule in RULES.iter().filter(|rule| rule.criteria.contains(&criterion)) {
-                ui.label(rule.statement);
-                ui.label(rule.number.map(|number| format!("{number} {}", rule.unit)).unwrap_or_default());
-                ui.label(format!("{}: {}", mark(rule.mark), rule.source));
+    CollapsingHeader::new(format!("Rules of {}, with their sources", criterion.name()))
+        .id_salt("rules")
+        .show(ui, |ui| {
+            Grid::new("rules").striped(true).num_columns(3).spacing([12.0, 3.0]).show(ui, |ui| {
+                for title in ["Rule", "Number", "Known by"] {
+                    ui.strong(title);
+                }
                 ui.end_row();
+                for rule in RULES.iter().filter(|rule| rule.criteria.contains(&criterion)) {
+                    ui.label(rule.statement);
+                    ui.label(rule.number.map(|number| format!("{number} {}", rule.unit)).unwrap_or_default());
+                    ui.label(format!("{}: {}", mark(rule.mark), rule.source));
+                    ui.end_row();
+                }
+            });
+            ui.add_space(4.0);
+            ui.strong("Not applied: no source that was read states it");
+            for row in UNSTATED.iter().filter(|row| row.criteria.contains(&criterion)) {
+                ui.label(row.what);
             }
         });
-        ui.add_space(4.0);
-        ui.strong("Not applied: no source that was read states it");
-        for row in UNSTATED.iter().filter(|row| row.criteria.contains(&criterion)) {
-            ui.label(row.what);
-        }
-    });
 }

@@ -85,7 +85,8 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
         }
         ui.end_row();
         if no_dates {
-            let name = ui.label("Day").on_hover_text("Days since any first day, as the dates aren't calendar dates");
+            let name =
+                ui.label("Day").on_hover_text("Days since any first day, as the dates aren't calendar dates");
             for label in &labels {
                 let days = facts_at(history, label).and_then(|n| history.date.get(n)?.days);
                 if let Some(typed) = number(ui, ("day of", label), name.id, days.map(f64::from)) {

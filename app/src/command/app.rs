@@ -39,6 +39,7 @@ pub enum AppCommand {
     ExportRulers(ExportFormat),
     ExportRulersTo(PathBuf),
     ShowReport,
+    KeepPicture,
     WriteReport(report::Options),
     WriteReportTo(report::Options, PathBuf),
     BrowseFiles,
@@ -59,6 +60,7 @@ pub enum AppCommand {
     ShowAlign,
     ChooseTransform(String),
     AlignByFile(String, PathBuf),
+    Explain,
     ShowAbout,
     Quit,
 }
@@ -89,6 +91,7 @@ impl AppCommand {
                 .map(|what| listed(Self::ExportMasks(what)).menu(Menu::File, 2))
                 .into(),
             AppKind::ShowReport => vec![listed(Self::ShowReport).keys(CTRL, Key::R).menu(Menu::File, 2)],
+            AppKind::KeepPicture => vec![listed(Self::KeepPicture).key(Key::K).menu(Menu::File, 2)],
             AppKind::ExportRulers => ExportFormat::VARIANTS
                 .iter()
                 .map(|format| listed(Self::ExportRulers(*format)).menu(Menu::Tools, 1))
@@ -118,6 +121,7 @@ impl AppCommand {
             AppKind::ShowMasks => vec![listed(Self::ShowMasks).menu(Menu::Colors, 2)],
             AppKind::ShowMakeMask => vec![listed(Self::ShowMakeMask).menu(Menu::Edit, 1)],
             AppKind::ShowAlign => vec![listed(Self::ShowAlign).menu(Menu::Tools, 2)],
+            AppKind::Explain => vec![listed(Self::Explain).key(Key::F5).menu(Menu::View, 0)],
             AppKind::ShowAbout => vec![listed(Self::ShowAbout).key(Key::F1).menu(Menu::Help, 0)],
             AppKind::Quit => vec![listed(Self::Quit).keys(CTRL, Key::Q).menu(Menu::File, 3)],
             AppKind::Open
@@ -184,6 +188,8 @@ impl AppCommand {
             Self::ExportRulersTo(_) => Label::new("Write the lines"),
             Self::ShowReport => Label::new("Write a report…")
                 .detail("One file with pictures, numbers and warnings, to hand over: HTML, PDF or Markdown"),
+            Self::KeepPicture => Label::new("Keep the view for the report")
+                .detail("The view under the pointer, as it is now; its caption is in the report's dialog"),
             Self::WriteReport(_) => Label::new("Choose the report's file"),
             Self::WriteReportTo(..) => Label::new("Write the report"),
             Self::BrowseFiles => Label::new("Browse for a case file…"),
@@ -218,6 +224,8 @@ impl AppCommand {
                 .detail("By registration, by a transform of another program, or by hand"),
             Self::ChooseTransform(_) => Label::new("Choose a transform"),
             Self::AlignByFile(..) => Label::new("Move the date by a transform"),
+            Self::Explain => Label::new("Explain to a patient")
+                .detail("Big words, the size in true size, the dates one after the other; no names"),
             Self::ShowAbout => Label::new("About Glioscope"),
             Self::Quit => Label::new("Quit"),
         }
@@ -240,6 +248,8 @@ impl AppCommand {
             | Self::ExportMasks(_)
             | Self::ExportMasksTo(..)
             | Self::ShowReport
+            | Self::KeepPicture
+            | Self::Explain
             | Self::WriteReport(_)
             | Self::WriteReportTo(..)
             | Self::AddTracts(_)

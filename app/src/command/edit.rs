@@ -22,7 +22,7 @@ use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
         AgreementSetting, ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions,
-        LesionSetting, OverlapMode, PaneId, ResponseSetting, Ruler, SecondImage, Shading,
+        KeyPicture, LesionSetting, OverlapMode, PaneId, ResponseSetting, Ruler, SecondImage, Shading,
         document::{default_lens, tumor_radius_mm},
         fusion::is_pet,
         layout::{self, Task},
@@ -99,6 +99,9 @@ pub enum EditCommand {
     SetLayout(Box<Tree<PaneId>>),
     ResetLayout,
     SetTask(Task),
+    // Report.
+    KeepPicture(PaneId),
+    SetPictures(Vec<KeyPicture>),
     // Registration.
     SetAlignments(Vec<Alignment>),
 }
@@ -211,6 +214,8 @@ impl EditCommand {
             | EditKind::SetWindow
             | EditKind::SetOverlayOpacity
             | EditKind::SetFusion
+            | EditKind::KeepPicture
+            | EditKind::SetPictures
             | EditKind::SetAlignments
             | EditKind::SetLayout => Vec::new(),
         }
@@ -299,6 +304,8 @@ impl EditCommand {
             }
             Self::SetLayout(_) => Label::new("Arrange panes"),
             Self::ResetLayout => Label::new("Default layout"),
+            Self::KeepPicture(pane) => Label::new(format!("Keep {} for the report", pane.title())),
+            Self::SetPictures(_) => Label::new("Pictures of the report"),
             Self::SetAlignments(_) => Label::new("Move dates and images"),
             Self::SetTask(task) => Label::new(format!("Layout: {}", task.name())).detail(task.detail()),
         }
@@ -318,6 +325,7 @@ impl EditCommand {
             Self::SetEllipsoidLook(_) => Some("ellipsoids"),
             Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
+            Self::SetPictures(_) => Some("pictures"),
             Self::SetAgreement(_) => Some("agreement"),
             Self::SetLesions(_) => Some("lesions"),
             Self::SetAperture(_) => Some("aperture"),
@@ -346,11 +354,15 @@ impl EditCommand {
     /// Applies the command to the document. [`Self::Undo`] and [`Self::Redo`] do nothing here: the history handles
     /// them.
     pub(super) fn apply(&self, doc: &mut Document, world: &World) {
+        if let Self::KeepPicture(pane) = self {
+            return doc.keep_picture(*pane);
+        }
         let Some(time_point) = world.time_point(doc) else { return };
         let regions = &time_point.regions;
         let Document { edit, nav, .. } = doc;
         match self {
-            Self::Undo | Self::Redo => {}
+            Self::Undo | Self::Redo | Self::KeepPicture(_) => {}
+            Self::SetPictures(pictures) => edit.pictures.clone_from(pictures),
             Self::ShowAllRegions => edit.selection = HiddenRegions::none(),
             Self::ToggleRegion(_)
             | Self::OnlyRegion(_)

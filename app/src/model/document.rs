@@ -38,6 +38,11 @@ use super::{
     rulers::Ruler,
 };
 
+/// The most views kept for a report.
+pub const MOST_PICTURES: usize = 40;
+/// The longest caption, characters.
+pub const MOST_CAPTION: usize = 500;
+
 /// The source from which the case is opened.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -64,6 +69,45 @@ pub enum CaseRef {
         #[serde(default)]
         left_out: Vec<PathBuf>,
     },
+}
+
+/// A view kept for the report: what is seen is drawn again from it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KeyPicture {
+    /// The view.
+    pub pane: PaneId,
+    /// What the reader writes below it; empty: the report's own words.
+    pub caption: String,
+    /// Where the views were.
+    pub nav: Navigation,
+    /// What was shown and how, without what holds for the whole case: see [`KeyPicture::document`].
+    pub edit: Box<Edit>,
+}
+
+impl KeyPicture {
+    /// The view as `doc` shows it now.
+    fn of(doc: &Document, pane: PaneId) -> Self {
+        let edit = Edit {
+            pictures: Vec::new(),
+            made: Vec::new(),
+            alignments: Vec::new(),
+            masks: MaskLooks::default(),
+            lesions: LesionSetting::default(),
+            response: ResponseSetting::default(),
+            layout: layout::single(pane),
+            maximized: None,
+            ..doc.edit.clone()
+        };
+        Self { pane, caption: String::new(), nav: doc.nav.clone(), edit: Box::new(edit) }
+    }
+
+    /// `doc` as it is to be drawn: with what the picture kept, and the case's transforms, masks, lesions and names as they are
+    /// now.
+    pub fn document(&self, doc: &Document) -> Document {
+        let Edit { made, alignments, masks, lesions, response, .. } = doc.edit.clone();
+        let edit = Edit { made, alignments, masks, lesions, response, ..(*self.edit).clone() };
+        Document { edit, nav: self.nav.clone(), ..doc.clone() }
+    }
 }
 
 /// The state that undo covers.
@@ -136,6 +180,9 @@ pub struct Edit {
     /// Response by criteria, and what its reader states.
     #[serde(default)]
     pub response: ResponseSetting,
+    /// Views kept for the report, in its order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pictures: Vec<KeyPicture>,
     /// Layout of the panes; see [`Edit::arrange_as`].
     pub layout: Tree<PaneId>,
     /// The maximised pane, if any.
@@ -329,6 +376,7 @@ impl Document {
                 agreement: AgreementSetting::default(),
                 lesions: LesionSetting::default(),
                 response: ResponseSetting::default(),
+                pictures: Vec::new(),
                 layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),
                 maximized: None,
             },
@@ -346,6 +394,13 @@ impl Document {
                 preview: None,
                 ruler_on: false,
             },
+        }
+    }
+
+    /// Keeps a view for the report.
+    pub fn keep_picture(&mut self, pane: PaneId) {
+        if self.edit.pictures.len() < MOST_PICTURES {
+            self.edit.pictures.push(KeyPicture::of(self, pane));
         }
     }
 

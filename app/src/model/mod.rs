@@ -28,7 +28,7 @@ mod session_old;
 pub use accepted::{Answer, Answers};
 pub use agreement::AgreementSetting;
 pub use change::{CHANGE_SCALE_MM, ChangeSetting};
-pub use document::{CaseRef, Document, Edit, Navigation};
+pub use document::{CaseRef, Document, Edit, KeyPicture, Navigation};
 pub use ellipsoids::{ComponentOf, EllipsoidKind, EllipsoidLook, EllipsoidOpacity};
 pub use fusion::{Fusion, SecondImage};
 pub use hidden::HiddenRegions;

@@ -11,7 +11,7 @@ use serde_json::Value;
 use super::{
     agreement::{PERCENTILE, TOLERANCE_MM},
     change::CHANGE_SCALE_MM,
-    document::{CaseRef, Document, Edit, Navigation},
+    document::{CaseRef, Document, Edit, MOST_CAPTION, MOST_PICTURES, Navigation},
     lesions::{LesionSetting, MOST_LESION_EDITS, MOST_LESION_NAME, SMALLEST_ML, WITHIN_MM},
     light::Shading,
     made,
@@ -93,6 +93,14 @@ pub(super) fn check(document: &Document, json: &Value) -> Checked {
     }
     check_edit(&document.edit)?;
     check_navigation(&document.nav)?;
+    count("pictures", document.edit.pictures.len(), MOST_PICTURES)?;
+    for picture in &document.edit.pictures {
+        count("characters of a caption", picture.caption.chars().count(), MOST_CAPTION)?;
+        count("pictures of a picture", picture.edit.pictures.len(), 0)?;
+        check_edit(&picture.edit)?;
+        check_navigation(&picture.nav)?;
+        check_layout(&picture.edit.layout)?;
+    }
     // Private fields of the layout.
     for key in ["width", "height"] {
         if let Some(points) = json.pointer(&format!("/edit/layout/{key}")).and_then(Value::as_f64) {

@@ -51,6 +51,18 @@ pub(super) fn numbered(named: &Value, case: &Case) -> (Value, Vec<String>) {
 /// out; returns that in words.
 fn convert_times(document: &mut Value, change: &mut dyn FnMut(&Value) -> Option<Value>) -> Vec<String> {
     let mut dropped = Vec::new();
+    if let Some(pictures) = document.pointer_mut("/edit/pictures").and_then(Value::as_array_mut) {
+        // A picture of a date that isn't there shows nothing; what else it lacks is left out of it.
+        pictures.retain_mut(|picture| {
+            let is_known = picture.pointer("/nav/time").is_none_or(|time| change(time).is_some());
+            if is_known {
+                convert_times(picture, change);
+            } else {
+                dropped.push("a picture for the report".to_owned());
+            }
+            is_known
+        });
+    }
     if let Some(time) = document.pointer_mut("/nav/time") {
         *time = change(time).unwrap_or_else(|| {
             dropped.push(format!("the date shown, {time}"));

@@ -34,6 +34,11 @@ pub const OBJECTS: &[Object] = &[
 /// Beyond this ratio to the largest object a volume isn't compared: "as large as" would be wrong.
 const MOST_RATIO: f64 = 1.5;
 
+/// The diameter of a ball of this volume, millimetres.
+pub fn ball_mm(volume_ml: f64) -> f64 {
+    (6000.0 * volume_ml / PI).cbrt()
+}
+
 impl Object {
     /// The volume of a ball of its diameter in millilitres.
     pub fn volume_ml(&self) -> f64 {

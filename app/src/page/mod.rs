@@ -17,6 +17,7 @@ mod print;
 mod sentences;
 mod simplify;
 mod slices;
+mod spoken;
 mod surface;
 mod text;
 
@@ -26,6 +27,7 @@ use glioscope_render::flat::Plane;
 pub use content::content;
 pub use html::page;
 pub use sentences::words;
+pub use spoken::{Spoken, spoken};
 pub use surface::Surface;
 pub use text::{Paragraph, default_text, parse};
 

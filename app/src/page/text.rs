@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{
-    Date, MaskAt, Page,
+    Date, Page,
     compare::{self, Change, SAME_SHARE},
 };
 use crate::words::Words;
@@ -82,18 +82,28 @@ fn sizes(date: &Date, words: &Words) -> Vec<String> {
     let mut volumes: Vec<f64> = date.masks.iter().flatten().map(|m| m.volume_ml).collect();
     volumes.sort_by(f64::total_cmp);
     let (Some(least), Some(most)) = (volumes.first(), volumes.last()) else { return Vec::new() };
-    let size = |ml: f64| size(ml, words);
-    let mut text = if volumes.len() == 1 {
-        words.with("text-size-one", &[("size", size(*most))])
-    } else {
-        words.with("text-size-range", &[("least", size(*least)), ("most", size(*most))])
-    };
-    if let Some(shared) = date.levels.last() {
-        let size = ml(shared.volume_ml, words);
-        let _ = write!(text, " {}", words.with("text-size-shared", &[("size", size)]));
+    let mut text =
+        if volumes.len() == 1 { size_of_one(*most, words) } else { size_range(*least, *most, words) };
+    if let Some(level) = date.levels.last() {
+        let _ = write!(text, " {}", shared(level.volume_ml, words));
     }
     let _ = write!(text, " {}", words.get("text-millilitre"));
     vec![text]
+}
+
+/// How large the only outline is.
+pub(super) fn size_of_one(volume_ml: f64, words: &Words) -> String {
+    words.with("text-size-one", &[("size", size(volume_ml, words))])
+}
+
+/// How large outlines are, from the smallest to the largest.
+pub(super) fn size_range(least_ml: f64, most_ml: f64, words: &Words) -> String {
+    words.with("text-size-range", &[("least", size(least_ml, words)), ("most", size(most_ml, words))])
+}
+
+/// What all outlines have in common.
+pub(super) fn shared(volume_ml: f64, words: &Words) -> String {
+    words.with("text-size-shared", &[("size", ml(volume_ml, words))])
 }
 
 /// What changed from the date before the last.
@@ -107,7 +117,7 @@ fn changes(page: &Page, words: &Words) -> Vec<String> {
     let mut texts = Vec::new();
     for (n, (a, b)) in before.masks.iter().zip(&after.masks).enumerate() {
         let Some((a, b)) = a.as_ref().zip(b.as_ref()) else { continue };
-        texts.push(change(&mask_name(page, n, words), a, b, words));
+        texts.push(change(&mask_name(page, n, words), a.volume_ml, b.volume_ml, words));
     }
     if texts.is_empty() {
         return texts;
@@ -118,16 +128,17 @@ fn changes(page: &Page, words: &Words) -> Vec<String> {
     vec![texts.join(" "), rule]
 }
 
-fn change(name: &str, before: &MaskAt, after: &MaskAt, words: &Words) -> String {
-    let difference = after.volume_ml - before.volume_ml;
-    let known = Change::between(before.volume_ml, after.volume_ml);
+/// What became of an outline.
+pub(super) fn change(name: &str, before_ml: f64, after_ml: f64, words: &Words) -> String {
+    let difference = after_ml - before_ml;
+    let known = Change::between(before_ml, after_ml);
     let key = known.map_or("change-unknown", Change::key);
     let more = if difference < 0.0 { "less" } else { "more" };
     let difference = words.with(more, &[("size", ml(difference.abs(), words))]);
     let variables = [
         ("name", name.to_owned()),
-        ("before", ml(before.volume_ml, words)),
-        ("after", ml(after.volume_ml, words)),
+        ("before", ml(before_ml, words)),
+        ("after", ml(after_ml, words)),
         ("word", words.get(key)),
         ("difference", difference),
     ];

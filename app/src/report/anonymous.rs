@@ -46,6 +46,12 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
         let name = look.name.as_ref().map(|name| redactor.text(name));
         doc.edit.masks.set(&id, &MaskLook { name, ..look });
     }
+    for picture in &mut doc.edit.pictures {
+        picture.caption = redactor.text(&picture.caption);
+        for ruler in &mut picture.edit.rulers {
+            ruler.name = redactor.text(&ruler.name);
+        }
+    }
     for edit in &mut doc.edit.lesions.edits {
         if let lesions::Edit::Name { name, .. } = edit {
             *name = redactor.text(name);

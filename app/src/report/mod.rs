@@ -45,6 +45,9 @@ use identity::Redactor;
 use recipe::Input;
 use sentences::words;
 
+/// Size of a kept view that no report has by itself, pixels.
+const OTHER_PX: [u32; 2] = [1000, 760];
+
 /// Draws panes for a report.
 pub trait Painter {
     /// A pane as RGBA, 8 bits, row by row.
@@ -52,6 +55,9 @@ pub trait Painter {
     /// # Errors
     /// [`AppError`] where it can't be drawn.
     fn picture(&mut self, pane: PaneId, size: [u32; 2]) -> Result<Vec<u8>, AppError>;
+
+    /// Shows another document of the same case from now on.
+    fn show(&mut self, doc: &Document);
 
     /// What draws them.
     fn adapter(&self) -> String;
@@ -226,6 +232,7 @@ fn panes(case: &Case) -> Vec<(PaneId, &'static str)> {
     all.into_iter().filter(|(.., wanted)| *wanted).map(|(pane, key, _)| (pane, key)).collect()
 }
 
+/// The views that the reader kept; without any, all that the case has.
 fn pictures(
     case: &Case,
     doc: &Document,
@@ -233,29 +240,53 @@ fn pictures(
     painter: &mut dyn Painter,
     progress: &Progress,
 ) -> Result<Vec<Block>, AppError> {
+    let mut blocks = Vec::new();
+    if doc.edit.pictures.is_empty() {
+        for (pane, key) in panes(case) {
+            progress.check()?;
+            let Some(size) = pane.row().report_px else { continue };
+            let rgba = painter.picture(pane, size)?;
+            let caption = caption(case, doc, pane, &words.get(key), words);
+            let name = pane.row().cli.unwrap_or(key).to_owned();
+            blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
+        }
+        return Ok(blocks);
+    }
+    let known = panes(case);
+    for (n, kept) in doc.edit.pictures.iter().enumerate() {
+        progress.check()?;
+        let pane = kept.pane;
+        let shown = kept.document(doc);
+        painter.show(&shown);
+        let size = pane.row().report_px.unwrap_or(OTHER_PX);
+        let rgba = painter.picture(pane, size)?;
+        let key = known.iter().find(|(known, _)| *known == pane).map(|(_, key)| *key);
+        let own = match (kept.caption.trim(), key) {
+            ("", Some(key)) => words.get(key),
+            ("", None) => pane.tab().to_owned(),
+            (caption, _) => caption.to_owned(),
+        };
+        let caption = caption(case, &shown, pane, &own, words);
+        let name = format!("{}-{}", n + 1, pane.row().cli.unwrap_or("view"));
+        blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
+    }
+    painter.show(doc);
+    Ok(blocks)
+}
+
+/// A caption with its date, and with which side is which.
+fn caption(case: &Case, doc: &Document, pane: PaneId, own: &str, words: &Words) -> String {
     let side = match doc.nav.convention {
         Convention::Radiological => "picture-side-radiological",
         Convention::Neurological => "picture-side-neurological",
     };
-    let date = case.time_points.get(doc.nav.time).map_or("", |time| time.label.as_str());
-    let mut blocks = Vec::new();
-    for (pane, key) in panes(case) {
-        progress.check()?;
-        let Some(size) = pane.row().report_px else { continue };
-        let rgba = painter.picture(pane, size)?;
-        let shows_sides = matches!(pane, PaneId::Axial | PaneId::Coronal);
-        let is_of_dates = matches!(pane, PaneId::Change | PaneId::SideBySide);
-        let mut caption = words.get(key);
-        if shows_sides {
-            caption = format!("{caption} {}", words.get(side));
-        }
-        if !date.is_empty() && !is_of_dates {
-            caption = format!("{date}: {caption}");
-        }
-        let name = pane.row().cli.unwrap_or(key).to_owned();
-        blocks.push(Block::Picture(Picture { name, caption, size, rgba }));
+    let mut caption = own.to_owned();
+    if matches!(pane, PaneId::Axial | PaneId::Coronal) {
+        caption = format!("{caption} {}", words.get(side));
     }
-    Ok(blocks)
+    let date = case.time_points.get(doc.nav.time).map_or("", |time| time.label.as_str());
+    let is_of_dates = pane.row().needs_dates;
+    if date.is_empty() || is_of_dates { caption } else { format!("{date}: {caption}") }
 }
 
 /// Versions, settings, and the files that were read.

@@ -138,7 +138,9 @@ impl Pane for EllipsoidPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         self.canvas.begin();
         let (input, ask) = (stage.input, stage.ask);
-        ui.horizontal_wrapped(|ui| controls(ui, &input, out));
+        if !input.is_plain {
+            ui.horizontal_wrapped(|ui| controls(ui, &input, out));
+        }
         let rect = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let Some(graphics) = stage.graphics else {
@@ -179,7 +181,9 @@ impl Pane for EllipsoidPane {
         let hover_text = self.canvas.hover().and_then(|pick| pick_text(&input, &components, pick));
         self.opacity_menu(&response, &input, &components, out);
         let rows = legend_rows(&input, &components, &scene.ellipsoids, too_small);
-        legend::show(ui, rect, &rows);
+        if !input.is_plain {
+            legend::show(ui, rect, &rows);
+        }
         marks::corners(ui, rect, input.sides_known(), (&scene.camera, "at the middle"), false);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {

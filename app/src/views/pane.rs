@@ -58,6 +58,8 @@ pub struct Input<'a> {
     pub fit_grid: Option<&'a Grid>,
     /// The second image that the slices show.
     pub second: Option<Second<'a>>,
+    /// Whether views are drawn without controls, and without names of files: for explaining.
+    pub is_plain: bool,
     /// The comparison of two time points chosen in the document; `None` until it is computed.
     pub compared: Option<&'a Arc<Comparison>>,
 }

@@ -7,6 +7,7 @@ mod case_files;
 pub mod dialogs;
 mod drop;
 mod enlarged;
+mod explain;
 mod fusion;
 mod go_to;
 mod label;
@@ -60,6 +61,7 @@ use crate::{
 use align::Align;
 use autosave::Autosave;
 use dialogs::{Choice, Chooser, Dialog, Purpose};
+use explain::Explain;
 use glioscope_pacs::InUse;
 use leave::Leave;
 use make_mask::MakeMask;
@@ -125,6 +127,8 @@ pub struct GlioscopeApp {
     pub chooser: Chooser,
     dialog: Option<Dialog>,
     pane_rects: HashMap<PaneId, Rect>,
+    /// The mode for explaining, while it is on.
+    explain: Option<Explain>,
     pictures: Pictures,
     /// A file being written on a worker, with the notice for its end.
     export: Option<Job<String>>,
@@ -168,6 +172,7 @@ impl GlioscopeApp {
             started: false,
             going_to: None,
             pane_rects: HashMap::new(),
+            explain: None,
             pictures: Pictures::default(),
             export: None,
             scripted: None,
@@ -227,7 +232,7 @@ impl GlioscopeApp {
         }
         self.remember_size(&ctx);
         let mut out = Commands::default();
-        if !self.dialog_is_open(&ctx) {
+        if !self.dialog_is_open(&ctx) && self.explain.is_none() {
             shortcuts(&ctx, &mut out);
         }
         let passed_over = drop::dropped(&ctx, self.work.doc.is_some(), &mut out);
@@ -238,11 +243,18 @@ impl GlioscopeApp {
         } else {
             Vec::new()
         };
-        Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &places, &mut out));
-        warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
-        Panel::bottom("status").show(ui, |ui| warnings::status(ui, &mut self.work, &mut out));
+        if self.work.doc.is_none() {
+            self.end_explaining();
+        }
         let fill = egui::Frame::NONE.fill(ui.visuals().panel_fill);
-        CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
+        if self.explain.is_some() {
+            CentralPanel::default().frame(fill).show(ui, |ui| self.explaining(ui, &mut out));
+        } else {
+            Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &places, &mut out));
+            warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
+            Panel::bottom("status").show(ui, |ui| warnings::status(ui, &mut self.work, &mut out));
+            CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
+        }
         self.palette.show(ui, &places, &mut out);
         self.ask(ui);
         let covered = self.open.path.is_some();
@@ -392,6 +404,26 @@ impl GlioscopeApp {
         self.with_panes(ui, None, out, panes::show);
     }
 
+    /// Draws the mode for explaining in place of menu, panes and status line.
+    fn explaining(&mut self, ui: &mut Ui, out: &mut Commands) {
+        let Some(mut explain) = self.explain.take() else { return };
+        let mut ends = false;
+        self.explain = Some(Explain::new(None));
+        self.with_panes(ui, None, out, |ui, area| ends = explain::show(ui, &mut explain, area));
+        self.explain = Some(explain);
+        if ends {
+            self.end_explaining();
+        }
+    }
+
+    /// Back to the workstation; how large a millimetre is on this screen is remembered.
+    fn end_explaining(&mut self) {
+        if let Some(explain) = self.explain.take() {
+            self.preferences.change().points_per_mm = Some(explain.points_per_mm());
+            self.preferences.save();
+        }
+    }
+
     /// Draws one pane alone into all of `ui`, for picture files; nothing if no case is open.
     pub fn one_pane(&mut self, ui: &mut Ui, pane: PaneId) {
         self.with_panes(ui, Some(pane), &mut Commands::default(), |ui, area| area.pane(ui, pane));
@@ -443,6 +475,7 @@ impl GlioscopeApp {
             colors: &colors,
             context: world.context(doc),
             second: world.second(doc),
+            is_plain: self.explain.is_some(),
             compared: compared.as_ref(),
         };
         let mut area = PaneArea {

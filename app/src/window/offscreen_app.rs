@@ -5,7 +5,13 @@ use egui::{CentralPanel, Frame};
 use glioscope_render::Gpu;
 
 use super::{GlioscopeApp, offscreen::Offscreen, recent::Recent};
-use crate::{command::Workstation, error::AppError, model::PaneId, report::Painter, views::view3d::Graphics};
+use crate::{
+    command::Workstation,
+    error::AppError,
+    model::{Document, PaneId},
+    report::Painter,
+    views::view3d::Graphics,
+};
 
 /// Pixels per point of pictures in a report: they are shown at about half their size, and their words must be read.
 const REPORT_SCALE: f32 = 1.5;
@@ -49,6 +55,10 @@ impl OffscreenApp {
 impl Painter for OffscreenApp {
     fn picture(&mut self, pane: PaneId, size: [u32; 2]) -> Result<Vec<u8>, AppError> {
         self.capture(Some(pane), size, REPORT_SCALE)
+    }
+
+    fn show(&mut self, doc: &Document) {
+        self.app.work.doc = Some(doc.clone());
     }
 
     fn adapter(&self) -> String {

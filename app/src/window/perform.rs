@@ -6,6 +6,7 @@ use super::{
     GlioscopeApp, align,
     dialogs::{Dialog, Purpose},
     enlarged::Enlarged,
+    explain::Explain,
     make_mask::MakeMask,
     numbers::Shown,
     pacs::PacsDialog,
@@ -33,6 +34,34 @@ use glioscope_core::{
 };
 
 impl GlioscopeApp {
+    /// Keeps the view under the pointer for the report, else the maximised one.
+    fn keep_picture(&mut self, ctx: &Context) {
+        let can_be_kept = |pane: &PaneId| pane.row().cli.is_some();
+        let at = ctx.pointer_latest_pos();
+        let under = self.pane_rects.iter().find(|(_, rect)| at.is_some_and(|at| rect.contains(at)));
+        let maximized = self.work.doc.as_ref().and_then(|doc| doc.edit.maximized);
+        let pane = under.map(|(pane, _)| *pane).or(maximized).filter(can_be_kept);
+        let Some(pane) = pane else {
+            let found = "no view under the pointer";
+            self.work.error =
+                Some(AppError::wrong("a picture for the report", found, "the pointer over one"));
+            return;
+        };
+        let count =
+            |work: &crate::command::Workstation| work.doc.as_ref().map_or(0, |doc| doc.edit.pictures.len());
+        let before = count(&self.work);
+        self.work.apply(&EditCommand::KeepPicture(pane).into(), Instant::now());
+        let now = count(&self.work);
+        if now == before {
+            let found = format!("{now} of them");
+            self.work.error =
+                Some(AppError::wrong("pictures for the report", found, "fewer, to keep another"));
+            return;
+        }
+        let pictures = if now == 1 { "1 picture".to_owned() } else { format!("{now} pictures") };
+        self.work.notice = Some(format!("Kept for the report: {} ({pictures})", pane.title()));
+    }
+
     pub(super) fn open_file_dialog(&mut self, ctx: &Context, purpose: Purpose) {
         let folder = self.folder_for(&purpose);
         self.dialog = Some(Dialog::open(purpose, folder, &self.chooser, Waker::of(ctx)));
@@ -94,6 +123,7 @@ impl GlioscopeApp {
                 self.go_to_pending();
             }
             AppCommand::ShowReport => self.open.report = Some(report::Options::default()),
+            AppCommand::KeepPicture => self.keep_picture(ctx),
             AppCommand::WriteReport(options) => self.open_file_dialog(ctx, Purpose::Report(*options)),
             AppCommand::WriteReportTo(options, path) => self.write_report(ctx, *options, path),
             AppCommand::ShowPalette => self.palette.open(),
@@ -112,6 +142,7 @@ impl GlioscopeApp {
                     self.work.apply(&EditCommand::SetAlignments(alignments).into(), Instant::now());
                 }
             }
+            AppCommand::Explain => self.explain = Some(Explain::new(self.preferences.get().points_per_mm)),
             AppCommand::ShowAbout => self.open.about = true,
             AppCommand::ToggleDark => {
                 let is_dark = ctx.global_style().visuals.dark_mode;

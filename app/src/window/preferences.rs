@@ -29,6 +29,8 @@ pub struct Remembered {
     pub folder: Option<PathBuf>,
     /// The size of exported pictures.
     pub pictures: PictureSize,
+    /// Points per millimetre of the screen, as the user fitted them to a bank card.
+    pub points_per_mm: Option<f32>,
 }
 
 /// What is remembered, and where.

@@ -12,9 +12,9 @@ use super::{
 };
 pub use crate::report::Options;
 use crate::{
-    command::{AppCommand, Commands, Workstation},
+    command::{AppCommand, Command, Commands, EditCommand, Workstation},
     error::AppError,
-    model::Document,
+    model::{Document, document::MOST_CAPTION},
     output,
     report::{self, Form, Identity, Report, ResponseRecipe},
     words::Language,
@@ -54,6 +54,9 @@ pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut C
             });
             ui.end_row();
         });
+        if let Some(doc) = &work.doc {
+            pictures(ui, case, doc, out);
+        }
         ui.add_space(6.0);
         let mut reply = Reply::None;
         ui.horizontal(|ui| {
@@ -73,6 +76,58 @@ pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut C
             out.push(AppCommand::WriteReport(*options));
             *open = None;
         }
+    }
+}
+
+/// The views kept for the report: their captions and order.
+fn pictures(ui: &mut Ui, case: &Case, doc: &Document, out: &mut Commands) {
+    let kept = &doc.edit.pictures;
+    ui.add_space(6.0);
+    if kept.is_empty() {
+        let key = Command::from(AppCommand::KeepPicture).shortcut_text().unwrap_or_default();
+        ui.weak(format!(
+            "Pictures: every view as it is now. {key} over a view keeps it; then only what was kept is shown."
+        ));
+        return;
+    }
+    ui.strong("Pictures");
+    let mut new = kept.clone();
+    egui::ScrollArea::vertical().max_height(220.0).show(ui, |ui| {
+        for (n, picture) in kept.iter().enumerate() {
+            ui.horizontal(|ui| {
+                let date = case.time_points.get(picture.nav.time).map_or("", |time| time.label.as_str());
+                ui.label(format!("{}. {} {date}", n + 1, picture.pane.tab()));
+                let number = n + 1;
+                let mut button = |text: &str, enabled: bool, label: String| {
+                    let response = ui.add_enabled(enabled, Button::new(text).small());
+                    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, enabled, &label));
+                    response.on_hover_text(&label).clicked()
+                };
+                if button("⏶", n > 0, format!("Move picture {number} up")) {
+                    new.swap(n, n - 1);
+                }
+                if button("×", true, format!("Leave out picture {number}")) {
+                    new.remove(n);
+                }
+            });
+            let mut caption = picture.caption.clone();
+            let field = egui::TextEdit::singleline(&mut caption)
+                .desired_width(f32::INFINITY)
+                .char_limit(MOST_CAPTION)
+                .hint_text("Caption; empty: the report's own words");
+            let response = ui.add(field);
+            ui.ctx().accesskit_node_builder(response.id, |node| {
+                node.set_label(format!("Caption of picture {}", n + 1))
+            });
+            if response.changed()
+                && let Some(changed) = new.get_mut(n)
+            {
+                changed.caption = caption;
+            }
+        }
+    });
+    if new != *kept {
+        out.push(EditCommand::SetPictures(new));
     }
 }
 

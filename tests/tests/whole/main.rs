@@ -32,6 +32,7 @@ mod ui_case_files;
 mod ui_change;
 mod ui_cpu_paint;
 mod ui_dialogs;
+mod ui_explain;
 mod ui_files;
 mod ui_gestures;
 mod ui_lens;

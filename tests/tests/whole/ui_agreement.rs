@@ -33,7 +33,8 @@ fn every_convention_has_the_numbers_of_the_command_line() {
         [("DeepMind", "deepmind"), ("MedPy", "medpy"), ("BraTS 2023", "brats"), ("panoptica", "panoptica")]
     {
         choose(&mut harness, "Convention", title);
-        let (json, _) = answer(PROGRAM, &["measure", "--sample", "--metrics", "--convention", name, "--json"]);
+        let (json, _) =
+            answer(PROGRAM, &["measure", "--sample", "--metrics", "--convention", name, "--json"]);
         for pair in json["time_points"][0]["pairs"].as_array().unwrap() {
             for key in ["dice", "kappa"] {
                 let text = format!("{:.3}", pair[key].as_f64().unwrap());
@@ -68,8 +69,12 @@ fn a_hausdorff_distance_leads_to_its_two_points_and_any_two_are_compared() {
 
     harness.get_by_label("Any two").click();
     wait_for_workers(&mut harness);
-    let dates: Vec<String> =
-        json["time_points"].as_array().unwrap().iter().map(|t| t["time"].as_str().unwrap().to_owned()).collect();
+    let dates: Vec<String> = json["time_points"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|t| t["time"].as_str().unwrap().to_owned())
+        .collect();
     choose(&mut harness, "Compared", &format!("T1 at {}", dates[1]));
     let (change, _) = answer(PROGRAM, &["change", "--sample", "--of", "T1", "--json"]);
     let [kept, from, to] = ["kept_ml", "from_ml", "to_ml"].map(|key| change[key].as_f64().unwrap());

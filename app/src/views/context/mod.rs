@@ -95,16 +95,24 @@ impl Pane for ContextPane {
             let fiber = pick.fiber.map(|fiber| tract_list::fiber_text(stage, fiber));
             pick_text(&input, &pick, fiber)
         });
-        let name = input.context.map_or("no image", |(id, _)| id);
+        let name = match input.context {
+            Some(_) if input.is_plain => "",
+            Some((id, _)) => id,
+            None => "no image",
+        };
         let dark = ui.visuals().dark_mode;
         let ink = Tokens::of(dark).text;
         let painter = ui.painter().with_clip_rect(rect);
         let text = note.unwrap_or_else(|| name.to_owned());
         let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ink);
         let text_rect = Rect::from_min_size(rect.left_top() + vec2(10.0, 8.0), text.size());
-        draw::plate(&painter, text_rect, dark);
-        painter.galley(text_rect.min, text, ink);
-        tract_list::list(ui, &input, rect, text_rect.bottom() + 8.0, &scene.tubes, out);
+        if !text.is_empty() {
+            draw::plate(&painter, text_rect, dark);
+            painter.galley(text_rect.min, text, ink);
+        }
+        if !input.is_plain {
+            tract_list::list(ui, &input, rect, text_rect.bottom() + 8.0, &scene.tubes, out);
+        }
         if let Some(tracts_note) = tracts_note {
             draw::note(ui, rect, &tracts_note);
         }

@@ -174,7 +174,7 @@ impl EditCommand {
             EditKind::NextOverlay => vec![listed(Self::NextOverlay).key(Key::O)],
             EditKind::TogglePane => PaneId::all()
                 .map(|pane| {
-                    let entry = listed(Self::TogglePane(pane)).menu(Menu::View, 1);
+                    let entry = listed(Self::TogglePane(pane)).menu(Menu::Panes, 0);
                     if pane == PaneId::Diagnostics { entry.key(Key::D) } else { entry }
                 })
                 .collect(),

@@ -15,6 +15,8 @@ pub enum Menu {
     Edit,
     /// Panes, colours, lighting, viewing directions.
     View,
+    /// Which panes are shown.
+    Panes,
     /// Arrangements of panes.
     Layouts,
     /// Colours of regions.
@@ -47,6 +49,7 @@ impl Menu {
             Self::Pictures => "Size of pictures",
             Self::Edit => "Edit",
             Self::View => "View",
+            Self::Panes => "Panes",
             Self::Layouts => "Layouts",
             Self::Colors => "Colours",
             Self::Light => "Light and quality",
@@ -65,7 +68,7 @@ impl Menu {
             Self::File | Self::Edit | Self::View | Self::Tools | Self::Help => None,
             Self::Recent => Some((Self::File, 0)),
             Self::Pictures => Some((Self::File, 2)),
-            Self::Layouts => Some((Self::View, 1)),
+            Self::Panes | Self::Layouts => Some((Self::View, 1)),
             Self::Colors | Self::Light | Self::Slices | Self::Tracts => Some((Self::View, 2)),
             Self::GoTo | Self::LookFrom => Some((Self::View, 3)),
         }

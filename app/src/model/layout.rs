@@ -162,7 +162,8 @@ pub fn toggle(layout: &mut Tree<PaneId>, pane: PaneId) {
         return;
     }
     let tile = layout.tiles.insert_pane(pane);
-    let neighbour = neighbours(pane).iter().find_map(|of| layout.tiles.find_pane(of));
+    let others = neighbours(pane).iter().filter(|of| **of != pane);
+    let neighbour = others.into_iter().find_map(|of| layout.tiles.find_pane(of));
     if let (Some(own), Some(neighbour)) = (row_of(pane), neighbour) {
         place_slice(layout, tile, own, neighbour);
         return;
@@ -186,7 +187,8 @@ fn neighbours(pane: PaneId) -> &'static [PaneId] {
     match pane {
         P::Closeup => &[P::Change, P::Ellipsoids, P::Context],
         P::Change => &[P::Closeup, P::Context],
-        P::Context | P::Dates | P::Lesions | P::Response => &[P::Lesions, P::Dates, P::Context, P::Closeup],
+        P::Context | P::Dates => &[P::Context, P::Dates, P::Lesions, P::Closeup],
+        P::Lesions | P::Response => &[P::Lesions, P::Response, P::Dates, P::Context, P::Closeup],
         P::Ellipsoids => &[P::Closeup, P::Overlap],
         P::SideBySide => &[P::Change, P::Closeup, P::Context],
         P::Axial => &[P::Coronal, P::Sagittal],

@@ -103,7 +103,7 @@ fn pictures(ui: &mut Ui, case: &Case, doc: &Document, out: &mut Commands) {
                     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, enabled, &label));
                     response.on_hover_text(&label).clicked()
                 };
-                if button("⏶", n > 0, format!("Move picture {number} up")) {
+                if button("Up", n > 0, format!("Move picture {number} up")) {
                     new.swap(n, n - 1);
                 }
                 if button("×", true, format!("Leave out picture {number}")) {

@@ -19,7 +19,10 @@ fn opened() -> Window {
 }
 
 fn press_over(harness: &mut Window, pane: PaneId, key: Key) {
-    let Some(rect) = harness.state().pane_rect(pane) else { panic!("{} is not drawn", pane.title()) };
+    let Some(rect) = harness.state().pane_rect(pane) else {
+        let all: Vec<PaneId> = PaneId::all().filter(|p| harness.state().pane_rect(*p).is_some()).collect();
+        panic!("{} is not drawn: {all:?}", pane.title())
+    };
     harness.hover_at(rect.center());
     harness.run_ok();
     harness.key_press(key);
@@ -29,13 +32,13 @@ fn press_over(harness: &mut Window, pane: PaneId, key: Key) {
 #[test]
 fn views_kept_with_a_key_are_the_pictures_of_the_report() {
     let mut harness = opened();
-    press_over(&mut harness, PaneId::Axial, Key::K);
+    press_over(&mut harness, PaneId::Closeup, Key::K);
     perform(&mut harness, LookCommand::SetTime(1));
     press_over(&mut harness, PaneId::Overlap, Key::K);
     let kept = doc(&harness).edit.pictures.clone();
     assert_eq!(
         kept.iter().map(|p| (p.pane, p.nav.time)).collect::<Vec<_>>(),
-        [(PaneId::Axial, 0), (PaneId::Overlap, 1)]
+        [(PaneId::Closeup, 0), (PaneId::Overlap, 1)]
     );
     perform(&mut harness, EditCommand::Undo);
     assert_eq!(doc(&harness).edit.pictures.len(), 1);

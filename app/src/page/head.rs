@@ -6,7 +6,10 @@ use glioscope_core::{
     surface::without_cavities,
 };
 
-use super::{PageError, Surface, slices::trilinear};
+use super::{
+    PageError, Surface,
+    slices::{percentile, trilinear},
+};
 
 /// Side of the outline's voxels where the image is no larger than a head.
 const VOXEL_MM: f64 = 3.5;
@@ -24,10 +27,11 @@ const LEAST_VOXELS: u64 = 200;
 pub fn head(image: &Volume, progress: &Progress) -> Result<Option<Surface>, PageError> {
     let Some((grid, values)) = coarse(image) else { return Ok(None) };
     let dims = grid.dims();
-    let mut sorted: Vec<f32> = values.iter().copied().filter(|v| v.is_finite()).collect();
-    sorted.sort_unstable_by(f32::total_cmp);
-    let percentile = |p: usize| sorted.get(sorted.len().saturating_sub(1) * p / 100).copied().map(f64::from);
-    let Some((low, high)) = percentile(2).zip(percentile(98)) else { return Ok(None) };
+    // Of the image alone: the margin would make the least value, often far below air, the second percentile.
+    let mut finite: Vec<f32> = image.to_f32().into_iter().filter(|v| v.is_finite()).collect();
+    let Some((low, high)) = percentile(&mut finite, 2).zip(percentile(&mut finite, 98)) else {
+        return Ok(None);
+    };
     let threshold = low + THRESHOLD * (high - low);
     progress.check()?;
     let above = MaskBits::from_fn(dims, |n| f64::from(values[n]) > threshold);

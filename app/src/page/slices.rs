@@ -20,7 +20,9 @@ use super::{
 const PIXEL_MM: f64 = 0.8;
 /// Distance of the slices among which the largest is searched.
 const SEARCH_MM: f64 = 1.0;
-/// Percentile of the image that is white.
+/// Percentile of the image that is black: a few values below air (edges of filtered images) would make air grey.
+const BLACK: usize = 2;
+/// Percentile of what isn't black that is white.
 const WHITE: usize = 99;
 /// An image with values below is a CT.
 const AIR_HU: f64 = -500.0;
@@ -143,6 +145,12 @@ impl Sheet {
     }
 }
 
+/// The value of which `percent` (0 to 100) of `values` are below, which it reorders; `None` where there are none.
+pub fn percentile(values: &mut [f32], percent: usize) -> Option<f64> {
+    let at = values.len().checked_sub(1)? * percent.min(100) / 100;
+    Some(f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1))
+}
+
 /// What black and white mean: air and a percentile of the values above it, or soft tissue where values are Hounsfield units.
 /// `None` for an even image.
 fn window(image: &Volume) -> Option<[f64; 2]> {
@@ -151,10 +159,10 @@ fn window(image: &Volume) -> Option<[f64; 2]> {
     if f64::from(least) < AIR_HU {
         return Some(SOFT_TISSUE_HU);
     }
-    values.retain(|v| *v > least);
-    values.sort_unstable_by(f32::total_cmp);
-    let white = values.get(values.len().checked_sub(1)? * WHITE / 100)?;
-    (*white > least).then_some([f64::from(least), f64::from(*white)])
+    let black = percentile(&mut values, BLACK)?;
+    values.retain(|v| f64::from(*v) > black);
+    let white = percentile(&mut values, WHITE)?;
+    Some([black, white])
 }
 
 /// Paths of all masks and levels in a sheet, by their place in the page.

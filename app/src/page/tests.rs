@@ -8,7 +8,7 @@ use std::{
 use base64::{Engine, engine::general_purpose::STANDARD};
 use fluent_bundle::FluentResource;
 use glioscope_core::{
-    Mask, Progress,
+    Mask, Progress, Samples, Scaling, Volume,
     case::{self, Case},
     export::{self, SurfaceKind},
     glam::DVec3,
@@ -349,6 +349,28 @@ fn left_is_at_the_right() {
                 "{mean} mm, {expected} mm"
             );
         }
+    }
+}
+
+/// Filters leave values below air at edges; on what surrounds a ball they must not make the box of the image its outline.
+#[test]
+fn a_few_values_below_air_leave_the_outline() {
+    let (side, radius_mm) = (60, 40.0);
+    let grid = glioscope_core::Grid::axis_aligned([side; 3], DVec3::splat(2.0), DVec3::ZERO).unwrap();
+    let middle = DVec3::splat(side as f64 - 1.0);
+    let value = |n: usize| match grid.center_of_voxel_mm(grid.ijk(n)).distance(middle) {
+        r if r < radius_mm => 200,
+        r if r < radius_mm + 2.0 && n % 50 == 0 => -45,
+        _ => 0,
+    };
+    let samples = Samples::I16((0..side * side * side).map(value).collect());
+    let image = Volume::new(grid.clone(), samples, Scaling::NONE).unwrap();
+    let outline = head::head(&image, &Progress::new()).unwrap().unwrap();
+    let (lo, hi) = outline.bounds_mm();
+    for (bound, sign) in [(lo, -1.0), (hi, 1.0)] {
+        let off = (bound - middle - sign * radius_mm).abs().max_element();
+        // A coarse voxel.
+        assert!(off < 3.5, "{bound}: {off} mm off");
     }
 }
 

@@ -145,7 +145,7 @@ pub(super) fn change(name: &str, before_ml: f64, after_ml: f64, words: &Words) -
     words.with("text-change", &variables)
 }
 
-/// A volume with what it is like: `5.2 ml, about as large as a cherry (2.2 cm across)`.
+/// A volume with what it is like: `5.2 ml, about as large as a cherry (about 2.2 cm across)`.
 pub(super) fn size(volume_ml: f64, words: &Words) -> String {
     let volume = ml(volume_ml, words);
     match compare::nearest(volume_ml) {

@@ -56,7 +56,7 @@ level-some = Mindestens { $count } von { $of }
 level-all = Alle { $of }
 millilitres = { $number } ml
 millilitres-below = weniger als { $number } ml
-size = { $volume }, etwa so groß wie { $object } ({ $across } cm Durchmesser)
+size = { $volume }, etwa so groß wie { $object } (etwa { $across } cm Durchmesser)
 size-beyond = { $volume }, größer als eine Grapefruit
 size-none = nichts markiert
 

@@ -56,7 +56,7 @@ level-some = By at least { $count } of { $of }
 level-all = By all { $of }
 millilitres = { $number } ml
 millilitres-below = less than { $number } ml
-size = { $volume }, about as large as { $object } ({ $across } cm across)
+size = { $volume }, about as large as { $object } (about { $across } cm across)
 size-beyond = { $volume }, larger than a grapefruit
 size-none = nothing marked
 

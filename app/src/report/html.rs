@@ -1,5 +1,7 @@
 //! A report as one HTML file: nothing is loaded from elsewhere.
 
+use std::collections::BTreeMap;
+
 use base64::{Engine, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -44,7 +46,7 @@ pub fn html(report: &Report, words: &Words) -> Result<String, AppError> {
                     nav aria-label=(words.get("contents")) {
                         ul { @for (n, text) in headings.iter().enumerate() { li { a href={ "#s" (n) } { (text) } } } }
                     }
-                    (blocks(&report.blocks, &images, words))
+                    (blocks(report, &images, words))
                 }
                 script type="application/json" id=(RECIPE_ID) { (PreEscaped(recipe(report))) }
             }
@@ -65,9 +67,28 @@ pub fn recipe_in(page: &str) -> Option<&str> {
     rest.split_once("</script>").map(|(json, _)| json)
 }
 
+/// What each table is called: as the heading above it, which stands for one table; those that follow are numbered.
+fn table_names(report: &Report) -> Vec<String> {
+    let (mut heading, mut tables) = (report.title.as_str(), BTreeMap::<&str, usize>::new());
+    let mut names = Vec::new();
+    for block in &report.blocks {
+        match block {
+            Block::Heading(text) => heading = text,
+            Block::Table(_) => {
+                let number = tables.entry(heading).and_modify(|n| *n += 1).or_insert(1);
+                names.push(if *number == 1 { heading.to_owned() } else { format!("{heading} ({number})") });
+            }
+            _ => {}
+        }
+    }
+    names
+}
+
 /// `images`: those of the pictures, in their order.
-fn blocks(blocks: &[Block], images: &[String], words: &Words) -> Markup {
+fn blocks(report: &Report, images: &[String], words: &Words) -> Markup {
+    let blocks = &report.blocks;
     let (mut number, mut images) = (0, images.iter());
+    let mut names = table_names(report).into_iter();
     html! {
         @for (at, block) in blocks.iter().enumerate() {
             @match block {
@@ -77,7 +98,7 @@ fn blocks(blocks: &[Block], images: &[String], words: &Words) -> Markup {
                 Block::Text(text) => { p { (text) } }
                 Block::Findings(list) => { (findings(list, words)) }
                 Block::Facts(list) => { (facts(list)) }
-                Block::Table(one) => { (table(one)) }
+                Block::Table(one) => { (table(one, &names.next().unwrap_or_default())) }
                 Block::Plot(plot) => { figure class="plot" { (PreEscaped(plot.svg())) figcaption { (plot.caption) } } }
                 // A run of pictures is a grid.
                 Block::Picture(_) => {
@@ -111,11 +132,11 @@ fn facts(list: &[(String, String)]) -> Markup {
     html! { dl { @for (name, value) in list { div { dt { (name) } dd { (value) } } } } }
 }
 
-fn table(one: &Table) -> Markup {
+fn table(one: &Table, name: &str) -> Markup {
     let class = |column: usize| (column >= one.text_columns).then_some("number");
     html! {
         // A wide table scrolls in itself; by the keyboard, too.
-        div class="table" tabindex="0" role="region" aria-label=(one.head.join(", ")) {
+        div class="table" tabindex="0" role="region" aria-label=(name) {
             table {
                 thead { tr { @for (n, name) in one.head.iter().enumerate() { th scope="col" class=[class(n)] { (name) } } } }
                 tbody {

@@ -1,7 +1,11 @@
 """What is tried of the page that a patient takes home."""
 
+import base64
+import io
+
 import nibabel
 import numpy as np
+from PIL import Image
 
 from browser_tools import DESK, LEAST, MM_PER_POINT, PHONE, TABLET, changed, longest_run, opened, raster
 
@@ -38,6 +42,7 @@ def whole(browser, path, checks, case=None):
             tab.fits()
             turns(tab, size)
             if size == PHONE:
+                air(tab)
                 hides(tab, (CANVAS, SLICES, DIAGRAMS))
                 plays(tab)
                 fingers(tab)
@@ -54,6 +59,15 @@ def brief(browser, path, checks):
         tab.targets()
         plays(tab)
         printed(tab)
+
+
+def air(tab):
+    """Near its edge a slice is air, and that is black."""
+    picture = tab.page.locator("section.date:not([hidden]) image").first.get_attribute("href")
+    gray = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture.split(",")[1]))))
+    # Within the image: what is beyond is black anyway.
+    edge = np.concatenate([gray[8], gray[-8], gray[:, 8], gray[:, -8]])
+    tab.say(np.median(edge) <= 8, f"air in a slice has a gray of {np.median(edge)} of 255")
 
 
 def turns(tab, size):

@@ -73,7 +73,7 @@ def air(tab):
 def turns(tab, size):
     """One finger, or the mouse, turns the model and leaves the page where it is; Reset brings it back."""
     is_drawn = lambda picture: len(np.unique(picture.reshape(-1, 3), axis=0)) > 50
-    before = tab.until(CANVAS, is_drawn)
+    before = tab.still(CANVAS)
     tab.say(is_drawn(before), "the model isn't drawn")
     box = tab.page.locator(CANVAS).bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -95,7 +95,7 @@ def fingers(tab):
     """Two fingers zoom the model, not the page; beside the model one finger moves the page. It fits a narrow phone, too."""
     tab.targets()
     tab.page.evaluate("scrollTo(0, 0)")
-    before = tab.pixels(CANVAS)
+    before = tab.still(CANVAS)
     box = tab.page.locator(CANVAS).bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     tab.touch(((x - 20, y), (x - 90, y)), ((x + 20, y), (x + 90, y)))
@@ -123,7 +123,7 @@ def hides(tab, seen):
     n = entry.get_attribute(f"data-{kind}")
     row = f"section.date:not([hidden]) .part[data-{kind}='{n}']"
     ways = [f".mask:not([hidden])[data-{kind}='{n}']", f"{row} .hit"]
-    before = [tab.pixels(one) for one in seen]
+    before = [tab.still(one) for one in seen]
     for way in ways[: 1 + tab.page.locator(row).count()]:
         tab.say(tab.page.evaluate(SHOWN, [kind, n]) > 0, f"{way}: no outline is shown")
         tab.press(way)
@@ -141,7 +141,7 @@ def plays(tab):
         return
     say = lambda: tab.page.locator("#when").text_content()
     first, word = say(), tab.page.locator("#play .text").text_content()
-    before = tab.pixels(CANVAS)
+    before = tab.still(CANVAS)
     tab.press("#play")
     tab.say(say() != first and tab.page.locator("#play .text").text_content() != word, "Play does nothing")
     tab.changes(CANVAS, before, "the other date")
@@ -162,7 +162,7 @@ def keys(tab):
         stops.append(tab.page.evaluate(FOCUS))
     tab.same("the stops of the keyboard", [place for place, _ in stops], list(range(count)))
     tab.same("stops that aren't seen", [place for place, is_seen in stops if not is_seen], [])
-    before = old = tab.pixels(CANVAS)
+    before = old = tab.still(CANVAS)
     for key in ("ArrowLeft", "ArrowUp", "+"):
         tab.page.locator(CANVAS).press(key)
         old = tab.changes(CANVAS, old, key)

@@ -90,6 +90,16 @@ class Tab:
             if is_right(picture) or time.monotonic() > latest:
                 return picture
 
+    def still(self, selector):
+        """What an element shows when nothing changes any more, as after another colour scheme."""
+        pictures = [self.pixels(selector)]
+
+        def is_still(picture):
+            pictures.append(picture)
+            return changed(*pictures[-2:]) == 0
+
+        return self.until(selector, is_still)
+
     def changes(self, selector, old, what, least=FEW):
         """At least so many pixels of an element change; what it shows then."""
         new = self.until(selector, lambda new: changed(old, new) >= least)

@@ -364,7 +364,7 @@ fn a_few_values_below_air_leave_the_outline() {
         _ => 0,
     };
     let samples = Samples::I16((0..side * side * side).map(value).collect());
-    let image = Volume::new(grid.clone(), samples, Scaling::NONE).unwrap();
+    let image = Volume::new(grid, samples, Scaling::NONE).unwrap();
     let outline = head::head(&image, &Progress::new()).unwrap().unwrap();
     let (lo, hi) = outline.bounds_mm();
     for (bound, sign) in [(lo, -1.0), (hi, 1.0)] {

@@ -1,6 +1,6 @@
 //! Why lesions can't be found.
 
-use crate::{Cancelled, GridError, components::TooLarge, distance::DistanceError};
+use crate::{Cancelled, GridError, components::TooLarge, distance::DistanceError, skeleton::SkeletonError};
 
 /// Why lesions can't be found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -32,7 +32,19 @@ pub enum LesionsError {
     /// The cropped grid is invalid.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// A skeleton can't be computed.
+    #[error(transparent)]
+    Skeleton(SkeletonError),
     /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+impl From<SkeletonError> for LesionsError {
+    fn from(error: SkeletonError) -> Self {
+        match error {
+            SkeletonError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Skeleton(other),
+        }
+    }
 }

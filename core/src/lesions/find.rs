@@ -12,8 +12,9 @@ use crate::{
 use super::{
     DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM,
     diameters::DiameterMode,
+    edits::{ANCHOR_MM, Anchor},
     error::LesionsError,
-    links::{self, Link},
+    links::{self, Link, Node},
     parts::{DateParts, Measures},
 };
 
@@ -102,6 +103,21 @@ impl Found {
 
     pub(super) fn parts(&self, date: usize) -> Option<&DateParts> {
         self.dates.get(date)?.as_ref().map(|date| &date.0)
+    }
+
+    /// The component that an edit means; why, where it means none.
+    pub(super) fn node(&self, anchor: &Anchor) -> Result<Node, String> {
+        let Anchor { time, of, at_mm } = anchor;
+        if *of != self.of {
+            return Err(format!("found a component of {of}, expected one of {}", self.of));
+        }
+        let date = self.times.iter().position(|label| label == time);
+        let date = date.ok_or_else(|| format!("found the date {time}, expected one of the case"))?;
+        let parts = self.parts(date).ok_or_else(|| format!("found no mask {of} at {time}, expected one"))?;
+        let part = parts.at(*at_mm, ANCHOR_MM).ok_or_else(|| {
+            format!("found no component of {of} at {time} within {ANCHOR_MM} mm of {at_mm:.1}, expected one")
+        })?;
+        Ok((date, part))
     }
 
     /// Proposes the links anew.

@@ -5,6 +5,7 @@
 //! milliseconds, so that an edit is undone by leaving it out. Nothing here depends on the order in which masks, files or
 //! dates are listed, nor on the number of threads.
 
+mod boxed;
 mod change_point;
 pub mod diameters;
 mod edits;
@@ -13,6 +14,7 @@ mod event;
 mod events;
 mod find;
 mod links;
+mod neck;
 mod parts;
 mod report;
 mod series;
@@ -32,6 +34,7 @@ pub use error::LesionsError;
 pub use event::{Event, EventKind};
 pub use find::{Found, Of, Options, default_mask, find};
 pub use links::{Link, LinkState, LinkedBy};
+pub use neck::{Neck, WIDEST_NECK, neck};
 pub use parts::Part;
 pub(crate) use report::largest;
 pub use report::{

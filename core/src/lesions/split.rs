@@ -1,15 +1,16 @@
 //! Parts a component at its neck.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
-
-use crate::{
-    Grid, MaskBits,
-    components::Run,
-    distance::{Crop, FeatureTransform},
-    glam::DVec3,
+use std::{
+    cmp::{Ordering, Reverse},
+    collections::BinaryHeap,
 };
 
-use super::error::LesionsError;
+use crate::{Components, Connectivity, Grid, MaskBits, components::Run, glam::DVec3};
+
+use super::{
+    boxed::{Boxed, around},
+    error::LesionsError,
+};
 
 /// A voxel to be flooded: the deepest first, of equally deep ones that reached first.
 struct Front {
@@ -41,6 +42,9 @@ impl Ord for Front {
 
 /// The voxels of `runs` in two connected pieces, one about each seed: a watershed from both (Meyer 1991) of the distance to
 /// the nearest voxel outside. The reason, where the seeds don't lie in two of the voxels.
+///
+/// Cavities count as inside, for seeds too: where a lesion is a shell about a necrotic core, its neck is that of the outer
+/// surface.
 pub(super) fn at_neck(
     runs: &[Run],
     grid: &Grid,
@@ -48,26 +52,13 @@ pub(super) fn at_neck(
 ) -> Result<Result<[Vec<Run>; 2], String>, LesionsError> {
     let wrong =
         || Ok(Err("found seeds that aren't two voxels of the component, expected one in each lesion".into()));
-    let Some((start, dims)) = bounds(runs) else { return wrong() };
-    // With a margin of one voxel.
-    let mut bits = MaskBits::empty(dims.map(|n| n + 2));
-    let local = |voxel: [usize; 3]| -> [usize; 3] { std::array::from_fn(|a| voxel[a] + 1 - start[a]) };
-    for run in runs {
-        (run.first..=run.last).for_each(|x| bits.set(local([x as usize, run.y as usize, run.z as usize])));
-    }
-    let seeds = seeds_mm.map(|mm| {
-        let inside = |voxel: &[usize; 3]| (0..3).all(|a| (start[a]..start[a] + dims[a]).contains(&voxel[a]));
-        grid.voxel_at(mm).filter(inside).map(local).filter(|voxel| bits.get(*voxel))
-    });
-    let [Some(first), Some(second)] = seeds else { return wrong() };
+    let Some(boxed) = Boxed::new(runs, grid)? else { return wrong() };
+    let [Some(first), Some(second)] = seeds_mm.map(|mm| boxed.voxel_at(mm)) else { return wrong() };
     if first == second {
         return wrong();
     }
-    let spacing_mm = grid.world_from_voxel();
-    let boxed = Grid::new(bits.dims(), spacing_mm, grid.sides())?;
-    let outside = FeatureTransform::of(&bits.inverted(), &boxed, Crop::whole(&boxed))?;
-    let depth_mm = |voxel: [usize; 3]| outside.as_ref().and_then(|map| map.distance_mm(voxel)).unwrap_or(0.0);
-    let mut reached = MaskBits::empty(bits.dims());
+    let mut pieces = [0, 1].map(|_| MaskBits::empty(boxed.bits.dims()));
+    let mut reached = MaskBits::empty(boxed.bits.dims());
     let mut heap = BinaryHeap::new();
     let mut order = 0;
     for (basin, voxel) in [(0, first), (1, second)] {
@@ -75,46 +66,41 @@ pub(super) fn at_neck(
         heap.push(Front { depth_mm: f64::INFINITY, order, voxel, basin });
         order += 1;
     }
-    let mut pieces = [Vec::new(), Vec::new()];
     while let Some(Front { voxel, basin, .. }) = heap.pop() {
-        if let Some(piece) = pieces.get_mut(usize::from(basin)) {
-            piece.push(voxel);
+        if let (Some(piece), true) = (pieces.get_mut(usize::from(basin)), boxed.bits.get(voxel)) {
+            piece.set(voxel);
         }
-        // The margin keeps every neighbour inside.
-        for neighbor in
-            (0..27).map(|n| [voxel[0] + n % 3 - 1, voxel[1] + n / 3 % 3 - 1, voxel[2] + n / 9 - 1])
-        {
-            if bits.get(neighbor) && !reached.get(neighbor) {
+        for neighbor in around(voxel).filter(|neighbor| boxed.filled.get(*neighbor)) {
+            if !reached.get(neighbor) {
                 reached.set(neighbor);
-                heap.push(Front { depth_mm: depth_mm(neighbor), order, voxel: neighbor, basin });
+                heap.push(Front { depth_mm: boxed.depth_mm(neighbor), order, voxel: neighbor, basin });
                 order += 1;
             }
         }
     }
-    Ok(Ok(pieces.map(|voxels| as_runs(voxels, start))))
-}
-
-fn bounds(runs: &[Run]) -> Option<([usize; 3], [usize; 3])> {
-    let first = runs.first()?;
-    let start = |run: &Run| [run.first, run.y, run.z].map(|n| n as usize);
-    let end = |run: &Run| [run.last, run.y, run.z].map(|n| n as usize);
-    let (lo, hi): ([usize; 3], [usize; 3]) = runs.iter().fold((start(first), end(first)), |(lo, hi), run| {
-        let (s, e) = (start(run), end(run));
-        (std::array::from_fn(|a| lo[a].min(s[a])), std::array::from_fn(|a| hi[a].max(e[a])))
-    });
-    Some((lo, std::array::from_fn(|a| hi[a] - lo[a] + 1)))
-}
-
-/// Voxels of a box with a margin of one about one that begins at `start`, as runs in raster order.
-fn as_runs(mut voxels: Vec<[usize; 3]>, start: [usize; 3]) -> Vec<Run> {
-    voxels.sort_unstable_by_key(|[x, y, z]| [*z, *y, *x]);
-    let mut runs: Vec<Run> = Vec::new();
-    for voxel in voxels {
-        let [x, y, z]: [u32; 3] = std::array::from_fn(|a| (voxel[a] + start[a] - 1) as u32);
-        match runs.last_mut() {
-            Some(run) if run.z == z && run.y == y && run.last + 1 == x => run.last = x,
-            _ => runs.push(Run { first: x, last: x, y, z }),
+    // Beside a cavity a piece may lie in parts: all but the largest go to the other, the first's before the second's, so that
+    // what the second loses touches what is left of the first.
+    for own in [0, 1] {
+        let parts = Components::of_mask(&pieces[own], Connectivity::TwentySix)?;
+        let numbered = parts.list().iter().enumerate();
+        let Some((largest, _)) = numbered.max_by_key(|(n, part)| (part.voxels, Reverse(*n))) else {
+            return wrong();
+        };
+        if parts.list().len() > 1 {
+            let mut kept = MaskBits::empty(boxed.bits.dims());
+            for (n, part) in parts.list().iter().enumerate() {
+                let to = if n == largest { &mut kept } else { &mut pieces[1 - own] };
+                for run in parts.runs(part) {
+                    (run.first..=run.last).for_each(|x| to.set([x, run.y, run.z].map(|n| n as usize)));
+                }
+            }
+            pieces[own] = kept;
         }
     }
-    runs
+    let mut found = [Vec::new(), Vec::new()];
+    for (found, piece) in found.iter_mut().zip(&pieces) {
+        let parts = Components::of_mask(piece, Connectivity::TwentySix)?;
+        *found = parts.list().iter().flat_map(|part| boxed.of_grid(parts.runs(part))).collect();
+    }
+    Ok(Ok(found))
 }

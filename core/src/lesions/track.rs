@@ -8,7 +8,7 @@ use std::{
 use crate::Progress;
 
 use super::{
-    edits::{ANCHOR_MM, Anchor, Edit, NotApplied},
+    edits::{Anchor, Edit, NotApplied},
     error::LesionsError,
     events::events,
     find::Found,
@@ -68,21 +68,11 @@ pub fn track(found: &Found, edits: &[Edit], progress: &Progress) -> Result<Track
 
 impl State {
     fn node(&self, anchor: &Anchor) -> Result<Node, String> {
-        let Anchor { time, of, at_mm } = anchor;
-        if *of != self.found.of {
-            return Err(format!("found a component of {of}, expected one of {}", self.found.of));
-        }
-        let date = self.found.times.iter().position(|label| label == time);
-        let date = date.ok_or_else(|| format!("found the date {time}, expected one of the case"))?;
-        let parts =
-            self.found.parts(date).ok_or_else(|| format!("found no mask {of} at {time}, expected one"))?;
-        let part = parts.at(*at_mm, ANCHOR_MM).ok_or_else(|| {
-            format!("found no component of {of} at {time} within {ANCHOR_MM} mm of {at_mm:.1}, expected one")
-        })?;
-        if self.ignored.contains(&(date, part)) {
+        let node = self.found.node(anchor)?;
+        if self.ignored.contains(&node) {
             return Err("found a component that is ignored, expected one that counts".into());
         }
-        Ok((date, part))
+        Ok(node)
     }
 
     /// Both components, the earlier first.

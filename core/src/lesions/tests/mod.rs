@@ -2,6 +2,7 @@
 
 mod change_points;
 mod edited;
+mod necks;
 mod tracked;
 
 use crate::{

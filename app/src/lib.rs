@@ -2,10 +2,11 @@
 //! numbers and pictures from a command line.
 //!
 //! Modules, each depending on those before it: [`theme`] (colours and type), [`model`] (saved state), [`world`] (the
-//! loaded case and derived results), [`words`] (sentences by language), [`report`] and [`page`] (what is handed over), [`command`] (user actions), [`cpu_paint`] (the
+//! loaded case and derived results), [`words`] (sentences by language), [`report`], [`page`] and [`animation`] (what is handed over), [`command`] (user actions), [`cpu_paint`] (the
 //! interface without a graphics card), [`views`] (one file per pane), [`window`], [`cli`]. Views read the document and the
 //! world and write commands; commands change the document; the document determines what is derived and drawn.
 
+pub mod animation;
 pub mod cli;
 pub mod command;
 pub mod cpu_paint;

@@ -11,6 +11,7 @@ use glioscope_render::{
 };
 
 use super::{
+    animation::AnimationArguments,
     case::{CaseArguments, MaskArguments},
     change::ChangeArguments,
     ellipsoids::Neighbors,
@@ -117,7 +118,7 @@ pub enum Task {
         #[command(subcommand)]
         task: PacsTask,
     },
-    /// Draw one view into a PNG.
+    /// Draw one view into a PNG, or as an animation into a GIF or MP4.
     Render(Box<RenderArguments>),
     /// Write a report: one HTML or PDF file with pictures and numbers, Markdown, or a folder with a file of each.
     Report(Box<ReportArguments>),
@@ -353,7 +354,10 @@ pub struct RenderArguments {
     /// Print adapter, pass times and the expected error of the light as JSON.
     #[arg(long)]
     pub stats: bool,
-    /// The PNG file to write.
+    /// An animation in place of a picture.
+    #[command(flatten)]
+    pub animation: AnimationArguments,
+    /// The file to write: .png, of an animation .gif, or .mp4 where ffmpeg is installed.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 success; 2 failure, with one line on stderr.
 
+mod animation;
 mod arguments;
 mod case;
 mod change;

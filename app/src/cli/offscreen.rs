@@ -1,6 +1,5 @@
 //! Devices and reports of what is drawn offscreen.
 
-use glioscope_core::Check;
 use glioscope_render::{AdapterPreference, Gpu, Plan, Quality};
 
 use crate::{
@@ -21,13 +20,6 @@ pub(super) struct DrawReport {
     pub quality: Option<Quality>,
     pub warnings: Vec<String>,
     pub notes: Vec<String>,
-}
-
-/// Findings of the comparison of dates that was drawn; empty where none was.
-pub(super) fn comparison_warnings(drawn: &OffscreenApp) -> Vec<Check> {
-    let app = &drawn.app;
-    let found = app.results.comparison.last().zip(app.work.world.case());
-    found.map(|(last, case)| last.report.own_warnings(case).to_vec()).unwrap_or_default()
 }
 
 /// Report on the last frame of `pane`'s 3D view; empty for other panes. `timed`: with its pass times.

@@ -1,4 +1,4 @@
-//! `glioscope render`: draws one view into a PNG, and reports its plan and pass times.
+//! `glioscope render`: draws one view into a PNG or an animation, and reports its plan and pass times.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -14,7 +14,7 @@ use serde_json::json;
 use super::{
     arguments::RenderArguments,
     light,
-    offscreen::{DrawReport, comparison_warnings, draw_report, gpu},
+    offscreen::{DrawReport, draw_report, gpu},
     parse::{LensArgument, View},
     resolve, terminal, unused,
 };
@@ -24,16 +24,18 @@ use crate::{
     model::{ChangeSetting, Document, EllipsoidKind, OverlapMode, PaneId},
     output,
     views::{closeup, view3d::screen::PassTimes},
-    window::offscreen_app::OffscreenApp,
+    window::{film::Film, offscreen_app::OffscreenApp},
     world::World,
 };
 
 /// Refuses a name that isn't a picture's: a typing error must not replace a patient's image.
 fn refuse_other_endings(path: &Path) -> Result<(), AppError> {
     match path.extension() {
-        Some(ending) if !ending.eq_ignore_ascii_case("png") => {
-            Err(AppError::file(path, "another ending", "a picture's name, .png"))
-        }
+        Some(ending) if !ending.eq_ignore_ascii_case("png") => Err(AppError::file(
+            path,
+            "another ending",
+            "a picture's name, .png; .gif and .mp4 with --turntable or --play",
+        )),
         _ => Ok(()),
     }
 }
@@ -161,7 +163,15 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     let inputs = read.case.inputs.clone();
     // Before minutes of drawing.
     arguments.out.iter().try_for_each(|path| inputs.refuse_as_output(path))?;
-    arguments.out.iter().try_for_each(|path| refuse_other_endings(path))?;
+    if arguments.animation.is_asked() {
+        arguments
+            .out
+            .iter()
+            .try_for_each(|path| arguments.animation.refuse(arguments.view, path, &read.case))?;
+    } else {
+        arguments.out.iter().try_for_each(|path| refuse_other_endings(path))?;
+        arguments.animation.refuse_force()?;
+    }
     let mut work = Workstation::with_opened(read.into());
     apply(arguments, &mut work)?;
     for option in unused::without_effect(arguments) {
@@ -172,6 +182,9 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
             let mode = choice.mode.name();
             terminal::warning("option-unused", &format!("{option} changes nothing with the light {mode}."));
         }
+    }
+    if let (Some(path), true) = (&arguments.out, arguments.animation.is_asked()) {
+        return animate(arguments, work, path);
     }
     let is_closeup = view == View::Pane(PaneId::Closeup);
     let scene = closeup::scene_of(&work, arguments.dark).filter(|_| is_closeup);
@@ -194,7 +207,7 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
                 if let Some(pane) = view.pane() {
                     report = draw_report(&mut app, pane, arguments.stats)?;
                 }
-                terminal::notes(&comparison_warnings(&app));
+                terminal::notes(&app.comparison_warnings());
                 rgba
             }
         };
@@ -210,6 +223,28 @@ pub(super) fn run(arguments: &RenderArguments) -> Result<(), AppError> {
     }
     if arguments.stats {
         print_stats(&adapter, arguments.size, &report)?;
+    }
+    Ok(())
+}
+
+/// Draws an animation of the view.
+fn animate(arguments: &RenderArguments, work: Workstation, path: &Path) -> Result<(), AppError> {
+    let (Some(doc), Some(pane)) = (work.doc, arguments.view.pane()) else { return Ok(()) };
+    let film = Film {
+        pane,
+        size: arguments.size,
+        scale: arguments.scale as f32,
+        dark: arguments.dark,
+        turn: arguments.animation.turntable,
+        plays: arguments.animation.play,
+        doc,
+        world: work.world,
+    };
+    let software = arguments.software;
+    let notes = terminal::with_progress(|progress| film.write(&gpu(software)?, path, progress))?;
+    terminal::notes(&notes.comparison);
+    for warning in &notes.pictures {
+        terminal::warning("picture-coarser", warning);
     }
     Ok(())
 }

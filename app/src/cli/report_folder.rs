@@ -7,11 +7,7 @@ use glioscope_core::{
     measure,
 };
 
-use super::{
-    case::CaseArguments,
-    offscreen::{comparison_warnings, gpu},
-    terminal,
-};
+use super::{case::CaseArguments, offscreen::gpu, terminal};
 use crate::{
     command::Workstation, error::AppError, model::PaneId, output, window::offscreen_app::OffscreenApp,
     world::load::ReadCase,
@@ -115,6 +111,6 @@ fn write(read: ReadCase, folder: &Path, software: bool) -> Result<Vec<String>, A
         output::write_png(&folder.join(&name), &inputs, size, &rgba)?;
         names.push(name);
     }
-    terminal::notes(&comparison_warnings(&app));
+    terminal::notes(&app.comparison_warnings());
     Ok(names)
 }

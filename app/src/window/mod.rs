@@ -8,6 +8,7 @@ pub mod dialogs;
 mod drop;
 mod enlarged;
 mod explain;
+pub mod film;
 mod fusion;
 mod go_to;
 mod label;

@@ -1,7 +1,8 @@
 //! The window's panes drawn without a window: for pictures with more pixels than the screen has, for the command line and for
 //! reports.
 
-use egui::{CentralPanel, Frame};
+use egui::{CentralPanel, Frame, Label, Panel, Ui};
+use glioscope_core::Check;
 use glioscope_render::Gpu;
 
 use super::{GlioscopeApp, offscreen::Offscreen, recent::Recent};
@@ -43,13 +44,42 @@ impl OffscreenApp {
         let Self { offscreen, app } = self;
         let rgba = offscreen.picture(size, scale, |ui| match pane {
             None => app.draw(ui),
-            Some(pane) => {
-                let fill = Frame::new().fill(ui.visuals().panel_fill);
-                CentralPanel::default().frame(fill).show(ui, |ui| app.one_pane(ui, pane));
-            }
+            Some(pane) => one_pane(ui, app, pane),
         });
         Ok(rgba?)
     }
+
+    /// As [`OffscreenApp::capture`] of a pane, above a line of text.
+    ///
+    /// # Errors
+    /// [`AppError`] if the device fails.
+    pub fn capture_above(
+        &mut self,
+        text: &str,
+        pane: PaneId,
+        size: [u32; 2],
+        scale: f32,
+    ) -> Result<Vec<u8>, AppError> {
+        let Self { offscreen, app } = self;
+        let rgba = offscreen.picture(size, scale, |ui| {
+            Panel::bottom("text").show(ui, |ui| {
+                ui.vertical_centered(|ui| ui.add(Label::new(text).truncate()));
+            });
+            one_pane(ui, app, pane);
+        });
+        Ok(rgba?)
+    }
+
+    /// Findings of the comparison of dates that was drawn; empty where none was.
+    pub fn comparison_warnings(&self) -> Vec<Check> {
+        let found = self.app.results.comparison.last().zip(self.app.work.world.case());
+        found.map(|(last, case)| last.report.own_warnings(case).to_vec()).unwrap_or_default()
+    }
+}
+
+fn one_pane(ui: &mut Ui, app: &mut GlioscopeApp, pane: PaneId) {
+    let fill = Frame::new().fill(ui.visuals().panel_fill);
+    CentralPanel::default().frame(fill).show(ui, |ui| app.one_pane(ui, pane));
 }
 
 impl Painter for OffscreenApp {

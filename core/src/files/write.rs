@@ -55,6 +55,17 @@ pub fn write_whole_private(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     persist(path, "", PRIVATE, |file| file.as_file_mut().write_all(bytes).map_err(|e| write_failed(path, &e)))
 }
 
+/// As [`write_whole`], with content that `write` writes piece by piece: for files that needn't fit in memory.
+///
+/// # Errors
+/// As [`write_whole`], and those of `write`, after which nothing has changed.
+pub fn write_whole_by<E: From<FileError>>(
+    path: &Path,
+    write: impl FnOnce(&mut dyn std::io::Write) -> Result<(), E>,
+) -> Result<(), E> {
+    persist(path, "", ORDINARY, |file| write(file.as_file_mut()))
+}
+
 /// As [`write_whole`], with content that `write` writes to the temporary file, whose name ends in `suffix`.
 /// When `write` fails, the temporary file is removed and nothing else changes.
 pub(crate) fn write_whole_with(
@@ -65,24 +76,21 @@ pub(crate) fn write_whole_with(
     persist(path, suffix, ORDINARY, write)
 }
 
-fn persist(
+fn persist<E: From<FileError>>(
     path: &Path,
     suffix: &'static str,
     mode: u32,
-    write: impl FnOnce(&mut NamedTempFile) -> Result<(), FileError>,
-) -> Result<(), FileError> {
+    write: impl FnOnce(&mut NamedTempFile) -> Result<(), E>,
+) -> Result<(), E> {
     // Renaming over a device would replace it by a regular file.
     if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
-        return Err(FileError::wrong(
-            path.display().to_string(),
-            "something that is no ordinary file",
-            "a place that can be written",
-        ));
+        let found = "something that is no ordinary file";
+        return Err(FileError::wrong(path.display().to_string(), found, "a place that can be written").into());
     }
     let target = match path.is_symlink().then(|| path.canonicalize()) {
         None => None,
         Some(Ok(target)) => Some(target),
-        Some(Err(e)) => return Err(write_failed(path, &format!("a link to nowhere ({e})"))),
+        Some(Err(e)) => return Err(write_failed(path, &format!("a link to nowhere ({e})")).into()),
     };
     let path = target.as_deref().unwrap_or(path);
     let failed = |e: std::io::Error| write_failed(path, &e);
@@ -92,7 +100,7 @@ fn persist(
     // A file that is replaced keeps its permissions, unless the new one is private.
     if let Some(replaced) = path.metadata().ok().map(|metadata| metadata.permissions()) {
         if replaced.readonly() {
-            return Err(write_failed(path, &"a write-protected file"));
+            return Err(write_failed(path, &"a write-protected file").into());
         }
         if mode == ORDINARY {
             file.as_file().set_permissions(replaced).map_err(failed)?;

@@ -8,6 +8,7 @@
     reason = "in a test a failed unwrap is a failed test"
 )]
 
+mod animations;
 mod archives;
 mod cli;
 mod dicom;

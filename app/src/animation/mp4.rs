@@ -18,6 +18,8 @@ use crate::error::AppError;
 
 /// The file that ffmpeg writes, in a folder of its own.
 const NAME: &str = "animation.mp4";
+/// Conversion to BT.709, and its mark.
+const COLORS: &str = "scale=out_color_matrix=bt709:out_range=tv,setparams=color_primaries=bt709:color_trc=bt709:colorspace=bt709";
 /// Most bytes of what ffmpeg says that are kept.
 const MOST_SAID: u64 = 4096;
 /// Most characters of what ffmpeg says that are told.
@@ -97,8 +99,7 @@ impl Encoder {
             .args(["-video_size", &format!("{width}x{height}")])
             .args(["-framerate", &format!("{}", 100 / TURN_CS), "-i", "pipe:0"])
             // Players take what isn't marked for BT.709, which ffmpeg doesn't convert to of itself.
-            .args(["-vf", "scale=out_color_matrix=bt709:out_range=tv"])
-            .args(["-color_primaries", "bt709", "-color_trc", "bt709", "-colorspace", "bt709"])
+            .args(["-vf", COLORS])
             .args(["-c:v", "libx264", "-crf", "18", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
             .args(["-fflags", "+bitexact", "-flags:v", "+bitexact", "-map_metadata", "-1", NAME])
             .current_dir(folder)

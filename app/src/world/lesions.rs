@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glioscope_core::{
     case::Case,
-    lesions::{self, Edit, Found, LesionsReport, Options},
+    lesions::{self, Anchor, Edit, Found, LesionsReport, Neck, Options},
 };
 
 use super::jobs::{Ask, Derived, Handle, Lookup};
@@ -15,6 +15,7 @@ use crate::model::{ChangeSetting, LesionSetting};
 pub struct Lesions {
     found: Derived<(Handle<Case>, Options), Found>,
     tracked: Derived<(Handle<Found>, Vec<Edit>), LesionsReport>,
+    neck: Derived<(Handle<Found>, Vec<Edit>, Anchor), Result<Neck, String>>,
 }
 
 impl Lesions {
@@ -39,9 +40,21 @@ impl Lesions {
         Some(self.tracked.get(key, ask, track))
     }
 
-    /// The components last found: what a split is proposed of.
-    pub fn found(&self) -> Option<&Arc<Found>> {
-        self.found.last()
+    /// Where the component at a place would be split, or why nowhere; `None` before lesions are found.
+    pub fn neck(
+        &mut self,
+        setting: &LesionSetting,
+        at: &Anchor,
+        ask: &Ask,
+    ) -> Option<Lookup<'_, Result<Neck, String>>> {
+        let found = self.found.last()?.clone();
+        let (edits, at) = (setting.edits_of(&found.of), at.clone());
+        let key = (Handle::of(&found), edits.clone(), at.clone());
+        Some(self.neck.get(key, ask, move |progress| {
+            // A piece of an earlier split is a component of its own.
+            let tracked = lesions::track(&found, &edits, progress)?;
+            Ok(lesions::neck(&tracked.found, &at, progress)?)
+        }))
     }
 
     /// The lesions last computed, which may be for older settings: shown while newer ones are computed.
@@ -52,6 +65,6 @@ impl Lesions {
     /// Whether a worker is computing any.
     pub fn working(&mut self) -> bool {
         // Each takes what is finished.
-        self.found.working() | self.tracked.working()
+        self.found.working() | self.tracked.working() | self.neck.working()
     }
 }

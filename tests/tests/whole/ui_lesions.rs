@@ -140,3 +140,32 @@ fn all_links_are_verified_at_once_and_an_ignored_component_comes_back() {
         picture.save(Path::new(&folder).join("lesions.png")).unwrap();
     }
 }
+
+#[test]
+fn a_lesion_is_split_at_its_neck_and_a_ball_has_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |name: &str, of: &[([f64; 3], f64)]| balls(&folder.path().join(name), of);
+    let bridge = |x: usize| ([20.0 + x as f64, 30.0, 20.0], 2.0);
+    let mut dumbbell = vec![([20.0, 30.0, 20.0], 7.0), ([40.0, 30.0, 20.0], 6.0)];
+    dumbbell.extend((0..=20).map(bridge));
+    let masks = vec![
+        format!("T={}@2024-01-01", of("a.nii", &dumbbell)),
+        format!("T={}@2024-02-01", of("b.nii", &[([20.0, 30.0, 20.0], 7.0)])),
+    ];
+    let case = CaseRef::Arguments { masks, contexts: Vec::new() };
+    let mut harness = window_on(case, [1280.0, 720.0], egui::Theme::Light);
+    maximized_lesions(&mut harness);
+    harness.get_by_label_contains("Lesion A at 2024-02-01").click();
+    wait_for_workers(&mut harness);
+    harness.get_by_label("Split at its neck").click();
+    wait_for_workers(&mut harness);
+    assert_eq!(labels(&harness, "not split: "), 1, "a ball");
+    harness.get_by_label_contains("Lesion A at 2024-01-01").click();
+    wait_for_workers(&mut harness);
+    harness.get_by_label("Split at its neck").click();
+    wait_for_workers(&mut harness);
+    assert!(labels(&harness, "Lesion B at 2024-01-01") > 0, "the other ball is a lesion of its own");
+    perform(&mut harness, EditCommand::Undo);
+    wait_for_workers(&mut harness);
+    assert_eq!(labels(&harness, "Lesion B at 2024-01-01"), 0);
+}

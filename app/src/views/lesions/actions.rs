@@ -1,9 +1,7 @@
 //! What the user does with the selected components and links.
 
-use std::sync::Arc;
-
 use egui::{Key, TextEdit, Ui};
-use glioscope_core::lesions::{Anchor, Edit, Found, LesionsReport, LinkState};
+use glioscope_core::lesions::{Anchor, Edit, LesionsReport, LinkState};
 
 use super::{
     selected::{Selected, ends, link_between, part_of, verify_all},
@@ -23,6 +21,21 @@ pub(super) struct Naming {
     name: String,
 }
 
+/// A component that is to be split at its neck.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Splitting {
+    pub at: Anchor,
+    /// Why it has no neck; `None` while that is looked for.
+    pub why_not: Option<String>,
+}
+
+/// What is chosen in the pane.
+pub(super) struct Chosen<'a> {
+    pub selected: &'a mut Selected,
+    pub naming: &'a mut Option<Naming>,
+    pub splitting: &'a mut Option<Splitting>,
+}
+
 /// Keys that act while the pointer is over the pane.
 const VERIFY: Key = Key::V;
 const UNLINK: Key = Key::U;
@@ -34,8 +47,7 @@ pub(super) fn show(
     ui: &mut Ui,
     input: &Input<'_>,
     report: &LesionsReport,
-    found: Option<&Arc<Found>>,
-    (selected, naming): (&mut Selected, &mut Option<Naming>),
+    Chosen { selected, naming, splitting }: Chosen<'_>,
     out: &mut Commands,
 ) {
     let mut edits = Vec::new();
@@ -57,7 +69,7 @@ pub(super) fn show(
             }
             Selected::Link(from, to) => of_link(ui, report, [&from, &to], &mut edits),
             Selected::Two(one, two) => of_two(ui, report, [&one, &two], &mut edits),
-            Selected::One(at) => of_one(ui, report, found, &at, naming, &mut edits),
+            Selected::One(at) => of_one(ui, report, &at, (naming, splitting), &mut edits),
         }
     });
     if naming.as_ref().is_some_and(|naming| *selected != Selected::One(naming.at.clone())) {
@@ -123,9 +135,8 @@ fn of_two(ui: &mut Ui, report: &LesionsReport, [one, two]: [&Anchor; 2], edits: 
 fn of_one(
     ui: &mut Ui,
     report: &LesionsReport,
-    _found: Option<&Arc<Found>>,
     at: &Anchor,
-    naming: &mut Option<Naming>,
+    (naming, splitting): (&mut Option<Naming>, &mut Option<Splitting>),
     edits: &mut Vec<Edit>,
 ) {
     let Some((lesion, part)) = part_of(report, at) else { return };
@@ -153,6 +164,21 @@ fn of_one(
             } else if is_left && ui.input(|i| i.key_pressed(Key::Escape)) {
                 *naming = None;
             }
+        }
+    }
+    let own = splitting.as_ref().filter(|splitting| splitting.at == *at);
+    match own {
+        None => {
+            let tip = "At the narrowest place of its skeleton: two lesions that touch";
+            if is_asked(ui, "Split at its neck", tip, None) {
+                *splitting = Some(Splitting { at: at.clone(), why_not: None });
+            }
+        }
+        Some(Splitting { why_not: None, .. }) => {
+            ui.weak("looking for its neck");
+        }
+        Some(Splitting { why_not: Some(why), .. }) => {
+            ui.colored_label(ui.visuals().warn_fg_color, format!("not split: {why}"));
         }
     }
     if is_asked(ui, "Ignore", "It is no lesion and doesn't count", None) {

@@ -6,7 +6,7 @@ mod selected;
 mod timeline;
 
 use egui::{ComboBox, DragValue, ScrollArea, Ui};
-use glioscope_core::lesions::{LesionsReport, LinkState};
+use glioscope_core::lesions::{Edit, LesionsReport, LinkState};
 
 use super::{
     draw,
@@ -27,6 +27,8 @@ pub struct LesionsPane {
     small: bool,
     /// The name being typed, and the lesion's component.
     naming: Option<actions::Naming>,
+    /// The component that is to be split, while its neck is looked for; then why it has none.
+    splitting: Option<actions::Splitting>,
 }
 
 impl Pane for LesionsPane {
@@ -67,10 +69,40 @@ impl LesionsPane {
         let all = report.lesions.iter().filter(|lesion| self.small || !lesion.small);
         let shown: Vec<_> = all.take(timeline::MOST_LESIONS).collect();
         timeline::show(ui, &input, &report, &shown, &mut self.selected, out);
-        let found = stage.results.lesions.found();
-        actions::show(ui, &input, &report, found, (&mut self.selected, &mut self.naming), out);
+        self.split(stage, out);
+        let chosen = actions::Chosen {
+            selected: &mut self.selected,
+            naming: &mut self.naming,
+            splitting: &mut self.splitting,
+        };
+        actions::show(ui, &input, &report, chosen, out);
         ui.add_space(6.0);
         numbers::show(ui, &report, &shown);
+    }
+
+    /// Splits the component that is to be, once its neck is known.
+    fn split(&mut self, stage: &mut Stage<'_>, out: &mut Commands) {
+        let Some(splitting) = self.splitting.as_mut().filter(|splitting| splitting.why_not.is_none()) else {
+            return;
+        };
+        if self.selected != Selected::One(splitting.at.clone()) {
+            self.splitting = None;
+            return;
+        }
+        let setting = &stage.input.doc.edit.lesions;
+        match stage.results.lesions.neck(setting, &splitting.at, stage.ask) {
+            Some(Lookup::Ready(neck)) => match neck.as_ref() {
+                Ok(neck) => {
+                    let at = splitting.at.clone();
+                    out.push(EditCommand::EditLesions(vec![Edit::Split { at, seeds_mm: neck.seeds_mm }]));
+                    self.splitting = None;
+                }
+                Err(why) => splitting.why_not = Some(why.clone()),
+            },
+            Some(Lookup::Failed(error)) => splitting.why_not = Some(error.to_string()),
+            Some(Lookup::Working(_)) => {}
+            None => self.splitting = None,
+        }
     }
 
     fn head(&mut self, ui: &mut Ui, input: &Input<'_>, mask: &str, out: &mut Commands) {

@@ -90,6 +90,7 @@ mod tests {
             maximized: false,
             folder: Some("/data".into()),
             pictures: PictureSize::Times(2),
+            points_per_mm: Some(4.5),
         };
         *first.change() = expected.clone();
         first.save();

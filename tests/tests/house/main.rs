@@ -10,5 +10,6 @@
 mod house_script;
 mod map;
 mod modules;
+mod schemas;
 mod structure;
 mod unused;

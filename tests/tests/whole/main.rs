@@ -23,6 +23,8 @@ mod real_views;
 mod real_window;
 mod report_file;
 mod reported;
+mod schema_outputs;
+mod schemas;
 mod session_files;
 mod sessions;
 mod transforms;

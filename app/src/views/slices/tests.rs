@@ -110,6 +110,7 @@ fn slice_harness(plane: Plane, sides: Sides, convention: Convention) -> Harness<
                     time_point: &case.time_points[0],
                     selection: &view.work.world.selection(doc),
                     tumor: None,
+                    is_plain: false,
                     colors: &view.work.world.colors(doc),
                     second: None,
                     context: view.work.world.context(doc),

@@ -360,7 +360,7 @@ fn a_few_values_below_air_leave_the_outline() {
     let middle = DVec3::splat(side as f64 - 1.0);
     let value = |n: usize| match grid.center_of_voxel_mm(grid.ijk(n)).distance(middle) {
         r if r < radius_mm => 200,
-        r if r < radius_mm + 2.0 && n % 50 == 0 => -45,
+        r if r < radius_mm + 2.0 && n.is_multiple_of(50) => -45,
         _ => 0,
     };
     let samples = Samples::I16((0..side * side * side).map(value).collect());

@@ -9,7 +9,7 @@ use glioscope_core::{
     csv, ellipsoid,
     files::Inputs,
     inside_lens::voxels_inside,
-    measure,
+    lesions, measure,
 };
 use serde_json::{Map, Value, json};
 
@@ -17,6 +17,7 @@ use crate::{
     error::AppError,
     model::{Document, ExportFormat, document::ball_ml, rulers},
     output,
+    world::response::evaluate_now,
 };
 
 /// What is exported, as the window showed it.
@@ -64,6 +65,8 @@ impl Shown {
                 "ellipsoids",
                 json!({"connectivity": neighbors, "components": as_value(&ellipsoids.components)?}),
             ),
+            ("lesions", self.lesions(progress)?),
+            ("response", self.response(progress)?),
             ("lines", rulers::as_json(case, &doc.edit.rulers)["lines"].take()),
         ] {
             if let Some(object) = numbers.as_object_mut() {
@@ -114,6 +117,26 @@ impl Shown {
             "share_of_union": share(all, time_point.regions.union_voxels()),
             "regions": counts.iter().map(row).collect::<Vec<_>>(),
         })
+    }
+
+    /// The lesions as `lesions --json` has them, with the user's edits; null for a case without masks.
+    fn lesions(&self, progress: &Progress) -> Result<Value, AppError> {
+        let setting = &self.doc.edit.lesions;
+        let Some(options) = setting.options(&self.case, &self.doc.edit.change) else {
+            return Ok(Value::Null);
+        };
+        let edits = setting.edits_of(&options.of.name());
+        as_value(&lesions::report(&self.case, &options, &edits, progress)?)
+    }
+
+    /// The response as `response --json` has it; null without criteria.
+    fn response(&self, progress: &Progress) -> Result<Value, AppError> {
+        let Some(evaluated) = evaluate_now(&self.case, &self.doc, progress)? else { return Ok(Value::Null) };
+        let mut value = as_value(&evaluated)?;
+        if let Some(object) = value.as_object_mut() {
+            object.insert("case".to_owned(), self.case.name.clone().into());
+        }
+        Ok(value)
     }
 
     /// The comparison of dates as `change --json` has it; null where nothing can be compared.

@@ -117,7 +117,7 @@ fn pictures(ui: &mut Ui, case: &Case, doc: &Document, out: &mut Commands) {
                 .hint_text("Caption; empty: the report's own words");
             let response = ui.add(field);
             ui.ctx().accesskit_node_builder(response.id, |node| {
-                node.set_label(format!("Caption of picture {}", n + 1))
+                node.set_label(format!("Caption of picture {}", n + 1));
             });
             if response.changed()
                 && let Some(changed) = new.get_mut(n)

@@ -21,10 +21,13 @@ pub struct Agreed {
     pub two: Option<([Operand; 2], Result<Comparison, String>)>,
 }
 
+/// The case, the number of the date, how masks are compared, and the two of any dates.
+type Key = (Handle<Case>, usize, Settings, Option<[Operand; 2]>);
+
 /// The metrics last requested.
 #[derive(Default)]
 pub struct Agreements {
-    result: Derived<(Handle<Case>, usize, Settings, Option<[Operand; 2]>), Agreed>,
+    result: Derived<Key, Agreed>,
 }
 
 impl Agreements {

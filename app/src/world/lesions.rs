@@ -10,12 +10,15 @@ use glioscope_core::{
 use super::jobs::{Ask, Derived, Handle, Lookup};
 use crate::model::{ChangeSetting, LesionSetting};
 
+/// A neck, or why there is none.
+type Necked = Result<Neck, String>;
+
 /// The lesions last requested.
 #[derive(Default)]
 pub struct Lesions {
     found: Derived<(Handle<Case>, Options), Found>,
     tracked: Derived<(Handle<Found>, Vec<Edit>), LesionsReport>,
-    neck: Derived<(Handle<Found>, Vec<Edit>, Anchor), Result<Neck, String>>,
+    neck: Derived<(Handle<Found>, Vec<Edit>, Anchor), Necked>,
 }
 
 impl Lesions {
@@ -41,12 +44,7 @@ impl Lesions {
     }
 
     /// Where the component at a place would be split, or why nowhere; `None` before lesions are found.
-    pub fn neck(
-        &mut self,
-        setting: &LesionSetting,
-        at: &Anchor,
-        ask: &Ask,
-    ) -> Option<Lookup<'_, Result<Neck, String>>> {
+    pub fn neck(&mut self, setting: &LesionSetting, at: &Anchor, ask: &Ask) -> Option<Lookup<'_, Necked>> {
         let found = self.found.last()?.clone();
         let (edits, at) = (setting.edits_of(&found.of), at.clone());
         let key = (Handle::of(&found), edits.clone(), at.clone());

@@ -8,7 +8,7 @@ use std::{
 
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{CaseRef, PaneId, Ruler},
+    model::{CaseRef, PaneId, ResponseSetting, Ruler},
     report::recipe_in,
 };
 use glioscope_core::{
@@ -16,6 +16,7 @@ use glioscope_core::{
     case::{self, LoadOptions},
     glam::DVec3,
     lesions::{self, Anchor, Edit, Of, Options},
+    response::Criterion,
     sample,
 };
 use glioscope_tests::{error_text, issue, perform, run, wait_for_workers, window_on, write_cube, write_tck};
@@ -356,6 +357,9 @@ fn numbers(made: &Made) -> Vec<Value> {
     let empty = exported(made, empty, &AppCommand::ExportMeasurementsTo, true);
     assert!(
         !sample["lens"].is_null()
+            && !sample["response"].is_null()
+            && !sample["lesions"].is_null()
+            && empty["response"].is_null()
             && !sample["change"].is_null()
             && empty["lens"].is_null()
             && empty["change"].is_null()
@@ -382,6 +386,10 @@ fn exported(
     perform(&mut harness, EditCommand::SetRegion(1, false));
     if toggles_lens {
         perform(&mut harness, EditCommand::ToggleLens);
+    } else {
+        let mut response = ResponseSetting::default();
+        response.set_criterion(Some(Criterion::Rano2010));
+        perform(&mut harness, EditCommand::SetResponse(Box::new(response)));
     }
     issue(&mut harness, command(path.clone()));
     wait_for_workers(&mut harness);

@@ -13,16 +13,17 @@ use glioscope_tests::{Window, answer, doc, issue, pane_picture, perform, wait_fo
 
 use crate::{PROGRAM, lesions::balls};
 
+/// A date and its balls.
+type Date<'a> = (&'a str, &'a [([f64; 3], f64)]);
+
 /// Three dates: one lesion grows and becomes two, one vanishes, one is new.
 fn case(folder: &Path) -> CaseRef {
-    let dates: [(&str, &[([f64; 3], f64)]); 3] = [
+    let dates: [Date<'_>; 3] = [
         ("2024-01-01", &[([15.0, 15.0, 20.0], 6.0), ([45.0, 15.0, 20.0], 4.0)]),
         ("2024-04-01", &[([15.0, 15.0, 20.0], 8.0)]),
         ("2024-07-01", &[([10.0, 15.0, 20.0], 4.0), ([20.0, 15.0, 20.0], 4.5), ([45.0, 45.0, 20.0], 5.0)]),
     ];
-    let mask = |(date, of): &(&str, &[([f64; 3], f64)])| {
-        format!("T={}@{date}", balls(&folder.join(format!("{date}.nii")), of))
-    };
+    let mask = |(date, of): &Date<'_>| format!("T={}@{date}", balls(&folder.join(format!("{date}.nii")), of));
     CaseRef::Arguments { masks: dates.iter().map(mask).collect(), contexts: Vec::new() }
 }
 

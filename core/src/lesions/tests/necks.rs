@@ -268,7 +268,7 @@ fn a_neck_is_an_edit() {
     let proposed = neck(&found, &at, &Progress::new()).unwrap().unwrap();
     assert_eq!(neck(&found, &at, &Progress::new()).unwrap().as_ref(), Ok(&proposed));
     let edit = Edit::Split { at: at.clone(), seeds_mm: proposed.seeds_mm };
-    let report = reported(&made, &[edit.clone()]);
+    let report = reported(&made, std::slice::from_ref(&edit));
     assert_eq!((report.edits_not_applied.len(), report.lesions.len()), (0, 2));
     // A piece has no neck: components are those after the splits before.
     let tracked = track(&found, &[edit], &Progress::new()).unwrap();

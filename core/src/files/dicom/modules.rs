@@ -172,28 +172,14 @@ impl<'a> Object<'a> {
 
     /// Patient, General Study, General Series, Frame of Reference, General Equipment and SOP Common (PS3.3 C.7, C.12.1).
     pub fn elements(&self, modality: &str) -> Elements {
-        let mut data = Elements::default();
-        data.text(tags::SPECIFIC_CHARACTER_SET, "ISO_IR 192");
-        data.text(tags::SOP_CLASS_UID, self.sop_class);
+        let mut data = common(self.sop_class, modality, self.to.version);
         data.text(tags::SOP_INSTANCE_UID, &self.sop_instance);
-        data.text(tags::MODALITY, modality);
-        data.text(tags::MANUFACTURER, "Glioscope");
-        data.text(tags::MANUFACTURER_MODEL_NAME, "Glioscope");
-        data.text(tags::SOFTWARE_VERSIONS, self.to.version);
-        data.text(tags::DEVICE_SERIAL_NUMBER, "0");
         data.text(tags::STUDY_INSTANCE_UID, &self.study);
         data.text(tags::SERIES_INSTANCE_UID, &self.series);
         data.text(tags::FRAME_OF_REFERENCE_UID, &self.frame_of_reference);
         data.empty(tags::POSITION_REFERENCE_INDICATOR);
-        for tag in IDENTITY.into_iter().filter(|tag| *tag != tags::ISSUER_OF_PATIENT_ID) {
-            data.empty(tag);
-        }
         match self.to.source {
-            Some(source) if self.to.identified => {
-                for (tag, text) in source.identity.iter().filter(|(_, text)| !text.is_empty()) {
-                    data.text(*tag, text);
-                }
-            }
+            Some(source) if self.to.identified => put_identity(&mut data, source),
             Some(_) => {
                 data.text(tags::PATIENT_NAME, "Anonymous^Patient");
                 data.text(tags::PATIENT_ID, "ANONYMOUS");
@@ -235,6 +221,29 @@ impl<'a> Object<'a> {
         let all = slices.images.unwrap_or_default().iter();
         let files = all.filter(|slice| seen.insert(slice.sop_instance.as_str()));
         files.map(|slice| self.reference(&SourceSlice { frame: None, ..slice.clone() })).collect()
+    }
+}
+
+/// What all objects state: the program, and nobody's patient and study. UIDs are the object's own.
+pub(super) fn common(sop_class: &str, modality: &str, version: &str) -> Elements {
+    let mut data = Elements::default();
+    data.text(tags::SPECIFIC_CHARACTER_SET, "ISO_IR 192");
+    data.text(tags::SOP_CLASS_UID, sop_class);
+    data.text(tags::MODALITY, modality);
+    data.text(tags::MANUFACTURER, "Glioscope");
+    data.text(tags::MANUFACTURER_MODEL_NAME, "Glioscope");
+    data.text(tags::SOFTWARE_VERSIONS, version);
+    data.text(tags::DEVICE_SERIAL_NUMBER, "0");
+    for tag in IDENTITY.into_iter().filter(|tag| *tag != tags::ISSUER_OF_PATIENT_ID) {
+        data.empty(tag);
+    }
+    data
+}
+
+/// The patient and study of an image.
+pub(super) fn put_identity(data: &mut Elements, source: &SourceImage) {
+    for (tag, text) in source.identity.iter().filter(|(_, text)| !text.is_empty()) {
+        data.text(*tag, text);
     }
 }
 

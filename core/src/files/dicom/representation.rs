@@ -21,14 +21,24 @@ pub(super) fn representation(tag: Tag) -> &'static [u8; 2] {
         | t::CONTENT_LABEL
         | t::ROI_GENERATION_ALGORITHM
         | t::CONTOUR_GEOMETRIC_TYPE
-        | t::RT_ROI_INTERPRETED_TYPE => b"CS",
+        | t::RT_ROI_INTERPRETED_TYPE
+        | t::CONVERSION_TYPE
+        | t::MAPPING_RESOURCE
+        | t::BURNED_IN_ANNOTATION
+        | t::RELATIONSHIP_TYPE
+        | t::VALUE_TYPE
+        | t::CONTINUITY_OF_CONTENT
+        | t::COMPLETION_FLAG
+        | t::VERIFICATION_FLAG
+        | t::TEMPLATE_IDENTIFIER => b"CS",
         t::STUDY_DATE | t::CONTENT_DATE | t::PATIENT_BIRTH_DATE | t::STRUCTURE_SET_DATE => b"DA",
         t::SLICE_THICKNESS
         | t::SPACING_BETWEEN_SLICES
         | t::IMAGE_POSITION_PATIENT
         | t::IMAGE_ORIENTATION_PATIENT
         | t::PIXEL_SPACING
-        | t::CONTOUR_DATA => b"DS",
+        | t::CONTOUR_DATA
+        | t::NUMERIC_VALUE => b"DS",
         t::REFERENCED_FRAME_NUMBER
         | t::SERIES_NUMBER
         | t::INSTANCE_NUMBER
@@ -52,8 +62,9 @@ pub(super) fn representation(tag: Tag) -> &'static [u8; 2] {
         | t::SEGMENT_LABEL
         | t::SEGMENT_ALGORITHM_NAME
         | t::CONTENT_DESCRIPTION
-        | t::ROI_NAME => b"LO",
-        t::META_VERSION | t::PIXEL_DATA => b"OB",
+        | t::ROI_NAME
+        | t::MIME_TYPE_OF_ENCAPSULATED_DOCUMENT => b"LO",
+        t::META_VERSION | t::PIXEL_DATA | t::ENCAPSULATED_DOCUMENT => b"OB",
         t::REFERRING_PHYSICIAN_NAME
         | t::OPERATORS_NAME
         | t::PATIENT_NAME
@@ -91,7 +102,19 @@ pub(super) fn representation(tag: Tag) -> &'static [u8; 2] {
         | t::CONTOUR_SEQUENCE
         | t::RT_ROI_OBSERVATIONS_SEQUENCE
         | t::SHARED_FUNCTIONAL_GROUPS_SEQUENCE
-        | t::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE => b"SQ",
+        | t::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE
+        | t::REFERENCED_PERFORMED_PROCEDURE_STEP_SEQUENCE
+        | t::REFERENCED_SOP_SEQUENCE
+        | t::MEASUREMENT_UNITS_CODE_SEQUENCE
+        | t::CONCEPT_NAME_CODE_SEQUENCE
+        | t::CONCEPT_CODE_SEQUENCE
+        | t::MEASURED_VALUE_SEQUENCE
+        | t::PERFORMED_PROCEDURE_CODE_SEQUENCE
+        | t::CURRENT_REQUESTED_PROCEDURE_EVIDENCE_SEQUENCE
+        | t::PERTINENT_OTHER_EVIDENCE_SEQUENCE
+        | t::CONTENT_TEMPLATE_SEQUENCE
+        | t::CONTENT_SEQUENCE
+        | t::SOURCE_INSTANCE_SEQUENCE => b"SQ",
         t::STUDY_TIME | t::CONTENT_TIME | t::STRUCTURE_SET_TIME => b"TM",
         t::MEDIA_STORAGE_SOP_CLASS_UID
         | t::MEDIA_STORAGE_SOP_INSTANCE_UID
@@ -105,8 +128,9 @@ pub(super) fn representation(tag: Tag) -> &'static [u8; 2] {
         | t::SERIES_INSTANCE_UID
         | t::FRAME_OF_REFERENCE_UID
         | t::DIMENSION_ORGANIZATION_UID
-        | t::REFERENCED_FRAME_OF_REFERENCE_UID => b"UI",
-        t::META_GROUP_LENGTH | t::DIMENSION_INDEX_VALUES => b"UL",
+        | t::REFERENCED_FRAME_OF_REFERENCE_UID
+        | t::UID => b"UI",
+        t::META_GROUP_LENGTH | t::DIMENSION_INDEX_VALUES | t::ENCAPSULATED_DOCUMENT_LENGTH => b"UL",
         t::SAMPLES_PER_PIXEL
         | t::ROWS
         | t::COLUMNS
@@ -117,6 +141,10 @@ pub(super) fn representation(tag: Tag) -> &'static [u8; 2] {
         | t::SEGMENT_NUMBER
         | t::REFERENCED_SEGMENT_NUMBER
         | t::RECOMMENDED_DISPLAY_CIELAB_VALUE => b"US",
+        t::ACQUISITION_DATE_TIME => b"DT",
+        t::FLOATING_POINT_VALUE => b"FD",
+        t::DOCUMENT_TITLE => b"ST",
+        t::TEXT_VALUE => b"UT",
         _ => b"UN",
     }
 }

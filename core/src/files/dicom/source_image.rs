@@ -27,6 +27,13 @@ pub struct SourceImage {
     pub(super) volumes: Vec<SourceVolume>,
 }
 
+impl SourceImage {
+    /// Its Series Instance UID.
+    pub fn series(&self) -> &str {
+        &self.series
+    }
+}
+
 /// A volume of a series.
 #[derive(Clone, Debug)]
 pub(super) struct SourceVolume {

@@ -18,7 +18,7 @@ const DECIMAL_BYTES: usize = 16;
 const SHORT_BYTES: usize = 0xfffe;
 
 /// Representations whose length is stated in 32 bits.
-const LONG: [&[u8; 2]; 3] = [b"OB", b"SQ", b"UN"];
+const LONG: [&[u8; 2]; 4] = [b"OB", b"SQ", b"UN", b"UT"];
 
 /// Elements of a file or of an item, each encoded.
 #[derive(Clone, Debug, Default)]
@@ -50,6 +50,11 @@ impl Elements {
     /// 32-bit numbers (UL).
     pub fn u32s(&mut self, tag: Tag, values: &[u32]) {
         self.put(tag, values.iter().flat_map(|value| value.to_le_bytes()).collect());
+    }
+
+    /// A number of 64 bits (FD).
+    pub fn double(&mut self, tag: Tag, value: f64) {
+        self.put(tag, value.to_le_bytes().to_vec());
     }
 
     /// The tag of another attribute (AT).
@@ -98,6 +103,11 @@ impl Elements {
         self.item(tag, item);
     }
 
+    /// Takes over the elements of another.
+    pub fn merge(&mut self, other: Self) {
+        self.0.extend(other.0);
+    }
+
     fn put(&mut self, tag: Tag, mut value: Vec<u8>) {
         let mut representation = representation(tag);
         if value.len() % 2 == 1 {
@@ -132,7 +142,8 @@ impl Elements {
         self.0.insert(tag, out);
     }
 
-    fn encoded(&self) -> Vec<u8> {
+    /// The elements without a file around them.
+    pub fn encoded(&self) -> Vec<u8> {
         self.0.values().flatten().copied().collect()
     }
 

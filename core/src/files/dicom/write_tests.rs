@@ -19,7 +19,7 @@ fn grid(dims: [usize; 3], matrix3: DMat3) -> Grid {
 }
 
 /// A grid of oblique, sheared or straight slices; right-handed, so that slices keep their order.
-fn grid_of(kind: usize, dims: [usize; 3]) -> Grid {
+pub(super) fn grid_of(kind: usize, dims: [usize; 3]) -> Grid {
     let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 2.0));
     let size = DMat3::from_diagonal(DVec3::new(0.7, 1.3, 2.9));
     let mut sheared = size;
@@ -29,7 +29,7 @@ fn grid_of(kind: usize, dims: [usize; 3]) -> Grid {
 }
 
 /// Writes an image of these slices, with `text` in its attributes.
-fn image(folder: &Path, grid: &Grid, text: &str) {
+pub(super) fn image(folder: &Path, grid: &Grid, text: &str) {
     let lps = |v: DVec3| DVec3::new(-v.x, -v.y, v.z);
     let matrix = grid.world_from_voxel().matrix3;
     let normal = matrix.x_axis.cross(matrix.y_axis);
@@ -316,7 +316,7 @@ fn the_same_inputs_give_the_same_bytes() {
     assert_eq!(overlap(&[all[0], all[0]]), "YES");
 }
 
-fn contains(bytes: &[u8], text: &str) -> bool {
+pub(super) fn contains(bytes: &[u8], text: &str) -> bool {
     bytes.windows(text.len()).any(|part| part == text.as_bytes())
 }
 

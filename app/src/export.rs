@@ -11,8 +11,8 @@ use glioscope_core::{
     case::{Aligned, Case, CaseSpec, TimePoint},
     export::{self, MeshError, NamedMask, NamedMesh, Provenance, SurfaceKind},
     files::{
-        self, FileMark, Inputs, Part, ReadOptions, Source, WriteOptions,
-        dicom::{self, SegmentToWrite, WriteTo},
+        self, FileError, FileMark, Inputs, Part, ReadOptions, Source, WriteOptions,
+        dicom::{self, SegmentToWrite, SourceImage, WriteTo},
         is_misleading,
     },
     with_samples,
@@ -367,13 +367,11 @@ impl Export<'_> {
     /// the first.
     fn dicom_image(&self) -> Result<Option<(&str, &Source)>, AppError> {
         let is_of_time = |time: &Option<String>| time.as_deref().unwrap_or_default() == self.time_point.label;
-        let is_dicom =
-            |source: &Source| source.path().is_some_and(|path| path.is_dir() || dicom::is_dicom(path));
         let images: Vec<(&str, &Source)> = self
             .spec
             .contexts
             .iter()
-            .filter(|image| is_of_time(&image.time) && is_dicom(&image.source))
+            .filter(|image| is_of_time(&image.time) && dicom_path(&image.source).is_some())
             .map(|image| (image.id.as_str(), &image.source))
             .collect();
         if let Some(id) = &self.image {
@@ -410,15 +408,7 @@ impl Export<'_> {
         }
         self.refuse(out)?;
         let named = self.dicom_image()?;
-        let source = named.map(|(_, source)| source);
-        let image = source.zip(source.and_then(Source::path)).map(|(source, path)| {
-            let series = match source {
-                Source::Part(Part { series, .. }) => series.as_deref(),
-                _ => None,
-            };
-            dicom::source_image(path, series, progress)
-        });
-        let image = image.transpose()?;
+        let image = named.map(|(_, source)| dicom_image(source, progress)).transpose()?.flatten();
         if image.is_none() {
             let note = "no DICOM image of the case: the masks are of a new study of nobody";
             written.notes.push(note.to_owned());
@@ -451,6 +441,23 @@ impl Export<'_> {
         written.files.push(self.line(out));
         Ok(())
     }
+}
+
+/// The file or folder of a source, if it is DICOM.
+fn dicom_path(source: &Source) -> Option<&Path> {
+    source.path().filter(|path| path.is_dir() || dicom::is_dicom(path))
+}
+
+/// The DICOM image that a source is; `None` for another format.
+///
+/// # Errors
+/// As [`dicom::source_image`].
+pub fn dicom_image(source: &Source, progress: &Progress) -> Result<Option<SourceImage>, FileError> {
+    let series = match source {
+        Source::Part(Part { series, .. }) => series.as_deref(),
+        _ => None,
+    };
+    dicom_path(source).map(|path| dicom::source_image(path, series, progress)).transpose()
 }
 
 /// A name for a file: letters, digits and a few signs, which every system allows; never empty, never a path.

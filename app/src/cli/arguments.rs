@@ -140,7 +140,7 @@ pub struct ReportArguments {
     /// The case; default: the embedded sample.
     #[command(flatten)]
     pub case: CaseArguments,
-    /// The file (.html, .pdf, .md) or the folder.
+    /// The file (.html, .pdf, .md; as DICOM: .dcm holds the PDF, .sr.dcm the measurements) or the folder.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub out: PathBuf,
     /// How much of the patient's identity a file has; without it none.

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use glioscope_core::{case::Case, response::Evaluated};
+use glioscope_core::{Progress, case::Case, response::Evaluated};
 
 use super::{
     arguments::ReportArguments,
@@ -17,14 +17,14 @@ use crate::{
     error::AppError,
     model::{Document, LesionSetting},
     output,
-    report::{self, Anonymous, Form, Identity, Options, Report, ResponseRecipe, sha256},
+    report::{self, Anonymous, FileKind, Filing, Form, Identity, Options, Report, ResponseRecipe, sha256},
     window::report as made,
     world::load::ReadCase,
 };
 
 pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
     let ReportArguments { case, out, identity, language, response, force, software } = arguments;
-    let Some(form) = Form::of(out) else {
+    let Some(kind) = FileKind::of(out) else {
         let options = [
             ("identity", identity.is_some()),
             ("language", language.is_some()),
@@ -32,21 +32,50 @@ pub(super) fn run(arguments: &ReportArguments) -> Result<(), AppError> {
             ("history", response.history.is_some()),
         ];
         if let Some((option, _)) = options.into_iter().find(|(_, given)| *given) {
-            return Err(AppError::option(option, "a folder", "a file: --out FILE.html, FILE.pdf or FILE.md"));
+            return Err(AppError::option(option, "a folder", format!("a file: {}", FileKind::ENDINGS)));
         }
         if out.extension().is_some() && !out.is_dir() {
-            return Err(AppError::file(out, "a file of another kind", ".html, .pdf, .md, or a folder"));
+            let expected = format!("{}, or a folder", FileKind::ENDINGS);
+            return Err(AppError::file(out, "a file of another kind", expected));
         }
         return report_folder::run(case, out, *force, *software);
     };
+    let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
+    kind.check_language(options.language)?;
     let asked = Asked::of(response)?;
+    if asked.is_some() && kind == FileKind::Structured {
+        let expected = ".html, .pdf, .md or .dcm: a structured report has measurements alone";
+        return Err(AppError::file(out, "a structured report with a response by criteria", expected));
+    }
     let read = case.read(true)?;
     let inputs = [&case.path, &response.history].into_iter().flatten();
     let inputs = inputs.fold(read.case.inputs.clone(), |inputs, path| inputs.with(path.clone()));
     output::refuse(out, &inputs, *force)?;
-    let options = Options { identity: identity.unwrap_or_default(), language: language.unwrap_or_default() };
-    let report = make(read, (options, form), asked, *software)?;
-    let bytes = report::write(&report, form, options.language)?;
+    let (opened, spec) = (read.case.clone(), read.spec.clone());
+    let filing = || -> Result<Filing, AppError> {
+        let of = |progress: &Progress| Filing::of(&opened, &spec, options.identity, progress);
+        let filing = terminal::with_progress(of)?;
+        filing.notes.iter().for_each(|note| terminal::assumed(note));
+        Ok(filing)
+    };
+    let pages = |read: ReadCase, form: Form| -> Result<(Vec<u8>, String), AppError> {
+        let report = make(read, (options, form), asked, *software)?;
+        Ok((report::write(&report, form, options.language)?, report.title))
+    };
+    let bytes = match kind {
+        FileKind::Pages(form) => pages(read, form)?.0,
+        FileKind::EncapsulatedPdf => {
+            let filing = filing()?;
+            let (pdf, title) = pages(read, Form::Pdf)?;
+            filing.encapsulated(&pdf, &title)?
+        }
+        FileKind::Structured => {
+            let (filing, shown) = (filing()?, shown(read, options)?);
+            terminal::with_progress(|progress| {
+                report::structured(&shown.case, &shown.doc, &filing, progress)
+            })?
+        }
+    };
     output::write(out, &inputs, &bytes)?;
     terminal::print(&format!("report written to {}", out.display()))
 }
@@ -128,12 +157,17 @@ pub(super) fn make(
     asked: Option<Asked>,
     software: bool,
 ) -> Result<Report, AppError> {
+    let Anonymous { case, doc, names } = shown(read, options.0)?;
+    of_anonymous(&case, &doc, options, asked.map(|asked| asked.renamed(&names)).as_ref(), software)
+}
+
+/// A case and its document as its report may show them.
+fn shown(read: ReadCase, options: Options) -> Result<Anonymous, AppError> {
     let work = Workstation::with_opened(read.into());
     let (Some(case), Some(doc)) = (work.world.case(), work.doc) else {
         return Err(AppError::arguments("no case", "a path, --mask and --context, or --sample"));
     };
-    let Anonymous { case, doc, names } = report::anonymous(case, doc, options.0)?;
-    of_anonymous(&case, &doc, options, asked.map(|asked| asked.renamed(&names)).as_ref(), software)
+    report::anonymous(case, doc, options)
 }
 
 /// The report of a case and document that have no more of the identity than it may show.

@@ -6,6 +6,7 @@
 mod anonymous;
 mod content;
 mod document;
+mod filed;
 mod html;
 mod identity;
 mod markdown;
@@ -29,6 +30,7 @@ use glioscope_render::flat::Convention;
 
 pub use anonymous::{Anonymous, anonymous, anonymous_case};
 pub use document::Report;
+pub use filed::{FileKind, Filing};
 pub use html::recipe_in;
 pub use identity::Identity;
 pub use recipe::{Recipe, ResponseRecipe, sha256};
@@ -85,7 +87,7 @@ pub enum Form {
 
 impl Form {
     /// The form that a file's ending means.
-    pub fn of(path: &std::path::Path) -> Option<Self> {
+    fn of(path: &std::path::Path) -> Option<Self> {
         let ending = path.extension()?.to_str()?.to_lowercase();
         match ending.as_str() {
             "html" | "htm" => Some(Self::Html),
@@ -176,6 +178,19 @@ pub fn make(
     let title =
         if is_named { words.with("title-of", &[("case", case.name.clone())]) } else { words.get("title") };
     Ok(Report { language: words.get("language-code"), title, blocks, recipe })
+}
+
+/// The measurements of a case and document, both as [`anonymous`] gives them, as a DICOM structured report.
+///
+/// # Errors
+/// [`AppError`] for a case without masks; cancelled.
+pub fn structured(
+    case: &Case,
+    doc: &Document,
+    filing: &Filing,
+    progress: &Progress,
+) -> Result<Vec<u8>, AppError> {
+    filing.structured(case, doc, lesions(case, doc, progress)?.as_ref())
 }
 
 /// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.

@@ -89,7 +89,7 @@ impl Purpose {
             Self::Manifest if !ends_in(&path, "toml") => with(path, "toml"),
             Self::Picture(_) if !ends_in(&path, "png") => with(path, "png"),
             Self::Masks(_) if Format::of(&path).is_none() => with(path, "seg.nrrd"),
-            Self::Report(_) if report::Form::of(&path).is_none() => with(path, "html"),
+            Self::Report(_) if report::FileKind::of(&path).is_none() => with(path, "html"),
             Self::Measurements(format) | Self::Rulers(format) => format.with_extension(path),
             _ => path,
         }

@@ -3,7 +3,12 @@
 use std::{path::Path, sync::Arc};
 
 use egui::{Button, Grid, Ui};
-use glioscope_core::{Progress, case::Case, files::Inputs, response::Evaluated};
+use glioscope_core::{
+    Progress,
+    case::{Case, LoadOptions},
+    files::Inputs,
+    response::Evaluated,
+};
 use glioscope_render::Gpu;
 
 use super::{
@@ -16,9 +21,9 @@ use crate::{
     error::AppError,
     model::{Document, document::MOST_CAPTION},
     output,
-    report::{self, Form, Identity, Report, ResponseRecipe},
+    report::{self, FileKind, Filing, Form, Identity, Report, ResponseRecipe},
     words::Language,
-    world::{Loaded, World},
+    world::{Loaded, World, load},
 };
 
 const WIDTH_POINTS: f32 = 420.0;
@@ -143,14 +148,38 @@ pub fn write(
     path: &Path,
     progress: &Progress,
 ) -> Result<String, AppError> {
-    let form = Form::of(path).ok_or_else(|| AppError::file(path, "another ending", ".html, .pdf or .md"))?;
+    let kind = FileKind::of(path).ok_or_else(|| AppError::file(path, "another ending", FileKind::ENDINGS))?;
     // Before seconds of drawing.
     inputs.refuse_as_output(path)?;
+    kind.check_language(options.language)?;
     let no_case = || AppError::file(path, "no case", "an open one");
-    let shown = report::anonymous(world.case().ok_or_else(no_case)?, doc, options)?;
-    let report = of_anonymous(&shown.case, &shown.doc, (options, form), None, gpu, progress)?;
-    output::write(path, inputs, &report::write(&report, form, options.language)?)?;
-    Ok(format!("Report written to {}", path.display()))
+    let case = world.case().ok_or_else(no_case)?;
+    let source = doc.case.clone();
+    // Files are read again for it, as only DICOM names them.
+    let filing = || -> Result<Filing, AppError> {
+        let spec = load::spec_of(&source, &LoadOptions::default(), progress)?;
+        Filing::of(case, &spec, options.identity, progress)
+    };
+    let shown = report::anonymous(case, doc, options)?;
+    let pages = |form: Form| -> Result<(Vec<u8>, String), AppError> {
+        let report = of_anonymous(&shown.case, &shown.doc, (options, form), None, gpu, progress)?;
+        Ok((report::write(&report, form, options.language)?, report.title))
+    };
+    let (bytes, notes) = match kind {
+        FileKind::Pages(form) => (pages(form)?.0, Vec::new()),
+        FileKind::EncapsulatedPdf => {
+            let filing = filing()?;
+            let (pdf, title) = pages(Form::Pdf)?;
+            (filing.encapsulated(&pdf, &title)?, filing.notes)
+        }
+        FileKind::Structured => {
+            let filing = filing()?;
+            (report::structured(&shown.case, &shown.doc, &filing, progress)?, filing.notes)
+        }
+    };
+    output::write(path, inputs, &bytes)?;
+    let notes = if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) };
+    Ok(format!("Report written to {}{notes}", path.display()))
 }
 
 /// The report of a case and document that have no more of the identity than it may show; `response` as in [`report::make`].

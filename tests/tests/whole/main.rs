@@ -21,6 +21,7 @@ mod made_masks;
 mod monkey;
 mod real_views;
 mod real_window;
+mod report_dicom;
 mod report_file;
 mod reported;
 mod schema_outputs;

@@ -171,7 +171,7 @@ fn a_report_never_replaces_a_file_unasked_nor_an_input() {
     assert_eq!(std::fs::read_to_string(&out).unwrap(), "another report");
     report(&["--mask", &mask, "--force"], &out);
     for (name, expected) in
-        [("x.pdfx", ".html, .pdf, .md, or a folder"), ("x.txt", ".html, .pdf, .md, or a folder")]
+        [("x.pdfx", ".html, .pdf, .md, .dcm, .sr.dcm, or a folder"), ("x.txt", ".sr.dcm, or a folder")]
     {
         let line =
             refusal(&["report", "--mask", &mask, "--software", "--out", text(&folder.path().join(name))]);

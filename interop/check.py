@@ -1,10 +1,13 @@
 """Glioscope beside pydicom, highdicom and SimpleITK, in both directions: what they write is read here with the same voxels in
 the same place, and what is exported here is read by them.
 
-Usage: check.py PROGRAM. Everything is made in a temporary folder; nothing is downloaded.
+Usage: check.py PROGRAM [ROOT]. ROOT: where Debian's packages dcmtk and dicom3tools are unpacked, whose dsrdump and dciodvfy
+read the reports, too. Everything is made in a temporary folder; nothing is downloaded.
 """
 
 import json
+import os
+import platform
 import subprocess
 import sys
 import tempfile
@@ -15,12 +18,14 @@ import numpy as np
 import pydicom
 import SimpleITK as sitk
 from pydicom.dataset import Dataset, FileMetaDataset
+from pydicom.sr._concepts_dict import concepts
 from pydicom.sr.codedict import codes
 from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
 
 ROWS, COLUMNS, SLICES = 31, 23, 9
 SPACING_MM = (1.25, 0.8, 3.0)  # rows, columns, slices
 PROGRAM = sys.argv[1]
+ROOT = Path(sys.argv[2]) if len(sys.argv) > 2 else None
 checks = 0
 
 
@@ -174,6 +179,148 @@ def to_others(folder, study, images, masks):
                 sys.exit(f"{kind}, {name}: centroid {place}, expected {centroid_lps(images, mask)}")
 
 
+# Codes that pydicom's tables don't have: the language, a date's label, a unit, and our own.
+OTHER_CODES = {("en", "RFC5646"), ("C2348792", "UMLS"), ("ml", "UCUM"), ("PERP_PRODUCT", "99GLIOSCOPE")}
+
+
+def check_codes(item):
+    """Every code of a report has the meaning that pydicom's tables of the standard give it."""
+    global checks
+    if "CodeValue" in item:
+        code = (item.CodeValue, item.CodingSchemeDesignator)
+        if code not in OTHER_CODES:
+            known = [of[item.CodeValue][0] for of in concepts[item.CodingSchemeDesignator].values() if item.CodeValue in of]
+            if item.CodeMeaning.lower() not in [meaning.lower() for meaning in known]:
+                sys.exit(f"{code} means {known}, and not {item.CodeMeaning}")
+            checks += 1
+    for element in item:
+        if element.VR == "SQ":
+            for inner in element.value:
+                check_codes(inner)
+
+
+# What dcmtk 3.6.7 says of any object in UTF-8: of itself, not of the object.
+OF_DCMTK = "W: The VR checker does not support this Specific Character Set: ISO_IR 192"
+
+
+def by_other_program(tool, path):
+    """Findings of dcmtk's or dicom3tools' reading of a file; None where the program isn't there."""
+    program = ROOT / "usr" / "bin" / tool if ROOT else None
+    if not program or not program.exists():
+        print(f"interop: {tool} isn't there; its reading of {path.name} is SKIPPED")
+        return None
+    libraries = f"{ROOT}/usr/lib/{platform.machine()}-linux-gnu"
+    environment = {"LD_LIBRARY_PATH": libraries, "DCMDICTPATH": f"{ROOT}/usr/share/libdcmtk17/dicom.dic"}
+    run = subprocess.run([program, path], capture_output=True, text=True, errors="replace", env={**os.environ, **environment})
+    if tool == "dsrdump" and (run.returncode != 0 or "Imaging Measurement Report" not in run.stdout):
+        sys.exit(f"dsrdump can't read {path.name}: {run.stderr}")
+    marks = ["W:", "E:", "F:"] if tool == "dsrdump" else ["Error"]
+    lines = (run.stderr + run.stdout).splitlines()
+    return [line for line in lines if line.startswith(tuple(marks)) and line != OF_DCMTK]
+
+
+def no_findings(tool, path):
+    global checks
+    found = by_other_program(tool, path)
+    if found:
+        sys.exit(f"{tool} of {path.name}: " + "; ".join(found))
+    checks += found is not None
+
+
+def numbers_of(group):
+    found = {measurement.name.value: measurement for measurement in group.get_measurements()}
+    # The number of the date, which isn't measured.
+    found.pop("126073", None)
+    return {code: (measurement.value, measurement.unit.value) for code, measurement in found.items()}
+
+
+def check_groups(groups, expected):
+    """Groups against the numbers of `measure --json` and `lesions --json`, by their names."""
+    names = [group.tracking_identifier for group in groups]
+    if names != list(expected):
+        sys.exit(f"the structured report has {names}, expected {list(expected)}")
+    for group, (name, values) in zip(groups, expected.items()):
+        found = numbers_of(group)
+        if {code: unit for code, (_, unit) in found.items()} != {code: unit for code, (_, unit) in values.items()}:
+            sys.exit(f"{name}: found {found}, expected {values}")
+        for code, (value, _) in values.items():
+            same(f"structured report, {name}, {code}", found[code][0], value)
+
+
+def measured(study):
+    masks = {mask["id"]: {"118565006": (mask["native_volume_ml"], "ml")} for mask in measure(study)}
+    found = json.loads(glioscope("lesions", study, "--json"))
+    lesions = {}
+    for lesion in found["lesions"]:
+        (date,) = lesion["dates"]
+        if not lesion["small"]:
+            lesions[f"{found['of']}: lesion {lesion['id']}"] = {
+                "118565006": (date["volume_ml"], "ml"),
+                "103339001": (date["d1_mm"], "mm"),
+                "131189007": (date["d2_mm"], "mm"),
+                "PERP_PRODUCT": (date["product_mm2"], "mm2"),
+            }
+    if not lesions:
+        sys.exit("no lesion to compare")
+    return masks, lesions
+
+
+def reports(folder, study, images):
+    """Reports as DICOM: highdicom, pydicom, dcmtk and dicom3tools read what `measure`, `lesions` and the PDF say."""
+    masks, lesions = measured(study)
+    seg = pydicom.dcmread(study / "sub" / "seg", stop_before_pixels=True)
+    path = folder / "full.sr.dcm"
+    glioscope("report", study, "--identity", "full", "--out", path)
+    report = hd.sr.srread(path)
+    check_groups(report.content.get_volumetric_roi_measurement_groups(), masks)
+    check_groups(report.content.get_image_measurement_groups(), lesions)
+    for number, group in enumerate(report.content.get_volumetric_roi_measurement_groups(), 1):
+        same(f"segment of {group.tracking_identifier}", group.referenced_segment.referenced_segment_numbers, [number])
+        if group.referenced_segment.referenced_sop_instance_uid != seg.SOPInstanceUID:
+            sys.exit("the structured report refers to another segmentation")
+    by_uid = report.content.get_volumetric_roi_measurement_groups(referenced_sop_instance_uid=seg.SOPInstanceUID)
+    same("groups found by the segmentation's UID", len(by_uid), len(masks))
+    (observer,) = report.content.get_observer_contexts()
+    if observer.observer_identifying_attributes.name != "Glioscope":
+        sys.exit(f"the observer is {observer}")
+    instances = {image.SOPInstanceUID for image in images} | {seg.SOPInstanceUID}
+    if {instance for _, _, instance, _ in report.get_evidence()} != instances:
+        sys.exit("the evidence isn't the image's files and the segmentation")
+    plain = folder / "plain.sr.dcm"
+    glioscope("report", "--mask", f"m={folder / 'core.nii.gz'}", "--out", plain)
+    (mask, lesion) = hd.sr.srread(plain).content.get_image_measurement_groups()
+    same("a mask without a segmentation", numbers_of(mask)["118565006"][0], measure("--mask", f"m={folder / 'core.nii.gz'}")[0]["native_volume_ml"])
+    none = folder / "none.sr.dcm"
+    glioscope("report", study, "--out", none)
+    check_groups(hd.sr.srread(none).content.get_image_measurement_groups(), {**masks, **lesions})
+
+    pages = {}
+    for identity in ["full", "none"]:
+        pages[identity] = folder / f"{identity}.dcm"
+        glioscope("report", study, "--software", "--identity", identity, "--out", pages[identity])
+        glioscope("report", study, "--software", "--identity", identity, "--out", folder / f"{identity}.pdf")
+        document = pydicom.dcmread(pages[identity])
+        if document.EncapsulatedDocument[: document.EncapsulatedDocumentLength] != (folder / f"{identity}.pdf").read_bytes():
+            sys.exit(f"the encapsulated PDF ({identity}) isn't the PDF")
+    for path in [folder / "full.sr.dcm", pages["full"]]:
+        found = pydicom.dcmread(path)
+        if (found.PatientID, found.StudyInstanceUID) != (images[0].PatientID, images[0].StudyInstanceUID):
+            sys.exit(f"{path.name} is not of the image's patient and study")
+    if pydicom.dcmread(none).StudyInstanceUID != pydicom.dcmread(pages["none"]).StudyInstanceUID:
+        sys.exit("reports of one case without identity are of two studies")
+    uids = [images[0].StudyInstanceUID, images[0].SeriesInstanceUID, *instances]
+    for path in [none, pages["none"]]:
+        written = path.read_bytes()
+        if any(word in written for word in [b"Canary", b"IOP-7", b"19500101", *(str(uid).encode() for uid in uids)]):
+            sys.exit(f"{path.name} names the patient")
+    for path in [folder / "full.sr.dcm", plain, none]:
+        check_codes(pydicom.dcmread(path))
+        no_findings("dsrdump", path)
+        no_findings("dciodvfy", path)
+    for path in pages.values():
+        no_findings("dciodvfy", path)
+
+
 def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -181,7 +328,8 @@ def main():
         images, masks = series(folder / "study"), overlapping_masks()
         study = from_others(folder, images, masks)
         to_others(folder, study, images, masks)
-    print(f"interop: {checks} comparisons with highdicom {hd.__version__}, pydicom and SimpleITK are equal")
+        reports(folder, study, images)
+    print(f"interop: {checks} comparisons with highdicom {hd.__version__}, pydicom, SimpleITK and what else is there are equal")
 
 
 if __name__ == "__main__":

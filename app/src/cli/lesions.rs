@@ -22,6 +22,9 @@ use crate::{
     world::load::ReadCase,
 };
 
+/// Edits without an effect that are named; others are counted.
+const MOST_LOST: usize = 5;
+
 /// How diameters are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Diameters {
@@ -96,6 +99,12 @@ pub struct LesionArguments {
     /// Which components are lesions, and how they are measured.
     #[command(flatten)]
     pub options: LesionOptions,
+    /// Also the values of this image in each lesion: mean, most, peak in 1 ml, mean times volume.
+    #[arg(long, value_name = "ID")]
+    pub image: Option<String>,
+    /// Also how the surface of each lesion moved since the date before.
+    #[arg(long)]
+    pub surface: bool,
     /// As JSON: see docs/lesions.md.
     #[arg(long)]
     pub json: bool,
@@ -111,7 +120,8 @@ pub(super) fn run(arguments: &LesionArguments) -> Result<(), AppError> {
     let ReadCase { case, document, .. } = arguments.case.read(false)?;
     arguments.csv.iter().try_for_each(|path| output::refuse(path, &case.inputs, arguments.force))?;
     let setting = document.map(|document| document.edit.lesions).unwrap_or_default();
-    let report = found(&case, &arguments.options, &arguments.options.of, &setting)?;
+    let beside = (arguments.image.as_deref(), arguments.surface);
+    let report = found(&case, (&arguments.options, beside), &arguments.options.of, &setting)?;
     if let Some(path) = &arguments.csv {
         output::write(path, &case.inputs, &lesions::csv(&report))?;
     }
@@ -121,16 +131,22 @@ pub(super) fn run(arguments: &LesionArguments) -> Result<(), AppError> {
 /// The lesions of the masks `of`, with the setting and the edits of the case's session; says what is uncertain.
 pub(super) fn found(
     case: &Case,
-    options: &LesionOptions,
+    (options, (image, surface)): (&LesionOptions, (Option<&str>, bool)),
     of: &[String],
     setting: &LesionSetting,
 ) -> Result<LesionsReport, AppError> {
-    let options = options.of_case(case, of, setting);
+    let image = image.map(str::to_owned);
+    let options = Options { image, surface, ..options.of_case(case, of, setting) };
     let edits = setting.edits_of(&options.of.name());
     let report = terminal::with_progress(|progress| lesions::report(case, &options, &edits, progress))?;
-    for lost in &report.edits_not_applied {
-        let text = format!("edit {} of the session has no effect: {}", lost.number + 1, lost.reason);
+    for lost in report.edits_not_applied.iter().take(MOST_LOST) {
+        let reason: String = lost.reason.chars().take(300).collect();
+        let text = format!("edit {} of the session has no effect: {reason}", lost.number + 1);
         terminal::warning("lesions-edit-lost", &text);
+    }
+    let more = report.edits_not_applied.len().saturating_sub(MOST_LOST);
+    if more > 0 {
+        terminal::warning("lesions-edit-lost", &format!("and {more} further edits have no effect"));
     }
     for warning in &report.warnings {
         terminal::warning("lesions", warning);
@@ -179,10 +195,20 @@ fn row(date: &LesionDate, has_dates: bool) -> String {
         return format!("  {time} not there  {events}").trim_end().to_owned();
     };
     let measurable = if date.measurable == Some(true) { "" } else { "  not measurable" };
+    let number = |value: Option<f64>| value.map_or_else(|| "unknown".to_owned(), format::four_digits);
+    let values = date.values.as_ref().map_or_else(String::new, |values| {
+        let [mean, max, peak] = [values.mean, values.max, values.peak].map(number);
+        format!("  {}: mean {mean}, most {max}, peak {peak}", values.image)
+    });
+    let moved = date.surface.as_ref().map_or_else(String::new, |surface| {
+        let mm = |value: Option<f64>| value.map_or_else(|| "0".to_owned(), |mm| format!("{mm:.1}"));
+        let [grew, receded] = [&surface.growth, &surface.recession].map(|lengths| mm(lengths.p95_mm));
+        format!("  grew up to {grew} mm, receded up to {receded} mm (95 %)")
+    });
     let parts =
         if date.parts.len() > 1 { format!("  in {} pieces", date.parts.len()) } else { String::new() };
     format!(
-        "  {time} {:>10}  {d1:5.1} × {d2:.1} mm  {product:7.0} mm²{measurable}{parts}  {events}",
+        "  {time} {:>10}  {d1:5.1} × {d2:.1} mm  {product:7.0} mm²{measurable}{parts}  {events}{values}{moved}",
         format::ml(ml)
     )
     .trim_end()

@@ -13,7 +13,10 @@ use super::{
 use crate::{
     error::AppError,
     model::{CaseRef, Session, made, session},
-    report::{Form, Identity, Options, Recipe, Report, ResponseRecipe, anonymous_case, recipe_in, write},
+    report::{
+        Form, Identity, Options, RECIPE_VERSION, Recipe, Report, ResponseRecipe, anonymous_case, recipe_in,
+        write,
+    },
     world::load::{self, ReadCase, Request},
 };
 
@@ -85,8 +88,13 @@ fn recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, AppError> {
     let expected = "a report that glioscope report wrote as HTML";
     let page = std::str::from_utf8(bytes).map_err(|_| AppError::file(path, "no text", expected))?;
     let json = recipe_in(page).ok_or_else(|| AppError::file(path, "no recipe", expected))?;
-    serde_json::from_str(json)
-        .map_err(|e| AppError::file(path, format!("a recipe that can't be read ({e})"), expected))
+    let recipe: Recipe = serde_json::from_str(json)
+        .map_err(|e| AppError::file(path, format!("a recipe that can't be read ({e})"), expected))?;
+    if recipe.glioscope_report != RECIPE_VERSION {
+        let found = format!("version {} of the recipe", recipe.glioscope_report);
+        return Err(AppError::file(path, found, format!("version {RECIPE_VERSION}")));
+    }
+    Ok(recipe)
 }
 
 /// The response that the report has. Its history stands in it only with the full identity.
@@ -156,6 +164,11 @@ fn differences(before: &Recipe, now: &Recipe) -> Vec<String> {
         before.inputs.iter().filter(|input| !now.inputs.iter().any(|n| n.sha256 == input.sha256)).count();
     let new =
         now.inputs.iter().filter(|input| !before.inputs.iter().any(|b| b.sha256 == input.sha256)).count();
+    let history =
+        |recipe: &Recipe| recipe.response.as_ref().and_then(|response| response.history_sha256.clone());
+    if history(before) != history(now) {
+        out.push("another history".to_owned());
+    }
     if gone + new > 0 {
         out.push(format!("{gone} input files of the report are not among those read, and {new} others are"));
     }

@@ -90,8 +90,11 @@ pub(super) struct Asked {
 impl Asked {
     fn of(options: &ResponseOptions) -> Result<Option<Self>, AppError> {
         let ResponseOptions { assessment, non_enhancing, lesions, .. } = options;
-        let of_response =
-            [assessment.is_some(), !non_enhancing.is_empty(), !lesions.of.is_empty()].contains(&true);
+        let of_lesions = !lesions.of.is_empty()
+            || lesions.smallest.is_some()
+            || lesions.within.is_some()
+            || lesions.diameters != Diameters::default();
+        let of_response = assessment.is_some() || !non_enhancing.is_empty() || of_lesions;
         if of_response && !options.is_asked() {
             return Err(AppError::arguments(
                 "options of a response without criteria",
@@ -181,8 +184,13 @@ pub(super) fn of_anonymous(
     let identity = options.0.identity;
     let hides_authors = identity != Identity::Full;
     let evaluate = |asked: &Asked| -> Result<(Evaluated, ResponseRecipe), AppError> {
-        let found =
-            evaluated((case, &doc.edit.lesions), &asked.options, asked.text.as_deref(), hides_authors)?;
+        let found = evaluated(
+            case,
+            (&doc.edit.lesions, &doc.edit.response),
+            &asked.options,
+            asked.text.as_deref(),
+            hides_authors,
+        )?;
         Ok((found, asked.recipe(identity, &doc.edit.lesions)))
     };
     let response = asked.map(evaluate).transpose()?;

@@ -22,8 +22,8 @@ use super::{
 };
 use crate::{
     error::AppError,
-    model::{LesionSetting, session},
-    world::{load::ReadCase, response::evaluate_now},
+    model::{LesionSetting, ResponseSetting, session},
+    world::load::ReadCase,
 };
 
 /// Maximum size of a history file.
@@ -90,46 +90,49 @@ pub(super) fn run(arguments: &ResponseArguments) -> Result<(), AppError> {
     let may_state = arguments.case.path.as_ref().is_some_and(|path| session::is_session(path));
     if is_asked || !may_state {
         // Before seconds of reading.
-        history(&arguments.options, text.as_deref())?;
+        history(&arguments.options, text.as_deref(), None)?;
     }
     let ReadCase { case, document, .. } = arguments.case.read(false)?;
-    let evaluated = match &document {
-        Some(document) if !is_asked => {
-            let own = terminal::with_progress(|progress| evaluate_now(&case, document, progress))?;
-            let own = own.ok_or_else(|| {
-                AppError::arguments("a session without criteria", "--criteria, or --history with a criterion")
-            })?;
-            warn_of(&own);
-            own
-        }
-        _ => {
-            let setting = document.map(|document| document.edit.lesions).unwrap_or_default();
-            evaluated((&case, &setting), &arguments.options, text.as_deref(), false)?
-        }
-    };
+    let (lesions, response) =
+        document.map(|document| (document.edit.lesions, document.edit.response)).unwrap_or_default();
+    if !is_asked && response.history.is_none() {
+        return Err(AppError::arguments(
+            "a session without criteria",
+            "--criteria, or --history with a criterion",
+        ));
+    }
+    let evaluated = evaluated(&case, (&lesions, &response), &arguments.options, text.as_deref(), false)?;
     if arguments.json {
         return terminal::print_json(&Answer { case: &case.name, evaluated: &evaluated });
     }
     terminal::print(&table(&case, &evaluated.response))
 }
 
-/// The response of a case, with the lesions of its session; `text` is the history's, whose authors aren't named where
-/// `hides_authors`.
+/// The response of a case, with the lesions and statements of its session; `text`: a history in their place, whose authors aren't
+/// named where `hides_authors`.
 pub(super) fn evaluated(
-    (case, setting): (&Case, &LesionSetting),
+    case: &Case,
+    (setting, own): (&LesionSetting, &ResponseSetting),
     options: &ResponseOptions,
     text: Option<&str>,
     hides_authors: bool,
 ) -> Result<Evaluated, AppError> {
-    let mut history = history(options, text)?;
+    let mut history = history(options, text, own.history.as_ref())?;
     if hides_authors {
         history = history.without_authors();
     }
-    let masks = [options.lesions.of.as_slice(), options.non_enhancing.as_slice()];
+    let mut other = options.non_enhancing.clone();
+    if other.is_empty() {
+        other.extend(own.other_mask(case).filter(|_| text.is_none()).cloned());
+    }
+    let masks = [options.lesions.of.as_slice(), other.as_slice()];
     let mut reports = Vec::new();
     for compartment in measured_compartments(&history, !masks[1].is_empty()) {
         let is_other = *compartment == Compartment::NonEnhancing && !masks[1].is_empty();
-        reports.push((*compartment, found(case, &options.lesions, masks[usize::from(is_other)], setting)?));
+        reports.push((
+            *compartment,
+            found(case, (&options.lesions, (None, false)), masks[usize::from(is_other)], setting)?,
+        ));
     }
     let reports: Vec<(Compartment, &LesionsReport)> =
         reports.iter().map(|(c, report)| (*c, report)).collect();
@@ -156,8 +159,24 @@ fn wrong(options: &ResponseOptions, error: HistoryError) -> AppError {
 }
 
 /// The history with the criteria that are asked for.
-fn history(options: &ResponseOptions, text: Option<&str>) -> Result<History, AppError> {
+fn history(
+    options: &ResponseOptions,
+    text: Option<&str>,
+    own: Option<&History>,
+) -> Result<History, AppError> {
     let ResponseOptions { criteria, assessment, .. } = options;
+    if let (None, Some(own)) = (text, own) {
+        let mut history = own.clone();
+        history.criterion = criteria.unwrap_or(history.criterion);
+        let is_rano_20 = history.criterion == Criterion::Rano20;
+        let stated = assessment.or(history.assessment);
+        history.assessment = match criteria {
+            Some(_) if is_rano_20 => Some(stated.unwrap_or(Assessment::Enhancing)),
+            Some(_) => *assessment,
+            None => stated,
+        };
+        return Ok(history);
+    }
     let Some(text) = text else {
         let criteria = criteria
             .ok_or_else(|| AppError::arguments("no criteria", "--criteria, or --history with a criterion"))?;

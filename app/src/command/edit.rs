@@ -100,7 +100,8 @@ pub enum EditCommand {
     ResetLayout,
     SetTask(Task),
     // Report.
-    KeepPicture(PaneId),
+    /// With its size on the screen, points.
+    KeepPicture(PaneId, [f32; 2]),
     SetPictures(Vec<KeyPicture>),
     // Registration.
     SetAlignments(Vec<Alignment>),
@@ -304,7 +305,7 @@ impl EditCommand {
             }
             Self::SetLayout(_) => Label::new("Arrange panes"),
             Self::ResetLayout => Label::new("Default layout"),
-            Self::KeepPicture(pane) => Label::new(format!("Keep {} for the report", pane.title())),
+            Self::KeepPicture(pane, _) => Label::new(format!("Keep {} for the report", pane.title())),
             Self::SetPictures(_) => Label::new("Pictures of the report"),
             Self::SetAlignments(_) => Label::new("Move dates and images"),
             Self::SetTask(task) => Label::new(format!("Layout: {}", task.name())).detail(task.detail()),
@@ -354,14 +355,14 @@ impl EditCommand {
     /// Applies the command to the document. [`Self::Undo`] and [`Self::Redo`] do nothing here: the history handles
     /// them.
     pub(super) fn apply(&self, doc: &mut Document, world: &World) {
-        if let Self::KeepPicture(pane) = self {
-            return doc.keep_picture(*pane);
+        if let Self::KeepPicture(pane, size_points) = self {
+            return doc.keep_picture(*pane, *size_points);
         }
         let Some(time_point) = world.time_point(doc) else { return };
         let regions = &time_point.regions;
         let Document { edit, nav, .. } = doc;
         match self {
-            Self::Undo | Self::Redo | Self::KeepPicture(_) => {}
+            Self::Undo | Self::Redo | Self::KeepPicture(..) => {}
             Self::SetPictures(pictures) => edit.pictures.clone_from(pictures),
             Self::ShowAllRegions => edit.selection = HiddenRegions::none(),
             Self::ToggleRegion(_)

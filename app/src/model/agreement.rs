@@ -8,6 +8,8 @@ use glioscope_core::measure::{
 };
 use serde::{Deserialize, Serialize};
 
+/// The most masks of what is compared.
+pub const MOST_COMPARED: usize = 64;
 /// Tolerances of the surface Dice, millimetres.
 pub const TOLERANCE_MM: RangeInclusive<f64> = 0.0..=1000.0;
 /// Percentiles of the robust Hausdorff distance.

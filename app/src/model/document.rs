@@ -78,6 +78,8 @@ pub struct KeyPicture {
     pub pane: PaneId,
     /// What the reader writes below it; empty: the report's own words.
     pub caption: String,
+    /// Its size on the screen, points.
+    pub size_points: [f32; 2],
     /// Where the views were.
     pub nav: Navigation,
     /// What was shown and how, without what holds for the whole case: see [`KeyPicture::document`].
@@ -86,19 +88,25 @@ pub struct KeyPicture {
 
 impl KeyPicture {
     /// The view as `doc` shows it now.
-    fn of(doc: &Document, pane: PaneId) -> Self {
-        let edit = Edit {
-            pictures: Vec::new(),
-            made: Vec::new(),
-            alignments: Vec::new(),
-            masks: MaskLooks::default(),
-            lesions: LesionSetting::default(),
-            response: ResponseSetting::default(),
-            layout: layout::single(pane),
-            maximized: None,
-            ..doc.edit.clone()
+    fn of(doc: &Document, pane: PaneId, size_points: [f32; 2]) -> Self {
+        let mut kept = Self {
+            pane,
+            caption: String::new(),
+            size_points,
+            nav: doc.nav.clone(),
+            edit: Box::new(doc.edit.clone()),
         };
-        Self { pane, caption: String::new(), nav: doc.nav.clone(), edit: Box::new(edit) }
+        kept.without_the_case();
+        kept
+    }
+
+    /// Drops what holds for the whole case, and isn't of the picture.
+    pub(super) fn without_the_case(&mut self) {
+        let edit = &mut *self.edit;
+        (edit.pictures, edit.made, edit.alignments) = (Vec::new(), Vec::new(), Vec::new());
+        (edit.masks, edit.lesions, edit.response) =
+            (MaskLooks::default(), LesionSetting::default(), ResponseSetting::default());
+        (edit.layout, edit.maximized) = (layout::single(self.pane), None);
     }
 
     /// `doc` as it is to be drawn: with what the picture kept, and the case's transforms, masks, lesions and names as they are
@@ -398,9 +406,9 @@ impl Document {
     }
 
     /// Keeps a view for the report.
-    pub fn keep_picture(&mut self, pane: PaneId) {
+    pub fn keep_picture(&mut self, pane: PaneId, size_points: [f32; 2]) {
         if self.edit.pictures.len() < MOST_PICTURES {
-            self.edit.pictures.push(KeyPicture::of(self, pane));
+            self.edit.pictures.push(KeyPicture::of(self, pane, size_points));
         }
     }
 

@@ -4,12 +4,19 @@ use std::collections::BTreeMap;
 
 use glioscope_core::{
     case::Case,
-    response::{Assessment, Criterion, History},
+    lesions::{Anchor, LesionReport, LesionsReport},
+    response::{Assessment, Criterion, History, name_of},
 };
 use serde::{Deserialize, Serialize};
 
+use crate::error::AppError;
+
+/// How far a component's place may move and still be it.
+const SAME_PLACE_MM: f64 = 3.0;
 /// The longest name of an author, characters.
 pub const MOST_AUTHOR: usize = 100;
+/// The most dates with answers of BT-RADS.
+pub const MOST_ANSWERED: usize = 1000;
 /// The most answers of BT-RADS that are kept.
 pub const MOST_ANSWERS: usize = 10_000;
 
@@ -22,6 +29,9 @@ pub struct ResponseSetting {
     pub non_enhancing: Option<String>,
     /// Who states it.
     pub author: String,
+    /// Where the lesions lie that are named as targets or as not: a letter may come to mean another lesion.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub named_at: BTreeMap<String, Anchor>,
     /// Answers to the questions of BT-RADS, by label of the date and key of the question.
     #[serde(default)]
     pub bt_rads: BTreeMap<String, BTreeMap<String, String>>,
@@ -41,6 +51,43 @@ impl ResponseSetting {
         }
     }
 
+    /// Remembers where the lesions lie that `history` names.
+    pub fn remember_targets(&mut self, report: &LesionsReport) {
+        let Some(history) = &self.history else { return };
+        let mut places = BTreeMap::new();
+        for name in history.targets.iter().flatten().chain(&history.non_targets) {
+            let of = report.lesions.iter().find(|l| l.name.as_ref() == Some(name) || l.id == *name);
+            let parts = of.into_iter().flat_map(|lesion| lesion.dates.iter().flat_map(|date| &date.parts));
+            if let Some(anchor) = parts.into_iter().find_map(|part| part.anchor.clone()) {
+                places.insert(name.clone(), anchor);
+            }
+        }
+        self.named_at = places;
+    }
+
+    /// Gives targets the names that the lesions at their places have now.
+    ///
+    /// # Errors
+    /// [`AppError`] where a target isn't there any more: it was ignored, or its mask changed.
+    pub fn follow_targets(&self, history: &mut History, report: &LesionsReport) -> Result<(), AppError> {
+        let names = history.targets.iter_mut().flatten().chain(&mut history.non_targets);
+        for name in names {
+            let Some(place) = self.named_at.get(name).filter(|place| place.of == report.of) else { continue };
+            let is_there = |lesion: &&LesionReport| {
+                let parts = lesion.dates.iter().flat_map(|date| &date.parts);
+                parts.filter_map(|part| part.anchor.as_ref()).any(|anchor| {
+                    anchor.time == place.time && anchor.at_mm.distance(place.at_mm) < SAME_PLACE_MM
+                })
+            };
+            let Some(lesion) = report.lesions.iter().find(is_there) else {
+                let found = format!("no lesion any more where {name} was");
+                return Err(AppError::wrong("targets of the response", found, "one: name the targets again"));
+            };
+            *name = name_of(lesion, &report.lesions).to_owned();
+        }
+        Ok(())
+    }
+
     /// The mask of non-enhancing disease, where `case` has it.
     pub fn other_mask(&self, case: &Case) -> Option<&String> {
         let has = |id: &&String| {
@@ -56,6 +103,23 @@ impl ResponseSetting {
         *history = std::mem::replace(history, History::new(history.criterion, None)).without_authors();
         for name in history.treatment.iter_mut().flatten().filter_map(|treatment| treatment.name.as_mut()) {
             *name = text(name);
+        }
+        let surgery = history.surgery.iter_mut().flat_map(|surgery| surgery.targets.iter_mut().flatten());
+        let measured = history.measurement.iter_mut().map(|measurement| &mut measurement.lesion);
+        let targets = history.targets.iter_mut().flatten().chain(&mut history.non_targets);
+        for name in targets.chain(surgery).chain(measured) {
+            *name = text(name);
+        }
+        self.named_at =
+            std::mem::take(&mut self.named_at).into_iter().map(|(name, at)| (text(&name), at)).collect();
+        let trial = &mut history.trial;
+        let days =
+            [&mut trial.confirm_response_days, &mut trial.confirm_progression_days, &mut trial.max_targets];
+        let numbers = [&mut trial.minor_response_volume_percent, &mut trial.progression_absolute_mm];
+        let sources = days.into_iter().flatten().map(|value| &mut value.source);
+        let sources = sources.chain(numbers.into_iter().flatten().map(|value| &mut value.source));
+        for source in sources.chain(trial.follow_2010.iter_mut().map(|value| &mut value.source)) {
+            *source = text(source);
         }
         let stated = &mut history.repeatability;
         for stated in [&mut stated.product, &mut stated.longest, &mut stated.volume].into_iter().flatten() {

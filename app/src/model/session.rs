@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    document::{CaseRef, Document},
+    document::{CaseRef, Document, KeyPicture},
     place::{Place, relative_to},
     session_limits::{self, unknown_keys},
     session_names,
@@ -215,7 +215,14 @@ impl Session {
     /// The session with other names of masks, images or dates: each value or key that equals an old name becomes the new one.
     #[must_use]
     pub fn renamed(mut self, names: &BTreeMap<String, String>) -> Self {
-        rename(&mut self.named, names);
+        each_text(&mut self.named, &|text| names.get(text).cloned().unwrap_or_else(|| text.to_owned()));
+        self
+    }
+
+    /// With every text of the document as `change` gives it, keys too.
+    #[must_use]
+    pub fn with_texts(mut self, change: &dyn Fn(&str) -> String) -> Self {
+        each_text(&mut self.named, change);
         self
     }
 
@@ -227,8 +234,9 @@ impl Session {
     pub fn restore(&self, case: &Case) -> Result<(Document, Vec<Check>), FileError> {
         let (value, dropped) = session_names::numbered(&self.named, case);
         let path = self.origin.as_ref().map_or(Path::new("session"), |origin| &origin.path);
-        let document = serde_json::from_value(value)
+        let mut document: Document = serde_json::from_value(value)
             .map_err(|e| wrong(path, &format!("a session that doesn't fit ({e})"), "a session file"))?;
+        document.edit.pictures.iter_mut().for_each(KeyPicture::without_the_case);
         let checks = (!dropped.is_empty()).then(|| {
             let text =
                 format!("Not restored from the session, as the case lacks it: {}.", dropped.join("; "));
@@ -238,18 +246,15 @@ impl Session {
     }
 }
 
-fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
+/// Replaces every text of `value`, keys too.
+fn each_text(value: &mut Value, change: &dyn Fn(&str) -> String) {
     match value {
-        Value::String(text) => {
-            if let Some(new) = names.get(text) {
-                text.clone_from(new);
-            }
-        }
-        Value::Array(all) => all.iter_mut().for_each(|one| rename(one, names)),
+        Value::String(text) => *text = change(text),
+        Value::Array(all) => all.iter_mut().for_each(|one| each_text(one, change)),
         Value::Object(map) => {
             let entries = std::mem::take(map).into_iter().map(|(key, mut one)| {
-                rename(&mut one, names);
-                (names.get(&key).cloned().unwrap_or(key), one)
+                each_text(&mut one, change);
+                (change(&key), one)
             });
             *map = entries.collect();
         }

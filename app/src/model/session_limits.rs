@@ -9,14 +9,14 @@ use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
 use super::{
-    agreement::{PERCENTILE, TOLERANCE_MM},
+    agreement::{MOST_COMPARED, PERCENTILE, TOLERANCE_MM},
     change::CHANGE_SCALE_MM,
     document::{CaseRef, Document, Edit, MOST_CAPTION, MOST_PICTURES, Navigation},
     lesions::{LesionSetting, MOST_LESION_EDITS, MOST_LESION_NAME, SMALLEST_ML, WITHIN_MM},
     light::Shading,
     made,
     pane::PaneId,
-    response::{MOST_ANSWERS, MOST_AUTHOR, ResponseSetting},
+    response::{MOST_ANSWERED, MOST_ANSWERS, MOST_AUTHOR, ResponseSetting},
     rulers::MOST_RULERS,
 };
 
@@ -97,6 +97,9 @@ pub(super) fn check(document: &Document, json: &Value) -> Checked {
     for picture in &document.edit.pictures {
         count("characters of a caption", picture.caption.chars().count(), MOST_CAPTION)?;
         count("pictures of a picture", picture.edit.pictures.len(), 0)?;
+        for side in picture.size_points {
+            number("picture size_points", side, &(1.0..=1e5))?;
+        }
         check_edit(&picture.edit)?;
         check_navigation(&picture.nav)?;
         check_layout(&picture.edit.layout)?;
@@ -155,6 +158,9 @@ fn check_edit(edit: &Edit) -> Checked {
     number("agreement tolerance_mm", edit.agreement.tolerance_mm, &TOLERANCE_MM)?;
     check_lesions(&edit.lesions)?;
     check_response(&edit.response)?;
+    for operand in edit.agreement.two.iter().flatten() {
+        count("agreement masks", operand.masks.len(), MOST_COMPARED)?;
+    }
     let change = &edit.change;
     change.full_mm.map_or(Ok(()), |mm| number("change full_mm", mm, &CHANGE_SCALE_MM))?;
     numbers("change", [change.smooth_mm, change.threshold_mm, change.registration_mm], &EXTENT_MM)
@@ -168,6 +174,9 @@ fn check_lesions(setting: &LesionSetting) -> Checked {
         edit.places_mm().into_iter().try_for_each(|mm| place("lesions edit", mm))?;
         if let lesions::Edit::Name { name, .. } = edit {
             count("characters of a lesion's name", name.chars().count(), MOST_LESION_NAME)?;
+            if name.chars().any(char::is_control) {
+                return fault("a lesion's name", format!("{name:?}"), "a text in one line");
+            }
         }
     }
     Ok(())
@@ -177,6 +186,14 @@ fn check_response(setting: &ResponseSetting) -> Checked {
     count("characters of the response's author", setting.author.chars().count(), MOST_AUTHOR)?;
     let answers = setting.bt_rads.values().map(std::collections::BTreeMap::len).sum();
     count("response bt_rads", answers, MOST_ANSWERS)?;
+    count("dates of response bt_rads", setting.bt_rads.len(), MOST_ANSWERED)?;
+    let keys = setting
+        .bt_rads
+        .iter()
+        .flat_map(|(date, of)| std::iter::once(date).chain(of.keys()).chain(of.values()));
+    for key in keys {
+        count("characters of response bt_rads", key.chars().count(), MOST_AUTHOR)?;
+    }
     match setting.history.as_ref().map(glioscope_core::response::History::check) {
         Some(Err(error)) => Err(Fault {
             found: format!("response {}: {}", error.place, error.found),

@@ -56,7 +56,8 @@ fn convert_times(document: &mut Value, change: &mut dyn FnMut(&Value) -> Option<
         pictures.retain_mut(|picture| {
             let is_known = picture.pointer("/nav/time").is_none_or(|time| change(time).is_some());
             if is_known {
-                convert_times(picture, change);
+                let lost = convert_times(picture, change);
+                dropped.extend(lost.into_iter().map(|what| format!("of a picture for the report {what}")));
             } else {
                 dropped.push("a picture for the report".to_owned());
             }
@@ -151,6 +152,46 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
     {
         dropped.push(format!("the comparison of mask {id}"));
         *of = Value::Null;
+    }
+    for (pointer, what) in
+        [("/edit/lesions/of", "lesions of mask"), ("/edit/response/non_enhancing", "response of mask")]
+    {
+        if let Some(of) = document.pointer_mut(pointer)
+            && let Some(id) = of.as_str().filter(|id| !has_mask(case, id))
+        {
+            dropped.push(format!("the {what} {id}"));
+            *of = Value::Null;
+        }
+    }
+    if let Some(two) = document.pointer_mut("/edit/agreement/two")
+        && let Some(operands) = two.as_array()
+    {
+        let lacks = |operand: &Value| {
+            let time = operand.get("time").and_then(Value::as_str).unwrap_or_default();
+            let ids = operand.get("masks").and_then(Value::as_array).into_iter().flatten();
+            case.time_at(time).is_none() || ids.filter_map(Value::as_str).any(|id| !has_mask(case, id))
+        };
+        if operands.iter().any(lacks) {
+            dropped.push("the two masks that were compared".to_owned());
+            *two = Value::Null;
+        }
+    }
+    if let Some(edits) = document.pointer_mut("/edit/lesions/edits").and_then(Value::as_array_mut) {
+        let before = edits.len();
+        edits.retain(|edit| {
+            let of = edit.pointer("/at/of").or_else(|| edit.pointer("/from/of")).and_then(Value::as_str);
+            of.is_none_or(|id| has_mask(case, id))
+        });
+        let lost = before - edits.len();
+        if lost > 0 {
+            dropped.push(format!("{lost} edits of lesions of masks that it lacks"));
+        }
+    }
+    if let Some(pictures) = document.pointer_mut("/edit/pictures").and_then(Value::as_array_mut) {
+        for picture in pictures {
+            let lost = [regions_by_mask(picture, shown, case), known_ids(picture, shown, case)].concat();
+            dropped.extend(lost.into_iter().map(|what| format!("of a picture for the report {what}")));
+        }
     }
     if let Some(list) = document.pointer_mut("/edit/ellipsoid_opacities").and_then(Value::as_array_mut) {
         list.retain(|own| {

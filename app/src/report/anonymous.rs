@@ -60,7 +60,27 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
     if options.identity != Identity::Full {
         doc.edit.response.anonymous(|text| redactor.text(text));
     }
+    if options.identity != Identity::Full {
+        for made in &mut doc.edit.made {
+            (made.author, made.how) = (None, redactor.text(&made.how));
+        }
+        for ruler in &mut doc.edit.rulers {
+            ruler.name = redactor.text(&ruler.name);
+        }
+        // Whatever else a session holds of the user's words: names of lines, sources, made masks.
+        let session = Session::of(&doc, &shown)?.with_texts(&|text| {
+            if is_program_word(text) { text.to_owned() } else { redactor.text(text) }
+        });
+        (doc, _) = session.restore(&shown)?;
+    }
     Ok(Anonymous { case: shown, doc, names })
+}
+
+/// Whether a text may be one of the program's own words in a session, such as `axial`: these aren't touched, as a case may be
+/// called so.
+fn is_program_word(text: &str) -> bool {
+    text.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || matches!(b, b'_' | b'-' | b'.'))
+        && text.bytes().any(|b| b.is_ascii_lowercase())
 }
 
 /// `case` alone, as [`anonymous`] names it.

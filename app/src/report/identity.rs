@@ -50,7 +50,11 @@ impl Redactor {
 
     /// `text` without what identifies the patient: whole words, whatever their case.
     pub fn text(&self, text: &str) -> String {
-        self.secrets.iter().fold(text.to_owned(), |text, secret| without(&text, secret, &self.replacement))
+        // Marks of direction could turn the text around them.
+        let is_plain = |c: &char| !matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        self.secrets.iter().fold(text.chars().filter(is_plain).collect(), |text, secret| {
+            without(&text, secret, &self.replacement)
+        })
     }
 }
 

@@ -33,7 +33,7 @@ pub use document::Report;
 pub use filed::{FileKind, Filing};
 pub use html::recipe_in;
 pub use identity::Identity;
-pub use recipe::{Recipe, ResponseRecipe, sha256};
+pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION, sha256};
 
 use crate::{
     error::AppError,
@@ -47,8 +47,16 @@ use identity::Redactor;
 use recipe::Input;
 use sentences::words;
 
-/// Size of a kept view that no report has by itself, pixels.
-const OTHER_PX: [u32; 2] = [1000, 760];
+/// The longer side of a kept view, pixels.
+const LONGER_PX: f32 = 1100.0;
+/// The shorter side of one, at least.
+const LEAST_PX: f32 = 300.0;
+
+/// The size of a kept view's picture: with the sides' ratio that it had on the screen.
+fn size_px(size_points: [f32; 2]) -> [u32; 2] {
+    let longer = size_points[0].max(size_points[1]).max(1.0);
+    size_points.map(|side| (side / longer * LONGER_PX).clamp(LEAST_PX, LONGER_PX).round() as u32)
+}
 
 /// Draws panes for a report.
 pub trait Painter {
@@ -149,7 +157,9 @@ pub fn make(
         identity: options.identity,
     };
     let is_named = options.identity == Identity::Full;
-    let inputs = case.inputs.paths().iter().map(|path| Input::of(path, is_named, progress));
+    // What a session says is in the recipe itself.
+    let read = case.inputs.paths().iter().filter(|path| !session::is_session(path));
+    let inputs = read.map(|path| Input::of(path, is_named, progress));
     let recipe = Recipe {
         glioscope_report: recipe::VERSION,
         program: format!("Glioscope {}", env!("CARGO_PKG_VERSION")),
@@ -273,7 +283,7 @@ fn pictures(
         let pane = kept.pane;
         let shown = kept.document(doc);
         painter.show(&shown);
-        let size = pane.row().report_px.unwrap_or(OTHER_PX);
+        let size = size_px(kept.size_points);
         let rgba = painter.picture(pane, size)?;
         let key = known.iter().find(|(known, _)| *known == pane).map(|(_, key)| *key);
         let own = match (kept.caption.trim(), key) {

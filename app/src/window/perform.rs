@@ -47,10 +47,11 @@ impl GlioscopeApp {
                 Some(AppError::wrong("a picture for the report", found, "the pointer over one"));
             return;
         };
+        let size = self.pane_rect(pane).map_or(egui::vec2(700.0, 700.0), |rect| rect.size());
         let count =
             |work: &crate::command::Workstation| work.doc.as_ref().map_or(0, |doc| doc.edit.pictures.len());
         let before = count(&self.work);
-        self.work.apply(&EditCommand::KeepPicture(pane).into(), Instant::now());
+        self.work.apply(&EditCommand::KeepPicture(pane, size.into()).into(), Instant::now());
         let now = count(&self.work);
         if now == before {
             let found = format!("{now} of them");

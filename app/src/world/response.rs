@@ -1,11 +1,11 @@
 //! Response by criteria, evaluated on a worker from the lesions and what the reader states.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use glioscope_core::{
     Progress,
     case::Case,
-    lesions::{self, LesionsReport, Of},
+    lesions::{self, Anchor, LesionsReport, Of},
     response::{Compartment, Evaluated, History, HistoryError, evaluate_lesions, measured_compartments},
 };
 
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     error::AppError,
-    model::{Document, LesionSetting},
+    model::{Document, LesionSetting, ResponseSetting},
 };
 
 type Reports = Vec<(Compartment, Arc<LesionsReport>)>;
@@ -25,6 +25,7 @@ type Reports = Vec<(Compartment, Arc<LesionsReport>)>;
 struct Key {
     reports: Vec<(Compartment, Handle<LesionsReport>)>,
     history: History,
+    named_at: BTreeMap<String, Anchor>,
 }
 
 /// The response last requested.
@@ -59,9 +60,10 @@ impl Responses {
         let key = Key {
             reports: reports.iter().map(|(compartment, report)| (*compartment, Handle::of(report))).collect(),
             history: history.clone(),
+            named_at: doc.edit.response.named_at.clone(),
         };
-        let history = history.clone();
-        Some(self.result.get(key, ask, move |_| evaluated(history, &reports)))
+        let (history, own) = (history.clone(), doc.edit.response.clone());
+        Some(self.result.get(key, ask, move |_| evaluated(history, &own, &reports)))
     }
 
     /// The response last evaluated, which may be for older statements.
@@ -88,7 +90,7 @@ pub fn evaluate_now(case: &Case, doc: &Document, progress: &Progress) -> Result<
         let edits = setting.edits_of(&options.of.name());
         reports.push((compartment, Arc::new(lesions::report(case, &options, &edits, progress)?)));
     }
-    evaluated(history.clone(), &reports).map(Some)
+    evaluated(history.clone(), &doc.edit.response, &reports).map(Some)
 }
 
 /// The compartments measured, each with the setting of its lesions.
@@ -103,7 +105,10 @@ fn measured(case: &Case, doc: &Document, history: &History) -> Vec<(Compartment,
     measured_compartments(history, other.is_some()).iter().map(|c| (*c, setting(*c))).collect()
 }
 
-fn evaluated(history: History, reports: &Reports) -> Result<Evaluated, AppError> {
+fn evaluated(mut history: History, own: &ResponseSetting, reports: &Reports) -> Result<Evaluated, AppError> {
+    if let Some((_, main)) = reports.first() {
+        own.follow_targets(&mut history, main)?;
+    }
     let reports: Vec<(Compartment, &LesionsReport)> =
         reports.iter().map(|(compartment, report)| (*compartment, report.as_ref())).collect();
     let wrong = |HistoryError { place, found, expected }| AppError::wrong(place, found, expected);

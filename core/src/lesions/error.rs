@@ -1,6 +1,9 @@
 //! Why lesions can't be found.
 
-use crate::{Cancelled, GridError, components::TooLarge, distance::DistanceError, skeleton::SkeletonError};
+use crate::{
+    Cancelled, GridError, change::ChangeError, components::TooLarge, distance::DistanceError,
+    skeleton::SkeletonError,
+};
 
 /// Why lesions can't be found.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -35,6 +38,9 @@ pub enum LesionsError {
     /// A skeleton can't be computed.
     #[error(transparent)]
     Skeleton(SkeletonError),
+    /// The movement of the surface can't be computed.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
     /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

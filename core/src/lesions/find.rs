@@ -16,6 +16,7 @@ use super::{
     error::LesionsError,
     links::{self, Link, Node},
     parts::{DateParts, Measures},
+    values::Beside,
 };
 
 /// What lesions are components of.
@@ -61,6 +62,10 @@ pub struct Options {
     pub within_mm: f64,
     /// Whether the dates' images are asked whether the dates lie in one space.
     pub asks_images: bool,
+    /// The image whose values in lesions are reported, by id.
+    pub image: Option<String>,
+    /// Whether the movement of their surface since the date before is reported: of one mask, not of a union.
+    pub surface: bool,
 }
 
 impl Options {
@@ -68,7 +73,8 @@ impl Options {
     pub fn new(of: Of) -> Self {
         let mode = DiameterMode::default();
         let (smallest_ml, within_mm) = (DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM);
-        Self { of, smallest_ml, mode, axis: None, within_mm, asks_images: true }
+        let (image, surface) = (None, false);
+        Self { of, smallest_ml, mode, axis: None, within_mm, asks_images: true, image, surface }
     }
 }
 
@@ -93,6 +99,7 @@ pub struct Found {
     /// Consecutive dates that have the mask, and why they can't be linked.
     pub(super) pairs: Vec<([usize; 2], Option<String>)>,
     pub(super) links: Vec<Link>,
+    pub(super) beside: Beside,
 }
 
 impl Found {
@@ -155,6 +162,7 @@ pub fn find(case: &Case, options: &Options, progress: &Progress) -> Result<Found
         dates: Vec::new(),
         pairs: Vec::new(),
         links: Vec::new(),
+        beside: Beside::default(),
     };
     let measures = found.measures();
     for time in &case.time_points {
@@ -213,6 +221,17 @@ pub fn find(case: &Case, options: &Options, progress: &Progress) -> Result<Found
         }
     }
     found.link()?;
+    if let Some(id) = &options.image {
+        if !case.time_points.iter().any(|time| time.contexts.iter().any(|context| context.id == *id)) {
+            let found = format!("the image {id}");
+            return Err(LesionsError::Option { found, expected: "one of the case" });
+        }
+        found.beside.image(case, id);
+    }
+    let linked = found.pairs.iter().filter(|(_, reason)| options.surface && reason.is_none());
+    for dates in linked.map(|(dates, _)| *dates).collect::<Vec<_>>() {
+        found.beside.surface(case, dates, &options.of, progress)?;
+    }
     Ok(found)
 }
 

@@ -25,6 +25,7 @@ mod table;
 mod tests;
 mod track;
 mod tracked;
+mod values;
 
 pub use change_point::{
     ChangePoint, ChangePointKind, ChangePointTest, FEWEST_DATES_OF_LEVEL, FEWEST_DATES_OF_RATE,
@@ -45,6 +46,7 @@ pub use series::{ChangePointReport, Growth, Point, Series};
 pub use table::csv;
 pub use track::track;
 pub use tracked::{Lesion, Tracked, Unit};
+pub use values::{SurfaceMove, Values};
 
 /// Default of the smallest lesion: a ball of 5.8 mm. Smaller components are counted, but neither born, gone nor pieces of
 /// a split: most are flecks of a segmentation's edge.

@@ -121,6 +121,8 @@ pub(super) struct DateParts {
     pub parts: Vec<Part>,
     /// On the case grid, sorted.
     pub case_runs: Vec<CaseRun>,
+    /// Voxels of the case grid along y: lines of a slice.
+    pub case_rows: usize,
     /// Voxels of the case grid whose part isn't known.
     pub unplaced: u64,
 }
@@ -145,7 +147,14 @@ impl DateParts {
         };
         let parts = runs.into_par_iter().map(part).collect::<Result<Vec<_>, Cancelled>>()?;
         let parts = parts.into_iter().flatten().collect();
-        let mut date = Self { grid, is_native, parts, case_runs: Vec::new(), unplaced: 0 };
+        let mut date = Self {
+            grid,
+            is_native,
+            parts,
+            case_runs: Vec::new(),
+            case_rows: mask.grid().dims()[1],
+            unplaced: 0,
+        };
         date.place(mask);
         Ok(date)
     }

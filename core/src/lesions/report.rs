@@ -16,6 +16,7 @@ use super::{
     series::{Point, Series, Tests},
     track::track,
     tracked::{Lesion, Tracked, Unit},
+    values::{SurfaceMove, Values},
 };
 
 /// Lesions of a case over its dates.
@@ -120,6 +121,10 @@ pub struct LesionDate {
     pub events: Vec<EventKind>,
     /// The least that a user did for a link that leads here; `None` without one.
     pub state: Option<LinkState>,
+    /// Values of the image that was asked for; `None` without one, and where it isn't there.
+    pub values: Option<Values>,
+    /// How its surface moved since the date before, where that was asked for and both dates have it in one space.
+    pub surface: Option<SurfaceMove>,
     /// Its components.
     pub parts: Vec<PartReport>,
 }
@@ -347,7 +352,8 @@ impl<'a> View<'a> {
         let units = lesion.units.iter().filter_map(|at| Some((*at, self.tracked.units.get(*at)?)));
         let units: Vec<(usize, &Unit)> = units.filter(is_here).collect();
         let parts = units.iter().flat_map(|(_, unit)| unit.parts.iter().map(|part| (date, *part)));
-        let parts: Vec<PartReport> = parts.filter_map(|node| self.part(node)).collect();
+        let nodes: Vec<Node> = parts.collect();
+        let parts: Vec<PartReport> = nodes.iter().filter_map(|node| self.part(*node)).collect();
         let largest = largest(&parts);
         let is_present = !parts.is_empty();
         let has_mask = self.tracked.found.parts(date).is_some();
@@ -360,9 +366,38 @@ impl<'a> View<'a> {
             product_mm2: is_present.then(|| sum(parts.iter().map(|part| part.diameters.product_mm2))),
             measurable: is_present.then(|| parts.iter().any(|part| part.measurable)),
             events: self.events.get(&(number, date)).cloned().unwrap_or_default(),
+            values: self.values(date, &nodes),
+            surface: self.surface(number, date),
             state: units.iter().filter_map(|(at, _)| self.states.get(*at).copied().flatten()).min(),
             parts,
         }
+    }
+}
+
+impl View<'_> {
+    fn values(&self, date: usize, nodes: &[Node]) -> Option<Values> {
+        let parts: Vec<&Part> = nodes.iter().filter_map(|node| self.tracked.part(*node)).collect();
+        if parts.is_empty() {
+            return None;
+        }
+        self.tracked.found.beside.values(date, self.tracked.found.parts(date)?, &parts)
+    }
+
+    /// The movement to a date from the one before that has the mask.
+    fn surface(&self, number: usize, date: usize) -> Option<SurfaceMove> {
+        let found = &self.tracked.found;
+        let dates = found.pairs.iter().map(|(dates, _)| *dates).find(|[_, later]| *later == date)?;
+        let parts_at = |date: usize| -> Vec<usize> {
+            let of = self.tracked.units.iter().filter(|unit| unit.date == date && unit.lesion == number);
+            of.flat_map(|unit| unit.parts.iter().copied()).collect()
+        };
+        let parts = dates.map(parts_at);
+        if parts.iter().any(Vec::is_empty) {
+            return None;
+        }
+        let [from, to] = dates;
+        let of = [(found.parts(to), parts[1].as_slice()), (found.parts(from), parts[0].as_slice())];
+        found.beside.moves(dates, self.time(from), of)
     }
 }
 

@@ -56,6 +56,9 @@ pub struct Series {
     pub changes: Vec<ChangePointReport>,
 }
 
+/// Change of the logarithm over the dates below which there is none but rounding.
+const NO_CHANGE: f64 = 1e-9;
+
 /// Tests by kind and days: lesions share their dates.
 #[derive(Default)]
 pub(super) struct Tests(HashMap<(ChangePointKind, Vec<u64>), Option<ChangePointTest>>);
@@ -86,8 +89,11 @@ fn growth(points: &[Point]) -> Option<Growth> {
     }
     let log_per_day = sum(&|v| (v.0 - day) * (v.1 - log)) / days;
     let rest = sum(&|v| (v.1 - log - log_per_day * (v.0 - day)).powi(2));
-    let days_to =
-        |factor: f64| Some(factor.ln() / log_per_day).filter(|days| days.is_finite() && *days > 0.0);
+    // Of a volume that doesn't change only rounding is left.
+    let is_change = log_per_day.abs() * days.sqrt() > NO_CHANGE;
+    let days_to = |factor: f64| {
+        Some(factor.ln() / log_per_day).filter(|days| is_change && days.is_finite() && *days > 0.0)
+    };
     Some(Growth {
         dates: values.len(),
         log_per_day,

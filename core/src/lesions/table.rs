@@ -1,11 +1,15 @@
 //! The table of `lesions --csv`.
 
-use crate::csv::{Table, text};
+use crate::{
+    change::Lengths,
+    csv::{Table, text},
+};
 
 use super::{
     event::EventKind,
     links::LinkState,
     report::{LesionDate, LesionsReport},
+    values::{SurfaceMove, Values},
 };
 
 /// One row per lesion and date, then one per date for all lesions together (`lesion` empty); unknown values empty, several
@@ -25,6 +29,13 @@ pub fn csv(report: &LesionsReport) -> Vec<u8> {
         "small",
         "event",
         "state",
+        "image",
+        "mean",
+        "max",
+        "peak",
+        "mean_times_ml",
+        "growth_p95_mm",
+        "recession_p95_mm",
     ]);
     let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
     for lesion in &report.lesions {
@@ -32,6 +43,10 @@ pub fn csv(report: &LesionsReport) -> Vec<u8> {
             let LesionDate { time, days, volume_ml, d1_mm, d2_mm, product_mm2, measurable, .. } = date;
             let events: Vec<&str> =
                 date.events.iter().map(<&EventKind as Into<&'static str>>::into).collect();
+            let of_image = |value: fn(&Values) -> Option<f64>| number(date.values.as_ref().and_then(value));
+            let moved = |lengths: fn(&SurfaceMove) -> &Lengths| {
+                number(date.surface.as_ref().and_then(|surface| lengths(surface).p95_mm))
+            };
             table.row([
                 lesion.id.clone(),
                 text(lesion.name.as_deref().unwrap_or_default()),
@@ -50,6 +65,13 @@ pub fn csv(report: &LesionsReport) -> Vec<u8> {
                     .map(<&LinkState as Into<&'static str>>::into)
                     .unwrap_or_default()
                     .to_owned(),
+                text(date.values.as_ref().map(|values| values.image.as_str()).unwrap_or_default()),
+                of_image(|values| values.mean),
+                of_image(|values| values.max),
+                of_image(|values| values.peak),
+                of_image(|values| values.mean_times_ml),
+                moved(|surface| &surface.growth),
+                moved(|surface| &surface.recession),
             ]);
         }
     }

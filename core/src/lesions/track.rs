@@ -220,7 +220,7 @@ impl State {
         for (node, name) in self.names {
             let lesion = tracked.unit_of(node).and_then(|at| tracked.units.get(at)).map(|unit| unit.lesion);
             if let Some(lesion) = lesion.and_then(|lesion| tracked.lesions.get_mut(lesion)) {
-                lesion.name = Some(name);
+                lesion.name = Some(name.trim().to_owned()).filter(|name| !name.is_empty());
             }
         }
         tracked.events = events(&tracked);

@@ -130,6 +130,9 @@ impl History {
             in_range(place, "relative_sd", Some(stated.relative_sd), 1e-6, 2.0)?;
             named(place, "source", &stated.source)?;
         }
+        for name in self.treatment.iter().flatten().filter_map(|treatment| treatment.name.as_ref()) {
+            named("history, treatment", "name", name)?;
+        }
         for facts in &self.date {
             let place = format!("history, [[date]] {}", facts.date);
             named(&place, "date", &facts.date.0)?;

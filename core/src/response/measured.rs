@@ -73,7 +73,7 @@ fn measurements(report: &LesionsReport, compartment: Compartment) -> Vec<Measure
 }
 
 /// The user's name of a lesion where no other has it, else its id.
-fn name_of<'a>(lesion: &'a LesionReport, all: &[LesionReport]) -> &'a str {
+pub fn name_of<'a>(lesion: &'a LesionReport, all: &[LesionReport]) -> &'a str {
     let is_taken = |name: &str| {
         all.iter().any(|o| o.id != lesion.id && (o.id == name || o.name.as_deref() == Some(name)))
     };

@@ -36,7 +36,7 @@ pub use history::{
     Treatment, TreatmentKind, Trial, TrialValue,
 };
 pub use margin::{COVERAGE, Margin, false_fall, false_rise};
-pub use measured::{Evaluated, evaluate_lesions, measured_compartments};
+pub use measured::{Evaluated, evaluate_lesions, measured_compartments, name_of};
 pub use missing::Input;
 pub use result::{
     Call, Category, Confirmation, Confirmed, DateResponse, Judgement, Missing, Quantity, Reason, Reference,

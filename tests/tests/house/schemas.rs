@@ -52,6 +52,8 @@ const ROWS: &[Row] = &[
     ("lesions", "/properties/pairs/items", "core/src/lesions/report.rs", &["PairReport"], &[]),
     ("lesions", "/properties/lesions/items", "core/src/lesions/report.rs", &["LesionReport"], &[]),
     ("lesions", "/$defs/lesion_date", "core/src/lesions/report.rs", &["LesionDate"], &[]),
+    ("lesions", "/$defs/values", "core/src/lesions/values.rs", &["Values"], &[]),
+    ("lesions", "/$defs/surface", "core/src/lesions/values.rs", &["SurfaceMove"], &[]),
     ("lesions", "/properties/events/items", "core/src/lesions/report.rs", &["EventReport"], &[]),
     ("lesions", "/$defs/link", "core/src/lesions/report.rs", &["LinkReport"], &[]),
     ("lesions", "/$defs/event", "core/src/lesions/event.rs", &["EventKind"], &[]),

@@ -10,7 +10,7 @@ mod scans;
 use std::collections::HashSet;
 
 use egui::{ComboBox, ScrollArea, Ui};
-use glioscope_core::response::{Assessment, Criterion, Evaluated, Input as Asked};
+use glioscope_core::response::{Assessment, Criterion, Evaluated, History, Input as Asked};
 use strum::VariantArray;
 
 use super::{
@@ -105,7 +105,14 @@ impl ResponsePane {
                 scans::show(ui, &input, &mut history, &wanted, &by);
                 rules::repeatability(ui, &mut history);
                 rules::show(ui, history.criterion);
+                let names_change = |old: &History| {
+                    (&old.targets, &old.non_targets) != (&history.targets, &history.non_targets)
+                };
+                let are_renamed = old.history.as_ref().is_some_and(names_change);
                 new.history = Some(history);
+                if let Some(report) = results.lesions.last().filter(|_| are_renamed) {
+                    new.remember_targets(report);
+                }
             }
         }
         bt_rads::show(ui, &input, &mut new);

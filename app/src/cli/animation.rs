@@ -13,7 +13,7 @@ use crate::{animation::Form, error::AppError, output, window::film};
 pub struct AnimationArguments {
     /// Turn the camera once about the patient's axis, in so many frames at 20 a second: 1 to 720, default 60. For 3D views.
     #[arg(long, value_name = "FRAMES", num_args = 0..=1, default_missing_value = "60",
-          value_parser = clap::value_parser!(u32).range(1..=720),
+          value_parser = frames, allow_hyphen_values = true,
           conflicts_with_all = ["plain", "explain", "stats"])]
     pub turntable: Option<u32>,
     /// Show the dates one after the other, a second each; with --turntable, a turn of each.
@@ -22,6 +22,11 @@ pub struct AnimationArguments {
     /// Animations: write over a file that exists.
     #[arg(long)]
     pub force: bool,
+}
+
+/// The number of frames.
+fn frames(text: &str) -> Result<u32, String> {
+    text.parse().ok().filter(|frames| (1..=720).contains(frames)).ok_or_else(|| "1 to 720 frames".to_owned())
 }
 
 impl AnimationArguments {

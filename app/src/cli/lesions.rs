@@ -217,6 +217,9 @@ fn row(date: &LesionDate, has_dates: bool) -> String {
 
 fn growth(lesion: &LesionReport) -> String {
     let Some(growth) = &lesion.series.growth else { return String::new() };
+    if growth.standard_error.is_some_and(|sd| growth.log_per_day.abs() <= 2.0 * sd) {
+        return String::new();
+    }
     match (growth.doubling_days, growth.halving_days) {
         (Some(days), _) => format!(": doubles in {days:.0} days, by {} dates", growth.dates),
         (_, Some(days)) => format!(": halves in {days:.0} days, by {} dates", growth.dates),

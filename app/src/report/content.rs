@@ -142,7 +142,24 @@ impl Content<'_> {
             };
             blocks.push(Block::Text(format!("{first} {second}")));
         }
+        blocks.extend(self.lesions.and_then(|report| self.summary_of_lesions(report)));
         blocks
+    }
+
+    /// How many lesions are new or gone at the last date.
+    fn summary_of_lesions(&self, report: &LesionsReport) -> Option<Block> {
+        let count = |kind: EventKind| {
+            let last =
+                report.lesions.iter().filter(|lesion| !lesion.small).filter_map(|lesion| lesion.dates.last());
+            last.filter(|date| date.events.contains(&kind)).count()
+        };
+        let said = [("summary-born", count(EventKind::Born)), ("summary-gone", count(EventKind::Gone))];
+        let said: Vec<String> = said
+            .into_iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(key, count)| self.words.with(key, &[("count", count.to_string())]))
+            .collect();
+        (!said.is_empty()).then(|| Block::Text(said.join(" ")))
     }
 
     fn summary_of(&self, time: &TimePoint) -> Option<String> {
@@ -469,8 +486,9 @@ impl Content<'_> {
         let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed);
         counted("lesions-links", proposed.count());
         let has_dates = report.dates.len() > 1;
-        let all = ["lesion", "date", "volume", "diameters", "product", "became"];
-        let head = all.into_iter().filter(|key| has_dates || !matches!(*key, "date" | "became"));
+        let all = ["lesion", "date", "volume", "lesion-change", "diameters", "product", "became"];
+        let of_dates = |key: &str| matches!(key, "date" | "lesion-change" | "became");
+        let head = all.into_iter().filter(|key| has_dates || !of_dates(key));
         let masks = report.of.split('+').map(|id| self.name(id)).collect::<Vec<_>>().join("+");
         vec![
             Block::Heading(words.with("section-lesions", &[("mask", masks)])),
@@ -485,7 +503,12 @@ impl Content<'_> {
 
     fn lesion_rows(&self, lesion: &LesionReport, has_dates: bool) -> Vec<Vec<String>> {
         let words = self.words;
-        let row = |date: &LesionDate| {
+        let row = |(number, date): (usize, &LesionDate)| {
+            let before = number.checked_sub(1).and_then(|before| lesion.dates.get(before)?.volume_ml);
+            let change = match (before.filter(|ml| *ml > 0.0), date.volume_ml) {
+                (Some(before), Some(now)) => words.signed_percent(before, now),
+                _ => String::new(),
+            };
             let volume = match date.volume_ml {
                 None => words.get("unknown"),
                 Some(_) if date.parts.is_empty() => words.get("not-there"),
@@ -514,13 +537,17 @@ impl Content<'_> {
             if has_dates {
                 row.push(date.time.clone());
             }
-            row.extend([volume, diameters, product]);
+            row.push(volume);
+            if has_dates {
+                row.push(change);
+            }
+            row.extend([diameters, product]);
             if has_dates {
                 row.push(events.join(", "));
             }
             row
         };
-        lesion.dates.iter().map(row).collect()
+        lesion.dates.iter().enumerate().map(row).collect()
     }
 
     /// The grid of all numbers.

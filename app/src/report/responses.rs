@@ -98,16 +98,17 @@ fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
     out.extend(judgement.confirmation.iter().map(|confirmation| (false, confirmation.words.clone())));
     for sum in &judgement.sums {
         for margin in [&sum.margin_from_baseline, &sum.margin_from_nadir].into_iter().flatten() {
-            if margin.straddles_percent.is_empty() {
-                continue;
-            }
+            let (is_doubtful, key) = match margin.straddles_percent.is_empty() {
+                true => (false, "margin"),
+                false => (true, "within-margin"),
+            };
             let percent = |p: f64| words.number(&format!("{p:+.0} %"));
             let variables = [
                 ("low", percent(margin.low_percent)),
                 ("high", percent(margin.high_percent)),
                 ("source", margin.source.clone()),
             ];
-            out.push((true, words.with("within-margin", &variables)));
+            out.push((is_doubtful, words.with(key, &variables)));
         }
         out.extend(sum.noise_alone.map(|noise| {
             let noise = words.number(&format!("{:.1} %", noise * 100.0));

@@ -172,19 +172,25 @@ impl Pane for EllipsoidPane {
             silhouette: [0, 0, 0],
             plane: plane.flatten(),
         };
+        if input.is_plain && rect.width() < rect.height() {
+            // The camera fits heights.
+            scene.camera.height_mm *= f64::from(rect.height() / rect.width().max(1.0));
+        }
         let mut view = View { doc: input.doc, pane: PaneId::Ellipsoids, camera: scene.camera, rect };
         let outcome = self.canvas.handle_mouse(ui, graphics, &mut view, &response, out);
         scene.camera = view.camera;
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
-        let hover_text = self.canvas.hover().and_then(|pick| pick_text(&input, &components, pick));
+        let hover = self.canvas.hover().filter(|_| !input.is_plain);
+        let hover_text = hover.and_then(|pick| pick_text(&input, &components, pick));
         self.opacity_menu(&response, &input, &components, out);
         let rows = legend_rows(&input, &components, &scene.ellipsoids, too_small);
         if !input.is_plain {
             legend::show(ui, rect, &rows);
         }
-        marks::corners(ui, rect, input.sides_known(), (&scene.camera, "at the middle"), false);
+        let scale_position = if input.is_plain { "" } else { "at the middle" };
+        marks::corners(ui, rect, input.sides_known(), (&scene.camera, scale_position), false);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let mut what = format!("Ellipsoid diagram, {} ellipsoids", scene.ellipsoids.len());

@@ -10,7 +10,7 @@ use crate::{
     command::{Commands, LookCommand},
     model::PaneId,
     page::{Spoken, spoken},
-    theme::Tokens,
+    theme::{self, Tokens},
     words::Language,
 };
 
@@ -72,7 +72,8 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
                 let text = match (explain.language, explain.playing_since.is_some()) {
                     (Language::En, false) => "Play",
                     (Language::De, false) => "Abspielen",
-                    (_, true) => "Stop",
+                    (Language::En, true) => "Stop",
+                    (Language::De, true) => "Anhalten",
                 };
                 if ui.add(Button::new(big(text))).clicked() {
                     explain.playing_since = match explain.playing_since {
@@ -82,7 +83,11 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
                 }
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                if ui.add(Button::new(big("End"))).on_hover_text("Back to the workstation (Esc)").clicked() {
+                let end = match explain.language {
+                    Language::En => "End",
+                    Language::De => "Beenden",
+                };
+                if ui.add(Button::new(big(end))).on_hover_text("Back to the workstation (Esc)").clicked() {
                     ends = true;
                 }
                 let (other, name) = match explain.language {
@@ -100,11 +105,18 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
     egui::Panel::left("said").resizable(false).exact_size(said_width(ui)).show(ui, |ui| {
         egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.add_space(10.0);
-            for sentence in &said.sentences {
-                ui.label(RichText::new(sentence).size(SAID));
+            for (mask, sentence) in &said.sentences {
+                ui.horizontal_wrapped(|ui| {
+                    if let Some(mask) = mask {
+                        let (dot, _) = ui.allocate_exact_size(vec2(SAID, SAID), Sense::hover());
+                        let color = theme::color(input.colors.mask(*mask));
+                        ui.painter().circle_filled(dot.center(), SAID * 0.36, color);
+                    }
+                    ui.label(RichText::new(sentence).size(SAID));
+                });
                 ui.add_space(10.0);
             }
-            true_size(ui, explain, &said);
+            true_size(ui, explain, &said, theme::color(input.colors.mask(said.largest)));
         });
     });
     egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| views(ui, area));
@@ -149,7 +161,7 @@ fn play(ui: &Ui, explain: &mut Explain, dates: usize, time: usize, out: &mut Com
 }
 
 /// A disc as large as the area would be as a ball, beside the everyday object, in true size.
-fn true_size(ui: &mut Ui, explain: &mut Explain, said: &Spoken) {
+fn true_size(ui: &mut Ui, explain: &mut Explain, said: &Spoken, color: Color32) {
     let tokens = *Tokens::in_ui(ui);
     let Some(ball_mm) = said.ball_mm else { return };
     let points = |mm: f64| mm as f32 * explain.points_per_mm;
@@ -165,17 +177,18 @@ fn true_size(ui: &mut Ui, explain: &mut Explain, said: &Spoken) {
     let (rect, response) = ui.allocate_exact_size(vec2(width, height), Sense::hover());
     let painter = ui.painter();
     let at = |left: f32, diameter: f32| pos2(rect.left() + left + diameter / 2.0, rect.center().y);
-    painter.circle_filled(at(0.0, ball), ball / 2.0, tokens.interaction);
+    painter.circle_filled(at(0.0, ball), ball / 2.0, color);
     if object > 0.0 {
         let center = at(ball + 20.0, object);
-        painter.circle(center, object / 2.0, Color32::TRANSPARENT, Stroke::new(2.0, tokens.second));
+        // The line lies within the size.
+        painter.circle(center, object / 2.0 - 1.0, Color32::TRANSPARENT, Stroke::new(2.0, tokens.second));
     }
     let name = said.object.as_ref().map(|(name, _)| name.clone()).unwrap_or_default();
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Canvas, true, format!("{title}: {name}")));
     if !name.is_empty() {
         let text = match explain.language {
-            Language::En => format!("Left: the area, if it were a ball. Right: {name}."),
-            Language::De => format!("Links: der Bereich, wäre er eine Kugel. Rechts: {name}."),
+            Language::En => format!("Left: the largest area, if it were a ball. Right: {name}."),
+            Language::De => format!("Links: der größte Bereich, wäre er eine Kugel. Rechts: {name}."),
         };
         ui.label(RichText::new(text).size(LARGE));
     }

@@ -46,7 +46,7 @@ use glioscope_render::{Gpu, RenderError};
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, LookCommand, Workstation, listed},
     error::AppError,
-    model::{Answers, CaseRef, PaneId, layout},
+    model::{Answers, CaseRef, Document, Edit, PaneId, layout},
     theme,
     views::{
         Panes, Shared,
@@ -440,6 +440,14 @@ impl GlioscopeApp {
     ) {
         let Workstation { doc: Some(doc), world, session_path, .. } = &self.work else { return };
         let (Some(case), Some(time_point)) = (world.case(), world.time_point(doc)) else { return };
+        let plain;
+        let doc = if self.explain.is_some() {
+            // What the lens cuts away would have to be explained.
+            plain = Document { edit: Edit { lens_on: false, ..doc.edit.clone() }, ..doc.clone() };
+            &plain
+        } else {
+            doc
+        };
         let (colors, selection) = (world.colors(doc), world.selection(doc));
         let setting = &doc.edit.change;
         let is_shown = |pane| match alone.or(doc.edit.maximized) {

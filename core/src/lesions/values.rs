@@ -123,9 +123,9 @@ impl Beside {
         let (mut growth, mut recession, mut within_uncertainty) = (Vec::new(), Vec::new(), 0);
         for one in moved.iter().filter(|one| is_of(one.voxel)) {
             if one.signed_mm > 0.0 {
-                growth.push(one.signed_mm)
+                growth.push(one.signed_mm);
             } else {
-                recession.push(-one.signed_mm)
+                recession.push(-one.signed_mm);
             }
             within_uncertainty += u64::from(one.within_uncertainty);
         }

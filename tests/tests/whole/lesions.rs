@@ -193,3 +193,36 @@ fn lesions_are_followed_and_judged_with_what_the_history_says() {
     let line = refusal(&[&["lesions"], &case[..], &["--of", "X"]].concat());
     assert!(line.contains("found no mask X at any date, expected one of T"), "{line}");
 }
+
+#[test]
+fn a_lesion_has_the_values_of_its_voxels_and_the_movement_of_its_own_surface() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let (grows, stays) = ([20.0, 20.0, 20.0], [45.0, 45.0, 20.0]);
+    let masks = [
+        format!("T={}@2024-01-01", balls(&path("a.nii"), &[(grows, 7.0), (stays, 6.0)])),
+        format!("T={}@2024-03-01", balls(&path("b.nii"), &[(grows, 9.0), (stays, 6.0)])),
+    ];
+    // 1 within 4 mm of the growing lesion's middle, 0 elsewhere.
+    let image = format!("I={}@2024-03-01", balls(&path("i.nii"), &[(grows, 4.0)]));
+    let arguments = ["lesions", "--mask", &masks[0], "--mask", &masks[1], "--context", &image];
+    let (json, _) = answer(&[&arguments[..], &["--image", "I", "--surface", "--json"]].concat());
+    let [larger, smaller] = [0, 1].map(|n: usize| &json["lesions"][n]["dates"][1]);
+    let hot = {
+        let of = answer(&["measure", "--mask", &image.replace("@2024-03-01", ""), "--json"]).0;
+        of["time_points"][0]["masks"][0]["voxels"].as_f64().unwrap()
+    };
+    let voxels = larger["values"]["voxels"].as_f64().unwrap();
+    let near = |value: &Value, expected: f64| (value.as_f64().unwrap() - expected).abs() < 1e-9;
+    assert!(near(&larger["values"]["mean"], hot / voxels) && near(&larger["values"]["max"], 1.0), "{larger}");
+    assert!(near(&larger["values"]["mean_times_ml"], hot / 1000.0));
+    assert!(near(&smaller["values"]["max"], 0.0));
+    assert!(json["lesions"][0]["dates"][0]["values"].is_null(), "no image at that date");
+    let grown = larger["surface"]["growth"]["p50_mm"].as_f64().unwrap();
+    assert!((grown - 2.0).abs() < 0.7 && larger["surface"]["recession"]["count"] == 0, "{grown}");
+    assert_eq!(smaller["surface"]["growth"]["count"], 0, "it stays");
+    assert_eq!(larger["surface"]["from_time"], "2024-01-01");
+    assert!(json["lesions"][0]["dates"][0]["surface"].is_null(), "nothing is before it");
+    let line = refusal(&[&arguments[..], &["--image", "nosuch"]].concat());
+    assert!(line.contains("found the image nosuch, expected one of the case"), "{line}");
+}

@@ -155,7 +155,8 @@ fn found_lesions(made: &Made) -> Vec<Value> {
     let product = ["--diameters", "largest-product", "--within", "0"];
     vec![
         answer(&["lesions", "--sample", "--of", "T1,PET", "--json"]).0,
-        of_case("lesions", &made.dates(&long), &["--context", &image]),
+        of_case("lesions", &made.dates(&long), &["--context", &image, "--image", "I", "--surface"]),
+        answer(&["lesions", "--sample", "--image", "PET", "--surface", "--json"]).0,
         of_case("lesions", &made.dates(&[("empty", "pre"), ("voxel", "post")]), &product),
         of_case(
             "lesions",

@@ -120,3 +120,66 @@ fn a_card_on_the_screen_gives_true_size() {
         "another case is explained, too"
     );
 }
+
+#[test]
+fn a_report_without_identity_has_none_of_the_users_words_that_name_the_patient_and_replays() {
+    let folder = tempfile::tempdir().unwrap();
+    let case = folder.path().join("MUELLERX_4711234");
+    std::fs::create_dir(&case).unwrap();
+    for (date, radius) in [("2024-01-01", 6.0), ("2024-03-01", 7.0)] {
+        crate::lesions::balls(&case.join(format!("T_{date}.nii")), &[([30.0, 30.0, 20.0], radius)]);
+    }
+    let text = |name: &str| case.join(name).to_str().unwrap().to_owned();
+    let manifest = format!(
+        "glioscope = 1\nname = \"MUELLERX_4711234\"\n[[mask]]\nid = \"T\"\nfile = {:?}\ntime = \"2024-01-01\"\n[[mask]]\nid = \"T\"\nfile = {:?}\ntime = \"2024-03-01\"\n",
+        text("T_2024-01-01.nii"),
+        text("T_2024-03-01.nii")
+    );
+    std::fs::write(case.join("case.toml"), manifest).unwrap();
+    let mut harness = window_on(CaseRef::Path(case.join("case.toml")), [1280.0, 800.0], egui::Theme::Light);
+    wait_for_workers(&mut harness);
+    let secret = "MUELLERX 4711234";
+    let at = glioscope_core::lesions::Anchor {
+        time: "2024-01-01".into(),
+        of: "T".into(),
+        at_mm: glam::DVec3::new(30.0, 30.0, 20.0),
+    };
+    let name = glioscope_core::lesions::Edit::Name { at, name: format!("lesion of {secret}") };
+    perform(&mut harness, EditCommand::EditLesions(vec![name]));
+    let line = glioscope::model::Ruler {
+        name: format!("line of {secret}"),
+        from_mm: glam::DVec3::ZERO,
+        to_mm: glam::DVec3::X,
+        view: PaneId::Axial,
+        time: 0,
+    };
+    perform(&mut harness, EditCommand::AddRuler(Box::new(line)));
+    let mut response =
+        glioscope::model::ResponseSetting { author: "Dr KNRYAUTHOR".into(), ..Default::default() };
+    response.set_criterion(Some(glioscope_core::response::Criterion::Rano2010));
+    let history = response.history.as_mut().unwrap();
+    history.targets = Some(vec![format!("lesion of {secret}")]);
+    history.baseline = Some(glioscope_core::response::Fact {
+        value: glioscope_core::response::Label("2024-01-01".into()),
+        author: Some("Dr KNRYAUTHOR".into()),
+        entered: Some("1999-09-09".into()),
+    });
+    perform(&mut harness, EditCommand::SetResponse(Box::new(response)));
+    perform(&mut harness, EditCommand::KeepPicture(PaneId::Closeup, [500.0, 250.0]));
+    let session = folder.path().join("read.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(session.clone()));
+    for identity in ["none", "full"] {
+        let out = folder.path().join(format!("{identity}.html")).to_str().unwrap().to_owned();
+        let made =
+            run(PROGRAM, &["report", session.to_str().unwrap(), "--out", &out, "--identity", identity]);
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        let html = std::fs::read_to_string(&out).unwrap();
+        for word in ["MUELLERX", "4711234", "KNRYAUTHOR", "1999-09-09"] {
+            assert_eq!(html.contains(word), identity == "full", "{identity}: {word}");
+        }
+        let case = case.join("case.toml").to_str().unwrap().to_owned();
+        let of: &[&str] = if identity == "full" { &[] } else { &["--of", &case] };
+        let replayed = run(PROGRAM, &[&["replay", &out][..], of].concat());
+        assert!(replayed.status.success(), "{identity}: {}", String::from_utf8_lossy(&replayed.stderr));
+    }
+}

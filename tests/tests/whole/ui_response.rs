@@ -137,3 +137,57 @@ fn what_is_no_date_is_said_and_not_taken() {
     assert!(harness.query_by_label_contains("is no date").is_none());
     assert!(doc(&harness).edit.response.history.clone().unwrap().radiotherapy_end.is_some());
 }
+
+#[test]
+fn a_target_stays_the_lesion_that_was_meant_and_options_count_with_a_session() {
+    let folder = tempfile::tempdir().unwrap();
+    let balls_at = |date: &str, of: &[([f64; 3], f64)]| {
+        format!("T={}@{date}", balls(&folder.path().join(format!("{date}.nii")), of))
+    };
+    let (first, second) = ([15.0, 15.0, 20.0], [40.0, 40.0, 20.0]);
+    let masks = vec![
+        balls_at("2024-01-01", &[(first, 8.0), (second, 7.0)]),
+        balls_at("2024-03-01", &[(first, 8.0), (second, 9.0)]),
+    ];
+    let case = CaseRef::Arguments { masks, contexts: Vec::new() };
+    let mut harness = window_on(case, [1280.0, 900.0], egui::Theme::Light);
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
+    wait_for_workers(&mut harness);
+    choose(&mut harness, "Criteria", "RANO 2010");
+    choose(&mut harness, "Baseline", "2024-01-01");
+    harness.get_by_label("also what changes no call").click();
+    wait_for_workers(&mut harness);
+    type_into(&mut harness, "Targets", "B");
+    assert!(doc(&harness).edit.response.named_at.contains_key("B"));
+    let path = folder.path().join("read.glioscope.json");
+    let sum = |harness: &mut Window, more: &[&str]| {
+        perform(harness, AppCommand::SaveSessionTo(path.clone()));
+        let (json, _) =
+            answer(PROGRAM, &[&["response", path.to_str().unwrap(), "--json"][..], more].concat());
+        json["dates"][0]["by_diameters"]["sums"][0]["sum"].as_f64()
+    };
+    let of_second = sum(&mut harness, &[]);
+    assert!(of_second.is_some());
+    // The first is no lesion any more: what was B is A now, and still the target.
+    let at = |mm: [f64; 3]| glioscope_core::lesions::Anchor {
+        time: "2024-01-01".into(),
+        of: "T".into(),
+        at_mm: glam::DVec3::from_array(mm),
+    };
+    perform(
+        &mut harness,
+        EditCommand::EditLesions(vec![glioscope_core::lesions::Edit::Ignore { at: at(first) }]),
+    );
+    assert_eq!(sum(&mut harness, &[]), of_second);
+    // A target that is ignored is told.
+    perform(
+        &mut harness,
+        EditCommand::EditLesions(vec![glioscope_core::lesions::Edit::Ignore { at: at(second) }]),
+    );
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    let refused = glioscope_tests::refusal(PROGRAM, &["response", path.to_str().unwrap()]);
+    assert!(refused.contains("no lesion any more where B was"), "{refused}");
+    // Options of the command line aren't dropped.
+    let refused = glioscope_tests::refusal(PROGRAM, &["response", path.to_str().unwrap(), "--of", "nosuch"]);
+    assert!(refused.contains("nosuch"), "{refused}");
+}

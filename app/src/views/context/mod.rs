@@ -91,7 +91,8 @@ impl Pane for ContextPane {
         if !self.canvas.draw(ui, (graphics, &view, &response), &scene, ask.wait, out) {
             return;
         }
-        let hover_text = self.canvas.hover().copied().map(|pick| {
+        let hover = self.canvas.hover().copied().filter(|_| !input.is_plain);
+        let hover_text = hover.map(|pick| {
             let fiber = pick.fiber.map(|fiber| tract_list::fiber_text(stage, fiber));
             pick_text(&input, &pick, fiber)
         });
@@ -116,7 +117,8 @@ impl Pane for ContextPane {
         if let Some(tracts_note) = tracts_note {
             draw::note(ui, rect, &tracts_note);
         }
-        marks::corners(ui, rect, input.sides_known(), (&scene.camera, "at the middle"), true);
+        let scale_position = if input.is_plain { "" } else { "at the middle" };
+        marks::corners(ui, rect, input.sides_known(), (&scene.camera, scale_position), true);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
         response.widget_info(|| {
             let text = self.canvas.accessible_text(&format!("Context view of {name}"), hover_text.as_deref());

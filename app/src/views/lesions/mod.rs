@@ -155,6 +155,13 @@ fn warnings(ui: &mut Ui, report: &LesionsReport) {
         1 => "1 link is proposed by the program and not verified".to_owned(),
         several => format!("{several} links are proposed by the program and not verified"),
     });
+    if !report.ignored.is_empty() {
+        let text = match report.ignored.len() {
+            1 => "1 component is ignored: Your edits, Take back".to_owned(),
+            several => format!("{several} components are ignored: Your edits, Take back"),
+        };
+        ui.weak(text);
+    }
     for text in report.warnings.iter().cloned().chain(not_linked).chain(lost).chain(proposed) {
         ui.colored_label(ui.visuals().warn_fg_color, text);
     }

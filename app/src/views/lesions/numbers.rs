@@ -7,6 +7,8 @@ use glioscope_core::lesions::{Growth, LesionDate, LesionReport, LesionsReport, L
 use super::timeline::{change_text, title};
 use crate::{format, theme::Tokens};
 
+/// Least change of the logarithm of a volume between two dates that is called growth: a tenth.
+const LEAST_GROWTH: f64 = 0.1;
 /// Height of a row, points.
 const ROW: f32 = 20.0;
 
@@ -102,8 +104,15 @@ fn cells(before: Option<&LesionDate>, date: &LesionDate) -> Vec<String> {
 fn series_text(of: &str, series: &Series) -> Option<String> {
     let mut said = Vec::new();
     // A slope within twice its standard error is none.
-    let is_clear =
-        |growth: &&Growth| growth.standard_error.is_none_or(|sd| growth.log_per_day.abs() > 2.0 * sd);
+    let is_clear = |growth: &&Growth| match growth.standard_error {
+        Some(sd) => growth.log_per_day.abs() > 2.0 * sd,
+        // Of two dates: by more than measuring alone may make.
+        None => {
+            let mut known = series.points.iter().filter_map(|point| point.volume_ml).filter(|ml| *ml > 0.0);
+            let ends = known.next().zip(known.next_back());
+            ends.is_some_and(|(first, last)| (last / first).ln().abs() > LEAST_GROWTH)
+        }
+    };
     if let Some(growth) = series.growth.as_ref().filter(is_clear) {
         match (growth.doubling_days, growth.halving_days) {
             (Some(days), _) => said.push(format!("doubles in {days:.0} days by {} dates", growth.dates)),

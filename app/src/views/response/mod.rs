@@ -10,7 +10,10 @@ mod scans;
 use std::collections::HashSet;
 
 use egui::{ComboBox, ScrollArea, Ui};
-use glioscope_core::response::{Assessment, Criterion, Evaluated, History, Input as Asked};
+use glioscope_core::{
+    dates::leading_date,
+    response::{Assessment, Criterion, Evaluated, History, Input as Asked},
+};
 use strum::VariantArray;
 
 use super::{
@@ -88,7 +91,12 @@ impl ResponsePane {
                     }
                     None => (results.response.last().cloned(), None),
                 };
-                if let Some(error) = error {
+                if no_days(&input, &history) {
+                    ui.colored_label(
+                        ui.visuals().warn_fg_color,
+                        "The dates are no calendar dates: state the day of each scan below, counted from any first day",
+                    );
+                } else if let Some(error) = error {
                     ui.colored_label(ui.visuals().error_fg_color, error);
                 }
                 if let Some(evaluated) = &evaluated {
@@ -120,6 +128,14 @@ impl ResponsePane {
             out.push(EditCommand::SetResponse(Box::new(new)));
         }
     }
+}
+
+/// Whether a scan has neither a calendar date nor a day.
+fn no_days(input: &Input<'_>, history: &History) -> bool {
+    input.case.time_labels().into_iter().any(|label| {
+        let stated = history.date.iter().any(|facts| facts.date.0 == label && facts.days.is_some());
+        leading_date(label).is_none() && !stated
+    })
 }
 
 /// The criteria, what is assessed, the mask of non-enhancing disease, and who states it.

@@ -13,7 +13,7 @@ use crate::{animation::Form, error::AppError, output, window::film};
 pub struct AnimationArguments {
     /// Turn the camera once about the patient's axis, in so many frames at 20 a second: 1 to 720, default 60. For 3D views.
     #[arg(long, value_name = "FRAMES", num_args = 0..=1, default_missing_value = "60",
-          value_parser = frames, allow_hyphen_values = true,
+          value_parser = frames,
           conflicts_with_all = ["plain", "explain", "stats"])]
     pub turntable: Option<u32>,
     /// Show the dates one after the other, a second each; with --turntable, a turn of each.

@@ -228,9 +228,11 @@ pub fn find(case: &Case, options: &Options, progress: &Progress) -> Result<Found
         }
         found.beside.image(case, id);
     }
-    let linked = found.pairs.iter().filter(|(_, reason)| options.surface && reason.is_none());
-    for dates in linked.map(|(dates, _)| *dates).collect::<Vec<_>>() {
-        found.beside.surface(case, dates, &options.of, progress)?;
+    if let (Of::Mask(id), true) = (&options.of, options.surface) {
+        let linked = found.pairs.iter().filter(|(_, reason)| reason.is_none());
+        for dates in linked.map(|(dates, _)| *dates).collect::<Vec<_>>() {
+            found.beside.surface(case, dates, id, progress)?;
+        }
     }
     Ok(found)
 }

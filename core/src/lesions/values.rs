@@ -13,7 +13,6 @@ use crate::{
 
 use super::{
     error::LesionsError,
-    find::Of,
     parts::{CaseRun, DateParts, Part},
 };
 
@@ -73,15 +72,14 @@ impl Beside {
         self.image = Some((id.to_owned(), case.time_points.iter().map(of).collect()));
     }
 
-    /// The movements between two dates. Nothing for a union, and where only volumes can be compared.
+    /// The movements of a mask between two dates. Nothing where only volumes can be compared.
     pub fn surface(
         &mut self,
         case: &Case,
         dates: [usize; 2],
-        of: &Of,
+        id: &str,
         progress: &Progress,
     ) -> Result<(), LesionsError> {
-        let Of::Mask(id) = of else { return Ok(()) };
         let Ok(choice) = Choice::at(case, Some(id), dates) else { return Ok(()) };
         let (_, change) = change::between(case, &choice, &ChangeOptions::default(), None, progress)?;
         let moved = change.vectors.iter().map(|vector| Moved {

@@ -86,7 +86,7 @@ const ROWS: &[Row] = &[
     ("response", "/$defs/criterion", "core/src/response/rules.rs", &["Criterion"], &[]),
     ("response", "/$defs/assessment", "core/src/response/history.rs", &["Assessment"], &[]),
     ("response", "/$defs/compartment", "core/src/response/history.rs", &["Compartment"], &[]),
-    ("response", "", "app/src/cli/response.rs", &["Answer", "Evaluated"], &["criterion", "assessment", "dates"]),
+    ("response", "", "core/src/response/measured.rs", &["Evaluated"], &["case", "criterion", "assessment", "dates"]),
     ("tracts", "", "app/src/cli/tracts.rs", &["TractsReport"], &[]),
     ("tracts", "/properties/tracts/items", "app/src/cli/tracts.rs", &["TractReport"], &[]),
     ("info", "/$defs/studies", "core/src/files/dicom/info.rs", &["Tree"], &[]),

@@ -138,7 +138,7 @@ fn a_report_without_identity_has_none_of_the_users_words_that_name_the_patient_a
     std::fs::write(case.join("case.toml"), manifest).unwrap();
     let mut harness = window_on(CaseRef::Path(case.join("case.toml")), [1280.0, 800.0], egui::Theme::Light);
     wait_for_workers(&mut harness);
-    let secret = "MUELLERX 4711234";
+    let secret = "MUELLERX_4711234";
     let at = glioscope_core::lesions::Anchor {
         time: "2024-01-01".into(),
         of: "T".into(),

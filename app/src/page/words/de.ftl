@@ -90,10 +90,7 @@ text-millilitre = Ein Milliliter (ml) ist ein Fünftel eines Teelöffels.
 text-no-order = Es ist nicht bekannt, welche Aufnahme älter ist. Darum sagt diese Seite nicht, was sich verändert hat.
 text-change-dates = Von { $from } bis { $to }:
 text-change = { $name }: { $word } (vorher { $before }, jetzt { $after }, { $difference }).
-text-new = { $name }: { $count ->
-    [one] Seit der Aufnahme davor ist eine neue Stelle dazugekommen.
-   *[other] Seit der Aufnahme davor sind { $count } neue Stellen dazugekommen.
-}
+text-new = { $name }: Neue Stellen seit der Aufnahme davor: { $count }.
 text-change-rule = „Etwa gleich“ bedeutet: die Größe änderte sich um höchstens { $percent } %. So kleine Unterschiede können allein vom Messen kommen.
 change-smaller = kleiner
 change-same = etwa gleich

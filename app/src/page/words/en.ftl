@@ -90,10 +90,7 @@ text-millilitre = One millilitre (ml) is a fifth of a teaspoon.
 text-no-order = It is not known which scan is older. So this page does not say what has changed.
 text-change-dates = From { $from } to { $to }:
 text-change = { $name }: { $word } ({ $before } before, { $after } now, { $difference }).
-text-new = { $name }: { $count ->
-    [one] a new spot has appeared since the scan before.
-   *[other] { $count } new spots have appeared since the scan before.
-}
+text-new = { $name }: new spots since the scan before: { $count }.
 text-change-rule = "About the same" means: the size changed by at most { $percent } %. Such small differences can come from measuring alone.
 change-smaller = smaller
 change-same = about the same

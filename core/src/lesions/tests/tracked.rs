@@ -340,11 +340,12 @@ fn tables_and_json_have_stable_fields() {
     let rows: Vec<&str> = text.lines().collect();
     assert_eq!(
         rows[0],
-        "lesion,name,date,days,volume_ml,components,d1_mm,d2_mm,product_mm2,measurable,small,event,state"
+        "lesion,name,date,days,volume_ml,components,d1_mm,d2_mm,product_mm2,measurable,small,event,state,image,mean,max,peak,\
+         mean_times_ml,growth_p95_mm,recession_p95_mm"
     );
     assert!(rows[1].starts_with("A,'=left,2024-01-01,0,0.216,1,8.485281374238"), "{}", rows[1]);
-    assert_eq!(rows[2], "A,'=left,2024-01-11,10,0,0,,,,,0,gone,");
-    assert_eq!(rows[3..], [",,2024-01-01,0,0.216,1,,,,,,,", ",,2024-01-11,10,0,0,,,,,,,"]);
+    assert_eq!(rows[2], "A,'=left,2024-01-11,10,0,0,,,,,0,gone,,,,,,,,");
+    assert_eq!(rows[3..], [",,2024-01-01,0,0.216,1,,,,,,,,,,,,,,", ",,2024-01-11,10,0,0,,,,,,,,,,,,,,"]);
     let json = serde_json::to_value(&report).unwrap();
     assert_eq!(
         (&json["lesions"][0]["name"], &json["mode"]),

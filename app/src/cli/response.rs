@@ -134,6 +134,9 @@ pub(super) fn evaluated(
             found(case, (&options.lesions, (None, false)), masks[usize::from(is_other)], setting)?,
         ));
     }
+    if let Some((_, main)) = reports.first().filter(|_| text.is_none()) {
+        own.follow_targets(&mut history, main)?;
+    }
     let reports: Vec<(Compartment, &LesionsReport)> =
         reports.iter().map(|(c, report)| (*c, report)).collect();
     let evaluated = evaluate_lesions(history, &reports).map_err(|e| wrong(options, e))?;

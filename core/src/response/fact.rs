@@ -7,7 +7,7 @@ use jiff::civil::Date;
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
     de::{DeserializeOwned, Error},
-    ser::SerializeStruct,
+    ser::SerializeMap,
 };
 
 /// A statement, and who entered it when. In TOML the value itself, or `{ value = …, author = "…", entered = 2024-05-01 }`.
@@ -48,10 +48,14 @@ impl<T: Serialize> Serialize for Fact<T> {
         if self.author.is_none() && self.entered.is_none() {
             return self.value.serialize(serializer);
         }
-        let mut fact = serializer.serialize_struct("Fact", 3)?;
-        fact.serialize_field("value", &self.value)?;
-        fact.serialize_field("author", &self.author)?;
-        fact.serialize_field("entered", &self.entered)?;
+        // TOML has no null, and neither has what reads it.
+        let mut fact = serializer.serialize_map(None)?;
+        fact.serialize_entry("value", &self.value)?;
+        for (key, text) in [("author", &self.author), ("entered", &self.entered)] {
+            if let Some(text) = text {
+                fact.serialize_entry(key, text)?;
+            }
+        }
         fact.end()
     }
 }

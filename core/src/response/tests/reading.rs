@@ -278,3 +278,15 @@ fn many_unknown_inputs_are_bounded() {
         assert!(!last.missing.is_empty());
     }
 }
+
+#[test]
+fn a_history_is_written_and_read_again_as_json_and_as_toml() {
+    let mut history = History::parse(GOOD).unwrap();
+    // Each of both may be missing.
+    history.baseline =
+        Some(Fact { entered: Some("2024-05-01".into()), ..Fact::of(Label("2024-02-01".into())) });
+    let json = serde_json::to_string(&history).unwrap();
+    assert_eq!(serde_json::from_str::<History>(&json).unwrap(), history);
+    let text = ::toml::to_string(&history).unwrap();
+    assert_eq!(History::parse(&text).unwrap(), history);
+}

@@ -22,7 +22,8 @@ use super::{Entry, Label, Listed, Menu};
 use crate::{
     model::{
         AgreementSetting, ChangeSetting, Document, EllipsoidLook, EllipsoidOpacity, Fusion, HiddenRegions,
-        KeyPicture, LesionSetting, OverlapMode, PaneId, ResponseSetting, Ruler, SecondImage, Shading,
+        KeyPicture, LesionSetting, OverlapMode, PaneId, Reading, ResponseSetting, Ruler, SecondImage,
+        Shading,
         document::{default_lens, tumor_radius_mm},
         fusion::is_pet,
         layout::{self, Task},
@@ -103,6 +104,7 @@ pub enum EditCommand {
     /// With its size on the screen, points.
     KeepPicture(PaneId, [f32; 2]),
     SetPictures(Vec<KeyPicture>),
+    SetReading(Box<Reading>),
     // Registration.
     SetAlignments(Vec<Alignment>),
 }
@@ -217,6 +219,7 @@ impl EditCommand {
             | EditKind::SetFusion
             | EditKind::KeepPicture
             | EditKind::SetPictures
+            | EditKind::SetReading
             | EditKind::SetAlignments
             | EditKind::SetLayout => Vec::new(),
         }
@@ -306,6 +309,7 @@ impl EditCommand {
             Self::SetLayout(_) => Label::new("Arrange panes"),
             Self::ResetLayout => Label::new("Default layout"),
             Self::KeepPicture(pane, _) => Label::new(format!("Keep {} for the report", pane.title())),
+            Self::SetReading(_) => Label::new("Conclusion of the report"),
             Self::SetPictures(_) => Label::new("Pictures of the report"),
             Self::SetAlignments(_) => Label::new("Move dates and images"),
             Self::SetTask(task) => Label::new(format!("Layout: {}", task.name())).detail(task.detail()),
@@ -327,6 +331,7 @@ impl EditCommand {
             Self::SetEllipsoidOpacities(_) => Some("ellipsoid opacity"),
             Self::SetChange(_) => Some("change"),
             Self::SetPictures(_) => Some("pictures"),
+            Self::SetReading(_) => Some("reading"),
             Self::SetAgreement(_) => Some("agreement"),
             Self::SetLesions(_) => Some("lesions"),
             Self::SetAperture(_) => Some("aperture"),
@@ -363,6 +368,7 @@ impl EditCommand {
         let Document { edit, nav, .. } = doc;
         match self {
             Self::Undo | Self::Redo | Self::KeepPicture(..) => {}
+            Self::SetReading(reading) => edit.reading.clone_from(reading),
             Self::SetPictures(pictures) => edit.pictures.clone_from(pictures),
             Self::ShowAllRegions => edit.selection = HiddenRegions::none(),
             Self::ToggleRegion(_)

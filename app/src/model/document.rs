@@ -34,6 +34,7 @@ use super::{
     masks::MaskLooks,
     overlap::OverlapMode,
     pane::PaneId,
+    reading::Reading,
     response::ResponseSetting,
     rulers::Ruler,
 };
@@ -104,6 +105,7 @@ impl KeyPicture {
     pub(super) fn without_the_case(&mut self) {
         let edit = &mut *self.edit;
         (edit.pictures, edit.made, edit.alignments) = (Vec::new(), Vec::new(), Vec::new());
+        edit.reading = Reading::default();
         (edit.masks, edit.lesions, edit.response) =
             (MaskLooks::default(), LesionSetting::default(), ResponseSetting::default());
         (edit.layout, edit.maximized) = (layout::single(self.pane), None);
@@ -188,6 +190,9 @@ pub struct Edit {
     /// Response by criteria, and what its reader states.
     #[serde(default)]
     pub response: ResponseSetting,
+    /// What the reader concludes.
+    #[serde(default)]
+    pub reading: Reading,
     /// Views kept for the report, in its order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pictures: Vec<KeyPicture>,
@@ -384,6 +389,7 @@ impl Document {
                 agreement: AgreementSetting::default(),
                 lesions: LesionSetting::default(),
                 response: ResponseSetting::default(),
+                reading: Reading::default(),
                 pictures: Vec::new(),
                 layout: layout::default_layout(time_point_count, time_point.regions.mask_ids().len()),
                 maximized: None,

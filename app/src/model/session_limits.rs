@@ -16,6 +16,7 @@ use super::{
     light::Shading,
     made,
     pane::PaneId,
+    reading::{MOST_CONCLUSION, MOST_READER},
     response::{MOST_ANSWERED, MOST_ANSWERS, MOST_AUTHOR, ResponseSetting},
     rulers::MOST_RULERS,
 };
@@ -156,6 +157,8 @@ fn check_edit(edit: &Edit) -> Checked {
     check_shading(&edit.light.shading)?;
     number("agreement percentile", edit.agreement.percentile, &PERCENTILE)?;
     number("agreement tolerance_mm", edit.agreement.tolerance_mm, &TOLERANCE_MM)?;
+    count("characters of the conclusion", edit.reading.conclusion.chars().count(), MOST_CONCLUSION)?;
+    count("characters of the reader's name", edit.reading.reader.chars().count(), MOST_READER)?;
     check_lesions(&edit.lesions)?;
     check_response(&edit.response)?;
     for operand in edit.agreement.two.iter().flatten() {

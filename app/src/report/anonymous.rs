@@ -61,6 +61,8 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
         doc.edit.response.anonymous(|text| redactor.text(text));
     }
     if options.identity != Identity::Full {
+        doc.edit.reading.reader.clear();
+        doc.edit.reading.conclusion = redactor.text(&doc.edit.reading.conclusion);
         for made in &mut doc.edit.made {
             (made.author, made.how) = (None, redactor.text(&made.how));
         }
@@ -76,9 +78,12 @@ pub fn anonymous(case: &Arc<Case>, doc: Document, options: Options) -> Result<An
     Ok(Anonymous { case: shown, doc, names })
 }
 
-/// Whether a text may be one of the program's own words in a session, such as `axial`: these aren't touched, as a case may be
-/// called so.
+/// Whether a text may be one of the program's own in a session: a word such as `axial`, which a case may be called, or the
+/// numbers of a made mask's voxels. These aren't touched; fields that a user writes are, one by one.
 fn is_program_word(text: &str) -> bool {
+    if text.bytes().all(|b| b.is_ascii_digit() || b == b' ') {
+        return true;
+    }
     text.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || matches!(b, b'_' | b'-' | b'.'))
         && text.bytes().any(|b| b.is_ascii_lowercase())
 }
@@ -118,4 +123,19 @@ fn renames(case: &Case, options: Options, redactor: &Redactor) -> BTreeMap<Strin
         names.insert(id.to_owned(), free.unwrap_or(new));
     }
     names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_of_the_program_and_voxels_are_told_from_words_of_a_user() {
+        for own in ["axial", "rano-2.0", "keep_parts", "12 4711234 5", ""] {
+            assert!(is_program_word(own), "{own}");
+        }
+        for of_user in ["MUELLER", "mueller anna", "Line 1", "id 4711234"] {
+            assert!(!is_program_word(of_user), "{of_user}");
+        }
+    }
 }

@@ -17,7 +17,11 @@ use super::{
     plot::{Plot, Series},
 };
 use crate::words::Words;
-use crate::{format, model::Document, world::colors_of};
+use crate::{
+    format,
+    model::{Document, Reading},
+    world::colors_of,
+};
 
 /// Rows of the table of regions; the smallest ones beyond are counted.
 const MOST_REGIONS: usize = 24;
@@ -143,6 +147,21 @@ impl Content<'_> {
             blocks.push(Block::Text(format!("{first} {second}")));
         }
         blocks.extend(self.lesions.and_then(|report| self.summary_of_lesions(report)));
+        blocks
+    }
+
+    /// What the reader concludes, and who that is.
+    pub fn conclusion(&self) -> Vec<Block> {
+        let Reading { conclusion, reader } = &self.doc.edit.reading;
+        let lines = conclusion.lines().map(str::trim).filter(|line| !line.is_empty());
+        let mut blocks: Vec<Block> = lines.map(|line| Block::Text(self.redactor.text(line))).collect();
+        if !reader.trim().is_empty() {
+            let reader = self.redactor.text(reader.trim());
+            blocks.push(Block::Facts(vec![(self.words.get("read-by"), reader)]));
+        }
+        if !blocks.is_empty() {
+            blocks.insert(0, Block::Heading(self.words.get("section-conclusion")));
+        }
         blocks
     }
 

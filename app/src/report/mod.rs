@@ -174,6 +174,7 @@ pub fn make(
     let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.warnings);
     blocks.extend(content.findings(&own, contradictions));
     blocks.extend(content.summary());
+    blocks.extend(content.conclusion());
     blocks
         .extend(evaluated.into_iter().flat_map(|evaluated| responses::blocks(evaluated, &words, &redactor)));
     blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));

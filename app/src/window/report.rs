@@ -19,7 +19,11 @@ pub use crate::report::Options;
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, Workstation},
     error::AppError,
-    model::{Document, document::MOST_CAPTION},
+    model::{
+        Document,
+        document::MOST_CAPTION,
+        reading::{MOST_CONCLUSION, MOST_READER},
+    },
     output,
     report::{self, FileKind, Filing, Form, Identity, Report, ResponseRecipe},
     words::Language,
@@ -60,6 +64,7 @@ pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut C
             ui.end_row();
         });
         if let Some(doc) = &work.doc {
+            reading(ui, doc, out);
             pictures(ui, case, doc, out);
         }
         ui.add_space(6.0);
@@ -81,6 +86,23 @@ pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut C
             out.push(AppCommand::WriteReport(*options));
             *open = None;
         }
+    }
+}
+
+/// The conclusion, and who signs it.
+fn reading(ui: &mut Ui, doc: &Document, out: &mut Commands) {
+    let mut new = doc.edit.reading.clone();
+    ui.add_space(6.0);
+    let label = ui.strong("Conclusion");
+    let field = egui::TextEdit::multiline(&mut new.conclusion).desired_width(f32::INFINITY).desired_rows(3);
+    ui.add(field.char_limit(MOST_CONCLUSION)).labelled_by(label.id);
+    ui.horizontal(|ui| {
+        let label = ui.label("Read by");
+        let field = egui::TextEdit::singleline(&mut new.reader).desired_width(200.0).char_limit(MOST_READER);
+        ui.add(field).labelled_by(label.id).on_hover_text("Printed where the patient is named in full");
+    });
+    if new != doc.edit.reading {
+        out.push(EditCommand::SetReading(Box::new(new)));
     }
 }
 

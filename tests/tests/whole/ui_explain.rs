@@ -50,6 +50,10 @@ fn views_kept_with_a_key_are_the_pictures_of_the_report() {
     harness.run_ok();
     harness.get_by_label("Caption of picture 1").type_text("The rim that grew");
     harness.run_ok();
+    harness.get_by_label("Conclusion").focus();
+    harness.run_ok();
+    harness.get_by_label("Conclusion").type_text("Progression at the front.");
+    harness.run_ok();
     harness.get_by_label("Move picture 2 up").click();
     harness.run_ok();
     let kept = &doc(&harness).edit.pictures;
@@ -67,6 +71,7 @@ fn views_kept_with_a_key_are_the_pictures_of_the_report() {
     assert!(run(PROGRAM, &["report", &path("read.glioscope.json"), "--out", &out]).status.success());
     let html = std::fs::read_to_string(&out).unwrap();
     assert_eq!(html.matches("data:image/png").count(), 2);
+    assert!(html.contains(">Conclusion</h2><p>Progression at the front.</p>"), "what the reader concludes");
     let dates = ["2024", "Overlap diagram", "The rim that grew"].map(|text| html.find(text));
     assert!(dates.iter().all(Option::is_some) && dates[1] < dates[2], "{dates:?}");
     let replayed = run(PROGRAM, &["replay", &out]);

@@ -121,6 +121,8 @@ lesions-left-out = Weitere, die in dieser Tabelle fehlen: { $count }.
 not-measurable = nicht messbar
 
 section-response = Ansprechen nach { $criteria }
+section-conclusion = Beurteilung
+read-by = Befundet von
 section-bt-rads = BT-RADS
 bt-rads-note = Bedeutung der Kategorien: btrads.com; die Folge der Fragen nach Programmtext, der das Formular umsetzt. Fragen und Antworten auf Englisch.
 response-note = Nach Kriterien, wie öffentliche Beschreibungen sie wiedergeben; die Volltexte der Arbeiten wurden nicht gelesen. Nicht für klinische Entscheidungen. Die Begründungen sind Sätze des Programms, auf Englisch.

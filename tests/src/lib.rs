@@ -8,7 +8,7 @@ use std::{
     time::Instant,
 };
 
-use egui_kittest::{Harness, HarnessBuilder};
+use egui_kittest::{Harness, HarnessBuilder, kittest::Queryable};
 use egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use glioscope::{
     command::{Command as UserCommand, EditCommand, Workstation},
@@ -271,6 +271,20 @@ pub fn wait_for_workers(harness: &mut Window) {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     harness.run_ok();
+}
+
+/// Chooses an entry of a drop-down list by its text. Other widgets of that text may be drawn before the list.
+///
+/// # Panics
+/// When the list has no such entry.
+pub fn choose(harness: &mut Window, field: &str, entry: &str) {
+    harness.get_by_role_and_label(egui::accesskit::Role::ComboBox, field).click();
+    harness.run_ok();
+    match harness.query_all_by_label(entry).last() {
+        Some(found) => found.click(),
+        None => fail(&format!("{field} has no entry {entry}")),
+    }
+    wait_for_workers(harness);
 }
 
 /// A file dropped on the window.

@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use glioscope_core::{
     case::Case,
-    lesions::{
-        self, LesionDate, LesionReport, LesionsReport, LinkState, Of, Options, diameters::DiameterMode,
-    },
+    lesions::{self, LesionDate, LesionReport, LesionsReport, Of, Options, diameters::DiameterMode},
 };
 
 use super::{case::CaseArguments, parse, terminal};
@@ -174,7 +172,7 @@ fn table(report: &LesionsReport) -> String {
     if small > 0 {
         lines.push(format!("\n{small} more, never above {} ml", report.smallest_ml));
     }
-    let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
+    let proposed = report.proposed().count();
     if proposed > 0 {
         let links = if proposed == 1 {
             "1 link between dates is"

@@ -3,8 +3,12 @@
 use std::ops::RangeInclusive;
 
 use glioscope_core::{
+    Progress,
     case::Case,
-    lesions::{DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM, Edit, Of, Options, default_mask},
+    lesions::{
+        self, DEFAULT_SMALLEST_ML, DEFAULT_WITHIN_MM, Edit, LesionsError, LesionsReport, Of, Options,
+        default_mask,
+    },
 };
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +61,21 @@ impl LesionSetting {
             asks_images: !case.one_space,
             ..Options::new(Of::Mask(self.mask(case, change)?))
         })
+    }
+
+    /// The lesions of `case` with the edits; `None` without any mask.
+    ///
+    /// # Errors
+    /// As [`lesions::report`].
+    pub fn report(
+        &self,
+        case: &Case,
+        change: &ChangeSetting,
+        progress: &Progress,
+    ) -> Result<Option<LesionsReport>, LesionsError> {
+        let Some(options) = self.options(case, change) else { return Ok(None) };
+        let edits = self.edits_of(&options.of.name());
+        lesions::report(case, &options, &edits, progress).map(Some)
     }
 
     /// Those of the edits that are about the mask of `options`, by its name.

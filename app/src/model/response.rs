@@ -4,15 +4,13 @@ use std::collections::BTreeMap;
 
 use glioscope_core::{
     case::Case,
-    lesions::{Anchor, LesionReport, LesionsReport},
+    lesions::{Anchor, LesionsReport},
     response::{Assessment, Criterion, History, name_of},
 };
 use serde::{Deserialize, Serialize};
 
 use crate::error::AppError;
 
-/// How far a component's place may move and still be it.
-const SAME_PLACE_MM: f64 = 3.0;
 /// The longest name of an author, characters.
 pub const MOST_AUTHOR: usize = 100;
 /// The most dates with answers of BT-RADS.
@@ -73,13 +71,7 @@ impl ResponseSetting {
         let names = history.targets.iter_mut().flatten().chain(&mut history.non_targets);
         for name in names {
             let Some(place) = self.named_at.get(name).filter(|place| place.of == report.of) else { continue };
-            let is_there = |lesion: &&LesionReport| {
-                let parts = lesion.dates.iter().flat_map(|date| &date.parts);
-                parts.filter_map(|part| part.anchor.as_ref()).any(|anchor| {
-                    anchor.time == place.time && anchor.at_mm.distance(place.at_mm) < SAME_PLACE_MM
-                })
-            };
-            let Some(lesion) = report.lesions.iter().find(is_there) else {
+            let Some(lesion) = report.lesion_at(place) else {
                 let found = format!("no lesion any more where {name} was");
                 return Err(AppError::wrong("targets of the response", found, "one: name the targets again"));
             };

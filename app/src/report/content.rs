@@ -5,7 +5,7 @@ use glioscope_core::{
     case::{Case, TimePoint},
     change::{ChangeReport, Lengths},
     dates, decimal,
-    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState},
+    lesions::{EventKind, LesionDate, LesionReport, LesionsReport},
     measure::{
         self, Agreement, DateComparison, PAIR_METRICS, Pair, PairComparison, Raters, conventions::Comparison,
     },
@@ -502,8 +502,7 @@ impl Content<'_> {
         };
         counted("lesions-small", report.lesions.len() - shown().count());
         counted("lesions-left-out", shown().count().saturating_sub(MOST_LESIONS));
-        let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed);
-        counted("lesions-links", proposed.count());
+        counted("lesions-links", report.proposed().count());
         let has_dates = report.dates.len() > 1;
         let all = ["lesion", "date", "volume", "lesion-change", "diameters", "product", "became"];
         let of_dates = |key: &str| matches!(key, "date" | "lesion-change" | "became");

@@ -22,7 +22,6 @@ use glioscope_core::{
     Check, Progress,
     case::Case,
     change::{self, ChangeOptions, ChangeReport, Choice},
-    lesions::{self, LesionsReport},
     measure,
     response::Evaluated,
 };
@@ -140,10 +139,10 @@ pub fn make(
     let redactor = Redactor::new(case, options.identity, words.get("removed"));
     let (changes, own) = changes(case, doc, progress)?;
     let compared = measure::compared(case, &doc.edit.agreement.settings(), progress)?;
-    let lesions = lesions(case, doc, progress)?;
+    let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
     let own_response = match response {
         Some(_) => None,
-        None => evaluate_now(case, doc, progress)?,
+        None => evaluate_now(case, doc, lesions.as_ref(), progress)?,
     };
     let evaluated = response.map(|(evaluated, _)| evaluated).or(own_response.as_ref());
     let content = Content {
@@ -151,7 +150,7 @@ pub fn make(
         doc,
         changes: &changes,
         compared: &compared,
-        lesions: lesions.as_ref(),
+        lesions: lesions.as_deref(),
         words: &words,
         redactor: &redactor,
         identity: options.identity,
@@ -201,7 +200,8 @@ pub fn structured(
     filing: &Filing,
     progress: &Progress,
 ) -> Result<Vec<u8>, AppError> {
-    filing.structured(case, doc, lesions(case, doc, progress)?.as_ref())
+    let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?;
+    filing.structured(case, doc, lesions.as_ref())
 }
 
 /// Changes of the compared mask between consecutive dates, and from the first to the last; with what they found.
@@ -230,14 +230,6 @@ fn changes(
         reports.push(report);
     }
     Ok((reports, found))
-}
-
-/// The lesions as the document has them.
-fn lesions(case: &Case, doc: &Document, progress: &Progress) -> Result<Option<LesionsReport>, AppError> {
-    let setting = &doc.edit.lesions;
-    let Some(options) = setting.options(case, &doc.edit.change) else { return Ok(None) };
-    let edits = setting.edits_of(&options.of.name());
-    Ok(Some(lesions::report(case, &options, &edits, progress)?))
 }
 
 /// The panes that a report shows, with the keys of their captions.

@@ -9,9 +9,10 @@ use super::panes::PaneArea;
 use crate::{
     command::{Commands, LookCommand},
     model::PaneId,
-    page::{Spoken, spoken},
+    page::{Spoken, words},
     theme::{self, Tokens},
-    words::Language,
+    views::Shared,
+    words::{Language, Words},
 };
 
 /// Size of what is said, points.
@@ -26,9 +27,10 @@ const POINTS_PER_MM: f32 = 96.0 / 25.4;
 const CARD_MM: f32 = 85.6;
 
 /// The state of the mode.
-#[derive(Debug)]
 pub struct Explain {
     language: Language,
+    /// The sentences of that language.
+    words: Words,
     /// Time of the last step in seconds of egui's clock, during playback.
     playing_since: Option<f64>,
     points_per_mm: f32,
@@ -39,7 +41,8 @@ impl Explain {
     /// The mode, on a screen with so many points per millimetre; `None`: not known.
     pub fn new(points_per_mm: Option<f32>) -> Self {
         let points_per_mm = points_per_mm.filter(|p| (1.0..=20.0).contains(p)).unwrap_or(POINTS_PER_MM);
-        Self { language: Language::En, playing_since: None, points_per_mm, fits: false }
+        let language = Language::En;
+        Self { language, words: words(language), playing_since: None, points_per_mm, fits: false }
     }
 
     /// Points per millimetre, as the user fitted them.
@@ -60,22 +63,14 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
             let big = |text: &str| RichText::new(text).size(LARGE);
             if dates > 1 {
                 for time in 0..dates {
-                    let text = match explain.language {
-                        Language::En => format!("Scan {}", time + 1),
-                        Language::De => format!("Aufnahme {}", time + 1),
-                    };
+                    let text = explain.words.with("scan", &[("number", (time + 1).to_string())]);
                     if ui.add(Button::selectable(input.time == time, big(&text))).clicked() {
                         area.out.push(LookCommand::SetTime(time));
                         explain.playing_since = None;
                     }
                 }
-                let text = match (explain.language, explain.playing_since.is_some()) {
-                    (Language::En, false) => "Play",
-                    (Language::De, false) => "Abspielen",
-                    (Language::En, true) => "Stop",
-                    (Language::De, true) => "Anhalten",
-                };
-                if ui.add(Button::new(big(text))).clicked() {
+                let text = explain.words.get(if explain.playing_since.is_some() { "stop" } else { "play" });
+                if ui.add(Button::new(big(&text))).clicked() {
                     explain.playing_since = match explain.playing_since {
                         Some(_) => None,
                         None => Some(ui.input(|i| i.time)),
@@ -83,11 +78,8 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
                 }
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                let end = match explain.language {
-                    Language::En => "End",
-                    Language::De => "Beenden",
-                };
-                if ui.add(Button::new(big(end))).on_hover_text("Back to the workstation (Esc)").clicked() {
+                let end = explain.words.get("explain-end");
+                if ui.add(Button::new(big(&end))).on_hover_text("Back to the workstation (Esc)").clicked() {
                     ends = true;
                 }
                 let (other, name) = match explain.language {
@@ -95,16 +87,18 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
                     Language::De => (Language::En, "English"),
                 };
                 if ui.add(Button::new(big(name))).clicked() {
-                    explain.language = other;
+                    (explain.language, explain.words) = (other, words(other));
                 }
             });
         });
         ui.add_space(6.0);
     });
-    let said = spoken(input.case, input.time, explain.language);
+    let Shared { results, ask, .. } = &mut area.shared;
+    let said = results.spoken.get(input.case, input.time, explain.language, ask);
     egui::Panel::left("said").resizable(false).exact_size(said_width(ui)).show(ui, |ui| {
         egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.add_space(10.0);
+            let Some(said) = &said else { return };
             for (mask, sentence) in &said.sentences {
                 ui.horizontal_wrapped(|ui| {
                     if let Some(mask) = mask {
@@ -116,7 +110,7 @@ pub fn show(ui: &mut Ui, explain: &mut Explain, area: &mut PaneArea<'_>) -> bool
                 });
                 ui.add_space(10.0);
             }
-            true_size(ui, explain, &said, theme::color(input.colors.mask(said.largest)));
+            true_size(ui, explain, said, theme::color(input.colors.mask(said.largest)));
         });
     });
     egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| views(ui, area));
@@ -167,11 +161,8 @@ fn true_size(ui: &mut Ui, explain: &mut Explain, said: &Spoken, color: Color32) 
     let points = |mm: f64| mm as f32 * explain.points_per_mm;
     let object_mm = said.object.as_ref().map_or(0.0, |(_, mm)| *mm);
     let [ball, object] = [ball_mm, object_mm].map(points);
-    let title = match explain.language {
-        Language::En => "In true size",
-        Language::De => "In wahrer Größe",
-    };
-    ui.label(RichText::new(title).size(LARGE).strong());
+    let title = explain.words.get("true-size-heading");
+    ui.label(RichText::new(&title).size(LARGE).strong());
     let width = ball + object + 24.0;
     let height = ball.max(object) + 8.0;
     let (rect, response) = ui.allocate_exact_size(vec2(width, height), Sense::hover());
@@ -186,28 +177,15 @@ fn true_size(ui: &mut Ui, explain: &mut Explain, said: &Spoken, color: Color32) 
     let name = said.object.as_ref().map(|(name, _)| name.clone()).unwrap_or_default();
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Canvas, true, format!("{title}: {name}")));
     if !name.is_empty() {
-        let text = match explain.language {
-            Language::En => format!("Left: the largest area, if it were a ball. Right: {name}."),
-            Language::De => format!("Links: der größte Bereich, wäre er eine Kugel. Rechts: {name}."),
-        };
+        let text = explain.words.with("explain-ball", &[("object", name)]);
         ui.label(RichText::new(text).size(LARGE));
     }
-    let text = match explain.language {
-        Language::En => "Fit to this screen",
-        Language::De => "An diesen Bildschirm anpassen",
-    };
+    let text = explain.words.get("explain-fit");
     ui.checkbox(&mut explain.fits, text);
     if !explain.fits {
         return;
     }
-    let text = match explain.language {
-        Language::En => {
-            "Hold the long side of a bank card against the line, and move the slider until both are equally long."
-        }
-        Language::De => {
-            "Die lange Seite einer Bankkarte an die Linie halten und den Regler schieben, bis beide gleich lang sind."
-        }
-    };
+    let text = explain.words.get("explain-fit-text");
     ui.label(text);
     let length = CARD_MM * explain.points_per_mm;
     let (rect, _) = ui.allocate_exact_size(vec2(length.max(ui.available_width()), 16.0), Sense::hover());

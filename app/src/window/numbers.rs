@@ -9,7 +9,8 @@ use glioscope_core::{
     csv, ellipsoid,
     files::Inputs,
     inside_lens::voxels_inside,
-    lesions, measure,
+    lesions::LesionsReport,
+    measure,
 };
 use serde_json::{Map, Value, json};
 
@@ -57,6 +58,7 @@ impl Shown {
         let neighbors = doc.edit.ellipsoids.neighbors;
         let connectivity = Connectivity::of_neighbors(neighbors).unwrap_or_default();
         let ellipsoids = ellipsoid::report(case, connectivity, &ellipsoid::Options::default(), progress)?;
+        let lesions = doc.edit.lesions.report(case, &doc.edit.change, progress)?.map(Arc::new);
         for (key, value) in [
             ("hidden_regions", self.hidden()),
             ("lens", self.lens()),
@@ -65,8 +67,8 @@ impl Shown {
                 "ellipsoids",
                 json!({"connectivity": neighbors, "components": as_value(&ellipsoids.components)?}),
             ),
-            ("lesions", self.lesions(progress)?),
-            ("response", self.response(progress)?),
+            ("lesions", as_value(&lesions)?),
+            ("response", self.response(lesions.as_ref(), progress)?),
             ("lines", rulers::as_json(case, &doc.edit.rulers)["lines"].take()),
         ] {
             if let Some(object) = numbers.as_object_mut() {
@@ -119,19 +121,11 @@ impl Shown {
         })
     }
 
-    /// The lesions as `lesions --json` has them, with the user's edits; null for a case without masks.
-    fn lesions(&self, progress: &Progress) -> Result<Value, AppError> {
-        let setting = &self.doc.edit.lesions;
-        let Some(options) = setting.options(&self.case, &self.doc.edit.change) else {
+    /// The response as `response --json` has it; null without criteria.
+    fn response(&self, lesions: Option<&Arc<LesionsReport>>, progress: &Progress) -> Result<Value, AppError> {
+        let Some(evaluated) = evaluate_now(&self.case, &self.doc, lesions, progress)? else {
             return Ok(Value::Null);
         };
-        let edits = setting.edits_of(&options.of.name());
-        as_value(&lesions::report(&self.case, &options, &edits, progress)?)
-    }
-
-    /// The response as `response --json` has it; null without criteria.
-    fn response(&self, progress: &Progress) -> Result<Value, AppError> {
-        let Some(evaluated) = evaluate_now(&self.case, &self.doc, progress)? else { return Ok(Value::Null) };
         let mut value = as_value(&evaluated)?;
         if let Some(object) = value.as_object_mut() {
             object.insert("case".to_owned(), self.case.name.clone().into());

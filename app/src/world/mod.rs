@@ -13,6 +13,7 @@ pub mod places;
 pub mod response;
 mod session_case;
 pub mod slice_plane;
+pub mod spoken;
 pub mod tracts;
 
 use std::sync::Arc;
@@ -236,6 +237,8 @@ pub struct Results {
     pub lesions: lesions::Lesions,
     /// Response by criteria.
     pub response: response::Responses,
+    /// What is said to a patient.
+    pub spoken: spoken::Sayings,
     /// Places worth a look.
     pub places: places::Places,
     /// The axial slice as a plane in 3D.
@@ -257,6 +260,7 @@ impl Results {
             | self.tracts.working()
             | self.numbers.working()
             | self.agreement.working()
+            | self.spoken.working()
             | self.lesions.working()
             | self.response.working()
     }

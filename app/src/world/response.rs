@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, sync::Arc};
 use glioscope_core::{
     Progress,
     case::Case,
-    lesions::{self, Anchor, LesionsReport, Of},
+    lesions::{Anchor, LesionsReport},
     response::{Compartment, Evaluated, History, HistoryError, evaluate_lesions, measured_compartments},
 };
 
@@ -78,17 +78,24 @@ impl Responses {
     }
 }
 
-/// The response of `case` as `doc` states it, at once; `None` without criteria or masks.
+/// The response of `case` as `doc` states it, at once; `None` without criteria or masks. `main`: the lesions of the document, where
+/// they are known.
 ///
 /// # Errors
 /// [`AppError`] where lesions can't be found, for statements that contradict each other, and where the user cancels.
-pub fn evaluate_now(case: &Case, doc: &Document, progress: &Progress) -> Result<Option<Evaluated>, AppError> {
+pub fn evaluate_now(
+    case: &Case,
+    doc: &Document,
+    main: Option<&Arc<LesionsReport>>,
+    progress: &Progress,
+) -> Result<Option<Evaluated>, AppError> {
     let Some(history) = &doc.edit.response.history else { return Ok(None) };
     let mut reports: Reports = Vec::new();
     for (compartment, setting) in measured(case, doc, history) {
-        let Some(options) = setting.options(case, &doc.edit.change) else { return Ok(None) };
-        let edits = setting.edits_of(&options.of.name());
-        reports.push((compartment, Arc::new(lesions::report(case, &options, &edits, progress)?)));
+        let known = main.filter(|_| setting == doc.edit.lesions).cloned();
+        let found = || Ok::<_, AppError>(setting.report(case, &doc.edit.change, progress)?.map(Arc::new));
+        let Some(report) = known.map_or_else(found, |report| Ok(Some(report)))? else { return Ok(None) };
+        reports.push((compartment, report));
     }
     evaluated(history.clone(), &doc.edit.response, &reports).map(Some)
 }
@@ -97,7 +104,7 @@ pub fn evaluate_now(case: &Case, doc: &Document, progress: &Progress) -> Result<
 fn measured(case: &Case, doc: &Document, history: &History) -> Vec<(Compartment, LesionSetting)> {
     let main = &doc.edit.lesions;
     let other = doc.edit.response.other_mask(case);
-    let other = other.map(|id| LesionSetting { of: Some(Of::Mask(id.clone()).name()), ..main.clone() });
+    let other = other.map(|id| LesionSetting { of: Some(id.clone()), ..main.clone() });
     let setting = |compartment: Compartment| match &other {
         Some(other) if compartment == Compartment::NonEnhancing => other.clone(),
         _ => main.clone(),

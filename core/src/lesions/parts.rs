@@ -111,6 +111,13 @@ pub(super) struct CaseRun {
     pub part: u32,
 }
 
+/// The part that has the voxel `x` of a line; `runs` are sorted.
+pub(super) fn part_at(runs: &[CaseRun], (line, x): (usize, u32)) -> Option<u32> {
+    let next = runs.partition_point(|run| (run.line, run.first) <= (line, x));
+    let run = runs.get(next.checked_sub(1)?)?;
+    (run.line == line && x <= run.last).then_some(run.part)
+}
+
 /// The parts of a mask at one date.
 #[derive(Clone, Debug)]
 pub(super) struct DateParts {
@@ -121,8 +128,6 @@ pub(super) struct DateParts {
     pub parts: Vec<Part>,
     /// On the case grid, sorted.
     pub case_runs: Vec<CaseRun>,
-    /// Voxels of the case grid along y: lines of a slice.
-    pub case_rows: usize,
     /// Voxels of the case grid whose part isn't known.
     pub unplaced: u64,
 }
@@ -147,14 +152,7 @@ impl DateParts {
         };
         let parts = runs.into_par_iter().map(part).collect::<Result<Vec<_>, Cancelled>>()?;
         let parts = parts.into_iter().flatten().collect();
-        let mut date = Self {
-            grid,
-            is_native,
-            parts,
-            case_runs: Vec::new(),
-            case_rows: mask.grid().dims()[1],
-            unplaced: 0,
-        };
+        let mut date = Self { grid, is_native, parts, case_runs: Vec::new(), unplaced: 0 };
         date.place(mask);
         Ok(date)
     }
@@ -168,12 +166,10 @@ impl DateParts {
             return;
         }
         let dims = self.grid.dims();
-        let part_at = |place: DVec3| {
+        let part_of = |place: DVec3| {
             let [x, y, z] = source_voxel(place, dims)?;
             let (line, x) = (z * dims[1] + y, x as u32);
-            let next = own.partition_point(|run| (run.line, run.first) <= (line, x));
-            let run = own.get(next.checked_sub(1)?)?;
-            (run.line == line && x <= run.last).then_some(run.part)
+            part_at(&own, (line, x))
         };
         let case_dims = mask.grid().dims();
         let map = source_from_target(&self.grid, mask.grid());
@@ -181,7 +177,7 @@ impl DateParts {
         mask.bits().for_each(|linear| {
             let [x, y, z] = ijk(case_dims, linear);
             let place = map.transform_point3(DVec3::new(x as f64, y as f64, z as f64));
-            let Some(part) = part_at(place) else {
+            let Some(part) = part_of(place) else {
                 self.unplaced += 1;
                 return;
             };

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::{
     diameters::{DiameterMode, Diameters},
-    edits::{Anchor, Edit, NotApplied},
+    edits::{ANCHOR_MM, Anchor, Edit, NotApplied},
     error::LesionsError,
     event::{Event, EventKind},
     find::{Options, find},
@@ -199,6 +199,20 @@ pub fn report(
 }
 
 impl LesionsReport {
+    /// The lesion that has a component at a place: the same component, or one whose own place is as near as edits reach.
+    pub fn lesion_at(&self, at: &Anchor) -> Option<&LesionReport> {
+        let is_at = |part: &PartReport| {
+            let own = part.anchor.as_ref();
+            own.is_some_and(|own| own.time == at.time && own.at_mm.distance(at.at_mm) < ANCHOR_MM)
+        };
+        self.lesions.iter().find(|lesion| lesion.dates.iter().flat_map(|date| &date.parts).any(is_at))
+    }
+
+    /// The links that no user has looked at.
+    pub fn proposed(&self) -> impl Iterator<Item = &LinkReport> {
+        self.links.iter().filter(|link| link.state == LinkState::Proposed)
+    }
+
     /// The report of lesions already tracked.
     pub fn of(tracked: &Tracked) -> Self {
         let found = &tracked.found;

@@ -13,7 +13,7 @@ use crate::{
 
 use super::{
     error::LesionsError,
-    parts::{CaseRun, DateParts, Part},
+    parts::{DateParts, Part, part_at},
 };
 
 /// Values of an image in a lesion, in the image's unit.
@@ -49,7 +49,8 @@ pub struct SurfaceMove {
 /// A movement of the surface at a voxel of the case grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Moved {
-    voxel: [usize; 3],
+    /// The line of the case grid, and the voxel in it.
+    at: (usize, u32),
     signed_mm: f64,
     within_uncertainty: bool,
 }
@@ -82,8 +83,9 @@ impl Beside {
     ) -> Result<(), LesionsError> {
         let Ok(choice) = Choice::at(case, Some(id), dates) else { return Ok(()) };
         let (_, change) = change::between(case, &choice, &ChangeOptions::default(), None, progress)?;
+        let rows = case.grid.dims()[1];
         let moved = change.vectors.iter().map(|vector| Moved {
-            voxel: vector.voxel,
+            at: (vector.voxel[2] * rows + vector.voxel[1], vector.voxel[0] as u32),
             signed_mm: vector.signed_mm,
             within_uncertainty: vector.flags.within_uncertainty,
         });
@@ -113,13 +115,14 @@ impl Beside {
         of: [(Option<&DateParts>, &[usize]); 2],
     ) -> Option<SurfaceMove> {
         let moved = self.moved.get(&dates)?;
-        let is_of = |voxel: [usize; 3]| {
+        let is_of = |at: (usize, u32)| {
             of.iter().any(|(date, parts)| {
-                date.and_then(|date| part_at(date, voxel)).is_some_and(|part| parts.contains(&part))
+                let part = date.and_then(|date| part_at(&date.case_runs, at));
+                part.is_some_and(|part| parts.contains(&(part as usize)))
             })
         };
         let (mut growth, mut recession, mut within_uncertainty) = (Vec::new(), Vec::new(), 0);
-        for one in moved.iter().filter(|one| is_of(one.voxel)) {
+        for one in moved.iter().filter(|one| is_of(one.at)) {
             if one.signed_mm > 0.0 {
                 growth.push(one.signed_mm);
             } else {
@@ -134,13 +137,4 @@ impl Beside {
             within_uncertainty,
         })
     }
-}
-
-/// The part that has a voxel of the case grid.
-fn part_at(date: &DateParts, [x, y, z]: [usize; 3]) -> Option<usize> {
-    let line = z * date.case_rows + y;
-    let key = (line, u32::try_from(x).ok()?);
-    let next = date.case_runs.partition_point(|run: &CaseRun| (run.line, run.first) <= key);
-    let run = date.case_runs.get(next.checked_sub(1)?)?;
-    (run.line == line && key.1 <= run.last).then_some(run.part as usize)
 }

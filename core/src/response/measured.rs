@@ -9,7 +9,7 @@ use super::{
     result::Response,
     rules::Criterion,
 };
-use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState, largest};
+use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest};
 
 /// Who states what the masks show.
 const AUTHOR: &str = "the masks";
@@ -47,7 +47,7 @@ pub fn evaluate_lesions(
         all.extend(with_days(measured, &history));
         warnings.extend(contradictions(&history, report));
         history = with_new_lesions(history, report);
-        proposed_links += report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
+        proposed_links += report.proposed().count();
         of.push((*compartment, report.of.clone()));
     }
     let response = evaluate(&history, &all)?;

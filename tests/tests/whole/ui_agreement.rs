@@ -7,7 +7,7 @@ use glioscope::{
     command::EditCommand,
     model::{CaseRef, PaneId},
 };
-use glioscope_tests::{Window, answer, doc, issue, pane_picture, wait_for_workers, window_on};
+use glioscope_tests::{Window, answer, choose, doc, issue, pane_picture, wait_for_workers, window_on};
 
 use crate::PROGRAM;
 
@@ -16,14 +16,6 @@ fn opened() -> Window {
     issue(&mut harness, EditCommand::MaximizePane(PaneId::Agreement));
     wait_for_workers(&mut harness);
     harness
-}
-
-fn choose(harness: &mut Window, field: &str, value: &str) {
-    harness.get_by_role_and_label(egui::accesskit::Role::ComboBox, field).click();
-    harness.run_ok();
-    let Some(entry) = harness.query_all_by_label(value).last() else { panic!("{value} isn't listed") };
-    entry.click();
-    wait_for_workers(harness);
 }
 
 #[test]

@@ -8,7 +8,9 @@ use glioscope::{
     command::{AppCommand, EditCommand},
     model::{CaseRef, PaneId, session},
 };
-use glioscope_tests::{Window, answer, doc, issue, pane_picture, perform, run, wait_for_workers, window_on};
+use glioscope_tests::{
+    Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_on,
+};
 
 use crate::{PROGRAM, lesions::balls};
 
@@ -23,15 +25,6 @@ fn opened(folder: &Path) -> Window {
     issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
     wait_for_workers(&mut harness);
     harness
-}
-
-fn choose(harness: &mut Window, field: &str, value: &str) {
-    harness.get_by_role_and_label(egui::accesskit::Role::ComboBox, field).click();
-    harness.run_ok();
-    // The table of calls has buttons of the same names; the list's is the last.
-    let Some(entry) = harness.query_all_by_label(value).last() else { panic!("{value} isn't listed") };
-    entry.click();
-    wait_for_workers(harness);
 }
 
 fn type_into(harness: &mut Window, field: &str, text: &str) {

@@ -99,3 +99,8 @@ change-unknown = nicht vergleichbar
 more = { $size } mehr
 less = { $size } weniger
 text-not-said = Sie sagt nicht, was der Bereich ist, wie es Ihnen gehen wird oder welche Behandlung für Sie richtig ist. Dass ein Bereich größer oder kleiner wird, kann viele Gründe haben. Ihre Ärztin oder Ihr Arzt kennt das ganze Bild: nehmen Sie Ihre Fragen dorthin mit.
+
+explain-end = Beenden
+explain-ball = Links: der größte Bereich, wäre er eine Kugel. Rechts: { $object }.
+explain-fit = An diesen Bildschirm anpassen
+explain-fit-text = Die lange Seite einer Bankkarte an die Linie halten und den Regler schieben, bis beide gleich lang sind.

@@ -99,3 +99,8 @@ change-unknown = cannot be compared
 more = { $size } more
 less = { $size } less
 text-not-said = It does not say what the area is, how you will feel, or which treatment is right for you. A larger or smaller area can have many reasons. Your doctor knows the whole picture: take your questions there.
+
+explain-end = End
+explain-ball = Left: the largest area, if it were a ball. Right: { $object }.
+explain-fit = Fit to this screen
+explain-fit-text = Hold the long side of a bank card against the line, and move the slider until both are equally long.

@@ -44,11 +44,10 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, date: &DateComparison) {
             ui.end_row();
         };
         row("Majority", "Where more than half of the masks are", format::ml(raters.majority_ml));
-        let kappa = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"));
         row(
             "Fleiss' kappa",
             "Agreement beyond chance within the box around all masks, which depends on no background beyond it",
-            kappa(raters.fleiss_kappa_union_box),
+            share(raters.fleiss_kappa_union_box),
         );
         row("STAPLE", "Volume of the estimate", raters.staple_ml.map_or_else(|| "–".to_owned(), format::ml));
         if let Some(staple) = &raters.staple {

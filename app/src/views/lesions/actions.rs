@@ -52,7 +52,7 @@ pub(super) fn show(
 ) {
     let mut edits = Vec::new();
     ui.horizontal_wrapped(|ui| {
-        let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
+        let proposed = report.proposed().count();
         if proposed > 0 {
             if is_asked(ui, "Next proposed", "The next link that nobody verified", Some(NEXT)) {
                 next(input, report, selected, out);
@@ -92,8 +92,7 @@ fn is_asked(ui: &mut Ui, text: &str, tip: &str, key: Option<Key>) -> bool {
 
 /// The first proposed link after the selected one, in the order of the list.
 fn next(input: &Input<'_>, report: &LesionsReport, selected: &mut Selected, out: &mut Commands) {
-    let all: Vec<[&Anchor; 2]> =
-        report.links.iter().filter(|link| link.state == LinkState::Proposed).filter_map(ends).collect();
+    let all: Vec<[&Anchor; 2]> = report.proposed().filter_map(ends).collect();
     let current = all.iter().position(|link| selected.is_link(*link));
     let at = current.map_or(0, |at| (at + 1) % all.len().max(1));
     if let Some([from, to]) = all.get(at) {

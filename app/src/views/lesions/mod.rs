@@ -6,7 +6,7 @@ mod selected;
 mod timeline;
 
 use egui::{ComboBox, DragValue, ScrollArea, Ui};
-use glioscope_core::lesions::{Edit, LesionsReport, LinkState};
+use glioscope_core::lesions::{Edit, LesionsReport};
 
 use super::{
     draw,
@@ -150,7 +150,7 @@ fn warnings(ui: &mut Ui, report: &LesionsReport) {
         .edits_not_applied
         .iter()
         .map(|lost| format!("Your edit {} has no effect: {}", lost.number + 1, lost.reason));
-    let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed).count();
+    let proposed = report.proposed().count();
     let proposed = (proposed > 0).then(|| match proposed {
         1 => "1 link is proposed by the program and not verified".to_owned(),
         several => format!("{several} links are proposed by the program and not verified"),

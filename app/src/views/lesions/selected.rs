@@ -1,6 +1,6 @@
 //! What is selected in the timeline.
 
-use glioscope_core::lesions::{Anchor, Edit, LesionReport, LesionsReport, LinkReport, LinkState, PartReport};
+use glioscope_core::lesions::{Anchor, Edit, LesionReport, LesionsReport, LinkReport, PartReport};
 
 /// Up to two components, or a link.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,6 +79,9 @@ pub(super) fn ends(link: &LinkReport) -> Option<[&Anchor; 2]> {
 
 /// An edit for every link that nobody looked at.
 pub(super) fn verify_all(report: &LesionsReport) -> Vec<Edit> {
-    let proposed = report.links.iter().filter(|link| link.state == LinkState::Proposed);
-    proposed.filter_map(ends).map(|[from, to]| Edit::Verify { from: from.clone(), to: to.clone() }).collect()
+    report
+        .proposed()
+        .filter_map(ends)
+        .map(|[from, to]| Edit::Verify { from: from.clone(), to: to.clone() })
+        .collect()
 }

@@ -3,7 +3,7 @@
 use egui::{Color32, RichText, Ui};
 use egui_extras::{Column, TableBuilder};
 use glioscope_core::response::{
-    Call, Criterion, DateResponse, Evaluated, Judgement, Mark, RULES, RuleId, SumReport,
+    Call, Criterion, DateResponse, Evaluated, Judgement, Mark, RULES, Rule, RuleId, SumReport,
 };
 
 use crate::theme::Tokens;
@@ -190,7 +190,12 @@ fn sum_text(ui: &mut Ui, sum: &SumReport) {
 /// What a rule rests on.
 fn source(criterion: Criterion, id: RuleId) -> Option<String> {
     let rule = RULES.iter().find(|rule| rule.id == id && rule.criteria.contains(&criterion))?;
-    Some(format!("{}: {}", mark(rule.mark), rule.source))
+    Some(known_by(rule))
+}
+
+/// What a rule rests on, in words.
+pub(super) fn known_by(rule: &Rule) -> String {
+    format!("{}: {}", mark(rule.mark), rule.source)
 }
 
 /// How a rule is known, in a word.

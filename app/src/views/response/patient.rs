@@ -2,7 +2,7 @@
 
 use egui::{ComboBox, Ui};
 use glioscope_core::response::{
-    Disease, Fact, History, Input as Asked, Label, Radiotherapy, Surgery, Treatment, TreatmentKind, When,
+    Disease, Fact, History, Input as Asked, Label, Radiotherapy, Surgery, Treatment, TreatmentKind,
 };
 
 use super::{
@@ -170,11 +170,7 @@ fn surgeries(ui: &mut Ui, history: &mut History) {
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Surgery").on_hover_text("Resets baseline, lowest sum and targets");
         for (n, surgery) in history.surgery.iter().enumerate() {
-            let text = match surgery.date {
-                When::Date(date) => date.to_string(),
-                When::Day(day) => format!("day {day}"),
-            };
-            if ui.button(format!("{text} ×")).on_hover_text("Take away").clicked() {
+            if ui.button(format!("{} ×", surgery.date)).on_hover_text("Take away").clicked() {
                 removed = Some(n);
             }
         }

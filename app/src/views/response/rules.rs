@@ -4,7 +4,7 @@ use egui::{CollapsingHeader, Grid, Ui};
 use glioscope_core::response::{Criterion, History, RULES, Repeatability, UNSTATED};
 
 use super::{
-    calls::mark,
+    calls::known_by,
     fields::{number, text},
 };
 
@@ -53,7 +53,7 @@ pub(super) fn show(ui: &mut Ui, criterion: Criterion) {
                 for rule in RULES.iter().filter(|rule| rule.criteria.contains(&criterion)) {
                     ui.label(rule.statement);
                     ui.label(rule.number.map(|number| format!("{number} {}", rule.unit)).unwrap_or_default());
-                    ui.label(format!("{}: {}", mark(rule.mark), rule.source));
+                    ui.label(known_by(rule));
                     ui.end_row();
                 }
             });

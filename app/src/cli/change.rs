@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use glioscope_core::{
-    change::{self, ChangeError, ChangeOptions, ChangeReport, Flag, Lengths},
+    change::{self, ChangeError, ChangeOptions, ChangeReport, DEFAULT_SMALLEST_ML, Flag, Lengths},
     decimal,
     skeleton::{Level, SkeletonOptions},
 };
 
-use super::{case::CaseArguments, resolve, terminal};
-use crate::{error::AppError, format, output};
+use super::{case::CaseArguments, parse, resolve, terminal};
+use crate::{error::AppError, format, model::lesions::SMALLEST_ML, output};
 
 /// Level of detail of the skeleton.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -64,6 +64,9 @@ pub struct ChangeArguments {
     /// Without it 0.5, or what the consistency of --register says.
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     pub registration_mm: Option<f64>,
+    /// Smaller components make neither appeared, vanished, split nor merged.
+    #[arg(long, value_name = "ML", value_parser = parse::within(SMALLEST_ML), default_value_t = DEFAULT_SMALLEST_ML, allow_hyphen_values = true)]
+    pub smallest: f64,
     /// Level of detail of the skeleton: 0 core, 1 also branches from minima of the divergence, 2 also branches from
     /// tips of the boundary.
     #[arg(long, value_name = "0|1|2", value_enum, default_value = "0", hide_possible_values = true)]
@@ -77,6 +80,7 @@ pub(super) fn run(arguments: &ChangeArguments) -> Result<(), AppError> {
         skeleton: SkeletonOptions { level: arguments.level.into(), ..SkeletonOptions::default() },
         registration_mm: arguments.registration_mm.unwrap_or(change::DEFAULT_REGISTRATION_MM),
         uses_consistency: arguments.registration_mm.is_none(),
+        smallest_ml: arguments.smallest,
         ..ChangeOptions::default()
     };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());

@@ -66,15 +66,17 @@ impl LesionOptions {
         let of = setting.of.clone();
         let (smallest_ml, within_mm) =
             (self.smallest.unwrap_or(setting.smallest_ml), self.within.unwrap_or(setting.within_mm));
-        LesionSetting { of, smallest_ml, within_mm, edits: setting.edits.clone() }
+        LesionSetting { of, smallest_ml, within_mm, ..setting.clone() }
     }
 
     /// The options for the masks `of` of a case, else for those of `setting`.
     fn of_case(&self, case: &Case, of: &[String], setting: &LesionSetting) -> Options {
         let setting = self.or(setting);
-        let chosen = || setting.options(case, &ChangeSetting::default()).map(|options| options.of);
+        let chosen = setting.options(case, &ChangeSetting::default());
+        let beside = chosen.as_ref().map(|options| (options.image.clone(), options.surface));
+        let (image, surface) = beside.unwrap_or_default();
         let of = match of {
-            [] => chosen().unwrap_or(Of::Union(Vec::new())),
+            [] => chosen.map_or_else(|| Of::Union(Vec::new()), |options| options.of),
             [one] => Of::Mask(one.clone()),
             several => Of::Union(several.to_vec()),
         };
@@ -83,6 +85,8 @@ impl LesionOptions {
             within_mm: setting.within_mm,
             mode: self.diameters.into(),
             asks_images: !case.one_space,
+            image,
+            surface,
             ..Options::new(of)
         }
     }
@@ -97,7 +101,7 @@ pub struct LesionArguments {
     /// Which components are lesions, and how they are measured.
     #[command(flatten)]
     pub options: LesionOptions,
-    /// Also the values of this image in each lesion: mean, most, peak in 1 ml, mean times volume.
+    /// Also the values of this image in each lesion: mean, most, peak in 1 ml, mean times volume; default: the session's image.
     #[arg(long, value_name = "ID")]
     pub image: Option<String>,
     /// Also how the surface of each lesion moved since the date before.
@@ -134,7 +138,13 @@ pub(super) fn found(
     setting: &LesionSetting,
 ) -> Result<LesionsReport, AppError> {
     let image = image.map(str::to_owned);
-    let options = Options { image, surface, ..options.of_case(case, of, setting) };
+    let options = options.of_case(case, of, setting);
+    let options = Options {
+        image: image.or(options.image),
+        // Of one mask; said where it was asked for here.
+        surface: surface || (options.surface && matches!(options.of, Of::Mask(_))),
+        ..options
+    };
     let edits = setting.edits_of(&options.of.name());
     let report = terminal::with_progress(|progress| lesions::report(case, &options, &edits, progress))?;
     for lost in report.edits_not_applied.iter().take(MOST_LOST) {

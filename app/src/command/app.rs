@@ -53,6 +53,8 @@ pub enum AppCommand {
     GoToDisagreement,
     GoToRegion(u32),
     GoToComponent(u32, usize),
+    SaveLayout(String),
+    ForgetLayout(String),
     ShowPalette,
     ToggleDark,
     ShowMasks,
@@ -141,6 +143,8 @@ impl AppCommand {
             | AppKind::ExportRulersTo
             | AppKind::WriteReport
             | AppKind::WriteReportTo
+            | AppKind::SaveLayout
+            | AppKind::ForgetLayout
             | AppKind::GoToRegion
             | AppKind::GoToComponent
             | AppKind::ScreenshotTo => Vec::new(),
@@ -215,6 +219,8 @@ impl AppCommand {
             Self::GoToRegion(_) => Label::new("Go to the region").detail("To its largest component"),
             Self::GoToComponent(..) => Label::new("Go to the component"),
             Self::ShowPalette => Label::new("All commands…"),
+            Self::SaveLayout(_) => Label::new("Keep this layout"),
+            Self::ForgetLayout(_) => Label::new("Forget the layout"),
             Self::ToggleDark => Label::new("Light or dark"),
             Self::ShowMasks => Label::new("Names and colours of masks…"),
             Self::ShowPacs => Label::new("Open from PACS…").detail("Studies of an archive, by DICOMweb"),

@@ -100,6 +100,8 @@ pub enum EditCommand {
     SetLayout(Box<Tree<PaneId>>),
     ResetLayout,
     SetTask(Task),
+    /// A layout that the user kept, by its name.
+    UseLayout(String, Box<Tree<PaneId>>),
     // Report.
     /// With its size on the screen, points.
     KeepPicture(PaneId, [f32; 2]),
@@ -221,7 +223,8 @@ impl EditCommand {
             | EditKind::SetPictures
             | EditKind::SetReading
             | EditKind::SetAlignments
-            | EditKind::SetLayout => Vec::new(),
+            | EditKind::SetLayout
+            | EditKind::UseLayout => Vec::new(),
         }
     }
 
@@ -312,6 +315,7 @@ impl EditCommand {
             Self::SetReading(_) => Label::new("Conclusion of the report"),
             Self::SetPictures(_) => Label::new("Pictures of the report"),
             Self::SetAlignments(_) => Label::new("Move dates and images"),
+            Self::UseLayout(name, _) => Label::new(format!("Layout: {name}")),
             Self::SetTask(task) => Label::new(format!("Layout: {}", task.name())).detail(task.detail()),
         }
     }
@@ -487,6 +491,10 @@ impl EditCommand {
                 edit.maximized = (edit.maximized != Some(*pane)).then_some(*pane);
             }
             Self::SetLayout(tree) => edit.layout = (**tree).clone(),
+            Self::UseLayout(_, tree) => {
+                edit.layout = (**tree).clone();
+                edit.maximized = None;
+            }
             Self::ResetLayout => {
                 edit.layout = layout::default_layout(world.time_point_count(), regions.mask_ids().len());
                 edit.maximized = None;

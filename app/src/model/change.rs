@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use glioscope_core::{
     case::{Case, OrderBasis},
-    change::{self, ChangeError, Choice, ids_at},
+    change::{self, ChangeError, ChangeOptions, Choice, DEFAULT_SMALLEST_ML, ids_at},
 };
 use glioscope_render::ChangeStyle;
 use serde::{Deserialize, Serialize};
@@ -30,6 +30,9 @@ pub struct ChangeSetting {
     pub threshold_mm: f64,
     /// Registration error between the two time points: standard deviation along any direction.
     pub registration_mm: f64,
+    /// Smaller components make neither appeared, vanished, split nor merged, millilitres.
+    #[serde(default = "default_smallest_ml")]
+    pub smallest_ml: f64,
     /// Whether slices show the outlines of both time points and the change instead of the masks.
     pub on_slices: bool,
 }
@@ -44,12 +47,27 @@ impl Default for ChangeSetting {
             smooth_mm: 1.0,
             threshold_mm: 1.0,
             registration_mm: change::DEFAULT_REGISTRATION_MM,
+            smallest_ml: DEFAULT_SMALLEST_ML,
             on_slices: false,
         }
     }
 }
 
+/// Of sessions that don't state it.
+fn default_smallest_ml() -> f64 {
+    DEFAULT_SMALLEST_ML
+}
+
 impl ChangeSetting {
+    /// What the change is computed with.
+    pub fn options(&self) -> ChangeOptions {
+        ChangeOptions {
+            registration_mm: self.registration_mm,
+            smallest_ml: self.smallest_ml,
+            ..ChangeOptions::default()
+        }
+    }
+
     /// The mask and time points compared in `case`. Where the case lacks the chosen ones (as with a session saved with
     /// other files), the defaults apply.
     ///

@@ -39,6 +39,8 @@ pub enum Task {
     CompareMasks,
     /// Several dates.
     FollowUp,
+    /// What a reader states at the end: lesions, response, report.
+    Response,
     /// Several images over each other.
     Fusion,
     /// To a patient or a colleague.
@@ -53,6 +55,7 @@ impl Task {
         match self {
             Self::CompareMasks => "Compare masks",
             Self::FollowUp => "Follow-up",
+            Self::Response => "Response",
             Self::Fusion => "PET and MR",
             Self::Explain => "Explain",
             Self::Read => "Read",
@@ -64,6 +67,7 @@ impl Task {
         match self {
             Self::CompareMasks => "Closeup, anatomy, ellipsoids, overlaps and slices of one date",
             Self::FollowUp => "Change in front, prior and current slices side by side",
+            Self::Response => "Response by criteria, lesions, prior and current slices side by side",
             Self::Fusion => "Large slices with a second image over the first, and the anatomy",
             Self::Explain => "Ellipsoids, the tumour and its anatomy, without tables",
             Self::Read => "Slices only",
@@ -74,7 +78,7 @@ impl Task {
     pub fn suits(self, dates: usize, images: usize, masks: usize) -> bool {
         match self {
             Self::CompareMasks => masks > 1,
-            Self::FollowUp => dates > 1,
+            Self::FollowUp | Self::Response => dates > 1,
             Self::Fusion => images > 1,
             Self::Explain => masks > 0,
             Self::Read => images > 0,
@@ -101,6 +105,14 @@ impl Task {
                 let below = columns(&mut tiles, &[(axial, 1.0), (coronal, 1.0), (sagittal, 1.0)]);
                 let right = rows(&mut tiles, &[(side, 1.3), (below, 1.0)]);
                 columns(&mut tiles, &[(left, 1.0), (right, 1.6)])
+            }
+            Self::Response => {
+                let _ = [axial, coronal, sagittal].map(|tile| tiles.remove(tile));
+                let [response, lesions, side, change] =
+                    [P::Response, P::Lesions, P::SideBySide, P::Change].map(|pane| tiles.insert_pane(pane));
+                let left = rows(&mut tiles, &[(response, 1.6), (lesions, 1.0)]);
+                let right = rows(&mut tiles, &[(side, 1.2), (change, 1.0)]);
+                columns(&mut tiles, &[(left, 1.25), (right, 1.0)])
             }
             Self::Fusion => {
                 let [context, overlap] = [P::Context, P::Overlap].map(|pane| tiles.insert_pane(pane));

@@ -32,6 +32,12 @@ pub struct LesionSetting {
     pub smallest_ml: f64,
     /// Components without a common voxel are linked up to this distance.
     pub within_mm: f64,
+    /// Image whose values in lesions are reported, by id.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<String>,
+    /// Whether the movement of their surfaces since the date before is reported.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub surface: bool,
     /// The user's edits, in their order.
     #[serde(default)]
     pub edits: Vec<Edit>,
@@ -39,8 +45,20 @@ pub struct LesionSetting {
 
 impl Default for LesionSetting {
     fn default() -> Self {
-        Self { of: None, smallest_ml: DEFAULT_SMALLEST_ML, within_mm: DEFAULT_WITHIN_MM, edits: Vec::new() }
+        Self {
+            of: None,
+            smallest_ml: DEFAULT_SMALLEST_ML,
+            within_mm: DEFAULT_WITHIN_MM,
+            image: None,
+            surface: false,
+            edits: Vec::new(),
+        }
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 impl LesionSetting {
@@ -55,10 +73,15 @@ impl LesionSetting {
 
     /// The options with which the lesions of `case` are found; `None` without any mask.
     pub fn options(&self, case: &Case, change: &ChangeSetting) -> Option<Options> {
+        let has = |id: &&String| {
+            case.time_points.iter().any(|time| time.contexts.iter().any(|context| context.id == **id))
+        };
         Some(Options {
             smallest_ml: self.smallest_ml,
             within_mm: self.within_mm,
             asks_images: !case.one_space,
+            image: self.image.as_ref().filter(has).cloned(),
+            surface: self.surface && case.time_points.len() > 1,
             ..Options::new(Of::Mask(self.mask(case, change)?))
         })
     }

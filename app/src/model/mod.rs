@@ -44,3 +44,4 @@ pub use reading::Reading;
 pub use response::ResponseSetting;
 pub use rulers::{ExportFormat, Ruler};
 pub use session::{Origin, Session};
+pub use session_limits::kept_layout;

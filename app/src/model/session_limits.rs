@@ -105,17 +105,29 @@ pub(super) fn check(document: &Document, json: &Value) -> Checked {
         check_navigation(&picture.nav)?;
         check_layout(&picture.edit.layout)?;
     }
-    // Private fields of the layout.
+    check_private_of_layout(json.pointer("/edit/layout").unwrap_or(&Value::Null))?;
+    check_layout(&document.edit.layout)
+}
+
+/// A layout that was kept as JSON; `None` where it is none of this version, or can't be laid out.
+pub fn kept_layout(json: &Value) -> Option<Tree<PaneId>> {
+    check_private_of_layout(json).ok()?;
+    let layout: Tree<PaneId> = serde_json::from_value(json.clone()).ok()?;
+    layout.root()?;
+    check_layout(&layout).ok().map(|()| layout)
+}
+
+fn check_private_of_layout(json: &Value) -> Checked {
     for key in ["width", "height"] {
-        if let Some(points) = json.pointer(&format!("/edit/layout/{key}")).and_then(Value::as_f64) {
+        if let Some(points) = json.get(key).and_then(Value::as_f64) {
             number(&format!("layout {key}"), points, &(0.0..=1e5))?;
         }
     }
-    let next = json.pointer("/edit/layout/tiles/next_tile_id").and_then(Value::as_u64).unwrap_or_default();
+    let next = json.pointer("/tiles/next_tile_id").and_then(Value::as_u64).unwrap_or_default();
     if next > LARGEST_TILE {
         return fault("layout next_tile_id", next, format!("at most {LARGEST_TILE}"));
     }
-    check_layout(&document.edit.layout)
+    Ok(())
 }
 
 fn check_edit(edit: &Edit) -> Checked {
@@ -166,6 +178,7 @@ fn check_edit(edit: &Edit) -> Checked {
     }
     let change = &edit.change;
     change.full_mm.map_or(Ok(()), |mm| number("change full_mm", mm, &CHANGE_SCALE_MM))?;
+    number("change smallest_ml", change.smallest_ml, &SMALLEST_ML)?;
     numbers("change", [change.smooth_mm, change.threshold_mm, change.registration_mm], &EXTENT_MM)
 }
 

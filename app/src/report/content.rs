@@ -5,7 +5,7 @@ use glioscope_core::{
     case::{Case, TimePoint},
     change::{ChangeReport, Lengths},
     dates, decimal,
-    lesions::{EventKind, LesionDate, LesionReport, LesionsReport},
+    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, Values},
     measure::{
         self, Agreement, DateComparison, PAIR_METRICS, Pair, PairComparison, Raters, conventions::Comparison,
     },
@@ -517,6 +517,60 @@ impl Content<'_> {
                 note: Some(notes.join(" ")),
             }),
         ]
+        .into_iter()
+        .chain(self.beside_lesions(report).map(Block::Table))
+        .collect()
+    }
+
+    /// Values of an image in lesions, and how surfaces moved, where the reader asked for them.
+    fn beside_lesions(&self, report: &LesionsReport) -> Option<Table> {
+        let words = self.words;
+        let shown = || report.lesions.iter().filter(|lesion| !lesion.small).take(MOST_LESIONS);
+        let dates = || shown().flat_map(|lesion| &lesion.dates);
+        let image = dates().find_map(|date| date.values.as_ref()).map(|values| values.image.clone());
+        let has_surface = dates().any(|date| date.surface.is_some());
+        if image.is_none() && !has_surface {
+            return None;
+        }
+        let number = |value: Option<f64>| {
+            value.map_or_else(String::new, |value| words.number(&format::four_digits(value)))
+        };
+        let of_values = ["values-mean", "values-most", "values-peak", "values-times-ml"];
+        let of_surface = ["surface-grew", "surface-receded"];
+        let mut head = vec![words.get("lesion"), words.get("date")];
+        if image.is_some() {
+            head.extend(of_values.map(|key| words.get(key)));
+        }
+        if has_surface {
+            head.extend(of_surface.map(|key| words.get(key)));
+        }
+        let row = |lesion: &LesionReport, date: &LesionDate| {
+            let name = self.redactor.text(lesion.name.as_deref().unwrap_or(&lesion.id));
+            let mut row = vec![name, date.time.clone()];
+            if image.is_some() {
+                let values = date.values.as_ref();
+                let of = |value: fn(&Values) -> Option<f64>| number(values.and_then(value));
+                row.extend([of(|v| v.mean), of(|v| v.max), of(|v| v.peak), of(|v| v.mean_times_ml)]);
+            }
+            if has_surface {
+                let moved = date.surface.as_ref();
+                let mm =
+                    |lengths: &Lengths| words.number(&format!("{:.1} mm", lengths.p95_mm.unwrap_or(0.0)));
+                row.push(moved.map_or_else(String::new, |moved| mm(&moved.growth)));
+                row.push(moved.map_or_else(String::new, |moved| mm(&moved.recession)));
+            }
+            row
+        };
+        let rows = shown().flat_map(|lesion| lesion.dates.iter().map(move |date| (lesion, date)));
+        let rows = rows.map(|(lesion, date)| row(lesion, date)).collect();
+        let mut notes = Vec::new();
+        if let Some(image) = &image {
+            notes.push(words.with("values-note", &[("image", self.redactor.text(image))]));
+        }
+        if has_surface {
+            notes.push(words.get("surface-note"));
+        }
+        Some(Table { head, text_columns: 2, rows, note: Some(notes.join(" ")) })
     }
 
     fn lesion_rows(&self, lesion: &LesionReport, has_dates: bool) -> Vec<Vec<String>> {

@@ -15,13 +15,14 @@ mod plot;
 mod recipe;
 mod responses;
 mod sentences;
+mod stated;
 
 use std::sync::Arc;
 
 use glioscope_core::{
     Check, Progress,
     case::Case,
-    change::{self, ChangeOptions, ChangeReport, Choice},
+    change::{self, ChangeReport, Choice},
     measure,
     response::Evaluated,
 };
@@ -176,6 +177,11 @@ pub fn make(
     blocks.extend(content.conclusion());
     blocks
         .extend(evaluated.into_iter().flat_map(|evaluated| responses::blocks(evaluated, &words, &redactor)));
+    blocks.extend(
+        evaluated
+            .into_iter()
+            .flat_map(|evaluated| stated::blocks(&evaluated.stated, &words, &redactor, is_named)),
+    );
     blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
@@ -188,6 +194,11 @@ pub fn make(
     let title =
         if is_named { words.with("title-of", &[("case", case.name.clone())]) } else { words.get("title") };
     Ok(Report { language: words.get("language-code"), title, blocks, recipe })
+}
+
+/// The calls of the last date in a sentence, for the conclusion.
+pub fn calls_in_words(evaluated: &Evaluated, language: Language) -> Option<String> {
+    responses::sentence(evaluated, &words(language))
 }
 
 /// The measurements of a case and document, both as [`anonymous`] gives them, as a DICOM structured report.
@@ -219,8 +230,7 @@ fn changes(
     if pairs.last() != Some(&whole.dates) {
         pairs.push(whole.dates);
     }
-    let options =
-        ChangeOptions { registration_mm: doc.edit.change.registration_mm, ..ChangeOptions::default() };
+    let options = doc.edit.change.options();
     let (mut reports, mut found) = (Vec::new(), Vec::new());
     for dates in pairs {
         // A date may lack the mask.

@@ -20,9 +20,7 @@ pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<
         let (diameters, volume) = (&date.by_diameters, &date.by_volume);
         let sum = diameters.sums.first();
         let change = |percent: &dyn Fn(&SumReport) -> Option<f64>| {
-            let percent =
-                sum.and_then(percent).map(|p| words.number(&format!("{p:+.1} %")).replace('-', "\u{2212}"));
-            percent.unwrap_or_default()
+            sum.and_then(percent).map(|p| signed(p, words)).unwrap_or_default()
         };
         vec![
             date.date.clone(),
@@ -65,6 +63,28 @@ pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<
         }
     }
     blocks
+}
+
+/// The calls of the last date in a sentence; `None` without dates.
+pub fn sentence(evaluated: &Evaluated, words: &Words) -> Option<String> {
+    let date = evaluated.response.dates.last()?;
+    let mut variables = vec![
+        ("date", date.date.clone()),
+        ("criteria", evaluated.response.criterion.name().to_owned()),
+        ("diameters", call(&date.by_diameters, words)),
+        ("volume", call(&date.by_volume, words)),
+    ];
+    let sum = date.by_diameters.sums.first();
+    let changes = sum.and_then(|sum| sum.change_from_baseline_percent.zip(sum.change_from_nadir_percent));
+    let Some((baseline, nadir)) = changes else { return Some(words.with("conclusion-calls", &variables)) };
+    variables.push(("baseline", signed(baseline, words)));
+    variables.push(("nadir", signed(nadir, words)));
+    Some(words.with("conclusion-call-changes", &variables))
+}
+
+/// A change in percent with its sign.
+fn signed(percent: f64, words: &Words) -> String {
+    words.number(&format!("{percent:+.1} %")).replace('-', "\u{2212}")
 }
 
 /// What the form of BT-RADS gives at the dates at which its questions are answered to the end.

@@ -18,7 +18,7 @@ use super::{
 use crate::{
     command::{Commands, EditCommand},
     format,
-    model::{CHANGE_SCALE_MM, ChangeSetting, PaneId, document::tumor_radius_mm},
+    model::{CHANGE_SCALE_MM, ChangeSetting, PaneId, document::tumor_radius_mm, lesions::SMALLEST_ML},
     theme::{self, LABEL_POINTS, Tokens},
     world::{
         comparison::Comparison,
@@ -149,6 +149,7 @@ impl Pane for ChangePane {
         }
         let hover_text = self.canvas.hover().map(|pick| pick_text(&compared, pick));
         partner_line(ui, &view, self.canvas.hover());
+        ruler::draw_3d(&ui.painter().with_clip_rect(rect), input.doc, &view.camera, rect, None);
         legend(ui, &input, rect, &compared, &scene.look);
         marks::corners(ui, rect, input.sides_known(), (&view.camera, "at the middle"), true);
         self.canvas.draw_overlays(ui, &view, &response, &outcome, hover_text.as_deref());
@@ -269,6 +270,10 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
         response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Registration error"));
         response.on_hover_text("How far off the two dates may lie from one another (standard deviation)");
     }
+    let drag = egui::DragValue::new(&mut new.smallest_ml).range(SMALLEST_ML).speed(0.01).suffix(" ml");
+    let response = ui.add(drag.prefix("small below "));
+    response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Small components"));
+    response.on_hover_text("Smaller components make neither appeared, vanished, split nor merged");
     ui.checkbox(&mut new.on_slices, "on slices").on_hover_text("Slices show both outlines and what changed");
     if new != *setting {
         out.push(EditCommand::SetChange(Box::new(new)));

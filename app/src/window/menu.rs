@@ -7,7 +7,14 @@ use egui::{
 use glioscope_core::{files::format::volume_names, optics::Projection};
 use glioscope_render::{LightSettings, light};
 
-use super::{about, dialogs::open_command, fusion, label::label_for_screen_readers, recent::Recent};
+use super::{
+    about,
+    dialogs::open_command,
+    fusion,
+    label::label_for_screen_readers,
+    preferences::{MOST_LAYOUT_NAME, Preferences},
+    recent::Recent,
+};
 use crate::{
     command::{
         AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
@@ -22,6 +29,7 @@ const DEFAULT_WIDTH_PX: u32 = 2008;
 struct Bar<'a> {
     work: &'a Workstation,
     recent: &'a Recent,
+    preferences: &'a Preferences,
     /// Commands that go to regions and components.
     places: &'a [(String, Command)],
 }
@@ -31,10 +39,11 @@ pub fn bar(
     ui: &mut Ui,
     work: &Workstation,
     recent: &Recent,
+    preferences: &Preferences,
     places: &[(String, Command)],
     out: &mut Commands,
 ) {
-    let bar = Bar { work, recent, places };
+    let bar = Bar { work, recent, preferences, places };
     egui::MenuBar::new().ui(ui, |ui| {
         // In a narrow window the toolbar goes on in another line.
         ui.horizontal_wrapped(|ui| {
@@ -79,6 +88,7 @@ impl Bar<'_> {
         match menu {
             Menu::Tracts => self.tracts(ui, out),
             Menu::GoTo => self.places(ui, out),
+            Menu::Layouts => self.own_layouts(ui, out),
             Menu::Light => self.light(ui, out),
             Menu::Pictures => self.picture_width(ui, out),
             _ => {}
@@ -110,6 +120,42 @@ impl Bar<'_> {
             }
         }
         ui.separator();
+    }
+
+    /// The user's own layouts, and a field that keeps the one shown.
+    fn own_layouts(&self, ui: &mut Ui, out: &mut Commands) {
+        ui.separator();
+        for (name, layout) in self.preferences.layouts() {
+            ui.horizontal(|ui| {
+                if ui.button(name).on_hover_text("Your own layout").clicked() {
+                    out.push(EditCommand::UseLayout(name.to_owned(), Box::new(layout)));
+                    ui.close();
+                }
+                let forget = ui.small_button("×").on_hover_text("Forget this layout");
+                ui.ctx().accesskit_node_builder(forget.id, |node| {
+                    node.set_label(format!("Forget the layout {name}"))
+                });
+                if forget.clicked() {
+                    out.push(AppCommand::ForgetLayout(name.to_owned()));
+                }
+            });
+        }
+        let id = ui.scope_id().with("name of a layout");
+        let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+        ui.horizontal(|ui| {
+            let field =
+                egui::TextEdit::singleline(&mut name).desired_width(150.0).char_limit(MOST_LAYOUT_NAME);
+            let response = ui.add(field.hint_text("Name"));
+            ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Name of this layout"));
+            let entered = response.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
+            let can_save = !name.trim().is_empty();
+            let save = ui.add_enabled(can_save, Button::new("Keep this layout"));
+            if can_save && (save.clicked() || entered) {
+                out.push(AppCommand::SaveLayout(std::mem::take(&mut name)));
+                ui.close();
+            }
+        });
+        ui.data_mut(|data| data.insert_temp(id, name));
     }
 
     fn places(&self, ui: &mut Ui, out: &mut Commands) {

@@ -251,7 +251,8 @@ impl GlioscopeApp {
         if self.explain.is_some() {
             CentralPanel::default().frame(fill).show(ui, |ui| self.explaining(ui, &mut out));
         } else {
-            Panel::top("menu").show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &places, &mut out));
+            Panel::top("menu")
+                .show(ui, |ui| menu::bar(ui, &self.work, &self.recent, &self.preferences, &places, &mut out));
             warnings::strip(ui, self.work.world.checks(), &mut self.open.warnings);
             Panel::bottom("status").show(ui, |ui| warnings::status(ui, &mut self.work, &mut out));
             CentralPanel::default().frame(fill).show(ui, |ui| self.panes(ui, &mut out));
@@ -271,7 +272,8 @@ impl GlioscopeApp {
         case_files::show(ui, &mut self.work, &mut self.thumbnails, covered, &mut out);
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         make_mask::show(ui, &mut self.open.make_mask, &self.work, &mut out);
-        report::show(ui, &mut self.open.report, &self.work, &mut out);
+        let evaluated = self.results.response.last().map(|evaluated| &**evaluated);
+        report::show(ui, &mut self.open.report, &self.work, evaluated, &mut out);
         align::show(ui, &mut self.open.align, &self.work, &mut out);
         pacs::show(ui, &mut self.open.pacs, &mut self.in_use, &mut self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);

@@ -5,7 +5,7 @@ use std::{path::Path, sync::Arc};
 use glioscope_core::{
     Connectivity, Progress, RegionVolume,
     case::Case,
-    change::{self, ChangeOptions, ChangeReport},
+    change::{self, ChangeReport},
     csv, ellipsoid,
     files::Inputs,
     inside_lens::voxels_inside,
@@ -140,8 +140,7 @@ impl Shown {
         }
         let setting = &self.doc.edit.change;
         let Ok(choice) = setting.chosen(&self.case) else { return Ok(Value::Null) };
-        let options = ChangeOptions { registration_mm: setting.registration_mm, ..ChangeOptions::default() };
-        let (report, _) = change::between(&self.case, &choice, &options, None, progress)?;
+        let (report, _) = change::between(&self.case, &choice, &setting.options(), None, progress)?;
         as_value(&report)
     }
 }

@@ -10,6 +10,7 @@ use super::{
     make_mask::MakeMask,
     numbers::Shown,
     pacs::PacsDialog,
+    preferences::{MOST_LAYOUT_NAME, MOST_LAYOUTS},
     report,
     typed_path::TypedPath,
 };
@@ -145,6 +146,19 @@ impl GlioscopeApp {
             }
             AppCommand::Explain => self.explain = Some(Explain::new(self.preferences.get().points_per_mm)),
             AppCommand::ShowAbout => self.open.about = true,
+            AppCommand::SaveLayout(name) => {
+                let kept = self
+                    .work
+                    .doc
+                    .as_ref()
+                    .is_some_and(|doc| self.preferences.keep_layout(name, &doc.edit.layout));
+                if !kept {
+                    self.work.notice = Some(format!(
+                        "Layout not kept: a name of 1 to {MOST_LAYOUT_NAME} characters, and at most {MOST_LAYOUTS} layouts"
+                    ));
+                }
+            }
+            AppCommand::ForgetLayout(name) => self.preferences.forget_layout(name),
             AppCommand::ToggleDark => {
                 let is_dark = ctx.global_style().visuals.dark_mode;
                 ctx.set_theme(if is_dark { egui::Theme::Light } else { egui::Theme::Dark });

@@ -2,15 +2,25 @@
 //! recent cases; for the user alone, as a folder's name may tell who the patient is. Nothing depends on it, so its errors
 //! are ignored.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
+use egui_tiles::Tree;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use crate::model::{PictureSize, kept};
+use crate::model::{PaneId, PictureSize, kept, kept_layout};
 
 /// Maximum size of the file.
 const MAX_BYTES: u64 = 1 << 20;
 const EXPECTED: &str = "what the window remembers";
+
+/// The most own layouts.
+pub const MOST_LAYOUTS: usize = 30;
+/// The longest name of one, characters.
+pub const MOST_LAYOUT_NAME: usize = 60;
 
 /// Range of a window's remembered sides, points.
 const SIDE_RANGE: (f32, f32) = (320.0, 16_384.0);
@@ -29,6 +39,8 @@ pub struct Remembered {
     pub folder: Option<PathBuf>,
     /// The size of exported pictures.
     pub pictures: PictureSize,
+    /// The user's own layouts by name, as JSON: one that a later version wrote is kept.
+    pub layouts: BTreeMap<String, Value>,
     /// Points per millimetre of the screen, as the user fitted them to a bank card.
     pub points_per_mm: Option<f32>,
 }
@@ -65,6 +77,31 @@ impl Preferences {
         &mut self.now
     }
 
+    /// The user's own layouts by name.
+    pub fn layouts(&self) -> impl Iterator<Item = (&str, Tree<PaneId>)> {
+        self.now.layouts.iter().filter_map(|(name, json)| Some((name.as_str(), kept_layout(json)?)))
+    }
+
+    /// Keeps a layout by name, in place of one of the same name; `false` where there are too many, or the name is empty or too long.
+    pub fn keep_layout(&mut self, name: &str, layout: &Tree<PaneId>) -> bool {
+        let name = name.trim();
+        let is_new = !self.now.layouts.contains_key(name);
+        let is_full = is_new && self.now.layouts.len() >= MOST_LAYOUTS;
+        if name.is_empty() || name.chars().count() > MOST_LAYOUT_NAME || is_full {
+            return false;
+        }
+        let Ok(json) = serde_json::to_value(layout) else { return false };
+        self.now.layouts.insert(name.to_owned(), json);
+        self.save();
+        true
+    }
+
+    /// Forgets a layout.
+    pub fn forget_layout(&mut self, name: &str) {
+        self.now.layouts.remove(name);
+        self.save();
+    }
+
     /// Writes what changed.
     pub fn save(&mut self) {
         let Some(file) = self.file.as_ref().filter(|_| self.now != self.written) else { return };
@@ -77,6 +114,7 @@ impl Preferences {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::layout::default_layout;
     use glioscope_core::files::write_whole_private;
 
     #[test]
@@ -90,6 +128,7 @@ mod tests {
             maximized: false,
             folder: Some("/data".into()),
             pictures: PictureSize::Times(2),
+            layouts: BTreeMap::new(),
             points_per_mm: Some(4.5),
         };
         *first.change() = expected.clone();
@@ -101,6 +140,17 @@ mod tests {
             use std::os::unix::fs::PermissionsExt;
             assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o600);
         }
+        // Layouts by name; what is none isn't offered, and isn't lost.
+        let layout = default_layout(2, 3);
+        assert!(first.keep_layout(" mine ", &layout) && !first.keep_layout("  ", &layout));
+        first.change().layouts.insert("later".into(), serde_json::json!({ "root": 7 }));
+        first.save();
+        let mut again = Preferences::in_folder(Some(folder.path()));
+        let found: Vec<(String, Tree<PaneId>)> =
+            again.layouts().map(|(name, tree)| (name.into(), tree)).collect();
+        assert_eq!(found, [("mine".to_owned(), layout)]);
+        again.forget_layout("mine");
+        assert_eq!(Preferences::in_folder(Some(folder.path())).get().layouts.len(), 1);
         // Sizes that no window has, and files that aren't ours.
         write_whole_private(&file, br#"{"size_points": [1e9, -4.0]}"#).unwrap();
         let read = Preferences::in_folder(Some(folder.path()));

@@ -32,8 +32,14 @@ use crate::{
 
 const WIDTH_POINTS: f32 = 420.0;
 
-/// Draws the dialog while it is open.
-pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut Commands) {
+/// Draws the dialog while it is open. `evaluated`: the response shown.
+pub fn show(
+    ui: &Ui,
+    open: &mut Option<Options>,
+    work: &Workstation,
+    evaluated: Option<&Evaluated>,
+    out: &mut Commands,
+) {
     let (Some(options), Some(case)) = (open.as_mut(), work.world.case()) else { return };
     let patient = &case.patient;
     let reply = modal::show(ui.ctx(), "Write a report", |ui| {
@@ -64,7 +70,8 @@ pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut C
             ui.end_row();
         });
         if let Some(doc) = &work.doc {
-            reading(ui, doc, out);
+            let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, options.language));
+            reading(ui, doc, calls, out);
             pictures(ui, case, doc, out);
         }
         ui.add_space(6.0);
@@ -89,13 +96,21 @@ pub fn show(ui: &Ui, open: &mut Option<Options>, work: &Workstation, out: &mut C
     }
 }
 
-/// The conclusion, and who signs it.
-fn reading(ui: &mut Ui, doc: &Document, out: &mut Commands) {
+/// The conclusion, and who signs it. `calls`: those of the response in a sentence, which can be taken over.
+fn reading(ui: &mut Ui, doc: &Document, calls: Option<String>, out: &mut Commands) {
     let mut new = doc.edit.reading.clone();
     ui.add_space(6.0);
     let label = ui.strong("Conclusion");
     let field = egui::TextEdit::multiline(&mut new.conclusion).desired_width(f32::INFINITY).desired_rows(3);
     ui.add(field.char_limit(MOST_CONCLUSION)).labelled_by(label.id);
+    let calls = calls.filter(|calls| doc.edit.response.history.is_some() && !new.conclusion.contains(calls));
+    if let Some(calls) = calls
+        && ui.button("Take over the calls").on_hover_text(&calls).clicked()
+    {
+        let separator = if new.conclusion.trim().is_empty() { "" } else { "\n" };
+        new.conclusion = format!("{}{separator}{calls}", new.conclusion.trim_end());
+        new.conclusion = new.conclusion.chars().take(MOST_CONCLUSION).collect();
+    }
     ui.horizontal(|ui| {
         let label = ui.label("Read by");
         let field = egui::TextEdit::singleline(&mut new.reader).desired_width(200.0).char_limit(MOST_READER);

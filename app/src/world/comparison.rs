@@ -36,7 +36,7 @@ pub struct Comparison {
 struct Key {
     case: Handle<Case>,
     choice: Choice,
-    registration_mm: f64,
+    options: ChangeOptions,
 }
 
 /// The comparison last requested.
@@ -61,12 +61,12 @@ impl Comparisons {
         ask: &Ask,
     ) -> Option<Lookup<'_, Comparison>> {
         let key = key(case, setting)?;
-        let (case, choice, registration_mm) = (case.clone(), key.choice.clone(), key.registration_mm);
+        let (case, choice, options) = (case.clone(), key.choice.clone(), key.options);
         let gpu = self.gpu.clone();
         let work = move |progress: &Progress| {
             let source = force_source(gpu.as_ref());
             let source = source.as_ref().map(|s| s as &dyn ForceSource);
-            compute(&case, choice, registration_mm, source, progress)
+            compute(&case, choice, &options, source, progress)
         };
         Some(self.result.get(key, ask, work))
     }
@@ -110,19 +110,18 @@ fn force_source(gpu: Option<&Gpu>) -> Option<ForceField> {
 
 fn key(case: &Arc<Case>, setting: &ChangeSetting) -> Option<Key> {
     let choice = setting.chosen(case).ok()?;
-    Some(Key { case: Handle::of(case), choice, registration_mm: setting.registration_mm })
+    Some(Key { case: Handle::of(case), choice, options: setting.options() })
 }
 
 fn compute(
     case: &Case,
     choice: Choice,
-    registration_mm: f64,
+    options: &ChangeOptions,
     source: Option<&dyn ForceSource>,
     progress: &Progress,
 ) -> Result<Comparison, AppError> {
     progress.say("comparing the dates");
-    let options = ChangeOptions { registration_mm, ..ChangeOptions::default() };
-    let (report, change) = change::between(case, &choice, &options, source, progress)?;
+    let (report, change) = change::between(case, &choice, options, source, progress)?;
     let labels = [report.from.clone(), report.to.clone()];
     let pair: Vec<Mask> = choice
         .dates

@@ -104,7 +104,8 @@ pub fn evaluate_now(
 fn measured(case: &Case, doc: &Document, history: &History) -> Vec<(Compartment, LesionSetting)> {
     let main = &doc.edit.lesions;
     let other = doc.edit.response.other_mask(case);
-    let other = other.map(|id| LesionSetting { of: Some(id.clone()), ..main.clone() });
+    let other =
+        other.map(|id| LesionSetting { of: Some(id.clone()), image: None, surface: false, ..main.clone() });
     let setting = |compartment: Compartment| match &other {
         Some(other) if compartment == Compartment::NonEnhancing => other.clone(),
         _ => main.clone(),

@@ -49,6 +49,8 @@ pub struct Group {
     pub after: Vec<Part>,
     /// Voxels active at both time points.
     pub kept_voxels: u64,
+    /// Whether all of them are smaller than what counts.
+    pub is_small: bool,
 }
 
 /// The groups of two masks of equal dimensions, and the group of every voxel.
@@ -62,8 +64,8 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    /// `grid` is the grid of both masks.
-    pub fn new(before: &MaskBits, after: &MaskBits, grid: &Grid) -> Result<Self, TooLarge> {
+    /// `grid` is the grid of both masks. Components below `smallest_ml` are no pieces of a split or merger.
+    pub fn new(before: &MaskBits, after: &MaskBits, grid: &Grid, smallest_ml: f64) -> Result<Self, TooLarge> {
         let dims = before.dims();
         let parts = [before, after].map(|m| Components::of_mask(m, Connectivity::TwentySix));
         let [a, b] = parts;
@@ -107,7 +109,13 @@ impl Groups {
         for i in 0..na + nb {
             let r = find(&mut root, i);
             let group = if r == i {
-                list.push(Group { fate: Fate::Matched, before: vec![], after: vec![], kept_voxels: 0 });
+                list.push(Group {
+                    fate: Fate::Matched,
+                    before: vec![],
+                    after: vec![],
+                    kept_voxels: 0,
+                    is_small: false,
+                });
                 list.len() as u32 - 1
             } else {
                 group_of[r]
@@ -123,7 +131,13 @@ impl Groups {
             list[group_of[x as usize - 1] as usize].kept_voxels += voxels;
         }
         for group in &mut list {
-            group.fate = match (group.before.len(), group.after.len()) {
+            let [before, after] = [&group.before, &group.after].map(|parts| {
+                let counted = parts.iter().filter(|part| part.volume_ml >= smallest_ml).count();
+                // Where all are small, they still are what is left of the others.
+                (counted, counted.max(usize::from(!parts.is_empty())))
+            });
+            group.is_small = before.0 + after.0 == 0;
+            group.fate = match (before.1, after.1) {
                 (1, 1) => Fate::Matched,
                 (_, 0) => Fate::Vanished,
                 (0, _) => Fate::Appeared,

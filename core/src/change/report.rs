@@ -132,6 +132,8 @@ pub struct Counters {
 pub struct GroupReport {
     /// What became of them.
     pub fate: Fate,
+    /// Whether all are smaller than the smallest that counts: no flag tells of them.
+    pub small: bool,
     /// Components of the earlier time point.
     pub from: Vec<PartReport>,
     /// Components of the later time point.
@@ -186,6 +188,7 @@ pub fn report(change: &Change, grid: &Grid, mask: &str, from: &str, to: &str) ->
         let (growth, recession) = growth_and_recession(vectors.into_iter(), |v| v.signed_mm.abs());
         GroupReport {
             fate: group.fate,
+            small: group.is_small,
             from: group.before.iter().map(PartReport::of).collect(),
             to: group.after.iter().map(PartReport::of).collect(),
             kept_ml: grid.volume_ml(group.kept_voxels),

@@ -174,6 +174,40 @@ fn split_merged_vanished_and_appeared_components_are_reported_without_spurious_v
     }
 }
 
+/// Flecks of a segmentation's edge are no events: 0.1 ml is a ball of 5.8 mm across.
+#[test]
+fn small_components_make_no_flag_and_keep_their_vectors() {
+    let (left, right) = (DVec3::new(-12.0, 0.0, 0.0), DVec3::new(12.0, 0.0, 0.0));
+    let of_size = |radius_mm: f64, smallest_ml: f64| {
+        let fleck = ball(right, radius_mm);
+        let (before, after, grid) =
+            masks(24.0, DVec3::ONE, ball(left, 8.0), |p| ball(left, 7.0)(p) || fleck(p));
+        let options = ChangeOptions { smallest_ml, ..ChangeOptions::default() };
+        change(&before, &after, &grid, &options, &Progress::new()).unwrap()
+    };
+    let new = of_size(2.0, DEFAULT_SMALLEST_ML);
+    assert_eq!(new.flags, []);
+    assert!(new.groups.iter().any(|g| g.fate == Fate::Appeared && g.is_small));
+    assert!(new.counts.appeared_voxels > 0, "drawn and counted all the same");
+    assert_eq!(of_size(2.0, 0.0).flags, [Flag::Appeared]);
+    assert_eq!(of_size(4.0, DEFAULT_SMALLEST_ML).flags, [Flag::Appeared]);
+    // One that breaks into a large piece and flecks did not split; into flecks alone it is still there.
+    let pieces = |left_mm: f64| {
+        let near = move |p: DVec3| ball(left, left_mm)(p) || ball(left + DVec3::X * 9.0, 2.0)(p);
+        let (before, after, grid) = masks(24.0, DVec3::ONE, ball(left, 12.0), near);
+        change(&before, &after, &grid, &ChangeOptions::default(), &Progress::new()).unwrap()
+    };
+    for left_mm in [6.0, 2.0] {
+        let of = pieces(left_mm);
+        assert_eq!(of.groups.iter().map(|g| g.fate).collect::<Vec<_>>(), [Fate::Matched], "{left_mm}");
+        assert_eq!(of.flags, []);
+    }
+    let nan = ChangeOptions { smallest_ml: f64::NAN, ..ChangeOptions::default() };
+    let (a, b, grid) = masks(4.0, DVec3::ONE, ball(DVec3::ZERO, 2.0), ball(DVec3::ZERO, 3.0));
+    let error = change(&a, &b, &grid, &nan, &Progress::new());
+    assert!(matches!(error, Err(ChangeError::Smallest(_))), "{error:?}");
+}
+
 /// Two dates that share no place may not be aligned: a lesion that "vanished" would be a claim.
 #[test]
 fn masks_without_a_common_voxel_are_compared_by_volume_only() {

@@ -50,7 +50,7 @@ pub use values::{SurfaceMove, Values};
 
 /// Default of the smallest lesion: a ball of 5.8 mm. Smaller components are counted, but neither born, gone nor pieces of
 /// a split: most are flecks of a segmentation's edge.
-pub const DEFAULT_SMALLEST_ML: f64 = 0.1;
+pub const DEFAULT_SMALLEST_ML: f64 = crate::change::DEFAULT_SMALLEST_ML;
 
 /// Default of the farthest that components without a common voxel may lie apart to be proposed as one lesion: as far as
 /// dates may lie apart and still count as aligned.

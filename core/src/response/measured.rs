@@ -23,6 +23,9 @@ pub struct Evaluated {
     pub proposed_links: usize,
     /// Where the history and the masks contradict each other, in one line each.
     pub warnings: Vec<String>,
+    /// What was stated.
+    #[serde(skip)]
+    pub stated: History,
     /// The calls.
     #[serde(flatten)]
     pub response: Response,
@@ -37,6 +40,7 @@ pub fn evaluate_lesions(
     reports: &[(Compartment, &LesionsReport)],
 ) -> Result<Evaluated, HistoryError> {
     let (mut all, mut of, mut proposed_links) = (Vec::<Measurement>::new(), Vec::new(), 0);
+    let stated = history.clone();
     let mut warnings = Vec::new();
     for (compartment, report) in reports {
         let mut measured = measurements(report, *compartment);
@@ -51,7 +55,7 @@ pub fn evaluate_lesions(
         of.push((*compartment, report.of.clone()));
     }
     let response = evaluate(&history, &all)?;
-    Ok(Evaluated { of, proposed_links, warnings, response })
+    Ok(Evaluated { of, proposed_links, warnings, stated, response })
 }
 
 /// The compartments that a history measures: the mask of `of`, and that of non-enhancing disease where it `has_other`.

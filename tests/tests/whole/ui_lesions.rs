@@ -9,7 +9,9 @@ use glioscope::{
     model::{CaseRef, PaneId, session},
 };
 use glioscope_core::lesions::Edit;
-use glioscope_tests::{Window, answer, doc, issue, pane_picture, perform, wait_for_workers, window_on};
+use glioscope_tests::{
+    Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_on,
+};
 
 use crate::{PROGRAM, lesions::balls};
 
@@ -169,4 +171,41 @@ fn a_lesion_is_split_at_its_neck_and_a_ball_has_none() {
     perform(&mut harness, EditCommand::Undo);
     wait_for_workers(&mut harness);
     assert_eq!(labels(&harness, "Lesion B at 2024-01-01"), 0);
+}
+
+#[test]
+fn values_of_an_image_and_surface_change_stand_by_lesion_and_date() {
+    let case = CaseRef::Sample;
+    let mut harness = window_on(case, [1280.0, 720.0], egui::Theme::Light);
+    maximized_lesions(&mut harness);
+    assert!(harness.query_by_label("PET mean").is_none(), "not computed unless asked for");
+    choose(&mut harness, "values of", "PET");
+    harness.get_by_label("surface change").click();
+    wait_for_workers(&mut harness);
+    assert!(
+        harness.query_by_label("PET mean").is_some() && harness.query_by_label("Grew, receded").is_some()
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("read.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    // The command line, from the session alone.
+    let (json, _) = answer(PROGRAM, &["lesions", path.to_str().unwrap(), "--json"]);
+    let of = &json["lesions"][0]["dates"][1];
+    let text = |value: &serde_json::Value| value.as_f64().unwrap();
+    let mean = glioscope::format::four_digits(text(&of["values"]["mean"]));
+    assert!(harness.query_by_label(&mean).is_some(), "{mean}");
+    let moved = |kind: &str| text(&of["surface"][kind]["p95_mm"]);
+    let moved = format!("{:.1}, {:.1} mm", moved("growth"), moved("recession"));
+    assert!(harness.query_by_label(&moved).is_some(), "{moved}");
+    let report = folder.path().join("read.md");
+    assert!(
+        run(PROGRAM, &["report", path.to_str().unwrap(), "--out", report.to_str().unwrap()]).status.success()
+    );
+    let written = std::fs::read_to_string(&report).unwrap();
+    assert!(written.contains("Values of PET in each lesion") && written.contains(&mean), "{written}");
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        pane_picture(&mut harness, PaneId::Lesions)
+            .save(Path::new(&folder).join("lesions-values.png"))
+            .unwrap();
+    }
 }

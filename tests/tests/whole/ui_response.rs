@@ -6,7 +6,7 @@ use egui::Key;
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{CaseRef, PaneId, session},
+    model::{CaseRef, PaneId, layout::Task, session},
 };
 use glioscope_tests::{
     Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_on,
@@ -46,8 +46,9 @@ fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
     assert!(harness.query_all_by_label("cannot say").count() >= 3);
     assert!(harness.query_by_label("Clinical state").is_none());
     type_into(&mut harness, "stated by", "A. B.");
-    choose(&mut harness, "Baseline", "2024-01-01");
-    harness.get_by_label("there was none").click();
+    harness.get_by_label("Baseline: 2024-01-01").click();
+    wait_for_workers(&mut harness);
+    harness.get_by_label("Radiotherapy: there was none").click();
     wait_for_workers(&mut harness);
     // 9 against 6 mm: the product rises by more than 25 %.
     assert!(harness.query_all_by_label_contains("PD").count() >= 1, "progression");
@@ -57,7 +58,7 @@ fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
     assert!(fact.entered.is_some(), "and when");
 
     // A stated fact of a scan, taken back by undo.
-    choose(&mut harness, "New lesions at 2024-06-01", "none");
+    click(&mut harness, "New lesions at 2024-06-01: none");
     let stated = |harness: &Window| {
         let history = doc(harness).edit.response.history.clone().unwrap();
         history.date.iter().any(|facts| facts.new_lesion.is_some())
@@ -67,8 +68,7 @@ fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
     assert!(!stated(&harness));
 
     // A margin, once a repeatability is stated.
-    harness.get_by_label("How well measurements repeat").click();
-    harness.run_ok();
+    click(&mut harness, "How well measurements repeat");
     type_into(&mut harness, "Products of diameters", "10");
     assert!(harness.query_all_by_label_contains("relative SD 0.1").count() >= 1);
 
@@ -89,10 +89,73 @@ fn a_reader_states_what_is_asked_and_gets_a_call_with_its_reasons() {
         let text = std::fs::read_to_string(&report).unwrap();
         assert!(text.contains("RANO 2010") && text.contains("PD"), "{text}");
         assert_eq!(text.contains("A. B."), has_author, "{identity}");
+        assert!(text.contains("Stated by the reader") && text.contains("Radiotherapy ended"), "{text}");
     }
     let picture = pane_picture(&mut harness, PaneId::Response);
     if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
         picture.save(Path::new(&folder).join("response.png")).unwrap();
+    }
+}
+
+fn click(harness: &mut Window, label: &str) {
+    harness.get_by_label(label).scroll_to_me();
+    harness.run_ok();
+    harness.get_by_label(label).click();
+    wait_for_workers(harness);
+}
+
+#[test]
+fn questions_stay_where_they_are_while_they_are_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    choose(&mut harness, "Criteria", "RANO 2010");
+    click(&mut harness, "Baseline: 2024-01-01");
+    click(&mut harness, "Radiotherapy: there was none");
+    let last = "2024-06-01";
+    let asked = [format!("Clinical state at {last}: stable"), format!("New lesions at {last}: none")];
+    let top = |harness: &Window, label: &str| harness.get_by_label(label).rect().top();
+    let before = asked.clone().map(|label| top(&harness, &label));
+    for label in &asked {
+        harness.get_by_label(label).click();
+        wait_for_workers(&mut harness);
+    }
+    assert_eq!(asked.map(|label| top(&harness, &label)), before);
+    // Everything still open at a scan in one step, which is one step back.
+    let facts = |harness: &Window, date: &str| {
+        let history = doc(harness).edit.response.history.clone().unwrap();
+        history.date.into_iter().find(|facts| facts.date.0 == date)
+    };
+    let stated = facts(&harness, last).unwrap();
+    click(&mut harness, &format!("Nothing worse at {last}"));
+    let filled = facts(&harness, last).unwrap();
+    assert_eq!((&filled.clinical, &filled.new_lesion), (&stated.clinical, &stated.new_lesion), "stays");
+    assert!(filled.flair.is_some() && stated.flair.is_none(), "{filled:?}");
+    assert_eq!(filled.steroids_mg, None, "no dose was stated before");
+    perform(&mut harness, EditCommand::Undo);
+    assert_eq!(facts(&harness, last).unwrap(), stated);
+    // The calls in words, for the conclusion.
+    click(&mut harness, "Write a report…");
+    harness.get_by_label("Take over the calls").click();
+    harness.run_ok();
+    let conclusion = doc(&harness).edit.reading.conclusion.clone();
+    assert!(conclusion.starts_with("2024-06-01, RANO 2010: PD"), "{conclusion}");
+    assert!(harness.query_by_label("Take over the calls").is_none(), "once");
+}
+
+#[test]
+fn the_layout_for_the_response_shows_all_of_it_on_a_small_screen() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = opened(folder.path());
+    harness.set_size(egui::vec2(1280.0, 720.0));
+    issue(&mut harness, EditCommand::SetTask(Task::Response));
+    wait_for_workers(&mut harness);
+    choose(&mut harness, "Criteria", "RANO 2010");
+    wait_for_workers(&mut harness);
+    let pane = harness.get_by_label("By volume").rect();
+    let last = harness.get_by_label_contains("owest").rect();
+    assert!(pane.left() < last.left() && last.right() < 720.0, "{last:?}");
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        harness.render().unwrap().save(Path::new(&folder).join("response-layout.png")).unwrap();
     }
 }
 
@@ -123,7 +186,7 @@ fn what_is_no_date_is_said_and_not_taken() {
     let folder = tempfile::tempdir().unwrap();
     let mut harness = opened(folder.path());
     choose(&mut harness, "Criteria", "mRANO");
-    type_into(&mut harness, "Radiotherapy ended", "31.1.2024");
+    type_into(&mut harness, "Radiotherapy ended", "31/1/2024");
     assert!(harness.query_by_label_contains("is no date").is_some());
     assert_eq!(doc(&harness).edit.response.history.clone().unwrap().radiotherapy_end, None);
     type_into(&mut harness, "Radiotherapy ended", "2023-12-01");
@@ -147,7 +210,7 @@ fn a_target_stays_the_lesion_that_was_meant_and_options_count_with_a_session() {
     issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
     wait_for_workers(&mut harness);
     choose(&mut harness, "Criteria", "RANO 2010");
-    choose(&mut harness, "Baseline", "2024-01-01");
+    click(&mut harness, "Baseline: 2024-01-01");
     harness.get_by_label("also what changes no call").click();
     wait_for_workers(&mut harness);
     type_into(&mut harness, "Targets", "B");

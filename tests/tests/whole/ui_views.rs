@@ -4,13 +4,13 @@ use egui::{Theme, vec2};
 use egui_kittest::{Harness, kittest::Queryable};
 use glioscope::{
     command::{AppCommand, EditCommand, LookCommand, Workstation},
-    model::{CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, PaneId, session},
+    model::{CaseRef, EllipsoidKind, EllipsoidLook, EllipsoidOpacity, PaneId, layout::Task, session},
     views::ellipsoids::EllipsoidPane,
     window::GlioscopeApp,
 };
 use glioscope_render::{ClipPlane, TransferPreset};
 use glioscope_tests::{
-    Window, doc, maximized, pane_picture, perform, screens, wait_for_workers, window_on, window_with,
+    Window, doc, issue, maximized, pane_picture, perform, screens, wait_for_workers, window_on, window_with,
     workstation, write_cube,
 };
 
@@ -349,4 +349,36 @@ fn an_ellipsoid_much_larger_than_its_component_says_so() {
     let moment = EllipsoidLook { kind: EllipsoidKind::Moment, ..look };
     perform(&mut harness, EditCommand::SetEllipsoidLook(moment));
     assert_eq!(warnings(&harness), 0, "of the same volume");
+}
+
+#[test]
+fn a_reader_keeps_a_layout_by_name_and_takes_it_again() {
+    let mut harness = sample();
+    issue(&mut harness, EditCommand::SetTask(Task::Read));
+    // Laid out, panes are in tabs.
+    harness.run_ok();
+    let own = doc(&harness).edit.layout.clone();
+    let open_menu = |harness: &mut Window| {
+        harness.get_by_label("View").click();
+        harness.run_ok();
+        harness.get_by_label_contains("Layouts").click();
+        harness.run_ok();
+    };
+    open_menu(&mut harness);
+    harness.get_by_label("Name of this layout").focus();
+    harness.run_ok();
+    harness.get_by_label("Name of this layout").type_text("Tumour board");
+    harness.run_ok();
+    harness.get_by_label("Keep this layout").click();
+    harness.run_ok();
+    issue(&mut harness, EditCommand::ResetLayout);
+    assert_ne!(doc(&harness).edit.layout, own);
+    open_menu(&mut harness);
+    harness.get_by_label("Tumour board").click();
+    harness.run_ok();
+    assert_eq!(doc(&harness).edit.layout, own);
+    open_menu(&mut harness);
+    harness.get_by_label("Forget the layout Tumour board").click();
+    harness.run_ok();
+    assert!(harness.query_by_label("Tumour board").is_none());
 }

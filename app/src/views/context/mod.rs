@@ -10,6 +10,7 @@ use glioscope_render::{ContextPick, ContextScene, flat, views::context::Context}
 use super::{
     draw,
     pane::{Input, Pane, Stage},
+    ruler,
     view3d::{Canvas, Picked, ScreenReport, View, linked_camera, marks},
 };
 use crate::{
@@ -104,6 +105,9 @@ impl Pane for ContextPane {
         let dark = ui.visuals().dark_mode;
         let ink = Tokens::of(dark).text;
         let painter = ui.painter().with_clip_rect(rect);
+        if !input.is_plain {
+            ruler::draw_3d(&painter, input.doc, &view.camera, rect, None);
+        }
         let text = note.unwrap_or_else(|| name.to_owned());
         let text = painter.layout_no_wrap(text, theme::font(LABEL_POINTS), ink);
         let text_rect = Rect::from_min_size(rect.left_top() + vec2(10.0, 8.0), text.size());

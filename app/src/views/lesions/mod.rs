@@ -130,6 +130,7 @@ impl LesionsPane {
             ui.add(DragValue::new(&mut new.smallest_ml).range(SMALLEST_ML).speed(0.01).suffix(" ml"))
                 .labelled_by(label.id);
             ui.checkbox(&mut self.small, "show small ones");
+            beside(ui, input, &mut new);
         });
         if new != *setting {
             out.push(EditCommand::SetLesions(Box::new(LesionSetting {
@@ -137,6 +138,32 @@ impl LesionsPane {
                 ..new
             })));
         }
+    }
+}
+
+/// What is reported beside sizes: values of an image, and how surfaces moved.
+fn beside(ui: &mut Ui, input: &Input<'_>, new: &mut LesionSetting) {
+    let contexts = input.case.time_points.iter().flat_map(|time| &time.contexts);
+    let mut ids: Vec<&str> = contexts.map(|context| context.id.as_str()).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    if !ids.is_empty() {
+        let label = ui
+            .label("values of")
+            .on_hover_text("Mean, most, and the highest mean in a ball of 1 ml, of each lesion");
+        let chosen = new.image.clone().filter(|image| ids.contains(&image.as_str()));
+        let combo = ComboBox::from_id_salt("image of lesions");
+        let shown = combo.selected_text(chosen.as_deref().unwrap_or("no image")).show_ui(ui, |ui| {
+            ui.selectable_value(&mut new.image, None, "no image");
+            for id in ids {
+                ui.selectable_value(&mut new.image, Some(id.to_owned()), id);
+            }
+        });
+        shown.response.labelled_by(label.id);
+    }
+    if input.case.time_points.len() > 1 {
+        ui.checkbox(&mut new.surface, "surface change")
+            .on_hover_text("How far each lesion's surface moved since the date before");
     }
 }
 

@@ -2,7 +2,10 @@
 
 use egui::{Align, Layout, RichText, Ui};
 use egui_extras::{Column, TableBuilder};
-use glioscope_core::lesions::{Growth, LesionDate, LesionReport, LesionsReport, LinkState, Series};
+use glioscope_core::{
+    change::Lengths,
+    lesions::{Growth, LesionDate, LesionReport, LesionsReport, LinkState, Series, Values},
+};
 
 use super::timeline::{change_text, title};
 use crate::{format, theme::Tokens};
@@ -18,7 +21,10 @@ pub(super) fn show(ui: &mut Ui, report: &LesionsReport, shown: &[&LesionReport])
     let second = Tokens::in_ui(ui).second;
     let rows: Vec<(&LesionReport, usize)> =
         shown.iter().flat_map(|lesion| (0..lesion.dates.len()).map(|date| (*lesion, date))).collect();
-    TableBuilder::new(ui)
+    let all = || report.lesions.iter().flat_map(|lesion| &lesion.dates);
+    let image = all().find_map(|date| date.values.as_ref()).map(|values| values.image.as_str());
+    let has_surface = all().any(|date| date.surface.is_some());
+    let mut table = TableBuilder::new(ui)
         .id_salt("numbers of lesions")
         .vscroll(false)
         .striped(true)
@@ -28,10 +34,26 @@ pub(super) fn show(ui: &mut Ui, report: &LesionsReport, shown: &[&LesionReport])
         .column(Column::exact(66.0))
         .column(Column::exact(56.0))
         .column(Column::exact(108.0))
-        .column(Column::exact(70.0))
+        .column(Column::exact(70.0));
+    let mut beside: Vec<(String, &str)> = Vec::new();
+    if let Some(image) = image {
+        beside.extend([
+            (format!("{image} mean"), "Mean of the image in the lesion"),
+            ("most".to_owned(), "Largest value: SUVmax where values are SUV"),
+            ("peak".to_owned(), "The highest mean in a ball of 1 ml: SUVpeak"),
+        ]);
+    }
+    if has_surface {
+        let tip = "95th percentile of how far the surface moved outwards, and inwards, since the date before";
+        beside.push(("Grew, receded".to_owned(), tip));
+    }
+    for (text, _) in &beside {
+        table = table.column(Column::exact(if text.len() > 5 { 100.0 } else { 56.0 }).clip(true));
+    }
+    table
         .column(Column::remainder().at_least(90.0).clip(true))
         .header(ROW, |mut row| {
-            for (text, tip) in [
+            let fixed = [
                 ("Lesion", ""),
                 ("Date", ""),
                 ("Volume", ""),
@@ -41,8 +63,10 @@ pub(super) fn show(ui: &mut Ui, report: &LesionsReport, shown: &[&LesionReport])
                     "Longest in a slice, and the longest at right angles to it, of the largest piece",
                 ),
                 ("Product", "Sum of the products of all pieces"),
-                ("What happened", "Since the date before, and whether a reader verified the link"),
-            ] {
+            ];
+            let last = ("What happened", "Since the date before, and whether a reader verified the link");
+            let beside = beside.iter().map(|(text, tip)| (text.as_str(), *tip));
+            for (text, tip) in fixed.into_iter().chain(beside).chain([last]) {
                 row.col(|ui| {
                     let response = ui.strong(text);
                     if !tip.is_empty() {
@@ -57,7 +81,10 @@ pub(super) fn show(ui: &mut Ui, report: &LesionsReport, shown: &[&LesionReport])
                 let Some(date) = lesion.dates.get(*number) else { return };
                 let before = number.checked_sub(1).and_then(|number| lesion.dates.get(number));
                 let name = if *number == 0 { title(lesion) } else { String::new() };
-                for text in [vec![name, date.time.clone()], cells(before, date)].concat() {
+                let mut cells = cells(before, date);
+                let happened = cells.pop().unwrap_or_default();
+                let beside = beside_cells(date, image.is_some(), has_surface);
+                for text in [vec![name, date.time.clone()], cells, beside, vec![happened]].concat() {
                     row.col(|ui| {
                         ui.label(text);
                     });
@@ -74,6 +101,24 @@ pub(super) fn show(ui: &mut Ui, report: &LesionsReport, shown: &[&LesionReport])
             say(text);
         }
     }
+}
+
+/// Values of the image, and movements of the surface.
+fn beside_cells(date: &LesionDate, has_image: bool, has_surface: bool) -> Vec<String> {
+    let dash = || "–".to_owned();
+    let mut cells = Vec::new();
+    if has_image {
+        let of = |value: fn(&Values) -> Option<f64>| {
+            date.values.as_ref().and_then(value).map_or_else(dash, format::four_digits)
+        };
+        cells.extend([of(|values| values.mean), of(|values| values.max), of(|values| values.peak)]);
+    }
+    if has_surface {
+        let mm = |lengths: &Lengths| lengths.p95_mm.map_or_else(|| "0".to_owned(), |mm| format!("{mm:.1}"));
+        let moved = date.surface.as_ref();
+        cells.push(moved.map_or_else(dash, |m| format!("{}, {} mm", mm(&m.growth), mm(&m.recession))));
+    }
+    cells
 }
 
 fn cells(before: Option<&LesionDate>, date: &LesionDate) -> Vec<String> {

@@ -6,68 +6,89 @@ use glioscope_core::response::{
     Call, Criterion, DateResponse, Evaluated, Judgement, Mark, RULES, Rule, RuleId, SumReport,
 };
 
+use super::Status;
 use crate::theme::Tokens;
 
+/// Least width for columns with all they say, points.
+const WIDE: f32 = 660.0;
 /// Height of a row, points.
 const ROW: f32 = 22.0;
 
-/// The table of calls, and the reasons of the date `shown`; a click chooses another.
-pub(super) fn show(ui: &mut Ui, evaluated: &Evaluated, shown: &mut Option<String>) {
+/// What the calls rest on, and how it stands with them: always as many lines while answers are given.
+pub(super) fn head(ui: &mut Ui, evaluated: Option<&Evaluated>, status: &Status) {
     let warn = ui.visuals().warn_fg_color;
     ui.weak("Imaging criteria from public descriptions, not for clinical use");
-    if evaluated.proposed_links > 0 {
-        let text = match evaluated.proposed_links {
+    let warnings = evaluated.map_or(0, |evaluated| evaluated.warnings.len());
+    let (text, color) = match (status, warnings) {
+        (Status::Error(text), _) => (text.clone(), ui.visuals().error_fg_color),
+        (Status::Warning(text), _) => (text.clone(), warn),
+        (_, 1) => ("1 warning, below the questions".to_owned(), warn),
+        (_, n @ 2..) => (format!("{n} warnings, below the questions"), warn),
+        (Status::Working(text), _) => (text.clone(), ui.visuals().weak_text_color()),
+        (Status::Nothing, _) => (" ".to_owned(), warn),
+    };
+    ui.colored_label(color, text);
+    let links = evaluated.map_or(0, |evaluated| evaluated.proposed_links);
+    if links > 0 {
+        let text = match links {
             1 => "These calls rest on 1 link between lesions that no reader has verified".to_owned(),
             n => format!("These calls rest on {n} links between lesions that no reader has verified"),
         };
-        ui.colored_label(warn, text);
+        ui.colored_label(warn, text).on_hover_text("Lesions: N goes to the next one, V verifies it");
     }
+}
+
+/// Warnings, and the reasons of the date `shown`, or of the last.
+pub(super) fn reasons(ui: &mut Ui, evaluated: &Evaluated, shown: Option<&str>) {
+    ui.add_space(4.0);
     for warning in &evaluated.warnings {
-        ui.colored_label(warn, warning);
+        ui.colored_label(ui.visuals().warn_fg_color, warning);
     }
     let dates = &evaluated.response.dates;
-    let known = shown.as_ref().is_some_and(|label| dates.iter().any(|date| date.date == *label));
-    if !known {
-        *shown = None;
-    }
-    table(ui, dates, shown);
-    let chosen = match shown {
-        Some(label) => dates.iter().find(|date| date.date == *label),
-        None => dates.last(),
-    };
+    let chosen = shown.and_then(|label| dates.iter().find(|date| date.date == label)).or(dates.last());
     if let Some(date) = chosen {
         let criterion = evaluated.response.criterion;
-        ui.add_space(4.0);
         why(ui, criterion, &format!("{}, by diameters", date.date), &date.by_diameters);
         why(ui, criterion, &format!("{}, by volume", date.date), &date.by_volume);
     }
 }
 
-fn table(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
+/// The table of calls; a click on a date shows its reasons.
+pub(super) fn table(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
+    let known = shown.as_ref().is_some_and(|label| dates.iter().any(|date| date.date == *label));
+    if !known {
+        *shown = None;
+    }
+    ui.scope(|ui| rows(ui, dates, shown));
+}
+
+fn rows(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
     ui.spacing_mut().item_spacing.x = 4.0;
+    let is_wide = ui.available_width() >= WIDE;
+    let (call, percent) = if is_wide { (150.0, 100.0) } else { (116.0, 62.0) };
     let tokens = *Tokens::in_ui(ui);
     let current = shown.clone().or_else(|| dates.last().map(|date| date.date.clone()));
-    TableBuilder::new(ui)
-        .id_salt("calls")
-        .vscroll(false)
-        .striped(true)
-        .column(Column::exact(110.0).clip(true))
-        .column(Column::exact(44.0))
-        .column(Column::exact(150.0).clip(true))
-        .column(Column::exact(150.0).clip(true))
-        .column(Column::exact(100.0))
-        .column(Column::remainder().at_least(130.0).clip(true))
+    let columns = [if is_wide { 110.0 } else { 84.0 }, call, call, percent];
+    let mut table = TableBuilder::new(ui).id_salt("calls").vscroll(false).striped(true);
+    for width in columns {
+        table = table.column(Column::exact(width).clip(true));
+    }
+    table
+        .column(Column::remainder().at_least(percent).clip(true))
         .header(ROW, |mut row| {
-            for (text, tip) in [
-                ("Scan", "Click: why"),
-                ("Days", "Since the baseline"),
-                ("By diameters", ""),
-                ("By volume", ""),
-                ("From baseline", "Change of the sum by diameters"),
-                ("From the lowest", "Change of the sum by diameters, and of how many scans the lowest is"),
+            for (text, narrow, tip) in [
+                ("Scan", "Scan", "Click: why"),
+                ("By diameters", "By diameters", ""),
+                ("By volume", "By volume", ""),
+                ("From baseline", "Baseline", "Change of the sum by diameters from the baseline"),
+                (
+                    "From the lowest",
+                    "Lowest",
+                    "Change of the sum by diameters from the lowest, and of how many scans that is the lowest",
+                ),
             ] {
                 row.col(|ui| {
-                    let response = ui.strong(text);
+                    let response = ui.strong(if is_wide { text } else { narrow });
                     if !tip.is_empty() {
                         response.on_hover_text(tip);
                     }
@@ -79,12 +100,13 @@ fn table(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
                 body.row(ROW, |mut row| {
                     row.col(|ui| {
                         let is_shown = current.as_ref() == Some(&date.date);
-                        if ui.selectable_label(is_shown, &date.date).clicked() {
+                        let response = ui.selectable_label(is_shown, &date.date);
+                        if response.clicked() {
                             *shown = Some(date.date.clone());
                         }
-                    });
-                    row.col(|ui| {
-                        ui.label(date.days_from_baseline.map(|days| days.to_string()).unwrap_or_default());
+                        if let Some(days) = date.days_from_baseline {
+                            response.on_hover_text(format!("{days} days after the baseline"));
+                        }
                     });
                     for judgement in [&date.by_diameters, &date.by_volume] {
                         row.col(|ui| {
@@ -102,9 +124,20 @@ fn table(ui: &mut Ui, dates: &[DateResponse], shown: &mut Option<String>) {
                     });
                     row.col(|ui| {
                         let scans = sum.and_then(|sum| sum.nadir.as_ref()).map(|nadir| nadir.scans);
-                        let of = scans.map(|scans| format!("  (lowest of {scans})")).unwrap_or_default();
+                        let of = scans.map(|scans| format!("lowest of {scans}"));
                         let text = percent(&|sum| sum.change_from_nadir_percent);
-                        ui.label(if text.is_empty() { text } else { text + &of });
+                        match of {
+                            _ if text.is_empty() => {}
+                            Some(of) if is_wide => {
+                                ui.label(format!("{text}  ({of})"));
+                            }
+                            Some(of) => {
+                                ui.label(text).on_hover_text(of);
+                            }
+                            None => {
+                                ui.label(text);
+                            }
+                        }
                     });
                 });
             }

@@ -1,11 +1,11 @@
 //! Fields of the form. A text counts when it is left, or with Enter: half of it is no statement.
 
-use egui::{AsIdSalt, ComboBox, Id, Key, TextEdit, Ui};
+use egui::{AsIdSalt, Id, Key, TextEdit, Ui};
 use glioscope_core::{
     dates::iso_date,
     response::{Fact, When},
 };
-use jiff::Timestamp;
+use jiff::{Timestamp, civil::Date};
 
 /// Who states a fact, and when.
 pub(super) struct By {
@@ -36,7 +36,7 @@ fn said_by<T>(fact: &Fact<T>) -> String {
     }
 }
 
-/// A choice that may be left open.
+/// A choice that may be left open: a click on an answer states it, and on the cross takes it back.
 pub(super) fn choice<T: Copy + PartialEq>(
     ui: &mut Ui,
     label: &str,
@@ -45,31 +45,52 @@ pub(super) fn choice<T: Copy + PartialEq>(
     by: &By,
 ) {
     let chosen = fact.as_ref().map(|fact| fact.value);
-    let text = all.iter().find(|(value, _)| Some(*value) == chosen).map_or("not stated", |(_, text)| text);
     let tip = fact.as_ref().map(said_by);
-    let shown = ComboBox::from_id_salt(label).selected_text(text).width(96.0).show_ui(ui, |ui| {
-        if ui.selectable_label(chosen.is_none(), "not stated").clicked() {
-            *fact = None;
+    for (value, text) in all {
+        let is_chosen = chosen == Some(*value);
+        let response = ui.radio(is_chosen, *text);
+        name(ui, &response, &format!("{label}: {text}"));
+        if response.clicked() && !is_chosen {
+            *fact = Some(by.fact(*value));
         }
-        for (value, text) in all {
-            let is_chosen = chosen == Some(*value);
-            if ui.selectable_label(is_chosen, *text).clicked() && !is_chosen {
-                *fact = Some(by.fact(*value));
-            }
+        if let Some(tip) = tip.as_ref().filter(|_| is_chosen) {
+            response.on_hover_text(tip);
         }
-    });
-    ui.ctx().accesskit_node_builder(shown.response.id, |node| node.set_label(label));
-    if let Some(tip) = tip {
-        shown.response.on_hover_text(tip);
     }
+    if chosen.is_some() && take_back(ui, label) {
+        *fact = None;
+    }
+}
+
+/// A button that takes a statement back.
+pub(super) fn take_back(ui: &mut Ui, label: &str) -> bool {
+    let response = ui.small_button("×").on_hover_text("Not stated");
+    name(ui, &response, &format!("{label}: not stated"));
+    response.clicked()
+}
+
+/// Gives a widget the name by which it is read out.
+pub(super) fn name(ui: &Ui, response: &egui::Response, label: &str) {
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
 }
 
 /// A line of text: what was typed, once the field is left with another text.
 pub(super) fn text(ui: &mut Ui, salt: impl AsIdSalt, label: Id, value: &str, width: f32) -> Option<String> {
+    hinted(ui, salt, label, value, (width, ""))
+}
+
+fn hinted(
+    ui: &mut Ui,
+    salt: impl AsIdSalt,
+    label: Id,
+    value: &str,
+    (width, hint): (f32, &str),
+) -> Option<String> {
     let id = ui.make_persistent_id(&salt);
     let kept: Option<String> = ui.data_mut(|data| data.get_temp(id));
     let mut typed = kept.unwrap_or_else(|| value.to_owned());
     let field = TextEdit::singleline(&mut typed).id(id.with("field")).desired_width(width).char_limit(300);
+    let field = if hint.is_empty() { field } else { field.hint_text(hint) };
     let response = ui.add(field).labelled_by(label);
     if response.has_focus() {
         ui.data_mut(|data| data.insert_temp(id, typed));
@@ -88,10 +109,13 @@ pub(super) fn day(ui: &mut Ui, salt: impl AsIdSalt, label: Id, value: Option<Whe
         When::Day(day) => day.to_string(),
     });
     let shown = shown.unwrap_or_default();
-    let typed = text(ui, salt, label, &shown, 84.0);
+    let typed = hinted(ui, salt, label, &shown, (104.0, "YYYY-MM-DD"));
     if let Some(typed) = typed {
         let typed = typed.trim().to_owned();
-        let when = iso_date(&typed).map(When::Date).or_else(|| typed.parse().ok().map(When::Day));
+        let when = date_of(&typed).map(When::Date).or_else(|| {
+            // A count of days; eight digits are a date that isn't in the calendar.
+            typed.parse().ok().filter(|_| typed.len() < 8).map(When::Day)
+        });
         if when.is_none() && !typed.is_empty() {
             ui.data_mut(|data| data.insert_temp(bad, typed));
             return None;
@@ -102,10 +126,23 @@ pub(super) fn day(ui: &mut Ui, salt: impl AsIdSalt, label: Id, value: Option<Whe
     if let Some(typed) = ui.data_mut(|data| data.get_temp::<String>(bad)) {
         let text = format!("“{typed}” is no date: expected 2024-01-31");
         ui.colored_label(ui.visuals().error_fg_color, text);
-    } else if value.is_none() {
-        ui.weak("2024-01-31");
     }
     None
+}
+
+/// A date as readers type it: 2024-01-31, 20240131 or 31.1.2024. With slashes day and month can't be told apart.
+fn date_of(typed: &str) -> Option<Date> {
+    let digits = |text: &str| text.bytes().all(|b| b.is_ascii_digit());
+    if typed.len() == 8 && digits(typed) {
+        return iso_date(&format!("{}-{}-{}", &typed[..4], &typed[4..6], &typed[6..]));
+    }
+    let parts: Vec<&str> = typed.split('.').map(str::trim).collect();
+    match parts[..] {
+        [day, month, year] if year.len() == 4 && [day, month, year].iter().all(|part| digits(part)) => {
+            Date::new(year.parse().ok()?, month.parse().ok()?, day.parse().ok()?).ok()
+        }
+        _ => iso_date(typed),
+    }
 }
 
 /// A number that may be left open; `Some` once another one was typed.
@@ -117,5 +154,23 @@ pub(super) fn number(ui: &mut Ui, salt: impl AsIdSalt, label: Id, value: Option<
         Ok(value) if value.is_finite() => Some(Some(value)),
         _ if typed.is_empty() => Some(None),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_read_as_readers_type_them() {
+        let day = Date::constant(2024, 1, 31);
+        for typed in ["2024-01-31", "20240131", "31.1.2024", "31.01.2024", "31. 1. 2024"] {
+            assert_eq!(date_of(typed), Some(day), "{typed}");
+        }
+        for typed in
+            ["1/31/2024", "31.1.24", "20241331", "2024", "31.2.2024", "..2024", "ä.1.2024", "2024013é"]
+        {
+            assert_eq!(date_of(typed), None, "{typed}");
+        }
     }
 }

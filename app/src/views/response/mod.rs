@@ -21,7 +21,7 @@ use super::{
     pane::{Input, Pane, Stage},
 };
 use crate::{
-    command::{Commands, EditCommand},
+    command::{AppCommand, Commands, EditCommand},
     model::{ResponseSetting, response::MOST_AUTHOR},
     world::jobs::{Lookup, progress_text},
 };
@@ -34,30 +34,43 @@ pub struct ResponsePane {
     date: Option<String>,
     /// Whether inputs that change nothing are asked for too.
     all_inputs: bool,
+    /// What was asked for, and by which criteria at which dates: it keeps its place until those change.
+    asked: HashSet<AskedFor>,
+    asked_by: Option<(Criterion, Vec<String>)>,
 }
+
+/// An input of a scan by its label, or of the patient.
+type AskedFor = (Option<String>, Asked);
 
 /// Inputs that are asked for: of the patient, and of scans by their labels.
-struct Wanted {
+struct Wanted<'a> {
     all: bool,
-    missing: HashSet<(Option<String>, Asked)>,
+    missing: HashSet<AskedFor>,
+    /// What was asked for since the criteria were chosen, the missing ones among them.
+    asked: &'a HashSet<AskedFor>,
 }
 
-impl Wanted {
-    fn new(evaluated: Option<&Evaluated>, all: bool) -> Self {
-        let dates = evaluated.into_iter().flat_map(|evaluated| &evaluated.response.dates);
-        let missing = dates.flat_map(|date| [&date.by_diameters, &date.by_volume]).flat_map(|j| &j.missing);
-        Self { all, missing: missing.map(|missing| (missing.date.clone(), missing.input)).collect() }
-    }
-
-    /// Whether a fact of the patient is asked for.
+impl Wanted<'_> {
+    /// Whether a fact of the patient is asked for, or was.
     fn of_patient(&self, input: Asked) -> bool {
-        self.all || self.missing.contains(&(None, input))
+        self.all || self.asked.contains(&(None, input))
     }
 
     /// Whether a fact of a scan is asked for.
     fn at(&self, date: &str, input: Asked) -> bool {
         self.all || self.missing.contains(&(Some(date.to_owned()), input))
     }
+
+    /// Whether it was asked for since the criteria were chosen.
+    fn was_asked(&self, date: &str, input: Asked) -> bool {
+        self.all || self.asked.contains(&(Some(date.to_owned()), input))
+    }
+}
+
+/// What can change a call.
+fn missing(evaluated: &Evaluated) -> HashSet<AskedFor> {
+    let judgements = evaluated.response.dates.iter().flat_map(|date| [&date.by_diameters, &date.by_volume]);
+    judgements.flat_map(|j| &j.missing).map(|missing| (missing.date.clone(), missing.input)).collect()
 }
 
 impl Pane for ResponsePane {
@@ -82,35 +95,43 @@ impl ResponsePane {
             Some(mut history) => {
                 let results = &mut *stage.results;
                 let lookup = results.response.get(input.case, input.doc, &mut results.lesions, stage.ask);
-                let (evaluated, error) = match lookup {
-                    Some(Lookup::Ready(evaluated)) => (Some(evaluated.clone()), None),
-                    Some(Lookup::Failed(error)) => (None, Some(error.to_string())),
-                    Some(Lookup::Working(progress)) => {
-                        ui.weak(progress_text(progress));
-                        (results.response.last().cloned(), None)
-                    }
-                    None => (results.response.last().cloned(), None),
-                };
+                let mut status = Status::Nothing;
+                match lookup {
+                    Some(Lookup::Failed(error)) => status = Status::Error(error.to_string()),
+                    Some(Lookup::Working(progress)) => status = Status::Working(progress_text(progress)),
+                    _ => {}
+                }
+                let failed = matches!(status, Status::Error(_));
+                let evaluated = results.response.last().filter(|_| !failed).cloned();
                 if no_days(&input, &history) {
-                    ui.colored_label(
-                        ui.visuals().warn_fg_color,
-                        "The dates are no calendar dates: state the day of each scan below, counted from any first day",
-                    );
-                } else if let Some(error) = error {
-                    ui.colored_label(ui.visuals().error_fg_color, error);
+                    let text = "The dates are no calendar dates: state the day of each scan below, counted from any first day";
+                    status = Status::Warning(text.into());
                 }
+                calls::head(ui, evaluated.as_deref(), &status);
                 if let Some(evaluated) = &evaluated {
-                    calls::show(ui, evaluated, &mut self.date);
+                    calls::table(ui, &evaluated.response.dates, &mut self.date);
                 }
+                // Above the reasons, which change with every answer: a question stays where it is.
                 ui.add_space(6.0);
                 ui.horizontal_wrapped(|ui| {
                     ui.strong("What the images don't show");
                     ui.checkbox(&mut self.all_inputs, "also what changes no call")
                         .on_hover_text("Only inputs that can change a call are asked for");
                 });
-                let wanted = Wanted::new(evaluated.as_deref(), self.all_inputs);
+                let by_what =
+                    (history.criterion, input.case.time_labels().into_iter().map(str::to_owned).collect());
+                if self.asked_by.as_ref() != Some(&by_what) {
+                    self.asked.clear();
+                    self.asked_by = Some(by_what);
+                }
+                let missing = evaluated.as_deref().map(missing).unwrap_or_default();
+                self.asked.extend(missing.iter().cloned());
+                let wanted = Wanted { all: self.all_inputs, missing, asked: &self.asked };
                 patient::show(ui, &input, &mut history, &wanted, &by);
                 scans::show(ui, &input, &mut history, &wanted, &by);
+                if let Some(evaluated) = &evaluated {
+                    calls::reasons(ui, evaluated, self.date.as_deref());
+                }
                 rules::repeatability(ui, &mut history);
                 rules::show(ui, history.criterion);
                 let names_change = |old: &History| {
@@ -124,10 +145,28 @@ impl ResponsePane {
             }
         }
         bt_rads::show(ui, &input, &mut new);
+        if new.history.is_some() || !new.bt_rads.is_empty() {
+            ui.add_space(6.0);
+            if ui
+                .button("Write a report…")
+                .on_hover_text("With this response, its reasons and your conclusion")
+                .clicked()
+            {
+                out.push(AppCommand::ShowReport);
+            }
+        }
         if new != *old {
             out.push(EditCommand::SetResponse(Box::new(new)));
         }
     }
+}
+
+/// What stands above the calls, on a line that is always there.
+enum Status {
+    Nothing,
+    Working(String),
+    Warning(String),
+    Error(String),
 }
 
 /// Whether a scan has neither a calendar date nor a day.

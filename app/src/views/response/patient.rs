@@ -1,13 +1,13 @@
 //! What is asked of the patient: baseline, targets, radiotherapy, disease, treatment, surgery.
 
-use egui::{ComboBox, Ui};
+use egui::Ui;
 use glioscope_core::response::{
-    Disease, Fact, History, Input as Asked, Label, Radiotherapy, Surgery, Treatment, TreatmentKind,
+    Disease, History, Input as Asked, Label, Radiotherapy, Surgery, Treatment, TreatmentKind,
 };
 
 use super::{
     Wanted,
-    fields::{By, choice, day, text},
+    fields::{By, choice, day, name, take_back, text},
 };
 use crate::views::pane::Input;
 
@@ -20,7 +20,8 @@ const KINDS: [(TreatmentKind, &str); 3] = [
 ];
 
 /// The fields that are asked for or stated.
-pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted: &Wanted, by: &By) {
+pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted: &Wanted<'_>, by: &By) {
+    // Fields stay where they were once asked for, so that nothing moves under the pointer.
     let asks = |asked: Asked| wanted.of_patient(asked);
     if asks(Asked::Baseline) || history.baseline.is_some() {
         baseline(ui, input, history, by);
@@ -45,21 +46,19 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
 
 fn baseline(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
     ui.horizontal_wrapped(|ui| {
-        ui.label("Baseline");
+        ui.label("Baseline").on_hover_text("Not stated: by the criteria, from radiotherapy and surgery");
         let chosen = history.baseline.as_ref().map(|fact| fact.value.0.clone());
-        let text = chosen.clone().unwrap_or_else(|| "by the criteria".to_owned());
-        let shown = ComboBox::from_id_salt("baseline").selected_text(text).show_ui(ui, |ui| {
-            if ui.selectable_label(chosen.is_none(), "by the criteria").clicked() {
-                history.baseline = None;
+        for label in input.case.time_labels() {
+            let is_chosen = chosen.as_deref() == Some(label);
+            let response = ui.radio(is_chosen, if label.is_empty() { "no date" } else { label });
+            name(ui, &response, &format!("Baseline: {label}"));
+            if response.clicked() && !is_chosen {
+                history.baseline = Some(by.fact(Label(label.to_owned())));
             }
-            for label in input.case.time_labels() {
-                let is_chosen = chosen.as_deref() == Some(label);
-                if ui.selectable_label(is_chosen, label).clicked() && !is_chosen {
-                    history.baseline = Some(by.fact(Label(label.to_owned())));
-                }
-            }
-        });
-        ui.ctx().accesskit_node_builder(shown.response.id, |node| node.set_label("Baseline"));
+        }
+        if chosen.is_some() && take_back(ui, "Baseline") {
+            history.baseline = None;
+        }
     });
 }
 
@@ -68,7 +67,9 @@ fn radiotherapy(ui: &mut Ui, history: &mut History, by: &By) {
         let label = ui.label("Radiotherapy ended");
         let stated = history.radiotherapy_end.as_ref().map(|fact| fact.value);
         let mut none = stated == Some(Radiotherapy::None);
-        if ui.checkbox(&mut none, "there was none").changed() {
+        let response = ui.checkbox(&mut none, "there was none");
+        name(ui, &response, "Radiotherapy: there was none");
+        if response.changed() {
             history.radiotherapy_end = none.then(|| by.fact(Radiotherapy::None));
         }
         if none {
@@ -123,7 +124,9 @@ fn treatments(ui: &mut Ui, history: &mut History) {
         let mut none = history.treatment.as_ref().is_some_and(Vec::is_empty);
         let can_be_none = history.treatment.as_ref().is_none_or(Vec::is_empty);
         let tick = egui::Checkbox::new(&mut none, "there was none");
-        if ui.add_enabled(can_be_none, tick).changed() {
+        let response = ui.add_enabled(can_be_none, tick);
+        name(ui, &response, "Treatment: there was none");
+        if response.changed() {
             history.treatment = none.then(Vec::new);
         }
     });
@@ -135,12 +138,13 @@ fn treatments(ui: &mut Ui, history: &mut History) {
                 if let Some(Some(start)) = day(ui, "start", label.id, Some(treatment.start)) {
                     treatment.start = start;
                 }
-                let mut kind = Some(Fact::of(treatment.kind));
-                choice(ui, &format!("Kind of treatment {}", n + 1), &mut kind, &KINDS, &By::today(""));
-                treatment.kind = kind.map_or(treatment.kind, |fact| fact.value);
+                for (kind, text) in KINDS {
+                    let response = ui.radio_value(&mut treatment.kind, kind, text);
+                    name(ui, &response, &format!("Kind of treatment {}: {text}", n + 1));
+                }
                 let label = ui.label("name");
-                let name = treatment.name.clone().unwrap_or_default();
-                if let Some(typed) = text(ui, "name", label.id, &name, 110.0) {
+                let called = treatment.name.clone().unwrap_or_default();
+                if let Some(typed) = text(ui, "name", label.id, &called, 110.0) {
                     let typed = typed.trim().to_owned();
                     treatment.name = (!typed.is_empty()).then_some(typed);
                 }

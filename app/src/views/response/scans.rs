@@ -1,6 +1,6 @@
-//! What is asked of each scan: a row per fact, a column per date.
+//! What is asked of each scan.
 
-use egui::{Grid, Ui};
+use egui::Ui;
 use glioscope_core::{
     dates::leading_date,
     response::{
@@ -11,7 +11,7 @@ use glioscope_core::{
 
 use super::{
     Wanted,
-    fields::{By, choice, number},
+    fields::{By, choice, name, number},
 };
 use crate::views::pane::Input;
 
@@ -61,61 +61,106 @@ const ROWS: [(Asked, &str); 9] = [
     (Asked::Histology, "Histology"),
 ];
 
-/// The table of facts that are asked for or stated.
-pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted: &Wanted, by: &By) {
+/// The facts that are asked for or stated, scan by scan.
+pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted: &Wanted<'_>, by: &By) {
     let labels: Vec<String> = input.case.time_labels().into_iter().map(str::to_owned).collect();
     let no_dates = labels.iter().any(|label| leading_date(label).is_none());
-    let facts_at = |history: &History, label: &str| history.date.iter().position(|f| f.date.0 == label);
-    let is_stated = |history: &History, asked: Asked, label: &str| {
-        facts_at(history, label).and_then(|n| history.date.get(n)).is_some_and(|facts| has(facts, asked))
+    for (n, label) in labels.iter().enumerate() {
+        let before = facts_at(history, label).cloned();
+        let before =
+            before.unwrap_or_else(|| ScanFacts { date: Label(label.clone()), ..ScanFacts::default() });
+        let stated = |asked: Asked| has(&before, asked);
+        let rows: Vec<(Asked, &str, bool)> = ROWS
+            .into_iter()
+            .filter(|(asked, _)| wanted.was_asked(label, *asked) || stated(*asked))
+            .map(|(asked, title)| (asked, title, wanted.at(label, asked) || stated(asked)))
+            .collect();
+        if rows.is_empty() && !no_dates {
+            continue;
+        }
+        ui.push_id(("facts of", label), |ui| {
+            let date = if label.is_empty() { "no date" } else { label };
+            let mut facts = before.clone();
+            ui.horizontal(|ui| {
+                ui.strong(date);
+                let earlier = labels[..n].iter().filter_map(|label| facts_at(history, label));
+                let dose =
+                    earlier.filter_map(|facts| facts.steroids_mg.as_ref()).map(|fact| fact.value).last();
+                let open = |asked: Asked| wanted.at(label, asked) && !stated(asked);
+                nothing_worse(ui, date, &mut facts, dose, &open, by);
+            });
+            if no_dates {
+                ui.horizontal(|ui| {
+                    let tip = "Days since any first day, as the dates aren't calendar dates";
+                    let name = ui.label("Day").on_hover_text(tip);
+                    if let Some(typed) = number(ui, ("day of", label), name.id, facts.days.map(f64::from)) {
+                        facts.days = typed.map(|day| day.round() as i32);
+                    }
+                });
+            }
+            for (asked, title, counts) in rows {
+                ui.horizontal_wrapped(|ui| {
+                    let name = ui.label(title);
+                    if counts {
+                        cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
+                    } else {
+                        ui.weak("changes no call any more");
+                    }
+                });
+            }
+            if facts != before {
+                *facts_of(history, label) = facts;
+            }
+        });
+        ui.add_space(4.0);
+    }
+}
+
+/// A button that states of everything still open that nothing got worse; of the dose of steroids that it is `dose_mg`, the last stated
+/// before. What only something worse can raise stays open.
+fn nothing_worse(
+    ui: &mut Ui,
+    date: &str,
+    facts: &mut ScanFacts,
+    dose_mg: Option<f64>,
+    open: &dyn Fn(Asked) -> bool,
+    by: &By,
+) {
+    let mut all = Vec::new();
+    let mut filled = facts.clone();
+    let mut state = |asked: Asked, text: String, set: &dyn Fn(&mut ScanFacts)| {
+        if open(asked) {
+            all.push(text);
+            set(&mut filled);
+        }
     };
-    let rows: Vec<(Asked, &str)> = ROWS
-        .into_iter()
-        .filter(|(asked, _)| {
-            labels.iter().any(|label| wanted.at(label, *asked) || is_stated(history, *asked, label))
-        })
-        .collect();
-    if rows.is_empty() && !no_dates {
+    state(Asked::NewLesion, "no new lesions".into(), &|f| f.new_lesion = Some(by.fact(NewLesion::None)));
+    state(Asked::NonTarget, "lesions that aren't targets not worse".into(), &|f| {
+        f.non_target = Some(by.fact(NonTarget::NotWorse));
+    });
+    state(Asked::Flair, "T2/FLAIR not worse".into(), &|f| f.flair = Some(by.fact(Flair::NotWorse)));
+    state(Asked::Clinical, "clinically stable".into(), &|f| f.clinical = Some(by.fact(Clinical::Stable)));
+    if let Some(mg) = dose_mg {
+        state(Asked::Steroids, format!("{mg} mg dexamethasone as before"), &|f| {
+            f.steroids_mg = Some(by.fact(mg))
+        });
+    }
+    state(Asked::Technique, "the same technique".into(), &|f| {
+        f.technique_changed = Some(by.fact(Vec::new()))
+    });
+    if all.is_empty() {
         return;
     }
-    Grid::new("facts of scans").striped(true).spacing([10.0, 4.0]).show(ui, |ui| {
-        ui.label("");
-        for label in &labels {
-            ui.strong(if label.is_empty() { "no date" } else { label });
-        }
-        ui.end_row();
-        if no_dates {
-            let name =
-                ui.label("Day").on_hover_text("Days since any first day, as the dates aren't calendar dates");
-            for label in &labels {
-                let days = facts_at(history, label).and_then(|n| history.date.get(n)?.days);
-                if let Some(typed) = number(ui, ("day of", label), name.id, days.map(f64::from)) {
-                    facts_of(history, label).days = typed.map(|day| day.round() as i32);
-                }
-            }
-            ui.end_row();
-        }
-        for (asked, title) in rows {
-            let name = ui.label(title);
-            for label in &labels {
-                if !wanted.at(label, asked) && !is_stated(history, asked, label) {
-                    ui.weak("–");
-                    continue;
-                }
-                let mut facts = facts_at(history, label)
-                    .and_then(|n| history.date.get(n).cloned())
-                    .unwrap_or_else(|| ScanFacts { date: Label(label.clone()), ..ScanFacts::default() });
-                let before = facts.clone();
-                ui.push_id((title, label), |ui| {
-                    cell(ui, asked, &format!("{title} at {label}"), &mut facts, name.id, by);
-                });
-                if facts != before {
-                    *facts_of(history, label) = facts;
-                }
-            }
-            ui.end_row();
-        }
-    });
+    let response = ui.small_button("Nothing worse").on_hover_text(format!("States: {}", all.join(", ")));
+    name(ui, &response, &format!("Nothing worse at {date}"));
+    if response.clicked() {
+        *facts = filled;
+    }
+}
+
+/// What is stated of a scan.
+fn facts_at<'a>(history: &'a History, label: &str) -> Option<&'a ScanFacts> {
+    history.date.iter().find(|facts| facts.date.0 == label)
 }
 
 /// The facts of a scan, made where there are none.
@@ -142,7 +187,7 @@ fn has(facts: &ScanFacts, asked: Asked) -> bool {
     }
 }
 
-fn cell(ui: &mut Ui, asked: Asked, label: &str, facts: &mut ScanFacts, name: egui::Id, by: &By) {
+fn cell(ui: &mut Ui, asked: Asked, label: &str, facts: &mut ScanFacts, title: egui::Id, by: &By) {
     match asked {
         Asked::NewLesion => choice(ui, label, &mut facts.new_lesion, &NEW, by),
         Asked::NonTarget => choice(ui, label, &mut facts.non_target, &NON_TARGET, by),
@@ -153,36 +198,46 @@ fn cell(ui: &mut Ui, asked: Asked, label: &str, facts: &mut ScanFacts, name: egu
         Asked::Histology => choice(ui, label, &mut facts.histology, &HISTOLOGY, by),
         Asked::Steroids => {
             let stated = facts.steroids_mg.as_ref().map(|fact| fact.value);
-            if let Some(typed) = number(ui, "steroids", name, stated) {
+            if let Some(typed) = number(ui, "steroids", title, stated) {
                 facts.steroids_mg = typed.map(|mg| by.fact(mg.clamp(0.0, 1000.0)));
             }
+            if stated.is_none() {
+                let response = ui.small_button("none");
+                name(ui, &response, &format!("{label}: none"));
+                if response.clicked() {
+                    facts.steroids_mg = Some(by.fact(0.0));
+                }
+            }
         }
-        Asked::Technique => technique(ui, facts, by),
+        Asked::Technique => technique(ui, label, facts, by),
         _ => {}
     }
 }
 
 /// What changed of the technique: nothing, or some of it.
-fn technique(ui: &mut Ui, facts: &mut ScanFacts, by: &By) {
+fn technique(ui: &mut Ui, label: &str, facts: &mut ScanFacts, by: &By) {
     let stated = facts.technique_changed.as_ref().map(|fact| fact.value.clone());
     let mut new = stated.clone();
-    ui.vertical(|ui| {
-        let mut same = stated.as_ref().is_some_and(Vec::is_empty);
-        if ui.checkbox(&mut same, "nothing").changed() {
-            new = same.then(Vec::new);
-        }
-        for (technique, text) in TECHNIQUE {
-            let mut changed = stated.as_ref().is_some_and(|all| all.contains(&technique));
-            if ui.checkbox(&mut changed, text).changed() {
-                let mut all = stated.clone().unwrap_or_default();
-                all.retain(|other| *other != technique);
-                if changed {
-                    all.push(technique);
-                }
-                new = (!all.is_empty()).then_some(all);
+    let tick = |ui: &mut Ui, ticked: &mut bool, text: &str| {
+        let response = ui.checkbox(ticked, text);
+        name(ui, &response, &format!("{label}: {text}"));
+        response.changed()
+    };
+    let mut same = stated.as_ref().is_some_and(Vec::is_empty);
+    if tick(ui, &mut same, "nothing") {
+        new = same.then(Vec::new);
+    }
+    for (technique, text) in TECHNIQUE {
+        let mut changed = stated.as_ref().is_some_and(|all| all.contains(&technique));
+        if tick(ui, &mut changed, text) {
+            let mut all = stated.clone().unwrap_or_default();
+            all.retain(|other| *other != technique);
+            if changed {
+                all.push(technique);
             }
+            new = (!all.is_empty()).then_some(all);
         }
-    });
+    }
     if new != stated {
         facts.technique_changed = new.map(|all| by.fact(all));
     }

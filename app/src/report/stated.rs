@@ -1,0 +1,191 @@
+//! What the reader stated for the response, as a table: what, of which scan, and by whom.
+
+use glioscope_core::response::History;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::{
+    document::{Block, Table},
+    identity::Redactor,
+};
+use crate::words::Words;
+
+/// Facts of a scan, by their keys in a history, and their units.
+const SCAN: [(&str, &str); 10] = [
+    ("new_lesion", ""),
+    ("new_lesions_looked_for", ""),
+    ("non_target", ""),
+    ("flair", ""),
+    ("clinical", ""),
+    ("steroids_mg", " mg"),
+    ("steroids_reason", ""),
+    ("technique_changed", ""),
+    ("field", ""),
+    ("histology", ""),
+];
+
+/// The table, where anything is stated. Authors only where the patient is named, too.
+pub fn blocks(history: &History, words: &Words, redactor: &Redactor, is_named: bool) -> Vec<Block> {
+    let mut rows = Rows { words, rows: Vec::new() };
+    let facts = value(history);
+    for key in ["baseline", "disease", "radiotherapy_end"] {
+        rows.fact(key, "", facts.get(key), "");
+    }
+    for key in ["targets", "non_targets"] {
+        let names = facts.get(key).and_then(Value::as_array).filter(|names| !names.is_empty());
+        let names = names.map(|names| names.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(", "));
+        rows.row(key, "", names, "");
+    }
+    match history.treatment.as_deref() {
+        None => {}
+        Some([]) => rows.row("treatment", "", Some(words.get("stated-none")), ""),
+        Some(all) => {
+            for treatment in all {
+                let kind = rows.text(&value(&treatment.kind));
+                let name = treatment.name.as_deref().map(|name| format!(", {name}")).unwrap_or_default();
+                rows.row("treatment", "", Some(format!("{}: {kind}{name}", treatment.start)), "");
+            }
+        }
+    }
+    for surgery in &history.surgery {
+        rows.row("surgery", "", Some(surgery.date.to_string()), "");
+    }
+    for facts in &history.date {
+        let of = value(facts);
+        for (key, unit) in SCAN {
+            rows.fact(key, &facts.date.0, of.get(key), unit);
+        }
+    }
+    if rows.rows.is_empty() {
+        return Vec::new();
+    }
+    let columns = if is_named { 4 } else { 3 };
+    let mut rows = rows.rows;
+    for row in &mut rows {
+        row.truncate(columns);
+        for cell in row.iter_mut() {
+            *cell = redactor.text(cell);
+        }
+    }
+    let head = ["stated-what", "stated-scan", "stated-that", "stated-by"].map(|key| words.get(key));
+    vec![
+        Block::Heading(words.get("section-stated")),
+        Block::Table(Table { head: head[..columns].to_vec(), text_columns: columns, rows, note: None }),
+    ]
+}
+
+struct Rows<'a> {
+    words: &'a Words,
+    rows: Vec<Vec<String>>,
+}
+
+impl Rows<'_> {
+    /// A row for a fact, which is a value or one with author and day.
+    fn fact(&mut self, key: &str, scan: &str, fact: Option<&Value>, unit: &str) {
+        let Some(fact) = fact.filter(|fact| !fact.is_null()) else { return };
+        let part = |name: &str| fact.get(name).and_then(Value::as_str);
+        let by: Vec<&str> = ["author", "entered"].into_iter().filter_map(part).collect();
+        let stated = self.text(fact.get("value").unwrap_or(fact));
+        self.row(key, scan, Some(stated + unit), &by.join(", "));
+    }
+
+    fn row(&mut self, key: &str, scan: &str, stated: Option<String>, by: &str) {
+        let Some(stated) = stated else { return };
+        let what = self.words.get(&format!("stated-{}", key.replace('_', "-")));
+        self.rows.push(vec![what, scan.to_owned(), stated, by.to_owned()]);
+    }
+
+    /// A value in words: one of a choice by its name, several with commas, dates and labels as they are.
+    fn text(&self, value: &Value) -> String {
+        match value {
+            Value::String(text) => {
+                let key = format!("stated-{text}");
+                let known = self.words.get(&key);
+                if known == key { text.clone() } else { known }
+            }
+            Value::Array(all) if all.is_empty() => self.words.get("stated-nothing"),
+            Value::Array(all) => all.iter().map(|one| self.text(one)).collect::<Vec<_>>().join(", "),
+            Value::Bool(yes) => self.words.get(if *yes { "stated-yes" } else { "stated-no" }),
+            Value::Number(number) => {
+                let whole = number.as_f64().filter(|n| n.fract() == 0.0 && n.abs() < 1e15);
+                self.words.number(&whole.map_or_else(|| number.to_string(), |n| format!("{n:.0}")))
+            }
+            _ => String::new(),
+        }
+    }
+}
+
+/// A value of plain fields, which always has JSON.
+fn value(of: &impl Serialize) -> Value {
+    serde_json::to_value(of).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{report::sentences::words, words::Language};
+
+    /// Every choice that a history knows, as TOML.
+    const CHOICES: [(&str, &[&str]); 8] = [
+        ("new_lesion", &["none", "equivocal", "measurable", "non-measurable"]),
+        ("non_target", &["none", "gone", "not-worse", "worse"]),
+        ("flair", &["not-worse", "worse"]),
+        ("clinical", &["stable", "better", "worse", "much-worse"]),
+        ("steroids_reason", &["tumour", "other"]),
+        ("field", &["inside", "outside"]),
+        ("histology", &["not-done", "tumour", "treatment-effect"]),
+        ("technique_changed", &["sequence", "contrast", "slice-thickness"]),
+    ];
+
+    fn history(head: &str, date: &str) -> History {
+        let text =
+            format!("response = 1\ncriterion = \"rano-2010\"\n{head}\n[[date]]\ndate = 2024-01-01\n{date}\n");
+        History::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"))
+    }
+
+    fn cells(history: &History, language: Language, is_named: bool) -> Vec<Vec<String>> {
+        let words = words(language);
+        let found = blocks(history, &words, &Redactor::nothing(), is_named);
+        found
+            .into_iter()
+            .find_map(|block| match block {
+                Block::Table(table) => Some(table.rows),
+                _ => None,
+            })
+            .unwrap_or_default()
+    }
+
+    #[test]
+    fn every_choice_has_its_words_in_every_language() {
+        for language in [Language::En, Language::De] {
+            for (key, all) in CHOICES {
+                for choice in all {
+                    let is_list = key == "technique_changed";
+                    let stated = if is_list { format!("[\"{choice}\"]") } else { format!("\"{choice}\"") };
+                    let rows = cells(&history("", &format!("{key} = {stated}")), language, false);
+                    assert_eq!(rows.len(), 1, "{key} {choice}");
+                    assert!(!rows[0].iter().any(|cell| cell.contains("stated-")), "{language:?}: {rows:?}");
+                    let known = words(language).get(&format!("stated-{choice}"));
+                    assert_eq!(rows[0][2], known);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn facts_stand_with_scan_and_where_the_patient_is_named_with_author() {
+        let of = history(
+            "baseline = { value = \"2024-01-01\", author = \"A. B.\", entered = 2024-05-01 }\nradiotherapy_end = \"none\"\ntreatment = []",
+            "steroids_mg = 4\nnew_lesions_looked_for = true",
+        );
+        let rows = cells(&of, Language::De, true);
+        assert_eq!(rows[0][2..], ["2024-01-01", "A. B., 2024-05-01"]);
+        assert_eq!(rows[1][2], "keine");
+        assert_eq!(rows[2][2], "keine");
+        let all = rows.concat();
+        assert!(all.contains(&"4 mg".to_owned()) && all.contains(&"ja".to_owned()), "{rows:?}");
+        let unnamed = cells(&of, Language::En, false).concat();
+        assert!(!unnamed.iter().any(|cell| cell.contains("A. B.")), "{unnamed:?}");
+        assert_eq!(cells(&history("", ""), Language::En, true), Vec::<Vec<String>>::new());
+    }
+}

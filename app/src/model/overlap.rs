@@ -4,6 +4,9 @@ use glioscope_core::{Regions, Selection};
 use serde::{Deserialize, Serialize};
 use strum::VariantArray;
 
+/// Largest number of masks that the ring can show with their overlaps; those of more are drawn as columns.
+pub const MAX_RING_MASKS: usize = 3;
+
 /// Whether a click toggles a region or a whole mask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray)]
 #[serde(rename_all = "snake_case")]

@@ -37,7 +37,7 @@ pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION, sha256};
 
 use crate::{
     error::AppError,
-    model::{Document, PaneId, session},
+    model::{Document, PaneId, overlap::MAX_RING_MASKS, session},
     words::{Language, Words},
     world::response::evaluate_now,
 };
@@ -49,6 +49,8 @@ use sentences::words;
 
 /// The longer side of a kept view, pixels.
 const LONGER_PX: f32 = 1100.0;
+/// The size of a diagram of columns, pixels.
+const PLOT_OF_MANY_PX: [u32; 2] = [1300, 1100];
 /// The shorter side of one, at least.
 const LEAST_PX: f32 = 300.0;
 
@@ -273,6 +275,8 @@ fn pictures(
         for (pane, key) in panes(case) {
             progress.check()?;
             let Some(size) = pane.row().report_px else { continue };
+            let many = case.time_points.iter().any(|time| time.masks.len() > MAX_RING_MASKS);
+            let size = if pane == PaneId::Overlap && many { PLOT_OF_MANY_PX } else { size };
             let rgba = painter.picture(pane, size)?;
             let caption = caption(case, doc, pane, &words.get(key), words);
             let name = pane.row().cli.unwrap_or(key).to_owned();

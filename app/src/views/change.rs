@@ -87,7 +87,7 @@ impl Pane for ChangePane {
         self.canvas.begin();
         let (input, ask) = (stage.input, stage.ask);
         let chosen = input.doc.edit.change.chosen(input.case);
-        if let Ok(chosen) = &chosen {
+        if let Some(chosen) = chosen.as_ref().ok().filter(|_| !input.is_picture) {
             let setting = &input.doc.edit.change;
             let known = stage.results.comparison.cached(input.case, setting);
             let scale_mm = known.map(|compared| full_change_mm(setting, compared));
@@ -331,6 +331,11 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
     lines.extend(report.flags.iter().filter_map(|flag| Some((None, flag_text(*flag)?.to_owned()))));
     if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
+    }
+    if input.is_picture {
+        // What the controls say elsewhere.
+        let [from, to] = &compared.labels;
+        lines.insert(0, (None, format!("{}: {from} to {to}", input.doc.edit.masks.name(&report.mask))));
     }
     let font = theme::font(LABEL_POINTS);
     let galleys: Vec<_> = lines

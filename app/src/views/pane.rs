@@ -60,6 +60,8 @@ pub struct Input<'a> {
     pub second: Option<Second<'a>>,
     /// Whether views are drawn without controls, and without names of files: for explaining.
     pub is_plain: bool,
+    /// Whether views are drawn without controls: for a picture on paper.
+    pub is_picture: bool,
     /// The comparison of two time points chosen in the document; `None` until it is computed.
     pub compared: Option<&'a Arc<Comparison>>,
 }

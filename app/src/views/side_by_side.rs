@@ -184,7 +184,9 @@ impl Pane for SideBySidePane {
         let input = &stage.input;
         let most_images =
             input.dates.iter().map(|date| date.time_point.contexts.len()).max().unwrap_or_default();
-        self.header(ui, input.dates.len(), most_images);
+        if !input.is_picture {
+            self.header(ui, input.dates.len(), most_images);
+        }
         if let Some(compared) = input.compared.filter(|compared| compared.report.has_volumes_only()) {
             let why = compared.report.own_warnings(input.case).first().map(|check| check.message.clone());
             let text = "Not aligned: these slices show different places (Tools, Align dates)";

@@ -112,6 +112,8 @@ pub struct GlioscopeApp {
     pub work: Workstation,
     /// The graphics device; `None` without an adapter.
     pub graphics: Option<Graphics>,
+    /// Whether panes are drawn without controls: for a picture on paper.
+    pub is_picture: bool,
     /// The panes with their state.
     pub panes: Panes,
     /// Results derived from the case.
@@ -161,6 +163,7 @@ impl GlioscopeApp {
             panes,
             results: Results::new(graphics.as_ref().map(|graphics| graphics.gpu.clone())),
             graphics,
+            is_picture: false,
             ask: Ask::default(),
             open: OpenParts::default(),
             palette: CommandPalette::default(),
@@ -487,6 +490,7 @@ impl GlioscopeApp {
             context: world.context(doc),
             second: world.second(doc),
             is_plain: self.explain.is_some(),
+            is_picture: self.is_picture,
             compared: compared.as_ref(),
         };
         let mut area = PaneArea {

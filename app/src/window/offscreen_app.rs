@@ -84,7 +84,10 @@ fn one_pane(ui: &mut Ui, app: &mut GlioscopeApp, pane: PaneId) {
 
 impl Painter for OffscreenApp {
     fn picture(&mut self, pane: PaneId, size: [u32; 2]) -> Result<Vec<u8>, AppError> {
-        self.capture(Some(pane), size, REPORT_SCALE)
+        self.app.is_picture = true;
+        let picture = self.capture(Some(pane), size, REPORT_SCALE);
+        self.app.is_picture = false;
+        picture
     }
 
     fn show(&mut self, doc: &Document) {

@@ -30,7 +30,10 @@ use super::{
 };
 use crate::{
     command::{Commands, EditCommand},
-    model::{OverlapMode, overlap::Shown},
+    model::{
+        OverlapMode,
+        overlap::{MAX_RING_MASKS, Shown},
+    },
     world::jobs::Lookup,
 };
 
@@ -76,9 +79,6 @@ pub struct OverlapInput<'a> {
 
 /// Smallest width of the ring with its labels, points.
 const MIN_RING_WIDTH: f32 = 200.0;
-
-/// Largest number of masks that the ring can show with their overlaps.
-const MAX_RING_MASKS: usize = 3;
 
 /// Draws the whole view (diagram, bar, tables) into the rest of `ui` and pushes the user's commands to `out`. `pairs`:
 /// agreement of each pair of masks; empty until it is computed. Returns the bits of the region under the cursor, in the

@@ -111,6 +111,7 @@ fn slice_harness(plane: Plane, sides: Sides, convention: Convention) -> Harness<
                     selection: &view.work.world.selection(doc),
                     tumor: None,
                     is_plain: false,
+                    is_picture: false,
                     colors: &view.work.world.colors(doc),
                     second: None,
                     context: view.work.world.context(doc),

@@ -86,6 +86,10 @@ pub enum EditCommand {
     // Measuring.
     AddRuler(Box<Ruler>),
     RenameRuler(usize, String),
+    /// A measurement after one of its handles was dragged.
+    SetRuler(usize, Box<Ruler>),
+    /// The last measurement of another date, again at the date shown.
+    MeasureAgain,
     DeleteRuler(usize),
     // Slices.
     SetWindow(String, Window),
@@ -185,6 +189,9 @@ impl EditCommand {
                 .collect(),
             EditKind::MaximizePane => PaneId::all().map(|pane| listed(Self::MaximizePane(pane))).collect(),
             EditKind::ResetLayout => vec![listed(Self::ResetLayout).menu(Menu::View, 1)],
+            EditKind::MeasureAgain => {
+                vec![listed(Self::MeasureAgain).keys(Modifiers::SHIFT, Key::M).menu(Menu::Tools, 1)]
+            }
             EditKind::SetTask => Task::VARIANTS
                 .iter()
                 .map(|task| listed(Self::SetTask(*task)).menu(Menu::Layouts, 0))
@@ -215,6 +222,7 @@ impl EditCommand {
             | EditKind::SetShading
             | EditKind::AddRuler
             | EditKind::RenameRuler
+            | EditKind::SetRuler
             | EditKind::DeleteRuler
             | EditKind::SetWindow
             | EditKind::SetOverlayOpacity
@@ -294,6 +302,9 @@ impl EditCommand {
             Self::SetShading(_) => Label::new("Shading"),
             Self::AddRuler(_) => Label::new("Keep the line measured"),
             Self::RenameRuler(..) => Label::new("Name the line"),
+            Self::SetRuler(..) => Label::new("Change the measurement"),
+            Self::MeasureAgain => Label::new("Measure again at this date")
+                .detail("The last measurement of another date, at the same place"),
             Self::DeleteRuler(_) => Label::new("Delete the line"),
             Self::SetWindow(..) => Label::new("Window and level"),
             Self::SetOverlay(overlay) => {
@@ -325,6 +336,7 @@ impl EditCommand {
             Self::SetLensRadius(_) => Some("lens radius"),
             Self::SetLensCenter(_) | Self::DragLensCenter(_) => Some("lens centre"),
             Self::RenameRuler(..) => Some("name of a line"),
+            Self::SetRuler(..) => Some("a measurement"),
             Self::SetMaskLook(..) => Some("look of a mask"),
             Self::SetWindow(..) => Some("window"),
             Self::SetOverlayOpacity(_) => Some("opacity"),
@@ -467,6 +479,18 @@ impl EditCommand {
             Self::RenameRuler(index, name) => {
                 if let Some(ruler) = edit.rulers.get_mut(*index) {
                     ruler.name.clone_from(name);
+                }
+            }
+            Self::SetRuler(index, ruler) => {
+                if let Some(old) = edit.rulers.get_mut(*index).filter(|_| ruler.length_mm().is_finite()) {
+                    old.clone_from(ruler);
+                }
+            }
+            Self::MeasureAgain => {
+                let elsewhere = edit.rulers.iter().rev().find(|ruler| ruler.time != nav.time).cloned();
+                if let Some(mut ruler) = elsewhere.filter(|_| edit.rulers.len() < MOST_RULERS) {
+                    ruler.time = nav.time;
+                    edit.rulers.push(ruler);
                 }
             }
             Self::DeleteRuler(index) => {

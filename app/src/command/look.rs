@@ -8,7 +8,7 @@ use strum::{EnumDiscriminants, EnumIter, VariantArray};
 
 use super::{Entry, Label, Listed, Menu};
 use crate::{
-    model::{Document, PaneId},
+    model::{Document, PaneId, Tool},
     world::World,
 };
 
@@ -32,6 +32,7 @@ pub enum LookCommand {
     SetTime(usize),
     // Measuring.
     ToggleRuler,
+    SetTool(Tool),
     ShowRuler(usize),
     // Slices.
     SetContext(Option<String>),
@@ -70,6 +71,9 @@ impl LookCommand {
             LookKind::TogglePlane => vec![listed(Self::TogglePlane).key(Key::X).menu(Menu::View, 2)],
             LookKind::ToggleFollowPointer => vec![listed(Self::ToggleFollowPointer).menu(Menu::View, 2)],
             LookKind::ToggleRuler => vec![listed(Self::ToggleRuler).key(Key::M).menu(Menu::Tools, 1)],
+            LookKind::SetTool => {
+                Tool::VARIANTS.iter().map(|tool| listed(Self::SetTool(*tool)).menu(Menu::Tools, 1)).collect()
+            }
             LookKind::NextContext => vec![listed(Self::NextContext).key(Key::I)],
             LookKind::SetConvention => Convention::VARIANTS
                 .iter()
@@ -110,6 +114,7 @@ impl LookCommand {
             Self::SetTime(_) => Label::new("Show this date"),
             Self::ToggleRuler => Label::new("Ruler on or off")
                 .detail("Drag in the closeup from surface to surface, or in a slice"),
+            Self::SetTool(tool) => Label::new(format!("Measure: {}", tool.name())).detail(tool.detail()),
             Self::ShowRuler(_) => {
                 Label::new("Show the line").detail("Crosshair and closeup go to its middle")
             }
@@ -130,6 +135,7 @@ impl LookCommand {
             Self::ToggleFollowPointer => Entry::Switch(doc.nav.follow_pointer),
             Self::TogglePlane => Entry::Switch(doc.nav.show_plane),
             Self::ToggleRuler => Entry::Switch(doc.nav.ruler_on),
+            Self::SetTool(tool) => Entry::Choice(doc.nav.ruler_on && doc.nav.tool == *tool),
             Self::SetConvention(convention) => Entry::Choice(doc.nav.convention == *convention),
             _ => Entry::Plain,
         }
@@ -188,6 +194,7 @@ impl LookCommand {
             }
             Self::SetTime(time) => nav.time = (*time).min(world.time_point_count().saturating_sub(1)),
             Self::ToggleRuler => nav.ruler_on = !nav.ruler_on,
+            Self::SetTool(tool) => (nav.ruler_on, nav.tool) = (true, *tool),
             Self::ShowRuler(index) => show_ruler(doc, world, *index),
             Self::SetContext(id) => nav.context.clone_from(id),
             Self::NextContext => {

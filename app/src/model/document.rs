@@ -37,6 +37,7 @@ use super::{
     reading::Reading,
     response::ResponseSetting,
     rulers::Ruler,
+    shape::Tool,
 };
 
 /// The most views kept for a report.
@@ -250,9 +251,12 @@ pub struct Navigation {
     /// saved: the crosshair returns to [`Navigation::cursor_mm`] when the pointer leaves.
     #[serde(skip)]
     pub preview: Option<(PaneId, DVec3)>,
-    /// Whether dragging measures lines. A mouse mode, so not saved.
+    /// Whether dragging measures. A mouse mode, so not saved.
     #[serde(skip)]
     pub ruler_on: bool,
+    /// What it measures in slices; likewise.
+    #[serde(skip)]
+    pub tool: Tool,
 }
 
 impl Navigation {
@@ -407,6 +411,7 @@ impl Document {
                 show_plane: false,
                 preview: None,
                 ruler_on: false,
+                tool: Tool::Line,
             },
         }
     }

@@ -1,4 +1,4 @@
-//! Measured lines, and their export as CSV or JSON.
+//! What is measured in views, and its export as CSV or JSON.
 
 use std::path::PathBuf;
 
@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use strum::{IntoStaticStr, VariantArray};
 
-use super::pane::PaneId;
+use super::{pane::PaneId, shape::Shape};
 
 /// The most lines of a case.
 pub const MOST_RULERS: usize = 1000;
 
-/// A measured straight line.
+/// A measured straight line, and what belongs to it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ruler {
     /// Its name, editable by the user.
@@ -22,6 +22,9 @@ pub struct Ruler {
     pub from_mm: DVec3,
     /// The other end, world millimetres.
     pub to_mm: DVec3,
+    /// What is measured with it.
+    #[serde(default, skip_serializing_if = "Shape::is_line")]
+    pub shape: Shape,
     /// The pane it was drawn in: the closeup, between first-hit points, or a slice.
     pub view: PaneId,
     /// Index of the time point it was drawn at; it is shown only there.
@@ -32,6 +35,11 @@ impl Ruler {
     /// Its length.
     pub fn length_mm(&self) -> f64 {
         self.from_mm.distance(self.to_mm)
+    }
+
+    /// Product of both diameters, square millimetres.
+    pub fn product_mm2(&self) -> Option<f64> {
+        Some(self.length_mm() * self.across_mm()?)
     }
 
     /// Its midpoint, world millimetres.
@@ -110,7 +118,8 @@ pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
     let axes = if case.grid.sides() == Sides::Known { ["r", "a", "s"] } else { ["x", "y", "z"] };
     let ends = ["from", "to"].into_iter().flat_map(|end| axes.map(|axis| format!("{end}_{axis}_mm")));
     let head = ["name", "time", "view", "length_mm"].map(str::to_owned);
-    let mut table = csv::Table::new(head.into_iter().chain(ends));
+    let beside = ["kind", "across_mm", "product_mm2", "angle_degrees", "area_mm2"].map(str::to_owned);
+    let mut table = csv::Table::new(head.into_iter().chain(ends).chain(beside));
     for ruler in rulers {
         let coordinates_mm = [ruler.from_mm, ruler.to_mm].into_iter().flat_map(|end| end.to_array());
         let head = [
@@ -119,7 +128,11 @@ pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
             ruler.view_name().to_owned(),
             ruler.length_mm().to_string(),
         ];
-        table.row(head.into_iter().chain(coordinates_mm.map(|mm| mm.to_string())));
+        let kind: &str = ruler.shape.tool().into();
+        let numbers = [ruler.across_mm(), ruler.product_mm2(), ruler.angle_degrees(), ruler.area_mm2()];
+        let numbers = numbers.map(|value| value.map(|value| value.to_string()).unwrap_or_default());
+        let beside = std::iter::once(kind.to_owned()).chain(numbers);
+        table.row(head.into_iter().chain(coordinates_mm.map(|mm| mm.to_string())).chain(beside));
     }
     table.into_bytes()
 }
@@ -127,6 +140,15 @@ pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
 /// All lines as JSON, with the case's doubts.
 pub fn as_json(case: &Case, rulers: &[Ruler]) -> serde_json::Value {
     let line = |ruler: &Ruler| {
+        let kind: &str = ruler.shape.tool().into();
+        let across = match ruler.shape {
+            Shape::Diameters { across_mm } => Some(across_mm.map(|end| end.to_array())),
+            _ => None,
+        };
+        let third_mm = match ruler.shape {
+            Shape::Angle { third_mm } => Some(third_mm.to_array()),
+            _ => None,
+        };
         json!({
             "name": ruler.name,
             "time": time_label(case, ruler),
@@ -134,6 +156,14 @@ pub fn as_json(case: &Case, rulers: &[Ruler]) -> serde_json::Value {
             "length_mm": ruler.length_mm(),
             "from_mm": ruler.from_mm.to_array(),
             "to_mm": ruler.to_mm.to_array(),
+            "kind": kind,
+            "across": across.map(|[from_mm, to_mm]| {
+                json!({ "length_mm": ruler.across_mm(), "from_mm": from_mm, "to_mm": to_mm })
+            }),
+            "product_mm2": ruler.product_mm2(),
+            "angle_degrees": ruler.angle_degrees(),
+            "third_mm": third_mm,
+            "area_mm2": ruler.area_mm2(),
         })
     };
     json!({

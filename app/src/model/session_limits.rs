@@ -19,6 +19,7 @@ use super::{
     reading::{MOST_CONCLUSION, MOST_READER},
     response::{MOST_ANSWERED, MOST_ANSWERS, MOST_AUTHOR, ResponseSetting},
     rulers::MOST_RULERS,
+    shape::Shape,
 };
 
 /// The most entries of any other list.
@@ -148,6 +149,10 @@ fn check_edit(edit: &Edit) -> Checked {
     for ruler in &edit.rulers {
         place("ruler from_mm", ruler.from_mm)?;
         place("ruler to_mm", ruler.to_mm)?;
+        ruler.handles_mm().into_iter().try_for_each(|at| place("ruler shape", at))?;
+        if let Shape::Circle { normal } = ruler.shape {
+            number("ruler normal", normal.length(), &(0.99..=1.01))?;
+        }
     }
     count("clips", edit.clips.len(), MOST_CLIP_PLANES)?;
     for clip in &edit.clips {

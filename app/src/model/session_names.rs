@@ -225,7 +225,7 @@ pub(super) mod tests {
     };
 
     use super::*;
-    use crate::model::{CaseRef, PaneId, Ruler};
+    use crate::model::{CaseRef, PaneId, Ruler, Shape};
 
     /// One voxel at two dates: jan with masks A and B and the image T1, feb with masks B and C and the image FLAIR.
     pub fn case() -> Case {
@@ -262,7 +262,7 @@ pub(super) mod tests {
         let mut document = Document::new(CaseRef::Sample, &case.time_points[0], 2);
         let ruler = |time| {
             let (name, view) = ("Line".to_owned(), PaneId::Axial);
-            Ruler { name, from_mm: DVec3::ZERO, to_mm: DVec3::X, view, time }
+            Ruler { name, from_mm: DVec3::ZERO, to_mm: DVec3::X, shape: Shape::Line, view, time }
         };
         document.edit.rulers = vec![ruler(1), ruler(0)];
         document.edit.change.dates = Some([1, 0]);

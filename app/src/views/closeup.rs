@@ -94,7 +94,7 @@ impl Pane for CloseupPane {
         scene.camera = view.camera;
         let draft = if outcome.measures() {
             let pick_at = |pos| self.canvas.pick(graphics, rect, pos).map(|p| p.world_mm);
-            ruler::drag(ui, &response, doc, PaneId::Closeup, &pick_at, out)
+            ruler::drag(ui, &response, doc, PaneId::Closeup, (&pick_at, None), out)
         } else {
             None
         };

@@ -3,35 +3,67 @@
 use egui::{Align, Layout, RichText, ScrollArea, TextEdit, Ui};
 use egui_extras::{Column, TableBuilder};
 
+use glioscope_core::measure::{Statistics, in_circle};
+use glioscope_render::flat::PreparedContext;
 use strum::VariantArray;
 
 use super::{
     draw,
     pane::{Input, Pane, Stage},
+    ruler,
 };
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, LookCommand},
     format,
-    model::{ExportFormat, rulers},
-    world::jobs::Lookup,
+    model::{ExportFormat, Ruler, Shape, Tool, rulers},
+    world::jobs::{Handle, Lookup},
 };
 
 /// Height of a row, points.
 const ROW_PT: f32 = 24.0;
 
-/// The pane of the ruler list.
+/// The pane of the list of measurements.
 #[derive(Default)]
-pub struct MeasurementsPane;
+pub struct MeasurementsPane {
+    /// Values in the circles last shown, with what they are of.
+    circles: Vec<(Ruler, Handle<PreparedContext>, Statistics)>,
+}
 
 impl Pane for MeasurementsPane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         draw::padded(ui, |ui| {
             ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
                 content(ui, &stage.input, out);
+                self.circles(ui, &stage.input);
                 ui.add_space(8.0);
                 values(ui, stage);
             });
         });
+    }
+}
+
+impl MeasurementsPane {
+    /// The values of the image shown in the circles of the date shown.
+    fn circles(&mut self, ui: &mut Ui, input: &Input<'_>) {
+        let Some((id, image)) = input.context else { return };
+        let of_image = Handle::of(image);
+        let mut shown = Vec::new();
+        for (_, ruler) in input.doc.rulers_shown() {
+            let Shape::Circle { normal } = ruler.shape else { continue };
+            let known = self.circles.iter().find(|(of, handle, _)| of == ruler && *handle == of_image);
+            let found = known.map(|(.., found)| found.clone()).unwrap_or_else(|| {
+                in_circle(&ruler.name, (id, image.volume()), (ruler.from_mm, normal, ruler.length_mm()))
+            });
+            let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), format::four_digits);
+            let [mean, sd, min, max] = [found.mean, found.sd, found.min, found.max].map(number);
+            ui.label(format!(
+                "{}, {} voxels of {id}: mean {mean}, SD {sd}, least {min}, most {max}",
+                ruler.name,
+                format::count(found.voxels)
+            ));
+            shown.push((ruler.clone(), of_image.clone(), found));
+        }
+        self.circles = shown;
     }
 }
 
@@ -42,6 +74,15 @@ fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         let text = if doc.nav.ruler_on { "Stop measuring" } else { "Measure" };
         if ui.selectable_label(doc.nav.ruler_on, text).on_hover_text(command.tooltip()).clicked() {
             out.push(command);
+        }
+        if doc.nav.ruler_on {
+            for tool in Tool::VARIANTS {
+                let command = Command::from(LookCommand::SetTool(*tool));
+                let is_chosen = doc.nav.tool == *tool;
+                if ui.selectable_label(is_chosen, tool.name()).on_hover_text(tool.detail()).clicked() {
+                    out.push(command);
+                }
+            }
         }
         for format in ExportFormat::VARIANTS {
             let command = Command::from(AppCommand::ExportRulers(*format));
@@ -61,7 +102,7 @@ fn content(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
     }
     ui.add_space(4.0);
     if doc.edit.rulers.is_empty() {
-        let text = "No line yet. Switch the ruler on (M), then drag in the closeup from surface to surface, or in a slice.";
+        let text = "No line yet. Switch the ruler on (M), then drag in the closeup from surface to surface, or in a slice; ends can be dragged.";
         ui.add(egui::Label::new(RichText::new(text).weak()).wrap());
         return;
     }
@@ -130,12 +171,12 @@ fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
         .striped(true)
         .cell_layout(Layout::left_to_right(Align::Center))
         .column(Column::remainder().at_least(70.0).clip(true))
-        .column(Column::exact(66.0))
-        .column(Column::exact(78.0).clip(true))
+        .column(Column::exact(104.0).clip(true))
+        .column(Column::exact(62.0).clip(true))
         .column(Column::exact(54.0))
         .column(Column::exact(62.0))
         .header(ROW_PT - 4.0, |mut row| {
-            for title in ["Line", "Length", "In", "", ""] {
+            for title in ["Name", "Measured", "In", "", ""] {
                 row.col(|ui| {
                     ui.strong(title);
                 });
@@ -146,7 +187,7 @@ fn list(ui: &mut Ui, input: &Input<'_>, out: &mut Commands) {
                 body.row(ROW_PT, |mut row| {
                     row.col(|ui| name_field(ui, index, &line.name, out));
                     row.col(|ui| {
-                        ui.label(format::length_mm(line.length_mm()));
+                        ui.label(ruler::text_of(line));
                     });
                     row.col(|ui| {
                         let time = input.case.time_points.get(line.time).map_or("", |t| t.label.as_str());

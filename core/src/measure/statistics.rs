@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::{Cancelled, Mask, Progress, Volume, case::Case, resample};
+use crate::{Cancelled, Grid, Mask, Progress, Volume, case::Case, resample};
 
 /// Radius of a ball of 1 ml: within it the mean of a peak is taken (PERCIST, Wahl 2009).
 const PEAK_RADIUS_MM: f64 = 6.203_504_908_994;
@@ -61,8 +61,22 @@ pub fn statistics(case: &Case, progress: &Progress) -> Result<Vec<Vec<Statistics
 /// The statistics of one mask in one image. A mask that covers no voxel centre of a coarser image has none.
 pub fn of(mask: &Mask, (image, volume): (&str, &Volume)) -> Statistics {
     let inside = voxels_inside(mask, volume);
+    Statistics { peak: peak(volume, &inside), ..at(&inside, mask.id(), (image, volume)) }
+}
+
+/// The statistics of an image in a circle, named `name`: of the voxels whose centres lie within the radius about the centre and within half a
+/// slice of its plane, or of the one voxel that a smaller circle lies in. `normal`: unit vector across the plane. Without a peak.
+pub fn in_circle(
+    name: &str,
+    (image, volume): (&str, &Volume),
+    (center_mm, normal, radius_mm): (DVec3, DVec3, f64),
+) -> Statistics {
+    at(&voxels_in_circle(volume.grid(), center_mm, normal, radius_mm), name, (image, volume))
+}
+
+fn at(inside: &[usize], name: &str, (image, volume): (&str, &Volume)) -> Statistics {
     let (mut values, mut not_finite) = (Vec::with_capacity(inside.len()), 0);
-    for &linear in &inside {
+    for &linear in inside {
         let value = volume.value(linear);
         if value.is_finite() { values.push(value) } else { not_finite += 1 }
     }
@@ -77,7 +91,7 @@ pub fn of(mask: &Mask, (image, volume): (&str, &Volume)) -> Statistics {
     };
     let ml = volume.grid().volume_ml(count as u64);
     Statistics {
-        mask: mask.id().to_owned(),
+        mask: name.to_owned(),
         image: image.to_owned(),
         voxels: count as u64,
         not_finite,
@@ -88,9 +102,45 @@ pub fn of(mask: &Mask, (image, volume): (&str, &Volume)) -> Statistics {
         p50: percentile(0.5),
         p95: percentile(0.95),
         max: values.last().copied(),
-        peak: peak(volume, &inside),
+        peak: None,
         mean_times_ml: mean.map(|mean| mean * ml),
     }
+}
+
+/// Voxels whose centres lie in a circle, as [`in_circle`] takes them.
+fn voxels_in_circle(grid: &Grid, center_mm: DVec3, normal: DVec3, radius_mm: f64) -> Vec<usize> {
+    let mm = grid.world_from_voxel().matrix3;
+    // The distance of slices: of the axis that leads out of the plane the most.
+    let half_mm = mm.transpose().mul_vec3(normal).abs().max_element() / 2.0;
+    let inverse = mm.inverse();
+    let center = grid.voxel_from_world().transform_point3(center_mm);
+    let bounds = [0, 1, 2].map(|axis| {
+        let row = inverse.row(axis);
+        let out = row.dot(normal);
+        let reach = radius_mm * (row.length_squared() - out * out).max(0.0).sqrt() + half_mm * out.abs();
+        let last = grid.dims()[axis] as f64 - 1.0;
+        let [low, high] = [center[axis] - reach, center[axis] + reach].map(|at| at.clamp(-1.0, last + 1.0));
+        (low.ceil().max(0.0) as usize, high.floor().min(last) as i64)
+    });
+    let range = |axis: usize| bounds[axis].0..(bounds[axis].1 + 1).max(0) as usize;
+    let mut found = Vec::new();
+    for z in range(2) {
+        for y in range(1) {
+            for x in range(0) {
+                let out = grid.center_of_voxel_mm([x, y, z]) - center_mm;
+                let depth = out.dot(normal);
+                // A plane halfway between two slices is of one of them.
+                let is_in_slice = depth >= -half_mm && depth < half_mm;
+                if is_in_slice && (out - normal * depth).length() <= radius_mm {
+                    found.push(grid.linear([x, y, z]));
+                }
+            }
+        }
+    }
+    if found.is_empty() {
+        found.extend(grid.voxel_at(center_mm).map(|voxel| grid.linear(voxel)));
+    }
+    found
 }
 
 /// Voxels of an image whose centres lie in active voxels of a mask.
@@ -152,7 +202,7 @@ fn peak(volume: &Volume, inside: &[usize]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Grid, MaskBits, Samples, Scaling};
+    use crate::{MaskBits, Samples, Scaling};
 
     fn mask(grid: &Grid, inside: impl Fn(DVec3) -> bool) -> Mask {
         let active = |linear: usize| inside(grid.center_of_voxel_mm(grid.ijk(linear)));
@@ -163,6 +213,47 @@ mod tests {
         let values = (0..grid.voxel_count()).map(|linear| value(grid.center_of_voxel_mm(grid.ijk(linear))));
         Volume::new(grid.clone(), Samples::F32(values.collect()), Scaling { slope: 2.0, intercept: 1.0 })
             .unwrap()
+    }
+
+    #[test]
+    fn circles_have_the_voxels_of_their_slice() {
+        // Against brute force over the whole grid, on an oblique and sheared one, too.
+        let plain =
+            Grid::axis_aligned([20, 24, 9], DVec3::new(0.8, 1.0, 3.0), DVec3::new(5.0, -3.0, 700.0)).unwrap();
+        let turn = glam::DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.4);
+        let mut to_world = turn * plain.world_from_voxel();
+        to_world.matrix3.x_axis += to_world.matrix3.y_axis * 0.2;
+        let oblique = Grid::new([20, 24, 9], to_world, crate::Sides::Known).unwrap();
+        for grid in [&plain, &oblique] {
+            let columns = grid.world_from_voxel().matrix3;
+            let across = columns.x_axis.cross(columns.y_axis).normalize();
+            let thickness = columns.z_axis.dot(across).abs();
+            let center_mm = grid.center_of_voxel_mm([9, 11, 4]) + columns.x_axis * 0.3;
+            for radius_mm in [0.01, 3.3, 7.0, 500.0] {
+                let mut expected: Vec<usize> = (0..grid.voxel_count())
+                    .filter(|linear| {
+                        let voxel = grid.ijk(*linear);
+                        let out = grid.center_of_voxel_mm(voxel) - center_mm;
+                        voxel[2] == 4 && (out - across * out.dot(across)).length() <= radius_mm
+                    })
+                    .collect();
+                if expected.is_empty() {
+                    expected.push(grid.linear([9, 11, 4]));
+                }
+                // A little off the middle of the slice it is still that slice.
+                for off in [0.0, 0.49, -0.49] {
+                    let moved = center_mm + across * (off * thickness);
+                    assert_eq!(
+                        voxels_in_circle(grid, moved, across, radius_mm),
+                        expected,
+                        "{radius_mm} {off}"
+                    );
+                }
+            }
+        }
+        let image = image(&plain, |p| p.x as f32);
+        let outside = in_circle("c", ("T1", &image), (DVec3::splat(1e6), DVec3::Z, 5.0));
+        assert_eq!((outside.voxels, outside.mean), (0, None));
     }
 
     #[test]

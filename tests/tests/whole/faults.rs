@@ -14,7 +14,7 @@ use std::{
 use egui::Theme;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{CaseRef, PaneId, Ruler},
+    model::{CaseRef, PaneId, Ruler, Shape},
     window::autosave::{Autosave, INTERVAL},
 };
 use glioscope_core::{
@@ -375,6 +375,7 @@ impl Deeds {
             name: format!("Line {round}"),
             from_mm: DVec3::ZERO,
             to_mm: DVec3::new(3.0, round as f64, 0.0),
+            shape: Shape::Line,
             view: PaneId::Axial,
             time: 0,
         };

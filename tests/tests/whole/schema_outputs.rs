@@ -8,7 +8,7 @@ use std::{
 
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{CaseRef, PaneId, ResponseSetting, Ruler},
+    model::{CaseRef, PaneId, ResponseSetting, Ruler, Shape, Tool},
     report::recipe_in,
 };
 use glioscope_core::{
@@ -21,6 +21,7 @@ use glioscope_core::{
 };
 use glioscope_tests::{error_text, issue, perform, run, wait_for_workers, window_on, write_cube, write_tck};
 use serde_json::Value;
+use strum::VariantArray;
 use tempfile::TempDir;
 
 use crate::PROGRAM;
@@ -382,8 +383,13 @@ fn exported(
     let path = made.0.path().join("exported.json");
     let mut harness = window_on(case, [800.0, 600.0], egui::Theme::Light);
     let (name, view) = ("Line 1".to_owned(), PaneId::Axial);
-    let line = Ruler { name, from_mm: DVec3::ZERO, to_mm: DVec3::X, view, time: 0 };
-    perform(&mut harness, EditCommand::AddRuler(Box::new(line)));
+    let ends_mm = [DVec3::ZERO, DVec3::X];
+    for tool in Tool::VARIANTS {
+        let [from_mm, to_mm] = ends_mm;
+        let shape = Shape::drawn(*tool, ends_mm, DVec3::Z);
+        let line = Ruler { name: name.clone(), from_mm, to_mm, shape, view, time: 0 };
+        perform(&mut harness, EditCommand::AddRuler(Box::new(line)));
+    }
     perform(&mut harness, EditCommand::SetRegion(1, false));
     if toggles_lens {
         perform(&mut harness, EditCommand::ToggleLens);

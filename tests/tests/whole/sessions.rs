@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 use glioscope::{
     command::{Command, EditCommand, LookCommand, Workstation},
-    model::{CaseRef, EllipsoidKind, OverlapMode, PaneId, Ruler, layout, session},
+    model::{CaseRef, EllipsoidKind, OverlapMode, PaneId, Ruler, Shape, layout, session},
     world::jobs::Waker,
 };
 use glioscope_core::optics::Projection;
@@ -174,7 +174,14 @@ fn a_session_keeps_its_dates_and_masks_when_others_are_added_or_listed_in_anothe
     let hidden = bits(&work, &["T1", "PET"]);
     apply(&mut work, EditCommand::ToggleRegion(hidden));
     let (from_mm, to_mm) = (DVec3::ZERO, DVec3::X);
-    let ruler = |name: &str, time| Ruler { name: name.into(), from_mm, to_mm, view: PaneId::Axial, time };
+    let ruler = |name: &str, time| Ruler {
+        name: name.into(),
+        from_mm,
+        to_mm,
+        shape: Shape::Line,
+        view: PaneId::Axial,
+        time,
+    };
     for (name, time) in [("January", 0), ("April", 1)] {
         apply(&mut work, EditCommand::AddRuler(Box::new(ruler(name, time))));
     }

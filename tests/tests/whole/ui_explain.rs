@@ -155,6 +155,7 @@ fn a_report_without_identity_has_none_of_the_users_words_that_name_the_patient_a
         name: format!("line of {secret}"),
         from_mm: glam::DVec3::ZERO,
         to_mm: glam::DVec3::X,
+        shape: glioscope::model::Shape::Line,
         view: PaneId::Axial,
         time: 0,
     };

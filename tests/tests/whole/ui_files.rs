@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, sync::Arc};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
-    model::{PaneId, PictureSize, Ruler},
+    model::{PaneId, PictureSize, Ruler, Shape},
     window::{dialogs::Choice, recent::Recent},
 };
 use glioscope_core::{
@@ -29,6 +29,7 @@ fn exported_numbers_have_what_the_window_shows_and_csv_has_the_same() {
         name: "Line 1".into(),
         from_mm: DVec3::ZERO,
         to_mm: DVec3::new(3.0, 4.0, 0.0),
+        shape: Shape::Line,
         view: PaneId::Axial,
         time: 0,
     };

@@ -8,7 +8,7 @@ use glam::DVec3;
 use glioscope::{
     command::{AppCommand, Command, EditCommand, LookCommand},
     format,
-    model::{HiddenRegions, PaneId, session},
+    model::{HiddenRegions, PaneId, Shape, Tool, session},
     views::view3d::linked_camera,
 };
 use glioscope_core::{
@@ -17,7 +17,8 @@ use glioscope_core::{
 };
 use glioscope_render::{Coloring, agreement_color, flat::Overlay};
 use glioscope_tests::{
-    Window, count_color, count_shades, crop, doc, error_text, maximized, perform, sample, wait_for_workers,
+    Window, count_color, count_shades, crop, doc, error_text, maximized, pane_picture, perform, sample,
+    wait_for_workers,
 };
 use strum::VariantArray;
 
@@ -280,6 +281,63 @@ fn known_surface_distances_are_measured_within_half_a_voxel() {
 }
 
 #[test]
+fn diameters_angles_and_circles_are_drawn_and_their_ends_dragged() {
+    let mut harness = sample();
+    perform(&mut harness, LookCommand::SetSliceZoom(Some(0.5)));
+    perform(&mut harness, LookCommand::SetTool(Tool::Diameters));
+    let axial = rect(&harness, PaneId::Axial);
+    let from = axial.center() - vec2(30.0, 40.0);
+    drag(&mut harness, from, from + vec2(60.0, 80.0), Modifiers::NONE);
+    let ruler = |harness: &Window, n: usize| doc(harness).edit.rulers[n].clone();
+    let first = ruler(&harness, 0);
+    assert!((first.length_mm() - 50.0).abs() < 1e-3 && (first.across_mm().unwrap() - 25.0).abs() < 1e-3);
+    // Where a place is on the screen, from the two ends drawn.
+    let pos_of = |mm: DVec3| {
+        let share = (mm - first.from_mm) / (first.to_mm - first.from_mm);
+        from + vec2(60.0 * share.x as f32, 80.0 * share.y as f32)
+    };
+    // The end of the diameter across, twice as far out: along it, so that nothing else moves.
+    let Shape::Diameters { across_mm: [near, far] } = first.shape else { panic!("{first:?}") };
+    let out = far + (far - near) * 0.5;
+    drag(&mut harness, pos_of(far), pos_of(out), Modifiers::NONE);
+    let wider = ruler(&harness, 0);
+    assert_eq!(doc(&harness).edit.rulers.len(), 1, "no new line");
+    assert!((wider.across_mm().unwrap() - 37.5).abs() < 0.3, "{:?}", wider.across_mm());
+    assert_eq!((wider.from_mm, wider.to_mm), (first.from_mm, first.to_mm));
+    undo(&mut harness);
+    assert_eq!(ruler(&harness, 0), first, "one step");
+    // A line that ends at a handle is a line of its own.
+    perform(&mut harness, LookCommand::SetTool(Tool::Circle));
+    drag(&mut harness, axial.center() - vec2(70.0, 0.0), pos_of(first.from_mm), Modifiers::NONE);
+    assert_eq!(ruler(&harness, 1).shape.tool(), Tool::Circle);
+    perform(&mut harness, LookCommand::SetTool(Tool::Angle));
+    drag(&mut harness, axial.center() + vec2(0.0, 70.0), axial.center() + vec2(40.0, 70.0), Modifiers::NONE);
+    assert!((ruler(&harness, 2).angle_degrees().unwrap() - 90.0).abs() < 1e-6);
+    if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
+        pane_picture(&mut harness, PaneId::Axial)
+            .save(std::path::Path::new(&folder).join("shapes.png"))
+            .unwrap();
+    }
+    // Saved, and again at another date.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("read.glioscope.json");
+    perform(&mut harness, AppCommand::SaveSessionTo(path.clone()));
+    assert_eq!(session::load(&path).unwrap().document.edit.rulers, doc(&harness).edit.rulers);
+    perform(&mut harness, LookCommand::SetTime(1));
+    perform(&mut harness, EditCommand::MeasureAgain);
+    let again = ruler(&harness, 3);
+    assert_eq!(
+        (again.time, again.to_mm, again.shape),
+        (1, ruler(&harness, 2).to_mm, ruler(&harness, 2).shape)
+    );
+    // The circle's values, of the date it is on.
+    perform(&mut harness, LookCommand::SetTime(0));
+    perform(&mut harness, EditCommand::MaximizePane(PaneId::Measurements));
+    assert!(harness.query_by_label_contains("voxels of T1c: mean").is_some());
+    assert!(harness.query_all_by_label("90.0°").count() == 2, "at both dates");
+}
+
+#[test]
 fn a_slice_ruler_is_listed_renamed_exported_deleted_and_restored() {
     let mut harness = sample();
     perform(&mut harness, LookCommand::SetSliceZoom(Some(0.5)));
@@ -314,6 +372,7 @@ fn a_slice_ruler_is_listed_renamed_exported_deleted_and_restored() {
     assert_eq!(lines.len(), 2);
     assert!(lines[0].starts_with("name,time,view,length_mm,from_r_mm,from_a_mm,from_s_mm,to_r_mm"));
     let numbers = lines[1].strip_prefix("\"cuff, \"\"left\"\"\",2024-01-15,axial,").unwrap();
+    let numbers = numbers.strip_suffix(",line,,,,").unwrap();
     let numbers: Vec<f64> = numbers.split(',').map(|n| n.parse().unwrap()).collect();
     assert_eq!(numbers.len(), 7);
     assert_eq!(numbers[0], ruler.length_mm());

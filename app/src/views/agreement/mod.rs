@@ -18,7 +18,7 @@ use super::{
 use crate::{
     command::{Commands, EditCommand, LookCommand},
     model::{
-        AgreementSetting, PaneId, Ruler,
+        AgreementSetting, PaneId, Ruler, Shape,
         agreement::{PERCENTILE, TOLERANCE_MM},
     },
     world::{
@@ -217,7 +217,7 @@ fn cell(ui: &mut Ui, metric: &MetricRow, number: usize, pair: &Pair<'_>, out: &m
         let (from_mm, to_mm) = (points.on_reference_mm, points.on_compared_mm);
         out.push(LookCommand::SetTime(pair.time));
         let name = format!("Hausdorff {}", pair.title);
-        let line = Ruler { name, from_mm, to_mm, view: PaneId::Closeup, time: pair.time };
+        let line = Ruler { name, from_mm, to_mm, shape: Shape::Line, view: PaneId::Closeup, time: pair.time };
         out.push(EditCommand::AddRuler(Box::new(line)));
         // Both points lie in the lens.
         out.push(EditCommand::GoTo(from_mm.midpoint(to_mm), points.distance_mm.max(4.0)));

@@ -8,9 +8,9 @@ use super::{
     timeline::{go_to, title},
 };
 use crate::{
-    command::{Commands, EditCommand},
+    command::{Commands, EditCommand, LookCommand},
     format,
-    model::{LesionSetting, lesions::MOST_LESION_NAME},
+    model::{LesionSetting, PaneId, Ruler, Shape, Tool, lesions::MOST_LESION_NAME},
     views::pane::Input,
 };
 
@@ -69,7 +69,10 @@ pub(super) fn show(
             }
             Selected::Link(from, to) => of_link(ui, report, [&from, &to], &mut edits),
             Selected::Two(one, two) => of_two(ui, report, [&one, &two], &mut edits),
-            Selected::One(at) => of_one(ui, report, &at, (naming, splitting), &mut edits),
+            Selected::One(at) => {
+                measure(ui, input, report, &at, out);
+                of_one(ui, report, &at, (naming, splitting), &mut edits);
+            }
         }
     });
     if naming.as_ref().is_some_and(|naming| *selected != Selected::One(naming.at.clone())) {
@@ -129,6 +132,29 @@ fn of_two(ui: &mut Ui, report: &LesionsReport, [one, two]: [&Anchor; 2], edits: 
     } else if is_asked(ui, "Link", "Both are one lesion at two dates", Some(JOIN)) {
         edits.push(Edit::Link { from, to });
     }
+}
+
+/// A button that takes the diameters of a component over as a measurement, whose ends can be dragged.
+fn measure(ui: &mut Ui, input: &Input<'_>, report: &LesionsReport, at: &Anchor, out: &mut Commands) {
+    let Some((lesion, part)) = part_of(report, at) else { return };
+    let Some(time) = input.case.time_points.iter().position(|time| time.label == at.time) else { return };
+    let tip = "Its diameters become a measurement: drag the ends in the slice while the ruler is on";
+    if !is_asked(ui, "Measure", tip, None) {
+        return;
+    }
+    let (d1, d2) = (part.diameters.d1, part.diameters.d2);
+    let ruler = Ruler {
+        name: format!("Lesion {}, {}", title(lesion), at.time),
+        from_mm: d1.from_mm,
+        to_mm: d1.to_mm,
+        shape: Shape::Diameters { across_mm: [d2.from_mm, d2.to_mm] },
+        view: PaneId::Axial,
+        time,
+    };
+    out.push(EditCommand::AddRuler(Box::new(ruler)));
+    out.push(LookCommand::SetTime(time));
+    out.push(LookCommand::SetCursor(d1.from_mm.midpoint(d1.to_mm)));
+    out.push(LookCommand::SetTool(Tool::Diameters));
 }
 
 fn of_one(

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use egui::{Align2, Color32, Galley, Painter, Pos2, Stroke, Ui, pos2, vec2};
+use glam::DVec3;
 
 use glioscope_render::{
     Coloring, agreement_color,
@@ -67,16 +68,21 @@ pub(super) fn draw(ui: &Ui, input: &Input<'_>, layout: &Layout, readout: &str, n
     }
 }
 
+/// Numbers of the measurements of the date that lie within half a slice thickness of the plane.
+pub(super) fn in_slice(input: &Input<'_>, layout: &Layout) -> Vec<usize> {
+    let half_mm = layout.slice.plane.step_mm(shown_grid(input)) / 2.0;
+    let is_near = |mm: &DVec3| layout.slice.distance_mm(*mm).abs() <= half_mm;
+    let of_date = input.doc.rulers_at(input.time);
+    of_date.filter(|(_, ruler)| ruler.handles_mm().iter().all(is_near)).map(|(index, _)| index).collect()
+}
+
 /// Rulers: solid where both ends lie within half a slice thickness of the plane, else faint and dashed.
 pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<Draft>) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
-    let half_mm = layout.slice.plane.step_mm(shown_grid(input)) / 2.0;
-    for (_, ruler) in input.doc.rulers_at(input.time) {
-        let ends_mm = [ruler.from_mm, ruler.to_mm];
-        let is_in_slice = ends_mm.iter().all(|&end| layout.slice.distance_mm(end).abs() <= half_mm);
-        let look = if is_in_slice { Look::Solid } else { Look::Faint };
-        let text = format::length_mm(ruler.length_mm());
-        ruler::line(&painter, ends_mm.map(|end| layout.pos_of(end)), look, &text);
+    let here = in_slice(input, layout);
+    for (index, ruler) in input.doc.rulers_at(input.time) {
+        let look = if here.contains(&index) { Look::Solid } else { Look::Faint };
+        ruler::draw(&painter, ruler, &|mm| Some(layout.pos_of(mm)), look);
     }
     if let Some(Draft { from_mm, to_mm: Some(to_mm) }) = draft {
         ruler::line(&painter, [from_mm, to_mm].map(|end| layout.pos_of(end)), Look::Solid, "");

@@ -127,8 +127,13 @@ impl SlicePane {
         self.gestures.interact(ui, input, (self.pane, &layout), &response, out);
         let inside = |pos: Pos2| layout.rect.contains(pos).then(|| layout.world_at(pos));
         // A line belongs to the date shown.
-        let draft = (input.time == input.doc.nav.time)
-            .then(|| ruler::drag(ui, &response, input.doc, self.pane, &inside, out))
+        let is_shown_date = input.time == input.doc.nav.time;
+        let here = marks::in_slice(input, &layout);
+        let (pos_of, normal) = (|mm| layout.pos_of(mm), plane.normal());
+        let holds = is_shown_date
+            && ruler::drag_handles(ui, &response, (input.doc, &here), (&pos_of, &inside, normal), out);
+        let draft = (is_shown_date && !holds)
+            .then(|| ruler::drag(ui, &response, input.doc, self.pane, (&inside, Some(normal)), out))
             .flatten();
 
         let (texture, not_finite_pixels) = self.slice_texture(ui, input, &layout);

@@ -254,7 +254,8 @@ fn the_ruler_measures_in_the_plane_without_moving_the_crosshair() {
     assert_near(rulers[0].from_mm, [100.0, 210.0, 294.0]);
     assert_near(rulers[0].to_mm, [100.0, 180.0, 334.0]);
     assert_near(harness.state().cursor(), [100.0, 200.0, 300.0]);
-    // Cancelled with Escape, or released outside the slice: no ruler is added.
+    // Cancelled with Escape, or released outside the slice: no ruler is added. Not at an end of the first, which would be dragged.
+    let from = from + vec2(0.0, 30.0);
     harness.hover_at(from);
     press(&mut harness, from, PointerButton::Primary, true);
     harness.hover_at(from + vec2(30.0, 0.0));

@@ -40,6 +40,16 @@ impl Words {
         Self { language, bundle }
     }
 
+    /// The language.
+    pub fn language(&self) -> Language {
+        self.language
+    }
+
+    /// Whether there is a sentence of `key`.
+    pub fn has(&self, key: &str) -> bool {
+        self.bundle.get_message(key).is_some_and(|message| message.value().is_some())
+    }
+
     /// The sentence of `key`.
     pub fn get(&self, key: &str) -> String {
         self.with(key, &[])

@@ -53,6 +53,7 @@ pub mod mask;
 pub mod measure;
 pub mod optics;
 pub mod phantom;
+pub mod phrase;
 pub mod progress;
 pub mod regions;
 pub mod register;

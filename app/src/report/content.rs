@@ -15,6 +15,7 @@ use super::{
     document::{Block, Finding, Table},
     identity::{Identity, Redactor, initials},
     plot::{Plot, Series},
+    sentences::finding,
 };
 use crate::words::Words;
 use crate::{
@@ -86,13 +87,13 @@ impl Content<'_> {
         let words = self.words;
         let mut all: Vec<&Check> = own.iter().chain(&self.case.checks).collect();
         all.sort_by_key(|check| std::cmp::Reverse(check.severity));
-        let finding = |check: &&Check| Finding {
+        let said = |check: &&Check| Finding {
             is_warning: check.severity >= Severity::Warning,
-            text: self.redactor.text(&check.message),
+            text: self.redactor.text(&finding(check, words)),
         };
         let more = more.iter().map(|text| Finding { is_warning: true, text: self.redactor.text(text) });
         let mut list: Vec<Finding> = Vec::new();
-        for one in more.chain(all.iter().map(finding)) {
+        for one in more.chain(all.iter().map(said)) {
             if !list.contains(&one) {
                 list.push(one);
             }

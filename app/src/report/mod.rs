@@ -173,8 +173,10 @@ pub fn make(
         session: session::value(doc, case, is_named)?,
     };
     let mut blocks = content.header();
-    let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.warnings);
-    blocks.extend(content.findings(&own, contradictions));
+    let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.contradictions);
+    let contradictions: Vec<String> =
+        contradictions.iter().map(|phrase| sentences::phrase(phrase, &words)).collect();
+    blocks.extend(content.findings(&own, &contradictions));
     blocks.extend(content.summary());
     blocks.extend(content.conclusion());
     blocks

@@ -1,19 +1,28 @@
 //! Response by criteria: the calls with their reasons.
 
+use std::collections::BTreeMap;
+
 use glioscope_core::{
     case::Case,
-    response::{BtRads, DateResponse, Evaluated, Judgement, SumReport, bt_rads as form},
+    response::{
+        BtRads, BtRadsCategory, DateResponse, Evaluated, Judgement, SumReport, bt_rads as form,
+        bt_rads_answered,
+    },
 };
 
 use super::{
     document::{Block, Finding, Table},
     identity::Redactor,
+    sentences::phrase,
 };
-use crate::{model::ResponseSetting, words::Words};
+use crate::{
+    model::ResponseSetting,
+    words::{Language, Words},
+};
 
 /// The calls at all dates, then why.
 pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<Block> {
-    let Evaluated { response, warnings, proposed_links, .. } = evaluated;
+    let Evaluated { response, contradictions, proposed_links, .. } = evaluated;
     let criteria = ("criteria", response.criterion.name().to_owned());
     let head = ["date", "by-diameters", "by-volume", "from-baseline", "from-nadir"];
     let row = |date: &DateResponse| {
@@ -41,7 +50,8 @@ pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<
         }),
     ];
     let warning = |text: String| Finding { is_warning: true, text };
-    let mut doubts: Vec<Finding> = warnings.iter().map(|text| warning(redactor.text(text))).collect();
+    let mut doubts: Vec<Finding> =
+        contradictions.iter().map(|it| warning(redactor.text(&phrase(it, words)))).collect();
     if *proposed_links > 0 {
         doubts.push(warning(words.with("lesions-links", &[("count", proposed_links.to_string())])));
     }
@@ -89,11 +99,14 @@ fn signed(percent: f64, words: &Words) -> String {
 
 /// What the form of BT-RADS gives at the dates at which its questions are answered to the end.
 pub fn bt_rads(case: &Case, setting: &ResponseSetting, words: &Words) -> Vec<Block> {
-    let category = |time: &str| match form(setting.bt_rads.get(time)?) {
-        Ok(BtRads::Result { category, reason, .. }) => {
-            Some((time.to_owned(), format!("{}: {}. {reason}", category.id, category.meaning)))
+    let category = |time: &str| {
+        let answers = setting.bt_rads.get(time)?;
+        match form(answers) {
+            Ok(BtRads::Result { category, reason, .. }) => {
+                Some((time.to_owned(), category_words(&category, &reason, answers, words)))
+            }
+            _ => None,
         }
-        _ => None,
     };
     let all: Vec<(String, String)> = case.time_labels().into_iter().filter_map(category).collect();
     if all.is_empty() {
@@ -106,6 +119,25 @@ pub fn bt_rads(case: &Case, setting: &ResponseSetting, words: &Words) -> Vec<Blo
     ]
 }
 
+/// A category of BT-RADS with its meaning and the answers that led to it.
+fn category_words(
+    category: &BtRadsCategory,
+    reason: &str,
+    answers: &BTreeMap<String, String>,
+    words: &Words,
+) -> String {
+    if words.language() == Language::En {
+        return format!("{}: {}. {reason}", category.id, category.meaning);
+    }
+    let answered = bt_rads_answered(answers);
+    let answered = answered.iter().map(|(question, answer)| {
+        let asked = words.get(&format!("bt-rads-question-{}", question.id));
+        format!("{asked} {}", words.get(&format!("bt-rads-answer-{}-{}", question.id, answer.id)))
+    });
+    let meaning = words.get(&format!("bt-rads-category-{}", category.id));
+    format!("{}: {meaning}. {}", category.id, answered.collect::<Vec<_>>().join("; "))
+}
+
 fn call(judgement: &Judgement, words: &Words) -> String {
     let call = words.get(&format!("call-{}", judgement.call.short().replace([' ', ','], "-")));
     if judgement.imaging_only { format!("{call} ({})", words.get("imaging-only")) } else { call }
@@ -114,8 +146,9 @@ fn call(judgement: &Judgement, words: &Words) -> String {
 /// Why the call is as it is, and what is missing for another: the latter as warnings.
 fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
     let mut out: Vec<(bool, String)> =
-        judgement.reasons.iter().map(|reason| (false, reason.words.clone())).collect();
-    out.extend(judgement.confirmation.iter().map(|confirmation| (false, confirmation.words.clone())));
+        judgement.reasons.iter().map(|reason| (false, phrase(&reason.phrase, words))).collect();
+    let confirmation = judgement.confirmation.iter();
+    out.extend(confirmation.map(|confirmation| (false, phrase(&confirmation.phrase, words))));
     for sum in &judgement.sums {
         for margin in [&sum.margin_from_baseline, &sum.margin_from_nadir].into_iter().flatten() {
             let (is_doubtful, key) = match margin.straddles_percent.is_empty() {
@@ -137,9 +170,10 @@ fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
     }
     out.extend(judgement.missing.iter().map(|missing| {
         let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
+        let assumed = missing.assumption.as_ref();
         let assumed =
-            missing.assumed.as_ref().map(|assumed| format!(" ({}: {assumed})", words.get("assumed")));
-        let what = format!("{}{date}{}", missing.words, assumed.unwrap_or_default());
+            assumed.map(|assumed| format!(" ({}: {})", words.get("assumed"), phrase(assumed, words)));
+        let what = format!("{}{date}{}", phrase(&missing.phrase, words), assumed.unwrap_or_default());
         (true, words.with("missing", &[("what", what)]))
     }));
     out
@@ -149,7 +183,8 @@ fn reasons(judgement: &Judgement, words: &Words) -> Vec<(bool, String)> {
 mod tests {
     use glioscope_core::response::Call;
 
-    use crate::{report::sentences::words, words::Language};
+    use super::*;
+    use crate::report::sentences::words;
 
     #[test]
     fn every_call_has_its_words_in_every_language() {
@@ -174,6 +209,40 @@ mod tests {
                 let key = format!("call-{}", call.short().replace([' ', ','], "-"));
                 assert_ne!(words.get(&key), key, "{language:?}");
             }
+        }
+    }
+
+    /// All ways through the form, as answers by questions.
+    fn ways(answers: &BTreeMap<String, String>) -> Vec<BTreeMap<String, String>> {
+        match form(answers).unwrap() {
+            BtRads::Result { .. } => vec![answers.clone()],
+            BtRads::Next(question) => {
+                let given = question.answers.iter();
+                given
+                    .flat_map(|answer| {
+                        let mut answers = answers.clone();
+                        answers.insert(question.id.to_owned(), answer.id.to_owned());
+                        ways(&answers)
+                    })
+                    .collect()
+            }
+        }
+    }
+
+    #[test]
+    fn bt_rads_is_german_on_every_way_through_the_form() {
+        let [en, de] = [Language::En, Language::De].map(words);
+        let all = ways(&BTreeMap::new());
+        assert!(all.len() > 8);
+        for answers in all {
+            let BtRads::Result { category, reason, .. } = form(&answers).unwrap() else { panic!() };
+            let english = category_words(&category, &reason, &answers, &en);
+            assert_eq!(english, format!("{}: {}. {reason}", category.id, category.meaning));
+            let said = category_words(&category, &reason, &answers, &de);
+            assert!(!said.contains("bt-rads-"), "{said}");
+            assert_eq!(said.matches("; ").count(), english.matches("; ").count(), "{said}");
+            let asked = bt_rads_answered(&answers);
+            assert!(!asked.iter().any(|(question, _)| said.contains(question.text)), "{said}");
         }
     }
 }

@@ -163,28 +163,40 @@ pub fn bt_rads(answers: &BTreeMap<String, String>) -> Result<BtRads, HistoryErro
             return Err(wrong("BT-RADS", format!("{question} = {answer}"), format!("one of {all}")));
         }
     }
+    let said = bt_rads_answered(answers);
+    let next = match said.last().map(|(_, given)| given.then) {
+        None => QUESTIONS.first(),
+        Some(Then::Ask(next)) => QUESTIONS.iter().find(|question| question.id == next),
+        Some(Then::Category(id)) => {
+            let category = CATEGORIES.iter().find(|category| category.id == id);
+            let category = category.ok_or_else(|| wrong("BT-RADS", id, "a category"))?;
+            let words = said.iter().map(|(asked, given)| format!("{} {}", asked.text, given.text));
+            return Ok(BtRads::Result {
+                category: *category,
+                reason: words.collect::<Vec<_>>().join("; "),
+                flow_mark: Mark::Secondary,
+                flow_source: FLOW,
+            });
+        }
+    };
+    next.map(|next| BtRads::Next(*next))
+        .ok_or_else(|| wrong("BT-RADS", "a form without an end", "a category"))
+}
+
+/// The questions that are reached and answered, in order, each with its answer.
+pub fn bt_rads_answered(answers: &BTreeMap<String, String>) -> Vec<(&'static Question, &'static Answer)> {
     let mut said = Vec::new();
     let mut question = QUESTIONS.first();
     // No path is longer than the form.
     for _ in QUESTIONS {
         let Some(asked) = question else { break };
         let given = answers.get(asked.id).and_then(|id| asked.answers.iter().find(|answer| answer.id == id));
-        let Some(given) = given else { return Ok(BtRads::Next(*asked)) };
-        said.push(format!("{} {}", asked.text, given.text));
-        match given.then {
-            Then::Ask(next) => question = QUESTIONS.iter().find(|question| question.id == next),
-            Then::Category(id) => {
-                if let Some(category) = CATEGORIES.iter().find(|category| category.id == id) {
-                    let reason = said.join("; ");
-                    return Ok(BtRads::Result {
-                        category: *category,
-                        reason,
-                        flow_mark: Mark::Secondary,
-                        flow_source: FLOW,
-                    });
-                }
-            }
-        }
+        let Some(given) = given else { break };
+        said.push((asked, given));
+        question = match given.then {
+            Then::Ask(next) => QUESTIONS.iter().find(|question| question.id == next),
+            Then::Category(_) => None,
+        };
     }
-    Err(wrong("BT-RADS", "a form without an end", "a category"))
+    said
 }

@@ -6,10 +6,12 @@ use super::{
     judge::{Judge, Look},
     missing::{Ask, Explored, Input},
     pattern::{Kind, Pattern},
+    phrases as say,
     result::{Call, Confirmation, Confirmed, Reason},
     rules::{Criterion, RuleId},
     timeline::value,
 };
+use crate::phrase::{Phrase, Value};
 
 /// A call.
 #[derive(Clone, Debug)]
@@ -92,30 +94,28 @@ impl Judge<'_> {
     fn sustained(&self, at: usize, kind: Kind, patterns: &Patterns, ask: &mut Ask) -> Confirmation {
         let Some(days) = self.confirm_days(kind) else {
             let words = self.rules.unstated(RuleId::ConfirmResponse);
-            return Confirmation { state: Confirmed::NotStated, by: None, words };
+            return Confirmation::of(Confirmed::NotStated, None, words);
         };
         let holds = |shown: Kind| match kind {
             Kind::Complete => shown == Kind::Complete,
             Kind::Partial => matches!(shown, Kind::Complete | Kind::Partial),
             _ => matches!(shown, Kind::Complete | Kind::Partial | Kind::Minor),
         };
-        let yes = |scan: usize, words: String| Confirmation {
-            state: Confirmed::Yes,
-            by: Some(self.label(scan).to_owned()),
-            words,
-        };
-        let mut why = format!("no scan at least {days} days later");
+        let yes = |scan: usize, words| Confirmation::of(Confirmed::Yes, Some(self.label(scan)), words);
+        let interval = say::DAYS_LATER_LEAST.with([("days", Value::number(days))]);
+        let mut why = say::NO_SCAN.with([("interval", interval.into())]);
         for scan in at + 1..self.epoch.end {
             let gap = self.days_between(at, scan);
-            let label = self.label(scan);
+            let values = [("scan", self.label(scan).into()), ("days", Value::number(gap))];
             if !holds(self.shown(scan, patterns, ask)) {
-                why = format!("not sustained at {label}, {gap} days later");
+                why = say::NOT_SUSTAINED.with(values);
                 break;
             }
             if gap >= days {
-                return yes(scan, format!("sustained at {label}, {gap} days later"));
+                return yes(scan, say::SUSTAINED.with(values));
             }
-            why = format!("sustained at {label}, {gap} days later; at least {days} needed");
+            let [label, gap] = values;
+            why = say::SUSTAINED_TOO_SHORT.with([label, gap, ("needed", Value::number(days))]);
         }
         for scan in (self.baseline + 1..at).rev() {
             if !holds(self.shown(scan, patterns, ask)) {
@@ -123,10 +123,11 @@ impl Judge<'_> {
             }
             let gap = self.days_between(scan, at);
             if gap >= days {
-                return yes(at, format!("sustained since {}, {gap} days before", self.label(scan)));
+                let values = [("scan", self.label(scan).into()), ("days", Value::number(gap))];
+                return yes(at, say::SUSTAINED_SINCE.with(values));
             }
         }
-        Confirmation { state: Confirmed::No, by: None, words: why }
+        Confirmation::of(Confirmed::No, None, why)
     }
 
     fn progression(&self, at: usize, pattern: Pattern, patterns: &Patterns, ask: &mut Ask) -> Outcome {
@@ -148,8 +149,7 @@ impl Judge<'_> {
                 let (call, confirmation) = self.confirmed_progression(at, earliest, latest, patterns, ask);
                 return outcome(call, Some(confirmation), reasons);
             } else {
-                let words =
-                    "neither outside the radiation field nor proven by histology: not taken as progression";
+                let words = say::NEITHER_FIELD_NOR_HISTOLOGY;
                 reasons.insert(0, Reason::of(RuleId::WindowAccepts, words));
                 return outcome(Call::CannotSay, None, reasons);
             }
@@ -158,12 +158,12 @@ impl Judge<'_> {
         let trial_days = trial_days.map(|stated| f64::from(stated.value));
         if criterion == Criterion::ImmunoRano && self.in_immunotherapy_window(at, ask, &mut reasons) {
             if self.clinical(at, &mut Look(Some(ask))) == Some(Clinical::MuchWorse) {
-                reasons.push(Reason::of(RuleId::ImmunotherapyMuchWorse, "clinically much worse"));
+                reasons.push(Reason::of(RuleId::ImmunotherapyMuchWorse, say::CLINICALLY_MUCH_WORSE));
                 return outcome(Call::Progression, None, reasons);
             }
             let Some(days) = trial_days else {
                 let words = self.rules.unstated(RuleId::ConfirmProgression);
-                let confirmation = Confirmation { state: Confirmed::NotStated, by: None, words };
+                let confirmation = Confirmation::of(Confirmed::NotStated, None, words);
                 return outcome(Call::PreliminaryProgression, Some(confirmation), reasons);
             };
             let (call, confirmation) = self.confirmed_progression(at, days, None, patterns, ask);
@@ -172,7 +172,7 @@ impl Judge<'_> {
         if criterion == Criterion::ModifiedRano {
             let Some(days) = trial_days else {
                 let words = self.rules.unstated(RuleId::ConfirmProgression);
-                let confirmation = Confirmation { state: Confirmed::NotStated, by: None, words };
+                let confirmation = Confirmation::of(Confirmed::NotStated, None, words);
                 return outcome(Call::Progression, Some(confirmation), reasons);
             };
             let (call, confirmation) = self.confirmed_progression(at, days, None, patterns, ask);
@@ -182,7 +182,7 @@ impl Judge<'_> {
     }
 
     /// Whether the scan lies in the window after radiotherapy, in words.
-    fn in_radiotherapy_window(&self, at: usize, ask: &mut Ask) -> Option<String> {
+    fn in_radiotherapy_window(&self, at: usize, ask: &mut Ask) -> Option<Phrase> {
         let most = self.rules.number(RuleId::RadiotherapyWindow)?;
         // RANO 2.0: the window is of newly diagnosed disease.
         let history = self.rules.history;
@@ -196,14 +196,13 @@ impl Judge<'_> {
             Some(Radiotherapy::None) => None,
             Some(Radiotherapy::Ended(when)) => {
                 let days = day - when.number();
-                (0.0..=most)
-                    .contains(&f64::from(days))
-                    .then(|| format!("{days} days after radiotherapy, up to {most}"))
+                let values = [("days", Value::number(days)), ("most", Value::number(most))];
+                (0.0..=most).contains(&f64::from(days)).then(|| say::AFTER_RADIOTHERAPY.with(values))
             }
             None => {
                 let input = (Input::RadiotherapyEnd, None, false);
                 let within = Look(Some(ask)).fact(None, input, &[false, true])?;
-                within.then(|| format!("up to {most} days after radiotherapy"))
+                within.then(|| say::WITHIN_RADIOTHERAPY.with([("most", Value::number(most))]))
             }
         }
     }
@@ -221,22 +220,22 @@ impl Judge<'_> {
     }
 
     /// What makes progression in the window after radiotherapy, if it is there.
-    fn accepted(&self, at: usize, ask: &mut Ask) -> Option<String> {
+    fn accepted(&self, at: usize, ask: &mut Ask) -> Option<Phrase> {
         let facts = self.facts(at);
         let mut look = Look(Some(ask));
         if self.rules.history.criterion != Criterion::Rano20 {
             let field = facts.and_then(|facts| facts.field.as_ref());
             let input = (Input::Field, Some(at), false);
             if look.fact(value(field), input, &[Field::Inside, Field::Outside]) == Some(Field::Outside) {
-                let by = field.map(Fact::by).unwrap_or_default();
-                return Some(format!("outside the radiation field{by}"));
+                let by = Value::after(" ", field.and_then(Fact::by));
+                return Some(say::OUTSIDE_FIELD.with([("by", by)]));
             }
         }
         let histology = facts.and_then(|facts| facts.histology.as_ref());
         let input = (Input::Histology, Some(at), true);
         let shown = look.fact(value(histology), input, &[Histology::NotDone, Histology::Tumour]);
-        let by = histology.map(Fact::by).unwrap_or_default();
-        (shown == Some(Histology::Tumour)).then(|| format!("histology shows tumour{by}"))
+        let by = Value::after(" ", histology.and_then(Fact::by));
+        (shown == Some(Histology::Tumour)).then(|| say::HISTOLOGY_TUMOUR.with([("by", by)]))
     }
 
     /// Whether the scan lies in the window after the start of immunotherapy; adds the reason.
@@ -252,8 +251,8 @@ impl Judge<'_> {
         let start = starts.filter(|start| start.number() <= scan.day).max_by_key(|start| start.number());
         let within = start.is_some_and(|start| is_within_months(start, scan.when, months));
         if let Some(start) = start.filter(|_| within) {
-            let words = format!("{months} months or less after immunotherapy began ({start})");
-            reasons.push(Reason::of(id, words));
+            let values = [("months", Value::number(months)), ("start", start.value())];
+            reasons.push(Reason::of(id, say::AFTER_IMMUNOTHERAPY.with(values)));
         }
         within
     }
@@ -268,33 +267,35 @@ impl Judge<'_> {
         ask: &mut Ask,
     ) -> (Call, Confirmation) {
         let interval = match latest {
-            Some(latest) => format!("{earliest} to {latest} days later"),
-            None => format!("at least {earliest} days later"),
+            Some(latest) => say::DAYS_LATER_BETWEEN
+                .with([("from", Value::number(earliest)), ("to", Value::number(latest))]),
+            None => say::DAYS_LATER_LEAST.with([("days", Value::number(earliest))]),
         };
         let in_interval = |gap: f64| gap >= earliest && latest.is_none_or(|latest| gap <= latest);
-        let mut why = format!("no scan {interval}");
+        let mut why = vec![say::NO_SCAN.with([("interval", interval.into())])];
         for scan in at + 1..self.epoch.end {
             let (gap, label) = (self.days_between(at, scan), self.label(scan));
+            let values = [("scan", label.into()), ("days", Value::number(gap))];
             if !in_interval(gap) {
-                why = format!("{why}; {label} is {gap} days later");
+                why.push(say::SCAN_IS_LATER.with(values));
                 continue;
             }
             if self.shown(scan, patterns, ask) == Kind::Progression {
-                let words = format!("progression at {label} too, {gap} days later");
-                let by = Some(label.to_owned());
-                return (Call::Progression, Confirmation { state: Confirmed::Yes, by, words });
+                let words = say::PROGRESSION_TOO.with(values);
+                return (Call::Progression, Confirmation::of(Confirmed::Yes, Some(label), words));
             }
-            why = format!("not confirmed at {label}, {gap} days later");
+            why = vec![say::NOT_CONFIRMED.with(values)];
         }
         for scan in (self.baseline + 1..at).rev() {
             let gap = self.days_between(scan, at);
             if in_interval(gap) && self.shown(scan, patterns, ask) == Kind::Progression {
-                let words = format!("progression at {} already, {gap} days before", self.label(scan));
-                let by = Some(self.label(at).to_owned());
-                return (Call::Progression, Confirmation { state: Confirmed::Yes, by, words });
+                let values = [("scan", self.label(scan).into()), ("days", Value::number(gap))];
+                let words = say::PROGRESSION_ALREADY.with(values);
+                return (Call::Progression, Confirmation::of(Confirmed::Yes, Some(self.label(at)), words));
             }
         }
-        (Call::PreliminaryProgression, Confirmation { state: Confirmed::No, by: None, words: why })
+        let why = say::CONFIRMATIONS.with([("all", Value::joined("; ", why))]);
+        (Call::PreliminaryProgression, Confirmation::of(Confirmed::No, None, why))
     }
 }
 

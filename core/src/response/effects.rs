@@ -5,12 +5,14 @@ use super::{
     history::{Assessment, Clinical, Flair, NewLesion, NonTarget, ScanFacts, TreatmentKind},
     judge::{Judge, Look},
     missing::{Ask, Input},
+    phrases as say,
     result::Reason,
     rules::{Criterion, RuleId},
     sums::{nadir, sum},
     targets::{Targets, is_of},
     timeline::value,
 };
+use crate::phrase::{Phrase, Template, Value};
 
 /// What a fact says.
 pub(super) enum Effect {
@@ -62,39 +64,39 @@ impl Judge<'_> {
 
     pub fn new_lesion_effect(&self, at: usize, look: &mut Look<'_>) -> Effect {
         let stated = self.stated_new_lesion(at);
-        let by = stated.map(Fact::by).unwrap_or_default();
+        let by = Value::after(" ", stated.and_then(Fact::by));
         let options =
             [NewLesion::None, NewLesion::Equivocal, NewLesion::NonMeasurable, NewLesion::Measurable];
         let input = (Input::NewLesion, Some(at), false);
         let Some(state) = look.fact(value(stated), input, &options) else { return Effect::Unknown };
         let id = RuleId::NewLesion;
-        let note = |id, words: &str| Effect::Notes(vec![Reason::of(id, format!("{words}{by}"))]);
+        let said = |template: &'static Template| template.with([("by", by.clone())]);
+        let unstated = |template: &'static Template, id| {
+            let unstated = self.rules.unstated(id).into();
+            Effect::Block(Reason::of(id, template.with([("by", by.clone()), ("unstated", unstated)])))
+        };
+        let note = |id, template| Effect::Notes(vec![Reason::of(id, said(template))]);
         let is_measurable = match state {
             NewLesion::None => return Effect::nothing(),
             NewLesion::Equivocal if self.rules.get(RuleId::EquivocalNewLesion).is_some() => {
-                return note(
-                    RuleId::EquivocalNewLesion,
-                    "equivocal new lesion: wait; if it turns out to be one, progression is dated from here",
-                );
+                return note(RuleId::EquivocalNewLesion, say::EQUIVOCAL_WAIT);
             }
             NewLesion::Equivocal => {
-                let id = RuleId::EquivocalNewLesion;
-                let words = format!("equivocal new lesion{by}: {}", self.rules.unstated(id));
-                return Effect::Block(Reason::of(id, words));
+                return unstated(say::EQUIVOCAL_UNSTATED, RuleId::EquivocalNewLesion);
             }
             NewLesion::Measurable => true,
             NewLesion::NonMeasurable => false,
         };
         if self.rules.get(id).is_none() {
-            return Effect::Block(Reason::of(id, format!("new lesion{by}: {}", self.rules.unstated(id))));
+            return unstated(say::NEW_LESION_UNSTATED, id);
         }
         if self.rules.history.criterion == Criterion::Rano20 && !is_measurable {
-            return note(id, "new lesion that isn't measurable: a measurable one is progression");
+            return note(id, say::NEW_LESION_TOO_SMALL);
         }
         if self.rules.get(RuleId::NewLesionImmunotherapy).is_some() {
             match self.is_treated(at, TreatmentKind::Immunotherapy, look) {
                 None => return Effect::Unknown,
-                Some(true) => return note(RuleId::NewLesionImmunotherapy, "new lesion under immunotherapy"),
+                Some(true) => return note(RuleId::NewLesionImmunotherapy, say::NEW_LESION_IMMUNOTHERAPY),
                 Some(false) => {}
             }
         }
@@ -106,8 +108,8 @@ impl Judge<'_> {
         while can_date_back && first > self.baseline + 1 && equivocal(first - 1) {
             first -= 1;
         }
-        let kind = if is_measurable { "measurable" } else { "not measurable" };
-        Effect::Progression(Reason::of(id, format!("new lesion, {kind}{by}")), (first < at).then_some(first))
+        let kind = if is_measurable { say::NEW_LESION_MEASURABLE } else { say::NEW_LESION_NOT_MEASURABLE };
+        Effect::Progression(Reason::of(id, said(kind)), (first < at).then_some(first))
     }
 
     /// Whether a treatment of this kind began on or before the scan.
@@ -131,13 +133,17 @@ impl Judge<'_> {
             return Effect::nothing();
         }
         let id = RuleId::NonTarget;
-        let by = self.fact(at, |facts| facts.non_target.as_ref()).map(Fact::by).unwrap_or_default();
-        let words = format!("lesions that aren't targets are worse{by}");
+        let by = Value::after(" ", self.fact(at, |facts| facts.non_target.as_ref()).and_then(Fact::by));
+        self.worse(id, by, say::NON_TARGET_WORSE, say::NON_TARGET_WORSE_UNSTATED)
+    }
+
+    /// Progression where a rule says so; else no call, as none is stated.
+    fn worse(&self, id: RuleId, by: Value, worse: &'static Template, unstated: &'static Template) -> Effect {
         if self.rules.get(id).is_some() {
-            Effect::Progression(Reason::of(id, words), None)
-        } else {
-            Effect::Block(Reason::of(id, format!("{words}: {}", self.rules.unstated(id))))
+            return Effect::Progression(Reason::of(id, worse.with([("by", by)])), None);
         }
+        let why = self.rules.unstated(id).into();
+        Effect::Block(Reason::of(id, unstated.with([("by", by), ("unstated", why)])))
     }
 
     /// RANO 2.0: the state of non-target lesions by their sums, where they and the targets are measured at all scans since
@@ -208,8 +214,8 @@ impl Judge<'_> {
             None => Effect::Unknown,
             Some(Flair::NotWorse) => Effect::nothing(),
             Some(Flair::Worse) => {
-                let by = fact.map(Fact::by).unwrap_or_default();
-                Effect::Progression(Reason::of(id, format!("T2/FLAIR is significantly worse{by}")), None)
+                let by = Value::after(" ", fact.and_then(Fact::by));
+                Effect::Progression(Reason::of(id, say::FLAIR_WORSE.with([("by", by)])), None)
             }
         }
     }
@@ -228,14 +234,9 @@ impl Judge<'_> {
             None => Effect::Unknown,
             Some(Clinical::Stable | Clinical::Better) => Effect::nothing(),
             Some(Clinical::Worse | Clinical::MuchWorse) => {
-                let id = RuleId::Clinical;
-                let by = self.fact(at, |facts| facts.clinical.as_ref()).map(Fact::by).unwrap_or_default();
-                if self.rules.get(id).is_some() {
-                    Effect::Progression(Reason::of(id, format!("clinically worse{by}")), None)
-                } else {
-                    let words = format!("clinically worse{by}: {}", self.rules.unstated(id));
-                    Effect::Block(Reason::of(id, words))
-                }
+                let by = self.fact(at, |facts| facts.clinical.as_ref()).and_then(Fact::by);
+                let by = Value::after(" ", by);
+                self.worse(RuleId::Clinical, by, say::CLINICALLY_WORSE, say::CLINICALLY_WORSE_UNSTATED)
             }
         }
     }
@@ -280,10 +281,12 @@ impl Judge<'_> {
         .unwrap_or(Dose::None)
     }
 
-    pub fn dose_words(&self, at: usize) -> String {
-        let words = |dose: Option<f64>| dose.map_or_else(|| "unknown".to_owned(), |mg| format!("{mg} mg"));
-        let by = self.fact(at, |facts| facts.steroids_mg.as_ref()).map(Fact::by).unwrap_or_default();
+    pub fn dose_words(&self, at: usize) -> Phrase {
+        let words = |dose: Option<f64>| {
+            dose.map_or_else(|| Phrase::from(say::UNKNOWN).into(), |mg| Value::number(format!("{mg} mg")))
+        };
+        let by = self.fact(at, |facts| facts.steroids_mg.as_ref()).and_then(Fact::by);
         let (now, before) = (words(self.stated_dose(at)), words(self.stated_dose(self.baseline)));
-        format!("steroids {now}{by}, at the baseline {before}")
+        say::STEROIDS.with([("now", now), ("by", Value::after(" ", by)), ("before", before)])
     }
 }

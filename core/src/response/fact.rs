@@ -2,13 +2,20 @@
 
 use std::fmt;
 
-use crate::dates::leading_date;
+use super::phrases as say;
+use crate::{
+    dates::leading_date,
+    phrase::{Phrase, Value},
+};
 use jiff::civil::Date;
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
     de::{DeserializeOwned, Error},
     ser::SerializeMap,
 };
+
+/// The author of facts that the masks show.
+pub(super) const MASKS: &str = "the masks";
 
 /// A statement, and who entered it when. In TOML the value itself, or `{ value = …, author = "…", entered = 2024-05-01 }`.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,11 +34,14 @@ impl<T> Fact<T> {
         Self { value, author: None, entered: None }
     }
 
-    /// Who stated it, for the end of a reason: ` (A. B., 2024-05-01)`, or nothing.
-    pub(super) fn by(&self) -> String {
+    /// Who stated it, for the end of a reason: `(A. B., 2024-05-01)`.
+    pub(super) fn by(&self) -> Option<Phrase> {
+        if self.author.as_deref() == Some(MASKS) && self.entered.is_none() {
+            return Some(say::BY_THE_MASKS.into());
+        }
         let parts: Vec<&str> =
             [&self.author, &self.entered].into_iter().flatten().map(String::as_str).collect();
-        if parts.is_empty() { String::new() } else { format!(" ({})", parts.join(", ")) }
+        (!parts.is_empty()).then(|| say::BY.with([("who", Value::Text(parts.join(", ")))]))
     }
 }
 
@@ -91,6 +101,14 @@ impl When {
     /// The day that a scan's label begins with.
     pub(super) fn of_label(label: &str) -> Option<Self> {
         leading_date(label).map(Self::Date)
+    }
+
+    /// It as a reason says it.
+    pub(super) fn value(self) -> Value {
+        match self {
+            Self::Date(date) => Value::Text(date.to_string()),
+            Self::Day(day) => say::DAY.with([("day", Value::number(day))]).into(),
+        }
     }
 
     /// The number of the day; of calendar days from 1970-01-01.

@@ -4,15 +4,16 @@ use serde::Serialize;
 
 use super::{
     evaluate,
-    fact::{Fact, Label},
+    fact::{Fact, Label, MASKS},
     history::{Assessment, Compartment, History, HistoryError, Measurement, NewLesion, ScanFacts},
+    phrases as say,
     result::Response,
     rules::Criterion,
 };
-use crate::lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest};
-
-/// Who states what the masks show.
-const AUTHOR: &str = "the masks";
+use crate::{
+    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest},
+    phrase::{Phrase, Value},
+};
 
 /// A response of lesions, and what it rests on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -26,6 +27,9 @@ pub struct Evaluated {
     /// What was stated.
     #[serde(skip)]
     pub stated: History,
+    /// `warnings`, for other languages.
+    #[serde(skip)]
+    pub contradictions: Vec<Phrase>,
     /// The calls.
     #[serde(flatten)]
     pub response: Response,
@@ -41,7 +45,7 @@ pub fn evaluate_lesions(
 ) -> Result<Evaluated, HistoryError> {
     let (mut all, mut of, mut proposed_links) = (Vec::<Measurement>::new(), Vec::new(), 0);
     let stated = history.clone();
-    let mut warnings = Vec::new();
+    let mut contradictions = Vec::new();
     for (compartment, report) in reports {
         let mut measured = measurements(report, *compartment);
         if !all.is_empty() {
@@ -49,13 +53,14 @@ pub fn evaluate_lesions(
             measured.iter_mut().for_each(|m| m.lesion = format!("{} {}", report.of, m.lesion));
         }
         all.extend(with_days(measured, &history));
-        warnings.extend(contradictions(&history, report));
+        contradictions.extend(contradictions_of(&history, report));
         history = with_new_lesions(history, report);
         proposed_links += report.proposed().count();
         of.push((*compartment, report.of.clone()));
     }
     let response = evaluate(&history, &all)?;
-    Ok(Evaluated { of, proposed_links, warnings, stated, response })
+    let warnings = contradictions.iter().map(Phrase::to_string).collect();
+    Ok(Evaluated { of, proposed_links, warnings, contradictions, stated, response })
 }
 
 /// The compartments that a history measures: the mask of `of`, and that of non-enhancing disease where it `has_other`.
@@ -132,7 +137,7 @@ fn with_new_lesions(mut history: History, report: &LesionsReport) -> History {
 }
 
 /// Where the masks show a new lesion and the history says that there is none, in one line each.
-fn contradictions(history: &History, report: &LesionsReport) -> Vec<String> {
+fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
     let says_none = |time: &str| {
         let facts = history.date.iter().find(|facts| facts.date.0 == time);
         facts.and_then(|facts| facts.new_lesion.as_ref()).is_some_and(|fact| fact.value == NewLesion::None)
@@ -144,11 +149,12 @@ fn contradictions(history: &History, report: &LesionsReport) -> Vec<String> {
     born.filter(|(_, date)| says_none(&date.time))
         .map(|(lesion, date)| {
             let ml = date.volume_ml.unwrap_or_default();
-            format!(
-                "{}: found lesion {} new in {} ({ml:.2} ml), where the history says that there is no new lesion; the call follows \
-                 the history",
-                date.time, lesion.id, report.of
-            )
+            say::CONTRADICTION.with([
+                ("date", date.time.as_str().into()),
+                ("lesion", lesion.id.as_str().into()),
+                ("mask", report.of.as_str().into()),
+                ("ml", Value::number(format!("{ml:.2}"))),
+            ])
         })
         .collect()
 }
@@ -163,8 +169,8 @@ fn with_days(mut measurements: Vec<Measurement>, history: &History) -> Vec<Measu
 }
 
 fn state(history: &mut History, time: &str, new: NewLesion) {
-    let of_masks = |fact: &Fact<NewLesion>| fact.author.as_deref() == Some(AUTHOR);
-    let fact = Fact { value: new, author: Some(AUTHOR.to_owned()), entered: None };
+    let of_masks = |fact: &Fact<NewLesion>| fact.author.as_deref() == Some(MASKS);
+    let fact = Fact { value: new, author: Some(MASKS.to_owned()), entered: None };
     let Some(facts) = history.date.iter_mut().find(|facts| facts.date.0 == time) else {
         let date = Label(time.to_owned());
         history.date.push(ScanFacts { date, new_lesion: Some(fact), ..ScanFacts::default() });
@@ -237,8 +243,12 @@ mod tests {
         };
         let history =
             History { date: vec![denied], ..History::new(Criterion::Rano20, Some(Assessment::Enhancing)) };
-        assert_eq!(contradictions(&history, &lesions).len(), 1);
-        assert_eq!(contradictions(&with_new_lesions(history, &lesions), &lesions).len(), 1, "it stays said");
+        assert_eq!(contradictions_of(&history, &lesions).len(), 1);
+        assert_eq!(
+            contradictions_of(&with_new_lesions(history, &lesions), &lesions).len(),
+            1,
+            "it stays said"
+        );
 
         let history = History::new(Criterion::Rano20, Some(Assessment::Enhancing));
         let history = with_new_lesions(history, &lesions);

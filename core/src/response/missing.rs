@@ -1,9 +1,10 @@
 //! Which unknown inputs can change a call: the evaluation is run once for every way in which the unknown inputs that it asks
 //! for can turn out, as a tree, so that inputs on which nothing depends are never asked for.
 
-use std::fmt;
-
 use serde::Serialize;
+
+use super::phrases as say;
+use crate::phrase::Template;
 
 /// Maximum number of ways that are followed; beyond, all inputs that were asked for are listed.
 const MAX_LEAVES: usize = 2000;
@@ -219,27 +220,28 @@ fn compatible(a: &[Choice], b: &[Choice], except: Unknown) -> bool {
         .all(|choice| Ask::answer(b, choice.unknown).is_none_or(|taken| taken == choice.taken))
 }
 
-impl fmt::Display for Input {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Baseline => "which scan is the baseline",
-            Self::Targets => "which lesions are targets",
-            Self::Sum => "sum of the targets",
-            Self::SumEnhancing => "sum of the enhancing targets",
-            Self::SumNonEnhancing => "sum of the non-enhancing targets",
-            Self::NewLesion => "whether there are new lesions",
-            Self::NonTarget => "state of lesions that aren't targets",
-            Self::Flair => "whether T2/FLAIR is significantly worse",
-            Self::Clinical => "clinical state",
-            Self::Steroids => "dose of steroids",
-            Self::SteroidsReason => "why steroids were raised",
-            Self::Technique => "whether the technique changed",
-            Self::Field => "whether the growth lies outside the radiation field",
-            Self::Histology => "histology",
-            Self::RadiotherapyEnd => "end of radiotherapy",
-            Self::Disease => "whether the disease is newly diagnosed",
-            Self::Treatment => "treatments and their starts",
-            Self::CallAt => "the call at another scan",
-        })
+impl Input {
+    /// It in words.
+    pub(super) fn template(self) -> &'static Template {
+        match self {
+            Self::Baseline => say::INPUT_BASELINE,
+            Self::Targets => say::INPUT_TARGETS,
+            Self::Sum => say::INPUT_SUM,
+            Self::SumEnhancing => say::INPUT_SUM_ENHANCING,
+            Self::SumNonEnhancing => say::INPUT_SUM_NON_ENHANCING,
+            Self::NewLesion => say::INPUT_NEW_LESION,
+            Self::NonTarget => say::INPUT_NON_TARGET,
+            Self::Flair => say::INPUT_FLAIR,
+            Self::Clinical => say::INPUT_CLINICAL,
+            Self::Steroids => say::INPUT_STEROIDS,
+            Self::SteroidsReason => say::INPUT_STEROIDS_REASON,
+            Self::Technique => say::INPUT_TECHNIQUE,
+            Self::Field => say::INPUT_FIELD,
+            Self::Histology => say::INPUT_HISTOLOGY,
+            Self::RadiotherapyEnd => say::INPUT_RADIOTHERAPY_END,
+            Self::Disease => say::INPUT_DISEASE,
+            Self::Treatment => say::INPUT_TREATMENT,
+            Self::CallAt => say::INPUT_CALL_AT,
+        }
     }
 }

@@ -19,6 +19,7 @@ mod margin;
 mod measured;
 mod missing;
 mod pattern;
+mod phrases;
 mod report;
 mod result;
 mod rules;
@@ -28,7 +29,7 @@ mod targets;
 mod tests;
 mod timeline;
 
-pub use bt_rads::{Answer, BtRads, Category as BtRadsCategory, Question, bt_rads};
+pub use bt_rads::{Answer, BtRads, Category as BtRadsCategory, Question, bt_rads, bt_rads_answered};
 pub use fact::{Fact, Label, Radiotherapy, When};
 pub use history::{
     Assessment, Clinical, Compartment, Disease, Field, Flair, Histology, History, HistoryError, Measurement,
@@ -38,15 +39,18 @@ pub use history::{
 pub use margin::{COVERAGE, Margin, false_fall, false_rise};
 pub use measured::{Evaluated, evaluate_lesions, measured_compartments, name_of};
 pub use missing::Input;
+pub use phrases::ALL as PHRASES;
 pub use result::{
     Call, Category, Confirmation, Confirmed, DateResponse, Judgement, Missing, Quantity, Reason, Reference,
     Response, SumReport, TargetReport,
 };
 pub use rules::{Criterion, Mark, RULES, Rule, RuleId, UNSTATED, Unstated};
 
+use crate::phrase::{Phrase, Value};
 use call::Outcome;
 use judge::Judge;
 use missing::explore;
+use phrases as say;
 use sums::{Line, Thresholds, sum};
 use targets::{Rules, Targets, targets};
 use timeline::{Epoch, Scan, compartments, epochs, scans};
@@ -108,19 +112,17 @@ fn judgements(
     let stated: Option<Vec<_>> = compartments(history).iter().map(thresholds).collect();
     let indices = epoch.first..epoch.end;
     let Some(stated) = stated else {
-        let words =
-            format!("no source of {} that was read states a rule by volume", history.criterion.name());
+        let words = say::UNSTATED.with([
+            ("criteria", history.criterion.name().into()),
+            ("what", Phrase::from(say::RULE_BY_VOLUME).into()),
+            ("way", Value::after("", None)),
+        ]);
         return indices.map(|_| plain(Call::CannotSay, Reason::plain(words.clone()))).collect();
     };
     let baseline = match &epoch.baseline {
         Ok(baseline) => *baseline,
         Err(lacking) => {
-            let missing = |input: &Input| Missing {
-                input: *input,
-                date: None,
-                words: input.to_string(),
-                assumed: None,
-            };
+            let missing = |input: &Input| Missing::of(*input, None, input.template().into(), None);
             let judgement = Judgement {
                 missing: lacking.iter().map(missing).collect(),
                 ..plain(Call::CannotSay, epoch.why.clone())
@@ -167,11 +169,11 @@ fn judged(judge: &Judge<'_>, at: usize, patterns: &call::Patterns) -> Judgement 
         explored.missing.iter().map(|&(unknown, assumed)| judge.missing(unknown, assumed)).collect();
     let outcome = explored.given.unwrap_or_else(|| {
         let open = calls(&explored.under_assumptions);
-        let open: Vec<&str> = open.into_iter().map(Call::short).collect();
-        let words = if explored.complete {
-            format!("what is unknown leaves: {}", open.join("; "))
+        let open: Vec<Phrase> = open.into_iter().map(|call| call.template().into()).collect();
+        let words: Phrase = if explored.complete {
+            say::LEAVES.with([("calls", Value::joined("; ", open))])
         } else {
-            "more is unknown than was followed".to_owned()
+            say::TOO_MUCH_UNKNOWN.into()
         };
         Outcome {
             call: Call::CannotSay,

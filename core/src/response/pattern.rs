@@ -6,12 +6,14 @@ use super::{
     history::{NonTarget, SteroidReason},
     judge::{Judge, Look},
     missing::{Ask, Input},
+    phrases as say,
     result::{Category, Reason},
     rules::RuleId,
     sums::{Line, Nadir},
     targets::Targets,
     timeline::value,
 };
+use crate::phrase::Value;
 
 /// What a scan shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,55 +92,47 @@ impl Judge<'_> {
         };
         if kind == Kind::Complete && self.non_target(at, &mut Look(Some(ask))) == Some(NonTarget::NotWorse) {
             kind = Kind::Partial;
-            reasons.push(Reason::of(
-                RuleId::CompleteResponse,
-                "lesions that aren't targets remain: no complete response",
-            ));
+            reasons.push(Reason::of(RuleId::CompleteResponse, say::NON_TARGET_REMAIN));
         }
         // The dose matters to a complete response as soon as there is one, else where it is above that at baseline.
         let dose = self.dose(at, kind == Kind::Complete, ask);
         if dose == Dose::None {
             return Pattern { kind, reasons, dated: None };
         }
-        let words = self.dose_words(at);
+        let steroids = || Value::from(self.dose_words(at));
+        let unstated = || self.rules.unstated(RuleId::SteroidsNotRaised).into();
         let cannot = |mut reasons: Vec<Reason>, reason| {
             reasons.insert(0, reason);
             Pattern { kind: Kind::CannotSay, reasons, dated: None }
         };
         if kind == Kind::Complete {
             if self.rules.get(RuleId::SteroidsNone).is_none() {
-                let unstated = self.rules.unstated(RuleId::SteroidsNotRaised);
-                return cannot(reasons, Reason::of(RuleId::SteroidsNone, format!("{words}: {unstated}")));
+                let words = say::STEROIDS_UNSTATED.with([("steroids", steroids()), ("unstated", unstated())]);
+                return cannot(reasons, Reason::of(RuleId::SteroidsNone, words));
             }
             kind = Kind::Partial;
-            reasons.push(Reason::of(RuleId::SteroidsNone, format!("{words}: no complete response")));
+            let words = say::STEROIDS_NO_COMPLETE.with([("steroids", steroids())]);
+            reasons.push(Reason::of(RuleId::SteroidsNone, words));
         }
         if dose == Dose::NotRaised {
             return Pattern { kind, reasons, dated: None };
         }
         if kind == Kind::Stable && self.rules.get(RuleId::SteroidsOther).is_some() {
-            return self.raised_on_stable_scan(at, ask, reasons, &words);
+            return self.raised_on_stable_scan(at, ask, reasons);
         }
         let reason = if self.rules.get(RuleId::SteroidsNotRaised).is_some() {
-            format!(
-                "{words}: raised, which neither response nor stable disease allows, and not progression by itself"
-            )
+            say::STEROIDS_RAISED.with([("steroids", steroids())])
         } else {
-            format!("{words}: raised; {}", self.rules.unstated(RuleId::SteroidsNotRaised))
+            say::STEROIDS_RAISED_UNSTATED.with([("steroids", steroids()), ("unstated", unstated())])
         };
         cannot(reasons, Reason::of(RuleId::SteroidsNotRaised, reason))
     }
 
     /// RANO 2.0: steroids are raised, and the scan is stable.
-    fn raised_on_stable_scan(
-        &self,
-        at: usize,
-        ask: &mut Ask,
-        mut reasons: Vec<Reason>,
-        words: &str,
-    ) -> Pattern {
+    fn raised_on_stable_scan(&self, at: usize, ask: &mut Ask, mut reasons: Vec<Reason>) -> Pattern {
         let fact = self.facts(at).and_then(|facts| facts.steroids_reason.as_ref());
-        let by = fact.map(Fact::by).unwrap_or_default();
+        let values =
+            [("steroids", self.dose_words(at).into()), ("by", Value::after(" ", fact.and_then(Fact::by)))];
         let options = [SteroidReason::Other, SteroidReason::Tumour];
         let why = Look(Some(ask)).fact(value(fact), (Input::SteroidsReason, Some(at), false), &options);
         if why == Some(SteroidReason::Tumour) {
@@ -146,7 +140,7 @@ impl Judge<'_> {
             while first > self.baseline + 1 && self.known_dose(first - 1) == Some(Dose::Raised) {
                 first -= 1;
             }
-            let words = format!("{words}: raised because of the tumour{by}");
+            let words = say::STEROIDS_TUMOUR.with(values);
             let dated = (first < at).then_some(first);
             return Pattern {
                 kind: Kind::Progression,
@@ -154,50 +148,43 @@ impl Judge<'_> {
                 dated,
             };
         }
-        let words = format!("{words}: raised for another cause{by}, scan stable");
-        reasons.insert(0, Reason::of(RuleId::SteroidsOther, words));
+        reasons.insert(0, Reason::of(RuleId::SteroidsOther, say::STEROIDS_OTHER.with(values)));
         Pattern { kind: Kind::Observe, reasons, dated: None }
     }
 
     fn sum_effect(&self, at: usize, look: &mut Look<'_>) -> Effect {
         let Some((together, reasons)) = self.together(at, look) else { return Effect::Unknown };
-        let joined = || reasons.iter().map(|reason| reason.words.as_str()).collect::<Vec<_>>().join("; ");
+        let all = || reasons.iter().map(|reason| reason.phrase.clone()).collect();
+        let joined = || ("reasons", Value::joined("; ", all()));
         match together {
             Together::Category(Category::Progression) => {
                 let own = self.lines.first().map(|line| line.thresholds.progression_rule);
                 let rise = own.filter(|_| self.lines.len() == 1).unwrap_or(RuleId::MixedProgression);
-                Effect::Progression(Reason::of(rise, joined()), None)
+                Effect::Progression(Reason::of(rise, say::JOINED.with([joined()])), None)
             }
-            Together::Category(Category::Reappeared) => Effect::Block(Reason::of(
-                RuleId::Reappearance,
-                format!("{}; state whether it is a new lesion", joined()),
-            )),
+            Together::Category(Category::Reappeared) => {
+                Effect::Block(Reason::of(RuleId::Reappearance, say::IS_IT_NEW.with([joined()])))
+            }
             Together::Category(Category::MinorOrStable) => {
-                let unstated = self.rules.unstated(RuleId::MinorResponse);
-                Effect::Block(Reason::of(RuleId::MinorResponse, format!("{}; {unstated}", joined())))
+                let unstated = self.rules.unstated(RuleId::MinorResponse).into();
+                let words = say::REASONS_UNSTATED.with([joined(), ("unstated", unstated)]);
+                Effect::Block(Reason::of(RuleId::MinorResponse, words))
             }
             Together::Category(_) => Effect::Notes(reasons),
             Together::NotComparable(scan) => {
-                let label = self.label(scan);
-                let words = format!("the technique changed at {label}: the sums before aren't comparable");
+                let words = say::TECHNIQUE_CHANGED.with([("scan", self.label(scan).into())]);
                 Effect::Block(Reason::of(RuleId::TechniqueChanged, words))
             }
-            Together::MixedUnstated => Effect::Block(Reason::of(
-                RuleId::MixedStable,
-                format!(
-                    "{}; minor response of one compartment and partial response of the other: not stated by the source",
-                    joined()
-                ),
-            )),
+            Together::MixedUnstated => {
+                Effect::Block(Reason::of(RuleId::MixedStable, say::MIXED_UNSTATED.with([joined()])))
+            }
             Together::NoTargets => {
                 let id = RuleId::NonMeasurableOnly;
                 if self.rules.get(id).is_some() && self.lines.len() == 1 {
-                    Effect::Notes(vec![Reason::of(
-                        id,
-                        "no measurable disease at the baseline: at best stable disease",
-                    )])
+                    Effect::Notes(vec![Reason::of(id, say::AT_BEST_STABLE)])
                 } else {
-                    let words = format!("no measurable disease at the baseline: {}", self.rules.unstated(id));
+                    let unstated = self.rules.unstated(id).into();
+                    let words = say::NO_MEASURABLE_UNSTATED.with([("unstated", unstated)]);
                     Effect::Block(Reason::of(id, words))
                 }
             }
@@ -233,13 +220,17 @@ impl Judge<'_> {
             });
         }
         if let [a, b] = categories.as_slice() {
-            let id = match (a, b) {
-                _ if a == b => RuleId::MixedAlike,
-                (Category::Progression, _) | (_, Category::Progression) => RuleId::MixedProgression,
-                (Category::Complete, _) | (_, Category::Complete) => RuleId::MixedComplete,
-                _ => RuleId::MixedStable,
+            let (id, statement) = match (a, b) {
+                _ if a == b => (RuleId::MixedAlike, say::MIXED_ALIKE),
+                (Category::Progression, _) | (_, Category::Progression) => {
+                    (RuleId::MixedProgression, say::MIXED_PROGRESSION)
+                }
+                (Category::Complete, _) | (_, Category::Complete) => {
+                    (RuleId::MixedComplete, say::MIXED_COMPLETE)
+                }
+                _ => (RuleId::MixedStable, say::MIXED_STABLE),
             };
-            reasons.extend(self.rules.get(id).map(|rule| Reason::of(id, rule.statement)));
+            reasons.extend(self.rules.get(id).map(|_| Reason::of(id, statement)));
         }
         Some((together?, reasons))
     }
@@ -254,8 +245,7 @@ impl Judge<'_> {
                 || self.between(line, sum, change..at, look)? == Between::Lower;
             if rises {
                 let id = line.thresholds.progression_rule;
-                let words =
-                    format!("sum above the lowest since the technique changed at {}", self.label(change));
+                let words = say::SINCE_TECHNIQUE.with([("scan", self.label(change).into())]);
                 return Some((Together::Category(Category::Progression), vec![Reason::of(id, words)]));
             }
         }

@@ -5,15 +5,17 @@ use super::{
     judge::Judge,
     margin::{Margin, false_fall, false_rise, margin},
     missing::{Input, Unknown},
+    phrases as say,
     result::{Category, Missing, Quantity, Reason, Reference, SumReport, TargetReport},
     rules::RuleId,
     sums::{Line, Minor, Sum},
     targets::Targets,
 };
+use crate::phrase::{Phrase, Value};
 
 /// A change in words: `+50 %`.
-fn percent(change: f64) -> String {
-    format!("{change:+.1} %")
+fn percent(change: f64) -> Value {
+    Value::Number(format!("{change:+.1} %"))
 }
 
 fn change(sum: f64, reference: f64) -> Option<f64> {
@@ -26,56 +28,63 @@ impl Judge<'_> {
         let t = &line.thresholds;
         let whole = |scan: usize| line.at(scan).and_then(Sum::whole);
         let unit = self.unit();
-        let sum = whole(at).map_or_else(|| "unknown".to_owned(), |sum| format!("{sum:.1} {unit}"));
+        let sum = whole(at).map_or_else(
+            || Phrase::from(say::UNKNOWN).into(),
+            |sum| Value::number(format!("{sum:.1} {unit}")),
+        );
         let lowest = line.nadir_before(at);
         let from_baseline = whole(at).zip(whole(self.baseline)).and_then(|(sum, base)| change(sum, base));
         let from_lowest = whole(at).zip(lowest).and_then(|(sum, lowest)| change(sum, lowest.sum));
-        let compared = |change: Option<f64>, threshold: String| {
-            change.map_or_else(String::new, |change| format!(", {}{threshold}", percent(change)))
+        let compared_with_baseline = |threshold: Option<f64>| {
+            let change = ("change", percent(from_baseline?));
+            Some(match threshold {
+                Some(threshold) => say::FROM_BASELINE.with([change, ("threshold", Value::number(threshold))]),
+                None => say::FROM_BASELINE_ALONE.with([change]),
+            })
         };
-        let lowest_words = lowest.map_or_else(String::new, |lowest| {
-            let scans = if lowest.scans == 1 { "scan" } else { "scans" };
-            format!(
-                "the lowest ({:.1} at {}, of {} {scans})",
-                lowest.sum,
-                self.label(lowest.at),
-                lowest.scans
-            )
-        });
-        let (id, words) = match category {
-            Category::Complete => (RuleId::CompleteResponse, "all targets are gone".to_owned()),
-            Category::Progression => {
-                let than = format!(" from {lowest_words}, threshold +{} %", t.progression);
-                let words = if from_lowest.is_some() {
-                    compared(from_lowest, than)
-                } else {
-                    format!(", +{} % or more from an earlier sum, after a lowest sum of 0", t.progression)
-                };
-                (t.progression_rule, format!("sum {sum}{words}"))
-            }
-            Category::Partial => {
-                let than = format!(" from the baseline, threshold -{} %", t.partial);
-                (t.partial_rule, format!("sum {sum}{}", compared(from_baseline, than)))
-            }
+        let compared_with_lowest = || {
+            let lowest = lowest?;
+            let [change, low, scan, threshold] = [
+                ("change", percent(from_lowest?)),
+                ("lowest", Value::number(format!("{:.1}", lowest.sum))),
+                ("scan", self.label(lowest.at).into()),
+                ("threshold", Value::number(t.progression)),
+            ];
+            Some(match lowest.scans {
+                1 => say::FROM_LOWEST_OF_ONE.with([change, low, scan, threshold]),
+                scans => {
+                    say::FROM_LOWEST.with([change, low, scan, ("scans", Value::number(scans)), threshold])
+                }
+            })
+        };
+        let after_zero = || say::AFTER_ZERO.with([("threshold", Value::number(t.progression))]);
+        let changes: Vec<Phrase> = match category {
+            Category::Complete | Category::Reappeared => Vec::new(),
+            Category::Progression => vec![compared_with_lowest().unwrap_or_else(after_zero)],
+            Category::Partial => compared_with_baseline(Some(t.partial)).into_iter().collect(),
             Category::Minor | Category::MinorOrStable => {
-                let minor = if let Minor::Percent(minor) = t.minor {
-                    format!(", threshold -{minor} %")
-                } else {
-                    String::new()
-                };
-                (
-                    RuleId::MinorResponse,
-                    format!("sum {sum}{}", compared(from_baseline, format!(" from the baseline{minor}"))),
-                )
+                let minor = if let Minor::Percent(minor) = t.minor { Some(minor) } else { None };
+                compared_with_baseline(minor).into_iter().collect()
             }
-            Category::Stable => {
-                let base = compared(from_baseline, format!(" from the baseline, threshold -{} %", t.partial));
-                let low =
-                    compared(from_lowest, format!(" from {lowest_words}, threshold +{} %", t.progression));
-                (RuleId::StableDisease, format!("sum {sum}{base}{low}"))
-            }
-            Category::Reappeared => {
-                (RuleId::Reappearance, format!("sum {sum} after a lowest sum of 0: no ratio"))
+            Category::Stable => [compared_with_baseline(Some(t.partial)), compared_with_lowest()]
+                .into_iter()
+                .flatten()
+                .collect(),
+        };
+        let id = match category {
+            Category::Complete => RuleId::CompleteResponse,
+            Category::Progression => t.progression_rule,
+            Category::Partial => t.partial_rule,
+            Category::Minor | Category::MinorOrStable => RuleId::MinorResponse,
+            Category::Stable => RuleId::StableDisease,
+            Category::Reappeared => RuleId::Reappearance,
+        };
+        let words = match category {
+            Category::Complete => say::ALL_GONE.into(),
+            Category::Reappeared => say::SUM_REAPPEARED.with([("sum", sum)]),
+            _ => {
+                let changes = Value::Phrases { before: ", ", between: ", ", all: changes };
+                say::SUM.with([("sum", sum), ("changes", changes)])
             }
         };
         Reason::of(id, words)
@@ -141,32 +150,30 @@ impl Judge<'_> {
     /// An unknown input in words.
     pub fn missing(&self, unknown: Unknown, assumed: bool) -> Missing {
         let input = unknown.input;
-        let mut words = input.to_string();
+        let mut words = Phrase::from(input.template());
         let lines = self.lines.iter().filter(|line| self.sum_input(line) == input);
         for line in lines {
             let lacking = unknown.scan.and_then(|scan| line.at(scan)).map(|sum| sum.lacking.join(", "));
-            words = format!("{words}: not measured: {}", lacking.unwrap_or_default());
+            let lesions = Value::Text(lacking.unwrap_or_default());
+            words = say::INPUT_NOT_MEASURED.with([("input", words.into()), ("lesions", lesions)]);
         }
         if input == Input::Targets {
             let why = self.lines.iter().filter_map(|line| match &line.targets {
-                Targets::Unknown(why) => Some(why.as_str()),
+                Targets::Unknown(why) => Some(why.clone()),
                 _ => None,
             });
-            words = format!("{words}: {}", why.collect::<Vec<_>>().join("; "));
+            let why = Value::joined("; ", why.collect());
+            words = say::INPUT_WHY.with([("input", words.into()), ("why", why)]);
         }
         let assumption = match input {
-            Input::Clinical => "not worse",
-            Input::Steroids => "none, or not raised",
-            Input::Technique => "unchanged",
-            Input::Histology => "not done",
-            Input::CallAt => "as it stands",
-            _ => "not lower than the lowest that is measured",
+            Input::Clinical => say::ASSUMED_NOT_WORSE,
+            Input::Steroids => say::ASSUMED_NO_STEROIDS,
+            Input::Technique => say::ASSUMED_UNCHANGED,
+            Input::Histology => say::ASSUMED_NOT_DONE,
+            Input::CallAt => say::ASSUMED_AS_IT_STANDS,
+            _ => say::ASSUMED_NOT_LOWER,
         };
-        Missing {
-            input,
-            date: unknown.scan.map(|scan| self.label(scan).to_owned()),
-            words,
-            assumed: assumed.then(|| assumption.to_owned()),
-        }
+        let date = unknown.scan.map(|scan| self.label(scan));
+        Missing::of(input, date, words, assumed.then(|| assumption.into()))
     }
 }

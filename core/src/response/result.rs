@@ -6,8 +6,10 @@ use super::{
     history::{Assessment, Compartment},
     margin::Margin,
     missing::Input,
+    phrases as say,
     rules::{Criterion, RuleId},
 };
+use crate::phrase::{Phrase, Template};
 
 /// The call at a scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -44,20 +46,25 @@ pub enum Call {
 impl Call {
     /// Its short name, in text.
     pub fn short(self) -> &'static str {
+        self.template().english
+    }
+
+    /// Its short name, as a template.
+    pub fn template(self) -> &'static Template {
         match self {
-            Self::Baseline => "baseline",
-            Self::BeforeBaseline => "before baseline",
-            Self::CompleteResponse => "CR",
-            Self::UnconfirmedCompleteResponse => "CR, unconfirmed",
-            Self::PartialResponse => "PR",
-            Self::UnconfirmedPartialResponse => "PR, unconfirmed",
-            Self::MinorResponse => "MR",
-            Self::UnconfirmedMinorResponse => "MR, unconfirmed",
-            Self::StableDisease => "SD",
-            Self::Progression => "PD",
-            Self::PreliminaryProgression => "PD, preliminary",
-            Self::Observe => "neither SD nor PD, observe",
-            Self::CannotSay => "cannot say",
+            Self::Baseline => say::CALL_BASELINE,
+            Self::BeforeBaseline => say::CALL_BEFORE_BASELINE,
+            Self::CompleteResponse => say::CALL_CR,
+            Self::UnconfirmedCompleteResponse => say::CALL_CR_UNCONFIRMED,
+            Self::PartialResponse => say::CALL_PR,
+            Self::UnconfirmedPartialResponse => say::CALL_PR_UNCONFIRMED,
+            Self::MinorResponse => say::CALL_MR,
+            Self::UnconfirmedMinorResponse => say::CALL_MR_UNCONFIRMED,
+            Self::StableDisease => say::CALL_SD,
+            Self::Progression => say::CALL_PD,
+            Self::PreliminaryProgression => say::CALL_PD_PRELIMINARY,
+            Self::Observe => say::CALL_OBSERVE,
+            Self::CannotSay => say::CALL_CANNOT_SAY,
         }
     }
 }
@@ -128,6 +135,15 @@ pub struct Confirmation {
     pub by: Option<String>,
     /// In words.
     pub words: String,
+    /// The same, for other languages.
+    #[serde(skip)]
+    pub phrase: Phrase,
+}
+
+impl Confirmation {
+    pub(super) fn of(state: Confirmed, by: Option<&str>, phrase: Phrase) -> Self {
+        Self { state, by: by.map(str::to_owned), words: phrase.to_string(), phrase }
+    }
 }
 
 /// A reason.
@@ -137,15 +153,19 @@ pub struct Reason {
     pub rule: Option<RuleId>,
     /// The rule with the numbers of this scan, in words.
     pub words: String,
+    /// The same, for other languages.
+    #[serde(skip)]
+    pub phrase: Phrase,
 }
 
 impl Reason {
-    pub(super) fn of(rule: RuleId, words: impl Into<String>) -> Self {
-        Self { rule: Some(rule), words: words.into() }
+    pub(super) fn of(rule: RuleId, phrase: impl Into<Phrase>) -> Self {
+        Self { rule: Some(rule), ..Self::plain(phrase) }
     }
 
-    pub(super) fn plain(words: impl Into<String>) -> Self {
-        Self { rule: None, words: words.into() }
+    pub(super) fn plain(phrase: impl Into<Phrase>) -> Self {
+        let phrase = phrase.into();
+        Self { rule: None, words: phrase.to_string(), phrase }
     }
 }
 
@@ -160,6 +180,25 @@ pub struct Missing {
     pub words: String,
     /// What the call assumes of it; `None`: nothing, so that the call can't be made if it depends on it.
     pub assumed: Option<String>,
+    /// `words`, for other languages.
+    #[serde(skip)]
+    pub phrase: Phrase,
+    /// `assumed`, for other languages.
+    #[serde(skip)]
+    pub assumption: Option<Phrase>,
+}
+
+impl Missing {
+    pub(super) fn of(input: Input, date: Option<&str>, phrase: Phrase, assumption: Option<Phrase>) -> Self {
+        Self {
+            input,
+            date: date.map(str::to_owned),
+            words: phrase.to_string(),
+            assumed: assumption.as_ref().map(Phrase::to_string),
+            phrase,
+            assumption,
+        }
+    }
 }
 
 /// What is summed.

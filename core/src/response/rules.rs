@@ -4,6 +4,9 @@
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantArray};
 
+use super::phrases as say;
+use crate::phrase::{Phrase, Template, Value};
+
 /// A set of response criteria.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, IntoStaticStr, VariantArray)]
 pub enum Criterion {
@@ -279,10 +282,10 @@ pub static RULES: &[Rule] = &[
     row(&[IR], Id::ImmunotherapyWindow, 6.0, "months", Read, IRANO, "progression up to this long after the start of immunotherapy, new lesions included, needs confirmation on follow-up"),
     said(&[IR], Id::ImmunotherapyMuchWorse, Read, IRANO, "in that window a patient who is clinically much worse has progression without confirmation"),
 
-    said(&[R20], Id::MixedProgression, Secondary, QUOTED, "mixed disease: progression of either compartment is progression"),
-    said(&[R20], Id::MixedStable, Secondary, QUOTED, "mixed disease: minor or partial response and stable disease is minor or partial response"),
-    said(&[R20], Id::MixedComplete, Secondary, QUOTED, "mixed disease: complete response and another call is the other call"),
-    said(&[R20], Id::MixedAlike, Secondary, QUOTED, "mixed disease: stable disease in both compartments is stable disease (and, as this program reads it, any other call in both that call)"),
+    said(&[R20], Id::MixedProgression, Secondary, QUOTED, say::MIXED_PROGRESSION.english),
+    said(&[R20], Id::MixedStable, Secondary, QUOTED, say::MIXED_STABLE.english),
+    said(&[R20], Id::MixedComplete, Secondary, QUOTED, say::MIXED_COMPLETE.english),
+    said(&[R20], Id::MixedAlike, Secondary, QUOTED, say::MIXED_ALIKE.english),
 
     said(&Criterion::ALL, Id::SurgeryResets, Secondary, ENGINES, "surgery resets baseline, lowest sum and targets"),
     said(&Criterion::ALL, Id::Reappearance, Secondary, ENGINES, "above a lowest sum of zero there is no ratio: reappearance is judged as a new lesion"),
@@ -298,6 +301,9 @@ pub struct Unstated {
     pub id: RuleId,
     /// What isn't stated.
     pub what: &'static str,
+    /// The same, for other languages.
+    #[serde(skip)]
+    pub template: &'static Template,
     /// The key under `[trial]` by which the user can state it; empty: none.
     pub trial: &'static str,
 }
@@ -305,31 +311,31 @@ pub struct Unstated {
 const fn unstated(
     criteria: &'static [Criterion],
     id: RuleId,
-    what: &'static str,
+    template: &'static Template,
     trial: &'static str,
 ) -> Unstated {
-    Unstated { criteria, id, what, trial }
+    Unstated { criteria, id, what: template.english, template, trial }
 }
 
 /// All that isn't applied because no source that was read states it.
 #[rustfmt::skip]
 pub static UNSTATED: &[Unstated] = &[
-    unstated(&[MR17], Id::MeasurableLongest, "which lesions are measurable", "follow_2010 \"measurable\""),
-    unstated(&[R10, IR, LGG, MR17], Id::MaxTargets, "the number of targets", "max_targets"),
-    unstated(&[R10, IR, LGG], Id::BaselineAfterRadiotherapy, "which scan is the baseline", "the baseline itself"),
-    unstated(&[MR17, R20], Id::BaselineBeforeTreatment, "the baseline of recurrent disease", "the baseline itself"),
-    unstated(&[R20], Id::MinorResponse, "the volume of a minor response", "minor_response_volume_percent"),
-    unstated(&[LGG, MR17], Id::NonTarget, "what worse non-target disease means", "follow_2010 \"non-target\""),
-    unstated(&[MR17], Id::NewLesion, "what a new lesion means", ""),
-    unstated(&[LGG, MR17, R20], Id::SteroidsNotRaised, "which doses of steroids a response allows", "follow_2010 \"steroids\""),
-    unstated(&[LGG, MR17], Id::Clinical, "what a worse clinical state means", "follow_2010 \"clinical\""),
-    unstated(&[LGG], Id::NewLesion, "new enhancement of a known lesion", ""),
-    unstated(&[LGG, MR17, R20, BM], Id::ConfirmResponse, "when a response is confirmed (RANO-LGG: other than partial)", "confirm_response_days"),
-    unstated(&[MR17, IR], Id::ConfirmProgression, "when progression is confirmed", "confirm_progression_days"),
-    unstated(&[LGG, MR17, R20, BM], Id::NonMeasurableOnly, "the call without measurable disease", ""),
-    unstated(&[R10, IR, LGG, R20, MR17], Id::EquivocalNewLesion, "what an equivocal new lesion means", ""),
-    unstated(&[BM], Id::Progression, "the least absolute rise of progression", "progression_absolute_mm"),
-    unstated(&[MR17, R20], Id::PartialResponseVolume, "which lesions are measurable by volume", ""),
+    unstated(&[MR17], Id::MeasurableLongest, say::WHICH_MEASURABLE, "follow_2010 \"measurable\""),
+    unstated(&[R10, IR, LGG, MR17], Id::MaxTargets, say::NUMBER_OF_TARGETS, "max_targets"),
+    unstated(&[R10, IR, LGG], Id::BaselineAfterRadiotherapy, say::WHICH_BASELINE, say::BASELINE_ITSELF.english),
+    unstated(&[MR17, R20], Id::BaselineBeforeTreatment, say::BASELINE_OF_RECURRENT, say::BASELINE_ITSELF.english),
+    unstated(&[R20], Id::MinorResponse, say::VOLUME_OF_MINOR, "minor_response_volume_percent"),
+    unstated(&[LGG, MR17], Id::NonTarget, say::WORSE_NON_TARGET_MEANS, "follow_2010 \"non-target\""),
+    unstated(&[MR17], Id::NewLesion, say::NEW_LESION_MEANS, ""),
+    unstated(&[LGG, MR17, R20], Id::SteroidsNotRaised, say::DOSES_ALLOWED, "follow_2010 \"steroids\""),
+    unstated(&[LGG, MR17], Id::Clinical, say::WORSE_CLINICAL_MEANS, "follow_2010 \"clinical\""),
+    unstated(&[LGG], Id::NewLesion, say::NEW_ENHANCEMENT, ""),
+    unstated(&[LGG, MR17, R20, BM], Id::ConfirmResponse, say::RESPONSE_CONFIRMED, "confirm_response_days"),
+    unstated(&[MR17, IR], Id::ConfirmProgression, say::PROGRESSION_CONFIRMED, "confirm_progression_days"),
+    unstated(&[LGG, MR17, R20, BM], Id::NonMeasurableOnly, say::CALL_WITHOUT_MEASURABLE, ""),
+    unstated(&[R10, IR, LGG, R20, MR17], Id::EquivocalNewLesion, say::EQUIVOCAL_MEANS, ""),
+    unstated(&[BM], Id::Progression, say::LEAST_RISE, "progression_absolute_mm"),
+    unstated(&[MR17, R20], Id::PartialResponseVolume, say::MEASURABLE_BY_VOLUME, ""),
 ];
 
 /// The row of `criterion` about `id`.
@@ -338,10 +344,17 @@ pub fn rule(criterion: Criterion, id: RuleId) -> Option<&'static Rule> {
 }
 
 /// What `criterion` doesn't state about `id`, and how the user can.
-pub fn unstated_words(criterion: Criterion, id: RuleId) -> String {
+pub(super) fn unstated_phrase(criterion: Criterion, id: RuleId) -> Phrase {
     let row = UNSTATED.iter().find(|row| row.id == id && row.criteria.contains(&criterion));
-    let what = row.map_or("this", |row| row.what);
-    let way = row.filter(|row| !row.trial.is_empty());
-    let way = way.map(|row| format!("; the trial's can be given: {}", row.trial)).unwrap_or_default();
-    format!("no source of {} that was read states {what}{way}", criterion.name())
+    let what = row.map_or(say::THIS, |row| row.template);
+    let way = row.filter(|row| !row.trial.is_empty()).map(|row| {
+        let is_baseline = row.trial == say::BASELINE_ITSELF.english;
+        let key = if is_baseline { Phrase::from(say::BASELINE_ITSELF).into() } else { row.trial.into() };
+        say::WAY.with([("key", key)])
+    });
+    say::UNSTATED.with([
+        ("criteria", criterion.name().into()),
+        ("what", Phrase::from(what).into()),
+        ("way", Value::after("; ", way)),
+    ])
 }

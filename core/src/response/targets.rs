@@ -2,10 +2,12 @@
 
 use super::{
     history::{Assessment, Compartment, History, Measurement, Part},
+    phrases as say,
     result::TargetReport,
-    rules::{Criterion, Rule, RuleId, rule, unstated_words},
+    rules::{Criterion, Rule, RuleId, rule, unstated_phrase},
     timeline::{Epoch, Scan},
 };
+use crate::phrase::{Phrase, Value};
 
 /// The relative difference below which two numbers count as equal, so that a change of 25 % is reached whatever the
 /// rounding of the sums.
@@ -51,8 +53,8 @@ impl Rules<'_> {
     }
 
     /// That it isn't stated.
-    pub fn unstated(self, id: RuleId) -> String {
-        unstated_words(self.history.criterion, id)
+    pub fn unstated(self, id: RuleId) -> Phrase {
+        unstated_phrase(self.history.criterion, id)
     }
 
     /// The most targets of one compartment.
@@ -63,9 +65,9 @@ impl Rules<'_> {
     }
 
     /// Whether a lesion is measurable, with what decides it; `None`: unknown, or not stated.
-    fn measurable(self, lesion: &Measurement) -> (Option<bool>, String) {
+    fn measurable(self, lesion: &Measurement) -> (Option<bool>, Phrase) {
         if lesion.gone {
-            return (Some(false), "gone".into());
+            return (Some(false), say::GONE.into());
         }
         let (Some(longest), Some(perpendicular), Some(slices)) = (
             self.number(RuleId::MeasurableLongest),
@@ -87,26 +89,30 @@ impl Rules<'_> {
             least_perpendicular = least.map(|least| perpendicular.max(least));
         }
         let conditions = [
-            ("longest_mm", lesion.longest_mm, least_longest, longest),
-            ("perpendicular_mm", lesion.perpendicular_mm, least_perpendicular, perpendicular),
-            ("slices", lesion.slices.map(f64::from), Some(slices), slices),
+            (say::LONGEST, lesion.longest_mm, least_longest, longest),
+            (say::PERPENDICULAR, lesion.perpendicular_mm, least_perpendicular, perpendicular),
+            (say::SLICES, lesion.slices.map(f64::from), Some(slices), slices),
         ];
         for (name, value, threshold, lowest) in conditions {
             // Thick slices only ask for more.
             let needed = threshold.unwrap_or(lowest);
             if let Some(value) = value.filter(|&value| !at_least(value, needed)) {
-                return (Some(false), format!("{name} {value}, at least {needed} needed"));
+                let size = Phrase::from(name).into();
+                let values =
+                    [("size", size), ("value", Value::number(value)), ("least", Value::number(needed))];
+                return (Some(false), say::TOO_SMALL.with(values));
             }
         }
+        let not_stated = |size| (None, say::SIZE_NOT_STATED.with([("size", Phrase::from(size).into())]));
         for (name, value, threshold, _) in conditions {
             if value.is_none() {
-                return (None, format!("{name} isn't stated"));
+                return not_stated(name);
             }
             if threshold.is_none() {
-                return (None, "slice_thickness_mm isn't stated".into());
+                return not_stated(say::THICKNESS);
             }
         }
-        (Some(true), "measurable".into())
+        (Some(true), say::MEASURABLE.into())
     }
 }
 
@@ -117,7 +123,7 @@ pub(super) enum Targets<'a> {
     /// There is no measurable disease.
     NoneMeasurable,
     /// They can't be chosen, in words.
-    Unknown(String),
+    Unknown(Phrase),
 }
 
 /// The targets at the baseline, and all lesions of the compartment there.
@@ -133,15 +139,16 @@ pub(super) fn targets<'a>(
     let mut unclear = None;
     let mut add = |name: &'a str, lesion: Option<&Measurement>, is_stated: bool| {
         let (measurable, words) =
-            lesion.map_or_else(|| (None, "not measured".into()), |lesion| rules.measurable(lesion));
+            lesion.map_or_else(|| (None, say::NOT_MEASURED.into()), |lesion| rules.measurable(lesion));
         // A lesion that the user chose as target is taken as measurable where nothing says otherwise.
         let target = measurable.unwrap_or(is_stated);
         if target {
             chosen.push(name);
         } else if measurable.is_none() && unclear.is_none() {
-            unclear = Some(format!("whether {name} is measurable: {words}"));
+            let values = [("lesion", name.into()), ("why", words.clone().into())];
+            unclear = Some(say::WHETHER_MEASURABLE.with(values));
         }
-        reports.push(TargetReport { lesion: name.to_owned(), target, measurable, words });
+        reports.push(TargetReport { lesion: name.to_owned(), target, measurable, words: words.to_string() });
     };
     if let Some(stated) = epoch.stated_targets {
         for name in stated.iter().filter(|name| is_of(scans, name, compartment)) {
@@ -155,15 +162,15 @@ pub(super) fn targets<'a>(
             add(name, Some(lesion), false);
         }
         if reports.is_empty() {
-            unclear =
-                Some("no lesion is measured at the baseline; targets = [] states that there is none".into());
+            unclear = Some(say::NO_LESION_AT_BASELINE.into());
         }
     }
     let most = rules.max_targets();
     let targets = match (unclear, most) {
         (Some(words), _) => Targets::Unknown(words),
         (None, Some(most)) if chosen.len() as f64 > most => {
-            Targets::Unknown(format!("{} targets, at most {most} of each compartment: choose", chosen.len()))
+            let values = [("count", Value::number(chosen.len())), ("most", Value::number(most))];
+            Targets::Unknown(say::TOO_MANY_TARGETS.with(values))
         }
         (None, _) if chosen.is_empty() => Targets::NoneMeasurable,
         (None, _) => {

@@ -10,9 +10,11 @@ use super::{
         ScanFacts,
     },
     missing::Input,
+    phrases as say,
     result::Reason,
-    rules::{Criterion, RuleId, rule, unstated_words},
+    rules::{Criterion, RuleId, rule, unstated_phrase},
 };
+use crate::phrase::Value;
 
 /// A scan.
 pub(super) struct Scan<'a> {
@@ -172,14 +174,14 @@ pub(super) fn epochs<'a>(history: &'a History, scans: &[Scan<'a>]) -> Result<Vec
         let was_judged = epochs.iter().any(|epoch| epoch.baseline.is_ok());
         let (baseline, why) = if let Some(chosen) = own.or(in_epoch) {
             let label = scans.get(chosen).map_or("", |scan| scan.label);
-            let words = format!("baseline {label}, as stated in the history");
-            (Ok(chosen), Reason { rule: own.map(|_| RuleId::SurgeryResets), words })
+            let words = say::BASELINE_STATED.with([("scan", label.into())]);
+            (Ok(chosen), Reason { rule: own.map(|_| RuleId::SurgeryResets), ..Reason::plain(words) })
         } else {
             let by_rule = baseline_by_rule(history, scans, first, end, after);
             match by_rule {
                 (Err(_), _) if was_judged && first < end => {
                     let label = scans.get(first).map_or("", |scan| scan.label);
-                    let words = format!("baseline {label}, the first scan after surgery");
+                    let words = say::BASELINE_AFTER_SURGERY.with([("scan", label.into())]);
                     (Ok(first), Reason::of(RuleId::SurgeryResets, words))
                 }
                 other => other,
@@ -206,53 +208,45 @@ fn baseline_by_rule(history: &History, scans: &[Scan<'_>], first: usize, end: us
     if let Some(most) = number(RuleId::BaselineBeforeTreatment) {
         let id = RuleId::BaselineBeforeTreatment;
         let Some(treatments) = &history.treatment else {
-            return (Err(vec![Input::Baseline, Input::Treatment]), Reason::of(id, "no treatment is stated"));
+            return (Err(vec![Input::Baseline, Input::Treatment]), Reason::of(id, say::NO_TREATMENT_STATED));
         };
         let start = treatments.iter().map(|t| t.start.number()).filter(|&start| start > after).min();
         let eligible =
             |day: i32| start.is_some_and(|start| (0.0..=most).contains(&(f64::from(start) - f64::from(day))));
         let chosen = in_epoch().filter(|(_, scan)| eligible(scan.day)).map(|(at, _)| at).next_back();
+        let days = ("days", Value::number(most));
         return match chosen {
-            Some(at) => (
-                Ok(at),
-                Reason::of(
-                    id,
-                    format!("baseline {}, the last scan within {most} days before treatment", label(at)),
-                ),
-            ),
-            None => (
-                Err(vec![Input::Baseline]),
-                Reason::of(id, format!("no scan within {most} days before treatment")),
-            ),
+            Some(at) => {
+                let words = say::BASELINE_BEFORE_TREATMENT.with([("scan", label(at).into()), days]);
+                (Ok(at), Reason::of(id, words))
+            }
+            None => (Err(vec![Input::Baseline]), Reason::of(id, say::NO_SCAN_BEFORE_TREATMENT.with([days]))),
         };
     }
     let earliest = number(RuleId::BaselineEarliest);
     let is_after_radiotherapy = rule(criterion, RuleId::BaselineAfterRadiotherapy).is_some();
     let id = if earliest.is_some() { RuleId::BaselineEarliest } else { RuleId::BaselineAfterRadiotherapy };
     if earliest.is_none() && !is_after_radiotherapy {
-        return (Err(vec![Input::Baseline]), Reason::of(id, unstated_words(criterion, id)));
+        return (Err(vec![Input::Baseline]), Reason::of(id, unstated_phrase(criterion, id)));
     }
     if disease == Some(Disease::Recurrent) {
         let id = RuleId::BaselineBeforeTreatment;
-        return (Err(vec![Input::Baseline]), Reason::of(id, unstated_words(criterion, id)));
+        return (Err(vec![Input::Baseline]), Reason::of(id, unstated_phrase(criterion, id)));
     }
     let mut lacking = vec![Input::Baseline];
     lacking.extend(disease.is_none().then_some(Input::Disease));
     let ended = match history.radiotherapy_end.as_ref().map(|fact| fact.value) {
         Some(Radiotherapy::Ended(when)) => when.number(),
         Some(Radiotherapy::None) => {
-            return (
-                Err(vec![Input::Baseline]),
-                Reason::of(id, "no radiotherapy, after which the baseline would be"),
-            );
+            return (Err(vec![Input::Baseline]), Reason::of(id, say::NO_RADIOTHERAPY));
         }
         None => {
             lacking.push(Input::RadiotherapyEnd);
-            return (Err(lacking), Reason::of(id, "the end of radiotherapy isn't stated"));
+            return (Err(lacking), Reason::of(id, say::NO_RADIOTHERAPY_END));
         }
     };
     if disease.is_none() {
-        return (Err(lacking), Reason::of(id, "whether the disease is newly diagnosed isn't stated"));
+        return (Err(lacking), Reason::of(id, say::NO_DISEASE_STATED));
     }
     let latest = number(RuleId::BaselineLatest).unwrap_or(f64::INFINITY);
     let from = earliest.unwrap_or(0.0);
@@ -264,12 +258,14 @@ fn baseline_by_rule(history: &History, scans: &[Scan<'_>], first: usize, end: us
     match in_epoch().find(|(_, scan)| eligible(scan.day)) {
         Some((at, scan)) => {
             let days = scan.day - ended;
-            (Ok(at), Reason::of(id, format!("baseline {}, {days} days after radiotherapy", label(at))))
+            let values = [("scan", label(at).into()), ("days", Value::number(days))];
+            (Ok(at), Reason::of(id, say::BASELINE_AFTER_RADIOTHERAPY.with(values)))
         }
         None if earliest.is_some() => {
-            (Err(lacking), Reason::of(id, format!("no scan {from} to {latest} days after radiotherapy")))
+            let values = [("from", Value::number(from)), ("to", Value::number(latest))];
+            (Err(lacking), Reason::of(id, say::NO_SCAN_IN_DAYS.with(values)))
         }
-        None => (Err(lacking), Reason::of(id, "no scan after radiotherapy")),
+        None => (Err(lacking), Reason::of(id, say::NO_SCAN_AFTER_RADIOTHERAPY)),
     }
 }
 

@@ -109,3 +109,19 @@ fn a_criterion_has_at_most_one_row_of_each_rule() {
         assert_eq!(ids.len(), count, "{criterion:?}");
     }
 }
+
+/// So that a language that has a sentence for each template with its places says every reason.
+#[test]
+fn what_made_histories_say_is_whole() {
+    for made in all() {
+        let judgement = made.judgement();
+        let said = judgement.reasons.iter().map(|reason| (&reason.words, &reason.phrase));
+        let confirmation = judgement.confirmation.iter().map(|it| (&it.words, &it.phrase));
+        let missing = judgement.missing.iter().map(|missing| (&missing.words, &missing.phrase));
+        let assumed = judgement.missing.iter().filter_map(|m| m.assumed.as_ref().zip(m.assumption.as_ref()));
+        for (words, phrase) in said.chain(confirmation).chain(missing).chain(assumed) {
+            assert!(phrase.is_whole(), "{}: {phrase:?}", made.name);
+            assert_eq!(*words, phrase.to_string(), "{}", made.name);
+        }
+    }
+}

@@ -119,6 +119,9 @@ steroids_mg = 0
 date = 2024-03-01
 steroids_mg = { value = 1.5, author = "A. B." }
 new_lesion = "none"
+non_target = "none"
+flair = "not-worse"
+clinical = "stable"
 [[measurement]]
 date = 2024-01-01
 lesion = "A"

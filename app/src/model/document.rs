@@ -98,6 +98,8 @@ impl KeyPicture {
             nav: doc.nav.clone(),
             edit: Box::new(doc.edit.clone()),
         };
+        // The crosshair where it is pinned: the pointer was brought to the view to press the key.
+        kept.nav.preview = None;
         kept.without_the_case();
         kept
     }

@@ -6,8 +6,8 @@ use strum::VariantArray;
 
 /// Panes by what the case holds. Right: the three slices. With one time point, left the closeup above the context view,
 /// in the middle the ellipsoid diagram above the overlap diagram. With several, the change view takes the closeup's
-/// place, the closeup that of the ellipsoid diagram, and ellipsoid diagram, dates and lesions are tabs behind closeup and
-/// context view. The lens and measurements panes are tabs behind the overlap diagram, which is low where one mask leaves
+/// place, the closeup that of the ellipsoid diagram, and ellipsoid diagram, dates, lesions and response are tabs behind closeup
+/// and context view. The lens and measurements panes are tabs behind the overlap diagram, which is low where one mask leaves
 /// it only its size.
 pub fn default_layout(time_point_count: usize, mask_count: usize) -> Tree<PaneId> {
     let mut tiles = Tiles::default();
@@ -16,9 +16,9 @@ pub fn default_layout(time_point_count: usize, mask_count: usize) -> Tree<PaneId
     let (first, context, second) = if time_point_count < 2 {
         (closeup, context, ellipsoids)
     } else {
-        let [change, dates, lesions] =
-            [PaneId::Change, PaneId::Dates, PaneId::Lesions].map(|pane| tiles.insert_pane(pane));
-        let context = tiles.insert_tab_tile(vec![context, dates, lesions]);
+        let more = [PaneId::Change, PaneId::Dates, PaneId::Lesions, PaneId::Response];
+        let [change, dates, lesions, response] = more.map(|pane| tiles.insert_pane(pane));
+        let context = tiles.insert_tab_tile(vec![context, dates, lesions, response]);
         (change, context, tiles.insert_tab_tile(vec![closeup, ellipsoids]))
     };
     let numbers = [PaneId::Overlap, PaneId::Lens, PaneId::Measurements].map(|pane| tiles.insert_pane(pane));

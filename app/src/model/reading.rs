@@ -14,4 +14,7 @@ pub struct Reading {
     pub conclusion: String,
     /// Who read it; empty: not said.
     pub reader: String,
+    /// The day on which that was written, 2024-01-31; empty: not known.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub day: String,
 }

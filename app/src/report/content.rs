@@ -5,7 +5,7 @@ use glioscope_core::{
     case::{Case, TimePoint},
     change::{ChangeReport, Lengths},
     dates, decimal,
-    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, Values},
+    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, LinkState, Values},
     measure::{
         self, Agreement, DateComparison, PAIR_METRICS, Pair, PairComparison, Raters, conventions::Comparison,
     },
@@ -82,32 +82,32 @@ impl Content<'_> {
         vec![Block::Facts(facts)]
     }
 
-    /// The findings, warnings first; `more`: warnings that the case doesn't have.
-    pub fn findings(&self, own: &[Check], more: &[String]) -> Vec<Block> {
+    /// The warnings, for the front, and the notes, for the end; `more`: warnings that the case doesn't have.
+    pub fn findings(&self, own: &[Check], more: &[String]) -> (Vec<Block>, Vec<Block>) {
         let words = self.words;
-        let mut all: Vec<&Check> = own.iter().chain(&self.case.checks).collect();
-        all.sort_by_key(|check| std::cmp::Reverse(check.severity));
-        let said = |check: &&Check| Finding {
+        let all = own.iter().chain(&self.case.checks);
+        let said = |check: &Check| Finding {
             is_warning: check.severity >= Severity::Warning,
             text: self.redactor.text(&finding(check, words)),
         };
         let more = more.iter().map(|text| Finding { is_warning: true, text: self.redactor.text(text) });
-        let mut list: Vec<Finding> = Vec::new();
-        for one in more.chain(all.iter().map(said)) {
+        let (mut warnings, mut notes): (Vec<Finding>, Vec<Finding>) = Default::default();
+        for one in more.chain(all.map(said)) {
+            let list = if one.is_warning { &mut warnings } else { &mut notes };
             if !list.contains(&one) {
                 list.push(one);
             }
         }
-        let mut blocks = vec![Block::Heading(words.get("warnings"))];
-        if list.iter().any(|one| one.is_warning) {
-            blocks.push(Block::Text(words.get("warnings-intro")));
-        } else {
-            blocks.push(Block::Text(words.get("no-warnings")));
+        let intro = if warnings.is_empty() { "no-warnings" } else { "warnings-intro" };
+        let mut front = vec![Block::Heading(words.get("warnings")), Block::Text(words.get(intro))];
+        if !warnings.is_empty() {
+            front.push(Block::Findings(warnings));
         }
-        if !list.is_empty() {
-            blocks.push(Block::Findings(list));
+        let mut end = Vec::new();
+        if !notes.is_empty() {
+            end = vec![Block::Heading(words.get("section-notes")), Block::Findings(notes)];
         }
-        blocks
+        (front, end)
     }
 
     /// The most important numbers in sentences.
@@ -153,11 +153,14 @@ impl Content<'_> {
 
     /// What the reader concludes, and who that is.
     pub fn conclusion(&self) -> Vec<Block> {
-        let Reading { conclusion, reader } = &self.doc.edit.reading;
+        let Reading { conclusion, reader, day } = &self.doc.edit.reading;
         let lines = conclusion.lines().map(str::trim).filter(|line| !line.is_empty());
         let mut blocks: Vec<Block> = lines.map(|line| Block::Text(self.redactor.text(line))).collect();
         if !reader.trim().is_empty() {
-            let reader = self.redactor.text(reader.trim());
+            let mut reader = self.redactor.text(reader.trim());
+            if !day.is_empty() {
+                reader = format!("{reader}, {day}");
+            }
             blocks.push(Block::Facts(vec![(self.words.get("read-by"), reader)]));
         }
         if !blocks.is_empty() {
@@ -606,6 +609,13 @@ impl Content<'_> {
             if date.parts.len() > 1 {
                 events.push(words.with("pieces", &[("count", date.parts.len().to_string())]));
             }
+            events.extend(date.state.map(|state| {
+                words.get(match state {
+                    LinkState::Proposed => "link-proposed",
+                    LinkState::Verified => "link-verified",
+                    LinkState::Edited => "link-edited",
+                })
+            }));
             let mut row = vec![self.redactor.text(lesion.name.as_deref().unwrap_or(&lesion.id))];
             if has_dates {
                 row.push(date.time.clone());

@@ -23,6 +23,7 @@ use glioscope_core::{
     Check, Progress,
     case::Case,
     change::{self, ChangeReport, Choice},
+    lesions::LesionsReport,
     measure,
     response::Evaluated,
 };
@@ -176,9 +177,10 @@ pub fn make(
     let contradictions = evaluated.map_or(&[][..], |evaluated| &evaluated.contradictions);
     let contradictions: Vec<String> =
         contradictions.iter().map(|phrase| sentences::phrase(phrase, &words)).collect();
-    blocks.extend(content.findings(&own, &contradictions));
-    blocks.extend(content.summary());
+    let (warnings, notes) = content.findings(&own, &contradictions);
+    blocks.extend(warnings);
     blocks.extend(content.conclusion());
+    blocks.extend(content.summary());
     blocks
         .extend(evaluated.into_iter().flat_map(|evaluated| responses::blocks(evaluated, &words, &redactor)));
     blocks.extend(
@@ -194,15 +196,23 @@ pub fn make(
     blocks.extend(content.changes());
     blocks.extend(content.lesions());
     blocks.extend(content.dates());
+    blocks.extend(notes);
     blocks.extend(how_made(&recipe, &content));
     let title =
         if is_named { words.with("title-of", &[("case", case.name.clone())]) } else { words.get("title") };
     Ok(Report { language: words.get("language-code"), title, blocks, recipe })
 }
 
-/// The calls of the last date in a sentence, for the conclusion.
-pub fn calls_in_words(evaluated: &Evaluated, language: Language) -> Option<String> {
-    responses::sentence(evaluated, &words(language))
+/// The calls of the last date in a sentence, and its new lesions in another, for the conclusion.
+pub fn calls_in_words(
+    evaluated: &Evaluated,
+    lesions: Option<&LesionsReport>,
+    language: Language,
+) -> Option<String> {
+    let words = words(language);
+    let calls = responses::sentence(evaluated, &words)?;
+    let new = lesions.and_then(|report| responses::new_in_words(report, &words));
+    Some([Some(calls), new].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 
 /// The measurements of a case and document, both as [`anonymous`] gives them, as a DICOM structured report.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glioscope_core::{
     case::Case,
+    lesions::{LesionsReport, new_lesions},
     response::{
         BtRads, BtRadsCategory, DateResponse, Evaluated, Judgement, SumReport, bt_rads as form,
         bt_rads_answered,
@@ -90,6 +91,23 @@ pub fn sentence(evaluated: &Evaluated, words: &Words) -> Option<String> {
     variables.push(("baseline", signed(baseline, words)));
     variables.push(("nadir", signed(nadir, words)));
     Some(words.with("conclusion-call-changes", &variables))
+}
+
+/// The lesions that are new at the last date, in a sentence; `None` without any.
+pub fn new_in_words(report: &LesionsReport, words: &Words) -> Option<String> {
+    let last = report.dates.last()?;
+    let all = new_lesions(report).filter(|(_, date)| date.time == last.time).map(|(name, date)| {
+        let mut parts = vec![words.ml(date.volume_ml.unwrap_or(f64::NAN))];
+        if let (Some(d1), Some(d2)) = (date.d1_mm, date.d2_mm) {
+            parts.push(words.number(&format!("{d1:.1} × {d2:.1} mm")));
+        }
+        if date.measurable == Some(false) {
+            parts.push(words.get("not-measurable"));
+        }
+        format!("{name} ({})", parts.join(", "))
+    });
+    let all: Vec<String> = all.collect();
+    (!all.is_empty()).then(|| words.with("conclusion-new", &[("lesions", all.join(", "))]))
 }
 
 /// A change in percent with its sign.

@@ -276,7 +276,8 @@ impl GlioscopeApp {
         masks::show(ui, &mut self.open.masks, &self.work, &mut out);
         make_mask::show(ui, &mut self.open.make_mask, &self.work, &mut out);
         let evaluated = self.results.response.last().map(|evaluated| &**evaluated);
-        report::show(ui, &mut self.open.report, &self.work, evaluated, &mut out);
+        let lesions = self.results.lesions.last().map(|lesions| &**lesions);
+        report::show(ui, &mut self.open.report, &self.work, (evaluated, lesions), &mut out);
         align::show(ui, &mut self.open.align, &self.work, &mut out);
         pacs::show(ui, &mut self.open.pacs, &mut self.in_use, &mut self.work, &mut out);
         let gpu = self.graphics.as_ref().map(|graphics| &graphics.gpu);

@@ -66,7 +66,12 @@ fn pane_buttons(ui: &mut Ui, pane: PaneId, maximized: bool, closable: bool, out:
     ];
     for (icon, verb, command) in closable.then_some(close).into_iter().chain(buttons) {
         let label = format!("{verb} {}", pane.title());
-        if icon_button(ui, icon, &label).clicked() {
+        let response = icon_button(ui, icon, &label);
+        let response = match icon {
+            Icon::Camera => response.on_hover_text("As a file now. K over the view keeps it for the report."),
+            _ => response,
+        };
+        if response.clicked() {
             out.push(command);
         }
     }

@@ -7,9 +7,11 @@ use glioscope_core::{
     Progress,
     case::{Case, LoadOptions},
     files::Inputs,
+    lesions::LesionsReport,
     response::Evaluated,
 };
 use glioscope_render::Gpu;
+use jiff::Timestamp;
 
 use super::{
     modal::{self, Reply},
@@ -31,13 +33,15 @@ use crate::{
 };
 
 const WIDTH_POINTS: f32 = 420.0;
+/// Height of the list of pictures, points.
+const LIST_POINTS: f32 = 170.0;
 
-/// Draws the dialog while it is open. `evaluated`: the response shown.
+/// Draws the dialog while it is open. `evaluated`, `lesions`: the response and lesions shown.
 pub fn show(
     ui: &Ui,
     open: &mut Option<Options>,
     work: &Workstation,
-    evaluated: Option<&Evaluated>,
+    (evaluated, lesions): (Option<&Evaluated>, Option<&LesionsReport>),
     out: &mut Commands,
 ) {
     let (Some(options), Some(case)) = (open.as_mut(), work.world.case()) else { return };
@@ -45,7 +49,7 @@ pub fn show(
     let reply = modal::show(ui.ctx(), "Write a report", |ui| {
         ui.set_width(WIDTH_POINTS);
         ui.label(
-            "One file to hand over: pictures of the views as they are now, numbers, and warnings in front. It opens without a \
+            "One file to hand over: pictures, numbers, and warnings in front. It opens without a \
              network, and from a mail.",
         );
         ui.add_space(6.0);
@@ -70,7 +74,8 @@ pub fn show(
             ui.end_row();
         });
         if let Some(doc) = &work.doc {
-            let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, options.language));
+            let calls =
+                evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, options.language));
             reading(ui, doc, calls, out);
             pictures(ui, case, doc, out);
         }
@@ -103,13 +108,21 @@ fn reading(ui: &mut Ui, doc: &Document, calls: Option<String>, out: &mut Command
     let label = ui.strong("Conclusion");
     let field = egui::TextEdit::multiline(&mut new.conclusion).desired_width(f32::INFINITY).desired_rows(3);
     ui.add(field.char_limit(MOST_CONCLUSION)).labelled_by(label.id);
-    let calls = calls.filter(|calls| doc.edit.response.history.is_some() && !new.conclusion.contains(calls));
-    if let Some(calls) = calls
-        && ui.button("Take over the calls").on_hover_text(&calls).clicked()
+    let calls = calls.filter(|_| doc.edit.response.history.is_some()).unwrap_or_default();
+    // Always there, so that nothing moves once it was pressed.
+    let can_take = !calls.is_empty() && !new.conclusion.contains(&calls);
+    let button = ui.add_enabled(can_take, Button::new("Take over the calls"));
+    if button
+        .on_hover_text(&calls)
+        .on_disabled_hover_text("The response has no calls, or they are there")
+        .clicked()
     {
         let separator = if new.conclusion.trim().is_empty() { "" } else { "\n" };
         new.conclusion = format!("{}{separator}{calls}", new.conclusion.trim_end());
         new.conclusion = new.conclusion.chars().take(MOST_CONCLUSION).collect();
+        if new.reader.is_empty() {
+            new.reader.clone_from(&doc.edit.response.author);
+        }
     }
     ui.horizontal(|ui| {
         let label = ui.label("Read by");
@@ -117,6 +130,7 @@ fn reading(ui: &mut Ui, doc: &Document, calls: Option<String>, out: &mut Command
         ui.add(field).labelled_by(label.id).on_hover_text("Printed where the patient is named in full");
     });
     if new != doc.edit.reading {
+        new.day = Timestamp::now().strftime("%Y-%m-%d").to_string();
         out.push(EditCommand::SetReading(Box::new(new)));
     }
 }
@@ -134,10 +148,14 @@ fn pictures(ui: &mut Ui, case: &Case, doc: &Document, out: &mut Commands) {
     }
     ui.strong("Pictures");
     let mut new = kept.clone();
-    egui::ScrollArea::vertical().max_height(220.0).show(ui, |ui| {
+    // As high with few as with many: what is below stays where it is.
+    let list = egui::ScrollArea::vertical().max_height(LIST_POINTS).min_scrolled_height(LIST_POINTS);
+    list.auto_shrink([false, false]).show(ui, |ui| {
         for (n, picture) in kept.iter().enumerate() {
             ui.horizontal(|ui| {
                 let date = case.time_points.get(picture.nav.time).map_or("", |time| time.label.as_str());
+                // A view of two dates has none of its own.
+                let date = if picture.pane.row().needs_dates { "" } else { date };
                 ui.label(format!("{}. {} {date}", n + 1, picture.pane.tab()));
                 let number = n + 1;
                 let mut button = |text: &str, enabled: bool, label: String| {

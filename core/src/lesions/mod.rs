@@ -48,6 +48,14 @@ pub use track::track;
 pub use tracked::{Lesion, Tracked, Unit};
 pub use values::{SurfaceMove, Values};
 
+/// The lesions that are new at a date after the first, with their names and that date; small ones are left out.
+pub fn new_lesions(report: &LesionsReport) -> impl Iterator<Item = (&str, &LesionDate)> {
+    report.lesions.iter().filter(|lesion| !lesion.small).flat_map(|lesion| {
+        let born = lesion.dates.iter().skip(1).filter(|date| date.events.contains(&EventKind::Born));
+        born.map(|date| (lesion.name.as_deref().unwrap_or(&lesion.id), date))
+    })
+}
+
 /// Default of the smallest lesion: a ball of 5.8 mm. Smaller components are counted, but neither born, gone nor pieces of
 /// a split: most are flecks of a segmentation's edge.
 pub const DEFAULT_SMALLEST_ML: f64 = crate::change::DEFAULT_SMALLEST_ML;

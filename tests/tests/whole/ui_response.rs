@@ -8,6 +8,7 @@ use glioscope::{
     command::{AppCommand, EditCommand},
     model::{CaseRef, PaneId, layout::Task, session},
 };
+use glioscope_core::response::{NewLesion, NonTarget};
 use glioscope_tests::{
     Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_on,
 };
@@ -139,7 +140,54 @@ fn questions_stay_where_they_are_while_they_are_answered() {
     harness.run_ok();
     let conclusion = doc(&harness).edit.reading.conclusion.clone();
     assert!(conclusion.starts_with("2024-06-01, RANO 2010: PD"), "{conclusion}");
-    assert!(harness.query_by_label("Take over the calls").is_none(), "once");
+    harness.get_by_label("Take over the calls").click();
+    harness.run_ok();
+    assert_eq!(doc(&harness).edit.reading.conclusion, conclusion, "once");
+}
+
+/// A new lesion in the masks may be what decides, and it is the reader who says what it is.
+#[test]
+fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |date: &str, of: &[([f64; 3], f64)]| {
+        format!("T={}@{date}", balls(&folder.path().join(format!("{date}.nii")), of))
+    };
+    let (old, new) = (([15.0, 15.0, 20.0], 8.0), ([45.0, 45.0, 20.0], 4.0));
+    let masks = vec![at("2024-01-01", &[old]), at("2024-03-01", &[old, new])];
+    let case = CaseRef::Arguments { masks, contexts: Vec::new() };
+    let mut harness = window_on(case, [1280.0, 900.0], egui::Theme::Light);
+    issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
+    wait_for_workers(&mut harness);
+    choose(&mut harness, "Criteria", "RANO 2010");
+    // The author is still being typed when the first answer is clicked.
+    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "stated by").focus();
+    harness.run_ok();
+    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "stated by").type_text("A. B.");
+    harness.run_ok();
+    click(&mut harness, "Baseline: 2024-01-01");
+    click(&mut harness, "Radiotherapy: there was none");
+    let history = doc(&harness).edit.response.history.clone().unwrap();
+    assert_eq!(history.baseline.unwrap().author.as_deref(), Some("A. B."));
+    assert_eq!(doc(&harness).edit.response.author, "A. B.");
+    assert!(harness.query_by_label_contains("the masks show B, 0.2").is_some());
+    // "Nothing worse" says nothing of it.
+    click(&mut harness, "also what changes no call");
+    click(&mut harness, "Nothing worse at 2024-03-01");
+    let stated = |harness: &Window| {
+        let history = doc(harness).edit.response.history.clone().unwrap();
+        let facts = history.date.into_iter().find(|facts| facts.date.0 == "2024-03-01").unwrap();
+        (facts.new_lesion.map(|fact| fact.value), facts.non_target.map(|fact| fact.value))
+    };
+    assert_eq!(stated(&harness), (None, Some(NonTarget::None)), "all of the first date are targets");
+    click(&mut harness, "New lesions at 2024-03-01: measurable");
+    assert_eq!(stated(&harness).0, Some(NewLesion::Measurable));
+    assert!(harness.query_all_by_label("PD").count() >= 2, "by diameters and by volume");
+    click(&mut harness, "Write a report…");
+    click(&mut harness, "Take over the calls");
+    let reading = doc(&harness).edit.reading.clone();
+    assert!(reading.conclusion.contains("New: B (0.2"), "{}", reading.conclusion);
+    assert_eq!(reading.reader, "A. B.");
+    assert_eq!(reading.day.len(), 10, "{}", reading.day);
 }
 
 #[test]

@@ -131,9 +131,9 @@ fn cells(before: Option<&LesionDate>, date: &LesionDate) -> Vec<String> {
     };
     let product = date.product_mm2.map_or_else(|| "–".into(), |mm2| format!("{mm2:.0} mm²"));
     let events: Vec<&str> = date.events.iter().map(Into::into).collect();
-    let mut events = events.join(", ").replace('_', " ");
+    let mut events = events.join(", ").replace('_', " ").replace("born", "new");
     if date.measurable == Some(false) && ml > 0.0 {
-        events = [events.as_str(), "not measurable"].join(" ").trim().to_owned();
+        events = if events.is_empty() { "not measurable".to_owned() } else { events + ", not measurable" };
     }
     match date.state {
         Some(LinkState::Proposed) => events.push_str(" · proposed"),

@@ -74,6 +74,12 @@ pub(super) fn name(ui: &Ui, response: &egui::Response, label: &str) {
     ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
 }
 
+/// What a field says now, typed to its end or not; `value` where nothing is being typed.
+pub(super) fn typed(ui: &Ui, salt: impl AsIdSalt, value: &str) -> String {
+    let id = ui.make_persistent_id(&salt);
+    ui.data(|data| data.get_temp(id)).unwrap_or_else(|| value.to_owned())
+}
+
 /// A line of text: what was typed, once the field is left with another text.
 pub(super) fn text(ui: &mut Ui, salt: impl AsIdSalt, label: Id, value: &str, width: f32) -> Option<String> {
     hinted(ui, salt, label, value, (width, ""))

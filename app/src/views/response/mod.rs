@@ -7,11 +7,12 @@ mod patient;
 mod rules;
 mod scans;
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 use egui::{ComboBox, ScrollArea, Ui};
 use glioscope_core::{
     dates::leading_date,
+    lesions::{LesionDate, LesionsReport, new_lesions},
     response::{Assessment, Criterion, Evaluated, History, Input as Asked},
 };
 use strum::VariantArray;
@@ -22,6 +23,7 @@ use super::{
 };
 use crate::{
     command::{AppCommand, Commands, EditCommand},
+    format,
     model::{ResponseSetting, response::MOST_AUTHOR},
     world::jobs::{Lookup, progress_text},
 };
@@ -48,6 +50,10 @@ struct Wanted<'a> {
     missing: HashSet<AskedFor>,
     /// What was asked for since the criteria were chosen, the missing ones among them.
     asked: &'a HashSet<AskedFor>,
+    /// New lesions that the masks show, by date: a reader decides what they are.
+    new_in_masks: BTreeMap<&'a str, String>,
+    /// Whether the masks show no lesion at the first date but measurable ones.
+    only_measurable: bool,
 }
 
 impl Wanted<'_> {
@@ -58,13 +64,37 @@ impl Wanted<'_> {
 
     /// Whether a fact of a scan is asked for.
     fn at(&self, date: &str, input: Asked) -> bool {
-        self.all || self.missing.contains(&(Some(date.to_owned()), input))
+        self.all
+            || self.missing.contains(&(Some(date.to_owned()), input))
+            || (input == Asked::NewLesion && self.new_in_masks.contains_key(date))
     }
 
     /// Whether it was asked for since the criteria were chosen.
     fn was_asked(&self, date: &str, input: Asked) -> bool {
-        self.all || self.asked.contains(&(Some(date.to_owned()), input))
+        self.at(date, input) || self.asked.contains(&(Some(date.to_owned()), input))
     }
+}
+
+/// New lesions that masks show by date, in words, and whether none of the first date is other than measurable.
+fn of_masks(report: &LesionsReport) -> (BTreeMap<&str, String>, bool) {
+    let mut new: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for (name, date) in new_lesions(report) {
+        new.entry(&date.time).or_default().push(format!("{name}, {}", size_in_words(date)));
+    }
+    let first =
+        report.lesions.iter().filter(|lesion| !lesion.small).filter_map(|lesion| lesion.dates.first());
+    let only_measurable =
+        first.filter(|date| !date.parts.is_empty()).all(|date| date.measurable == Some(true));
+    (new.into_iter().map(|(date, all)| (date, all.join("; "))).collect(), only_measurable)
+}
+
+/// Volume, diameters, and whether they count.
+fn size_in_words(date: &LesionDate) -> String {
+    let mut text = date.volume_ml.map_or_else(|| "unknown size".to_owned(), format::ml);
+    if let (Some(d1), Some(d2)) = (date.d1_mm, date.d2_mm) {
+        text = format!("{text}, {d1:.1} × {d2:.1} mm");
+    }
+    if date.measurable == Some(false) { text + ", not measurable" } else { text + ", measurable" }
 }
 
 /// What can change a call.
@@ -86,8 +116,7 @@ impl ResponsePane {
         let input = stage.input;
         let old = &input.doc.edit.response;
         let mut new = old.clone();
-        head(ui, &input, &mut new);
-        let by = By::today(&old.author);
+        let by = By::today(&head(ui, &input, &mut new));
         match new.history.clone() {
             None => {
                 ui.weak("Choose criteria: lesions are then judged at every date, by diameters and by volume");
@@ -126,7 +155,10 @@ impl ResponsePane {
                 }
                 let missing = evaluated.as_deref().map(missing).unwrap_or_default();
                 self.asked.extend(missing.iter().cloned());
-                let wanted = Wanted { all: self.all_inputs, missing, asked: &self.asked };
+                let lesions = results.lesions.last().cloned();
+                let (new_in_masks, only_measurable) = lesions.as_deref().map(of_masks).unwrap_or_default();
+                let asked = &self.asked;
+                let wanted = Wanted { all: self.all_inputs, missing, asked, new_in_masks, only_measurable };
                 patient::show(ui, &input, &mut history, &wanted, &by);
                 scans::show(ui, &input, &mut history, &wanted, &by);
                 if let Some(evaluated) = &evaluated {
@@ -177,8 +209,10 @@ fn no_days(input: &Input<'_>, history: &History) -> bool {
     })
 }
 
-/// The criteria, what is assessed, the mask of non-enhancing disease, and who states it.
-fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
+/// The criteria, what is assessed, the mask of non-enhancing disease, and who states it: returned as typed so far, as a click on an answer also
+/// leaves the field.
+fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
+    let mut author = new.author.clone();
     ui.horizontal_wrapped(|ui| {
         let label = ui.label("Criteria");
         let chosen = new.history.as_ref().map(|history| history.criterion);
@@ -217,12 +251,22 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
         }
         if new.history.is_some() {
             masks(ui, input, new);
-            let label = ui.label("stated by");
-            if let Some(author) = fields::text(ui, "author", label.id, &new.author, 110.0) {
-                new.author = author.trim().chars().take(MOST_AUTHOR).collect();
-            }
+            // In one piece: the label doesn't wrap away from its field.
+            ui.horizontal(|ui| {
+                let label = ui.label("stated by");
+                author = fields::typed(ui, "author", &new.author);
+                if let Some(typed) = fields::text(ui, "author", label.id, &new.author, 110.0) {
+                    new.author = named(&typed);
+                    author.clone_from(&new.author);
+                }
+            });
         }
     });
+    named(&author)
+}
+
+fn named(typed: &str) -> String {
+    typed.trim().chars().take(MOST_AUTHOR).collect()
 }
 
 fn masks(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {

@@ -87,7 +87,12 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
                 let dose =
                     earlier.filter_map(|facts| facts.steroids_mg.as_ref()).map(|fact| fact.value).last();
                 let open = |asked: Asked| wanted.at(label, asked) && !stated(asked);
-                nothing_worse(ui, date, &mut facts, dose, &open, by);
+                // What the masks show is for the reader to decide.
+                let open = |asked: Asked| {
+                    open(asked)
+                        && !(asked == Asked::NewLesion && wanted.new_in_masks.contains_key(label.as_str()))
+                };
+                nothing_worse(ui, date, &mut facts, (dose, wanted.only_measurable), &open, by);
             });
             if no_dates {
                 ui.horizontal(|ui| {
@@ -103,6 +108,10 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
                     let name = ui.label(title);
                     if counts {
                         cell(ui, asked, &format!("{title} at {date}"), &mut facts, name.id, by);
+                        let found = wanted.new_in_masks.get(label.as_str());
+                        if let Some(found) = found.filter(|_| asked == Asked::NewLesion) {
+                            ui.colored_label(ui.visuals().warn_fg_color, format!("the masks show {found}"));
+                        }
                     } else {
                         ui.weak("changes no call any more");
                     }
@@ -122,7 +131,7 @@ fn nothing_worse(
     ui: &mut Ui,
     date: &str,
     facts: &mut ScanFacts,
-    dose_mg: Option<f64>,
+    (dose_mg, only_measurable): (Option<f64>, bool),
     open: &dyn Fn(Asked) -> bool,
     by: &By,
 ) {
@@ -135,9 +144,12 @@ fn nothing_worse(
         }
     };
     state(Asked::NewLesion, "no new lesions".into(), &|f| f.new_lesion = Some(by.fact(NewLesion::None)));
-    state(Asked::NonTarget, "lesions that aren't targets not worse".into(), &|f| {
-        f.non_target = Some(by.fact(NonTarget::NotWorse));
-    });
+    let (others, text) = if only_measurable {
+        (NonTarget::None, "no lesions that aren't targets")
+    } else {
+        (NonTarget::NotWorse, "lesions that aren't targets not worse")
+    };
+    state(Asked::NonTarget, text.into(), &|f| f.non_target = Some(by.fact(others)));
     state(Asked::Flair, "T2/FLAIR not worse".into(), &|f| f.flair = Some(by.fact(Flair::NotWorse)));
     state(Asked::Clinical, "clinically stable".into(), &|f| f.clinical = Some(by.fact(Clinical::Stable)));
     if let Some(mg) = dose_mg {

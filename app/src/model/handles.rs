@@ -105,7 +105,8 @@ mod tests {
             let before = of.across_mm();
             of = of.with_handle_at(handle, DVec3::new(x, y, 5.0)).unwrap();
             let Shape::Diameters { across_mm: [one, other] } = of.shape else { unreachable!() };
-            let angle = (other - one).normalize().dot((of.to_mm - of.from_mm).normalize());
+            let angle =
+                (other - one).try_normalize().unwrap().dot((of.to_mm - of.from_mm).try_normalize().unwrap());
             assert!(angle.abs() < 1e-12, "{handle}: {angle}");
             assert!(one.z == 5.0 && other.z == 5.0, "in the slice");
             assert!((of.handles_mm()[handle] - DVec3::new(x, y, 5.0)).length() < 1e-12, "{handle}");

@@ -107,6 +107,12 @@ impl Content<'_> {
         if !notes.is_empty() {
             end = vec![Block::Heading(words.get("section-notes")), Block::Findings(notes)];
         }
+        // Where the language is one in which particulars stay English: said once, at the first findings.
+        if words.has("findings-note") {
+            let first =
+                if front.len() > 2 { Some(&mut front) } else { Some(&mut end).filter(|end| !end.is_empty()) };
+            first.into_iter().for_each(|blocks| blocks.push(Block::Text(words.get("findings-note"))));
+        }
         (front, end)
     }
 

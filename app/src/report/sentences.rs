@@ -176,7 +176,8 @@ slice_thickness_mm = 1
             })
             .collect();
         assert!(codes.len() > 100, "{}", codes.len());
-        assert_eq!(known.iter().filter(|key| *key != "finding").cloned().collect::<BTreeSet<_>>(), codes);
+        let of_codes = known.iter().filter(|key| key.starts_with("finding-")).cloned();
+        assert_eq!(of_codes.collect::<BTreeSet<_>>(), codes);
     }
 
     #[test]

@@ -188,6 +188,16 @@ fn circle(
     }
 }
 
+/// A flat view.
+pub struct Flat<'a> {
+    /// Where a place is on the screen.
+    pub pos_of: &'a dyn Fn(DVec3) -> Pos2,
+    /// The place at a position of the view; `None` outside it.
+    pub place_at: &'a dyn Fn(Pos2) -> Option<DVec3>,
+    /// Unit vector across its plane.
+    pub normal: DVec3,
+}
+
 /// A handle that is dragged: of which measurement, and which of its handles.
 type Held = (usize, usize);
 
@@ -197,7 +207,7 @@ pub fn drag_handles(
     ui: &Ui,
     response: &Response,
     (doc, shown): (&Document, &[usize]),
-    (pos_of, place_at, normal): (&dyn Fn(DVec3) -> Pos2, &dyn Fn(Pos2) -> Option<DVec3>, DVec3),
+    Flat { pos_of, place_at, normal }: Flat<'_>,
     out: &mut Commands,
 ) -> bool {
     const REACH_POINTS: f32 = 8.0;

@@ -220,13 +220,13 @@ mod tests {
         // Against brute force over the whole grid, on an oblique and sheared one, too.
         let plain =
             Grid::axis_aligned([20, 24, 9], DVec3::new(0.8, 1.0, 3.0), DVec3::new(5.0, -3.0, 700.0)).unwrap();
-        let turn = glam::DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.4);
+        let turn = glam::DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).try_normalize().unwrap(), 0.4);
         let mut to_world = turn * plain.world_from_voxel();
         to_world.matrix3.x_axis += to_world.matrix3.y_axis * 0.2;
         let oblique = Grid::new([20, 24, 9], to_world, crate::Sides::Known).unwrap();
         for grid in [&plain, &oblique] {
             let columns = grid.world_from_voxel().matrix3;
-            let across = columns.x_axis.cross(columns.y_axis).normalize();
+            let across = columns.x_axis.cross(columns.y_axis).try_normalize().unwrap();
             let thickness = columns.z_axis.dot(across).abs();
             let center_mm = grid.center_of_voxel_mm([9, 11, 4]) + columns.x_axis * 0.3;
             for radius_mm in [0.01, 3.3, 7.0, 500.0] {

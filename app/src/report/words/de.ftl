@@ -15,7 +15,7 @@ not-stated = in den Dateien nicht angegeben
 
 summary = Zusammenfassung
 warnings = Warnungen
-warnings-intro = Sie betreffen die Zahlen unten. Bitte zuerst lesen. Einzelheiten in Klammern sind auf Englisch, wie das Programm sie angibt.
+warnings-intro = Sie betreffen die Zahlen unten. Bitte zuerst lesen.
 no-warnings = Das Programm fand nichts, wovor zu warnen wäre.
 warning-mark = Warnung
 note-mark = Hinweis

@@ -1,5 +1,6 @@
 # What findings mean, by their codes (docs/checks.md), in German; the particulars come from the finding itself, in English.
 finding = { $what } ({ $detail })
+findings-note = Einzelheiten in Klammern sind auf Englisch, wie das Programm sie angibt.
 
 finding-side-unknown = Die Datei sagt nicht, wo links und rechts ist.
 finding-sform-qform-disagree = Die beiden Lageangaben der Datei (sform und qform) widersprechen sich; die sform gilt.

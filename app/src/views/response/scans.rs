@@ -85,7 +85,7 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
                 ui.strong(date);
                 let earlier = labels[..n].iter().filter_map(|label| facts_at(history, label));
                 let dose =
-                    earlier.filter_map(|facts| facts.steroids_mg.as_ref()).map(|fact| fact.value).last();
+                    earlier.filter_map(|facts| facts.steroids_mg.as_ref()).map(|fact| fact.value).next_back();
                 let open = |asked: Asked| wanted.at(label, asked) && !stated(asked);
                 // What the masks show is for the reader to decide.
                 let open = |asked: Asked| {
@@ -154,11 +154,11 @@ fn nothing_worse(
     state(Asked::Clinical, "clinically stable".into(), &|f| f.clinical = Some(by.fact(Clinical::Stable)));
     if let Some(mg) = dose_mg {
         state(Asked::Steroids, format!("{mg} mg dexamethasone as before"), &|f| {
-            f.steroids_mg = Some(by.fact(mg))
+            f.steroids_mg = Some(by.fact(mg));
         });
     }
     state(Asked::Technique, "the same technique".into(), &|f| {
-        f.technique_changed = Some(by.fact(Vec::new()))
+        f.technique_changed = Some(by.fact(Vec::new()));
     });
     if all.is_empty() {
         return;

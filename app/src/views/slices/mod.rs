@@ -26,7 +26,7 @@ use self::gestures::GestureState;
 use super::{
     change, draw,
     pane::{Input, Pane, Stage},
-    ruler,
+    ruler::{self, Flat},
 };
 use crate::{
     command::{Commands, EditCommand},
@@ -131,7 +131,13 @@ impl SlicePane {
         let here = marks::in_slice(input, &layout);
         let (pos_of, normal) = (|mm| layout.pos_of(mm), plane.normal());
         let holds = is_shown_date
-            && ruler::drag_handles(ui, &response, (input.doc, &here), (&pos_of, &inside, normal), out);
+            && ruler::drag_handles(
+                ui,
+                &response,
+                (input.doc, &here),
+                Flat { pos_of: &pos_of, place_at: &inside, normal },
+                out,
+            );
         let draft = (is_shown_date && !holds)
             .then(|| ruler::drag(ui, &response, input.doc, self.pane, (&inside, Some(normal)), out))
             .flatten();

@@ -133,7 +133,7 @@ impl Bar<'_> {
                 }
                 let forget = ui.small_button("×").on_hover_text("Forget this layout");
                 ui.ctx().accesskit_node_builder(forget.id, |node| {
-                    node.set_label(format!("Forget the layout {name}"))
+                    node.set_label(format!("Forget the layout {name}"));
                 });
                 if forget.clicked() {
                     out.push(AppCommand::ForgetLayout(name.to_owned()));

@@ -181,8 +181,7 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     assert_eq!(stated(&harness), (None, Some(NonTarget::None)), "all of the first date are targets");
     click(&mut harness, "New lesions at 2024-03-01: measurable");
     assert_eq!(stated(&harness).0, Some(NewLesion::Measurable));
-    let calls = harness.query_all_by_label_contains("by diameters: PD").count();
-    assert_eq!((calls, harness.query_all_by_label_contains("by volume: PD").count()), (1, 1));
+    assert_eq!(harness.query_all_by_label_contains("by diameters: PD").count(), 1);
     click(&mut harness, "Write a report…");
     click(&mut harness, "Take over the calls");
     let reading = doc(&harness).edit.reading.clone();

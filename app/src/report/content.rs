@@ -109,8 +109,10 @@ impl Content<'_> {
         }
         // Where the language is one in which particulars stay English: said once, at the first findings.
         if words.has("findings-note") {
+            let of_front =
+                self.case.checks.iter().chain(own).any(|check| check.severity >= Severity::Warning);
             let first =
-                if front.len() > 2 { Some(&mut front) } else { Some(&mut end).filter(|end| !end.is_empty()) };
+                if of_front { Some(&mut front) } else { Some(&mut end).filter(|end| !end.is_empty()) };
             first.into_iter().for_each(|blocks| blocks.push(Block::Text(words.get("findings-note"))));
         }
         (front, end)

@@ -60,14 +60,19 @@ pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<
         blocks.insert(2, Block::Findings(doubts));
     }
     for date in &response.dates {
-        let mut list = Vec::new();
-        for (key, judgement) in [("by-diameters", &date.by_diameters), ("by-volume", &date.by_volume)] {
-            let of = words.get(key);
-            list.extend(reasons(judgement, words).into_iter().map(|(is_warning, text)| Finding {
-                is_warning,
-                text: redactor.text(&format!("{of}: {text}")),
-            }));
-        }
+        let [diameters, volume] =
+            [&date.by_diameters, &date.by_volume].map(|judgement| reasons(judgement, words));
+        let of_diameters = diameters.iter().map(|reason| {
+            let key = if volume.contains(reason) { "by-both" } else { "by-diameters" };
+            (key, reason)
+        });
+        let of_volume =
+            volume.iter().filter(|reason| !diameters.contains(reason)).map(|reason| ("by-volume", reason));
+        let said = of_diameters.chain(of_volume).map(|(key, (is_warning, text))| Finding {
+            is_warning: *is_warning,
+            text: redactor.text(&format!("{}: {text}", words.get(key))),
+        });
+        let list: Vec<Finding> = said.collect();
         if !list.is_empty() {
             blocks.push(Block::Text(format!("{}:", date.date)));
             blocks.push(Block::Findings(list));

@@ -127,6 +127,7 @@ section-bt-rads = BT-RADS
 bt-rads-note = Bedeutung der Kategorien: btrads.com; die Folge der Fragen nach Programmtext, der das Formular umsetzt.
 response-note = Nach Kriterien, wie öffentliche Beschreibungen sie wiedergeben; die Volltexte der Arbeiten wurden nicht gelesen. Nicht für klinische Entscheidungen. Die Begründungen sind Sätze des Programms.
 by-diameters = Nach Durchmessern
+by-both = Nach Durchmessern und nach Volumen
 by-volume = Nach Volumen
 from-baseline = Durchmesser seit Ausgang
 from-nadir = Durchmesser seit Tiefststand

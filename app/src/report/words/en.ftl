@@ -127,6 +127,7 @@ section-bt-rads = BT-RADS
 bt-rads-note = Meanings of the categories: btrads.com; the order of questions follows code that implements the form.
 response-note = By criteria as public descriptions give them; the papers' full texts were not read. Not for clinical decisions. The words of the reasons are the program's own.
 by-diameters = By diameters
+by-both = By diameters and by volume
 by-volume = By volume
 from-baseline = Diameters from baseline
 from-nadir = Diameters from the lowest

@@ -48,8 +48,9 @@ pub(super) fn reasons(ui: &mut Ui, evaluated: &Evaluated, shown: Option<&str>) {
     let chosen = shown.and_then(|label| dates.iter().find(|date| date.date == label)).or(dates.last());
     if let Some(date) = chosen {
         let criterion = evaluated.response.criterion;
-        why(ui, criterion, &format!("{}, by diameters", date.date), &date.by_diameters);
-        why(ui, criterion, &format!("{}, by volume", date.date), &date.by_volume);
+        let (diameters, volume) = (&date.by_diameters, &date.by_volume);
+        why(ui, criterion, &format!("{}, by diameters", date.date), diameters, None);
+        why(ui, criterion, &format!("{}, by volume", date.date), volume, Some(diameters));
     }
 }
 
@@ -163,8 +164,8 @@ fn color(call: Call, tokens: &Tokens) -> Color32 {
     }
 }
 
-/// The reasons of a call, each with its rule's source; its margin; and what is missing.
-fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement) {
+/// The reasons of a call, each with its rule's source; its margin; and what is missing; without what stands in `above` already.
+fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement, above: Option<&Judgement>) {
     let warn = ui.visuals().warn_fg_color;
     ui.strong(format!("{title}: {}", call_text(judgement)));
     ui.indent(title, |ui| {
@@ -175,26 +176,42 @@ fn why(ui: &mut Ui, criterion: Criterion, title: &str, judgement: &Judgement) {
         if let Some(dated) = &judgement.dated {
             ui.label(format!("dated at {dated}"));
         }
+        let mut same = false;
+        let mut is_new = |is_above: bool| {
+            same |= is_above;
+            !is_above
+        };
         for reason in &judgement.reasons {
+            if !is_new(above.is_some_and(|above| above.reasons.contains(reason))) {
+                continue;
+            }
             let response = ui.label(&reason.words);
             if let Some(source) = reason.rule.and_then(|id| source(criterion, id)) {
                 ui.weak(format!("    {source}"));
                 response.on_hover_text(source);
             }
         }
-        if let Some(confirmation) = &judgement.confirmation {
+        let confirmed = above.and_then(|above| above.confirmation.as_ref());
+        let confirmation = judgement.confirmation.as_ref();
+        if let Some(confirmation) = confirmation.filter(|of| is_new(confirmed == Some(of))) {
             ui.label(&confirmation.words);
         }
         for sum in &judgement.sums {
             sum_text(ui, sum);
         }
         for missing in &judgement.missing {
+            if !is_new(above.is_some_and(|above| above.missing.contains(missing))) {
+                continue;
+            }
             let date = missing.date.as_ref().map(|date| format!(", {date}")).unwrap_or_default();
             let assumed = missing.assumed.as_ref().map(|assumed| format!(" (assumed: {assumed})"));
             ui.colored_label(
                 warn,
                 format!("missing: {}{date}{}", missing.words, assumed.unwrap_or_default()),
             );
+        }
+        if same {
+            ui.weak("Else as by diameters");
         }
     });
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glioscope_cohort::CohortError;
 use glioscope_core::{
     Cancelled, case::CaseError, change::ChangeError, distance::DistanceError, ellipsoid::EllipsoidError,
     files::FileError, lesions::LesionsError, tumor_index::IndexError,
@@ -49,6 +50,12 @@ pub enum AppError {
     /// A server of an archive can't be used.
     #[error(transparent)]
     Pacs(#[from] glioscope_pacs::Error),
+    /// A cohort can't be run.
+    #[error(transparent)]
+    Cohort(#[from] CohortError),
+    /// Some cases of a cohort failed; which, as a sentence.
+    #[error("{0}")]
+    CasesFailed(String),
     /// The user cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -74,6 +81,11 @@ pub enum AppError {
 }
 
 impl AppError {
+    /// The program's exit code: 1 where some cases of a cohort failed, else 2.
+    pub fn exit_code(&self) -> u8 {
+        if matches!(self, Self::CasesFailed(_)) { 1 } else { 2 }
+    }
+
     /// An [`AppError::Wrong`]: at `place`, `found` instead of `expected`.
     pub fn wrong(place: impl Into<String>, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::Wrong { place: place.into(), found: found.into(), expected: expected.into() }

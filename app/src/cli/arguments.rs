@@ -14,6 +14,7 @@ use super::{
     animation::AnimationArguments,
     case::{CaseArguments, MaskArguments},
     change::ChangeArguments,
+    cohort::CohortArguments,
     ellipsoids::Neighbors,
     export::ExportArguments,
     lesions::LesionArguments,
@@ -110,6 +111,8 @@ pub enum Task {
     Register(RegisterArguments),
     /// Report how the surface of a mask moved between two dates.
     Change(Box<ChangeArguments>),
+    /// Compute many cases, each in processes of its own, and write tables of all of them.
+    Cohort(Box<CohortArguments>),
     /// Write masks or regions as files of other programs.
     Export(Box<ExportArguments>),
     /// List, retrieve and send studies of an archive (PACS) by DICOMweb.

@@ -1,11 +1,12 @@
 //! The command line: the window's numbers and pictures without a window.
 //!
-//! Exit codes: 0 success; 2 failure, with one line on stderr.
+//! Exit codes: 0 success; 1 some cases of a cohort failed; 2 failure. Failures have one line on stderr.
 
 mod animation;
 mod arguments;
 mod case;
 mod change;
+mod cohort;
 mod ellipsoids;
 mod export;
 mod info;
@@ -58,6 +59,7 @@ pub fn main() -> ExitCode {
     if let Ok(program) = std::env::current_exe() {
         dicom::decode_frames_with(program);
     }
+    glioscope_cohort::end_with_parent();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return print_clap_error(&error),
@@ -75,7 +77,7 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             terminal::error(&error.to_string());
-            ExitCode::from(2)
+            ExitCode::from(error.exit_code())
         }
     }
 }
@@ -93,6 +95,7 @@ fn execute(cli: Cli) -> Result<(), AppError> {
         }
         Some(Task::Tracts(arguments)) => tracts::run(&arguments),
         Some(Task::Change(arguments)) => change::run(&arguments),
+        Some(Task::Cohort(arguments)) => cohort::run(&arguments),
         Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Render(arguments)) => render::run(&arguments),
         Some(Task::Report(arguments)) => report::run(&arguments),

@@ -106,6 +106,11 @@ pub fn guess(spec: &CaseSpec) {
     }
 }
 
+/// Prints what a long job has finished to stderr.
+pub fn step(sentence: &str) {
+    line(sentence);
+}
+
 /// Prints an assumed default to stderr.
 pub fn assumed(sentence: &str) {
     line(&format!("note [assumed]: {sentence}"));

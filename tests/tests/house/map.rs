@@ -8,9 +8,10 @@ use std::{
 use super::structure::{CRATES, Outcome, Result, files, root};
 
 /// Where sources are: every folder under these has a line in the map.
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 9] = [
     "core/src",
     "pacs/src",
+    "cohort/src",
     "shaders/src",
     "shaders/wgsl",
     "render/src",
@@ -20,12 +21,13 @@ const SOURCES: [&str; 8] = [
 ];
 
 /// Pages about the program of today; CHANGELOG.md and docs/studies.md speak of earlier commits too.
-const PAGES: [&str; 9] = [
+const PAGES: [&str; 10] = [
     "README.md",
     "ARCHITECTURE.md",
     "docs/accuracy.md",
     "docs/change.md",
     "docs/checks.md",
+    "docs/cohort.md",
     "docs/ellipsoids.md",
     "docs/guide.md",
     "docs/json.md",

@@ -1,0 +1,27 @@
+//! A cohort: the cases of a data set, each measured by processes of its own, and tables of what all of them answered.
+//!
+//! [`find`] lists the cases of a folder or table. [`run()`] computes each: every step is the program's own subcommand in a child
+//! process, and a case's folder is put in place whole. [`group()`] reads these folders and writes tables, with [`rank`] between
+//! algorithms where a reference is named.
+
+mod cases;
+mod error;
+mod group;
+mod hashes;
+mod place;
+mod process;
+pub mod rank;
+mod run;
+mod status;
+mod steps;
+mod tables;
+
+pub use cases::{CohortCase, find};
+pub use error::CohortError;
+pub use group::{Grouped, Ranking, group};
+pub use place::Place;
+pub use process::end_with_parent;
+pub use run::{Outcome, Resources, Said, Summary, run};
+pub use status::{CaseStatus, Options, State, StepStatus};
+pub use steps::Step;
+pub use tables::{Column, Dictionary, KINDS, Kind, Type};

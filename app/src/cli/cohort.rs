@@ -8,8 +8,8 @@ use std::{
 
 use clap::{Args, ValueEnum};
 use glioscope_cohort::{
-    CohortCase, CohortError, Grouped, Options, Outcome, Place, Ranking, Resources, Said, Step, Summary, find, group, rank,
-    run as compute,
+    CohortCase, CohortError, Grouped, Options, Outcome, Place, Ranking, Resources, Said, Step, Summary, find,
+    group, rank, run as compute,
 };
 use glioscope_core::{measure::conventions::Convention, response::Criterion};
 
@@ -18,11 +18,7 @@ use super::{
     register::ModelArgument,
     terminal,
 };
-use crate::{
-    error::AppError,
-    model::session,
-    world::load,
-};
+use crate::{error::AppError, model::session, world::load};
 
 /// Memory that a case is taken to need, MiB: `--mem-mb` holds so many cases. docs/cohort.md has what was measured.
 const CASE_MB: u64 = 1024;
@@ -100,7 +96,13 @@ pub struct CohortArguments {
     #[arg(long, value_name = "ID")]
     pub reference: Option<String>,
     /// Group: the metrics of the ranking.
-    #[arg(long, value_name = "METRIC,...", value_delimiter = ',', default_value = "dice", requires = "reference")]
+    #[arg(
+        long,
+        value_name = "METRIC,...",
+        value_delimiter = ',',
+        default_value = "dice",
+        requires = "reference"
+    )]
     pub rank_by: Vec<String>,
     /// Group: fixes which cases the bootstrap draws.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "reference")]
@@ -132,7 +134,11 @@ impl CohortArguments {
 
     fn resources(&self) -> Result<Resources, AppError> {
         let program = std::env::current_exe().map_err(|e| {
-            AppError::wrong("the program", format!("no path to itself ({e})"), "one, for the processes of cases")
+            AppError::wrong(
+                "the program",
+                format!("no path to itself ({e})"),
+                "one, for the processes of cases",
+            )
         })?;
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         let held = self.mem_mb.map_or(cores as u64, |all| (all / CASE_MB).max(1));
@@ -168,7 +174,11 @@ fn participant(arguments: &CohortArguments, cases: &[CohortCase]) -> Result<(), 
         && let Some(case) = cases.iter().find(|case| case.history.is_none())
     {
         let found = format!("response without criteria, and no history of {}", case.label);
-        return Err(AppError::wrong("--compute", found, "--criteria, or a history of every case in the table"));
+        return Err(AppError::wrong(
+            "--compute",
+            found,
+            "--criteria, or a history of every case in the table",
+        ));
     }
     let place = Place::open(&arguments.out, &arguments.input)?;
     let estimate = Estimate::default();
@@ -262,11 +272,13 @@ fn grouped(arguments: &CohortArguments, cases: &[CohortCase]) -> Result<(), AppE
         arguments.reference.clone().map(|reference| Ranking { reference, metrics, seed: arguments.seed });
     let place = Place::open(&arguments.out, &arguments.input)?;
     let version = env!("CARGO_PKG_VERSION");
-    let grouped = terminal::with_progress(|progress| group(cases, &place, ranking.as_ref(), version, progress))?;
+    let grouped =
+        terminal::with_progress(|progress| group(cases, &place, ranking.as_ref(), version, progress))?;
     let Grouped { tables, missing, failed, notes } = grouped;
     notes.iter().for_each(|note| terminal::warning("cohort", note));
     if missing + failed > 0 {
-        let text = format!("{missing} cases have no results, {failed} a step that failed: tables/failures.csv");
+        let text =
+            format!("{missing} cases have no results, {failed} a step that failed: tables/failures.csv");
         terminal::warning("cohort", &text);
     }
     let tables: Vec<String> = tables.iter().map(|(name, rows)| format!("{name} {rows}")).collect();
@@ -301,6 +313,9 @@ mod tests {
     #[test]
     fn durations_have_two_units() {
         let of = |seconds| duration(Duration::from_secs(seconds));
-        assert_eq!([of(59), of(61), of(3661), of(360_000)], ["59 s", "1 min 1 s", "1 h 1 min", "100 h 0 min"]);
+        assert_eq!(
+            [of(59), of(61), of(3661), of(360_000)],
+            ["59 s", "1 min 1 s", "1 h 1 min", "100 h 0 min"]
+        );
     }
 }

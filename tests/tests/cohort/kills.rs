@@ -30,10 +30,13 @@ fn whole_cases(out: &Path) -> usize {
     let mut count = 0;
     for entry in entries {
         let folder = entry.unwrap().path();
-        let status: Value = serde_json::from_slice(&std::fs::read(folder.join("status.json")).unwrap()).unwrap();
+        let status: Value =
+            serde_json::from_slice(&std::fs::read(folder.join("status.json")).unwrap()).unwrap();
         let files: BTreeMap<String, u64> = tree(&folder)
             .into_iter()
-            .map(|(path, bytes)| (path.strip_prefix(&folder).unwrap().display().to_string(), bytes.len() as u64))
+            .map(|(path, bytes)| {
+                (path.strip_prefix(&folder).unwrap().display().to_string(), bytes.len() as u64)
+            })
             .filter(|(name, _)| name != "status.json" && name != "log.txt")
             .collect();
         let stated: BTreeMap<String, u64> = status["results"]
@@ -102,7 +105,10 @@ fn killed_runs_leave_whole_cases_and_the_table_is_that_of_an_undisturbed_run() {
             }
         }
         if signal != "-KILL" && running && !status.success() && killed.join(".parts").exists() {
-            assert!(std::fs::read_dir(killed.join(".parts")).unwrap().next().is_none(), "round {round}: {signal} left parts");
+            assert!(
+                std::fs::read_dir(killed.join(".parts")).unwrap().next().is_none(),
+                "round {round}: {signal} left parts"
+            );
         }
         let whole = whole_cases(&killed);
         assert!(whole >= most, "round {round}: {most} cases were whole, now {whole}");

@@ -13,7 +13,8 @@ const SIDE: usize = 24;
 pub const BOX: usize = 10;
 
 /// Masks beside the reference: how far case `n` has the box of each moved along x, in voxels.
-pub const MASKS: [(&str, fn(usize) -> usize); 3] = [("a", |n| n % 3), ("b", |n| 1 + n % 4), ("c", |n| 5 + n % 2)];
+pub const MASKS: [(&str, fn(usize) -> usize); 3] =
+    [("a", |n| n % 3), ("b", |n| 1 + n % 4), ("c", |n| 5 + n % 2)];
 /// The dates; the box of the later one is longer.
 pub const DATES: [(&str, usize); 2] = [("2024-01-01", BOX), ("2024-03-01", BOX + 2)];
 
@@ -34,7 +35,9 @@ pub fn case(folder: &Path, n: usize) {
     for (id, moved) in masks {
         for (date, length) in DATES {
             let is_in = |[i, j, k]: [usize; 3]| {
-                (3 + moved..3 + moved + length).contains(&i) && (5..5 + BOX).contains(&j) && (5..5 + BOX).contains(&k)
+                (3 + moved..3 + moved + length).contains(&i)
+                    && (5..5 + BOX).contains(&j)
+                    && (5..5 + BOX).contains(&k)
             };
             let file = format!("{id}-{date}.nii");
             write_cube(&folder.join(&file), SIDE, 1.0, |at| u8::from(is_in(at)));

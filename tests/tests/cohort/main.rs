@@ -44,9 +44,11 @@ fn a_case_has_what_the_command_line_answers_and_is_computed_once() {
     let (code, stdout, stderr) = glioscope_cohort(&input, &out, &arguments);
     assert_eq!((code, stdout.as_str()), (0, "4 computed, 0 were there, 0 failed\n"), "{stderr}");
     assert!(stderr.contains("[4/4]") && stderr.contains("s left"), "{stderr}");
-    for (file, subcommand) in
-        [("measure.json", ["measure", "--metrics"].as_slice()), ("lesions-1.json", &["lesions"]), ("change-1.json", &["change"])]
-    {
+    for (file, subcommand) in [
+        ("measure.json", ["measure", "--metrics"].as_slice()),
+        ("lesions-1.json", &["lesions"]),
+        ("change-1.json", &["change"]),
+    ] {
         let case = input.join("case-002");
         let answer = run(PROGRAM, &[subcommand, &[case.to_str().unwrap(), "--json"]].concat());
         assert_eq!(std::fs::read(out.join("cases/case-002").join(file)).unwrap(), answer.stdout, "{file}");
@@ -56,8 +58,11 @@ fn a_case_has_what_the_command_line_answers_and_is_computed_once() {
     assert_eq!((code, stdout.as_str()), (0, "0 computed, 4 were there, 0 failed\n"));
     assert_eq!(results(&out), first);
     // Other options, and another input: computed again, this case alone.
-    let (_, stdout, _) =
-        glioscope_cohort(&input, &out, &["participant", "--participant-label", "case-001", "--compute", "lesions"]);
+    let (_, stdout, _) = glioscope_cohort(
+        &input,
+        &out,
+        &["participant", "--participant-label", "case-001", "--compute", "lesions"],
+    );
     assert_eq!(stdout, "1 computed, 0 were there, 0 failed\n");
     assert_eq!(status(&out, "case-001")["options"]["compute"], serde_json::json!(["measure", "lesions"]));
     assert_eq!(tree(&input), before, "the input was written");

@@ -27,11 +27,17 @@ pub fn read(out: &Path, table: &str) -> Vec<BTreeMap<String, String>> {
 fn tables_have_what_is_known_and_what_the_command_line_answers() {
     let (folder, input) = cohort(5);
     let out = folder.path().join("out");
-    let (code, _, stderr) = glioscope_cohort(&input, &out, &["participant", "--compute", "metrics,lesions,change,response", "--criteria", "rano-2.0"]);
+    let (code, _, stderr) = glioscope_cohort(
+        &input,
+        &out,
+        &["participant", "--compute", "metrics,lesions,change,response", "--criteria", "rano-2.0"],
+    );
     assert_eq!(code, 0, "{stderr}");
-    let (code, stdout, stderr) = glioscope_cohort(&input, &out, &["group", "--reference", "ref", "--rank-by", "dice", "hd95_mm"]);
+    let (code, stdout, stderr) =
+        glioscope_cohort(&input, &out, &["group", "--reference", "ref", "--rank-by", "dice", "hd95_mm"]);
     assert!(code == 2 && stderr.contains("hd95_mm"), "one word for each list: {stdout}{stderr}");
-    let (code, _, stderr) = glioscope_cohort(&input, &out, &["group", "--reference", "ref", "--rank-by", "dice,hd95_mm"]);
+    let (code, _, stderr) =
+        glioscope_cohort(&input, &out, &["group", "--reference", "ref", "--rank-by", "dice,hd95_mm"]);
     assert_eq!(code, 0, "{stderr}");
     let masks = read(&out, "masks");
     assert_eq!(masks.len(), 5 * 2 * 4);
@@ -52,21 +58,33 @@ fn tables_have_what_is_known_and_what_the_command_line_answers() {
     }
     assert_eq!(seen, 5 * 2 * 3);
     // Every number of one answer, as it is there.
-    let (json, _) = answer(PROGRAM, &["measure", input.join("case-001").to_str().unwrap(), "--metrics", "--json"]);
-    for row in pairs.iter().filter(|row| row["case"] == "case-001" && !row["metric"].starts_with("lesions_")) {
+    let (json, _) =
+        answer(PROGRAM, &["measure", input.join("case-001").to_str().unwrap(), "--metrics", "--json"]);
+    for row in pairs.iter().filter(|row| row["case"] == "case-001" && !row["metric"].starts_with("lesions_"))
+    {
         let times = json["time_points"].as_array().unwrap();
         let time = times.iter().find(|time| time["time"] == row["time"].as_str()).unwrap();
-        let pair = time["pairs"].as_array().unwrap().iter().find(|pair| pair["a"] == row["a"].as_str() && pair["b"] == row["b"].as_str());
+        let pair = time["pairs"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|pair| pair["a"] == row["a"].as_str() && pair["b"] == row["b"].as_str());
         let value = &pair.unwrap()[&row["metric"]];
         assert_eq!(row["value"].parse::<f64>().ok(), value.as_f64(), "{row:?}");
     }
     for row in read(&out, "changes") {
         let grown = 2.0 * (BOX * BOX) as f64 / 1000.0;
-        assert!((row["new_ml"].parse::<f64>().unwrap() - grown).abs() < 1e-12 && row["gone_ml"] == "0", "{row:?}");
+        assert!(
+            (row["new_ml"].parse::<f64>().unwrap() - grown).abs() < 1e-12 && row["gone_ml"] == "0",
+            "{row:?}"
+        );
     }
     let lesions = read(&out, "lesions");
     assert!(lesions.iter().all(|row| row["components"] == "1" && row["small"] == "false"), "{lesions:?}");
-    assert_eq!((lesions.len(), read(&out, "responses").len(), read(&out, "failures").len()), (10, 5 * 2 * 2, 0));
+    assert_eq!(
+        (lesions.len(), read(&out, "responses").len(), read(&out, "failures").len()),
+        (10, 5 * 2 * 2, 0)
+    );
     // a is never moved more than b, and c is always moved most.
     let ranks = read(&out, "ranks");
     for metric in ["dice", "hd95_mm", "all"] {
@@ -78,7 +96,8 @@ fn tables_have_what_is_known_and_what_the_command_line_answers() {
     assert_eq!(["mean_rank", "low", "high", "cases"].map(|key| c[key].as_str()), ["3", "3", "3", "5"]);
     let tests = read(&out, "tests");
     // Five cases, all one way: 2 / 2^5.
-    let test = tests.iter().find(|row| row["metric"] == "dice" && row["a"] == "b" && row["b"] == "c").unwrap();
+    let test =
+        tests.iter().find(|row| row["metric"] == "dice" && row["a"] == "b" && row["b"] == "c").unwrap();
     assert!(test["method"] == "normal" || test["p"] == "0.0625", "{test:?}");
     assert_eq!(tests.len(), 6);
 }
@@ -101,7 +120,10 @@ fn tables_are_the_same_bytes_each_time() {
 fn dictionary_page() -> String {
     let mut page = String::new();
     for kind in KINDS {
-        page += &format!("\n### `{}`\n\nA row is {}.\n\n| column | type | unit | |\n|---|---|---|---|\n", kind.name, kind.about);
+        page += &format!(
+            "\n### `{}`\n\nA row is {}.\n\n| column | type | unit | |\n|---|---|---|---|\n",
+            kind.name, kind.about
+        );
         for column in kind.columns {
             let of = match column.of {
                 Type::Text => "text",
@@ -119,7 +141,8 @@ fn dictionary_page() -> String {
 fn the_page_has_the_dictionary() {
     let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/cohort.md");
     let page = std::fs::read_to_string(&path).unwrap();
-    let (begin, end) = ("<!-- dictionary: written by tests/tests/cohort/tables.rs -->\n", "<!-- end of the dictionary -->");
+    let (begin, end) =
+        ("<!-- dictionary: written by tests/tests/cohort/tables.rs -->\n", "<!-- end of the dictionary -->");
     let (before, rest) = page.split_once(begin).unwrap();
     let (found, after) = rest.split_once(end).unwrap();
     let expected = format!("{}\n", dictionary_page());

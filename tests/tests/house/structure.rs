@@ -24,7 +24,10 @@ const ALLOWED_DEPENDENCIES: [(&str, &[&str]); 8] = [
     ("glioscope-render", &["glioscope-core", "glioscope-shaders"]),
     ("glioscope", &["glioscope-core", "glioscope-cohort", "glioscope-pacs", "glioscope-render"]),
     ("glioscope-bench", &["glioscope-core", "glioscope-render"]),
-    ("glioscope-tests", &["glioscope", "glioscope-cohort", "glioscope-core", "glioscope-render", "glioscope-shaders"]),
+    (
+        "glioscope-tests",
+        &["glioscope", "glioscope-cohort", "glioscope-core", "glioscope-render", "glioscope-shaders"],
+    ),
 ];
 
 /// Packages on which a crate must not depend, directly or transitively; dev-dependencies are exempt.

@@ -217,7 +217,3 @@ fn of_table(path: &Path) -> Result<Vec<CohortCase>, CohortError> {
     }
     Ok(cases)
 }
-
-#[cfg(test)]
-#[path = "cases_tests.rs"]
-mod tests;

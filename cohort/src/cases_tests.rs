@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glioscope_core::files::write_whole;
 
-use super::*;
+use crate::find;
 
 fn put(folder: &Path, name: &str, text: &str) {
     let path = folder.join(name);

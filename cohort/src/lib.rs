@@ -5,9 +5,12 @@
 //! algorithms where a reference is named.
 
 mod cases;
+#[cfg(test)]
+mod cases_tests;
 mod error;
 mod group;
 mod hashes;
+mod options;
 mod place;
 mod process;
 pub mod rank;
@@ -19,9 +22,9 @@ mod tables;
 pub use cases::{CohortCase, find};
 pub use error::CohortError;
 pub use group::{Grouped, Ranking, group};
+pub use options::{Options, Step};
 pub use place::Place;
 pub use process::end_with_parent;
 pub use run::{Outcome, Resources, Said, Summary, run};
-pub use status::{CaseStatus, Options, State, StepStatus};
-pub use steps::Step;
+pub use status::{CaseStatus, State, StepStatus};
 pub use tables::{Column, Dictionary, KINDS, Kind, Type};

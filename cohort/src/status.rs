@@ -5,7 +5,10 @@ use std::path::Path;
 use glioscope_core::files::read_small;
 use serde::{Deserialize, Serialize};
 
-use crate::{Step, hashes::HashedFile};
+use crate::{
+    hashes::HashedFile,
+    options::{Options, Step},
+};
 
 /// Name of the file.
 pub const NAME: &str = "status.json";
@@ -22,27 +25,6 @@ pub enum State {
     Failed,
     /// The case has nothing to compute it from: one date has no change.
     NotApplicable,
-}
-
-/// What is computed of every case, and how: whatever changes results. Fields are as on the command line.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Options {
-    /// What is computed.
-    pub compute: Vec<Step>,
-    /// The masks whose lesions, change and response are computed; empty: each command's own choice.
-    pub of: Vec<String>,
-    /// The criteria of response.
-    pub criteria: Option<String>,
-    /// Whose definitions the metrics follow.
-    pub convention: Option<String>,
-    /// Tolerance of the surface Dice.
-    pub tau_mm: Option<f64>,
-    /// Percentile of the robust Hausdorff distance.
-    pub percentile: Option<f64>,
-    /// Further arguments by which every command reads the case.
-    pub case_arguments: Vec<String>,
-    /// Pictures are drawn without a graphics card.
-    pub software: bool,
 }
 
 /// One step of a case: one process.

@@ -2,45 +2,10 @@
 
 use std::{ffi::OsString, path::Path};
 
-use serde::{Deserialize, Serialize};
-use strum::{Display, EnumString, IntoStaticStr, VariantArray};
-
-use crate::{CohortCase, Options};
-
-/// Something that is computed of every case.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Serialize,
-    Deserialize,
-    Display,
-    EnumString,
-    IntoStaticStr,
-    VariantArray,
-)]
-#[serde(rename_all = "snake_case")]
-#[strum(serialize_all = "snake_case")]
-pub enum Step {
-    /// Volumes and overlap of masks and regions; computed always.
-    Measure,
-    /// With it, distances and more by a convention.
-    Metrics,
-    /// The lesions over the dates.
-    Lesions,
-    /// How surfaces moved from each date to the next.
-    Change,
-    /// Response by criteria.
-    Response,
-    /// The report as HTML, without the patient's identity.
-    Report,
-    /// Every view as a picture.
-    Pictures,
-}
+use crate::{
+    cases::CohortCase,
+    options::{Options, Step},
+};
 
 /// One process of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -148,6 +113,7 @@ pub fn others(case: &CohortCase, options: &Options, dates: &[String]) -> Vec<Ste
 #[cfg(test)]
 mod tests {
     use super::*;
+    use strum::VariantArray;
 
     #[test]
     fn dates_and_masks_that_begin_with_a_dash_stay_values() {

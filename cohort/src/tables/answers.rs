@@ -297,7 +297,7 @@ mod tests {
                     })
                     .collect();
                 let expected: Vec<Option<crate::Type>> =
-                    KINDS[table].columns.iter().map(|column| Some(column.of)).collect();
+                    KINDS[table].columns.iter().map(|column| Some(column.kind)).collect();
                 assert_eq!(types, expected, "{}", KINDS[table].name);
             }
         }

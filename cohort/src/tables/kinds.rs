@@ -21,9 +21,8 @@ pub enum Type {
 pub struct Column {
     /// Its name.
     pub name: &'static str,
-    /// Its type.
-    #[serde(rename = "type")]
-    pub of: Type,
+    /// What its fields hold.
+    pub kind: Type,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
     /// What it means.
@@ -42,19 +41,19 @@ pub struct Kind {
 }
 
 const fn text(name: &'static str, about: &'static str) -> Column {
-    Column { name, of: Type::Text, unit: "", about }
+    Column { name, kind: Type::Text, unit: "", about }
 }
 
 const fn whole(name: &'static str, about: &'static str) -> Column {
-    Column { name, of: Type::Whole, unit: "", about }
+    Column { name, kind: Type::Whole, unit: "", about }
 }
 
 const fn number(name: &'static str, unit: &'static str, about: &'static str) -> Column {
-    Column { name, of: Type::Number, unit, about }
+    Column { name, kind: Type::Number, unit, about }
 }
 
 const fn bool(name: &'static str, about: &'static str) -> Column {
-    Column { name, of: Type::Bool, unit: "", about }
+    Column { name, kind: Type::Bool, unit: "", about }
 }
 
 const CASE: Column = text("case", "the case's name within the cohort");

@@ -50,7 +50,7 @@ impl Writer {
         };
         let path = folder.join(format!("{}.parquet", kind.name));
         let columns = kind.columns.iter().map(|column| {
-            let (physical, logical) = match column.of {
+            let (physical, logical) = match column.kind {
                 Type::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
                 Type::Whole => (Physical::INT64, None),
                 Type::Number => (Physical::DOUBLE, None),
@@ -108,7 +108,7 @@ impl Writer {
             let mut group = self.parquet.next_row_group()?;
             for (n, column) in self.kind.columns.iter().enumerate() {
                 let fields = || rows.iter().map(|row| row.get(n).unwrap_or(&Field::Null));
-                match column.of {
+                match column.kind {
                     Type::Text => write_column::<ByteArrayType>(&mut group, fields(), |field| match field {
                         Field::Text(text) => Some(ByteArray::from(text.as_bytes().to_vec())),
                         _ => None,
@@ -181,10 +181,10 @@ mod tests {
         name: "things",
         about: "",
         columns: &[
-            crate::Column { name: "name", of: Type::Text, unit: "", about: "" },
-            crate::Column { name: "n", of: Type::Whole, unit: "", about: "" },
-            crate::Column { name: "x_mm", of: Type::Number, unit: "mm", about: "" },
-            crate::Column { name: "is", of: Type::Bool, unit: "", about: "" },
+            crate::Column { name: "name", kind: Type::Text, unit: "", about: "" },
+            crate::Column { name: "n", kind: Type::Whole, unit: "", about: "" },
+            crate::Column { name: "x_mm", kind: Type::Number, unit: "mm", about: "" },
+            crate::Column { name: "is", kind: Type::Bool, unit: "", about: "" },
         ],
     };
 

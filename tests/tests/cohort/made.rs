@@ -12,9 +12,11 @@ use tempfile::TempDir;
 const SIDE: usize = 24;
 pub const BOX: usize = 10;
 
+/// How far a case's mask is moved, in voxels, by the number of the case.
+type Moved = fn(usize) -> usize;
+
 /// Masks beside the reference: how far case `n` has the box of each moved along x, in voxels.
-pub const MASKS: [(&str, fn(usize) -> usize); 3] =
-    [("a", |n| n % 3), ("b", |n| 1 + n % 4), ("c", |n| 5 + n % 2)];
+pub const MASKS: [(&str, Moved); 3] = [("a", |n| n % 3), ("b", |n| 1 + n % 4), ("c", |n| 5 + n % 2)];
 /// The dates; the box of the later one is longer.
 pub const DATES: [(&str, usize); 2] = [("2024-01-01", BOX), ("2024-03-01", BOX + 2)];
 

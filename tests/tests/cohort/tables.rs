@@ -125,7 +125,7 @@ fn dictionary_page() -> String {
             kind.name, kind.about
         );
         for column in kind.columns {
-            let of = match column.of {
+            let of = match column.kind {
                 Type::Text => "text",
                 Type::Whole => "whole number",
                 Type::Number => "number",

@@ -44,8 +44,14 @@ pub const ANSWERS: [(&str, Outputs); 10] = [
 ];
 
 /// Likewise: what is drawn, exported from the window and written in reports.
-pub const WRITTEN: [(&str, Outputs); 4] =
-    [("numbers", numbers), ("lines", lines), ("stats", stats), ("recipe", recipes)];
+pub const WRITTEN: [(&str, Outputs); 6] = [
+    ("numbers", numbers),
+    ("lines", lines),
+    ("stats", stats),
+    ("recipe", recipes),
+    ("cohort-status", |made| cohort(made)[..2].to_vec()),
+    ("cohort-tables", |made| cohort(made)[2..].to_vec()),
+];
 
 /// Side of the cubes with masks, voxels of 1 mm.
 const SIDE: usize = 32;
@@ -431,6 +437,27 @@ fn recipes(made: &Made) -> Vec<Value> {
     };
     let full = ["--history", &history, "--identity", "full", "--language", "de", "--criteria", "rano-2010"];
     vec![recipe(&[&case[..], &full].concat()), recipe(&[&case[..], &["--criteria", "rano-bm"]].concat())]
+}
+
+/// Of a cohort of two cases, one of which lacks a file: both statuses and the dictionary.
+fn cohort(made: &Made) -> Vec<Value> {
+    let (input, out) = (made.path("cohort"), made.path("cohort-results"));
+    for (case, later) in [("a", "moved"), ("b", "absent")] {
+        std::fs::create_dir_all(Path::new(&input).join(case)).unwrap();
+        let masks = [("large", "2024-01-01"), (later, "2024-02-01")].map(|(file, date)| {
+            format!("[[mask]]\nid = \"M\"\nfile = \"../../{file}.nii\"\ntime = \"{date}\"\n")
+        });
+        made.file(&format!("cohort/{case}/case.toml"), &format!("glioscope = 1\n{}", masks.concat()));
+    }
+    let options = ["--compute", "metrics,change", "--tau", "2", "--one-space"];
+    assert_eq!(
+        run(PROGRAM, &[&["cohort", &input, &out, "participant"], &options[..]].concat()).status.code(),
+        Some(1)
+    );
+    assert!(run(PROGRAM, &["cohort", &input, &out, "group"]).status.success());
+    ["cases/a/status.json", "cases/b/status.json", "tables/dictionary.json"]
+        .map(|file| serde_json::from_slice(&std::fs::read(Path::new(&out).join(file)).unwrap()).unwrap())
+        .to_vec()
 }
 
 /// Arguments whose answers fit a schema, of a folder of real data.

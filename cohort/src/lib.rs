@@ -15,6 +15,9 @@ mod place;
 mod process;
 pub mod rank;
 mod run;
+#[cfg(target_os = "linux")]
+#[cfg(test)]
+mod run_tests;
 mod status;
 mod steps;
 mod tables;
@@ -24,7 +27,7 @@ pub use error::CohortError;
 pub use group::{Grouped, Ranking, group};
 pub use options::{Options, Step};
 pub use place::Place;
-pub use process::end_with_parent;
+pub use process::{end_with_parent, is_of_cohort};
 pub use run::{Outcome, Resources, Said, Summary, run};
 pub use status::{CaseStatus, State, StepStatus};
 pub use tables::{Column, Dictionary, KINDS, Kind, Type};

@@ -158,6 +158,11 @@ fn last_error(log: &File, from: u64) -> Option<String> {
     Some(printable(line).chars().take(MAX_ERROR_CHARS).collect())
 }
 
+/// Whether a cohort started this process: what it says is kept in the results.
+pub fn is_of_cohort() -> bool {
+    std::env::var_os(PARENT).is_some()
+}
+
 /// For a process that a cohort started: it ends when that one does, whatever ends it. Otherwise nothing.
 pub fn end_with_parent() {
     #[cfg(target_os = "linux")]
@@ -171,7 +176,8 @@ pub fn end_with_parent() {
     }
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use super::*;
 

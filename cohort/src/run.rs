@@ -26,6 +26,8 @@ use crate::{
 
 /// Name of the log beside a case's results.
 const LOG: &str = "log.txt";
+/// Temporary files of a process, beside the results that it makes.
+const TEMPORARY: &str = ".temporary";
 /// Maximum size of the first step's answer in bytes.
 const MAX_ANSWER_BYTES: u64 = 1 << 30;
 /// How often a case that another run computes is looked for.
@@ -311,10 +313,14 @@ impl Run<'_> {
             }
             false => None,
         };
+        // What a process unpacks and is ended before it removes goes with the folder.
+        let temporary = folder.join(TEMPORARY);
+        std::fs::create_dir_all(&temporary).map_err(|e| writable(&temporary, &e))?;
         let mut command = Command::new(&self.resources.program);
-        command.args(&step.arguments).current_dir(folder);
+        command.args(&step.arguments).current_dir(folder).env("TMPDIR", &temporary);
         command.env("RAYON_NUM_THREADS", self.resources.threads.max(1).to_string());
         let ended = watched(&mut command, answer, &log, memory_mb, self.progress)?;
+        std::fs::remove_dir_all(&temporary).map_err(|e| writable(&temporary, &e))?;
         if ended.error.is_some() {
             // Half an answer is none.
             let removed = if output.is_dir() {

@@ -22,12 +22,12 @@ process LABELS {
     executor 'local'
 
     output:
-    stdout
+    path 'labels.txt'
 
     script:
     """
     ${params.glioscope} cohort ${quoted(file(params.input).toAbsolutePath())} ${quoted(file(params.output).toAbsolutePath())} \
-        participant --list ${params.list_options}
+        participant --list ${params.list_options} > labels.txt
     """
 }
 

@@ -79,7 +79,16 @@ fn printable_lines(text: &str) -> String {
 
 /// Prints a line about the work to stderr. A closed stderr can't be reported anywhere.
 fn line(text: &str) {
-    let _ = writeln!(std::io::stderr(), "glioscope: {}", printable(text));
+    let text = if glioscope_cohort::is_of_cohort() { without_names(text) } else { text.to_owned() };
+    let _ = writeln!(std::io::stderr(), "glioscope: {}", printable(&text));
+}
+
+/// A sentence without the names of patients that core's errors list: what the processes of a cohort say is kept in its results.
+fn without_names(text: &str) -> String {
+    let end = text.rfind(", expected").unwrap_or(text.len());
+    let marks = [" patients (", " patients: "];
+    let names = marks.into_iter().filter_map(|mark| text[..end].find(mark)).min();
+    names.map_or_else(|| text.to_owned(), |at| format!("{} patients{}", &text[..at], &text[end..]))
 }
 
 /// Prints an error to stderr as one line.
@@ -193,6 +202,16 @@ fn show_progress(progress: &Progress, done: &AtomicBool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_patients_are_left_out_of_sentences() {
+        let text = "x: found files of 2 patients (Doe (A), 1, Roe, 2), expected the folder of one patient";
+        assert_eq!(without_names(text), "x: found files of 2 patients, expected the folder of one patient");
+        let text = "x: found files of two patients: m (Doe, 1) and n (Roe, 2), expected files of one";
+        assert_eq!(without_names(text), "x: found files of two patients, expected files of one");
+        assert_eq!(without_names("files of 2 patients (Doe, Roe)"), "files of 2 patients");
+        assert_eq!(without_names("x: found y, expected z"), "x: found y, expected z");
+    }
 
     #[test]
     fn no_control_character_reaches_the_terminal() {

@@ -103,6 +103,26 @@ fn a_case_that_fails_says_so_and_the_others_go_on() {
 }
 
 #[test]
+fn names_of_patients_are_in_no_result() {
+    let Some(input) = glioscope_tests::real_data("dicom-folders") else { return };
+    let case = run(PROGRAM, &["measure", input.join("two-patients").to_str().unwrap()]);
+    assert!(String::from_utf8_lossy(&case.stderr).contains("Doe"), "the case names nobody");
+    let folder = tempfile::tempdir().unwrap();
+    let (code, stdout, stderr) = glioscope_cohort(&input, folder.path(), &["participant"]);
+    assert!(
+        code == 1
+            && stderr.contains("two-patients: failed: measure")
+            && stderr.contains("2 patients, expected"),
+        "{stderr}"
+    );
+    assert_eq!(glioscope_cohort(&input, folder.path(), &["group"]).0, 0);
+    let said = [stdout.into_bytes(), stderr.into_bytes()];
+    for bytes in tree(folder.path()).into_values().chain(said) {
+        assert!(!bytes.windows(3).any(|part| part == b"Doe"), "{}", String::from_utf8_lossy(&bytes));
+    }
+}
+
+#[test]
 fn two_runs_at_once_share_the_cases() {
     let (folder, input) = cohort(6);
     let out = folder.path().join("out");

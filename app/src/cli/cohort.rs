@@ -141,9 +141,9 @@ impl CohortArguments {
             )
         })?;
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        let held = self.mem_mb.map_or(cores as u64, |all| (all / CASE_MB).max(1));
+        let held = self.mem_mb.map_or(u64::MAX, |all| (all / CASE_MB).max(1));
         let wanted = self.n_procs.map_or(cores, usize::from);
-        let processes = wanted.min(usize::try_from(held).unwrap_or(cores)).max(1);
+        let processes = wanted.min(usize::try_from(held).unwrap_or(usize::MAX)).max(1);
         Ok(Resources {
             program,
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -180,19 +180,24 @@ pub fn make(
     let (warnings, notes) = content.findings(&own, &contradictions);
     blocks.extend(warnings);
     blocks.extend(content.conclusion());
-    blocks.extend(content.summary());
-    blocks
-        .extend(evaluated.into_iter().flat_map(|evaluated| responses::blocks(evaluated, &words, &redactor)));
-    blocks.extend(
-        evaluated
-            .into_iter()
-            .flat_map(|evaluated| stated::blocks(&evaluated.stated, &words, &redactor, is_named)),
-    );
-    blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));
+    let of_response =
+        evaluated.map(|evaluated| responses::blocks(evaluated, lesions.as_deref(), &words, &redactor));
+    // With a call, the first page is for it, and for what shows it.
+    let summary_first = of_response.is_none();
+    if summary_first {
+        blocks.extend(content.summary());
+    }
+    blocks.extend(of_response.into_iter().flatten());
     if form.has_pictures() {
         blocks.push(Block::Heading(words.get("section-pictures")));
         blocks.extend(pictures(case, doc, &words, painter, progress)?);
     }
+    if !summary_first {
+        blocks.extend(content.summary());
+    }
+    let stated = evaluated.map(|evaluated| stated::blocks(&evaluated.stated, &words, &redactor, is_named));
+    blocks.extend(stated.into_iter().flatten());
+    blocks.extend(responses::bt_rads(case, &doc.edit.response, &words));
     blocks.extend(content.changes());
     blocks.extend(content.lesions());
     blocks.extend(content.dates());

@@ -7,7 +7,7 @@ use glioscope_core::{
     lesions::{LesionsReport, new_lesions},
     response::{
         BtRads, BtRadsCategory, DateResponse, Evaluated, Judgement, SumReport, bt_rads as form,
-        bt_rads_answered,
+        bt_rads_answered, unstated_new,
     },
 };
 
@@ -22,7 +22,12 @@ use crate::{
 };
 
 /// The calls at all dates, then why.
-pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<Block> {
+pub fn blocks(
+    evaluated: &Evaluated,
+    lesions: Option<&LesionsReport>,
+    words: &Words,
+    redactor: &Redactor,
+) -> Vec<Block> {
     let Evaluated { response, contradictions, proposed_links, .. } = evaluated;
     let criteria = ("criteria", response.criterion.name().to_owned());
     let head = ["date", "by-diameters", "by-volume", "from-baseline", "from-nadir"];
@@ -53,6 +58,10 @@ pub fn blocks(evaluated: &Evaluated, words: &Words, redactor: &Redactor) -> Vec<
     let warning = |text: String| Finding { is_warning: true, text };
     let mut doubts: Vec<Finding> =
         contradictions.iter().map(|it| warning(redactor.text(&phrase(it, words)))).collect();
+    let unstated = lesions.map(|report| unstated_new(report, &evaluated.stated)).unwrap_or_default();
+    for date in unstated {
+        doubts.push(warning(words.with("new-unstated", &[("date", date.to_owned())])));
+    }
     if *proposed_links > 0 {
         doubts.push(warning(words.with("lesions-links", &[("count", proposed_links.to_string())])));
     }

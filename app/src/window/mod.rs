@@ -129,6 +129,8 @@ pub struct GlioscopeApp {
     /// How files are chosen.
     pub chooser: Chooser,
     dialog: Option<Dialog>,
+    /// The window's title.
+    title: String,
     pane_rects: HashMap<PaneId, Rect>,
     /// The mode for explaining, while it is on.
     explain: Option<Explain>,
@@ -175,6 +177,7 @@ impl GlioscopeApp {
             dialog: None,
             started: false,
             going_to: None,
+            title: String::new(),
             pane_rects: HashMap::new(),
             explain: None,
             pictures: Pictures::default(),
@@ -250,6 +253,7 @@ impl GlioscopeApp {
         if self.work.doc.is_none() {
             self.end_explaining();
         }
+        self.name_window(&ctx);
         let fill = egui::Frame::NONE.fill(ui.visuals().panel_fill);
         if self.explain.is_some() {
             CentralPanel::default().frame(fill).show(ui, |ui| self.explaining(ui, &mut out));
@@ -339,6 +343,16 @@ impl GlioscopeApp {
             remembered.size_points = Some([size.x, size.y]);
         }
         self.preferences.save();
+    }
+
+    /// Which case is open stands in the window's title; not while something is explained to a patient.
+    fn name_window(&mut self, ctx: &Context) {
+        let case = self.work.world.case().filter(|_| self.work.doc.is_some() && self.explain.is_none());
+        let title = case.map_or_else(|| "Glioscope".to_owned(), |case| format!("{} – Glioscope", case.name));
+        if title != self.title {
+            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
     }
 
     /// Remembers the folder of a file that was chosen.
@@ -570,7 +584,9 @@ impl GlioscopeApp {
             CaseRef::Files { folder, .. } => Some(folder.clone()),
             CaseRef::Sample | CaseRef::Arguments { .. } => None,
         });
-        let folder = last.or(case).or_else(|| std::env::current_dir().ok())?;
+        // A session belongs to its case, wherever a file was chosen last: the next case's, where it is saved before that is opened.
+        let own = case.clone().filter(|folder| *purpose == Purpose::SaveSession && folder.is_dir());
+        let folder = own.or(last).or(case).or_else(|| std::env::current_dir().ok())?;
         std::path::absolute(folder).ok()
     }
 

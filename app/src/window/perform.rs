@@ -309,6 +309,7 @@ impl GlioscopeApp {
             return;
         };
         let (world, inputs, path) = (self.work.world.clone(), self.work.inputs(), path.to_owned());
+        self.work.notice = Some("Writing the report…".into());
         self.export = Some(Job::start(Waker::of(ctx), move |progress| {
             report::write(doc, &world, options, (&gpu, &inputs), &path, progress)
         }));

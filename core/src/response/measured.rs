@@ -11,7 +11,7 @@ use super::{
     rules::Criterion,
 };
 use crate::{
-    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest},
+    lesions::{EventKind, LesionDate, LesionReport, LesionsReport, largest, new_lesions},
     phrase::{Phrase, Value},
 };
 
@@ -157,6 +157,17 @@ fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
             ])
         })
         .collect()
+}
+
+/// Dates whose new lesions the masks alone tell of: no reader has stated what they are.
+pub fn unstated_new<'a>(report: &'a LesionsReport, history: &History) -> Vec<&'a str> {
+    let is_stated =
+        |time: &str| history.date.iter().any(|facts| facts.date.0 == time && facts.new_lesion.is_some());
+    let mut dates: Vec<&str> = new_lesions(report).map(|(_, date)| date.time.as_str()).collect();
+    dates.retain(|time| !is_stated(time));
+    dates.sort_unstable();
+    dates.dedup();
+    dates
 }
 
 /// `measurements` with the days that the history states for dates that aren't calendar dates.

@@ -37,7 +37,7 @@ pub use history::{
     Treatment, TreatmentKind, Trial, TrialValue,
 };
 pub use margin::{COVERAGE, Margin, false_fall, false_rise};
-pub use measured::{Evaluated, evaluate_lesions, measured_compartments, name_of};
+pub use measured::{Evaluated, evaluate_lesions, measured_compartments, name_of, unstated_new};
 pub use missing::Input;
 pub use phrases::ALL as PHRASES;
 pub use result::{

@@ -1,15 +1,21 @@
 //! Dialogs: the keyboard in them, and what happens on a desktop without a file chooser.
 
-use std::{path::Path, sync::Arc, time::Duration};
+use std::{
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex},
+    time::Duration,
+};
 
 use egui::{Event, Key, Modifiers, Theme};
 use egui_kittest::kittest::Queryable;
 use glioscope::{
-    command::AppCommand,
+    command::{AppCommand, EditCommand},
     model::{CaseRef, ExportFormat, PaneId},
     window::dialogs::{Choice, Purpose},
 };
-use glioscope_tests::{Window, doc, error_text, issue, perform, wait_for_workers, window_on};
+use glioscope_tests::{Window, doc, error_text, issue, perform, run, wait_for_workers, window_on};
+
+use crate::PROGRAM;
 
 const SIZE: [f32; 2] = [1280.0, 800.0];
 
@@ -187,4 +193,31 @@ fn dialogs_hold_the_keyboard_and_enter_and_escape_close_them() {
     harness.key_press(Key::L);
     harness.run_ok();
     assert_ne!(doc(&harness).edit.lens_on, before.edit.lens_on, "shortcuts work again");
+}
+
+/// A session saved on the way to another case was offered the other case's folder: the next patient's.
+#[test]
+fn a_session_is_offered_the_folder_of_its_own_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["first", "second"].map(|name| {
+        let case = folder.path().join(name);
+        assert!(run(PROGRAM, &["sample", "--out", case.to_str().unwrap()]).status.success());
+        case
+    });
+    let manifest = |case: &Path| CaseRef::Path(case.join("case.toml"));
+    let mut harness = window_on(manifest(&first), SIZE, Theme::Light);
+    let asked: Arc<Mutex<Vec<Option<PathBuf>>>> = Arc::default();
+    let heard = asked.clone();
+    harness.state_mut().chooser = Arc::new(move |_: &Purpose, folder: Option<&Path>| {
+        heard.lock().unwrap().push(folder.map(Path::to_owned));
+        Choice::Cancelled
+    });
+    harness.run_ok();
+    perform(&mut harness, EditCommand::ToggleLens);
+    issue(&mut harness, AppCommand::Open(manifest(&second)));
+    harness.run_ok();
+    harness.get_by_label("Save").click();
+    wait_for_answer(&mut harness);
+    let asked = asked.lock().unwrap().clone();
+    assert_eq!(asked, [Some(first)], "and not {}", second.display());
 }

@@ -170,6 +170,8 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     assert_eq!(history.baseline.unwrap().author.as_deref(), Some("A. B."));
     assert_eq!(doc(&harness).edit.response.author, "A. B.");
     assert!(harness.query_by_label_contains("the masks show B, 0.2").is_some());
+    let undecided = "New lesions at 2024-03-01 are not stated: the masks decide what they are";
+    assert!(harness.query_by_label(undecided).is_some());
     // "Nothing worse" says nothing of it.
     click(&mut harness, "also what changes no call");
     click(&mut harness, "Nothing worse at 2024-03-01");
@@ -181,6 +183,7 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
     assert_eq!(stated(&harness), (None, Some(NonTarget::None)), "all of the first date are targets");
     click(&mut harness, "New lesions at 2024-03-01: measurable");
     assert_eq!(stated(&harness).0, Some(NewLesion::Measurable));
+    assert!(harness.query_by_label(undecided).is_none());
     assert_eq!(harness.query_all_by_label_contains("by diameters: PD").count(), 1);
     click(&mut harness, "Write a report…");
     click(&mut harness, "Take over the calls");

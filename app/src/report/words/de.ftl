@@ -218,3 +218,4 @@ conclusion-new = Neu: { $lesions }.
 link-proposed = Verbindung vorgeschlagen, nicht geprüft
 link-verified = Verbindung von befundender Person geprüft
 link-edited = von befundender Person verbunden
+new-unstated = { $date }: Neue Läsionen sind den Masken entnommen; niemand hat angegeben, was sie sind.

@@ -218,3 +218,4 @@ conclusion-new = New: { $lesions }.
 link-proposed = link proposed, not verified
 link-verified = link verified by the reader
 link-edited = linked by the reader
+new-unstated = { $date }: new lesions are taken from the masks; nobody has stated what they are.

@@ -11,9 +11,10 @@ use std::collections::{BTreeMap, HashSet};
 
 use egui::{ComboBox, ScrollArea, Ui};
 use glioscope_core::{
+    case::Case,
     dates::leading_date,
     lesions::{LesionDate, LesionsReport, new_lesions},
-    response::{Assessment, Criterion, Evaluated, History, Input as Asked},
+    response::{Assessment, Criterion, Evaluated, History, Input as Asked, unstated_new},
 };
 use strum::VariantArray;
 
@@ -25,7 +26,7 @@ use crate::{
     command::{AppCommand, Commands, EditCommand},
     format,
     model::{ResponseSetting, response::MOST_AUTHOR},
-    world::jobs::{Lookup, progress_text},
+    world::jobs::{Handle, Lookup, progress_text},
 };
 use fields::By;
 
@@ -38,7 +39,7 @@ pub struct ResponsePane {
     all_inputs: bool,
     /// What was asked for, and by which criteria at which dates: it keeps its place until those change.
     asked: HashSet<AskedFor>,
-    asked_by: Option<(Criterion, Vec<String>)>,
+    asked_by: Option<(Criterion, Handle<Case>)>,
 }
 
 /// An input of a scan by its label, or of the patient.
@@ -106,7 +107,10 @@ fn missing(evaluated: &Evaluated) -> HashSet<AskedFor> {
 impl Pane for ResponsePane {
     fn show(&mut self, ui: &mut Ui, stage: &mut Stage<'_>, out: &mut Commands) {
         draw::padded(ui, |ui| {
-            ScrollArea::both().auto_shrink([false, false]).show(ui, |ui| self.content(ui, stage, out));
+            // Another case begins at its top.
+            let of_case = std::sync::Arc::as_ptr(stage.input.case) as usize;
+            let area = ScrollArea::both().id_salt(("response", of_case)).auto_shrink([false, false]);
+            area.show(ui, |ui| self.content(ui, stage, out));
         });
     }
 }
@@ -136,6 +140,14 @@ impl ResponsePane {
                     let text = "The dates are no calendar dates: state the day of each scan below, counted from any first day";
                     status = Status::Warning(text.into());
                 }
+                let lesions = results.lesions.last().cloned();
+                let unstated =
+                    lesions.as_deref().map(|lesions| unstated_new(lesions, &history)).unwrap_or_default();
+                if let (Status::Nothing, Some(last)) = (&status, unstated.last()) {
+                    let text =
+                        format!("New lesions at {last} are not stated: the masks decide what they are");
+                    status = Status::Warning(text);
+                }
                 calls::head(ui, evaluated.as_deref(), &status);
                 if let Some(evaluated) = &evaluated {
                     calls::table(ui, &evaluated.response.dates, &mut self.date);
@@ -147,15 +159,13 @@ impl ResponsePane {
                     ui.checkbox(&mut self.all_inputs, "also what changes no call")
                         .on_hover_text("Only inputs that can change a call are asked for");
                 });
-                let by_what =
-                    (history.criterion, input.case.time_labels().into_iter().map(str::to_owned).collect());
+                let by_what = (history.criterion, Handle::of(input.case));
                 if self.asked_by.as_ref() != Some(&by_what) {
                     self.asked.clear();
                     self.asked_by = Some(by_what);
                 }
                 let missing = evaluated.as_deref().map(missing).unwrap_or_default();
                 self.asked.extend(missing.iter().cloned());
-                let lesions = results.lesions.last().cloned();
                 let (new_in_masks, only_measurable) = lesions.as_deref().map(of_masks).unwrap_or_default();
                 let asked = &self.asked;
                 let wanted = Wanted { all: self.all_inputs, missing, asked, new_in_masks, only_measurable };

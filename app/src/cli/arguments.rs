@@ -218,7 +218,7 @@ pub struct LightArguments {
     /// Closeup: a smooth surface instead of voxels, for the eye only.
     #[arg(long)]
     pub smooth: bool,
-    /// Slices: distance of vicinity occlusion among opaque surfaces.
+    /// Slices: distance up to which opaque surfaces darken their vicinity, and from which on they cast soft shadows.
     #[arg(long, value_name = "MM", value_parser = parse::above_zero(1000.0), allow_hyphen_values = true)]
     pub vicinity_mm: Option<f64>,
     /// Slices: samples of vicinity occlusion, 1 to 118.

@@ -247,7 +247,7 @@ fn shading(ui: &mut Ui, choice: &LightChoice) -> Option<Shading> {
         .on_hover_text(tip);
     let has_vicinity = choice.has_vicinity();
     let mut distance_mm = at_rest.lighting.vicinity_mm;
-    let tip = "Slices: distance of the virtual slice through which opaque surfaces darken each other";
+    let tip = "Slices: distance up to which opaque surfaces darken their vicinity, and from which on they cast soft shadows";
     let vicinity = Slider::new(&mut distance_mm, 0.5..=20.0).suffix(" mm").fixed_decimals(1);
     if slider(ui, has_vicinity, vicinity.clamping(SliderClamping::Edits).text("Vicinity"), tip) {
         new.vicinity_mm = Some(distance_mm);

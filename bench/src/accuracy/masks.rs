@@ -24,9 +24,9 @@ pub(super) const FAMILY: Family = Family {
     title: "Directional light on masks",
     about: "Fraction of the light from the cone around the direction to the eye that reaches each voxel face of the \
             closeup. Cones are traced through the selected regions: with many of them the remaining error is the \
-            8-bit rounding of the stored occlusion. Vicinity occlusion, which slices use for opaque geometry and \
-            cones where a view has no medium for them, reads only the depth buffer within a few millimetres: more \
-            points can't remove its error. Points of the presets of both modes are marked; masks had little weight \
+            8-bit rounding of the stored occlusion. Slices use vicinity occlusion nearby and layers from afar, as do \
+            cones where a view has no medium for them: both read only the depth buffer, so more points can't remove \
+            their error. Points of the presets of both modes are marked; masks had little weight \
             in the choice of the presets.",
     defaults: Defaults::Presets,
     curves,
@@ -66,7 +66,7 @@ type Settings = Vec<(String, (f64, LightSettings))>;
 /// Settings to measure, by kernel and knob.
 fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
     let cones = LightSettings { mode: LightingMode::Cones, ..LightSettings::DEFAULT };
-    // With slices, masks without an image are lit by vicinity occlusion alone.
+    // With slices, masks without an image are lit by vicinity occlusion and layers.
     let vicinity = LightSettings { mode: LightingMode::Slices, ..LightSettings::DEFAULT };
     let counts: &[u32] = effort.of(&[1, 16], &[2, 8, 32], &[1, 2, 4, 6, 8, 16, 32, 64, 128]);
     let levels: &[u32] = effort.of(&[0], &[3, 1], &[5, 3, 2, 1, 0]);
@@ -108,8 +108,8 @@ fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
 /// Whether two settings light masks without an image identically.
 fn is_same(a: &LightSettings, b: &LightSettings) -> bool {
     let on_masks = |l: &LightSettings| match l.mode {
-        LightingMode::Cones => (l.sub_cones, l.coarsest_level, l.cone_step),
-        _ => (l.vicinity_samples, 0, l.vicinity_mm),
+        LightingMode::Cones => (l.sub_cones, l.coarsest_level, l.cone_step, 0.0),
+        _ => (l.vicinity_samples, 0, l.vicinity_mm, l.slice_mm),
     };
     a.mode == b.mode && on_masks(a) == on_masks(b)
 }

@@ -10,6 +10,7 @@ pub mod monte_carlo;
 pub mod poisson;
 pub mod random;
 pub mod sight;
+pub mod solids;
 pub mod srgb;
 #[cfg(test)]
 mod tests;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use glioscope_core::{RegionVolume, Selection, optics::Camera};
 
 use crate::{
@@ -64,6 +65,8 @@ pub(crate) struct LitScene<'a> {
     pub size: [u32; 2],
     pub quality: &'a Quality,
     pub opaque: Opaque,
+    /// Corners of boxes around all opaque geometry; may be a little too small.
+    pub solid_corners_mm: Vec<DVec3>,
     /// Whether `depths` holds, after the opaque depths of all pixels, the depths at which rays through the image end.
     pub ends_apart: bool,
     pub view: &'a wgpu::Buffer,
@@ -186,6 +189,8 @@ pub struct LightRow {
     pub has_aperture: bool,
     /// Whether the closeup's smooth surface can be lit: a mode that reads the voxels would show them on it.
     pub lights_smooth: bool,
+    /// Whether light past masks is traced through them, so that layers of light count tubes and arrows alone.
+    pub(crate) traces_masks: bool,
     /// Cost of [`Preset::Reference`](crate::scene::Preset::Reference), relative to balanced.
     pub most_cost: f64,
     /// Initial cost of the automatic mode: fast enough on two cores with a software adapter.

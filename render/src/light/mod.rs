@@ -4,6 +4,8 @@
 mod budget;
 pub(crate) mod cones;
 pub(crate) mod horizon;
+pub(crate) mod kernel;
+pub(crate) mod layers;
 pub(crate) mod lit;
 pub(crate) mod screen;
 pub(crate) mod slices;

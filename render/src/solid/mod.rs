@@ -11,6 +11,8 @@ pub mod tubes;
 pub(crate) mod twin;
 pub(crate) mod view;
 
+use glam::DVec3;
+
 use crate::device::PassName;
 
 /// First shown voxel along each ray: inside the lens, or anywhere when it is off.
@@ -21,6 +23,13 @@ pub(crate) const SMOOTH: PassName = PassName::new("smooth");
 pub(crate) const NORMALS: PassName = PassName::new("normals");
 /// What surrounds it: the closeup's faint outer level, the change view's veil.
 pub(crate) const OUTSIDE: PassName = PassName::new("outside");
+
+/// Corners of a box between its least and its greatest.
+pub(crate) fn corners_mm((low, high): (DVec3, DVec3)) -> [DVec3; 8] {
+    std::array::from_fn(|i| {
+        DVec3::from_array(std::array::from_fn(|a| if i >> a & 1 == 1 { high[a] } else { low[a] }))
+    })
+}
 
 /// For the layout test.
 #[cfg(test)]

@@ -1,25 +1,20 @@
 // Light that reaches opaque geometry through a cone towards the eye: past the masks, and through the context
-// image where there is one. Tubes and arrows are no medium: their occlusion of each other and of the masks is
-// vicinity occlusion.
+// image where there is one. Tubes and arrows are no medium: their light was found before, see vicinity/tubes.
 #include lib/view
 #include lib/march
 #include lib/cones
 #include lib/light_grid
 #include lib/solid_light
-#include lib/vicinity
-#include lib/tubes
 
 @group(0) @binding(37) var<storage, read> light_grid: array<vec2<f32>>;
 
-@group(0) @binding(5) var<storage, read> surfaces: array<vec2<u32>>;
+@group(0) @binding(7) var<storage, read> tube_light: array<f32>;
+
+// Whether tubes or arrows take light away.
+override past_tubes: bool = false;
 
 // Offset from the hit face towards the eye, in voxels.
 const SLIP = 1e-3;
-
-// Tubes and arrows only: the cones account for the masks.
-fn counts(at: u32) -> bool {
-    return is_tube(surfaces[at].y);
-}
 
 fn is_hidden(c: vec3<f32>) -> bool {
     return false;
@@ -83,8 +78,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if (flags() & HAS_CONTEXT) != 0u {
         reached *= grid_light(grid.corner + c.x * grid.right + c.y * grid.up + c.z * grid.forward).x;
     }
-    if ((flags() & HAS_TUBES) != 0u) & ((varied(vicinity.flags) & VICINITY) != 0u) {
-        reached *= open(id.xy, depth);
+    if past_tubes {
+        reached *= tube_light[at];
     }
     blurred[at] = darker(reached);
 }

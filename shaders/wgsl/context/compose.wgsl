@@ -14,6 +14,13 @@
 @group(0) @binding(28) var<storage, read> fibers: array<Fiber>;
 @group(0) @binding(30) var<storage, read> tube_shades: array<u32>;
 
+const SPECULAR = 0.12;
+
+fn highlight(facing: f32) -> f32 {
+    let facing4 = facing * facing * facing * facing;
+    return SPECULAR * facing4 * facing4 * facing4 * facing4;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     zero = id.x >> 31u;
@@ -24,6 +31,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = linear_index(id.xy);
     var color = view.background.rgb;
     var front = FAR;
+    var shine = 0.0;
     let has_surface = (flags() & HAS_SURFACE) != 0u;
     let has_tubes = (flags() & HAS_TUBES) != 0u;
     if has_surface || has_tubes {
@@ -33,7 +41,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let surface = surfaces[at];
         if has_tubes && is_tube(surface.y) {
             let edge = tube_edge(here, front, surface.y, fibers[surface.y & ~TUBE].radius_mm);
-            color = unpack4x8unorm(tube_shades[at]).rgb * edge;
+            let shade = unpack4x8unorm(tube_shades[at]);
+            color = shade.rgb * edge;
+            shine = edge * highlight(shade.a);
         } else {
             color = unpack4x8unorm(regions[surface.x]).rgb;
         }
@@ -41,6 +51,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let o = unpack4x8unorm(blurred[at]);
             color = color * (1.0 - o.a) + o.rgb * (o.a * view.color_bleeding);
         }
+        // Occlusion darkens ambient and diffuse light, not the highlight (Algorithm 6 of Schott et al. 2012).
+        color = min(color + shine, vec3<f32>(1.0));
     }
     // Nothing of the image is in front of the tumour.
     if (flags() & HAS_CONTEXT) != 0u {

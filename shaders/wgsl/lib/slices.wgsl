@@ -35,11 +35,12 @@ override two_lights: bool = false;
 override one_slice: bool = false;
 // Whether opaque surfaces don't darken the image.
 override solid_lets_through: bool = false;
+// Whether opaque surfaces darken each other through the slices, as in the paper.
+override solid_on_solid: bool = false;
 // Whether eye rays pass opaque geometry that covers its pixel in part: they then end at depths of their own,
 // stored behind the others in `depths`.
 override ends_apart: bool = false;
-// The first step, which starts from the initial state; and steps that contain nothing of the image.
-override is_first: bool = false;
+// Steps that contain nothing of the image.
 override is_empty: bool = false;
 
 const PAPER_EXACT = 0u;

@@ -7,6 +7,10 @@ struct Vicinity {
     slope: f32,                     // mm nearer to the eye per mm sideways, beyond which a neighbour is in the cone
     count: u32,
     flags: u32,
+    deepest_mm: f32,                // what is nearer to the eye by more is left to layers
+    unused_a: u32,
+    unused_b: u32,
+    unused_c: u32,
     points: array<vec4<f32>, 118>,  // in the unit disc
 }
 
@@ -31,7 +35,8 @@ fn open(pixel: vec2<u32>, depth: f32) -> f32 {
         if all(to >= vec2<f32>(0.0)) && all(to < vec2<f32>(view.size)) {
             let nearest = depth - bias - vicinity.slope * vicinity.radius_mm * length(q);
             let there = linear_index(vec2<u32>(to));
-            hidden += select(0.0, 1.0, (depths[there] < nearest) & counts(there));
+            let near = depths[there] >= depth - vicinity.deepest_mm;
+            hidden += select(0.0, 1.0, (depths[there] < nearest) & near & counts(there));
         }
     }
     return 1.0 - hidden / f32(vicinity.count);

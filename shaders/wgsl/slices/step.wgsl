@@ -73,7 +73,7 @@ fn mended(pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
 }
 
 // As in the paper: a slice is a plane at its middle, with the opacity of the distance to opaque geometry where
-// that is nearer.
+// that is nearer. Opaque geometry blocks the light of both, which then are the paper's one.
 fn as_the_paper(id: vec2<u32>, pixel: Pixel, front: f32, span: vec2<f32>, material: vec4<f32>) {
     let extinction = extinction_of(material);
     let casts = !solid_lets_through;
@@ -85,16 +85,13 @@ fn as_the_paper(id: vec2<u32>, pixel: Pixel, front: f32, span: vec2<f32>, materi
         state.rgb + decoded(material.rgb) * (mix(1.0, light.y, slices.strength) * alpha * state.a), state.a * (1.0 - alpha));
     let of_solid = select(extinction, SOLID, hides && casts);
     let of_both = select(select(0.0, SOLID, hides && casts), of_solid, shades());
-    var after = vec2<f32>(exp(-vec2<f32>(extinction, of_both) * slices.slice_mm));
-    if !is_first {
-        after = disc(id, vec2<f32>(extinction, of_both));
-    }
+    let after = disc(id, vec2<f32>(extinction, of_both));
     if !hides {
         note.x = after.x;
     } else if meets {
         note.x = mix(light.x, after.x, (pixel.solid - front) / slices.slice_mm);
     }
-    light = after;
+    light = vec2<f32>(select(after.x, 0.0, hides && solid_on_solid), after.y);
 }
 
 fn load(at: u32) {

@@ -11,12 +11,10 @@
 
 const NUMBER = 0xffffffu;
 const AMBIENT = 0.4;
-const SPECULAR = 0.12;
 
+// Without the highlight, which is added behind the darkening.
 fn lit(color: vec3<f32>, facing: f32) -> vec3<f32> {
-    let facing4 = facing * facing * facing * facing;
-    let shine = SPECULAR * facing4 * facing4 * facing4 * facing4;
-    return min(color * mix(AMBIENT, 1.0, facing) + shine, vec3<f32>(1.0));
+    return color * mix(AMBIENT, 1.0, facing);
 }
 
 @compute @workgroup_size(8, 8)

@@ -27,8 +27,9 @@ use self::{
     uniforms::{Cones, LEVELS, Level, LightGrid, LightPart},
 };
 use super::{
+    layers::{self, LAYERS, LayerLight},
     lit::{Light, LightRow, LightWork, LitImage, LitKind, LitMarch, LitScene, Measured, Opaque, no_strength},
-    vicinity::{self, VICINITY, VicinityLight},
+    vicinity::{self, TUBE_SHADOWS, VICINITY, VicinityLight},
 };
 use crate::{
     device::{
@@ -57,24 +58,27 @@ pub(super) const ROW: LightRow = LightRow {
     summary: "Soft shadows, also of the tumour on itself; light on opaque surfaces per pixel",
     takes_long: true,
     has_aperture: true,
+    traces_masks: true,
     lights_smooth: false,
     most_cost: 16.0,
     first_cost: 0.125,
     passes: |kind| match kind {
         LitKind::Masks => &[SOLID_CONES],
-        LitKind::Image => &[LIGHT_GRID, SOLID_CONES],
-        // No medium for cones: vicinity occlusion instead.
-        LitKind::Depths => &[LIGHT_GRID, VICINITY],
+        LitKind::Image => &[LIGHT_GRID, LAYERS, TUBE_SHADOWS, SOLID_CONES],
+        // No medium for cones: as with slices.
+        LitKind::Depths => &[LIGHT_GRID, LAYERS, VICINITY],
     },
     omission_reason: |pass, quality, no_opaque, no_image| match pass {
         LIGHT_GRID => no_image,
         SOLID_CONES => no_opaque.or(no_strength(quality)),
+        LAYERS => layers::omission_reason(quality, no_opaque),
+        TUBE_SHADOWS => vicinity::no_tube_shadows(quality, no_opaque),
         VICINITY => vicinity::omission_reason(quality, no_opaque, no_image),
         _ => None,
     },
     flags: &[(SOLID_CONES, HAS_OCCLUSION), (VICINITY, HAS_OCCLUSION), (LIGHT_GRID, LINEAR_LIGHT)],
     image_pass: None,
-    reads_arrows: |_| &[SOLID_CONES, LIGHT_GRID],
+    reads_arrows: |_| &[SOLID_CONES, LAYERS, TUBE_SHADOWS, LIGHT_GRID],
     at_cost,
     measured: MEASURED,
     #[cfg(test)]
@@ -282,6 +286,7 @@ struct ConeLight {
     placeholder: wgpu::Buffer,
     image: Option<ImageLight>,
     masks: Option<MaskLight>,
+    layers: LayerLight,
     vicinity: VicinityLight,
 }
 
@@ -293,7 +298,16 @@ impl Light for ConeLight {
         plan: &Plan,
         scene: &LitScene<'_>,
     ) -> Result<Vec<String>, RenderError> {
-        self.vicinity.write(gpu, &scene.quality.lighting, false);
+        let mut lag_mm = None;
+        if plan.has(LAYERS) {
+            // Cones trace the masks.
+            lag_mm = self.layers.bind(gpu, passes, scene, plan.has(SOLID_CONES))?;
+        } else {
+            self.layers.leave_out(gpu);
+        }
+        if plan.has(TUBE_SHADOWS) {
+            self.vicinity.bind_tubes(gpu, passes, scene, (&self.layers, lag_mm))?;
+        }
         let mut notes = Vec::new();
         if plan.has(LIGHT_GRID) {
             notes = self.bind_image(gpu, passes, scene)?;
@@ -307,7 +321,7 @@ impl Light for ConeLight {
             self.masks = None;
         }
         if plan.has(VICINITY) {
-            self.vicinity.bind(gpu, passes, scene, None)?;
+            self.vicinity.bind(gpu, passes, scene, None, (&self.layers, lag_mm))?;
         }
         Ok(notes)
     }
@@ -355,6 +369,7 @@ impl ConeLight {
             placeholder: gpu.buffer("ConeLight::placeholder", 16, WRITTEN),
             image: None,
             masks: None,
+            layers: LayerLight::new(gpu),
             vicinity: VicinityLight::new(gpu),
         }
     }
@@ -501,15 +516,16 @@ impl ConeLight {
             (2, words.as_entire_binding()),
             (3, scene.colors.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
-            (5, scene.surfaces.as_entire_binding()),
+            (7, scene.occlusion.as_entire_binding()),
             (8, scene.blurred.as_entire_binding()),
             (26, self.mask_uniform.as_entire_binding()),
             (27, held.medium.cells.as_entire_binding()),
             (37, image_light.map_or(&self.placeholder, |image| &image.light).as_entire_binding()),
-            (36, self.vicinity.uniform().as_entire_binding()),
             (38, self.grid_uniform.as_entire_binding()),
         ];
-        let shader = Shader { file: "cones/opaque", constants: &[("exact", exact)] };
+        let past_tubes = f64::from(u8::from(plan.has(TUBE_SHADOWS)));
+        let constants = [("exact", exact), ("past_tubes", past_tubes)];
+        let shader = Shader { file: "cones/opaque", constants: &constants };
         passes.bind(gpu, SOLID_CONES, shader, &entries, workgroups_of(scene.size))?;
         self.masks = Some(held);
         Ok(notes)

@@ -27,6 +27,7 @@ pub(super) const ROW: LightRow = LightRow {
     summary: "Fastest: relief from the image's gradients, corners of the tumour darker",
     takes_long: false,
     has_aperture: false,
+    traces_masks: false,
     lights_smooth: true,
     most_cost: 16.0,
     first_cost: 0.125,

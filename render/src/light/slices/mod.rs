@@ -1,5 +1,6 @@
 //! Lighting by slices (directional occlusion, Schott et al. 2009, and its combination with opaque geometry, 2012):
-//! draws the image, and computes the light it transmits to opaque surfaces, which vicinity occlusion darkens as well.
+//! draws the image, and computes the light it transmits to opaque surfaces, which darken each other by vicinity occlusion
+//! and in layers.
 //!
 //! Lifetimes: pipelines are created when a variant is first drawn; buffers (40 bytes per pixel, with opaque geometry
 //! 48) once per size; the uniforms of the steps, 256 bytes for each of their rectangles, once per frame.
@@ -25,6 +26,7 @@ use self::{
     reach::{OpaqueBounds, Rect, ScreenBounds, StepRects, step_rects},
 };
 use super::{
+    layers::{self, LAYERS, LayerLight},
     lit::{Light, LightRow, LightWork, LitImage, LitKind, LitScene, Measured, Opaque},
     vicinity::{self, VICINITY, VicinityLight},
 };
@@ -50,22 +52,28 @@ pub(super) const ROW: LightRow = LightRow {
     summary: "Soft shadows of tissue on tissue and on the tumour; light comes from the eye",
     takes_long: true,
     has_aperture: true,
+    traces_masks: false,
     lights_smooth: true,
     most_cost: MOST_COST,
     first_cost: 0.02,
     passes: |kind| match kind {
-        LitKind::Image => &[SLICES, SLICES_FINISH, VICINITY],
-        LitKind::Masks | LitKind::Depths => &[SLICES, VICINITY],
+        LitKind::Image => &[SLICES, SLICES_FINISH, LAYERS, VICINITY],
+        LitKind::Masks | LitKind::Depths => &[SLICES, LAYERS, VICINITY],
     },
     omission_reason: |pass, quality, no_opaque, no_image| match pass {
         SLICES | SLICES_FINISH => no_image,
+        LAYERS => layers::omission_reason(quality, no_opaque),
         VICINITY => vicinity::omission_reason(quality, no_opaque, no_image),
         _ => None,
     },
     flags: &[(VICINITY, HAS_OCCLUSION), (SLICES, HAS_CONTEXT | LINEAR_LIGHT)],
     image_pass: Some(SLICES),
     reads_arrows: |quality| {
-        if quality.lighting.mutual.opaque_on_image { &[VICINITY, SLICES] } else { &[VICINITY] }
+        if quality.lighting.mutual.opaque_on_image {
+            &[VICINITY, LAYERS, SLICES]
+        } else {
+            &[VICINITY, LAYERS]
+        }
     },
     at_cost,
     measured: MEASURED,
@@ -151,10 +159,11 @@ struct PipelineKey {
     one_slice: bool,
     /// Whether opaque geometry doesn't occlude the image.
     opaque_transmits: bool,
+    /// Whether opaque geometry blocks the light that it receives.
+    opaque_on_opaque: bool,
     /// Whether the eye's rays end at depths other than those of opaque geometry.
     ends_apart: bool,
     uses_gradient: bool,
-    is_first: bool,
     is_empty: bool,
 }
 
@@ -186,6 +195,7 @@ struct SliceLight {
     pipelines: Vec<(PipelineKey, wgpu::ComputePipeline)>,
     slices: wgpu::Buffer,
     buffers: Option<Buffers>,
+    layers: LayerLight,
     vicinity: VicinityLight,
     work: Option<LightWork>,
     /// For tests: every step processes the whole frame, as if opaque geometry were anywhere.
@@ -205,9 +215,15 @@ impl Light for SliceLight {
         if let Some(image) = scene.image.filter(|_| plan.has(SLICES)) {
             notes = self.bind_slices(gpu, passes, scene, &image)?;
         }
+        let mut lag_mm = None;
+        if plan.has(LAYERS) {
+            lag_mm = self.layers.bind(gpu, passes, scene, false)?;
+        } else {
+            self.layers.leave_out(gpu);
+        }
         if plan.has(VICINITY) {
             let notes = self.buffers.as_ref().map(|b| &b.notes);
-            self.vicinity.bind(gpu, passes, scene, notes)?;
+            self.vicinity.bind(gpu, passes, scene, notes, (&self.layers, lag_mm))?;
         }
         Ok(notes)
     }
@@ -256,6 +272,7 @@ impl SliceLight {
             pipelines: Vec::new(),
             slices: gpu.uniform::<uniforms::Slices>("SliceLight::slices"),
             buffers: None,
+            layers: LayerLight::new(gpu),
             vicinity: VicinityLight::new(gpu),
             work: None,
             everywhere: false,
@@ -301,7 +318,9 @@ impl SliceLight {
                 .map_or(OpaqueBounds::None, OpaqueBounds::Within),
             _ => OpaqueBounds::Anywhere,
         };
-        let occluders = (mutual.opaque_on_image, mutual.image_on_image);
+        // In the paper's variants; in the mended one layers do.
+        let opaque_on_opaque = settings.variant != SliceVariant::Mended && mutual.opaque_on_opaque;
+        let occluders = (mutual.opaque_on_image || opaque_on_opaque, mutual.image_on_image);
         let all_rects = if self.everywhere {
             vec![StepRects::everywhere(scene.size); plan.steps.len()]
         } else {
@@ -317,9 +336,9 @@ impl SliceLight {
             two_lights: has_opaque,
             one_slice: false,
             opaque_transmits: false,
+            opaque_on_opaque: false,
             ends_apart: false,
             uses_gradient: false,
-            is_first: false,
             is_empty: false,
         };
         let whole = Rect::whole(scene.size).in_workgroups(scene.size);
@@ -337,9 +356,9 @@ impl SliceLight {
                     with_opaque,
                     one_slice: mended && step.slices == 1,
                     opaque_transmits: with_opaque && !mutual.opaque_on_image,
+                    opaque_on_opaque: with_opaque && opaque_on_opaque,
                     ends_apart: with_opaque && scene.ends_apart,
                     uses_gradient: image.buffers.tables().two_d,
-                    is_first: !mended && number == 0,
                     is_empty: step.empty,
                     ..begin_key
                 };
@@ -426,9 +445,9 @@ impl SliceLight {
             ("two_lights", flag(key.two_lights)),
             ("one_slice", flag(key.one_slice)),
             ("solid_lets_through", flag(key.opaque_transmits)),
+            ("solid_on_solid", flag(key.opaque_on_opaque)),
             ("ends_apart", flag(key.ends_apart)),
             ("gradient_counts", flag(key.uses_gradient)),
-            ("is_first", flag(key.is_first)),
             ("is_empty", flag(key.is_empty)),
         ];
         let pipeline = if key.is_begin {

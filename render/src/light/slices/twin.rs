@@ -1,8 +1,8 @@
 //! Combined surface and volumetric occlusion by slices (Schott et al. 2012, Algorithms 1 to 4) on the CPU
 //! in `f64`: the context view's image, opaque surfaces at given depths, both lights.
 //!
-//! Two lights are carried from slice to slice: one that only the image attenuates, received by opaque
-//! surfaces, and one that opaque surfaces block as well, received by the image.
+//! Two lights are carried from slice to slice: one that the image attenuates, received by opaque surfaces, which block it in
+//! the paper's variants alone, and one that opaque surfaces block, received by the image.
 
 use glam::DVec3;
 use glioscope_core::optics::{Ray, Sight, cone::through_slice, srgb};
@@ -160,7 +160,7 @@ impl Pass<'_> {
             } else if opaque >= depth_mm {
                 out.on_opaque = before[0] + (after[0] - before[0]) * ((opaque - depth_mm) / d);
             }
-            return after;
+            return [if hides && self.mutual.opaque_on_opaque { 0.0 } else { after[0] }, after[1]];
         }
         let Kernel::Lattice { side, stride_px, center } = kernel else { return [1.0; 2] };
         let (side, stride) = (i64::from(side), i64::from(stride_px));

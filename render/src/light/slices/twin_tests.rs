@@ -6,7 +6,7 @@ use glioscope_core::optics::{Projection, Sight};
 use super::{plan::SlicePlan, slice_settings, twin};
 use crate::{
     ClipPlane, ContextRenderer, ContextScene,
-    light::suite::{SIZE, scene, visible_depths_mm},
+    light::suite::{SIZE, image_of, scene, visible_depths_mm},
     scene::{LightSettings, LightingMode, MutualOcclusion, Quality, SliceVariant},
     solid::{SURFACE, view::FAR},
     testing::GPU,
@@ -115,5 +115,20 @@ fn each_mutual_occlusion_matches_the_twin() {
             let off = twin_error(&scene, lighting);
             assert!(off <= 1e-3, "{mutual:?} {variant:?}: {off}");
         }
+    }
+}
+
+/// An image that is dense up to its faces: already the first slice takes light away, each sample over its own distance.
+#[test]
+fn the_first_slice_of_a_dense_image_matches_the_twin() {
+    let mut scene = scene(false, true, Projection::Perspective);
+    let grid = scene.volume.as_ref().unwrap().grid().clone();
+    scene.volume = Some(image_of(&grid, vec![60.0; grid.voxel_count()]));
+    for variant in [SliceVariant::PaperExact, SliceVariant::PaperApproximate, SliceVariant::Mended] {
+        let lighting =
+            LightSettings { mode: LightingMode::Slices, variant, slice_mm: 2.0, ..LightSettings::DEFAULT };
+        let off = twin_error(&scene, lighting);
+        println!("{variant:?}: {off:.2e}");
+        assert!(off <= 1e-3, "{variant:?}: {off}");
     }
 }

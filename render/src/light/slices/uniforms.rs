@@ -40,6 +40,9 @@ pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
         Part, "Part": depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, origin
     ),
     crate::layouts::layout!(
-        super::super::vicinity::uniforms::Vicinity, "Vicinity": radius_mm, slope, count, flags, points
+        super::super::vicinity::uniforms::Vicinity,
+        "Vicinity": radius_mm, slope, count, flags, deepest_mm, unused_a, unused_b, unused_c, points
     ),
+    super::super::layers::LAYOUTS[0],
+    super::super::layers::LAYOUTS[1],
 ];

@@ -9,7 +9,10 @@ pub(crate) mod uniforms;
 
 use glioscope_core::optics::{cone::clamped_aperture, poisson::poisson_disc};
 
-use super::lit::{LitScene, is_off, no_strength};
+use super::{
+    layers::LayerLight,
+    lit::{LitScene, is_off, no_strength},
+};
 use crate::{
     device::{
         Gpu, PassName, RenderError,
@@ -17,12 +20,23 @@ use crate::{
         runner::{PassRunner, workgroups_of},
     },
     scene::{LightSettings, Quality, SliceVariant},
+    solid::view::FAR,
 };
 
 /// Light that reaches opaque geometry: vicinity occlusion, times the light that slices transmit.
 pub(crate) const VICINITY: PassName = PassName::new("vicinity");
 
-/// Why the pass is omitted, see [`super::omission_reason`].
+/// Light past tubes and arrows, for modes that trace the masks.
+pub(crate) const TUBE_SHADOWS: PassName = PassName::new("tube_shadows");
+
+/// Why [`TUBE_SHADOWS`] is omitted where there are tubes or arrows.
+pub(crate) fn no_tube_shadows(quality: &Quality, no_opaque: Option<&'static str>) -> Option<&'static str> {
+    let light = &quality.lighting;
+    let by_vicinity = light.mutual.opaque_on_opaque && !is_off(radius_mm(light));
+    no_opaque.or(no_strength(quality)).or((!by_vicinity).then_some("nothing darkens opaque surfaces"))
+}
+
+/// Why [`VICINITY`] is omitted, see [`super::omission_reason`].
 pub(crate) fn omission_reason(
     quality: &Quality,
     no_opaque: Option<&'static str>,
@@ -60,7 +74,8 @@ impl VicinityLight {
         }
     }
 
-    /// Binds the pass; `notes` are the slices' notes if they ran.
+    /// Binds the pass; `notes` are the slices' notes if they ran, `layers` the layers and how far behind a surface
+    /// their shadows begin, if they were computed.
     ///
     /// # Errors
     /// [`RenderError`] if the driver rejects the shader.
@@ -70,8 +85,9 @@ impl VicinityLight {
         passes: &mut PassRunner,
         scene: &LitScene<'_>,
         notes: Option<&wgpu::Buffer>,
+        (layers, lag_mm): (&LayerLight, Option<f64>),
     ) -> Result<(), RenderError> {
-        self.write(gpu, &scene.quality.lighting, notes.is_some());
+        self.write(gpu, &scene.quality.lighting, notes.is_some(), lag_mm);
         let entries = [
             (0, scene.view.as_entire_binding()),
             (4, scene.depths.as_entire_binding()),
@@ -79,17 +95,37 @@ impl VicinityLight {
             (35, notes.unwrap_or(&self.no_notes).as_entire_binding()),
             (36, self.uniform.as_entire_binding()),
         ];
+        let entries = [&entries[..], &layers.entries()].concat();
         passes.bind(gpu, VICINITY, "vicinity/opaque", &entries, workgroups_of(scene.size))
     }
 
-    /// Its uniform, for other passes that compute vicinity occlusion.
-    pub fn uniform(&self) -> &wgpu::Buffer {
-        &self.uniform
+    /// Binds [`TUBE_SHADOWS`]; the light is written to `scene.occlusion`.
+    ///
+    /// # Errors
+    /// [`RenderError`] if the driver rejects the shader.
+    pub fn bind_tubes(
+        &mut self,
+        gpu: &Gpu,
+        passes: &mut PassRunner,
+        scene: &LitScene<'_>,
+        (layers, lag_mm): (&LayerLight, Option<f64>),
+    ) -> Result<(), RenderError> {
+        self.write(gpu, &scene.quality.lighting, false, lag_mm);
+        let entries = [
+            (0, scene.view.as_entire_binding()),
+            (4, scene.depths.as_entire_binding()),
+            (5, scene.surfaces.as_entire_binding()),
+            (7, scene.occlusion.as_entire_binding()),
+            (36, self.uniform.as_entire_binding()),
+        ];
+        let entries = [&entries[..], &layers.entries()].concat();
+        passes.bind(gpu, TUBE_SHADOWS, "vicinity/tubes", &entries, workgroups_of(scene.size))
     }
 
-    /// Writes the uniform; `sliced`: whether slices ran.
-    pub fn write(&mut self, gpu: &Gpu, settings: &LightSettings, sliced: bool) {
-        let data = self.data(settings, sliced);
+    /// Writes the uniform; `sliced`: whether slices ran; `lag_mm`: from which distance on layers count.
+    fn write(&mut self, gpu: &Gpu, settings: &LightSettings, sliced: bool, lag_mm: Option<f64>) {
+        let deepest_mm = lag_mm.map_or(FAR, |mm| mm as f32);
+        let data = uniforms::Vicinity { deepest_mm, ..self.data(settings, sliced) };
         gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&data));
     }
 
@@ -114,6 +150,10 @@ impl VicinityLight {
             slope: slope(settings),
             count,
             flags,
+            deepest_mm: FAR,
+            unused_a: 0,
+            unused_b: 0,
+            unused_c: 0,
             points,
         }
     }

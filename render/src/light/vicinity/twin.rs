@@ -17,7 +17,7 @@ pub fn radius_mm(virtual_slice_mm: f64, aperture_deg: f64) -> f64 {
 /// lie in the unit disc, x to the right and y down; they are spread over `radius_mm` at the depth of the
 /// pixel's own first hit, where a pixel is `footprint_mm` wide, and each reads the pixel that it falls
 /// in. Only a hit nearer by `slope` times its lateral distance counts: with 1/tan θ those in the cone, with 0
-/// all, as in the paper. Samples outside the frame or on the background occlude nothing. 1 for background pixels, and
+/// all, as in the paper; hits nearer by more than `deepest_mm` don't. Samples outside the frame or on the background occlude nothing. 1 for background pixels, and
 /// for all pixels without samples or with a radius or a footprint that is not positive and finite; empty if the sizes
 /// don't match.
 pub fn vicinity(
@@ -25,7 +25,7 @@ pub fn vicinity(
     size: [u32; 2],
     footprint_mm: impl Fn(f64) -> f64,
     radius_mm: f64,
-    slope: f64,
+    (slope, deepest_mm): (f64, f64),
     samples: &[[f64; 2]],
 ) -> Vec<f64> {
     let [width, height] = size.map(|s| s as usize);
@@ -47,7 +47,7 @@ pub fn vicinity(
             let there = inside.then(|| depths.get(y as usize * width + x as usize)).flatten();
             there.and_then(|d| hit(*d)).is_some_and(|d| {
                 let lateral_mm = sample[0].hypot(sample[1]) * radius_mm;
-                d < own - BIAS_PX * pixel_mm - slope * lateral_mm
+                d < own - BIAS_PX * pixel_mm - slope * lateral_mm && d >= own - deepest_mm
             })
         };
         1.0 - samples.iter().filter(hides).count() as f64 / samples.len() as f64
@@ -84,7 +84,7 @@ mod tests {
             .filter(|p| p[0].hypot(p[1]) <= 1.0)
             .collect();
         for (samples, tolerance) in [(dense, 0.01), (poisson_disc(118), 0.05), (poisson_disc(32), 0.1)] {
-            let found = vicinity(&depths, SIZE, footprint, 13.0, 0.0, &samples);
+            let found = vicinity(&depths, SIZE, footprint, 13.0, (0.0, f64::INFINITY), &samples);
             for x in 0..48usize {
                 // Away from the upper and lower rim, where samples leave the frame.
                 let f = found[20 * 48 + x];
@@ -101,8 +101,8 @@ mod tests {
     fn scaling_the_scene_changes_nothing() {
         let scene = |scale: f32| image(move |x, y| scale * (100.0 + (3.0 * x.sin() + 4.0 * y.cos()) as f32));
         let samples = poisson_disc(64);
-        let near = vicinity(&scene(1.0), SIZE, |d| 0.01 * d, 6.0, 0.0, &samples);
-        let far = vicinity(&scene(4.0), SIZE, |d| 0.01 * d, 24.0, 0.0, &samples);
+        let near = vicinity(&scene(1.0), SIZE, |d| 0.01 * d, 6.0, (0.0, f64::INFINITY), &samples);
+        let far = vicinity(&scene(4.0), SIZE, |d| 0.01 * d, 24.0, (0.0, f64::INFINITY), &samples);
         assert!(near.iter().any(|f| *f < 0.7) && near.iter().any(|f| *f > 0.9));
         assert_eq!(near, far);
     }
@@ -111,7 +111,7 @@ mod tests {
     fn flat_surfaces_and_degenerate_input_hide_nothing() {
         let samples = poisson_disc(32);
         let open = |depths: &[f32], footprint: f64, radius: f64, samples: &[[f64; 2]]| {
-            let found = vicinity(depths, SIZE, |_| footprint, radius, 0.0, samples);
+            let found = vicinity(depths, SIZE, |_| footprint, radius, (0.0, f64::INFINITY), samples);
             found.len() == depths.len() && found.iter().all(|f| *f == 1.0)
         };
         // Rises by less than a footprint within the radius: within the bias.
@@ -130,7 +130,7 @@ mod tests {
             let depths = image(|x, _| if x < 20.0 { background } else { 130.0 });
             assert!(open(&depths, 1.0, 8.0, &samples), "{background}");
         }
-        assert!(vicinity(&stepped, [3, 3], |_| 1.0, 8.0, 0.0, &samples).is_empty());
+        assert!(vicinity(&stepped, [3, 3], |_| 1.0, 8.0, (0.0, f64::INFINITY), &samples).is_empty());
         assert!((radius_mm(2.0, 45.0) - 2.0).abs() < 1e-12 && radius_mm(2.0, 89.9).is_finite());
     }
 }

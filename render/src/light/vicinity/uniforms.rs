@@ -13,5 +13,9 @@ pub(crate) struct Vicinity {
     pub slope: f32,
     pub count: u32,
     pub flags: u32,
+    pub deepest_mm: f32,
+    pub unused_a: u32,
+    pub unused_b: u32,
+    pub unused_c: u32,
     pub points: [[f32; 4]; 118],
 }

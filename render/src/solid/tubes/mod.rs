@@ -38,6 +38,8 @@ pub fn tract_color(n: usize) -> Rgb {
 #[derive(Clone, Debug)]
 pub struct TubeSet {
     origin_mm: DVec3,
+    /// Box around the drawn points, relative to the origin; `None` without points.
+    bounds: Option<(DVec3, DVec3)>,
     /// Relative to the origin.
     points: Vec<[f32; 3]>,
     /// Start of each fibre's points; the number of points at the end.
@@ -122,7 +124,10 @@ impl TubeSet {
             offsets.push(points.len() as u32);
         }
         let radius_mm = if radius_mm.is_nan() { Self::RADIUS_MM } else { radius_mm.clamp(0.01, 100.0) };
-        Ok(Self { origin_mm, points, offsets, color, radius_mm, left_out })
+        let bounds = points.iter().map(to_f64).fold(None, |bounds: Option<(DVec3, DVec3)>, p| {
+            Some(bounds.map_or((p, p), |(low, high)| (low.min(p), high.max(p))))
+        });
+        Ok(Self { origin_mm, bounds, points, offsets, color, radius_mm, left_out })
     }
 
     /// Number of fibres in the file, those without a point included.
@@ -156,6 +161,12 @@ impl TubeSet {
             (Some(&from), Some(&to)) => self.points.get(from as usize..to as usize).unwrap_or_default(),
             _ => &[],
         }
+    }
+
+    /// Box around its tubes, world millimetres; `None` without points.
+    pub(crate) fn bounds_mm(&self) -> Option<(DVec3, DVec3)> {
+        let (low, high) = self.bounds?;
+        Some((low + self.origin_mm - self.radius_mm, high + self.origin_mm + self.radius_mm))
     }
 
     /// Origin of its points, world millimetres: one of the points.

@@ -344,7 +344,9 @@ fn the_image_in_front_of_a_tube_is_composited_over_it() {
         if shades[n][3] > 230 {
             over += 1;
             for c in 0..3 {
-                let expected = rgba[c] + (1.0 - rgba[3]) * f64::from(shades[n][c]) / 255.0;
+                let shine = 0.12 * (f64::from(shades[n][3]) / 255.0).powi(16);
+                let tube = (f64::from(shades[n][c]) / 255.0 + shine).min(1.0);
+                let expected = rgba[c] + (1.0 - rgba[3]) * tube;
                 let found = f64::from(pixels[n * 4 + c]) / 255.0;
                 assert!((found - expected).abs() < 2.0 / 255.0, "{n}: {found} {expected}");
             }
@@ -543,4 +545,35 @@ fn rotating_scene_and_camera_keeps_the_frame() {
     let (a, b) = (tube_pixels(&mut bench, &s, [80, 80]), tube_pixels(&mut bench, &t, [80, 80]));
     let differ = a.iter().zip(&b).filter(|(a, b)| a.0.map(|h| h.1) != b.0.map(|h| h.1)).count();
     assert!(differ * 100 < a.iter().filter(|a| a.0.is_some()).count(), "{differ}");
+}
+
+/// Occlusion takes ambient and diffuse light away, not the highlight (Schott et al. 2012, Algorithm 6).
+#[test]
+fn a_highlight_is_as_bright_in_the_dark() {
+    let mut bench = bench();
+    let Bench { gpu, renderer } = &mut *bench;
+    let tube = |x: f32, z: f32| vec![[x, -9.0, z], [x, 9.0, z]];
+    // One tube deep between rows of others.
+    let rows: Vec<Vec<[f32; 3]>> =
+        (2..9).flat_map(|n| [-1.0, 1.0].map(|side| tube(1.2 * side * n as f32, 6.0))).collect();
+    let fibers: Vec<&[[f32; 3]]> = rows.iter().map(Vec::as_slice).collect();
+    let below = tube(0.0, 0.0);
+    let mut s = scene(vec![set(&[&below], [40, 120, 90], 1.2), set(&fibers, [90, 90, 90], 1.0)]);
+    s.camera = Camera::fit(DVec3::ZERO, 8.0, Camera::orientation(0.0, 90.0), Projection::Orthographic);
+    let quality = Quality {
+        occlusion_strength: 1.0,
+        lighting: crate::LightSettings { mode: crate::LightingMode::Slices, ..crate::LightSettings::DEFAULT },
+        ..Quality::FULL
+    };
+    let frame = renderer.render(gpu, &s, &quality, [64, 64]).unwrap().clone();
+    let (pixels, dark) = (frame.read_rgba(gpu).unwrap(), frame.read_blurred(gpu));
+    let shades = renderer.view.read_tube_shades(gpu);
+    let middle = 32 * 64 + 32;
+    let darkness = f64::from(dark[middle] >> 24) / 255.0;
+    let [red, _, _, facing] = shades[middle].map(|c| f64::from(c) / 255.0);
+    let expected = red * (1.0 - darkness) + 0.12 * facing.powi(16);
+    let found = f64::from(pixels[4 * middle]) / 255.0;
+    println!("darkness {darkness:.2}, facing {facing:.2}: {found:.3}, expected {expected:.3}");
+    assert!(darkness > 0.1 && facing > 0.98, "{darkness} {facing}");
+    assert!((found - expected).abs() < 2.0 / 255.0, "{found} {expected}");
 }

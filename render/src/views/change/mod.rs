@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     device::{PassName, RenderError},
     image::{ClipPlane, ContextVolume, TransferFunction},
-    light::{self, lit::LitKind},
+    light::{self, layers::LAYERS, lit::LitKind, vicinity::TUBE_SHADOWS},
     scene::{MaskColors, Palette, Plan, Quality, Rgb, keywords::keywords, same},
     solid::{OUTSIDE, SURFACE},
     views::{
@@ -241,6 +241,9 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
         HEIGHT_FILTER_ACROSS | HEIGHT_FILTER_DOWN => no_filter,
         ARROWS => no_arrows,
         ARROWS_MERGE => no_merge,
+        LAYERS | TUBE_SHADOWS if light::row(quality.lighting.mode).traces_masks => {
+            no_arrows.or(no_light(pass))
+        }
         _ if light_passes.contains(&pass) => no_light(pass),
         _ => omitted(pass),
     })

@@ -199,6 +199,7 @@ impl View3d for Change {
                 (None, true) => Opaque::InMasks,
                 (None, false) => Opaque::Nowhere,
             },
+            solid_corners_mm: context_scene.solid_corners_mm(),
             ends_apart: opaque.is_some(),
             view: draw.view,
             depths: opaque.map_or(&targets.depths, |o| &o.depths),

@@ -175,6 +175,7 @@ impl View3d for Closeup {
             size,
             quality: draw.quality,
             opaque: if draw.plan.has(SURFACE) { Opaque::InMasks } else { Opaque::Nowhere },
+            solid_corners_mm: scene.tumor.iter().flat_map(|t| t.grid().corners_mm()).collect(),
             ends_apart: false,
             view: draw.view,
             depths: &targets.depths,

@@ -163,6 +163,7 @@ impl View3d for Context {
                 (false, true) => Opaque::InMasks,
                 (false, false) => Opaque::Nowhere,
             },
+            solid_corners_mm: scene.solid_corners_mm(),
             ends_apart: false,
             view: draw.view,
             depths: &targets.depths,

@@ -2,17 +2,18 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use glioscope_core::{RegionVolume, Selection, optics::Camera};
 
 use crate::{
     device::{PassName, RenderError},
     image::{CONTEXT, ClipPlane, ContextVolume, GRADIENT_OPACITY, MOST_CLIP_PLANES, TransferFunction},
-    light::{self, lit::LitKind},
+    light::{self, layers::LAYERS, lit::LitKind, vicinity::TUBE_SHADOWS},
     scene::{
         Lens, MaskColors, Plan, Quality, RegionScene, Rgb, lens::check_view, regions::nothing_shown, same,
     },
     solid::{
-        SURFACE,
+        SURFACE, corners_mm,
         tubes::{DrawnTubes, TUBES, TUBES_MERGE},
         view::reference_to,
     },
@@ -99,6 +100,13 @@ impl ContextScene {
         reference_to(&self.camera, grid.map_or(self.camera.focus_mm, |g| g.center_mm()))
     }
 
+    /// Corners of boxes around all opaque geometry.
+    pub(crate) fn solid_corners_mm(&self) -> Vec<DVec3> {
+        let tubes = self.tubes.iter().filter(|t| t.draws()).filter_map(|t| t.set.bounds_mm());
+        let masks = self.tumor.iter().flat_map(|t| t.grid().corners_mm());
+        masks.chain(tubes.flat_map(corners_mm)).collect()
+    }
+
     /// Rejects a scene that can't be drawn.
     pub(crate) fn check(&self) -> Result<(), RenderError> {
         check_view(&self.camera, self.lens.as_ref())?;
@@ -148,6 +156,9 @@ pub fn context_plan(scene: &ContextScene, quality: &Quality) -> Plan {
         TUBES | TUBES_MERGE => no_tubes,
         CONTEXT => no_image,
         GRADIENT_OPACITY => no_image.or(is_1d),
+        LAYERS | TUBE_SHADOWS if light::row(quality.lighting.mode).traces_masks => {
+            no_tubes.or(light::omission_reason(pass, quality, no_opaque, no_image))
+        }
         _ => light::omission_reason(pass, quality, no_opaque, no_image),
     })
 }

@@ -95,8 +95,8 @@ impl EllipsoidScene {
         (ellipsoid.opacity * self.opacity).clamp(0.0, 1.0)
     }
 
-    /// The centre of the bounding box of all ellipsoids drawn; the camera's focus if there are none.
-    pub(crate) fn middle_mm(&self) -> DVec3 {
+    /// The bounding box of all ellipsoids drawn.
+    pub(crate) fn bounds_mm(&self) -> Option<(DVec3, DVec3)> {
         let mut bounds: Option<(DVec3, DVec3)> = None;
         for e in self.ellipsoids.iter().filter(|e| self.opacity_of(e) > 0.0) {
             let axes = e.rotation * DMat3::from_diagonal(e.semi_axes_mm);
@@ -105,13 +105,18 @@ impl EllipsoidScene {
             let (low, high) = (e.center_mm - reach, e.center_mm + reach);
             bounds = Some(bounds.map_or((low, high), |(a, b)| (a.min(low), b.max(high))));
         }
-        bounds.map_or(self.camera.focus_mm, |(low, high)| (low + high) / 2.0)
+        bounds
+    }
+
+    /// The centre of that box; the camera's focus if there are none.
+    pub(crate) fn middle_mm(&self) -> DVec3 {
+        self.bounds_mm().map_or(self.camera.focus_mm, |(low, high)| (low + high) / 2.0)
     }
 }
 
 /// The passes that `scene` needs at `quality`. Omitting the others changes no pixel.
 ///
-/// There is no image, hence nothing for slices and no medium for cones: both modes use vicinity occlusion
+/// There is no image, hence nothing for slices and no medium for cones: both modes use vicinity occlusion and layers
 /// of each pixel's nearest fragment, with the same result.
 pub fn ellipsoid_plan(scene: &EllipsoidScene, quality: &Quality) -> Plan {
     let nothing = if scene.ellipsoids.is_empty() {

@@ -140,6 +140,7 @@ impl View3d for Ellipsoids {
             size,
             quality: draw.quality,
             opaque: Opaque::Anywhere,
+            solid_corners_mm: scene.bounds_mm().map_or(Vec::new(), |b| crate::solid::corners_mm(b).to_vec()),
             ends_apart: false,
             view: draw.view,
             depths: &targets.depths,

@@ -7,6 +7,7 @@ use crate::{
     light::{
         NO_IMAGE,
         cones::LIGHT_GRID,
+        layers::{self, LAYERS},
         slices::SLICES,
         vicinity::{self, VICINITY},
     },
@@ -28,7 +29,7 @@ fn slices_and_cones_use_vicinity_occlusion() {
     let mut bench = bench();
     let scene = random(40, 10, DVec3::ZERO, 0.4);
     let [slices, cones] = [LightingMode::Slices, LightingMode::Cones].map(lit);
-    let names = [LISTS, VICINITY, COMPOSE];
+    let names = [LISTS, LAYERS, VICINITY, COMPOSE];
     assert_eq!(ellipsoid_plan(&scene, &slices).passes, names);
     assert_eq!(ellipsoid_plan(&scene, &slices).omitted, [(SLICES, NO_IMAGE)]);
     assert_eq!(ellipsoid_plan(&scene, &cones).passes, names);
@@ -76,7 +77,7 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let mut alone = scene_of(vec![wall], DVec3::ZERO, 20.0);
     let towards_eye = alone.camera.axes()[2];
     alone.camera.height_mm = 40.0;
-    let both = vec![wall, one(2, towards_eye * 33.0, 2.0, [200, 60, 60])];
+    let both = vec![wall, one(2, towards_eye * 33.0, 2.5, [200, 60, 60])];
     let with = EllipsoidScene { ellipsoids: Arc::new(both), ..alone.clone() };
     // Without ambient light.
     let quality = Quality { occlusion_strength: 1.0, ..lit(LightingMode::Slices) };
@@ -107,10 +108,15 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let radius_mm = vicinity::twin::radius_mm(lighting.vicinity_mm, lighting.aperture_deg);
     let points = poisson_disc(lighting.vicinity_samples);
     let pixel_mm = |depth| sight.pixel_mm(depth);
-    let twin = vicinity::twin::vicinity(&from_eye, SIZE, pixel_mm, radius_mm, slope, &points);
+    let corners = crate::solid::corners_mm(with.bounds_mm().unwrap());
+    let plan = layers::LayerPlan::new(&lighting, &with.camera, SIZE, &corners).unwrap();
+    let twin = vicinity::twin::vicinity(&from_eye, SIZE, pixel_mm, radius_mm, (slope, plan.lag_mm), &points);
+    let depths_mm: Vec<f64> =
+        from_eye.iter().map(|d| if *d < FAR { f64::from(*d) } else { f64::INFINITY }).collect();
+    let afar = layers::twin::layers(&plan, &sight, &depths_mm, |_| true);
     let (mut near, mut darker, mut far, mut differing) = (0, 0, 0, 0);
     for i in 0..n {
-        let light = twin[i];
+        let light = twin[i] * afar[i];
         let off = (f64::from(blurred[i] >> 24) / 255.0 - (1.0 - srgb::encode(light))).abs();
         // One sample more or less, where it falls on a pixel's edge.
         assert!(off < 0.02, "{i}: {off}");

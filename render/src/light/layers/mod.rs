@@ -133,6 +133,8 @@ impl LayerPlan {
         let (aperture_deg, _) = clamped_aperture(settings.aperture_deg);
         let span = (far_mm - near_mm).max(1e-3);
         let wanted = Some(settings.slice_mm).filter(|mm| mm.is_finite() && *mm > 0.0).unwrap_or(1.0);
+        // Several before a shadow reaches its right width: with thick image slices, too.
+        let wanted = wanted.min(lag_mm / 3.0);
         let slice_mm = wanted.max(span / f64::from(MOST_LAYERS - 2)).min(span);
         // So that what else is in the scene doesn't shift the layers.
         let near_mm = (near_mm / slice_mm).floor() * slice_mm;

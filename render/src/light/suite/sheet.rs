@@ -88,7 +88,7 @@ impl Sheet {
         let at_mm = DVec3::new(x, 0.3, 1e-6);
         let to_eye = match self.scene.camera.projection {
             Projection::Orthographic => DVec3::Z,
-            Projection::Perspective => (self.scene.camera.eye_mm() - at_mm).normalize(),
+            Projection::Perspective => (self.scene.camera.eye_mm() - at_mm).normalize_or(DVec3::Z),
         };
         let samples = 4000;
         match hemisphere_mm {

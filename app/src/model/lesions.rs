@@ -65,22 +65,17 @@ impl LesionSetting {
     /// The mask whose lesions are meant in `case`: the chosen one, else the one that `change` compares, else the first. `None`
     /// without any mask.
     pub fn mask(&self, case: &Case, change: &ChangeSetting) -> Option<String> {
-        let has =
-            |id: &&String| case.time_points.iter().any(|time| time.masks.iter().any(|m| m.mask.id() == **id));
         let compared = || change.chosen(case).ok().map(|choice| choice.id);
-        self.of.as_ref().filter(has).cloned().or_else(compared).or_else(|| default_mask(case))
+        self.of.clone().filter(|id| case.has_mask(id)).or_else(compared).or_else(|| default_mask(case))
     }
 
     /// The options with which the lesions of `case` are found; `None` without any mask.
     pub fn options(&self, case: &Case, change: &ChangeSetting) -> Option<Options> {
-        let has = |id: &&String| {
-            case.time_points.iter().any(|time| time.contexts.iter().any(|context| context.id == **id))
-        };
         Some(Options {
             smallest_ml: self.smallest_ml,
             within_mm: self.within_mm,
             asks_images: !case.one_space,
-            image: self.image.as_ref().filter(has).cloned(),
+            image: self.image.clone().filter(|id| case.has_image(id)),
             surface: self.surface && case.time_points.len() > 1,
             ..Options::new(Of::Mask(self.mask(case, change)?))
         })

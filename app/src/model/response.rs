@@ -82,10 +82,7 @@ impl ResponseSetting {
 
     /// The mask of non-enhancing disease, where `case` has it.
     pub fn other_mask(&self, case: &Case) -> Option<&String> {
-        let has = |id: &&String| {
-            case.time_points.iter().any(|time| time.masks.iter().any(|m| m.mask.id() == id.as_str()))
-        };
-        self.non_enhancing.as_ref().filter(has)
+        self.non_enhancing.as_ref().filter(|id| case.has_mask(id))
     }
 
     /// Without who stated it, and with `text` done to what the user wrote.

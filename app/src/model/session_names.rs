@@ -111,10 +111,6 @@ fn mask_ids(time_point: &TimePoint) -> &[String] {
     time_point.regions.mask_ids()
 }
 
-fn has_mask(case: &Case, id: &str) -> bool {
-    case.time_points.iter().any(|time_point| mask_ids(time_point).iter().any(|known| known == id))
-}
-
 /// Hidden regions by their masks, where an old session has the bits of the date shown; those of masks that the case lacks
 /// are left out and returned in words.
 fn regions_by_mask(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String> {
@@ -131,7 +127,7 @@ fn regions_by_mask(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<
             }
         }
         let ids: Vec<&str> = region.as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-        let lacks = ids.iter().any(|id| !has_mask(case, id));
+        let lacks = ids.iter().any(|id| !case.has_mask(id));
         if lacks {
             dropped.push(format!("hidden region {}", ids.join("+")));
         }
@@ -148,7 +144,7 @@ fn regions_by_mask(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<
 fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String> {
     let mut dropped = Vec::new();
     if let Some(of) = document.pointer_mut("/edit/change/of")
-        && let Some(id) = of.as_str().filter(|id| !has_mask(case, id))
+        && let Some(id) = of.as_str().filter(|id| !case.has_mask(id))
     {
         dropped.push(format!("the comparison of mask {id}"));
         *of = Value::Null;
@@ -157,7 +153,7 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
         [("/edit/lesions/of", "lesions of mask"), ("/edit/response/non_enhancing", "response of mask")]
     {
         if let Some(of) = document.pointer_mut(pointer)
-            && let Some(id) = of.as_str().filter(|id| !has_mask(case, id))
+            && let Some(id) = of.as_str().filter(|id| !case.has_mask(id))
         {
             dropped.push(format!("the {what} {id}"));
             *of = Value::Null;
@@ -169,7 +165,7 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
         let lacks = |operand: &Value| {
             let time = operand.get("time").and_then(Value::as_str).unwrap_or_default();
             let ids = operand.get("masks").and_then(Value::as_array).into_iter().flatten();
-            case.time_at(time).is_none() || ids.filter_map(Value::as_str).any(|id| !has_mask(case, id))
+            case.time_at(time).is_none() || ids.filter_map(Value::as_str).any(|id| !case.has_mask(id))
         };
         if operands.iter().any(lacks) {
             dropped.push("the two masks that were compared".to_owned());
@@ -180,7 +176,7 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
         let before = edits.len();
         edits.retain(|edit| {
             let of = edit.pointer("/at/of").or_else(|| edit.pointer("/from/of")).and_then(Value::as_str);
-            of.is_none_or(|id| has_mask(case, id))
+            of.is_none_or(|id| case.has_mask(id))
         });
         let lost = before - edits.len();
         if lost > 0 {
@@ -198,14 +194,13 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
             let (mask, region) =
                 (own.pointer("/of/mask"), own.pointer("/of/region").and_then(Value::as_array));
             let mut ids = mask.into_iter().chain(region.into_iter().flatten()).filter_map(Value::as_str);
-            let missing = ids.find(|id| !has_mask(case, id));
+            let missing = ids.find(|id| !case.has_mask(id));
             dropped.extend(missing.map(|id| format!("opacity of an ellipsoid of mask {id}")));
             missing.is_none()
         });
     }
-    let has_image = |id: &str| case.time_points.iter().any(|t| t.contexts.iter().any(|c| c.id == id));
     if let Some(context) = document.pointer_mut("/nav/context")
-        && let Some(id) = context.as_str().filter(|id| !has_image(id))
+        && let Some(id) = context.as_str().filter(|id| !case.has_image(id))
     {
         dropped.push(format!("the image shown, {id}"));
         *context = json!(shown.contexts.first().map(|c| &c.id));

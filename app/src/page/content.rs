@@ -35,8 +35,7 @@ pub fn content(
     if case.time_points.iter().all(|time| time.regions.union_voxels() == 0) {
         return Err(PageError::Nothing);
     }
-    let is_known = |id: &str| case.time_points.iter().any(|time| time.contexts.iter().any(|c| c.id == id));
-    if let Some(id) = options.image.filter(|id| !is_known(id)) {
+    if let Some(id) = options.image.filter(|id| !case.has_image(id)) {
         return Err(PageError::NoImage(id.to_owned()));
     }
     let masks = masks_of(case);

@@ -26,6 +26,7 @@ mod subject;
 mod values;
 
 use std::{
+    collections::BTreeSet,
     path::{Path, PathBuf},
     sync::Arc,
 };
@@ -340,6 +341,28 @@ impl Case {
     /// Position of the time point with this label.
     pub fn time_at(&self, label: &str) -> Option<usize> {
         self.time_points.iter().position(|t| t.label == label)
+    }
+
+    /// Whether any date has a mask of this id.
+    pub fn has_mask(&self, id: &str) -> bool {
+        self.time_points.iter().flat_map(|time| &time.masks).any(|m| m.mask.id() == id)
+    }
+
+    /// Whether any date has an image of this id.
+    pub fn has_image(&self, id: &str) -> bool {
+        self.time_points.iter().flat_map(|time| &time.contexts).any(|context| context.id == id)
+    }
+
+    /// Ids of the masks of all dates, each once, in alphabetical order.
+    pub fn mask_ids(&self) -> Vec<&str> {
+        let masks = self.time_points.iter().flat_map(|time| &time.masks);
+        masks.map(|m| m.mask.id()).collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
+    /// Ids of the images of all dates, likewise.
+    pub fn image_ids(&self) -> Vec<&str> {
+        let images = self.time_points.iter().flat_map(|time| &time.contexts);
+        images.map(|context| context.id.as_str()).collect::<BTreeSet<_>>().into_iter().collect()
     }
 }
 

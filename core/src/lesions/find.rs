@@ -222,7 +222,7 @@ pub fn find(case: &Case, options: &Options, progress: &Progress) -> Result<Found
     }
     found.link()?;
     if let Some(id) = &options.image {
-        if !case.time_points.iter().any(|time| time.contexts.iter().any(|context| context.id == *id)) {
+        if !case.has_image(id) {
             let found = format!("the image {id}");
             return Err(LesionsError::Option { found, expected: "one of the case" });
         }

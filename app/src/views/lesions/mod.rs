@@ -110,14 +110,10 @@ impl LesionsPane {
         let mut new = setting.clone();
         ui.horizontal_wrapped(|ui| {
             let label = ui.label("Lesions of");
-            let mut ids: Vec<&str> =
-                input.case.time_points.iter().flat_map(|time| &time.masks).map(|m| m.mask.id()).collect();
-            ids.sort_unstable();
-            ids.dedup();
             let name = |id: &str| input.doc.edit.masks.name(id);
             let combo = ComboBox::from_id_salt("mask of lesions").selected_text(name(mask));
             let shown = combo.show_ui(ui, |ui| {
-                for id in ids {
+                for id in input.case.mask_ids() {
                     if ui.selectable_label(id == mask, name(id)).clicked() {
                         new.of = Some(id.to_owned());
                     }
@@ -143,10 +139,7 @@ impl LesionsPane {
 
 /// What is reported beside sizes: values of an image, and how surfaces moved.
 fn beside(ui: &mut Ui, input: &Input<'_>, new: &mut LesionSetting) {
-    let contexts = input.case.time_points.iter().flat_map(|time| &time.contexts);
-    let mut ids: Vec<&str> = contexts.map(|context| context.id.as_str()).collect();
-    ids.sort_unstable();
-    ids.dedup();
+    let ids = input.case.image_ids();
     if !ids.is_empty() {
         let label = ui
             .label("values of")

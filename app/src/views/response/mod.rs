@@ -285,16 +285,8 @@ fn masks(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) {
     if let Some(main) = &main {
         ui.label(format!("lesions of {}", name(main))).on_hover_text("Chosen in the lesions' pane");
     }
-    let mut ids: Vec<&str> = input
-        .case
-        .time_points
-        .iter()
-        .flat_map(|time| &time.masks)
-        .map(|m| m.mask.id())
-        .filter(|id| main.as_deref() != Some(*id))
-        .collect();
-    ids.sort_unstable();
-    ids.dedup();
+    let mut ids = input.case.mask_ids();
+    ids.retain(|id| main.as_deref() != Some(*id));
     if ids.is_empty() {
         return;
     }

@@ -141,13 +141,10 @@ pub fn as_csv(case: &Case, rulers: &[Ruler]) -> Vec<u8> {
 pub fn as_json(case: &Case, rulers: &[Ruler]) -> serde_json::Value {
     let line = |ruler: &Ruler| {
         let kind: &str = ruler.shape.tool().into();
-        let across = match ruler.shape {
-            Shape::Diameters { across_mm } => Some(across_mm.map(|end| end.to_array())),
-            _ => None,
-        };
-        let third_mm = match ruler.shape {
-            Shape::Angle { third_mm } => Some(third_mm.to_array()),
-            _ => None,
+        let (across, third_mm) = match ruler.shape {
+            Shape::Diameters { across_mm } => (Some(across_mm.map(|end| end.to_array())), None),
+            Shape::Angle { third_mm } => (None, Some(third_mm.to_array())),
+            Shape::Line | Shape::Circle { .. } => (None, None),
         };
         json!({
             "name": ruler.name,

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, fmt::Display, ops::RangeInclusive};
 
 use egui_tiles::{Container, Tile, TileId, Tree};
 use glam::{DVec2, DVec3};
-use glioscope_core::{Connectivity, lesions};
+use glioscope_core::{Connectivity, dates::iso_date, lesions};
 use glioscope_render::{LightSettings, image::MOST_CLIP_PLANES};
 use serde_json::Value;
 
@@ -176,6 +176,9 @@ fn check_edit(edit: &Edit) -> Checked {
     number("agreement tolerance_mm", edit.agreement.tolerance_mm, &TOLERANCE_MM)?;
     count("characters of the conclusion", edit.reading.conclusion.chars().count(), MOST_CONCLUSION)?;
     count("characters of the reader's name", edit.reading.reader.chars().count(), MOST_READER)?;
+    if !edit.reading.day.is_empty() && iso_date(&edit.reading.day).is_none() {
+        return fault("the day of the reading", format!("{:?}", edit.reading.day), "2024-01-31");
+    }
     check_lesions(&edit.lesions)?;
     check_response(&edit.response)?;
     for operand in edit.agreement.two.iter().flatten() {

@@ -199,6 +199,12 @@ fn known_ids(document: &mut Value, shown: &TimePoint, case: &Case) -> Vec<String
             missing.is_none()
         });
     }
+    if let Some(image) = document.pointer_mut("/edit/lesions/image")
+        && let Some(id) = image.as_str().filter(|id| !case.has_image(id))
+    {
+        dropped.push(format!("the values of image {id} in lesions"));
+        *image = Value::Null;
+    }
     if let Some(context) = document.pointer_mut("/nav/context")
         && let Some(id) = context.as_str().filter(|id| !case.has_image(id))
     {

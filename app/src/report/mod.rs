@@ -35,6 +35,7 @@ pub use filed::{FileKind, Filing};
 pub use html::recipe_in;
 pub use identity::Identity;
 pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION, sha256};
+pub use sentences::words;
 
 use crate::{
     error::AppError,
@@ -46,7 +47,6 @@ use content::Content;
 use document::{Block, Picture};
 use identity::Redactor;
 use recipe::Input;
-use sentences::words;
 
 /// The longer side of a kept view, pixels.
 const LONGER_PX: f32 = 1100.0;
@@ -212,11 +212,10 @@ pub fn make(
 pub fn calls_in_words(
     evaluated: &Evaluated,
     lesions: Option<&LesionsReport>,
-    language: Language,
+    words: &Words,
 ) -> Option<String> {
-    let words = words(language);
-    let calls = responses::sentence(evaluated, &words)?;
-    let new = lesions.and_then(|report| responses::new_in_words(report, &words));
+    let calls = responses::sentence(evaluated, words)?;
+    let new = lesions.and_then(|report| responses::new_in_words(report, words));
     Some([Some(calls), new].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 

@@ -10,6 +10,11 @@ use egui::{
 
 use crate::theme::{self, LABEL_POINTS, ON_IMAGE, PLATE, TEXT_POINTS, Tokens};
 
+/// Gives a widget the name by which it is read out.
+pub fn name_widget(ui: &Ui, response: &egui::Response, name: &str) {
+    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
+}
+
 /// Draws a translucent patch of the ground's colour under text over an image.
 pub fn plate(painter: &Painter, rect: Rect, dark: bool) {
     painter.rect_filled(rect.expand2(vec2(4.0, 2.0)), 4.0, Tokens::of(dark).plate());

@@ -222,8 +222,7 @@ fn name_field(ui: &mut Ui, index: usize, name: &str, out: &mut Commands) {
     let mut text = name.to_owned();
     let field = TextEdit::singleline(&mut text).desired_width(f32::INFINITY).id_salt(("name of line", index));
     let response = ui.add(field);
-    ui.ctx()
-        .accesskit_node_builder(response.id, |node| node.set_label(format!("Name of line {}", index + 1)));
+    draw::name_widget(ui, &response, &format!("Name of line {}", index + 1));
     if response.changed() {
         out.push(EditCommand::RenameRuler(index, text));
     }

@@ -11,7 +11,10 @@ use super::{
     modal::{self, Reply},
     thumbnails::Thumbnails,
 };
-use crate::command::{AppCommand, Command, Commands, Workstation, workstation::Guess};
+use crate::{
+    command::{AppCommand, Command, Commands, Workstation, workstation::Guess},
+    views::draw,
+};
 
 /// Widths of the columns, points: role, file, id, date, labels, name, colour, and the last with its button.
 const COLUMNS: [f32; 8] = [92.0, 220.0, 140.0, 96.0, 96.0, 190.0, 48.0, 150.0];
@@ -402,7 +405,7 @@ impl Row<'_> {
 
     fn hinted(&mut self, ui: &mut Ui, width: f32, text: &mut String, label: &str, hint: &str) {
         let response = ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(width - 8.0));
-        ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
+        draw::name_widget(ui, &response, label);
         self.entered |= modal::entered(ui, &response);
     }
 }

@@ -6,6 +6,7 @@ use super::modal::{self, Reply};
 use crate::{
     command::{Commands, EditCommand, Workstation},
     model::masks::MaskLook,
+    views::draw,
 };
 
 /// Width of a name's field.
@@ -42,7 +43,7 @@ pub fn show(ui: &Ui, open: &mut bool, work: &Workstation, out: &mut Commands) {
                 let field = TextEdit::singleline(&mut name).hint_text(id.as_str());
                 // A grid gives a field the width of its text otherwise.
                 let response = ui.add_sized([NAME_POINTS, ui.spacing().interact_size.y], field);
-                ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(format!("Name of {id}")));
+                draw::name_widget(ui, &response, &format!("Name of {id}"));
                 if response.changed() {
                     new.name = Some(name);
                 }

@@ -12,6 +12,7 @@ use super::{
     dialogs::open_command,
     fusion,
     label::label_for_screen_readers,
+    modal,
     preferences::{MOST_LAYOUT_NAME, Preferences},
     recent::Recent,
 };
@@ -20,6 +21,7 @@ use crate::{
         AppCommand, Command, Commands, EditCommand, LookCommand, Menu, Workstation, listed, menu::Entry,
     },
     model::{Document, LightChoice, PictureSize, Shading, picture::MAX_WIDTH_PX},
+    views::draw,
 };
 
 /// Width proposed for pictures: a text column of 8.5 cm in print at 600 dots per inch.
@@ -132,9 +134,7 @@ impl Bar<'_> {
                     ui.close();
                 }
                 let forget = ui.small_button("×").on_hover_text("Forget this layout");
-                ui.ctx().accesskit_node_builder(forget.id, |node| {
-                    node.set_label(format!("Forget the layout {name}"));
-                });
+                draw::name_widget(ui, &forget, &format!("Forget the layout {name}"));
                 if forget.clicked() {
                     out.push(AppCommand::ForgetLayout(name.to_owned()));
                 }
@@ -146,8 +146,8 @@ impl Bar<'_> {
             let field =
                 egui::TextEdit::singleline(&mut name).desired_width(150.0).char_limit(MOST_LAYOUT_NAME);
             let response = ui.add(field.hint_text("Name"));
-            ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Name of this layout"));
-            let entered = response.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
+            draw::name_widget(ui, &response, "Name of this layout");
+            let entered = modal::entered(ui, &response);
             let can_save = !name.trim().is_empty();
             let save = ui.add_enabled(can_save, Button::new("Keep this layout"));
             if can_save && (save.clicked() || entered) {

@@ -87,7 +87,7 @@ struct OpenParts {
     /// The dialog that makes a mask.
     make_mask: Option<MakeMask>,
     /// The dialog that writes a report.
-    report: Option<report::Options>,
+    report: Option<report::ReportDialog>,
     /// The window that aligns dates.
     align: Option<Align>,
     /// The list of warnings.

@@ -124,7 +124,7 @@ impl GlioscopeApp {
                 self.going_to = Some(command.clone());
                 self.go_to_pending();
             }
-            AppCommand::ShowReport => self.open.report = Some(report::Options::default()),
+            AppCommand::ShowReport => self.open.report = Some(report::ReportDialog::default()),
             AppCommand::KeepPicture => self.keep_picture(ctx),
             AppCommand::WriteReport(options) => self.open_file_dialog(ctx, Purpose::Report(*options)),
             AppCommand::WriteReportTo(options, path) => self.write_report(ctx, *options, path),

@@ -28,7 +28,8 @@ use crate::{
     },
     output,
     report::{self, FileKind, Filing, Form, Identity, Report, ResponseRecipe},
-    words::Language,
+    views::draw,
+    words::{Language, Words},
     world::{Loaded, World, load},
 };
 
@@ -36,15 +37,31 @@ const WIDTH_POINTS: f32 = 420.0;
 /// Height of the list of pictures, points.
 const LIST_POINTS: f32 = 170.0;
 
+/// The dialog.
+pub struct ReportDialog {
+    options: Options,
+    /// The sentences of the language chosen: parsing them takes longer than drawing.
+    words: Words,
+}
+
+impl Default for ReportDialog {
+    fn default() -> Self {
+        let options = Options::default();
+        Self { options, words: report::words(options.language) }
+    }
+}
+
 /// Draws the dialog while it is open. `evaluated`, `lesions`: the response and lesions shown.
 pub fn show(
     ui: &Ui,
-    open: &mut Option<Options>,
+    open: &mut Option<ReportDialog>,
     work: &Workstation,
     (evaluated, lesions): (Option<&Evaluated>, Option<&LesionsReport>),
     out: &mut Commands,
 ) {
-    let (Some(options), Some(case)) = (open.as_mut(), work.world.case()) else { return };
+    let (Some(ReportDialog { options, words }), Some(case)) = (open.as_mut(), work.world.case()) else {
+        return;
+    };
     let patient = &case.patient;
     let reply = modal::show(ui.ctx(), "Write a report", |ui| {
         ui.set_width(WIDTH_POINTS);
@@ -74,8 +91,10 @@ pub fn show(
             ui.end_row();
         });
         if let Some(doc) = &work.doc {
-            let calls =
-                evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, options.language));
+            if words.language() != options.language {
+                *words = report::words(options.language);
+            }
+            let calls = evaluated.and_then(|evaluated| report::calls_in_words(evaluated, lesions, words));
             reading(ui, doc, calls, out);
             pictures(ui, case, doc, out);
         }
@@ -176,9 +195,7 @@ fn pictures(ui: &mut Ui, case: &Case, doc: &Document, out: &mut Commands) {
                 .char_limit(MOST_CAPTION)
                 .hint_text("Caption; empty: the report's own words");
             let response = ui.add(field);
-            ui.ctx().accesskit_node_builder(response.id, |node| {
-                node.set_label(format!("Caption of picture {}", n + 1));
-            });
+            draw::name_widget(ui, &response, &format!("Caption of picture {}", n + 1));
             if response.changed()
                 && let Some(changed) = new.get_mut(n)
             {

@@ -159,15 +159,13 @@ fn contradictions_of(history: &History, report: &LesionsReport) -> Vec<Phrase> {
         .collect()
 }
 
-/// Dates whose new lesions the masks alone tell of: no reader has stated what they are.
+/// Dates whose new lesions the masks alone tell of, in their order: no reader has stated what they are.
 pub fn unstated_new<'a>(report: &'a LesionsReport, history: &History) -> Vec<&'a str> {
     let is_stated =
         |time: &str| history.date.iter().any(|facts| facts.date.0 == time && facts.new_lesion.is_some());
-    let mut dates: Vec<&str> = new_lesions(report).map(|(_, date)| date.time.as_str()).collect();
-    dates.retain(|time| !is_stated(time));
-    dates.sort_unstable();
-    dates.dedup();
-    dates
+    let is_new = |time: &str| new_lesions(report).any(|(_, date)| date.time == time);
+    let dates = report.dates.iter().map(|date| date.time.as_str());
+    dates.filter(|time| is_new(time) && !is_stated(time)).collect()
 }
 
 /// `measurements` with the days that the history states for dates that aren't calendar dates.

@@ -4,7 +4,10 @@ use egui::{ComboBox, Ui};
 use glioscope_core::measure::Operand;
 
 use super::all_operands;
-use crate::{model::AgreementSetting, views::pane::Input};
+use crate::{
+    model::AgreementSetting,
+    views::{draw, pane::Input},
+};
 
 /// What an operand is called: `T1`, `T1 at feb`, `T1 and PET only`.
 pub(super) fn title(input: &Input<'_>, operand: &Operand) -> String {
@@ -34,7 +37,7 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, new: &mut AgreementSetting) {
                     }
                 }
             });
-            ui.ctx().accesskit_node_builder(shown.response.id, |node| node.set_label(label));
+            draw::name_widget(ui, &shown.response, label);
         }
     });
 }

@@ -11,7 +11,7 @@ use crate::{
     command::{Commands, EditCommand, LookCommand},
     format,
     model::{LesionSetting, PaneId, Ruler, Shape, Tool, lesions::MOST_LESION_NAME},
-    views::pane::Input,
+    views::{draw, pane::Input},
 };
 
 /// A name being typed for a lesion.
@@ -176,7 +176,7 @@ fn of_one(
             let field =
                 TextEdit::singleline(&mut typed.name).desired_width(140.0).char_limit(MOST_LESION_NAME);
             let response = ui.add(field.hint_text("Name of the lesion"));
-            ui.ctx().accesskit_node_builder(response.id, |node| node.set_label("Name of the lesion"));
+            draw::name_widget(ui, &response, "Name of the lesion");
             if !response.lost_focus() && !response.has_focus() {
                 response.request_focus();
             }

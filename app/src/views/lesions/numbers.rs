@@ -4,7 +4,7 @@ use egui::{Align, Layout, RichText, Ui};
 use egui_extras::{Column, TableBuilder};
 use glioscope_core::{
     change::Lengths,
-    lesions::{Growth, LesionDate, LesionReport, LesionsReport, LinkState, Series, Values},
+    lesions::{EventKind, Growth, LesionDate, LesionReport, LesionsReport, LinkState, Series, Values},
 };
 
 use super::timeline::{change_text, title};
@@ -130,8 +130,11 @@ fn cells(before: Option<&LesionDate>, date: &LesionDate) -> Vec<String> {
         _ => "–".into(),
     };
     let product = date.product_mm2.map_or_else(|| "–".into(), |mm2| format!("{mm2:.0} mm²"));
-    let events: Vec<&str> = date.events.iter().map(Into::into).collect();
-    let mut events = events.join(", ").replace('_', " ").replace("born", "new");
+    let name = |kind: &EventKind| match kind {
+        EventKind::Born => "new".to_owned(),
+        kind => <&str>::from(kind).replace('_', " "),
+    };
+    let mut events = date.events.iter().map(name).collect::<Vec<_>>().join(", ");
     if date.measurable == Some(false) && ml > 0.0 {
         events = if events.is_empty() { "not measurable".to_owned() } else { events + ", not measurable" };
     }

@@ -7,6 +7,8 @@ use glioscope_core::{
 };
 use jiff::{Timestamp, civil::Date};
 
+use crate::views::draw::name_widget;
+
 /// Who states a fact, and when.
 pub(super) struct By {
     author: Option<String>,
@@ -49,7 +51,7 @@ pub(super) fn choice<T: Copy + PartialEq>(
     for (value, text) in all {
         let is_chosen = chosen == Some(*value);
         let response = ui.radio(is_chosen, *text);
-        name(ui, &response, &format!("{label}: {text}"));
+        name_widget(ui, &response, &format!("{label}: {text}"));
         if response.clicked() && !is_chosen {
             *fact = Some(by.fact(*value));
         }
@@ -65,13 +67,8 @@ pub(super) fn choice<T: Copy + PartialEq>(
 /// A button that takes a statement back.
 pub(super) fn take_back(ui: &mut Ui, label: &str) -> bool {
     let response = ui.small_button("×").on_hover_text("Not stated");
-    name(ui, &response, &format!("{label}: not stated"));
+    name_widget(ui, &response, &format!("{label}: not stated"));
     response.clicked()
-}
-
-/// Gives a widget the name by which it is read out.
-pub(super) fn name(ui: &Ui, response: &egui::Response, label: &str) {
-    ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
 }
 
 /// What a field says now, typed to its end or not; `value` where nothing is being typed.
@@ -93,8 +90,7 @@ fn hinted(
     (width, hint): (f32, &str),
 ) -> Option<String> {
     let id = ui.make_persistent_id(&salt);
-    let kept: Option<String> = ui.data_mut(|data| data.get_temp(id));
-    let mut typed = kept.unwrap_or_else(|| value.to_owned());
+    let mut typed = typed(ui, &salt, value);
     let field = TextEdit::singleline(&mut typed).id(id.with("field")).desired_width(width).char_limit(300);
     let field = if hint.is_empty() { field } else { field.hint_text(hint) };
     let response = ui.add(field).labelled_by(label);

@@ -7,9 +7,9 @@ use glioscope_core::response::{
 
 use super::{
     Wanted,
-    fields::{By, choice, day, name, take_back, text},
+    fields::{By, choice, day, take_back, text},
 };
-use crate::views::pane::Input;
+use crate::views::{draw::name_widget, pane::Input};
 
 const DISEASE: [(Disease, &str); 2] =
     [(Disease::NewlyDiagnosed, "newly diagnosed"), (Disease::Recurrent, "recurrent")];
@@ -51,7 +51,7 @@ fn baseline(ui: &mut Ui, input: &Input<'_>, history: &mut History, by: &By) {
         for label in input.case.time_labels() {
             let is_chosen = chosen.as_deref() == Some(label);
             let response = ui.radio(is_chosen, if label.is_empty() { "no date" } else { label });
-            name(ui, &response, &format!("Baseline: {label}"));
+            name_widget(ui, &response, &format!("Baseline: {label}"));
             if response.clicked() && !is_chosen {
                 history.baseline = Some(by.fact(Label(label.to_owned())));
             }
@@ -68,7 +68,7 @@ fn radiotherapy(ui: &mut Ui, history: &mut History, by: &By) {
         let stated = history.radiotherapy_end.as_ref().map(|fact| fact.value);
         let mut none = stated == Some(Radiotherapy::None);
         let response = ui.checkbox(&mut none, "there was none");
-        name(ui, &response, "Radiotherapy: there was none");
+        name_widget(ui, &response, "Radiotherapy: there was none");
         if response.changed() {
             history.radiotherapy_end = none.then(|| by.fact(Radiotherapy::None));
         }
@@ -125,7 +125,7 @@ fn treatments(ui: &mut Ui, history: &mut History) {
         let can_be_none = history.treatment.as_ref().is_none_or(Vec::is_empty);
         let tick = egui::Checkbox::new(&mut none, "there was none");
         let response = ui.add_enabled(can_be_none, tick);
-        name(ui, &response, "Treatment: there was none");
+        name_widget(ui, &response, "Treatment: there was none");
         if response.changed() {
             history.treatment = none.then(Vec::new);
         }
@@ -140,7 +140,7 @@ fn treatments(ui: &mut Ui, history: &mut History) {
                 }
                 for (kind, text) in KINDS {
                     let response = ui.radio_value(&mut treatment.kind, kind, text);
-                    name(ui, &response, &format!("Kind of treatment {}: {text}", n + 1));
+                    name_widget(ui, &response, &format!("Kind of treatment {}: {text}", n + 1));
                 }
                 let label = ui.label("name");
                 let called = treatment.name.clone().unwrap_or_default();

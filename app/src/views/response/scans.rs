@@ -11,9 +11,9 @@ use glioscope_core::{
 
 use super::{
     Wanted,
-    fields::{By, choice, name, number},
+    fields::{By, choice, number},
 };
-use crate::views::pane::Input;
+use crate::views::{draw::name_widget, pane::Input};
 
 const CLINICAL: [(Clinical, &str); 4] = [
     (Clinical::Stable, "stable"),
@@ -86,12 +86,11 @@ pub(super) fn show(ui: &mut Ui, input: &Input<'_>, history: &mut History, wanted
                 let earlier = labels[..n].iter().filter_map(|label| facts_at(history, label));
                 let dose =
                     earlier.filter_map(|facts| facts.steroids_mg.as_ref()).map(|fact| fact.value).next_back();
-                let open = |asked: Asked| wanted.at(label, asked) && !stated(asked);
                 // What the masks show is for the reader to decide.
-                let open = |asked: Asked| {
-                    open(asked)
-                        && !(asked == Asked::NewLesion && wanted.new_in_masks.contains_key(label.as_str()))
+                let is_found = |asked: Asked| {
+                    asked == Asked::NewLesion && wanted.new_in_masks.contains_key(label.as_str())
                 };
+                let open = |asked: Asked| wanted.at(label, asked) && !stated(asked) && !is_found(asked);
                 nothing_worse(ui, date, &mut facts, (dose, wanted.only_measurable), &open, by);
             });
             if no_dates {
@@ -164,7 +163,7 @@ fn nothing_worse(
         return;
     }
     let response = ui.small_button("Nothing worse").on_hover_text(format!("States: {}", all.join(", ")));
-    name(ui, &response, &format!("Nothing worse at {date}"));
+    name_widget(ui, &response, &format!("Nothing worse at {date}"));
     if response.clicked() {
         *facts = filled;
     }
@@ -215,7 +214,7 @@ fn cell(ui: &mut Ui, asked: Asked, label: &str, facts: &mut ScanFacts, title: eg
             }
             if stated.is_none() {
                 let response = ui.small_button("none");
-                name(ui, &response, &format!("{label}: none"));
+                name_widget(ui, &response, &format!("{label}: none"));
                 if response.clicked() {
                     facts.steroids_mg = Some(by.fact(0.0));
                 }
@@ -232,7 +231,7 @@ fn technique(ui: &mut Ui, label: &str, facts: &mut ScanFacts, by: &By) {
     let mut new = stated.clone();
     let tick = |ui: &mut Ui, ticked: &mut bool, text: &str| {
         let response = ui.checkbox(ticked, text);
-        name(ui, &response, &format!("{label}: {text}"));
+        name_widget(ui, &response, &format!("{label}: {text}"));
         response.changed()
     };
     let mut same = stated.as_ref().is_some_and(Vec::is_empty);

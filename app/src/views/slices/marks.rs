@@ -76,10 +76,9 @@ pub(super) fn in_slice(input: &Input<'_>, layout: &Layout) -> Vec<usize> {
     of_date.filter(|(_, ruler)| ruler.handles_mm().iter().all(is_near)).map(|(index, _)| index).collect()
 }
 
-/// Rulers: solid where both ends lie within half a slice thickness of the plane, else faint and dashed.
-pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, draft: Option<Draft>) {
+/// Rulers: solid where they are `here`, as [`in_slice`] has them, else faint and dashed.
+pub(super) fn rulers(ui: &Ui, input: &Input<'_>, layout: &Layout, here: &[usize], draft: Option<Draft>) {
     let painter = ui.painter().with_clip_rect(layout.rect.intersect(ui.clip_rect()));
-    let here = in_slice(input, layout);
     for (index, ruler) in input.doc.rulers_at(input.time) {
         let look = if here.contains(&index) { Look::Solid } else { Look::Faint };
         ruler::draw(&painter, ruler, &|mm| Some(layout.pos_of(mm)), look);

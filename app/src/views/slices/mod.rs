@@ -150,7 +150,7 @@ impl SlicePane {
         let place = hovered.map_or(input.doc.nav.crosshair_mm(), |pos| layout.world_at(pos));
         let text = readout_text(input, place);
         marks::draw(ui, input, &layout, &text, not_finite_pixels);
-        marks::rulers(ui, input, &layout, draft);
+        marks::rulers(ui, input, &layout, &here, draft);
         if let (Some(draft), Some(pointer)) = (&draft, response.interact_pointer_pos()) {
             draw::beside_pointer(ui.painter(), layout.rect, pointer, ruler::draft_text(draft));
         }

@@ -2,17 +2,15 @@
 
 use std::{
     collections::BTreeSet,
-    io::Read,
     path::{Path, PathBuf},
 };
 
 use glioscope_core::{
     Progress,
     case::read_manifest,
-    files::{open_regular, printable},
+    files::{FileError, printable, sha256_of},
 };
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use crate::{CohortCase, CohortError};
 
@@ -20,8 +18,6 @@ use crate::{CohortCase, CohortError};
 const MAX_DEPTH: usize = 16;
 /// Maximum number of files in a case.
 const MAX_FILES: usize = 1_000_000;
-/// Bytes that are hashed at once.
-const BLOCK_BYTES: usize = 1 << 18;
 
 /// A file with its hash.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,18 +107,10 @@ fn of_file(path: &Path, beneath: &Path, progress: &Progress) -> Result<HashedFil
     if !path.exists() {
         return Ok(HashedFile { path: printable(&shown), bytes: 0, sha256: String::new() });
     }
-    let (mut file, _) = open_regular(path)?;
-    let (mut hash, mut block, mut bytes) = (Sha256::new(), vec![0; BLOCK_BYTES], 0);
-    loop {
-        progress.check()?;
-        let read = file.read(&mut block).map_err(|e| CohortError::io(path, &e, "a file that can be read"))?;
-        if read == 0 {
-            break;
-        }
-        hash.update(&block[..read]);
-        bytes += read as u64;
-    }
-    let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    let (bytes, sha256) = sha256_of(path, progress).map_err(|error| match error {
+        FileError::Cancelled(cancelled) => cancelled.into(),
+        error => CohortError::from(error),
+    })?;
     Ok(HashedFile { path: printable(&shown), bytes, sha256 })
 }
 

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use glioscope_core::{Progress, case::Case, response::Evaluated};
+use glioscope_core::{Progress, case::Case, files::sha256, response::Evaluated};
 
 use super::{
     arguments::ReportArguments,
@@ -17,7 +17,7 @@ use crate::{
     error::AppError,
     model::{Document, LesionSetting},
     output,
-    report::{self, Anonymous, FileKind, Filing, Form, Identity, Options, Report, ResponseRecipe, sha256},
+    report::{self, Anonymous, FileKind, Filing, Form, Identity, Options, Report, ResponseRecipe},
     window::report as made,
     world::load::ReadCase,
 };

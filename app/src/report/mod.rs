@@ -34,7 +34,7 @@ pub use document::Report;
 pub use filed::{FileKind, Filing};
 pub use html::recipe_in;
 pub use identity::Identity;
-pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION, sha256};
+pub use recipe::{Recipe, ResponseRecipe, VERSION as RECIPE_VERSION};
 pub use sentences::words;
 
 use crate::{

@@ -1,14 +1,13 @@
 //! What a report was made with, embedded in it, so that it can be made again and compared.
 
-use std::{io::Read, path::Path};
+use std::path::Path;
 
 use glioscope_core::{
     Progress,
-    files::open_regular,
+    files::sha256_of,
     response::{Assessment, Criterion},
 };
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::identity::Identity;
 use crate::error::AppError;
@@ -79,30 +78,8 @@ impl Input {
     /// # Errors
     /// [`AppError`] where it can't be read.
     pub fn of(path: &Path, is_named: bool, progress: &Progress) -> Result<Self, AppError> {
-        let (mut file, _) = open_regular(path)?;
-        let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 1 << 20]);
-        loop {
-            progress.check()?;
-            let read = file
-                .read(&mut block)
-                .map_err(|e| AppError::file(path, e.to_string(), "a file that can be read"))?;
-            if read == 0 {
-                break;
-            }
-            bytes += read as u64;
-            hash.update(&block[..read]);
-        }
+        let (bytes, sha256) = sha256_of(path, progress)?;
         let name = path.file_name().filter(|_| is_named).map(|name| name.to_string_lossy().into_owned());
-        let sha256 = digits(&hash.finalize());
         Ok(Self { name, bytes, sha256 })
     }
-}
-
-/// SHA-256 of bytes, hexadecimal.
-pub fn sha256(bytes: &[u8]) -> String {
-    digits(&Sha256::digest(bytes))
-}
-
-fn digits(hash: &[u8]) -> String {
-    hash.iter().map(|byte| format!("{byte:02x}")).collect()
 }

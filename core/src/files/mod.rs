@@ -13,6 +13,7 @@ mod cross_check;
 mod detached;
 pub mod dicom;
 pub mod format;
+mod hash;
 mod image;
 mod inputs;
 mod metaimage;
@@ -43,6 +44,7 @@ mod write;
 
 pub use content::FileMark;
 pub use cross_check::{AffineCheck, BothReaders, CrossCheck, CrossChecked, ValueCheck, cross_check};
+pub use hash::{sha256, sha256_of};
 pub use image::ImageInfo;
 pub use inputs::Inputs;
 pub use metaimage::read_metaimage_bytes;

@@ -195,16 +195,22 @@ fn new_lesions_of_the_masks_are_asked_about_and_stand_in_the_conclusion() {
 
 #[test]
 fn the_layout_for_the_response_shows_all_of_it_on_a_small_screen() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut harness = opened(folder.path());
-    harness.set_size(egui::vec2(1280.0, 720.0));
+    // Several masks and criteria with a choice of what is assessed: the most that stands in a line.
+    let mut harness = window_on(CaseRef::Sample, [1280.0, 720.0], egui::Theme::Dark);
     issue(&mut harness, EditCommand::SetTask(Task::Response));
     wait_for_workers(&mut harness);
-    choose(&mut harness, "Criteria", "RANO 2010");
+    choose(&mut harness, "Criteria", "RANO 2.0");
     wait_for_workers(&mut harness);
-    let pane = harness.get_by_label("By volume").rect();
-    let last = harness.get_by_label_contains("owest").rect();
-    assert!(pane.left() < last.left() && last.right() < 720.0, "{last:?}");
+    let pane = harness.state().pane_rect(PaneId::Response).unwrap();
+    let author = harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "stated by").rect();
+    for rect in [
+        harness.get_by_label("By volume").rect(),
+        harness.get_by_label_contains("owest").rect(),
+        harness.get_by_label_contains("the masks show B").rect(),
+        author,
+    ] {
+        assert!(pane.x_range().contains(rect.left()) && pane.x_range().contains(rect.right()), "{rect:?}");
+    }
     if let Ok(folder) = std::env::var("GLIOSCOPE_TEST_PICTURES") {
         harness.render().unwrap().save(Path::new(&folder).join("response-layout.png")).unwrap();
     }

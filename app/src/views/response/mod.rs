@@ -261,17 +261,19 @@ fn head(ui: &mut Ui, input: &Input<'_>, new: &mut ResponseSetting) -> String {
         }
         if new.history.is_some() {
             masks(ui, input, new);
-            // In one piece: the label doesn't wrap away from its field.
-            ui.horizontal(|ui| {
-                let label = ui.label("stated by");
-                author = fields::typed(ui, "author", &new.author);
-                if let Some(typed) = fields::text(ui, "author", label.id, &new.author, 110.0) {
-                    new.author = named(&typed);
-                    author.clone_from(&new.author);
-                }
-            });
         }
     });
+    if new.history.is_some() {
+        // On a line of its own: the label doesn't wrap away from its field, nor the field out of a narrow pane.
+        ui.horizontal(|ui| {
+            let label = ui.label("stated by");
+            author = fields::typed(ui, "author", &new.author);
+            if let Some(typed) = fields::text(ui, "author", label.id, &new.author, 110.0) {
+                new.author = named(&typed);
+                author.clone_from(&new.author);
+            }
+        });
+    }
     named(&author)
 }
 

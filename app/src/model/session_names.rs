@@ -221,7 +221,7 @@ pub(super) mod tests {
     use glam::DVec3;
     use glioscope_core::{
         Grid, Mask, MaskBits, Regions, Samples, Scaling, TumorIndex, Volume,
-        case::{Context, OrderBasis},
+        case::{CaseMask, Context, OrderBasis},
         files::Inputs,
     };
 
@@ -234,11 +234,21 @@ pub(super) mod tests {
         let time_point = |label: &str, ids: [&str; 2], image: &str| {
             let masks = ids.map(|id| Mask::new(id, grid.clone(), MaskBits::full([1; 3])).unwrap());
             let index = TumorIndex::new(grid.clone(), &masks.iter().collect::<Vec<_>>()).unwrap();
+            let of_case = |mask: Mask| CaseMask {
+                native_voxels: mask.voxels(),
+                native_volume_ml: mask.volume_ml(),
+                native_grid: mask.grid().clone(),
+                mask,
+                frame_of_reference: String::new(),
+                expected_volume_ml: None,
+                color: None,
+                name: None,
+            };
             let volume = Volume::new(grid.clone(), Samples::U8(vec![7]), Scaling::NONE).unwrap();
             TimePoint {
                 label: label.into(),
                 contexts: vec![Context { id: image.into(), volume: Arc::new(volume) }],
-                masks: Vec::new(),
+                masks: masks.map(of_case).into(),
                 regions: Arc::new(Regions::of(&index)),
                 index: Arc::new(index),
             }

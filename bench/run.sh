@@ -5,24 +5,26 @@ set -euo pipefail
 
 usage() {
     cat <<'TEXT'
-Usage: ./x bench [--runs N] [--software] [--vtk] [--data DIR]
+Usage: ./x bench [--runs N] [--software] [--vtk | --turning] [--data DIR]
 
   --runs N    timed runs of each program; medians are reported (default 7)
   --software  draw with the software adapter even if there is a GPU
   --vtk       also time VTK's volume ray casting and surfaces with SSAO (../shared/bench/vtk_peer.py; about a minute)
+  --turning   only the frames a second of the default layout's 3D views while all turn, and what their lighting passes cost
   --data DIR  folder with glioma-5-algorithms (default GLIOSCOPE_REAL_DATA or ../shared/data)
 TEXT
 }
 
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 target_dir=${CARGO_TARGET_DIR:-$root/target}
-runs=7 software=() vtk='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
+runs=7 software=() vtk='' turning='' data=${GLIOSCOPE_REAL_DATA:-$root/../shared/data}
 while (($#)); do
     case $1 in
     --runs) runs=${2:?--runs needs a number} && shift 2 ;;
     --data) data=${2:?--data needs a folder} && shift 2 ;;
     --software) software=(--software) && shift ;;
     --vtk) vtk=1 && shift ;;
+    --turning) turning=1 && shift ;;
     -h | --help) usage && exit 0 ;;
     *) echo "bench: unknown argument: $1" >&2 && usage >&2 && exit 2 ;;
     esac
@@ -34,6 +36,14 @@ if [[ ! -f $case_dir/scan-20.nii.gz ]]; then
     exit 2
 fi
 data=$(cd -- "$data" && pwd) && case_dir=$data/glioma-5-algorithms
+
+if [[ -n $turning ]]; then
+    cargo build --quiet --manifest-path "$root/Cargo.toml" --release -p glioscope-bench
+    bench=$target_dir/release/glioscope-bench
+    "$bench" together "$data" "${software[@]}"
+    echo
+    exec "$bench" turning "$data" "${software[@]}"
+fi
 
 # ---- programs -----------------------------------------------------------------------------------
 

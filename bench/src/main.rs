@@ -27,6 +27,8 @@ enum Benchmark {
     Views(loops::views::ViewsArguments),
     /// Automatic quality while a view rotates
     Turning(loops::turning::TurningArguments),
+    /// All 3D views of the default layout while they turn
+    Together(loops::together::TogetherArguments),
     /// Reading and measuring 100,000 fibres
     Tracts,
     /// Reading images: files, or folders with a DICOM series
@@ -46,6 +48,7 @@ fn main() -> ExitCode {
         Benchmark::Accuracy(arguments) => accuracy::run(&arguments),
         Benchmark::Views(arguments) => loops::views::run(&arguments),
         Benchmark::Turning(arguments) => loops::turning::run(&arguments),
+        Benchmark::Together(arguments) => loops::together::run(&arguments),
         Benchmark::Tracts => loops::tracts::run(),
         Benchmark::Images(arguments) => loops::images::run(&arguments),
         Benchmark::ForceField(arguments) => loops::force_field::run(&arguments),

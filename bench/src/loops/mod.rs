@@ -5,6 +5,7 @@ pub mod ellipsoids;
 pub mod fluency;
 pub mod force_field;
 pub mod images;
+pub mod together;
 pub mod tracts;
 pub mod turning;
 pub mod views;

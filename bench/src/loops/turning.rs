@@ -1,7 +1,7 @@
 //! The automatic quality on a real case: frame times while the camera rotates, then of the still view; and the cost of
 //! the lighting passes. See docs/performance.md.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{path::PathBuf, sync::Arc, time::Instant};
 
 use clap::{Args, builder::PossibleValuesParser};
 use glam::DQuat;
@@ -116,9 +116,9 @@ const LIGHT_PASSES: [&str; 2] = ["slices", "light_grid"];
 /// as many bytes as they move at least.
 fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<()> {
     print_line(
-        "\n| lighting mode | preset | frame ms | lighting passes, ms | slices | ms per slice | samples, millions | \
+        "\n| lighting mode | preset | frame ms | until submitted, ms | lighting passes, ms | slices | ms per slice | samples, millions | \
          ns per sample | least MB moved | copy of as many MB, ms | lighting / copy |\n\
-         |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+         |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
     )?;
     // The others don't affect the image.
     let modes = <LightingMode as VariantArray>::VARIANTS.iter().filter(|m| light::row(**m).has_aperture);
@@ -126,13 +126,16 @@ fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<
         for preset in <Preset as VariantArray>::VARIANTS {
             let mut renderer = ContextRenderer::new(gpu)?;
             let quality = light::preset(mode, *preset);
-            let (mut frames, mut passes) = (Vec::new(), Vec::new());
+            let (mut frames, mut submits, mut passes) = (Vec::new(), Vec::new(), Vec::new());
             for _ in 0..4 {
-                let (ms, _, done) = timed(|| -> Outcome<()> {
+                let (ms, _, done) = timed(|| -> Outcome<f64> {
+                    let start = Instant::now();
                     renderer.render(gpu, scene, &quality, size)?;
-                    Ok(gpu.wait()?)
+                    let submitted_ms = start.elapsed().as_secs_f64() * 1e3;
+                    gpu.wait()?;
+                    Ok(submitted_ms)
                 });
-                done?;
+                submits.push(done?);
                 frames.push(ms);
                 let light_passes = renderer
                     .pass_times(gpu)?
@@ -142,6 +145,7 @@ fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<
             }
             // The first frame compiles the pipelines.
             let (frame, pass_ms) = (median(&frames[1..]), median(&passes[1..]));
+            let submitted = median(&submits[1..]);
             let work = renderer.light_work().ok_or("the image is not lit")?;
             let copy = copy_ms(gpu, work.bytes)?;
             let slices = match work.slices {
@@ -149,7 +153,7 @@ fn print_light_cost(gpu: &Gpu, scene: &ContextScene, size: [u32; 2]) -> Outcome<
                 n => format!("{n} | {:.3}", pass_ms / f64::from(n)),
             };
             print_line(format!(
-                "| {} | {} | {frame:.1} | {pass_ms:.2} | {slices} | {:.2} | {:.2} | {:.1} | {copy:.3} | {:.1} |",
+                "| {} | {} | {frame:.1} | {submitted:.2} | {pass_ms:.2} | {slices} | {:.2} | {:.2} | {:.1} | {copy:.3} | {:.1} |",
                 mode.name(),
                 preset.name(),
                 work.samples as f64 * 1e-6,

@@ -134,7 +134,7 @@ pub fn run(arguments: &ViewsArguments) -> Outcome<()> {
     timer.time_scenes::<ellipsoids::Ellipsoids>(&diagrams())
 }
 
-fn glioma(data: &Path) -> Outcome<Case> {
+pub(super) fn glioma(data: &Path) -> Outcome<Case> {
     let file = |name: &str| format!("{name}=glioma-5-algorithms/{name}.nii.gz");
     let masks = ["isen-20", "sanet0-20", "scan-20"].map(file);
     let contexts = ["t1c", "fla"].map(file);
@@ -176,6 +176,17 @@ fn closeups(time: &TimePoint) -> Outcome<Vec<(&'static str, RegionScene)>> {
     ])
 }
 
+/// The closeup of three masks with its lens.
+pub(super) fn closeup_lens(time: &TimePoint) -> Outcome<RegionScene> {
+    let lens = closeups(time)?.into_iter().find(|(name, _)| *name == "closeup_lens");
+    Ok(lens.ok_or("no closeup")?.1)
+}
+
+/// The head's surface around the tumour.
+pub(super) fn context_surface(time: &TimePoint) -> Outcome<ContextScene> {
+    context(time, "t1c", TransferPreset::MrSurface, 0.55)
+}
+
 fn context(time: &TimePoint, id: &str, preset: TransferPreset, zoom: f64) -> Outcome<ContextScene> {
     let image = time.contexts.iter().find(|c| c.id == id).ok_or("no such image")?;
     let volume = Arc::new(ContextVolume::new(Arc::clone(&image.volume)));
@@ -199,7 +210,7 @@ fn context(time: &TimePoint, id: &str, preset: TransferPreset, zoom: f64) -> Out
 
 fn glioma_contexts(time: &TimePoint) -> Outcome<Vec<(&'static str, ContextScene)>> {
     let tumor_mm = tumor_of(time)?.grid().center_mm();
-    let surface = context(time, "t1c", TransferPreset::MrSurface, 0.55)?;
+    let surface = context_surface(time)?;
     let mut cut = surface.clone();
     cut.clip = vec![ClipPlane { normal: DVec3::Z, offset_mm: tumor_mm.z }];
     cut.camera.world_from_camera = Camera::orientation(20.0, 50.0);
@@ -269,7 +280,7 @@ fn change_scenes(time: &TimePoint) -> Outcome<Vec<(&'static str, ChangeScene)>> 
 }
 
 /// A diagram of `count` ellipsoids: three masks, their overlaps, and small ones around them.
-fn diagram(count: u32) -> EllipsoidScene {
+pub(super) fn diagram(count: u32) -> EllipsoidScene {
     let colors = MaskColors::new(Palette::Thesis, &[None; 3]);
     let mut random = Random::new(5, 0);
     let shapes = [

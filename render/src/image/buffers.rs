@@ -2,9 +2,6 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
-use glioscope_core::optics::Sight;
-
 use super::{
     ImageLook,
     transfer::TransferFunction,
@@ -13,9 +10,12 @@ use super::{
 };
 use crate::device::{Gpu, RenderError};
 
-/// Half the side of a brick in voxels: half its cells between voxel centres, and half a voxel more for the image's
-/// edge.
-const HALF_BRICK: f64 = 0.5 * BRICK as f64 + 0.5;
+/// First and last coordinate of the brick at `place` along an axis, in voxel-centre coordinates: its cells between voxel
+/// centres, and half a voxel more on both sides for the image's edge.
+pub(crate) fn brick_span_voxels(place: usize) -> [f64; 2] {
+    let first = (place * BRICK) as f64;
+    [first - 0.5, first + BRICK as f64 + 0.5]
+}
 
 /// An image's values as lib/image reads them.
 struct Uploaded {
@@ -84,37 +84,12 @@ impl ImageBuffers {
         &self.tables.visible
     }
 
-    /// Ranges of view depth (from the eye) of visible bricks, unordered.
-    pub fn depths_mm(&self, sight: &Sight) -> impl Iterator<Item = (f64, f64)> {
-        let world = self.uploaded.shape.grid.world_from_voxel();
-        let reach: f64 = (0..3).map(|a| world.matrix3.col(a).dot(sight.forward).abs()).sum();
-        let reach = reach * HALF_BRICK;
-        self.visible_middles().filter_map(move |middle| {
-            let middle = sight.depth_mm(world.transform_point3(middle));
-            (middle + reach > 0.0).then_some(((middle - reach).max(0.0), middle + reach))
-        })
-    }
-
-    /// Corners of visible bricks, world millimetres.
-    pub fn visible_corners_mm(&self) -> impl Iterator<Item = [DVec3; 8]> {
-        let world = self.uploaded.shape.grid.world_from_voxel();
-        self.visible_middles().map(move |middle| {
-            std::array::from_fn(|i| {
-                let to = DVec3::from_array(std::array::from_fn(|a| if i >> a & 1 == 1 { 1.0 } else { -1.0 }));
-                world.transform_point3(middle + HALF_BRICK * to)
-            })
-        })
-    }
-
-    /// Centres of visible bricks, in voxel-centre coordinates.
-    fn visible_middles(&self) -> impl Iterator<Item = DVec3> + '_ {
+    /// Visible bricks, in the order of their bits.
+    pub fn visible_bricks(&self) -> impl Iterator<Item = [usize; 3]> + '_ {
         let [x, y, z] = self.uploaded.shape.brick_dims;
         let is_visible =
             |b: &usize| self.tables.visible.get(b / 32).is_some_and(|word| word >> (b % 32) & 1 == 1);
-        let brick = move |b: usize| [b % x, b / x % y, b / x / y];
-        (0..x * y * z)
-            .filter(is_visible)
-            .map(move |b| DVec3::from_array(brick(b).map(|c| (c * BRICK) as f64 - 0.5)) + HALF_BRICK)
+        (0..x * y * z).filter(is_visible).map(move |b| [b % x, b / x % y, b / x / y])
     }
 
     /// Warning where the image is drawn at reduced resolution.

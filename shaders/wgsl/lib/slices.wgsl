@@ -9,6 +9,13 @@ struct Slices {
     decay: array<vec4<f32>, 257>,   // see lib/decay
 }
 
+// A rectangle of whole workgroups.
+struct Area {
+    origin: vec2<u32>,              // its first pixel
+    first: u32,                     // its first workgroup among those of the dispatch
+    per_row: f32,                   // 1 / workgroups across
+}
+
 struct Part {
     depth: f32,                     // front of the first slice
     slices: u32,
@@ -20,7 +27,9 @@ struct Part {
     share: f32,                     // weight of one sample
     turn: u32,                      // which half of `lights` is read
     is_last: u32,
-    origin: vec2<u32>,              // pixel of the first thread
+    columns: u32,                   // workgroups across of the dispatch
+    pad: u32,
+    areas: array<Area, 5>,          // in order; behind the last, one beyond the frame
 }
 
 const VOLUME_ON_VOLUME = 1u;
@@ -55,6 +64,25 @@ const MENDED = 2u;
 @group(0) @binding(33) var<storage, read_write> lights: array<f32>;
 @group(0) @binding(34) var<storage, read_write> eye: array<vec4<f32>>;    // radiance, transmittance
 @group(0) @binding(35) var<storage, read_write> notes: array<vec2<f32>>;  // see slices/finish
+
+// A thread's pixel: the dispatch has the workgroups of all areas, one after the other.
+fn pixel_in_areas(workgroup: vec3<u32>, thread: vec3<u32>) -> vec2<u32> {
+    let number = workgroup.y * parts[zero].columns + workgroup.x;
+    var area = parts[zero].areas[0];
+    for (var i = 1u; i < 5u; i++) {
+        let next = parts[zero].areas[i];
+        let is_in = number >= next.first;
+        area.origin = select(area.origin, next.origin, is_in);
+        area.first = select(area.first, next.first, is_in);
+        area.per_row = select(area.per_row, next.per_row, is_in);
+    }
+    let at = number - area.first;
+    let across = u32(round(1.0 / area.per_row));
+    // Rounding is off by one row at most, in frames of millions of workgroups.
+    let about = u32((f32(at) + 0.5) * area.per_row);
+    let row = about + select(0u, 1u, (about + 1u) * across <= at) - select(0u, 1u, about * across > at);
+    return area.origin + 8u * vec2<u32>(at - row * across, row) + thread.xy;
+}
 
 fn decay_entry(i: u32) -> vec4<f32> {
     return slices.decay[i];

@@ -108,9 +108,9 @@ fn store(at: u32, before: f32) {
 }
 
 @compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) thread: vec3<u32>) {
+fn main(@builtin(workgroup_id) workgroup: vec3<u32>, @builtin(local_invocation_id) thread: vec3<u32>) {
     zero = thread.x >> 31u;
-    let id = thread.xy + parts[zero].origin;
+    let id = pixel_in_areas(workgroup, thread);
     if any(id >= view.size) {
         return;
     }

@@ -37,6 +37,7 @@ use crate::{
         pipelines::{BindingKind, bind_group_layout, compute_pipeline},
         runner::{Dispatch, PassRunner, workgroups_of},
     },
+    image::buffers::ImageBuffers,
     scene::{LightSettings, LightingMode, Plan, Quality, SliceVariant},
     solid::view::{HAS_CONTEXT, HAS_OCCLUSION, LINEAR_LIGHT},
 };
@@ -131,9 +132,16 @@ pub(crate) fn slice_settings(settings: &LightSettings) -> SliceSettings {
     }
 }
 
-/// The ranges in order, with those that touch or overlap merged.
-pub(super) fn merged_ranges(mut all: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+/// Bounds of the image's visible bricks that aren't behind the eye.
+pub(super) fn visible_bounds(sight: &Sight, image: &ImageBuffers) -> Vec<ScreenBounds> {
+    let bricks: Vec<_> = image.visible_bricks().collect();
+    ScreenBounds::of_bricks(sight, &image.shape().grid.world_from_voxel(), &bricks)
+}
+
+/// The ranges of view depth that these take up, in order; those that touch or overlap are one.
+pub(super) fn occupied_depths_mm(bounds: &[ScreenBounds]) -> Vec<(f64, f64)> {
+    let mut all: Vec<_> = bounds.iter().map(|bounds| bounds.depths_mm).collect();
+    all.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let mut out: Vec<(f64, f64)> = Vec::new();
     for (near, far) in all {
         match out.last_mut() {
@@ -303,7 +311,8 @@ impl SliceLight {
             gpu.check()?;
         }
         let sight = Sight::new(scene.camera, scene.size);
-        let occupied = merged_ranges(image.buffers.depths_mm(&sight).collect());
+        let bricks = visible_bounds(&sight, image.buffers);
+        let occupied = occupied_depths_mm(&bricks);
         let whole = occupied.first().zip(occupied.last()).map(|(first, last)| (first.0, last.1));
         let mut plan = SlicePlan::new(&slice_settings(settings), &sight, whole, &occupied);
         if plan.steps.is_empty() {
@@ -321,13 +330,14 @@ impl SliceLight {
         // In the paper's variants; in the mended one layers do.
         let opaque_on_opaque = settings.variant != SliceVariant::Mended && mutual.opaque_on_opaque;
         let occluders = (mutual.opaque_on_image || opaque_on_opaque, mutual.image_on_image);
-        let all_rects = if self.everywhere {
+        let mut all_rects = if self.everywhere {
             vec![StepRects::everywhere(scene.size); plan.steps.len()]
         } else {
-            let corners = image.buffers.visible_corners_mm();
-            let bricks: Vec<_> = corners.filter_map(|c| ScreenBounds::of(&sight, &c)).collect();
             step_rects(&plan, &sight, &bricks, opaque_bounds, occluders)
         };
+        if !gpu.is_software() {
+            all_rects.iter_mut().for_each(StepRects::merge_small);
+        }
         let mut dispatches = StepDispatches::default();
         let begin_key = PipelineKey {
             is_begin: true,
@@ -342,15 +352,16 @@ impl SliceLight {
             is_empty: false,
         };
         let whole = Rect::whole(scene.size).in_workgroups(scene.size);
-        dispatches.add(self.pipeline(gpu, begin_key)?, begin_key, uniforms::Part::default(), whole);
+        dispatches.add(self.pipeline(gpu, begin_key)?, begin_key, uniforms::Part::default(), &[whole]);
         let mended = settings.variant == SliceVariant::Mended;
         let mut light_work = LightWork { slices: plan.slices(), ..LightWork::default() };
         for (number, (step, rects)) in plan.steps.iter().zip(&all_rects).enumerate() {
             let mut part = step_uniform(step, number, scene.reference_mm);
             part.is_last = u32::from(number + 1 == plan.steps.len());
-            let with_opaque = rects.with_opaque.iter().map(|rect| (rect, has_opaque));
-            let without = rects.without_opaque.iter().map(|rect| (rect, false));
-            for (rect, with_opaque) in with_opaque.chain(without) {
+            for (rects, with_opaque) in [(&rects.with_opaque, has_opaque), (&rects.without_opaque, false)] {
+                if rects.is_empty() {
+                    continue;
+                }
                 let key = PipelineKey {
                     is_begin: false,
                     with_opaque,
@@ -362,11 +373,12 @@ impl SliceLight {
                     is_empty: step.empty,
                     ..begin_key
                 };
-                dispatches.add(self.pipeline(gpu, key)?, key, part, *rect);
+                dispatches.add(self.pipeline(gpu, key)?, key, part, rects);
                 let range = if step.empty { 0 } else { 8 };
                 let depths = 4 * u64::from(with_opaque) + 4 * u64::from(key.ends_apart);
-                light_work.samples += rect.pixels() * u64::from(step.slices);
-                light_work.bytes += rect.pixels() * (2 * 4 * lights_per_pixel + range + depths);
+                let pixels: u64 = rects.iter().map(Rect::pixels).sum();
+                light_work.samples += pixels * u64::from(step.slices);
+                light_work.bytes += pixels * (2 * 4 * lights_per_pixel + range + depths);
             }
         }
         let processed: u64 = all_rects
@@ -471,15 +483,22 @@ struct StepDispatches {
 }
 
 impl StepDispatches {
-    fn add(&mut self, pipeline: wgpu::ComputePipeline, key: PipelineKey, part: uniforms::Part, rect: Rect) {
+    /// Adds a dispatch of the workgroups of these disjoint rectangles.
+    fn add(
+        &mut self,
+        pipeline: wgpu::ComputePipeline,
+        key: PipelineKey,
+        part: uniforms::Part,
+        rects: &[Rect],
+    ) {
         let index = self.pipelines.iter().position(|(known, _)| *known == key);
         let pipeline = index.unwrap_or_else(|| {
             self.pipelines.push((key, pipeline));
             self.pipelines.len() - 1
         });
-        let (origin, workgroups) = rect.dispatch();
         let offset = (self.parts.len() as u64 * STRIDE) as u32;
-        self.parts.push(uniforms::Part { origin, ..part });
+        let (areas, workgroups) = reach::areas(rects);
+        self.parts.push(uniforms::Part { areas, columns: workgroups[0], ..part });
         self.steps.push(Dispatch { pipeline, offset, workgroups });
     }
 }

@@ -1,9 +1,17 @@
 //! Which pixels each slice step must process: where light may already be lost and is still needed. Pure: no device is
 //! touched.
 
+use glam::{DAffine3, DVec3};
 use glioscope_core::optics::Sight;
+use rayon::prelude::*;
 
-use crate::light::slices::plan::{SlicePlan, Step};
+use crate::{
+    image::buffers::brick_span_voxels,
+    light::slices::{
+        plan::{SlicePlan, Step},
+        uniforms,
+    },
+};
 
 /// Pixels from `low` up to, not including, `high`; empty if `low` isn't below `high` along both axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,10 +71,9 @@ impl Rect {
         [of([x0, y0], [x1, b0]), of([x0, b0], [a0, b1]), of([a1, b0], [x1, b1]), of([x0, b1], [x1, y1])]
     }
 
-    /// The first pixel, and the number of workgroups across and down.
-    pub fn dispatch(&self) -> ([u32; 2], [u32; 3]) {
-        let groups = [0, 1].map(|a| ((self.high[a] - self.low[a]) / SIDE) as u32);
-        (self.low.map(|c| c as u32), [groups[0], groups[1], 1])
+    /// Workgroups across and down.
+    fn workgroups(&self) -> [u32; 2] {
+        if self.is_empty() { [0; 2] } else { [0, 1].map(|a| ((self.high[a] - self.low[a]) / SIDE) as u32) }
     }
 
     pub fn pixels(&self) -> u64 {
@@ -75,6 +82,30 @@ impl Rect {
         }
         (0..2).map(|a| (self.high[a] - self.low[a]) as u64).product()
     }
+}
+
+/// The most rectangles of a dispatch: those around a hole.
+const MOST_AREAS: usize = 4;
+
+/// `Area` of lib/slices for each of at most four disjoint rectangles of whole workgroups, in the order in which one dispatch
+/// takes their workgroups, and that dispatch. Behind the last is one beyond any frame.
+pub(crate) fn areas(rects: &[Rect]) -> ([uniforms::Area; MOST_AREAS + 1], [u32; 3]) {
+    const BEYOND: uniforms::Area = uniforms::Area { origin: [1 << 24; 2], first: u32::MAX, per_row: 1.0 };
+    debug_assert!(rects.len() <= MOST_AREAS, "{rects:?}");
+    let mut areas = [BEYOND; MOST_AREAS + 1];
+    let mut total = 0;
+    for (rect, area) in rects.iter().zip(&mut areas) {
+        let [across, down] = rect.workgroups();
+        let origin = rect.low.map(|c| c.max(0) as u32);
+        *area = uniforms::Area { origin, first: total, per_row: 1.0 / across.max(1) as f32 };
+        total += across * down;
+    }
+    if let Some(end) = areas.get_mut(rects.len()) {
+        end.first = total;
+    }
+    // A dispatch has at most 65535 workgroups along an axis.
+    let rows = total.div_ceil(65535).max(1);
+    (areas, [total.div_ceil(rows), rows, 1])
 }
 
 /// Pixels along a workgroup's side.
@@ -89,25 +120,61 @@ pub(crate) struct ScreenBounds {
 
 impl ScreenBounds {
     /// Bounds of a box with these corners; `None` behind the eye. One pixel is added on every side, for rounding.
-    pub fn of(sight: &Sight, corners_mm: &[glam::DVec3]) -> Option<Self> {
-        let depths_mm = sight.depths_mm(corners_mm)?;
-        let mut rect = Rect::EMPTY;
-        for at in corners_mm {
-            let depth = sight.depth_mm(*at);
-            let pixel_mm = sight.pixel_mm(depth);
+    pub fn of(sight: &Sight, corners_mm: &[DVec3]) -> Option<Self> {
+        Self::of_corners(sight, corners_mm.iter().map(|at| Offset::of(sight, *at - sight.eye_mm)))
+    }
+
+    fn of_corners(sight: &Sight, corners: impl Iterator<Item = Offset>) -> Option<Self> {
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let mut all_before = true;
+        for Offset(at) in corners {
+            let pixel_mm = sight.pixel_mm(at.z);
             // A box that reaches behind the eye may project to any pixel.
-            if depth <= 0.0 || pixel_mm.is_nan() || pixel_mm <= 0.0 {
-                return Some(Self { rect: Rect::whole(sight.size), depths_mm });
-            }
-            let off = *at - sight.eye_mm;
-            let from_middle = [off.dot(sight.right) / pixel_mm, -off.dot(sight.up) / pixel_mm];
-            let edge = |a: usize| (from_middle[a] + 0.5 * f64::from(sight.size[a])).clamp(-1e6, 1e6);
-            let (x, y) = (edge(0), edge(1));
-            let low = [x, y].map(|c| c.floor() as i32 - 1);
-            let high = [x, y].map(|c| c.ceil() as i32 + 1);
-            rect = rect.union(Rect { low, high });
+            all_before &= at.z > 0.0 && pixel_mm > 0.0;
+            let per_mm = 1.0 / pixel_mm;
+            let at_px = DVec3::new(at.x * per_mm, at.y * per_mm, at.z);
+            low = low.min(at_px);
+            high = high.max(at_px);
         }
-        Some(Self { rect, depths_mm })
+        let depths_mm = (low.z.max(0.0), high.z);
+        if !(high.z > 0.0 && high.z.is_finite()) {
+            return None;
+        }
+        if !all_before {
+            return Some(Self { rect: Rect::whole(sight.size), depths_mm });
+        }
+        let edge =
+            |from_middle: f64, a: usize| (from_middle + 0.5 * f64::from(sight.size[a])).clamp(-1e6, 1e6);
+        let axis = |a: usize| (edge(low[a], a).floor() as i32 - 1, edge(high[a], a).ceil() as i32 + 1);
+        let (x, y) = (axis(0), axis(1));
+        Some(Self { rect: Rect { low: [x.0, y.0], high: [x.1, y.1] }, depths_mm })
+    }
+
+    /// Bounds of these bricks of an image, in their order, without those behind the eye.
+    pub fn of_bricks(sight: &Sight, world_from_voxel: &DAffine3, bricks: &[[usize; 3]]) -> Vec<Self> {
+        // Up to the division by depth, a corner's place is a sum of one term per axis.
+        let first = Offset::of(sight, world_from_voxel.translation - sight.eye_mm).0;
+        let terms: [Vec<[DVec3; 2]>; 3] = std::array::from_fn(|a| {
+            let per_voxel = Offset::of(sight, world_from_voxel.matrix3.col(a)).0;
+            let count = bricks.iter().map(|brick| brick[a] + 1).max().unwrap_or(0);
+            (0..count).map(|place| brick_span_voxels(place).map(|voxels| voxels * per_voxel)).collect()
+        });
+        let bounds = |[i, j, k]: &[usize; 3]| {
+            let (x, y, z) = (terms[0][*i], terms[1][*j], terms[2][*k]);
+            let corner = |n: usize| Offset(first + x[n & 1] + y[n >> 1 & 1] + z[n >> 2]);
+            Self::of_corners(sight, (0..8).map(corner))
+        };
+        bricks.par_iter().with_min_len(512).filter_map(bounds).collect()
+    }
+}
+
+/// A vector along the frame's axes: right, down, away from the eye; millimetres.
+#[derive(Clone, Copy)]
+struct Offset(DVec3);
+
+impl Offset {
+    fn of(sight: &Sight, vector_mm: DVec3) -> Self {
+        Self(DVec3::new(vector_mm.dot(sight.right), -vector_mm.dot(sight.up), vector_mm.dot(sight.forward)))
     }
 }
 
@@ -131,6 +198,23 @@ pub(crate) struct StepRects {
 impl StepRects {
     pub fn everywhere(size: [u32; 2]) -> Self {
         Self { with_opaque: vec![Rect::whole(size).in_workgroups(size)], without_opaque: Vec::new() }
+    }
+}
+
+/// Pixels outside the opaque geometry up to which a graphics card takes longer to begin their dispatch than to process
+/// both lights in them: about 8 microseconds, in which it moves a megabyte.
+const SMALL_PX: u64 = 1 << 17;
+
+impl StepRects {
+    /// Makes one rectangle of all where those without opaque geometry are small. Both lights are equal there, so that
+    /// nothing changes but the number of dispatches.
+    pub fn merge_small(&mut self) {
+        let outside: u64 = self.without_opaque.iter().map(Rect::pixels).sum();
+        if let [inside] = self.with_opaque[..]
+            && outside <= SMALL_PX
+        {
+            self.with_opaque = vec![self.without_opaque.drain(..).fold(inside, Rect::union)];
+        }
     }
 }
 
@@ -161,10 +245,10 @@ pub(crate) fn step_rects_in_groups(
     let margin_mm = 0.01 * plan.slice_mm + 1e-3;
     let front = |k: usize| steps[k].depth_mm - margin_mm;
     let back = |k: usize| steps[k].depth_mm + f64::from(steps[k].slices) * plan.slice_mm + margin_mm;
-    let numbers: Vec<usize> = (0..steps.len()).collect();
+    let backs: Vec<f64> = (0..steps.len()).map(back).collect();
     let mut visible = vec![Rect::EMPTY; steps.len()];
     for brick in image {
-        let first = numbers.partition_point(|k| back(*k) < brick.depths_mm.0);
+        let first = backs.partition_point(|back| *back < brick.depths_mm.0);
         for k in (first..steps.len()).take_while(|k| front(*k) <= brick.depths_mm.1) {
             visible[k] = visible[k].union(brick.rect);
         }
@@ -207,22 +291,21 @@ pub(crate) fn step_rects_in_groups(
         });
         all.intersection(whole)
     };
-    let mut out = Vec::with_capacity(steps.len());
-    for k in 0..steps.len() {
+    let of_step = |k: usize| {
         let active = spread_to(&losses, k).intersection(needed(k)).in_workgroups(size);
         let differ = spread_to(&opaque_losses, k);
         let differ = if image_occludes || matches!(opaque, OpaqueBounds::None) { differ } else { whole };
         let differ = differ.in_workgroups(size).intersection(active);
-        out.push(if active.is_empty() {
+        if active.is_empty() {
             StepRects::default()
         } else if differ.is_empty() {
             StepRects { with_opaque: Vec::new(), without_opaque: vec![active] }
         } else {
             let without_opaque = active.around(differ).into_iter().filter(|r| !r.is_empty()).collect();
             StepRects { with_opaque: vec![differ], without_opaque }
-        });
-    }
-    out
+        }
+    };
+    (0..steps.len()).into_par_iter().with_min_len(16).map(of_step).collect()
 }
 
 /// Maximum number of groups of steps that a step is compared with.

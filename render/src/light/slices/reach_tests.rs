@@ -1,11 +1,11 @@
 //! Restricting steps to the pixels that need them changes no result.
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use glioscope_core::optics::{Projection, Sight};
 
 use super::{
     plan::{Kernel, SlicePlan},
-    reach::{OpaqueBounds, Rect, ScreenBounds, StepRects, step_rects_in_groups},
+    reach::{OpaqueBounds, Rect, ScreenBounds, StepRects, areas, step_rects_in_groups},
     slice_settings,
 };
 use crate::{
@@ -282,4 +282,104 @@ fn screen_bounds_contain_the_projected_box() {
     assert!(inside > 50 && bounds.rect.pixels() < 6 * inside as u64, "{inside} of {bounds:?}");
     assert_eq!(ScreenBounds::of(&sight, &corners(sight.eye_mm)).unwrap().rect, Rect::whole(size));
     assert!(ScreenBounds::of(&sight, &corners(sight.eye_mm - 50.0 * sight.forward)).is_none());
+}
+
+/// Each pixel of the rectangles has one thread, by the arithmetic of `pixel_in_areas` in lib/slices; the threads left over
+/// are beyond the frame.
+#[test]
+fn one_dispatch_has_all_workgroups_of_its_rects() {
+    let rect = |low: [i32; 2], high: [i32; 2]| Rect { low, high };
+    let cases = [
+        vec![rect([8, 16], [24, 40])],
+        vec![
+            rect([0, 0], [800, 8]),
+            rect([0, 8], [16, 600]),
+            rect([720, 8], [800, 600]),
+            rect([0, 600], [800, 608]),
+        ],
+        vec![rect([0, 0], [16384, 16384])],
+        vec![rect([0, 0], [16376, 8]), rect([8, 8], [16384, 16384])],
+        vec![],
+    ];
+    for rects in cases {
+        let (areas, [columns, rows, layers]) = areas(&rects);
+        assert!(columns <= 65535 && rows <= 65535 && layers == 1, "{rects:?}");
+        let expected = rects.iter().flat_map(|r| {
+            let groups = [0, 1].map(|a| (r.high[a] - r.low[a]) / 8);
+            let low = r.low;
+            (0..groups[1]).flat_map(move |y| (0..groups[0]).map(move |x| [low[0] + 8 * x, low[1] + 8 * y]))
+        });
+        let mut expected = expected.map(|pixel| pixel.map(|c| c as u32));
+        for number in 0..columns * rows {
+            let mut area = areas[0];
+            for next in &areas[1..] {
+                area = if number >= next.first { *next } else { area };
+            }
+            let at = number - area.first;
+            let across = (1.0 / area.per_row).round() as u32;
+            let about = ((at as f32 + 0.5) * area.per_row) as u32;
+            let row = about + u32::from((about + 1) * across <= at) - u32::from(about * across > at);
+            let pixel = [area.origin[0] + 8 * (at - row * across), area.origin[1] + 8 * row];
+            match expected.next() {
+                Some(expected) => assert_eq!(pixel, expected, "workgroup {number} of {rects:?}"),
+                None => assert!(pixel[0] >= 1 << 24, "workgroup {number} of {rects:?}: {pixel:?}"),
+            }
+        }
+        assert_eq!(expected.next(), None, "{rects:?}");
+    }
+}
+
+/// Bounds of bricks are those of their corners, on an oblique grid of unequal spacing, from afar and from inside.
+#[test]
+fn bounds_of_bricks_are_those_of_their_corners() {
+    let turn =
+        DAffine3::from_rotation_translation(DQuat::from_rotation_x(0.4), DVec3::new(900.0, -40.0, 3.0));
+    let world_from_voxel = turn * DAffine3::from_scale(DVec3::new(0.5, 0.5, 6.0));
+    let bricks: Vec<[usize; 3]> = (0..60).map(|n| [n % 4, n / 4 % 5, n / 20]).collect();
+    let middle_mm = world_from_voxel.transform_point3(DVec3::new(16.0, 20.0, 12.0));
+    let mut behind = 0;
+    for (projection, height_mm) in
+        [(Projection::Perspective, 200.0), (Projection::Perspective, 0.5), (Projection::Orthographic, 120.0)]
+    {
+        let mut camera = scene(false, false, projection).camera;
+        (camera.focus_mm, camera.height_mm) = (middle_mm, height_mm);
+        let sight = Sight::new(&camera, [640, 360]);
+        let expected: Vec<ScreenBounds> = bricks
+            .iter()
+            .filter_map(|brick| {
+                let corners = std::array::from_fn::<_, 8, _>(|n| {
+                    let voxel = |a: usize| 8.0 * brick[a] as f64 + if n >> a & 1 == 1 { 8.5 } else { -0.5 };
+                    world_from_voxel.transform_point3(DVec3::new(voxel(0), voxel(1), voxel(2)))
+                });
+                ScreenBounds::of(&sight, &corners)
+            })
+            .collect();
+        behind += bricks.len() - expected.len();
+        let found = ScreenBounds::of_bricks(&sight, &world_from_voxel, &bricks);
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(&expected) {
+            // A corner may round to the next pixel; one more is added for that.
+            let off = |a: [i32; 2], b: [i32; 2]| (0..2).map(|c| (a[c] - b[c]).abs()).fold(0, i32::max);
+            let rects = off(found.rect.low, expected.rect.low).max(off(found.rect.high, expected.rect.high));
+            assert!(rects <= 1, "{found:?} {expected:?}");
+            let depths = [found.depths_mm.0 - expected.depths_mm.0, found.depths_mm.1 - expected.depths_mm.1];
+            assert!(depths.iter().all(|mm| mm.abs() < 1e-9), "{found:?} {expected:?}");
+        }
+    }
+    assert!(behind > 0, "no brick is behind the eye");
+}
+
+/// What a card does in one dispatch is what it does in several.
+#[test]
+fn small_rects_without_opaque_geometry_are_merged() {
+    let rect = |low: [i32; 2], high: [i32; 2]| Rect { low, high };
+    let mut small = StepRects {
+        with_opaque: vec![rect([16, 16], [32, 32])],
+        without_opaque: vec![rect([8, 8], [48, 16]), rect([8, 16], [16, 32])],
+    };
+    let mut large = StepRects { without_opaque: vec![rect([0, 32], [800, 600])], ..small.clone() };
+    let (unchanged, mut none) = (large.clone(), StepRects::default());
+    [&mut small, &mut large, &mut none].into_iter().for_each(StepRects::merge_small);
+    assert_eq!(small, StepRects { with_opaque: vec![rect([8, 8], [48, 32])], without_opaque: Vec::new() });
+    assert_eq!((large, none), (unchanged, StepRects::default()));
 }

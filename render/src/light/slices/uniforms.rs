@@ -15,6 +15,15 @@ pub(crate) struct Slices {
     pub decay: [[f32; 4]; 257],
 }
 
+/// `Area` of lib/slices.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Area {
+    pub origin: [u32; 2],
+    pub first: u32,
+    pub per_row: f32,
+}
+
 /// `Part` of lib/slices.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -29,15 +38,18 @@ pub(crate) struct Part {
     pub share: f32,
     pub turn: u32,
     pub is_last: u32,
-    pub origin: [u32; 2],
+    pub columns: u32,
+    pub pad: u32,
+    pub areas: [Area; 5],
 }
 
 /// For the test of layouts.
 #[cfg(test)]
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(Slices, "Slices": slice_mm, flags, strength, pad, decay),
+    crate::layouts::layout!(Area, "Area": origin, first, per_row),
     crate::layouts::layout!(
-        Part, "Part": depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, origin
+        Part, "Part": depth, slices, side, stride, center, radius, radius_mm, share, turn, is_last, columns, pad, areas
     ),
     crate::layouts::layout!(
         super::super::vicinity::uniforms::Vicinity,

@@ -96,7 +96,7 @@ pub(crate) fn visible_depths_mm(scene: &ContextScene, sight: &Sight) -> Vec<(f64
     let mut cached = None;
     let volume = scene.volume.as_ref().unwrap();
     let buffers = ImageBuffers::reuse(&mut cached, &GPU, volume, &scene.transfer).unwrap();
-    slices::merged_ranges(buffers.depths_mm(sight).collect())
+    slices::occupied_depths_mm(&slices::visible_bounds(sight, buffers))
 }
 
 /// Pixels of a scene, drawn after `whole` has filled every buffer.

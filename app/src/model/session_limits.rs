@@ -248,7 +248,8 @@ fn check_light(own: &LightSettings) -> Checked {
     number("light own cell_mm", own.cell_mm, &(0.01..=1e3))?;
     let most = f64::from(LightSettings::MOST_VICINITY);
     number("light own vicinity_samples", own.vicinity_samples, &(1.0..=most))?;
-    number("light own vicinity_mm", own.vicinity_mm, &(0.01..=1e3))
+    number("light own vicinity_mm", own.vicinity_mm, &(0.01..=1e3))?;
+    number("light own layer_cell", own.layer_cell, &(1.0..=4.0))
 }
 
 fn check_navigation(nav: &Navigation) -> Checked {
@@ -406,6 +407,7 @@ mod tests {
             ("/edit/light/own/cell_mm", "light own cell_mm", mm.clone()),
             ("/edit/light/own/vicinity_samples", "light own vicinity_samples", vicinity.clone()),
             ("/edit/light/own/vicinity_mm", "light own vicinity_mm", mm.clone()),
+            ("/edit/light/own/layer_cell", "light own layer_cell", [json!([1.0, 4.0]), json!([0.9, 4.1])]),
             (
                 "/edit/light/shading/occlusion_radius_mm",
                 "light shading occlusion_radius_mm",

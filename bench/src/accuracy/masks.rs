@@ -92,6 +92,16 @@ fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
         }
     }
     out.push(("vicinity", "LightSettings::vicinity_samples and vicinity_mm", vicinity_settings));
+    let sides: &[f64] = effort.of(&[1.0, 4.0], &[1.0, 2.0, 4.0], &[1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0]);
+    let thick_mm: &[f64] = effort.of(&[1.0][..], &[1.0], &[0.5, 1.0]);
+    let mut layer_settings: Settings = Vec::new();
+    for &slice_mm in thick_mm {
+        for &layer_cell in sides {
+            let light = LightSettings { layer_cell, slice_mm, ..vicinity };
+            layer_settings.push((format!("cells {layer_cell}, layers {slice_mm} mm"), (layer_cell, light)));
+        }
+    }
+    out.push(("layers", "LightSettings::layer_cell and slice_mm", layer_settings));
     // Presets replace equal settings, so that each is measured under the preset's name.
     for (at, mode) in [LightingMode::Cones, LightingMode::Slices].into_iter().enumerate() {
         for of in Preset::VARIANTS {
@@ -109,9 +119,11 @@ fn settings(effort: Effort) -> Vec<(&'static str, &'static str, Settings)> {
 fn is_same(a: &LightSettings, b: &LightSettings) -> bool {
     let on_masks = |l: &LightSettings| match l.mode {
         LightingMode::Cones => (l.sub_cones, l.coarsest_level, l.cone_step, 0.0),
-        _ => (l.vicinity_samples, 0, l.vicinity_mm, l.slice_mm),
+        // Layers are a third of the vicinity's distance thick at most.
+        _ => (l.vicinity_samples, 0, l.vicinity_mm, l.slice_mm.min(l.vicinity_mm / 3.0)),
     };
-    a.mode == b.mode && on_masks(a) == on_masks(b)
+    let cells = a.mode == LightingMode::Cones || a.layer_cell == b.layer_cell;
+    a.mode == b.mode && cells && on_masks(a) == on_masks(b)
 }
 
 fn curves(bench: &Bench<'_>) -> Outcome<Vec<Curve>> {

@@ -120,8 +120,17 @@ pub struct LightSettings {
     pub vicinity_samples: u32,
     /// Vicinity occlusion: virtual slice distance; its radius is tan(aperture) times this.
     pub vicinity_mm: f64,
+    /// Layers of light among opaque surfaces: side of a cell relative to the finest, at which cells are as wide as a
+    /// footprint's samples are apart; 1 to 4.
+    #[serde(default = "default_layer_cell")]
+    pub layer_cell: f64,
     /// What occludes what.
     pub mutual: MutualOcclusion,
+}
+
+/// Of sessions from before the setting was there.
+fn default_layer_cell() -> f64 {
+    LightSettings::DEFAULT.layer_cell
 }
 
 impl LightSettings {
@@ -144,6 +153,7 @@ impl LightSettings {
         cell_mm: 4.0,
         vicinity_samples: 64,
         vicinity_mm: 3.0,
+        layer_cell: 1.5,
         mutual: MutualOcclusion::ALL,
     };
 }

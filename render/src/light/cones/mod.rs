@@ -124,6 +124,7 @@ fn at_cost(cost: f64) -> Quality {
                 c if c > 1.5 => 2,
                 _ => 3,
             },
+            layer_cell: layers::cell_at(less),
             ..LightSettings::DEFAULT
         },
         ..Quality::FULL

@@ -48,6 +48,11 @@ const GRID: u32 = 7;
 const STRIDE: usize = 256;
 const TUBES_ONLY: u32 = 1;
 
+/// [`LightSettings::layer_cell`] at a share of balanced's cost, above 0 to 1: docs/studies.md has what it costs and errs.
+pub(crate) fn cell_at(cost: f64) -> f64 {
+    (LightSettings::DEFAULT.layer_cell * cost.powf(-0.3)).min(3.0)
+}
+
 /// Why the pass is omitted: there is nothing that it would darken.
 pub(crate) fn omission_reason(quality: &Quality, no_opaque: Option<&'static str>) -> Option<&'static str> {
     let light = &quality.lighting;
@@ -145,6 +150,8 @@ impl LayerPlan {
         let radius_mm = lag_mm * aperture_deg.to_radians().tan();
         let cell_mm = (0.5 * variance_mm2).sqrt().min(0.5 * radius_mm);
         let pixel_mm = camera.height_mm / f64::from(size[1].max(1));
+        let coarser = if settings.layer_cell.is_finite() { settings.layer_cell.clamp(1.0, 4.0) } else { 1.0 };
+        let cell_mm = (coarser * cell_mm).min(radius_mm);
         let mut side = (cell_mm / pixel_mm).clamp(1.0, 64.0) as u32;
         let cells_of = |side| sight.size.map(|s| s.div_ceil(side).max(1));
         let all = |[across, down]: [u32; 2]| u64::from(across) * u64::from(down) * u64::from(count);

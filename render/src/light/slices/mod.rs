@@ -115,6 +115,7 @@ fn at_cost(cost: f64) -> Quality {
         lighting: LightSettings {
             slice_mm: (less.powf(-0.13) * below_min_resolution.powf(-0.53)).min(6.0) / more,
             vicinity_samples: (64.0 * less.powf(0.4) * more.powf(1.72)).round().clamp(12.0, 118.0) as u32,
+            layer_cell: layers::cell_at(less),
             ..LightSettings::DEFAULT
         },
         ..Quality::FULL

@@ -192,6 +192,20 @@ fn a_sheet_of_fibres_darkens_as_wide_a_band_as_the_cone_reaches() {
     }
 }
 
+/// Cells of balanced and of moving frames against the finest. The table is in docs/studies.md.
+#[test]
+fn coarser_cells_widen_the_band_by_as_much_as_the_study_says() {
+    let sheet = Sheet::new(5.0, 1.0, Projection::Orthographic);
+    for (layer_cell, most_wider_mm, most_rms) in [(1.0, 0.9, 0.02), (1.5, 0.9, 0.02), (3.0, 2.4, 0.04)] {
+        let mut quality = preset(LightingMode::Slices, Preset::Balanced);
+        quality.lighting.layer_cell = layer_cell;
+        let Band { width_mm, true_width_mm, rms } = band(&sheet, &quality, None);
+        println!("cells {layer_cell}: {width_mm:.1} mm, true {true_width_mm:.1} mm, RMS {rms:.3}");
+        let wider_mm = width_mm - true_width_mm;
+        assert!((0.0..most_wider_mm).contains(&wider_mm) && rms < most_rms, "{layer_cell}: {wider_mm} {rms}");
+    }
+}
+
 /// What the layers are for: vicinity occlusion alone darkens no more than its own radius.
 #[test]
 fn layers_darken_more_than_vicinity_occlusion_alone() {

@@ -327,6 +327,9 @@ pub struct RenderArguments {
     /// Change view: the end of the colour scale; without it the comparison's own.
     #[arg(long, value_name = "MM", value_parser = parse::within(CHANGE_SCALE_MM), allow_hyphen_values = true)]
     pub scale_mm: Option<f64>,
+    /// Change view: the outline of the earlier date over everything.
+    #[arg(long)]
+    pub earlier_outline: bool,
     /// Slices: the outlines of both dates, and the change.
     #[arg(long)]
     pub changed_rim: bool,

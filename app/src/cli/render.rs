@@ -135,6 +135,7 @@ fn apply_change(
     setting.style = arguments.style.unwrap_or(setting.style);
     setting.threshold_mm = arguments.threshold.unwrap_or(setting.threshold_mm);
     setting.full_mm = arguments.scale_mm.or(setting.full_mm);
+    setting.outlines_earlier |= arguments.earlier_outline;
     setting.on_slices |= arguments.changed_rim;
     let Some(case) = world.case() else { return Ok(()) };
     let (of, from, to) = (arguments.of.as_deref(), arguments.from.as_deref(), arguments.to.as_deref());

@@ -47,6 +47,7 @@ pub(super) fn without_effect(arguments: &RenderArguments) -> Vec<&'static str> {
         ("--style", a.style.is_some(), &[Change]),
         ("--threshold", a.threshold.is_some(), &[Change]),
         ("--scale-mm", a.scale_mm.is_some(), &[Change]),
+        ("--earlier-outline", a.earlier_outline, &[Change]),
         ("--of", a.of.is_some(), compared),
         ("--from", a.from.is_some(), compared),
         ("--to", a.to.is_some(), compared),

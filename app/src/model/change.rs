@@ -33,6 +33,9 @@ pub struct ChangeSetting {
     /// Smaller components make neither appeared, vanished, split nor merged, millilitres.
     #[serde(default = "default_smallest_ml")]
     pub smallest_ml: f64,
+    /// Whether the change view draws the outline of the earlier date.
+    #[serde(default)]
+    pub outlines_earlier: bool,
     /// Whether slices show the outlines of both time points and the change instead of the masks.
     pub on_slices: bool,
 }
@@ -48,6 +51,7 @@ impl Default for ChangeSetting {
             threshold_mm: 1.0,
             registration_mm: change::DEFAULT_REGISTRATION_MM,
             smallest_ml: DEFAULT_SMALLEST_ML,
+            outlines_earlier: false,
             on_slices: false,
         }
     }

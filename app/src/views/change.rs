@@ -66,6 +66,7 @@ fn change_look(input: &Input<'_>, compared: &Comparison) -> ChangeLook {
         threshold_mm: setting.threshold_mm,
         grow,
         shrink,
+        outlines_earlier: setting.outlines_earlier,
     }
 }
 
@@ -274,6 +275,8 @@ fn controls(ui: &mut Ui, input: &Input<'_>, chosen: &Choice, scale_mm: Option<f6
     let response = ui.add(drag.prefix("small below "));
     response.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, "Small components"));
     response.on_hover_text("Smaller components make neither appeared, vanished, split nor merged");
+    ui.checkbox(&mut new.outlines_earlier, "earlier outline")
+        .on_hover_text("A blue line around what the earlier date shows, drawn over everything");
     ui.checkbox(&mut new.on_slices, "on slices").on_hover_text("Slices show both outlines and what changed");
     if new != *setting {
         out.push(EditCommand::SetChange(Box::new(new)));
@@ -332,6 +335,9 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
     if input.doc.edit.change.style == ChangeStyle::Arrows {
         lines.push((None, format!("arrows of {:.1} mm and more", look.threshold_mm)));
     }
+    if look.outlines_earlier {
+        lines.push((Some(ChangeLook::OUTLINE), format!("outline of {}", compared.labels[0])));
+    }
     if input.is_picture {
         // What the controls say elsewhere.
         let [from, to] = &compared.labels;
@@ -345,7 +351,7 @@ fn legend(ui: &Ui, input: &Input<'_>, rect: Rect, compared: &Comparison, look: &
         })
         .collect();
     let inset = |color: Option<[u8; 3]>| if color.is_some() { 17.0 } else { 0.0 };
-    let has_ramp = galleys.iter().any(|(color, _)| color.is_some());
+    let has_ramp = !report.has_volumes_only();
     let width = galleys.iter().map(|(color, g)| g.size().x + inset(*color)).fold(0.0, f32::max);
     let mut corner = rect.left_top() + vec2(10.0, 8.0);
     let height = galleys.iter().map(|(_, galley)| galley.size().y + 2.0).sum::<f32>();

@@ -11,8 +11,9 @@
 @group(0) @binding(19) var<storage, read> heights: array<vec2<f32>>;
 @group(0) @binding(21) var<storage, read> hull_depths: array<f32>;
 @group(0) @binding(22) var<storage, read> hull_surfaces: array<vec2<u32>>;
-@group(0) @binding(23) var<storage, read_write> tops: array<vec2<u32>>;    // arrow number from 1, depth
+@group(0) @binding(23) var<storage, read_write> tops: array<vec2<u32>>;    // see change/outline; then arrow number from 1, depth
 @group(0) @binding(25) var arrow_picture: texture_2d<u32>;
+
 
 const GROWS = 0x1000000u;
 const FAINT = 0x2000000u;
@@ -156,6 +157,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let line = veil_line_at(here, hull, hull_surfaces[at].y);
             color = mix(color, view.silhouette.rgb, view.outer_line_strength * line);
         }
+    }
+    if (varied(change.flags) & HAS_EARLIER) != 0u {
+        color = mix(color, change.outline.rgb, bitcast<f32>(tops[at].x));
     }
     tops[at] = vec2<u32>(top.what & ARROW_NUMBER, bitcast<u32>(top.depth));
     textureStore(picture, here, vec4<f32>(color, 1.0));

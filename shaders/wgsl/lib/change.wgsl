@@ -20,6 +20,7 @@ struct Change {
     samples: u32,               // of the arrows along each side of a pixel
     flags: u32,
     kinds: array<vec4<u32>, 2>, // of region numbers 0 to 7
+    outline: vec4<f32>,         // colour of the earlier date's outline
 }
 
 const STYLE_HEIGHT = 1u;
@@ -28,6 +29,7 @@ const HAS_HEIGHTS = 4u;
 const HAS_ARROWS = 8u;
 const HAS_HULL = 16u;
 const LIT_ARROWS = 32u;          // a pixel's light is that of its nearest arrow, if any
+const HAS_EARLIER = 64u;
 
 // Bits of an arrow's `what` that hold its number, from 1.
 const ARROW_NUMBER = 0xffffffu;

@@ -45,6 +45,10 @@ pub(crate) const HEIGHTS: PassName = PassName::new("heights");
 pub(crate) const HEIGHT_FILTER_ACROSS: PassName = PassName::new("height_filter_across");
 /// Their filter along columns.
 pub(crate) const HEIGHT_FILTER_DOWN: PassName = PassName::new("height_filter_down");
+/// First hits of the earlier date alone, for its outline.
+pub(crate) const EARLIER: PassName = PassName::new("earlier");
+/// That outline.
+pub(crate) const EARLIER_OUTLINE: PassName = PassName::new("earlier_outline");
 /// Arrows of surface change.
 pub(crate) const ARROWS: PassName = PassName::new("arrows");
 /// Merges arrows into the opaque geometry, for the light passes.
@@ -78,6 +82,9 @@ pub struct ChangeLook {
     pub grow: Rgb,
     /// Colour of recession.
     pub shrink: Rgb,
+    /// Whether the outline of the earlier date's mask is drawn over everything.
+    #[serde(default)]
+    pub outlines_earlier: bool,
 }
 
 impl ChangeLook {
@@ -87,6 +94,9 @@ impl ChangeLook {
     pub const COLOR_BLIND_SAFE: [Rgb; 2] = [[242, 107, 58], [18, 128, 109]];
     /// Colour of the unchanged surface, for light and dark backgrounds.
     pub const BASE: Rgb = [222, 218, 208];
+
+    /// Colour of the earlier date's outline, for light and dark backgrounds.
+    pub const OUTLINE: Rgb = [58, 134, 255];
 
     /// Opacity of the colour of a length within its uncertainty.
     pub const FAINT: f32 = surface::FAINT;
@@ -103,7 +113,15 @@ impl ChangeLook {
 impl Default for ChangeLook {
     fn default() -> Self {
         let [grow, shrink] = Self::pair(Palette::default());
-        Self { style: ChangeStyle::Height, full_mm: 6.0, smooth_mm: 1.5, threshold_mm: 1.5, grow, shrink }
+        Self {
+            style: ChangeStyle::Height,
+            full_mm: 6.0,
+            smooth_mm: 1.5,
+            threshold_mm: 1.5,
+            grow,
+            shrink,
+            outlines_earlier: false,
+        }
     }
 }
 
@@ -213,6 +231,14 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
         Some(s) if !has_hull(s) => Some("nothing is in one date only"),
         Some(_) => None,
     };
+    let no_earlier = match surface {
+        None => Some("no mask is active"),
+        Some(_) if !look.outlines_earlier => Some("the outline of the earlier date is off"),
+        Some(s) if !s.volume().bits_of_id().iter().any(|bits| bits & surface::BEFORE != 0) => {
+            Some("the earlier mask is empty")
+        }
+        Some(_) => None,
+    };
     let no_arrows = as_height.or(no_vectors).or_else(|| {
         let drawn = surface.is_some_and(|s| s.arrows(look.threshold_mm).next().is_some());
         (!drawn).then_some("every arrow is shorter than the threshold")
@@ -232,11 +258,12 @@ pub fn change_plan(scene: &ChangeScene, quality: &Quality) -> Plan {
         .or((quality.strength() <= 0.0).then_some("occlusion strength is 0"))
         .or_else(|| no_light(*readers.first()?).filter(|_| readers.iter().all(|p| no_light(*p).is_some())));
     let merge = [ARROWS_MERGE].into_iter().filter(|_| !readers.is_empty());
-    let before = [SURFACE, OUTSIDE, ARROWS].into_iter().chain(merge);
-    let after = [HEIGHTS, HEIGHT_FILTER_ACROSS, HEIGHT_FILTER_DOWN, COMPOSE];
+    let before = [SURFACE, OUTSIDE, EARLIER, ARROWS].into_iter().chain(merge);
+    let after = [HEIGHTS, HEIGHT_FILTER_ACROSS, HEIGHT_FILTER_DOWN, EARLIER_OUTLINE, COMPOSE];
     let light_passes = light::passes(quality.lighting.mode, LitKind::Image);
     Plan::of(around_light(quality, before, after), |pass| match pass {
         OUTSIDE => no_outside,
+        EARLIER | EARLIER_OUTLINE => no_earlier,
         HEIGHTS => no_heights,
         HEIGHT_FILTER_ACROSS | HEIGHT_FILTER_DOWN => no_filter,
         ARROWS => no_arrows,

@@ -6,9 +6,10 @@ use glam::DVec3;
 use glioscope_core::change::SurfaceChange;
 
 use super::{
-    ARROWS, ARROWS_MERGE, ChangeScene, ChangeSurface, HEIGHT_FILTER_ACROSS, HEIGHT_FILTER_DOWN, HEIGHTS,
+    ARROWS, ARROWS_MERGE, ChangeScene, ChangeSurface, EARLIER, EARLIER_OUTLINE, HEIGHT_FILTER_ACROSS,
+    HEIGHT_FILTER_DOWN, HEIGHTS,
     arrows::{self, ArrowBuffers},
-    change_plan,
+    change_plan, surface,
     targets::{ChangeTargets, OpaqueTargets},
     uniforms,
 };
@@ -72,6 +73,7 @@ impl LengthBuffers {
 /// The change view, for [`crate::views::Renderer`].
 pub struct Change {
     hull_view: wgpu::Buffer,
+    earlier_view: wgpu::Buffer,
     change: wgpu::Buffer,
     triangles: wgpu::Buffer,
     triangle_corners: u32,
@@ -129,6 +131,7 @@ impl View3d for Change {
         let corners = bytemuck::cast_slice(&triangles);
         Ok(Self {
             hull_view: gpu.uniform::<View>("Change::hull_view"),
+            earlier_view: gpu.uniform::<View>("Change::earlier_view"),
             change: gpu.uniform::<uniforms::Change>("Change::change"),
             triangles: gpu.buffer_with("Change::triangles", corners, wgpu::BufferUsages::INDEX),
             triangle_corners: triangles.len() as u32,
@@ -148,7 +151,8 @@ impl View3d for Change {
         previous: Option<FrameData>,
     ) -> Result<Prepared<FrameData>, RenderError> {
         let (gpu, targets, size) = (draw.gpu, draw.targets, draw.size());
-        let own = previous.map_or_else(|| ChangeTargets::new(gpu, size), |data| data.own);
+        let mut own = previous.map_or_else(|| ChangeTargets::new(gpu, size), |data| data.own);
+        own.keep_earlier(gpu, size, draw.plan.has(EARLIER));
         let context_scene = scene.context_scene();
         let reference_mm = context_scene.reference_mm();
         RegionBuffers::reuse(&mut self.regions, gpu, scene.surface.as_ref().map(|s| s.volume()))?;
@@ -167,10 +171,16 @@ impl View3d for Change {
             regions.show(gpu, &tumor, &mut view);
         }
         draw.write_view(&view);
-        // The whole union, whichever part of it is shown.
-        let numbers = scene.surface.as_ref().map_or(0, |s| s.volume().bits_of_id().len());
-        let hull = View { selected: (1..numbers).fold(0, |set, n| set | 1 << n), ..view };
-        gpu.queue.write_buffer(&self.hull_view, 0, bytemuck::bytes_of(&hull));
+        // The whole union, and all of the earlier date, whichever part of them is shown.
+        let bits = scene.surface.as_ref().map_or(&[][..], |s| s.volume().bits_of_id());
+        let with = |wanted: u32| {
+            let regions = bits.iter().enumerate().filter(|(_, bits)| *bits & wanted != 0);
+            View { selected: regions.fold(0, |set, (n, _)| set | 1 << n), ..view }
+        };
+        for (buffer, view) in [(&self.hull_view, with(u32::MAX)), (&self.earlier_view, with(surface::BEFORE))]
+        {
+            gpu.queue.write_buffer(buffer, 0, bytemuck::bytes_of(&view));
+        }
         let warning = self.image.prepare(draw, &context_scene)?;
         let log2_slots = self.prepare_lengths(draw, scene)?;
         let arrow_part = self.prepare_arrows(draw, scene)?;
@@ -327,6 +337,15 @@ impl Change {
             let entries = [&voxels[..], &hull].concat();
             draw.passes.bind(gpu, OUTSIDE, "closeup/surface", &entries, workgroups)?;
         }
+        if let Some([depths, surfaces]) = &own.earlier {
+            let earlier = [
+                (0, self.earlier_view.as_entire_binding()),
+                (4, depths.as_entire_binding()),
+                (5, surfaces.as_entire_binding()),
+            ];
+            let entries = [&voxels[..], &earlier].concat();
+            draw.passes.bind(gpu, EARLIER, "closeup/surface", &entries, workgroups)?;
+        }
         Ok(())
     }
 
@@ -402,6 +421,15 @@ impl Change {
         part: &ArrowPart,
     ) -> Result<(), RenderError> {
         let (targets, workgroups) = (draw.targets, draw.workgroups());
+        if let Some([depths, surfaces]) = &own.earlier {
+            let entries = [
+                (0, draw.view.as_entire_binding()),
+                (4, depths.as_entire_binding()),
+                (5, surfaces.as_entire_binding()),
+                (23, own.tops.as_entire_binding()),
+            ];
+            draw.passes.bind(draw.gpu, EARLIER_OUTLINE, "change/outline", &entries, workgroups)?;
+        }
         let heights = if draw.plan.has(HEIGHT_FILTER_DOWN) { &own.filtered } else { &own.heights };
         let picture = targets.color.create_view(&wgpu::TextureViewDescriptor::default());
         let entries = [

@@ -13,6 +13,8 @@ pub(super) struct ChangeTargets {
     pub filtered: wgpu::Buffer,
     pub hull_depths: wgpu::Buffer,
     pub hull_surfaces: wgpu::Buffer,
+    /// First hits of the earlier date, where its outline is drawn: depths, region numbers and faces.
+    pub earlier: Option<[wgpu::Buffer; 2]>,
     /// Number of the arrow in front, from 1, and its depth.
     pub tops: wgpu::Buffer,
 }
@@ -29,8 +31,18 @@ impl ChangeTargets {
             filtered: buffer("ChangeTargets::filtered", 8),
             hull_depths: buffer("ChangeTargets::hull_depths", 4),
             hull_surfaces: buffer("ChangeTargets::hull_surfaces", 8),
+            earlier: None,
             tops: buffer("ChangeTargets::tops", 8),
         }
+    }
+
+    /// Creates the targets of the earlier date, or drops them.
+    pub fn keep_earlier(&mut self, gpu: &Gpu, size: [u32; 2], is_drawn: bool) {
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let buffer = |label, bytes_per_pixel| gpu.buffer(label, pixels * bytes_per_pixel, WRITTEN);
+        let made =
+            || [buffer("ChangeTargets::earlier_depths", 4), buffer("ChangeTargets::earlier_surfaces", 8)];
+        self.earlier = is_drawn.then(|| self.earlier.take().unwrap_or_else(made));
     }
 }
 

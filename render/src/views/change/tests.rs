@@ -14,7 +14,7 @@ use glioscope_core::{
 };
 
 use super::{
-    ARROWS, ARROWS_MERGE, ChangeContext, ChangeLook, ChangeScene, ChangeStyle, ChangeSurface,
+    ARROWS, ARROWS_MERGE, ChangeContext, ChangeLook, ChangeScene, ChangeStyle, ChangeSurface, EARLIER,
     HEIGHT_FILTER_ACROSS, HEIGHT_FILTER_DOWN, HEIGHTS,
     arrows::GpuArrow,
     change_plan,
@@ -584,4 +584,53 @@ fn rendering_is_deterministic() {
         pictures.push(first);
     }
     assert!(pictures[0] != pictures[1]);
+}
+
+/// With parallel rays the outline of a ball is a circle of its radius, whichever of the two dates is the larger; and it is
+/// drawn over what hides the ball.
+#[test]
+fn the_outline_of_the_earlier_date_is_where_its_silhouette_is() {
+    let grid = cubic(34);
+    let center = DVec3::splat(16.0);
+    let mut bench = bench();
+    let size = [200, 160];
+    for (radii, style) in [
+        ([7.0, 12.0], ChangeStyle::Height),
+        ([12.0, 7.0], ChangeStyle::Height),
+        ([7.0, 12.0], ChangeStyle::Arrows),
+    ] {
+        let mut s = scene(surface(&grid, ball(center, radii[0]), ball(center, radii[1])));
+        s.camera.projection = Projection::Orthographic;
+        s.camera.focus_mm = center;
+        s.look.style = style;
+        let is_blue = |p: &[u8]| i32::from(p[2]) - i32::from(p[0]) > 90;
+        let off = draw(&mut bench, &s, size);
+        assert!(!off.rgba.chunks_exact(4).any(is_blue), "{style:?}");
+        s.look.outlines_earlier = true;
+        let on = draw(&mut bench, &s, size);
+        let px_per_mm = f64::from(size[1]) / s.camera.height_mm;
+        let mut sectors = [0; 24];
+        for (i, _) in on.rgba.chunks_exact(4).enumerate().filter(|(_, p)| is_blue(p)) {
+            let at = DVec2::new(
+                (i % size[0] as usize) as f64 + 0.5 - 100.0,
+                (i / size[0] as usize) as f64 + 0.5 - 80.0,
+            );
+            // Voxels reach up to half their diagonal beyond their centres, a line a pixel or two to both sides.
+            let away_mm = at.length() / px_per_mm - radii[0];
+            assert!(
+                (-0.9 - 2.0 / px_per_mm..0.9 + 2.0 / px_per_mm).contains(&away_mm),
+                "{style:?}: {away_mm}"
+            );
+            sectors[((at.y.atan2(at.x) / std::f64::consts::TAU + 0.5) * 24.0) as usize % 24] += 1;
+        }
+        assert!(sectors.iter().all(|n| *n > 3), "{style:?}: {sectors:?}");
+        // Nothing else differs.
+        let elsewhere = off.rgba.chunks_exact(4).zip(on.rgba.chunks_exact(4)).filter(|(a, b)| a != b);
+        let bluer =
+            |(a, b): &(&[u8], &[u8])| i32::from(b[2]) - i32::from(b[0]) > i32::from(a[2]) - i32::from(a[0]);
+        assert!(elsewhere.clone().count() > 100 && elsewhere.clone().all(|pair| bluer(&pair)), "{style:?}");
+    }
+    let empty = scene(surface(&grid, |_| false, ball(center, 7.0)));
+    let empty = ChangeScene { look: ChangeLook { outlines_earlier: true, ..empty.look }, ..empty };
+    assert_eq!(change_plan(&empty, &FLAT).reason(EARLIER), Some("the earlier mask is empty"));
 }

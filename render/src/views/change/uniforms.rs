@@ -3,7 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use super::{ARROWS, ARROWS_MERGE, ChangeScene, ChangeStyle, HEIGHTS, surface::ChangeSurface};
+use super::{
+    ARROWS, ARROWS_MERGE, ChangeLook, ChangeScene, ChangeStyle, EARLIER, HEIGHTS, surface::ChangeSurface,
+};
 use crate::{
     scene::Plan,
     solid::{
@@ -18,6 +20,7 @@ pub(crate) const HAS_HEIGHTS: u32 = 4;
 pub(crate) const HAS_ARROWS: u32 = 8;
 pub(crate) const HAS_HULL: u32 = 16;
 pub(crate) const LIT_ARROWS: u32 = 32;
+pub(crate) const HAS_EARLIER: u32 = 64;
 
 /// See lib/change.
 #[repr(C)]
@@ -42,6 +45,7 @@ pub(crate) struct Change {
     pub samples: u32,
     pub flags: u32,
     pub kinds: [[u32; 4]; 2],
+    pub outline: [f32; 4],
 }
 
 /// Step in depth between neighbouring pixels that the filter doesn't cross: that at which silhouettes are
@@ -106,6 +110,7 @@ pub(crate) fn change(
             flags |= flag;
         }
     }
+    flags |= if plan.has(EARLIER) { HAS_EARLIER } else { 0 };
     Change {
         right: single(right),
         full_mm: scene.look.full_mm as f32,
@@ -126,6 +131,7 @@ pub(crate) fn change(
         samples,
         flags,
         kinds,
+        outline: rgba(ChangeLook::OUTLINE),
     }
 }
 
@@ -134,7 +140,7 @@ pub(crate) fn change(
 pub(crate) const LAYOUTS: &[crate::layouts::Layout] = &[
     crate::layouts::layout!(
         Change, "Change": right, full_mm, up, smooth_mm, away, gap_mm, origin, radius_mm, base, head_radius_mm, grow,
-        head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds
+        head_length_mm, shrink, log2_slots, clip_offset, clip_scale, samples, flags, kinds, outline
     ),
     crate::layouts::layout!(super::surface::Length, "Length": key, signed_mm, sure),
     crate::layouts::layout!(super::arrows::GpuArrow, "Arrow": start, what, along, unused),

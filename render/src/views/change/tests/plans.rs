@@ -1,6 +1,6 @@
 //! Plans, clipping, hiding, invalid looks, extreme cameras.
 
-use crate::views::change::tests::*;
+use crate::views::change::{EARLIER_OUTLINE, tests::*};
 
 pub(super) fn with_image(mut scene: ChangeScene) -> ChangeScene {
     use glioscope_core::{Samples, Scaling, Volume};
@@ -105,6 +105,8 @@ fn each_reason_omits_its_passes_and_changes_no_pixel() {
         let plan = change_plan(&scene, &FLAT);
         let mut expected_omissions: Vec<(PassName, &str)> =
             vec![(OCCLUSION, "occlusion strength is 0"), (OCCLUSION_BLUR, "occlusion strength is 0")];
+        expected_omissions
+            .extend([EARLIER, EARLIER_OUTLINE].map(|p| (p, "the outline of the earlier date is off")));
         expected_omissions
             .extend(expected.iter().flat_map(|(passes, reason)| passes.iter().map(|&p| (p, *reason))));
         expected_omissions.sort();

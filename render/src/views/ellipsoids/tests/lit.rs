@@ -77,7 +77,7 @@ fn an_ellipsoid_darkens_what_is_behind_its_edge() {
     let wall = one(1, DVec3::ZERO, 30.0, [200, 200, 200]);
     let mut alone = scene_of(vec![wall], DVec3::ZERO, 20.0);
     let towards_eye = alone.camera.axes()[2];
-    alone.camera.height_mm = 40.0;
+    alone.camera.height_mm = 46.0;
     let both = vec![wall, one(2, towards_eye * 33.0, 2.2, [200, 60, 60])];
     let with = EllipsoidScene { ellipsoids: Arc::new(both), ..alone.clone() };
     // Without ambient light.

@@ -46,7 +46,7 @@ use glioscope_render::{Gpu, RenderError};
 use crate::{
     command::{AppCommand, Command, Commands, EditCommand, LookCommand, Workstation, listed},
     error::AppError,
-    model::{Answers, CaseRef, Document, Edit, PaneId, layout},
+    model::{Answers, CaseRef, Document, Edit, PaneId, ResponseSetting, layout},
     theme,
     views::{
         Panes, Shared,
@@ -615,8 +615,23 @@ impl GlioscopeApp {
                 self.remember_folder(command);
                 self.perform_app(ctx, command);
             }
+            Command::Edit(EditCommand::SetResponse(new)) => {
+                let by_reader = self.stated_by_reader(new).map(Command::Edit);
+                self.work.apply(by_reader.as_ref().unwrap_or(command), now);
+                self.preferences.remember_reader(&new.author);
+            }
             Command::Edit(_) | Command::Look(_) => self.work.apply(command, now),
         }
+    }
+
+    /// The response of a case for which nothing was stated is begun by who stated one last.
+    fn stated_by_reader(&self, new: &ResponseSetting) -> Option<EditCommand> {
+        let old = &self.work.doc.as_ref()?.edit.response;
+        let reader = &self.preferences.get().reader;
+        let begins = old.history.is_none() && new.history.is_some() && new.author.is_empty();
+        (begins && !reader.is_empty()).then(|| {
+            EditCommand::SetResponse(Box::new(ResponseSetting { author: reader.clone(), ..new.clone() }))
+        })
     }
 }
 

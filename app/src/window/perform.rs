@@ -124,10 +124,18 @@ impl GlioscopeApp {
                 self.going_to = Some(command.clone());
                 self.go_to_pending();
             }
-            AppCommand::ShowReport => self.open.report = Some(report::ReportDialog::default()),
+            AppCommand::ShowReport => {
+                self.open.report = Some(report::ReportDialog::new(self.preferences.get().report_language))
+            }
             AppCommand::KeepPicture => self.keep_picture(ctx),
             AppCommand::WriteReport(options) => self.open_file_dialog(ctx, Purpose::Report(*options)),
-            AppCommand::WriteReportTo(options, path) => self.write_report(ctx, *options, path),
+            AppCommand::WriteReportTo(options, path) => {
+                self.preferences.change().report_language = options.language;
+                let reader = self.work.doc.as_ref().map(|doc| doc.edit.reading.reader.clone());
+                self.preferences.remember_reader(&reader.unwrap_or_default());
+                self.preferences.save();
+                self.write_report(ctx, *options, path);
+            }
             AppCommand::ShowPalette => self.palette.open(),
             AppCommand::ShowMasks => self.open.masks = true,
             AppCommand::ShowPacs => self.open.pacs = Some(PacsDialog::new()),

@@ -1,4 +1,4 @@
-//! What the window remembers from run to run: theme, size, the last folder, the size of pictures. Beside the list of
+//! What the window remembers from run to run: theme, size, the last folder, the size of pictures, who reads. Beside the list of
 //! recent cases; for the user alone, as a folder's name may tell who the patient is. Nothing depends on it, so its errors
 //! are ignored.
 
@@ -11,7 +11,10 @@ use egui_tiles::Tree;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::model::{PaneId, PictureSize, kept, kept_layout};
+use crate::{
+    model::{PaneId, PictureSize, kept, kept_layout, response::MOST_AUTHOR},
+    words::Language,
+};
 
 /// Maximum size of the file.
 const MAX_BYTES: u64 = 1 << 20;
@@ -41,6 +44,10 @@ pub struct Remembered {
     pub pictures: PictureSize,
     /// The user's own layouts by name, as JSON: one that a later version wrote is kept.
     pub layouts: BTreeMap<String, Value>,
+    /// Who stated a response or signed a report last.
+    pub reader: String,
+    /// The language of the report written last.
+    pub report_language: Language,
     /// Points per millimetre of the screen, as the user fitted them to a bank card.
     pub points_per_mm: Option<f32>,
 }
@@ -64,7 +71,16 @@ impl Preferences {
             .size_points
             .filter(|sides| sides.iter().all(|side| side.is_finite()))
             .map(|sides| sides.map(|side| side.clamp(low, high)));
+        now.reader = now.reader.trim().chars().take(MOST_AUTHOR).collect();
         Self { file, written: now.clone(), now }
+    }
+
+    /// Remembers who reads, if that is said.
+    pub fn remember_reader(&mut self, name: &str) {
+        if !name.trim().is_empty() {
+            self.now.reader = name.trim().chars().take(MOST_AUTHOR).collect();
+            self.save();
+        }
     }
 
     /// What is remembered.
@@ -129,6 +145,8 @@ mod tests {
             folder: Some("/data".into()),
             pictures: PictureSize::Times(2),
             layouts: BTreeMap::new(),
+            reader: "Dr. Reader".into(),
+            report_language: Language::De,
             points_per_mm: Some(4.5),
         };
         *first.change() = expected.clone();
@@ -151,6 +169,9 @@ mod tests {
         assert_eq!(found, [("mine".to_owned(), layout)]);
         again.forget_layout("mine");
         assert_eq!(Preferences::in_folder(Some(folder.path())).get().layouts.len(), 1);
+        again.remember_reader("  A. B. ");
+        again.remember_reader(" ");
+        assert_eq!(Preferences::in_folder(Some(folder.path())).get().reader, "A. B.");
         // Sizes that no window has, and files that aren't ours.
         write_whole_private(&file, br#"{"size_points": [1e9, -4.0]}"#).unwrap();
         let read = Preferences::in_folder(Some(folder.path()));

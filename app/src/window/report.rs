@@ -44,10 +44,10 @@ pub struct ReportDialog {
     words: Words,
 }
 
-impl Default for ReportDialog {
-    fn default() -> Self {
-        let options = Options::default();
-        Self { options, words: report::words(options.language) }
+impl ReportDialog {
+    /// The dialog as it opens. How much of the patient's identity a report has is asked for anew each time.
+    pub fn new(language: Language) -> Self {
+        Self { options: Options { language, ..Options::default() }, words: report::words(language) }
     }
 }
 

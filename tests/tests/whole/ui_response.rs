@@ -7,10 +7,12 @@ use egui_kittest::kittest::Queryable;
 use glioscope::{
     command::{AppCommand, EditCommand},
     model::{CaseRef, PaneId, layout::Task, session},
+    window::recent::Recent,
 };
 use glioscope_core::response::{NewLesion, NonTarget};
 use glioscope_tests::{
-    Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_on,
+    Window, answer, choose, doc, issue, pane_picture, perform, run, wait_for_workers, window_of_user,
+    window_on,
 };
 
 use crate::{PROGRAM, lesions::balls};
@@ -303,4 +305,38 @@ fn a_target_stays_the_lesion_that_was_meant_and_options_count_with_a_session() {
     // Options of the command line aren't dropped.
     let refused = glioscope_tests::refusal(PROGRAM, &["response", path.to_str().unwrap(), "--of", "nosuch"]);
     assert!(refused.contains("nosuch"), "{refused}");
+}
+
+/// The next case is begun by who stated the last one; taken back with the criteria by one undo.
+#[test]
+fn the_next_case_knows_who_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("config");
+    let stated_by = |harness: &Window| doc(harness).edit.response.author.clone();
+    let open = || {
+        let mut harness = window_of_user(Recent::in_folder(&config), [1280.0, 900.0]);
+        perform(&mut harness, AppCommand::Open(CaseRef::Sample));
+        wait_for_workers(&mut harness);
+        issue(&mut harness, EditCommand::MaximizePane(PaneId::Response));
+        wait_for_workers(&mut harness);
+        harness
+    };
+    let mut harness = open();
+    choose(&mut harness, "Criteria", "RANO 2010");
+    assert_eq!(stated_by(&harness), "", "nobody was named yet");
+    type_into(&mut harness, "stated by", "A. B.");
+    assert_eq!(stated_by(&harness), "A. B.");
+    let mut harness = open();
+    assert_eq!(stated_by(&harness), "", "nothing is stated before criteria are chosen");
+    choose(&mut harness, "Criteria", "RANO 2.0");
+    assert_eq!(stated_by(&harness), "A. B.");
+    perform(&mut harness, EditCommand::Undo);
+    assert!(stated_by(&harness).is_empty() && doc(&harness).edit.response.history.is_none());
+    // Who clears it isn't named again.
+    choose(&mut harness, "Criteria", "RANO 2.0");
+    let mut cleared = doc(&harness).edit.response.clone();
+    cleared.author.clear();
+    perform(&mut harness, EditCommand::SetResponse(Box::new(cleared)));
+    choose(&mut harness, "Criteria", "mRANO");
+    assert_eq!(stated_by(&harness), "");
 }
